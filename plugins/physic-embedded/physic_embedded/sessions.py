@@ -1,0 +1,76 @@
+"""Opening the packaged networks with onnxruntime."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from onnxruntime import InferenceSession
+
+__all__ = ["WEIGHTS", "open_session", "weights_path"]
+
+WEIGHTS = Path(__file__).parent / "weights"
+"""Folder of the packaged networks; ``MANIFEST.json`` in it says what each one is."""
+
+
+def weights_path(name: str) -> Path:
+    """Path of a packaged network, by its file name without ``.onnx``.
+
+    Raises:
+        BackendError: the package does not hold it.
+    """
+    from physic_core.errors import BackendError
+
+    path = WEIGHTS / f"{name}.onnx"
+    if not path.is_file():
+        have = ", ".join(sorted(p.stem for p in WEIGHTS.glob("*.onnx"))) or "none"
+        raise BackendError(
+            f"physic-embedded holds no network {name!r} (it holds: {have}): "
+            "install the package again from its wheel, which carries them"
+        )
+    return path
+
+
+def open_session(name: str, threads: int = 2, device: str = "cpu") -> InferenceSession:
+    """An onnxruntime session on a packaged network.
+
+    Args:
+        name: file name without ``.onnx``.
+        threads: threads inside one operator; 0 leaves the choice to onnxruntime.
+        device: "cpu", "cuda" or "cuda:1".
+
+    Raises:
+        BackendError: the package does not hold this network, or onnxruntime refuses it.
+        DeviceError: the device is not there, or the installed onnxruntime cannot use it.
+    """
+    import onnxruntime as ort
+
+    from physic_core.errors import BackendError
+
+    options = ort.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.log_severity_level = 3
+    path = weights_path(name)
+    providers = _providers(device, ort.get_available_providers())
+    try:
+        return ort.InferenceSession(str(path), options, providers=providers)
+    except Exception as cause:  # onnxruntime's own exceptions share no public base class
+        raise BackendError(f"onnxruntime cannot open {path.name}: {cause}") from cause
+
+
+def _providers(device: str, available: list[str]) -> list[str | tuple[str, dict[str, str]]]:
+    """Execution providers for a device name, best first."""
+    from physic_core.errors import DeviceError
+
+    kind, _, index = device.partition(":")
+    if kind == "cpu" and not index:
+        return ["CPUExecutionProvider"]
+    if kind != "cuda" or (index and not index.isdigit()):
+        raise DeviceError(f"unknown device {device!r}: use 'cpu', 'cuda' or 'cuda:N'")
+    if "CUDAExecutionProvider" not in available:
+        raise DeviceError(
+            f"device {device!r} was asked for, but the installed onnxruntime has only {', '.join(available)}: "
+            "install onnxruntime-gpu in place of onnxruntime, or use device 'cpu'"
+        )
+    return [("CUDAExecutionProvider", {"device_id": index or "0"}), "CPUExecutionProvider"]
