@@ -1,0 +1,174 @@
+"""The border between backends and the pipeline: what an answer must look like before anything is built on it.
+
+Each function returns the faults of one answer, each in words that say what was expected and what came; the pipeline
+turns them into one :class:`physic_core.errors.BackendOutputError` that names the backend.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from physic_core.types import (
+        Bodies,
+        ContactProbability,
+        DepthMap,
+        Hands,
+        Keypoints,
+        People,
+        Pointmap,
+        UInt8Array,
+    )
+
+__all__ = [
+    "bodies_faults",
+    "contact_faults",
+    "depth_faults",
+    "hands_faults",
+    "image_faults",
+    "keypoints_faults",
+    "people_faults",
+    "pointmap_faults",
+]
+
+_PARAMETER_WIDTH = {
+    "global_orient": 3,
+    "body_pose": 63,
+    "left_hand_pose": 45,
+    "right_hand_pose": 45,
+    "jaw_pose": 3,
+    "leye_pose": 3,
+    "reye_pose": 3,
+    "transl": 3,
+}
+
+
+def image_faults(image: UInt8Array, height: int, width: int) -> list[str]:
+    """Faults of an (H, W, 3) uint8 image of a known size."""
+    return _array("image", image, (height, width, 3), "uint8")
+
+
+def people_faults(people: People, height: int, width: int) -> list[str]:
+    """Faults of a Segmenter's answer for an image of ``height`` x ``width`` px."""
+    n = len(people.masks)
+    faults = _array("masks", people.masks, (n, height, width), "bool")
+    faults += _array("boxes", people.boxes, (n, 4), "float") + _array("scores", people.scores, (n,), "float")
+    if people.floor is not None:
+        faults += _array("floor", people.floor, (height, width), "bool")
+    if not faults and n:
+        faults += _unit_range("scores", people.scores)
+        empty = [i for i in range(n) if not people.masks[i].any()]
+        if empty:
+            faults.append(f"every person needs at least one pixel, masks {empty} are empty")
+        outside = (people.boxes < 0).any(1) | (people.boxes[:, 2] > width) | (people.boxes[:, 3] > height)
+        flipped = (people.boxes[:, 2:] <= people.boxes[:, :2]).any(1)
+        if (outside | flipped).any():
+            bad = people.boxes[outside | flipped][0]
+            faults.append(f"boxes must be x0 y0 x1 y1 inside the {width} x {height} px image, got {bad.tolist()}")
+        if people.masks.sum(0, dtype="int64").max() > 1:
+            faults.append("masks of two people overlap: every pixel belongs to one person at most")
+    if people.keypoints is not None:
+        faults += keypoints_faults(people.keypoints, n)
+    return faults
+
+
+def keypoints_faults(keypoints: Keypoints, people: int) -> list[str]:
+    """Faults of a KeypointDetector's answer for ``people`` people."""
+    joints = keypoints.points.shape[1] if keypoints.points.ndim == 3 else 0
+    faults = _array("points", keypoints.points, (people, joints, 2), "float")
+    faults += _array("confidence", keypoints.confidence, (people, joints), "float")
+    if keypoints.world is not None:
+        faults += _array("world", keypoints.world, (people, joints, 3), "float")
+    if not faults:
+        faults += _unit_range("confidence", keypoints.confidence)
+        faults += _finite("points", keypoints.points[keypoints.confidence > 0])
+    return faults
+
+
+def pointmap_faults(pointmap: Pointmap, height: int, width: int) -> list[str]:
+    """Faults of a RelativePointmap's answer."""
+    faults = _array("points", pointmap.points, (height, width, 3), "float")
+    faults += _array("valid", pointmap.valid, (height, width), "bool")
+    if not faults:
+        seen = pointmap.points[pointmap.valid]
+        if not len(seen):
+            faults.append("no pixel is valid")
+        else:
+            faults += _finite("points", seen)
+            if (seen[:, 2] <= 0).any():
+                share = float((seen[:, 2] <= 0).mean())
+                faults.append(f"z must be > 0 where valid (z forward), {share:.0%} of the valid points lie behind")
+    return faults
+
+
+def depth_faults(depth: DepthMap, height: int, width: int) -> list[str]:
+    """Faults of a MetricDepth's answer."""
+    import numpy as np
+
+    faults = _array("depth", depth.depth, (height, width), "float")
+    if not faults:
+        known = depth.depth[np.isfinite(depth.depth)]
+        if not len(known):
+            faults.append("depth is NaN or infinite everywhere")
+        elif (known <= 0).any():
+            faults.append(f"depth must be > 0 m or NaN, the smallest is {float(known.min()):g}")
+    return faults
+
+
+def bodies_faults(bodies: Bodies, people: int) -> list[str]:
+    """Faults of a BodyEstimator's answer for ``people`` people."""
+    faults = []
+    for field in fields(bodies.parameters):
+        value = getattr(bodies.parameters, field.name)
+        width = _PARAMETER_WIDTH.get(field.name, value.shape[-1] if value.ndim else 0)
+        own = _array(field.name, value, (people, width), "float")
+        faults += own or _finite(field.name, value)
+    if bodies.observed is not None:
+        faults += _array("observed", bodies.observed, (people, 55), "bool")
+    return faults
+
+
+def hands_faults(hands: Hands, people: int) -> list[str]:
+    """Faults of a HandEstimator's answer for ``people`` people."""
+    faults = _array("rotvecs", hands.rotvecs, (people, 2, 15, 3), "float")
+    faults += _array("confidence", hands.confidence, (people, 2), "float")
+    return faults or _unit_range("confidence", hands.confidence) + _finite(
+        "rotvecs", hands.rotvecs[hands.confidence > 0]
+    )
+
+
+def contact_faults(contact: ContactProbability, people: int, vertices: int, topology: str) -> list[str]:
+    """Faults of a ContactPrior's answer for a mesh of ``vertices`` vertices."""
+    if contact.topology != topology:
+        return [f"topology must be {topology!r} as the bodies', got {contact.topology!r}"]
+    faults = _array("probability", contact.probability, (people, vertices), "float")
+    return faults or _unit_range("probability", contact.probability)
+
+
+def _array(name: str, value: Any, shape: tuple[int, ...], kind: str) -> list[str]:
+    dtype = getattr(value, "dtype", None)
+    if dtype is None:
+        return [f"{name} must be a numpy array {_shape(shape)}, got {type(value).__name__}"]
+    faults = []
+    if tuple(value.shape) != shape:
+        faults.append(f"{name} must be {_shape(shape)}, got {_shape(tuple(value.shape))}")
+    right = dtype.kind == "f" if kind == "float" else dtype == kind
+    if not right:
+        faults.append(f"{name} must be {kind}, got {dtype}")
+    return faults
+
+
+def _unit_range(name: str, value: Any) -> list[str]:
+    low, high = float(value.min(initial=0)), float(value.max(initial=0))
+    return [] if low >= 0 and high <= 1 else [f"{name} must lie in [0, 1], got {low:g} to {high:g}"]
+
+
+def _finite(name: str, value: Any) -> list[str]:
+    import numpy as np
+
+    return [] if np.isfinite(value).all() else [f"{name} must be finite, {int((~np.isfinite(value)).sum())} values are not"]
+
+
+def _shape(shape: tuple[int, ...]) -> str:
+    return "(" + ", ".join(map(str, shape)) + ")"

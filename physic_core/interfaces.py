@@ -1,0 +1,172 @@
+"""The eight interfaces that a plugin can implement.
+
+Images are (H, W, 3) uint8 RGB numpy arrays, upright. The frame is the OpenCV camera's (x right, y down, z forward),
+in metres; integer pixel coordinates are pixel centres. A backend never edits its input, reports bad input with a
+:class:`physic_core.errors.PhysicError`, and answers the same for the same input and options.
+
+Constructing a backend is cheap and offline. ``load`` reads weights, ``close`` drops them; both may be called twice.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, ClassVar
+
+from pydantic import BaseModel, ConfigDict
+
+if TYPE_CHECKING:
+    from physic_core.types import (
+        Bodies,
+        BoolArray,
+        ContactProbability,
+        DepthMap,
+        Hands,
+        Hints,
+        Intrinsics,
+        Keypoints,
+        People,
+        Pointmap,
+        UInt8Array,
+    )
+
+__all__ = [
+    "INTERFACES",
+    "Backend",
+    "BodyEstimator",
+    "ContactPrior",
+    "HandEstimator",
+    "Inpainter",
+    "KeypointDetector",
+    "MetricDepth",
+    "Options",
+    "RelativePointmap",
+    "Segmenter",
+]
+
+
+class Options(BaseModel):
+    """Base of a backend's settings: unknown keys are refused, every field carries a description."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Backend(ABC):
+    """What every interface shares.
+
+    Attributes:
+        interface: the interface's name in configs.
+        Options: pydantic model of this backend's settings.
+    """
+
+    interface: ClassVar[str]
+    Options: ClassVar[type[Options]] = Options
+
+    def __init__(self, options: Options | None = None) -> None:
+        self.options = self.Options() if options is None else options
+
+    def load(self, device: str = "cpu") -> None:  # noqa: B027 -- a backend without weights has nothing to do
+        """Bring weights into memory on ``device`` ("cpu", "cuda", "cuda:1")."""
+
+    def close(self) -> None:  # noqa: B027
+        """Let go of everything that ``load`` took."""
+
+
+class Segmenter(Backend):
+    """Finds people and, where it can, the ground that they stand on (paper: GroundingDINO + SAM2)."""
+
+    interface = "segmenter"
+
+    @abstractmethod
+    def infer(self, image: UInt8Array) -> People:
+        """Image (H, W, 3) -> people, best score first; N = 0 where nobody is seen."""
+
+
+class Inpainter(Backend):
+    """Takes people out of a photo (paper: OmniEraser)."""
+
+    interface = "inpainter"
+
+    @abstractmethod
+    def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
+        """Image (H, W, 3) and mask (H, W), True = remove -> image of the same size, unchanged where the mask is False."""
+
+
+class MetricDepth(Backend):
+    """Depth in metres (paper: DepthPro)."""
+
+    interface = "metric_depth"
+
+    @abstractmethod
+    def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
+        """Image (H, W, 3) -> z-depth in metres; ``image`` is the inpainted photo."""
+
+
+class RelativePointmap(Backend):
+    """Detailed geometry without a unit (paper: MoGe).
+
+    Asked once for the inpainted photo (``hints.hole`` says where it is made up) and once for the original.
+    """
+
+    interface = "relative_pointmap"
+
+    @abstractmethod
+    def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
+        """Image (H, W, 3) -> point map; ``hints.intrinsics`` are respected where given."""
+
+
+class KeypointDetector(Backend):
+    """2D joints of known people (paper: ViTPose whole-body)."""
+
+    interface = "keypoint_detector"
+
+    @abstractmethod
+    def infer(self, image: UInt8Array, people: People) -> Keypoints:
+        """Image (H, W, 3) and N people -> N rows of keypoints."""
+
+
+class BodyEstimator(Backend):
+    """Posed and shaped bodies (paper: CameraHMR)."""
+
+    interface = "body_estimator"
+
+    @abstractmethod
+    def infer(
+        self, image: UInt8Array, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
+    ) -> Bodies:
+        """N people -> N bodies in metres in the camera frame; ``hints.floor`` tells which way is up where known."""
+
+
+class HandEstimator(Backend):
+    """Finger poses (paper: WiLoR)."""
+
+    interface = "hand_estimator"
+
+    @abstractmethod
+    def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
+        """N people -> 15 rotations a hand with a confidence; confidence 0 where there is no hand to see."""
+
+
+class ContactPrior(Backend):
+    """Which vertices are likely to touch the scene (paper: DECO)."""
+
+    interface = "contact_prior"
+
+    @abstractmethod
+    def infer(self, image: UInt8Array, people: People, bodies: Bodies) -> ContactProbability:
+        """N people with their bodies -> a probability a vertex."""
+
+
+INTERFACES: dict[str, type[Backend]] = {
+    c.interface: c
+    for c in (
+        Segmenter,
+        Inpainter,
+        MetricDepth,
+        RelativePointmap,
+        KeypointDetector,
+        BodyEstimator,
+        HandEstimator,
+        ContactPrior,
+    )
+}
+"""Interface name in configs -> class."""
