@@ -1,0 +1,67 @@
+"""The offline default: small networks inside the wheel, run by onnxruntime, and a body fit; no account, no GPU."""
+
+from __future__ import annotations
+
+from physic_core import BackendRecord, hookimpl
+
+__all__ = ["physic_backends"]
+
+
+@hookimpl
+def physic_backends() -> list[BackendRecord]:
+    """The backends of this plugin."""
+    return [
+        BackendRecord(
+            "segmenter",
+            "embedded",
+            "physic_embedded.segmenter:EmbeddedSegmenter",
+            summary="People by BlazePose, masks by MobileSAM, floor from points beside the feet",
+            weights_license="Apache-2.0 (MediaPipe BlazePose, MobileSAM), MIT (TinyViT)",
+        ),
+        BackendRecord(
+            "inpainter",
+            "embedded",
+            "physic_embedded.inpainter:MiGan",
+            summary="MI-GAN, 512 px, trained on Places2",
+            weights_license="MIT (MI-GAN)",
+        ),
+        BackendRecord(
+            "metric_depth",
+            "embedded",
+            "physic_embedded.metric:HumanRuler",
+            summary="Scale from the people: soles on the floor where both are seen, else body size",
+        ),
+        BackendRecord(
+            "relative_pointmap",
+            "embedded",
+            "physic_embedded.pointmap:EmbeddedPointmap",
+            summary="Depth Anything V2 small; shift and focal length from horizon and straight lines (M-LSD)",
+            weights_license="Apache-2.0 (Depth Anything V2 Small, DINOv2, M-LSD)",
+        ),
+        BackendRecord(
+            "keypoint_detector",
+            "embedded",
+            "physic_embedded.keypoints:EmbeddedKeypoints",
+            summary="BlazePose landmarks, 33 a person, for several people",
+            weights_license="Apache-2.0 (MediaPipe BlazePose)",
+        ),
+        BackendRecord(
+            "body_estimator",
+            "embedded",
+            "physic_embedded.bodies:EmbeddedBodies",
+            summary="The embedded body fitted to 2D and world landmarks with priors",
+        ),
+        BackendRecord(
+            "hand_estimator",
+            "embedded",
+            "physic_embedded.hands:EmbeddedHands",
+            summary="MediaPipe palm and hand landmarks turned into finger rotations",
+            weights_license="Apache-2.0 (MediaPipe Hands)",
+        ),
+        BackendRecord(
+            "contact_prior",
+            "embedded",
+            "physic_embedded.contact:StaticContact",
+            summary="Feet, thighs, gluteus, back and hands after PROX, for every pose alike",
+        ),
+    ]

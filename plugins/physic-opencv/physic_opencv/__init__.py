@@ -1,0 +1,38 @@
+"""Classical OpenCV: inpainting without a network, and people masks by GrabCut."""
+
+from __future__ import annotations
+
+from physic_core import BackendRecord, hookimpl
+
+__all__ = ["physic_backends"]
+
+
+@hookimpl
+def physic_backends() -> list[BackendRecord]:
+    """The backends of this plugin."""
+    return [
+        BackendRecord(
+            "inpainter",
+            "telea",
+            "physic_opencv.inpaint:Telea",
+            summary="Telea 2004: fast marching from the rim inwards",
+        ),
+        BackendRecord(
+            "inpainter",
+            "navier-stokes",
+            "physic_opencv.inpaint:NavierStokes",
+            summary="Bertalmio 2001: continues the lines of equal brightness",
+        ),
+        BackendRecord(
+            "inpainter",
+            "patch-based",
+            "physic_opencv.patches:PatchBased",
+            summary="Copies the best matching patches of the rest of the photo",
+        ),
+        BackendRecord(
+            "segmenter",
+            "grabcut",
+            "physic_opencv.grabcut:GrabCut",
+            summary="People masks by graph cuts of colour models, from boxes or keypoints",
+        ),
+    ]
