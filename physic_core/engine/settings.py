@@ -1,0 +1,316 @@
+"""Every number that the engine can be told, as plain frozen dataclasses.
+
+One class per stage: :class:`SceneSettings` (stage 1), :class:`HumanSettings` (stage 2), :class:`JointSettings`
+(stage 3) and :class:`ContactSettings` (the contact map); :class:`EngineSettings` holds the four. The defaults are
+preset "default"; ``PRESETS["paper"]`` holds the equations and weights as printed. Each field says what it is, which
+values are good, and which value switches it off. Change some of them with :func:`with_overrides`.
+"""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+
+from physic_core.errors import ConfigError
+
+__all__ = [
+    "PRESETS",
+    "ContactSettings",
+    "EngineSettings",
+    "HumanSettings",
+    "JointSettings",
+    "SceneSettings",
+    "with_overrides",
+]
+
+Settings = TypeVar("Settings")
+
+
+@dataclass(frozen=True)
+class SceneSettings:
+    """Stage 1: metric scene points, camera, normals, floor (paper Sec. 3.1).
+
+    Attributes:
+        align_hypotheses: RANSAC draws of Eq. 1; 20 (released code) to 500.
+        align_tolerance: a pixel agrees with a hypothesis when its depth differs by less than this share; the same for
+            all hypotheses, so that their counts can be compared. 0.05-0.15.
+        align_residual: "relative" weighs each pixel by its depth; "metric" is the plain metres of Eq. 1.
+        align_max_pixels: pixels that Eq. 1 looks at; more changes little beyond 10,000.
+        align_min_share: below this share of agreeing pixels the alignment is reported as doubtful.
+        intrinsics: camera where none is given: "metric" takes that of the metric depth (else the point map's) and
+            puts every point on its ray; "pointmap" is the paper's median, points left as they are.
+        edge_ratio: farthest / nearest depth among 3 x 3 pixels beyond which a pixel is a depth edge; 1.03-1.10,
+            "inf" keeps all.
+        outliers: "grid" compares each point with its neighbours in the image (fast), "knn" is the paper's mean
+            distance to the k nearest points, "off" keeps all.
+        outlier_neighbors: k as a share of the short image side ("knn").
+        outlier_sigma: a point is dropped beyond mean + this many standard deviations ("knn").
+        far_m: points beyond are invalid, metres.
+        floor: "disparity" fits a plane in 1 / Z, "metric" is the paper's RANSAC on points of the floor mask, "off".
+        floor_hypotheses: RANSAC draws.
+        floor_tolerance: how far an inlier may be off, as a share of the range of 1 / Z ("disparity"); 0.008-0.02.
+        floor_tolerance_m: how far an inlier may be off, metres ("metric").
+        floor_min_share: share of the searched pixels that must agree; 0.3 separates usable floors from none.
+        floor_mask_min_share: the same where the search is bound to a floor mask.
+        floor_max_below: largest share of valid pixels that may lie clearly below a floor.
+        floor_max_roll_deg: how far the floor may tilt sideways in the picture, degrees.
+        floor_hole_weight: weight of inpainted pixels in the fit, 0-1.
+        floor_lower_share: part of the picture, from below, that is searched where there is no floor mask.
+        floor_reanchor: move an accepted floor, its horizon kept, to the depth seen at the feet.
+        floor_spacing_m: distance of floor points near the people, metres; 0.02-0.05.
+        floor_near_m: how far "near the people" reaches, metres.
+        floor_max_points: floor points at most; 0 makes none.
+        floor_grid: a plain grid of this many points a side instead (released code: 100); 0 switches it off.
+        seed: of every random draw in this stage.
+    """
+
+    align_hypotheses: int = 128
+    align_tolerance: float = 0.1
+    align_residual: Literal["relative", "metric"] = "relative"
+    align_max_pixels: int = 20_000
+    align_min_share: float = 0.5
+    intrinsics: Literal["metric", "pointmap"] = "metric"
+    edge_ratio: float = 1.05
+    outliers: Literal["grid", "knn", "off"] = "grid"
+    outlier_neighbors: float = 0.05
+    outlier_sigma: float = 1.45
+    far_m: float = 50.0
+    floor: Literal["disparity", "metric", "off"] = "disparity"
+    floor_hypotheses: int = 1000
+    floor_tolerance: float = 0.012
+    floor_tolerance_m: float = 0.01
+    floor_min_share: float = 0.3
+    floor_mask_min_share: float = 0.5
+    floor_max_below: float = 0.1
+    floor_max_roll_deg: float = 25.0
+    floor_hole_weight: float = 0.3
+    floor_lower_share: float = 0.6
+    floor_reanchor: bool = True
+    floor_spacing_m: float = 0.025
+    floor_near_m: float = 1.5
+    floor_max_points: int = 40_000
+    floor_grid: int = 0
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class HumanSettings:
+    """Stage 2: human points in the scene, and each body moved onto them (paper Sec. 3.2, Eq. 2-4).
+
+    Attributes:
+        align_hypotheses: as in :class:`SceneSettings`, for original against inpainted photo.
+        align_tolerance: as in :class:`SceneSettings`; the two maps come from one network, so it may be tight.
+        align_residual: as in :class:`SceneSettings`.
+        align_max_pixels: as in :class:`SceneSettings`.
+        align_min_share: as in :class:`SceneSettings`.
+        mask_dilation: people's masks are grown by this share of the long image side before the background is aligned.
+        far_m: pixels beyond are left out of that alignment, metres.
+        edge_ratio: as in :class:`SceneSettings`, within a person.
+        outliers: as in :class:`SceneSettings`, within a person.
+        outlier_neighbors: as in :class:`SceneSettings`.
+        outlier_sigma: as in :class:`SceneSettings`.
+        max_points: human points of one person at most, picked evenly; 0 keeps all.
+        min_points: fewer human points than this and the body is placed by reprojection alone.
+        solver: "gauss_newton" to convergence, or "adam_lbfgs" as the paper says.
+        reduction: of the Chamfer distance: "mean" does not depend on the resolution, "sum" is Eq. 4 as printed.
+        normalisation: 2D errors are shares of the "person" in the picture (same at every size) or of the "image".
+        reprojection_weight: lambda_j2d of Eq. 3.
+        chamfer_weight: lambda_d of Eq. 3; 0 stops after Eq. 2.
+        facing_deg: a vertex faces the camera when its normal is within this angle of the direction to the camera.
+        min_confidence: keypoints below count nothing.
+        robust_px_share: scale of the robust reprojection error, as a share of the normalising length; "inf" is plain
+            least squares.
+        robust_m: scale of the robust Chamfer distance, metres; "inf" is plain least squares.
+        depth_offset_sigma: prior of log(depth offset) of a person whose feet stand on a known floor; 0 ties the human
+            points to the scene.
+        floor_weight: pull of the lower foot onto the floor, for the same people; 0 switches it off.
+        floor_robust_m: scale of the robust pull, metres: a foot that is much farther off is not on the floor.
+        iterations: Gauss-Newton steps at most, or Adam's steps on Eq. 2.
+        learning_rate: Adam's.
+        lbfgs_steps: L-BFGS steps on Eq. 3 ("adam_lbfgs").
+        lbfgs_inner: iterations inside each of them.
+        seed: of every random draw in this stage.
+    """
+
+    align_hypotheses: int = 128
+    align_tolerance: float = 0.05
+    align_residual: Literal["relative", "metric"] = "relative"
+    align_max_pixels: int = 20_000
+    align_min_share: float = 0.5
+    mask_dilation: float = 0.01
+    far_m: float = 50.0
+    edge_ratio: float = 1.05
+    outliers: Literal["grid", "knn", "off"] = "grid"
+    outlier_neighbors: float = 0.05
+    outlier_sigma: float = 1.45
+    max_points: int = 3000
+    min_points: int = 50
+    solver: Literal["gauss_newton", "adam_lbfgs"] = "gauss_newton"
+    reduction: Literal["mean", "sum"] = "mean"
+    normalisation: Literal["person", "image"] = "person"
+    reprojection_weight: float = 1000.0
+    chamfer_weight: float = 0.6
+    facing_deg: float = 70.0
+    min_confidence: float = 0.3
+    robust_px_share: float = 0.05
+    robust_m: float = 0.15
+    depth_offset_sigma: float = 0.2
+    floor_weight: float = 1.0
+    floor_robust_m: float = 0.3
+    iterations: int = 30
+    learning_rate: float = 1e-2
+    lbfgs_steps: int = 2
+    lbfgs_inner: int = 15
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class JointSettings:
+    """Stage 3: pose, hands, shape, translation and scene scale together (paper Sec. 3.3, Eq. 5-7).
+
+    Attributes:
+        reprojection_weight: lambda_j2d of Eq. 5; 0 switches the term off.
+        depth_weight: lambda_d of Eq. 5.
+        contact_weight: lambda_c of Eq. 5.
+        penetration_weight: lambda_i of Eq. 5.
+        regularisation_weight: lambda_reg of Eq. 5.
+    """
+
+    reprojection_weight: float = 10_000.0
+    depth_weight: float = 0.005
+    contact_weight: float = 0.7
+    penetration_weight: float = 0.3
+    regularisation_weight: float = 45.0
+
+
+@dataclass(frozen=True)
+class ContactSettings:
+    """The contact map.
+
+    Attributes:
+        distance_m: a vertex nearer than this to the scene or the floor touches it, metres.
+    """
+
+    distance_m: float = 0.02
+
+
+@dataclass(frozen=True)
+class EngineSettings:
+    """What the engine is told: one object per stage."""
+
+    scene: SceneSettings = field(default_factory=SceneSettings)
+    human: HumanSettings = field(default_factory=HumanSettings)
+    joint: JointSettings = field(default_factory=JointSettings)
+    contact: ContactSettings = field(default_factory=ContactSettings)
+
+
+_PAPER = EngineSettings(
+    scene=SceneSettings(
+        align_hypotheses=20,
+        align_residual="metric",
+        intrinsics="pointmap",
+        edge_ratio=float("inf"),
+        outliers="knn",
+        floor="metric",
+        floor_hypotheses=200,
+        floor_reanchor=False,
+        floor_grid=100,
+        far_m=float("inf"),
+    ),
+    human=HumanSettings(
+        align_hypotheses=20,
+        align_residual="metric",
+        mask_dilation=0.0,
+        edge_ratio=float("inf"),
+        outliers="knn",
+        max_points=0,
+        solver="adam_lbfgs",
+        reduction="sum",
+        normalisation="image",
+        reprojection_weight=5000.0,
+        min_confidence=0.5,
+        robust_px_share=float("inf"),
+        robust_m=float("inf"),
+        depth_offset_sigma=0.0,
+        floor_weight=0.0,
+    ),
+    joint=JointSettings(),
+    contact=ContactSettings(),
+)
+
+PRESETS: dict[str, EngineSettings] = {"default": EngineSettings(), "paper": _PAPER}
+"""Preset name -> settings: "default" is what measures best, "paper" is the equations and weights as printed."""
+
+
+def with_overrides(settings: Settings, overrides: Mapping[str, Any]) -> Settings:
+    """The same settings with some fields changed.
+
+    Args:
+        settings: any settings dataclass of this module.
+        overrides: field -> value, or field -> mapping of the same kind: ``{"scene": {"floor": "off"}}``.
+
+    Raises:
+        ConfigError: a field does not exist or a value is of the wrong kind; the message lists every fault.
+    """
+    faults: list[str] = []
+    changed = _override(settings, overrides, "", faults)
+    if faults:
+        raise ConfigError("engine settings: " + "; ".join(faults))
+    return changed
+
+
+def _override(settings: Settings, overrides: Mapping[str, Any], path: str, faults: list[str]) -> Settings:
+    known = {f.name for f in fields(settings)}  # type: ignore[arg-type]
+    hints = get_type_hints(type(settings))
+    changes: dict[str, Any] = {}
+    for name, value in overrides.items():
+        where = f"{path}{name}"
+        if name not in known:
+            faults.append(f"{where} does not exist, known here: {', '.join(sorted(known))}")
+            continue
+        current = getattr(settings, name)
+        if is_dataclass(current):
+            if isinstance(value, Mapping):
+                changes[name] = _override(current, value, f"{where}.", faults)
+            else:
+                faults.append(f"{where} is a table of settings, got {value!r}")
+        elif (fitted := _fit(hints[name], value)) is _WRONG:
+            faults.append(f"{where} must be {_in_words(hints[name])}, got {value!r}")
+        else:
+            changes[name] = fitted
+    return replace(settings, **changes)  # type: ignore[type-var]
+
+
+_WRONG = object()
+
+
+def _fit(hint: Any, value: Any) -> Any:
+    """``value`` as ``hint`` wants it (an int where a float is wanted becomes one), or ``_WRONG``."""
+    origin = get_origin(hint)
+    if origin is Literal:
+        return value if value in get_args(hint) and not isinstance(value, bool) else _WRONG
+    if origin in (Union, types.UnionType):
+        return next((v for h in get_args(hint) if (v := _fit(h, value)) is not _WRONG), _WRONG)
+    if origin is tuple:
+        inner, *rest = get_args(hint)
+        if isinstance(value, str) or not isinstance(value, (list, tuple)):
+            return _WRONG
+        kinds = [inner] * len(value) if rest == [Ellipsis] else [inner, *rest]
+        items = tuple(_fit(h, v) for h, v in zip(kinds, value, strict=False))
+        return _WRONG if len(kinds) != len(value) or any(v is _WRONG for v in items) else items
+    if hint is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if hint is float and value == "inf":
+        return float("inf")
+    return value if type(value) is hint else _WRONG
+
+
+def _in_words(hint: Any) -> str:
+    if get_origin(hint) is Literal:
+        return "one of " + ", ".join(repr(v) for v in get_args(hint))
+    if get_origin(hint) in (Union, types.UnionType):
+        return " or ".join(_in_words(h) for h in get_args(hint))
+    names = {float: "a number", int: "a whole number", bool: "true or false", str: "a text", type(None): "none"}
+    return names.get(hint, str(hint))
