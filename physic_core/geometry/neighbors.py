@@ -1,0 +1,189 @@
+"""The nearest scene point of every body vertex, found only as far as contact and penetration look.
+
+Three strategies give one answer: ``kdtree`` (exact, the default), ``brute`` (exact, plain, the others' slow twin) and
+``grid`` (the paper's precomputed 128^3 lookup, sec. 4.1: approximate, and constant in time on any device).
+
+The scene is searched in its own units. Where the optimisation has scaled it by ``s``, the vertices are divided by ``s``
+instead, since scaling all points keeps who is nearest to whom: no structure is ever rebuilt for a new scale.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+import torch
+from scipy.ndimage import distance_transform_edt
+from scipy.spatial import cKDTree
+
+from physic_core.errors import PhysicError
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+__all__ = ["Nearest", "NearestScene", "Strategy", "near_boxes"]
+
+Strategy = Literal["kdtree", "grid", "brute"]
+
+_BRUTE_PAIRS = 4_000_000  # distances held at once by the plain search: 32 MB in float64
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """Answer of a nearest-point query.
+
+    Attributes:
+        index: (...) int64 row of the nearest scene point; 0 where none was found, so that it is always safe to gather.
+        distance: (...) metres in the scaled scene; inf where none was found.
+        found: (...) bool, a scene point lies nearer than the radius.
+    """
+
+    index: Tensor
+    distance: Tensor
+    found: Tensor
+
+
+class NearestScene:
+    """A search structure over fixed scene points.
+
+    Args:
+        points: (M, 3) metres, camera frame; M may be 0.
+        normals: (M, 3) unit, or zero where unknown; kept for the caller.
+        radius: metres; nothing farther is ever reported.
+        strategy: "kdtree", "grid" or "brute".
+        cells: cells along each axis of the grid.
+
+    Raises:
+        PhysicError: an unknown strategy, or shapes that do not fit.
+    """
+
+    def __init__(
+        self, points: Tensor, normals: Tensor, radius: float = 0.15, strategy: Strategy = "kdtree", cells: int = 128
+    ) -> None:
+        if points.ndim != 2 or points.shape[-1] != 3 or normals.shape != points.shape:
+            raise PhysicError(
+                f"scene points and normals must both be (M, 3), got {tuple(points.shape)} and {tuple(normals.shape)}: "
+                "flatten the point map first"
+            )
+        if strategy not in ("kdtree", "grid", "brute"):
+            raise PhysicError(f"unknown nearest-point strategy {strategy!r}: use 'kdtree', 'grid' or 'brute'")
+        self.points = points.detach()
+        self.normals = normals.detach()
+        self.radius = radius
+        self.strategy = strategy
+        self._tree: cKDTree | None = None
+        self._grid: _Grid | None = None
+        if strategy == "kdtree" and len(points):
+            # Median splits cost build time and win nothing on surfaces that were sampled by pixels.
+            self._tree = cKDTree(self.points.cpu().double().numpy(), balanced_tree=False)
+        elif strategy == "grid" and len(points):
+            self._grid = _Grid(self.points, cells, pad=1.5 * radius)
+
+    def query(self, vertices: Tensor, scale: float = 1.0, radius: float | None = None) -> Nearest:
+        """Find the nearest scene point of each vertex. Not differentiable: gather the points and subtract.
+
+        Args:
+            vertices: (..., 3) metres, camera frame.
+            scale: factor that the scene is scaled by about the camera.
+            radius: metres in the scaled scene, instead of the structure's own.
+        """
+        radius = self.radius if radius is None else radius
+        flat = vertices.detach().reshape(-1, 3) / scale
+        # A vertex that is not a number is near nothing; the trees would refuse it.
+        finite = torch.isfinite(flat).all(-1)
+        flat = torch.where(finite[:, None], flat, torch.zeros_like(flat))
+        if len(self.points) == 0:
+            index = torch.zeros(len(flat), dtype=torch.int64, device=flat.device)
+            distance = torch.full((len(flat),), torch.inf, dtype=flat.dtype, device=flat.device)
+        elif self._tree is not None:
+            index, distance = _query_tree(self._tree, flat, radius / scale)
+        elif self._grid is not None:
+            index = self._grid.lookup(flat)
+            distance = (flat - self.points[index]).norm(dim=-1)
+        else:
+            index, distance = _query_brute(self.points, flat)
+        distance = distance * scale
+        found = (distance < radius) & finite
+        index = torch.where(found, index, torch.zeros_like(index))
+        distance = torch.where(found, distance, torch.full_like(distance, torch.inf))
+        shape = vertices.shape[:-1]
+        return Nearest(index.reshape(shape), distance.reshape(shape), found.reshape(shape))
+
+
+def near_boxes(points: Tensor, vertices: Tensor, margin: float) -> Tensor:
+    """Which scene points lie in any body's bounding box, grown by a margin.
+
+    Args:
+        points: (M, 3) metres.
+        vertices: (B, V, 3) metres.
+        margin: metres.
+
+    Returns:
+        (M,) bool.
+    """
+    keep = torch.zeros(len(points), dtype=torch.bool, device=points.device)
+    for body in vertices:
+        low, high = body.amin(0) - margin, body.amax(0) + margin
+        # z first: most of a scene is in front of or behind its people, and one axis is cheaper than three.
+        rows = ((points[:, 2] > low[2]) & (points[:, 2] < high[2])).nonzero(as_tuple=True)[0]
+        inside = ((points[rows, :2] > low[:2]) & (points[rows, :2] < high[:2])).all(-1)
+        keep[rows[inside]] = True
+    return keep
+
+
+def _query_tree(tree: cKDTree, flat: Tensor, radius: float) -> tuple[Tensor, Tensor]:
+    distance, index = tree.query(flat.cpu().double().numpy(), distance_upper_bound=radius)
+    index = np.where(np.isfinite(distance), index, 0)  # SciPy answers the number of points where it found none
+    return (
+        torch.from_numpy(index.astype(np.int64)).to(flat.device),
+        torch.from_numpy(distance).to(flat.device, flat.dtype),
+    )
+
+
+def _query_brute(points: Tensor, flat: Tensor) -> tuple[Tensor, Tensor]:
+    index, distance = [], []
+    exact = points.double()
+    for chunk in torch.split(flat.double(), max(1, _BRUTE_PAIRS // len(points))):
+        # Without this mode a matrix product computes the distances and loses millimetres far from the origin.
+        pairs = torch.cdist(chunk, exact, compute_mode="donot_use_mm_for_euclid_dist")
+        nearest = pairs.min(dim=1)
+        index.append(nearest.indices)
+        distance.append(nearest.values)
+    if not index:
+        return flat.new_zeros(0, dtype=torch.int64), flat.new_zeros(0)
+    return torch.cat(index), torch.cat(distance).to(flat.dtype)
+
+
+class _Grid:
+    """For each cell of a box round the points, the point that stands for the nearest occupied cell.
+
+    Filled by one exact Euclidean feature transform over occupied cells instead of a tree query per cell. A vertex
+    outside the box is looked up in the border cell next to it: its distance stays exact, only its choice is rougher.
+    """
+
+    def __init__(self, points: Tensor, cells: int, pad: float) -> None:
+        xyz = points.cpu().double().numpy()
+        extent = xyz.max(0) - xyz.min(0)
+        # The paper's tenth of the extent on every side, and never less than a search reaches.
+        margin = np.maximum(0.1 * extent, pad)
+        low = xyz.min(0) - margin
+        size = (extent + 2 * margin) / cells
+        cell = np.minimum(((xyz - low) / size).astype(np.int64), cells - 1)
+        flat = (cell[:, 0] * cells + cell[:, 1]) * cells + cell[:, 2]
+        off_centre = np.square(xyz - (low + (cell + 0.5) * size)).sum(-1)
+        table = np.full(cells**3, -1, dtype=np.int64)
+        farthest_first = np.argsort(-off_centre, kind="stable")
+        table[flat[farthest_first]] = farthest_first  # the last write wins: the point nearest to the cell's centre
+        _, nearest = distance_transform_edt(
+            (table < 0).reshape(cells, cells, cells), sampling=tuple(size), return_indices=True
+        )
+        nearest_flat = (nearest[0].astype(np.int64) * cells + nearest[1]) * cells + nearest[2]
+        self._table = torch.from_numpy(table[nearest_flat.reshape(-1)]).to(points.device)
+        self._low = torch.from_numpy(low).to(points)
+        self._size = torch.from_numpy(size).to(points)
+        self._cells = cells
+
+    def lookup(self, flat: Tensor) -> Tensor:
+        cell = ((flat - self._low.to(flat)) / self._size.to(flat)).long().clamp(0, self._cells - 1)
+        return self._table[(cell[:, 0] * self._cells + cell[:, 1]) * self._cells + cell[:, 2]]

@@ -1,0 +1,69 @@
+"""Robust losses of squared residuals, all scaled so that ``rho(x^2)`` is ``x^2`` near zero.
+
+That scaling keeps a weight's meaning when the loss changes, and makes the scale ``c`` the one number that says where a
+residual begins to count as an outlier: a robust loss whose ``c`` is far above its residuals is a quadratic in disguise.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import torch
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+__all__ = ["barron", "cauchy", "geman_mcclure", "pseudo_huber"]
+
+
+def geman_mcclure(squared: Tensor, c: float) -> Tensor:
+    """Redescending: saturates at ``c^2``, so that far outliers pull no more.
+
+    Args:
+        squared: (...) squared residuals, in the unit of ``c`` squared.
+        c: residual at which half of the saturation is reached.
+    """
+    return squared / (1.0 + squared / c**2)
+
+
+def cauchy(squared: Tensor, c: float) -> Tensor:
+    """Grows like a logarithm: outliers pull ever less, and never not at all.
+
+    Args:
+        squared: (...) squared residuals.
+        c: residual at which the pull is strongest.
+    """
+    return c**2 * torch.log1p(squared / c**2)
+
+
+def pseudo_huber(squared: Tensor, c: float) -> Tensor:
+    """Quadratic below ``c``, linear above it: the pull of a large residual is bounded and constant.
+
+    Args:
+        squared: (...) squared residuals.
+        c: residual at which the quadratic turns into a line.
+    """
+    # sqrt(1 + q) - 1 written so that it keeps its digits for small q in float32.
+    q = squared / c**2
+    return 2.0 * c**2 * q / (torch.sqrt(1.0 + q) + 1.0)
+
+
+def barron(squared: Tensor, alpha: float, c: float) -> Tensor:
+    """The general family of Barron (CVPR 2019), times ``2 c^2`` so that it is ``x^2`` near zero.
+
+    Args:
+        squared: (...) squared residuals.
+        alpha: shape: 2 quadratic, 1 pseudo-Huber, 0 Cauchy, -2 Geman-McClure, ``-math.inf`` Welsch.
+        c: scale.
+    """
+    q = squared / c**2
+    if alpha == 2.0:
+        return squared
+    if alpha == 0.0:
+        return 2.0 * c**2 * torch.log1p(q / 2.0)
+    if alpha == -math.inf:
+        return -2.0 * c**2 * torch.expm1(-q / 2.0)
+    b = abs(alpha - 2.0)
+    # expm1 and log1p keep the digits that (1 + q / b) ** (alpha / 2) - 1 would lose near zero.
+    return 2.0 * c**2 * (b / alpha) * torch.expm1((alpha / 2.0) * torch.log1p(q / b))

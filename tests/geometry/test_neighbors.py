@@ -1,0 +1,136 @@
+"""Nearest scene points: every strategy against the plain search, bounded, under a scene scale."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from physic_core.errors import PhysicError
+from physic_core.geometry.neighbors import NearestScene, near_boxes
+
+
+def room(count: int = 20_000, seed: int = 0) -> tuple[torch.Tensor, torch.Tensor]:
+    """Points of a floor and a wall, with their normals."""
+    g = torch.Generator().manual_seed(seed)
+    floor = torch.rand(count // 2, 3, generator=g) * torch.tensor([4.0, 0.0, 4.0]) + torch.tensor([-2.0, 1.2, 2.0])
+    wall = torch.rand(count // 2, 3, generator=g) * torch.tensor([4.0, 3.0, 0.0]) + torch.tensor([-2.0, -1.8, 6.0])
+    up, back = torch.tensor([0.0, -1.0, 0.0]), torch.tensor([0.0, 0.0, -1.0])
+    return torch.cat([floor, wall]), torch.cat([up.expand(count // 2, 3), back.expand(count // 2, 3)])
+
+
+def vertices(count: int = 500, seed: int = 1) -> torch.Tensor:
+    g = torch.Generator().manual_seed(seed)
+    box = torch.rand(2, count, 3, generator=g) * torch.tensor([1.0, 1.8, 1.0])
+    return box + torch.tensor([-0.5, -0.5, 5.0])
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.8, 1.3])
+def test_tree_equals_plain_search(scale):
+    points, normals = room()
+    query = vertices() * scale
+    got = NearestScene(points, normals).query(query, scale)
+    want = NearestScene(points, normals, strategy="brute").query(query, scale)
+    assert got.found.any()
+    assert not got.found.all()
+    assert torch.equal(got.found, want.found)
+    torch.testing.assert_close(got.distance, want.distance, atol=1e-6, rtol=0)
+    near = points[got.index] * scale - query
+    torch.testing.assert_close(near.norm(dim=-1)[got.found], got.distance[got.found], atol=1e-6, rtol=0)
+
+
+def test_grid_reports_true_distances_to_nearly_the_nearest_point():
+    points, normals = room()
+    got = NearestScene(points, normals, strategy="grid").query(vertices())
+    want = NearestScene(points, normals, strategy="brute").query(vertices())
+    both = got.found & want.found
+    excess = (got.distance - want.distance)[both]
+    print(f"grid: {excess.mean() * 1e3:.1f} mm mean, {excess.max() * 1e3:.1f} mm worst, over {both.sum()} vertices")
+    assert excess.min() > -1e-6
+    assert excess.mean() < 0.012
+    assert excess.max() < 0.06
+    assert (got.found == want.found).float().mean() > 0.95
+
+
+def test_grid_vertex_outside_the_box_leaves_the_others_alone():
+    points, normals = room()
+    grid = NearestScene(points, normals, strategy="grid")
+    inside = vertices()[0, :10]
+    with_stray = torch.cat([inside, torch.tensor([[100.0, 0.0, 0.0]])])
+    alone, both = grid.query(inside), grid.query(with_stray)
+    assert torch.equal(both.distance[:-1], alone.distance)
+    assert not both.found[-1]
+
+
+@pytest.mark.parametrize("strategy", ["kdtree", "grid", "brute"])
+def test_looks_no_farther_than_the_radius(strategy):
+    points = torch.tensor([[0.0, 0.0, 2.0]])
+    scene = NearestScene(points, torch.zeros(1, 3), radius=0.15, strategy=strategy, cells=16)
+    query = scene.query(torch.tensor([[0.0, 0.14, 2.0], [0.0, 0.16, 2.0]]))
+    assert query.found.tolist() == [True, False]
+    assert query.distance[0].item() == pytest.approx(0.14, abs=1e-6)
+    assert query.distance[1].item() == float("inf")
+
+
+@pytest.mark.parametrize("strategy", ["kdtree", "grid", "brute"])
+def test_the_radius_is_in_metres_of_the_scaled_scene(strategy):
+    points = torch.tensor([[0.0, 0.0, 2.0]])
+    scene = NearestScene(points, torch.zeros(1, 3), radius=0.15, strategy=strategy, cells=16)
+    query = scene.query(torch.tensor([[0.0, 0.0, 4.14], [0.0, 0.0, 4.16]]), scale=2.0)
+    assert query.found.tolist() == [True, False]
+    assert query.distance[0].item() == pytest.approx(0.14, abs=1e-6)
+
+
+@pytest.mark.parametrize("strategy", ["kdtree", "grid", "brute"])
+def test_an_empty_scene_is_near_nothing(strategy):
+    scene = NearestScene(torch.zeros(0, 3), torch.zeros(0, 3), strategy=strategy)
+    query = scene.query(vertices())
+    assert query.found.shape == (2, 500)
+    assert not query.found.any()
+    assert (query.index == 0).all()
+
+
+@pytest.mark.parametrize("strategy", ["kdtree", "grid", "brute"])
+def test_a_vertex_that_is_not_a_number_is_near_nothing(strategy):
+    points, normals = room(1000)
+    broken = vertices()[0, :4].clone()
+    broken[1, 2] = float("nan")
+    query = NearestScene(points, normals, radius=10.0, strategy=strategy).query(broken)
+    assert query.found.tolist() == [True, False, True, True]
+
+
+def test_no_vertices_is_an_empty_answer():
+    points, normals = room(1000)
+    for strategy in ("kdtree", "grid", "brute"):
+        assert NearestScene(points, normals, strategy=strategy).query(torch.zeros(0, 3)).index.shape == (0,)
+
+
+def test_bad_input_says_what_to_do():
+    with pytest.raises(PhysicError) as shapes:
+        NearestScene(torch.zeros(4, 5, 3), torch.zeros(4, 5, 3))
+    assert str(shapes.value) == (
+        "scene points and normals must both be (M, 3), got (4, 5, 3) and (4, 5, 3): flatten the point map first"
+    )
+    with pytest.raises(PhysicError) as name:
+        NearestScene(torch.zeros(4, 3), torch.zeros(4, 3), strategy="octree")  # type: ignore[arg-type]
+    assert str(name.value) == "unknown nearest-point strategy 'octree': use 'kdtree', 'grid' or 'brute'"
+
+
+def test_boxes_keep_every_point_that_a_query_could_reach():
+    points, normals = room()
+    keep = near_boxes(points, vertices(), margin=0.15)
+    assert 0 < keep.sum() < len(points)
+    everything = NearestScene(points, normals).query(vertices())
+    cropped = NearestScene(points[keep], normals[keep]).query(vertices())
+    assert torch.equal(everything.distance, cropped.distance)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10_000), scale=st.floats(0.5, 2.0), count=st.integers(1, 300))
+def test_scaling_the_scene_and_scaling_the_query_agree(seed, scale, count):
+    g = torch.Generator().manual_seed(seed)
+    points, query = torch.rand(count, 3, generator=g).double(), torch.rand(50, 3, generator=g).double()
+    by_query = NearestScene(points, points).query(query, scale)
+    by_scene = NearestScene(points * scale, points, strategy="brute").query(query)
+    torch.testing.assert_close(by_query.distance, by_scene.distance, atol=1e-9, rtol=0)
