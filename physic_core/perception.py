@@ -1,0 +1,262 @@
+"""The first half of the method: everything that the estimators can say about one photo.
+
+The order lets each backend see what it may need as a hint: the floor and the camera before the bodies, the bodies
+before the metric depth, so that a classical backend can use the human as its ruler.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core import border
+from physic_core.errors import BodyModelError, NoPersonError
+from physic_core.types import (
+    Bodies,
+    ContactProbability,
+    DepthMap,
+    Hands,
+    Hints,
+    Intrinsics,
+    Keypoints,
+    People,
+    Plane,
+    Pointmap,
+)
+
+if TYPE_CHECKING:
+    from physic_core.body.model import BodyModel
+    from physic_core.engine.settings import EngineSettings
+    from physic_core.resolve import ResolvedPipeline
+    from physic_core.stages import Stages
+    from physic_core.types import BoolArray, FloatArray, UInt8Array
+
+__all__ = ["Evidence", "dilate", "feet_pixels", "perceive", "with_hands"]
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What the estimators said, in the camera frame of ``intrinsics``.
+
+    Attributes:
+        image: (H, W, 3) uint8 RGB.
+        intrinsics: the camera, given or estimated.
+        camera_given: whether the user or the file gave it.
+        people: N people.
+        keypoints: of the N people.
+        hole: (H, W) bool, what the inpainter filled.
+        empty: (H, W, 3) uint8 RGB, the photo without its people.
+        scene: relative point map of ``empty``.
+        original: relative point map of ``image``.
+        floor: in the units of ``scene``, or None.
+        bodies: N bodies with their hands.
+        contact: contact prior, zero where no backend was configured.
+        depth: metric depth of ``empty``.
+    """
+
+    image: UInt8Array
+    intrinsics: Intrinsics
+    camera_given: bool
+    people: People
+    keypoints: Keypoints
+    hole: BoolArray
+    empty: UInt8Array
+    scene: Pointmap
+    original: Pointmap
+    floor: Plane | None
+    bodies: Bodies
+    contact: ContactProbability
+    depth: DepthMap
+
+
+def perceive(
+    image: UInt8Array,
+    given: Intrinsics | None,
+    plan: ResolvedPipeline,
+    model: BodyModel,
+    stages: Stages,
+) -> Evidence:
+    """Ask every backend of ``plan`` about ``image`` (H, W, 3).
+
+    Raises:
+        NoPersonError: nobody was found.
+        BackendError: a backend failed.
+        BackendOutputError: a backend answered what its interface does not allow.
+    """
+    height, width = image.shape[:2]
+    backends = plan.backends
+
+    people = stages.ask(
+        "people",
+        backends["segmenter"],
+        lambda b: b.infer(image),
+        People,
+        lambda a: border.people_faults(a, height, width),
+    )
+    if not len(people):
+        raise NoPersonError(
+            f"no person was found in the photo of {width} x {height} px by {backends['segmenter'].title}: "
+            "use a photo that shows at least one head and torso, or another segmenter"
+        )
+    n = len(people)
+    keypoints = stages.ask(
+        "keypoints",
+        backends["keypoint_detector"],
+        lambda b: b.infer(image, people),
+        Keypoints,
+        lambda a: border.keypoints_faults(a, n),
+    )
+
+    hole = dilate(people.masks.any(0), max(4.0, plan.photo.mask_growth * max(height, width)))
+    empty = stages.ask(
+        "inpainting",
+        backends["inpainter"],
+        lambda b: b.infer(image, hole),
+        np.ndarray,
+        lambda a: border.image_faults(a, height, width),
+    )
+
+    hints = Hints(intrinsics=given, people=people, keypoints=keypoints, hole=hole)
+    scene = stages.ask(
+        "scene point map",
+        backends["relative_pointmap"],
+        lambda b: b.infer(empty, hints),
+        Pointmap,
+        lambda a: border.pointmap_faults(a, height, width),
+    )
+    camera = given or scene.intrinsics or _camera_of(scene)
+    hints = replace(hints, intrinsics=camera, scene=scene)
+    original = stages.ask(
+        "photo point map",
+        backends["relative_pointmap"],
+        lambda b: b.infer(image, replace(hints, hole=None)),
+        Pointmap,
+        lambda a: border.pointmap_faults(a, height, width),
+    )
+    stages.warn(*scene.notes, *original.notes)
+
+    with stages.engine("relative floor"):
+        floor = _relative_floor(scene, people, hole, keypoints, plan.engine)
+        hints = replace(hints, floor=floor, original=_aligned(original, scene, hole, plan.engine))
+
+    bodies = stages.ask(
+        "bodies",
+        backends["body_estimator"],
+        lambda b: b.infer(image, people, camera, keypoints, hints),
+        Bodies,
+        lambda a: border.bodies_faults(a, n),
+    )
+    if bodies.body_model != model.name:
+        raise BodyModelError(
+            f"{backends['body_estimator'].title} gives bodies for the body model '{bodies.body_model}', "
+            f"but the configuration loads '{model.name}': set [body_model] to the same one"
+        )
+    if "hand_estimator" in backends:
+        hands = stages.ask(
+            "hands",
+            backends["hand_estimator"],
+            lambda b: b.infer(image, people, keypoints),
+            Hands,
+            lambda a: border.hands_faults(a, n),
+        )
+        bodies = with_hands(bodies, hands)
+    contact = ContactProbability(np.zeros((n, model.num_vertices), np.float32), model.topology)
+    if "contact_prior" in backends:
+        contact = stages.ask(
+            "contact prior",
+            backends["contact_prior"],
+            lambda b: b.infer(image, people, bodies),
+            ContactProbability,
+            lambda a: border.contact_faults(a, n, model.num_vertices, model.topology),
+        )
+    depth = stages.ask(
+        "metric depth",
+        backends["metric_depth"],
+        lambda b: b.infer(empty, replace(hints, bodies=bodies)),
+        DepthMap,
+        lambda a: border.depth_faults(a, height, width),
+    )
+    stages.warn(*depth.notes)
+    return Evidence(
+        image, camera, given is not None, people, keypoints, hole, empty, scene, original, floor, bodies, contact, depth
+    )
+
+
+def dilate(mask: BoolArray, radius_px: float) -> BoolArray:
+    """Mask (H, W) bool grown by a disc of ``radius_px``."""
+    import cv2
+
+    r = round(radius_px)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * r + 1, 2 * r + 1))
+    grown: BoolArray = cv2.dilate(mask.astype(np.uint8), disc) > 0
+    return grown
+
+
+def feet_pixels(keypoints: Keypoints, height: int, width: int, confidence: float = 0.5) -> FloatArray:
+    """(M, 2) px: ankles, heels and toes that are seen with ``confidence`` inside the image."""
+    from physic_core.body.landmarks import feet_of
+
+    feet = feet_of(keypoints.skeleton)
+    points, seen = keypoints.points[:, feet], keypoints.confidence[:, feet] > confidence
+    seen &= (points >= 0).all(-1) & (points[..., 0] <= width - 1) & (points[..., 1] <= height - 1)
+    chosen: FloatArray = points[seen]
+    return chosen
+
+
+def with_hands(bodies: Bodies, hands: Hands) -> Bodies:
+    """The bodies with the finger rotations of every hand whose confidence is above zero."""
+    p, found = bodies.parameters, hands.confidence > 0
+    flat = hands.rotvecs.reshape(len(p), 2, 45).astype(p.left_hand_pose.dtype)
+    left = np.where(found[:, :1], flat[:, 0], p.left_hand_pose)
+    right = np.where(found[:, 1:], flat[:, 1], p.right_hand_pose)
+    return replace(bodies, parameters=replace(p, left_hand_pose=left, right_hand_pose=right))
+
+
+def _camera_of(pointmap: Pointmap) -> Intrinsics:
+    import torch
+
+    from physic_core.geometry.pointmap import intrinsics_from_pointmap
+
+    height, width = pointmap.valid.shape
+    fx, fy, cx, cy = intrinsics_from_pointmap(torch.from_numpy(pointmap.points), torch.from_numpy(pointmap.valid))
+    return Intrinsics(fx, fy, cx, cy, width, height, "point map")
+
+
+def _relative_floor(
+    scene: Pointmap, people: People, hole: BoolArray, keypoints: Keypoints, settings: EngineSettings
+) -> Plane | None:
+    import torch
+
+    from physic_core.engine.scene import fit_relative_floor
+
+    height, width = hole.shape
+    fit = fit_relative_floor(
+        torch.from_numpy(scene.points),
+        torch.from_numpy(scene.valid),
+        floor_mask=None if people.floor is None else torch.from_numpy(people.floor),
+        hole=torch.from_numpy(hole),
+        feet_px=torch.from_numpy(feet_pixels(keypoints, height, width)),
+        settings=settings.scene,
+    )
+    return None if fit is None else Plane(fit.normal.numpy(), float(fit.offset))
+
+
+def _aligned(original: Pointmap, scene: Pointmap, hole: BoolArray, settings: EngineSettings) -> Pointmap:
+    import torch
+
+    from physic_core.engine.human import align_original
+    from physic_core.geometry.alignment import apply_alignment
+
+    points = torch.from_numpy(original.points)
+    alignment = align_original(
+        points,
+        torch.from_numpy(original.valid),
+        original.unknown,
+        torch.from_numpy(scene.points),
+        torch.from_numpy(scene.valid),
+        torch.from_numpy(hole),
+        settings.human,
+    )
+    return replace(original, points=apply_alignment(points, alignment).numpy(), unknown=scene.unknown)

@@ -1,0 +1,131 @@
+"""The border names every fault of an answer: what was expected and what came."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from physic_core import border
+from physic_core.types import (
+    Bodies,
+    BodyParameters,
+    ContactProbability,
+    DepthMap,
+    Hands,
+    Keypoints,
+    People,
+    Pointmap,
+)
+
+H, W = 97, 131
+
+
+def people() -> People:
+    masks = np.zeros((2, H, W), bool)
+    masks[0, 10:50, 20:40] = True
+    masks[1, 10:50, 60:80] = True
+    boxes = np.array([[20, 10, 40, 50], [60, 10, 80, 50]], np.float32)
+    return People(masks, boxes, np.array([0.9, 0.8], np.float32))
+
+
+def keypoints() -> Keypoints:
+    return Keypoints(np.full((2, 17, 2), 30.0), np.full((2, 17), 0.5), "coco17")
+
+
+def parameters() -> BodyParameters:
+    def zeros(width: int) -> np.ndarray:
+        return np.zeros((2, width), np.float32)
+
+    return BodyParameters(
+        zeros(3), zeros(63), zeros(45), zeros(45), zeros(3), zeros(3), zeros(3), zeros(16), zeros(0), zeros(3)
+    )
+
+
+def test_right_answers_have_no_faults() -> None:
+    points = np.ones((H, W, 3), np.float32)
+    assert border.people_faults(people(), H, W) == []
+    assert border.people_faults(replace(people(), keypoints=keypoints()), H, W) == []
+    assert border.keypoints_faults(keypoints(), 2) == []
+    assert border.pointmap_faults(Pointmap(points, np.ones((H, W), bool), "scale"), H, W) == []
+    assert border.depth_faults(DepthMap(points[..., 0]), H, W) == []
+    assert border.bodies_faults(Bodies(parameters(), "embedded"), 2) == []
+    assert border.hands_faults(Hands(np.zeros((2, 2, 15, 3)), np.zeros((2, 2))), 2) == []
+    assert border.contact_faults(ContactProbability(np.zeros((2, 9)), "t"), 2, 9, "t") == []
+    assert border.image_faults(np.zeros((H, W, 3), np.uint8), H, W) == []
+
+
+def test_nobody_is_a_right_answer() -> None:
+    nobody = People(np.zeros((0, H, W), bool), np.zeros((0, 4), np.float32), np.zeros(0, np.float32))
+    assert border.people_faults(nobody, H, W) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        ({"masks": np.zeros((2, W, H), bool)}, "masks must be (2, 97, 131), got (2, 131, 97)"),
+        ({"masks": np.zeros((2, H, W), np.uint8)}, "masks must be bool, got uint8"),
+        ({"masks": np.zeros((2, H, W), bool)}, "every person needs at least one pixel, masks [0, 1] are empty"),
+        ({"masks": np.ones((2, H, W), bool)}, "masks of two people overlap: every pixel belongs to one person at most"),
+        (
+            {"boxes": np.array([[20, 10, 20, 40], [60, 10, 140, 50]], np.float32)},
+            "boxes must be x0 y0 x1 y1 inside the 131 x 97 px image, got [20.0, 10.0, 20.0, 40.0]",
+        ),
+        ({"scores": np.array([90.0, 80.0])}, "scores must lie in [0, 1], got 0 to 90"),
+        ({"floor": np.zeros((H, W), np.float32)}, "floor must be bool, got float32"),
+    ],
+)
+def test_people(change: dict[str, np.ndarray], fault: str) -> None:
+    assert border.people_faults(replace(people(), **change), H, W) == [fault]
+
+
+@pytest.mark.parametrize(
+    ("depth", "fault"),
+    [
+        (np.full((H, W), np.nan, np.float32), "depth is NaN or infinite everywhere"),
+        (np.full((H, W), -1, np.float32), "depth must be > 0 m or NaN, the smallest is -1"),
+        (np.ones((1, H, W), np.float32), "depth must be (97, 131), got (1, 97, 131)"),
+        ([[1.0]], "depth must be a numpy array (97, 131), got list"),
+    ],
+)
+def test_depth(depth: np.ndarray, fault: str) -> None:
+    assert border.depth_faults(DepthMap(depth), H, W) == [fault]
+
+
+def test_pointmap_behind_the_camera() -> None:
+    points = np.ones((H, W, 3), np.float32)
+    points[..., 2] = -1
+    assert border.pointmap_faults(Pointmap(points, np.ones((H, W), bool), "scale"), H, W) == [
+        "z must be > 0 where valid (z forward), 100% of the valid points lie behind"
+    ]
+
+
+def test_pointmap_without_a_valid_pixel() -> None:
+    empty = Pointmap(np.ones((H, W, 3), np.float32), np.zeros((H, W), bool), "scale")
+    assert border.pointmap_faults(empty, H, W) == ["no pixel is valid"]
+
+
+def test_bodies() -> None:
+    wrong = replace(parameters(), body_pose=np.zeros((2, 69), np.float32), transl=np.full((2, 3), np.nan))
+    assert border.bodies_faults(Bodies(wrong, "embedded"), 2) == [
+        "body_pose must be (2, 63), got (2, 69)",
+        "transl must be finite, 6 values are not",
+    ]
+
+
+def test_keypoints_of_another_number_of_people() -> None:
+    assert border.keypoints_faults(keypoints(), 3) == [
+        "points must be (3, 17, 2), got (2, 17, 2)",
+        "confidence must be (3, 17), got (2, 17)",
+    ]
+
+
+def test_contact_on_another_mesh() -> None:
+    wrong = ContactProbability(np.zeros((2, 6890)), "smpl")
+    assert border.contact_faults(wrong, 2, 10475, "smplx") == ["topology must be 'smplx' as the bodies', got 'smpl'"]
+
+
+def test_unseen_hand_may_hold_anything() -> None:
+    hands = Hands(np.full((2, 2, 15, 3), np.nan), np.zeros((2, 2)))
+    assert border.hands_faults(hands, 2) == []
