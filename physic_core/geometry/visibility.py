@@ -1,0 +1,246 @@
+"""Which vertices of a body the photo can have seen: facing the camera, inside a mask, not behind a limb or a person.
+
+Camera frame (x right, y down, z forward), metres; the camera is the origin. Pixels have integer centres.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+__all__ = [
+    "SelfOcclusion",
+    "behind_others",
+    "depth_order_violations",
+    "facing",
+    "hidden_from_camera",
+    "inside_image",
+    "inside_mask",
+    "self_occlusion",
+    "vertex_areas",
+    "vertex_normals",
+]
+
+_BEHIND_M = 2e-3  # a surface this much nearer than a vertex hides it; less is the vertex's own surface, rounded
+
+
+def vertex_normals(vertices: Tensor, faces: Tensor) -> Tensor:
+    """Unit normals out of the mesh (faces counter-clockwise from outside), weighted by the faces' areas.
+
+    Args:
+        vertices: (..., V, 3) metres.
+        faces: (F, 3) int64.
+
+    Returns:
+        (..., V, 3); zero at a vertex without a face.
+    """
+    return F.normalize(_sum_at_corners(_doubled_areas(vertices, faces), faces, vertices), dim=-1)
+
+
+def vertex_areas(vertices: Tensor, faces: Tensor) -> Tensor:
+    """Surface that each vertex stands for: a third of the faces round it.
+
+    Args:
+        vertices: (..., V, 3) metres.
+        faces: (F, 3) int64.
+
+    Returns:
+        (..., V) square metres; they add up to the surface of the mesh.
+    """
+    sixth = _doubled_areas(vertices, faces).norm(dim=-1, keepdim=True) / 6.0
+    return _sum_at_corners(sixth, faces, vertices)[..., 0]
+
+
+def facing(normals: Tensor, vertices: Tensor, max_angle_deg: float) -> Tensor:
+    """Whether each vertex's normal is within an angle of the direction to the camera (paper sec. 3.2: 70 degrees).
+
+    Args:
+        normals: (..., 3) unit.
+        vertices: (..., 3) metres, camera frame.
+        max_angle_deg: 90 takes the whole side that faces the camera.
+
+    Returns:
+        (...) bool.
+    """
+    towards = -F.normalize(vertices, dim=-1)
+    return (normals * towards).sum(-1) > math.cos(math.radians(max_angle_deg))
+
+
+def inside_image(uv: Tensor, height: int, width: int) -> Tensor:
+    """Whether each pixel coordinate (..., 2) rounds to a pixel of the image; not-a-number does not. (...) bool."""
+    u, v = uv[..., 0], uv[..., 1]
+    return (u >= -0.5) & (u < width - 0.5) & (v >= -0.5) & (v < height - 0.5)
+
+
+def inside_mask(uv: Tensor, mask: Tensor) -> Tensor:
+    """Whether the pixel under each coordinate is set; outside the image is outside the mask.
+
+    Args:
+        uv: (..., V, 2) px.
+        mask: (..., H, W) bool, with the leading dimensions of ``uv``.
+
+    Returns:
+        (..., V) bool.
+    """
+    height, width = mask.shape[-2:]
+    inside = inside_image(uv, height, width)
+    safe = torch.where(inside[..., None], uv, torch.zeros_like(uv)).round().long()
+    flat = safe[..., 1] * width + safe[..., 0]
+    return torch.gather(mask.flatten(-2), -1, flat) & inside
+
+
+def behind_others(uv: Tensor, masks: Tensor) -> Tensor:
+    """Whether each vertex projects onto visible pixels of another person, and not onto its own.
+
+    Masks hold visible pixels only, so whoever owns the pixel stands in front.
+
+    Args:
+        uv: (B, V, 2) px.
+        masks: (B, H, W) bool, one per person.
+
+    Returns:
+        (B, V) bool.
+    """
+    owners = masks.sum(0)
+    others = (owners[None] - masks.to(owners.dtype)) > 0
+    return inside_mask(uv, others) & ~inside_mask(uv, masks)
+
+
+def hidden_from_camera(vertices: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
+    """Which vertices lie behind another face of their own mesh, by one ray each (embree).
+
+    Args:
+        vertices: (V, 3) metres, camera frame.
+        faces: (F, 3) int64.
+
+    Returns:
+        hidden: (V,) bool.
+        face: (V,) int64, the face that the camera sees in front of a hidden vertex; -1 for the others.
+    """
+    from trimesh import Trimesh
+    from trimesh.ray.ray_pyembree import RayMeshIntersector
+
+    points = vertices.detach().cpu().double().numpy()
+    triangles = faces.cpu().numpy()
+    distance = np.linalg.norm(points, axis=1)
+    rays = points / np.maximum(distance, 1e-9)[:, None]
+    caster = RayMeshIntersector(Trimesh(points, triangles, process=False))
+    hit = caster.intersects_first(np.zeros_like(points), rays)
+    corners = triangles[np.maximum(hit, 0)]
+    a, b, c = points[corners[:, 0]], points[corners[:, 1]], points[corners[:, 2]]
+    normal = np.cross(b - a, c - a)
+    along = (normal * rays).sum(1)
+    nearer = np.divide((normal * a).sum(1), along, out=np.full(len(points), np.inf), where=np.abs(along) > 1e-12)
+    own = (corners == np.arange(len(points))[:, None]).any(1)
+    hidden = (hit >= 0) & ~own & (nearer < distance - _BEHIND_M)
+    device = vertices.device
+    return (
+        torch.from_numpy(hidden).to(device),
+        torch.from_numpy(np.where(hidden, hit, -1).astype(np.int64)).to(device),
+    )
+
+
+@dataclass(frozen=True)
+class SelfOcclusion:
+    """What one person hides of themselves.
+
+    Attributes:
+        hidden: (V,) bool, behind any face of the own body, of the same part too.
+        by_other_part: (V,) bool, behind a face of another part.
+        parts: (P,) bool, parts that count as occluded.
+        vertices: (V,) bool, all vertices of those parts.
+    """
+
+    hidden: Tensor
+    by_other_part: Tensor
+    parts: Tensor
+    vertices: Tensor
+
+
+def self_occlusion(
+    vertices: Tensor, faces: Tensor, part_of_vertex: Tensor, parts: Sequence[int], share: float = 0.3
+) -> SelfOcclusion:
+    """Body parts that other parts hide from the camera (paper sec. 3.3: 30 % of a part's vertices).
+
+    Args:
+        vertices: (V, 3) metres, camera frame.
+        faces: (F, 3) int64.
+        part_of_vertex: (V,) int64.
+        parts: those that can become occluded; the paper and its code take the limbs, not trunk and head.
+        share: of a part's vertices that must be hidden by other parts.
+    """
+    hidden, face = hidden_from_camera(vertices, faces)
+    in_front = part_of_vertex[faces[face.clamp(min=0), 0]]
+    by_other = hidden & (in_front != part_of_vertex)
+    count = max(int(part_of_vertex.max()) + 1, max(parts, default=-1) + 1)
+    total = torch.bincount(part_of_vertex, minlength=count)
+    lost = torch.bincount(part_of_vertex[by_other], minlength=count)
+    eligible = torch.zeros(count, dtype=torch.bool, device=vertices.device)
+    eligible[list(parts)] = True
+    occluded = eligible & (lost >= share * total) & (total > 0)
+    return SelfOcclusion(hidden, by_other, occluded, occluded[part_of_vertex])
+
+
+def depth_order_violations(
+    vertices: Tensor, uv: Tensor, masks: Tensor, cell_px: int = 8, tolerance_m: float = 0.02
+) -> Tensor:
+    """How often a person stands in front of another whose pixels say the opposite.
+
+    Where person j's vertices project onto person i's mask (and not onto j's own), i is in front: j's vertices must
+    be farther than i's nearest surface there.
+
+    Args:
+        vertices: (B, V, 3) metres, camera frame.
+        uv: (B, V, 2) px, their projections.
+        masks: (B, H, W) bool, visible pixels of each person.
+        cell_px: side of the cells in which depths are compared.
+        tolerance_m: difference that does not count.
+
+    Returns:
+        (B, B) share of all of j's vertices that are nearer than i and should not be: row i, column j.
+    """
+    people, height, width = masks.shape
+    columns = width // cell_px + 1
+    cells = columns * (height // cell_px + 1)
+    inside = inside_image(uv, height, width)
+    safe = torch.where(inside[..., None], uv, torch.zeros_like(uv)).round().long() // cell_px
+    cell = safe[..., 1] * columns + safe[..., 0]
+    z = vertices[..., 2].detach()
+    shares = z.new_zeros((people, people))
+    own = inside_mask(uv, masks)
+    for i in range(people):
+        front = torch.full((cells,), torch.inf, dtype=z.dtype, device=z.device)
+        front.scatter_reduce_(0, cell[i][inside[i]], z[i][inside[i]], "amin")
+        for j in range(people):
+            if i == j:
+                continue
+            on_other = inside_mask(uv[j], masks[i]) & ~own[j]
+            there = front[cell[j][on_other]]
+            comparable = torch.isfinite(there)
+            nearer = z[j][on_other][comparable] < there[comparable] - tolerance_m
+            shares[i, j] = nearer.sum() / z.shape[1]
+    return shares
+
+
+def _doubled_areas(vertices: Tensor, faces: Tensor) -> Tensor:
+    """(..., F, 3) normals of the faces, twice as long as their areas."""
+    a, b, c = (vertices[..., faces[:, k], :] for k in range(3))
+    doubled: Tensor = torch.linalg.cross(b - a, c - a)
+    return doubled
+
+
+def _sum_at_corners(per_face: Tensor, faces: Tensor, vertices: Tensor) -> Tensor:
+    """(..., F, C) values of faces -> (..., V, C), added up at the three corners of each."""
+    total = vertices.new_zeros((*vertices.shape[:-1], per_face.shape[-1]))
+    for k in range(3):
+        total = total.index_add(-2, faces[:, k], per_face)
+    return total

@@ -1,0 +1,166 @@
+"""What the camera sees of a body: by normals, by masks, and by rays against a plain ray caster."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+import trimesh
+
+from physic_core.geometry.visibility import (
+    behind_others,
+    depth_order_violations,
+    facing,
+    hidden_from_camera,
+    inside_image,
+    inside_mask,
+    self_occlusion,
+    vertex_areas,
+    vertex_normals,
+)
+
+
+def sphere(centre, radius=0.3, fineness=3):
+    mesh = trimesh.creation.icosphere(fineness, radius)
+    vertices = torch.tensor(mesh.vertices, dtype=torch.float64) + torch.tensor(centre, dtype=torch.float64)
+    return vertices, torch.tensor(mesh.faces, dtype=torch.int64)
+
+
+def two_spheres(front, back):
+    (v1, f1), (v2, f2) = sphere(front), sphere(back)
+    part = torch.cat([torch.zeros(len(v1), dtype=torch.int64), torch.ones(len(v2), dtype=torch.int64)])
+    return torch.cat([v1, v2]), torch.cat([f1, f2 + len(v1)]), part
+
+
+def plain_hidden(vertices, faces):
+    """Every ray against every triangle (Moeller-Trumbore)."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    distance = vertices.norm(dim=-1)
+    ray = (vertices / distance[:, None])[:, None]
+    edge1, edge2 = (b - a)[None], (c - a)[None]
+    p = torch.linalg.cross(ray.expand(-1, len(faces), -1), edge2.expand(len(vertices), -1, -1))
+    det = (edge1 * p).sum(-1)
+    det = torch.where(det.abs() < 1e-12, torch.nan, det)
+    s = -a[None]
+    u = (s * p).sum(-1) / det
+    q = torch.linalg.cross(s, edge1)
+    v = (ray * q).sum(-1) / det
+    t = (edge2 * q).sum(-1) / det
+    hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0) & (t < distance[:, None] - 2e-3)
+    own = (faces[None] == torch.arange(len(vertices))[:, None, None]).any(-1)
+    return (hit & ~own).any(-1)
+
+
+def test_normals_of_a_sphere_point_outward():
+    vertices, faces = sphere([0.0, 0.0, 3.0])
+    outward = torch.nn.functional.normalize(vertices - torch.tensor([0.0, 0.0, 3.0]), dim=-1)
+    assert (vertex_normals(vertices, faces) * outward).sum(-1).min() > 0.999
+
+
+def test_areas_add_up_to_the_surface():
+    vertices, faces = sphere([0.0, 0.0, 3.0], fineness=4)
+    batch = torch.stack([vertices, 2 * vertices])
+    total = vertex_areas(batch, faces).sum(-1)
+    torch.testing.assert_close(total[0].item(), 4 * math.pi * 0.09, rtol=5e-3, atol=0)
+    torch.testing.assert_close(total[1], 4 * total[0])
+
+
+def test_a_vertex_without_a_face_has_neither_normal_nor_area():
+    vertices = torch.tensor([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0], [5.0, 5.0, 5.0]])
+    faces = torch.tensor([[0, 1, 2]])
+    assert vertex_normals(vertices, faces)[3].tolist() == [0.0, 0.0, 0.0]
+    assert vertex_areas(vertices, faces).tolist() == pytest.approx([1 / 6, 1 / 6, 1 / 6, 0.0])
+
+
+def test_facing_is_measured_against_the_ray_not_the_optical_axis():
+    # Seen 45 degrees off the axis: a normal along -z makes 45 degrees with the ray, one along -x as well.
+    vertex = torch.tensor([[2.0, 0.0, 2.0]])
+    back, side = torch.tensor([[0.0, 0.0, -1.0]]), torch.tensor([[-1.0, 0.0, 0.0]])
+    for normal in (back, side):
+        assert facing(normal, vertex, 46.0).item()
+        assert not facing(normal, vertex, 44.0).item()
+
+
+def test_half_a_distant_sphere_faces_the_camera():
+    vertices, faces = sphere([0.3, 0.7, 100.0], fineness=4)
+    share = facing(vertex_normals(vertices, faces), vertices, 90.0).double().mean()
+    assert share.item() == pytest.approx(0.5, abs=0.02)
+
+
+def test_pixels_round_to_their_centres():
+    uv = torch.tensor([[-0.4, 0.0], [-0.6, 0.0], [3.4, 1.4], [3.6, 1.0], [1.0, 1.6], [float("nan"), 0.0]])
+    assert inside_image(uv, height=2, width=4).tolist() == [True, False, True, False, False, False]
+    mask = torch.zeros(2, 4, dtype=torch.bool)
+    mask[0, 0] = mask[1, 3] = True
+    assert inside_mask(uv, mask).tolist() == [True, False, True, False, False, False]
+
+
+def test_masks_are_per_person():
+    masks = torch.zeros(2, 4, 4, dtype=torch.bool)
+    masks[0, :, :2] = True
+    masks[1, :, 2:] = True
+    uv = torch.tensor([[1.0, 1.0], [3.0, 1.0], [9.0, 1.0]]).expand(2, 3, 2)
+    assert inside_mask(uv, masks).tolist() == [[True, False, False], [False, True, False]]
+    assert behind_others(uv, masks).tolist() == [[False, True, False], [True, False, False]]
+
+
+def test_a_pixel_of_both_people_hides_neither():
+    masks = torch.ones(2, 4, 4, dtype=torch.bool)
+    assert not behind_others(torch.tensor([[[1.0, 1.0]], [[1.0, 1.0]]]), masks).any()
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.25, 0.55])
+def test_rays_equal_a_plain_ray_caster(offset):
+    vertices, faces, _ = two_spheres([0.013, 0.021, 2.0], [offset, 0.05, 3.0])
+    hidden, face = hidden_from_camera(vertices, faces)
+    want = plain_hidden(vertices, faces)
+    # On the silhouette itself rounding decides.
+    assert (hidden != want).double().mean() < 0.005
+    assert ((face >= 0) == hidden).all()
+
+
+def test_a_part_behind_another_is_occluded_from_thirty_percent_on():
+    vertices, faces, part = two_spheres([0.0, 0.0, 2.0], [0.0, 0.0, 3.0])
+    whole = self_occlusion(vertices, faces, part, parts=[0, 1])
+    assert whole.parts.tolist() == [False, True]
+    assert whole.vertices.tolist() == (part == 1).tolist()
+    # Its own back is hidden, but not by another part.
+    assert whole.hidden[part == 0].any()
+    assert not whole.by_other_part[part == 0].any()
+
+    def lost(x):
+        vertices, faces, part = two_spheres([0.0, 0.0, 2.0], [x, 0.0, 3.0])
+        seen = self_occlusion(vertices, faces, part, parts=[0, 1])
+        return seen.by_other_part[part == 1].double().mean().item(), seen.parts[1].item()
+
+    for x in torch.linspace(0.0, 0.9, 10).tolist():
+        share, occluded = lost(x)
+        assert occluded == (share >= 0.3)
+
+
+def test_trunk_is_never_occluded_where_only_limbs_count():
+    vertices, faces, part = two_spheres([0.0, 0.0, 2.0], [0.0, 0.0, 3.0])
+    assert not self_occlusion(vertices, faces, part, parts=[0]).vertices.any()
+
+
+def test_depth_order_of_two_people_is_checked_where_one_hides_the_other():
+    near, _ = sphere([0.0, 0.0, 2.0], fineness=4)
+    far, _ = sphere([0.3, 0.0, 3.0], fineness=4)
+    focal, size = 200.0, 200
+
+    def pixels(v):
+        return v[:, :2] / v[:, 2:] * focal + (size - 1) / 2
+
+    grid = torch.stack(torch.meshgrid(torch.arange(size), torch.arange(size), indexing="xy"), -1).double()
+    near_mask = (grid - 99.5).norm(dim=-1) < 0.3 / math.sqrt(2**2 - 0.3**2) * focal + 1
+    far_mask = ((grid - torch.tensor([99.5 + 0.1 * focal, 99.5])).norm(dim=-1) < 0.1 * focal) & ~near_mask
+    masks = torch.stack([near_mask, far_mask])
+    right = torch.stack([near, far])
+    uv = torch.stack([pixels(near), pixels(far)])
+    assert depth_order_violations(right, uv, masks).max() == 0
+    wrong = torch.stack([near * 2, far])  # the same pixels, but now twice as far
+    shares = depth_order_violations(wrong, uv, masks)
+    hidden = inside_mask(uv[1], masks[0]).double().mean()
+    assert 0.5 * hidden < shares[0, 1] <= hidden
+    assert shares[1, 0] == 0
