@@ -1,0 +1,115 @@
+"""Diffusion inpainting with OpenCV: Telea's fast marching and Navier-Stokes.
+
+A hole much wider than the brush becomes streaks, and takes long. Such a hole is filled on a reduced image, and the
+smooth fill is brought back to full size inside the mask only.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from physic_core import interfaces
+from physic_opencv.checks import check_image, check_mask
+
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray, UInt8Array
+
+__all__ = ["DiffusionOptions", "NavierStokes", "Telea"]
+
+
+class DiffusionOptions(interfaces.Options):
+    """Settings that both methods share."""
+
+    radius_px: float = Field(
+        5.0, gt=0, le=50, description="Neighbourhood that a filled pixel is made from, px; 3-8 works."
+    )
+    max_hole_px: int = Field(
+        160,
+        ge=16,
+        description="Longest side of a hole that is filled at full resolution, px. A larger one is filled on an image "
+        "reduced until it fits; smaller is faster and smoother.",
+    )
+
+
+class _Diffusion(interfaces.Inpainter):
+    Options = DiffusionOptions
+    _method: ClassVar[str]
+
+    def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
+        """Image (H, W, 3) and mask (H, W), True = remove -> filled image; unmasked pixels keep their values.
+
+        Raises:
+            InputError: image or mask has another shape or dtype, or the mask covers everything.
+        """
+        import cv2
+
+        check_image(image)
+        check_mask(image, mask)
+        assert isinstance(self.options, DiffusionOptions)
+        return _fill(image, mask, getattr(cv2, self._method), self.options)
+
+
+class Telea(_Diffusion):
+    """Fast marching (A. Telea, 2004): fills from the border inwards with a weighted mean that keeps level lines."""
+
+    _method = "INPAINT_TELEA"
+
+
+class NavierStokes(_Diffusion):
+    """Navier-Stokes (M. Bertalmio et al., 2001): carries level lines into the hole as a fluid would flow."""
+
+    _method = "INPAINT_NS"
+
+
+def _fill(image: UInt8Array, mask: BoolArray, method: int, options: DiffusionOptions) -> UInt8Array:
+    import cv2
+
+    filled = image.copy()
+    if not mask.any():
+        return filled
+    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+    longest = int(max(rows[-1] - rows[0], columns[-1] - columns[0])) + 1
+    factor = -(-longest // options.max_hole_px)
+    if factor == 1:
+        answer = cv2.inpaint(image, mask.astype(np.uint8), options.radius_px, method)
+    else:
+        small, hole = reduce(image, mask, factor)
+        small = cv2.inpaint(small, hole.astype(np.uint8), options.radius_px, method)
+        answer = _enlarge(small, image.shape[:2], factor)
+    filled[mask] = answer[mask]
+    return filled
+
+
+def reduce(image: UInt8Array, mask: BoolArray, factor: int) -> tuple[UInt8Array, BoolArray]:
+    """Shrink by a whole factor with means over unmasked pixels only, so that nothing of the hole leaks out.
+
+    Args:
+        image: (H, W, 3) uint8.
+        mask: (H, W) bool.
+        factor: pixels of ``image`` along each side of a small pixel; the last row and column may hold fewer.
+
+    Returns:
+        (ceil(H / factor), ceil(W / factor), 3) uint8, and the small mask: True where no unmasked pixel fell.
+    """
+    height, width = mask.shape
+    rows, columns = np.arange(0, height, factor), np.arange(0, width, factor)
+    known = ~mask
+    weighted = np.where(known[..., None], image, 0).astype(np.int64)
+    total = np.add.reduceat(np.add.reduceat(weighted, rows, axis=0), columns, axis=1)
+    count = np.add.reduceat(np.add.reduceat(known.astype(np.int64), rows, axis=0), columns, axis=1)
+    small = (total + count[..., None] // 2) // np.maximum(count, 1)[..., None]
+    return small.astype(np.uint8), count == 0
+
+
+def _enlarge(small: UInt8Array, shape: tuple[int, int], factor: int) -> UInt8Array:
+    # Pixel centres are integers: small pixel i is the mean of factor * i ... factor * i + factor - 1.
+    import cv2
+
+    height, width = shape
+    u = (np.arange(width, dtype=np.float32) - (factor - 1) / 2) / factor
+    v = (np.arange(height, dtype=np.float32) - (factor - 1) / 2) / factor
+    grid_u, grid_v = np.meshgrid(u, v)
+    return cv2.remap(small, grid_u, grid_v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
