@@ -1,0 +1,286 @@
+"""Photos in: one upright RGB image and what its file says about the camera."""
+
+from __future__ import annotations
+
+import math
+import os
+import stat
+import struct
+import warnings
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+from PIL import Image, ImageOps, UnidentifiedImageError
+
+from physic_core.errors import InputError
+from physic_core.io.exif import EXIF_IFD, ORIENTATION, intrinsics_from_exif
+
+if TYPE_CHECKING:
+    from physic_core.types import Intrinsics, UInt8Array
+
+__all__ = ["MAX_PIXELS", "MIN_SIDE", "Photo", "check_image", "prepare", "read_photo"]
+
+MIN_SIDE = 64
+"""Shorter side that a photo must have, px."""
+
+MAX_PIXELS = 150_000_000
+"""Photos above this are refused; decoding one takes up to 8 bytes a pixel."""
+
+_KEEP_PIXELS = 24_000_000  # larger photos are read at a half, a third, ... of their size
+_PILLOW_DAMAGE = (OSError, SyntaxError, ValueError, EOFError, KeyError, IndexError, TypeError, struct.error)
+
+
+@dataclass(frozen=True)
+class Photo:
+    """One photo, ready for reconstruction.
+
+    Attributes:
+        image: (H, W, 3) uint8 RGB, upright.
+        intrinsics: of ``image``, or None where the file does not tell.
+        notes: what was done to the pixels, in plain words.
+    """
+
+    image: UInt8Array
+    intrinsics: Intrinsics | None = None
+    notes: tuple[str, ...] = ()
+
+
+def read_photo(path: str | os.PathLike[str]) -> Photo:
+    """Photo file -> upright 8-bit RGB, its EXIF camera, and notes on every conversion.
+
+    Above 24 Mpx the photo is reduced while reading, by a whole factor (JPEG decodes straight to the smaller size).
+
+    Raises:
+        InputError: the file is missing, no image, damaged, too small or too large.
+    """
+    path = Path(path)
+    _check_file(path)
+    with warnings.catch_warnings():
+        # Pillow warns of large pictures and odd EXIF blocks; both are judged here.
+        warnings.simplefilter("ignore")
+        with _open(path) as image:
+            return _read(image, path)
+
+
+def prepare(photo: Photo, max_side: int) -> Photo:
+    """The same photo with its long side at most ``max_side`` px, resampled by area; intrinsics follow.
+
+    Raises:
+        InputError: the short side falls below ``MIN_SIDE``.
+    """
+    height, width = photo.image.shape[:2]
+    share = max_side / max(height, width)
+    if share >= 1:
+        return photo
+    new_width, new_height = max(1, round(width * share)), max(1, round(height * share))
+    if min(new_width, new_height) < MIN_SIDE:
+        raise InputError(
+            f"the photo is too long and thin: of its {width} x {height} px, {new_width} x {new_height} px are left at "
+            f"a long side of {max_side} px, and each side needs {MIN_SIDE} px; crop it, or allow a longer side"
+        )
+    import cv2
+
+    image = cast("UInt8Array", cv2.resize(photo.image, (new_width, new_height), interpolation=cv2.INTER_AREA))
+    intrinsics = photo.intrinsics.resized(new_width, new_height) if photo.intrinsics else None
+    return replace(photo, image=image, intrinsics=intrinsics)
+
+
+def check_image(image: Any) -> UInt8Array:
+    """An array that claims to be a photo -> (H, W, 3) uint8 RGB, contiguous.
+
+    Raises:
+        InputError: it is of another type, dtype, shape or size.
+    """
+    if not isinstance(image, np.ndarray):
+        raise InputError(
+            f"image must be a numpy array (H, W, 3) of uint8 RGB, got {type(image).__name__}: "
+            "read a file with physic_core.io.photo.read_photo, or convert it"
+        )
+    if image.ndim != 3 or image.shape[2] != 3:
+        raise InputError(f"image must be (H, W, 3), got {image.shape}: {_shape_advice(image.shape)}")
+    if image.dtype != np.uint8:
+        advice = "scale it to 0-255 and convert it" if image.dtype.kind == "f" else "convert it"
+        raise InputError(f"image must be uint8 with values 0-255, got {image.dtype}: {advice}")
+    if min(image.shape[:2]) < MIN_SIDE:
+        raise InputError(
+            f"image is {image.shape[1]} x {image.shape[0]} px, and each side must have at least {MIN_SIDE} px: "
+            "give a larger one"
+        )
+    return np.ascontiguousarray(image)
+
+
+def _shape_advice(shape: tuple[int, ...]) -> str:
+    if len(shape) == 2:
+        return "repeat the grey channel three times"
+    if len(shape) == 4 and shape[0] == 1:
+        return "drop the batch axis"
+    if len(shape) == 4:
+        return "give one image at a time"
+    if len(shape) == 3 and shape[2] == 4:
+        return "drop the alpha channel"
+    if len(shape) == 3 and shape[2] == 1:
+        return "repeat the grey channel three times"
+    if len(shape) == 3 and shape[0] == 3:
+        return "put the channels last"
+    return "give one RGB image"
+
+
+def _check_file(path: Path) -> None:
+    try:
+        status = path.stat()
+    except FileNotFoundError:
+        raise InputError(f"cannot read the photo {path}: there is no such file; check the path") from None
+    except OSError as error:
+        raise InputError(f"cannot read the photo {path}: {error.strerror}; check the path") from error
+    if stat.S_ISDIR(status.st_mode):
+        raise InputError(f"cannot read the photo {path}: it is a folder; name one image file")
+    if not stat.S_ISREG(status.st_mode):
+        raise InputError(f"cannot read the photo {path}: it is not a regular file; name one image file")
+    if status.st_size == 0:
+        raise InputError(f"cannot read the photo {path}: the file is empty (0 bytes); copy it again")
+
+
+def _open(path: Path) -> Image.Image:
+    try:
+        return Image.open(path)
+    except UnidentifiedImageError:
+        pass
+    except Image.DecompressionBombError:
+        raise _too_large(path) from None
+    except PermissionError as error:
+        raise InputError(f"cannot read the photo {path}: {error.strerror}; check who may read it") from error
+    except _PILLOW_DAMAGE as error:
+        raise _damaged(path) from error
+    if _is_heif(path):
+        return _open_heif(path)
+    raise InputError(
+        f"cannot read the photo {path}: it is not an image, or of an unknown kind; give a JPEG, PNG, WebP, AVIF or TIFF"
+    )
+
+
+def _is_heif(path: Path) -> bool:
+    with path.open("rb") as file:
+        head = file.read(12)
+    return head[4:8] == b"ftyp" and head[8:12] in (b"heic", b"heix", b"hevc", b"heim", b"heis", b"mif1", b"msf1")
+
+
+def _open_heif(path: Path) -> Image.Image:
+    """HEIC through the optional package ``pillow-heif``, which phones' photos need."""
+    try:
+        from pillow_heif import register_heif_opener  # type: ignore[import-not-found, unused-ignore]
+    except ImportError:
+        raise InputError(
+            f"cannot read the photo {path}: it is HEIC, which needs one more package; "
+            "run `pip install pillow-heif`, or convert the photo to JPEG"
+        ) from None
+    register_heif_opener()
+    try:
+        return Image.open(path)
+    except Image.DecompressionBombError:
+        raise _too_large(path) from None
+    except _PILLOW_DAMAGE as error:
+        raise _damaged(path) from error
+
+
+def _read(image: Image.Image, path: Path) -> Photo:
+    stored = image.size
+    if stored[0] * stored[1] > MAX_PIXELS:
+        raise _too_large(path)
+    if min(stored) < MIN_SIDE:
+        raise InputError(
+            f"cannot use the photo {path}: it is {stored[0]} x {stored[1]} px, and each side must have at least "
+            f"{MIN_SIDE} px; give a larger photo"
+        )
+    notes = list(_frame_notes(image))
+    deep = _is_deep(image)  # asked before the pixels are decoded, which drops the file's own mode
+    factor = math.ceil(math.sqrt(stored[0] * stored[1] / _KEEP_PIXELS))
+    try:
+        if factor > 1:
+            image.draft(image.mode, (stored[0] // factor, stored[1] // factor))
+        image.load()
+    except _PILLOW_DAMAGE as error:
+        raise _damaged(path) from error
+    orientation, tags = _exif(image)
+    rgb, conversions = _to_rgb(ImageOps.exif_transpose(image) if orientation != 1 else image, deep, path)
+    if orientation != 1:
+        notes.append("turned upright as the file's EXIF data say")
+    notes += conversions
+    left = factor // max(1, round(max(stored) / max(image.size)))  # what the decoder has not reduced itself
+    if left > 1:
+        rgb = rgb.reduce(left)
+    if factor > 1:
+        notes.append(f"{stored[0] * stored[1] / 1e6:.0f} megapixels were read at {rgb.size[0]} x {rgb.size[1]} px")
+    intrinsics, note = intrinsics_from_exif(tags, stored, rgb.size[0], rgb.size[1], orientation)
+    if note:
+        notes.append(note)
+    return Photo(np.array(rgb), intrinsics, tuple(notes))
+
+
+def _frame_notes(image: Image.Image) -> tuple[str, ...]:
+    frames = getattr(image, "n_frames", 1)
+    # A phone's MPO holds a preview or a depth picture behind the photo: nothing is lost by leaving it.
+    return (f"only the first of {frames} frames is used",) if frames > 1 and image.format != "MPO" else ()
+
+
+def _is_deep(image: Image.Image) -> bool:
+    """Whether the file holds 16 bits a colour; Pillow itself keeps that only of grey ones."""
+    if image.mode.startswith("I"):
+        return True
+    tiles = getattr(image, "tile", None) or ()
+    return any(";16" in str(tile[3]) for tile in tiles)
+
+
+def _exif(image: Image.Image) -> tuple[int, dict[int, Any]]:
+    try:
+        exif = image.getexif()
+        orientation = exif.get(ORIENTATION, 1)
+        tags = dict(exif.get_ifd(EXIF_IFD))
+    except _PILLOW_DAMAGE:
+        return 1, {}  # the pixels are sound: a broken EXIF block only loses the focal length
+    return (orientation if orientation in range(2, 9) else 1), tags
+
+
+def _to_rgb(image: Image.Image, deep: bool, path: Path) -> tuple[Image.Image, list[str]]:
+    """Any Pillow mode -> RGB, and what that did."""
+    notes = ["16 bits a channel were scaled to 8"] if deep else []
+    if image.mode.startswith("I"):
+        image = _grey_from_deep(image, path)
+    elif image.mode == "F":
+        raise InputError(f"cannot use the photo {path}: its pixels are floating point; save it with 8 bits a channel")
+    if image.has_transparency_data or image.mode in ("La", "RGBa"):
+        layers = image.convert("RGBA")
+        if np.asarray(layers)[..., 3].min() < 255:
+            notes.append("transparent parts were laid over mid-grey")
+            layers = Image.alpha_composite(Image.new("RGBA", layers.size, (128, 128, 128, 255)), layers)
+        grey = image.mode in ("LA", "La", "L")
+        image = layers.convert("RGB")
+    else:
+        grey = image.mode in ("1", "L")
+        if image.mode == "CMYK":
+            notes.append("CMYK colours were converted to RGB without a colour profile")
+        if image.mode != "RGB":
+            image = image.convert("RGB")
+    if grey:
+        notes.append("the photo is grey: its one channel stands for red, green and blue")
+    return image, notes
+
+
+def _grey_from_deep(image: Image.Image, path: Path) -> Image.Image:
+    values = np.asarray(image)
+    if values.size and (values.min() < 0 or values.max() > 65535):
+        raise InputError(f"cannot use the photo {path}: its pixels have 32 bits; save it with 8 bits a channel")
+    return Image.fromarray(((values.astype(np.uint32) + 128) // 257).astype(np.uint8))
+
+
+def _damaged(path: Path) -> InputError:
+    return InputError(
+        f"cannot read the photo {path}: its data are damaged or cut off; copy it again from where it came"
+    )
+
+
+def _too_large(path: Path) -> InputError:
+    return InputError(
+        f"cannot use the photo {path}: it has more than {MAX_PIXELS // 1_000_000} megapixels; give a smaller version"
+    )

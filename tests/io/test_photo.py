@@ -1,0 +1,496 @@
+"""Photos in: every kind of file ends in an upright RGB image with notes, or in a message that says what to do."""
+
+from __future__ import annotations
+
+import math
+import os
+import struct
+import sys
+import types
+import zlib
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from physic_core.errors import InputError
+from physic_core.io.photo import Photo, check_image, prepare, read_photo
+from physic_core.types import Intrinsics
+
+WIDTH, HEIGHT = 96, 72
+
+
+def corners(width=WIDTH, height=HEIGHT) -> np.ndarray:
+    """Red top left, green top right, blue bottom left, white bottom right."""
+    image = np.zeros((height, width, 3), np.uint8)
+    image[: height // 2, : width // 2, 0] = 255
+    image[: height // 2, width // 2 :, 1] = 255
+    image[height // 2 :, : width // 2, 2] = 255
+    image[height // 2 :, width // 2 :] = 255
+    return image
+
+
+def message_of(path) -> str:
+    with pytest.raises(InputError) as caught:
+        read_photo(path)
+    return str(caught.value)
+
+
+def save_with_exif(path, orientation=1, size=(WIDTH, HEIGHT), **tags):
+    numbers = {"f35": 0xA405, "f": 0x920A, "px": 0xA002, "py": 0xA003, "rx": 0xA20E, "ry": 0xA20F, "unit": 0xA210}
+    image = Image.fromarray(corners(*size))
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    exif.get_ifd(0x8769).update({numbers[name]: value for name, value in tags.items()})
+    image.save(path, exif=exif, quality=95)
+    return path
+
+
+# --- what is refused ----------------------------------------------------------------------------------------------
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    path = tmp_path / "missing.jpg"
+    assert message_of(path) == f"cannot read the photo {path}: there is no such file; check the path"
+
+
+def test_a_folder(tmp_path):
+    assert message_of(tmp_path) == f"cannot read the photo {tmp_path}: it is a folder; name one image file"
+
+
+def test_a_path_through_a_file(tmp_path):
+    (tmp_path / "a.jpg").write_bytes(b"x")
+    path = tmp_path / "a.jpg" / "b.jpg"
+    assert message_of(path) == f"cannot read the photo {path}: Not a directory; check the path"
+
+
+def test_something_that_is_not_a_file():
+    message = "cannot read the photo /dev/null: it is not a regular file; name one image file"
+    assert message_of("/dev/null") == message
+
+
+def test_zero_bytes(tmp_path):
+    path = tmp_path / "empty.jpg"
+    path.write_bytes(b"")
+    assert message_of(path) == f"cannot read the photo {path}: the file is empty (0 bytes); copy it again"
+
+
+@pytest.mark.parametrize("content", [b"%PDF-1.7 no image", b"\xff\xd8", bytes(range(256)) * 20])
+def test_not_an_image(tmp_path, content):
+    path = tmp_path / "letter.jpg"
+    path.write_bytes(content)
+    assert message_of(path) == (
+        f"cannot read the photo {path}: it is not an image, or of an unknown kind; give a JPEG, PNG, WebP, AVIF or TIFF"
+    )
+
+
+@pytest.mark.parametrize("suffix", ["jpg", "png", "tiff"])
+def test_a_truncated_photo(tmp_path, suffix):
+    path = tmp_path / f"photo.{suffix}"
+    noise = np.random.default_rng(0).integers(0, 255, (200, 300, 3), np.uint8)
+    Image.fromarray(noise).save(path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) * 6 // 10])
+    assert message_of(path) == (
+        f"cannot read the photo {path}: its data are damaged or cut off; copy it again from where it came"
+    )
+
+
+def test_heic_without_its_package(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pillow_heif", None)
+    path = tmp_path / "IMG_0001.HEIC"
+    path.write_bytes(b"\x00\x00\x00\x18ftypheic\x00\x00\x00\x00mif1heic" + bytes(64))
+    assert message_of(path) == (
+        f"cannot read the photo {path}: it is HEIC, which needs one more package; "
+        "run `pip install pillow-heif`, or convert the photo to JPEG"
+    )
+
+
+def test_heic_with_its_package_is_handed_to_it(tmp_path, monkeypatch):
+    asked = []
+    module = types.ModuleType("pillow_heif")
+    module.register_heif_opener = lambda: asked.append(True)
+    monkeypatch.setitem(sys.modules, "pillow_heif", module)
+    path = tmp_path / "IMG_0001.HEIC"
+    path.write_bytes(b"\x00\x00\x00\x18ftypheic\x00\x00\x00\x00mif1heic" + bytes(64))
+    assert message_of(path).endswith("its data are damaged or cut off; copy it again from where it came")
+    assert asked == [True]
+
+
+def test_eight_pixels(tmp_path):
+    path = tmp_path / "tiny.png"
+    Image.new("RGB", (8, 8)).save(path)
+    assert message_of(path) == (
+        f"cannot use the photo {path}: it is 8 x 8 px, and each side must have at least 64 px; give a larger photo"
+    )
+
+
+@pytest.mark.parametrize("side", [13_000, 30_000])
+def test_more_pixels_than_can_be_held(tmp_path, side):
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    path = tmp_path / "huge.png"
+    header = chunk(b"IHDR", struct.pack(">IIBBBBB", side, side, 8, 2, 0, 0, 0))
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + header + chunk(b"IDAT", zlib.compress(b"")) + chunk(b"IEND", b""))
+    assert message_of(path) == (f"cannot use the photo {path}: it has more than 150 megapixels; give a smaller version")
+
+
+def test_floating_point_pixels(tmp_path):
+    path = tmp_path / "depth.tiff"
+    Image.fromarray(np.ones((HEIGHT, WIDTH), np.float32)).save(path)
+    assert message_of(path) == (
+        f"cannot use the photo {path}: its pixels are floating point; save it with 8 bits a channel"
+    )
+
+
+def test_thirty_two_bits(tmp_path):
+    path = tmp_path / "counts.tiff"
+    Image.fromarray(np.full((HEIGHT, WIDTH), 1 << 20, np.int32)).save(path)
+    assert message_of(path) == f"cannot use the photo {path}: its pixels have 32 bits; save it with 8 bits a channel"
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root may read everything")
+def test_a_photo_that_may_not_be_read(tmp_path):
+    path = tmp_path / "mine.png"
+    Image.fromarray(corners()).save(path)
+    path.chmod(0)
+    assert message_of(path) == f"cannot read the photo {path}: Permission denied; check who may read it"
+
+
+# --- what is converted --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("suffix", ["png", "webp", "bmp", "tiff", "gif"])
+def test_a_plain_photo_comes_as_it_is_without_notes(tmp_path, suffix):
+    path = tmp_path / f"photo.{suffix}"
+    Image.fromarray(corners()).save(path, **({"lossless": True} if suffix == "webp" else {}))
+    photo = read_photo(path)
+    np.testing.assert_array_equal(photo.image, corners())
+    assert photo.image.dtype == np.uint8
+    assert photo.image.flags.writeable
+    assert photo.image.flags.c_contiguous
+    assert (photo.intrinsics, photo.notes) == (None, ())
+
+
+def test_a_path_may_be_text(tmp_path):
+    Image.fromarray(corners()).save(tmp_path / "photo.png")
+    assert read_photo(str(tmp_path / "photo.png")).image.shape == (HEIGHT, WIDTH, 3)
+
+
+def test_cmyk(tmp_path):
+    path = tmp_path / "print.jpg"
+    Image.fromarray(corners()).convert("CMYK").save(path, quality=95)
+    photo = read_photo(path)
+    assert np.abs(photo.image.astype(int) - corners()).mean() < 8
+    assert photo.notes == ("CMYK colours were converted to RGB without a colour profile",)
+
+
+def test_grey(tmp_path):
+    path = tmp_path / "grey.png"
+    grey = corners()[..., 0] // 2
+    Image.fromarray(grey).save(path)
+    photo = read_photo(path)
+    np.testing.assert_array_equal(photo.image, np.repeat(grey[..., None], 3, -1))
+    assert photo.notes == ("the photo is grey: its one channel stands for red, green and blue",)
+
+
+def test_black_and_white(tmp_path):
+    path = tmp_path / "fax.png"
+    Image.fromarray(corners()[..., 0] > 0).save(path)
+    photo = read_photo(path)
+    np.testing.assert_array_equal(photo.image, np.repeat(corners()[..., :1], 3, -1))
+    assert photo.notes == ("the photo is grey: its one channel stands for red, green and blue",)
+
+
+def test_sixteen_bit_grey(tmp_path):
+    path = tmp_path / "deep.png"
+    deep = np.linspace(0, 65535, HEIGHT * WIDTH).round().astype(np.uint16).reshape(HEIGHT, WIDTH)
+    Image.fromarray(deep).save(path)
+    photo = read_photo(path)
+    assert np.abs(photo.image[..., 0] - deep / 257.0).max() <= 0.5 + 1e-9
+    assert photo.notes == (
+        "16 bits a channel were scaled to 8",
+        "the photo is grey: its one channel stands for red, green and blue",
+    )
+
+
+def test_sixteen_bit_rgb(tmp_path):
+    import cv2
+
+    path = tmp_path / "deep.png"
+    assert cv2.imwrite(str(path), corners()[..., ::-1].astype(np.uint16) * 257)
+    photo = read_photo(path)
+    np.testing.assert_array_equal(photo.image, corners())
+    assert photo.notes == ("16 bits a channel were scaled to 8",)
+
+
+def test_alpha_is_laid_over_mid_grey(tmp_path):
+    path = tmp_path / "cutout.png"
+    alpha = np.full((HEIGHT, WIDTH, 1), 255, np.uint8)
+    alpha[:, :48] = 0
+    Image.fromarray(np.concatenate([corners(), alpha], -1)).save(path)
+    photo = read_photo(path)
+    assert (photo.image[:, :48] == 128).all()
+    np.testing.assert_array_equal(photo.image[:, 48:], corners()[:, 48:])
+    assert photo.notes == ("transparent parts were laid over mid-grey",)
+
+
+def test_an_alpha_channel_that_hides_nothing_goes_silently(tmp_path):
+    path = tmp_path / "opaque.png"
+    Image.fromarray(corners()).convert("RGBA").save(path)
+    photo = read_photo(path)
+    np.testing.assert_array_equal(photo.image, corners())
+    assert photo.notes == ()
+
+
+def test_grey_with_alpha(tmp_path):
+    path = tmp_path / "grey.png"
+    pixels = np.zeros((HEIGHT, WIDTH, 2), np.uint8)
+    pixels[..., 0], pixels[:10, :, 1] = 200, 255
+    Image.fromarray(pixels).save(path)
+    photo = read_photo(path)
+    assert (photo.image[:10] == 200).all()
+    assert (photo.image[10:] == 128).all()
+    assert photo.notes == (
+        "transparent parts were laid over mid-grey",
+        "the photo is grey: its one channel stands for red, green and blue",
+    )
+
+
+def test_palette(tmp_path):
+    path = tmp_path / "palette.png"
+    Image.fromarray(corners()).convert("P", palette=Image.Palette.ADAPTIVE, colors=4).save(path)
+    photo = read_photo(path)
+    np.testing.assert_array_equal(photo.image, corners())
+    assert photo.notes == ()
+
+
+def test_palette_with_transparency(tmp_path):
+    path = tmp_path / "palette.png"
+    image = Image.fromarray(corners()).convert("P", palette=Image.Palette.ADAPTIVE, colors=4)
+    image.save(path, transparency=image.getpixel((0, 0)))
+    photo = read_photo(path)
+    assert (photo.image[:36, :48] == 128).all()
+    np.testing.assert_array_equal(photo.image[36:], corners()[36:])
+    assert photo.notes == ("transparent parts were laid over mid-grey",)
+
+
+def test_only_the_first_frame_of_an_animation_is_used(tmp_path):
+    path = tmp_path / "wave.gif"
+    frames = [Image.fromarray(corners()), Image.new("RGB", (WIDTH, HEIGHT), "black")]
+    frames[0].save(path, save_all=True, append_images=frames[1:])
+    photo = read_photo(path)
+    np.testing.assert_array_equal(photo.image, corners())
+    assert photo.notes == ("only the first of 2 frames is used",)
+
+
+def test_the_extra_picture_of_a_phone_is_no_news(tmp_path):
+    path = tmp_path / "phone.jpg"
+    frames = [Image.fromarray(corners()), Image.new("RGB", (WIDTH, HEIGHT), "black")]
+    frames[0].save(path, format="MPO", save_all=True, append_images=frames[1:])
+    photo = read_photo(path)
+    assert np.abs(photo.image.astype(int) - corners()).mean() < 8
+    assert photo.notes == ()
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_a_turned_photo_comes_upright(tmp_path, orientation):
+    turn = {
+        1: lambda a: a,
+        2: lambda a: a[:, ::-1],
+        3: lambda a: a[::-1, ::-1],
+        4: lambda a: a[::-1],
+        5: lambda a: a.transpose(1, 0, 2),
+        6: lambda a: np.rot90(a, 1),
+        7: lambda a: a[::-1, ::-1].transpose(1, 0, 2),
+        8: lambda a: np.rot90(a, -1),
+    }[orientation]
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    path = tmp_path / "turned.png"
+    Image.fromarray(np.ascontiguousarray(turn(corners()))).save(path, exif=exif)
+    photo = read_photo(path)
+    np.testing.assert_array_equal(photo.image, corners())
+    assert photo.notes == (() if orientation == 1 else ("turned upright as the file's EXIF data say",))
+
+
+def test_eighty_megapixels_are_read_at_half_size(tmp_path):
+    path = tmp_path / "large.jpg"
+    tile = Image.fromarray(corners(10_000, 8_000))
+    tile.save(path, quality=50)
+    photo = read_photo(path)
+    assert photo.image.shape == (4000, 5000, 3)
+    assert photo.notes == ("80 megapixels were read at 5000 x 4000 px",)
+    assert np.abs(photo.image[::40, ::40].astype(int) - corners(125, 100)).mean() < 2
+
+
+def test_a_large_png_is_reduced_after_decoding(tmp_path):
+    path = tmp_path / "large.png"
+    Image.fromarray(corners(8_000, 7_000)).save(path, compress_level=1)
+    photo = read_photo(path)
+    assert photo.image.shape == (3500, 4000, 3)
+    assert photo.notes == ("56 megapixels were read at 4000 x 3500 px",)
+    np.testing.assert_array_equal(photo.image[::50, ::50], corners(80, 70))
+
+
+# --- what the file says about the camera --------------------------------------------------------------------------
+
+
+def test_the_35_mm_equivalent_is_read_by_the_diagonal(tmp_path):
+    photo = read_photo(save_with_exif(tmp_path / "a.jpg", f35=26))
+    focal = 26 * math.hypot(WIDTH, HEIGHT) / math.hypot(36, 24)
+    assert photo.intrinsics == Intrinsics(
+        focal, focal, 47.5, 35.5, WIDTH, HEIGHT, "EXIF: 26 mm (35 mm equivalent, by the diagonal)"
+    )
+    assert photo.notes == ()
+
+
+def test_a_full_frame_camera_has_the_same_focal_length_by_either_rule(tmp_path):
+    equivalent = read_photo(save_with_exif(tmp_path / "a.jpg", size=(360, 240), f35=50)).intrinsics
+    sensor = read_photo(
+        save_with_exif(tmp_path / "b.jpg", size=(360, 240), f=50.0, rx=100.0, ry=100.0, unit=3)
+    ).intrinsics
+    assert equivalent is not None
+    assert sensor is not None
+    assert sensor.fx == pytest.approx(50 / 36 * 360, rel=1e-6)
+    assert equivalent.fx == pytest.approx(sensor.fx, rel=1e-6)
+    assert sensor.source == "EXIF: 50 mm and the sensor's resolution"
+
+
+def test_the_sensor_s_resolution_counts_the_pixels_that_the_camera_wrote(tmp_path):
+    path = save_with_exif(tmp_path / "a.jpg", size=(360, 240), f=50.0, rx=100.0 * 25.4, px=3600, py=2400, unit=2)
+    intrinsics = read_photo(path).intrinsics
+    assert intrinsics is not None
+    assert intrinsics.fx == pytest.approx(50 * 100 / 10, rel=1e-6)
+    assert intrinsics.fy == pytest.approx(intrinsics.fx)
+
+
+def test_a_turned_photo_swaps_the_focal_lengths(tmp_path):
+    path = save_with_exif(tmp_path / "a.jpg", orientation=6, size=(360, 240), f=50.0, rx=100.0, ry=110.0, unit=3)
+    intrinsics = read_photo(path).intrinsics
+    assert intrinsics is not None
+    assert (intrinsics.width, intrinsics.height) == (240, 360)
+    assert intrinsics.fx == pytest.approx(550, rel=1e-6)
+    assert intrinsics.fy == pytest.approx(500, rel=1e-6)
+
+
+def test_a_cropped_photo_keeps_no_focal_length(tmp_path):
+    photo = read_photo(save_with_exif(tmp_path / "a.jpg", f35=26, px=4000, py=2000))
+    assert photo.intrinsics is None
+    assert photo.notes == (
+        "the focal length in the EXIF data was ignored: it belongs to 4000 x 2000 px, but the file has 96 x 72 px, "
+        "so the photo was cropped",
+    )
+
+
+def test_a_resized_photo_keeps_its_focal_length(tmp_path):
+    assert read_photo(save_with_exif(tmp_path / "a.jpg", f35=26, px=4000, py=3000)).intrinsics is not None
+
+
+def test_an_impossible_focal_length_is_ignored(tmp_path):
+    photo = read_photo(save_with_exif(tmp_path / "a.jpg", f35=4000))
+    assert photo.intrinsics is None
+    assert photo.notes == ("the focal length in the EXIF data was ignored: 1.2e+02 times the long side is no camera's",)
+
+
+@pytest.mark.parametrize(
+    "tags", [{"f35": 0}, {"f": 0.0, "rx": 100.0}, {"f": 50.0}, {"f": 50.0, "rx": 100.0, "unit": 9}]
+)
+def test_an_unknown_focal_length_is_unknown(tmp_path, tags):
+    photo = read_photo(save_with_exif(tmp_path / "a.jpg", **tags))
+    assert (photo.intrinsics, photo.notes) == (None, ())
+
+
+def test_a_broken_exif_block_only_loses_the_camera(tmp_path):
+    path = tmp_path / "a.jpg"
+    Image.fromarray(corners()).save(path, exif=b"Exif\x00\x00II*\x00\xff\xff\xff\xff garbage")
+    photo = read_photo(path)
+    assert photo.image.shape == (HEIGHT, WIDTH, 3)
+    assert photo.intrinsics is None
+
+
+# --- resizing -----------------------------------------------------------------------------------------------------
+
+
+def test_a_small_photo_is_left_alone():
+    photo = Photo(corners())
+    assert prepare(photo, 96) is photo
+
+
+def test_resizing_averages_and_moves_the_camera_along():
+    image = corners(400, 300)
+    photo = prepare(Photo(image, Intrinsics(300.0, 310.0, 199.5, 149.5, 400, 300), ("note",)), 200)
+    np.testing.assert_array_equal(photo.image, image.reshape(150, 2, 200, 2, 3).mean((1, 3)).round().astype(np.uint8))
+    assert photo.intrinsics == Intrinsics(150.0, 155.0, 99.5, 74.5, 200, 150)
+    assert photo.notes == ("note",)
+
+
+@given(
+    width=st.integers(100, 300),
+    height=st.integers(100, 300),
+    side=st.integers(70, 400),
+    x=st.floats(-1, 1),
+    y=st.floats(-1, 1),
+)
+def test_a_ray_meets_the_same_spot_of_the_resized_photo(width, height, side, x, y):
+    before = Intrinsics.from_focal(250.0, width, height)
+    photo = Photo(np.zeros((height, width, 3), np.uint8), before)
+    try:
+        after = prepare(photo, side).intrinsics
+    except InputError:
+        assert min(width, height) * side / max(width, height) < 64.5
+        return
+    assert after is not None
+    spot = (before.fx * x + before.cx + 0.5) / width, (before.fy * y + before.cy + 0.5) / height
+    assert (after.fx * x + after.cx + 0.5) / after.width == pytest.approx(spot[0])
+    assert (after.fy * y + after.cy + 0.5) / after.height == pytest.approx(spot[1])
+
+
+def test_a_strip_is_refused():
+    with pytest.raises(InputError) as caught:
+        prepare(Photo(np.zeros((80, 2000, 3), np.uint8)), 1000)
+    assert str(caught.value) == (
+        "the photo is too long and thin: of its 2000 x 80 px, 1000 x 40 px are left at a long side of 1000 px, "
+        "and each side needs 64 px; crop it, or allow a longer side"
+    )
+
+
+# --- arrays -------------------------------------------------------------------------------------------------------
+
+
+def test_a_good_array_passes_as_it_is():
+    image = corners()
+    assert check_image(image) is image
+    assert check_image(image[:, ::-1]).flags.c_contiguous
+
+
+@pytest.mark.parametrize(
+    ("image", "message"),
+    [
+        (
+            "photo.jpg",
+            "image must be a numpy array (H, W, 3) of uint8 RGB, got str: "
+            "read a file with physic_core.io.photo.read_photo, or convert it",
+        ),
+        (np.zeros((72, 96), np.uint8), "image must be (H, W, 3), got (72, 96): repeat the grey channel three times"),
+        (np.zeros((1, 72, 96, 3), np.uint8), "image must be (H, W, 3), got (1, 72, 96, 3): drop the batch axis"),
+        (np.zeros((2, 72, 96, 3), np.uint8), "image must be (H, W, 3), got (2, 72, 96, 3): give one image at a time"),
+        (np.zeros((72, 96, 4), np.uint8), "image must be (H, W, 3), got (72, 96, 4): drop the alpha channel"),
+        (
+            np.zeros((72, 96, 1), np.uint8),
+            "image must be (H, W, 3), got (72, 96, 1): repeat the grey channel three times",
+        ),
+        (np.zeros((3, 72, 96), np.uint8), "image must be (H, W, 3), got (3, 72, 96): put the channels last"),
+        (np.zeros(5, np.uint8), "image must be (H, W, 3), got (5,): give one RGB image"),
+        (np.zeros((72, 96, 3)), "image must be uint8 with values 0-255, got float64: scale it to 0-255 and convert it"),
+        (np.zeros((72, 96, 3), np.int64), "image must be uint8 with values 0-255, got int64: convert it"),
+        (np.zeros((8, 8, 3), np.uint8), "image is 8 x 8 px, and each side must have at least 64 px: give a larger one"),
+    ],
+)
+def test_a_bad_array_is_refused(image, message):
+    with pytest.raises(InputError) as caught:
+        check_image(image)
+    assert str(caught.value) == message
