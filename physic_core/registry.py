@@ -1,13 +1,27 @@
-"""Which backends there are, by interface and name."""
+"""Which backends there are, by interface and name, and what to say when one is not there."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import importlib
+import re
+import sys
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from typing import TYPE_CHECKING
 
-__all__ = ["PLUGIN_API", "BackendRecord"]
+from physic_core.catalog import distribution_for
+from physic_core.errors import BackendError, BackendNotFoundError
+
+if TYPE_CHECKING:
+    from physic_core.interfaces import Backend
+
+__all__ = ["PLUGIN_API", "BackendRecord", "BrokenPlugin", "Claim", "Origin", "Registry", "normal_name"]
 
 PLUGIN_API = 1
 """Version of the contract between the core and its plugins: the hook, the record and the eight interfaces."""
+
+_TARGET = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*(\.[^\W\d]\w*)*")
 
 
 @dataclass(frozen=True)
@@ -18,7 +32,8 @@ class BackendRecord:
         interface: "segmenter", "inpainter", "metric_depth", "relative_pointmap", "keypoint_detector", "body_estimator",
             "hand_estimator" or "contact_prior".
         name: the backend's name in configs, lower case with hyphens.
-        target: "package.module:Class", imported when the backend is first used.
+        target: "package.module:Class", imported when the backend is first used. In a registry built by hand, the class
+            itself will do.
         api: plugin API that the backend was written for.
         summary: one line for ``physic plugins``.
         weights_license: licence of the weights in words; empty where there are none.
@@ -28,9 +43,204 @@ class BackendRecord:
 
     interface: str
     name: str
-    target: str
+    target: str | type[Backend]
     api: int = PLUGIN_API
     summary: str = ""
     weights_license: str = ""
     needs: tuple[str, ...] = ()
     homepage: str = ""
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Who made a claim.
+
+    Attributes:
+        plugin: import name of the plugin's module.
+        distribution: installed distribution.
+        version: of the distribution.
+        seconds: time that the plugin took to say what it offers.
+    """
+
+    plugin: str
+    distribution: str
+    version: str = ""
+    seconds: float = field(default=0.0, compare=False)
+
+    def __str__(self) -> str:
+        return f"{self.distribution} {self.version}".strip()
+
+
+BY_HAND = Origin("", "registered by hand")
+IN_CONFIG = Origin("", "named in the config")
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One backend, as somebody offers it.
+
+    Attributes:
+        record: what it is.
+        origin: who offers it.
+        problem: why it cannot be used, in words; empty where nothing speaks against it.
+    """
+
+    record: BackendRecord
+    origin: Origin
+    problem: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.record.interface} '{self.record.name}' ({self.origin})"
+
+
+@dataclass(frozen=True)
+class BrokenPlugin:
+    """A plugin that could not say what it offers.
+
+    Attributes:
+        origin: which one.
+        cause: in one line.
+        error: the exception itself, if there was one.
+    """
+
+    origin: Origin
+    cause: str
+    error: BaseException | None = field(default=None, compare=False)
+
+    def __str__(self) -> str:
+        return f"{self.origin} ({self.cause})"
+
+
+class Registry:
+    """Backends by interface and name.
+
+    :func:`physic_core.plugins.discover` builds one of all that is installed; a test or a notebook builds its own::
+
+        registry = Registry()
+        registry.register(BackendRecord("metric_depth", "mine", MyDepth))
+
+    Args:
+        claims: backends on offer; two may claim one name, and neither gets it.
+        broken: plugins that could not be read.
+        restriction: value of ``PHYSIC_PLUGINS`` that hid the rest, None where nothing did.
+    """
+
+    def __init__(
+        self, claims: Iterable[Claim] = (), broken: Iterable[BrokenPlugin] = (), *, restriction: str | None = None
+    ) -> None:
+        self._claims = list(claims)
+        self.broken = tuple(broken)
+        self.restriction = restriction
+
+    def __iter__(self) -> Iterator[Claim]:
+        """Every claim, by interface, name and distribution."""
+        return iter(sorted(self._claims, key=lambda c: (c.record.interface, c.record.name, c.origin.distribution)))
+
+    def register(self, record: BackendRecord, origin: Origin = BY_HAND) -> None:
+        """Offer one more backend."""
+        self._claims.append(Claim(record, origin))
+
+    def names(self, interface: str) -> tuple[str, ...]:
+        """Names on offer for an interface, sorted."""
+        return tuple(sorted({c.record.name for c in self._claims if c.record.interface == interface}))
+
+    def rivals(self, claim: Claim) -> tuple[Claim, ...]:
+        """The claims of others to the same name."""
+        wanted = (claim.record.interface, claim.record.name)
+        return tuple(c for c in self if (c.record.interface, c.record.name) == wanted and c is not claim)
+
+    def get(self, interface: str, name: str) -> Claim:
+        """Look a backend up.
+
+        Args:
+            interface: "metric_depth", ...
+            name: a name; "distribution:name" where two distributions offer the same; "package.module:Class" for a class
+                that no plugin registers.
+
+        Raises:
+            BackendNotFoundError: nothing installed offers it.
+            BackendError: two distributions offer it, or it was written for another plugin API.
+        """
+        distribution, colon, rest = name.rpartition(":")
+        found = [c for c in self if c.record.interface == interface and c.record.name == rest]
+        if colon:
+            found = [c for c in found if normal_name(c.origin.distribution) == normal_name(distribution)]
+            if not found and _TARGET.fullmatch(name) and not self._knows(distribution):
+                return Claim(BackendRecord(interface, name, name), IN_CONFIG)
+        if not found:
+            raise self._not_found(interface, name)
+        if len(found) > 1:
+            raise BackendError(self.explain_rivals(found))
+        if found[0].problem:
+            raise BackendError(f"{found[0]} cannot be used: {found[0].problem}")
+        return found[0]
+
+    def load_class(self, claim: Claim) -> type[Backend]:
+        """Import what a claim points at.
+
+        Raises:
+            BackendError: the target cannot be imported, or is no class of its interface.
+        """
+        from physic_core.interfaces import INTERFACES
+
+        record, wanted = claim.record, INTERFACES[claim.record.interface]
+        found: object = record.target
+        if isinstance(record.target, str):
+            module, _, path = record.target.partition(":")
+            try:
+                found = importlib.import_module(module)
+                for part in path.split("."):
+                    found = getattr(found, part)
+            except Exception as cause:  # a plugin's door: whatever its module does wrong, say whose it is
+                raise BackendError(
+                    f"{claim} cannot be imported from {record.target}: {type(cause).__name__}: {cause}"
+                ) from cause
+        if not (isinstance(found, type) and issubclass(found, wanted)):
+            raise BackendError(f"{claim}: {record.target} is no subclass of physic_core.interfaces.{wanted.__name__}")
+        return found
+
+    def explain_rivals(self, claims: Iterable[Claim]) -> str:
+        """What to do about several claims to one name; one line."""
+        claims = tuple(claims)
+        record = claims[0].record
+        offer = f"{_a(record.interface)} named '{record.name}'"
+        distributions = dict.fromkeys(c.origin.distribution for c in claims)
+        if len(distributions) == 1:
+            return f"{claims[0].origin} offers {offer} {len(claims)} times: its author has to remove all but one"
+        choices = " or ".join(f"'{d}:{record.name}'" for d in distributions)
+        return f"{' and '.join(str(c.origin) for c in claims)} each offer {offer}: write {choices} to choose"
+
+    def explain_missing(self, interface: str, name: str) -> str:
+        """Why there is no such backend, and what to do about it; one line."""
+        asked, _, bare = name.rpartition(":")
+        names = self.names(interface)
+        owners = [c.origin.distribution for c in self if c.record.interface == interface and c.record.name == bare]
+        says = [f"no {interface} named '{name}'; installed: {', '.join(names) or 'none'}"]
+        if asked and owners:
+            says.append(f"'{bare}' comes from {' and '.join(owners)}")
+        elif close := get_close_matches(bare, names, n=1):
+            says.append(f"Did you mean '{close[0]}'?")
+        elif known := distribution_for(interface, bare):
+            says.append(f"'{bare}' comes with {known}: pip install {known}")
+        if self.broken:
+            says.append(f"Broken plugins: {', '.join(map(str, self.broken))}")
+        if self.restriction is not None:
+            says.append(f"PHYSIC_PLUGINS='{self.restriction}' hides every other plugin")
+        return ". ".join(says).replace("?.", "?")
+
+    def _not_found(self, interface: str, name: str) -> BackendNotFoundError:
+        error = BackendNotFoundError(f"{self.explain_missing(interface, name)}\nPython: {sys.executable}")
+        error.__cause__ = next((b.error for b in self.broken if b.error), None)
+        return error
+
+    def _knows(self, distribution: str) -> bool:
+        return any(normal_name(c.origin.distribution) == normal_name(distribution) for c in self._claims)
+
+
+def normal_name(distribution: str) -> str:
+    """A distribution's name as it is compared: without regard to case and to the kind of dash."""
+    return re.sub(r"[-_.]+", "-", distribution).lower()
+
+
+def _a(interface: str) -> str:
+    return f"an {interface}" if interface[0] in "aeiou" else f"a {interface}"

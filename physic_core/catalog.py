@@ -1,0 +1,41 @@
+"""Which known distribution offers which backend: only for the hint that says what to install."""
+
+from __future__ import annotations
+
+__all__ = ["CATALOG", "distribution_for"]
+
+CATALOG: dict[str, dict[str, tuple[str, ...]]] = {
+    "physic-embedded": {
+        "body_estimator": ("embedded",),
+        "contact_prior": ("embedded",),
+        "hand_estimator": ("embedded",),
+        "inpainter": ("embedded",),
+        "keypoint_detector": ("embedded",),
+        "metric_depth": ("embedded",),
+        "relative_pointmap": ("embedded",),
+        "segmenter": ("embedded",),
+    },
+    "physic-mock": {
+        "body_estimator": ("mock",),
+        "contact_prior": ("mock",),
+        "hand_estimator": ("mock",),
+        "inpainter": ("mock",),
+        "keypoint_detector": ("mock",),
+        "metric_depth": ("mock",),
+        "relative_pointmap": ("mock",),
+        "segmenter": ("mock",),
+    },
+    "physic-opencv": {
+        "inpainter": ("navier-stokes", "patch-based", "telea"),
+        "segmenter": ("grabcut",),
+    },
+}
+"""Distribution -> interface -> names; a test holds it to what the distributions register."""
+
+
+def distribution_for(interface: str, name: str) -> str | None:
+    """The known distribution that offers a backend, or None."""
+    for distribution, offers in CATALOG.items():
+        if name in offers.get(interface, ()):
+            return distribution
+    return None

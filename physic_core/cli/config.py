@@ -1,0 +1,123 @@
+"""``physic config``: check a configuration, show what it comes to, begin a new one."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from physic_core.errors import OutputError
+
+if TYPE_CHECKING:
+    from physic_core.config import Config
+
+__all__ = ["config"]
+
+
+@click.group()
+def config() -> None:
+    """Check, show or begin a configuration."""
+
+
+def _arguments(command: Callable[..., None]) -> Callable[..., None]:
+    command = click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Change one value.")(command)
+    command = click.option("--preset", metavar="NAME", help="Preset to look at instead of a file.")(command)
+    return click.argument("file", required=False, type=click.Path(path_type=Path))(command)
+
+
+@config.command()
+@_arguments
+def check(file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> None:
+    """Check FILE as a whole, options of backends included; nothing is loaded."""
+    from physic_core.plugins import discover
+    from physic_core.resolve import check as check_backends
+
+    found = _load(file, preset, overrides)
+    check_backends(found, discover())
+    click.echo(f"{file or f'preset {preset}' if file or preset else 'preset embedded'}: no errors")
+
+
+@config.command()
+@_arguments
+def show(file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> None:
+    """Print what FILE comes to, and where each value is from."""
+    click.echo(resolved_toml(_load(file, preset, overrides)), nl=False)
+
+
+@config.command()
+@click.argument("file", type=click.Path(path_type=Path), default=Path("physic.toml"))
+@click.option("--preset", metavar="NAME", default="embedded", show_default=True, help="Preset to build on.")
+def init(file: Path, preset: str) -> None:
+    """Write a config with every value commented out to FILE."""
+    text = template(preset)
+    try:
+        with file.open("x", encoding="utf-8") as out:
+            out.write(text)
+    except FileExistsError:
+        raise OutputError(f"{file} exists already: choose another name") from None
+    except OSError as error:
+        raise OutputError(f"{file} cannot be written: {error.strerror}") from error
+    click.echo(f"wrote {file}; try: physic run PHOTO --config {file}")
+
+
+def _load(file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> Config:
+    if file is not None and preset is not None:
+        raise click.UsageError('FILE names its preset itself, with extends = "NAME": leave --preset out')
+    from physic_core.config import load_config
+
+    return load_config(file, preset=preset, overrides=overrides)
+
+
+def resolved_toml(found: Config) -> str:
+    """A config as TOML, each value with its source as a comment."""
+    blocks = []
+    for name, table in found.as_dict().items():
+        blocks += _table(name, table, lambda path: f"  # {found.source(path)}")
+    return "\n".join(blocks).lstrip("\n") + "\n"
+
+
+def template(preset: str) -> str:
+    """A config that builds on a preset, everything that it could change commented out with its description."""
+    from physic_core.config import load_config
+
+    found = load_config(preset=preset)
+    lines = [f'extends = "{preset}"', "", "# Remove the # of a table's head and of the lines that you want to change."]
+    for name, table in found.as_dict().items():
+        model = getattr(found, name)
+        lines += ["", f"# [{name}]"]
+        for key, field in type(model).model_fields.items():
+            value = table.get(key, "")
+            if isinstance(value, dict):
+                lines += [f"# [{name}.{key}]  # {field.description}"]
+            else:
+                shown = toml_value(value) if key in table else "..."
+                lines += [f"# {key} = {shown}  # {field.description}"]
+    return "\n".join(lines) + "\n"
+
+
+def _table(path: str, table: Mapping[str, Any], note: Callable[[str], str]) -> list[str]:
+    lines = ["", f"[{path}]"]
+    lines += [f"{key} = {toml_value(v)}{note(f'{path}.{key}')}" for key, v in table.items() if not isinstance(v, dict)]
+    if len(lines) == 2:
+        lines = []
+    for key, value in table.items():
+        if isinstance(value, dict) and value:
+            lines += _table(f"{path}.{key}", value, note)
+    return lines
+
+
+def toml_value(value: Any) -> str:
+    """A plain value in TOML's notation."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(toml_value, value))}]"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{k} = {toml_value(v)}" for k, v in value.items()) + "}"
+    return json.dumps(value, ensure_ascii=False)

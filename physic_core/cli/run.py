@@ -1,0 +1,157 @@
+"""``physic run``: one photo to a folder of results."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from physic_core.errors import OutputError
+
+if TYPE_CHECKING:
+    from physic_core.types import Reconstruction
+
+__all__ = ["run"]
+
+
+class _Intrinsics(click.ParamType[Any]):
+    name = "fx,fy,cx,cy"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
+        try:
+            numbers = tuple(float(part) for part in str(value).split(","))
+        except ValueError:
+            numbers = ()
+        if len(numbers) != 4:
+            self.fail(f"'{value}' is not four numbers with commas between them: fx,fy,cx,cy in px", param, ctx)
+        return numbers
+
+
+@click.command()
+@click.argument("photo", type=click.Path(path_type=Path))
+@click.option("-o", "--out", type=click.Path(path_type=Path), help="Folder for the results.  [default: <PHOTO>-physic]")
+@click.option("--config", "file", metavar="FILE", type=click.Path(path_type=Path), help="A TOML file.")
+@click.option("--preset", metavar="NAME", help="Preset to build on.  [default: embedded]")
+@click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Change one value; may be repeated.")
+@click.option("--focal-px", type=float, metavar="PX", help="Focal length in px of the photo file.")
+@click.option("--intrinsics", type=_Intrinsics(), help="Camera in px of the photo file.")
+@click.option("--device", metavar="NAME", help="cpu, cuda or cuda:N.")
+def run(
+    photo: Path,
+    out: Path | None,
+    file: Path | None,
+    preset: str | None,
+    overrides: tuple[str, ...],
+    focal_px: float | None,
+    intrinsics: tuple[float, ...] | None,
+    device: str | None,
+) -> None:
+    """Reconstruct people, scene and contact from PHOTO."""
+    if focal_px is not None and intrinsics is not None:
+        raise click.UsageError("--focal-px and --intrinsics say the same thing: give one of them")
+    if file is not None and preset is not None:
+        raise click.UsageError('--config names its preset itself, with extends = "NAME": leave --preset out')
+
+    from physic_core.config import load_config
+    from physic_core.devices import check_device
+    from physic_core.plugins import discover
+    from physic_core.resolve import check
+
+    flags: dict[str, dict[str, Any]] = {}
+    if focal_px is not None:
+        flags["--focal-px"] = {"photo": {"focal_px": focal_px}}
+    if intrinsics is not None:
+        flags["--intrinsics"] = {"photo": {"intrinsics": list(intrinsics)}}
+    if device is not None:
+        flags["--device"] = {"run": {"device": device}}
+
+    # What fails cheaply fails first: nothing is loaded before config, device and output folder have held.
+    config = load_config(file, preset=preset, overrides=overrides, flags=flags)
+    registry = discover()
+    check(config, registry)
+    check_device(config.run.device)
+    folder = out if out is not None else Path(f"{photo.stem}-physic")
+    with _reserved(folder):
+        from physic_core.pipeline import reconstruct_photo
+
+        with _progress() as progress:
+            result = reconstruct_photo(photo, config, registry=registry, progress=progress)
+            result.save(str(folder))
+    click.echo(_summary(result, folder))
+
+
+@contextmanager
+def _reserved(folder: Path) -> Iterator[None]:
+    """Make sure that the folder can be written before minutes are spent, and leave no empty one behind."""
+    made: list[Path] = []
+    try:
+        for part in [*reversed(folder.absolute().parents), folder.absolute()]:
+            if not part.exists():
+                part.mkdir()
+                made.append(part)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        _remove(made)
+        raise OutputError(
+            f"results cannot be written to {folder}: {error.strerror}; choose another folder with -o"
+        ) from error
+    try:
+        yield
+    except BaseException:
+        _remove(made)
+        raise
+
+
+def _remove(folders: list[Path]) -> None:
+    """Take back the folders that we made, as far as they are empty."""
+    for folder in reversed(folders):
+        try:
+            folder.rmdir()
+        except OSError:
+            return
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[str, int, int], None]]:
+    """A bar on a terminal, one line a stage elsewhere; both on stderr, so that stdout holds the summary alone."""
+    if not sys.stderr.isatty():
+        yield lambda name, done, total: click.echo(f"[{done + 1}/{total}] {name}", err=True)
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description:<24}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("starting", total=None)
+
+        def show(name: str, done: int, total: int) -> None:
+            bar.update(task, description=name, completed=done, total=total)
+
+        yield show
+
+
+def _summary(result: Reconstruction, folder: Path) -> str:
+    people = len(result.people)
+    seconds = sum(s.seconds for s in result.stages)
+    loading = sum(s.load_seconds for s in result.stages)
+    lines = [f"{people} {'person' if people == 1 else 'people'} in {seconds:.1f} s, and {loading:.1f} s to load models"]
+    for i, person in enumerate(result.people):
+        touching = int(person.contact.sum())
+        failed = f"; check: {', '.join(person.failed_checks)}" if person.failed_checks else ""
+        distance = float(person.joints[0, 2])
+        lines.append(f"  person {i}: {distance:.1f} m away, {touching} of {len(person.contact)} vertices touch{failed}")
+    lines += [f"warning: {text}" for text in result.warnings]
+    lines.append(f"results: {folder}{'' if str(folder).endswith('/') else '/'}  (look at preview.png first)")
+    return "\n".join(lines)

@@ -1,0 +1,364 @@
+"""The configuration: TOML tables -> one checked object that knows names, not classes.
+
+A config is made of layers, later ones winning: a preset, the files that ``extends`` chains, the user's file, ``--set``,
+and single flags. Every layer is remembered per value, so that an error names the file or flag that it comes from.
+
+This is the first of two checks: shape, names of keys, kinds of values and the engine's settings, offline and without
+a plugin. :mod:`physic_core.resolve` does the second, each backend's own options.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError, field_validator, model_validator
+
+from physic_core.engine.settings import PRESETS as ENGINE_PRESETS
+from physic_core.engine.settings import EngineSettings, with_overrides
+from physic_core.errors import ConfigError
+from physic_core.faults import Fault, closest, config_error, from_pydantic
+from physic_core.interfaces import INTERFACES
+
+__all__ = [
+    "DEFAULT_PRESET",
+    "OPTIONAL_INTERFACES",
+    "BackendChoice",
+    "BodyModelChoice",
+    "Config",
+    "EngineChoice",
+    "PhotoSettings",
+    "RunSettings",
+    "as_config",
+    "load_config",
+    "preset_names",
+]
+
+DEFAULT_PRESET = "embedded"
+OPTIONAL_INTERFACES = ("hand_estimator", "contact_prior")
+"""Interfaces that a config may leave out with ``backend = "none"``."""
+
+_EXCLUSIVE = (("photo", ("focal_px", "intrinsics")), ("body_model", ("name", "path")))
+"""Keys of a table that say the same thing: the layer that sets one silences the others of the layers below."""
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class BackendChoice(_Table):
+    """One interface's table, ``[metric_depth]``."""
+
+    backend: str = Field(
+        min_length=1,
+        description="name of a backend, 'distribution:name', 'package.module:Class', or 'none' where it is optional",
+    )
+    options: dict[str, Any] = Field(default_factory=dict, description="the backend's own options")
+
+
+class PhotoSettings(_Table):
+    """``[photo]``: what is known of the photo and how it is prepared."""
+
+    max_side: int = Field(default=1280, ge=128, description="longer photos are reduced to this long side, px; 640-1920")
+    focal_px: float | None = Field(default=None, gt=0, description="focal length, px of the upright photo file")
+    intrinsics: tuple[float, float, float, float] | None = Field(
+        default=None, description="fx, fy, cx, cy, px of the upright photo file, pixel centres at integers"
+    )
+    mask_growth: float = Field(
+        default=0.004, ge=0, le=0.1, description="people's masks grow by this share of the long side before inpainting"
+    )
+
+    @field_validator("intrinsics", mode="before")
+    @classmethod
+    def _four_numbers(cls, value: Any) -> Any:
+        numbers = isinstance(value, (list, tuple)) and all(type(v) in (int, float) for v in value)
+        if value is not None and not (numbers and len(value) == 4 and value[0] > 0 and value[1] > 0):
+            raise ValueError(f"should be four numbers fx, fy, cx, cy with fx > 0 and fy > 0 (got {value!r})")
+        return value
+
+    @model_validator(mode="after")
+    def _one_camera(self) -> PhotoSettings:
+        if self.focal_px is not None and self.intrinsics is not None:
+            raise ValueError("has both focal_px and intrinsics: give one of them")
+        return self
+
+
+class BodyModelChoice(_Table):
+    """``[body_model]``: the embedded body, or a file of the user's own."""
+
+    name: str | None = Field(default=None, description="'embedded'")
+    path: str | None = Field(default=None, description="an official SMPLX_*.npz; relative to the config file")
+
+    @model_validator(mode="after")
+    def _one_body(self) -> BodyModelChoice:
+        if self.name is not None and self.path is not None:
+            raise ValueError("has both name and path: give one of them")
+        if self.name not in (None, "embedded"):
+            raise ValueError(f"name should be 'embedded' (got '{self.name}'); for a file of your own, set path")
+        return self
+
+    @property
+    def source(self) -> str:
+        """What :func:`physic_core.body.load_body` is asked for."""
+        return self.path or self.name or "embedded"
+
+
+class EngineChoice(_Table):
+    """``[engine]``: a preset of the engine, and what differs from it, stage by stage."""
+
+    preset: str = Field(default="default", description="preset of the engine's settings")
+    scene: dict[str, Any] = Field(default_factory=dict, description="stage 1: scene, camera, floor")
+    human: dict[str, Any] = Field(default_factory=dict, description="stage 2: each body moved onto its points")
+    joint: dict[str, Any] = Field(default_factory=dict, description="stage 3: everything together")
+    contact: dict[str, Any] = Field(default_factory=dict, description="the contact map")
+
+    def settings(self) -> EngineSettings:
+        """The engine's settings, overrides applied."""
+        return with_overrides(ENGINE_PRESETS[self.preset], self.model_dump(exclude={"preset"}))
+
+
+class RunSettings(_Table):
+    """``[run]``: where it runs."""
+
+    device: str = Field(default="cpu", description="'cpu', 'cuda' or 'cuda:N'")
+
+
+class Config(_Table):
+    """A whole configuration; :func:`load_config` makes one."""
+
+    segmenter: BackendChoice
+    inpainter: BackendChoice
+    metric_depth: BackendChoice
+    relative_pointmap: BackendChoice
+    keypoint_detector: BackendChoice
+    body_estimator: BackendChoice
+    hand_estimator: BackendChoice = BackendChoice(backend="none")
+    contact_prior: BackendChoice = BackendChoice(backend="none")
+    photo: PhotoSettings = PhotoSettings()
+    body_model: BodyModelChoice = BodyModelChoice()
+    engine: EngineChoice = EngineChoice()
+    run: RunSettings = RunSettings()
+
+    _sources: dict[str, str] = PrivateAttr(default_factory=dict)
+
+    def choice(self, interface: str) -> BackendChoice:
+        """The table of one interface."""
+        chosen: BackendChoice = getattr(self, interface)
+        return chosen
+
+    def source(self, path: str) -> str:
+        """Where the value at a dotted path comes from: a file, a flag, "preset embedded" or "default"."""
+        return _source(self._sources, path)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain tables, as a TOML file would hold them; unset values are left out."""
+        return self.model_dump(mode="json", exclude_none=True)
+
+
+def preset_names() -> tuple[str, ...]:
+    """Presets in this package, sorted."""
+    return tuple(sorted(p.name[:-5] for p in _presets().iterdir() if p.name.endswith(".toml")))
+
+
+def load_config(
+    file: str | os.PathLike[str] | None = None,
+    *,
+    preset: str | None = None,
+    overrides: Sequence[str] = (),
+    flags: Mapping[str, Mapping[str, Any]] | None = None,
+) -> Config:
+    """Read, merge and check a configuration.
+
+    Args:
+        file: a TOML file; it names what it builds on with ``extends``, a preset or another file.
+        preset: what a file without ``extends``, or no file at all, builds on.
+        overrides: "a.b=c" each, c in TOML; a bare word is taken as a string.
+        flags: tables by the name of the flag that sets them, as in ``{"--focal-px": {"photo": {"focal_px": 900.0}}}``.
+
+    Raises:
+        ConfigError: every fault at once.
+    """
+    base = preset or DEFAULT_PRESET
+    layers = _read_preset(base) if file is None else _read_file(Path(file), base)
+    title = f"preset {base}" if file is None else str(file)
+    layers += [("--set", _parse_override(text)) for text in overrides]
+    layers += list((flags or {}).items())
+    return _build(layers, title)
+
+
+def as_config(config: Config | str | os.PathLike[str] | Mapping[str, Any] | None) -> Config:
+    """A config from what Python callers pass: a Config, a TOML file, tables over the default preset, or None.
+
+    Raises:
+        ConfigError: every fault at once.
+    """
+    if isinstance(config, Config):
+        return config
+    if config is None or isinstance(config, (str, os.PathLike)):
+        return load_config(config)
+    return load_config(flags={"config": config})
+
+
+# ---- layers ----------------------------------------------------------------------------------------------------------
+
+_Layer = tuple[str, Mapping[str, Any]]
+
+
+def _presets() -> Any:
+    return resources.files("physic_core") / "presets"
+
+
+def _read_preset(name: str) -> list[_Layer]:
+    if name not in preset_names():
+        names = preset_names()
+        raise ConfigError(f"no preset named '{name}'; there are: {', '.join(names)}{closest(name, names)}")
+    table = tomllib.loads((_presets() / f"{name}.toml").read_text(encoding="utf-8"))
+    base = table.pop("extends", None)
+    return [*(_read_preset(base) if base else []), (f"preset {name}", table)]
+
+
+def _read_file(path: Path, base: str, seen: tuple[Path, ...] = ()) -> list[_Layer]:
+    """A file's layers, what it extends first."""
+    if path.resolve() in seen:
+        chain = " -> ".join(str(p) for p in (*seen, path.resolve()))
+        raise ConfigError(f"{path} extends itself: {chain}")
+    table = _read_toml(path)
+    base = table.pop("extends", base)
+    if not isinstance(base, str):
+        raise ConfigError(f"{path}: 1 error\nextends   should be the name of a preset or a path (got {base!r})")
+    body = table.get("body_model")
+    if isinstance(body, dict) and isinstance(body.get("path"), str):
+        body["path"] = str(path.parent / Path(body["path"]).expanduser())
+    try:
+        below = (
+            _read_file(path.parent / Path(base).expanduser(), DEFAULT_PRESET, (*seen, path.resolve()))
+            if base.endswith(".toml") or "/" in base or os.sep in base
+            else _read_preset(base)
+        )
+    except ConfigError as error:
+        raise ConfigError(f"{path} extends '{base}': {error}") from error
+    return [*below, (str(path), table)]
+
+
+def _read_toml(path: Path) -> dict[str, Any]:
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise ConfigError(f"no config file at {path}; a preset of the package is chosen by --preset") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path} cannot be read: {error}") from error
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path} is not valid TOML: {error}") from error
+
+
+def _parse_override(text: str) -> dict[str, Any]:
+    key, equals, value = text.partition("=")
+    if not equals or not re.fullmatch(r"\s*[\w-]+(\.[\w-]+)*\s*", key):
+        raise ConfigError(f"--set needs KEY=VALUE such as inpainter.backend=telea (got '{text}')")
+    try:
+        return tomllib.loads(f"{key} = {value}")
+    except tomllib.TOMLDecodeError as error:
+        if re.fullmatch(r"[\w./~:+-]+", value.strip()):
+            return tomllib.loads(f"{key} = '{value.strip()}'")
+        raise ConfigError(f"--set {text}: the value is not valid TOML ({error}); texts need quotes") from error
+
+
+def _merge(base: dict[str, Any], layer: Mapping[str, Any], label: str, sources: dict[str, str], at: str = "") -> None:
+    """Lay a layer over ``base``, in place, and note where each value came from."""
+    for key, value in layer.items():
+        path = f"{at}{key}"
+        below = base.get(key)
+        if isinstance(value, Mapping):
+            if not isinstance(below, dict):
+                below = base[key] = {}
+            _silence(path, below, value)
+            _merge(below, value, label, sources, f"{path}.")
+        else:
+            base[key] = value
+        sources[path] = label
+
+
+def _silence(path: str, below: dict[str, Any], layer: Mapping[str, Any]) -> None:
+    """Drop what a layer makes meaningless: another backend's options, the other way to say the same."""
+    if path in INTERFACES and "backend" in layer and layer["backend"] != below.get("backend"):
+        below.pop("options", None)
+    for table, keys in _EXCLUSIVE:
+        if path == table and any(k in layer for k in keys):
+            for key in keys:
+                below.pop(key, None)
+
+
+# ---- checks ----------------------------------------------------------------------------------------------------------
+
+
+def _build(layers: Iterable[_Layer], title: str) -> Config:
+    merged: dict[str, Any] = {}
+    sources: dict[str, str] = {}
+    for label, table in layers:
+        _merge(merged, table, label, sources)
+    faults = _choice_faults(merged) + _engine_faults(merged.get("engine"))
+    try:
+        config = Config.model_validate(merged)
+    except ValidationError as error:
+        faults = from_pydantic(error, Config) + faults
+    if faults:
+        raise config_error(faults, lambda path: _source(sources, path), title)
+    config._sources = sources
+    return config
+
+
+def _choice_faults(merged: Mapping[str, Any]) -> list[Fault]:
+    return [
+        Fault(f"{name}.backend", f"should name a backend: only {' and '.join(OPTIONAL_INTERFACES)} may be 'none'")
+        for name in INTERFACES
+        if name not in OPTIONAL_INTERFACES and isinstance(t := merged.get(name), dict) and t.get("backend") == "none"
+    ]
+
+
+def _engine_faults(engine: Any) -> list[Fault]:
+    """Faults of the overrides, each value tried alone so that all of them are found."""
+    if not isinstance(engine, dict):
+        return []
+    preset = engine.get("preset", "default")
+    if not isinstance(preset, str):
+        return []
+    if preset not in ENGINE_PRESETS:
+        names = sorted(ENGINE_PRESETS)
+        message = f"no engine preset named '{preset}'; there are: {', '.join(names)}{closest(preset, names)}"
+        return [Fault("engine.preset", message)]
+    settings = ENGINE_PRESETS[preset]
+    tables = {k: v for k, v in engine.items() if k != "preset" and hasattr(settings, k) and isinstance(v, dict)}
+    return [f for k, table in tables.items() for f in _override_faults(getattr(settings, k), table, f"engine.{k}")]
+
+
+def _override_faults(settings: Any, table: Mapping[str, Any], path: str) -> list[Fault]:
+    faults = []
+    for name, value in table.items():
+        current = getattr(settings, name, None)
+        if name not in settings.__dataclass_fields__:
+            faults.append(Fault(f"{path}.{name}", f"unknown setting{closest(name, settings.__dataclass_fields__)}"))
+        elif hasattr(current, "__dataclass_fields__") and isinstance(value, Mapping):
+            faults += _override_faults(current, value, f"{path}.{name}")
+        else:
+            try:
+                with_overrides(settings, {name: value})
+            except ConfigError as error:
+                said = str(error).removeprefix(f"engine settings: {name} ")
+                words = re.sub(r"^must be (.*), got (.*)$", r"should be \1 (got \2)", said, flags=re.DOTALL)
+                faults.append(Fault(f"{path}.{name}", words))
+    return faults
+
+
+def _source(sources: Mapping[str, str], path: str) -> str:
+    while path:
+        if path in sources:
+            return sources[path]
+        path = path.rpartition(".")[0]
+    return "default"

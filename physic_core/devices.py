@@ -1,0 +1,36 @@
+"""Which compute devices there are."""
+
+from __future__ import annotations
+
+import re
+
+from physic_core.errors import DeviceError
+
+__all__ = ["check_device"]
+
+
+def check_device(device: str) -> None:
+    """Refuse a device that is not there; "cpu" is accepted without importing torch.
+
+    Args:
+        device: "cpu", "cuda" or "cuda:N".
+
+    Raises:
+        DeviceError: no such kind of device, no GPU, or no GPU of that number.
+    """
+    found = re.fullmatch(r"cpu|cuda(?::(\d+))?", device)
+    if not found:
+        raise DeviceError(f"no device named '{device}': use 'cpu', 'cuda' or 'cuda:N'")
+    if device == "cpu":
+        return
+    import torch
+
+    count = torch.cuda.device_count() if torch.cuda.is_available() else 0
+    if not count:
+        raise DeviceError(
+            f"device '{device}' is not there: torch {torch.__version__} finds no CUDA GPU; "
+            "use 'cpu', or install a torch build that fits your GPU"
+        )
+    if int(found.group(1) or 0) >= count:
+        last = f"'cuda:0' to 'cuda:{count - 1}' are" if count > 1 else "'cuda:0' is"
+        raise DeviceError(f"device '{device}' is not there: only {last}")

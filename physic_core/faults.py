@@ -1,0 +1,119 @@
+"""Faults of a configuration, in the words of its file: ``path.in.the.file   what is wrong (got what)``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import TYPE_CHECKING, Any
+
+from physic_core.errors import ConfigError
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel, ValidationError
+
+__all__ = ["Fault", "closest", "config_error", "from_pydantic"]
+
+_COMPARISONS = {
+    "greater than or equal to": ">=",
+    "less than or equal to": "<=",
+    "greater than": ">",
+    "less than": "<",
+}
+_KINDS = {
+    "a valid integer": "a whole number",
+    "a valid number": "a number",
+    "a valid boolean": "true or false",
+    "a valid string": "a text",
+    "a valid dictionary": "a table",
+    "a valid tuple": "a list",
+    "a valid list": "a list",
+    "a finite number": "a finite number",
+}
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One thing that is wrong.
+
+    Attributes:
+        path: dotted, as in the file: "metric_depth.options.scale".
+        message: what is wrong, what came, what to do.
+    """
+
+    path: str
+    message: str
+
+
+def config_error(faults: Iterable[Fault], source: Callable[[str], str], title: str, footer: str = "") -> ConfigError:
+    """All faults in one message, those of one file or flag together.
+
+    Args:
+        faults: at least one.
+        source: path -> the file or flag that the value comes from.
+        title: what to name for a value that nobody set.
+        footer: a last line, if any.
+    """
+    groups: dict[str, list[Fault]] = {}
+    for fault in dict.fromkeys(faults):
+        label = source(fault.path)
+        groups.setdefault(title if label == "default" else label, []).append(fault)
+    blocks = []
+    for label, group in groups.items():
+        width = max(len(f.path) for f in group)
+        lines = [f"{f.path:<{width}}   {f.message}" for f in group]
+        blocks.append("\n".join([f"{label}: {len(group)} error{'s' * (len(group) > 1)}", *lines]))
+    return ConfigError("\n".join([*blocks, *([footer] if footer else [])]))
+
+
+def from_pydantic(error: ValidationError, model: type[BaseModel], path: str = "", kind: str = "key") -> list[Fault]:
+    """Pydantic's findings in our words.
+
+    Args:
+        error: what validation raised.
+        model: what was validated; its fields are suggested for unknown keys.
+        path: dotted path of the table that was validated.
+        kind: what an unknown key is called, "key" or "option".
+    """
+    faults = []
+    for found in error.errors(include_url=False):
+        loc = [str(part) for part in found["loc"]]
+        at = ".".join([*([path] if path else []), *loc])
+        if found["type"] == "extra_forbidden":
+            message = f"unknown {kind}{closest(loc[-1], _fields_at(model, loc[:-1]))}"
+        else:
+            message = _in_words(found)
+        faults.append(Fault(at or path, message))
+    return faults
+
+
+def closest(name: str, known: Iterable[str]) -> str:
+    """ ". Did you mean 'x'?", or nothing."""
+    close = get_close_matches(name, list(known), n=1)
+    return f". Did you mean '{close[0]}'?" if close else ""
+
+
+def _in_words(found: Any) -> str:
+    if found["type"] == "missing":
+        return "is missing"
+    if found["type"] == "value_error":
+        return str(found["ctx"]["error"])
+    if found["type"] == "model_type":
+        return f"should be a table (got {found['input']!r})"
+    text = re.sub(r"^Input should be", "should be", found["msg"])
+    for words, sign in _COMPARISONS.items():
+        text = text.replace(words, sign)
+    for words, ours in _KINDS.items():
+        if text.startswith(f"should be {words}"):
+            text = f"should be {ours}"
+    return f"{text[0].lower()}{text[1:]} (got {found['input']!r})"
+
+
+def _fields_at(model: type[BaseModel], loc: list[str]) -> list[str]:
+    """Names of the fields of the model nested at ``loc``; none where there is no model."""
+    fields = model.model_fields
+    for part in loc:
+        inner = fields[part].annotation if part in fields else None
+        fields = getattr(inner, "model_fields", {})
+    return list(fields)

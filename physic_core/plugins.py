@@ -1,0 +1,139 @@
+"""Finds installed plugins: the only module that knows pluggy and entry points.
+
+pluggy's own loader dies with the first broken plugin and does not tell which plugin gave which answer, so we walk the
+entry points ourselves: one ``try`` and one plugin manager each, and every record is stamped with who made it.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterable, Mapping
+from difflib import get_close_matches
+from importlib.metadata import EntryPoint, entry_points, version
+from typing import Any
+
+import pluggy
+
+from physic_core import hookspecs
+from physic_core.registry import PLUGIN_API, BackendRecord, BrokenPlugin, Claim, Origin, Registry, normal_name
+
+__all__ = ["GROUP", "core_version", "discover"]
+
+GROUP = "physic.plugins"
+RESTRICT = "PHYSIC_PLUGINS"
+
+
+def core_version() -> str:
+    """Version of the installed physic-core."""
+    return version("physic-core")
+
+
+def discover(
+    installed: Iterable[EntryPoint] | None = None,
+    *,
+    environment: Mapping[str, str] = os.environ,
+    clock: Callable[[], float] = time.perf_counter,
+) -> Registry:
+    """Ask every installed plugin what it offers; a broken one becomes a row, never an error.
+
+    Args:
+        installed: entry points; None for those of this Python.
+        environment: ``PHYSIC_PLUGINS=a,b`` in it leaves only the distributions or entry points of these names, empty
+            leaves none, and the others are not even imported.
+        clock: seconds.
+    """
+    found = list(entry_points(group=GROUP) if installed is None else installed)
+    restriction = environment.get(RESTRICT)
+    claims: list[Claim] = []
+    broken: list[BrokenPlugin] = []
+    if restriction is not None:
+        found, broken = _restrict(found, restriction)
+    for entry in sorted(found, key=lambda e: (_distribution(e)[0], e.name)):
+        start = clock()
+        try:
+            records = _ask(entry)
+            origin = _origin(entry, clock() - start)
+            claims += [Claim(record, origin, _problem(record, origin)) for record in records]
+        # SystemExit too: a plugin that calls sys.exit() at import must not take `physic plugins` with it.
+        except (Exception, SystemExit) as error:
+            cause = str(error) if isinstance(error, _BadPlugin) else f"{type(error).__name__}: {error}"
+            broken.append(BrokenPlugin(_origin(entry), cause, error))
+    return Registry(claims, broken, restriction=restriction)
+
+
+class _BadPlugin(Exception):
+    """A plugin that loads but does not do what a plugin does."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message)
+
+
+def _ask(entry: EntryPoint) -> list[BackendRecord]:
+    """Load one plugin and call its hook."""
+    manager = pluggy.PluginManager(hookspecs.PROJECT)
+    manager.add_hookspecs(hookspecs)
+    module = entry.load()
+    manager.register(module, name=entry.name)
+    hook = manager.hook.physic_backends
+    try:
+        manager.check_pending()
+    except pluggy.PluginValidationError as error:
+        unknown = [n for n, h in vars(manager.hook).items() if not n.startswith("_") and not h.has_spec()]
+        raise _BadPlugin(f"there is no hook named {unknown[0]!r}; the only one is 'physic_backends'") from error
+    if not hook.get_hookimpls():
+        raise _BadPlugin(f"{entry.value} has no function physic_backends marked with @hookimpl")
+    records: list[BackendRecord] = []
+    for implementation in hook.get_hookimpls():
+        answer: Any = implementation.function()
+        if not isinstance(answer, (list, tuple)) or not all(isinstance(r, BackendRecord) for r in answer):
+            raise _BadPlugin(f"physic_backends() must return a list of BackendRecord, got {_describe(answer)}")
+        records += answer
+    return records
+
+
+def _describe(answer: object) -> str:
+    if isinstance(answer, (list, tuple)):
+        strangers = sorted({type(r).__name__ for r in answer if not isinstance(r, BackendRecord)})
+        return f"a {type(answer).__name__} with {', '.join(strangers)} in it"
+    return type(answer).__name__
+
+
+def _problem(record: BackendRecord, origin: Origin) -> str:
+    """What speaks against using a record as it stands."""
+    from physic_core.interfaces import INTERFACES
+
+    if record.interface not in INTERFACES:
+        close = get_close_matches(str(record.interface), INTERFACES, n=1)
+        hint = f"did you mean '{close[0]}'?" if close else f"there are: {', '.join(INTERFACES)}"
+        return f"no interface named '{record.interface}'; {hint}"
+    if record.api > PLUGIN_API:
+        return f"needs plugin API {record.api}, this physic-core has {PLUGIN_API}: upgrade physic-core"
+    if record.api < PLUGIN_API:
+        return f"written for plugin API {record.api}, this physic-core has {PLUGIN_API}: upgrade {origin.distribution}"
+    return ""
+
+
+def _restrict(found: list[EntryPoint], wanted: str) -> tuple[list[EntryPoint], list[BrokenPlugin]]:
+    """Leave the named plugins; a name that fits none becomes a row, or a typing error would look like a lost plugin."""
+    names = {normal_name(n.strip()): n.strip() for n in wanted.split(",") if n.strip()}
+    kept, fitting = [], set()
+    for entry in found:
+        own = {normal_name(n) for n in (entry.name, entry.module, _distribution(entry)[0])}
+        if own & names.keys():
+            kept.append(entry)
+            fitting |= own
+    lost = [text for name, text in names.items() if name not in fitting]
+    return kept, [BrokenPlugin(Origin("", text), f"named in {RESTRICT} but not installed") for text in lost]
+
+
+def _origin(entry: EntryPoint, seconds: float = 0.0) -> Origin:
+    distribution, number = _distribution(entry)
+    return Origin(entry.module, distribution, number, seconds)
+
+
+def _distribution(entry: EntryPoint) -> tuple[str, str]:
+    """Name and version; an entry point made by hand has no distribution."""
+    if entry.dist is None:
+        return entry.name, ""
+    return entry.dist.name, entry.dist.version

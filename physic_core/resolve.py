@@ -1,0 +1,165 @@
+"""Config and registry -> the backends that a run asks: the second check, each backend's own options."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from pydantic import BaseModel, ValidationError
+
+from physic_core.config import OPTIONAL_INTERFACES
+from physic_core.errors import BackendError, BackendNotFoundError, PhysicError
+from physic_core.faults import Fault, config_error, from_pydantic
+from physic_core.interfaces import INTERFACES
+from physic_core.types import Provenance
+
+if TYPE_CHECKING:
+    from physic_core.config import Config, PhotoSettings
+    from physic_core.engine.settings import EngineSettings
+    from physic_core.interfaces import Backend, Options
+    from physic_core.registry import Claim, Registry
+
+__all__ = ["ResolvedBackend", "ResolvedPipeline", "check", "resolve"]
+
+
+@dataclass(frozen=True)
+class ResolvedBackend:
+    """A backend ready to be asked, and who it is.
+
+    Attributes:
+        backend: constructed, weights not loaded.
+        provenance: its name, distribution, version, options and licence.
+    """
+
+    backend: Backend
+    provenance: Provenance
+
+    @property
+    def title(self) -> str:
+        """For messages: "segmenter 'embedded' (physic-embedded 0.1.0)"."""
+        who = self.provenance
+        return f"{who.interface} '{who.backend}' ({f'{who.distribution} {who.version}'.strip()})"
+
+
+@dataclass(frozen=True)
+class ResolvedPipeline:
+    """All that a run needs to know.
+
+    Attributes:
+        backends: by interface; an optional interface that the config leaves out is not in it.
+        photo: how the photo is prepared.
+        engine: the engine's settings.
+        body_model: "embedded", or the path of an SMPL-X file.
+        device: "cpu", "cuda" or "cuda:N".
+        config: what all this was made of.
+    """
+
+    backends: Mapping[str, ResolvedBackend]
+    photo: PhotoSettings
+    engine: EngineSettings
+    body_model: str
+    device: str
+    config: Config
+
+
+@dataclass(frozen=True)
+class _Choice:
+    claim: Claim
+    kind: type[Backend]
+    options: Options
+
+
+def resolve(config: Config, registry: Registry) -> ResolvedPipeline:
+    """Construct one backend for each interface; no weights are loaded and no network is used.
+
+    Raises:
+        ConfigError: names or options that do not hold, all at once.
+        BackendError: a backend's constructor failed.
+    """
+    backends = {name: _construct(name, choice) for name, choice in _choose(config, registry).items()}
+    return ResolvedPipeline(
+        backends=MappingProxyType(backends),
+        photo=config.photo,
+        engine=config.engine.settings(),
+        body_model=config.body_model.source,
+        device=config.run.device,
+        config=config,
+    )
+
+
+def check(config: Config, registry: Registry) -> None:
+    """Check names and options without constructing anything.
+
+    Raises:
+        ConfigError: names or options that do not hold, all at once.
+    """
+    _choose(config, registry)
+
+
+def _choose(config: Config, registry: Registry) -> dict[str, _Choice]:
+    chosen: dict[str, _Choice] = {}
+    faults: list[Fault] = []
+    cause: BaseException | None = None
+    footer = ""
+    for interface in INTERFACES:
+        name = config.choice(interface).backend
+        if name == "none" and interface in OPTIONAL_INTERFACES:
+            continue
+        try:
+            claim = registry.get(interface, name)
+            chosen[interface] = _check_options(claim, registry.load_class(claim), config.choice(interface).options)
+        except BackendNotFoundError as error:
+            faults.append(Fault(f"{interface}.backend", registry.explain_missing(interface, name)))
+            cause, footer = cause or error.__cause__, f"Python: {sys.executable}"
+        except BackendError as error:
+            faults.append(Fault(f"{interface}.backend", str(error)))
+            cause = cause or error
+        except _OptionFaults as error:
+            faults += error.faults
+    if config.body_model.path is not None and not Path(config.body_model.path).is_file():
+        faults.append(Fault("body_model.path", f"no file at {config.body_model.path}"))
+    if faults:
+        raise config_error(faults, config.source, "config", footer) from cause
+    return chosen
+
+
+class _OptionFaults(Exception):
+    def __init__(self, faults: list[Fault]) -> None:
+        super().__init__()
+        self.faults = faults
+
+
+def _check_options(claim: Claim, kind: type[Backend], options: Mapping[str, object]) -> _Choice:
+    if not issubclass(kind.Options, BaseModel):
+        raise BackendError(f"{claim}: its Options is no subclass of physic_core.interfaces.Options")
+    try:
+        return _Choice(claim, kind, kind.Options.model_validate(dict(options)))
+    except ValidationError as error:
+        path = f"{claim.record.interface}.options"
+        raise _OptionFaults(from_pydantic(error, kind.Options, path, "option")) from error
+
+
+def _construct(interface: str, choice: _Choice) -> ResolvedBackend:
+    record, origin = choice.claim.record, choice.claim.origin
+    try:
+        backend = choice.kind(choice.options)
+    except PhysicError:
+        raise
+    except Exception as cause:  # a plugin's door
+        raise BackendError(f"{choice.claim} cannot be constructed: {type(cause).__name__}: {cause}") from cause
+    return ResolvedBackend(
+        backend,
+        Provenance(
+            interface=interface,
+            backend=record.name,
+            plugin=origin.plugin,
+            distribution=origin.distribution,
+            version=origin.version,
+            options=choice.options.model_dump(mode="json"),
+            weights_license=record.weights_license,
+        ),
+    )
