@@ -1,0 +1,376 @@
+"""Stage 1: the scene in metres, with its camera, normals and floor (paper Sec. 3.1).
+
+The relative point map brings the detail, the metric depth brings the scale (Eq. 1). OpenCV camera frame (x right,
+y down, z forward).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from physic_core.engine.settings import SceneSettings
+from physic_core.errors import BackendOutputError
+from physic_core.geometry.alignment import Alignment, align, apply_alignment
+from physic_core.geometry.camera import intrinsics_matrix, unproject
+from physic_core.geometry.plane import FloorSearch, PlaneFit, fit_floor, fit_floor_metric, height, sample_plane
+from physic_core.geometry.pointmap import (
+    depth_edges,
+    depth_to_pointmap,
+    intrinsics_from_pointmap,
+    knn_outliers,
+    normals,
+    unsupported,
+)
+from physic_core.types import Unknown
+
+__all__ = ["SceneState", "build_scene", "edge_ratio_at", "fit_relative_floor", "outlier_mask", "search_floor"]
+
+_REFERENCE_SIDE = 1024
+_FLOOR_THICKNESS = 0.01
+_NO_FLOOR = {
+    "no_pixels": "too few pixels to look at",
+    "no_consensus": "no level plane that enough pixels lie on",
+    "below_plane": "the best plane has too much below it to be the floor",
+    "switched_off": "the search is switched off",
+}
+
+
+@dataclass(frozen=True)
+class SceneState:
+    """The scene without its people, metres, camera frame.
+
+    Attributes:
+        points: (H, W, 3); every valid point projects onto its pixel (preset "paper": as the network gave it).
+        normals: (H, W, 3) unit, facing the camera; zero where unreliable.
+        valid: (H, W) bool; depth edges, outliers and what is beyond the far limit are not valid.
+        floor_normal: (3,) unit, up, or None where no floor was found.
+        floor_offset: height of the camera over the floor, metres; 0 without a floor.
+        floor_points: (M, 3) on the floor, over the extent of the scene.
+        floor_inlier_share: share of the searched pixels on the floor; of the best plane, where none was accepted.
+        K: (3, 3) px, float64.
+        alignment: of the relative point map to the metric depth.
+        floor: the fit behind the floor, or None.
+        diagnostics: numbers for the result, by topic.
+        notes: what the user should know, in plain words.
+    """
+
+    points: Tensor
+    normals: Tensor
+    valid: Tensor
+    floor_normal: Tensor | None
+    floor_offset: float
+    floor_points: Tensor
+    floor_inlier_share: float
+    K: Tensor
+    alignment: Alignment
+    floor: PlaneFit | None = None
+    diagnostics: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+def build_scene(
+    points: Tensor,
+    valid: Tensor,
+    unknown: Unknown,
+    metric_depth: Tensor,
+    *,
+    K: Tensor | None = None,
+    K_metric: Tensor | None = None,
+    floor_mask: Tensor | None = None,
+    hole: Tensor | None = None,
+    feet_px: Tensor | None = None,
+    settings: SceneSettings | None = None,
+) -> SceneState:
+    """Put a relative point map into metres and describe it.
+
+    Args:
+        points: (H, W, 3) relative point map of the inpainted photo.
+        valid: (H, W) bool.
+        unknown: what the point map leaves open.
+        metric_depth: (H, W) metres along z, NaN where unknown.
+        K: (3, 3) px, the camera where it is known: it wins over all others, and every point is put on its ray.
+        K_metric: (3, 3) px, the camera that the metric depth was made for, or None.
+        floor_mask: (H, W) bool, pixels that a segmenter calls floor, or None.
+        hole: (H, W) bool, inpainted pixels, or None.
+        feet_px: (F, 2) px, floor pixels at people's soles, or None.
+        settings: of stage 1; preset "default" where None.
+
+    Raises:
+        BackendOutputError: the metric depth knows no pixel, or there is no camera to be had.
+    """
+    settings = settings or SceneSettings()
+    notes: list[str] = []
+    metric_valid = torch.isfinite(metric_depth) & (metric_depth > 0)
+    if not bool(metric_valid.any()):
+        raise BackendOutputError(
+            "the metric depth knows no pixel: every depth is NaN, infinite or not positive; "
+            "use another metric_depth backend, or check its notes"
+        )
+    alignment = _align_to_metric(points, valid, unknown, metric_depth, metric_valid, K, K_metric, settings)
+    if alignment.inlier_share > 0:
+        placed = apply_alignment(points, alignment)
+        known = valid
+        if alignment.inlier_share < settings.align_min_share:
+            notes.append(
+                f"the scene's scale is doubtful: point map and metric depth agree on {alignment.inlier_share:.0%} of "
+                f"the pixels within {settings.align_tolerance:.0%}"
+            )
+    else:
+        notes.append("point map and metric depth agree nowhere: the scene is the metric depth alone")
+        placed = depth_to_pointmap(metric_depth, _camera(None, K, K_metric, points, valid, settings))
+        known = metric_valid
+    known = known & torch.isfinite(placed).all(-1) & (placed[..., 2] > 0)
+    camera = _camera(placed, K, K_metric, points, known, settings)
+    if K is not None or settings.intrinsics == "metric":
+        placed = depth_to_pointmap(placed[..., 2], camera)
+    placed = torch.where(known[..., None], placed, 0.0)
+    known = known & (placed[..., 2] <= settings.far_m)
+
+    ratio = edge_ratio_at(settings.edge_ratio, *valid.shape)
+    surface = normals(placed, known, ratio)
+    edges = depth_edges(placed[..., 2], known, ratio)
+    drop = outlier_mask(placed, known & ~edges, settings)
+    search = search_floor(placed, known & ~drop, surface, floor_mask, hole, feet_px, settings)
+    floor = search.plane
+    if floor is not None:
+        # A floor that is seen at a grazing angle looks like a depth edge; its plane tells that it is none.
+        z = placed[..., 2]
+        on_floor = known & floor.inliers & (height(placed, floor.normal, floor.offset).abs() < _FLOOR_THICKNESS * z)
+        edges, drop = edges & ~on_floor, drop & ~on_floor
+        bare = on_floor & (surface == 0).all(-1)
+        surface = torch.where(bare[..., None], floor.normal.to(surface), surface)
+    clean = known & ~edges & ~drop
+    if floor is None and search.reason != "switched_off":
+        notes.append(f"no floor was found: {_NO_FLOOR[search.reason]}")
+    if search.mask_reason is not None and floor is not None:
+        notes.append("the floor mask was not followed, since " + _NO_FLOOR[search.mask_reason])
+    return SceneState(
+        points=placed,
+        normals=surface,
+        valid=clean,
+        floor_normal=None if floor is None else floor.normal,
+        floor_offset=0.0 if floor is None else floor.offset,
+        floor_points=_floor_points(floor, placed, clean, feet_px, camera, settings),
+        floor_inlier_share=search.inlier_share,
+        K=camera,
+        alignment=alignment,
+        floor=floor,
+        diagnostics={
+            "alignment": alignment_diagnostics(alignment),
+            "valid_share": _share(clean),
+            "edge_share": _share(edges),
+            "outlier_share": _share(drop),
+            "floor": _floor_diagnostics(search),
+            "fx_px": float(camera[0, 0]),
+            "fy_px": float(camera[1, 1]),
+        },
+        notes=tuple(notes),
+    )
+
+
+def fit_relative_floor(
+    points: Tensor,
+    valid: Tensor,
+    floor_mask: Tensor | None = None,
+    hole: Tensor | None = None,
+    feet_px: Tensor | None = None,
+    settings: SceneSettings | None = None,
+) -> PlaneFit | None:
+    """The floor in the units of a relative point map, before its scale is known; None where there is none.
+
+    Always in inverse depth, since a tolerance in metres means nothing here; ``settings.floor`` "off" finds none.
+    Arguments as in :func:`build_scene`.
+    """
+    settings = settings or SceneSettings()
+    if settings.floor == "off":
+        return None
+    return _inverse_depth_search(points, valid, floor_mask, hole, feet_px, settings).plane
+
+
+def search_floor(
+    points: Tensor,
+    valid: Tensor,
+    surface: Tensor,
+    floor_mask: Tensor | None,
+    hole: Tensor | None,
+    feet_px: Tensor | None,
+    settings: SceneSettings,
+) -> FloorSearch:
+    """The floor of a metric point map (H, W, 3) with normals ``surface`` (H, W, 3), by the strategy of the settings."""
+    if settings.floor == "off":
+        return FloorSearch(None, "switched_off")
+    if settings.floor == "metric":
+        return fit_floor_metric(
+            points,
+            surface,
+            valid,
+            floor_mask,
+            tolerance_m=settings.floor_tolerance_m,
+            hypotheses=settings.floor_hypotheses,
+            min_share=settings.floor_mask_min_share,
+            max_below=settings.floor_max_below,
+            seed=settings.seed,
+        )
+    return _inverse_depth_search(points, valid, floor_mask, hole, feet_px, settings)
+
+
+def _inverse_depth_search(
+    points: Tensor,
+    valid: Tensor,
+    floor_mask: Tensor | None,
+    hole: Tensor | None,
+    feet_px: Tensor | None,
+    settings: SceneSettings,
+) -> FloorSearch:
+    return fit_floor(
+        points,
+        valid,
+        floor_mask=floor_mask,
+        hole=hole,
+        feet_px=feet_px if settings.floor_reanchor else None,
+        tolerance=settings.floor_tolerance,
+        hypotheses=settings.floor_hypotheses,
+        min_share=settings.floor_min_share,
+        mask_min_share=settings.floor_mask_min_share,
+        max_below=settings.floor_max_below,
+        max_roll_deg=settings.floor_max_roll_deg,
+        hole_weight=settings.floor_hole_weight,
+        lower_share=settings.floor_lower_share,
+        seed=settings.seed,
+    )
+
+
+def edge_ratio_at(ratio: float, rows: int, columns: int) -> float:
+    """The depth ratio over 3 x 3 pixels that means the same slope as ``ratio`` in a picture of 1024 px."""
+    return ratio ** (_REFERENCE_SIDE / max(rows, columns, 1)) if math.isfinite(ratio) else ratio
+
+
+def outlier_mask(points: Tensor, valid: Tensor, settings: Any) -> Tensor:
+    """(H, W) bool, valid points (H, W, 3) to be dropped, by the strategy of scene or human settings."""
+    if settings.outliers == "off" or not bool(valid.any()):
+        return torch.zeros_like(valid)
+    if settings.outliers == "grid":
+        ratio = edge_ratio_at(settings.edge_ratio, *valid.shape)
+        return unsupported(points[..., 2], valid, ratio)
+    drop = torch.zeros_like(valid)
+    neighbors = max(1, int(settings.outlier_neighbors * min(valid.shape)))
+    drop[valid] = knn_outliers(points[valid], neighbors, settings.outlier_sigma)
+    return drop
+
+
+def alignment_diagnostics(alignment: Alignment) -> dict[str, Any]:
+    """An alignment as plain numbers; a residual that does not exist is None."""
+    return {
+        "unknown": alignment.unknown,
+        "scale": alignment.scale,
+        "shift": alignment.shift,
+        "inlier_share": alignment.inlier_share,
+        "residual": alignment.residual if math.isfinite(alignment.residual) else None,
+    }
+
+
+def _align_to_metric(
+    points: Tensor,
+    valid: Tensor,
+    unknown: Unknown,
+    metric_depth: Tensor,
+    metric_valid: Tensor,
+    K: Tensor | None,
+    K_metric: Tensor | None,
+    settings: SceneSettings,
+) -> Alignment:
+    """Eq. 1. Without any camera the target has no X and Y, and depth alone is aligned."""
+    camera = K_metric if K_metric is not None else K
+    depth = torch.where(metric_valid, metric_depth, 1.0)
+    if camera is not None:
+        target = depth_to_pointmap(depth, camera.to(depth))
+    else:
+        target = torch.stack((torch.zeros_like(depth), torch.zeros_like(depth), depth), -1)
+    return align(
+        points,
+        valid,
+        target,
+        metric_valid,
+        unknown,
+        tolerance=settings.align_tolerance,
+        iterations=settings.align_hypotheses,
+        residual=settings.align_residual,
+        axes="z" if camera is None else "xyz",
+        max_pixels=settings.align_max_pixels,
+        seed=settings.seed,
+    )
+
+
+def _camera(
+    placed: Tensor | None,
+    K: Tensor | None,
+    K_metric: Tensor | None,
+    points: Tensor,
+    valid: Tensor,
+    settings: SceneSettings,
+) -> Tensor:
+    """(3, 3) float64: the given camera, else what the settings prefer, else whatever there is."""
+    if K is not None:
+        return K.to(points.device, torch.float64)
+    if K_metric is not None and (settings.intrinsics == "metric" or placed is None):
+        return K_metric.to(points.device, torch.float64)
+    fx, fy, cx, cy = intrinsics_from_pointmap(points if placed is None else placed, valid)
+    return intrinsics_matrix(fx, fy, cx, cy, torch.zeros((), dtype=torch.float64, device=points.device))
+
+
+def _floor_points(
+    floor: PlaneFit | None,
+    points: Tensor,
+    valid: Tensor,
+    feet_px: Tensor | None,
+    camera: Tensor,
+    settings: SceneSettings,
+) -> Tensor:
+    if floor is None:
+        return points.new_zeros((0, 3))
+    centres = None
+    if feet_px is not None and len(feet_px):
+        rays = unproject(feet_px.to(points), points.new_ones(len(feet_px)), camera)
+        steepness = -(rays @ floor.normal)
+        seen = steepness > 1e-3
+        centres = rays[seen] * (floor.offset / steepness[seen])[:, None]
+        centres = centres[centres[:, 2] <= settings.far_m]
+    return sample_plane(
+        floor.normal,
+        floor.offset,
+        points[valid],
+        centres=centres,
+        spacing=settings.floor_spacing_m,
+        near=settings.floor_near_m,
+        max_points=settings.floor_max_points,
+        grid=settings.floor_grid,
+    )
+
+
+def _floor_diagnostics(search: FloorSearch) -> dict[str, Any]:
+    told: dict[str, Any] = {
+        "reason": search.reason,
+        "inlier_share": search.inlier_share,
+        "below_share": search.below_share,
+        "mask_reason": search.mask_reason,
+    }
+    if search.plane is not None:
+        x, y, z = (float(c) for c in search.plane.normal)
+        told |= {
+            "source": search.plane.source,
+            "camera_height_m": search.plane.offset,
+            "pitch_deg": math.degrees(math.atan2(-z, -y)),
+            "roll_deg": math.degrees(math.atan2(x, -y)),
+            "reanchored": search.plane.reanchored,
+        }
+    return told
+
+
+def _share(mask: Tensor) -> float:
+    return float(mask.double().mean())

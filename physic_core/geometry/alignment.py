@@ -1,0 +1,242 @@
+"""Eq. 1: bring a point map that leaves something open onto another one.
+
+What is open is named by :data:`physic_core.types.Unknown`. Each kind is solved in the space where it is linear:
+
+=====================  ======================  ==============================================
+unknown                meaning                 residual of a pixel, as a share of its depth
+=====================  ======================  ==============================================
+"scale"                Q = s P                 (s Z' - Z) / Z
+"scale_shift"          Q = s P + (0, 0, t)     (s P + (0, 0, t) - Q) / Z, three numbers
+"inverse_scale_shift"  1 / Z = s / Z' + t      Z (s / Z' + t) - 1, each point stays on its ray
+=====================  ======================  ==============================================
+
+RANSAC scores all hypotheses with one fixed tolerance, so that they can be compared; robust least squares on the
+consensus then sets the numbers. "scale_shift" uses X and Y as well, as in the paper, since only they tell the scale of
+a scene that is nearly at one depth.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import torch
+from torch import Tensor
+
+from physic_core.types import Unknown
+
+__all__ = ["Alignment", "align", "apply_alignment"]
+
+_FEWEST_PIXELS = 16
+_REFINEMENTS = 20
+_SCORED_PIXELS = 4096
+_RELATIVE_DEPTH_FLOOR = 1e-6
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """How one point map lies on another.
+
+    Attributes:
+        scale: s > 0.
+        shift: t, in the target's unit ("scale_shift") or its inverse ("inverse_scale_shift").
+        unknown: which formula the two numbers belong to.
+        inlier_share: share of the pixels looked at whose depth agrees within the tolerance, 0-1; 0 where there was
+            nothing to align, and then scale is 1 and shift 0.
+        residual: median |relative depth difference| of those pixels, inf where there are none.
+    """
+
+    scale: float
+    shift: float
+    unknown: Unknown
+    inlier_share: float
+    residual: float
+
+
+class _System(NamedTuple):
+    """Linear residuals A (M, R, 2) @ (s, t) - b (M, R) of M pixels; a pixel's error is the norm of its R residuals."""
+
+    A: Tensor
+    b: Tensor
+
+    def errors(self, models: Tensor) -> Tensor:
+        """(G, 2) models -> (G, M) squared errors."""
+        total = models.new_zeros((len(models), len(self.b)))
+        for r in range(self.b.shape[1]):
+            total += (models @ self.A[:, r].T - self.b[:, r]).square_()
+        return total
+
+
+def align(
+    relative_points: Tensor,
+    valid: Tensor,
+    target_points: Tensor,
+    target_valid: Tensor,
+    unknown: Unknown,
+    *,
+    tolerance: float = 0.1,
+    iterations: int = 128,
+    residual: Literal["relative", "metric"] = "relative",
+    axes: Literal["xyz", "z"] = "xyz",
+    max_pixels: int = 20_000,
+    seed: int = 0,
+) -> Alignment:
+    """Find the scale and shift that put ``relative_points`` onto ``target_points`` (Eq. 1).
+
+    Args:
+        relative_points: (..., 3), any unit.
+        valid: (...) bool.
+        target_points: (..., 3) of the same pixels.
+        target_valid: (...) bool.
+        unknown: which formula to fit.
+        tolerance: a pixel agrees when its residual is below this share of its depth.
+        iterations: hypotheses drawn.
+        residual: "relative" as in the table above; "metric" multiplies it by the depth, which is Eq. 1 as printed, and
+            lets what is far away decide.
+        axes: "z" leaves X and Y out of "scale_shift", for a target whose camera is not known.
+        max_pixels: pixels looked at, drawn at random where there are more.
+        seed: of the draws; the same seed gives the same answer.
+
+    Returns:
+        The alignment. Too few common pixels, or none that agree, give ``inlier_share`` 0 and the identity.
+    """
+    generator = torch.Generator().manual_seed(seed)
+    source, target = _common(relative_points, valid, target_points, target_valid, max_pixels, generator)
+    if len(source) < _FEWEST_PIXELS:
+        return _nothing(unknown)
+    system = _relative_system(source, target, unknown, axes)
+    best = _ransac(system, unknown, tolerance, iterations, generator)
+    if best is None:
+        return _nothing(unknown)
+    model = _refine(system, best, target[:, 2], unknown, tolerance, residual)
+    error = _relative_depth_error(source, target, model, unknown)
+    inlier = error < tolerance
+    if not bool(inlier.any()):
+        return _nothing(unknown)
+    return Alignment(
+        scale=float(model[0]),
+        shift=float(model[1]),
+        unknown=unknown,
+        inlier_share=float(inlier.double().mean()),
+        residual=float(error[inlier].median()),
+    )
+
+
+def apply_alignment(points: Tensor, alignment: Alignment) -> Tensor:
+    """Points as the alignment puts them.
+
+    Args:
+        points: (..., 3) of the relative map.
+        alignment: what :func:`align` found for that map.
+
+    Returns:
+        (..., 3) in the target's unit. Where "inverse_scale_shift" gives no positive depth (at or beyond infinity), the
+        point is inf; NaN stays NaN.
+    """
+    if alignment.unknown == "scale":
+        return points * alignment.scale
+    if alignment.unknown == "scale_shift":
+        return points * alignment.scale + points.new_tensor([0.0, 0.0, alignment.shift])
+    z = points[..., 2]
+    # Z = Z' / (s + t Z') keeps the direction: the whole point is divided.
+    divisor = alignment.scale + alignment.shift * z
+    factor = torch.where(divisor > 0, divisor.reciprocal(), torch.full_like(divisor, math.inf))
+    return torch.where(torch.isinf(factor)[..., None], math.inf, points * factor[..., None])
+
+
+def _common(
+    relative: Tensor, valid: Tensor, target: Tensor, target_valid: Tensor, most: int, generator: torch.Generator
+) -> tuple[Tensor, Tensor]:
+    """Pixels that both maps know, at most ``most`` of them, as two (M, 3) float64 tensors."""
+    chosen = (valid & target_valid).flatten().nonzero()[:, 0]
+    if len(chosen) > most:
+        chosen = chosen[torch.randperm(len(chosen), generator=generator)[:most].to(chosen.device)]
+    source, goal = relative.reshape(-1, 3)[chosen].double(), target.reshape(-1, 3)[chosen].double()
+    usable = torch.isfinite(source).all(-1) & torch.isfinite(goal).all(-1) & (source[:, 2] > 0) & (goal[:, 2] > 0)
+    return source[usable], goal[usable]
+
+
+def _relative_system(source: Tensor, target: Tensor, unknown: Unknown, axes: str) -> _System:
+    depth = target[:, 2]
+    one, zero = torch.ones_like(depth), torch.zeros_like(depth)
+    if unknown == "inverse_scale_shift":
+        return _System(torch.stack((depth / source[:, 2], depth), -1)[:, None], one[:, None])
+    along = source / depth[:, None]
+    if unknown == "scale":
+        return _System(torch.stack((along[:, 2], zero), -1)[:, None], one[:, None])
+    last = torch.stack((along[:, 2], 1 / depth), -1)
+    if axes == "z":
+        return _System(last[:, None], one[:, None])
+    side = [torch.stack((along[:, i], zero), -1) for i in (0, 1)]
+    goal = target / depth[:, None]
+    return _System(torch.stack((*side, last), 1), torch.stack((goal[:, 0], goal[:, 1], one), 1))
+
+
+def _ransac(
+    system: _System, unknown: Unknown, tolerance: float, iterations: int, generator: torch.Generator
+) -> Tensor | None:
+    """The hypothesis with the smallest truncated squared error, or None where no pixel agrees with any."""
+    count = len(system.b)
+    size = 1 if unknown == "scale" else 2
+    picks = torch.randint(count, (iterations, size), generator=generator).to(system.b.device)
+    A, b = system.A[picks].flatten(1, 2), system.b[picks].flatten(1, 2)
+    models = _solve(A.mT @ A, (A.mT @ b[..., None])[..., 0], unknown)
+    models = models[torch.isfinite(models).all(-1) & (models[:, 0] > 0)]
+    if not len(models):
+        return None
+    scored = _System(system.A[:_SCORED_PIXELS], system.b[:_SCORED_PIXELS]) if count > _SCORED_PIXELS else system
+    cost = (scored.errors(models) / tolerance**2).clamp_(max=1.0).mean(-1)
+    best = int(cost.argmin())
+    return models[best] if float(cost[best]) < 1.0 else None
+
+
+def _refine(system: _System, model: Tensor, depth: Tensor, unknown: Unknown, tolerance: float, residual: str) -> Tensor:
+    """Least squares on the consensus, reweighted by a Geman-McClure kernel at the consensus' own spread."""
+    scale = torch.ones_like(depth) if residual == "relative" else depth / depth.median()
+    for _ in range(_REFINEMENTS):
+        error = system.errors(model[None])[0]
+        inlier = error < tolerance**2
+        if int(inlier.sum()) < _FEWEST_PIXELS:
+            return model
+        # 1.4826 makes a median absolute deviation a standard deviation; the floor keeps exact data solvable.
+        spread = 3 * 1.4826**2 * float(error[inlier].median()) + 1e-18
+        weight = inlier * (spread / (spread + error)).square() * scale.square()
+        weighted = system.A * weight[:, None, None]
+        A = torch.einsum("mri,mrj->ij", weighted, system.A)
+        b = torch.einsum("mri,mr->i", weighted, system.b)
+        step = _solve(A[None], b[None], unknown)[0]
+        if not bool(torch.isfinite(step).all()) or float(step[0]) <= 0:
+            return model
+        moved = float((step - model).abs().max() / model.abs().max())
+        model = step
+        if moved < 1e-9:
+            break
+    return model
+
+
+def _solve(A: Tensor, b: Tensor, unknown: Unknown) -> Tensor:
+    """Solve (G, 2, 2) normal equations; NaN where one is singular; t = 0 for "scale"."""
+    if unknown == "scale":
+        s = b[:, 0] / A[:, 0, 0]
+        return torch.stack((s, torch.zeros_like(s)), -1)
+    determinant = A[:, 0, 0] * A[:, 1, 1] - A[:, 0, 1] * A[:, 1, 0]
+    solvable = determinant > 1e-12 * A[:, 0, 0] * A[:, 1, 1]
+    s = A[:, 1, 1] * b[:, 0] - A[:, 0, 1] * b[:, 1]
+    t = A[:, 0, 0] * b[:, 1] - A[:, 1, 0] * b[:, 0]
+    return torch.where(solvable[:, None], torch.stack((s, t), -1) / determinant[:, None], math.nan)
+
+
+def _relative_depth_error(source: Tensor, target: Tensor, model: Tensor, unknown: Unknown) -> Tensor:
+    """(M,) |Z_aligned / Z - 1|."""
+    s, t = model[0], model[1]
+    if unknown == "inverse_scale_shift":
+        inverse = s / source[:, 2] + t
+        aligned = inverse.clamp(min=_RELATIVE_DEPTH_FLOOR).reciprocal()
+    else:
+        aligned = s * source[:, 2] + t
+    return (aligned / target[:, 2] - 1).abs()
+
+
+def _nothing(unknown: Unknown) -> Alignment:
+    return Alignment(scale=1.0, shift=0.0, unknown=unknown, inlier_share=0.0, residual=math.inf)

@@ -1,0 +1,68 @@
+"""The pinhole camera: points to pixels and back.
+
+OpenCV axes (x right, y down, z forward), no distortion, no skew. Integer pixel coordinates are pixel centres. Plain
+formulas on purpose: they run inside every optimisation step, broadcast over any leading dimensions, and keep the
+dtype and device of the points.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+__all__ = ["intrinsics_matrix", "pixel_grid", "pixel_rays", "project", "unproject"]
+
+_NEAREST = 1e-3
+
+
+def project(points: Tensor, K: Tensor) -> Tensor:
+    """Points to pixels.
+
+    Args:
+        points: (..., 3) camera frame, any unit. Depths under 0.001 count as 0.001, so that pixel and gradient stay
+            finite for what is at or behind the camera.
+        K: (3, 3) px, or (..., 3, 3) that broadcasts with the leading dimensions of ``points``.
+
+    Returns:
+        (..., 2) px.
+    """
+    K = K.to(points)
+    z = points[..., 2].clamp(min=_NEAREST)
+    u = K[..., 0, 0] * (points[..., 0] / z) + K[..., 0, 2]
+    v = K[..., 1, 1] * (points[..., 1] / z) + K[..., 1, 2]
+    return torch.stack((u, v), dim=-1)
+
+
+def unproject(uv: Tensor, depth: Tensor, K: Tensor) -> Tensor:
+    """Pixels with z-depth to points; the inverse of :func:`project`.
+
+    Args:
+        uv: (..., 2) px.
+        depth: (...) along z (not along the ray), any unit.
+        K: (3, 3) px, or broadcasting as in :func:`project`.
+
+    Returns:
+        (..., 3) camera frame, the unit of ``depth``.
+    """
+    K = K.to(depth)
+    x = (uv[..., 0] - K[..., 0, 2]) / K[..., 0, 0]
+    y = (uv[..., 1] - K[..., 1, 2]) / K[..., 1, 1]
+    return torch.stack((x * depth, y * depth, depth), dim=-1)
+
+
+def pixel_grid(height: int, width: int, like: Tensor) -> Tensor:
+    """(H, W, 2) px coordinates of the pixel centres, x first, with the dtype and device of ``like``."""
+    v = torch.arange(height, dtype=like.dtype, device=like.device)
+    u = torch.arange(width, dtype=like.dtype, device=like.device)
+    return torch.stack((u.expand(height, width), v[:, None].expand(height, width)), dim=-1)
+
+
+def pixel_rays(height: int, width: int, K: Tensor) -> Tensor:
+    """(H, W, 3) direction through each pixel's centre, scaled so that z = 1."""
+    ones = K.new_ones((height, width))
+    return unproject(pixel_grid(height, width, K), ones, K)
+
+
+def intrinsics_matrix(fx: float, fy: float, cx: float, cy: float, like: Tensor) -> Tensor:
+    """The (3, 3) camera matrix, px, with the dtype and device of ``like``."""
+    return like.new_tensor([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
