@@ -97,6 +97,8 @@ def closest(name: str, known: Iterable[str]) -> str:
 def _in_words(found: Any) -> str:
     if found["type"] == "missing":
         return "is missing"
+    if found["type"] == "string_too_short" and found["input"] == "":
+        return "should not be empty"
     if found["type"] == "value_error":
         return str(found["ctx"]["error"])
     if found["type"] == "model_type":

@@ -1,0 +1,43 @@
+# make demo [PHOTO=photo.jpg]   reconstruct a photo and say where the results are
+# make test                     lint, types and the whole test suite
+# make lint | clean             the first part alone | remove what make made
+# PYTHON=python3.12 chooses the interpreter that .venv is made with.
+
+PYTHON ?= python3
+PHOTO ?= examples/basketball.png
+VENV := .venv
+BIN := $(VENV)/bin
+DISTRIBUTIONS := pyproject.toml $(wildcard plugins/*/pyproject.toml)
+
+# Values with blanks and quotes reach the shell as they are.
+export PHOTO
+.PHONY: demo test lint clean
+
+demo: $(VENV)/demo.stamp
+	@name=$$(basename "$$PHOTO"); $(BIN)/physic run "$$PHOTO" -o "demo/$${name%.*}"
+
+# One thread for the small fits of the tests: two are slower wherever something else runs.
+test: lint
+	OMP_NUM_THREADS=1 $(BIN)/pytest tests plugins
+
+lint: $(VENV)/test.stamp
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/lint-imports
+	$(BIN)/mypy
+
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; v = sys.version.split()[0]; sys.version_info >= (3, 11) or sys.exit("PhySIC needs Python 3.11 or newer, $(PYTHON) is " + v + ": make PYTHON=python3.12 ...")'
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "$(PYTHON) has no venv module: apt install python3-venv" >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/demo.stamp: requirements.txt constraints.txt $(DISTRIBUTIONS) | $(BIN)/python
+	$(BIN)/python -m pip install --disable-pip-version-check -r requirements.txt
+	@touch $@
+
+$(VENV)/test.stamp: requirements-dev.txt requirements.txt constraints.txt $(DISTRIBUTIONS) | $(BIN)/python
+	$(BIN)/python -m pip install --disable-pip-version-check -r requirements-dev.txt
+	@touch $(VENV)/demo.stamp $@
+
+clean:
+	rm -rf $(VENV) demo

@@ -1,0 +1,72 @@
+from __future__ import annotations
+
+import os
+import sys
+from importlib.metadata import EntryPoint, distributions
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+# Two threads of torch beside another busy process are far slower than one; it reads this when it is first imported.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+# The same examples every time, and no clock: a loaded machine must not fail a test.
+settings.register_profile("physic", deadline=None, derandomize=True, max_examples=50)
+settings.load_profile("physic")
+
+
+@pytest.fixture(autouse=True)
+def _own_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the user's shell says about plugins and tracebacks is not for the tests."""
+    monkeypatch.delenv("PHYSIC_PLUGINS", raising=False)
+    monkeypatch.delenv("PHYSIC_DEBUG", raising=False)
+
+
+@pytest.fixture
+def repository() -> Path:
+    return Path(__file__).parents[1]
+
+
+class Site:
+    """A folder of installed distributions, written as pip would leave them."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def install(self, distribution: str, source: str, version: str = "1.0") -> str:
+        """Add a distribution with one plugin module; return the module's name."""
+        module = distribution.replace("-", "_")
+        (self.folder / f"{module}.py").write_text(source)
+        info = self.folder / f"{module}-{version}.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {distribution}\nVersion: {version}\n")
+        (info / "entry_points.txt").write_text(f"[physic.plugins]\n{distribution.split('-')[-1]} = {module}\n")
+        return module
+
+    def offer(self, distribution: str, interface: str, name: str, version: str = "1.0", extra: str = "") -> str:
+        """Add a distribution that offers one backend of its own module's class ``B``."""
+        module = distribution.replace("-", "_")
+        source = (
+            "from physic_core import BackendRecord, hookimpl\n"
+            "@hookimpl\n"
+            "def physic_backends():\n"
+            f"    return [BackendRecord({interface!r}, {name!r}, '{module}:B'{extra})]\n"
+        )
+        return self.install(distribution, source, version)
+
+    def entries(self) -> list[EntryPoint]:
+        return [e for d in distributions(path=[str(self.folder)]) for e in d.entry_points]
+
+
+@pytest.fixture
+def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """An empty ``Site`` that this Python can import from; its modules are forgotten afterwards."""
+    folder = tmp_path / "site"
+    folder.mkdir()
+    monkeypatch.syspath_prepend(str(folder))
+    before = set(sys.modules)
+    yield Site(folder)
+    for name in set(sys.modules) - before:
+        if str(getattr(sys.modules[name], "__file__", "")).startswith(str(folder)):
+            del sys.modules[name]

@@ -1,0 +1,233 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from physic_core.config import Config, as_config, load_config, preset_names
+from physic_core.errors import ConfigError
+from physic_core.interfaces import INTERFACES
+
+
+@pytest.fixture
+def write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Write a TOML file into an empty working folder; messages then hold the bare name."""
+    monkeypatch.chdir(tmp_path)
+
+    def write(text: str, name: str = "config.toml") -> str:
+        Path(name).parent.mkdir(parents=True, exist_ok=True)
+        Path(name).write_text(text)
+        return name
+
+    return write
+
+
+def refusal(*args: Any, **kwargs: Any) -> str:
+    with pytest.raises(ConfigError) as caught:
+        load_config(*args, **kwargs)
+    return str(caught.value)
+
+
+# ---- what a config comes to -------------------------------------------------------------------------------------------
+
+
+def test_the_default_names_the_embedded_backend_everywhere():
+    config = load_config()
+    assert {config.choice(i).backend for i in INTERFACES} == {"embedded"}
+    assert config.photo.max_side == 1280
+    assert config.body_model.source == "embedded"
+    assert config.run.device == "cpu"
+
+
+def test_the_presets_are_those_of_the_package():
+    assert preset_names() == ("embedded", "mock")
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_every_preset_holds(name: str):
+    assert isinstance(load_config(preset=name), Config)
+
+
+def test_a_file_builds_on_the_default_preset_without_saying_so(write):
+    config = load_config(write("[photo]\nmax_side = 800\n"))
+    assert config.photo.max_side == 800
+    assert config.segmenter.backend == "embedded"
+
+
+def test_a_file_may_extend_another_beside_it(write):
+    write('extends = "mock"\n[photo]\nmax_side = 700\n', "base/base.toml")
+    config = load_config(write('extends = "base/base.toml"\n[photo]\nmask_growth = 0.01\n'))
+    assert (config.segmenter.backend, config.photo.max_side, config.photo.mask_growth) == ("mock", 700, 0.01)
+
+
+def test_later_layers_win_and_each_value_knows_its_source(write):
+    file = write("[photo]\nmax_side = 800\nmask_growth = 0.01\n")
+    config = load_config(file, overrides=["photo.max_side=900"], flags={"--device": {"run": {"device": "cuda"}}})
+    assert config.photo.max_side == 900
+    assert {p: config.source(p) for p in ("photo.max_side", "photo.mask_growth", "run.device", "engine.preset")} == {
+        "photo.max_side": "--set",
+        "photo.mask_growth": "config.toml",
+        "run.device": "--device",
+        "engine.preset": "default",
+    }
+    assert config.source("segmenter.backend") == "preset embedded"
+
+
+@pytest.mark.parametrize(
+    ("override", "expected"),
+    [
+        ("inpainter.backend=telea", "telea"),
+        ('inpainter.backend="my fill"', "my fill"),
+        ("inpainter.backend=my_pkg.fill:Fill", "my_pkg.fill:Fill"),
+        ("inpainter = {backend = 'telea'}", "telea"),
+    ],
+)
+def test_an_override_is_toml_and_a_bare_word_is_a_text(override: str, expected: str):
+    assert load_config(overrides=[override]).inpainter.backend == expected
+
+
+def test_options_of_another_backend_are_not_inherited(write):
+    file = write('[inpainter]\nbackend = "telea"\n[inpainter.options]\nradius_px = 3.0\n')
+    assert load_config(file).inpainter.options == {"radius_px": 3.0}
+    assert load_config(file, overrides=["inpainter.options.max_hole_px=99"]).inpainter.options == {
+        "radius_px": 3.0,
+        "max_hole_px": 99,
+    }
+    assert load_config(file, overrides=["inpainter.backend=mock"]).inpainter.options == {}
+
+
+def test_a_later_camera_replaces_an_earlier_one_however_it_was_given(write):
+    file = write("[photo]\nfocal_px = 900\n")
+    config = load_config(file, overrides=["photo.intrinsics=[800, 810, 320, 240]"])
+    assert (config.photo.focal_px, config.photo.intrinsics) == (None, (800.0, 810.0, 320.0, 240.0))
+
+
+def test_a_body_model_path_is_relative_to_its_file(write):
+    config = load_config(write('[body_model]\npath = "SMPLX_NEUTRAL.npz"\n', "sub/config.toml"))
+    assert config.body_model.source == str(Path("sub/SMPLX_NEUTRAL.npz"))
+
+
+def test_engine_overrides_reach_the_settings():
+    config = load_config(overrides=["engine.preset=paper", "engine.scene.far_m=20", "engine.scene.floor=off"])
+    settings = config.engine.settings()
+    assert (settings.scene.far_m, settings.scene.floor, settings.scene.align_hypotheses) == (20.0, "off", 20)
+
+
+def test_the_plain_tables_build_the_same_config():
+    config = load_config(preset="mock", overrides=["photo.focal_px=900", "engine.joint.contact_weight=0.5"])
+    assert load_config(preset="mock", flags={"again": config.as_dict()}).as_dict() == config.as_dict()
+
+
+def test_python_callers_may_pass_a_config_a_file_tables_or_nothing(write):
+    config = load_config(preset="mock")
+    assert as_config(config) is config
+    assert as_config(None) == load_config()
+    assert as_config(write('extends = "mock"\n')) == config
+    assert as_config({"photo": {"max_side": 640}}).photo.max_side == 640
+
+
+# ---- what is refused --------------------------------------------------------------------------------------------------
+
+
+def test_every_fault_is_told_at_once_with_path_source_and_suggestion(write):
+    file = write(
+        'extends = "embedded"\n'
+        "colour = 3\n"
+        '[inpaintr]\nbackend = "telea"\n'
+        '[segmenter]\nbackend = "none"\n'
+        "[photo]\nmax_side = 3\nfocal = 2\nmask_growth = 'wide'\n"
+        "[engine.scene]\nfloor_hypothesis = 3\nfloor = 'flat'\n"
+        "[run]\ndevice = 3\n"
+    )
+    assert refusal(file, overrides=["engine.joint=3"]) == (
+        "config.toml: 9 errors\n"
+        "photo.max_side                  should be >= 128 (got 3)\n"
+        "photo.mask_growth               should be a number (got 'wide')\n"
+        "photo.focal                     unknown key. Did you mean 'focal_px'?\n"
+        "run.device                      should be a text (got 3)\n"
+        "colour                          unknown key\n"
+        "inpaintr                        unknown key. Did you mean 'inpainter'?\n"
+        "segmenter.backend               should name a backend: only hand_estimator and contact_prior may be 'none'\n"
+        "engine.scene.floor_hypothesis   unknown setting. Did you mean 'floor_hypotheses'?\n"
+        "engine.scene.floor              should be one of 'disparity', 'metric', 'off' (got 'flat')\n"
+        "--set: 1 error\n"
+        "engine.joint   should be a table (got 3)"
+    )
+
+
+@pytest.mark.parametrize(
+    ("override", "expected"),
+    [
+        ("photo.max_side=12.5", "photo.max_side   should be a whole number (got 12.5)"),
+        ("photo.focal_px=-1", "photo.focal_px   should be > 0 (got -1)"),
+        (
+            "photo.intrinsics=[1, 2, 3]",
+            "photo.intrinsics   should be four numbers fx, fy, cx, cy with fx > 0 and fy > 0 (got [1, 2, 3])",
+        ),
+        ("photo={focal_px=9, intrinsics=[9, 9, 4, 4]}", "photo   has both focal_px and intrinsics: give one of them"),
+        ("photo=3", "photo   should be a table (got 3)"),
+        ("inpainter=telea", "inpainter   should be a table (got 'telea')"),
+        ("inpainter.backend=''", "inpainter.backend   should not be empty"),
+        ("inpainter.option.x=1", "inpainter.option   unknown key. Did you mean 'options'?"),
+        ("inpainter.options=1", "inpainter.options   should be a table (got 1)"),
+        (
+            "body_model.name=smplx",
+            "body_model   name should be 'embedded' (got 'smplx'); for a file of your own, set path",
+        ),
+        (
+            "engine.preset=papr",
+            "engine.preset   no engine preset named 'papr'; there are: default, paper. Did you mean 'paper'?",
+        ),
+        ("engine.scen.floor=off", "engine.scen   unknown key. Did you mean 'scene'?"),
+        ("engine.scene.far_m=deep", "engine.scene.far_m   should be a number (got 'deep')"),
+        ("engine.scene.floor_reanchor=1", "engine.scene.floor_reanchor   should be true or false (got 1)"),
+    ],
+)
+def test_a_value_that_does_not_hold_says_what_it_should_be(override: str, expected: str):
+    assert refusal(overrides=[override]) == f"--set: 1 error\n{expected}"
+
+
+def test_a_preset_that_does_not_exist_says_which_do():
+    assert refusal(preset="embeded") == "no preset named 'embeded'; there are: embedded, mock. Did you mean 'embedded'?"
+
+
+def test_an_extends_that_leads_nowhere_says_whose_it_is(write):
+    assert refusal(write('extends = "best"\n')) == (
+        "config.toml extends 'best': no preset named 'best'; there are: embedded, mock"
+    )
+    assert (
+        refusal(write('extends = "other.toml"\n')) == "config.toml extends 'other.toml': no config file at other.toml"
+    )
+    assert refusal(write("extends = 3\n")) == (
+        "config.toml: 1 error\nextends   should be the name of a preset or a path (got 3)"
+    )
+
+
+def test_files_that_extend_each_other_are_refused(write, tmp_path):
+    write('extends = "a.toml"\n', "b.toml")
+    a, b = tmp_path / "a.toml", tmp_path / "b.toml"
+    assert refusal(write('extends = "b.toml"\n', "a.toml")) == (
+        f"a.toml extends 'b.toml': b.toml extends 'a.toml': a.toml extends itself: {a} -> {b} -> {a}"
+    )
+
+
+def test_a_file_that_is_not_there_not_toml_or_not_text_is_refused(write, tmp_path):
+    assert refusal("none.toml") == "no config file at none.toml"
+    assert refusal(write("[photo\n")) == (
+        "config.toml is not valid TOML: Expected ']' at the end of a table declaration (at line 1, column 7)"
+    )
+    Path("config.toml").write_bytes(b"\xff\xfe\x00")
+    assert refusal("config.toml").startswith("config.toml cannot be read: 'utf-8' codec can't decode")
+    assert refusal(tmp_path) == f"{tmp_path} cannot be read: [Errno 21] Is a directory: '{tmp_path}'"
+
+
+@pytest.mark.parametrize("text", ["inpainter", "=3", "a b=3", "a..b=3"])
+def test_an_override_without_a_key_and_a_value_is_refused(text: str):
+    assert refusal(overrides=[text]) == f"--set needs KEY=VALUE such as inpainter.backend=telea (got '{text}')"
+
+
+def test_an_override_that_is_no_toml_is_refused():
+    text = refusal(overrides=["inpainter.backend=te lea"])  # the words in the brackets are Python's
+    assert text.startswith("--set inpainter.backend=te lea: the value is not valid TOML (")
+    assert text.endswith("); texts need quotes")

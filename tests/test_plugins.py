@@ -1,0 +1,148 @@
+from __future__ import annotations
+
+from typing import Any
+
+from physic_core.plugins import discover
+from physic_core.registry import Registry
+
+HOOK = "from physic_core import BackendRecord, hookimpl\n@hookimpl\ndef physic_backends():\n"
+
+
+def found(site: Any, **environment: str) -> Registry:
+    return discover(site.entries(), environment=environment, clock=iter(range(100)).__next__)
+
+
+def causes(registry: Registry) -> list[str]:
+    return [str(b) for b in registry.broken]
+
+
+def names(registry: Registry) -> list[str]:
+    return [c.record.name for c in registry]
+
+
+def test_a_record_is_stamped_with_who_made_it(site):
+    site.offer("physic-one", "inpainter", "one", version="1.2")
+    (claim,) = found(site)
+    origin = claim.origin
+    assert (origin.plugin, origin.distribution, origin.version) == ("physic_one", "physic-one", "1.2")
+    assert claim.problem == ""
+
+
+def test_discovery_does_not_import_targets(site):
+    site.install("physic-one", HOOK + "    return [BackendRecord('inpainter', 'one', 'no_such_module:C')]\n")
+    assert names(found(site)) == ["one"]
+
+
+def test_a_broken_plugin_is_a_row_with_its_cause_and_the_others_live(site):
+    site.install("physic-bad", "import no_such_module\n", version="0.3")
+    site.offer("physic-good", "inpainter", "good")
+    registry = found(site)
+    assert names(registry) == ["good"]
+    assert causes(registry) == ["physic-bad 0.3 (ModuleNotFoundError: No module named 'no_such_module')"]
+
+
+def test_a_plugin_that_leaves_python_is_a_row_too(site):
+    site.install("physic-bad", "raise SystemExit('no licence found')\n")
+    assert causes(found(site)) == ["physic-bad 1.0 (SystemExit: no licence found)"]
+
+
+def test_a_hook_that_fails_is_a_row(site):
+    site.install("physic-bad", HOOK + "    raise ValueError('no weights')\n")
+    assert causes(found(site)) == ["physic-bad 1.0 (ValueError: no weights)"]
+
+
+def test_a_misspelt_hook_is_found(site):
+    site.install("physic-bad", HOOK.replace("physic_backends", "physic_backend") + "    return []\n")
+    assert causes(found(site)) == [
+        "physic-bad 1.0 (there is no hook named 'physic_backend'; the only one is 'physic_backends')"
+    ]
+
+
+def test_a_forgotten_decorator_is_found(site):
+    site.install("physic-bad", "def physic_backends():\n    return []\n")
+    assert causes(found(site)) == ["physic-bad 1.0 (physic_bad has no function physic_backends marked with @hookimpl)"]
+
+
+def test_an_answer_of_another_kind_is_found(site):
+    site.install("physic-bad", HOOK + "    return BackendRecord('inpainter', 'x', 'm:C')\n")
+    site.install("physic-mad", HOOK + "    return [('inpainter', 'x', 'm:C')]\n")
+    assert causes(found(site)) == [
+        "physic-bad 1.0 (physic_backends() must return a list of BackendRecord, got BackendRecord)",
+        "physic-mad 1.0 (physic_backends() must return a list of BackendRecord, got a list with tuple in it)",
+    ]
+
+
+def test_a_hook_with_an_argument_is_a_row(site):
+    site.install("physic-bad", HOOK.replace("()", "(register)") + "    return []\n")
+    (row,) = causes(found(site))
+    assert row.startswith("physic-bad 1.0 (PluginValidationError: Plugin 'bad' for hook 'physic_backends'")
+    assert "Argument(s) {'register'} are declared in the hookimpl but can not be found in the hookspec" in row
+
+
+def test_a_backend_for_a_newer_plugin_api_is_kept_with_what_to_do(site):
+    site.offer("physic-new", "inpainter", "new", extra=", api=2")
+    (claim,) = found(site)
+    assert claim.problem == "needs plugin API 2, this physic-core has 1: upgrade physic-core"
+
+
+def test_a_backend_for_an_older_plugin_api_is_kept_with_what_to_do(site):
+    site.offer("physic-old", "inpainter", "old", extra=", api=0")
+    (claim,) = found(site)
+    assert claim.problem == "written for plugin API 0, this physic-core has 1: upgrade physic-old"
+
+
+def test_a_backend_for_an_unknown_interface_is_kept_with_what_is_near(site):
+    site.offer("physic-a", "metric-depth", "x")
+    site.offer("physic-b", "music", "x")
+    assert [c.problem for c in found(site)] == [
+        "no interface named 'metric-depth'; did you mean 'metric_depth'?",
+        "no interface named 'music'; there are: segmenter, inpainter, metric_depth, relative_pointmap, "
+        "keypoint_detector, body_estimator, hand_estimator, contact_prior",
+    ]
+
+
+def test_an_api_that_is_no_number_breaks_its_own_plugin_only(site):
+    site.offer("physic-bad", "inpainter", "bad", extra=", api='1'")
+    site.offer("physic-good", "inpainter", "good")
+    registry = found(site)
+    assert names(registry) == ["good"]
+    assert len(registry.broken) == 1
+
+
+def test_the_time_that_a_plugin_takes_is_kept(site):
+    site.offer("physic-slow", "inpainter", "slow")
+    ticks = iter([10.0, 12.5])
+    (claim,) = discover(site.entries(), environment={}, clock=ticks.__next__)
+    assert claim.origin.seconds == 2.5
+
+
+def test_a_restriction_leaves_the_named_plugins_and_does_not_import_the_others(site):
+    site.install("physic-bad", "import no_such_module\n")
+    site.offer("physic-good", "inpainter", "good")
+    site.offer("physic-fine", "inpainter", "fine")
+    for written in ("physic-good", "good", "physic_good", " physic-good ,"):
+        registry = found(site, PHYSIC_PLUGINS=written)
+        assert names(registry) == ["good"]
+        assert registry.broken == ()
+        assert registry.restriction == written
+
+
+def test_an_empty_restriction_leaves_none(site):
+    site.offer("physic-good", "inpainter", "good")
+    assert names(found(site, PHYSIC_PLUGINS="")) == []
+
+
+def test_a_restriction_to_what_is_not_there_is_reported(site):
+    site.offer("physic-good", "inpainter", "good")
+    registry = found(site, PHYSIC_PLUGINS="physic-good,physic-bood")
+    assert names(registry) == ["good"]
+    assert causes(registry) == ["physic-bood (named in PHYSIC_PLUGINS but not installed)"]
+
+
+def test_two_distributions_may_claim_one_name_and_both_are_kept(site):
+    site.offer("physic-a", "inpainter", "x")
+    site.offer("physic-b", "inpainter", "x")
+    registry = found(site)
+    claims = list(registry)
+    assert [c.origin.distribution for c in claims] == ["physic-a", "physic-b"]
+    assert registry.rivals(claims[0]) == (claims[1],)

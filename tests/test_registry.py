@@ -1,0 +1,148 @@
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import pytest
+
+from physic_core import interfaces
+from physic_core.catalog import CATALOG
+from physic_core.errors import BackendError, BackendNotFoundError
+from physic_core.plugins import discover
+from physic_core.registry import BackendRecord, BrokenPlugin, Claim, Origin, Registry
+
+A = Origin("a_plugin", "physic-a", "1.0")
+B = Origin("b_plugin", "physic-b", "2.0")
+
+
+class Blank(interfaces.Inpainter):
+    def infer(self, image: Any, mask: Any) -> Any:
+        return image
+
+
+def registry(*claims: tuple[str, Origin], **kwargs: Any) -> Registry:
+    return Registry([Claim(BackendRecord("inpainter", n, "m:C"), origin) for n, origin in claims], **kwargs)
+
+
+def message(error: type[Exception], call: Any, *args: Any) -> str:
+    with pytest.raises(error) as caught:
+        call(*args)
+    return str(caught.value)
+
+
+def test_a_registry_is_built_by_hand_with_a_class():
+    own = Registry()
+    own.register(BackendRecord("inpainter", "blank", Blank))
+    claim = own.get("inpainter", "blank")
+    assert own.load_class(claim) is Blank
+    assert str(claim) == "inpainter 'blank' (registered by hand)"
+    assert own.names("inpainter") == ("blank",)
+    assert own.names("segmenter") == ()
+
+
+def test_an_unknown_name_says_what_is_installed_what_is_near_and_which_python():
+    got = message(BackendNotFoundError, registry(("mock", A), ("telea", B)).get, "inpainter", "mok")
+    assert got == f"no inpainter named 'mok'; installed: mock, telea. Did you mean 'mock'?\nPython: {sys.executable}"
+
+
+def test_an_unknown_name_of_a_known_distribution_says_what_to_install():
+    got = message(BackendNotFoundError, registry(("mock", A)).get, "inpainter", "telea")
+    assert got == (
+        "no inpainter named 'telea'; installed: mock. 'telea' comes with physic-opencv: pip install physic-opencv\n"
+        f"Python: {sys.executable}"
+    )
+
+
+def test_nothing_installed_is_said_so():
+    got = message(BackendNotFoundError, Registry().get, "inpainter", "mine")
+    assert got == f"no inpainter named 'mine'; installed: none\nPython: {sys.executable}"
+
+
+def test_a_missing_name_beside_a_broken_plugin_names_it_and_keeps_its_cause():
+    cause = ModuleNotFoundError("No module named 'x'")
+    broken = BrokenPlugin(Origin("c", "physic-c", "0.3"), "ModuleNotFoundError: No module named 'x'", cause)
+    with pytest.raises(BackendNotFoundError) as caught:
+        registry(("mock", A), broken=[broken]).get("inpainter", "fancy")
+    assert str(caught.value) == (
+        "no inpainter named 'fancy'; installed: mock. "
+        "Broken plugins: physic-c 0.3 (ModuleNotFoundError: No module named 'x')\n"
+        f"Python: {sys.executable}"
+    )
+    assert caught.value.__cause__ is cause
+
+
+def test_a_restriction_is_mentioned_when_a_name_is_missing():
+    got = message(BackendNotFoundError, registry(("mock", A), restriction="physic-a").get, "inpainter", "fancy")
+    assert got == (
+        "no inpainter named 'fancy'; installed: mock. PHYSIC_PLUGINS='physic-a' hides every other plugin\n"
+        f"Python: {sys.executable}"
+    )
+
+
+def test_two_claims_to_one_name_are_refused_and_both_are_named():
+    got = message(BackendError, registry(("x", B), ("x", A)).get, "inpainter", "x")
+    assert got == (
+        "physic-a 1.0 and physic-b 2.0 each offer an inpainter named 'x': write 'physic-a:x' or 'physic-b:x' to choose"
+    )
+
+
+def test_one_distribution_that_claims_a_name_twice_is_told_apart_from_two():
+    got = message(BackendError, registry(("x", A), ("x", A)).get, "inpainter", "x")
+    assert got == "physic-a 1.0 offers an inpainter named 'x' 2 times: its author has to remove all but one"
+
+
+@pytest.mark.parametrize("written", ["physic-b:x", "Physic_B:x"])
+def test_distribution_and_name_choose_among_rivals(written: str):
+    assert registry(("x", A), ("x", B)).get("inpainter", written).origin == B
+
+
+def test_a_name_asked_of_the_wrong_distribution_says_whose_it_is():
+    got = message(BackendNotFoundError, registry(("x", A), ("y", B)).get, "inpainter", "physic-b:x")
+    assert got == f"no inpainter named 'physic-b:x'; installed: x, y. 'x' comes from physic-a\nPython: {sys.executable}"
+
+
+def test_a_backend_with_a_problem_is_refused_with_it():
+    claim = Claim(BackendRecord("inpainter", "x", "m:C"), A, "needs plugin API 2, this physic-core has 1")
+    got = message(BackendError, Registry([claim]).get, "inpainter", "x")
+    assert got == "inpainter 'x' (physic-a 1.0) cannot be used: needs plugin API 2, this physic-core has 1"
+
+
+def test_a_target_in_a_config_works_without_packaging(site):
+    (site.folder / "my_fill.py").write_text(
+        "from physic_core.interfaces import Inpainter\n"
+        "class Fill(Inpainter):\n"
+        "    def infer(self, image, mask): return image\n"
+    )
+    own = Registry()
+    claim = own.get("inpainter", "my_fill:Fill")
+    assert own.load_class(claim).__name__ == "Fill"
+    assert str(claim) == "inpainter 'my_fill:Fill' (named in the config)"
+
+
+@pytest.mark.parametrize(
+    ("target", "expected"),
+    [
+        ("no_such_module:C", "ModuleNotFoundError: No module named 'no_such_module'"),
+        ("json:Nothing", "AttributeError: module 'json' has no attribute 'Nothing'"),
+    ],
+)
+def test_a_target_that_cannot_be_imported_keeps_its_cause(target: str, expected: str):
+    own = Registry()
+    got = message(BackendError, own.load_class, own.get("inpainter", target))
+    assert got == f"inpainter '{target}' (named in the config) cannot be imported from {target}: {expected}"
+
+
+def test_a_target_of_another_interface_is_refused():
+    own = Registry()
+    own.register(BackendRecord("segmenter", "blank", Blank), A)
+    got = message(BackendError, own.load_class, own.get("segmenter", "blank"))
+    assert got == f"segmenter 'blank' (physic-a 1.0): {Blank} is no subclass of physic_core.interfaces.Segmenter"
+
+
+def test_the_catalog_says_what_the_first_party_plugins_register():
+    registered: dict[str, dict[str, tuple[str, ...]]] = {}
+    for claim in discover():
+        offers = registered.setdefault(claim.origin.distribution, {})
+        offers[claim.record.interface] = (*offers.get(claim.record.interface, ()), claim.record.name)
+    assert {k: registered[k] for k in CATALOG} == CATALOG
+    assert list(CATALOG) == sorted(CATALOG)
