@@ -8,10 +8,42 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from onnxruntime import InferenceSession
 
-__all__ = ["WEIGHTS", "open_session", "weights_path"]
+__all__ = ["WEIGHTS", "Networks", "open_session", "weights_path"]
 
 WEIGHTS = Path(__file__).parent / "weights"
 """Folder of the packaged networks; ``MANIFEST.json`` in it says what each one is."""
+
+
+class Networks:
+    """The open networks of one backend.
+
+    Args:
+        names: file names without ``.onnx``.
+    """
+
+    def __init__(self, *names: str) -> None:
+        self.names = names
+        self._open: dict[str, InferenceSession] = {}
+
+    def open(self, device: str, threads: int) -> None:
+        """Open every network, see :func:`open_session`; again for another device or thread count."""
+        self._open = {name: open_session(name, threads, device) for name in self.names}
+
+    def close(self) -> None:
+        """Let go of every network."""
+        self._open = {}
+
+    def __getitem__(self, name: str) -> InferenceSession:
+        """An open network.
+
+        Raises:
+            BackendError: it is not open.
+        """
+        from physic_core.errors import BackendError
+
+        if name not in self._open:
+            raise BackendError(f"network {name!r} is not loaded: call load() before infer()")
+        return self._open[name]
 
 
 def weights_path(name: str) -> Path:

@@ -1,0 +1,110 @@
+"""People, their masks and the floor under them: BlazePose finds, MobileSAM cuts out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from physic_core.interfaces import Options, Segmenter
+from physic_core.types import People
+from physic_embedded.floor import floor_mask
+from physic_embedded.keypoints import keypoints_of
+from physic_embedded.masks import mask_boxes, person_mask, separate
+from physic_embedded.people import find_poses
+from physic_embedded.sam import embed
+from physic_embedded.sessions import Networks
+
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray, UInt8Array
+    from physic_embedded.pose import Pose
+
+__all__ = ["EmbeddedSegmenter", "EmbeddedSegmenterOptions"]
+
+NETWORKS = ("pose_detection", "pose_landmark_heavy", "mobilesam_encoder", "mobilesam_decoder")
+
+
+class EmbeddedSegmenterOptions(Options):
+    """Settings of :class:`EmbeddedSegmenter`."""
+
+    sure_score: float = Field(
+        default=0.75, ge=0, le=1, description="Detector score from which a candidate is a person; 0.6 finds chairs too."
+    )
+    weak_score: float = Field(
+        default=0.3,
+        ge=0,
+        le=1,
+        description="Detector score from which a candidate is looked at, and kept if two looks agree; 1 = never.",
+    )
+    tile_fractions: tuple[float, ...] = Field(
+        default=(0.6, 0.4),
+        description="Sides of the tiles that are searched beside the whole photo, over its long side; "
+        "add 0.25 for a crowd, leave empty for one person in the middle.",
+    )
+    max_people: int = Field(default=20, ge=1, description="At most so many people, best first.")
+    min_height_px: float = Field(default=40, ge=0, description="People whose mask is lower than this are left out.")
+    floor: bool = Field(default=True, description="Look for the floor beside the feet.")
+    threads: int = Field(default=2, ge=0, description="Threads inside one operator; 0 lets onnxruntime choose.")
+
+
+class EmbeddedSegmenter(Segmenter):
+    """Several people from the single-person BlazePose, masks and floor from MobileSAM.
+
+    Answers the joints on the way (``People.keypoints``, "blazepose33", with world landmarks).
+    """
+
+    Options: ClassVar[type[Options]] = EmbeddedSegmenterOptions
+    options: EmbeddedSegmenterOptions
+
+    def __init__(self, options: EmbeddedSegmenterOptions | None = None) -> None:
+        super().__init__(options)
+        self._networks = Networks(*NETWORKS)
+
+    def load(self, device: str = "cpu") -> None:
+        """Open the four networks.
+
+        Raises:
+            DeviceError: the device is not there.
+        """
+        self._networks.open(device, self.options.threads)
+
+    def close(self) -> None:
+        """Let go of the networks."""
+        self._networks.close()
+
+    def infer(self, image: UInt8Array) -> People:
+        """Image (H, W, 3) -> people, best score first."""
+        networks, options = self._networks, self.options
+        found = find_poses(
+            networks["pose_detection"],
+            networks["pose_landmark_heavy"],
+            image,
+            sure=options.sure_score,
+            weak=options.weak_score,
+            fractions=options.tile_fractions,
+            most=options.max_people,
+        )
+        poses = [pose for pose, _ in found]
+        masks, floor = self._masks(image, poses)
+        boxes = mask_boxes(masks)
+        tall = boxes[:, 3] - boxes[:, 1] >= max(options.min_height_px, 1.0)
+        return People(
+            masks=masks[tall],
+            boxes=boxes[tall],
+            scores=np.array([score for _, score in found], np.float32)[tall],
+            floor=floor,
+            keypoints=keypoints_of([p for p, t in zip(poses, tall, strict=True) if t], *image.shape[:2]),
+        )
+
+    def _masks(self, image: UInt8Array, poses: list[Pose]) -> tuple[BoolArray, BoolArray | None]:
+        """(N, H, W) masks of the people, and the floor if it is asked for."""
+        if not poses:
+            nothing = np.zeros(image.shape[:2], bool)
+            return np.zeros((0, *nothing.shape), bool), nothing if self.options.floor else None
+        embedding = embed(self._networks["mobilesam_encoder"], image)
+        decoder = self._networks["mobilesam_decoder"]
+        alone = [person_mask(decoder, embedding, p, [q for q in poses if q is not p]) for p in poses]
+        masks = separate(alone, embedding)
+        floor = floor_mask(decoder, embedding, poses, np.logical_or.reduce(masks)) if self.options.floor else None
+        return masks, floor
