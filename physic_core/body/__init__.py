@@ -1,0 +1,33 @@
+"""The body: one linear-blend-skinning model for the embedded body and for a user's own SMPL-X file."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES, PARENTS
+
+if TYPE_CHECKING:
+    import torch
+
+    from physic_core.body.model import BodyModel
+
+__all__ = ["JOINT_INDEX", "JOINT_NAMES", "PARENTS", "load_body"]
+
+
+def load_body(source: str = "embedded", device: torch.device | str = "cpu") -> BodyModel:
+    """Load a body model.
+
+    Args:
+        source: "embedded", or the path of your own ``SMPLX_*.npz`` (layouts v1.0 and v1.1).
+        device: where its tensors go.
+
+    Raises:
+        BodyModelError: there is no such file, or it is no SMPL-X model.
+    """
+    if source == "embedded":
+        from physic_core.body.embedded import load_embedded
+
+        return load_embedded(device)
+    from physic_core.body.smplx_file import load_smplx
+
+    return load_smplx(source, device)

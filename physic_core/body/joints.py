@@ -1,0 +1,54 @@
+"""The 55 joints of SMPL-X in their order, their parents and groups: every body model here uses them."""
+
+from __future__ import annotations
+
+__all__ = ["JOINT_INDEX", "JOINT_NAMES", "NUM_JOINTS", "PARENTS", "SIDES"]
+
+SIDES = ("left", "right")
+
+_FINGERS = ("index", "middle", "pinky", "ring", "thumb")
+
+JOINT_NAMES: tuple[str, ...] = (
+    "pelvis",
+    "left_hip",
+    "right_hip",
+    "spine1",
+    "left_knee",
+    "right_knee",
+    "spine2",
+    "left_ankle",
+    "right_ankle",
+    "spine3",
+    "left_foot",
+    "right_foot",
+    "neck",
+    "left_collar",
+    "right_collar",
+    "head",
+    "left_shoulder",
+    "right_shoulder",
+    "left_elbow",
+    "right_elbow",
+    "left_wrist",
+    "right_wrist",
+    "jaw",
+    "left_eye",
+    "right_eye",
+    *(f"{side}_{finger}{k}" for side in SIDES for finger in _FINGERS for k in (1, 2, 3)),
+)
+"""0-21 body, 22 jaw, 23-24 eyes, 25-39 left hand, 40-54 right hand (index, middle, pinky, ring, thumb; base first)."""
+
+JOINT_INDEX: dict[str, int] = {name: i for i, name in enumerate(JOINT_NAMES)}
+
+NUM_JOINTS = len(JOINT_NAMES)
+
+PARENTS: tuple[int, ...] = (
+    *(-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 15, 15, 15),
+    *(
+        wrist if k == 0 else first + 3 * finger + k - 1
+        for first, wrist in ((25, 20), (40, 21))
+        for finger in range(len(_FINGERS))
+        for k in range(3)
+    ),
+)
+"""Index of each joint's parent; -1 for the pelvis."""

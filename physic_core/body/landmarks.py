@@ -1,0 +1,111 @@
+"""Named points of a body, and the joint sets of 2D and 3D pose networks as lists of them.
+
+A point is a joint of the model, or the mean of a few picked surface vertices. Left is always the body's own left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from physic_core.body.joints import JOINT_INDEX, NUM_JOINTS, SIDES
+
+__all__ = ["SKELETONS", "SURFACE_POINTS", "PointRegressor", "skeleton_regressor"]
+
+_FACE = ("eye", "ear", "eye_inner", "eye_outer", "mouth_corner")
+_HAND = ("thumb_tip", "index_tip", "middle_tip", "ring_tip", "pinky_tip")
+_FOOT = ("big_toe", "small_toe", "heel", "foot_tip")
+
+SURFACE_POINTS: tuple[str, ...] = (
+    "nose",
+    *(f"{side}_{name}_surface" for name in _FACE for side in SIDES),
+    *(f"{side}_{name}" for name in (*_HAND, *_FOOT) for side in SIDES),
+)
+"""Points that are picked on the mesh: left and right of each, the nose once."""
+
+
+def _both(*names: str, suffix: str = "") -> tuple[str, ...]:
+    return tuple(f"{side}_{name}{suffix}" for name in names for side in SIDES)
+
+
+def _hand(side: str) -> tuple[str, ...]:
+    thumb = (f"{side}_thumb1", f"{side}_thumb2", f"{side}_thumb3", f"{side}_thumb_tip")
+    fingers = (
+        name
+        for finger in ("index", "middle", "ring", "pinky")
+        for name in (*(f"{side}_{finger}{k}" for k in (1, 2, 3)), f"{side}_{finger}_tip")
+    )
+    return (f"{side}_wrist", *thumb, *fingers)
+
+
+_COCO17 = (
+    "nose",
+    *_both("eye", "ear", suffix="_surface"),
+    *_both("shoulder", "elbow", "wrist", "hip", "knee", "ankle"),
+)
+
+SKELETONS: dict[str, tuple[str, ...]] = {
+    "coco17": _COCO17,
+    "coco23": (*_COCO17, *(f"{side}_{name}" for side in SIDES for name in ("big_toe", "small_toe", "heel"))),
+    "blazepose33": (
+        "nose",
+        *(f"{side}_{name}_surface" for side in SIDES for name in ("eye_inner", "eye", "eye_outer")),
+        *_both("ear", "mouth_corner", suffix="_surface"),
+        *_both("shoulder", "elbow", "wrist", "pinky1", "index1", "thumb2", "hip", "knee", "ankle", "heel", "foot_tip"),
+    ),
+    "openpose_hand21_left": _hand("left"),
+    "openpose_hand21_right": _hand("right"),
+}
+"""Joint set -> its points in order. "coco23" is COCO-17 and the six foot points of COCO-WholeBody; the hand sets are
+wrist, thumb, index, middle, ring, pinky, each from its base to its tip, as MediaPipe orders them too."""
+
+
+@dataclass(frozen=True)
+class PointRegressor:
+    """A linear map from joints and a few vertices to named points.
+
+    Attributes:
+        vertex_ids: (n,) int64, the vertices that it reads.
+        matrix: (J, 55 + n): each row sums to 1.
+    """
+
+    vertex_ids: Tensor
+    matrix: Tensor
+
+    def __call__(self, joints: Tensor, vertices: Tensor) -> Tensor:
+        """Joints (B, 55, 3) and the n vertices (B, n, 3) -> points (B, J, 3)."""
+        return self.matrix @ torch.cat([joints, vertices], 1)
+
+    def to(self, device: torch.device | str | None, dtype: torch.dtype | None) -> PointRegressor:
+        """The same on another device, or in another float type."""
+        return PointRegressor(self.vertex_ids.to(device=device), self.matrix.to(device=device, dtype=dtype))
+
+
+def skeleton_regressor(skeleton: str, picks: Mapping[str, Tensor], like: Tensor) -> PointRegressor:
+    """The map to one joint set.
+
+    Args:
+        skeleton: a key of SKELETONS.
+        picks: surface point -> vertex ids.
+        like: gives the float type and the device.
+    """
+    return _regressor(SKELETONS[skeleton], picks, like)
+
+
+def _regressor(names: Sequence[str], picks: Mapping[str, Tensor], like: Tensor) -> PointRegressor:
+    surface = [name for name in names if name not in JOINT_INDEX]
+    groups = [picks[name] for name in surface]
+    ids = torch.cat(groups) if groups else torch.zeros(0, dtype=torch.int64)
+    matrix = torch.zeros(len(names), NUM_JOINTS + len(ids), dtype=like.dtype)
+    start = NUM_JOINTS
+    for row, name in enumerate(names):
+        if name in JOINT_INDEX:
+            matrix[row, JOINT_INDEX[name]] = 1.0
+        else:
+            count = len(picks[name])
+            matrix[row, start : start + count] = 1.0 / count
+            start += count
+    return PointRegressor(ids.to(like.device), matrix.to(like.device))

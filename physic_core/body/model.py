@@ -1,0 +1,263 @@
+"""One linear-blend-skinning body for both assets: the embedded body and a user's own SMPL-X file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import torch
+from torch import Tensor
+
+from physic_core.body.joints import JOINT_NAMES, NUM_JOINTS, PARENTS
+from physic_core.body.kinematics import Kinematics
+from physic_core.body.landmarks import PointRegressor
+from physic_core.body.skinning import Skin
+from physic_core.errors import BodyModelError
+
+__all__ = ["BodyModel", "BodyOutput", "LandmarkModel"]
+
+
+@dataclass(frozen=True)
+class BodyOutput:
+    """Posed bodies, metres, in the frame of the root rotation and the translation.
+
+    Attributes:
+        vertices: (B, V, 3); (B, n, 3) where only n vertices were asked for; (B, 0, 3) with joints alone.
+        joints: (B, 55, 3).
+        world: (B, 55, 3, 3) rotation of each bone against the T-pose.
+    """
+
+    vertices: Tensor
+    joints: Tensor
+    world: Tensor
+
+
+@dataclass(frozen=True)
+class BodyModel:
+    """A body in SMPL-X joint order and pose convention: zero rotations are a T-pose, y up, facing +z, left on +x.
+
+    The root turns about the pelvis joint and ``transl`` is added after posing. Everything is differentiable; the float
+    type and the device are those of the asset (:meth:`to`).
+
+    Attributes:
+        name: "embedded" or "smplx"; parameters of one are never valid for the other.
+        topology: name of the mesh, "physic-embedded-1" or "smplx".
+        faces: (F, 3) int64, counter-clockwise seen from outside.
+        num_betas: K, how many shape components it takes.
+        num_expression: E, how many expression components it takes.
+        part_names: names of the body parts.
+        part_of_vertex: (V,) int64, index into ``part_names``.
+        contact_sets: name -> (n,) int64 vertex ids that usually touch the world.
+        outer: (V,) bool, False in the cavities of mouth, nose and eyes: leave those out of contact terms.
+        kinematics: joints of a shape and their motion.
+        skin: vertices of a shape; rows of its directions are shape, expression, then pose correctives.
+        surface_points: landmark -> (n,) int64 ids of the vertices whose mean it is.
+        extremes: (n,) int64 vertices that can be the highest or the lowest point in the T-pose.
+        regressors: joint set -> its points from joints and vertices.
+        info: source and licence of the asset, in words.
+        joint_names: 55 names in SMPL-X order.
+        parents: index of each joint's parent, -1 for the pelvis.
+    """
+
+    name: str
+    topology: str
+    faces: Tensor
+    num_betas: int
+    num_expression: int
+    part_names: tuple[str, ...]
+    part_of_vertex: Tensor
+    contact_sets: Mapping[str, Tensor]
+    outer: Tensor
+    kinematics: Kinematics
+    skin: Skin
+    surface_points: Mapping[str, Tensor]
+    extremes: Tensor
+    regressors: Mapping[str, PointRegressor] = field(repr=False)
+    info: str = ""
+    joint_names: tuple[str, ...] = JOINT_NAMES
+    parents: tuple[int, ...] = PARENTS
+
+    @property
+    def num_vertices(self) -> int:
+        """V."""
+        return self.skin.num_vertices
+
+    @property
+    def dtype(self) -> torch.dtype:
+        """Float type of the asset."""
+        return self.skin.template.dtype
+
+    @property
+    def device(self) -> torch.device:
+        """Device of the asset."""
+        return self.skin.template.device
+
+    def to(self, device: torch.device | str | None = None, dtype: torch.dtype | None = None) -> BodyModel:
+        """The same body on another device, or in another float type."""
+        return replace(
+            self,
+            faces=self.faces.to(device=device),
+            part_of_vertex=self.part_of_vertex.to(device=device),
+            contact_sets={name: ids.to(device=device) for name, ids in self.contact_sets.items()},
+            outer=self.outer.to(device=device),
+            kinematics=self.kinematics.to(device, dtype),
+            skin=self.skin.to(device, dtype),
+            surface_points={name: ids.to(device=device) for name, ids in self.surface_points.items()},
+            extremes=self.extremes.to(device=device),
+            regressors={name: regressor.to(device, dtype) for name, regressor in self.regressors.items()},
+        )
+
+    def __call__(
+        self,
+        rotations: Tensor,
+        betas: Tensor,
+        transl: Tensor,
+        expression: Tensor | None = None,
+        *,
+        vertex_ids: Tensor | None = None,
+        joints_only: bool = False,
+    ) -> BodyOutput:
+        """Pose B bodies.
+
+        Args:
+            rotations: (B, 55, 3, 3) of each joint relative to its parent.
+            betas: (B, K) shape.
+            transl: (B, 3) metres.
+            expression: (B, E); zero where None.
+            vertex_ids: (n,) int64, to pose only these vertices. To pose the same few many times use
+                :meth:`landmarks_only`, which gathers them once.
+            joints_only: leave the vertices out.
+
+        Raises:
+            BodyModelError: a shape does not fit this body.
+        """
+        self._check(rotations, betas, transl, expression)
+        skin = None if joints_only else self._skin_of(vertex_ids)
+        return _pose(self.kinematics, skin, self.num_expression, rotations, betas, transl, expression)
+
+    def zero_pose(self, batch: int = 1) -> tuple[Tensor, Tensor, Tensor]:
+        """Rotations (B, 55, 3, 3), betas (B, K) and transl (B, 3) of the mean body in its T-pose."""
+        like = self.skin.template
+        eye = torch.eye(3, dtype=like.dtype, device=like.device)
+        return eye.repeat(batch, NUM_JOINTS, 1, 1), like.new_zeros(batch, self.num_betas), like.new_zeros(batch, 3)
+
+    def landmarks(self, output: BodyOutput, skeleton: str) -> Tensor:
+        """Points (B, J, 3) of a joint set (a key of ``physic_core.body.landmarks.SKELETONS``).
+
+        Args:
+            output: with all vertices.
+            skeleton: "coco17", "coco23", "blazepose33", "openpose_hand21_left" or "openpose_hand21_right".
+
+        Raises:
+            BodyModelError: the joint set is not known, or the output lacks vertices.
+        """
+        regressor = self._regressor(skeleton)
+        if output.vertices.shape[1] != self.num_vertices:
+            raise BodyModelError(
+                f"landmarks need all {self.num_vertices} vertices, got {output.vertices.shape[1]}:"
+                " pose the whole body, or use landmarks_only"
+            )
+        return regressor(output.joints, output.vertices.index_select(1, regressor.vertex_ids))
+
+    def landmarks_only(self, skeletons: Sequence[str], vertex_ids: Tensor | None = None) -> LandmarkModel:
+        """A small model that poses only what some joint sets need: for fits that run many steps.
+
+        Args:
+            skeletons: names of joint sets.
+            vertex_ids: (n,) int64, further vertices to pose.
+
+        Raises:
+            BodyModelError: a joint set is not known.
+        """
+        extra = torch.zeros(0, dtype=torch.int64, device=self.device) if vertex_ids is None else vertex_ids
+        regressors = {name: self._regressor(name) for name in skeletons}
+        wanted = torch.cat([extra, *(r.vertex_ids for r in regressors.values())])
+        kept, where = torch.unique(wanted, return_inverse=True)
+        counts = [len(r.vertex_ids) for r in regressors.values()]
+        slots = dict(zip(regressors, where[len(extra) :].split(counts), strict=True))
+        return LandmarkModel(self, self.skin.subset(kept), regressors, slots, where[: len(extra)])
+
+    def stature(self, betas: Tensor) -> Tensor:
+        """Height (B,) in metres from the lowest sole to the crown, of shapes (B, K) standing in the T-pose."""
+        rotations, _, transl = self.zero_pose(len(betas))
+        output = self(rotations, betas, transl, vertex_ids=self.extremes)
+        height = output.vertices[..., 1]
+        return height.amax(1) - height.amin(1)
+
+    def _skin_of(self, vertex_ids: Tensor | None) -> Skin:
+        return self.skin if vertex_ids is None else self.skin.subset(vertex_ids)
+
+    def _regressor(self, skeleton: str) -> PointRegressor:
+        if skeleton not in self.regressors:
+            known = ", ".join(self.regressors)
+            raise BodyModelError(f"no joint set named {skeleton!r}: choose one of {known}")
+        return self.regressors[skeleton]
+
+    def _check(self, rotations: Tensor, betas: Tensor, transl: Tensor, expression: Tensor | None) -> None:
+        batch = len(rotations)
+        wanted = [
+            ("rotations", rotations, (batch, NUM_JOINTS, 3, 3)),
+            ("betas", betas, (batch, self.num_betas)),
+            ("transl", transl, (batch, 3)),
+        ]
+        if expression is not None:
+            wanted.append(("expression", expression, (batch, self.num_expression)))
+        for name, value, shape in wanted:
+            if tuple(value.shape) != shape:
+                raise BodyModelError(
+                    f"{name} must be {shape} for the {self.name} body, got {tuple(value.shape)}:"
+                    " give one row a person, and parameters that were made for this body"
+                )
+
+
+@dataclass(frozen=True)
+class LandmarkModel:
+    """Poses joints, joint sets and a few vertices of a body; made by :meth:`BodyModel.landmarks_only`."""
+
+    body: BodyModel
+    skin: Skin
+    regressors: Mapping[str, PointRegressor]
+    slots: Mapping[str, Tensor]
+    extra: Tensor
+
+    def __call__(
+        self, rotations: Tensor, betas: Tensor, transl: Tensor, expression: Tensor | None = None
+    ) -> dict[str, Tensor]:
+        """Pose B bodies, arguments as of :meth:`BodyModel.__call__`.
+
+        Returns:
+            Joint set -> (B, J, 3) metres; also "joints" (B, 55, 3) and "vertices" (B, n, 3), those asked for besides.
+        """
+        self.body._check(rotations, betas, transl, expression)
+        skin = self.skin if self.skin.num_vertices else None
+        output = _pose(self.body.kinematics, skin, self.body.num_expression, rotations, betas, transl, expression)
+        points = {
+            name: regressor(output.joints, output.vertices.index_select(1, self.slots[name]))
+            for name, regressor in self.regressors.items()
+        }
+        return {**points, "joints": output.joints, "vertices": output.vertices.index_select(1, self.extra)}
+
+
+def _pose(
+    kinematics: Kinematics,
+    skin: Skin | None,
+    num_expression: int,
+    rotations: Tensor,
+    betas: Tensor,
+    transl: Tensor,
+    expression: Tensor | None,
+) -> BodyOutput:
+    batch = len(rotations)
+    shape = [betas]
+    if num_expression:
+        shape.append(betas.new_zeros(batch, num_expression) if expression is None else expression)
+    coefficients = torch.cat(shape, 1) if num_expression else betas
+    world, skinning = kinematics.transforms(rotations, kinematics.rest_joints(coefficients))
+    joints = world[..., 3] + transl[:, None]
+    if skin is None:
+        return BodyOutput(rotations.new_zeros(batch, 0, 3), joints, world[..., :3])
+    if len(skin.directions) > coefficients.shape[1]:
+        identity = torch.eye(3, dtype=rotations.dtype, device=rotations.device)
+        coefficients = torch.cat([coefficients, (rotations[:, 1:] - identity).flatten(1)], 1)
+    vertices = skin.pose(coefficients, skinning) + transl[:, None]
+    return BodyOutput(vertices, joints, world[..., :3])

@@ -1,0 +1,72 @@
+"""SMPL-X-named parameters in files and at the border of plugins, rotation matrices inside: the way between them."""
+
+from __future__ import annotations
+
+import roma
+import torch
+from torch import Tensor
+
+from physic_core.body.joints import NUM_JOINTS
+from physic_core.errors import BodyModelError
+from physic_core.types import BodyParameters
+
+__all__ = ["parameters_from_rotations", "rotations_from_parameters"]
+
+_ROTATION_FIELDS: tuple[tuple[str, int], ...] = (
+    ("global_orient", 1),
+    ("body_pose", 21),
+    ("jaw_pose", 1),
+    ("leye_pose", 1),
+    ("reye_pose", 1),
+    ("left_hand_pose", 15),
+    ("right_hand_pose", 15),
+)
+"""Field of BodyParameters and how many joints it holds, in joint order."""
+
+
+def rotations_from_parameters(
+    parameters: BodyParameters, device: torch.device | str = "cpu", dtype: torch.dtype = torch.float32
+) -> Tensor:
+    """Rotation matrices (N, 55, 3, 3) of every joint relative to its parent.
+
+    Raises:
+        BodyModelError: a field has not 3 numbers a joint.
+    """
+    rows = len(parameters)
+    columns = []
+    for name, count in _ROTATION_FIELDS:
+        value = getattr(parameters, name)
+        if value.shape != (rows, 3 * count):
+            raise BodyModelError(
+                f"{name} must be ({rows}, {3 * count}), got {tuple(value.shape)}:"
+                f" give a rotation vector in radians for each of its {count} joints"
+            )
+        columns.append(torch.as_tensor(value, dtype=dtype, device=device).view(rows, count, 3))
+    matrices: Tensor = roma.rotvec_to_rotmat(torch.cat(columns, 1))
+    return matrices
+
+
+def parameters_from_rotations(
+    rotations: Tensor, betas: Tensor, expression: Tensor | None, transl: Tensor
+) -> BodyParameters:
+    """The inverse, as float32 numpy.
+
+    Args:
+        rotations: (N, 55, 3, 3).
+        betas: (N, K).
+        expression: (N, E), or None for E = 0.
+        transl: (N, 3) metres.
+    """
+    rows = len(rotations)
+    if tuple(rotations.shape) != (rows, NUM_JOINTS, 3, 3):
+        raise BodyModelError(
+            f"rotations must be (N, {NUM_JOINTS}, 3, 3), got {tuple(rotations.shape)}: give one matrix for each joint"
+        )
+    rotvecs = roma.rotmat_to_rotvec(rotations.detach().double())
+    pieces = rotvecs.split([count for _, count in _ROTATION_FIELDS], dim=1)
+    poses = {
+        name: piece.flatten(1).float().cpu().numpy() for (name, _), piece in zip(_ROTATION_FIELDS, pieces, strict=True)
+    }
+    given = transl.new_zeros(rows, 0) if expression is None else expression
+    rest = {"betas": betas, "expression": given, "transl": transl}
+    return BodyParameters(**poses, **{name: value.detach().float().cpu().numpy() for name, value in rest.items()})
