@@ -15,6 +15,8 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 
 from physic_core.errors import ConfigError
 
+RobustKind = Literal["square", "pseudo_huber", "cauchy", "geman_mcclure", "barron"]
+
 __all__ = [
     "PRESETS",
     "ContactSettings",
@@ -170,19 +172,157 @@ class HumanSettings:
 class JointSettings:
     """Stage 3: pose, hands, shape, translation and scene scale together (paper Sec. 3.3, Eq. 5-7).
 
+    A residual is divided by its "sigma", how far it may be off, and goes through a robust loss whose "scale" is in
+    sigmas: beyond it a residual counts as an outlier. Losses: "square", "pseudo_huber" (constant pull), "cauchy"
+    (ever weaker), "geman_mcclure" (lets go), "barron" (half a pseudo-Huber, as published). A weight of 0 switches a
+    term off.
+
     Attributes:
-        reprojection_weight: lambda_j2d of Eq. 5; 0 switches the term off.
+        parameters: "whitened" deviations in units of their expected size, or the "raw" numbers themselves.
+        frozen: groups that stay as they are: root, pose, hands, betas, translation, scale, offset.
+        optimiser: "lbfgs" with a strong-Wolfe line search, or "adam".
+        steps: at most; 40-100.
+        refresh_steps: steps between two looks at visibility and, with "lbfgs", nearest points; 10-30.
+        learning_rate: Adam's.
+        tolerance: stop when a refresh's steps lower the energy by less than this share; 0 never stops early.
+        nearest: nearest-point strategy, "kdtree" (exact), "grid" (the paper's 128^3 cells) or "brute".
+        nearest_every_step: look up nearest points at every evaluation and not only at a refresh.
+        reduction: "area" weighs each vertex by the surface that it stands for, in units of a square decimetre, so that
+            every mesh gives the same energy; "sum" counts vertices, as printed.
+        vertex_spacing_m: vertices that touch nothing are thinned to this spacing, metres; 0 keeps all.
+        reprojection_weight: lambda_j2d of Eq. 5.
+        reprojection_unit: 2D errors are shares of the "person" (stature in px) or of the "image" (width and height).
+        reprojection_sigma: expected error in that unit; 0.01 of a person.
+        reprojection_loss: robust loss.
+        reprojection_scale: its scale, sigmas.
+        reprojection_mean: over keypoints and axes, instead of the sum.
+        min_confidence: keypoints below count ``low_confidence_weight`` times as much.
+        low_confidence_weight: 0 drops them.
         depth_weight: lambda_d of Eq. 5.
+        depth_form: "pixels" compares visible vertices with the depth at their pixel; "chamfer" is Eq. 4.
+        depth_sigma: expected error of the logarithm of depth.
+        depth_loss: robust loss of "pixels".
+        depth_scale: its scale, sigmas.
+        depth_offset_sigma: prior of log(depth offset) of a person whose feet stand on a known floor; 0 ties depth to
+            the scene.
+        facing_deg: a vertex faces the camera when its normal is within this angle of the direction to the camera.
+        max_human_points: of one person, "chamfer"; more are picked evenly, each standing for several. 0 keeps all.
         contact_weight: lambda_c of Eq. 5.
+        contact_probability: a vertex is a contact vertex from this prior probability on.
+        contact_reach_m: contact vertices farther from scene and floor are left alone, metres.
+        contact_metric: "plane" measures along the surface's normal, "point" to the nearest point.
+        contact_sigma_m: expected error of the surface, metres.
+        contact_loss: robust loss.
+        contact_scale: its scale, sigmas.
+        contact_facing: only where the body's surface faces the scene's, so that no vertex is pulled through the body.
+        contact_occluded: vertices hidden behind objects also touch the scene (they always may touch the floor).
         penetration_weight: lambda_i of Eq. 5.
-        regularisation_weight: lambda_reg of Eq. 5.
+        penetration_metric: as ``contact_metric``.
+        penetration_reach_m: vertices deeper inside are left alone, metres.
+        penetration_slack_m: depth that is not punished, metres.
+        penetration_sigma_m: expected error of the surface, metres.
+        penetration_loss: robust loss.
+        penetration_scale: its scale, sigmas.
+        occlusion_aware: hidden vertices are left out of penetration and regularised more.
+        self_occlusion_share: a limb segment is hidden when this share of its vertices lies behind other parts.
+        mask_tolerance: vertices this share of the person outside their mask still count as visible.
+        floor: "plane" measures against the fitted plane itself, "points" adds samples of it to the scene, "off" has
+            none.
+        floor_band_m: scene points this near to the plane are the floor, and left to the plane ("plane").
+        floor_weight: of vertices under the plane ("plane").
+        floor_slack_m: depth under it that is not punished, metres.
+        floor_sigma_m: expected error of the plane, metres.
+        sole_weight: of each foot near the floor; the lowest tenth of the sole is its height.
+        sole_sigma_m: expected error of that height, metres.
+        sole_scale: beyond this many sigmas a foot is in the air.
+        lower_sole_weight: of the lower foot, which is pulled from farther away.
+        lower_sole_sigma_m: expected error for it, metres.
+        lower_sole_reach_m: farther than this from the floor, and the lower foot is left alone too, metres.
+        regularisation_weight: lambda_reg of Eq. 5, over all that follows.
+        regularisation_sigma_m: expected error of a visible vertex, root-relative, metres.
+        visible_weight: of visible vertices in the mesh's regularisation.
+        occluded_weight: of hidden and unobserved ones.
+        root_weight: of the root's turn.
+        pose_weight: of the other joints' turns.
+        hands_weight: of the fingers' turns.
+        shape_weight: of the change of shape.
+        translation_weight: of the change of place.
+        scale_weight: of the change of the scene's scale.
+        scale_sigma: expected error of log(scale); the metric depth's own, where it states one, goes first.
+        limit_weight: of knees and elbows bent the wrong way or too far.
+        balance_weight: of the centre of mass over the feet, along the viewing direction, of people who stand.
     """
 
-    reprojection_weight: float = 10_000.0
-    depth_weight: float = 0.005
-    contact_weight: float = 0.7
-    penetration_weight: float = 0.3
-    regularisation_weight: float = 45.0
+    parameters: Literal["whitened", "raw"] = "whitened"
+    frozen: tuple[str, ...] = ()
+    optimiser: Literal["lbfgs", "adam"] = "lbfgs"
+    steps: int = 80
+    refresh_steps: int = 20
+    learning_rate: float = 1e-2
+    tolerance: float = 1e-3
+    nearest: Literal["kdtree", "grid", "brute"] = "kdtree"
+    nearest_every_step: bool = False
+    reduction: Literal["area", "sum"] = "area"
+    vertex_spacing_m: float = 0.02
+    reprojection_weight: float = 1.0
+    reprojection_unit: Literal["person", "image"] = "person"
+    reprojection_sigma: float = 0.01
+    reprojection_loss: RobustKind = "cauchy"
+    reprojection_scale: float = 5.0
+    reprojection_mean: bool = False
+    min_confidence: float = 0.3
+    low_confidence_weight: float = 0.1
+    depth_weight: float = 25.0
+    depth_form: Literal["pixels", "chamfer"] = "pixels"
+    depth_sigma: float = 0.03
+    depth_loss: RobustKind = "cauchy"
+    depth_scale: float = 2.0
+    depth_offset_sigma: float = 0.2
+    facing_deg: float = 70.0
+    max_human_points: int = 3000
+    contact_weight: float = 1.0
+    contact_probability: float = 0.5
+    contact_reach_m: float = 0.15
+    contact_metric: Literal["plane", "point"] = "plane"
+    contact_sigma_m: float = 0.02
+    contact_loss: RobustKind = "geman_mcclure"
+    contact_scale: float = 3.0
+    contact_facing: bool = True
+    contact_occluded: bool = False
+    penetration_weight: float = 1.0
+    penetration_metric: Literal["plane", "point"] = "plane"
+    penetration_reach_m: float = 0.15
+    penetration_slack_m: float = 0.005
+    penetration_sigma_m: float = 0.02
+    penetration_loss: RobustKind = "pseudo_huber"
+    penetration_scale: float = 2.0
+    occlusion_aware: bool = True
+    self_occlusion_share: float = 0.3
+    mask_tolerance: float = 0.01
+    floor: Literal["plane", "points", "off"] = "plane"
+    floor_band_m: float = 0.05
+    floor_weight: float = 2.0
+    floor_slack_m: float = 0.003
+    floor_sigma_m: float = 0.015
+    sole_weight: float = 1.0
+    sole_sigma_m: float = 0.015
+    sole_scale: float = 4.0
+    lower_sole_weight: float = 4.0
+    lower_sole_sigma_m: float = 0.05
+    lower_sole_reach_m: float = 0.4
+    regularisation_weight: float = 1.0
+    regularisation_sigma_m: float = 0.06
+    visible_weight: float = 0.1
+    occluded_weight: float = 1.0
+    root_weight: float = 0.3
+    pose_weight: float = 1.0
+    hands_weight: float = 1.0
+    shape_weight: float = 1.0
+    translation_weight: float = 0.05
+    scale_weight: float = 1.0
+    scale_sigma: float = 0.1
+    limit_weight: float = 1.0
+    balance_weight: float = 4.0
 
 
 @dataclass(frozen=True)
@@ -190,10 +330,18 @@ class ContactSettings:
     """The contact map.
 
     Attributes:
-        distance_m: a vertex nearer than this to the scene or the floor touches it, metres.
+        distance_m: a vertex nearer than this to the scene or the floor touches it, metres; 0.02 as released.
+        inside_m: a vertex that lies at most this far inside touches it too, metres; 0.15 as released.
+        reach_m: distances beyond are reported as infinite, metres.
+        metric: "plane" measures along the surface's normal, "point" to the nearest point.
+        nearest: nearest-point strategy, as in :class:`JointSettings`.
     """
 
     distance_m: float = 0.02
+    inside_m: float = 0.15
+    reach_m: float = 0.15
+    metric: Literal["plane", "point"] = "plane"
+    nearest: Literal["kdtree", "grid", "brute"] = "kdtree"
 
 
 @dataclass(frozen=True)
@@ -238,8 +386,60 @@ _PAPER = EngineSettings(
         depth_offset_sigma=0.0,
         floor_weight=0.0,
     ),
-    joint=JointSettings(),
-    contact=ContactSettings(),
+    joint=JointSettings(
+        parameters="raw",
+        optimiser="adam",
+        steps=100,
+        refresh_steps=30,
+        tolerance=0.0,
+        nearest="grid",
+        nearest_every_step=True,
+        reduction="sum",
+        vertex_spacing_m=0.0,
+        reprojection_weight=10_000.0,
+        reprojection_unit="image",
+        reprojection_sigma=1.0,
+        reprojection_loss="square",
+        reprojection_mean=True,
+        min_confidence=0.5,
+        low_confidence_weight=0.0,
+        depth_weight=0.005,
+        depth_form="chamfer",
+        depth_offset_sigma=0.0,
+        max_human_points=0,
+        contact_weight=0.7,
+        contact_metric="point",
+        contact_sigma_m=1.0,
+        contact_loss="barron",
+        contact_scale=1.0,
+        contact_facing=False,
+        contact_occluded=True,
+        penetration_weight=0.3,
+        penetration_metric="point",
+        penetration_slack_m=0.0,
+        penetration_sigma_m=1.0,
+        penetration_loss="barron",
+        penetration_scale=1.0,
+        mask_tolerance=0.0,
+        floor="points",
+        floor_weight=0.0,
+        sole_weight=0.0,
+        lower_sole_weight=0.0,
+        regularisation_weight=45.0,
+        regularisation_sigma_m=1.0,
+        # The paper weighs hidden vertices higher without saying by how much: these are the released code's numbers.
+        visible_weight=0.0,
+        occluded_weight=12.0,
+        root_weight=50.0,
+        pose_weight=0.0,
+        hands_weight=0.0,
+        shape_weight=0.0,
+        translation_weight=1.0,
+        scale_weight=1.0,
+        limit_weight=0.0,
+        balance_weight=0.0,
+    ),
+    contact=ContactSettings(metric="point", nearest="grid"),
 )
 
 PRESETS: dict[str, EngineSettings] = {"default": EngineSettings(), "paper": _PAPER}

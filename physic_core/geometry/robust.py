@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING
 
 import torch
 
+from physic_core.errors import PhysicError
+
 if TYPE_CHECKING:
     from torch import Tensor
 
-__all__ = ["barron", "cauchy", "geman_mcclure", "pseudo_huber"]
+__all__ = ["barron", "cauchy", "geman_mcclure", "pseudo_huber", "robust"]
 
 
 def geman_mcclure(squared: Tensor, c: float) -> Tensor:
@@ -67,3 +69,27 @@ def barron(squared: Tensor, alpha: float, c: float) -> Tensor:
     b = abs(alpha - 2.0)
     # expm1 and log1p keep the digits that (1 + q / b) ** (alpha / 2) - 1 would lose near zero.
     return 2.0 * c**2 * (b / alpha) * torch.expm1((alpha / 2.0) * torch.log1p(q / b))
+
+
+def robust(kind: str, squared: Tensor, c: float) -> Tensor:
+    """The loss that a setting names.
+
+    Args:
+        kind: "square", "pseudo_huber", "cauchy", "geman_mcclure", or "barron": the library default of the paper's
+            adaptive loss, of shape 1 and not rescaled, so half of the square near zero.
+        squared: (...) squared residuals.
+        c: scale; without meaning for "square".
+
+    Raises:
+        PhysicError: no loss has that name.
+    """
+    if kind == "square":
+        return squared
+    if kind == "barron":
+        return barron(squared, 1.0, c) / (2.0 * c**2)
+    if kind not in _BY_NAME:
+        raise PhysicError(f"no robust loss is named {kind!r}: use square, barron, {', '.join(sorted(_BY_NAME))}")
+    return _BY_NAME[kind](squared, c)
+
+
+_BY_NAME = {"pseudo_huber": pseudo_huber, "cauchy": cauchy, "geman_mcclure": geman_mcclure}

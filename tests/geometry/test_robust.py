@@ -10,7 +10,8 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.geometry.robust import barron, cauchy, geman_mcclure, pseudo_huber
+from physic_core.errors import PhysicError
+from physic_core.geometry.robust import barron, cauchy, geman_mcclure, pseudo_huber, robust
 
 LOSSES = {
     "geman_mcclure": geman_mcclure,
@@ -70,3 +71,17 @@ def test_never_falls_and_never_exceeds_the_square(a, b, name):
     values = LOSSES[name](torch.tensor([low, high], dtype=torch.float64), c=1.0)
     assert 0 <= values[0] <= values[1] + 1e-12
     assert values[1] <= high * (1 + 1e-9)
+
+
+def test_settings_name_the_losses_and_barrons_keeps_its_published_height():
+    squared = torch.linspace(0, 50, 40, dtype=torch.float64)
+    assert robust("square", squared, 3.0) is squared
+    torch.testing.assert_close(robust("cauchy", squared, 3.0), cauchy(squared, 3.0))
+    torch.testing.assert_close(robust("geman_mcclure", squared, 3.0), geman_mcclure(squared, 3.0))
+    torch.testing.assert_close(robust("pseudo_huber", squared, 3.0), pseudo_huber(squared, 3.0))
+    torch.testing.assert_close(robust("barron", squared, 3.0), torch.sqrt(1 + squared / 9) - 1)
+    with pytest.raises(PhysicError) as caught:
+        robust("huber", squared, 1.0)
+    assert str(caught.value) == (
+        "no robust loss is named 'huber': use square, barron, cauchy, geman_mcclure, pseudo_huber"
+    )

@@ -1,0 +1,108 @@
+"""What belongs together: the part, the keypoints and the joints of one limb. Decides what an unseen joint takes along."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from physic_core.body.joints import JOINT_INDEX
+from physic_core.body.landmarks import SKELETONS
+from physic_core.engine.terms import hinge_angles
+
+__all__ = ["keypoint_weights", "limb_parts", "observed_parts", "stands"]
+
+_END_JOINT = {
+    "upper_leg": "knee",
+    "lower_leg": "ankle",
+    "foot": "ankle",
+    "upper_arm": "elbow",
+    "lower_arm": "wrist",
+    "hand": "wrist",
+}
+_TRUNK = ("pelvis", "left_hip", "right_hip", "spine3", "left_shoulder", "right_shoulder")
+
+_LANDMARK_WEIGHTS = {
+    # BlazePose's hips lie on the surface rather than in the joint.
+    ("blazepose33", "left_hip"): 0.5,
+    ("blazepose33", "right_hip"): 0.5,
+}
+
+
+def limb_parts(part_names: Sequence[str]) -> list[int]:
+    """Indices of arms, hands, legs and feet: what can be self-occluded."""
+    return [i for i, name in enumerate(part_names) if name.startswith(("left_", "right_"))]
+
+
+def observed_parts(part_names: Sequence[str], observed: Tensor) -> Tensor:
+    """Parts that the photo shows: a limb's segment when the joint at its end is seen.
+
+    Args:
+        part_names: P names, "left_upper_leg" and the like; others are trunk or head.
+        observed: (B, 55) bool.
+
+    Returns:
+        (B, P) bool.
+    """
+    trunk = observed[:, [JOINT_INDEX[name] for name in _TRUNK]].any(1)
+    columns = []
+    for name in part_names:
+        side, _, segment = name.partition("_")
+        if segment in _END_JOINT:
+            columns.append(observed[:, JOINT_INDEX[f"{side}_{_END_JOINT[segment]}"]])
+        else:
+            columns.append(observed[:, JOINT_INDEX["head"]] if name == "head" else trunk)
+    return torch.stack(columns, 1)
+
+
+def keypoint_weights(skeleton: str, observed: Tensor, count: int) -> Tensor:
+    """How much the keypoints of a joint set count before their confidence does: 0 on limbs that were not seen.
+
+    Args:
+        skeleton: name of the joint set; one that no body knows gets ones.
+        observed: (B, 55) bool.
+        count: J.
+
+    Returns:
+        (B, J) float.
+    """
+    weights = torch.ones(len(observed), count, device=observed.device)
+    for j, name in enumerate(SKELETONS.get(skeleton, ())):
+        joint = _joint_of(name)
+        if joint is not None:
+            weights[:, j] = observed[:, JOINT_INDEX[joint]] * _LANDMARK_WEIGHTS.get((skeleton, name), 1.0)
+    return weights
+
+
+def _joint_of(landmark: str) -> str | None:
+    """The joint whose being seen a keypoint depends on; None for the face, whose own confidence is enough."""
+    side, _, rest = landmark.partition("_")
+    if rest.endswith(("toe", "heel", "foot_tip")):
+        return f"{side}_ankle"
+    if rest.endswith(("thumb_tip", "index_tip", "middle_tip", "ring_tip", "pinky_tip")) or rest[-1:].isdigit():
+        return f"{side}_wrist"
+    return landmark if landmark in JOINT_INDEX and landmark != "head" else None
+
+
+def stands(rotations: Tensor, joints: Tensor, observed: Tensor) -> Tensor:
+    """Who stands: at least one knee nearly straight, trunk in line with the legs, both ankles seen.
+
+    Args:
+        rotations: (B, 55, 3, 3).
+        joints: (B, 55, 3) metres.
+        observed: (B, 55) bool.
+
+    Returns:
+        (B,) bool.
+    """
+
+    def at(name: str) -> Tensor:
+        return joints[:, JOINT_INDEX[name]]
+
+    ankles = [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]]
+    trunk = torch.nn.functional.normalize(at("neck") - at("pelvis"), dim=-1)
+    leg = torch.nn.functional.normalize(at("pelvis") - joints[:, ankles].mean(1), dim=-1)
+    upright = (trunk * leg).sum(-1) > 0.82  # 35 degrees
+    straight = hinge_angles(rotations)[:, :2].amin(-1) < 0.7  # 40 degrees
+    return upright & straight & observed[:, ankles].all(1)
