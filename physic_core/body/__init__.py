@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES, PARENTS
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import torch
 
     from physic_core.body.model import BodyModel
@@ -14,11 +16,12 @@ if TYPE_CHECKING:
 __all__ = ["JOINT_INDEX", "JOINT_NAMES", "PARENTS", "load_body"]
 
 
-def load_body(source: str = "embedded", device: torch.device | str = "cpu") -> BodyModel:
+def load_body(source: str | Path = "embedded", device: torch.device | str = "cpu") -> BodyModel:
     """Load a body model.
 
     Args:
-        source: "embedded", or the path of your own ``SMPLX_*.npz`` (layouts v1.0 and v1.1).
+        source: "embedded", or the path of your own ``SMPLX_*.npz`` (layouts v1.0 and v1.1; its first 10 shape and 10
+            expression components are used, ``physic_core.body.smplx_file.load_smplx`` takes other numbers).
         device: where its tensors go.
 
     Raises:
