@@ -280,9 +280,12 @@ def _merge(base: dict[str, Any], layer: Mapping[str, Any], label: str, sources: 
                 below = base[key] = {}
             _silence(path, below, value)
             _merge(below, value, label, sources, f"{path}.")
+            sources[f"{path}."] = label  # the dot tells a table from a value
         else:
             base[key] = value
-        sources[path] = label
+            for covered in [p for p in sources if p.startswith(f"{path}.")]:
+                del sources[covered]
+            sources[path] = label
 
 
 def _silence(path: str, below: dict[str, Any], layer: Mapping[str, Any]) -> None:
@@ -357,6 +360,9 @@ def _override_faults(settings: Any, table: Mapping[str, Any], path: str) -> list
 
 
 def _source(sources: Mapping[str, str], path: str) -> str:
+    """The layer that set a value or a table, or the value that a path leads into."""
+    if f"{path}." in sources:
+        return sources[f"{path}."]
     while path:
         if path in sources:
             return sources[path]

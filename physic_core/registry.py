@@ -201,7 +201,7 @@ class Registry:
 
     def explain_rivals(self, claims: Iterable[Claim]) -> str:
         """What to do about several claims to one name; one line."""
-        claims = tuple(claims)
+        claims = sorted(claims, key=lambda c: c.origin.distribution)
         record = claims[0].record
         offer = f"{_a(record.interface)} named '{record.name}'"
         distributions = dict.fromkeys(c.origin.distribution for c in claims)

@@ -29,7 +29,7 @@ def refusal(*args: Any, **kwargs: Any) -> str:
     return str(caught.value)
 
 
-# ---- what a config comes to -------------------------------------------------------------------------------------------
+# ---- what a config comes to ------------------------------------------------------------------------------------------
 
 
 def test_the_default_names_the_embedded_backend_everywhere():
@@ -127,7 +127,7 @@ def test_python_callers_may_pass_a_config_a_file_tables_or_nothing(write):
     assert as_config({"photo": {"max_side": 640}}).photo.max_side == 640
 
 
-# ---- what is refused --------------------------------------------------------------------------------------------------
+# ---- what is refused -------------------------------------------------------------------------------------------------
 
 
 def test_every_fault_is_told_at_once_with_path_source_and_suggestion(write):

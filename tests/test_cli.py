@@ -1,0 +1,345 @@
+from __future__ import annotations
+
+import sys
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from physic_core.cli import main
+from physic_core.cli.config import resolved_toml, template, toml_value
+from physic_core.cli.plugins import details, listing
+from physic_core.config import load_config, preset_names
+from physic_core.errors import BackendNotFoundError, InputError, PhysicError
+from physic_core.registry import BackendRecord, BrokenPlugin, Claim, Origin, Registry
+from physic_core.types import StageRecord
+
+
+@pytest.fixture(autouse=True)
+def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+
+
+def physic(*arguments: str) -> Result:
+    return CliRunner().invoke(main, list(arguments))
+
+
+def refusal(*arguments: str, code: int = 1) -> str:
+    done = physic(*arguments)
+    assert (done.exit_code, done.stdout) == (code, ""), done.output
+    return done.stderr.removeprefix("Error: ").rstrip("\n")
+
+
+# ---- run -------------------------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Result_:
+    """As much of a reconstruction as the command looks at."""
+
+    people: tuple[Any, ...] = ()
+    warnings: tuple[str, ...] = ("focal length is a default",)
+    stages: tuple[StageRecord, ...] = (StageRecord("people", 1.25, 0.5), StageRecord("scene", 2.0))
+    saved: list[str] = field(default_factory=list)
+
+    def save(self, folder: str) -> None:
+        (Path(folder) / "reconstruction.json").write_text("{}")
+        self.saved.append(folder)
+
+
+@dataclass
+class Pipeline:
+    """Stands in for the real one, and remembers what it was asked."""
+
+    result: Result_ = field(default_factory=Result_)
+    error: Exception | None = None
+    calls: list[tuple[Any, Any]] = field(default_factory=list)
+
+    def reconstruct_photo(self, path: Any, config: Any, *, registry: Any, progress: Any) -> Result_:
+        self.calls.append((path, config))
+        progress("people", 0, 2)
+        if self.error is not None:
+            raise self.error
+        progress("scene", 1, 2)
+        return self.result
+
+
+@pytest.fixture
+def pipeline(monkeypatch: pytest.MonkeyPatch) -> Pipeline:
+    stand_in, module = Pipeline(), ModuleType("physic_core.pipeline")
+    module.reconstruct_photo = stand_in.reconstruct_photo  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "physic_core.pipeline", module)
+    return stand_in
+
+
+def run(*arguments: str) -> tuple[str, ...]:
+    return ("run", "photo.jpg", "--preset", "mock", *arguments)
+
+
+def test_run_writes_beside_the_photo_and_says_what_was_found(pipeline):
+    done = physic(*run())
+    assert done.exit_code == 0, done.output
+    assert done.stdout == (
+        "0 people in 3.2 s, and 0.5 s to load models\n"
+        "warning: focal length is a default\n"
+        "results: photo-physic/  (look at preview.png first)\n"
+    )
+    assert done.stderr == "[1/2] people\n[2/2] scene\n"
+    assert pipeline.result.saved == ["photo-physic"]
+    assert pipeline.calls[0][0] == Path("photo.jpg")
+
+
+def test_run_says_where_each_person_stands_and_touches(pipeline):
+    numpy = pytest.importorskip("numpy")
+
+    @dataclass
+    class One:
+        joints: Any
+        contact: Any
+        failed_checks: tuple[str, ...]
+
+    joints = numpy.full((55, 3), 2.5)
+    pipeline.result.people = (One(joints, numpy.array([True, False, True]), ("reprojection",)),)
+    assert physic(*run()).stdout.splitlines()[:2] == [
+        "1 person in 3.2 s, and 0.5 s to load models",
+        "  person 0: 2.5 m away, 2 of 3 vertices touch; check: reprojection",
+    ]
+
+
+def test_run_hands_every_flag_to_the_config(pipeline, tmp_path):
+    Path("my.toml").write_text('extends = "mock"\n[photo]\nfocal_px = 700\n')
+    done = physic(
+        *("run", "photo.jpg", "-o", "out/deep", "--config", "my.toml", "--set", "photo.max_side=640"),
+        *("--intrinsics", "900,910,320,240", "--device", "cpu"),
+    )
+    assert done.exit_code == 0, done.output
+    _, config = pipeline.calls[0]
+    assert (config.photo.max_side, config.photo.focal_px) == (640, None)
+    assert config.photo.intrinsics == (900.0, 910.0, 320.0, 240.0)
+    assert config.source("run.device") == "--device"
+    assert pipeline.result.saved == [str(Path("out/deep"))]
+
+
+def test_run_keeps_what_fails_cheaply_in_front_of_the_pipeline(pipeline):
+    assert refusal(*run("--set", "photo.max_side=1")) == "--set: 1 error\nphoto.max_side   should be >= 128 (got 1)"
+    assert refusal(*run("--device", "foo")) == "no device named 'foo': use 'cpu', 'cuda' or 'cuda:N'"
+    assert refusal("run", "photo.jpg", "--preset", "no") == "no preset named 'no'; there are: embedded, mock"
+    Path("taken").write_text("")
+    for out in ("taken", "taken/deep"):
+        assert refusal(*run("-o", out)) == (
+            f"results cannot be written to {out}: Not a directory; choose another folder with -o"
+        )
+    assert pipeline.calls == []
+    assert [p.name for p in Path().iterdir()] == ["taken"]
+
+
+def test_a_gpu_that_is_not_there_says_so(pipeline, monkeypatch):
+    torch = pytest.importorskip("torch")
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    assert refusal(*run("--device", "cuda")) == (
+        f"device 'cuda' is not there: torch {torch.__version__} finds no CUDA GPU; "
+        "use 'cpu', or install a torch build that fits your GPU"
+    )
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 1)
+    assert refusal(*run("--device", "cuda:1")) == "device 'cuda:1' is not there: only 'cuda:0' is"
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
+    assert refusal(*run("--device", "cuda:2")) == "device 'cuda:2' is not there: only 'cuda:0' to 'cuda:1' are"
+
+
+def test_a_run_that_fails_leaves_no_empty_folder_behind(pipeline):
+    pipeline.error = InputError("no photo at photo.jpg")
+    Path("mine").mkdir()
+    done = physic(*run("-o", "mine/new/deep"))
+    assert (done.exit_code, done.stdout, done.stderr) == (1, "", "[1/2] people\nError: no photo at photo.jpg\n")
+    assert list(Path("mine").iterdir()) == []
+
+
+def test_an_older_result_outlives_a_run_that_fails(pipeline):
+    pipeline.error = InputError("no photo at photo.jpg")
+    Path("mine").mkdir()
+    Path("mine/reconstruction.json").write_text("old")
+    assert physic(*run("-o", "mine")).exit_code == 1
+    assert Path("mine/reconstruction.json").read_text() == "old"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (
+            ("--focal-px", "900", "--intrinsics", "1,2,3,4"),
+            "--focal-px and --intrinsics say the same thing: give one of them",
+        ),
+        (("--config", "x.toml"), '--config names its preset itself, with extends = "NAME": leave --preset out'),
+        (
+            ("--intrinsics", "1,2,3"),
+            "Invalid value for '--intrinsics': '1,2,3' is not four numbers with commas between them: fx,fy,cx,cy in px",
+        ),
+    ],
+)
+def test_a_wrong_use_exits_with_2(arguments: tuple[str, ...], expected: str, pipeline):
+    assert refusal(*run(*arguments), code=2).splitlines()[-1] == f"Error: {expected}"
+
+
+def test_debug_shows_the_traceback(pipeline, monkeypatch):
+    pipeline.error = InputError("no photo at photo.jpg")
+    monkeypatch.setenv("PHYSIC_DEBUG", "1")
+    done = physic(*run())
+    assert isinstance(done.exception, PhysicError)
+
+
+# ---- plugins ---------------------------------------------------------------------------------------------------------
+
+A, B = Origin("a", "physic-a", "1.0"), Origin("b", "physic-b", "2.0", seconds=2.13)
+
+
+def offers() -> Registry:
+    claims = [
+        Claim(BackendRecord("inpainter", "x", "m:C", weights_license="MIT (Net), Apache-2.0 (Other)"), A),
+        Claim(BackendRecord("inpainter", "x", "m:C"), B),
+        Claim(BackendRecord("segmenter", "big", "json:dumps", summary="People.", needs=("GPU",)), B),
+        Claim(BackendRecord("segmenter", "new", "m:C", api=2), A, "needs plugin API 2, this physic-core has 1"),
+    ]
+    return Registry(claims, [BrokenPlugin(Origin("c", "physic-c", "0.3"), "ImportError: no")])
+
+
+def test_the_listing_tells_ready_refused_ambiguous_slow_and_broken_apart():
+    rivals = (
+        "AMBIGUOUS: physic-a 1.0 and physic-b 2.0 each offer an inpainter named 'x': "
+        "write 'physic-a:x' or 'physic-b:x' to choose"
+    )
+    assert [line.split(None, 4) for line in listing(offers()).splitlines()[:1]] == [
+        ["interface", "backend", "plugin", "version", "weights          status"]
+    ]
+    assert listing(offers()).splitlines()[1:] == [
+        f"inpainter  x        physic-a  1.0      MIT, Apache-2.0  {rivals}",
+        f"inpainter  x        physic-b  2.0      -                {rivals}",
+        "segmenter  big      physic-b  2.0      -                ready, needs GPU, slow: 2.1 s to register",
+        "segmenter  new      physic-a  1.0      -                REFUSED: needs plugin API 2, this physic-core has 1",
+        "-          -        physic-c  0.3      -                BROKEN: ImportError: no",
+    ]
+
+
+def test_the_listing_may_be_of_one_interface():
+    assert [row.split()[1] for row in listing(offers(), "segmenter").splitlines()] == ["backend", "big", "new", "-"]
+
+
+def test_an_empty_listing_says_so():
+    assert listing(Registry()) == "no backend is installed"
+    assert listing(Registry(restriction="")) == "no backend is installed (PHYSIC_PLUGINS='')"
+
+
+def test_details_show_what_a_backend_is():
+    registry = Registry()
+    record = BackendRecord(
+        "inpainter", "telea", "physic_opencv.inpaint:Telea", summary="Fast marching.", homepage="docs"
+    )
+    registry.register(record, A)
+    assert details(registry, "telea").splitlines()[:8] == [
+        "inpainter 'telea'",
+        "  Fast marching.",
+        "  plugin    physic-a 1.0",
+        "  class     physic_opencv.inpaint:Telea",
+        "  weights   none",
+        "  needs     nothing else",
+        "  homepage  docs",
+        "  status    ready",
+    ]
+    assert "radius_px" in details(registry, "telea")
+
+
+def test_details_of_a_class_that_is_broken_keep_the_rest():
+    assert details(offers(), "physic-b:big").splitlines() == [
+        "segmenter 'big'",
+        "  People.",
+        "  plugin    physic-b 2.0",
+        "  class     json:dumps",
+        "  weights   none",
+        "  needs     GPU",
+        "  status    ready, needs GPU, slow: 2.1 s to register",
+        "  options   unknown: segmenter 'big' (physic-b 2.0): json:dumps is no subclass of "
+        "physic_core.interfaces.Segmenter",
+    ]
+
+
+def test_details_of_an_unknown_name_say_what_is_near():
+    with pytest.raises(BackendNotFoundError) as caught:
+        details(offers(), "bog")
+    assert str(caught.value) == "no backend named 'bog'; installed: big, new, x. Did you mean 'big'?"
+
+
+def test_the_commands_print_them():
+    assert "inpainter          telea          physic-opencv" in physic("plugins").stdout
+    assert physic("plugins", "show", "telea").stdout.startswith("inpainter 'telea'\n")
+
+
+def test_a_plugin_that_is_broken_never_breaks_a_command(site, monkeypatch):
+    site.install("physic-bad", "import no_such_module\n", version="0.3")
+    done = physic("plugins")
+    assert done.exit_code == 0
+    assert done.stdout.splitlines()[-1].split(None, 5) == [
+        *("-", "-", "physic-bad", "0.3", "-", "BROKEN: ModuleNotFoundError: No module named 'no_such_module'")
+    ]
+
+
+# ---- config ----------------------------------------------------------------------------------------------------------
+
+
+def test_check_says_that_all_is_well_or_what_is_not():
+    Path("my.toml").write_text('extends = "mock"\n[photo]\nmax_side = 640\n')
+    assert physic("config", "check", "my.toml").stdout == "my.toml: no errors\n"
+    assert refusal("config", "check", "my.toml", "--set", "inpainter.backend=telae").startswith(
+        "--set: 1 error\ninpainter.backend   no inpainter named 'telae'; installed: "
+    )
+
+
+@pytest.mark.parametrize("preset", preset_names())
+def test_show_prints_toml_that_comes_to_the_same(preset: str):
+    config = load_config(
+        preset=preset, overrides=["inpainter.options={a=[1, 2.5], b={c='ü\"\\n'}}", "photo.focal_px=9"]
+    )
+    printed = tomllib.loads(resolved_toml(config))
+    assert load_config(flags={"shown": printed}).as_dict() == config.as_dict()
+
+
+def test_show_says_where_each_value_is_from():
+    Path("my.toml").write_text("[photo]\nmax_side = 640\n")
+    shown = physic("config", "show", "my.toml", "--set", "run.device=cuda").stdout
+    assert "max_side = 640  # my.toml\n" in shown
+    assert 'device = "cuda"  # --set\n' in shown
+    assert "mask_growth = 0.004  # default\n" in shown
+    assert '[segmenter]\nbackend = "embedded"  # preset embedded\n' in shown
+
+
+def test_init_writes_a_config_that_holds_as_it_is_and_uncommented():
+    done = physic("config", "init")
+    assert done.stdout == "wrote physic.toml; try: physic run PHOTO --config physic.toml\n"
+    assert load_config("physic.toml").as_dict() == load_config().as_dict()
+    lines = [line.removeprefix("# ") for line in Path("physic.toml").read_text().splitlines() if "..." not in line]
+    Path("open.toml").write_text("\n".join(line for line in lines if not line.startswith("Remove the #")))
+    assert load_config("open.toml").as_dict() == load_config().as_dict()
+
+
+def test_init_never_overwrites():
+    Path("mine.toml").write_text("mine")
+    assert refusal("config", "init", "mine.toml") == "mine.toml exists already: choose another name"
+    assert Path("mine.toml").read_text() == "mine"
+    assert refusal("config", "init", "no/mine.toml") == "no/mine.toml cannot be written: No such file or directory"
+
+
+def test_the_template_describes_every_key():
+    assert "# max_side = 1280  # longer photos are reduced to this long side, px; 640-1920" in template("embedded")
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(True, "true"), (1, "1"), (0.5, "0.5"), (float("inf"), "inf"), ('a"b', '"a\\"b"'), ([1, "x"], '[1, "x"]')],
+)
+def test_a_value_in_toml_reads_back(value: Any, text: str):
+    assert toml_value(value) == text
+    assert tomllib.loads(f"v = {text}")["v"] == value

@@ -1,0 +1,77 @@
+from __future__ import annotations
+
+import re
+import shlex
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from physic_core import cli, config
+from physic_core.plugins import discover
+from physic_core.resolve import check
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", *ROOT.glob("plugins/*/README.md"), ROOT / "examples" / "README.md"]
+
+
+def blocks(language: str) -> list[str]:
+    return [b for page in PAGES for b in re.findall(rf"^```{language}\n(.*?)^```", page.read_text(), re.M | re.S)]
+
+
+def commands(program: str) -> list[list[str]]:
+    lines = [line for block in blocks("sh") for line in block.splitlines()]
+    words = [shlex.split(line, comments=True) for line in lines]
+    return [w for w in words if w[:1] == [program]]
+
+
+@pytest.mark.parametrize("text", blocks("toml"))
+def test_every_config_of_the_pages_holds(text: str):
+    check(
+        config.load_config(flags={"page": {k: v for k, v in tomllib.loads(text).items() if k != "extends"}}), discover()
+    )
+
+
+@pytest.mark.parametrize("words", commands("physic"), ids=" ".join)
+def test_every_command_of_the_pages_can_be_given(words: list[str], tmp_path: Path):
+    group, arguments = cli.main, words[1:]
+    while arguments and arguments[0] in getattr(group, "commands", {}):
+        group, arguments = group.commands[arguments[0]], arguments[1:]  # type: ignore[attr-defined,assignment]
+    with group.make_context("physic", arguments) as context:
+        named = context.params.get("file")
+        overrides = context.params.get("overrides", ())
+    if named is not None and named.parts[0] == "examples":
+        config.load_config(ROOT / named, overrides=overrides)
+    else:
+        config.load_config(overrides=overrides)
+
+
+@pytest.mark.parametrize("words", commands("make"), ids=" ".join)
+def test_every_target_of_the_pages_exists(words: list[str]):
+    assert re.search(rf"^{words[1]}:", (ROOT / "Makefile").read_text(), re.M)
+
+
+@pytest.mark.parametrize("words", commands("pip"), ids=" ".join)
+def test_every_install_line_names_what_is_there(words: list[str]):
+    for flag, value in zip(words[2::2], words[3::2], strict=True):
+        assert {"-r": (ROOT / value).is_file(), "-e": (ROOT / value / "pyproject.toml").is_file()}[flag]
+
+
+@pytest.mark.parametrize("text", blocks("python"))
+def test_every_script_of_the_pages_runs(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """On the mock world: what the page promises does not depend on the backends."""
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(config, "DEFAULT_PRESET", "mock")
+    exec(compile(text, "README.md", "exec"), {})
+
+
+def test_the_continuous_integration_runs_the_test_command_of_the_readme():
+    assert ["make", "test"] in commands("make")
+    assert (ROOT / ".ci" / "run").read_text().rstrip().endswith("exec make test")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_every_file_that_a_page_links_is_there(page: Path):
+    for target in re.findall(r"\]\((?!https?:)([^)#]+)", page.read_text()):
+        assert (page.parent / target).exists(), target

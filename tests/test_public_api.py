@@ -1,0 +1,66 @@
+from __future__ import annotations
+
+import pytest
+
+import physic_core
+from physic_core import errors, interfaces
+
+PUBLIC = [
+    "BackendError",
+    "BackendNotFoundError",
+    "BackendOutputError",
+    "BackendRecord",
+    "BodyModelError",
+    "Config",
+    "ConfigError",
+    "DeviceError",
+    "InputError",
+    "Intrinsics",
+    "NoPersonError",
+    "OutputError",
+    "Person",
+    "PhysicError",
+    "Reconstruction",
+    "Registry",
+    "Scene",
+    "discover",
+    "hookimpl",
+    "load_config",
+    "reconstruct",
+]
+
+
+def test_the_public_names_are_these():
+    assert physic_core.__all__ == PUBLIC
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_a_public_name_is_there(name: str):
+    assert getattr(physic_core, name) is not None
+    assert name in dir(physic_core)
+
+
+def test_the_version_is_that_of_the_distribution():
+    assert physic_core.__version__ == "0.1.0"
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match=r"^module 'physic_core' has no attribute 'reconstrut'$"):
+        physic_core.reconstrut  # noqa: B018
+
+
+def test_every_error_is_a_physic_error():
+    assert all(issubclass(getattr(errors, name), errors.PhysicError) for name in errors.__all__)
+
+
+def test_there_are_eight_interfaces():
+    assert list(interfaces.INTERFACES) == [
+        "segmenter",
+        "inpainter",
+        "metric_depth",
+        "relative_pointmap",
+        "keypoint_detector",
+        "body_estimator",
+        "hand_estimator",
+        "contact_prior",
+    ]

@@ -1,0 +1,182 @@
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import pytest
+from pydantic import Field
+
+from physic_core import interfaces
+from physic_core.config import Config, load_config
+from physic_core.errors import BackendError, ConfigError, InputError
+from physic_core.interfaces import INTERFACES
+from physic_core.registry import BackendRecord, BrokenPlugin, Origin, Registry
+from physic_core.resolve import check, resolve
+
+OWNER = Origin("mine", "physic-mine", "0.2")
+
+
+class DepthOptions(interfaces.Options):
+    resolution_level: int = Field(9, ge=1, le=9, description="detail")
+    mode: str = Field("fast", description="speed")
+
+
+def backend(interface: str, options: type[interfaces.Options] = interfaces.Options) -> type[interfaces.Backend]:
+    """A class that implements an interface with a method that does nothing."""
+    base = INTERFACES[interface]
+    return type("Own", (base,), {"infer": lambda self, *args: None, "Options": options})
+
+
+def registry(**others: Any) -> Registry:
+    """One backend "own" for every interface, with other classes for the named ones."""
+    own = Registry()
+    for name in INTERFACES:
+        options = DepthOptions if name == "metric_depth" else interfaces.Options
+        kind = others.get(name, backend(name, options))
+        own.register(BackendRecord(name, "own", kind, weights_license="MIT (Own)"), OWNER)
+    return own
+
+
+def config(flag: dict[str, Any] | None = None, **tables: Any) -> Config:
+    choices: dict[str, Any] = {name: {"backend": "own"} for name in INTERFACES}
+    return load_config(flags={"config": choices | tables, "--flag": flag or {}})
+
+
+def refusal(chosen: Config, own: Registry) -> str:
+    with pytest.raises(ConfigError) as caught:
+        check(chosen, own)
+    return str(caught.value)
+
+
+def test_every_interface_gets_its_backend_with_options_and_provenance():
+    table = {"backend": "own", "options": {"resolution_level": 3}}
+    pipeline = resolve(config(metric_depth=table), registry())
+    assert list(pipeline.backends) == list(INTERFACES)
+    depth = pipeline.backends["metric_depth"]
+    assert isinstance(depth.backend, interfaces.MetricDepth)
+    assert isinstance(depth.backend.options, DepthOptions)
+    assert depth.backend.options.resolution_level == 3
+    assert depth.title == "metric_depth 'own' (physic-mine 0.2)"
+    who = depth.provenance
+    assert (who.plugin, who.distribution, who.version, who.weights_license) == (
+        "mine",
+        "physic-mine",
+        "0.2",
+        "MIT (Own)",
+    )
+    assert who.options == {"resolution_level": 3, "mode": "fast"}
+
+
+def test_the_rest_of_the_config_is_handed_on():
+    pipeline = resolve(config(photo={"max_side": 640}, engine={"scene": {"far_m": 9}}), registry())
+    assert pipeline.photo.max_side == 640
+    assert pipeline.engine.scene.far_m == 9.0
+    assert (pipeline.body_model, pipeline.device) == ("embedded", "cpu")
+
+
+def test_an_optional_interface_may_be_left_out():
+    pipeline = resolve(config(hand_estimator={"backend": "none"}), registry())
+    assert set(INTERFACES) - set(pipeline.backends) == {"hand_estimator"}
+
+
+def test_names_and_options_are_told_all_at_once_with_their_paths():
+    depth = {"backend": "own", "options": {"resolution_level": 12, "resolution_levle": 3}}
+    chosen = config(metric_depth=depth, inpainter={"backend": "onw"}, body_model={"path": "/no/SMPLX.npz"})
+    assert refusal(chosen, registry()) == (
+        "config: 4 errors\n"
+        "inpainter.backend                       no inpainter named 'onw'; installed: own. Did you mean 'own'?\n"
+        "metric_depth.options.resolution_level   should be <= 9 (got 12)\n"
+        "metric_depth.options.resolution_levle   unknown option. Did you mean 'resolution_level'?\n"
+        "body_model.path                         no file at /no/SMPLX.npz\n"
+        f"Python: {sys.executable}"
+    )
+
+
+def test_a_fault_names_the_flag_that_it_comes_from():
+    assert refusal(config({"metric_depth": {"options": {"mode": 3}}}), registry()) == (
+        "--flag: 1 error\nmetric_depth.options.mode   should be a text (got 3)"
+    )
+
+
+def test_a_missing_backend_beside_a_broken_plugin_keeps_the_cause():
+    cause = ImportError("no such thing")
+    own = Registry(registry(), [BrokenPlugin(Origin("c", "physic-c", "1.0"), "ImportError: no such thing", cause)])
+    with pytest.raises(ConfigError) as caught:
+        check(config(segmenter={"backend": "other"}), own)
+    assert caught.value.__cause__ is cause
+    assert "Broken plugins: physic-c 1.0 (ImportError: no such thing)" in str(caught.value)
+
+
+def test_a_backend_whose_module_is_broken_is_one_of_the_faults(site):
+    (site.folder / "physic_halfway.py").write_text("import no_such_engine\n")
+    assert refusal(config(segmenter={"backend": "physic_halfway:S"}), registry()) == (
+        "config: 1 error\n"
+        "segmenter.backend   segmenter 'physic_halfway:S' (named in the config) cannot be imported from "
+        "physic_halfway:S: ModuleNotFoundError: No module named 'no_such_engine'"
+    )
+
+
+def test_a_class_of_another_interface_is_one_of_the_faults():
+    kind = backend("segmenter")
+    assert refusal(config(), registry(inpainter=kind)) == (
+        "config: 1 error\n"
+        f"inpainter.backend   inpainter 'own' (physic-mine 0.2): {kind} "
+        "is no subclass of physic_core.interfaces.Inpainter"
+    )
+
+
+def test_two_claims_to_the_chosen_name_are_one_of_the_faults():
+    own = registry()
+    own.register(BackendRecord("inpainter", "own", backend("inpainter")), Origin("b", "physic-b", "2.0"))
+    assert refusal(config(), own) == (
+        "config: 1 error\n"
+        "inpainter.backend   physic-b 2.0 and physic-mine 0.2 each offer an inpainter named 'own': "
+        "write 'physic-b:own' or 'physic-mine:own' to choose"
+    )
+    pipeline = resolve(config(inpainter={"backend": "physic-b:own"}), own)
+    assert pipeline.backends["inpainter"].provenance.version == "2.0"
+
+
+def test_options_that_are_no_pydantic_model_are_refused():
+    kind = backend("inpainter", options=dict)  # type: ignore[arg-type]
+    assert refusal(config(), registry(inpainter=kind)) == (
+        "config: 1 error\n"
+        "inpainter.backend   inpainter 'own' (physic-mine 0.2): its Options is no subclass of "
+        "physic_core.interfaces.Options"
+    )
+
+
+def test_a_constructor_that_fails_is_named():
+    def fail(self: Any, options: Any) -> None:
+        raise ValueError("no seat free")
+
+    kind = type("Own", (backend("inpainter"),), {"__init__": fail})
+    with pytest.raises(BackendError) as caught:
+        resolve(config(), registry(inpainter=kind))
+    assert str(caught.value) == "inpainter 'own' (physic-mine 0.2) cannot be constructed: ValueError: no seat free"
+
+
+def test_a_constructor_that_explains_itself_is_left_to_speak():
+    def fail(self: Any, options: Any) -> None:
+        raise InputError("no checkpoint at /x")
+
+    kind = type("Own", (backend("inpainter"),), {"__init__": fail})
+    with pytest.raises(InputError, match=r"^no checkpoint at /x$"):
+        resolve(config(), registry(inpainter=kind))
+
+
+def test_a_class_that_lacks_a_method_is_named():
+    kind = type("Own", (interfaces.Inpainter,), {})
+    with pytest.raises(BackendError) as caught:
+        resolve(config(), registry(inpainter=kind))
+    assert str(caught.value).startswith("inpainter 'own' (physic-mine 0.2) cannot be constructed: TypeError: Can't")
+
+
+def test_the_example_swaps_the_inpainter_alone(repository):
+    from physic_core.plugins import discover
+
+    pipeline = resolve(load_config(repository / "examples" / "telea.toml"), discover())
+    chosen = {name: r.provenance.backend for name, r in pipeline.backends.items()}
+    assert chosen.pop("inpainter") == "telea"
+    assert set(chosen.values()) == {"embedded"}
+    assert pipeline.backends["inpainter"].provenance.options["radius_px"] == 6.0

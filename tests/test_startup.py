@@ -1,0 +1,48 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+LIGHT = """
+import sys
+from physic_core.cli import main
+try:
+    main({arguments!r}, standalone_mode=True)
+except SystemExit as end:
+    assert end.code == 0, end.code
+heavy = {{m.partition('.')[0] for m in sys.modules}} & {banned!r}
+print("heavy:", sorted(heavy))
+"""
+HEAVY = {"torch", "numpy", "scipy", "cv2", "onnxruntime", "PIL", "rich", "trimesh", "roma", "kornia"}
+
+
+def imports(arguments: list[str], banned: set[str]) -> str:
+    code = LIGHT.format(arguments=arguments, banned=banned)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout.splitlines()[-1]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["--help"], ["--version"], ["plugins"], ["run", "--help"], ["config", "show"], ["config", "--help"]],
+    ids=" ".join,
+)
+def test_a_command_that_looks_around_imports_nothing_heavy(arguments: list[str]):
+    assert imports(arguments, HEAVY) == "heavy: []"
+
+
+@pytest.mark.parametrize("preset", ["embedded", "mock"])
+def test_a_config_is_checked_without_torch_and_without_a_runtime(preset: str):
+    assert imports(["config", "check", "--preset", preset], {"torch", "onnxruntime"}) == "heavy: []"
+
+
+def test_importing_the_package_imports_nothing_heavy():
+    code = (
+        "import sys, physic_core\n"
+        f"print(sorted({{m.partition('.')[0] for m in sys.modules}} & {HEAVY | {'pydantic'}!r}))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True)
+    assert done.stdout.strip() == "[]"
