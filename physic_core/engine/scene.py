@@ -14,11 +14,12 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from physic_core.engine.settings import SceneSettings
+from physic_core.engine.settings import HumanSettings, SceneSettings
 from physic_core.errors import BackendOutputError
 from physic_core.geometry.alignment import Alignment, align, apply_alignment
 from physic_core.geometry.camera import intrinsics_matrix, unproject
-from physic_core.geometry.plane import FloorSearch, PlaneFit, fit_floor, fit_floor_metric, height, sample_plane
+from physic_core.geometry.floor import FloorSearch, PlaneFit, fit_floor, fit_floor_metric
+from physic_core.geometry.plane import height, sample_plane
 from physic_core.geometry.pointmap import (
     depth_edges,
     depth_to_pointmap,
@@ -29,7 +30,15 @@ from physic_core.geometry.pointmap import (
 )
 from physic_core.types import Unknown
 
-__all__ = ["SceneState", "build_scene", "edge_ratio_at", "fit_relative_floor", "outlier_mask", "search_floor"]
+__all__ = [
+    "SceneState",
+    "alignment_diagnostics",
+    "build_scene",
+    "edge_ratio_at",
+    "fit_relative_floor",
+    "outlier_mask",
+    "search_floor",
+]
 
 _REFERENCE_SIDE = 1024
 _FLOOR_THICKNESS = 0.01
@@ -233,11 +242,13 @@ def _inverse_depth_search(
         valid,
         floor_mask=floor_mask,
         hole=hole,
-        feet_px=feet_px if settings.floor_reanchor else None,
+        feet_px=feet_px,
         tolerance=settings.floor_tolerance,
         hypotheses=settings.floor_hypotheses,
         min_share=settings.floor_min_share,
         mask_min_share=settings.floor_mask_min_share,
+        feet_min_share=settings.floor_feet_min_share,
+        reanchor=settings.floor_reanchor,
         max_below=settings.floor_max_below,
         max_roll_deg=settings.floor_max_roll_deg,
         hole_weight=settings.floor_hole_weight,
@@ -251,15 +262,20 @@ def edge_ratio_at(ratio: float, rows: int, columns: int) -> float:
     return ratio ** (_REFERENCE_SIDE / max(rows, columns, 1)) if math.isfinite(ratio) else ratio
 
 
-def outlier_mask(points: Tensor, valid: Tensor, settings: Any) -> Tensor:
-    """(H, W) bool, valid points (H, W, 3) to be dropped, by the strategy of scene or human settings."""
+def outlier_mask(
+    points: Tensor, valid: Tensor, settings: SceneSettings | HumanSettings, size: tuple[int, int] | None = None
+) -> Tensor:
+    """(H, W) bool, valid points (H, W, 3) to be dropped, by the strategy of the settings.
+
+    ``size`` is the (H, W) of the whole picture where ``points`` is only a part of it.
+    """
+    rows, columns = size or (valid.shape[0], valid.shape[1])
     if settings.outliers == "off" or not bool(valid.any()):
         return torch.zeros_like(valid)
     if settings.outliers == "grid":
-        ratio = edge_ratio_at(settings.edge_ratio, *valid.shape)
-        return unsupported(points[..., 2], valid, ratio)
+        return unsupported(points[..., 2], valid, edge_ratio_at(settings.edge_ratio, rows, columns))
     drop = torch.zeros_like(valid)
-    neighbors = max(1, int(settings.outlier_neighbors * min(valid.shape)))
+    neighbors = max(1, int(settings.outlier_neighbors * min(rows, columns)))
     drop[valid] = knn_outliers(points[valid], neighbors, settings.outlier_sigma)
     return drop
 

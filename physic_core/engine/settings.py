@@ -56,6 +56,7 @@ class SceneSettings:
         floor_tolerance_m: how far an inlier may be off, metres ("metric").
         floor_min_share: share of the searched pixels that must agree; 0.3 separates usable floors from none.
         floor_mask_min_share: the same where the search is bound to a floor mask.
+        floor_feet_min_share: as ``floor_min_share``, for a plane that passes through people's feet by itself.
         floor_max_below: largest share of valid pixels that may lie clearly below a floor.
         floor_max_roll_deg: how far the floor may tilt sideways in the picture, degrees.
         floor_hole_weight: weight of inpainted pixels in the fit, 0-1.
@@ -85,6 +86,7 @@ class SceneSettings:
     floor_tolerance_m: float = 0.01
     floor_min_share: float = 0.3
     floor_mask_min_share: float = 0.5
+    floor_feet_min_share: float = 0.15
     floor_max_below: float = 0.1
     floor_max_roll_deg: float = 25.0
     floor_hole_weight: float = 0.3
@@ -124,7 +126,8 @@ class HumanSettings:
         min_confidence: keypoints below count nothing.
         robust_px_share: scale of the robust reprojection error, as a share of the normalising length; "inf" is plain
             least squares.
-        robust_m: scale of the robust Chamfer distance, metres; "inf" is plain least squares.
+        robust_m: scale of the robust Chamfer distance, metres, wider where most points are farther off; "inf" is plain
+            least squares.
         depth_offset_sigma: prior of log(depth offset) of a person whose feet stand on a known floor; 0 ties the human
             points to the scene.
         floor_weight: pull of the lower foot onto the floor, for the same people; 0 switches it off.

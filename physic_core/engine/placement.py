@@ -1,0 +1,274 @@
+"""Stage 2: each body moved onto its keypoints (Eq. 2) and onto its points (Eq. 3-4); translation only.
+
+Preset "default" minimises, for each person alone and by Gauss-Newton steps with nearest points found anew,
+
+    lambda_j2d mean_j rho(|pi(J_j + t) - u_j|^2 / size^2)
+    + lambda_d (mean_v min_p rho(|v + t - e^g p|^2) + mean_p min_v rho(|e^g p - v - t|^2))
+    + floor_weight rho(h(t)^2) + offset cost (g / sigma)^2
+
+over the translation t and, where the person's feet are seen and stand on a known floor, the depth offset g: monocular
+depth sees people farther away than the floor under their feet, and without g that pulls the body off its floor. Means
+and shares make all terms independent of the picture's resolution. Preset "paper" is plain squares and sums with Adam
+and L-BFGS.
+
+Works on the CPU in float64: a few thousand points and k-d trees are faster there than anywhere else.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from physic_core.engine.placement_solvers import adam, closed_form, descend, lbfgs
+from physic_core.engine.placement_terms import (
+    FEWEST_KEYPOINTS,
+    NEAREST_M,
+    Chamfer,
+    Reprojection,
+    Standing,
+    Subject,
+    Term,
+)
+from physic_core.engine.settings import HumanSettings
+from physic_core.geometry.camera import project
+from physic_core.geometry.plane import height
+from physic_core.geometry.visibility import facing, inside_mask
+
+__all__ = ["Placement", "place"]
+
+_ROUNDS = 2
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where the bodies are.
+
+    Attributes:
+        transl: (B, 3) metres.
+        depth_offset: (B,) factor on the depth of a person's points that makes them agree with the body; 1 where they
+            were tied to the scene.
+        diagnostics: one mapping a person: "keypoints" and "facing_vertices" and "points" used, "reprojection_px" and
+            "chamfer_m" (medians) at start and end, "moved_m", "depth_offset", "foot_height_m" over the floor (None
+            without one), and "problem" in plain words or None.
+    """
+
+    transl: Tensor
+    depth_offset: Tensor
+    diagnostics: tuple[Mapping[str, Any], ...]
+
+
+def place(
+    vertices: Tensor,
+    normals: Tensor,
+    landmarks: Tensor,
+    transl: Tensor,
+    keypoints: Tensor,
+    confidence: Tensor,
+    K: Tensor,
+    points: Sequence[Tensor],
+    masks: Tensor,
+    settings: HumanSettings | None = None,
+    *,
+    outer: Tensor | None = None,
+    floor_normal: Tensor | None = None,
+    floor_offset: float = 0.0,
+    soles: Tensor | None = None,
+    feet_seen: Tensor | None = None,
+) -> Placement:
+    """Move B posed bodies; each is solved alone, and one that cannot be placed keeps its translation.
+
+    Args:
+        vertices: (B, V, 3) metres, camera frame, posed with ``transl``.
+        normals: (B, V, 3) unit, out of the mesh.
+        landmarks: (B, J, 3) of the same bodies, in the keypoints' order.
+        transl: (B, 3) metres, where the body estimator put them.
+        keypoints: (B, J, 2) px.
+        confidence: (B, J) in [0, 1].
+        K: (3, 3) px.
+        points: B tensors (M_i, 3) metres, see :func:`physic_core.engine.human.human_points`.
+        masks: (B, H, W) bool, visible pixels of each person.
+        settings: of stage 2; preset "default" where None.
+        outer: (V,) bool, False for vertices inside mouth and eyes; all True where None.
+        floor_normal: (3,) unit, up, or None where there is no floor.
+        floor_offset: of the floor, metres.
+        soles: (S,) int64 vertices that can touch the floor; without them nobody stands.
+        feet_seen: (B,) bool, whose feet the photo shows; without it nobody stands.
+    """
+    settings = settings or HumanSettings()
+    people = _people(
+        vertices, normals, landmarks, keypoints, confidence, K, points, masks, settings, outer, floor_normal,
+        floor_offset, soles, feet_seen,
+    )  # fmt: skip
+    moves, offsets, told = [], [], []
+    for person in people:
+        move, offset, diagnostics = _place_one(person, settings)
+        moves.append(move)
+        offsets.append(offset)
+        told.append(diagnostics)
+    if not people:
+        return Placement(transl, transl.new_ones((0,)), ())
+    return Placement(
+        transl=transl + torch.stack(moves).to(transl),
+        depth_offset=torch.tensor(offsets, dtype=transl.dtype, device=transl.device),
+        diagnostics=tuple(told),
+    )
+
+
+def _people(
+    vertices: Tensor,
+    normals: Tensor,
+    landmarks: Tensor,
+    keypoints: Tensor,
+    confidence: Tensor,
+    K: Tensor,
+    points: Sequence[Tensor],
+    masks: Tensor,
+    settings: HumanSettings,
+    outer: Tensor | None,
+    floor_normal: Tensor | None,
+    floor_offset: float,
+    soles: Tensor | None,
+    feet_seen: Tensor | None,
+) -> list[Subject]:
+    def plain(x: Tensor) -> Tensor:
+        return x.detach().to("cpu", torch.float64)
+
+    keep = torch.ones(vertices.shape[1], dtype=torch.bool) if outer is None else outer.cpu()
+    rows, columns = masks.shape[-2:]
+    people = []
+    for i in range(len(vertices)):
+        uv, trust, joints = plain(keypoints[i]), plain(confidence[i]), plain(landmarks[i])
+        used = (trust >= settings.min_confidence) & torch.isfinite(uv).all(-1) & torch.isfinite(joints).all(-1)
+        uv, cloud = uv[used], plain(points[i])
+        size = torch.tensor([columns, rows], dtype=torch.float64)
+        if settings.normalisation == "person":
+            size = _extent(uv, masks[i].cpu())
+        body = plain(vertices[i])
+        stands = floor_normal is not None and soles is not None and feet_seen is not None and bool(feet_seen[i])
+        plane = torch.zeros(4, dtype=torch.float64)
+        feet = body[:0]
+        if stands and floor_normal is not None and soles is not None:
+            plane = torch.cat((plain(floor_normal), torch.tensor([floor_offset], dtype=torch.float64)))
+            feet = body[soles.cpu()]
+        people.append(
+            Subject(
+                landmarks=joints[used],
+                keypoints=uv,
+                confidence=trust[used],
+                size=size,
+                vertices=body,
+                normals=plain(normals[i]),
+                outer=keep,
+                points=cloud[torch.isfinite(cloud).all(-1)],
+                mask=masks[i].cpu(),
+                soles=feet,
+                plane=plane,
+                K=plain(K),
+            )
+        )
+    return people
+
+
+def _extent(keypoints: Tensor, mask: Tensor) -> Tensor:
+    """(2,) the diagonal of the person's box in the picture, px, twice: what a 2D error is measured against."""
+    corners = keypoints
+    if bool(mask.any()):
+        rows, columns = mask.any(1).nonzero()[:, 0], mask.any(0).nonzero()[:, 0]
+        ends = torch.tensor([[int(columns[0]), int(rows[0])], [int(columns[-1]), int(rows[-1])]], dtype=torch.float64)
+        corners = torch.cat((corners, ends))
+    if not len(corners):
+        return torch.ones(2, dtype=torch.float64)
+    diagonal: Tensor = torch.linalg.vector_norm(corners.amax(0) - corners.amin(0)).clamp(min=1.0)
+    return diagonal.expand(2)
+
+
+def _place_one(person: Subject, settings: HumanSettings) -> tuple[Tensor, float, dict[str, Any]]:
+    """Translation to add (3,), depth offset, diagnostics."""
+    still = torch.zeros(3, dtype=torch.float64)
+    if not bool(torch.isfinite(person.vertices).all()):
+        return still, 1.0, {"problem": "the body is not finite, it was left where it is"}
+    told: dict[str, Any] = {"keypoints": len(person.keypoints), "points": len(person.points), "problem": None}
+    x = torch.zeros(4, dtype=torch.float64)
+    before = _reprojection_px(person, x)
+    if len(person.keypoints) < FEWEST_KEYPOINTS:
+        told["problem"] = (
+            f"{len(person.keypoints)} keypoints have confidence {settings.min_confidence:g} or more, "
+            f"{FEWEST_KEYPOINTS} are needed to place a body by them"
+        )
+    elif settings.solver == "adam_lbfgs":
+        x = adam(person, settings)
+    else:
+        x = closed_form(person)
+        x = descend([Reprojection(person, settings)], x, (0, 1, 2), settings.iterations)
+    chamfer: tuple[float, float] | None = None
+    seen = torch.zeros(len(person.vertices), dtype=torch.bool)
+    if settings.chamfer_weight > 0 and len(person.points) >= settings.min_points:
+        seen = _camera_facing(person, x, settings)
+        if int(seen.sum()) >= settings.min_points:
+            start = Chamfer(person, seen, settings).median(x)
+            x, seen = _fit_points(person, x, seen, settings)
+            chamfer = (start, Chamfer(person, seen, settings).median(x))
+    if chamfer is None and settings.chamfer_weight > 0 and told["problem"] is None:
+        told["problem"] = (
+            f"{len(person.points)} points and {int(seen.sum())} camera-facing vertices of the person, "
+            f"{settings.min_points} of each are needed: placed by keypoints alone"
+        )
+    if not bool(torch.isfinite(x).all()) or float((person.vertices[:, 2] + x[2]).median()) < NEAREST_M:
+        x = torch.zeros_like(x)
+        told["problem"] = "no translation in front of the camera fits, the body was left where it is"
+    foot = float(height(person.soles + x[:3], person.plane[:3], person.plane[3]).min()) if person.stands else None
+    return (
+        x[:3],
+        math.exp(float(x[3])),
+        told
+        | {
+            "facing_vertices": int(seen.sum()),
+            "reprojection_px": (before, _reprojection_px(person, x)),
+            "chamfer_m": chamfer,
+            "moved_m": float(torch.linalg.vector_norm(x[:3])),
+            "depth_offset": math.exp(float(x[3])),
+            "foot_height_m": foot,
+        },
+    )
+
+
+def _reprojection_px(person: Subject, x: Tensor) -> float | None:
+    """Median distance of the used keypoints, px."""
+    if not len(person.keypoints):
+        return None
+    uv = project(person.landmarks + x[:3], person.K)
+    return float(torch.linalg.vector_norm(uv - person.keypoints, dim=-1).median())
+
+
+def _camera_facing(person: Subject, x: Tensor, settings: HumanSettings) -> Tensor:
+    """(V,) bool: V_cf of Eq. 4, turned to the camera and projected into the person's own mask."""
+    moved = person.vertices + x[:3]
+    turned = facing(person.normals, moved, settings.facing_deg) & (moved[:, 2] > NEAREST_M)
+    return turned & person.outer & inside_mask(project(moved, person.K), person.mask)
+
+
+def _fit_points(person: Subject, x: Tensor, seen: Tensor, settings: HumanSettings) -> tuple[Tensor, Tensor]:
+    """Eq. 3-4; the camera-facing vertices are picked again once, where the body has moved."""
+    if settings.solver == "adam_lbfgs":
+        return lbfgs(person, x, Chamfer(person, seen, settings), settings), seen
+    free = person.stands and settings.depth_offset_sigma > 0
+    for _ in range(_ROUNDS):
+        terms: list[Term] = [Chamfer(person, seen, settings)]
+        if len(person.keypoints) >= FEWEST_KEYPOINTS:
+            terms.append(Reprojection(person, settings))
+        if free:
+            terms.append(Standing(person, settings))
+        before = x
+        x = descend(terms, x, (0, 1, 2, 3) if free else (0, 1, 2), settings.iterations)
+        again = _camera_facing(person, x, settings)
+        if int(again.sum()) < settings.min_points:
+            break
+        seen = again
+        if float((x - before).abs().max()) < 1e-3:
+            break
+    return x, seen

@@ -1,0 +1,145 @@
+"""The terms of stage 2: residuals with their slopes by x = (t, g), a translation and a log depth offset.
+
+Each term answers :class:`Rows`, so that one Gauss-Newton solver serves them all. Float64, CPU, metres and pixels.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import torch
+from scipy.spatial import cKDTree
+from torch import Tensor
+
+from physic_core.engine.settings import HumanSettings
+from physic_core.geometry.camera import project
+from physic_core.geometry.plane import height
+
+__all__ = ["FEWEST_KEYPOINTS", "NEAREST_M", "Chamfer", "Reprojection", "Rows", "Standing", "Subject", "Term"]
+
+FEWEST_KEYPOINTS = 3
+"""Fewer confident keypoints than this leave a translation open."""
+
+NEAREST_M = 0.1
+"""Nothing of a person is nearer to the camera than this, metres."""
+
+_OFFSET_COST_M = 0.05
+
+
+class Subject(NamedTuple):
+    """What is known of one person, float64 on the CPU; N landmarks, F vertices, M points, S soles."""
+
+    landmarks: Tensor  # (N, 3)
+    keypoints: Tensor  # (N, 2)
+    confidence: Tensor  # (N,), at least the settings' minimum
+    size: Tensor  # (2,) px that make a 2D error 1
+    vertices: Tensor  # (V, 3)
+    normals: Tensor  # (V, 3)
+    outer: Tensor  # (V,) bool
+    points: Tensor  # (M, 3)
+    mask: Tensor  # (H, W) bool
+    soles: Tensor  # (S, 3), empty where the feet are not seen or there is no floor
+    plane: Tensor  # (4,) normal and offset of the floor
+    K: Tensor  # (3, 3)
+
+    @property
+    def stands(self) -> bool:
+        return len(self.soles) > 0
+
+
+class Rows(NamedTuple):
+    """Residuals of one kind at one x: error (N, D), slope (N, D, 4), weight (N,), robust scale."""
+
+    error: Tensor
+    slope: Tensor
+    weight: Tensor
+    scale: float
+
+
+class Reprojection:
+    """lambda_j2d times the confidence-weighted mean of Eq. 2, in shares of the person's (or the image's) size."""
+
+    def __init__(self, person: Subject, settings: HumanSettings) -> None:
+        self.person = person
+        self.weight = settings.reprojection_weight * person.confidence / person.confidence.sum()
+        self.scale = settings.robust_px_share
+
+    def rows(self, x: Tensor) -> list[Rows]:
+        moved = self.person.landmarks + x[:3]
+        z = moved[:, 2].clamp(min=NEAREST_M)
+        size, K = self.person.size, self.person.K
+        error = (project(moved, K) - self.person.keypoints) / size
+        slope = torch.zeros((len(moved), 2, 4), dtype=torch.float64)
+        for axis in (0, 1):
+            slope[:, axis, axis] = K[axis, axis] / z / size[axis]
+            slope[:, axis, 2] = -K[axis, axis] * moved[:, axis] / z**2 / size[axis]
+        return [Rows(error, slope, self.weight, self.scale)]
+
+
+class Chamfer:
+    """lambda_d times Eq. 4 between the camera-facing vertices and the person's points, both ways."""
+
+    def __init__(self, person: Subject, seen: Tensor, settings: HumanSettings) -> None:
+        self.vertices = _thinned(person.vertices[seen], settings.max_points)
+        self.points = person.points
+        self.vertex_tree, self.point_tree = cKDTree(self.vertices.numpy()), cKDTree(self.points.numpy())
+        mean = settings.reduction == "mean"
+        self.weights = [settings.chamfer_weight / (n if mean else 1) for n in (len(self.vertices), len(self.points))]
+        self.scale = settings.robust_m
+
+    def matched(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        """For each vertex its nearest point (F, 3) before scaling, and for each point its nearest vertex (M, 3)."""
+        factor = math.exp(float(x[3]))
+        _, nearest_point = self.point_tree.query(((self.vertices + x[:3]) / factor).numpy())
+        _, nearest_vertex = self.vertex_tree.query((self.points * factor - x[:3]).numpy())
+        return self.points[torch.as_tensor(nearest_point)], self.vertices[torch.as_tensor(nearest_vertex)]
+
+    def rows(self, x: Tensor) -> list[Rows]:
+        factor = math.exp(float(x[3]))
+        of_vertex, of_point = self.matched(x)
+        identity = torch.eye(3, dtype=torch.float64)
+        found = []
+        for vertices, points, weight in (
+            (self.vertices, of_vertex, self.weights[0]),
+            (of_point, self.points, self.weights[1]),
+        ):
+            scaled = points * factor
+            slope = torch.cat((identity.expand(len(scaled), 3, 3), -scaled[:, :, None]), -1)
+            error = vertices + x[:3] - scaled
+            found.append(Rows(error, slope, error.new_full((len(error),), weight), self.scale))
+        return found
+
+    def median(self, x: Tensor) -> float:
+        """Median distance over both directions, metres."""
+        return float(torch.cat([torch.linalg.vector_norm(r.error, dim=-1) for r in self.rows(x)]).median())
+
+
+class Standing:
+    """The lower foot on the floor, and what a depth offset costs."""
+
+    def __init__(self, person: Subject, settings: HumanSettings) -> None:
+        self.person, self.settings = person, settings
+
+    def rows(self, x: Tensor) -> list[Rows]:
+        normal = self.person.plane[:3]
+        lowest = height(self.person.soles + x[:3], normal, self.person.plane[3]).min().reshape(1, 1)
+        upward = torch.cat((normal, torch.zeros(1, dtype=torch.float64))).reshape(1, 1, 4)
+        only_offset = torch.tensor([0.0, 0.0, 0.0, 1.0], dtype=torch.float64).reshape(1, 1, 4)
+        settings = self.settings
+        foot = lowest.new_tensor([settings.floor_weight])
+        cost = lowest.new_tensor([settings.chamfer_weight * (_OFFSET_COST_M / settings.depth_offset_sigma) ** 2])
+        return [
+            Rows(lowest, upward, foot, settings.floor_robust_m),
+            Rows(x[3].reshape(1, 1), only_offset, cost, math.inf),
+        ]
+
+
+Term = Reprojection | Chamfer | Standing
+
+
+def _thinned(points: Tensor, most: int) -> Tensor:
+    """At most ``most`` of (N, 3), evenly picked; all where ``most`` is 0."""
+    if not most or len(points) <= most:
+        return points
+    return points[torch.linspace(0, len(points) - 1, most, dtype=torch.float64).round().long()]
