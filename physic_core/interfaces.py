@@ -61,7 +61,7 @@ class Backend(ABC):
     interface: ClassVar[str]
     Options: ClassVar[type[Options]] = Options
 
-    def __init__(self, options: Options | None = None) -> None:
+    def __init__(self, options: BaseModel | None = None) -> None:
         self.options = self.Options() if options is None else options
 
     def load(self, device: str = "cpu") -> None:  # noqa: B027 -- a backend without weights has nothing to do
@@ -88,7 +88,7 @@ class Inpainter(Backend):
 
     @abstractmethod
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
-        """Image (H, W, 3) and mask (H, W), True = remove -> image of the same size, unchanged where the mask is False."""
+        """Image (H, W, 3) and mask (H, W), True = remove -> image of that size, unchanged where the mask is False."""
 
 
 class MetricDepth(Backend):
