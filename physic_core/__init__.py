@@ -1,6 +1,7 @@
 """One photo in; people, scene and contact out, in one metric camera frame (OpenCV axes, metres).
 
-Importing this imports neither numpy nor torch; names that need them, or pydantic, are fetched on first use.
+Importing this imports next to nothing: all names but the errors are fetched when they are first used, so that a command
+that only looks around does not pay for those that compute.
 """
 
 from __future__ import annotations
@@ -20,14 +21,14 @@ from physic_core.errors import (
     OutputError,
     PhysicError,
 )
-from physic_core.hookspecs import hookimpl
-from physic_core.registry import BackendRecord, Registry
-from physic_core.types import Intrinsics, Person, Reconstruction, Scene
 
 if TYPE_CHECKING:
     from physic_core.config import Config, load_config
+    from physic_core.hookspecs import hookimpl
     from physic_core.pipeline import reconstruct
     from physic_core.plugins import discover
+    from physic_core.registry import BackendRecord, Registry
+    from physic_core.types import Intrinsics, Person, Reconstruction, Scene
 
 __all__ = [
     "BackendError",
@@ -54,8 +55,15 @@ __all__ = [
 ]
 
 _ON_FIRST_USE = {
+    "BackendRecord": "physic_core.registry",
     "Config": "physic_core.config",
+    "Intrinsics": "physic_core.types",
+    "Person": "physic_core.types",
+    "Reconstruction": "physic_core.types",
+    "Registry": "physic_core.registry",
+    "Scene": "physic_core.types",
     "discover": "physic_core.plugins",
+    "hookimpl": "physic_core.hookspecs",
     "load_config": "physic_core.config",
     "reconstruct": "physic_core.pipeline",
 }
