@@ -192,13 +192,17 @@ def load_config(
 
 
 def as_config(config: Config | str | os.PathLike[str] | Mapping[str, Any] | None) -> Config:
-    """A config from what Python callers pass: a Config, a TOML file, tables over the default preset, or None.
+    """A config from what Python callers pass: a Config, a preset's name, a TOML file, tables, or None.
+
+    A text is the name of a preset unless it ends in ".toml" or holds a slash; tables are laid over the default preset.
 
     Raises:
         ConfigError: every fault at once.
     """
     if isinstance(config, Config):
         return config
+    if isinstance(config, str) and not _is_path(config):
+        return load_config(preset=config)
     if config is None or isinstance(config, (str, os.PathLike)):
         return load_config(config)
     return load_config(flags={"config": config})
@@ -211,6 +215,10 @@ _Layer = tuple[str, Mapping[str, Any]]
 
 def _presets() -> Any:
     return resources.files("physic_core") / "presets"
+
+
+def _is_path(name: str) -> bool:
+    return name.endswith(".toml") or "/" in name or os.sep in name
 
 
 def _read_preset(name: str) -> list[_Layer]:
@@ -237,7 +245,7 @@ def _read_file(path: Path, base: str, seen: tuple[Path, ...] = ()) -> list[_Laye
     try:
         below = (
             _read_file(path.parent / Path(base).expanduser(), DEFAULT_PRESET, (*seen, path.resolve()))
-            if base.endswith(".toml") or "/" in base or os.sep in base
+            if _is_path(base)
             else _read_preset(base)
         )
     except ConfigError as error:

@@ -119,11 +119,13 @@ def test_the_plain_tables_build_the_same_config():
     assert load_config(preset="mock", flags={"again": config.as_dict()}).as_dict() == config.as_dict()
 
 
-def test_python_callers_may_pass_a_config_a_file_tables_or_nothing(write):
+def test_python_callers_may_pass_a_config_a_preset_a_file_tables_or_nothing(write):
     config = load_config(preset="mock")
     assert as_config(config) is config
     assert as_config(None) == load_config()
-    assert as_config(write('extends = "mock"\n')) == config
+    assert as_config("mock") == config
+    assert as_config(write('extends = "mock"\n')).as_dict() == config.as_dict()
+    assert as_config(Path("config.toml")).as_dict() == config.as_dict()
     assert as_config({"photo": {"max_side": 640}}).photo.max_side == 640
 
 
