@@ -32,6 +32,8 @@ _FEWEST_PIXELS = 16
 _REFINEMENTS = 20
 _SCORED_PIXELS = 4096
 _RELATIVE_DEPTH_FLOOR = 1e-6
+_SPREAD_RATIO = 5.0
+_FLAT_SHARE = 0.05
 
 
 @dataclass(frozen=True)
@@ -106,10 +108,11 @@ def align(
     if len(source) < _FEWEST_PIXELS:
         return _nothing(unknown)
     system = _relative_system(source, target, unknown, axes)
-    best = _ransac(system, unknown, tolerance, iterations, generator)
+    bounds = _scale_bounds(source[:, 2], target[:, 2], unknown)
+    best = _ransac(system, unknown, tolerance, iterations, bounds, generator)
     if best is None:
         return _nothing(unknown)
-    model = _refine(system, best, target[:, 2], unknown, tolerance, residual)
+    model = _refine(system, best, target[:, 2], unknown, tolerance, residual, bounds)
     error = _relative_depth_error(source, target, model, unknown)
     inlier = error < tolerance
     if not bool(inlier.any()):
@@ -173,8 +176,32 @@ def _relative_system(source: Tensor, target: Tensor, unknown: Unknown, axes: str
     return _System(torch.stack((*side, last), 1), torch.stack((goal[:, 0], goal[:, 1], one), 1))
 
 
+def _scale_bounds(source: Tensor, target: Tensor, unknown: Unknown) -> tuple[float, float]:
+    """Scales under which the aligned map spreads about as much as the target.
+
+    Without them a scene that is mostly one wall is best explained by a scale of zero: everything on the wall.
+    """
+    if unknown == "scale":
+        return 0.0, math.inf
+    before, after = (1 / source, 1 / target) if unknown == "inverse_scale_shift" else (source, target)
+    spreads = []
+    for values in (before, after):
+        ordered = values.sort().values
+        low, middle, high = (float(ordered[round(q * (len(ordered) - 1))]) for q in (0.05, 0.5, 0.95))
+        if high - low < _FLAT_SHARE * middle:
+            return 0.0, math.inf
+        spreads.append(high - low)
+    ratio = spreads[1] / spreads[0]
+    return ratio / _SPREAD_RATIO, ratio * _SPREAD_RATIO
+
+
 def _ransac(
-    system: _System, unknown: Unknown, tolerance: float, iterations: int, generator: torch.Generator
+    system: _System,
+    unknown: Unknown,
+    tolerance: float,
+    iterations: int,
+    bounds: tuple[float, float],
+    generator: torch.Generator,
 ) -> Tensor | None:
     """The hypothesis with the smallest truncated squared error, or None where no pixel agrees with any."""
     count = len(system.b)
@@ -182,7 +209,7 @@ def _ransac(
     picks = torch.randint(count, (iterations, size), generator=generator).to(system.b.device)
     A, b = system.A[picks].flatten(1, 2), system.b[picks].flatten(1, 2)
     models = _solve(A.mT @ A, (A.mT @ b[..., None])[..., 0], unknown)
-    models = models[torch.isfinite(models).all(-1) & (models[:, 0] > 0)]
+    models = models[torch.isfinite(models).all(-1) & (models[:, 0] > bounds[0]) & (models[:, 0] < bounds[1])]
     if not len(models):
         return None
     scored = _System(system.A[:_SCORED_PIXELS], system.b[:_SCORED_PIXELS]) if count > _SCORED_PIXELS else system
@@ -191,7 +218,15 @@ def _ransac(
     return models[best] if float(cost[best]) < 1.0 else None
 
 
-def _refine(system: _System, model: Tensor, depth: Tensor, unknown: Unknown, tolerance: float, residual: str) -> Tensor:
+def _refine(
+    system: _System,
+    model: Tensor,
+    depth: Tensor,
+    unknown: Unknown,
+    tolerance: float,
+    residual: str,
+    bounds: tuple[float, float],
+) -> Tensor:
     """Least squares on the consensus, reweighted by a Geman-McClure kernel at the consensus' own spread."""
     scale = torch.ones_like(depth) if residual == "relative" else depth / depth.median()
     for _ in range(_REFINEMENTS):
@@ -206,7 +241,7 @@ def _refine(system: _System, model: Tensor, depth: Tensor, unknown: Unknown, tol
         A = torch.einsum("mri,mrj->ij", weighted, system.A)
         b = torch.einsum("mri,mr->i", weighted, system.b)
         step = _solve(A[None], b[None], unknown)[0]
-        if not bool(torch.isfinite(step).all()) or float(step[0]) <= 0:
+        if not bool(torch.isfinite(step).all()) or not bounds[0] < float(step[0]) < bounds[1]:
             return model
         moved = float((step - model).abs().max() / model.abs().max())
         model = step

@@ -1,0 +1,168 @@
+"""Eq. 1: each kind of unknown is recovered among outliers, and nothing raises where there is nothing to align."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch import Tensor
+
+from physic_core.geometry.alignment import Alignment, align, apply_alignment
+from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
+from physic_core.types import Unknown
+
+ROWS, COLUMNS = 60, 80
+ALL = torch.ones((ROWS, COLUMNS), dtype=torch.bool)
+RAYS = pixel_rays(ROWS, COLUMNS, intrinsics_matrix(70.0, 70.0, 39.5, 29.5, torch.zeros((), dtype=torch.float64)))
+KINDS: tuple[Unknown, ...] = ("scale", "scale_shift", "inverse_scale_shift")
+
+
+def random(*shape: int, seed: int = 0) -> Tensor:
+    return torch.rand(*shape, dtype=torch.float64, generator=torch.Generator().manual_seed(seed))
+
+
+def room() -> Tensor:
+    """(H, W, 3) metres: a floor, a wall at 6 m and boxes."""
+    depth = torch.minimum(1.5 / RAYS[..., 1].clamp(min=0.05), torch.full((ROWS, COLUMNS), 6.0, dtype=torch.float64))
+    depth[10:30, 10:25] = 2.5
+    depth[15:40, 50:60] = 3.5
+    return RAYS * depth[..., None]
+
+
+def relative(points: Tensor, unknown: Unknown, scale: float, shift: float) -> Tensor:
+    """The relative map that ``scale`` and ``shift`` bring back to ``points``."""
+    z = points[..., 2]
+    if unknown == "scale":
+        return points / scale
+    if unknown == "scale_shift":
+        return (points - torch.tensor([0.0, 0.0, shift])) / scale
+    return points * (scale / (1 / z - shift) / z)[..., None]
+
+
+@pytest.mark.parametrize("unknown", KINDS)
+@pytest.mark.parametrize("residual", ["relative", "metric"])
+def test_a_clean_map_is_put_back_exactly(unknown: Unknown, residual: str) -> None:
+    target = room()
+    shift = {"scale": 0.0, "scale_shift": 0.4, "inverse_scale_shift": 0.05}[unknown]
+    source = relative(target, unknown, 2.5, shift)
+    found = align(source, ALL, target, ALL, unknown, residual=residual)  # type: ignore[arg-type]
+    assert (found.scale, found.shift) == (pytest.approx(2.5), pytest.approx(shift))
+    assert found.inlier_share == 1.0
+    assert found.residual < 1e-9
+    torch.testing.assert_close(apply_alignment(source, found), target)
+
+
+@pytest.mark.parametrize("unknown", KINDS)
+def test_forty_percent_outliers_and_noise_cost_less_than_a_percent(unknown: Unknown) -> None:
+    target = room()
+    shift = {"scale": 0.0, "scale_shift": 0.4, "inverse_scale_shift": 0.05}[unknown]
+    clean = relative(target, unknown, 2.5, shift)
+    noise = 1 + 0.02 * torch.randn(ROWS, COLUMNS, dtype=torch.float64, generator=torch.Generator().manual_seed(5))
+    bad = random(ROWS, COLUMNS, seed=1) < 0.4
+    source = clean * torch.where(bad, 1.3 + 2 * random(ROWS, COLUMNS, seed=2), noise)[..., None]
+    found = align(source, ALL, target, ALL, unknown, tolerance=0.1)
+    back = apply_alignment(clean, found)[..., 2]
+    error = float((back / target[..., 2] - 1).abs().median())
+    print(f"{unknown}: scale {found.scale:.4f} of 2.5, shift {found.shift:.4f} of {shift}, depth error {error:.2%}")
+    assert error < 0.01
+    assert 0.5 < found.inlier_share < 0.7
+
+
+@given(st.sampled_from(KINDS), st.floats(0.01, 100.0), st.floats(0.0, 0.9))
+@settings(max_examples=40, deadline=None)
+def test_any_scale_and_shift_is_recovered(unknown: Unknown, scale: float, shift: float) -> None:
+    target = room()
+    if unknown == "scale":
+        shift = 0.0
+    elif unknown == "inverse_scale_shift":
+        shift *= 1 / 6  # 1 / Z - t must stay positive up to the wall
+    source = relative(target, unknown, scale, shift)
+    found = align(source, ALL, target, ALL, unknown)
+    torch.testing.assert_close(apply_alignment(source, found), target, rtol=1e-5, atol=1e-6)
+
+
+def test_x_and_y_tell_scale_from_shift_where_depth_is_flat() -> None:
+    target = RAYS * 4.0
+    source = relative(target, "scale_shift", 2.0, 1.0)
+    found = align(source, ALL, target, ALL, "scale_shift")
+    assert (found.scale, found.shift) == (pytest.approx(2.0), pytest.approx(1.0))
+    assert align(source, ALL, target, ALL, "scale_shift", axes="z").inlier_share == 0.0
+
+
+def test_depth_alone_does_where_the_targets_camera_is_not_known() -> None:
+    target = room()
+    source = relative(target, "scale_shift", 2.0, 0.5)
+    blind = torch.where(torch.tensor([False, False, True]), target, 0.0)
+    found = align(source, ALL, blind, ALL, "scale_shift", axes="z")
+    assert (found.scale, found.shift) == (pytest.approx(2.0), pytest.approx(0.5))
+
+
+def test_metric_residuals_are_the_papers_least_squares() -> None:
+    target = room()
+    noise = 0.01 * (random(ROWS, COLUMNS, 3, seed=4) - 0.5)
+    source = relative(target, "scale_shift", 2.0, 0.5) + noise
+    found = align(source, ALL, target, ALL, "scale_shift", residual="metric", iterations=20)
+    A = np.zeros((3 * ROWS * COLUMNS, 2))
+    A[:, 0] = source.reshape(-1).numpy()
+    A[2::3, 1] = 1.0
+    scale, shift = np.linalg.lstsq(A, target.reshape(-1).numpy(), rcond=None)[0]
+    # The robust weights are nearly flat on such noise.
+    assert found.scale == pytest.approx(scale, rel=2e-4)
+    assert found.shift == pytest.approx(shift, abs=2e-3)
+
+
+def test_pixels_that_either_map_does_not_know_count_for_nothing() -> None:
+    target, source = room(), room() / 3
+    source[:, :20] = math.nan
+    target[:10] = math.inf
+    valid = ALL.clone()
+    valid[:, :20] = False
+    target_valid = ALL.clone()
+    target_valid[:10] = False
+    assert align(source, valid, target, target_valid, "scale").scale == pytest.approx(3.0)
+    # A mask that lies about NaN does no harm either.
+    assert align(source, ALL, target, ALL, "scale").scale == pytest.approx(3.0)
+
+
+NOTHING = {"scale": 1.0, "shift": 0.0, "inlier_share": 0.0, "residual": math.inf}
+
+
+@pytest.mark.parametrize("unknown", KINDS)
+def test_nothing_in_common_is_a_result_and_no_error(unknown: Unknown) -> None:
+    none = torch.zeros_like(ALL)
+    assert align(room(), none, room(), ALL, unknown) == Alignment(unknown=unknown, **NOTHING)  # type: ignore[arg-type]
+
+
+def test_a_map_that_cannot_tell_the_shift_is_not_aligned() -> None:
+    flat = RAYS * 1.0
+    found = align(flat, ALL, RAYS * 4.0, ALL, "inverse_scale_shift")
+    assert found == Alignment(unknown="inverse_scale_shift", **NOTHING)  # type: ignore[arg-type]
+
+
+def test_a_mirrored_map_has_a_low_share_and_a_positive_scale() -> None:
+    target = room()
+    z = target[..., 2]
+    found = align(RAYS * (7 - z)[..., None], ALL, target, ALL, "scale_shift", axes="z")
+    assert found.scale > 0
+    assert found.inlier_share < 0.6
+
+
+def test_inverse_shift_keeps_each_point_on_its_ray_and_tells_infinity() -> None:
+    alignment = Alignment(1.0, -0.1, "inverse_scale_shift", 1.0, 0.0)
+    points = torch.tensor([[1.0, 2.0, 5.0], [1.0, 2.0, 10.0], [1.0, 2.0, 20.0]], dtype=torch.float64)
+    placed = apply_alignment(points, alignment)
+    # 1 / (1 / 5 - 0.1) = 10, on the same ray; the horizon is at 10, and beyond it there is nothing.
+    torch.testing.assert_close(placed[0], torch.tensor([2.0, 4.0, 10.0], dtype=torch.float64))
+    assert torch.isinf(placed[1:]).all()
+
+
+def test_the_same_seed_gives_the_same_bits() -> None:
+    target = room()
+    source = relative(target, "scale_shift", 2.0, 0.5) * (1 + 0.05 * random(ROWS, COLUMNS, seed=9))[..., None]
+    first = align(source, ALL, target, ALL, "scale_shift", seed=3, max_pixels=500)
+    assert align(source, ALL, target, ALL, "scale_shift", seed=3, max_pixels=500) == first
+    assert align(source, ALL, target, ALL, "scale_shift", seed=4, max_pixels=500) != first

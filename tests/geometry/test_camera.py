@@ -1,0 +1,82 @@
+"""The pinhole camera: conventions by hand-worked numbers, inverses, gradients."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from physic_core.geometry.camera import intrinsics_matrix, pixel_grid, pixel_rays, project, unproject
+from physic_core.types import Intrinsics
+
+K = torch.tensor([[800.0, 0.0, 319.5], [0.0, 820.0, 239.5], [0.0, 0.0, 1.0]], dtype=torch.float64)
+number = st.floats(-3.0, 3.0, allow_nan=False)
+
+
+def test_a_point_by_hand() -> None:
+    # 800 * 0.5 / 2 + 319.5 and 820 * -0.25 / 2 + 239.5
+    assert project(torch.tensor([0.5, -0.25, 2.0], dtype=torch.float64), K).tolist() == [519.5, 137.0]
+
+
+def test_the_axis_meets_the_middle_between_the_four_central_pixels() -> None:
+    camera = torch.as_tensor(Intrinsics.from_focal(500.0, 4, 2).matrix)
+    assert project(torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64), camera).tolist() == [1.5, 0.5]
+    rays = pixel_rays(2, 4, camera)
+    assert rays.mean(dim=(0, 1)).tolist() == [0.0, 0.0, 1.0]
+    assert rays[0, 0].tolist() == [-1.5 / 500, -0.5 / 500, 1.0]
+
+
+def test_pixel_grid_is_x_first_and_starts_at_the_first_pixels_centre() -> None:
+    grid = pixel_grid(2, 3, torch.zeros(()))
+    assert grid.shape == (2, 3, 2)
+    assert grid[1, 2].tolist() == [2.0, 1.0]
+    assert grid[0, 0].tolist() == [0.0, 0.0]
+
+
+def test_a_resized_camera_sees_the_same_point_on_the_same_spot_of_the_picture() -> None:
+    camera = Intrinsics(800.0, 820.0, 319.5, 239.5, 640, 480)
+    point = torch.tensor([0.5, -0.25, 2.0], dtype=torch.float64)
+    small = camera.resized(320, 120)
+    u, v = project(point, torch.as_tensor(camera.matrix)).tolist()
+    # Pixel edges, not centres, scale: (u + 1/2) / width is kept.
+    expected = [(u + 0.5) * 0.5 - 0.5, (v + 0.5) * 0.25 - 0.5]
+    assert project(point, torch.as_tensor(small.matrix)).tolist() == pytest.approx(expected)
+
+
+@given(number, number, st.floats(0.05, 60.0))
+def test_unproject_inverts_project(x: float, y: float, z: float) -> None:
+    point = torch.tensor([x, y, z], dtype=torch.float64)
+    again = unproject(project(point, K), point[2], K)
+    torch.testing.assert_close(again, point)
+
+
+def test_leading_dimensions_and_cameras_broadcast() -> None:
+    points = torch.rand(2, 5, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(0)) + 1
+    cameras = torch.stack((K, K * torch.tensor([[2.0], [2.0], [1.0]])))
+    both = project(points, cameras[:, None])
+    torch.testing.assert_close(both[0], project(points[0], cameras[0]))
+    torch.testing.assert_close(both[1], project(points[1], cameras[1]))
+
+
+def test_dtype_is_the_points() -> None:
+    assert project(torch.ones(3), K).dtype == torch.float32
+    assert unproject(torch.ones(2), torch.ones(()), K).dtype == torch.float32
+    assert intrinsics_matrix(1.0, 2.0, 3.0, 4.0, torch.zeros((), dtype=torch.float64)).dtype == torch.float64
+
+
+def test_gradients() -> None:
+    points = torch.tensor([[0.3, -0.2, 1.5], [1.0, 0.4, 4.0]], dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradcheck(lambda p: project(p, K), points)
+    depth = torch.tensor([1.5, 3.0], dtype=torch.float64, requires_grad=True)
+    uv = torch.tensor([[10.0, 20.0], [600.0, 300.0]], dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradcheck(lambda p, d: unproject(p, d, K), (uv, depth))
+
+
+def test_what_is_behind_the_camera_keeps_pixel_and_gradient_finite() -> None:
+    points = torch.tensor([[0.1, 0.1, 0.0], [0.1, 0.1, -1.0]], dtype=torch.float64, requires_grad=True)
+    uv = project(points, K)
+    uv.sum().backward()
+    assert torch.isfinite(uv).all()
+    assert points.grad is not None
+    assert torch.isfinite(points.grad).all()

@@ -1,0 +1,205 @@
+"""Point maps: exact normals, edges, outliers and cameras against slow twins and known answers."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from torch import Tensor
+
+from physic_core.errors import BackendOutputError
+from physic_core.geometry.camera import intrinsics_matrix, pixel_grid, pixel_rays, project
+from physic_core.geometry.pointmap import (
+    depth_edges,
+    depth_to_pointmap,
+    intrinsics_from_pointmap,
+    knn_outliers,
+    normals,
+    unsupported,
+)
+
+ROWS, COLUMNS = 48, 64
+ALL = torch.ones((ROWS, COLUMNS), dtype=torch.bool)
+K = intrinsics_matrix(60.0, 62.0, (COLUMNS - 1) / 2, (ROWS - 1) / 2, torch.zeros((), dtype=torch.float64))
+RAYS = pixel_rays(ROWS, COLUMNS, K)
+
+
+def random(*shape: int, seed: int = 0) -> Tensor:
+    return torch.rand(*shape, dtype=torch.float64, generator=torch.Generator().manual_seed(seed))
+
+
+def plane_depth(normal: Tensor, offset: float) -> Tensor:
+    """Depth (H, W) at which each ray meets n . X + o = 0."""
+    return -offset / (RAYS @ normal)
+
+
+def test_every_point_projects_onto_its_own_pixel() -> None:
+    points = depth_to_pointmap(1 + 5 * random(ROWS, COLUMNS), K)
+    torch.testing.assert_close(project(points, K), pixel_grid(ROWS, COLUMNS, points))
+
+
+def test_unknown_depth_stays_unknown() -> None:
+    depth = torch.ones((3, 4))
+    depth[1, 2] = math.nan
+    points = depth_to_pointmap(depth, K)
+    assert torch.isnan(points[1, 2]).all()
+    assert int(torch.isnan(points).sum()) == 3
+
+
+@given(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5), st.floats(1e-6, 1e6))
+def test_a_plane_has_its_exact_normal_up_to_the_border_in_any_unit(x: float, y: float, unit: float) -> None:
+    normal = torch.nn.functional.normalize(torch.tensor([x, y, -1.0], dtype=torch.float64), dim=0)
+    points = depth_to_pointmap(plane_depth(normal, unit), K)
+    found = normals(points, ALL)
+    torch.testing.assert_close(found, normal.expand(ROWS, COLUMNS, 3), atol=1e-6, rtol=0)
+
+
+def test_a_near_wall_straight_ahead_has_normals_in_float32() -> None:
+    # The released code lost these, where the cross product falls under 1e-6 square metres.
+    found = normals(depth_to_pointmap(torch.full((ROWS, COLUMNS), 0.02), K.float()), ALL)
+    torch.testing.assert_close(found, torch.tensor([0.0, 0.0, -1.0]).expand(ROWS, COLUMNS, 3), atol=1e-4, rtol=0)
+
+
+def test_beside_a_depth_edge_each_surface_keeps_its_own_normal() -> None:
+    left = torch.nn.functional.normalize(torch.tensor([0.3, 0.0, -1.0], dtype=torch.float64), dim=0)
+    right = torch.tensor([0.0, 0.0, -1.0], dtype=torch.float64)
+    depth = plane_depth(left, 1.0)
+    depth[:, 32:] = 4.0
+    found = normals(depth_to_pointmap(depth, K), ALL)
+    torch.testing.assert_close(found[:, :32], left.expand(ROWS, 32, 3))
+    torch.testing.assert_close(found[:, 32:], right.expand(ROWS, 32, 3))
+
+
+def test_a_point_that_floats_between_two_surfaces_has_no_normal() -> None:
+    depth = torch.full((ROWS, COLUMNS), 2.0, dtype=torch.float64)
+    depth[:, 32:] = 4.0
+    depth[:, 32] = 3.0
+    found = normals(depth_to_pointmap(depth, K), ALL)
+    assert (found[:, 32] == 0).all()
+    assert (torch.linalg.vector_norm(found[:, 31], dim=-1) - 1).abs().max() < 1e-12
+
+
+def test_invalid_pixels_neither_get_a_normal_nor_spoil_a_neighbours() -> None:
+    depth = torch.full((ROWS, COLUMNS), 2.0, dtype=torch.float64)
+    depth[10, 10] = math.nan
+    valid = ALL.clone()
+    valid[10, 10] = False
+    found = normals(depth_to_pointmap(depth, K), valid)
+    assert (found[10, 10] == 0).all()
+    expected = torch.tensor([0.0, 0.0, -1.0], dtype=torch.float64).expand(3, 3, 3).clone()
+    expected[1, 1] = 0
+    torch.testing.assert_close(found[9:12, 9:12], expected)
+
+
+def test_maps_of_one_row_have_no_normals() -> None:
+    assert (normals(torch.ones((1, 5, 3)), torch.ones((1, 5), dtype=torch.bool)) == 0).all()
+
+
+depths = arrays("float64", (6, 7), elements=st.sampled_from([1.0, 1.02, 1.04, 1.06, 1.2, 3.0]))
+masks = arrays("bool", (6, 7))
+
+
+def window(y: int, x: int, reach: int) -> tuple[slice, slice]:
+    return slice(max(0, y - reach), y + reach + 1), slice(max(0, x - reach), x + reach + 1)
+
+
+@given(depths, masks)
+@settings(max_examples=50)
+def test_depth_edges_are_those_of_a_plain_loop(depth_array: object, valid_array: object) -> None:
+    depth, valid = torch.as_tensor(depth_array), torch.as_tensor(valid_array)
+    found = depth_edges(depth, valid, 1.05)
+    for y in range(6):
+        for x in range(7):
+            around = depth[window(y, x, 1)][valid[window(y, x, 1)]]
+            expected = bool(valid[y, x]) and float(around.max() / around.min()) > 1.05
+            assert bool(found[y, x]) == expected, (y, x)
+
+
+def test_an_infinite_ratio_finds_no_edge() -> None:
+    assert not depth_edges(1 + random(ROWS, COLUMNS), ALL, math.inf).any()
+
+
+@given(depths, masks)
+@settings(max_examples=50)
+def test_unsupported_pixels_are_those_of_a_plain_loop(depth_array: object, valid_array: object) -> None:
+    depth, valid = torch.as_tensor(depth_array), torch.as_tensor(valid_array)
+    found = unsupported(depth, valid, 1.05, rings=(2,))
+    for y in range(6):
+        for x in range(7):
+            support = 0
+            for dy, dx in ((-2, -2), (-2, 0), (-2, 2), (0, -2), (0, 2), (2, -2), (2, 0), (2, 2)):
+                if 0 <= y + dy < 6 and 0 <= x + dx < 7 and valid[y, x] and valid[y + dy, x + dx]:
+                    difference = float((depth[y, x] / depth[y + dy, x + dx]).log().abs())
+                    support += difference <= math.log(1.05)
+            assert bool(found[y, x]) == (bool(valid[y, x]) and support < 2), (y, x)
+
+
+def test_a_speck_goes_and_a_pole_and_a_corner_stay() -> None:
+    depth = torch.full((ROWS, COLUMNS), 5.0)
+    depth[10:12, 10:12] = 2.0
+    depth[:, 40:42] = 2.0
+    lonely = unsupported(depth, ALL)[4:-4]  # the ends of a pole are specks
+    assert lonely[6:8, 10:12].all()
+    assert int(lonely.sum()) == 4
+
+
+def test_far_points_are_no_outliers_for_being_far() -> None:
+    normal = torch.tensor([0.0, -1.0, 0.0], dtype=torch.float64)
+    depth = torch.where(RAYS[..., 1] > 0.15, plane_depth(normal, 1.5), 30.0)
+    # 1.05 in a picture of 1024 px is the slope of 1.05 ** 16 in one of 64 px.
+    assert not unsupported(depth, RAYS[..., 1] > 0.15, 1.05**16).any()
+
+
+def test_knn_outliers_are_those_of_all_pairs() -> None:
+    points = random(200, 3, seed=3)
+    points[::20] *= 4
+    squared = torch.cdist(points, points).square().sort(dim=1).values[:, 1:8].mean(1)
+    expected = squared > squared.mean() + 1.45 * squared.std(correction=0)
+    assert torch.equal(knn_outliers(points, 7), expected)
+    assert 0 < int(expected.sum()) < 20
+
+
+def test_knn_finds_points_far_off_a_surface() -> None:
+    points = random(2000, 3)
+    points[:, 2] *= 0.001
+    points[::100, 2] += 3 + random(20, seed=1)
+    assert knn_outliers(points, 10).nonzero()[:, 0].tolist() == list(range(0, 2000, 100))
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_knn_of_next_to_nothing_keeps_it(count: int) -> None:
+    assert not knn_outliers(torch.zeros((count, 3)), 5).any()
+
+
+def test_the_camera_of_a_point_map_is_recovered_among_outliers() -> None:
+    points = depth_to_pointmap(1 + 5 * random(ROWS, COLUMNS), K)
+    bad = random(ROWS, COLUMNS, seed=1) < 0.3
+    points = torch.where(bad[..., None], points + random(ROWS, COLUMNS, 3, seed=2) - 0.5, points)
+    fx, fy, cx, cy = intrinsics_from_pointmap(points, ALL)
+    print(f"fx {fx:.2f} fy {fy:.2f} px, true 60 and 62")
+    assert fx == pytest.approx(60, rel=0.005)
+    assert fy == pytest.approx(62, rel=0.005)
+    assert (cx, cy) == (31.5, 23.5)
+
+
+def test_no_camera_can_be_read_off_nothing() -> None:
+    with pytest.raises(BackendOutputError) as caught:
+        intrinsics_from_pointmap(torch.zeros((ROWS, COLUMNS, 3)), ALL)
+    assert str(caught.value) == (
+        "no focal length can be read off the point map: 0 valid points have X != 0, 16 are needed: give the camera, or "
+        "check what the backend calls valid"
+    )
+
+
+def test_no_camera_can_be_read_off_a_mirrored_map() -> None:
+    points = depth_to_pointmap(torch.ones((ROWS, COLUMNS), dtype=torch.float64), K)
+    with pytest.raises(BackendOutputError) as caught:
+        intrinsics_from_pointmap(points * torch.tensor([1.0, -1.0, 1.0]), ALL)
+    assert str(caught.value) == (
+        "no focal length can be read off the point map: medians are fx = 60.0, fy = -62.0 px, both must be positive: "
+        "points must be in the OpenCV camera frame, x right, y down, z forward"
+    )
