@@ -1,0 +1,252 @@
+"""The floor search: found under noise, furniture and people-shaped holes; not found where there is none."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch import Tensor
+
+from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
+from physic_core.geometry.floor import PlaneFit, fit_floor, fit_floor_metric
+from physic_core.geometry.pointmap import normals
+
+ROWS, COLUMNS = 180, 240
+RAYS = pixel_rays(ROWS, COLUMNS, intrinsics_matrix(200.0, 200.0, 119.5, 89.5, torch.zeros((), dtype=torch.float64)))
+ALL = torch.ones((ROWS, COLUMNS), dtype=torch.bool)
+NONE = torch.zeros_like(ALL)
+PERSON = NONE.clone()
+PERSON[60:165, 100:130] = True
+
+
+def noise(seed: int = 0) -> Tensor:
+    return torch.randn(ROWS, COLUMNS, dtype=torch.float64, generator=torch.Generator().manual_seed(seed))
+
+
+def up(pitch_deg: float, roll_deg: float = 0.0) -> Tensor:
+    """Normal of a level floor, seen by a camera that looks down by ``pitch_deg`` and is rolled by ``roll_deg``."""
+    pitch, roll = math.radians(pitch_deg), math.radians(roll_deg)
+    side, down = math.sin(roll) * math.cos(pitch), math.cos(roll) * math.cos(pitch)
+    return torch.tensor([side, -down, -math.sin(pitch)], dtype=torch.float64)
+
+
+def meet(normal: Tensor, offset: float) -> Tensor:
+    """Depth (H, W) of a plane, inf where its rays never meet it."""
+    steep = -(RAYS @ normal)
+    return torch.where(steep > 1e-6, offset / steep.clamp(min=1e-6), math.inf)
+
+
+def room(normal: Tensor, camera_height: float = 1.5, wall: float = 6.0) -> tuple[Tensor, Tensor]:
+    """Depth (H, W) of floor, far wall and furniture standing on it, and where the floor is seen."""
+    floor = meet(normal, camera_height)
+    depth = torch.minimum(floor, torch.full_like(floor, wall))
+    on_floor = floor <= wall
+    for rows, columns, z in ((slice(60, 120), slice(10, 50), 3.5), (slice(80, 140), slice(180, 230), 2.5)):
+        depth[rows, columns] = torch.minimum(depth[rows, columns], torch.tensor(z, dtype=torch.float64))
+        on_floor[rows, columns] &= floor[rows, columns] <= depth[rows, columns]
+    return depth, on_floor
+
+
+def angle_deg(a: Tensor, b: Tensor) -> float:
+    return math.degrees(math.acos(min(1.0, float(a.double() @ b.double()))))
+
+
+@pytest.mark.parametrize("pitch", [5.0, 15.0, 35.0])
+@pytest.mark.parametrize("roll", [0.0, -12.0])
+@pytest.mark.parametrize("masked", [False, True])
+def test_the_floor_of_a_furnished_room_is_found_under_noise(pitch: float, roll: float, masked: bool) -> None:
+    normal = up(pitch, roll)
+    depth, on_floor = room(normal)
+    points = RAYS * (depth * (1 + 0.01 * noise()))[..., None]
+    found = fit_floor(points.float(), ALL, floor_mask=on_floor if masked else None)
+    assert found.reason == "found"
+    plane = found.plane
+    assert isinstance(plane, PlaneFit)
+    tilt = angle_deg(plane.normal, normal)
+    print(f"pitch {pitch} roll {roll}: normal off {tilt:.2f} degrees, height {plane.offset:.3f} m of 1.5")
+    assert tilt < 0.5
+    assert plane.offset == pytest.approx(1.5, abs=0.02)
+    assert plane.source == ("floor mask" if masked else "lower image")
+    assert float(plane.inliers[on_floor].double().mean()) > 0.6
+    assert float(torch.linalg.vector_norm(plane.normal)) == pytest.approx(1.0)
+
+
+@given(st.floats(1e-4, 1e4))
+@settings(max_examples=10, deadline=None)
+def test_the_unit_of_the_map_does_not_matter(unit: float) -> None:
+    normal = up(12)
+    depth, _ = room(normal)
+    points = RAYS * (unit * depth)[..., None]
+    plane = fit_floor(points, ALL, hypotheses=200).plane
+    assert plane is not None
+    assert plane.offset == pytest.approx(1.5 * unit, rel=1e-3)
+    assert angle_deg(plane.normal, normal) < 0.05
+
+
+@pytest.mark.parametrize("factor", [1, 3])
+def test_the_resolution_does_not_matter(factor: int) -> None:
+    normal = up(12)
+    depth, _ = room(normal)
+    points = (RAYS * depth[..., None])[::factor, ::factor]
+    found = fit_floor(points, ALL[::factor, ::factor])
+    assert found.plane is not None
+    assert angle_deg(found.plane.normal, normal) < 0.1
+    assert found.inlier_share == pytest.approx(0.67, abs=0.05)
+
+
+def test_an_inpainted_bulge_where_the_people_were_moves_nothing() -> None:
+    normal = up(12)
+    depth, _ = room(normal)
+    filled = torch.where(PERSON, torch.minimum(depth, torch.tensor(3.0, dtype=torch.float64)), depth)
+    plane = fit_floor(RAYS * filled[..., None], ALL, hole=PERSON).plane
+    assert plane is not None
+    assert angle_deg(plane.normal, normal) < 0.3
+    assert plane.offset == pytest.approx(1.5, abs=0.02)
+
+
+def test_holes_weigh_less_than_what_was_seen() -> None:
+    normal = up(12)
+    floor = meet(normal, 1.5).clamp(max=20)
+    sunk = meet(normal, 1.9).clamp(max=20)
+    hole = NONE.clone()
+    hole[90:, :130] = True  # more than half of the lower picture is made up, and wrong
+    points = RAYS * torch.where(hole, sunk, floor)[..., None]
+    trusted = fit_floor(points, ALL, hole=hole, hole_weight=1.0, max_below=1.0).plane
+    weighed = fit_floor(points, ALL, hole=hole, hole_weight=0.3, max_below=1.0).plane
+    assert trusted is not None
+    assert weighed is not None
+    assert trusted.offset == pytest.approx(1.9, abs=0.05)
+    assert weighed.offset == pytest.approx(1.5, abs=0.05)
+
+
+def test_feet_keep_the_horizon_and_set_the_height() -> None:
+    normal = up(12)
+    seen = meet(normal, 1.8).clamp(max=20)
+    near_feet = (slice(120, 160), slice(90, 140))
+    seen[near_feet] = meet(normal, 1.5)[near_feet]  # the ground that the people stand on lies nearer
+    feet = torch.tensor([[110.0, 140.0], [120.0, 142.0]])
+    plain = fit_floor(RAYS * seen[..., None], ALL, feet_px=feet, reanchor=False).plane
+    moved = fit_floor(RAYS * seen[..., None], ALL, feet_px=feet).plane
+    assert plain is not None
+    assert moved is not None
+    assert (plain.offset, plain.reanchored) == (pytest.approx(1.8, abs=0.02), 1.0)
+    assert (moved.offset, moved.reanchored) == (pytest.approx(1.5, abs=0.02), pytest.approx(1.2, abs=0.01))
+    assert torch.equal(plain.normal, moved.normal)
+
+
+def test_feet_that_contradict_the_floor_by_far_do_not_move_it() -> None:
+    normal = up(12)
+    seen = meet(normal, 1.5).clamp(max=20)
+    seen[135:150, 100:125] = 0.3
+    plane = fit_floor(RAYS * seen[..., None], ALL, feet_px=torch.tensor([[112.0, 142.0], [-50.0, 900.0]])).plane
+    assert plane is not None
+    assert plane.reanchored == 1.0
+
+
+def test_feet_vouch_for_a_floor_that_furniture_hides() -> None:
+    normal = up(20)
+    depth = meet(normal, 1.5).clamp(max=8)
+    boxes = 1.0 + 0.3 * ((torch.arange(COLUMNS) // 12) % 5)  # a row of cupboards, no two at one depth
+    crowded = torch.minimum(depth, boxes.double().expand(ROWS, COLUMNS))
+    crowded[:, 90:150] = depth[:, 90:150]
+    points = RAYS * crowded[..., None]
+    alone = fit_floor(points, ALL)
+    stood_on = fit_floor(points, ALL, feet_px=torch.tensor([[120.0, 150.0]]))
+    assert (alone.plane, alone.reason) == (None, "no_consensus")
+    assert 0.15 < alone.inlier_share < 0.3
+    assert stood_on.plane is not None
+    assert angle_deg(stood_on.plane.normal, normal) < 0.5
+
+
+def test_a_mask_on_a_table_is_not_followed() -> None:
+    normal = up(25)
+    table, floor = meet(normal, 0.7), meet(normal, 1.5).clamp(max=12)
+    on_table = NONE.clone()
+    on_table[95:140, 60:180] = True
+    points = RAYS * torch.where(on_table, table, floor)[..., None]
+    found = fit_floor(points, ALL, floor_mask=on_table)
+    assert found.mask_reason == "below_plane"
+    assert found.plane is not None
+    assert found.plane.offset == pytest.approx(1.5, abs=0.02)
+    assert found.plane.source == "lower image"
+
+
+def test_a_wall_straight_ahead_is_no_floor() -> None:
+    found = fit_floor(RAYS * (3.0 + 0.01 * noise())[..., None], ALL)
+    assert (found.plane, found.reason) == (None, "no_consensus")
+
+
+def test_a_ceiling_is_no_floor() -> None:
+    depth, _ = room(up(12))
+    found = fit_floor((RAYS * depth[..., None]).flip(0) * torch.tensor([1.0, -1.0, 1.0]), ALL)
+    print(found)
+    assert found.plane is None or float(found.plane.normal[1]) < -0.9
+
+
+def test_a_tilted_camera_beyond_the_roll_limit_finds_none() -> None:
+    points = RAYS * meet(up(15, 40), 1.5).clamp(max=8)[..., None]
+    assert fit_floor(points, ALL).plane is None
+    assert fit_floor(points, ALL, max_roll_deg=50).plane is not None
+
+
+def test_rubble_is_no_floor() -> None:
+    generator = torch.Generator().manual_seed(0)
+    coarse = 1 + 5 * torch.rand(1, 1, 12, 16, dtype=torch.float64, generator=generator)
+    depth = torch.nn.functional.interpolate(coarse, (ROWS, COLUMNS), mode="nearest")[0, 0]
+    found = fit_floor(RAYS * depth[..., None], ALL)
+    assert (found.plane, found.reason) == (None, "no_consensus")
+
+
+@pytest.mark.parametrize("valid", [NONE, PERSON & (torch.arange(COLUMNS) == 110)])
+def test_too_few_pixels_are_a_result_and_no_error(valid: Tensor) -> None:
+    found = fit_floor(RAYS * 2, valid)
+    assert found.plane is None
+    assert found.reason in ("no_pixels", "no_consensus")
+
+
+def test_points_at_infinity_and_lies_about_validity_do_no_harm() -> None:
+    normal = up(12)
+    points = RAYS * meet(normal, 1.5)[..., None]  # inf above the horizon
+    points[170:, :5] = math.nan
+    plane = fit_floor(points, ALL).plane
+    assert plane is not None
+    assert angle_deg(plane.normal, normal) < 0.05
+    assert not plane.inliers[0].any()
+
+
+def test_the_same_seed_gives_the_same_bits() -> None:
+    depth, _ = room(up(12))
+    points = RAYS * (depth * (1 + 0.02 * noise()))[..., None]
+    first, second = fit_floor(points, ALL, seed=1).plane, fit_floor(points, ALL, seed=1).plane
+    assert first is not None
+    assert second is not None
+    assert torch.equal(first.normal, second.normal)
+    assert first.offset == second.offset
+
+
+def test_the_papers_search_finds_the_floor_of_its_mask_to_the_centimetre() -> None:
+    normal = up(15)
+    depth, on_floor = room(normal)
+    points = RAYS * (depth * (1 + 0.0005 * noise()))[..., None]
+    mask = on_floor.clone()
+    mask[60:120, 10:50] = True  # the mask covers a piece of furniture too
+    found = fit_floor_metric(points, normals(RAYS * depth[..., None], ALL), ALL, mask)
+    assert found.plane is not None
+    assert angle_deg(found.plane.normal, normal) < 0.1
+    assert found.plane.offset == pytest.approx(1.5, abs=0.005)
+    assert found.inlier_share > 0.7
+
+
+def test_the_papers_search_needs_a_mask() -> None:
+    points = RAYS * 2
+    assert fit_floor_metric(points, normals(points, ALL), ALL, None).reason == "no_pixels"
+    assert fit_floor_metric(points, normals(points, ALL), ALL, NONE).reason == "no_pixels"
+
+
+def test_the_papers_search_refuses_points_without_a_plane() -> None:
+    points = RAYS * (1 + 5 * torch.rand(ROWS, COLUMNS, 1, generator=torch.Generator().manual_seed(0)))
+    found = fit_floor_metric(points, normals(points, ALL, math.inf), ALL, ALL, min_share=0.3)
+    assert (found.plane, found.reason) == (None, "no_consensus")

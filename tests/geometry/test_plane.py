@@ -1,0 +1,86 @@
+"""Planes: heights, and points sampled on them whatever their orientation."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from torch import Tensor
+
+from physic_core.geometry.plane import height, plane_basis, sample_plane
+
+UP = torch.tensor([0.0, -1.0, 0.0])
+
+
+def cloud(count: int = 4000, seed: int = 0) -> Tensor:
+    """Points of a room of 6 x 3 x 8 m in front of the camera."""
+    generator = torch.Generator().manual_seed(seed)
+    return torch.rand(count, 3, generator=generator) * torch.tensor([6.0, 3.0, 8.0]) - torch.tensor([3.0, 1.5, -1.0])
+
+
+def unit(x: float, y: float, z: float) -> Tensor:
+    return torch.nn.functional.normalize(torch.tensor([x, y, z], dtype=torch.float64), dim=0)
+
+
+def test_height_is_positive_above_and_the_camera_is_at_the_offset() -> None:
+    points = torch.tensor([[0.0, 0.0, 0.0], [3.0, 1.5, 2.0], [0.0, 2.0, 5.0]])
+    assert height(points, UP, 1.5).tolist() == [1.5, 0.0, -0.5]
+
+
+directions = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: math.hypot(*v) > 0.1)
+
+
+@given(directions)
+def test_basis_is_right_handed_and_orthonormal(direction: tuple[float, float, float]) -> None:
+    normal = unit(*direction)
+    first, second = plane_basis(normal)
+    frame = torch.stack((first, second, normal))
+    torch.testing.assert_close(frame @ frame.T, torch.eye(3, dtype=torch.float64))
+    torch.testing.assert_close(torch.linalg.cross(first, second), normal)
+
+
+@given(directions, st.floats(-2, 2))
+def test_samples_lie_on_any_plane_and_stay_within_the_bound(
+    direction: tuple[float, float, float], offset: float
+) -> None:
+    normal = unit(*direction)
+    points = sample_plane(normal, offset, cloud(300).double(), max_points=500)
+    assert 0 < len(points) <= 500
+    assert height(points, normal, offset).abs().max() < 1e-9
+
+
+def test_spacing_is_fine_near_the_people_and_the_count_bounded() -> None:
+    centres = torch.tensor([[0.5, 1.5, 4.0], [-1.0, 1.5, 5.0]])
+    points = sample_plane(UP, 1.5, cloud(), centres=centres, spacing=0.025, near=1.0, max_points=40_000)
+    assert 20_000 < len(points) <= 40_000
+    close = points[(points - centres[0]).norm(dim=-1) < 0.5]
+    between = torch.cdist(close, close)
+    between.fill_diagonal_(math.inf)
+    torch.testing.assert_close(between.amin(1), torch.full((len(close),), 0.025), atol=1e-4, rtol=0)
+    assert len(points.unique(dim=0)) == len(points)
+
+
+def test_extent_is_that_of_the_scene_without_its_stragglers() -> None:
+    scene = torch.cat((cloud(), torch.tensor([[500.0, 0.0, 900.0]])))
+    points = sample_plane(UP, 1.5, scene, max_points=2000)
+    assert points.amax(0)[0] == pytest.approx(2.9, abs=0.2)
+    assert points.amin(0)[0] == pytest.approx(-2.9, abs=0.2)
+    assert points.amax(0)[2] == pytest.approx(8.8, abs=0.3)
+
+
+def test_a_plain_grid_has_its_number_of_points() -> None:
+    points = sample_plane(UP, 1.5, cloud(), grid=100)
+    assert points.shape == (10_000, 3)
+    assert height(points, UP, 1.5).abs().max() < 1e-6
+
+
+@pytest.mark.parametrize("options", [{}, {"grid": 100}])
+def test_no_scene_has_no_floor_points(options: dict[str, int]) -> None:
+    assert sample_plane(UP, 1.5, torch.zeros((0, 3)), **options).shape == (0, 3)
+
+
+def test_none_wanted_none_made() -> None:
+    assert sample_plane(UP, 1.5, cloud(), max_points=0).shape == (0, 3)
