@@ -63,9 +63,10 @@ class World:
         body_model: name of the body model.
         topology: name of its mesh.
         faces: (F, 3) int32.
+        outer: (V,) bool, False inside mouth, nose and eyes.
         vertices: (N, V, 3) float32.
         joints: (N, 55, 3) float32.
-        contact: (N, V) bool, by CONTACT_DISTANCE; never inside mouth, nose and eyes.
+        contact: (N, V) bool, by CONTACT_DISTANCE, of outer vertices.
         distance: (N, V) float32 to the nearest surface of the scene, negative inside.
         residual: (N,) metres by which at most a sole misses the floor, or a vertex lies inside the scene.
     """
@@ -94,6 +95,7 @@ class World:
     body_model: str
     topology: str
     faces: NDArray[np.int32]
+    outer: BoolArray
     vertices: FloatArray
     joints: FloatArray
     contact: BoolArray
@@ -121,7 +123,7 @@ def build_world(name: str = "standing", seed: int = 0, size: tuple[int, int] = (
     return _build(name, seed, size)
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=8)
 def _build(name: str, seed: int, size: tuple[int, int]) -> World:
     import torch
 
@@ -163,6 +165,7 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
         body_model=model.name,
         topology=model.topology,
         faces=model.faces.numpy().astype(np.int32),
+        outer=model.outer.numpy().copy(),
         vertices=bodies.vertices.astype(np.float32),
         joints=bodies.joints.astype(np.float32),
         contact=(distance <= CONTACT_DISTANCE) & model.outer.numpy(),

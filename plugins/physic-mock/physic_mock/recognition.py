@@ -1,0 +1,114 @@
+"""Which world a photo shows. A mock that does not know the photo says so: it must never pass for a real estimator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from pydantic import Field
+
+from physic_core import interfaces
+from physic_core.errors import BackendError
+from physic_core.testing.worlds import WORLDS, World, build_world
+
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray, People, UInt8Array
+
+__all__ = ["MockOptions", "Recognised", "match_people", "recognise"]
+
+_TOLERANCE = 2  # grey levels; a world drawn on another machine may round differently
+_LARGEST_PX = 1920 * 1440  # a larger world would take minutes to draw
+_SAME_PERSON_IOU = 0.3
+
+
+class MockOptions(interfaces.Options):
+    """Settings that all mocks share."""
+
+    worlds: tuple[str, ...] = Field(WORLDS, description="Names of the worlds that the photo can show.")
+    seeds: tuple[int, ...] = Field((0,), description="Seeds of the worlds that the photo can show.")
+    noise_seed: int = Field(0, ge=0, description="Seed of this mock's own errors.")
+
+
+@dataclass(frozen=True)
+class Recognised:
+    """A world found in an image.
+
+    Attributes:
+        world: the world.
+        people: (H, W) bool, pixels where a person of the world is still seen.
+        present: (N,) bool, people of whom more than half of the pixels are seen.
+    """
+
+    world: World
+    people: BoolArray
+    present: BoolArray
+
+
+def recognise(image: UInt8Array, options: MockOptions, hole: BoolArray | None = None) -> Recognised:
+    """Find the world whose photo this is, with all, some or none of its people taken out.
+
+    Args:
+        image: (H, W, 3) uint8.
+        options: which worlds to look among.
+        hole: (H, W) bool, pixels that an inpainter made up and that are not compared.
+
+    Raises:
+        BackendError: it is the photo of none of these worlds.
+    """
+    height, width = image.shape[:2]
+    if height * width <= _LARGEST_PX:
+        for seed in options.seeds:
+            for name in options.worlds:
+                world = build_world(name, seed, (width, height))
+                photo, empty = _alike(image, world.image), _alike(image, world.empty_image)
+                kept = photo if hole is None else photo & ~hole
+                if (photo | empty if hole is None else photo | empty | hole).all():
+                    return _who_is_left(world, kept, empty)
+    raise BackendError(
+        f"The mock backends only know the photos of their own worlds ({', '.join(options.worlds)}; seeds "
+        f"{', '.join(str(seed) for seed in options.seeds)}), and this {width} x {height} px image is none of them: "
+        "give physic_core.testing.worlds.build_world(name, seed, size).image, saved without loss, "
+        "or choose real backends."
+    )
+
+
+def _who_is_left(world: World, photo: BoolArray, empty: BoolArray) -> Recognised:
+    # Where a person has the colour of what is behind them, a pixel belongs to them if most of their others do.
+    people: BoolArray = photo & ~empty & world.masks.any(axis=0)
+    present = np.zeros(len(world.masks), bool)
+    for i, mask in enumerate(world.masks):
+        telling = mask & ~_alike(world.image, world.empty_image)
+        present[i] = (people & telling).sum() > 0.5 * telling.sum()
+        if present[i]:
+            people |= photo & mask
+    return Recognised(world, people, present)
+
+
+def match_people(recognised: Recognised, people: People) -> list[int]:
+    """Which person of the world each given person is.
+
+    Raises:
+        BackendError: one of them is nobody of the world.
+    """
+    rows: list[int] = []
+    for i, mask in enumerate(people.masks):
+        overlaps = [
+            -1.0 if j in rows else np.count_nonzero(mask & own) / np.count_nonzero(mask | own)
+            for j, own in enumerate(recognised.world.masks)
+        ]
+        best = int(np.argmax(overlaps))
+        if overlaps[best] < _SAME_PERSON_IOU:
+            raise BackendError(
+                f"Person {i} is nobody of the mock world {recognised.world.name!r}: their mask overlaps no remaining "
+                f"person by an IoU of {_SAME_PERSON_IOU} or more (best {max(overlaps[best], 0.0):.2f}). "
+                "Use masks of the people in the photo."
+            )
+        rows.append(best)
+    return rows
+
+
+def _alike(a: UInt8Array, b: UInt8Array) -> BoolArray:
+    difference = np.abs(a.astype(np.int16) - b.astype(np.int16))
+    alike: BoolArray = (difference <= _TOLERANCE).all(axis=2)
+    return alike

@@ -1,0 +1,328 @@
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+import torch
+
+from physic_core import border
+from physic_core.body import load_body
+from physic_core.body.parameters import rotations_from_parameters
+from physic_core.errors import BackendError
+from physic_core.testing.worlds import WORLDS, build_world
+from physic_core.types import Hints, Intrinsics, Keypoints, People
+from physic_mock.backends import (
+    MockBodyEstimator,
+    MockContactPrior,
+    MockHandEstimator,
+    MockInpainter,
+    MockKeypointDetector,
+    MockMetricDepth,
+    MockRelativePointmap,
+    MockSegmenter,
+)
+from physic_mock.depths import MetricDepthOptions, RelativePointmapOptions
+from physic_mock.humans import BodyOptions, ContactOptions, HandOptions
+from physic_mock.pixels import KeypointOptions, SegmenterOptions
+from physic_mock.recognition import MockOptions
+
+NO_WARP = {"warp": 0.0}
+
+
+@pytest.fixture(scope="module", params=WORLDS)
+def world(request):
+    return build_world(request.param)
+
+
+@pytest.fixture(scope="module")
+def two():
+    return build_world("two_people")
+
+
+def everyone(world) -> People:
+    return People(masks=world.masks.copy(), boxes=world.boxes.copy(), scores=np.ones(len(world.masks)))
+
+
+def no_keypoints(count: int) -> Keypoints:
+    return Keypoints(np.zeros((count, 17, 2)), np.zeros((count, 17)), "coco17")
+
+
+def pose(world, **options):
+    estimator = MockBodyEstimator(BodyOptions(**options))
+    count = len(world.masks)
+    return estimator.infer(world.image, everyone(world), world.intrinsics, no_keypoints(count), Hints())
+
+
+def posed(bodies):
+    model = load_body("embedded")
+    parameters = bodies.parameters
+    rotations = rotations_from_parameters(parameters, "cpu", torch.float32)
+    return model(rotations, torch.tensor(parameters.betas), torch.tensor(parameters.transl))
+
+
+def error_after_procrustes(a: np.ndarray, b: np.ndarray) -> float:
+    a, b = a - a.mean(0), b - b.mean(0)
+    u, s, vt = np.linalg.svd(a.T @ b)
+    flip = np.array([1, 1, np.sign(np.linalg.det(u @ vt))])
+    aligned = (s * flip).sum() / (a**2).sum() * a @ (u * flip) @ vt
+    return float(np.linalg.norm(aligned - b, axis=1).mean())
+
+
+def test_every_answer_passes_the_border(world):
+    height, width = world.image.shape[:2]
+    people = MockSegmenter().infer(world.image)
+    count = len(people)
+    assert count == len(world.masks)
+    assert border.people_faults(people, height, width) == []
+    keypoints = MockKeypointDetector().infer(world.image, people)
+    assert border.keypoints_faults(keypoints, count) == []
+    hole = people.masks.any(axis=0)
+    empty = MockInpainter().infer(world.image, hole)
+    assert border.image_faults(empty, height, width) == []
+    for image, hints in ((empty, Hints(hole=hole)), (world.image, Hints())):
+        assert border.pointmap_faults(MockRelativePointmap().infer(image, hints), height, width) == []
+        assert border.depth_faults(MockMetricDepth().infer(image, hints), height, width) == []
+    bodies = MockBodyEstimator().infer(world.image, people, world.intrinsics, keypoints, Hints())
+    assert border.bodies_faults(bodies, count) == []
+    assert border.hands_faults(MockHandEstimator().infer(world.image, people, keypoints), count) == []
+    contact = MockContactPrior().infer(world.image, people, bodies)
+    assert border.contact_faults(contact, count, world.vertices.shape[1], world.topology) == []
+
+
+def test_without_noise_the_answers_are_the_truth(world):
+    people = MockSegmenter(SegmenterOptions(raggedness_px=0)).infer(world.image)
+    np.testing.assert_array_equal(people.masks, world.masks)
+    np.testing.assert_array_equal(people.boxes, world.boxes)
+    np.testing.assert_array_equal(people.floor, world.floor_mask)
+    exact = MockKeypointDetector(KeypointOptions(skeleton="coco17", noise=0, hidden_noise=0))
+    np.testing.assert_array_equal(exact.infer(world.image, people).points, world.keypoints["coco17"])
+    depth = MockMetricDepth(MetricDepthOptions(scale=1, **NO_WARP)).infer(world.image, Hints())
+    np.testing.assert_allclose(depth.depth, world.depth, rtol=1e-6)
+    bodies = pose(world, pose_noise_deg=0, orient_noise_deg=0, shape_noise=0, depth_noise=0, lateral_noise_m=0)
+    for name in ("global_orient", "body_pose", "betas", "transl"):
+        np.testing.assert_allclose(getattr(bodies.parameters, name), getattr(world.parameters, name), atol=2e-6)
+    hands = MockHandEstimator(HandOptions(noise_deg=0)).infer(world.image, people, no_keypoints(len(people)))
+    np.testing.assert_allclose(hands.rotvecs[:, 1].reshape(-1, 45), world.parameters.right_hand_pose, atol=1e-6)
+    perfect = MockContactPrior(ContactOptions(recall=1, precision=1)).infer(world.image, people, bodies)
+    np.testing.assert_array_equal(perfect.probability > 0.5, world.contact)
+
+
+@pytest.mark.parametrize("unknown", ["scale", "scale_shift", "inverse_scale_shift"])
+def test_the_point_map_is_metric_once_its_unknowns_are_undone(world, unknown):
+    scale, shift = 1.7, 0.03
+    options = RelativePointmapOptions(
+        unknown=unknown, scale=scale, shift=shift, photo_scale=1, disagreement=0, **NO_WARP
+    )
+    answer = MockRelativePointmap(options).infer(world.image, Hints())
+    assert answer.unknown == unknown
+    assert answer.valid.all()
+    z = answer.points[..., 2].astype(float)
+    metric = {"scale": scale * z, "scale_shift": scale * z + shift, "inverse_scale_shift": 1 / (scale / z + shift)}[
+        unknown
+    ]
+    np.testing.assert_allclose(metric, world.depth, rtol=1e-5)
+    # x and y: on the pixel's ray, of the metric depth with an additive shift, of its own depth otherwise.
+    sideways = (
+        scale * answer.points[..., :2]
+        if unknown != "inverse_scale_shift"
+        else answer.points[..., :2] * (metric / z)[..., None]
+    )
+    np.testing.assert_allclose(sideways, world.points(people=True)[..., :2], atol=1e-4)
+
+
+def test_the_point_maps_of_photo_and_empty_picture_differ_in_scale_and_slightly_in_shape(world):
+    options = RelativePointmapOptions(unknown="scale", photo_scale=1.2)
+    model = MockRelativePointmap(options)
+    empty = model.infer(world.empty_image, Hints()).points[..., 2]
+    photo = model.infer(world.image, Hints()).points[..., 2]
+    background = ~world.masks.any(axis=0)
+    ratio = empty[background] / photo[background]
+    assert abs(np.median(ratio) - 1.2) < 0.02
+    assert 0.001 < ratio.std() / 1.2 < 0.02
+
+
+def test_given_intrinsics_are_respected(world):
+    given = Intrinsics.from_focal(500, world.intrinsics.width, world.intrinsics.height)
+    answer = MockRelativePointmap(RelativePointmapOptions(unknown="scale")).infer(world.image, Hints(intrinsics=given))
+    assert answer.intrinsics == given
+    u = (answer.points[..., 0] / answer.points[..., 2]) * 500 + given.cx
+    np.testing.assert_allclose(u, np.broadcast_to(np.arange(given.width), u.shape), atol=1e-2)
+
+
+def test_metric_depth_is_wrong_by_its_scale_and_a_warp(world):
+    depth = MockMetricDepth(MetricDepthOptions(scale=1.25, warp=0.03)).infer(world.image, Hints())
+    ratio = depth.depth / world.depth
+    assert abs(np.log(ratio).mean() - np.log(1.25)) < 0.05
+    assert 0.005 < np.log(ratio).std() < 0.06
+    assert depth.scale_sigma == pytest.approx(np.log(1.25))
+    assert depth.notes == ("mock: true depth times 1.25",)
+
+
+def test_ragged_masks_stay_near_the_truth(world):
+    people = MockSegmenter(SegmenterOptions(raggedness_px=1.5)).infer(world.image)
+    for mask, truth in zip(people.masks, world.masks, strict=True):
+        overlap = (mask & truth).sum() / (mask | truth).sum()
+        assert 0.7 < overlap < 0.995
+    assert MockSegmenter(SegmenterOptions(floor=False)).infer(world.image).floor is None
+
+
+def test_keypoints_stray_by_their_noise_and_more_where_hidden():
+    errors = {True: [], False: []}
+    for name in WORLDS:
+        world = build_world(name)
+        size = (world.boxes[:, 2:] - world.boxes[:, :2]).max(axis=1)
+        for noise_seed in range(4):
+            detector = MockKeypointDetector(KeypointOptions(noise_seed=noise_seed))
+            answer = detector.infer(world.image, everyone(world))
+            error = np.linalg.norm(answer.points - world.keypoints["blazepose33"], axis=2) / size[:, None]
+            visible = world.visible["blazepose33"]
+            for seen in errors:
+                errors[seen].append(error[visible == seen])
+            assert (answer.confidence[visible] > 0.8).all()
+            assert (answer.confidence[~visible] == 0.3).all()
+    rms = {seen: np.sqrt((np.concatenate(e) ** 2).mean() / 2) for seen, e in errors.items()}
+    assert rms[True] == pytest.approx(0.006, rel=0.1)
+    assert rms[False] == pytest.approx(0.02, rel=0.2)
+
+
+def test_bodies_start_about_where_the_paper_starts():
+    aligned, absolute = [], []
+    for name in WORLDS:
+        world = build_world(name)
+        for noise_seed in range(6):
+            output = posed(pose(world, noise_seed=noise_seed))
+            for a, b in zip(output.joints[:, :22].numpy(), world.joints[:, :22], strict=True):
+                aligned.append(1000 * error_after_procrustes(a, b))
+                absolute.append(1000 * np.linalg.norm(a - b, axis=1).mean())
+    print(f"start: PA-MPJPE {np.mean(aligned):.0f} mm, MPJPE {np.mean(absolute):.0f} mm")
+    assert 36 < np.mean(aligned) < 48
+    assert 300 < np.mean(absolute) < 1100
+
+
+def test_the_contact_prior_has_the_asked_precision_and_recall(world):
+    options = ContactOptions(recall=0.35, precision=0.41)
+    answer = MockContactPrior(options).infer(world.image, everyone(world), pose(world))
+    for probability, contact in zip(answer.probability, world.contact, strict=True):
+        found = probability > 0.5
+        assert (found & contact).sum() / contact.sum() == pytest.approx(0.35, abs=0.01)
+        assert (found & contact).sum() / found.sum() == pytest.approx(0.41, abs=0.01)
+        assert not found[~world.outer].any()
+
+
+def test_people_may_come_in_any_order_and_not_all(two):
+    whole, swapped = everyone(two), People(two.masks[::-1], two.boxes[::-1], np.ones(2))
+    one = People(two.masks[1:], two.boxes[1:], np.ones(1))
+    detector = MockKeypointDetector()
+    points = detector.infer(two.image, whole).points
+    np.testing.assert_array_equal(detector.infer(two.image, swapped).points, points[::-1])
+    np.testing.assert_array_equal(detector.infer(two.image, one).points, points[1:])
+    estimator = MockBodyEstimator()
+    bodies = [estimator.infer(two.image, p, two.intrinsics, no_keypoints(2), Hints()) for p in (whole, one)]
+    np.testing.assert_array_equal(bodies[1].parameters.transl, bodies[0].parameters.transl[1:])
+
+
+def test_the_inpainter_changes_nothing_outside_the_mask(world):
+    mask = world.masks[0]
+    filled = MockInpainter().infer(world.image, mask)
+    np.testing.assert_array_equal(filled[~mask], world.image[~mask])
+    np.testing.assert_array_equal(filled[mask], world.empty_image[mask])
+
+
+def test_a_picture_without_people_has_nobody_and_the_depth_behind_them(two):
+    people = MockSegmenter().infer(two.empty_image)
+    assert len(people) == 0
+    assert people.masks.shape == (0, *two.image.shape[:2])
+    assert people.boxes.shape == (0, 4)
+    np.testing.assert_array_equal(people.floor, two.empty_floor_mask)
+    depth = MockMetricDepth(MetricDepthOptions(scale=1, **NO_WARP)).infer(two.empty_image, Hints())
+    np.testing.assert_allclose(depth.depth, two.empty_depth, rtol=1e-6)
+
+
+def test_one_of_two_people_can_be_taken_out(two):
+    image = MockInpainter().infer(two.image, two.masks[0])
+    people = MockSegmenter(SegmenterOptions(raggedness_px=0)).infer(image)
+    assert len(people) == 1
+    np.testing.assert_array_equal(people.masks[0], two.masks[1])
+    depth = MockMetricDepth(MetricDepthOptions(scale=1, **NO_WARP)).infer(image, Hints()).depth
+    np.testing.assert_allclose(depth[two.masks[1]], two.depth[two.masks[1]], rtol=1e-6)
+
+
+def test_a_hole_filled_by_another_inpainter_is_recognised_with_the_hint(two):
+    hole = two.masks.any(axis=0)
+    image = two.image.copy()
+    image[hole] = 128
+    model = MockMetricDepth(MetricDepthOptions(scale=1, **NO_WARP))
+    with pytest.raises(BackendError):
+        model.infer(image, Hints())
+    np.testing.assert_allclose(model.infer(image, Hints(hole=hole)).depth, two.empty_depth, rtol=1e-6)
+
+
+def test_another_photo_is_refused(two):
+    with pytest.raises(BackendError) as caught:
+        MockSegmenter().infer(np.zeros((60, 80, 3), np.uint8))
+    assert str(caught.value) == (
+        "The mock backends only know the photos of their own worlds (standing, sitting, two_people; seeds 0), and this "
+        "80 x 60 px image is none of them: give physic_core.testing.worlds.build_world(name, seed, size).image, saved "
+        "without loss, or choose real backends."
+    )
+    with pytest.raises(BackendError):
+        MockSegmenter(SegmenterOptions(seeds=(1,))).infer(two.image)
+    with pytest.raises(BackendError):
+        MockSegmenter().infer(np.zeros((4000, 6000, 3), np.uint8))  # and it does not try to draw one that large
+
+
+def test_rounding_of_another_machine_is_forgiven(two):
+    image = two.image.copy()
+    image[::3] = np.clip(image[::3].astype(int) + 1, 0, 255)
+    assert len(MockSegmenter().infer(image)) == 2
+
+
+def test_somebody_else_is_refused(two):
+    mask = np.zeros((1, *two.image.shape[:2]), bool)
+    mask[0, :20, :20] = True
+    with pytest.raises(BackendError) as caught:
+        MockKeypointDetector().infer(two.image, People(mask, np.array([[0.0, 0, 20, 20]]), np.ones(1)))
+    assert str(caught.value) == (
+        "Person 0 is nobody of the mock world 'two_people': their mask overlaps no remaining person by an IoU of 0.3 "
+        "or more (best 0.00). Use masks of the people in the photo."
+    )
+
+
+def test_contact_of_another_body_is_refused(two):
+    from dataclasses import replace
+
+    bodies = replace(pose(two), body_model="smplx")
+    with pytest.raises(BackendError) as caught:
+        MockContactPrior().infer(two.image, everyone(two), bodies)
+    assert str(caught.value) == (
+        "The mock world's contact is for the body model 'embedded', got bodies of 'smplx': use the mock body "
+        "estimator, or another contact prior."
+    )
+
+
+@pytest.mark.parametrize("unlike", [0, 1])
+def test_the_same_seed_gives_the_same_answer_and_another_seed_another(two, unlike):
+    bodies = [pose(two, noise_seed=seed).parameters for seed in (0, unlike)]
+    for field in fields(bodies[0]):
+        a, b = (getattr(parameters, field.name) for parameters in bodies)
+        if unlike and field.name in ("global_orient", "body_pose", "betas", "transl"):
+            assert (a != b).any()
+        elif not unlike:
+            np.testing.assert_array_equal(a, b)
+
+
+def test_no_answer_shares_memory_with_the_world(world):
+    people = MockSegmenter(SegmenterOptions(raggedness_px=0)).infer(world.image)
+    bodies = pose(world)
+    writable = [people.masks, people.floor, bodies.observed, *vars(bodies.parameters).values()]
+    writable.append(MockInpainter().infer(world.image, np.zeros(world.image.shape[:2], bool)))
+    writable.append(MockKeypointDetector().infer(world.image, people).points)
+    for array in writable:
+        assert array.flags.writeable
+
+
+def test_options_are_shared_by_all_mocks():
+    for backend in (MockSegmenter, MockInpainter, MockMetricDepth, MockBodyEstimator, MockContactPrior):
+        assert issubclass(backend.Options, MockOptions)
+        assert all(field.description for field in backend.Options.model_fields.values())
