@@ -1,4 +1,4 @@
-"""What belongs together: the part, the keypoints and the joints of one limb. Decides what an unseen joint takes along."""
+"""What belongs together: part, keypoints and joints of one limb, and what an unseen joint takes along."""
 
 from __future__ import annotations
 

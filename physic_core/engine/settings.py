@@ -217,7 +217,8 @@ class JointSettings:
         contact_sigma_m: expected error of the surface, metres.
         contact_loss: robust loss.
         contact_scale: its scale, sigmas.
-        contact_facing: only where the body's surface faces the scene's, so that no vertex is pulled through the body.
+        contact_facing: weigh by how squarely the body's surface faces the scene's, so that a sole is pulled down and
+            its rim is not.
         contact_occluded: vertices hidden behind objects also touch the scene (they always may touch the floor).
         penetration_weight: lambda_i of Eq. 5.
         penetration_metric: as ``contact_metric``.

@@ -39,10 +39,9 @@ Rho = Callable[[Tensor], Tensor]
 _LOWEST_SHARE = 0.1  # of a sole's vertices: on tiptoe no more than this touches
 _MAX_FLEXION = 2.7  # radians; a knee or an elbow bends no further
 _LIMIT_SIGMA = 1.0 / 12.0  # radians, about 5 degrees
-_BALANCE_SIGMA = 0.06  # metres between the centre of mass and the feet
-
-_MASS = {"pelvis": 0.35, "spine3": 0.35, "head": 0.1, "left_knee": 0.1, "right_knee": 0.1}
-_FEET = ("left_ankle", "right_ankle", "left_foot", "right_foot")
+_STANDING_POINT = 0.35  # where, from the ankles to the balls of the feet, a quiet stander's mass is
+_BALANCE_SLACK = 0.05  # metres round that point that are as good
+_BALANCE_SIGMA = 0.04  # metres beyond
 
 
 def reprojection(
@@ -237,12 +236,13 @@ def joint_limits(rotations: Tensor) -> Tensor:
     return (beyond / _LIMIT_SIGMA).square().sum(-1)
 
 
-def balance(joints: Tensor, up: Tensor, weight: Tensor, rho: Rho) -> Tensor:
-    """Centre of mass over the feet along the viewing direction: ``w rho(((m - f) . d)^2 / sigma^2)``.
+def balance(mass: Tensor, joints: Tensor, up: Tensor, weight: Tensor, rho: Rho) -> Tensor:
+    """Centre of mass over the feet along the viewing direction: ``w rho(max(0, |(m - f) . d| - 5 cm)^2 / sigma^2)``.
 
     A single photo shows sideways balance by itself; leaning towards or away from the camera it cannot show.
 
     Args:
+        mass: (B, 3) centre of mass, metres.
         joints: (B, 55, 3) metres.
         up: (3,) unit normal of the floor.
         weight: (B,), 0 for who does not stand.
@@ -251,11 +251,12 @@ def balance(joints: Tensor, up: Tensor, weight: Tensor, rho: Rho) -> Tensor:
     Returns:
         (B,).
     """
-    mass = sum((share * joints[:, JOINT_INDEX[name]] for name, share in _MASS.items()), torch.zeros(()))
-    feet = joints[:, [JOINT_INDEX[name] for name in _FEET]].mean(1)
+    ankles = joints[:, [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]]].mean(1)
+    toes = joints[:, [JOINT_INDEX["left_foot"], JOINT_INDEX["right_foot"]]].mean(1)
+    feet = ankles + _STANDING_POINT * (toes - ankles)
     forward = torch.stack([torch.zeros_like(up[0]), torch.zeros_like(up[0]), torch.ones_like(up[0])])
     level = forward - (forward @ up) * up
     # A camera that looks straight down has no level viewing direction: the term then vanishes with it.
     level = level / level.norm().clamp(min=0.1)
-    lean = ((mass - feet) @ level) / _BALANCE_SIGMA
+    lean = torch.relu(((mass - feet) @ level).abs() - _BALANCE_SLACK) / _BALANCE_SIGMA
     return weight * rho(lean.square())

@@ -1,0 +1,68 @@
+"""The contact map: which vertices of a body touch the scene or the floor (paper sec. 3.3), and how far each is off."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from physic_core.engine.settings import ContactSettings
+from physic_core.engine.terms import plane_height
+from physic_core.geometry.neighbors import NearestScene
+
+__all__ = ["contact_map", "surface_distance"]
+
+_SPREAD_M = 0.02  # scene points lie this dense: a vertex between four of them is on the surface, not 1 cm off it
+
+
+def contact_map(
+    vertices: Tensor,
+    scene: NearestScene,
+    floor: tuple[Tensor, float] | None,
+    outer: Tensor,
+    settings: ContactSettings,
+) -> tuple[Tensor, Tensor]:
+    """Contact and signed distance of every vertex.
+
+    Args:
+        vertices: (..., V, 3) metres, camera frame.
+        scene: the scene's points and normals, already scaled; its radius is the farthest distance it reports.
+        floor: unit normal (3,) and offset in metres, or None where there is no floor.
+        outer: (V,) bool, False for cavities, which never touch anything.
+        settings: of the contact map.
+
+    Returns:
+        contact: (..., V) bool.
+        distance: (..., V) metres, negative inside; inf where neither scene nor floor is within reach.
+    """
+    distance = surface_distance(vertices, scene, settings)
+    if floor is not None:
+        normal, offset = floor
+        height = plane_height(vertices, normal.to(vertices), vertices.new_tensor(offset))
+        height = torch.where(height.abs() < settings.reach_m, height, torch.full_like(height, torch.inf))
+        distance = torch.where(height.abs() < distance.abs(), height, distance)
+    contact = (distance <= settings.distance_m) & (distance >= -settings.inside_m) & outer
+    return contact, distance
+
+
+def surface_distance(vertices: Tensor, scene: NearestScene, settings: ContactSettings) -> Tensor:
+    """Signed distance (..., V) of each vertex to the surface that the scene's points sample; inf beyond reach.
+
+    "plane" measures along the normal of the nearest point, so that gaps between points do not count as distance; past
+    the rim of a surface, where the nearest point lies far to the side, the way to the rim is added. A point without a
+    normal has no inside: its distance is positive.
+    """
+    nearest = scene.query(vertices, radius=settings.reach_m)
+    far = torch.full_like(nearest.distance, torch.inf)
+    if not len(scene.points):
+        return far
+    normals = scene.normals[nearest.index].to(vertices)
+    way = vertices - scene.points[nearest.index]
+    along = (normals * way).sum(-1)
+    inside = along < 0
+    magnitude = nearest.distance
+    if settings.metric == "plane":
+        beside = (way - along[..., None] * normals).norm(dim=-1)
+        known = normals.square().sum(-1) > 0.5
+        plane = torch.sqrt(along.square() + torch.relu(beside - _SPREAD_M).square())
+        magnitude = torch.where(known, plane, magnitude)
+    return torch.where(nearest.found, torch.where(inside, -magnitude, magnitude), far)

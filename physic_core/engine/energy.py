@@ -1,0 +1,242 @@
+"""The joint energy (paper Eq. 5): which terms there are, what they weigh, and what each is evaluated on."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import torch
+from torch import Tensor
+
+from physic_core.engine import terms
+from physic_core.engine.clouds import HumanCloud
+from physic_core.engine.fixed import prepare
+from physic_core.engine.problem import JointProblem
+from physic_core.engine.settings import JointSettings
+from physic_core.engine.state import Estimate, State
+from physic_core.engine.touch import WANDER_M, Touch, feel, scene_near
+from physic_core.engine.visible import Visible, look
+from physic_core.errors import PhysicError
+from physic_core.geometry.camera import project
+from physic_core.geometry.robust import robust
+
+__all__ = ["JointEnergy"]
+
+
+class JointEnergy:
+    """Eq. 5 of B people and their scene, as a function of its :attr:`state`.
+
+    Between two calls of :meth:`refresh` who is visible stays fixed, and with ``nearest_every_step`` off who is nearest
+    to whom as well: the energy is then smooth, as a line search wants it.
+
+    Args:
+        problem: with finite people only.
+        settings: of stage 3.
+
+    Attributes:
+        state: what may move.
+        fixed: what stays as it is for the whole run.
+        visible: what the photo shows, since the last refresh.
+        touch: what is near, since the last refresh or evaluation.
+        scene: the surface round the people, to search in.
+        evaluations: calls so far.
+
+    Raises:
+        PhysicError: the depth term lacks the depth or the points that its form needs.
+    """
+
+    def __init__(self, problem: JointProblem, settings: JointSettings) -> None:
+        self.problem, self.settings = problem, settings
+        self.evaluations = 0
+        with torch.no_grad():
+            start = problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0)
+        self.fixed = prepare(problem, settings, start)
+        self.state = _state(problem, settings, start.joints[:, 0], self.fixed.feet_seen, len(self.fixed.surface))
+        self._cloud = _cloud(problem, settings)
+        self._gathered = start.vertices
+        self.scene = scene_near(self.fixed, settings, start.vertices, 1.0)
+        self.visible: Visible
+        self.touch: Touch
+        self.refresh()
+
+    @torch.no_grad()
+    def refresh(self) -> None:
+        """Look at the people as they are now: visibility, self-occlusion, nearest points."""
+        problem, settings = self.problem, self.settings
+        estimate = self.state.unpack()
+        output = problem.model(estimate.rotations, estimate.betas, estimate.transl, problem.expression0)
+        scale = float(estimate.log_scale.exp())
+        unscaled = output.vertices / scale
+        if not (unscaled - self._gathered).abs().amax() < WANDER_M - 0.1:
+            self._gathered = unscaled
+            self.scene = scene_near(self.fixed, settings, output.vertices, scale)
+        self.visible = look(problem, settings, self.fixed, output)
+        self._feel(output.vertices[:, self.fixed.ids], scale)
+
+    def _feel(self, vertices: Tensor, scale: float) -> None:
+        self.touch = feel(self.problem, self.settings, self.fixed, self.visible, self.scene, vertices, scale)
+
+    def __call__(self) -> dict[str, Tensor]:
+        """Weighted terms at the present state: name -> (B,), and "scale" -> (1,). Differentiable."""
+        problem, settings, fixed = self.problem, self.settings, self.fixed
+        self.evaluations += 1
+        estimate = self.state.unpack()
+        posed = fixed.pose(estimate.rotations, estimate.betas, estimate.transl, problem.expression0)
+        vertices, joints = posed["vertices"], posed["joints"]
+        if settings.nearest_every_step:
+            self._feel(vertices.detach(), float(estimate.log_scale.detach().exp()))
+        energies: dict[str, Tensor] = {}
+        if settings.reprojection_weight:
+            energies["reprojection"] = self._reprojection(posed[problem.skeleton])
+        if settings.depth_weight:
+            energies["depth"] = self._depth(vertices, estimate)
+        energies.update(self._contact_and_penetration(vertices, estimate.log_scale.exp()))
+        energies.update(self._regularisation(vertices, joints, estimate))
+        if settings.limit_weight:
+            energies["limits"] = settings.limit_weight * terms.joint_limits(estimate.rotations)
+        if settings.balance_weight and problem.floor_normal is not None and settings.floor == "plane":
+            rho = partial(robust, "cauchy", c=1.0)
+            stands = fixed.stands.to(joints.dtype)
+            mass = (fixed.area[..., None] * vertices).sum(1) / fixed.area.sum(1, keepdim=True)
+            lean = terms.balance(mass, joints, problem.floor_normal, stands, rho)
+            energies["balance"] = settings.balance_weight * lean
+        return energies
+
+    def _reprojection(self, landmarks: Tensor) -> Tensor:
+        settings, fixed = self.settings, self.fixed
+        rho = partial(robust, settings.reprojection_loss, c=settings.reprojection_scale)
+        seen = project(landmarks, self.problem.K)
+        return settings.reprojection_weight * terms.reprojection(
+            seen, fixed.keypoints, fixed.keypoint_weight, fixed.unit, rho, mean=settings.reprojection_mean
+        )
+
+    def _depth(self, vertices: Tensor, estimate: Estimate) -> Tensor:
+        settings = self.settings
+        if self._cloud is not None:
+            return settings.depth_weight * self._cloud(vertices, self.visible.facing, estimate.log_scale)
+        rho = partial(robust, settings.depth_loss, c=settings.depth_scale)
+        return settings.depth_weight * terms.depth_at_pixels(
+            vertices[..., 2],
+            self.visible.log_seen,
+            self.visible.depth_weight,
+            estimate.log_scale,
+            estimate.offset,
+            settings.depth_sigma,
+            rho,
+        )
+
+    def _contact_and_penetration(self, vertices: Tensor, scale: Tensor) -> dict[str, Tensor]:
+        problem, settings, touch, scene = self.problem, self.settings, self.touch, self.scene
+        energies: dict[str, Tensor] = {}
+        to_floor = vertices.new_zeros(vertices.shape[:2])
+        signed = squared = to_floor
+        if len(scene.points):
+            points, normals = scene.points[touch.near] * scale, scene.normals[touch.near]
+            signed = terms.signed_distance(vertices, points, normals)
+            squared = (vertices - points).square().sum(-1)
+        has_plane = problem.floor_normal is not None and settings.floor == "plane"
+        if has_plane:
+            assert problem.floor_normal is not None
+            to_floor = terms.plane_height(vertices, problem.floor_normal, problem.floor_offset * scale)
+        if settings.contact_weight:
+            to_scene = squared if settings.contact_metric == "point" else signed.square()
+            nearest = torch.where(touch.on_scene, to_scene, to_floor.square()) / settings.contact_sigma_m**2
+            rho = partial(robust, settings.contact_loss, c=settings.contact_scale)
+            energies["contact"] = settings.contact_weight * terms.contact(nearest, touch.contact_weight, rho)
+        rho = partial(robust, settings.penetration_loss, c=settings.penetration_scale)
+        if settings.penetration_weight and settings.penetration_metric == "point":
+            distance = squared / settings.penetration_sigma_m**2
+            inside = terms.penetration_by_points(distance, signed, touch.penetration_weight, rho)
+            energies["penetration"] = settings.penetration_weight * inside
+        elif settings.penetration_weight:
+            inside = terms.penetration(
+                signed, touch.penetration_weight, settings.penetration_slack_m, settings.penetration_sigma_m, rho
+            )
+            energies["penetration"] = settings.penetration_weight * inside
+        if has_plane and settings.floor_weight:
+            under = terms.penetration(to_floor, touch.floor_weight, settings.floor_slack_m, settings.floor_sigma_m, rho)
+            energies["floor"] = settings.floor_weight * under
+        if has_plane and (settings.sole_weight or settings.lower_sole_weight):
+            energies["soles"] = self._soles(to_floor)
+        return energies
+
+    def _soles(self, height: Tensor) -> Tensor:
+        settings, touch = self.settings, self.touch
+        lowest = torch.stack(
+            [
+                terms.lowest_height(height[:, rows]) if len(rows) else height.new_zeros(len(height))
+                for rows in self.fixed.soles
+            ],
+            1,
+        )
+
+        def near(squared: Tensor) -> Tensor:
+            return robust("geman_mcclure", squared / settings.sole_sigma_m**2, settings.sole_scale)
+
+        def far(squared: Tensor) -> Tensor:
+            return robust("cauchy", squared / settings.lower_sole_sigma_m**2, 2.0)
+
+        return terms.soles(
+            lowest,
+            settings.sole_weight * touch.sole_weight,
+            settings.lower_sole_weight * touch.lower_sole_weight,
+            near,
+            far,
+        )
+
+    def _regularisation(self, vertices: Tensor, joints: Tensor, estimate: Estimate) -> dict[str, Tensor]:
+        settings, fixed = self.settings, self.fixed
+        weight = settings.regularisation_weight
+        if not weight:
+            return {}
+        strong = ~self.visible.in_play
+        if settings.occlusion_aware:
+            strong = strong | self.visible.hidden
+        share = torch.where(strong, settings.occluded_weight, settings.visible_weight).to(vertices.dtype)
+        relative = terms.root_relative(vertices, joints[:, 0], estimate.rotations[:, 0])
+        mesh = terms.mesh_deviation(relative, fixed.relative, share * fixed.area / settings.regularisation_sigma_m**2)
+        moved = self.state.deviations()
+        weights = {
+            "root": settings.root_weight,
+            "pose": settings.pose_weight,
+            "hands": settings.hands_weight,
+            "betas": settings.shape_weight,
+            "translation": settings.translation_weight,
+            "offset": 1.0,
+        }
+        return {
+            "regularisation": weight * (mesh + terms.prior(moved, weights)),
+            "scale": weight * settings.scale_weight * moved["scale"].square().reshape(1),
+        }
+
+
+def _state(problem: JointProblem, settings: JointSettings, pelvis: Tensor, feet_seen: Tensor, surface: int) -> State:
+    floor_known = problem.floor_normal is not None and settings.floor == "plane"
+    frozen = set(settings.frozen)
+    if settings.depth_offset_sigma <= 0 or not floor_known:
+        frozen.add("offset")  # only soles on a floor tell depth's error from a wrong place
+    if surface == 0 and problem.floor_normal is None:
+        frozen.add("scale")  # nothing is left that shows the scale
+    return State(
+        problem.rotations0,
+        problem.betas0,
+        problem.transl0,
+        pelvis,
+        whitened=settings.parameters == "whitened",
+        frozen=sorted(frozen),
+        scale_sigma=settings.scale_sigma if problem.scale_sigma is None else problem.scale_sigma,
+        offset_sigma=settings.depth_offset_sigma,
+        offset_free=feet_seen.any(1),
+    )
+
+
+def _cloud(problem: JointProblem, settings: JointSettings) -> HumanCloud | None:
+    if not settings.depth_weight:
+        return None
+    if settings.depth_form == "chamfer":
+        return HumanCloud.of(problem, settings.max_human_points)
+    if problem.human_depth is None:
+        raise PhysicError(
+            "the depth term compares pixels, but there is no human_depth: give it, or set depth_form = 'chamfer' with"
+            " human_points, or depth_weight = 0"
+        )
+    return None

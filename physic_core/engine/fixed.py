@@ -1,0 +1,189 @@
+"""What stays as it is for a whole run of the joint optimisation: tracked vertices, keypoints, units, the surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from physic_core.body.joints import JOINT_INDEX
+from physic_core.body.model import BodyModel, BodyOutput, LandmarkModel
+from physic_core.engine.limbs import keypoint_weights, observed_parts, stands
+from physic_core.engine.problem import JointProblem
+from physic_core.engine.settings import JointSettings
+from physic_core.engine.terms import plane_height, root_relative
+from physic_core.geometry.camera import project
+from physic_core.geometry.visibility import inside_image, vertex_areas
+
+__all__ = ["Fixed", "prepare", "representatives"]
+
+_AREA_UNIT_M2 = 0.01  # a square decimetre, half a sole: the surface that counts once
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """See the module. n are the tracked vertices.
+
+    Attributes:
+        ids: (n,) int64 of the tracked vertices.
+        pose: poses keypoints, joints and tracked vertices alone.
+        area: (B, n) surface that each tracked vertex stands for, square decimetres; ones where vertices are counted.
+        prior: (B, n) contact probability, 0 below the threshold.
+        seen_part: (B, n) bool, on a limb that the photo shows.
+        soles: rows of ``ids`` of the left and of the right sole; empty where the body has none.
+        keypoints: (B, J, 2) px, finite.
+        keypoint_weight: (B, J).
+        unit: (B, 1 or 2) px of a 2D error of one sigma.
+        person_px: (B,) stature in px at the person's depth.
+        relative: (B, n, 3) tracked vertices at the start in the root's frame, metres.
+        stands: (B,) bool.
+        feet_seen: (B, 2) bool.
+        log_depth: (H, W) logarithm of the original photo's depth, NaN where unknown; or None.
+        surface: scene points that count as surface, (M, 3) metres.
+        surface_normals: (M, 3).
+    """
+
+    ids: Tensor
+    pose: LandmarkModel
+    area: Tensor
+    prior: Tensor
+    seen_part: Tensor
+    soles: tuple[Tensor, Tensor]
+    keypoints: Tensor
+    keypoint_weight: Tensor
+    unit: Tensor
+    person_px: Tensor
+    relative: Tensor
+    stands: Tensor
+    feet_seen: Tensor
+    log_depth: Tensor | None
+    surface: Tensor
+    surface_normals: Tensor
+
+
+def prepare(problem: JointProblem, settings: JointSettings, start: BodyOutput) -> Fixed:
+    """Gather it.
+
+    Args:
+        problem: with finite people only.
+        settings: of stage 3.
+        start: the posed bodies at the start, all vertices.
+    """
+    model, observed = problem.model, problem.observed.bool()
+    height, width = problem.masks.shape[-2:]
+    probability = torch.nan_to_num(problem.contact_probability)
+    prior = torch.where(probability >= settings.contact_probability, probability, torch.zeros_like(probability))
+    area = vertex_areas(start.vertices, model.faces)
+    ids, area = representatives(model, prior.any(0), settings.vertex_spacing_m, area)
+    area = area / _AREA_UNIT_M2 if settings.reduction == "area" else torch.ones_like(area)
+    ankles = [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]]
+    keypoints, keypoint_weight = _keypoints(problem, settings)
+    person_px = problem.K[1, 1] * model.stature(problem.betas0) / start.joints[:, 0, 2].clamp(min=0.1)
+    unit = person_px[:, None]
+    if settings.reprojection_unit == "image":
+        unit = person_px.new_tensor([[width, height]]).expand(len(problem), 2)
+    surface, surface_normals = _surface(problem, settings)
+    return Fixed(
+        ids=ids,
+        pose=model.landmarks_only([problem.skeleton], ids),
+        area=area,
+        prior=prior[:, ids],
+        seen_part=observed_parts(model.part_names, observed)[:, model.part_of_vertex[ids]],
+        soles=_sole_rows(model, ids),
+        keypoints=keypoints,
+        keypoint_weight=keypoint_weight,
+        unit=unit * settings.reprojection_sigma,
+        person_px=person_px,
+        relative=root_relative(start.vertices[:, ids], start.joints[:, 0], problem.rotations0[:, 0]),
+        stands=stands(problem.rotations0, start.joints, observed),
+        feet_seen=observed[:, ankles] & inside_image(project(start.joints[:, ankles], problem.K), height, width),
+        log_depth=_log_depth(problem.human_depth),
+        surface=surface,
+        surface_normals=surface_normals,
+    )
+
+
+def representatives(model: BodyModel, keep: Tensor, spacing: float, area: Tensor) -> tuple[Tensor, Tensor]:
+    """Thin a mesh: one vertex for each cell of space and part in the T-pose, standing for the surface of all.
+
+    Args:
+        model: body model.
+        keep: (V,) bool, vertices that stand for themselves.
+        spacing: side of a cell, metres; 0 keeps all outer vertices.
+        area: (B, V) of all vertices.
+
+    Returns:
+        ids: (n,) int64, ascending; soles and ``keep`` are always among them, cavities never.
+        area: (B, n).
+    """
+    keep = keep.clone()
+    for name in ("left_sole", "right_sole"):
+        if name in model.contact_sets:
+            keep[model.contact_sets[name]] = True
+    keep &= model.outer
+    if spacing <= 0:
+        ids = model.outer.nonzero(as_tuple=True)[0]
+        return ids, area[:, ids]
+    rest = (model.outer & ~keep).nonzero(as_tuple=True)[0]
+    at = model(*model.zero_pose(1)).vertices[0, rest]
+    cell = torch.cat([(at / spacing).floor().long(), model.part_of_vertex[rest, None]], 1)
+    _, group = torch.unique(cell, dim=0, return_inverse=True)
+    count = int(group.max()) + 1 if len(group) else 0
+    centre = at.new_zeros(count, 3).index_add(0, group, at) / torch.bincount(group, minlength=count)[:, None]
+    off = (at - centre[group]).norm(dim=-1)
+    least = off.new_full((count,), torch.inf).scatter_reduce(0, group, off, "amin")
+    best = (off <= least[group]).nonzero(as_tuple=True)[0]
+    # Of several vertices that are equally near to the centre the first represents the cell, on every device.
+    chosen = best.new_full((count,), len(rest)).scatter_reduce(0, group[best], best, "amin")
+    summed = area.new_zeros(len(area), count).index_add(1, group, area[:, rest])
+    kept = keep.nonzero(as_tuple=True)[0]
+    ids = torch.cat([kept, rest[chosen]])
+    order = ids.argsort()
+    return ids[order], torch.cat([area[:, kept], summed], 1)[:, order]
+
+
+def _sole_rows(model: BodyModel, ids: Tensor) -> tuple[Tensor, Tensor]:
+    row = torch.full((model.num_vertices,), -1, dtype=torch.int64, device=ids.device)
+    row[ids] = torch.arange(len(ids), device=ids.device)
+    none = ids.new_zeros(0)
+    left, right = (row[model.contact_sets.get(f"{side}_sole", none)] for side in ("left", "right"))
+    return left[left >= 0], right[right >= 0]
+
+
+def _keypoints(problem: JointProblem, settings: JointSettings) -> tuple[Tensor, Tensor]:
+    """(B, J, 2) px without anything that is not a number, and how much each counts (B, J)."""
+    points, confidence = problem.keypoints, problem.keypoint_confidence
+    height, width = problem.masks.shape[-2:]
+    finite = torch.isfinite(points).all(-1) & torch.isfinite(confidence)
+    points = torch.where(finite[..., None], points, torch.zeros_like(points))
+    confidence = torch.where(finite, confidence, torch.zeros_like(confidence))
+    low = confidence < settings.min_confidence
+    weight = torch.where(low, settings.low_confidence_weight * confidence, confidence)
+    # What a network puts outside the picture it has made up.
+    weight = weight * inside_image(points, height, width)
+    limbs = keypoint_weights(problem.skeleton, problem.observed.bool(), points.shape[1])
+    return points, weight * limbs.to(weight)
+
+
+def _log_depth(depth: Tensor | None) -> Tensor | None:
+    if depth is None:
+        return None
+    return torch.where(depth > 0, depth, torch.full_like(depth, torch.nan)).log()
+
+
+def _surface(problem: JointProblem, settings: JointSettings) -> tuple[Tensor, Tensor]:
+    """Scene points to measure against. Without a reliable normal a point has no inside: it is left out where
+    distances are taken along normals; and where the floor is a plane, its points are left to the plane."""
+    points, normals = problem.scene_points, problem.scene_normals
+    finite = torch.isfinite(points).all(-1) & torch.isfinite(normals).all(-1)
+    if settings.contact_metric == "plane":
+        finite = finite & (normals.square().sum(-1) > 0.5)
+    if problem.floor_normal is not None and settings.floor == "plane":
+        offset = points.new_tensor(problem.floor_offset)
+        finite = finite & (plane_height(points, problem.floor_normal, offset).abs() > settings.floor_band_m)
+    points, normals = points[finite], normals[finite]
+    if problem.floor_normal is not None and problem.floor_points is not None and settings.floor == "points":
+        up = problem.floor_normal.expand_as(problem.floor_points)
+        points, normals = torch.cat([points, problem.floor_points]), torch.cat([normals, up])
+    return points, normals

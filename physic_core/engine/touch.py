@@ -1,0 +1,134 @@
+"""What each vertex is near to, and which vertices may touch, must not penetrate, or stand on the floor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from physic_core.engine.fixed import Fixed
+from physic_core.engine.problem import JointProblem
+from physic_core.engine.settings import JointSettings
+from physic_core.engine.terms import lowest_height, plane_height, signed_distance
+from physic_core.engine.visible import Visible
+from physic_core.geometry.neighbors import NearestScene, near_boxes
+
+__all__ = ["WANDER_M", "Touch", "feel", "scene_near"]
+
+WANDER_M = 0.6  # how far people may move before the scene round them has to be gathered anew
+_LEVEL = 0.7  # cosine: a surface that one can stand on
+_STEP_SHARE = 0.3  # of a sole's vertices that must be over a raised surface
+
+
+@dataclass(frozen=True)
+class Touch:
+    """See the module. Weights are 0 where a vertex does not count.
+
+    Attributes:
+        near: (B, n) int64, nearest scene point.
+        on_scene: (B, n) bool, contact is with the scene; else with the floor's plane.
+        contact_weight: (B, n).
+        penetration_weight: (B, n), against the scene.
+        floor_weight: (B, n), against the floor's plane.
+        sole_weight: (B, 2).
+        lower_sole_weight: (B,).
+    """
+
+    near: Tensor
+    on_scene: Tensor
+    contact_weight: Tensor
+    penetration_weight: Tensor
+    floor_weight: Tensor
+    sole_weight: Tensor
+    lower_sole_weight: Tensor
+
+
+def scene_near(fixed: Fixed, settings: JointSettings, vertices: Tensor, scale: float) -> NearestScene:
+    """The surface round the people (B, V, 3), wide enough for them to move, as a search structure."""
+    reach = max(settings.contact_reach_m, settings.penetration_reach_m)
+    keep = near_boxes(fixed.surface, vertices / scale, (reach + WANDER_M) / scale)
+    return NearestScene(fixed.surface[keep], fixed.surface_normals[keep], reach, settings.nearest)
+
+
+@torch.no_grad()
+def feel(
+    problem: JointProblem,
+    settings: JointSettings,
+    fixed: Fixed,
+    visible: Visible,
+    scene: NearestScene,
+    vertices: Tensor,
+    scale: float,
+) -> Touch:
+    """Look up nearest points and decide who counts.
+
+    Args:
+        problem: with finite people only.
+        settings: of stage 3.
+        fixed: what stays as it is.
+        visible: what the photo shows.
+        scene: from :func:`scene_near`.
+        vertices: (B, n, 3) tracked vertices now, metres.
+        scale: of the scene, now.
+    """
+    nearest = scene.query(vertices, scale)
+    far = torch.full_like(fixed.area, torch.inf)
+    zeros = torch.zeros_like(fixed.area)
+    nobody = torch.zeros_like(visible.in_play)
+    signed, against_scene, level = far, zeros, nobody
+    plane = problem.floor_normal if settings.floor == "plane" else None
+    if len(scene.points):
+        normals = scene.normals[nearest.index]
+        signed = torch.where(
+            nearest.found, signed_distance(vertices, scene.points[nearest.index] * scale, normals), far
+        )
+        against_scene = -(visible.normals * normals).sum(-1)
+        if plane is not None:
+            level = nearest.found & ((normals @ plane) > _LEVEL)
+    above, against_floor = far, zeros
+    if plane is not None:
+        above = plane_height(vertices, plane, vertices.new_tensor(problem.floor_offset * scale))
+        against_floor = -(visible.normals @ plane)
+
+    # Contact: the nearer of scene and floor. Behind an object only the floor is known.
+    to_scene = signed.abs() if settings.contact_metric == "plane" else nearest.distance
+    can_scene = nearest.found & (to_scene < settings.contact_reach_m)
+    can_floor = above.abs() < settings.contact_reach_m
+    if settings.contact_facing:
+        can_scene, can_floor = can_scene & (against_scene > 0), can_floor & (against_floor > 0)
+    if not settings.contact_occluded:
+        can_scene = can_scene & visible.in_mask
+    on_scene = can_scene & (~can_floor | (to_scene <= above.abs()))
+    touching = (can_scene | can_floor) & visible.in_play
+    contact_weight = fixed.area * fixed.prior
+    if settings.contact_facing:
+        # Only what faces a surface can lie on it: the rim of a foot is over the floor, and does not touch it.
+        contact_weight = contact_weight * torch.where(on_scene, against_scene, against_floor).clamp(min=0.0)
+
+    inside = nearest.found & (nearest.distance < settings.penetration_reach_m) & visible.in_play
+    if settings.occlusion_aware:
+        inside = inside & ~visible.hidden
+
+    heights = [above[:, rows] for rows in fixed.soles]
+    lowest = torch.stack([lowest_height(h) if h.shape[1] else far[:, 0] for h in heights], 1)
+    # A foot on a step or a stool stands on that, which contact sees to.
+    stepped = torch.stack([_share((level & (signed.abs() < above))[:, rows]) > _STEP_SHARE for rows in fixed.soles], 1)
+    on_floor = fixed.feet_seen & torch.isfinite(lowest) & ~stepped
+    likely = torch.stack([_share(fixed.prior[:, rows] > 0) > 0 for rows in fixed.soles], 1)
+    lower = torch.where(on_floor, lowest, torch.full_like(lowest, torch.inf)).amin(1)
+    pulled = (on_floor & likely).any(1) & ~stepped.any(1) & (lower.abs() < settings.lower_sole_reach_m)
+    return Touch(
+        near=nearest.index,
+        on_scene=on_scene,
+        contact_weight=torch.where(touching, contact_weight, zeros),
+        penetration_weight=torch.where(inside, fixed.area, zeros),
+        floor_weight=torch.where(visible.in_play, fixed.area, zeros) if plane is not None else zeros,
+        sole_weight=on_floor.to(zeros.dtype),
+        lower_sole_weight=pulled.to(zeros.dtype),
+    )
+
+
+def _share(flags: Tensor) -> Tensor:
+    """(B, n) bool -> (B,) share that is set; 0 for n = 0."""
+    return flags.sum(1) / max(1, flags.shape[1])

@@ -1,0 +1,117 @@
+"""What the photo shows of each vertex, looked at anew whenever the people have moved a while: masks and rays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from physic_core.body.model import BodyOutput
+from physic_core.engine.fixed import Fixed
+from physic_core.engine.limbs import limb_parts
+from physic_core.engine.problem import JointProblem
+from physic_core.engine.settings import JointSettings
+from physic_core.geometry.camera import project
+from physic_core.geometry.visibility import (
+    behind_others,
+    facing,
+    inside_image,
+    inside_mask,
+    self_occlusion,
+    vertex_normals,
+)
+
+__all__ = ["Visible", "look"]
+
+_EDGE_SHARE = 0.005  # of the person: nearer to the silhouette, depth is as often the background's
+
+
+@dataclass(frozen=True)
+class Visible:
+    """See the module. n are the tracked vertices, V all.
+
+    Attributes:
+        normals: (B, n, 3) of the body.
+        in_play: (B, n) bool, inside the image and on a limb that the photo shows: may touch and penetrate.
+        in_mask: (B, n) bool, on the own mask: not hidden by an object or another person.
+        hidden: (B, n) bool, hidden by objects, other people or the own body.
+        facing: (B, n) bool, camera-facing and on the own mask.
+        depth_weight: (B, n), 0 but for vertices that the depth map shows.
+        log_seen: (B, n) logarithm of the depth map at their pixels, finite.
+        occluded: (B, V) bool, as ``hidden``.
+        behind_people: (B, V) bool, hidden by other people.
+    """
+
+    normals: Tensor
+    in_play: Tensor
+    in_mask: Tensor
+    hidden: Tensor
+    facing: Tensor
+    depth_weight: Tensor
+    log_seen: Tensor
+    occluded: Tensor
+    behind_people: Tensor
+
+
+@torch.no_grad()
+def look(problem: JointProblem, settings: JointSettings, fixed: Fixed, output: BodyOutput) -> Visible:
+    """Project all vertices and cast a ray at each.
+
+    Args:
+        problem: with finite people only.
+        settings: of stage 3.
+        fixed: what stays as it is.
+        output: the posed bodies now, all vertices.
+    """
+    model, ids, vertices = problem.model, fixed.ids, output.vertices
+    uv = project(vertices, problem.K)
+    # Behind the camera nothing is seen, whatever the clamped division says.
+    in_image = inside_image(uv, *problem.masks.shape[-2:]) & (vertices[..., 2] > 0)
+    in_mask = in_image & _around(uv, problem.masks, fixed.person_px * settings.mask_tolerance).any(0)
+    limbs = limb_parts(model.part_names)
+    shadows = [
+        self_occlusion(v, model.faces, model.part_of_vertex, limbs, settings.self_occlusion_share) for v in vertices
+    ]
+    occluded = ~in_mask | torch.stack([shadow.vertices for shadow in shadows])
+
+    normals = vertex_normals(vertices, model.faces)
+    toward = facing(normals, vertices, settings.facing_deg)
+    in_play = fixed.seen_part & in_image[:, ids]
+    log_seen, known = _sample(fixed.log_depth, uv[:, ids])
+    well_inside = _around(uv[:, ids], problem.masks, fixed.person_px * _EDGE_SHARE).all(0)
+    first = ~torch.stack([shadow.hidden for shadow in shadows])[:, ids]
+    shown = toward[:, ids] & first
+    # Seen at a slant, a surface fills fewer pixels: weigh by what it fills.
+    slope = -(normals * torch.nn.functional.normalize(vertices, dim=-1)).sum(-1)[:, ids]
+    weight = torch.where(shown & known & well_inside & in_play, fixed.area * slope, torch.zeros_like(fixed.area))
+    return Visible(
+        normals=normals[:, ids],
+        in_play=in_play,
+        in_mask=in_mask[:, ids],
+        hidden=occluded[:, ids],
+        facing=(toward & in_mask)[:, ids],
+        depth_weight=weight,
+        log_seen=log_seen,
+        occluded=occluded,
+        behind_people=behind_others(uv, problem.masks) & ~in_mask,
+    )
+
+
+def _around(uv: Tensor, masks: Tensor, reach: Tensor) -> Tensor:
+    """Whether the pixels at and round each coordinate are on the mask: (B, V, 2), (B, H, W), (B,) px -> (9, B, V)."""
+    steps = torch.tensor([-1.0, 0.0, 1.0], device=uv.device, dtype=uv.dtype)
+    offsets = torch.cartesian_prod(steps, steps)
+    return torch.stack([inside_mask(uv + offset * reach[:, None, None], masks) for offset in offsets])
+
+
+def _sample(log_depth: Tensor | None, uv: Tensor) -> tuple[Tensor, Tensor]:
+    """The map at the nearest pixel, 0 where unknown, and where it is known: (B, n) each."""
+    if log_depth is None:
+        return torch.zeros_like(uv[..., 0]), torch.zeros_like(uv[..., 0], dtype=torch.bool)
+    height, width = log_depth.shape
+    inside = inside_image(uv, height, width)
+    at = torch.where(inside[..., None], uv, torch.zeros_like(uv)).round().long()
+    value = log_depth[at[..., 1], at[..., 0]].to(uv.dtype)
+    known = inside & torch.isfinite(value)
+    return torch.where(known, value, torch.zeros_like(value)), known
