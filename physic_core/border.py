@@ -167,7 +167,11 @@ def _unit_range(name: str, value: Any) -> list[str]:
 def _finite(name: str, value: Any) -> list[str]:
     import numpy as np
 
-    return [] if np.isfinite(value).all() else [f"{name} must be finite, {int((~np.isfinite(value)).sum())} values are not"]
+    return (
+        []
+        if np.isfinite(value).all()
+        else [f"{name} must be finite, {int((~np.isfinite(value)).sum())} values are not"]
+    )
 
 
 def _shape(shape: tuple[int, ...]) -> str:

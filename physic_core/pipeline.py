@@ -1,0 +1,144 @@
+"""One photo in; people, scene and contact out. The method of the paper, top to bottom.
+
+Estimators look at the photo (:mod:`physic_core.perception`), the engine makes one metric frame of what they say
+(:mod:`physic_core.solution`), and every person is checked (:mod:`physic_core.checks`).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from physic_core.config import as_config
+from physic_core.devices import check_device
+from physic_core.io.photo import Photo, check_image, prepare, read_photo
+from physic_core.plugins import discover
+from physic_core.resolve import resolve
+from physic_core.stages import Stages
+from physic_core.types import Intrinsics, Person, Reconstruction
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Mapping
+    from typing import Any
+
+    from physic_core.config import Config, PhotoSettings
+    from physic_core.perception import Evidence
+    from physic_core.registry import Registry
+    from physic_core.solution import Solution
+    from physic_core.stages import Progress
+    from physic_core.types import UInt8Array
+
+__all__ = ["reconstruct", "reconstruct_photo"]
+
+
+def reconstruct(
+    image: UInt8Array,
+    config: Config | Mapping[str, Any] | str | os.PathLike[str] | None = None,
+    *,
+    registry: Registry | None = None,
+    intrinsics: Intrinsics | None = None,
+    progress: Progress | None = None,
+) -> Reconstruction:
+    """Reconstruct people, scene and contact from one image.
+
+    Args:
+        image: (H, W, 3) uint8 RGB, upright.
+        config: a Config, a preset's name, the path of a TOML file, or its tables; preset "embedded" where None.
+        registry: of the backends; what is installed where None.
+        intrinsics: the camera of ``image``, where it is known; ``[photo]`` of the config goes first.
+        progress: told when each stage begins.
+
+    Returns:
+        Everything in metres in the OpenCV camera frame (x right, y down, z forward).
+
+    Raises:
+        InputError: the image cannot be used.
+        ConfigError: the configuration does not hold.
+        NoPersonError: nobody was found.
+        BackendError: a backend failed, or answered what its interface does not allow.
+    """
+    return _reconstruct(Photo(check_image(image), intrinsics), as_config(config), registry, progress)
+
+
+def reconstruct_photo(
+    path: str | os.PathLike[str],
+    config: Config | Mapping[str, Any] | str | os.PathLike[str] | None = None,
+    *,
+    registry: Registry | None = None,
+    progress: Progress | None = None,
+) -> Reconstruction:
+    """:func:`reconstruct` for a photo file, which may know its camera (EXIF) and its orientation."""
+    return _reconstruct(read_photo(path), as_config(config), registry, progress)
+
+
+def _reconstruct(photo: Photo, config: Config, registry: Registry | None, progress: Progress | None) -> Reconstruction:
+    plan = resolve(config, discover() if registry is None else registry)
+    check_device(plan.device)
+
+    from physic_core.body import load_body
+    from physic_core.perception import perceive
+    from physic_core.solution import solve
+
+    photo = prepare(_with_camera(photo, plan.photo), plan.photo.max_side)
+    stages = Stages(plan.device, len(plan.backends) + _OWN_STAGES, progress)
+    stages.warn(*photo.notes)
+    model = load_body(plan.body_model)
+    try:
+        evidence = perceive(photo.image, photo.intrinsics, plan, model, stages)
+        solution = solve(evidence, plan.engine, model, stages)
+    finally:
+        for resolved in plan.backends.values():
+            resolved.backend.close()
+    return _result(evidence, solution, model.faces.int().numpy(), model.name, config, stages)
+
+
+_OWN_STAGES = 6
+"""The second point map, the relative floor, and the engine's four."""
+
+
+def _with_camera(photo: Photo, settings: PhotoSettings) -> Photo:
+    """The photo with the camera that the config gives, if it gives one."""
+    height, width = photo.image.shape[:2]
+    if settings.intrinsics is not None:
+        return Photo(photo.image, Intrinsics(*settings.intrinsics, width, height), photo.notes)
+    if settings.focal_px is not None:
+        return Photo(photo.image, Intrinsics.from_focal(settings.focal_px, width, height), photo.notes)
+    return photo
+
+
+def _result(
+    evidence: Evidence, solution: Solution, faces: Any, body_model: str, config: Config, stages: Stages
+) -> Reconstruction:
+    from physic_core.checks import failed_checks, warnings_of
+
+    people = []
+    for i in range(len(evidence.people)):
+        people.append(
+            Person(
+                box=evidence.people.boxes[i],
+                score=float(evidence.people.scores[i]),
+                mask=evidence.people.masks[i],
+                keypoints=evidence.keypoints.points[i],
+                keypoint_confidence=evidence.keypoints.confidence[i],
+                parameters=solution.parameters[i : i + 1],
+                vertices=solution.vertices[i],
+                joints=solution.joints[i],
+                contact=solution.contact[i],
+                distance=solution.distance[i],
+                failed_checks=failed_checks(evidence, solution, i),
+            )
+        )
+    stages.warn(*warnings_of(evidence, solution))
+    return Reconstruction(
+        image=evidence.image,
+        intrinsics=solution.intrinsics,
+        scene=solution.scene,
+        people=tuple(people),
+        faces=faces,
+        body_model=body_model,
+        skeleton=evidence.keypoints.skeleton,
+        stages=tuple(stages.records),
+        diagnostics={**solution.diagnostics, "people": [dict(p) for p in solution.people]},
+        warnings=tuple(stages.warnings),
+        config=config.as_dict(),
+    )

@@ -1,0 +1,253 @@
+"""The second half of the method: the engine's three stages on what the estimators said, then the contact map."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import torch
+
+from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
+from physic_core.engine.contact import contact_map
+from physic_core.engine.human import align_original, human_points, place, placed_original
+from physic_core.engine.joint import optimize
+from physic_core.engine.problem import JointProblem
+from physic_core.engine.scene import alignment_diagnostics, build_scene
+from physic_core.geometry.neighbors import NearestScene, near_boxes
+from physic_core.geometry.visibility import vertex_normals
+from physic_core.perception import feet_pixels
+from physic_core.types import BodyParameters, Intrinsics, Plane, Scene
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from physic_core.body.model import BodyModel
+    from physic_core.engine.problem import JointResult
+    from physic_core.engine.scene import SceneState
+    from physic_core.engine.settings import EngineSettings
+    from physic_core.perception import Evidence
+    from physic_core.stages import Stages
+    from physic_core.types import BoolArray, FloatArray
+
+__all__ = ["Solution", "single_thread", "solve"]
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What the engine found, metres, camera frame of ``intrinsics``; N people.
+
+    Attributes:
+        intrinsics: the camera of all projections.
+        scene: without people, its final scale applied.
+        parameters: of N bodies.
+        vertices: (N, V, 3) float32.
+        joints: (N, 55, 3) float32.
+        contact: (N, V) bool.
+        distance: (N, V) float32, signed, inf where nothing is near.
+        people: per person, name -> number, for checks and reports.
+        failures: per person, why stage 3 left them at their start, "" where it did not.
+        diagnostics: numbers by stage.
+    """
+
+    intrinsics: Intrinsics
+    scene: Scene
+    parameters: BodyParameters
+    vertices: FloatArray
+    joints: FloatArray
+    contact: BoolArray
+    distance: FloatArray
+    people: tuple[Mapping[str, Any], ...]
+    failures: tuple[str, ...]
+    diagnostics: Mapping[str, Any]
+
+
+def solve(evidence: Evidence, settings: EngineSettings, model: BodyModel, stages: Stages) -> Solution:
+    """Run the engine on the CPU or on the model's device."""
+    with single_thread():
+        with stages.engine("scene"):
+            scene = _stage_scene(evidence, settings)
+            stages.warn(*scene.notes)
+        with stages.engine("placement"):
+            problem, placement = _stage_placement(evidence, scene, settings, model)
+        with stages.engine("joint optimisation"):
+            result = optimize(problem, settings.joint)
+        with stages.engine("contact"):
+            return _describe(evidence, scene, problem, placement, result, settings)
+
+
+@contextmanager
+def single_thread() -> Iterator[None]:
+    """One torch thread inside: beside another busy process two made fits of this size up to 45 times slower."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def _stage_scene(evidence: Evidence, settings: EngineSettings) -> SceneState:
+    height, width = evidence.hole.shape
+    # A camera that nobody vouches for gives way to the metric depth's own.
+    keep = evidence.camera_given or (evidence.scene.intrinsics is not None and evidence.depth.intrinsics is None)
+    metric = evidence.depth.intrinsics
+    return build_scene(
+        torch.from_numpy(evidence.scene.points),
+        torch.from_numpy(evidence.scene.valid),
+        evidence.scene.unknown,
+        torch.from_numpy(evidence.depth.depth),
+        K=torch.from_numpy(evidence.intrinsics.matrix) if keep else None,
+        K_metric=None if metric is None else torch.from_numpy(metric.matrix),
+        floor_mask=None if evidence.people.floor is None else torch.from_numpy(evidence.people.floor),
+        hole=torch.from_numpy(evidence.hole),
+        feet_px=torch.from_numpy(feet_pixels(evidence.keypoints, height, width)),
+        settings=settings.scene,
+    )
+
+
+def _stage_placement(
+    evidence: Evidence, scene: SceneState, settings: EngineSettings, model: BodyModel
+) -> tuple[JointProblem, dict[str, Any]]:
+    device, dtype = model.device, model.dtype
+    masks = torch.from_numpy(evidence.people.masks)
+    original = torch.from_numpy(evidence.original.points)
+    known = torch.from_numpy(evidence.original.valid)
+    alignment = align_original(
+        original,
+        known,
+        evidence.original.unknown,
+        scene.points,
+        scene.valid,
+        torch.from_numpy(evidence.hole),
+        settings.human,
+        far=settings.human.far_m,
+    )
+    aligned = placed_original(original, alignment, scene.K)
+    points = [human_points(aligned, known, mask, settings.human) for mask in masks]
+
+    parameters = evidence.bodies.parameters
+    rotations = rotations_from_parameters(parameters, device, dtype)
+    betas = torch.as_tensor(parameters.betas, device=device, dtype=dtype)
+    expression = torch.as_tensor(parameters.expression, device=device, dtype=dtype)
+    transl = torch.as_tensor(parameters.transl, device=device, dtype=dtype)
+    keypoints = torch.as_tensor(evidence.keypoints.points, device=device, dtype=dtype)
+    confidence = torch.as_tensor(evidence.keypoints.confidence, device=device, dtype=dtype)
+    observed = _observed(evidence, device)
+    body = model(rotations, betas, transl, expression)
+    placed = place(
+        body.vertices,
+        vertex_normals(body.vertices, model.faces),
+        model.landmarks(body, evidence.keypoints.skeleton),
+        transl,
+        keypoints,
+        confidence,
+        scene.K.to(device, dtype),
+        points,
+        masks,
+        settings.human,
+        outer=model.outer,
+        floor_normal=scene.floor_normal,
+        floor_offset=scene.floor_offset,
+        soles=torch.cat([model.contact_sets["left_sole"], model.contact_sets["right_sole"]]),
+        feet_seen=observed[:, _ANKLES].any(1),
+    )
+    # Where nothing in the background agrees, the people's own depth is not known in the scene's metres.
+    agree = alignment.inlier_share > 0
+    depth = torch.where(known & torch.isfinite(aligned).all(-1), aligned[..., 2], torch.nan)
+    problem = JointProblem(
+        model=model,
+        rotations0=rotations,
+        betas0=betas,
+        expression0=expression,
+        transl0=placed.transl.to(device, dtype),
+        keypoints=keypoints,
+        keypoint_confidence=confidence,
+        skeleton=evidence.keypoints.skeleton,
+        K=scene.K.to(device, dtype),
+        masks=masks.to(device),
+        scene_points=scene.points[scene.valid].to(device, dtype),
+        scene_normals=scene.normals[scene.valid].to(device, dtype),
+        contact_probability=torch.as_tensor(evidence.contact.probability, device=device, dtype=dtype),
+        observed=observed,
+        floor_normal=None if scene.floor_normal is None else scene.floor_normal.to(device, dtype),
+        floor_offset=scene.floor_offset,
+        floor_points=scene.floor_points.to(device, dtype),
+        human_depth=depth.to(device, dtype) if agree else None,
+        human_points=tuple(p.to(device, dtype) for p in points) if agree else None,
+        scale_sigma=evidence.depth.scale_sigma,
+    )
+    told = {"alignment": alignment_diagnostics(alignment), "people": [dict(d) for d in placed.diagnostics]}
+    return problem, told
+
+
+_ANKLES = [7, 8]
+
+
+def _observed(evidence: Evidence, device: torch.device) -> Tensor:
+    if evidence.bodies.observed is None:
+        return torch.ones((len(evidence.people), 55), dtype=torch.bool, device=device)
+    return torch.from_numpy(evidence.bodies.observed).to(device)
+
+
+def _describe(
+    evidence: Evidence,
+    scene: SceneState,
+    problem: JointProblem,
+    placement: dict[str, Any],
+    result: JointResult,
+    settings: EngineSettings,
+) -> Solution:
+    s = result.scene_scale
+    K, (height, width) = scene.K, evidence.hole.shape
+    floor = None
+    if scene.floor_normal is not None:
+        floor = Plane(scene.floor_normal.numpy(), float(scene.floor_offset * s))
+    points, touchable = problem.scene_points * s, settings.contact.reach_m
+    near = near_boxes(points, result.vertices, touchable)
+    reach = NearestScene(points[near], problem.scene_normals[near], touchable, settings.contact.nearest)
+    plane = None if problem.floor_normal is None else (problem.floor_normal, problem.floor_offset * s)
+    contact, distance = contact_map(result.vertices, reach, plane, problem.model.outer, settings.contact)
+    people = tuple(
+        {**{f"placement_{k}": v for k, v in start.items()}, **end}
+        for start, end in zip(placement["people"], result.diagnostics, strict=True)
+    )
+    return Solution(
+        intrinsics=Intrinsics(
+            float(K[0, 0]),
+            float(K[1, 1]),
+            float(K[0, 2]),
+            float(K[1, 2]),
+            width,
+            height,
+            evidence.intrinsics.source if torch.equal(K, torch.from_numpy(evidence.intrinsics.matrix)) else "scene",
+        ),
+        scene=Scene(
+            points=(scene.points * s).float().numpy(),
+            normals=scene.normals.float().numpy(),
+            colors=evidence.empty,
+            valid=scene.valid.numpy(),
+            floor=floor,
+            floor_points=(scene.floor_points * s).float().numpy(),
+            scale=s,
+            scale_sigma=evidence.depth.scale_sigma,
+        ),
+        parameters=parameters_from_rotations(result.rotations, result.betas, problem.expression0, result.transl),
+        vertices=result.vertices.float().cpu().numpy(),
+        joints=result.joints.float().cpu().numpy(),
+        contact=contact.cpu().numpy(),
+        distance=distance.float().cpu().numpy(),
+        people=people,
+        failures=result.failures,
+        diagnostics={
+            "scene": dict(scene.diagnostics),
+            "placement": {"alignment": placement["alignment"]},
+            "joint": {
+                "losses": {name: {"start": a, "end": b} for name, (a, b) in result.losses.items()},
+                "scene_scale": s,
+                "steps": result.steps,
+                "evaluations": result.evaluations,
+            },
+        },
+    )
