@@ -70,8 +70,11 @@ def placed_original(points: Tensor, alignment: Alignment, K: Tensor | None) -> T
     """The original photo's point map in the scene: aligned, and put on the pixels' rays where ``K`` (3, 3) is given.
 
     Returns:
-        (H, W, 3) metres.
+        (H, W, 3) metres; NaN throughout where the alignment found nothing in common, so that nobody gets points whose
+        distance is unknown.
     """
+    if alignment.inlier_share == 0:
+        return torch.full_like(points, math.nan)
     aligned = apply_alignment(points, alignment)
     return aligned if K is None else depth_to_pointmap(aligned[..., 2], K)
 

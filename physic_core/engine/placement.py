@@ -42,6 +42,7 @@ from physic_core.geometry.visibility import facing, inside_mask
 __all__ = ["Placement", "place"]
 
 _ROUNDS = 2
+_MOVED_M = 1e-3
 
 
 @dataclass(frozen=True)
@@ -189,52 +190,48 @@ def _extent(keypoints: Tensor, mask: Tensor) -> Tensor:
 
 def _place_one(person: Subject, settings: HumanSettings) -> tuple[Tensor, float, dict[str, Any]]:
     """Translation to add (3,), depth offset, diagnostics."""
-    still = torch.zeros(3, dtype=torch.float64)
+    start = torch.zeros(4, dtype=torch.float64)
+    x, problem, chamfer = start, None, None
+    seen = torch.zeros(len(person.vertices), dtype=torch.bool)
     if not bool(torch.isfinite(person.vertices).all()):
-        return still, 1.0, {"problem": "the body is not finite, it was left where it is"}
-    told: dict[str, Any] = {"keypoints": len(person.keypoints), "points": len(person.points), "problem": None}
-    x = torch.zeros(4, dtype=torch.float64)
-    before = _reprojection_px(person, x)
+        problem = "the body is not finite, it was left where it is"
+    else:
+        x, problem = _fit_keypoints(person, settings)
+        if settings.chamfer_weight > 0:
+            x, seen, chamfer = _fit_points(person, x, settings)
+            if chamfer is None and problem is None:
+                problem = (
+                    f"{len(person.points)} points and {int(seen.sum())} camera-facing vertices of the person, "
+                    f"{settings.min_points} of each are needed: placed by keypoints alone"
+                )
+        if not bool(torch.isfinite(x).all()) or float((person.vertices[:, 2] + x[2]).median()) < NEAREST_M:
+            x, problem = start, "no translation in front of the camera fits, the body was left where it is"
+    foot = float(height(person.soles + x[:3], person.plane[:3], person.plane[3]).min()) if person.stands else None
+    offset = math.exp(float(x[3]))
+    diagnostics = {
+        "keypoints": len(person.keypoints),
+        "points": len(person.points),
+        "facing_vertices": int(seen.sum()),
+        "reprojection_px": (_reprojection_px(person, start), _reprojection_px(person, x)),
+        "chamfer_m": chamfer,
+        "moved_m": float(torch.linalg.vector_norm(x[:3])),
+        "depth_offset": offset,
+        "foot_height_m": foot,
+        "problem": problem,
+    }
+    return x[:3], offset, diagnostics
+
+
+def _fit_keypoints(person: Subject, settings: HumanSettings) -> tuple[Tensor, str | None]:
+    """Eq. 2: x, and what stood in the way."""
     if len(person.keypoints) < FEWEST_KEYPOINTS:
-        told["problem"] = (
+        return torch.zeros(4, dtype=torch.float64), (
             f"{len(person.keypoints)} keypoints have confidence {settings.min_confidence:g} or more, "
             f"{FEWEST_KEYPOINTS} are needed to place a body by them"
         )
-    elif settings.solver == "adam_lbfgs":
-        x = adam(person, settings)
-    else:
-        x = closed_form(person)
-        x = descend([Reprojection(person, settings)], x, (0, 1, 2), settings.iterations)
-    chamfer: tuple[float, float] | None = None
-    seen = torch.zeros(len(person.vertices), dtype=torch.bool)
-    if settings.chamfer_weight > 0 and len(person.points) >= settings.min_points:
-        seen = _camera_facing(person, x, settings)
-        if int(seen.sum()) >= settings.min_points:
-            start = Chamfer(person, seen, settings).median(x)
-            x, seen = _fit_points(person, x, seen, settings)
-            chamfer = (start, Chamfer(person, seen, settings).median(x))
-    if chamfer is None and settings.chamfer_weight > 0 and told["problem"] is None:
-        told["problem"] = (
-            f"{len(person.points)} points and {int(seen.sum())} camera-facing vertices of the person, "
-            f"{settings.min_points} of each are needed: placed by keypoints alone"
-        )
-    if not bool(torch.isfinite(x).all()) or float((person.vertices[:, 2] + x[2]).median()) < NEAREST_M:
-        x = torch.zeros_like(x)
-        told["problem"] = "no translation in front of the camera fits, the body was left where it is"
-    foot = float(height(person.soles + x[:3], person.plane[:3], person.plane[3]).min()) if person.stands else None
-    return (
-        x[:3],
-        math.exp(float(x[3])),
-        told
-        | {
-            "facing_vertices": int(seen.sum()),
-            "reprojection_px": (before, _reprojection_px(person, x)),
-            "chamfer_m": chamfer,
-            "moved_m": float(torch.linalg.vector_norm(x[:3])),
-            "depth_offset": math.exp(float(x[3])),
-            "foot_height_m": foot,
-        },
-    )
+    if settings.solver == "adam_lbfgs":
+        return adam(person, settings), None
+    return descend([Reprojection(person, settings)], closed_form(person), (0, 1, 2), settings.iterations), None
 
 
 def _reprojection_px(person: Subject, x: Tensor) -> float | None:
@@ -252,23 +249,30 @@ def _camera_facing(person: Subject, x: Tensor, settings: HumanSettings) -> Tenso
     return turned & person.outer & inside_mask(project(moved, person.K), person.mask)
 
 
-def _fit_points(person: Subject, x: Tensor, seen: Tensor, settings: HumanSettings) -> tuple[Tensor, Tensor]:
-    """Eq. 3-4; the camera-facing vertices are picked again once, where the body has moved."""
+def _fit_points(
+    person: Subject, x: Tensor, settings: HumanSettings
+) -> tuple[Tensor, Tensor, tuple[float, float] | None]:
+    """Eq. 3-4: x, the camera-facing vertices, and the median distance before and after; None where it was not done.
+
+    The camera-facing vertices are picked again once, where the body has moved.
+    """
+    seen = _camera_facing(person, x, settings)
+    if len(person.points) < settings.min_points or int(seen.sum()) < settings.min_points:
+        return x, seen, None
+    chamfer = Chamfer(person, seen, settings)
+    before = chamfer.median(x)
     if settings.solver == "adam_lbfgs":
-        return lbfgs(person, x, Chamfer(person, seen, settings), settings), seen
+        x = lbfgs(person, x, chamfer, settings)
+        return x, seen, (before, chamfer.median(x))
     free = person.stands and settings.depth_offset_sigma > 0
+    others: list[Term] = [Standing(person, settings)] if free else []
+    if len(person.keypoints) >= FEWEST_KEYPOINTS:
+        others.append(Reprojection(person, settings))
     for _ in range(_ROUNDS):
-        terms: list[Term] = [Chamfer(person, seen, settings)]
-        if len(person.keypoints) >= FEWEST_KEYPOINTS:
-            terms.append(Reprojection(person, settings))
-        if free:
-            terms.append(Standing(person, settings))
-        before = x
-        x = descend(terms, x, (0, 1, 2, 3) if free else (0, 1, 2), settings.iterations)
+        last = x
+        x = descend([chamfer, *others], x, (0, 1, 2, 3) if free else (0, 1, 2), settings.iterations)
         again = _camera_facing(person, x, settings)
-        if int(again.sum()) < settings.min_points:
+        if float((x - last).abs().max()) < _MOVED_M or int(again.sum()) < settings.min_points:
             break
-        seen = again
-        if float((x - before).abs().max()) < 1e-3:
-            break
-    return x, seen
+        seen, chamfer = again, Chamfer(person, again, settings)
+    return x, seen, (before, chamfer.median(x))

@@ -258,8 +258,11 @@ def _inverse_depth_search(
 
 
 def edge_ratio_at(ratio: float, rows: int, columns: int) -> float:
-    """The depth ratio over 3 x 3 pixels that means the same slope as ``ratio`` in a picture of 1024 px."""
-    return ratio ** (_REFERENCE_SIDE / max(rows, columns, 1)) if math.isfinite(ratio) else ratio
+    """The depth ratio over 3 x 3 pixels that means the same slope as ``ratio`` in a picture of 1024 px.
+
+    At most its square: in small pictures real edges are as sharp as in large ones.
+    """
+    return ratio ** min(2.0, _REFERENCE_SIDE / max(rows, columns, 1)) if math.isfinite(ratio) else ratio
 
 
 def outlier_mask(

@@ -70,9 +70,12 @@ def sample_plane(
     if centres is None or not len(centres):
         centres = points[torch.linalg.vector_norm(points, dim=-1).argmin()][None]
     middles = (centres - origin) @ axes.T
-    # Half of the points at most go to the neighbourhoods.
-    fine = max(spacing, math.sqrt(2 * len(middles) * math.pi * near**2 / max_points))
+    # Half of the points at most go to the neighbourhoods; one disc alone tells how fine that can be at best.
+    fine = max(spacing, math.sqrt(2 * math.pi * near**2 / max_points))
     close = _discs(middles, near, fine)
+    while len(close) > max(max_points // 2, len(middles)):
+        fine *= math.sqrt(2 * len(close) / max_points) * 1.01
+        close = _discs(middles, near, fine)
     left = max_points - len(close)
     area = float((high - low).clamp(min=1e-6).prod())
     coarse = max(fine, math.sqrt(area / max(1, left)))

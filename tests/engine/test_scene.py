@@ -1,0 +1,237 @@
+"""Stage 1: a relative point map and metric depth become a metric scene with camera, normals and floor."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+from torch import Tensor
+
+from physic_core.engine.scene import SceneState, build_scene, edge_ratio_at, fit_relative_floor
+from physic_core.engine.settings import PRESETS, SceneSettings
+from physic_core.errors import BackendOutputError
+from physic_core.geometry.camera import intrinsics_matrix, pixel_grid, pixel_rays, project
+from physic_core.geometry.plane import height
+from physic_core.types import Unknown
+
+ROWS, COLUMNS = 120, 160
+HEIGHT_M = 1.5
+PAPER = PRESETS["paper"].scene
+
+
+def camera(focal: float = 140.0, rows: int = ROWS, columns: int = COLUMNS) -> Tensor:
+    middle = (columns - 1) / 2, (rows - 1) / 2
+    return intrinsics_matrix(focal, focal, *middle, torch.zeros((), dtype=torch.float64))
+
+
+K = camera()
+RAYS = pixel_rays(ROWS, COLUMNS, K)
+UP = torch.nn.functional.normalize(torch.tensor([0.0, -1.0, -0.2], dtype=torch.float64), dim=0)
+FLOOR = HEIGHT_M / (-(RAYS @ UP)).clamp(min=1e-3)
+BOX = torch.zeros((ROWS, COLUMNS), dtype=torch.bool)
+BOX[40:70, 100:140] = True
+DEPTH = torch.where(BOX, 2.5, FLOOR.clamp(max=6.0))
+ON_FLOOR = (FLOOR <= DEPTH) & ~BOX
+ALL = torch.ones((ROWS, COLUMNS), dtype=torch.bool)
+FEET = torch.tensor([[60.0, 100.0], [75.0, 102.0]])
+
+
+def noise(seed: int = 0) -> Tensor:
+    return torch.randn(ROWS, COLUMNS, dtype=torch.float64, generator=torch.Generator().manual_seed(seed))
+
+
+def relative(unknown: Unknown) -> Tensor:
+    points = RAYS * DEPTH[..., None]
+    if unknown == "scale":
+        return points / 2
+    if unknown == "scale_shift":
+        return (points - torch.tensor([0.0, 0.0, 0.3])) / 2
+    return RAYS * (2 / (1 / DEPTH - 0.05))[..., None]
+
+
+def angle_deg(a: Tensor, b: Tensor) -> float:
+    return math.degrees(math.acos(min(1.0, float(a.double() @ b.double()))))
+
+
+@pytest.mark.parametrize("unknown", ["scale", "scale_shift", "inverse_scale_shift"])
+@pytest.mark.parametrize("preset", ["default", "paper"])
+def test_metres_come_back_whatever_was_unknown(unknown: Unknown, preset: str) -> None:
+    noisy = DEPTH * (1 + 0.02 * noise())
+    state = build_scene(
+        relative(unknown), ALL, unknown, noisy, K_metric=K, floor_mask=ON_FLOOR, feet_px=FEET,
+        settings=PRESETS[preset].scene,
+    )  # fmt: skip
+    error = ((state.points[..., 2] - DEPTH).abs() / DEPTH)[state.valid]
+    print(f"{preset} {unknown}: median depth error {float(error.median()):.2%}")
+    assert float(error.median()) < 0.005
+    assert state.floor_normal is not None
+    assert angle_deg(state.floor_normal, UP) < 0.5
+    assert state.floor_offset == pytest.approx(HEIGHT_M, abs=0.02)
+    assert state.K[0, 0] == pytest.approx(140.0, rel=0.01)
+    assert height(state.floor_points, state.floor_normal, state.floor_offset).abs().max() < 1e-4
+    assert state.notes == ()
+
+
+def scene(**options: object) -> SceneState:
+    given: dict[str, object] = {"K_metric": K, "floor_mask": ON_FLOOR}
+    return build_scene(RAYS * DEPTH[..., None] / 2, ALL, "scale", DEPTH, **(given | options))  # type: ignore[arg-type]
+
+
+def test_every_valid_point_lies_on_its_pixels_ray_of_the_given_camera() -> None:
+    mine = camera(200.0)
+    state = scene(K=mine)
+    assert torch.equal(state.K, mine)
+    torch.testing.assert_close(project(state.points, mine), pixel_grid(ROWS, COLUMNS, state.points))
+    torch.testing.assert_close(state.points[..., 2], DEPTH)
+
+
+def test_a_given_camera_wins_in_the_papers_preset_too() -> None:
+    assert torch.equal(scene(K=camera(200.0), settings=PAPER).K, camera(200.0))
+
+
+def test_the_metric_depths_camera_comes_before_the_point_maps() -> None:
+    wide = camera(100.0)
+    assert torch.equal(scene(K_metric=wide).K, wide)
+    assert scene(K_metric=wide, settings=PAPER).K[0, 0] == pytest.approx(140.0)
+
+
+def test_without_any_camera_the_point_map_tells_it() -> None:
+    state = scene(K_metric=None)
+    assert state.K[0, 0] == pytest.approx(140.0)
+    assert state.K[:2, 2].tolist() == [(COLUMNS - 1) / 2, (ROWS - 1) / 2]
+
+
+def test_shift_is_found_by_depth_alone_where_nobody_knows_the_camera() -> None:
+    state = build_scene(relative("scale_shift"), ALL, "scale_shift", DEPTH)
+    assert state.alignment.shift == pytest.approx(0.3)
+    torch.testing.assert_close(state.points[..., 2], DEPTH)
+
+
+def test_what_is_too_far_is_not_valid() -> None:
+    state = scene(settings=SceneSettings(far_m=5.0))
+    assert not state.valid[DEPTH > 5].any()
+    assert state.valid[DEPTH < 4.9].double().mean() > 0.98
+
+
+def test_depth_edges_are_not_valid_but_keep_their_own_surfaces_normal() -> None:
+    state = scene()
+    assert not state.valid[50, 99:101].any()
+    assert state.valid[50, [97, 102]].all()
+    torch.testing.assert_close(state.normals[50, 100], torch.tensor([0.0, 0.0, -1.0], dtype=torch.float64))
+
+
+def test_the_grazing_far_floor_is_not_taken_for_an_edge() -> None:
+    strict = SceneSettings(edge_ratio=1.01)
+    without = build_scene(RAYS * DEPTH[..., None], ALL, "scale", DEPTH, K=K, settings=SceneSettings(floor="off"))
+    with_floor = build_scene(RAYS * DEPTH[..., None], ALL, "scale", DEPTH, K=K, settings=strict)
+    far_floor = ON_FLOOR & (DEPTH > 4) & (DEPTH < 5.5)
+    far_floor[:, 95:145] = False
+    assert bool(with_floor.valid[far_floor].all())
+    normal = with_floor.floor_normal
+    assert normal is not None
+    torch.testing.assert_close(with_floor.normals[far_floor], normal.expand(int(far_floor.sum()), 3), atol=0.01, rtol=0)
+    assert without.floor_normal is None
+
+
+def test_no_floor_is_told_and_nothing_else_changes() -> None:
+    wall = RAYS * 3.0
+    state = build_scene(wall, ALL, "scale", wall[..., 2], K=K)
+    assert state.floor_normal is None
+    assert state.floor is None
+    assert state.floor_offset == 0.0
+    assert state.floor_points.shape == (0, 3)
+    assert state.valid.all()
+    assert state.diagnostics["floor"]["reason"] == "no_consensus"
+    assert state.notes == ("no floor was found: no level plane that enough pixels lie on",)
+
+
+def test_a_floor_that_nobody_asked_for_is_not_missed() -> None:
+    state = scene(settings=SceneSettings(floor="off"))
+    assert state.floor_normal is None
+    assert state.diagnostics["floor"]["reason"] == "switched_off"
+    assert state.notes == ()
+
+
+def test_a_mask_that_is_no_floor_is_told() -> None:
+    state = scene(floor_mask=BOX)
+    assert state.floor_normal is not None
+    assert angle_deg(state.floor_normal, UP) < 0.5
+    assert state.notes == ("the floor mask was not followed, since no level plane that enough pixels lie on",)
+
+
+def test_disagreement_with_the_metric_depth_is_told() -> None:
+    wrong = torch.where(torch.rand(ROWS, COLUMNS, generator=torch.Generator().manual_seed(0)) < 0.7, DEPTH * 3, DEPTH)
+    wrong = wrong * (1 + 0.2 * noise(1).abs())
+    state = build_scene(RAYS * DEPTH[..., None], ALL, "scale", wrong, K=K)
+    share = state.alignment.inlier_share
+    assert share < 0.5
+    assert state.notes[0] == (
+        f"the scene's scale is doubtful: point map and metric depth agree on {share:.0%} of the pixels within 10%"
+    )
+
+
+def test_no_common_pixel_leaves_the_metric_depth() -> None:
+    half = DEPTH.clone()
+    half[:, 80:] = math.nan
+    valid = ALL.clone()
+    valid[:, :80] = False
+    state = build_scene(RAYS * DEPTH[..., None] / 2, valid, "scale", half, K=K)
+    assert state.alignment.inlier_share == 0
+    assert state.notes[0] == "point map and metric depth agree nowhere: the scene is the metric depth alone"
+    torch.testing.assert_close(state.points[:, :80, 2], DEPTH[:, :80])
+    assert not state.valid[:, 80:].any()
+
+
+def test_metric_depth_that_knows_nothing_is_an_error() -> None:
+    with pytest.raises(BackendOutputError) as caught:
+        build_scene(RAYS, ALL, "scale", torch.full((ROWS, COLUMNS), math.nan), K=K)
+    assert str(caught.value) == (
+        "the metric depth knows no pixel: every depth is NaN, infinite or not positive; use another metric_depth "
+        "backend, or check its notes"
+    )
+
+
+def test_relative_floor_has_the_units_of_the_map() -> None:
+    fit = fit_relative_floor(RAYS * DEPTH[..., None] / 7, ALL, floor_mask=ON_FLOOR, feet_px=FEET)
+    assert fit is not None
+    assert fit.offset == pytest.approx(HEIGHT_M / 7, rel=0.01)
+    assert angle_deg(fit.normal, UP) < 0.1
+    assert fit_relative_floor(RAYS * 3.0, ALL) is None
+    assert fit_relative_floor(RAYS * DEPTH[..., None], ALL, settings=SceneSettings(floor="off")) is None
+
+
+def test_floor_points_are_densest_where_the_feet_are() -> None:
+    state = scene(feet_px=FEET)
+    assert state.floor_normal is not None
+    foot = RAYS[100, 60] * FLOOR[100, 60]
+    near = (state.floor_points - foot).norm(dim=-1) < 0.2
+    assert int(near.sum()) == pytest.approx(math.pi * 0.2**2 / 0.025**2, rel=0.1)
+    assert len(state.floor_points) <= SceneSettings().floor_max_points
+    assert len(scene(settings=PAPER).floor_points) == 10_000
+
+
+def test_diagnostics_are_plain_numbers() -> None:
+    import json
+
+    told = json.loads(json.dumps(scene(feet_px=FEET).diagnostics, allow_nan=False))
+    assert told["alignment"]["inlier_share"] == 1.0
+    assert told["floor"]["source"] == "floor mask"
+    assert told["floor"]["camera_height_m"] == pytest.approx(HEIGHT_M, abs=0.01)
+    assert told["floor"]["pitch_deg"] == pytest.approx(math.degrees(math.atan(0.2)), abs=0.1)
+    assert told["floor"]["roll_deg"] == pytest.approx(0.0, abs=0.1)
+
+
+def test_the_same_slope_is_an_edge_at_every_resolution() -> None:
+    assert edge_ratio_at(1.05, 768, 1024) == pytest.approx(1.05)
+    assert edge_ratio_at(1.05, 1536, 2048) == pytest.approx(1.05**0.5)
+    assert edge_ratio_at(1.05, 100, 100) == pytest.approx(1.05**2)
+    assert edge_ratio_at(math.inf, 10, 10) == math.inf
+
+
+def test_float32_in_float32_out() -> None:
+    state = build_scene((RAYS * DEPTH[..., None]).float(), ALL, "scale", DEPTH.float(), K_metric=K)
+    assert {state.points.dtype, state.normals.dtype, state.floor_points.dtype} == {torch.float32}
+    assert state.K.dtype == torch.float64
+    assert state.floor_normal is not None
+    assert state.floor_normal.dtype == torch.float32
