@@ -1,0 +1,64 @@
+"""Files that are there whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from physic_core.errors import OutputError
+
+__all__ = ["check_writable", "replacing"]
+
+
+@contextmanager
+def replacing(folder: Path) -> Iterator[Callable[[str], Path]]:
+    """Gives out temporary paths for named files of ``folder``, and renames them all once the block ends well.
+
+    Raises:
+        OutputError: the folder cannot be written, or its disk is full.
+    """
+    paths: dict[str, Path] = {}
+    token = secrets.token_hex(4)
+
+    def temporary(name: str) -> Path:
+        # In the same folder, since a rename is atomic only within one file system.
+        return paths.setdefault(name, folder / f".{name}.{token}.part")
+
+    try:
+        yield temporary
+        for name, path in paths.items():
+            os.replace(path, folder / name)
+    except OSError as error:
+        raise _refusal(folder, error) from error
+    finally:
+        for path in paths.values():
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
+
+
+def check_writable(folder: str | os.PathLike[str]) -> Path:
+    """Makes ``folder`` where it is missing, and tries to write in it, so that a run does not end in vain.
+
+    Raises:
+        OutputError: it is a file, or cannot be made or written.
+    """
+    folder = Path(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / f".{secrets.token_hex(4)}.part"
+        probe.write_bytes(b"")
+        probe.unlink()
+    except OSError as error:
+        raise _refusal(folder, error) from error
+    return folder
+
+
+def _refusal(folder: Path, error: OSError) -> OutputError:
+    if folder.is_file():
+        return OutputError(f"cannot write results to {folder}: it is a file; name a folder, or move the file away")
+    return OutputError(
+        f"cannot write results to {folder}: {error.strerror or error}; name another folder, or mend this"
+    )

@@ -1,0 +1,213 @@
+"""A reconstruction's words and numbers: what ``reconstruction.json`` says."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from physic_core.errors import InputError
+from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS
+from physic_core.io.upright import gltf_from_camera
+from physic_core.types import Provenance, StageRecord
+
+if TYPE_CHECKING:
+    from physic_core.types import Person, Reconstruction
+
+__all__ = ["SCHEMA", "SCHEMA_VERSION", "from_text", "restored", "stages_from", "to_document", "to_text"]
+
+SCHEMA = "physic-reconstruction"
+SCHEMA_VERSION = 1
+
+_NON_FINITE = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
+_NUMBERS = re.compile(r"\[\n\s*((?:[-+.\deE]+,\n\s*)*[-+.\deE]+)\n\s*\]")
+
+
+def to_document(reconstruction: Reconstruction, files: Sequence[str], arrays_checksum: str) -> dict[str, Any]:
+    """Reconstruction -> JSON-ready dictionary.
+
+    Args:
+        reconstruction: what to describe.
+        files: names of the files that lie beside the document.
+        arrays_checksum: of ``reconstruction.npz``.
+    """
+    camera, scene = reconstruction.intrinsics, reconstruction.scene
+    floor = scene.floor
+    document = {
+        "schema": SCHEMA,
+        "schema_version": SCHEMA_VERSION,
+        "units": {"length": "metres", "angle": "radians", "time": "seconds", "image": "pixels"},
+        "frame": {
+            "axes": "OpenCV camera: x right, y down, z forward; origin at the camera",
+            "pixels": "integer coordinates are pixel centres; (0, 0) is the centre of the top left pixel",
+            "gltf": "the GLB files have y up: their points are gltf_from_camera times the camera frame's",
+            "gltf_from_camera": gltf_from_camera(floor).tolist(),
+        },
+        "image": {"width": reconstruction.image.shape[1], "height": reconstruction.image.shape[0]},
+        "intrinsics": {
+            "fx": camera.fx,
+            "fy": camera.fy,
+            "cx": camera.cx,
+            "cy": camera.cy,
+            "width": camera.width,
+            "height": camera.height,
+            "source": camera.source,
+        },
+        "warnings": reconstruction.warnings,
+        "people": [_person(index, person) for index, person in enumerate(reconstruction.people)],
+        "body_model": reconstruction.body_model,
+        "skeleton": reconstruction.skeleton,
+        "scene": {
+            "floor": None if floor is None else {"normal": np.asarray(floor.normal), "offset": floor.offset},
+            "scale": scene.scale,
+            "scale_sigma": scene.scale_sigma,
+            "valid_share": float(np.mean(scene.valid)),
+        },
+        "stages": [_stage(stage) for stage in reconstruction.stages],
+        "diagnostics": reconstruction.diagnostics,
+        "config": reconstruction.config,
+        "files": list(files),
+        "arrays": {
+            "checksum": arrays_checksum,
+            "shared": [_spec(spec.name, spec.dtype, spec.shape, spec.meaning) for spec in SHARED_ARRAYS],
+            "of_person_i": [
+                _spec(f"person_{{i}}_{spec.name}", spec.dtype, spec.shape, spec.meaning) for spec in PERSON_ARRAYS
+            ],
+        },
+    }
+    answer = _encode(document)
+    assert isinstance(answer, dict)
+    return answer
+
+
+def to_text(document: Mapping[str, Any]) -> bytes:
+    """JSON-ready dictionary -> UTF-8 JSON, strict (no NaN), rows of numbers on one line."""
+    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
+    # A newline never stands inside a JSON string, so only lists match.
+    text = _NUMBERS.sub(lambda match: "[" + " ".join(match[1].split()) + "]", text)
+    # A file name that is no UTF-8 comes as lone surrogates; the backslash form of those is their JSON escape.
+    return (text + "\n").encode("utf-8", "backslashreplace")
+
+
+def from_text(content: bytes, name: str) -> dict[str, Any]:
+    """UTF-8 JSON -> dictionary, NaN and infinities still by their names.
+
+    Raises:
+        InputError: it is damaged, not a reconstruction's, or of another schema version.
+    """
+    try:
+        document = json.loads(content.decode("utf-8"))
+    except ValueError as error:
+        raise InputError(f"cannot read {name}: it is not JSON ({error}); run the reconstruction again") from error
+    if not isinstance(document, dict) or document.get("schema") != SCHEMA:
+        raise InputError(
+            f"cannot read {name}: it does not describe a reconstruction; name the folder of a finished run"
+        )
+    version = document.get("schema_version")
+    if version != SCHEMA_VERSION:
+        raise InputError(
+            f"cannot read {name}: its schema version is {version!r}, and this PhySIC reads {SCHEMA_VERSION}; "
+            "load it with the PhySIC that wrote it, or run the reconstruction again"
+        )
+    return document
+
+
+def stages_from(records: Sequence[Mapping[str, Any]]) -> tuple[StageRecord, ...]:
+    """The ``stages`` of a document -> records."""
+    return tuple(
+        StageRecord(
+            record["name"],
+            restored(record["seconds"]),
+            restored(record["load_seconds"]),
+            None if record["backend"] is None else _provenance(record["backend"]),
+        )
+        for record in records
+    )
+
+
+def restored(value: Any) -> Any:
+    """What :func:`to_document` made of a number or a free mapping -> NaN and infinities back in place.
+
+    The three words "NaN", "Infinity" and "-Infinity" are taken for numbers here.
+    """
+    if isinstance(value, str):
+        return _NON_FINITE.get(value, value)
+    if isinstance(value, list):
+        return [restored(item) for item in value]
+    if isinstance(value, dict):
+        return {key: restored(item) for key, item in value.items()}
+    return value
+
+
+def _person(index: int, person: Person) -> dict[str, Any]:
+    return {
+        "index": index,
+        "box": np.asarray(person.box),
+        "score": person.score,
+        "failed_checks": person.failed_checks,
+        "pelvis": np.asarray(person.joints)[0] if len(person.joints) else None,
+        "contact_vertices": int(np.sum(person.contact)),
+        "vertices": len(person.vertices),
+    }
+
+
+def _stage(stage: StageRecord) -> dict[str, Any]:
+    backend = stage.provenance
+    return {
+        "name": stage.name,
+        "seconds": stage.seconds,
+        "load_seconds": stage.load_seconds,
+        "backend": None
+        if backend is None
+        else {
+            "interface": backend.interface,
+            "name": backend.backend,
+            "plugin": backend.plugin,
+            "distribution": backend.distribution,
+            "version": backend.version,
+            "options": backend.options,
+            "weights_license": backend.weights_license,
+        },
+    }
+
+
+def _provenance(backend: Mapping[str, Any]) -> Provenance:
+    return Provenance(
+        interface=backend["interface"],
+        backend=backend["name"],
+        plugin=backend["plugin"],
+        distribution=backend["distribution"],
+        version=backend["version"],
+        options=restored(backend["options"]),
+        weights_license=backend["weights_license"],
+    )
+
+
+def _spec(name: str, dtype: str, shape: Sequence[str | int], meaning: str) -> dict[str, Any]:
+    return {"name": name, "dtype": dtype, "shape": " x ".join(map(str, shape)) or "one", "meaning": meaning}
+
+
+def _encode(value: Any) -> Any:
+    """Anything -> what strict JSON can say: NaN and infinities as their names, arrays as lists, the rest as text."""
+    if value is None or isinstance(value, bool | str):
+        return value
+    if isinstance(value, np.generic | np.ndarray):
+        return _encode(value.tolist())
+    if isinstance(value, int):
+        return int(value)
+    if isinstance(value, float):
+        if math.isfinite(value):
+            return float(value)
+        return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
+    if isinstance(value, Mapping):
+        return {str(key): _encode(item) for key, item in value.items()}
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if isinstance(value, Sequence | set | frozenset):
+        return [_encode(item) for item in value]
+    return str(value)

@@ -1,0 +1,183 @@
+"""Results out and back in: one folder for one photo."""
+
+from __future__ import annotations
+
+import os
+import re
+import zipfile
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from physic_core.errors import InputError
+from physic_core.io.arrays import (
+    PARAMETER_NAMES,
+    PERSON_ARRAYS,
+    SHARED_ARRAYS,
+    checksum,
+    to_arrays,
+    write_npz,
+)
+from physic_core.io.atomic import check_writable, replacing
+from physic_core.io.document import SCHEMA, from_text, restored, stages_from, to_document, to_text
+from physic_core.types import BodyParameters, Intrinsics, Person, Plane, Reconstruction, Scene
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+__all__ = ["ARRAYS_FILE", "DOCUMENT_FILE", "PREVIEW_FILE", "check_writable", "load", "save"]
+
+DOCUMENT_FILE = "reconstruction.json"
+ARRAYS_FILE = "reconstruction.npz"
+PREVIEW_FILE = "preview.png"
+_PERSON_GLB = re.compile(r"person_\d+\.glb")
+
+
+def save(reconstruction: Reconstruction, folder: str | os.PathLike[str], *, preview: bool = True) -> tuple[Path, ...]:
+    """Writes ``reconstruction.npz`` and ``.json``, then the GLB files and ``preview.png``, and says where they lie.
+
+    Every file is written beside its place and renamed. Numbers are stored with the dtypes of
+    :mod:`physic_core.io.arrays`. GLB files and the preview that an earlier, larger result left in the folder go.
+
+    Raises:
+        OutputError: the folder cannot be written.
+    """
+    from physic_core.io.glb import glb_files
+
+    folder = check_writable(folder)
+    names = [DOCUMENT_FILE, ARRAYS_FILE, "scene.glb", "combined.glb"]
+    names += [f"person_{index}.glb" for index in range(len(reconstruction.people))]
+    names += [PREVIEW_FILE] if preview else []
+    stale = _stale(folder, names)
+    with replacing(folder) as temporary:
+        write_npz(temporary(ARRAYS_FILE), to_arrays(reconstruction))
+        document = to_document(reconstruction, names, checksum(temporary(ARRAYS_FILE)))
+        temporary(DOCUMENT_FILE).write_bytes(to_text(document))
+    # The numbers are safe by now, whatever becomes of the pictures.
+    for path in stale:
+        with suppress(OSError):
+            path.unlink()
+    with replacing(folder) as temporary:
+        for name, content in glb_files(reconstruction):
+            temporary(name).write_bytes(content)
+        if preview:
+            from physic_core.io.preview import preview_png
+
+            temporary(PREVIEW_FILE).write_bytes(preview_png(reconstruction))
+    return tuple(folder / name for name in names)
+
+
+def load(folder: str | os.PathLike[str]) -> Reconstruction:
+    """Reads back what :func:`save` wrote.
+
+    Raises:
+        InputError: a file is missing, damaged, of another run or of another schema version.
+    """
+    folder = Path(folder)
+    document = from_text(_content(folder / DOCUMENT_FILE), str(folder / DOCUMENT_FILE))
+    arrays = _arrays(folder / ARRAYS_FILE, document)
+    try:
+        return _assemble(document, arrays)
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            f"cannot read {folder / DOCUMENT_FILE}: an entry is missing or of another kind ({error}); "
+            "run the reconstruction again"
+        ) from error
+
+
+def _stale(folder: Path, names: list[str]) -> list[Path]:
+    """Files that an earlier save left and this one does not write."""
+    with suppress(OSError):
+        if SCHEMA.encode() in (folder / DOCUMENT_FILE).read_bytes()[:200]:
+            left = (entry.name for entry in folder.iterdir() if entry.name not in names)
+            return [folder / name for name in left if name == PREVIEW_FILE or _PERSON_GLB.fullmatch(name)]
+    return []
+
+
+def _content(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"cannot read {path}: there is no such file; name the folder of a finished run") from None
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}; check who may read it") from error
+
+
+def _arrays(path: Path, document: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+    people = len(document.get("people", ()))
+    wanted = [spec.name for spec in SHARED_ARRAYS]
+    wanted += [f"person_{index}_{spec.name}" for index in range(people) for spec in PERSON_ARRAYS]
+    try:
+        found = checksum(path)
+        with np.load(path, allow_pickle=False) as archive:
+            missing = [name for name in wanted if name not in archive]
+            if missing:
+                raise InputError(f"cannot read {path}: it lacks {', '.join(missing)}; run the reconstruction again")
+            arrays = {name: archive[name] for name in wanted}
+    except FileNotFoundError:
+        raise InputError(f"cannot read {path}: there is no such file; name the folder of a finished run") from None
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zipfile.LargeZipFile) as error:
+        raise InputError(f"cannot read {path}: it is damaged ({error}); run the reconstruction again") from error
+    if found != document.get("arrays", {}).get("checksum"):
+        raise InputError(
+            f"cannot read {path}: it is not of the same run as {DOCUMENT_FILE} beside it; run the reconstruction again"
+        )
+    return arrays
+
+
+def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Reconstruction:
+    camera, scene = document["intrinsics"], document["scene"]
+    floor = scene["floor"]
+    return Reconstruction(
+        image=arrays["image"],
+        intrinsics=Intrinsics(
+            fx=restored(camera["fx"]),
+            fy=restored(camera["fy"]),
+            cx=restored(camera["cx"]),
+            cy=restored(camera["cy"]),
+            width=camera["width"],
+            height=camera["height"],
+            source=camera["source"],
+        ),
+        scene=Scene(
+            points=arrays["scene_points"],
+            normals=arrays["scene_normals"],
+            colors=arrays["scene_colors"],
+            valid=arrays["scene_valid"],
+            floor=None if floor is None else Plane(arrays["floor_normal"][0], restored(floor["offset"])),
+            floor_points=arrays["floor_points"],
+            scale=restored(scene["scale"]),
+            scale_sigma=restored(scene["scale_sigma"]),
+        ),
+        people=tuple(_person(record, index, arrays) for index, record in enumerate(document["people"])),
+        faces=arrays["faces"],
+        body_model=document["body_model"],
+        skeleton=document["skeleton"],
+        stages=stages_from(document["stages"]),
+        diagnostics=restored(document["diagnostics"]),
+        warnings=tuple(document["warnings"]),
+        config=restored(document["config"]),
+    )
+
+
+def _person(record: Mapping[str, Any], index: int, arrays: Mapping[str, NDArray[Any]]) -> Person:
+    def of(name: str) -> NDArray[Any]:
+        return arrays[f"person_{index}_{name}"]
+
+    return Person(
+        box=of("box"),
+        score=restored(record["score"]),
+        mask=of("mask"),
+        keypoints=of("keypoints"),
+        keypoint_confidence=of("keypoint_confidence"),
+        parameters=BodyParameters(**{name: of(name) for name in PARAMETER_NAMES}),
+        vertices=of("vertices"),
+        joints=of("joints"),
+        contact=of("contact"),
+        distance=of("distance"),
+        failed_checks=tuple(record["failed_checks"]),
+    )

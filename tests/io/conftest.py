@@ -1,0 +1,187 @@
+"""A room seen by a pitched camera, with capsule mannequins standing in it: a reconstruction without any network."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+
+from physic_core.types import (
+    BodyParameters,
+    Intrinsics,
+    Person,
+    Plane,
+    Provenance,
+    Reconstruction,
+    Scene,
+    StageRecord,
+)
+
+CAMERA_HEIGHT = 1.4
+PITCH = np.deg2rad(12.0)  # the camera looks down by so much
+# Rows are the camera's axes in a world of x right, y up, z forward, whose origin is on the floor under the camera.
+CAMERA_FROM_WORLD = np.array(
+    [
+        [1.0, 0.0, 0.0],
+        [0.0, -np.cos(PITCH), -np.sin(PITCH)],
+        [0.0, -np.sin(PITCH), np.cos(PITCH)],
+    ]
+)
+BOX = np.array([[0.5, 0.0, 2.8], [1.2, 0.45, 3.4]])
+WALL_Z, WALL_X = 5.0, -2.5
+
+
+def to_camera(world: np.ndarray) -> np.ndarray:
+    return (np.asarray(world) - [0.0, CAMERA_HEIGHT, 0.0]) @ CAMERA_FROM_WORLD.T
+
+
+def make_room(width: int, height: int) -> tuple[Intrinsics, Scene]:
+    camera = Intrinsics.from_focal(0.8 * width, width, height, "given")
+    columns, rows = np.meshgrid(np.arange(width), np.arange(height))
+    rays = np.stack([(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy, np.ones_like(columns)], -1)
+    world = rays @ CAMERA_FROM_WORLD
+    origin = np.array([0.0, CAMERA_HEIGHT, 0.0])
+    depth = np.full((height, width), np.inf)
+    normals, colors = np.zeros((height, width, 3)), np.zeros((height, width, 3))
+
+    def keep(distance, normal, color, mask=True):
+        nonlocal depth
+        hit = mask & (distance > 0) & (distance < depth)
+        depth = np.where(hit, distance, depth)
+        normals[hit] = normal
+        colors[hit] = np.broadcast_to(color, colors.shape)[hit]
+
+    with np.errstate(divide="ignore", invalid="ignore"):
+        floor_t = -CAMERA_HEIGHT / world[..., 1]
+        spot = origin + floor_t[..., None] * world
+        checks = (np.floor(spot[..., 0] * 2) + np.floor(spot[..., 2] * 2)) % 2
+        keep(floor_t, [0, 1, 0], np.where(checks[..., None] > 0, [150, 120, 90], [205, 180, 150]))
+        keep(WALL_Z / world[..., 2], [0, 0, -1], [120, 150, 170])
+        keep(WALL_X / world[..., 0], [1, 0, 0], [170, 190, 160])
+        for axis, side, normal in ((0, 0, [-1, 0, 0]), (1, 1, [0, 1, 0]), (2, 0, [0, 0, -1])):
+            distance = (BOX[side, axis] - origin[axis]) / world[..., axis]
+            hit = origin + distance[..., None] * world
+            others = [other for other in range(3) if other != axis]
+            inside = ((hit >= BOX[0]) & (hit <= BOX[1]))[..., others].all(-1)
+            keep(distance, normal, [[190, 90, 70], [215, 120, 95], [160, 70, 55]][axis], inside)
+    points = np.where(np.isfinite(depth)[..., None], rays * depth[..., None], np.nan).astype(np.float32)
+    up = CAMERA_FROM_WORLD @ [0.0, 1.0, 0.0]
+    z, x = np.meshgrid(np.linspace(1, 5, 9), np.linspace(-2, 2, 9))
+    floor = np.stack([x, np.zeros_like(x), z], -1).reshape(-1, 3)
+    return camera, Scene(
+        points=points,
+        normals=(normals @ CAMERA_FROM_WORLD.T).astype(np.float32),
+        colors=colors.astype(np.uint8),
+        valid=np.isfinite(depth),
+        floor=Plane(up, CAMERA_HEIGHT),
+        floor_points=to_camera(floor).astype(np.float32),
+        scale=1.0625,
+        scale_sigma=0.07,
+    )
+
+
+def mannequin(x: float, z: float, turn_deg: float = 180.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Vertices and 55 joints in the camera's frame, and faces, of a figure 1.7 m tall that stands on the floor."""
+
+    def limb(start, end, radius):
+        shape = trimesh.creation.capsule(height=1.0, radius=radius, count=[8, 8])
+        length = np.linalg.norm(np.subtract(end, start))
+        length = np.linalg.norm(np.subtract(end, start))
+        shape.vertices[:, 2] += length / 2 + np.sign(shape.vertices[:, 2]) * (length - 1) / 2
+        turn = trimesh.geometry.align_vectors([0, 0, 1], np.subtract(end, start))
+        turn[:3, 3] = start
+        return shape.apply_transform(turn)
+
+    joints = np.tile([0.0, 0.92, 0.0], (55, 1))
+    for side, sign in ((0, -1.0), (1, 1.0)):  # the figure looks along +z, so its left is -x
+        joints[1 + side] = [sign * 0.1, 0.88, 0.0]
+        joints[4 + side] = [sign * 0.11, 0.48, 0.01]
+        joints[7 + side] = [sign * 0.12, 0.08, 0.0]
+        joints[10 + side] = [sign * 0.13, 0.04, 0.13]
+        joints[16 + side] = [sign * 0.18, 1.4, 0.0]
+        joints[18 + side] = [sign * 0.24, 1.12, 0.0]
+        joints[20 + side] = [sign * 0.26, 0.88, 0.04]
+    joints[3], joints[6], joints[9], joints[12], joints[15] = ([0, y, 0] for y in (1.03, 1.15, 1.25, 1.47, 1.57))
+    pieces = [limb(joints[0], joints[9], 0.14), limb(joints[12], [0, 1.58, 0], 0.11)]
+    for side in (0, 1):
+        pieces += [
+            limb(joints[1 + side], joints[4 + side], 0.08),
+            limb(joints[4 + side], joints[7 + side], 0.055),
+            limb(joints[7 + side], joints[10 + side], 0.04),
+            limb(joints[16 + side], joints[18 + side], 0.05),
+            limb(joints[18 + side], joints[20 + side], 0.04),
+        ]
+    body = trimesh.util.concatenate(pieces)
+    angle = np.deg2rad(turn_deg)
+    turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+    place = [x, 0.0, z]
+    vertices = np.asarray(body.vertices) @ turn.T + place
+    return to_camera(vertices), to_camera(joints @ turn.T + place), np.asarray(body.faces)[:, ::-1]  # y up, z forward
+
+
+def make_person(x: float, z: float, camera: Intrinsics, turn_deg: float = 180.0) -> tuple[Person, np.ndarray]:
+    vertices, joints, faces = mannequin(x, z, turn_deg)
+    up = CAMERA_FROM_WORLD @ [0.0, 1.0, 0.0]
+    heights = vertices @ up + CAMERA_HEIGHT
+    spots = joints[:23] @ camera.matrix.T
+    pixels = vertices @ camera.matrix.T
+    pixels = pixels[:, :2] / pixels[:, 2:]
+    mask = np.zeros((camera.height, camera.width), bool)
+    x0, y0 = np.maximum(np.floor(pixels.min(0)), 0).astype(int)
+    x1, y1 = np.ceil(pixels.max(0)).astype(int)
+    mask[y0:y1, x0:x1] = True
+    rng = np.random.default_rng(3)
+    sizes = {"global_orient": 3, "body_pose": 63, "left_hand_pose": 45, "right_hand_pose": 45, "jaw_pose": 3}
+    sizes |= {"leye_pose": 3, "reye_pose": 3, "betas": 16, "expression": 0, "transl": 3}
+    parameters = {name: rng.normal(size=(1, size)).astype(np.float32) for name, size in sizes.items()}
+    person = Person(
+        box=np.array([x0, y0, x1, y1], np.float32),
+        score=0.875,
+        mask=mask,
+        keypoints=(spots[:, :2] / spots[:, 2:]).astype(np.float32),
+        keypoint_confidence=np.linspace(0, 1, 23, dtype=np.float32),
+        parameters=BodyParameters(**parameters),
+        vertices=vertices.astype(np.float32),
+        joints=joints.astype(np.float32),
+        contact=heights < 0.02,
+        distance=np.where(heights < 0.15, heights, np.inf).astype(np.float32),
+        failed_checks=("stands apart from the floor",),
+    )
+    return person, faces
+
+
+def make_reconstruction(width: int = 160, height: int = 120, people: int = 2) -> Reconstruction:
+    camera, scene = make_room(width, height)
+    made = [make_person(x, z, camera, turn) for x, z, turn in [(-0.6, 3.0, 180.0), (0.3, 3.8, 90.0)][:people]]
+    backend = Provenance(
+        interface="segmenter",
+        backend="mock",
+        plugin="physic_mock",
+        distribution="physic-mock",
+        version="0.1.0",
+        options={"threshold": 0.5, "names": ["a", "b"], "limit": float("inf"), "nothing": None},
+        weights_license="Apache-2.0",
+    )
+    return Reconstruction(
+        image=scene.colors.copy(),
+        intrinsics=camera,
+        scene=scene,
+        people=tuple(person for person, _ in made),
+        faces=(made or [make_person(0, 3, camera)])[0][1].astype(np.int32),
+        body_model="embedded",
+        skeleton="coco23",
+        stages=(StageRecord("people", 0.25, 1.5, backend), StageRecord("joint", 1 / 3)),
+        diagnostics={"joint": {"contact": [12.5, 0.1], "lowest": float("-inf")}, "rounds": 2},
+        warnings=("The focal length is a default – “0.95” of the long side.", "NaN"),
+        config={"preset": "default", "engine": {"joint": {"steps": 100, "weight": 0.3}}, "floor": True},
+    )
+
+
+@pytest.fixture
+def reconstruction() -> Reconstruction:
+    return make_reconstruction()
+
+
+@pytest.fixture
+def make():
+    return make_reconstruction

@@ -1,0 +1,258 @@
+"""GLB files: metres, y up, standing on y = 0, outsides outside."""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
+
+from physic_core.io.glb import BODY_RGB, CONTACT_RGB, glb_files
+from physic_core.io.surface import far_limit, scene_surface
+from physic_core.io.upright import gltf_from_camera, transform
+from physic_core.types import Plane, Scene
+
+
+def tree_of(content: bytes) -> dict:
+    magic, version, length, size, kind = struct.unpack("<4sIII4s", content[:20])
+    assert (magic, version, length, kind) == (b"glTF", 2, len(content), b"JSON")
+    return json.loads(content[20 : 20 + size])
+
+
+def opened(content: bytes) -> trimesh.Scene:
+    scene = trimesh.load_scene(io.BytesIO(content), file_type="glb")
+    assert isinstance(scene, trimesh.Scene)
+    return scene
+
+
+@pytest.fixture
+def files(reconstruction):
+    return dict(glb_files(reconstruction))
+
+
+# --- the upright frame ------------------------------------------------------------------------------------------------
+
+
+def test_without_a_floor_only_the_axes_turn():
+    np.testing.assert_allclose(gltf_from_camera(None), np.diag([1.0, -1.0, -1.0, 1.0]), atol=1e-15)
+
+
+def test_a_level_camera_is_lifted_over_the_floor():
+    matrix = gltf_from_camera(Plane(np.array([0.0, -1.0, 0.0]), 1.5))
+    expected = np.diag([1.0, -1.0, -1.0, 1.0])
+    expected[1, 3] = 1.5
+    np.testing.assert_allclose(matrix, expected, atol=1e-15)
+    np.testing.assert_allclose(transform(matrix, np.array([[0.2, 1.5, 3.0]])), [[0.2, 0.0, -3.0]], atol=1e-15)
+
+
+direction = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.norm(v) > 0.1)
+
+
+@given(normal=direction, offset=st.floats(0.1, 5), point=st.tuples(*[st.floats(-10, 10)] * 3))
+def test_the_upright_frame_is_rigid_and_its_y_is_the_height(normal, offset, point):
+    unit = np.array(normal) / np.linalg.norm(normal)
+    matrix = gltf_from_camera(Plane(unit, offset))
+    np.testing.assert_allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(matrix[:3, :3]) == pytest.approx(1.0)
+    assert transform(matrix, np.array([point]))[0, 1] == pytest.approx(unit @ point + offset, abs=1e-9)
+    np.testing.assert_allclose(matrix[[0, 2], 3], 0.0)
+    # The camera looks towards -z, unless straight down or up.
+    ahead = matrix[:3, :3] @ [0, 0, 1]
+    if np.hypot(ahead[0], ahead[2]) > 0.06:
+        assert ahead[0] == pytest.approx(0.0, abs=1e-9)
+        assert ahead[2] < 0
+
+
+def test_a_camera_that_looks_straight_down_keeps_its_top_ahead():
+    matrix = gltf_from_camera(Plane(np.array([0.0, 0.0, -1.0]), 2.0))
+    np.testing.assert_allclose(transform(matrix, np.array([[0.0, -1.0, 2.0]])), [[0.0, 0.0, -1.0]], atol=1e-12)
+
+
+def test_a_camera_that_tilts_a_little_more_turns_nothing_over():
+    for angle in np.deg2rad([30.0, 44.0, 46.0, 80.0, 89.0, 90.0]):
+        for sign in (-1.0, 1.0):  # looking down, looking up
+            matrix = gltf_from_camera(Plane(np.array([0.0, -np.cos(angle), sign * np.sin(angle)]), 2.0))
+            np.testing.assert_allclose(matrix[0, :3], [1.0, 0.0, 0.0], atol=1e-12)
+
+
+# --- the scene's surface ----------------------------------------------------------------------------------------------
+
+
+def flat_scene(depth: np.ndarray) -> Scene:
+    height, width = depth.shape
+    rows, columns = np.meshgrid(np.arange(height), np.arange(width), indexing="ij")
+    points = np.stack([(columns - width / 2) / 50 * depth, (rows - height / 2) / 50 * depth, depth], -1)
+    return Scene(
+        points=points.astype(np.float32),
+        normals=np.broadcast_to(np.float32([0, 0, -1]), points.shape),
+        colors=np.zeros(points.shape, np.uint8),
+        valid=np.isfinite(depth),
+        floor=None,
+        floor_points=np.zeros((0, 3), np.float32),
+    )
+
+
+def test_a_wall_becomes_one_sheet_that_faces_the_camera():
+    surface = scene_surface(flat_scene(np.full((12, 20), 3.0)), 10.0)
+    assert len(surface.vertices) == 240
+    assert len(surface.faces) == 2 * 11 * 19
+    mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
+    np.testing.assert_allclose(mesh.face_normals, np.tile([0, 0, -1], (len(mesh.faces), 1)), atol=1e-6)
+    assert mesh.area == pytest.approx(11 * 19 * (3 / 50) ** 2, rel=1e-5)
+
+
+def test_a_vertex_keeps_its_pixel():
+    scene = flat_scene(np.random.default_rng(0).uniform(2.9, 3.0, (30, 40)))
+    surface = scene_surface(scene, 10.0, max_vertices=300)
+    columns, rows = surface.pixels.T
+    np.testing.assert_array_equal(surface.vertices, scene.points[rows, columns])
+    assert columns.max() == 38  # every second
+
+
+def test_an_edge_in_depth_is_cut():
+    depth = np.full((10, 20), 3.0)
+    depth[:, 10:] = 4.0
+    surface = scene_surface(flat_scene(depth), 10.0)
+    assert len(surface.faces) == 2 * 9 * 18
+    assert np.ptp(surface.vertices[surface.faces][..., 2], axis=1).max() == 0
+
+
+def test_invalid_and_far_pixels_are_left_out():
+    depth = np.full((10, 20), 3.0)
+    depth[4, 4], depth[7, 14] = np.nan, 50.0
+    surface = scene_surface(flat_scene(depth), 10.0)
+    assert len(surface.vertices) == 198
+    # Six triangles meet at a pixel.
+    assert len(surface.faces) == 2 * 9 * 19 - 12
+
+
+def test_a_floor_far_away_stays_whole(reconstruction):
+    """Its rows step by more than the limit, but along the floor."""
+    scene = reconstruction.scene
+    surface = scene_surface(scene, 20.0)
+    heights = surface.vertices @ scene.floor.normal + scene.floor.offset
+    steps = np.ptp(surface.vertices[surface.faces][..., 2], axis=1)
+    on_floor = (np.abs(heights[surface.faces]) < 1e-3).all(1)
+    assert steps[on_floor].max() > 0.1
+    floor = np.abs(scene.points @ scene.floor.normal + scene.floor.offset) < 1e-3
+    assert (heights < 1e-3).sum() > 0.98 * floor.sum()
+
+
+def test_nothing_valid_makes_no_surface():
+    surface = scene_surface(flat_scene(np.full((10, 20), np.nan)), 10.0)
+    assert (len(surface.vertices), len(surface.faces)) == (0, 0)
+
+
+def test_the_scene_ends_at_three_times_the_farthest_person(reconstruction, make):
+    depth = max(np.median(person.vertices[:, 2]) for person in reconstruction.people)
+    assert far_limit(reconstruction) == pytest.approx(3 * depth)
+    assert far_limit(make(people=0)) == 20.0
+
+
+# --- the files --------------------------------------------------------------------------------------------------------
+
+
+def test_the_files(files):
+    assert list(files) == ["scene.glb", "person_0.glb", "person_1.glb", "combined.glb"]
+    for content in files.values():
+        extras = tree_of(content)["scenes"][0]["extras"]
+        assert extras["units"] == "metres"
+        assert extras["axes"] == "x right, y up, z backward"
+
+
+def test_a_person_stands_upright_on_the_floor_in_metres(files, reconstruction):
+    for index in (0, 1):
+        low, high = opened(files[f"person_{index}.glb"]).bounds
+        assert low[1] == pytest.approx(0.0, abs=0.03)
+        assert high[1] == pytest.approx(1.69, abs=0.02)
+    low, high = opened(files["person_0.glb"]).bounds
+    np.testing.assert_allclose((low + high)[[0, 2]] / 2, [-0.6, -3.0], atol=0.06)
+
+
+def test_vertices_are_the_camera_s_under_the_stated_matrix(files, reconstruction):
+    matrix = np.array(tree_of(files["person_1.glb"])["scenes"][0]["extras"]["gltf_from_camera"])
+    np.testing.assert_array_equal(matrix, gltf_from_camera(reconstruction.scene.floor))
+    mesh = opened(files["person_1.glb"]).geometry["person_1"]
+    np.testing.assert_allclose(mesh.vertices, transform(matrix, reconstruction.people[1].vertices), atol=1e-6)
+    np.testing.assert_array_equal(mesh.faces, reconstruction.faces)
+
+
+def test_the_outside_of_a_person_is_outside(files):
+    mesh = opened(files["person_0.glb"]).geometry["person_0"]
+    assert mesh.is_winding_consistent
+    assert mesh.volume > 0.03
+    inner = mesh.vertices.mean(0)
+    top = np.argmax(mesh.vertices[:, 1])
+    assert mesh.vertex_normals[top] @ (mesh.vertices[top] - inner) > 0
+
+
+def test_contact_is_red_on_a_mannequin(files, reconstruction):
+    mesh = opened(files["person_0.glb"]).geometry["person_0"]
+    colors = np.asarray(
+        mesh.visual.vertex_attributes["color"] if mesh.visual.kind == "texture" else mesh.visual.vertex_colors
+    )
+
+    def linear(rgb):
+        share = np.array(rgb) / 255
+        return np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4) * 255
+
+    contact = reconstruction.people[0].contact
+    assert 0 < contact.sum() < len(contact)
+    # glTF's vertex colours are linear.
+    np.testing.assert_allclose(colors[contact][:, :3], np.tile(linear(CONTACT_RGB), (contact.sum(), 1)), atol=0.51)
+    np.testing.assert_allclose(colors[~contact][:, :3], np.tile(linear(BODY_RGB), ((~contact).sum(), 1)), atol=0.51)
+
+
+def test_materials_are_matte_and_the_photo_brings_its_own_light(files):
+    tree = tree_of(files["combined.glb"])
+    photo, mannequin = tree["materials"]
+    assert photo["extensions"] == {"KHR_materials_unlit": {}}
+    assert photo["doubleSided"] is True
+    assert tree["extensionsUsed"] == ["KHR_materials_unlit"]
+    assert mannequin["pbrMetallicRoughness"] == {"metallicFactor": 0.0, "roughnessFactor": 0.9}
+    used = {mesh["name"]: mesh["primitives"][0] for mesh in tree["meshes"]}
+    assert {name: primitive["material"] for name, primitive in used.items()} == {
+        "scene": 0,
+        "person_0": 1,
+        "person_1": 1,
+    }
+    assert set(used["scene"]["attributes"]) == {"POSITION", "TEXCOORD_0"}
+    assert set(used["person_0"]["attributes"]) == {"POSITION", "NORMAL", "COLOR_0"}
+
+
+def test_the_scene_stands_in_the_same_frame_and_shows_its_colours(files, reconstruction):
+    mesh = opened(files["scene.glb"]).geometry["scene"]
+    low = mesh.bounds[0]
+    assert low[1] == pytest.approx(0.0, abs=1e-3)
+    assert low[2] == pytest.approx(-5.0, abs=1e-3)  # the wall
+    # The nearest mesh vertex to the middle of the box's lid is red, as that is.
+    lid = np.argmin(np.linalg.norm(mesh.vertices - [0.85, 0.45, -3.1], axis=1))
+    texture = np.asarray(mesh.visual.material.baseColorTexture)
+    u, v = mesh.visual.uv[lid]
+    height, width = texture.shape[:2]
+    pixel = texture[round((1 - v) * height - 0.5), round(u * width - 0.5)]
+    np.testing.assert_allclose(pixel, [215, 120, 95], atol=12)
+
+
+def test_the_combined_file_holds_everything_by_name(files):
+    assert set(opened(files["combined.glb"]).geometry) == {"scene", "person_0", "person_1"}
+
+
+def test_a_scene_without_a_valid_pixel_and_nobody_in_it_still_writes_files(make):
+    before = make(people=0)
+    scene = replace(before.scene, valid=np.zeros_like(before.scene.valid))
+    files = dict(glb_files(replace(before, scene=scene)))
+    assert list(files) == ["scene.glb", "combined.glb"]
+    for content in files.values():
+        assert tree_of(content)["asset"]["version"] == "2.0"
+
+
+def test_a_large_photo_makes_a_file_of_bounded_size(make):
+    files = dict(glb_files(make(1280, 720, people=0)))
+    assert 1e6 < len(files["scene.glb"]) < 10e6

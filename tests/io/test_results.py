@@ -1,0 +1,411 @@
+"""Results out and back in: whole, exact, and never half."""
+
+from __future__ import annotations
+
+import errno
+import json
+import math
+import os
+import re
+import zipfile
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import physic_core.io.results as results
+from physic_core.errors import InputError, OutputError
+from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS
+from physic_core.io.document import from_text, restored, to_document, to_text
+from physic_core.io.results import check_writable, load, save
+from physic_core.types import Intrinsics, Reconstruction, Scene
+
+
+def assert_same(left, right, where="reconstruction"):
+    """Equal to the last bit, dtypes and types included."""
+    assert type(left) is type(right), where
+    if is_dataclass(left):
+        for field in fields(left):
+            assert_same(getattr(left, field.name), getattr(right, field.name), f"{where}.{field.name}")
+    elif isinstance(left, np.ndarray):
+        assert left.dtype == right.dtype, where
+        np.testing.assert_array_equal(left, right, err_msg=where)
+    elif isinstance(left, tuple | list):
+        assert len(left) == len(right), where
+        for index, (one, other) in enumerate(zip(left, right, strict=True)):
+            assert_same(one, other, f"{where}[{index}]")
+    elif isinstance(left, dict):
+        assert list(left) == list(right), where
+        for key in left:
+            assert_same(left[key], right[key], f"{where}[{key!r}]")
+    else:
+        assert left == right or (left != left and right != right), where
+
+
+def strict(text: bytes):
+    def refuse(word):
+        raise AssertionError(f"{word} is no JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+# --- there and back ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("people", [0, 1, 2])
+def test_load_gives_back_what_save_took(tmp_path, make, people):
+    before = make(people=people)
+    save(before, tmp_path, preview=False)
+    assert_same(before, load(tmp_path))
+
+
+def test_without_a_floor(tmp_path, reconstruction):
+    scene = replace(reconstruction.scene, floor=None, floor_points=np.zeros((0, 3), np.float32), scale_sigma=None)
+    before = replace(reconstruction, scene=scene)
+    save(before, tmp_path, preview=False)
+    assert_same(before, load(tmp_path))
+
+
+def test_the_result_saves_and_loads_itself(tmp_path, reconstruction):
+    reconstruction.save(str(tmp_path))
+    assert_same(reconstruction, Reconstruction.load(str(tmp_path)))
+
+
+def test_numbers_that_are_not_finite_survive(tmp_path, reconstruction):
+    person = replace(reconstruction.people[0], score=math.nan, vertices=reconstruction.people[0].vertices * np.nan)
+    before = replace(reconstruction, people=(person, *reconstruction.people[1:]))
+    save(before, tmp_path)
+    assert_same(before, load(tmp_path))
+
+
+def test_other_number_types_are_stored_as_documented(tmp_path, reconstruction):
+    people = tuple(replace(person, box=person.box.astype(np.float64)) for person in reconstruction.people)
+    save(replace(reconstruction, people=people, faces=reconstruction.faces.astype(np.int64)), tmp_path, preview=False)
+    assert_same(reconstruction, load(tmp_path))
+
+
+EMPTY = Reconstruction(
+    image=np.zeros((2, 2, 3), np.uint8),
+    intrinsics=Intrinsics.from_focal(2.0, 2, 2),
+    scene=Scene(
+        points=np.zeros((2, 2, 3), np.float32),
+        normals=np.zeros((2, 2, 3), np.float32),
+        colors=np.zeros((2, 2, 3), np.uint8),
+        valid=np.zeros((2, 2), bool),
+        floor=None,
+        floor_points=np.zeros((0, 3), np.float32),
+    ),
+    people=(),
+    faces=np.zeros((0, 3), np.int32),
+    body_model="embedded",
+    skeleton="coco17",
+)
+TEXT = st.text(st.characters(codec=None, exclude_categories=()), max_size=20).filter(
+    lambda text: text not in ("NaN", "Infinity", "-Infinity")
+)
+NUMBER = st.floats() | st.integers(-(2**60), 2**60) | st.booleans() | st.none()
+VALUE = st.recursive(
+    NUMBER | TEXT, lambda inner: st.lists(inner, max_size=4) | st.dictionaries(TEXT, inner, max_size=4)
+)
+
+
+@settings(deadline=None)
+@given(value=VALUE)
+def test_any_words_and_numbers_come_back(value):
+    before = replace(EMPTY, diagnostics={"value": value})
+    text = to_text(to_document(before, [], ""))
+    strict(text)
+    assert_same(value, restored(from_text(text, "it")["diagnostics"])["value"])
+
+
+def test_arrays_and_numpy_numbers_become_lists_and_numbers(reconstruction):
+    numbers = {"a": np.float32(0.5), "b": np.arange(3), "c": (1, 2), "d": Path("x/y"), "e": {3: np.bool_(True)}}
+    document = to_document(replace(reconstruction, diagnostics=numbers), [], "")
+    assert document["diagnostics"] == {"a": 0.5, "b": [0, 1, 2], "c": [1, 2], "d": "x/y", "e": {"3": True}}
+
+
+# --- what lies in the folder ------------------------------------------------------------------------------------------
+
+
+def test_the_files_of_a_result(tmp_path, reconstruction):
+    paths = save(reconstruction, tmp_path)
+    names = [
+        "reconstruction.json",
+        "reconstruction.npz",
+        "scene.glb",
+        "combined.glb",
+        "person_0.glb",
+        "person_1.glb",
+        "preview.png",
+    ]
+    assert [path.name for path in paths] == names
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == sorted(names)
+
+
+def test_the_arrays_are_what_their_table_says(tmp_path, reconstruction):
+    save(reconstruction, tmp_path, preview=False)
+    person = reconstruction.people[0]
+    height, width = reconstruction.image.shape[:2]
+    sizes = {"H": height, "W": width, "F": len(reconstruction.faces), "V": len(person.vertices), "P": 1}
+    sizes |= {"J": len(person.keypoints), "K": 16, "E": 0, "M": len(reconstruction.scene.floor_points)}
+    expected = {spec.name: spec for spec in SHARED_ARRAYS}
+    expected |= {f"person_{index}_{spec.name}": spec for index in (0, 1) for spec in PERSON_ARRAYS}
+    with np.load(tmp_path / "reconstruction.npz", allow_pickle=False) as arrays:
+        assert set(arrays) == set(expected)
+        for name, spec in expected.items():
+            array = arrays[name]
+            assert array.shape == tuple(sizes.get(size, size) for size in spec.shape), name
+            assert (array.dtype.kind == "U") if spec.dtype == "text" else (array.dtype == spec.dtype), name
+        assert str(arrays["body_model"]) == "embedded"
+        np.testing.assert_array_equal(arrays["person_1_contact"], reconstruction.people[1].contact)
+
+
+def test_the_same_result_makes_the_same_bytes(tmp_path, reconstruction):
+    for folder in ("a", "b"):
+        save(reconstruction, tmp_path / folder, preview=False)
+    for name in ("reconstruction.json", "reconstruction.npz", "combined.glb"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes(), name
+
+
+def test_the_document_says_what_a_reader_asks(tmp_path, reconstruction):
+    save(reconstruction, tmp_path, preview=False)
+    text = (tmp_path / "reconstruction.json").read_bytes()
+    document = strict(text)
+    assert document["schema_version"] == 1
+    assert document["units"] == {"length": "metres", "angle": "radians", "time": "seconds", "image": "pixels"}
+    assert document["frame"]["axes"] == "OpenCV camera: x right, y down, z forward; origin at the camera"
+    assert document["image"] == {"width": 160, "height": 120}
+    assert document["intrinsics"]["fx"] == reconstruction.intrinsics.fx
+    assert document["people"][0]["failed_checks"] == ["stands apart from the floor"]
+    assert document["people"][1]["box"] == reconstruction.people[1].box.tolist()
+    assert document["scene"]["floor"]["offset"] == 1.4
+    assert document["scene"]["scale"] == 1.0625
+    assert document["stages"][0]["backend"]["distribution"] == "physic-mock"
+    assert document["stages"][0]["backend"]["weights_license"] == "Apache-2.0"
+    assert document["stages"][0]["backend"]["options"]["limit"] == "Infinity"
+    assert document["stages"][1]["backend"] is None
+    assert document["diagnostics"]["joint"]["contact"] == [12.5, 0.1]
+    assert document["config"] == reconstruction.config
+    assert document["warnings"][0] == reconstruction.warnings[0]
+    assert {entry["name"] for entry in document["arrays"]["shared"]} == {spec.name for spec in SHARED_ARRAYS}
+    assert "–" in text.decode()  # readable, not escaped
+    assert '"normal": [' in text.decode()  # rows of numbers stay on one line
+    assert len(text.decode().splitlines()) < 400
+
+
+# --- a folder that was used before ------------------------------------------------------------------------------------
+
+
+def test_a_smaller_result_leaves_nothing_of_a_larger_one(tmp_path, make):
+    save(make(people=2), tmp_path)
+    (tmp_path / "notes.txt").write_text("mine")
+    (tmp_path / "person_9.ply").write_text("mine")
+    save(make(people=1), tmp_path, preview=False)
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == [
+        "combined.glb",
+        "notes.txt",
+        "person_0.glb",
+        "person_9.ply",
+        "reconstruction.json",
+        "reconstruction.npz",
+        "scene.glb",
+    ]
+
+
+def test_files_beside_no_result_are_left_alone(tmp_path, make):
+    (tmp_path / "person_7.glb").write_text("mine")
+    save(make(people=1), tmp_path, preview=False)
+    assert (tmp_path / "person_7.glb").read_text() == "mine"
+
+
+def test_a_failing_write_leaves_the_former_result(tmp_path, make, monkeypatch):
+    before = make(people=1)
+    save(before, tmp_path)
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(results, "to_text", full)
+    with pytest.raises(OutputError) as caught:
+        save(make(people=2), tmp_path)
+    assert str(caught.value) == (
+        f"cannot write results to {tmp_path}: No space left on device; name another folder, or mend this"
+    )
+    assert_same(before, load(tmp_path))
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_a_failing_picture_leaves_the_numbers(tmp_path, reconstruction, monkeypatch):
+    import physic_core.io.preview as preview
+
+    def broken(_):
+        raise RuntimeError("no picture today")
+
+    monkeypatch.setattr(preview, "preview_png", broken)
+    with pytest.raises(RuntimeError, match="no picture today"):
+        save(reconstruction, tmp_path)
+    assert_same(reconstruction, load(tmp_path))
+    assert not list(tmp_path.glob(".*"))
+
+
+# --- a folder that cannot be written ----------------------------------------------------------------------------------
+
+
+def test_a_writable_folder_is_made(tmp_path):
+    assert check_writable(tmp_path / "a" / "b") == tmp_path / "a" / "b"
+    assert list((tmp_path / "a" / "b").iterdir()) == []
+
+
+def test_out_is_a_file(tmp_path):
+    path = tmp_path / "out"
+    path.write_text("mine")
+    with pytest.raises(OutputError) as caught:
+        check_writable(path)
+    assert str(caught.value) == (f"cannot write results to {path}: it is a file; name a folder, or move the file away")
+    assert path.read_text() == "mine"
+
+
+def test_out_lies_below_a_file(tmp_path):
+    (tmp_path / "file").write_text("mine")
+    path = tmp_path / "file" / "out"
+    with pytest.raises(OutputError) as caught:
+        check_writable(path)
+    assert str(caught.value) == (f"cannot write results to {path}: Not a directory; name another folder, or mend this")
+
+
+def test_out_may_not_be_written(tmp_path, monkeypatch):
+    def refuse(self, _):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(self))
+
+    monkeypatch.setattr(Path, "write_bytes", refuse)
+    with pytest.raises(OutputError) as caught:
+        check_writable(tmp_path)
+    assert str(caught.value) == (
+        f"cannot write results to {tmp_path}: Permission denied; name another folder, or mend this"
+    )
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_of_another_user(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(OutputError, match="Permission denied"):
+        check_writable(tmp_path)
+
+
+# --- a result that cannot be read -------------------------------------------------------------------------------------
+
+
+def message_of(folder) -> str:
+    with pytest.raises(InputError) as caught:
+        load(folder)
+    return str(caught.value)
+
+
+def test_a_folder_without_a_result(tmp_path):
+    path = tmp_path / "reconstruction.json"
+    assert message_of(tmp_path) == f"cannot read {path}: there is no such file; name the folder of a finished run"
+
+
+def test_a_document_without_its_arrays(tmp_path, reconstruction):
+    save(reconstruction, tmp_path, preview=False)
+    path = tmp_path / "reconstruction.npz"
+    path.unlink()
+    assert message_of(tmp_path) == f"cannot read {path}: there is no such file; name the folder of a finished run"
+
+
+def test_another_schema_version(tmp_path, reconstruction):
+    save(reconstruction, tmp_path, preview=False)
+    path = tmp_path / "reconstruction.json"
+    path.write_bytes(path.read_bytes().replace(b'"schema_version": 1', b'"schema_version": 99'))
+    assert message_of(tmp_path) == (
+        f"cannot read {path}: its schema version is 99, and this PhySIC reads 1; "
+        "load it with the PhySIC that wrote it, or run the reconstruction again"
+    )
+
+
+@pytest.mark.parametrize("content", [b"[]", b"{}", b'{"schema": "other"}'])
+def test_some_other_json(tmp_path, content):
+    path = tmp_path / "reconstruction.json"
+    path.write_bytes(content)
+    assert message_of(tmp_path) == (
+        f"cannot read {path}: it does not describe a reconstruction; name the folder of a finished run"
+    )
+
+
+def test_a_broken_document(tmp_path):
+    path = tmp_path / "reconstruction.json"
+    path.write_bytes(b'{"schema": ')
+    assert message_of(tmp_path) == (
+        f"cannot read {path}: it is not JSON (Expecting value: line 1 column 12 (char 11)); "
+        "run the reconstruction again"
+    )
+
+
+def test_a_document_that_lacks_an_entry(tmp_path, reconstruction):
+    save(reconstruction, tmp_path, preview=False)
+    path = tmp_path / "reconstruction.json"
+    document = json.loads(path.read_bytes())
+    del document["intrinsics"]
+    path.write_text(json.dumps(document))
+    assert message_of(tmp_path) == (
+        f"cannot read {path}: an entry is missing or of another kind ('intrinsics'); run the reconstruction again"
+    )
+
+
+def test_arrays_of_another_run(tmp_path, make):
+    save(make(people=1), tmp_path / "a", preview=False)
+    save(make(people=2), tmp_path / "b", preview=False)
+    path = tmp_path / "a" / "reconstruction.npz"
+    path.write_bytes((tmp_path / "b" / "reconstruction.npz").read_bytes())
+    assert message_of(tmp_path / "a") == (
+        f"cannot read {path}: it is not of the same run as reconstruction.json beside it; run the reconstruction again"
+    )
+
+
+def test_arrays_that_are_missing(tmp_path, reconstruction):
+    save(reconstruction, tmp_path, preview=False)
+    path = tmp_path / "reconstruction.npz"
+    with np.load(path) as arrays:
+        kept = {name: arrays[name] for name in arrays if name not in ("faces", "person_1_contact")}
+    np.savez(path, **kept)
+    assert message_of(tmp_path) == (
+        f"cannot read {path}: it lacks faces, person_1_contact; run the reconstruction again"
+    )
+
+
+@pytest.mark.parametrize("share", [0.3, 0.999])
+def test_truncated_arrays(tmp_path, reconstruction, share):
+    save(reconstruction, tmp_path, preview=False)
+    path = tmp_path / "reconstruction.npz"
+    content = path.read_bytes()
+    path.write_bytes(content[: int(len(content) * share)])
+    assert message_of(tmp_path) == (
+        f"cannot read {path}: it is damaged (File is not a zip file); run the reconstruction again"
+    )
+
+
+def test_a_flipped_bit_is_noticed(tmp_path, reconstruction):
+    save(reconstruction, tmp_path, preview=False)
+    path = tmp_path / "reconstruction.npz"
+    content = bytearray(path.read_bytes())
+    with zipfile.ZipFile(path) as archive:
+        content[archive.getinfo("scene_points.npy").header_offset + 50_000] ^= 1
+    path.write_bytes(bytes(content))
+    assert re.fullmatch(
+        re.escape(f"cannot read {path}: it is damaged (Bad CRC-32 for file 'scene_points.npy'); ")
+        + "run the reconstruction again",
+        message_of(tmp_path),
+    )
+
+
+def test_a_pickle_in_the_arrays_is_not_opened(tmp_path, reconstruction):
+    save(reconstruction, tmp_path, preview=False)
+    path = tmp_path / "reconstruction.npz"
+    with np.load(path) as arrays:
+        kept = dict(arrays)
+    kept["faces"] = np.array([{"code": "here"}], dtype=object)
+    np.savez(path, **kept)
+    assert message_of(tmp_path).startswith(f"cannot read {path}: it is damaged (Object arrays cannot be loaded")
