@@ -1,0 +1,300 @@
+"""Pictures of bodies and points by ray casts and splats: no display and no GPU.
+
+Colours are sRGB in 0-1; a picture's row 0 is its top.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.types import Intrinsics
+
+    Array = NDArray[np.float64]
+
+__all__ = ["Figures", "Layer", "Orthographic", "Perspective", "Viewer", "behind", "draw", "figures", "over", "splat"]
+
+
+class Viewer(Protocol):
+    """Where a picture is taken from; pictures have ``height`` x ``width`` px."""
+
+    @property
+    def width(self) -> int:
+        """Columns of the picture."""
+
+    @property
+    def height(self) -> int:
+        """Rows of the picture."""
+
+    def project(self, points: Array) -> Array:
+        """(N, 3) metres -> (N, 3): column and row in px, and distance from the eye in metres."""
+
+    def rays(self, columns: Array, rows: Array) -> tuple[Array, Array]:
+        """Columns and rows (N,) px -> origins and unit directions (N, 3)."""
+
+    def lights(self) -> Array:
+        """(3, 3): unit directions towards right, top and eye of the picture."""
+
+
+@dataclass(frozen=True)
+class Perspective:
+    """A pinhole camera at the origin of the OpenCV frame, drawn at any size of picture."""
+
+    intrinsics: Intrinsics
+    width: int
+    height: int
+
+    def project(self, points: Array) -> Array:
+        """See :class:`Viewer`."""
+        camera = self.intrinsics.resized(self.width, self.height)
+        depth = points[:, 2]
+        safe = np.where(depth > 1e-6, depth, np.nan)
+        return np.stack(
+            [points[:, 0] / safe * camera.fx + camera.cx, points[:, 1] / safe * camera.fy + camera.cy, depth], -1
+        )
+
+    def rays(self, columns: Array, rows: Array) -> tuple[Array, Array]:
+        """See :class:`Viewer`."""
+        camera = self.intrinsics.resized(self.width, self.height)
+        ways = np.stack([(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy, np.ones_like(rows)], -1)
+        return np.zeros_like(ways), ways / np.linalg.norm(ways, axis=-1, keepdims=True)
+
+    def lights(self) -> Array:
+        """See :class:`Viewer`."""
+        return np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
+
+
+@dataclass(frozen=True)
+class Orthographic:
+    """A parallel view.
+
+    Attributes:
+        center: (3,) metres, what lies in the middle of the picture.
+        right: (3,) unit vector along the picture's rows.
+        top: (3,) unit vector towards the picture's top, at a right angle to ``right``.
+        pixels_per_metre: scale.
+        width: px.
+        height: px.
+        start: metres in front of ``center`` where rays start: what lies before is cut away.
+    """
+
+    center: Array
+    right: Array
+    top: Array
+    pixels_per_metre: float
+    width: int
+    height: int
+    start: float = 50.0
+
+    @property
+    def towards_eye(self) -> Array:
+        """(3,) unit vector out of the picture."""
+        return np.cross(self.right, self.top)
+
+    def project(self, points: Array) -> Array:
+        """See :class:`Viewer`; the eye stands 1000 m in front of ``center``."""
+        offset = points - self.center
+        return np.stack(
+            [
+                offset @ self.right * self.pixels_per_metre + (self.width - 1) / 2,
+                -(offset @ self.top) * self.pixels_per_metre + (self.height - 1) / 2,
+                1000.0 - offset @ self.towards_eye,
+            ],
+            -1,
+        )
+
+    def rays(self, columns: Array, rows: Array) -> tuple[Array, Array]:
+        """See :class:`Viewer`."""
+        x = (columns - (self.width - 1) / 2) / self.pixels_per_metre
+        y = -(rows - (self.height - 1) / 2) / self.pixels_per_metre
+        origins = self.center + x[:, None] * self.right + y[:, None] * self.top + self.start * self.towards_eye
+        return origins, np.broadcast_to(-self.towards_eye, origins.shape)
+
+    def lights(self) -> Array:
+        """See :class:`Viewer`."""
+        return np.stack([self.right, self.top, self.towards_eye])
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Several bodies of one topology, ready for ray casts.
+
+    Attributes:
+        vertices: (N * V, 3) metres.
+        faces: (N * F, 3), counter-clockwise from outside.
+        normals: (N * V, 3) unit.
+        caster: trimesh's intersector.
+    """
+
+    vertices: Array
+    faces: NDArray[np.int64]
+    normals: Array
+    caster: Any
+
+
+@dataclass(frozen=True)
+class Layer:
+    """A picture with transparency.
+
+    Attributes:
+        color: (H, W, 3) float32, premultiplied by ``alpha``.
+        alpha: (H, W) float32.
+        distance: (H, W) float32 from the eye as :meth:`Viewer.project` counts it, inf where empty.
+    """
+
+    color: NDArray[np.float32]
+    alpha: NDArray[np.float32]
+    distance: NDArray[np.float32]
+
+
+def figures(bodies: Sequence[Array], faces: NDArray[Any], *, smooth: bool = True) -> Figures | None:
+    """Vertices of N bodies, each (V, 3), and their common faces -> figures; None where there is nothing to draw.
+
+    Args:
+        bodies: vertices of each.
+        faces: (F, 3) of one.
+        smooth: whether normals are needed; without them they are zero.
+    """
+    import trimesh
+    from trimesh.ray.ray_pyembree import RayMeshIntersector
+
+    if not bodies or not len(faces):
+        return None
+    count = len(bodies[0])
+    vertices = np.concatenate([np.asarray(body, np.float64) for body in bodies])
+    triangles = np.concatenate([np.asarray(faces, np.int64) + index * count for index in range(len(bodies))])
+    mesh = trimesh.Trimesh(vertices, triangles, process=False)
+    normals = np.asarray(mesh.vertex_normals) if smooth else np.zeros_like(vertices)
+    return Figures(vertices, triangles, normals, RayMeshIntersector(mesh))
+
+
+def draw(shapes: Figures, viewer: Viewer, colors: Array, *, lit: bool = True, samples: int = 2) -> Layer:
+    """Picture of bodies or surfaces.
+
+    Args:
+        shapes: what to draw, in the viewer's frame.
+        viewer: where from.
+        colors: (N * V, 3) sRGB of each vertex.
+        lit: whether light falls on it; a photo's colours need none.
+        samples: rays along each side of a pixel.
+    """
+    import cv2
+
+    color = np.zeros((viewer.height, viewer.width, 4), np.float32)
+    distance = np.full((viewer.height, viewer.width), np.inf, np.float32)
+    spots = viewer.project(shapes.vertices)[:, :2]
+    if np.isnan(spots).all():
+        return Layer(color[..., :3], color[..., 3], distance)
+    size = viewer.width, viewer.height
+    x0, y0 = (int(np.clip(np.floor(np.nanmin(spots[:, axis])) - 1, 0, size[axis])) for axis in (0, 1))
+    x1, y1 = (int(np.clip(np.ceil(np.nanmax(spots[:, axis])) + 2, 0, size[axis])) for axis in (0, 1))
+    if x0 >= x1 or y0 >= y1:
+        return Layer(color[..., :3], color[..., 3], distance)
+    columns = np.arange(x0 * samples, x1 * samples) / samples - 0.5 + 0.5 / samples
+    rows = np.arange(y0 * samples, y1 * samples) / samples - 0.5 + 0.5 / samples
+    grid = np.meshgrid(columns, rows)
+    hit, rgb, far = _trace(shapes, viewer, colors, grid[0].ravel(), grid[1].ravel(), lit)
+    fine = np.zeros((grid[0].size, 4), np.float32)
+    fine[hit, :3], fine[hit, 3] = rgb, 1.0
+    depth = np.full(grid[0].size, np.inf, np.float32)
+    depth[hit] = far
+    box = (x1 - x0, y1 - y0)
+    color[y0:y1, x0:x1] = cv2.resize(fine.reshape(*grid[0].shape, 4), box, interpolation=cv2.INTER_AREA)
+    distance[y0:y1, x0:x1] = (
+        depth.reshape(box[1], samples, box[0], samples)
+        .transpose(0, 2, 1, 3)
+        .reshape(box[1], box[0], -1)
+        .min(-1)
+    )
+    return Layer(color[..., :3], color[..., 3], distance)
+
+
+def over(layer: Layer, picture: NDArray[np.float32], opacity: float = 1.0) -> NDArray[np.float32]:
+    """Layer over an opaque picture (H, W, 3) in 0-1."""
+    return layer.color * opacity + picture * (1.0 - opacity * layer.alpha[..., None])
+
+
+def splat(viewer: Viewer, points: Array, colors: Array) -> Layer:
+    """Points (N, 3) with sRGB colours (N, 3) as squares of 3 px; nearer ones hide farther ones."""
+    shape = viewer.height + 2, viewer.width + 2  # a rim of one pixel, so that the squares need no clipping
+    color, distance = np.zeros((*shape, 3), np.float32), np.full(shape, np.inf, np.float32)
+    spots = viewer.project(points)
+    with np.errstate(invalid="ignore"):
+        inside = (spots[:, :2] > -0.5).all(-1) & (spots[:, 0] < viewer.width) & (spots[:, 1] < viewer.height)
+    order = np.flatnonzero(inside)
+    order = order[np.argsort(-spots[order, 2])]  # numpy keeps the last of several writes: the nearest come last
+    columns, rows = np.round(spots[order, :2]).astype(np.int64).T + 1
+    distance[rows, columns] = spots[order, 2]
+    color[rows, columns] = np.asarray(colors, np.float32)[order]
+    sparse, tints = distance.copy(), color.copy()
+    for dy in (0, 1, 2):
+        for dx in (0, 1, 2):
+            window = slice(dy, dy + viewer.height), slice(dx, dx + viewer.width)
+            nearer = sparse[window] < distance[1:-1, 1:-1]
+            distance[1:-1, 1:-1][nearer] = sparse[window][nearer]
+            color[1:-1, 1:-1][nearer] = tints[window][nearer]
+    distance = distance[1:-1, 1:-1]
+    return Layer(color[1:-1, 1:-1], np.isfinite(distance).astype(np.float32), distance)
+
+
+def behind(back: Layer, front: Layer, margin: float) -> Layer:
+    """Two layers as one: ``front`` shows unless ``back`` is nearer by more than ``margin`` metres."""
+    first = (front.alpha[..., None] > 0) & ~(back.distance < front.distance - margin)[..., None]
+    under = front.color + back.color * (1.0 - front.alpha[..., None])
+    veil = front.alpha + back.alpha * (1.0 - front.alpha)
+    return Layer(
+        np.where(first, under, back.color),
+        np.where(first[..., 0], veil, back.alpha),
+        np.minimum(front.distance, back.distance),
+    )
+
+
+def _trace(
+    shapes: Figures, viewer: Viewer, colors: Array, columns: Array, rows: Array, lit: bool
+) -> tuple[NDArray[np.int64], Array, Array]:
+    """Which rays hit, and colour and distance there."""
+    origins, ways = viewer.rays(columns, rows)
+    triangle = shapes.caster.intersects_first(origins, ways)
+    hit = np.flatnonzero(triangle >= 0)
+    corners = shapes.faces[triangle[hit]]
+    weights, spots = _barycentric(shapes.vertices[corners], origins[hit], ways[hit])
+    base = np.einsum("nkc,nk->nc", np.asarray(colors)[corners], weights)
+    if not lit:
+        return hit, base, viewer.project(spots)[:, 2]
+    normals = np.einsum("nkc,nk->nc", shapes.normals[corners], weights)
+    normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-9)
+    return hit, _shade(normals, ways[hit], viewer.lights(), base), viewer.project(spots)[:, 2]
+
+
+def _barycentric(triangles: Array, origins: Array, ways: Array) -> tuple[Array, Array]:
+    """Rays (N, 3) that meet triangles (N, 3, 3) -> weights of the corners (N, 3), and the meeting points (N, 3)."""
+    first, second = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    normal = np.cross(first, second)
+    slope = (normal * ways).sum(-1)
+    slope = np.where(np.abs(slope) < 1e-15, 1e-15, slope)  # seen edge on: the clip below keeps it finite
+    distance = (normal * (triangles[:, 0] - origins)).sum(-1) / slope
+    spots = origins + distance[:, None] * ways
+    area = np.maximum((normal * normal).sum(-1), 1e-30)
+    offset = spots - triangles[:, 0]
+    beta = np.clip((np.cross(offset, second) * normal).sum(-1) / area, 0.0, 1.0)
+    gamma = np.clip((np.cross(first, offset) * normal).sum(-1) / area, 0.0, 1.0 - beta)
+    weights = np.stack([1.0 - beta - gamma, beta, gamma], -1)
+    return weights, np.einsum("nkc,nk->nc", triangles, weights)
+
+
+def _shade(normals: Array, ways: Array, lights: Array, base: Array) -> Array:
+    """A plain mannequin: key light over the eye's left shoulder, light from above, darker rims."""
+    right, top, eye = lights
+    key = eye + 0.7 * top - 0.5 * right
+    key /= np.linalg.norm(key)
+    direct = np.clip(normals @ key, 0.0, 1.0)
+    sky = 0.5 + 0.5 * (normals @ top)
+    facing = np.clip(-(normals * ways).sum(-1), 0.0, 1.0)
+    light = (0.34 + 0.52 * direct + 0.2 * sky) * (0.72 + 0.28 * facing**0.7)
+    return np.asarray(np.clip(base * light[:, None], 0.0, 1.0))

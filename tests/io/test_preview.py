@@ -1,0 +1,291 @@
+"""Pictures: what is drawn lies where the camera sees it, and the preview holds every panel."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+from physic_core.io.diorama import PERSON_COLORS, build_diorama
+from physic_core.io.panels import contact_picture, depth_panel, depth_range, overlay_panel
+from physic_core.io.plans import PAPER, above_plan, side_plan
+from physic_core.io.preview import headline, preview_image, preview_png
+from physic_core.io.render import Orthographic, Perspective, behind, draw, figures, over, splat
+from physic_core.types import Intrinsics
+
+SPHERE = trimesh.creation.icosphere(subdivisions=4, radius=0.5)
+CAMERA = Intrinsics.from_focal(100.0, 101, 81)
+
+
+def sphere_at(*centers):
+    return figures([SPHERE.vertices + center for center in centers], SPHERE.faces)
+
+
+def is_hue(picture, index):
+    """Pixels that show a person's colour, whatever the light."""
+    wanted = np.array(PERSON_COLORS[index]) / np.linalg.norm(PERSON_COLORS[index])
+    values = picture.astype(float)
+    return (values @ wanted > 0.995 * np.linalg.norm(values, axis=-1)) & (values.max(-1) > 40)
+
+
+# --- drawing ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_sphere_is_a_disc_of_the_right_size():
+    layer = draw(sphere_at([0, 0, 4.0]), Perspective(CAMERA, 101, 81), np.full((len(SPHERE.vertices), 3), 0.8))
+    radius = 100 * 0.5 / np.sqrt(4.0**2 - 0.5**2)
+    assert layer.alpha.sum() == pytest.approx(np.pi * radius**2, rel=0.01)
+    rows, columns = np.nonzero(layer.alpha > 0.5)
+    assert (rows.mean(), columns.mean()) == (pytest.approx(40, abs=0.05), pytest.approx(50, abs=0.05))
+    assert layer.distance[40, 50] == pytest.approx(3.5, abs=0.005)
+    assert np.isinf(layer.distance[0, 0])
+
+
+def test_a_picture_of_twice_the_size_shows_the_same():
+    colors = np.full((len(SPHERE.vertices), 3), 0.8)
+    small = draw(sphere_at([0.3, -0.2, 4.0]), Perspective(CAMERA, 101, 81), colors)
+    large = draw(sphere_at([0.3, -0.2, 4.0]), Perspective(CAMERA, 202, 162), colors)
+    assert large.alpha.sum() == pytest.approx(4 * small.alpha.sum(), rel=0.01)
+    np.testing.assert_allclose(large.alpha.reshape(81, 2, 101, 2).mean((1, 3)), small.alpha, atol=0.3)
+
+
+def test_the_nearer_hides_the_farther():
+    colors = np.concatenate(
+        [np.tile([1.0, 0, 0], (len(SPHERE.vertices), 1)), np.tile([0, 1.0, 0], (len(SPHERE.vertices), 1))]
+    )
+    layer = draw(sphere_at([0, 0, 6.0], [0, 0, 4.0]), Perspective(CAMERA, 101, 81), colors)
+    assert layer.color[40, 50, 1] > 0.5
+    assert layer.color[40, 50, 0] == 0
+
+
+def test_light_falls_from_above():
+    layer = draw(sphere_at([0, 0, 4.0]), Perspective(CAMERA, 101, 81), np.full((len(SPHERE.vertices), 3), 0.8))
+    assert layer.color[33, 50, 0] > layer.color[47, 50, 0] + 0.05
+
+
+def test_without_light_colours_stay():
+    layer = draw(
+        sphere_at([0, 0, 4.0]),
+        Perspective(CAMERA, 101, 81),
+        np.full((len(SPHERE.vertices), 3), 0.25),
+        lit=False,
+        samples=1,
+    )
+    np.testing.assert_allclose(layer.color[layer.alpha > 0], 0.25, atol=1e-6)
+
+
+def test_what_lies_behind_the_camera_is_not_drawn():
+    layer = draw(sphere_at([0, 0, -4.0]), Perspective(CAMERA, 101, 81), np.ones((len(SPHERE.vertices), 3)))
+    assert layer.alpha.max() == 0
+
+
+def test_a_parallel_view_is_to_scale():
+    view = Orthographic(np.array([0, 0, 4.0]), np.array([0, 0, 1.0]), np.array([0, -1.0, 0]), 60.0, 120, 100)
+    layer = draw(sphere_at([0, 0, 4.0]), view, np.ones((len(SPHERE.vertices), 3)))
+    assert layer.alpha.sum() == pytest.approx(np.pi * 30**2, rel=0.01)
+    spot = view.project(np.array([[7.0, -0.5, 4.5]]))[0]
+    assert spot[:2] == pytest.approx([59.5 + 30, 49.5 - 30])
+
+
+def test_a_parallel_view_can_cut():
+    view = Orthographic(
+        np.array([0, 0, 4.0]), np.array([1.0, 0, 0]), np.array([0, -1.0, 0]), 60.0, 120, 100, start=-0.1
+    )
+    layer = draw(sphere_at([0, 0, 3.0], [0, 0, 5.0]), view, np.ones((2 * len(SPHERE.vertices), 3)))
+    assert layer.distance[np.isfinite(layer.distance)].min() > 1000.1
+
+
+def test_a_splat_is_a_square_and_the_nearer_wins():
+    view = Orthographic(np.zeros(3), np.array([1.0, 0, 0]), np.array([0, -1.0, 0]), 10.0, 21, 11)
+    points = np.array([[0, 0, 1.0], [0.1, 0, 2.0], [50, 0, 0], [np.nan, 0, 0], [1.0, 0.5, 0]])
+    layer = splat(view, points, np.array([[1.0, 0, 0], [0, 1.0, 0], [1, 1, 1], [1, 1, 1], [0, 0, 1.0]]))
+    assert layer.alpha.sum() == 9 + 3 + 4  # the corner's square is cut
+    np.testing.assert_array_equal(layer.color[5, 10], [1, 0, 0])
+    np.testing.assert_array_equal(layer.color[5, 12], [0, 1, 0])
+    assert layer.distance[5, 10] == 1001
+    np.testing.assert_array_equal(layer.color[10, 20], [0, 0, 1])
+
+
+def test_layers_join_by_distance():
+    view = Orthographic(np.zeros(3), np.array([1.0, 0, 0]), np.array([0, -1.0, 0]), 10.0, 21, 11)
+    red = splat(view, np.array([[0, 0, 1.0]]), np.array([[1.0, 0, 0]]))
+    green = splat(view, np.array([[0, 0, 2.0], [0.2, 0, 2.0]]), np.array([[0, 1.0, 0]] * 2))
+    joined = behind(red, green, 0.1)
+    np.testing.assert_array_equal(joined.color[5, [10, 12]], [[1, 0, 0], [0, 1, 0]])
+    joined = behind(red, green, 1.5)
+    np.testing.assert_array_equal(joined.color[5, [10, 12]], [[0, 1, 0], [0, 1, 0]])
+
+
+def test_a_half_transparent_layer_mixes():
+    view = Orthographic(np.zeros(3), np.array([1.0, 0, 0]), np.array([0, -1.0, 0]), 10.0, 3, 3)
+    layer = splat(view, np.zeros((1, 3)), np.array([[1.0, 0, 0]]))
+    picture = over(layer, np.full((3, 3, 3), 0.5, np.float32), 0.5)
+    np.testing.assert_allclose(picture[1, 1], [0.75, 0.25, 0.25])
+
+
+def test_no_bodies_are_no_figures():
+    assert figures([], SPHERE.faces) is None
+
+
+# --- panels -----------------------------------------------------------------------------------------------------------
+
+
+def test_people_are_drawn_where_their_joints_project(reconstruction):
+    picture = overlay_panel(reconstruction, build_diorama(reconstruction), 320, 240)
+    for index, person in enumerate(reconstruction.people):
+        spots = person.joints[[0, 9]] @ reconstruction.intrinsics.resized(320, 240).matrix.T
+        for column, row in spots[:, :2] / spots[:, 2:]:
+            assert is_hue(picture[round(row)][round(column)][None], index).all(), (index, row, column)
+
+
+def test_depth_runs_from_red_to_blue_and_unknown_is_grey(reconstruction):
+    valid = reconstruction.scene.valid.copy()
+    valid[50:60, 100:110] = False
+    seen = replace(reconstruction, scene=replace(reconstruction.scene, valid=valid), people=())
+    picture = depth_panel(seen, 160, 120)
+    near, far = depth_range(seen)
+    assert near == pytest.approx(reconstruction.scene.points[..., 2].min(), rel=0.1)
+    assert far == pytest.approx(reconstruction.scene.points[..., 2].max(), rel=0.05)
+    assert picture[119, 80, 0] > picture[119, 80, 2]  # the floor before the feet
+    assert picture[68, 80, 2] > picture[68, 80, 0]  # the foot of the wall
+    assert (picture[55, 105] == [190, 190, 188]).all()
+
+
+def test_from_the_side_people_stand_on_the_floor_line(reconstruction):
+    plan = side_plan(build_diorama(reconstruction), 600, 440)
+    assert plan.floor_row is not None
+    metre = plan.pixels_per_metre
+    for index, depth in ((0, 3.0), (1, 3.8)):
+        rows, columns = np.nonzero(is_hue(plan.picture, index))
+        assert plan.floor_row - rows.min() == pytest.approx(1.69 * metre, abs=4)
+        middle = plan.columns[3] + (depth - 3) * metre
+        assert (columns.min() + columns.max()) / 2 == pytest.approx(middle, abs=0.1 * metre)
+        if index == 1:  # the other's legs are veiled by the box
+            assert rows.max() == pytest.approx(plan.floor_row, abs=0.03 * metre)
+    metres = sorted(plan.columns)
+    assert np.diff([plan.columns[metre] for metre in metres]) == pytest.approx(plan.pixels_per_metre)
+
+
+def test_from_above_people_stand_beside_each_other(reconstruction):
+    plan = above_plan(build_diorama(reconstruction), 400, 900)
+    spots = []
+    for index in (0, 1):
+        rows, columns = np.nonzero(is_hue(plan.picture, index))
+        spots.append([(columns.min() + columns.max()) / 2, (rows.min() + rows.max()) / 2])
+    offset = (np.array(spots[1]) - spots[0]) / plan.pixels_per_metre
+    np.testing.assert_allclose(offset, [0.9, -0.8], atol=0.1)  # farther is higher
+    assert (plan.floor_row, plan.columns) == (None, {})
+    assert plan.camera is not None
+    assert (spots[0][0] - plan.camera[0]) / plan.pixels_per_metre == pytest.approx(-0.6, abs=0.1)
+
+
+def test_the_scene_is_seen_from_above_in_its_colours(reconstruction):
+    plan = above_plan(build_diorama(reconstruction), 400, 900)
+    assert plan.camera is not None
+    column = round(plan.camera[0] + 1.0 * plan.pixels_per_metre)
+    row = round(plan.camera[1] - 3.1 * plan.pixels_per_metre)
+    np.testing.assert_allclose(plan.picture[row, column], [215, 120, 95], atol=6)  # the box's lid
+
+
+def test_contact_is_red_from_below_only(reconstruction):
+    shown = contact_picture(reconstruction, 0, 600, 300)
+    assert [name for name, _ in shown.views] == ["front", "back", "below"]
+    red = (shown.picture[..., 0].astype(int) - shown.picture[..., 1]) > 60
+    middles = [column for _, column in shown.views]
+    edges = [0, *np.add(middles[:-1], middles[1:]) / 2, 600]
+    counts = [int(red[:, int(left) : int(right)].sum()) for left, right in pairwise(edges)]
+    assert counts[2] > 5 * max(counts[0], counts[1], 1)
+
+
+def test_the_front_is_the_side_with_the_toes(reconstruction):
+    """The mannequin's shoes point ahead: they are seen from the front, and the heels from the back."""
+    person = reconstruction.people[0]
+    toes = np.zeros(len(person.vertices), bool)
+    toe = (person.joints[10] + person.joints[11]) / 2
+    toes[np.linalg.norm(person.vertices - toe, axis=1) < 0.17] = True
+    seen = replace(reconstruction, people=(replace(person, contact=toes),))
+    shown = contact_picture(seen, 0, 600, 300)
+    red = (shown.picture[..., 0].astype(int) - shown.picture[..., 1]) > 60
+    front, back, _ = (column for _, column in shown.views)
+    middle = int((front + back) / 2)
+    assert red[:, :middle].sum() > red[:, middle : int(2 * back - middle)].sum()
+
+
+def test_nobody_and_nothing_make_empty_plans(make):
+    before = make(people=0)
+    scene = replace(before.scene, valid=np.zeros_like(before.scene.valid))
+    diorama = build_diorama(replace(before, scene=scene))
+    for plan in (side_plan(diorama, 60, 40), above_plan(diorama, 60, 40)):
+        np.testing.assert_array_equal(plan.picture, np.broadcast_to(np.uint8(PAPER), (40, 60, 3)))
+
+
+# --- the whole --------------------------------------------------------------------------------------------------------
+
+
+def test_the_headline_states_the_facts(reconstruction):
+    assert headline(reconstruction) == "  ·  ".join(
+        [
+            "160 x 120 px",
+            "focal length 128 px (given)",
+            "scale ±7 %",
+            "moved by +6.2 % in the joint fit",
+            "camera 1.40 m above the floor, looking 12° down",
+            "0.6 s",
+            "2 of 2 people fail a check",
+            "2 warnings",
+        ]
+    )
+
+
+def test_the_headline_of_a_bare_result(make):
+    bare = make(people=1)
+    scene = replace(bare.scene, floor=None, scale=1.0, scale_sigma=None)
+    people = tuple(replace(person, failed_checks=()) for person in bare.people)
+    assert headline(replace(bare, scene=scene, people=people, stages=(), warnings=())) == "  ·  ".join(
+        [
+            "160 x 120 px",
+            "focal length 128 px (given)",
+            "scale of unknown certainty",
+            "moved by +0.0 % in the joint fit",
+            "no floor found",
+            "all checks passed",
+            "no warnings",
+        ]
+    )
+
+
+@pytest.mark.parametrize(("width", "height", "people"), [(160, 120, 2), (96, 160, 1), (320, 90, 0)])
+def test_the_preview_is_a_page_of_fixed_width(make, width, height, people):
+    image = Image.open(io.BytesIO(preview_png(make(width, height, people=people))))
+    assert image.format == "PNG"
+    assert image.width == 1800
+    assert 700 < image.height < 1500
+    assert image.getextrema() != ((250, 250), (250, 250), (248, 248))
+
+
+def test_a_crowd_and_broken_bodies_do_not_break_the_preview(make):
+    before = make(people=2)
+    person = before.people[0]
+    lost = replace(person, vertices=person.vertices * np.nan, joints=person.joints * np.nan)
+    long = "A warning — with a dash… " * 30
+    crowd = replace(before, people=(lost, *[before.people[1]] * 11), warnings=(long,) * 9)
+    assert preview_image(crowd).width == 1800
+
+
+def test_a_person_who_lies_or_bends_has_views(reconstruction):
+    person = reconstruction.people[0]
+    up = reconstruction.scene.floor.normal
+    for axis in (np.array([1.0, 0, 0]), np.cross(up, [1.0, 0, 0])):
+        turn = trimesh.transformations.rotation_matrix(np.pi / 2, axis, person.joints[0])
+        lying = replace(
+            person,
+            vertices=trimesh.transform_points(person.vertices, turn).astype(np.float32),
+            joints=trimesh.transform_points(person.joints, turn).astype(np.float32),
+        )
+        shown = contact_picture(replace(reconstruction, people=(lying,)), 0, 300, 200)
+        assert (shown.picture != PAPER).any(-1).mean() > 0.05
