@@ -109,7 +109,7 @@ def perceive(
         lambda a: border.keypoints_faults(a, n),
     )
 
-    hole = dilate(people.masks.any(0), max(4.0, plan.photo.mask_growth * max(height, width)))
+    hole = dilate(np.logical_or.reduce(people.masks), max(4.0, plan.photo.mask_growth * max(height, width)))
     empty = stages.ask(
         "inpainting",
         backends["inpainter"],

@@ -6,6 +6,7 @@ Estimators look at the photo (:mod:`physic_core.perception`), the engine makes o
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from physic_core.config import as_config
@@ -97,13 +98,16 @@ _OWN_STAGES = 6
 
 
 def _with_camera(photo: Photo, settings: PhotoSettings) -> Photo:
-    """The photo with the camera that the config gives, if it gives one."""
+    """The photo with the camera that the config gives, in px of the file, if it gives one."""
     height, width = photo.image.shape[:2]
+    file_width, file_height = photo.file_size or (width, height)
     if settings.intrinsics is not None:
-        return Photo(photo.image, Intrinsics(*settings.intrinsics, width, height), photo.notes)
-    if settings.focal_px is not None:
-        return Photo(photo.image, Intrinsics.from_focal(settings.focal_px, width, height), photo.notes)
-    return photo
+        given = Intrinsics(*settings.intrinsics, file_width, file_height)
+    elif settings.focal_px is not None:
+        given = Intrinsics.from_focal(settings.focal_px, file_width, file_height)
+    else:
+        return photo
+    return replace(photo, intrinsics=given.resized(width, height))
 
 
 def _result(

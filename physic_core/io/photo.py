@@ -15,7 +15,7 @@ import numpy as np
 from PIL import Image, ImageOps, UnidentifiedImageError
 
 from physic_core.errors import InputError
-from physic_core.io.exif import EXIF_IFD, ORIENTATION, intrinsics_from_exif
+from physic_core.io.exif import EXIF_IFD, ORIENTATION, intrinsics_from_exif, is_turned
 
 if TYPE_CHECKING:
     from physic_core.types import Intrinsics, UInt8Array
@@ -40,11 +40,14 @@ class Photo:
         image: (H, W, 3) uint8 RGB, upright.
         intrinsics: of ``image``, or None where the file does not tell.
         notes: what was done to the pixels, in plain words.
+        file_size: width and height of the upright file, px, where reading it reduced it; None where they are the
+            image's.
     """
 
     image: UInt8Array
     intrinsics: Intrinsics | None = None
     notes: tuple[str, ...] = ()
+    file_size: tuple[int, int] | None = None
 
 
 def read_photo(path: str | os.PathLike[str]) -> Photo:
@@ -215,7 +218,8 @@ def _read(image: Image.Image, path: Path) -> Photo:
     intrinsics, note = intrinsics_from_exif(tags, stored, rgb.size[0], rgb.size[1], orientation)
     if note:
         notes.append(note)
-    return Photo(np.array(rgb), intrinsics, tuple(notes))
+    upright = stored[::-1] if is_turned(orientation) else stored
+    return Photo(np.array(rgb), intrinsics, tuple(notes), upright if factor > 1 else None)
 
 
 def _frame_notes(image: Image.Image) -> tuple[str, ...]:
