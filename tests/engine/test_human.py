@@ -1,0 +1,363 @@
+"""Stage 2: background alignment, human points, and bodies put back to where they truly are.
+
+The body is an ellipsoid of a person's size: its picture and its points are known in closed form.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+
+import pytest
+import torch
+from torch import Tensor
+
+from physic_core.engine.human import Placement, align_original, human_points, place, placed_original
+from physic_core.engine.placement_solvers import closed_form, descend
+from physic_core.engine.placement_terms import Chamfer, Reprojection, Rows, Standing, Subject
+from physic_core.engine.settings import PRESETS, HumanSettings
+from physic_core.geometry.camera import intrinsics_matrix, pixel_rays, project
+
+DEFAULT, PAPER = PRESETS["default"].human, PRESETS["paper"].human
+AXES = torch.tensor([0.25, 0.85, 0.15], dtype=torch.float64)
+UP = torch.tensor([0.0, -1.0, 0.0], dtype=torch.float64)
+
+
+def sphere(count: int = 2500) -> Tensor:
+    """(count, 3) points spread evenly over the unit sphere."""
+    k = torch.arange(count, dtype=torch.float64) + 0.5
+    polar, turn = torch.acos(1 - 2 * k / count), math.pi * (1 + math.sqrt(5)) * k
+    return torch.stack((polar.sin() * turn.cos(), polar.cos(), polar.sin() * turn.sin()), -1)
+
+
+VERTICES = sphere() * AXES
+NORMALS = torch.nn.functional.normalize(sphere() / AXES, dim=-1)
+JOINTS = 2 * torch.rand(17, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(1)) - 1
+LANDMARKS = JOINTS * torch.tensor([0.2, 0.75, 0.1])
+SOLES = (VERTICES[:, 1] > 0.8).nonzero()[:, 0]
+TRUE = torch.tensor([[0.3, 0.45, 4.0], [-0.9, 0.45, 5.0]], dtype=torch.float64)
+START = TRUE + torch.tensor([[0.2, -0.1, 0.9], [-0.1, 0.1, -0.8]])
+FLOOR = {"floor_normal": UP, "floor_offset": 0.45 + 0.85, "soles": SOLES}
+
+
+class Picture:
+    """Two ellipsoids seen by a camera of a given width."""
+
+    def __init__(self, columns: int = 320, farther: float = 1.0, settings: HumanSettings = DEFAULT) -> None:
+        rows = columns * 3 // 4
+        focal = 0.8 * columns
+        self.K = intrinsics_matrix(focal, focal, (columns - 1) / 2, (rows - 1) / 2, TRUE[0, 0])
+        rays = pixel_rays(rows, columns, self.K)
+        masks, self.points = [], []
+        for centre in TRUE:
+            a, b = ((rays / AXES) ** 2).sum(-1), -(rays / AXES * (centre / AXES)).sum(-1)
+            inside = b**2 - a * (((centre / AXES) ** 2).sum() - 1)
+            masks.append(inside > 0)
+            near = (-b - inside.clamp(min=0).sqrt()) / a
+            self.points.append(human_points(rays * (near * farther)[..., None], inside > 0, inside > 0, settings))
+        self.masks = torch.stack(masks)
+        self.keypoints = project(LANDMARKS + TRUE[:, None], self.K)
+        self.confidence = torch.ones(2, 17, dtype=torch.float64)
+
+    def place(self, settings: HumanSettings = DEFAULT, **options: object) -> Placement:
+        given: dict[str, object] = {
+            "vertices": VERTICES + START[:, None],
+            "normals": NORMALS.expand(2, -1, -1),
+            "landmarks": LANDMARKS + START[:, None],
+            "transl": START,
+            "keypoints": self.keypoints,
+            "confidence": self.confidence,
+            "K": self.K,
+            "points": self.points,
+            "masks": self.masks,
+            "settings": settings,
+        }
+        return place(**(given | options))  # type: ignore[arg-type]
+
+
+def error_cm(placement: Placement) -> Tensor:
+    return 100 * (placement.transl - TRUE).norm(dim=-1)
+
+
+@pytest.mark.parametrize("columns", [160, 320, 800])
+def test_bodies_return_to_the_millimetre_at_any_resolution(columns: int) -> None:
+    placed = Picture(columns).place()
+    print(f"{columns} px: off by {error_cm(placed).tolist()} cm")
+    assert error_cm(placed).max() < 0.1
+    assert placed.depth_offset.tolist() == [1.0, 1.0]
+
+
+def test_keypoints_alone_bring_them_to_the_millimetre() -> None:
+    placed = Picture().place(replace(DEFAULT, chamfer_weight=0.0))
+    assert error_cm(placed).max() < 0.1
+    assert placed.diagnostics[0]["chamfer_m"] is None
+    assert placed.diagnostics[0]["problem"] is None
+
+
+def test_wrong_keypoints_hardly_matter() -> None:
+    picture = Picture()
+    picture.keypoints[:, :4] += 60.0
+    assert error_cm(picture.place()).max() < 1.5
+    plain = replace(DEFAULT, robust_px_share=math.inf, chamfer_weight=0.0)
+    assert error_cm(picture.place(plain)).min() > 5
+
+
+def test_the_papers_solver_finds_the_place_too() -> None:
+    placed = Picture(160, settings=PAPER).place(PAPER)
+    print(f"paper: off by {error_cm(placed).tolist()} cm")
+    assert error_cm(placed).max() < 3
+
+
+def test_those_who_stand_keep_their_place_where_depth_sees_them_too_far_away() -> None:
+    picture = Picture(farther=1.15)
+    stands = picture.place(**FLOOR, feet_seen=torch.tensor([True, True]))
+    assert error_cm(stands).max() < 0.5
+    assert stands.depth_offset.tolist() == pytest.approx([1 / 1.15, 1 / 1.15], rel=2e-3)
+    assert stands.diagnostics[0]["foot_height_m"] == pytest.approx(0.0, abs=0.01)
+    # Without the offset the points pull the body with them; the paper's sums all the way.
+    assert error_cm(picture.place()).min() > 10
+    assert error_cm(Picture(farther=1.15, settings=PAPER).place(PAPER)).min() > 40
+
+
+def test_only_those_whose_feet_are_seen_have_an_offset() -> None:
+    placed = Picture(farther=1.15).place(**FLOOR, feet_seen=torch.tensor([True, False]))
+    assert placed.depth_offset[0] == pytest.approx(1 / 1.15, rel=2e-3)
+    assert placed.depth_offset[1] == 1.0
+    assert placed.diagnostics[1]["foot_height_m"] is None
+
+
+def test_a_foot_in_the_air_is_not_pulled_down() -> None:
+    high = FLOOR | {"floor_offset": 0.45 + 0.85 + 0.8}
+    assert error_cm(Picture().place(**high, feet_seen=torch.tensor([True, True]))).max() < 3
+
+
+def test_several_people_are_placed_as_each_alone() -> None:
+    picture = Picture()
+    together = picture.place()
+    for i in (0, 1):
+        alone = place(
+            (VERTICES + START[i])[None], NORMALS[None], (LANDMARKS + START[i])[None], START[i : i + 1],
+            picture.keypoints[i : i + 1], picture.confidence[i : i + 1], picture.K, picture.points[i : i + 1],
+            picture.masks[i : i + 1],
+        )  # fmt: skip
+        assert torch.equal(alone.transl[0], together.transl[i])
+
+
+def test_nobody_is_a_result() -> None:
+    picture = Picture()
+    none = place(
+        VERTICES[None][:0], NORMALS[None][:0], LANDMARKS[None][:0], START[:0], picture.keypoints[:0],
+        picture.confidence[:0], picture.K, [], picture.masks[:0],
+    )  # fmt: skip
+    assert none.transl.shape == (0, 3)
+    assert none.diagnostics == ()
+
+
+@pytest.mark.parametrize("settings", [DEFAULT, PAPER])
+def test_one_who_fails_does_not_spoil_the_other(settings: HumanSettings) -> None:
+    picture = Picture(160, settings=settings)
+    good = picture.place(settings).transl[1]
+    broken = VERTICES + START[:, None]
+    broken[0, 7] = math.nan
+    placed = picture.place(settings, vertices=broken)
+    assert torch.equal(placed.transl[1], good)
+    assert torch.equal(placed.transl[0], START[0])
+    assert placed.diagnostics[0]["problem"] == "the body is not finite, it was left where it is"
+    assert placed.diagnostics[1]["problem"] is None
+
+
+def test_few_keypoints_leave_it_to_the_points() -> None:
+    picture = Picture()
+    picture.confidence[0, 2:] = 0.1
+    picture.keypoints[0, 5] = math.nan
+    near = TRUE + torch.tensor([0.02, 0.0, 0.1])
+    placed = picture.place(transl=near, vertices=VERTICES + near[:, None], landmarks=LANDMARKS + near[:, None])
+    assert placed.diagnostics[0]["problem"] == (
+        "2 keypoints have confidence 0.3 or more, 3 are needed to place a body by them"
+    )
+    assert error_cm(placed)[0] < 2
+    assert error_cm(placed)[1] < 0.1
+
+
+def test_few_points_leave_it_to_the_keypoints() -> None:
+    picture = Picture()
+    picture.points[0] = picture.points[0][:10]
+    placed = picture.place()
+    facing = placed.diagnostics[0]["facing_vertices"]
+    assert placed.diagnostics[0]["problem"] == (
+        f"10 points and {facing} camera-facing vertices of the person, 50 of each are needed: placed by keypoints alone"
+    )
+    assert error_cm(placed).max() < 0.1
+
+
+def test_keypoints_that_no_place_explains_leave_the_body_in_front_of_the_camera() -> None:
+    picture = Picture()
+    mirrored = picture.keypoints.mean(1, keepdim=True) * 2 - picture.keypoints
+    placed = picture.place(replace(DEFAULT, chamfer_weight=0.0), keypoints=mirrored)
+    assert torch.isfinite(placed.transl).all()
+    assert (placed.transl[:, 2] > 0.1).all()
+
+
+def test_vertices_inside_the_mouth_take_no_part() -> None:
+    outer = torch.ones(len(VERTICES), dtype=torch.bool)
+    outer[::2] = False
+    picture = Picture()
+    halved = picture.place(outer=outer).diagnostics[0]["facing_vertices"]
+    assert halved == pytest.approx(picture.place().diagnostics[0]["facing_vertices"] / 2, rel=0.05)
+
+
+def test_diagnostics_are_plain() -> None:
+    told = json.loads(json.dumps(Picture().place().diagnostics[0], allow_nan=False))
+    assert told["reprojection_px"][0] > 10 > 0.1 > told["reprojection_px"][1]
+    assert told["chamfer_m"][1] < 0.02
+    assert told["moved_m"] == pytest.approx(float((START - TRUE)[0].norm()), abs=0.01)
+
+
+def test_dtype_and_bits_are_kept() -> None:
+    picture = Picture()
+    first = picture.place(transl=START.float())
+    assert first.transl.dtype == torch.float32
+    assert torch.equal(picture.place(transl=START.float()).transl, first.transl)
+
+
+def subject() -> Subject:
+    picture = Picture()
+    return Subject(
+        landmarks=LANDMARKS + START[0],
+        keypoints=picture.keypoints[0],
+        confidence=picture.confidence[0] * torch.linspace(0.3, 1, 17),
+        size=torch.full((2,), 200.0, dtype=torch.float64),
+        vertices=VERTICES + START[0],
+        normals=NORMALS,
+        outer=torch.ones(len(VERTICES), dtype=torch.bool),
+        points=picture.points[0],
+        mask=picture.masks[0],
+        soles=(VERTICES + START[0])[SOLES],
+        plane=torch.cat((UP, torch.tensor([1.3]))),
+        K=picture.K,
+    )
+
+
+@pytest.mark.parametrize("kind", ["reprojection", "chamfer", "standing"])
+def test_slopes_are_the_derivatives_of_the_errors(kind: str) -> None:
+    person = subject()
+    term = {
+        "reprojection": lambda: Reprojection(person, DEFAULT),
+        "chamfer": lambda: Chamfer(person, person.vertices[:, 2] < START[0, 2] - 0.02, DEFAULT),
+        "standing": lambda: Standing(person, DEFAULT),
+    }[kind]()
+    x = torch.tensor([0.05, -0.1, 0.2, 0.07], dtype=torch.float64)
+    step = 1e-7  # small enough that no nearest point changes
+    for axis in range(4):
+        ahead = x.clone()
+        ahead[axis] += step
+        for now, then in zip(term.rows(x), term.rows(ahead), strict=True):
+            assert isinstance(now, Rows)
+            torch.testing.assert_close((then.error - now.error) / step, now.slope[..., axis], atol=1e-5, rtol=1e-5)
+
+
+def test_chamfer_pairs_are_those_of_all_distances() -> None:
+    person = subject()
+    term = Chamfer(person, torch.ones(len(VERTICES), dtype=torch.bool), DEFAULT)
+    x = torch.tensor([-0.1, 0.05, -0.5, -0.1], dtype=torch.float64)
+    of_vertex, of_point = term.matched(x)
+    distance = torch.cdist(person.vertices + x[:3], person.points * math.exp(-0.1))
+    assert torch.equal(of_vertex, person.points[distance.argmin(1)])
+    assert torch.equal(of_point, person.vertices[distance.argmin(0)])
+
+
+def test_closed_form_is_exact_for_exact_keypoints() -> None:
+    person = subject()
+    found = closed_form(person)
+    torch.testing.assert_close(found[:3] + START[0], TRUE[0], atol=1e-3, rtol=0)
+    assert found[3] == 0
+
+
+def test_descent_never_raises_the_energy_and_leaves_fixed_numbers_alone() -> None:
+    person = subject()
+    term = Reprojection(person, replace(DEFAULT, robust_px_share=math.inf))
+
+    def energy(x: Tensor) -> float:
+        return float(sum((r.weight * r.error.square().sum(-1)).sum() for r in term.rows(x)))
+
+    values, x = [], torch.zeros(4, dtype=torch.float64)
+    for _ in range(5):
+        values.append(energy(x))
+        x = descend([term], x, (0, 2), 1)
+    assert values == sorted(values, reverse=True)
+    assert (x[1], x[3]) == (0.0, 0.0)
+
+
+ROWS, COLUMNS = 90, 120
+RAYS = pixel_rays(ROWS, COLUMNS, intrinsics_matrix(100.0, 100.0, 59.5, 44.5, TRUE[0, 0]))
+PERSON = torch.zeros((ROWS, COLUMNS), dtype=torch.bool)
+PERSON[20:80, 45:75] = True
+BACKGROUND = torch.minimum(1.5 / RAYS[..., 1].clamp(min=0.05), torch.tensor(6.0, dtype=torch.float64))
+EVERYWHERE = torch.ones_like(PERSON)
+
+
+def test_the_photo_is_aligned_outside_its_people_and_carries_them_along() -> None:
+    photo = torch.where(PERSON, 2.0, BACKGROUND)
+    relative = RAYS * (photo / 3.0)[..., None]
+    # The network smears the person's rim, beyond the mask.
+    relative[18:82, 43:77] *= torch.where(PERSON[18:82, 43:77], 1.0, 0.6)[..., None]
+    found = align_original(relative, EVERYWHERE, "scale", RAYS * BACKGROUND[..., None], EVERYWHERE, PERSON)
+    assert found.scale == pytest.approx(3.0)
+    assert found.inlier_share > 0.95
+    placed = placed_original(relative, found, None)
+    torch.testing.assert_close(placed[PERSON][:, 2], torch.full((int(PERSON.sum()),), 2.0, dtype=torch.float64))
+
+
+def test_far_background_takes_no_part_where_that_is_wanted() -> None:
+    scene = BACKGROUND.clone()
+    wrong = torch.where(scene > 5, scene * 1.5, scene)
+    found = align_original(
+        RAYS * wrong[..., None], EVERYWHERE, "scale", RAYS * scene[..., None], EVERYWHERE, PERSON, far=5.0
+    )
+    assert (found.scale, found.inlier_share) == (pytest.approx(1.0), 1.0)
+
+
+def test_aligned_points_are_put_on_the_rays_of_the_scenes_camera() -> None:
+    K = intrinsics_matrix(150.0, 150.0, 59.5, 44.5, TRUE[0, 0])
+    scene = RAYS * BACKGROUND[..., None]
+    found = align_original(scene / 2, EVERYWHERE, "scale", scene, EVERYWHERE, PERSON)
+    placed = placed_original(scene / 2, found, K)
+    expected = pixel_rays(ROWS, COLUMNS, K) * BACKGROUND[..., None]
+    torch.testing.assert_close(placed, expected)
+
+
+def test_without_a_common_background_nobody_has_points() -> None:
+    scene = RAYS * BACKGROUND[..., None]
+    found = align_original(scene, EVERYWHERE, "scale", scene, EVERYWHERE, EVERYWHERE)
+    assert found.inlier_share == 0
+    assert len(human_points(placed_original(scene, found, None), EVERYWHERE, PERSON)) == 0
+
+
+def test_points_that_float_at_the_rim_are_no_human_points() -> None:
+    depth = torch.where(PERSON, 2.0, 5.0).double()
+    depth[20:80, 45] = 3.0  # mixed pixels inside the mask
+    points = human_points(RAYS * depth[..., None], EVERYWHERE, PERSON)
+    assert points[:, 2].unique().tolist() == [2.0]
+    assert len(points) > 0.85 * int(PERSON.sum())
+
+
+def test_a_speck_of_background_in_the_mask_is_no_human_point() -> None:
+    depth = torch.where(PERSON, 2.0, 5.0).double()
+    depth[50:52, 60:62] = 5.0
+    for settings in (DEFAULT, replace(PAPER, outlier_neighbors=0.1)):
+        points = human_points(RAYS * depth[..., None], EVERYWHERE, PERSON, settings)
+        assert points[:, 2].max() == 2.0
+
+
+def test_no_more_points_than_asked_for_spread_over_the_person() -> None:
+    points = human_points(RAYS * 2.0, EVERYWHERE, PERSON, replace(DEFAULT, max_points=100))
+    assert points.shape == (100, 3)
+    every = human_points(RAYS * 2.0, EVERYWHERE, PERSON, replace(DEFAULT, max_points=0))
+    assert len(every) == int(PERSON.sum())
+    torch.testing.assert_close(points.mean(0), every.mean(0), atol=0.01, rtol=0)
+
+
+def test_an_empty_mask_has_no_points() -> None:
+    assert human_points(RAYS * 2.0, EVERYWHERE, torch.zeros_like(PERSON)).shape == (0, 3)
+    assert human_points(RAYS * 2.0, torch.zeros_like(PERSON), PERSON).shape == (0, 3)
