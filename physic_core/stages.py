@@ -64,7 +64,7 @@ class Stages:
         """
         self._begin(name)
         backend, who = resolved.backend, resolved.provenance
-        title = f"{who.interface} '{who.backend}' ({who.distribution} {who.version}), stage '{name}'"
+        title = f"{resolved.title}, stage '{name}'"
         start = time.perf_counter()
         try:
             if id(backend) not in self._loaded:

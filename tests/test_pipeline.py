@@ -1,0 +1,183 @@
+"""The pipeline at its doors: cameras in, and answers of backends that the interfaces do not allow."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from physic_core import load_config, reconstruct
+from physic_core.config import PhotoSettings
+from physic_core.errors import BackendError, BackendOutputError, BodyModelError, DeviceError, NoPersonError
+from physic_core.io.photo import Photo
+from physic_core.perception import dilate, feet_pixels, with_hands
+from physic_core.pipeline import _with_camera
+from physic_core.plugins import discover
+from physic_core.registry import BackendRecord, Registry
+from physic_core.testing.worlds import World, build_world
+from physic_core.types import Bodies, Hands, Hints, Intrinsics, Keypoints, People, Reconstruction
+from physic_mock import backends
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return build_world("standing")
+
+
+def with_backend(kind: type, interface: str) -> Registry:
+    registry = discover()
+    registry.register(BackendRecord(interface, "wrong", kind))
+    return registry
+
+
+def run(world: World, kind: type, interface: str) -> Reconstruction:
+    config = load_config(preset="mock", overrides=[f"{interface}.backend=wrong"])
+    return reconstruct(world.image, config, registry=with_backend(kind, interface))
+
+
+def test_a_wrong_answer_names_backend_stage_and_fault(world: World) -> None:
+    class Transposed(backends.MockMetricDepth):
+        def infer(self, image, hints):
+            answer = super().infer(image, hints)
+            return replace(answer, depth=np.ascontiguousarray(answer.depth.T))
+
+    with pytest.raises(BackendOutputError) as error:
+        run(world, Transposed, "metric_depth")
+    assert str(error.value) == (
+        "metric_depth 'wrong' (registered by hand), stage 'metric depth' answered what the interface does not allow:\n"
+        "  depth must be (240, 320), got (320, 240)"
+    )
+
+
+def test_an_answer_of_another_type(world: World) -> None:
+    class Nothing(backends.MockInpainter):
+        def infer(self, image, mask):
+            return None
+
+    with pytest.raises(BackendOutputError) as error:
+        run(world, Nothing, "inpainter")
+    assert str(error.value) == (
+        "inpainter 'wrong' (registered by hand), stage 'inpainting' answered what the interface does not allow:\n"
+        "  expected ndarray, got NoneType"
+    )
+
+
+def test_a_backend_that_falls_over_keeps_its_cause(world: World) -> None:
+    class Broken(backends.MockKeypointDetector):
+        def infer(self, image, people):
+            return {}["weights"]
+
+    with pytest.raises(BackendError) as error:
+        run(world, Broken, "keypoint_detector")
+    assert str(error.value) == (
+        "keypoint_detector 'wrong' (registered by hand), stage 'keypoints': KeyError: 'weights'"
+    )
+    assert isinstance(error.value.__cause__, KeyError)
+
+
+def test_nobody(world: World) -> None:
+    class Blind(backends.MockSegmenter):
+        def infer(self, image):
+            height, width = image.shape[:2]
+            none = np.zeros((0, 4), np.float32)
+            return People(np.zeros((0, height, width), bool), none, np.zeros(0, np.float32))
+
+    with pytest.raises(NoPersonError) as error:
+        run(world, Blind, "segmenter")
+    assert str(error.value) == (
+        "no person was found in the photo of 320 x 240 px by segmenter 'wrong' (registered by hand): "
+        "use a photo that shows at least one head and torso, or another segmenter"
+    )
+
+
+def test_bodies_of_another_body_model(world: World) -> None:
+    class Smplx(backends.MockBodyEstimator):
+        def infer(self, *arguments):
+            return replace(super().infer(*arguments), body_model="smplx")
+
+    with pytest.raises(BodyModelError) as error:
+        run(world, Smplx, "body_estimator")
+    assert str(error.value) == (
+        "body_estimator 'wrong' (registered by hand) gives bodies for the body model 'smplx', "
+        "but the configuration loads 'embedded': set [body_model] to the same one"
+    )
+
+
+def test_a_device_that_is_not_there(world: World) -> None:
+    with pytest.raises(DeviceError) as error:
+        reconstruct(world.image, load_config(preset="mock", overrides=["run.device=tpu"]))
+    assert str(error.value) == "no device named 'tpu': use 'cpu', 'cuda' or 'cuda:N'"
+
+
+def test_every_backend_is_closed_even_when_one_fails(world: World) -> None:
+    closed = []
+
+    class Broken(backends.MockMetricDepth):
+        def infer(self, image, hints):
+            raise RuntimeError("no")
+
+        def close(self):
+            closed.append("metric_depth")
+
+    with pytest.raises(BackendError):
+        run(world, Broken, "metric_depth")
+    assert closed == ["metric_depth"]
+
+
+def test_optional_interfaces_may_be_left_out(world: World) -> None:
+    config = load_config(preset="mock", overrides=["hand_estimator.backend=none", "contact_prior.backend=none"])
+    told: list[tuple[str, int, int]] = []
+    result = reconstruct(world.image, config, progress=lambda *step: told.append(step))
+    assert [s.name for s in result.stages] == [name for name, _, _ in told]
+    assert [done for _, done, _ in told] == list(range(len(told)))
+    assert {total for _, _, total in told} == {len(told)}
+    assert np.abs(result.people[0].parameters.left_hand_pose).max() < 0.01
+
+
+def test_a_configured_camera_is_in_pixels_of_the_file() -> None:
+    reduced = Photo(np.zeros((100, 200, 3), np.uint8), None, (), file_size=(400, 200))
+    given = _with_camera(reduced, PhotoSettings(focal_px=500)).intrinsics
+    assert given is not None
+    assert (given.fx, given.cx, given.cy, given.width, given.height) == (250, 99.5, 49.5, 200, 100)
+    given = _with_camera(reduced, PhotoSettings(intrinsics=(500, 400, 199.5, 99.5))).intrinsics
+    assert given is not None
+    assert (given.fx, given.fy, given.cx, given.cy) == (250, 200, 99.5, 49.5)
+
+
+def test_a_configured_camera_wins_over_the_files() -> None:
+    photo = Photo(np.zeros((100, 200, 3), np.uint8), Intrinsics.from_focal(111, 200, 100, "EXIF"))
+    assert _with_camera(photo, PhotoSettings()).intrinsics == photo.intrinsics
+    chosen = _with_camera(photo, PhotoSettings(focal_px=222)).intrinsics
+    assert chosen is not None
+    assert (chosen.fx, chosen.source) == (222, "given")
+
+
+def test_dilate_grows_by_a_disc() -> None:
+    mask = np.zeros((21, 21), bool)
+    mask[10, 10] = True
+    grown = dilate(mask, 5)
+    y, x = np.nonzero(grown)
+    assert np.hypot(y - 10, x - 10).max() <= 5.5
+    assert grown[10, 15]
+    assert grown[5, 10]
+    assert grown.sum() == pytest.approx(np.pi * 25, rel=0.15)
+
+
+def test_feet_are_what_is_seen_of_them_in_the_picture() -> None:
+    keypoints = Keypoints(np.zeros((1, 33, 2)), np.zeros((1, 33)), "blazepose33")
+    keypoints.points[0, 29:] = [[10, 90], [20, 90], [30, 200], [40, 90]]
+    keypoints.confidence[0, 27:] = [1, 1, 0.9, 0.4, 0.9, 0.9]
+    assert feet_pixels(keypoints, 100, 100).tolist() == [[10, 90], [40, 90]]
+
+
+def test_hands_replace_fingers_where_they_were_found(world: World) -> None:
+    start = backends.MockSegmenter().infer(world.image)
+    keypoints = backends.MockKeypointDetector().infer(world.image, start)
+    bodies = backends.MockBodyEstimator().infer(world.image, start, world.intrinsics, keypoints, Hints())
+    n = len(start)
+    hands = Hands(np.full((n, 2, 15, 3), 0.25, np.float32), np.tile([[1.0, 0.0]], (n, 1)))
+    merged = with_hands(bodies, hands)
+    assert isinstance(merged, Bodies)
+    assert (merged.parameters.left_hand_pose == 0.25).all()
+    assert (merged.parameters.right_hand_pose == bodies.parameters.right_hand_pose).all()
