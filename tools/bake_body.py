@@ -171,8 +171,8 @@ def spread_wrist(weights: np.ndarray, vertices: np.ndarray, joints: np.ndarray) 
         elbow, wrist = JOINT_INDEX[f"{side}_elbow"], JOINT_INDEX[f"{side}_wrist"]
         axis = joints[wrist] - joints[elbow]
         along = (vertices - joints[elbow]) @ axis / (axis @ axis)
-        ramp = np.clip((along - 0.35) / 0.65, 0.0, 1.0)
-        moved = weights[:, elbow] * 0.5 * ramp**1.5
+        ramp = np.clip((along - 0.5) / 0.5, 0.0, 1.0)
+        moved = weights[:, elbow] * 0.4 * ramp**1.5
         spread[:, elbow] -= moved
         spread[:, wrist] += moved
     return spread
@@ -255,10 +255,11 @@ def softness_of(mean: np.ndarray, joints: np.ndarray, weights: np.ndarray) -> np
     trunk = ("pelvis", "spine1", "spine2", "spine3", "left_hip", "right_hip", "left_collar", "right_collar")
     torso = np.clip(1.5 * weights[:, [JOINT_INDEX[name] for name in trunk]].sum(1), 0.0, 1.0)
     core = np.clip(1.5 * weights[:, [JOINT_INDEX[name] for name in trunk[:4]]].sum(1), 0.0, 1.0)
-    soft = 0.98 * core  # folds and muscles
+    digits = [i for i, name in enumerate(JOINT_NAMES) if name[-1].isdigit() and "spine" not in name]
+    soft = np.maximum(0.997 * core, 0.03 * weights[:, digits].sum(1))  # folds, muscles; nails
     front = bump(at["spine3"][2] + 0.06 - mean[:, 2], 0.0, 0.04)
-    chest = np.array([0.0, at["spine3"][1] + 0.10, at["spine3"][2] + 0.12])
-    soft = np.maximum(soft, torso * front * ellipsoid(mean, chest, (0.22, 0.22, 0.40), 0.4))
+    chest = np.array([0.0, at["spine3"][1] + 0.07, at["spine3"][2] + 0.12])
+    soft = np.maximum(soft, torso * front * ellipsoid(mean, chest, (0.24, 0.26, 0.40), 0.4))
     crotch = np.array([0.0, hips[1] - 0.07, hips[2] + 0.02])
     soft = np.maximum(soft, torso * ellipsoid(mean, crotch, (0.10, 0.14, 0.20), 0.5))
     seat = np.array([0.0, hips[1] - 0.01, hips[2] - 0.12])
@@ -275,6 +276,19 @@ def softness_of(mean: np.ndarray, joints: np.ndarray, weights: np.ndarray) -> np
         soft = np.maximum(soft, 0.995 * head * ellipsoid(mean, at[name], (0.034, 0.030, 0.06), 0.5))
     mouth = np.array([0.0, at["jaw"][1] - 0.042, at["left_eye"][2] + 0.02])
     return np.maximum(soft, 0.99 * head * ellipsoid(mean, mouth, (0.045, 0.032, 0.08), 0.5))
+
+
+def blend_groin(
+    weights: np.ndarray, mean: np.ndarray, joints: np.ndarray, laplacian: sp.csr_matrix, area: np.ndarray
+) -> np.ndarray:
+    """Diffuse the skinning weights between the thighs, so that a seated body stays smooth there."""
+    hips = (joints[JOINT_INDEX["left_hip"]] + joints[JOINT_INDEX["right_hip"]]) / 2
+    blended = weights
+    for radii, reach in (((0.20, 0.20, 0.24), 0.03), ((0.12, 0.13, 0.20), 0.05)):
+        region = ellipsoid(mean, hips - np.array([0.0, 0.08, 0.0]), radii, 0.6)[:, None]
+        heat = splu((sp.diags(area) + reach**2 * laplacian).tocsc())
+        blended = (1 - region) * blended + region * heat.solve(area[:, None] * blended)
+    return np.maximum(blended, 0.0)
 
 
 # ------------------------------------------------------------------------------------------------- canonical T-pose
@@ -333,10 +347,11 @@ def bind_rotations(joints: np.ndarray) -> np.ndarray:
         roll = np.arctan2(between[2, 1], between[1, 1])
         put(f"{side}_elbow", turn(0, roll / 2) @ by_bend)  # half-way: pronation is shared by the forearm's length
         for finger in ("index", "middle", "ring", "pinky"):
-            target = None
             for k in (1, 2):
                 bone = wrist @ (at[f"{side}_{finger}{k + 1}"] - at[f"{side}_{finger}{k}"])
-                target = np.array([bone[0], 0.0, bone[2]]) if target is None else target
+                if k == 1:  # fingers straight and level, half as spread as the bind pose has them
+                    spread = 0.5 * np.arctan2(bone[2], abs(bone[0]))
+                target = np.array([sign * np.cos(spread), 0.0, np.sin(spread)])
                 put(f"{side}_{finger}{k}", swing(bone, target) @ wrist)
             put(f"{side}_{finger}3", rotation[JOINT_INDEX[f"{side}_{finger}2"]])
         for k in (1, 2, 3):
@@ -386,6 +401,7 @@ def bake(samples: Samples) -> dict[str, np.ndarray]:
     shapedirs, betas = compress(vertices, template, NUM_BETAS)
     joint_change = (joints - mean_joints).reshape(len(joints), -1)
     joint_dirs = np.linalg.lstsq(betas, joint_change, rcond=None)[0].reshape(NUM_BETAS, NUM_JOINTS, 3)
+    weights = blend_groin(weights, mean, mean_joints, laplacian, area)
     weights = spread_wrist(weights, template, mean_joints)
     order = np.argsort(-weights, axis=1, kind="stable")[:, :4]
     kept = np.take_along_axis(weights, order, 1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -17,7 +17,7 @@ from physic_core.errors import BodyModelError
 __all__ = ["BodyModel", "BodyOutput", "LandmarkModel"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BodyOutput:
     """Posed bodies, metres, in the frame of the root rotation and the translation.
 
@@ -32,7 +32,7 @@ class BodyOutput:
     world: Tensor
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class BodyModel:
     """A body in SMPL-X joint order and pose convention: zero rotations are a T-pose, y up, facing +z, left on +x.
 
@@ -72,10 +72,15 @@ class BodyModel:
     skin: Skin
     surface_points: Mapping[str, Tensor]
     extremes: Tensor
-    regressors: Mapping[str, PointRegressor] = field(repr=False)
+    regressors: Mapping[str, PointRegressor]
     info: str = ""
     joint_names: tuple[str, ...] = JOINT_NAMES
     parents: tuple[int, ...] = PARENTS
+
+    def __repr__(self) -> str:
+        return (
+            f"BodyModel({self.name}, {self.num_vertices} vertices, {self.num_betas} betas, {self.dtype}, {self.device})"
+        )
 
     @property
     def num_vertices(self) -> int:
@@ -210,9 +215,17 @@ class BodyModel:
                 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LandmarkModel:
-    """Poses joints, joint sets and a few vertices of a body; made by :meth:`BodyModel.landmarks_only`."""
+    """Poses joints, joint sets and a few vertices of a body; made by :meth:`BodyModel.landmarks_only`.
+
+    Attributes:
+        body: the whole model.
+        skin: the vertices that are posed.
+        regressors: joint set -> its points from joints and its vertices.
+        slots: joint set -> where its vertices are in ``skin``.
+        extra: where the vertices asked for besides are in ``skin``.
+    """
 
     body: BodyModel
     skin: Skin

@@ -76,7 +76,7 @@ def contact_sets(mesh: RestMesh) -> dict[str, NDArray[np.int64]]:
         foot = within(f"{side}_foot")
         low = y - (y[foot].min() if foot.any() else 0.0)
         chosen[f"{side}_sole"] = foot & (low < _SOLE_DEPTH) & (down > 0.5)
-        chosen[f"{side}_foot"] = foot & (low < _FOOT_DEPTH)
+        chosen[f"{side}_foot"] = foot & (low < _FOOT_DEPTH) & (down > -0.3)
         chosen[f"{side}_hand"] = within(f"{side}_hand") & (down > 0.2)
     hips = (height("left_hip") + height("right_hip")) / 2
     knees = (height("left_knee") + height("right_knee")) / 2

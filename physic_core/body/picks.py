@@ -16,15 +16,18 @@ _EYE_HALF_WIDTH = 0.015
 """Metres from the middle of an eye to its corners."""
 _MOUTH_HALF_WIDTH = 0.024
 """Metres from the middle of the mouth to its corners."""
-_MOUTH_DROP = 0.75
+_MOUTH_DROP = 0.85
 """Height of the mouth under the nose's tip, as a share of the height of the eyes over it."""
+_EAR_DEPTH, _EAR_FORWARD = 0.012, 0.012
+"""Metres from the middle of the ear's rim inwards and forwards to where the ear canal opens."""
 
 
 def pick_surface_points(mesh: RestMesh) -> dict[str, NDArray[np.int64]]:
     """Name in SURFACE_POINTS -> ids of the vertices whose mean is that point."""
     part = label_parts(mesh.weights)
     joint = {name: mesh.joints[i] for name, i in JOINT_INDEX.items()}
-    head = mesh.outer & (part == PART_NAMES.index("head"))
+    whole_head = part == PART_NAMES.index("head")  # with the lids or eyeballs, which are no outer surface
+    head = mesh.outer & whole_head
     picks: dict[str, NDArray[np.int64]] = {}
     middle = head & (np.abs(mesh.vertices[:, 0]) < 0.015)
     picks["nose"] = _furthest(mesh, middle if middle.any() else head, np.array([0.0, 0.0, 1.0]), 2)
@@ -34,12 +37,14 @@ def pick_surface_points(mesh: RestMesh) -> dict[str, NDArray[np.int64]]:
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
         eye = joint[f"{side}_eye"]
         out = np.array([sign * _EYE_HALF_WIDTH, 0.0, 0.0])
-        picks[f"{side}_eye_surface"] = _in_front(mesh, head, eye, 4)
-        picks[f"{side}_eye_inner_surface"] = _in_front(mesh, head, eye - out, 3)
-        picks[f"{side}_eye_outer_surface"] = _in_front(mesh, head, eye + out, 3)
+        picks[f"{side}_eye_surface"] = _in_front(mesh, whole_head, eye, 4)
+        picks[f"{side}_eye_inner_surface"] = _in_front(mesh, whole_head, eye - out, 3)
+        picks[f"{side}_eye_outer_surface"] = _in_front(mesh, whole_head, eye + out, 3)
         corner = np.array([sign * _MOUTH_HALF_WIDTH, mouth_height, eye[2]])
         picks[f"{side}_mouth_corner_surface"] = _in_front(mesh, head, corner, 3)
-        picks[f"{side}_ear_surface"] = _furthest(mesh, head, np.array([sign, 0.0, 0.0]), 12)
+        rim = mesh.vertices[_furthest(mesh, head, np.array([sign, 0.0, 0.0]), 40)].mean(0)
+        canal = rim + np.array([-sign * _EAR_DEPTH, 0.0, _EAR_FORWARD])
+        picks[f"{side}_ear_surface"] = _nearest(mesh, head, canal, 8)
         for finger in ("thumb", "index", "middle", "ring", "pinky"):
             last = JOINT_INDEX[f"{side}_{finger}3"]
             tip = mesh.outer & (mesh.weights.argmax(1) == last)
@@ -63,20 +68,28 @@ def _pick_foot(mesh: RestMesh, foot: NDArray[np.bool_], side: str, sign: float) 
         f"{side}_big_toe": _furthest(mesh, medial_half, forward, 4),
         f"{side}_small_toe": _furthest(mesh, lateral_rim, forward, 4),
         f"{side}_foot_tip": _furthest(mesh, toes, forward, 6),
-        f"{side}_heel": _furthest(mesh, foot, -forward, 6),
+        f"{side}_heel": _furthest(mesh, foot, np.array([0.0, -0.5, -1.0]), 6),
     }
 
 
 def _furthest(mesh: RestMesh, mask: NDArray[np.bool_], direction: NDArray[np.float64], count: int) -> NDArray[np.int64]:
     """Ids of the ``count`` vertices of the mask that lie furthest along a direction."""
-    ids = np.flatnonzero(mask)
-    order = np.argsort(-(mesh.vertices[ids] @ direction), kind="stable")
-    return np.sort(ids[order[:count]])
+    return _first(mask, -(mesh.vertices @ direction), count)
+
+
+def _nearest(mesh: RestMesh, mask: NDArray[np.bool_], point: NDArray[np.float64], count: int) -> NDArray[np.int64]:
+    """Ids of the ``count`` vertices of the mask nearest to a point."""
+    return _first(mask, np.linalg.norm(mesh.vertices - point, axis=1), count)
 
 
 def _in_front(mesh: RestMesh, mask: NDArray[np.bool_], point: NDArray[np.float64], count: int) -> NDArray[np.int64]:
     """Ids of the ``count`` forward-facing vertices of the mask nearest to the line that leaves ``point`` along +z."""
     facing = mask & (mesh.vertices[:, 2] > point[2]) & (mesh.normals[:, 2] > 0)
-    ids = np.flatnonzero(facing if facing.any() else mask)
-    off_axis = np.linalg.norm(mesh.vertices[ids, :2] - point[:2], axis=1)
-    return np.sort(ids[np.argsort(off_axis, kind="stable")[:count]])
+    off_axis = np.linalg.norm(mesh.vertices[:, :2] - point[:2], axis=1)
+    return _first(facing if facing.any() else mask, off_axis, count)
+
+
+def _first(mask: NDArray[np.bool_], cost: NDArray[np.float64], count: int) -> NDArray[np.int64]:
+    """Ids of the ``count`` vertices of the mask with the least cost, ascending; of all vertices where it is empty."""
+    ids = np.flatnonzero(mask if mask.any() else np.ones_like(mask))
+    return np.sort(ids[np.argsort(cost[ids], kind="stable")[:count]])

@@ -56,9 +56,9 @@ class Skin:
         batch, count = coefficients.shape
         joints = skinning.shape[1]
         shaped = torch.addmm(self.template.reshape(1, -1), coefficients, self.directions[:count].flatten(1))
-        shaped = shaped.view(batch, 3, 1, -1)
+        shaped = shaped.view(batch, 3, 1, self.num_vertices)
         matrices = skinning.permute(0, 3, 2, 1).reshape(batch * 12, joints) @ self.weights
-        column = matrices.view(batch, 4, 3, -1)
+        column = matrices.view(batch, 4, 3, self.num_vertices)
         posed = column[:, 3]
         for axis in range(3):
             posed = torch.addcmul(posed, column[:, axis], shaped[:, axis])

@@ -7,6 +7,7 @@ and are left alone: the names of the joints are fixed.
 from __future__ import annotations
 
 import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -132,4 +133,8 @@ def _numeric(path: Path, file: Mapping[str, _Array], name: str) -> _Array:
     except ValueError as error:  # what numpy raises for a pickled array
         raise BodyModelError(
             f"{path}: {name} is a pickled object, not numbers (pickles are never opened, they can run code): {_ADVICE}"
+        ) from error
+    except (OSError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        raise BodyModelError(
+            f"{path}: {name} cannot be read, the file is damaged: copy or download it again"
         ) from error

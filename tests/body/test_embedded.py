@@ -1,0 +1,170 @@
+"""The embedded asset: what was released, its mesh, its parts and contact sets, its shapes."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+from scipy.spatial import cKDTree
+
+import physic_core.body.embedded as embedded_module
+from physic_core.body import load_body
+from physic_core.body.embedded import load_embedded
+from physic_core.body.model import BodyModel
+from physic_core.body.parts import CONTACT_SETS, PART_NAMES
+from physic_core.errors import BodyModelError
+
+FOLDER = Path(embedded_module.__file__).parent
+
+
+@pytest.fixture(scope="module")
+def rest(embedded: BodyModel) -> np.ndarray:
+    """Vertices of the mean body in its T-pose."""
+    return embedded(*embedded.zero_pose()).vertices[0].numpy()
+
+
+def test_the_asset_is_the_released_one() -> None:
+    digest, name = (FOLDER / "embedded.sha256").read_text().split()
+    assert hashlib.sha256((FOLDER / name).read_bytes()).hexdigest() == digest
+    assert (FOLDER / name).stat().st_size < 1.6e6
+
+
+def test_the_asset_holds_no_pickle() -> None:
+    with np.load(FOLDER / "embedded.npz", allow_pickle=False) as file:
+        assert all(file[name].dtype != object for name in file.files)
+        assert "Apache-2.0 AND CC0-1.0" in str(file["info"])
+
+
+def test_a_changed_asset_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    data = (FOLDER / "embedded.npz").read_bytes() + b"x"
+    (tmp_path / "embedded.npz").write_bytes(data)
+    (tmp_path / "embedded.sha256").write_text((FOLDER / "embedded.sha256").read_text())
+    monkeypatch.setattr(embedded_module, "files", lambda _: tmp_path)
+    wanted = (FOLDER / "embedded.sha256").read_text().split()[0]
+    with pytest.raises(BodyModelError) as caught:
+        load_embedded()
+    assert str(caught.value) == (
+        f"the embedded body embedded.npz has SHA-256 {hashlib.sha256(data).hexdigest()}, but {wanted} was released:"
+        " the file is damaged, install physic-core again"
+    )
+
+
+def test_names_and_sizes(embedded: BodyModel) -> None:
+    assert (embedded.name, embedded.topology) == ("embedded", "physic-embedded-1")
+    assert (embedded.num_vertices, len(embedded.faces)) == (13348, 26692)
+    assert (embedded.num_betas, embedded.num_expression) == (16, 0)
+    assert embedded.faces.dtype == torch.int64
+    assert embedded.dtype == torch.float32
+    assert embedded.device == torch.device("cpu")
+
+
+def test_the_mesh_is_a_closed_ball(embedded: BodyModel, rest: np.ndarray) -> None:
+    mesh = trimesh.Trimesh(rest, embedded.faces.numpy(), process=False)
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+    assert mesh.euler_number == 2
+    assert 0.05 < mesh.volume < 0.08  # m3; positive: faces look outwards
+
+
+def test_left_and_right_mirror(embedded: BodyModel, rest: np.ndarray) -> None:
+    distance, _ = cKDTree(rest).query(rest * [-1, 1, 1])
+    assert np.quantile(distance, 0.99) < 1e-3
+
+
+def test_weights_are_a_partition_of_unity(embedded: BodyModel) -> None:
+    weights = embedded.skin.weights
+    assert weights.min() >= 0
+    assert torch.allclose(weights.sum(0), torch.ones(embedded.num_vertices), atol=1e-6)
+    assert int((weights > 0).sum(0).max()) <= 4
+
+
+def test_cavities_are_inner(embedded: BodyModel, rest: np.ndarray) -> None:
+    outer = embedded.outer.numpy()
+    assert (~outer).sum() == 1278
+    inner = rest[~outer]
+    head = rest[embedded.part_of_vertex.numpy() == PART_NAMES.index("head")]
+    assert (inner > head.min(0)).all()
+    assert (inner < head.max(0)).all()
+
+
+def test_every_vertex_has_a_part(embedded: BodyModel, rest: np.ndarray) -> None:
+    part = embedded.part_of_vertex.numpy()
+    assert embedded.part_names == PART_NAMES
+    assert np.bincount(part, minlength=len(PART_NAMES)).min() > 200
+    middle = {name: rest[part == i].mean(0) for i, name in enumerate(PART_NAMES)}
+    for limb in ("upper_arm", "lower_arm", "hand", "upper_leg", "lower_leg", "foot"):
+        assert middle[f"left_{limb}"][0] > 0 > middle[f"right_{limb}"][0]
+    heights = [middle[name][1] for name in ("head", "torso", "left_upper_leg", "left_lower_leg", "left_foot")]
+    assert heights == sorted(heights, reverse=True)
+    reach = [middle[name][0] for name in ("torso", "left_upper_arm", "left_lower_arm", "left_hand")]
+    assert reach == sorted(reach)
+
+
+def test_contact_sets_lie_where_they_should(embedded: BodyModel, rest: np.ndarray) -> None:
+    sets = {name: ids.numpy() for name, ids in embedded.contact_sets.items()}
+    assert set(sets) == set(CONTACT_SETS)
+    ground = rest[:, 1].min()
+    normals = trimesh.Trimesh(rest, embedded.faces.numpy(), process=False).vertex_normals
+    for side, sign in (("left", 1), ("right", -1)):
+        sole = sets[f"{side}_sole"]
+        assert rest[sole, 1].max() < ground + 0.025
+        assert np.isin(sole, sets[f"{side}_foot"]).all()
+        for name in ("sole", "foot", "hand"):
+            assert (sign * rest[sets[f"{side}_{name}"], 0] > 0).all()
+        assert normals[sets[f"{side}_hand"], 1].mean() < -0.5
+    for name in ("thighs", "gluteus", "back"):
+        assert normals[sets[name], 2].max() < -0.2
+    levels = [rest[sets[name], 1].mean() for name in ("thighs", "gluteus", "back")]
+    assert levels == sorted(levels)
+    assert all(embedded.outer.numpy()[ids].all() for ids in sets.values())
+    lengths = [rest[sets[f"{side}_sole"], 2].max() - rest[sets[f"{side}_sole"], 2].min() for side in ("left", "right")]
+    assert all(0.2 < length < 0.3 for length in lengths)
+
+
+def test_soles_are_level(embedded: BodyModel, rest: np.ndarray) -> None:
+    """Heel and ball of a standing body touch the same floor."""
+    for side in ("left", "right"):
+        sole = rest[embedded.contact_sets[f"{side}_sole"].numpy()]
+        depth = np.quantile(sole[:, 2], [0.3, 0.7])
+        heel, ball = sole[sole[:, 2] < depth[0], 1].min(), sole[sole[:, 2] > depth[1], 1].min()
+        assert abs(heel - ball) < 0.012
+
+
+def test_stature_spans_children_and_adults(embedded: BodyModel, rest: np.ndarray) -> None:
+    betas = torch.zeros(5, 16)
+    betas[:, 0] = torch.tensor([-3.0, -2.0, 0.0, 0.5, 1.5])
+    stature = embedded.stature(betas)
+    assert float(stature[2]) == pytest.approx(float(np.ptp(rest[:, 1])), abs=1e-6)
+    assert float(stature[2]) == pytest.approx(1.69, abs=0.02)  # the mean adult
+    assert (stature.diff() > 0).all()
+    assert stature[0] < 1.2
+    assert stature[4] > 1.9
+
+
+def test_stature_is_exact_for_any_shape_and_differentiable(embedded: BodyModel) -> None:
+    torch.manual_seed(0)
+    betas = torch.randn(4, 16, requires_grad=True)
+    rotations, _, transl = embedded.zero_pose(4)
+    height = embedded(rotations, betas, transl).vertices[..., 1]
+    stature = embedded.stature(betas)
+    assert torch.allclose(stature, height.amax(1) - height.amin(1), atol=1e-6)
+    (gradient,) = torch.autograd.grad(stature.sum(), betas)
+    assert (gradient[:, 0] > 0.1).all()
+
+
+def test_shapes_stay_bodies(embedded: BodyModel) -> None:
+    """Two standard deviations along any component leave a body of human volume that is not inside out."""
+    betas = torch.cat([2 * torch.eye(16), -2 * torch.eye(16)])
+    rotations, _, transl = embedded.zero_pose(len(betas))
+    for vertices in embedded(rotations, betas, transl).vertices.numpy():
+        volume = trimesh.Trimesh(vertices, embedded.faces.numpy(), process=False).volume
+        assert 0.015 < volume < 0.2
+
+
+def test_loading_twice_gives_equal_bodies(embedded: BodyModel) -> None:
+    again = load_body()
+    assert torch.equal(again.skin.template, embedded.skin.template)

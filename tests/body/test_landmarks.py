@@ -1,0 +1,139 @@
+"""Landmarks: known sides, known neighbours, and the small model against the whole body."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from torch import Tensor
+
+from physic_core.body import JOINT_INDEX
+from physic_core.body.landmarks import SKELETONS
+from physic_core.body.model import BodyModel
+from physic_core.errors import BodyModelError
+
+SIZES = {"coco17": 17, "coco23": 23, "blazepose33": 33, "openpose_hand21_left": 21, "openpose_hand21_right": 21}
+
+
+@pytest.fixture(scope="module")
+def at_rest(embedded: BodyModel) -> dict[str, dict[str, Tensor]]:
+    """Joint set -> name -> point in the T-pose."""
+    output = embedded(*embedded.zero_pose())
+    return {s: dict(zip(SKELETONS[s], embedded.landmarks(output, s)[0], strict=True)) for s in SKELETONS}
+
+
+def test_joint_sets_have_their_sizes() -> None:
+    assert {name: len(points) for name, points in SKELETONS.items()} == SIZES
+
+
+def test_coco23_begins_with_coco17() -> None:
+    assert SKELETONS["coco23"][:17] == SKELETONS["coco17"]
+    assert SKELETONS["coco17"][5:7] == ("left_shoulder", "right_shoulder")
+    assert SKELETONS["coco23"][17:20] == ("left_big_toe", "left_small_toe", "left_heel")
+
+
+def test_blazepose_order() -> None:
+    points = SKELETONS["blazepose33"]
+    known = {0: "nose", 2: "left_eye_surface", 5: "right_eye_surface", 8: "right_ear_surface", 11: "left_shoulder"}
+    known |= {16: "right_wrist", 17: "left_pinky1", 20: "right_index1", 21: "left_thumb2", 23: "left_hip"}
+    known |= {28: "right_ankle", 29: "left_heel", 32: "right_foot_tip"}
+    assert {i: points[i] for i in known} == known
+
+
+@pytest.mark.parametrize("skeleton", ["coco23", "blazepose33"])
+def test_left_is_plus_x_in_the_t_pose(skeleton: str, at_rest: dict[str, dict[str, Tensor]]) -> None:
+    for name, point in at_rest[skeleton].items():
+        if name.startswith("left_"):
+            mirror = at_rest[skeleton]["right_" + name[5:]]
+            assert point[0] > 0.01, name
+            assert torch.allclose(point, mirror * torch.tensor([-1.0, 1.0, 1.0]), atol=3e-3), name
+
+
+def test_the_face_is_a_face(at_rest: dict[str, dict[str, Tensor]]) -> None:
+    face = at_rest["blazepose33"]
+    nose = face["nose"]
+    assert abs(float(nose[0])) < 2e-3
+    assert all(
+        nose[2] > point[2]
+        for name, point in face.items()
+        if "toe" not in name and "foot" not in name and name != "nose"
+    )
+    for side, sign in (("left", 1), ("right", -1)):
+        inner, eye, outer, ear = (face[f"{side}_{n}_surface"] for n in ("eye_inner", "eye", "eye_outer", "ear"))
+        across = [sign * float(p[0]) for p in (inner, eye, outer, ear)]
+        assert across == sorted(across)
+        assert eye[1] > nose[1] > face[f"{side}_mouth_corner_surface"][1]
+        assert outer[2] > ear[2]
+        assert abs(float(ear[1] - (eye[1] + nose[1]) / 2)) < 0.03
+
+
+def test_the_feet_are_feet(at_rest: dict[str, dict[str, Tensor]]) -> None:
+    coco, blaze = at_rest["coco23"], at_rest["blazepose33"]
+    for side, sign in (("left", 1), ("right", -1)):
+        ankle, heel = coco[f"{side}_ankle"], coco[f"{side}_heel"]
+        big, small = coco[f"{side}_big_toe"], coco[f"{side}_small_toe"]
+        assert heel[2] < ankle[2] < small[2] < big[2]
+        assert sign * small[0] > sign * big[0]
+        assert max(heel[1], big[1], small[1]) < ankle[1] - 0.02
+        assert 0.2 < float(blaze[f"{side}_foot_tip"][2] - heel[2]) < 0.3
+
+
+def test_hands_run_from_wrist_to_tips(at_rest: dict[str, dict[str, Tensor]]) -> None:
+    for side in ("left", "right"):
+        points = list(at_rest[f"openpose_hand21_{side}"].values())
+        wrist = points[0]
+        for finger in range(5):
+            chain = points[1 + 4 * finger : 5 + 4 * finger]
+            reach = [float((p - wrist).norm()) for p in chain]
+            assert reach == sorted(reach)
+            assert 0.01 < float((chain[3] - chain[2]).norm()) < 0.04
+        depth = [float(points[5 + 4 * finger][2]) for finger in range(4)]
+        assert depth == sorted(depth, reverse=True)  # index in front, little finger behind
+
+
+def test_joints_among_landmarks_are_joints(embedded: BodyModel, random_pose: dict[str, Tensor]) -> None:
+    output = embedded(**random_pose)
+    points = embedded.landmarks(output, "coco17")
+    for row, name in enumerate(SKELETONS["coco17"]):
+        if name in JOINT_INDEX:
+            assert torch.allclose(points[:, row], output.joints[:, JOINT_INDEX[name]], atol=1e-6)
+
+
+def test_the_small_model_equals_the_whole(embedded: BodyModel, random_pose: dict[str, Tensor]) -> None:
+    extra = torch.tensor([13000, 4, 4])
+    small = embedded.landmarks_only(("blazepose33", "openpose_hand21_right"), extra)
+    points = small(**random_pose)
+    output = embedded(**random_pose)
+    assert set(points) == {"blazepose33", "openpose_hand21_right", "joints", "vertices"}
+    for skeleton in ("blazepose33", "openpose_hand21_right"):
+        assert torch.allclose(points[skeleton], embedded.landmarks(output, skeleton), atol=1e-6)
+    assert torch.allclose(points["vertices"], output.vertices[:, extra], atol=1e-6)
+    assert torch.equal(points["joints"], output.joints)
+
+
+def test_a_small_model_without_surface_points(embedded: BodyModel, random_pose: dict[str, Tensor]) -> None:
+    points = embedded.landmarks_only(())(**random_pose)
+    assert points["joints"].shape == (3, 55, 3)
+    assert points["vertices"].shape == (3, 0, 3)
+
+
+def test_landmarks_are_differentiable(embedded64: BodyModel) -> None:
+    small = embedded64.landmarks_only(("coco23",))
+    rotations, _, transl = embedded64.zero_pose()
+    betas = torch.zeros(1, 16, dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradcheck(lambda b: small(rotations, b, transl)["coco23"], (betas,))
+
+
+def test_refuses_an_unknown_joint_set(embedded: BodyModel) -> None:
+    with pytest.raises(BodyModelError) as caught:
+        embedded.landmarks_only(("coco18",))
+    assert str(caught.value) == (
+        "no joint set named 'coco18': choose one of"
+        " coco17, coco23, blazepose33, openpose_hand21_left, openpose_hand21_right"
+    )
+
+
+def test_refuses_an_output_without_vertices(embedded: BodyModel) -> None:
+    output = embedded(*embedded.zero_pose(), joints_only=True)
+    with pytest.raises(BodyModelError) as caught:
+        embedded.landmarks(output, "coco17")
+    assert str(caught.value) == "landmarks need all 13348 vertices, got 0: pose the whole body, or use landmarks_only"

@@ -1,0 +1,230 @@
+"""Linear blend skinning: conventions, symmetries, gradients, and a slow twin."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import roma
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from torch import Tensor
+
+from physic_core.body import JOINT_INDEX, JOINT_NAMES, PARENTS
+from physic_core.body.model import BodyModel
+from physic_core.errors import BodyModelError
+
+
+def turned(joint: str, rotvec: tuple[float, float, float], model: BodyModel) -> Tensor:
+    """Rotations (1, 55, 3, 3) of the T-pose with one joint turned."""
+    rotations = model.zero_pose()[0]
+    rotations[0, JOINT_INDEX[joint]] = roma.rotvec_to_rotmat(torch.tensor(rotvec, dtype=rotations.dtype))
+    return rotations
+
+
+def slow_pose(
+    model: BodyModel, rotations: np.ndarray, betas: np.ndarray, transl: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """One body, joint by joint and vertex by vertex, in float64: 55 joints and every 500th vertex."""
+    kinematics, skin = model.kinematics, model.skin
+    template = kinematics.template.double().numpy()
+    rest = template + np.einsum("k,kjc->jc", betas, kinematics.directions.double().numpy().reshape(-1, 55, 3))
+    bind = np.tile(np.eye(3), (55, 1, 1)) if kinematics.bind_rot is None else kinematics.bind_rot.double().numpy()
+    world, joints = np.zeros((55, 3, 3)), np.zeros((55, 3))
+    for joint, parent in enumerate(PARENTS):
+        if parent < 0:
+            world[joint], joints[joint] = rotations[joint], rest[joint]
+        else:
+            world[joint] = world[parent] @ rotations[joint]
+            joints[joint] = joints[parent] + world[parent] @ bind[parent] @ (rest[joint] - rest[parent])
+    vertices = []
+    for v in range(0, model.num_vertices, 500):
+        shaped = skin.template[:, v].double().numpy() + betas @ skin.directions[:, :, v].double().numpy()
+        weights = skin.weights[:, v].double().numpy()
+        moved = [world[j] @ bind[j] @ (shaped - rest[j]) + joints[j] for j in range(55)]
+        vertices.append(weights @ np.array(moved) + transl)
+    return np.array(vertices), joints + transl
+
+
+def test_equals_its_slow_twin(embedded: BodyModel, random_pose: dict[str, Tensor]) -> None:
+    output = embedded(**random_pose)
+    for row in range(3):
+        arguments = [random_pose[name][row].double().numpy() for name in ("rotations", "betas", "transl")]
+        vertices, joints = slow_pose(embedded, *arguments)
+        np.testing.assert_allclose(output.vertices[row, ::500].numpy(), vertices, atol=1e-5)
+        np.testing.assert_allclose(output.joints[row].numpy(), joints, atol=1e-5)
+
+
+def test_joint_names_are_a_tree_in_smplx_order() -> None:
+    assert len(JOINT_NAMES) == len(PARENTS) == len(set(JOINT_NAMES)) == 55
+    assert all(parent < joint for joint, parent in enumerate(PARENTS))
+    assert [JOINT_INDEX[n] for n in ("pelvis", "left_wrist", "jaw", "left_index1", "left_thumb3", "right_thumb3")] == [
+        0,
+        20,
+        22,
+        25,
+        39,
+        54,
+    ]
+
+
+def test_zero_pose_is_a_t_pose(embedded: BodyModel) -> None:
+    joints = dict(zip(JOINT_NAMES, embedded(*embedded.zero_pose()).joints[0], strict=True))
+    assert joints["pelvis"].abs().max() < 1e-6
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        arm = [joints[f"{side}_{name}"] for name in ("shoulder", "elbow", "wrist", "middle1", "middle2", "middle3")]
+        for near, far in pairwise(arm):
+            direction = torch.nn.functional.normalize(far - near, dim=0)
+            assert direction[0] * sign > 0.97, f"{side} arm"
+        leg = torch.nn.functional.normalize(joints[f"{side}_ankle"] - joints[f"{side}_hip"], dim=0)
+        assert leg[1] < -0.99
+        toes = joints[f"{side}_foot"] - joints[f"{side}_ankle"]
+        assert toes[2] > 0.05
+        assert abs(float(toes[0])) < 1e-3
+    assert joints["head"][1] > joints["neck"][1] > joints["spine3"][1] > 0
+    assert joints["left_eye"][2] > joints["head"][2]
+
+
+def test_palms_face_down_in_the_t_pose(embedded: BodyModel) -> None:
+    joints = dict(zip(JOINT_NAMES, embedded(*embedded.zero_pose()).joints[0], strict=True))
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        along = joints[f"{side}_middle1"] - joints[f"{side}_wrist"]
+        to_thumb_side = joints[f"{side}_index1"] - joints[f"{side}_pinky1"]
+        palm = torch.nn.functional.normalize(torch.linalg.cross(along, to_thumb_side), dim=0) * sign
+        assert palm[1] < -0.98
+        assert joints[f"{side}_thumb3"][2] > joints[f"{side}_index1"][2]
+
+
+@pytest.mark.parametrize(
+    ("joint", "rotvec", "moved", "axis", "sign"),
+    [
+        ("left_shoulder", (0.0, 0.0, -1.2), "left_wrist", 1, -1),  # arm down
+        ("right_shoulder", (0.0, 0.0, 1.2), "right_wrist", 1, -1),
+        ("left_elbow", (0.0, -1.2, 0.0), "left_wrist", 2, 1),  # forearm forwards
+        ("right_elbow", (0.0, 1.2, 0.0), "right_wrist", 2, 1),
+        ("left_hip", (-1.2, 0.0, 0.0), "left_knee", 2, 1),  # thigh forwards
+        ("left_knee", (1.2, 0.0, 0.0), "left_ankle", 2, -1),  # heel to the seat
+        ("left_ankle", (0.5, 0.0, 0.0), "left_foot", 1, -1),  # toes down
+        ("spine1", (0.5, 0.0, 0.0), "head", 2, 1),  # bow
+        ("left_index1", (0.0, 0.0, -1.2), "left_index3", 1, -1),  # finger curls to the palm
+        ("right_index1", (0.0, 0.0, 1.2), "right_index3", 1, -1),
+    ],
+)
+def test_rotations_mean_what_they_mean_in_smplx(
+    embedded: BodyModel, joint: str, rotvec: tuple[float, float, float], moved: str, axis: int, sign: int
+) -> None:
+    _, betas, transl = embedded.zero_pose()
+    rest = embedded(*embedded.zero_pose()).joints[0, JOINT_INDEX[moved]]
+    posed = embedded(turned(joint, rotvec, embedded), betas, transl).joints[0, JOINT_INDEX[moved]]
+    assert sign * (posed - rest)[axis] > 0.01
+
+
+def test_translation_moves_everything(embedded: BodyModel, random_pose: dict[str, Tensor]) -> None:
+    still = embedded(random_pose["rotations"], random_pose["betas"], torch.zeros(3, 3))
+    moved = embedded(**random_pose)
+    shift = random_pose["transl"][:, None]
+    assert torch.allclose(moved.vertices, still.vertices + shift, atol=1e-6)
+    assert torch.allclose(moved.joints, still.joints + shift, atol=1e-6)
+
+
+def test_the_root_turns_about_the_pelvis(embedded: BodyModel, random_pose: dict[str, Tensor]) -> None:
+    turn = roma.rotvec_to_rotmat(torch.tensor([0.3, -1.0, 0.4]))
+    rotations = random_pose["rotations"].clone()
+    before = embedded(**random_pose)
+    rotations[:, 0] = turn @ rotations[:, 0]
+    after = embedded(rotations, random_pose["betas"], random_pose["transl"])
+    pelvis = before.joints[:, :1]
+    assert torch.allclose(after.joints[:, :1], pelvis, atol=1e-6)
+    assert torch.allclose(after.vertices, (before.vertices - pelvis) @ turn.T + pelvis, atol=1e-5)
+
+
+def test_the_pelvis_lies_at_the_translation_for_every_shape(
+    embedded: BodyModel, random_pose: dict[str, Tensor]
+) -> None:
+    joints = embedded(**random_pose, joints_only=True).joints
+    assert torch.allclose(joints[:, 0], random_pose["transl"], atol=1e-6)
+
+
+def test_joints_only_gives_the_same_joints(embedded: BodyModel, random_pose: dict[str, Tensor]) -> None:
+    alone = embedded(**random_pose, joints_only=True)
+    whole = embedded(**random_pose)
+    assert torch.equal(alone.joints, whole.joints)
+    assert torch.equal(alone.world, whole.world)
+    assert alone.vertices.shape == (3, 0, 3)
+
+
+@given(ids=st.lists(st.integers(0, 13347), max_size=12))
+def test_a_vertex_subset_equals_the_whole(embedded: BodyModel, ids: list[int]) -> None:
+    arguments = turned("left_knee", (1.0, 0.2, 0.0), embedded), *embedded.zero_pose()[1:]
+    index = torch.tensor(ids, dtype=torch.int64)
+    some = embedded(*arguments, vertex_ids=index).vertices
+    assert torch.allclose(some, embedded(*arguments).vertices[:, index], atol=1e-6)
+
+
+def test_rows_do_not_mix(embedded: BodyModel, random_pose: dict[str, Tensor]) -> None:
+    together = embedded(**random_pose).vertices
+    apart = torch.cat([embedded(**{k: v[i : i + 1] for k, v in random_pose.items()}).vertices for i in range(3)])
+    assert torch.allclose(together, apart, atol=1e-6)
+
+
+def test_an_empty_batch_is_empty(embedded: BodyModel) -> None:
+    output = embedded(*embedded.zero_pose(0))
+    assert output.vertices.shape == (0, embedded.num_vertices, 3)
+    assert output.joints.shape == (0, 55, 3)
+
+
+def test_float64_agrees_with_float32(
+    embedded: BodyModel, embedded64: BodyModel, random_pose: dict[str, Tensor]
+) -> None:
+    double = embedded64(**{name: value.double() for name, value in random_pose.items()})
+    assert double.vertices.dtype == torch.float64
+    assert (double.vertices - embedded(**random_pose).vertices).abs().max() < 1e-5
+
+
+@pytest.mark.parametrize("size", [0.0, 0.3])
+def test_gradients_are_right(embedded64: BodyModel, size: float) -> None:
+    """At rest (size 0) too: that is where fits start."""
+    torch.manual_seed(0)
+    ids = torch.randint(0, embedded64.num_vertices, (5,))
+    rotvecs = (size * torch.randn(1, 55, 3, dtype=torch.float64)).requires_grad_()
+    betas = (size * torch.randn(1, embedded64.num_betas, dtype=torch.float64)).requires_grad_()
+    transl = torch.randn(1, 3, dtype=torch.float64, requires_grad=True)
+
+    def vertices_and_joints(r: Tensor, b: Tensor, t: Tensor) -> tuple[Tensor, Tensor]:
+        output = embedded64(roma.rotvec_to_rotmat(r), b, t, vertex_ids=ids)
+        return output.vertices, output.joints[:, ::9]
+
+    assert torch.autograd.gradcheck(vertices_and_joints, (rotvecs, betas, transl))
+
+
+def test_limb_lengths_do_not_depend_on_the_pose(embedded: BodyModel, random_pose: dict[str, Tensor]) -> None:
+    rest, _, transl = embedded.zero_pose(3)
+    parents = torch.tensor(PARENTS[1:])
+
+    def lengths(rotations: Tensor) -> Tensor:
+        joints = embedded(rotations, random_pose["betas"], transl, joints_only=True).joints
+        return (joints[:, 1:] - joints[:, parents]).norm(dim=-1)
+
+    assert torch.allclose(lengths(random_pose["rotations"]), lengths(rest), atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("name", "shape", "wanted"),
+    [
+        ("rotations", (1, 24, 3, 3), "(1, 55, 3, 3)"),
+        ("betas", (1, 10), "(1, 16)"),
+        ("betas", (2, 16), "(1, 16)"),
+        ("transl", (3,), "(1, 3)"),
+        ("expression", (1, 10), "(1, 0)"),
+    ],
+)
+def test_refuses_wrong_shapes(embedded: BodyModel, name: str, shape: tuple[int, ...], wanted: str) -> None:
+    arguments = dict(zip(("rotations", "betas", "transl"), embedded.zero_pose(), strict=True))
+    with pytest.raises(BodyModelError) as caught:
+        embedded(**{**arguments, name: torch.zeros(shape)})
+    assert str(caught.value) == (
+        f"{name} must be {wanted} for the embedded body, got {shape}:"
+        " give one row a person, and parameters that were made for this body"
+    )

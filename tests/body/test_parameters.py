@@ -1,0 +1,78 @@
+"""SMPL-X-named parameters <-> rotation matrices."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import roma
+import torch
+from torch import Tensor
+
+from physic_core.body import JOINT_INDEX
+from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
+from physic_core.errors import BodyModelError
+
+
+def test_round_trip(random_pose: dict[str, Tensor]) -> None:
+    parameters = parameters_from_rotations(random_pose["rotations"], random_pose["betas"], None, random_pose["transl"])
+    assert len(parameters) == 3
+    assert parameters.expression.shape == (3, 0)
+    assert parameters.body_pose.dtype == np.float32
+    assert torch.allclose(rotations_from_parameters(parameters), random_pose["rotations"], atol=1e-6)
+    assert np.array_equal(parameters.betas, random_pose["betas"].numpy())
+    assert np.array_equal(parameters.transl, random_pose["transl"].numpy())
+
+
+@pytest.mark.parametrize(
+    ("joint", "field", "first"),
+    [
+        ("pelvis", "global_orient", 0),
+        ("left_hip", "body_pose", 0),
+        ("right_wrist", "body_pose", 60),
+        ("jaw", "jaw_pose", 0),
+        ("left_eye", "leye_pose", 0),
+        ("right_eye", "reye_pose", 0),
+        ("left_index1", "left_hand_pose", 0),
+        ("left_thumb3", "left_hand_pose", 42),
+        ("right_index1", "right_hand_pose", 0),
+        ("right_pinky2", "right_hand_pose", 21),
+    ],
+)
+def test_every_field_holds_its_joints(joint: str, field: str, first: int) -> None:
+    rotvec = torch.tensor([0.1, -0.2, 0.3])
+    rotations = torch.eye(3).repeat(1, 55, 1, 1)
+    rotations[0, JOINT_INDEX[joint]] = roma.rotvec_to_rotmat(rotvec)
+    parameters = parameters_from_rotations(rotations, torch.zeros(1, 16), torch.zeros(1, 2), torch.zeros(1, 3))
+    np.testing.assert_allclose(getattr(parameters, field)[0, first : first + 3], rotvec, atol=1e-6)
+    total = sum(np.abs(getattr(parameters, name)).sum() for name in vars(parameters))
+    assert total == pytest.approx(0.6, abs=1e-5)
+
+
+def test_half_turns_survive() -> None:
+    """At pi the sign of the rotation vector is open, the rotation is not."""
+    rotations = torch.eye(3).repeat(1, 55, 1, 1)
+    rotations[0, 0] = torch.diag(torch.tensor([1.0, -1.0, -1.0]))  # upright in the camera's frame
+    parameters = parameters_from_rotations(rotations, torch.zeros(1, 16), None, torch.zeros(1, 3))
+    assert torch.allclose(rotations_from_parameters(parameters), rotations, atol=1e-6)
+
+
+def test_float_type_is_the_one_asked_for(random_pose: dict[str, Tensor]) -> None:
+    parameters = parameters_from_rotations(random_pose["rotations"], random_pose["betas"], None, random_pose["transl"])
+    assert rotations_from_parameters(parameters, dtype=torch.float64).dtype == torch.float64
+
+
+def test_refuses_a_wrong_field(random_pose: dict[str, Tensor]) -> None:
+    parameters = parameters_from_rotations(random_pose["rotations"], random_pose["betas"], None, random_pose["transl"])
+    with pytest.raises(BodyModelError) as caught:
+        rotations_from_parameters(replace(parameters, left_hand_pose=np.zeros((3, 12), np.float32)))
+    assert str(caught.value) == (
+        "left_hand_pose must be (3, 45), got (3, 12): give a rotation vector in radians for each of its 15 joints"
+    )
+
+
+def test_refuses_matrices_of_another_body(random_pose: dict[str, Tensor]) -> None:
+    with pytest.raises(BodyModelError) as caught:
+        parameters_from_rotations(torch.zeros(2, 24, 3, 3), torch.zeros(2, 10), None, torch.zeros(2, 3))
+    assert str(caught.value) == "rotations must be (N, 55, 3, 3), got (2, 24, 3, 3): give one matrix for each joint"

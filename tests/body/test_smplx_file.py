@@ -1,0 +1,208 @@
+"""A user's SMPL-X file: agreement with two independent packages, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import roma
+import torch
+
+from physic_core.body import load_body
+from physic_core.body.parts import CONTACT_SETS
+from physic_core.body.smplx_file import load_smplx
+from physic_core.errors import BodyModelError
+
+ADVICE = "give the path of an official SMPL-X file, for example SMPLX_NEUTRAL.npz"
+
+
+@pytest.fixture
+def pose() -> dict[str, torch.Tensor]:
+    generator = torch.Generator().manual_seed(1)
+
+    def normal(*shape: int) -> torch.Tensor:
+        return torch.randn(*shape, generator=generator)
+
+    return {
+        "rotvecs": 0.5 * normal(2, 55, 3),
+        "betas": normal(2, 10),
+        "expression": normal(2, 10),
+        "transl": normal(2, 3),
+    }
+
+
+@pytest.mark.parametrize("layout", ["v10", "v11"])
+def test_agrees_with_smplfitter(layout: str, pose: dict[str, torch.Tensor], request: pytest.FixtureRequest) -> None:
+    from smplfitter.pt import BodyModel as Peer
+
+    path: Path = request.getfixturevalue(f"smplx_{layout}")
+    columns = 20 if layout == "v10" else 400
+    peer = Peer("smplx", "neutral", model_root=str(path.parent), num_betas=columns)
+    coefficients = torch.zeros(2, columns)
+    coefficients[:, :10] = pose["betas"]
+    coefficients[:, columns // 2 if layout == "v10" else 300 :][:, :10] = pose["expression"]
+    theirs = peer(pose_rotvecs=pose["rotvecs"].flatten(1), shape_betas=coefficients, trans=pose["transl"])
+
+    ours = load_body(path)(roma.rotvec_to_rotmat(pose["rotvecs"]), pose["betas"], pose["transl"], pose["expression"])
+    assert (ours.vertices - theirs["vertices"]).abs().max() < 1e-5
+    assert (ours.joints - theirs["joints"]).abs().max() < 1e-5
+    assert (ours.world - theirs["orientations"]).abs().max() < 1e-5
+
+
+def test_agrees_with_body_models(smplx_v11: Path, pose: dict[str, torch.Tensor]) -> None:
+    from body_models.smplx.torch import SMPLX
+
+    peer = SMPLX(model_path=smplx_v11, flat_hand_mean=True)
+    body, head, left, right = pose["rotvecs"][:, 1:].split([21, 3, 15, 15], dim=1)
+    arguments = {
+        "body_pose": body,
+        "head_pose": head,
+        "hand_pose": torch.cat([left, right], 1),
+        "pelvis_rotation": pose["rotvecs"][:, 0],
+        "shape": pose["betas"],
+        "expression": pose["expression"],
+        "global_translation": pose["transl"],
+    }
+    ours = load_body(smplx_v11)(
+        roma.rotvec_to_rotmat(pose["rotvecs"]), pose["betas"], pose["transl"], pose["expression"]
+    )
+    assert (ours.vertices - peer.forward_vertices(**arguments)).abs().max() < 1e-5
+    assert (ours.joints - peer.forward_skeleton(**arguments)[..., :3, 3]).abs().max() < 1e-5
+
+
+def test_both_layouts_are_the_same_body(smplx_v10: Path, smplx_v11: Path, pose: dict[str, torch.Tensor]) -> None:
+    rotations = roma.rotvec_to_rotmat(pose["rotvecs"])
+    old, new = (
+        load_body(p)(rotations, pose["betas"], pose["transl"], pose["expression"]) for p in (smplx_v10, smplx_v11)
+    )
+    assert torch.equal(old.vertices, new.vertices)
+
+
+def test_asks_for_more_components(smplx_v11: Path) -> None:
+    model = load_smplx(smplx_v11, num_betas=16, num_expression=0)
+    assert (model.num_betas, model.num_expression) == (16, 0)
+    assert model(*model.zero_pose()).vertices.shape == (1, 10475, 3)
+
+
+def test_zero_pose_is_the_template(smplx_v10: Path, smplx_arrays: dict[str, Any]) -> None:
+    model = load_body(smplx_v10)
+    vertices = model(*model.zero_pose()).vertices[0].numpy()
+    np.testing.assert_allclose(vertices, smplx_arrays["v_template"], atol=1e-6)
+
+
+def test_a_vertex_subset_equals_the_whole(smplx_v10: Path, pose: dict[str, torch.Tensor]) -> None:
+    model = load_body(smplx_v10)
+    ids = torch.tensor([5, 9999, 17])
+    arguments = (roma.rotvec_to_rotmat(pose["rotvecs"]), pose["betas"], pose["transl"], pose["expression"])
+    few = model(*arguments, vertex_ids=ids).vertices
+    assert torch.allclose(few, model(*arguments).vertices[:, ids], atol=1e-6)
+
+
+def test_picks_are_derived_from_the_file(smplx_v10: Path) -> None:
+    model = load_body(smplx_v10)
+    output = model(*model.zero_pose())
+    points = dict(zip(("nose", "left_eye", "right_eye"), model.landmarks(output, "coco17")[0], strict=False))
+    assert points["left_eye"][0] > 0 > points["right_eye"][0]
+    assert set(model.contact_sets) == set(CONTACT_SETS)
+    sole = output.vertices[0, model.contact_sets["left_sole"], 1]
+    assert sole.max() < output.vertices[0, :, 1].min() + 0.03
+    assert model.name == model.topology == "smplx"
+    assert float(model.stature(torch.zeros(1, 10))) == pytest.approx(
+        float(output.vertices[0, :, 1].max() - output.vertices[0, :, 1].min()), abs=1e-6
+    )
+
+
+def test_never_unpickles(smplx_arrays: dict[str, Any], tmp_path: Path) -> None:
+    class Trap:
+        def __reduce__(self) -> tuple[Any, ...]:
+            return (pytest.fail, ("the file was unpickled",))
+
+    path = tmp_path / "SMPLX_NEUTRAL.npz"
+    flat = {"posedirs": np.zeros((10475, 3, 486), np.float16), "shapedirs": np.zeros((10475, 3, 20), np.float16)}
+    small = {**smplx_arrays, **flat}
+    np.savez_compressed(path, **{**small, "part2num": np.array(Trap(), dtype=object)})
+    load_body(path)
+
+    np.savez_compressed(path, **{**small, "J_regressor": np.array(Trap(), dtype=object)})
+    with pytest.raises(BodyModelError) as caught:
+        load_body(path)
+    assert str(caught.value) == (
+        f"{path}: J_regressor is a pickled object, not numbers (pickles are never opened, they can run code): {ADVICE}"
+    )
+
+
+def test_refuses_a_missing_file(tmp_path: Path) -> None:
+    path = tmp_path / "none.npz"
+    with pytest.raises(BodyModelError) as caught:
+        load_body(path)
+    assert str(caught.value) == (f"there is no body model file {path}: {ADVICE}, or 'embedded' for the body that ships")
+
+
+def test_refuses_a_pickle(tmp_path: Path) -> None:
+    path = tmp_path / "SMPLX_NEUTRAL.pkl"
+    path.write_bytes(b"\x80\x02}q\x00.")
+    with pytest.raises(BodyModelError) as caught:
+        load_body(path)
+    assert str(caught.value) == (
+        f"{path} is not an .npz archive (an old .pkl file, perhaps; pickles are never opened, they can run code):"
+        f" {ADVICE}"
+    )
+
+
+@pytest.mark.parametrize(("vertices", "whose"), [(6890, "an SMPL or SMPL+H"), (778, "a MANO"), (5023, "a FLAME")])
+def test_refuses_the_family(tmp_path: Path, vertices: int, whose: str) -> None:
+    path = tmp_path / "model.npz"
+    np.savez(path, v_template=np.zeros((vertices, 3)))
+    with pytest.raises(BodyModelError) as caught:
+        load_body(path)
+    assert str(caught.value) == f"{path} is {whose} file ({vertices} vertices), not SMPL-X: {ADVICE}"
+
+
+def test_refuses_missing_arrays(tmp_path: Path, smplx_arrays: dict[str, Any]) -> None:
+    path = tmp_path / "model.npz"
+    np.savez(path, v_template=smplx_arrays["v_template"], f=smplx_arrays["f"])
+    with pytest.raises(BodyModelError) as caught:
+        load_body(path)
+    assert str(caught.value) == (
+        f"{path} lacks the arrays shapedirs, posedirs, J_regressor, weights, kintree_table: {ADVICE}"
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong", "message"),
+    [
+        ("weights", np.zeros((10475, 24)), "weights must be (10475, 55), got (10475, 24)"),
+        ("f", np.zeros((7, 3), int), "f must be (20908, 3), got (7, 3)"),
+        ("shapedirs", np.zeros((10475, 3)), "shapedirs must be (10475, 3, 20 or 400), got (10475, 3)"),
+        ("shapedirs", np.zeros((10475, 3, 11)), "shapedirs has 11 columns, where SMPL-X has 20 or 400"),
+        ("kintree_table", np.zeros((2, 55), int), "kintree_table is not the joint tree of SMPL-X"),
+    ],
+)
+def test_refuses_wrong_shapes(
+    tmp_path: Path, smplx_arrays: dict[str, Any], name: str, wrong: np.ndarray, message: str
+) -> None:
+    path = tmp_path / "model.npz"
+    flat = {"posedirs": np.zeros((10475, 3, 486), np.float16), "shapedirs": np.zeros((10475, 3, 20), np.float16)}
+    np.savez_compressed(path, **{**smplx_arrays, **flat, name: wrong})
+    with pytest.raises(BodyModelError) as caught:
+        load_body(path)
+    assert str(caught.value) == f"{path}: {message}: {ADVICE}"
+
+
+def test_refuses_more_components_than_there_are(smplx_v10: Path) -> None:
+    with pytest.raises(BodyModelError) as caught:
+        load_smplx(smplx_v10, num_betas=16)
+    assert str(caught.value) == f"{smplx_v10}: num_betas is 16, but the file has 10: ask for 0 to 10"
+
+
+def test_refuses_a_damaged_file(tmp_path: Path, smplx_arrays: dict[str, Any]) -> None:
+    path = tmp_path / "model.npz"
+    np.savez(path, **{name: smplx_arrays[name] for name in ("v_template", *smplx_arrays) if name != "joint2num"})
+    data = bytearray(path.read_bytes())
+    data[100_000:100_100] = bytes(100)  # within v_template
+    path.write_bytes(data)
+    with pytest.raises(BodyModelError) as caught:
+        load_body(path)
+    assert str(caught.value) == f"{path}: v_template cannot be read, the file is damaged: copy or download it again"
