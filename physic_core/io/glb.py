@@ -71,7 +71,8 @@ def _scene_mesh(surface: Surface, shape: tuple[int, ...], matrix: NDArray[np.flo
     height, width = shape
     # trimesh turns v over when it writes: glTF counts it from the top, as pixels do.
     uv = np.stack([(surface.pixels[:, 0] + 0.5) / width, 1.0 - (surface.pixels[:, 1] + 0.5) / height], -1)
-    visual = trimesh.visual.TextureVisuals(uv=uv)
+    # A material of its own keeps trimesh from adding its default picture; the real one is put in by _export.
+    visual = trimesh.visual.TextureVisuals(uv=uv, material=trimesh.visual.material.PBRMaterial(name="photo"))
     vertices = transform(matrix, surface.vertices)
     return trimesh.Trimesh(vertices, surface.faces, visual=visual, process=False)
 

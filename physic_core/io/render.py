@@ -207,10 +207,7 @@ def draw(shapes: Figures, viewer: Viewer, colors: Array, *, lit: bool = True, sa
     box = (x1 - x0, y1 - y0)
     color[y0:y1, x0:x1] = cv2.resize(fine.reshape(*grid[0].shape, 4), box, interpolation=cv2.INTER_AREA)
     distance[y0:y1, x0:x1] = (
-        depth.reshape(box[1], samples, box[0], samples)
-        .transpose(0, 2, 1, 3)
-        .reshape(box[1], box[0], -1)
-        .min(-1)
+        depth.reshape(box[1], samples, box[0], samples).transpose(0, 2, 1, 3).reshape(box[1], box[0], -1).min(-1)
     )
     return Layer(color[..., :3], color[..., 3], distance)
 
