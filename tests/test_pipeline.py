@@ -132,7 +132,7 @@ def test_optional_interfaces_may_be_left_out(world: World) -> None:
     assert [s.name for s in result.stages] == [name for name, _, _ in told]
     assert [done for _, done, _ in told] == list(range(len(told)))
     assert {total for _, _, total in told} == {len(told)}
-    assert np.abs(result.people[0].parameters.left_hand_pose).max() < 0.01
+    assert np.abs(result.people[0].parameters.left_hand_pose).max() < 0.05
 
 
 def test_a_configured_camera_is_in_pixels_of_the_file() -> None:
