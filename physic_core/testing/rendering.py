@@ -6,6 +6,7 @@ Camera frame (OpenCV), metres.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,6 +41,14 @@ class Mesh:
     faces: NDArray[np.int64]
     thing: NDArray[np.int64]
     smooth: FloatArray
+
+    @cached_property
+    def flat(self) -> FloatArray:
+        """(F, 3) unit normals of the faces, out of the thing."""
+        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
+        normals = np.cross(b - a, c - a)
+        unit: FloatArray = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+        return unit
 
 
 @dataclass(frozen=True)
@@ -112,8 +121,8 @@ def photograph(
         distance = np.linalg.norm(away, axis=1)
         # Lifted off the surface, so that a face does not shade itself.
         dark = caster.blocked(points + 2e-3 * flat, away - 2e-3 * flat)
-        cosine = np.clip((normals * away).sum(axis=1) / distance, 0, None)
-        head_on = np.clip(-(normals * rays).sum(axis=1) / np.linalg.norm(rays, axis=1), 0, None)
+        cosine = np.clip(np.einsum("ij,ij->i", normals, away) / distance, 0, None)
+        head_on = np.clip(-np.einsum("ij,ij->i", normals, rays) / np.linalg.norm(rays, axis=1), 0, None)
         strength = _AMBIENT + _FILL * head_on + _LAMP * np.where(dark, 0, cosine) * np.clip(6 / distance**2, 0, 1.6)
         light += np.where(seen[:, None], albedo(hits, points) * strength[:, None], 0.0)
     picture = 255 * np.clip(light / 4, 0, 1) ** (1 / 2.2)
@@ -123,15 +132,13 @@ def photograph(
 
 def _face_normals(mesh: Mesh, hits: Hits, rays: FloatArray) -> FloatArray:
     """(n, 3) unit, turned towards where the ray comes from; zero where nothing is hit."""
-    corners = mesh.vertices[mesh.faces[np.maximum(hits.face, 0)]]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    towards = np.where((normals * rays).sum(axis=1, keepdims=True) > 0, -normals, normals)
+    normals = mesh.flat[np.maximum(hits.face, 0)]
+    towards = np.where(np.einsum("ij,ij->i", normals, rays)[:, None] > 0, -normals, normals)
     return np.where((hits.face >= 0)[:, None], towards, 0.0)
 
 
 def _shading_normals(mesh: Mesh, hits: Hits, flat: FloatArray) -> FloatArray:
     corner_normals = mesh.smooth[mesh.faces[np.maximum(hits.face, 0)]]
-    blended = (corner_normals * hits.corners[..., None]).sum(axis=1)
+    blended = np.einsum("ijk,ij->ik", corner_normals, hits.corners)
     length = np.linalg.norm(blended, axis=1, keepdims=True)
     return np.where(length > 1e-6, blended / np.maximum(length, 1e-6), flat)

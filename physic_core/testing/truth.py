@@ -15,7 +15,7 @@ from physic_core.testing.staging import Stage, pose_vertices
 from physic_core.types import BodyParameters
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -166,11 +166,23 @@ def take_pictures(
     )
 
 
-def seen_by_camera(points: FloatArray, pictures: Pictures, vertices: FloatArray, intrinsics: Intrinsics) -> BoolArray:
-    """Whether the photo shows each landmark: in the image, with nothing in front but the skin that covers it.
+def seen_by_camera(
+    model: BodyModel,
+    points: FloatArray,
+    names: Sequence[str],
+    pictures: Pictures,
+    vertices: FloatArray,
+    intrinsics: Intrinsics,
+) -> BoolArray:
+    """Whether the photo shows each landmark.
+
+    It does where the landmark lies in the image and nothing is in front of it but the skin that covers it, or its own
+    limb: a sitter's hip behind their thigh counts as seen, a hand behind the back does not.
 
     Args:
+        model: whose parts the people have.
         points: (N, J, 3) camera frame.
+        names: of the J landmarks.
         pictures: whose mesh is cast at.
         vertices: (N, V, 3) of the people, for how deep under the skin a landmark lies.
         intrinsics: the camera's.
@@ -183,14 +195,39 @@ def seen_by_camera(points: FloatArray, pictures: Pictures, vertices: FloatArray,
     uv = project(points, intrinsics)
     size = np.array([intrinsics.width, intrinsics.height])
     visible = (points[..., 2] > 0) & (uv > -0.5).all(axis=-1) & (uv < size - 0.5).all(axis=-1)
+    limb_of_part = np.array([_LIMB_OF_PART.get(name, "") for name in model.part_names])
+    limb = np.array([_limb_of_landmark(name) for name in names])
+    first_person = len(pictures.mesh.vertices) - vertices.shape[0] * vertices.shape[1]
     for i, person in enumerate(points):
         depth, _ = KDTree(vertices[i]).query(person)
         hits = pictures.caster.first(np.zeros(3), person)
+        face = np.maximum(hits.face, 0)
         in_front = (1 - np.minimum(hits.distance, 1)) * np.linalg.norm(person, axis=1)
-        own = pictures.mesh.thing[np.maximum(hits.face, 0)] == i
+        own = pictures.mesh.thing[face] == i
+        corner = np.where(own, pictures.mesh.faces[face, 0] - first_person - i * vertices.shape[1], 0)
+        own_limb = (limb != "") & (limb_of_part[model.part_of_vertex.numpy()[corner]] == limb)
         # Half as deep again: the nearest vertex is rarely the one towards the camera.
-        visible[i] &= (in_front < 0.01) | (own & (in_front < 1.5 * depth + 0.03))
+        visible[i] &= (in_front < 0.01) | (own & (own_limb | (in_front < 1.5 * depth + 0.03)))
     return visible
+
+
+_LIMB_OF_PART = {"torso": "trunk"} | {
+    f"{side}_{part}": f"{side}_{limb}"
+    for side in ("left", "right")
+    for limb, parts in (("leg", ("upper_leg", "lower_leg", "foot")), ("arm", ("upper_arm", "lower_arm", "hand")))
+    for part in parts
+}
+_LEG_POINTS = ("hip", "knee", "ankle", "foot", "heel", "big_toe", "small_toe", "foot_tip")
+_TRUNK_POINTS = ("pelvis", "spine1", "spine2", "spine3", "neck", "left_collar", "right_collar")
+
+
+def _limb_of_landmark(name: str) -> str:
+    if name in _TRUNK_POINTS:
+        return "trunk"
+    side, _, point = name.partition("_")
+    if point in _LEG_POINTS:
+        return f"{side}_leg"
+    return f"{side}_arm" if point in ("shoulder", "elbow", "wrist") else ""
 
 
 def project(points: FloatArray, intrinsics: Intrinsics) -> FloatArray:

@@ -57,7 +57,7 @@ class World:
         empty_floor_mask: (H, W) bool, of the scene without people.
         floor: the floor's plane.
         keypoints: joint set -> (N, J, 2) float64 px.
-        visible: joint set -> (N, J) bool: in the image, and hidden by nothing but the own skin.
+        visible: joint set -> (N, J) bool: in the image, and hidden by nothing but the own skin or the own limb.
         joints_visible: (N, 55) bool, the same of the body's joints.
         parameters: of the N bodies.
         body_model: name of the body model.
@@ -128,6 +128,7 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
     import torch
 
     from physic_core.body import load_body
+    from physic_core.body.landmarks import SKELETONS as LANDMARKS
 
     rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
     intrinsics = Intrinsics.from_focal(size[0] * rng.uniform(0.85, 1.3), *size, source="world")
@@ -137,8 +138,8 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
     pictures = take_pictures(model, stage, intrinsics, bodies.vertices, rng)
     distance = stage.room.signed_distance(stage.camera.to_room(bodies.vertices))
 
-    def seen(points: FloatArray) -> BoolArray:
-        return seen_by_camera(points, pictures, bodies.vertices, intrinsics)
+    def seen(points: FloatArray, names: tuple[str, ...]) -> BoolArray:
+        return seen_by_camera(model, points, names, pictures, bodies.vertices, intrinsics)
 
     world = World(
         name=name,
@@ -159,8 +160,8 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
         empty_floor_mask=pictures.empty_floor_mask,
         floor=Plane(stage.camera.rotation[:, 1].copy(), float(stage.camera.position[1])),
         keypoints={name: project(points, intrinsics) for name, points in bodies.landmarks.items()},
-        visible={name: seen(points) for name, points in bodies.landmarks.items()},
-        joints_visible=seen(bodies.joints),
+        visible={name: seen(points, LANDMARKS[name]) for name, points in bodies.landmarks.items()},
+        joints_visible=seen(bodies.joints, model.joint_names),
         parameters=bodies.parameters,
         body_model=model.name,
         topology=model.topology,

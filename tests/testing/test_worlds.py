@@ -129,6 +129,16 @@ def test_visible_keypoints_lie_on_their_person(name):
     np.testing.assert_allclose(world.keypoints["coco17"][:, 11], world.keypoints["blazepose33"][:, 23])
 
 
+def test_what_hides_a_joint(model):
+    sitter = build_world("sitting")
+    trunk = [model.joint_names.index(name) for name in ("pelvis", "spine1", "spine2", "spine3", "neck")]
+    assert sitter.joints_visible[:, trunk].all()  # covered by their own skin only
+    feet = [model.joint_names.index(f"{side}_{name}") for side in ("left", "right") for name in ("ankle", "foot")]
+    assert sitter.joints_visible[:, feet].all()
+    front, behind = build_world("two_people").joints_visible[:, :22].sum(axis=1)
+    assert front > behind
+
+
 @pytest.mark.parametrize("name", WORLDS)
 def test_people_are_whole_in_the_photo_and_boxes_hold_the_masks(name):
     world = build_world(name)
