@@ -24,7 +24,7 @@ _WAVES = 2.5  # across the longer side of the image
 class DepthOptions(MockOptions):
     """Settings that both depth mocks share."""
 
-    warp: float = Field(0.01, ge=0, le=0.5, description="Standard deviation of a smooth error of log depth.")
+    warp: float = Field(0.005, ge=0, le=0.5, description="Standard deviation of a smooth error of log depth.")
     knows_camera: bool = Field(True, description="Whether the intrinsics are answered.")
     focal_error: float = Field(1.0, gt=0, description="Factor on the focal length that is answered.")
 
@@ -33,6 +33,7 @@ class MetricDepthOptions(DepthOptions):
     """Settings of :class:`MockMetricDepth`."""
 
     scale: float = Field(1.1, gt=0, description="Factor on the true depth.")
+    warp: float = Field(0.02, ge=0, le=0.5, description="Standard deviation of a smooth error of log depth.")
 
 
 class MockMetricDepth(interfaces.MetricDepth):
@@ -70,7 +71,7 @@ class RelativePointmapOptions(DepthOptions):
     )
     photo_scale: float = Field(1.15, gt=0, description="The photo with its people has this many times the scale.")
     disagreement: float = Field(
-        0.005, ge=0, le=0.5, description="A further smooth error of log depth, of its own in each of the two images."
+        0.003, ge=0, le=0.5, description="A further smooth error of log depth, of its own in each of the two images."
     )
 
 
