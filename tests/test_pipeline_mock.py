@@ -1,0 +1,172 @@
+"""The whole pipeline on worlds whose truth is known, with the mock backends: what stage 3 recovers, in numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from physic_core import Reconstruction, load_config, reconstruct
+from physic_core.body import load_body
+from physic_core.body.parameters import rotations_from_parameters
+from physic_core.errors import BackendError, NoPersonError
+from physic_core.pipeline import reconstruct_photo
+from physic_core.testing.worlds import WORLDS, World, build_world
+from physic_core.types import Hints
+from physic_mock.backends import MockBodyEstimator, MockKeypointDetector, MockSegmenter
+
+STAGE_2 = ['engine.joint.frozen=["root", "pose", "hands", "betas", "translation"]', "engine.joint.steps=1"]
+DEPTH_SCALE = 1.1  # the mock's metric depth is this much too large
+
+
+@dataclass(frozen=True)
+class Case:
+    world: World
+    start: np.ndarray  # (N, V, 3) vertices as the body estimator gives them
+    placed: Reconstruction  # after stage 2
+    result: Reconstruction
+
+
+@pytest.fixture(scope="module")
+def cases() -> list[Case]:
+    return [
+        Case(
+            world=(world := build_world(name)),
+            start=start_of(world),
+            placed=reconstruct(world.image, load_config(preset="mock", overrides=STAGE_2)),
+            result=reconstruct(world.image, "mock"),
+        )
+        for name in WORLDS
+    ]
+
+
+def start_of(world: World) -> np.ndarray:
+    people = MockSegmenter().infer(world.image)
+    keypoints = MockKeypointDetector().infer(world.image, people)
+    parameters = MockBodyEstimator().infer(world.image, people, world.intrinsics, keypoints, Hints()).parameters
+    rotations = rotations_from_parameters(parameters, "cpu", torch.float32)
+    posed = load_body()(rotations, torch.from_numpy(parameters.betas), torch.from_numpy(parameters.transl))
+    return posed.vertices.numpy()
+
+
+def vertex_error_mm(vertices: np.ndarray, truth: np.ndarray) -> float:
+    return 1000 * float(np.linalg.norm(vertices - truth, axis=-1).mean())
+
+
+def joint_error_mm(joints: np.ndarray, truth: np.ndarray) -> float:
+    """PA-MPJPE of the 22 body joints."""
+    a, b = joints[:22] - joints[:22].mean(0), truth[:22] - truth[:22].mean(0)
+    u, s, vt = np.linalg.svd(a.T @ b)
+    flip = np.array([1, 1, np.sign(np.linalg.det(u @ vt))])
+    return 1000 * float(np.linalg.norm((s * flip).sum() / (a**2).sum() * a @ (u * flip) @ vt - b, axis=1).mean())
+
+
+def test_stage_3_brings_people_nearer_to_the_truth(cases):
+    rows = []
+    for case in cases:
+        assert len(case.result.people) == len(case.world.vertices)
+        for i, truth in enumerate(case.world.vertices):
+            placed, person = case.placed.people[i], case.result.people[i]
+            place = [vertex_error_mm(v, truth) for v in (case.start[i], placed.vertices, person.vertices)]
+            pose = [joint_error_mm(p.joints, case.world.joints[i]) for p in (placed, person)]
+            rows.append([*place, *pose])
+            print(
+                f"{case.world.name} {i}: vertices {place[0]:.0f} mm at the start, {place[1]:.0f} before stage 3, "
+                f"{place[2]:.0f} after; pose {pose[0]:.0f} before, {pose[1]:.0f} after"
+            )
+    start, placed, after, pose_before, pose_after = np.mean(rows, axis=0)
+    print(f"mean: vertices {start:.0f}, {placed:.0f}, {after:.0f} mm; pose {pose_before:.0f}, {pose_after:.0f} mm")
+    assert placed < 0.5 * start
+    assert after < 0.7 * placed
+    assert after < 130
+    assert pose_after < 0.7 * pose_before
+
+
+def test_the_scale_of_the_scene_is_recovered(cases):
+    errors = []
+    for case in cases:
+        scene = case.result.scene
+        valid = scene.valid
+        ratio = np.median(scene.points[valid][:, 2] / case.world.empty_depth[valid])
+        print(f"{case.world.name}: depth {DEPTH_SCALE:.2f} of the truth before, {ratio:.3f} after")
+        errors.append(abs(np.log(ratio)))
+    assert np.mean(errors) < 0.5 * np.log(DEPTH_SCALE)
+
+
+def test_the_floor_is_found(cases):
+    for case in cases:
+        found, true = case.result.scene.floor, case.world.floor
+        assert found is not None
+        tilt = np.degrees(np.arccos(np.clip(found.normal @ true.normal, -1, 1)))
+        print(f"{case.world.name}: floor tilted by {tilt:.2f} degrees, camera {found.offset - true.offset:+.3f} m")
+        assert tilt < 2
+        assert abs(found.offset / true.offset - 1) < 0.1
+
+
+def test_contact_is_found_and_bodies_neither_float_nor_sink(cases):
+    scores = []
+    for case in cases:
+        for person, truth in zip(case.result.people, case.world.contact, strict=True):
+            hits = (person.contact & truth).sum()
+            precision, recall = hits / max(person.contact.sum(), 1), hits / truth.sum()
+            scores.append(2 * precision * recall / max(precision + recall, 1e-9))
+            depth = 1000 * max(0.0, -float(person.distance[np.isfinite(person.distance)].min()))
+            print(
+                f"{case.world.name}: contact precision {precision:.2f}, recall {recall:.2f}, F1 {scores[-1]:.2f}; "
+                f"deepest vertex {depth:.0f} mm inside the reconstructed scene"
+            )
+            assert depth < 50
+    assert np.mean(scores) > 0.6
+
+
+def test_stages_name_their_backends(cases):
+    records = {r.name: r.provenance for r in cases[0].result.stages}
+    assert {p.backend for p in records.values() if p is not None} == {"mock"}
+    assert {p.distribution for p in records.values() if p is not None} == {"physic-mock"}
+    assert "mock: true depth times 1.1" in cases[0].result.warnings
+
+
+def test_a_result_is_the_same_after_it_was_saved_and_loaded(cases, tmp_path):
+    result = cases[1].result
+    result.save(str(tmp_path / "out"), preview=False)
+    again = Reconstruction.load(str(tmp_path / "out"))
+    assert again.body_model == result.body_model
+    assert again.warnings == result.warnings
+    np.testing.assert_array_equal(again.scene.points, result.scene.points)
+    np.testing.assert_array_equal(again.faces, result.faces)
+    for a, b in zip(again.people, result.people, strict=True):
+        for name in ("mask", "vertices", "joints", "contact", "distance"):
+            np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
+        np.testing.assert_allclose(a.keypoints, b.keypoints, rtol=1e-6)
+        for field in fields(a.parameters):
+            np.testing.assert_array_equal(getattr(a.parameters, field.name), getattr(b.parameters, field.name))
+
+
+def test_the_same_photo_gives_the_same_result_from_a_file_too(cases, tmp_path):
+    world, before = cases[0].world, cases[0].result
+    Image.fromarray(world.image).save(tmp_path / "photo.png")
+    again = reconstruct_photo(tmp_path / "photo.png", "mock")
+    np.testing.assert_array_equal(again.people[0].vertices, before.people[0].vertices)
+    np.testing.assert_array_equal(again.scene.points, before.scene.points)
+
+
+def test_another_inpainter_beside_the_mocks(cases):
+    world = cases[0].world
+    config = load_config(preset="mock", overrides=["inpainter.backend=telea"])
+    result = reconstruct(world.image, config)
+    error = vertex_error_mm(result.people[0].vertices, world.vertices[0])
+    print(f"with telea: {error:.0f} mm")
+    assert error < 150
+
+
+def test_a_photo_of_no_world_is_refused():
+    with pytest.raises(BackendError, match="only know the photos of their own worlds"):
+        reconstruct(np.full((120, 160, 3), 90, np.uint8), "mock")
+
+
+def test_a_world_without_people_has_nobody():
+    with pytest.raises(NoPersonError):
+        reconstruct(build_world("standing").empty_image, "mock")
