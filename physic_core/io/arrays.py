@@ -34,7 +34,7 @@ class ArraySpec:
 
     Attributes:
         name: key in the file; ``person_{i}_`` goes before those of a person.
-        dtype: as stored, "text" for a unicode string.
+        dtype: as stored; "floating" for float32 or float64 as the backend gave it, "text" for a unicode string.
         shape: sizes, by the letters of this module's docstring.
         meaning: unit, frame and content.
     """
@@ -55,7 +55,7 @@ SHARED_ARRAYS: tuple[ArraySpec, ...] = (
     ArraySpec(
         "floor_points", "float32", ("M", 3), "sampled on the floor plane, m, camera frame; M = 0 without a floor"
     ),
-    ArraySpec("floor_normal", "float64", ("P", 3), "unit, up, camera frame; P = 1, or 0 where no floor was found"),
+    ArraySpec("floor_normal", "floating", ("P", 3), "unit, up, camera frame; P = 1, or 0 where no floor was found"),
     ArraySpec("faces", "int32", ("F", 3), "vertex ids of every person's triangles, counter-clockwise from outside"),
     ArraySpec("body_model", "text", (), "name of the body model that the parameters are for"),
     ArraySpec("skeleton", "text", (), "name of the joint set of the keypoints"),
@@ -63,10 +63,10 @@ SHARED_ARRAYS: tuple[ArraySpec, ...] = (
 """Arrays that are there once."""
 
 PERSON_ARRAYS: tuple[ArraySpec, ...] = (
-    ArraySpec("box", "float32", (4,), "x0 y0 x1 y1, px, half open"),
+    ArraySpec("box", "floating", (4,), "x0 y0 x1 y1, px, half open"),
     ArraySpec("mask", "bool", ("H", "W"), "visible pixels"),
-    ArraySpec("keypoints", "float32", ("J", 2), "px"),
-    ArraySpec("keypoint_confidence", "float32", ("J",), "0 to 1"),
+    ArraySpec("keypoints", "floating", ("J", 2), "px"),
+    ArraySpec("keypoint_confidence", "floating", ("J",), "0 to 1"),
     ArraySpec("global_orient", "float32", (1, 3), "rotation vector about the pelvis joint, rad"),
     ArraySpec("body_pose", "float32", (1, 63), "joints 1-21 of SMPL-X, rotation vectors, rad"),
     ArraySpec("left_hand_pose", "float32", (1, 45), "index, middle, pinky, ring, thumb; rad, from a flat hand"),
@@ -145,4 +145,7 @@ def _value(person: Person, spec: ArraySpec) -> Any:
 def _stored(value: Any, spec: ArraySpec) -> AnyArray:
     if spec.dtype == "text":
         return np.array(str(value))
+    if spec.dtype == "floating":
+        array = np.ascontiguousarray(value)
+        return array if array.dtype.name in _STORED_AS_IS else array.astype(np.float64)
     return np.ascontiguousarray(value, dtype=spec.dtype)

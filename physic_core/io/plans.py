@@ -29,7 +29,7 @@ PAPER = (250, 250, 248)
 _SLAB = 0.4  # metres beside the people that the side view shows in full colour
 _FAINT = 0.3  # share of its colour that what stands farther away keeps
 _THICK = 0.03  # metres by which a point must lie before the surface to be seen
-_WORTH = 0.7  # share of its scale that a view may lose to take the camera in
+_WORTH = 0.85  # share of its scale that a view may lose to take the camera in
 _VEIL = 0.6  # a person's opacity behind something: one must still see the feet behind the table
 
 _AXES = {"right": (1.0, 0.0, 0.0), "up": (0.0, 1.0, 0.0), "ahead": (0.0, 0.0, -1.0)}  # in the upright (glTF) frame

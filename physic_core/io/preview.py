@@ -108,7 +108,7 @@ def headline(reconstruction: Reconstruction) -> str:
         facts.append(f"{seconds:.1f} s")
     failing = sum(bool(person.failed_checks) for person in reconstruction.people)
     facts.append(
-        f"{failing} of {len(reconstruction.people)} people fail{'s' if failing == 1 else ''} a check"
+        f"{failing} of {len(reconstruction.people)} fail{'s' if failing == 1 else ''} a check"
         if failing
         else "all checks passed"
     )
@@ -174,17 +174,18 @@ def _chip(pen: ImageDraw.ImageDraw, x: float, y: float, index: int) -> None:
 
 
 def _depth_bar(page: Image.Image, frame: _Frame, ends: tuple[float, float]) -> None:
-    pen = ImageDraw.Draw(page, "RGBA")
+    """What the colours mean, in metres, beside the panel's title."""
+    pen = ImageDraw.Draw(page)
     near, far = ends
-    width, x, y = frame.width // 2, frame.x + 12, frame.y + frame.height - 40
-    pen.rectangle((x - 6, y - 6, x + width + 34, y + 34), fill=(20, 22, 26, 170))
-    page.paste(Image.fromarray(colored_depth(np.linspace(near, far, width)[None].repeat(12, 0), near, far)), (x, y))
+    width = min(220, frame.width // 3)
+    x, y = frame.x + frame.width - width - 20, frame.y - 13
+    page.paste(Image.fromarray(colored_depth(np.linspace(near, far, width)[None].repeat(9, 0), near, far)), (x, y))
     step = _round_step((far - near) / 4)
     for count in range(math.ceil(near / step), math.floor(far / step) + 1):
         column = x + (count * step - near) / (far - near) * width
-        pen.line((column, y + 12, column, y + 16), fill=(255, 255, 255))
-        pen.text((column, y + 17), f"{count * step:g}", font=_font(13), fill=(255, 255, 255), anchor="ma")
-    pen.text((x + width + 8, y + 15), "m", font=_font(14), fill=(255, 255, 255))
+        pen.line((column, y - 3, column, y), fill=_SOFT)
+        pen.text((column, y - 4), f"{count * step:g}", font=_font(13), fill=_INK, anchor="mb")
+    pen.text((x + width + 6, y + 9), "m", font=_font(14), fill=_INK, anchor="ls")
 
 
 def _plan(page: Image.Image, frame: _Frame, title: str, plan: Plan) -> None:

@@ -236,7 +236,7 @@ def test_the_headline_states_the_facts(reconstruction):
             "moved by +6.2 % in the joint fit",
             "camera 1.40 m above the floor, looking 12° down",
             "0.6 s",
-            "2 of 2 people fail a check",
+            "2 of 2 fail a check",
             "2 warnings",
         ]
     )
