@@ -181,9 +181,11 @@ def soles(lowest: Tensor, weight: Tensor, lower_weight: Tensor, near: Rho, far: 
     Returns:
         (B,).
     """
-    unseen = torch.full_like(lowest, torch.inf)
-    lower = torch.where(weight > 0, lowest, unseen).amin(-1)
-    lower = torch.where(torch.isfinite(lower), lower, torch.zeros_like(lower))
+    seen = weight > 0
+    lower = torch.where(seen, lowest, torch.full_like(lowest, torch.inf)).amin(-1)
+    # Unseen feet may be anywhere, infinitely far too: out before their weight of 0 makes them not-a-number.
+    lower = torch.where(seen.any(-1), lower, torch.zeros_like(lower))
+    lowest = torch.where(seen, lowest, torch.zeros_like(lowest))
     return (weight * near(lowest.square())).sum(-1) + lower_weight * far(lower.square())
 
 

@@ -1,0 +1,148 @@
+"""Small scenes with a known answer: people of the embedded body on a floor, before a wall, on or behind boxes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+from trimesh.ray.ray_pyembree import RayMeshIntersector
+
+from physic_core.body import load_body
+from physic_core.body.joints import JOINT_INDEX
+from physic_core.body.model import BodyModel
+from physic_core.engine.problem import JointProblem
+
+FLOOR_Y = 1.3  # the camera looks level, this high over the floor
+WIDTH, HEIGHT, FOCAL = 320, 240, 280.0
+
+
+@dataclass(frozen=True)
+class Stage:
+    """True people in a scene, and the problem that starts at the truth."""
+
+    problem: JointProblem
+    vertices: torch.Tensor
+    joints: torch.Tensor
+
+
+@pytest.fixture(scope="session")
+def body() -> BodyModel:
+    return load_body("embedded")
+
+
+def upright(model: BodyModel, bends: dict[str, tuple[float, float, float]] | None = None) -> torch.Tensor:
+    """(55, 3, 3) facing the camera, arms down; further rotation vectors by joint name."""
+    from roma import rotvec_to_rotmat
+
+    turns = torch.zeros(55, 3)
+    turns[JOINT_INDEX["left_shoulder"], 2] = -1.2
+    turns[JOINT_INDEX["right_shoulder"], 2] = 1.2
+    for name, turn in (bends or {}).items():
+        turns[JOINT_INDEX[name]] = torch.tensor(turn)
+    rotations = rotvec_to_rotmat(turns)
+    rotations[0] = torch.diag(torch.tensor([1.0, -1.0, -1.0])) @ rotations[0]
+    return rotations
+
+
+SITTING = {
+    "left_hip": (-1.5, 0.0, 0.1),
+    "right_hip": (-1.5, 0.0, -0.1),
+    "left_knee": (1.5, 0.0, 0.0),
+    "right_knee": (1.5, 0.0, 0.0),
+}
+
+
+def box(low: Sequence[float], high: Sequence[float]) -> trimesh.Trimesh:
+    size = np.subtract(high, low)
+    mesh = trimesh.creation.box(size)
+    mesh.apply_translation(np.add(low, high) / 2)
+    return mesh
+
+
+def cast(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
+    """Depth (H, W), inf where nothing, and the face that is hit (H, W), by one ray a pixel."""
+    v, u = np.mgrid[0:HEIGHT, 0:WIDTH]
+    ray = np.stack([(u - (WIDTH - 1) / 2) / FOCAL, (v - (HEIGHT - 1) / 2) / FOCAL, np.ones(u.shape)], -1).reshape(-1, 3)
+    face = RayMeshIntersector(mesh).intersects_first(np.zeros_like(ray), ray / np.linalg.norm(ray, axis=1)[:, None])
+    normal, corner = mesh.face_normals[face], mesh.triangles[face, 0]
+    depth = (normal * corner).sum(1) / (normal * ray).sum(1)
+    depth = np.where(face >= 0, depth, np.inf)
+    return depth.reshape(HEIGHT, WIDTH), face.reshape(HEIGHT, WIDTH)
+
+
+@pytest.fixture(scope="session")
+def make_stage(body: BodyModel) -> Callable[..., Stage]:
+    def build(
+        people: Sequence[tuple[torch.Tensor, Sequence[float]]],
+        boxes: Sequence[trimesh.Trimesh] = (),
+        skeleton: str = "blazepose33",
+        on_floor: bool = True,
+    ) -> Stage:
+        """People as (rotations, pelvis place x, y, z); with ``on_floor`` y is replaced so that the lowest vertex is
+        on the floor."""
+        rotations = torch.stack([r for r, _ in people])
+        count = len(people)
+        transl = torch.tensor([list(t) for _, t in people], dtype=torch.float32)
+        betas = torch.zeros(count, body.num_betas)
+        if on_floor:
+            output = body(rotations, betas, transl)
+            transl[:, 1] += FLOOR_Y - output.vertices[..., 1].amax(1)
+        output = body(rotations, betas, transl)
+        floor = box([-6, FLOOR_Y, 0.5], [6, FLOOR_Y + 0.1, 9])
+        wall = box([-6, -3, 8], [6, FLOOR_Y, 8.1])
+        room = trimesh.util.concatenate([floor, wall, *boxes])
+        depth, face = cast(room)
+        owner = np.full((HEIGHT, WIDTH), -1)
+        nearest = depth.copy()
+        human = np.full((HEIGHT, WIDTH), np.nan)
+        for i in range(count):
+            mine, _ = cast(trimesh.Trimesh(output.vertices[i].numpy(), body.faces.numpy(), process=False))
+            front = mine < nearest
+            nearest, owner = np.where(front, mine, nearest), np.where(front, i, owner)
+            human = np.where(front, mine, human)
+        masks = torch.from_numpy(np.stack([owner == i for i in range(count)]))
+        v, u = np.mgrid[0:HEIGHT, 0:WIDTH]
+        ray = np.stack([(u - (WIDTH - 1) / 2) / FOCAL, (v - (HEIGHT - 1) / 2) / FOCAL, np.ones(u.shape)], -1)
+        known = np.isfinite(depth)
+        points, normals = (ray * depth[..., None])[known], room.face_normals[face][known]
+        K = torch.tensor([[FOCAL, 0, (WIDTH - 1) / 2], [0, FOCAL, (HEIGHT - 1) / 2], [0, 0, 1]])
+        landmarks = body.landmarks(output, skeleton)
+        keypoints = landmarks[..., :2] / landmarks[..., 2:] * FOCAL + K[:2, 2]
+        contact = torch.zeros(count, body.num_vertices)
+        for ids in body.contact_sets.values():
+            contact[:, ids] = 1.0
+        problem = JointProblem(
+            model=body,
+            rotations0=rotations,
+            betas0=betas,
+            expression0=torch.zeros(count, body.num_expression),
+            transl0=transl,
+            keypoints=keypoints,
+            keypoint_confidence=torch.ones(keypoints.shape[:2]),
+            skeleton=skeleton,
+            K=K,
+            masks=masks,
+            scene_points=torch.from_numpy(points).float(),
+            scene_normals=torch.from_numpy(normals).float(),
+            contact_probability=contact,
+            observed=torch.ones(count, 55, dtype=torch.bool),
+            floor_normal=torch.tensor([0.0, -1.0, 0.0]),
+            floor_offset=FLOOR_Y,
+            human_depth=torch.from_numpy(np.where(owner >= 0, human, np.nan)).float(),
+        )
+        return Stage(problem, output.vertices, output.joints)
+
+    return build
+
+
+@pytest.fixture(autouse=True)
+def _one_thread():
+    """Small tensors: several threads beside a busy machine are many times slower than one."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)

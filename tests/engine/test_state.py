@@ -1,0 +1,140 @@
+"""The state starts at the start, moves what is free, and can be put back."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import roma
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from physic_core.engine.state import GROUPS, State
+from physic_core.errors import PhysicError
+
+K = 4
+
+
+def start(people=2, seed=0):
+    g = torch.Generator().manual_seed(seed)
+    rotations = roma.rotvec_to_rotmat(torch.randn(people, 55, 3, generator=g).double())
+    betas = torch.randn(people, K, generator=g).double()
+    transl = torch.randn(people, 3, generator=g).double() + torch.tensor([0.0, 0.0, 5.0])
+    pelvis = transl + torch.tensor([0.0, -0.3, 0.01])
+    return rotations, betas, transl, pelvis
+
+
+@pytest.mark.parametrize("whitened", [True, False])
+def test_unpacks_to_where_it_starts(whitened):
+    rotations, betas, transl, pelvis = start()
+    estimate = State(rotations, betas, transl, pelvis, whitened=whitened).unpack()
+    torch.testing.assert_close(estimate.rotations, rotations)
+    torch.testing.assert_close(estimate.betas, betas)
+    torch.testing.assert_close(estimate.transl, transl)
+    assert estimate.log_scale.item() == 0
+    assert estimate.offset.tolist() == [0, 0]
+
+
+@pytest.mark.parametrize("whitened", [True, False])
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 1000))
+def test_rotations_stay_rotations_and_packing_round_trips(whitened, seed):
+    state = State(*start(seed=seed), whitened=whitened)
+    moved = state.pack() + 0.3 * torch.randn(len(state.pack()), generator=torch.Generator().manual_seed(seed))
+    state.load(moved)
+    torch.testing.assert_close(state.pack(), moved)
+    rotations = state.unpack().rotations
+    eye = torch.eye(3, dtype=torch.float64).expand_as(rotations)
+    torch.testing.assert_close(rotations @ rotations.mT, eye)
+    torch.testing.assert_close(torch.linalg.det(rotations), torch.ones(2, 55).double())
+
+
+@pytest.mark.parametrize("whitened", [True, False])
+@pytest.mark.parametrize("group", GROUPS)
+def test_a_frozen_group_has_no_gradient_and_the_others_do(whitened, group):
+    state = State(*start(), whitened=whitened, frozen=[group])
+    assert group not in state.free
+    estimate = state.unpack()
+    weighted = (estimate.rotations * torch.randn(2, 55, 3, 3).double()).sum() + (estimate.transl**2).sum()
+    (weighted + (estimate.betas**2).sum() + estimate.log_scale + estimate.offset.sum()).backward()
+    for name in GROUPS:
+        assert (state.values[name].grad is None) == (name == group)
+
+
+def test_the_face_is_kept():
+    state = State(*start())
+    state.load(torch.ones_like(state.pack()))
+    torch.testing.assert_close(state.unpack().rotations[:, 22:25], start()[0][:, 22:25])
+
+
+def test_one_unit_is_the_expected_move():
+    rotations, betas, transl, pelvis = start()
+    state = State(rotations, betas, transl, pelvis, scale_sigma=0.1, offset_sigma=0.2)
+    with torch.no_grad():
+        for group in GROUPS:
+            state.values[group].zero_()
+        state.values["translation"][0, 2] = 1.0
+        state.values["scale"].fill_(1.0)
+        state.values["offset"][1] = 1.0
+        state.values["root"][0, 0] = 1.0
+        state.values["pose"][0, 3, 0] = 1.0  # left knee
+    estimate = state.unpack()
+    moved = estimate.transl - transl + pelvis
+    # Along its ray: the pelvis keeps its direction, and its distance grows by 5 %.
+    torch.testing.assert_close(moved[0], pelvis[0] * math.exp(0.05))
+    torch.testing.assert_close(estimate.transl[1], transl[1])
+    assert estimate.log_scale.item() == pytest.approx(0.1)
+    assert estimate.offset.tolist() == pytest.approx([0, 0.2])
+    angle = roma.rotmat_geodesic_distance(estimate.rotations[0, [0, 4]], rotations[0, [0, 4]])
+    assert angle.tolist() == pytest.approx([0.3, 0.3])
+
+
+def test_who_may_not_have_an_offset_has_none():
+    state = State(*start(), offset_free=torch.tensor([True, False]))
+    state.load(torch.ones_like(state.pack()))
+    assert state.unpack().offset.tolist() == pytest.approx([0.2, 0.0])
+
+
+@pytest.mark.parametrize("whitened", [True, False])
+def test_deviations_are_zero_at_the_start_and_count_from_there(whitened):
+    state = State(*start(), whitened=whitened)
+    assert all((value == 0).all() for value in state.deviations().values())
+    state.load(state.pack() + 0.5)
+    assert {g: tuple(v.shape) for g, v in state.deviations().items()} == {
+        "root": (2, 3 if whitened else 6),
+        "pose": (2, 63 if whitened else 126),
+        "hands": (2, 90 if whitened else 180),
+        "betas": (2, K),
+        "translation": (2, 3),
+        "scale": (),
+        "offset": (2, 1),
+    }
+    assert all(torch.allclose(value, torch.full_like(value, 0.5)) for value in state.deviations().values())
+
+
+@pytest.mark.parametrize("whitened", [True, False])
+def test_gradient_through_unpacking(whitened):
+    state = State(*start(people=1), whitened=whitened, frozen=["hands"])
+    state.load(state.pack() + 0.1 * torch.randn(len(state.pack()), generator=torch.Generator().manual_seed(0)))
+    names = state.free
+
+    def f(*values):
+        for name, value in zip(names, values, strict=True):
+            state.values[name] = value
+        estimate = state.unpack()
+        return estimate.rotations[:, :22], estimate.betas, estimate.transl, estimate.log_scale, estimate.offset
+
+    assert torch.autograd.gradcheck(f, [state.values[n].detach().clone().requires_grad_() for n in names])
+
+
+def test_bad_input_says_what_to_do():
+    with pytest.raises(PhysicError) as group:
+        State(*start(), frozen=["scale", "shape"])
+    assert str(group.value) == (
+        "cannot freeze shape: the groups are root, pose, hands, betas, translation, scale, offset"
+    )
+    state = State(*start())
+    with pytest.raises(PhysicError) as packed:
+        state.load(torch.zeros(3))
+    assert str(packed.value) == f"the packed state must be ({len(state.pack())},), got (3,)"
