@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from physic_core.perception import Evidence
     from physic_core.solution import Solution
+    from physic_core.types import BoolArray
 
 __all__ = ["CHECKS", "failed_checks", "warnings_of"]
 
@@ -21,13 +22,13 @@ _AGREEMENT_SHARE = 0.5
 CHECKS: Mapping[str, str] = {
     "optimised": "the joint optimisation left this person at their start",
     "reprojection": "confident keypoints miss the body by more than 3 % of its height in the picture",
-    "legs seen": "knees or ankles are outside the photo or hidden: the legs are a guess",
+    "legs seen": "of one leg neither knee nor ankle is seen: that leg is a guess",
     "penetration": "more than 10 % of the visible surface lies over 3 cm inside the scene",
     "grounded": "the body hangs more than 5 cm away from everything that it could touch",
 }
 """Check -> what it means when a person fails it."""
 
-_LEGS = [4, 5, 7, 8]
+_KNEES, _ANKLES = [4, 5], [7, 8]  # left and right
 
 
 def failed_checks(evidence: Evidence, solution: Solution, person: int) -> tuple[str, ...]:
@@ -37,7 +38,7 @@ def failed_checks(evidence: Evidence, solution: Solution, person: int) -> tuple[
     failed = {
         "optimised": bool(solution.failures[person]),
         "reprojection": _number(told, "reprojection_share") > _REPROJECTION_SHARE,
-        "legs seen": observed is not None and not bool(observed[person, _LEGS].all()),
+        "legs seen": observed is not None and not _both_legs(observed[person]),
         "penetration": _number(told, "penetration_share") > _PENETRATION_SHARE,
         "grounded": _number(told, "floating_m") > _FLOATING_M,
     }
@@ -60,6 +61,10 @@ def warnings_of(evidence: Evidence, solution: Solution) -> tuple[str, ...]:
             "people may stand at a wrong depth"
         )
     return tuple(notes)
+
+
+def _both_legs(observed: BoolArray) -> bool:
+    return bool((observed[_KNEES] | observed[_ANKLES]).all())
 
 
 def _number(told: Mapping[str, Any], name: str) -> float:
