@@ -204,7 +204,8 @@ class State:
 
     def pack(self) -> Tensor:
         """All free numbers in one (n,) vector, a copy."""
-        return torch.cat([v.detach().reshape(-1) for v in self.parameters()])
+        none = self._start.transl.new_zeros(0)
+        return torch.cat([none, *(v.detach().reshape(-1) for v in self.parameters())])
 
     @torch.no_grad()
     def load(self, packed: Tensor) -> None:

@@ -1,0 +1,118 @@
+"""Minimising: known minima are reached, no end is worse than its start, and no step goes where there are no numbers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from physic_core.engine.optimize import minimise, total_of
+from physic_core.engine.settings import PRESETS
+from physic_core.engine.state import State
+
+LBFGS = PRESETS["default"].joint
+ADAM = replace(LBFGS, optimiser="adam", learning_rate=0.1, steps=100, refresh_steps=30, tolerance=0.0)
+
+
+class Bowl:
+    """Pulls the translation to a goal; counts what is asked of it."""
+
+    def __init__(self, goal=(0.3, -0.2, 3.0), wall=None, after_refresh=None):
+        eye = torch.eye(3).double().expand(1, 55, 3, 3)
+        place = torch.tensor([[0.0, 0.0, 2.0]]).double()
+        frozen = ["root", "pose", "hands", "betas", "scale", "offset"]
+        self.state = State(eye, torch.zeros(1, 2).double(), place, place, frozen=frozen)
+        self.goal = torch.tensor([goal]).double()
+        self.wall, self.after_refresh = wall, after_refresh
+        self.evaluations = self.refreshes = 0
+
+    def refresh(self):
+        self.refreshes += 1
+        if self.after_refresh is not None:
+            self.goal = torch.tensor([self.after_refresh]).double()
+
+    def __call__(self):
+        self.evaluations += 1
+        transl = self.state.unpack().transl
+        value = 100 * (transl - self.goal).square().sum(-1)
+        if self.wall is not None and transl[0, 2] > self.wall:
+            value = value * torch.nan
+        return {"bowl": value, "quarter": value / 4}
+
+
+@pytest.mark.parametrize(("settings", "within"), [(LBFGS, 1e-3), (replace(ADAM, steps=400), 1e-2)])
+def test_reaches_a_known_minimum(settings, within):
+    energy = Bowl()
+    trace = minimise(energy, settings)
+    torch.testing.assert_close(energy.state.unpack().transl, energy.goal, atol=within, rtol=0)
+    # 100 * (0.3^2 + 0.2^2 + 1^2) at the start.
+    assert trace.start == pytest.approx({"bowl": 113.0, "quarter": 28.25})
+    assert trace.end["bowl"] < 1e-2
+    assert trace.totals[0] == pytest.approx(141.25)
+    assert trace.evaluations <= energy.evaluations <= trace.evaluations + 2
+
+
+def test_looks_anew_at_least_every_thirty_steps():
+    energy = Bowl()
+    trace = minimise(energy, ADAM)
+    assert trace.steps == 100
+    assert energy.refreshes == 4  # after 30, 60 and 90 steps, and at the end
+
+
+def test_stops_when_a_refreshs_steps_no_longer_help():
+    energy = Bowl()
+    trace = minimise(energy, replace(LBFGS, steps=1000, refresh_steps=10))
+    assert trace.steps <= 40
+
+
+def test_steps_around_what_is_not_a_number():
+    energy = Bowl(wall=2.5)
+    trace = minimise(energy, LBFGS)
+    assert torch.isfinite(energy.state.pack()).all()
+    place = energy.state.unpack().transl[0]
+    assert 2.0 < place[2] <= 2.5
+    assert trace.end["bowl"] < trace.start["bowl"]
+
+
+def test_adam_keeps_the_best_of_a_path_that_leaves_the_numbers():
+    energy = Bowl(wall=2.3)
+    trace = minimise(energy, ADAM)
+    assert torch.isfinite(energy.state.pack()).all()
+    assert energy.state.unpack().transl[0, 2] <= 2.3
+    assert trace.end["bowl"] < trace.start["bowl"]
+
+
+@pytest.mark.parametrize("settings", [LBFGS, ADAM])
+def test_never_ends_worse_than_it_began(settings):
+    """Where the last look at the photo turns everything round, the start is the better answer."""
+    energy = Bowl(goal=(0.0, 0.0, 3.0), after_refresh=(0.0, 0.0, 1.9))
+    trace = minimise(energy, replace(settings, steps=20, refresh_steps=20))
+    torch.testing.assert_close(energy.state.unpack().transl, torch.tensor([[0.0, 0.0, 2.0]]).double())
+    assert trace.end == trace.start
+
+
+def test_progress_grows_to_one():
+    told: list[float] = []
+    minimise(Bowl(), replace(LBFGS, tolerance=0.0), told.append)
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+    assert len(told) >= 4
+
+
+def test_nothing_free_is_nothing_done():
+    energy = Bowl()
+    energy.state = State(
+        torch.eye(3).double().expand(1, 55, 3, 3),
+        torch.zeros(1, 2).double(),
+        torch.ones(1, 3).double(),
+        torch.ones(1, 3).double(),
+        frozen=["root", "pose", "hands", "betas", "translation", "scale", "offset"],
+    )
+    trace = minimise(energy, LBFGS)
+    assert (trace.steps, trace.evaluations) == (0, 0)
+    assert trace.start == trace.end
+
+
+def test_the_total_is_the_sum_of_all_people_and_terms():
+    assert total_of({"a": torch.tensor([1.0, 2.0]), "b": torch.tensor(4.0)}).item() == 7.0
