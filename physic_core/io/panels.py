@@ -10,7 +10,6 @@ import numpy as np
 from physic_core.io.glb import BODY_RGB, CONTACT_RGB
 from physic_core.io.plans import PAPER
 from physic_core.io.render import Orthographic, Perspective, draw, figures, over
-from physic_core.io.surface import far_limit
 from physic_core.io.upright import gltf_from_camera, transform
 
 if TYPE_CHECKING:
@@ -33,6 +32,8 @@ __all__ = [
 
 OPACITY = 0.85
 """Of the bodies over the photo."""
+
+_FAR = 60.0  # metres where the colours end
 
 _LEFT_HIP, _RIGHT_HIP, _NECK, _LEFT_SHOULDER, _RIGHT_SHOULDER = 1, 2, 12, 16, 17
 
@@ -72,10 +73,10 @@ def depth_range(reconstruction: Reconstruction) -> tuple[float, float]:
     scene = reconstruction.scene
     depth = scene.points[..., 2][scene.valid & np.isfinite(scene.points[..., 2])]
     if not depth.size:
-        return 0.0, 1.0
+        return 1.0, 10.0
     near, far = (float(value) for value in np.percentile(depth[:: max(1, depth.size // 100_000)], [1, 99]))
-    far = min(far, far_limit(reconstruction))
-    return near, max(far, near + 0.1)
+    near = max(near, 0.05)
+    return near, max(min(far, _FAR), near * 1.1)
 
 
 def depth_panel(reconstruction: Reconstruction, width: int, height: int) -> UInt8Array:
@@ -97,10 +98,10 @@ def depth_panel(reconstruction: Reconstruction, width: int, height: int) -> UInt
 
 
 def colored_depth(depth: NDArray[Any], near: float, far: float) -> UInt8Array:
-    """Depth (H, W) metres -> turbo colours, near red, far blue."""
+    """Depth (H, W) metres -> turbo colours by its logarithm, near red, far blue."""
     import cv2
 
-    share = np.clip((far - depth) / (far - near), 0.0, 1.0)
+    share = np.clip(np.log(far / np.clip(depth, near, far)) / np.log(far / near), 0.0, 1.0)
     colors = cv2.applyColorMap((share * 255).astype(np.uint8), cv2.COLORMAP_TURBO)
     return np.ascontiguousarray(colors[..., ::-1], dtype=np.uint8)
 

@@ -21,10 +21,13 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["PAPER", "Plan", "above_plan", "side_plan"]
+__all__ = ["GROUND", "PAPER", "Plan", "above_plan", "side_plan"]
 
 PAPER = (250, 250, 248)
-"""sRGB behind drawings."""
+"""sRGB of the page."""
+
+GROUND = (214, 215, 213)
+"""sRGB behind scenes: sand, snow and sky stay visible on it."""
 
 _SLAB = 0.4  # metres beside the people that the side view shows in full colour
 _FAINT = 0.3  # share of its colour that what stands farther away keeps
@@ -138,7 +141,7 @@ def _picture(
     faint_below: float,
 ) -> UInt8Array:
     """Scene and people. ``surface`` is each mesh vertex's place along the view, faint below ``faint_below``."""
-    paper = np.array(PAPER) / 255
+    paper = np.array(GROUND) / 255
     picture = np.broadcast_to(paper.astype(np.float32), (view.height, view.width, 3))
     tints = np.where(faint[:, None], _FAINT * diorama.point_colors + (1 - _FAINT) * paper, diorama.point_colors)
     scene = splat(view, diorama.points[kept], tints[kept])

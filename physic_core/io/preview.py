@@ -37,8 +37,9 @@ SHOWN = 4
 _MARGIN, _GAP, _TITLE = 24, 18, 30
 _ROW = 440  # height of the second row of panels, px
 _INK, _SOFT, _ALERT, _FLOOR = (32, 34, 38), (98, 102, 108), (178, 48, 34), (34, 140, 84)
-_SHOWN_WARNINGS = 4
+_SHOWN_WARNINGS = 6
 _HEAD = 15  # joint, SMPL-X order
+_DEPTH_TITLE = "Depth without people"
 _PLAIN = str.maketrans({"×": "x", "—": "-", "–": "-", "−": "-", "’": "'", "‘": "'", "“": '"', "”": '"', "…": "..."})
 
 
@@ -77,7 +78,7 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
     _paste(page, photo, "Photo", photo_panel(reconstruction.image, photo.width, photo.height))
     _paste(page, mesh, "People over the photo", overlay_panel(reconstruction, diorama, mesh.width, mesh.height))
     _name_people(pen, mesh, reconstruction)
-    _paste(page, depth, "Depth of the scene without people", depth_panel(reconstruction, depth.width, depth.height))
+    _paste(page, depth, _DEPTH_TITLE, depth_panel(reconstruction, depth.width, depth.height))
     _depth_bar(page, depth, depth_range(reconstruction))
     up = "" if reconstruction.scene.floor else " (no floor found: up is the camera's)"
     _plan(page, side, f"From the side{up}", side_plan(diorama, side.width, side.height))
@@ -177,14 +178,17 @@ def _depth_bar(page: Image.Image, frame: _Frame, ends: tuple[float, float]) -> N
     """What the colours mean, in metres, beside the panel's title."""
     pen = ImageDraw.Draw(page)
     near, far = ends
-    width = min(220, frame.width // 3)
+    width = min(240, int(frame.width - _font(18).getlength(_DEPTH_TITLE) - 60))
     x, y = frame.x + frame.width - width - 20, frame.y - 13
-    page.paste(Image.fromarray(colored_depth(np.linspace(near, far, width)[None].repeat(9, 0), near, far)), (x, y))
-    step = _round_step((far - near) / 4)
-    for count in range(math.ceil(near / step), math.floor(far / step) + 1):
-        column = x + (count * step - near) / (far - near) * width
-        pen.line((column, y - 3, column, y), fill=_SOFT)
-        pen.text((column, y - 4), f"{count * step:g}", font=_font(13), fill=_INK, anchor="mb")
+    shades = np.geomspace(near, far, width)[None].repeat(9, 0)
+    page.paste(Image.fromarray(colored_depth(shades, near, far)), (x, y))
+    last = -math.inf
+    for metres in _ticks(near, far):
+        column = x + math.log(metres / near) / math.log(far / near) * width
+        if column > last + 26:
+            last = column
+            pen.line((column, y - 3, column, y), fill=_SOFT)
+            pen.text((column, y - 4), f"{metres:g}", font=_font(13), fill=_INK, anchor="mb")
     pen.text((x + width + 6, y + 9), "m", font=_font(14), fill=_INK, anchor="ls")
 
 
@@ -242,18 +246,20 @@ def _contact(page: Image.Image, frame: _Frame, reconstruction: Reconstruction) -
         return
     across, down = _grid(shown, frame)
     width, height = frame.width // across, frame.height // down
+    head = 50 if any(person.failed_checks for person in people[:shown]) else 30
     for index in range(shown):
         x, y = frame.x + index % across * width, frame.y + index // across * height
-        shown_person = contact_picture(reconstruction, index, width - 8, height - 54)
-        page.paste(Image.fromarray(shown_person.picture), (x + 4, y + 30))
+        shown_person = contact_picture(reconstruction, index, width - 8, height - head - 24)
+        page.paste(Image.fromarray(shown_person.picture), (x + 4, y + head))
         for view, column in shown_person.views:
             pen.text((x + 4 + column, y + height - 12), view, font=_font(13), fill=_SOFT, anchor="mm")
         _chip(pen, x + 18, y + 16, index)
         person = people[index]
         share = 100 * float(np.mean(person.contact)) if len(person.contact) else 0.0
-        failed = f", fails: {', '.join(person.failed_checks)}" if person.failed_checks else ""
-        line = _cut(f"{share:.1f} % of the vertices touch{failed}", 15, width - 44)
-        pen.text((x + 36, y + 16), line, font=_font(15), fill=_ALERT if failed else _SOFT, anchor="lm")
+        pen.text((x + 36, y + 16), f"{share:.1f} % of the vertices touch", font=_font(15), fill=_SOFT, anchor="lm")
+        if person.failed_checks:
+            line = _cut(f"fails: {', '.join(person.failed_checks)}", 14, width - 16)
+            pen.text((x + 8, y + 38), line, font=_font(14), fill=_ALERT, anchor="lm")
 
 
 def _grid(count: int, frame: _Frame) -> tuple[int, int]:
@@ -306,7 +312,11 @@ def _wrap(text: str, size: int, width: float) -> list[str]:
     return lines
 
 
-def _round_step(step: float) -> float:
-    """The next 1, 2 or 5 times a power of ten."""
-    power = 10.0 ** math.floor(math.log10(step))
-    return float(next(factor * power for factor in (1, 2, 5, 10) if factor * power >= step * 0.999))
+def _ticks(near: float, far: float) -> list[float]:
+    """Round depths in metres between two depths: 1, 2, 5, 10, ..., and what lies between where those are few."""
+    powers = [10.0**power for power in range(math.floor(math.log10(near)), math.ceil(math.log10(far)) + 1)]
+    for factors in ((1, 2, 5), (1, 1.5, 2, 3, 4, 5, 7), tuple(1 + step / 10 for step in range(90))):
+        ticks = [power * factor for power in powers for factor in factors if near <= power * factor <= far]
+        if len(ticks) >= 3:
+            break
+    return ticks

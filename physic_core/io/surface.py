@@ -24,6 +24,9 @@ STEP = 1.06
 STEEP_STEP = 1.2
 """Depth ratio between neighbours that is one surface only where both normals lie across the step (a floor far away)."""
 
+SHARD = 0.002
+"""Share of the surface's vertices that a piece of it must hold."""
+
 _ACROSS = 0.15  # sine of the angle between the step and the surface: up to 9 degrees is along it
 
 
@@ -83,11 +86,26 @@ def scene_surface(scene: Scene, limit: float, max_vertices: int = MAX_VERTICES) 
             np.stack([ids[up, right], ids[down, left], ids[down, right]], -1)[lower],
         ]
     )
+    faces = _without_shards(faces, depth.size)
     used = np.zeros(depth.size, bool)
     used[faces] = True
     new_ids = np.cumsum(used) - 1
     pixels = np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2)
     return Surface(points.reshape(-1, 3)[used], new_ids[faces], pixels[used])
+
+
+def _without_shards(faces: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """The faces of those pieces that hold more than ``SHARD`` of all vertices: flying pixels make small ones."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    links = np.concatenate([faces[:, :2], faces[:, 1:]])
+    graph = coo_array((np.ones(len(links), bool), (links[:, 0], links[:, 1])), shape=(count, count))
+    _, piece = connected_components(graph, directed=False)
+    sizes = np.bincount(piece)
+    joined = sizes[sizes > 1].sum()
+    kept: NDArray[np.int64] = faces[sizes[piece[faces[:, 0]]] > SHARD * joined]
+    return kept
 
 
 def _one_surface(points: NDArray[Any], normals: NDArray[Any], first: Any, second: Any) -> NDArray[np.bool_]:

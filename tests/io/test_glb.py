@@ -123,6 +123,14 @@ def test_an_edge_in_depth_is_cut():
     assert np.ptp(surface.vertices[surface.faces][..., 2], axis=1).max() == 0
 
 
+def test_flying_shards_are_left_out():
+    depth = np.full((100, 100), 3.0)
+    depth[40:44, 40:44] = 2.0
+    depth[70:80, 70:80] = 2.0
+    surface = scene_surface(flat_scene(depth), 10.0)
+    assert (surface.vertices[:, 2] == 2.0).sum() == 100
+
+
 def test_invalid_and_far_pixels_are_left_out():
     depth = np.full((10, 20), 3.0)
     depth[4, 4], depth[7, 14] = np.nan, 50.0

@@ -13,7 +13,7 @@ from PIL import Image
 
 from physic_core.io.diorama import PERSON_COLORS, build_diorama
 from physic_core.io.panels import contact_picture, depth_panel, depth_range, overlay_panel
-from physic_core.io.plans import PAPER, above_plan, side_plan
+from physic_core.io.plans import GROUND, PAPER, above_plan, side_plan
 from physic_core.io.preview import headline, preview_image, preview_png
 from physic_core.io.render import Orthographic, Perspective, behind, draw, figures, over, splat
 from physic_core.types import Intrinsics
@@ -221,7 +221,7 @@ def test_nobody_and_nothing_make_empty_plans(make):
     scene = replace(before.scene, valid=np.zeros_like(before.scene.valid))
     diorama = build_diorama(replace(before, scene=scene))
     for plan in (side_plan(diorama, 60, 40), above_plan(diorama, 60, 40)):
-        np.testing.assert_array_equal(plan.picture, np.broadcast_to(np.uint8(PAPER), (40, 60, 3)))
+        np.testing.assert_array_equal(plan.picture, np.broadcast_to(np.uint8(GROUND), (40, 60, 3)))
 
 
 # --- the whole --------------------------------------------------------------------------------------------------------
