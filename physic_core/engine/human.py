@@ -21,6 +21,7 @@ from physic_core.types import Unknown
 __all__ = ["Placement", "align_original", "human_points", "place", "placed_original"]
 
 _MARGIN_PX = 8
+_FAR_WEIGHT = 0.05
 
 
 def align_original(
@@ -52,6 +53,9 @@ def align_original(
     settings = settings or HumanSettings()
     radius = round(settings.mask_dilation * max(people_mask.shape))
     background = ~_dilate(people_mask, radius) & (scene_points[..., 2] <= far)
+    weight = None
+    if settings.align_depth_share > 0:
+        weight = _at_peoples_depth(points[..., 2], valid, people_mask, background, settings.align_depth_share)
     return align(
         points,
         valid & background,
@@ -61,6 +65,7 @@ def align_original(
         tolerance=settings.align_tolerance,
         iterations=settings.align_hypotheses,
         residual=settings.align_residual,
+        weight=weight,
         max_pixels=settings.align_max_pixels,
         seed=settings.seed,
     )
@@ -106,6 +111,32 @@ def human_points(points: Tensor, valid: Tensor, mask: Tensor, settings: HumanSet
         pick = torch.linspace(0, len(chosen) - 1, settings.max_points, dtype=torch.float64, device=chosen.device)
         chosen = chosen[pick.round().long()]
     return chosen
+
+
+def _at_peoples_depth(depth: Tensor, valid: Tensor, people: Tensor, background: Tensor, share: float) -> Tensor | None:
+    """(H, W) weight of background that is about as near as the people, where the two maps have to agree.
+
+    Two runs of a network on two pictures do not agree everywhere; on whole pictures sky and far walls have the
+    majority, and the ground at the feet would be off. Nearness is a difference of inverse depths over their range.
+    """
+    inverse = torch.where(valid & (depth > 0), 1 / depth, 0.0)
+    own, others = inverse[people & (inverse > 0)], inverse[background & (inverse > 0)]
+    if not len(own) or not len(others):
+        return None
+    low, high = _quantiles(own, 0.1, 0.9)
+    spread = _quantiles(torch.cat((own, others)), 0.01, 0.99)
+    extent = spread[1] - spread[0]
+    if not extent > 0:
+        return None
+    gap = torch.maximum(low - inverse, inverse - high).clamp(min=0) / (share * extent)
+    return _FAR_WEIGHT + (1 - _FAR_WEIGHT) * torch.exp(-0.5 * gap.square())
+
+
+def _quantiles(values: Tensor, low: float, high: float) -> tuple[float, float]:
+    """Two quantiles of (M,) values, looking at some of them where there are many."""
+    some = values[:: max(1, len(values) // 20_000)].double().sort().values
+    last = len(some) - 1
+    return float(some[round(low * last)]), float(some[round(high * last)])
 
 
 def _box(mask: Tensor) -> tuple[slice, slice] | None:

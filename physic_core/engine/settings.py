@@ -105,10 +105,13 @@ class HumanSettings:
 
     Attributes:
         align_hypotheses: as in :class:`SceneSettings`, for original against inpainted photo.
-        align_tolerance: as in :class:`SceneSettings`; the two maps come from one network, so it may be tight.
+        align_tolerance: as in :class:`SceneSettings`; a tight one, below 0.1, follows whichever surface agrees best
+            and lets the others go, where the network saw two different rooms.
         align_residual: as in :class:`SceneSettings`.
         align_max_pixels: as in :class:`SceneSettings`.
         align_min_share: as in :class:`SceneSettings`.
+        align_depth_share: background counts most at the people's own depth, and falls off with the difference of
+            inverse depths over this share of their range; 0.1-0.3, 0 counts all alike.
         mask_dilation: people's masks are grown by this share of the long image side before the background is aligned.
         far_m: pixels beyond are left out of that alignment, metres.
         edge_ratio: as in :class:`SceneSettings`, within a person.
@@ -140,10 +143,11 @@ class HumanSettings:
     """
 
     align_hypotheses: int = 128
-    align_tolerance: float = 0.05
+    align_tolerance: float = 0.15
     align_residual: Literal["relative", "metric"] = "relative"
     align_max_pixels: int = 20_000
     align_min_share: float = 0.5
+    align_depth_share: float = 0.15
     mask_dilation: float = 0.01
     far_m: float = 50.0
     edge_ratio: float = 1.05
@@ -376,6 +380,7 @@ _PAPER = EngineSettings(
     human=HumanSettings(
         align_hypotheses=20,
         align_residual="metric",
+        align_depth_share=0.0,
         mask_dilation=0.0,
         edge_ratio=float("inf"),
         outliers="knn",

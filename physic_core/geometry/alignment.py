@@ -57,10 +57,14 @@ class Alignment:
 
 
 class _System(NamedTuple):
-    """Linear residuals A (M, R, 2) @ (s, t) - b (M, R) of M pixels; a pixel's error is the norm of its R residuals."""
+    """Linear residuals A (M, R, 2) @ (s, t) - b (M, R) of M pixels; a pixel's error is the norm of its R residuals.
+
+    The pixels' trust (M,) adds up to one.
+    """
 
     A: Tensor
     b: Tensor
+    trust: Tensor
 
     def errors(self, models: Tensor) -> Tensor:
         """(G, 2) models -> (G, M) squared errors."""
@@ -81,6 +85,7 @@ def align(
     iterations: int = 128,
     residual: Literal["relative", "metric"] = "relative",
     axes: Literal["xyz", "z"] = "xyz",
+    weight: Tensor | None = None,
     max_pixels: int = 20_000,
     seed: int = 0,
 ) -> Alignment:
@@ -97,6 +102,7 @@ def align(
         residual: "relative" as in the table above; "metric" multiplies it by the depth, which is Eq. 1 as printed, and
             lets what is far away decide.
         axes: "z" leaves X and Y out of "scale_shift", for a target whose camera is not known.
+        weight: (...) >= 0, how much each pixel counts in every step and in ``inlier_share``; equally where None.
         max_pixels: pixels looked at, drawn at random where there are more.
         seed: of the draws; the same seed gives the same answer.
 
@@ -104,10 +110,13 @@ def align(
         The alignment. Too few common pixels, or none that agree, give ``inlier_share`` 0 and the identity.
     """
     generator = torch.Generator().manual_seed(seed)
-    source, target = _common(relative_points, valid, target_points, target_valid, max_pixels, generator)
-    if len(source) < _FEWEST_PIXELS:
+    chosen = _common(relative_points, valid, target_points, target_valid, max_pixels, generator)
+    source, target = (p.reshape(-1, 3)[chosen].double() for p in (relative_points, target_points))
+    trust = torch.ones_like(source[:, 2]) if weight is None else weight.flatten()[chosen].double()
+    if int((trust > 0).sum()) < _FEWEST_PIXELS:
         return _nothing(unknown)
-    system = _relative_system(source, target, unknown, axes)
+    trust = trust / trust.sum()
+    system = _relative_system(source, target, trust, unknown, axes)
     bounds = _scale_bounds(source[:, 2], target[:, 2], unknown)
     best = _ransac(system, unknown, tolerance, iterations, bounds, generator)
     if best is None:
@@ -121,7 +130,7 @@ def align(
         scale=float(model[0]),
         shift=float(model[1]),
         unknown=unknown,
-        inlier_share=float(inlier.double().mean()),
+        inlier_share=min(1.0, float(trust[inlier].sum())),
         residual=float(error[inlier].median()),
     )
 
@@ -150,30 +159,31 @@ def apply_alignment(points: Tensor, alignment: Alignment) -> Tensor:
 
 def _common(
     relative: Tensor, valid: Tensor, target: Tensor, target_valid: Tensor, most: int, generator: torch.Generator
-) -> tuple[Tensor, Tensor]:
-    """Pixels that both maps know, at most ``most`` of them, as two (M, 3) float64 tensors."""
+) -> Tensor:
+    """(M,) flat indices of pixels that both maps know, at most ``most`` of them, in random order."""
     chosen = (valid & target_valid).flatten().nonzero()[:, 0]
-    if len(chosen) > most:
-        chosen = chosen[torch.randperm(len(chosen), generator=generator)[:most].to(chosen.device)]
-    source, goal = relative.reshape(-1, 3)[chosen].double(), target.reshape(-1, 3)[chosen].double()
-    usable = torch.isfinite(source).all(-1) & torch.isfinite(goal).all(-1) & (source[:, 2] > 0) & (goal[:, 2] > 0)
-    return source[usable], goal[usable]
+    chosen = chosen[torch.randperm(len(chosen), generator=generator)[:most].to(chosen.device)]
+    usable = torch.ones_like(chosen, dtype=torch.bool)
+    for points in (relative, target):
+        some = points.reshape(-1, 3)[chosen]
+        usable &= torch.isfinite(some).all(-1) & (some[:, 2] > 0)
+    return chosen[usable]
 
 
-def _relative_system(source: Tensor, target: Tensor, unknown: Unknown, axes: str) -> _System:
+def _relative_system(source: Tensor, target: Tensor, trust: Tensor, unknown: Unknown, axes: str) -> _System:
     depth = target[:, 2]
     one, zero = torch.ones_like(depth), torch.zeros_like(depth)
     if unknown == "inverse_scale_shift":
-        return _System(torch.stack((depth / source[:, 2], depth), -1)[:, None], one[:, None])
+        return _System(torch.stack((depth / source[:, 2], depth), -1)[:, None], one[:, None], trust)
     along = source / depth[:, None]
     if unknown == "scale":
-        return _System(torch.stack((along[:, 2], zero), -1)[:, None], one[:, None])
+        return _System(torch.stack((along[:, 2], zero), -1)[:, None], one[:, None], trust)
     last = torch.stack((along[:, 2], 1 / depth), -1)
     if axes == "z":
-        return _System(last[:, None], one[:, None])
+        return _System(last[:, None], one[:, None], trust)
     side = [torch.stack((along[:, i], zero), -1) for i in (0, 1)]
     goal = target / depth[:, None]
-    return _System(torch.stack((*side, last), 1), torch.stack((goal[:, 0], goal[:, 1], one), 1))
+    return _System(torch.stack((*side, last), 1), torch.stack((goal[:, 0], goal[:, 1], one), 1), trust)
 
 
 def _scale_bounds(source: Tensor, target: Tensor, unknown: Unknown) -> tuple[float, float]:
@@ -204,18 +214,18 @@ def _ransac(
     generator: torch.Generator,
 ) -> Tensor | None:
     """The hypothesis with the smallest truncated squared error, or None where no pixel agrees with any."""
-    count = len(system.b)
     size = 1 if unknown == "scale" else 2
-    picks = torch.randint(count, (iterations, size), generator=generator).to(system.b.device)
+    drawn = torch.multinomial(system.trust.cpu(), iterations * size, replacement=True, generator=generator)
+    picks = drawn.view(iterations, size).to(system.b.device)
     A, b = system.A[picks].flatten(1, 2), system.b[picks].flatten(1, 2)
     models = _solve(A.mT @ A, (A.mT @ b[..., None])[..., 0], unknown)
     models = models[torch.isfinite(models).all(-1) & (models[:, 0] > bounds[0]) & (models[:, 0] < bounds[1])]
     if not len(models):
         return None
-    scored = _System(system.A[:_SCORED_PIXELS], system.b[:_SCORED_PIXELS]) if count > _SCORED_PIXELS else system
-    cost = (scored.errors(models) / tolerance**2).clamp_(max=1.0).mean(-1)
+    scored = _System(*(part[:_SCORED_PIXELS] for part in system))
+    cost = (scored.errors(models) / tolerance**2).clamp_(max=1.0) @ scored.trust
     best = int(cost.argmin())
-    return models[best] if float(cost[best]) < 1.0 else None
+    return models[best] if float(cost[best]) < float(scored.trust.sum()) * (1 - 1e-9) else None
 
 
 def _refine(
@@ -236,7 +246,7 @@ def _refine(
             return model
         # 1.4826 makes a median absolute deviation a standard deviation; the floor keeps exact data solvable.
         spread = 3 * 1.4826**2 * float(error[inlier].median()) + 1e-18
-        weight = inlier * (spread / (spread + error)).square() * scale.square()
+        weight = system.trust * inlier * (spread / (spread + error)).square() * scale.square()
         weighted = system.A * weight[:, None, None]
         A = torch.einsum("mri,mrj->ij", weighted, system.A)
         b = torch.einsum("mri,mr->i", weighted, system.b)

@@ -309,13 +309,30 @@ def test_the_photo_is_aligned_outside_its_people_and_carries_them_along() -> Non
     torch.testing.assert_close(placed[PERSON][:, 2], torch.full((int(PERSON.sum()),), 2.0, dtype=torch.float64))
 
 
+def test_where_two_maps_disagree_the_background_at_the_peoples_depth_decides() -> None:
+    scene = BACKGROUND.clone()
+    photo = torch.where(PERSON, 4.2, scene)
+    photo = torch.where(photo > 5, photo * 1.3, photo)  # the far wall, most of the picture, came out farther
+    assert float((photo > 5).double().mean()) > 0.5
+
+    def scale(share: float) -> float:
+        settings = replace(DEFAULT, align_depth_share=share)
+        scene_points = RAYS * scene[..., None]
+        return align_original(
+            RAYS * photo[..., None], EVERYWHERE, "scale", scene_points, EVERYWHERE, PERSON, settings
+        ).scale
+
+    assert scale(0.15) == pytest.approx(1.0, abs=0.01)
+    assert scale(0.0) == pytest.approx(1 / 1.3, abs=0.01)
+
+
 def test_far_background_takes_no_part_where_that_is_wanted() -> None:
     scene = BACKGROUND.clone()
     wrong = torch.where(scene > 5, scene * 1.5, scene)
     found = align_original(
         RAYS * wrong[..., None], EVERYWHERE, "scale", RAYS * scene[..., None], EVERYWHERE, PERSON, far=5.0
     )
-    assert (found.scale, found.inlier_share) == (pytest.approx(1.0), 1.0)
+    assert (found.scale, found.inlier_share) == (pytest.approx(1.0), pytest.approx(1.0))
 
 
 def test_aligned_points_are_put_on_the_rays_of_the_scenes_camera() -> None:

@@ -166,3 +166,18 @@ def test_the_same_seed_gives_the_same_bits() -> None:
     first = align(source, ALL, target, ALL, "scale_shift", seed=3, max_pixels=500)
     assert align(source, ALL, target, ALL, "scale_shift", seed=3, max_pixels=500) == first
     assert align(source, ALL, target, ALL, "scale_shift", seed=4, max_pixels=500) != first
+
+
+def test_weights_decide_between_two_halves_that_disagree() -> None:
+    target, source = room(), room() / 2
+    source[:, 40:] /= 1.5
+    left = torch.where(torch.arange(COLUMNS) < 40, 1.0, 0.05).expand(ROWS, COLUMNS)
+    first = align(source, ALL, target, ALL, "scale", weight=left)
+    second = align(source, ALL, target, ALL, "scale", weight=left.flip(1))
+    assert (first.scale, second.scale) == (pytest.approx(2.0), pytest.approx(3.0))
+    assert first.inlier_share == pytest.approx(1 / 1.05, rel=0.01)
+
+
+def test_pixels_without_weight_are_not_there() -> None:
+    nothing = align(room(), ALL, room(), ALL, "scale", weight=torch.zeros((ROWS, COLUMNS)))
+    assert nothing == Alignment(unknown="scale", **NOTHING)  # type: ignore[arg-type]
