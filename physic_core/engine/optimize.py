@@ -77,13 +77,13 @@ def minimise(energy: Energy, settings: JointSettings, progress: Callable[[float]
         if done:
             energy.refresh()
         block = min(settings.refresh_steps, settings.steps - done)
-        before, after, spent = run(energy, settings, block, memory)
+        before, after, spent = run(energy, settings, block, memory, done + block >= settings.steps)
         totals.append(before)
         evaluations += spent
         done += block
         if progress is not None:
             progress(done / settings.steps)
-        if before - after < settings.tolerance * abs(before):
+        if settings.tolerance > 0 and before - after < settings.tolerance * abs(before):
             break
     energy.refresh()
     end = _values(energy)
@@ -104,7 +104,7 @@ Block = tuple[float, float, int]
 
 
 def _lbfgs_block(
-    energy: Energy, settings: JointSettings, steps: int, memory: dict[str, torch.optim.Optimizer]
+    energy: Energy, settings: JointSettings, steps: int, memory: dict[str, torch.optim.Optimizer], last: bool
 ) -> Block:
     """One L-BFGS run on one view: energy before and after, evaluations. No curvature is kept over a refresh."""
     state = energy.state
@@ -137,8 +137,10 @@ def _lbfgs_block(
     return best.first, best.value, best.offers
 
 
-def _adam_block(energy: Energy, settings: JointSettings, steps: int, memory: dict[str, torch.optim.Optimizer]) -> Block:
-    """Adam on one view; its moments are kept over refreshes."""
+def _adam_block(
+    energy: Energy, settings: JointSettings, steps: int, memory: dict[str, torch.optim.Optimizer], last: bool
+) -> Block:
+    """Adam on one view. Its path goes on over refreshes, uphill too; the last view's best state is kept."""
     state = energy.state
     parameters = state.parameters()
     if "adam" not in memory:
@@ -149,11 +151,13 @@ def _adam_block(energy: Energy, settings: JointSettings, steps: int, memory: dic
         total = total_of(energy())
         best.offer(float(total.detach()))
         if not _differentiate(total, parameters):
-            break  # one more step would spread what is not a number
+            last = True  # one more step would spread what is not a number
+            break
         optimiser.step()
     with torch.no_grad():
         best.offer(float(total_of(energy())))
-    best.restore()
+    if last:
+        best.restore()
     return best.first, best.value, best.offers
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
+import roma
 import torch
 import trimesh
 from trimesh.ray.ray_pyembree import RayMeshIntersector
@@ -34,26 +35,16 @@ def body() -> BodyModel:
     return load_body("embedded")
 
 
-def upright(model: BodyModel, bends: dict[str, tuple[float, float, float]] | None = None) -> torch.Tensor:
+def upright(bends: Mapping[str, Sequence[float]]) -> torch.Tensor:
     """(55, 3, 3) facing the camera, arms down; further rotation vectors by joint name."""
-    from roma import rotvec_to_rotmat
-
     turns = torch.zeros(55, 3)
     turns[JOINT_INDEX["left_shoulder"], 2] = -1.2
     turns[JOINT_INDEX["right_shoulder"], 2] = 1.2
-    for name, turn in (bends or {}).items():
-        turns[JOINT_INDEX[name]] = torch.tensor(turn)
-    rotations = rotvec_to_rotmat(turns)
+    for name, turn in bends.items():
+        turns[JOINT_INDEX[name]] = torch.tensor(list(turn))
+    rotations: torch.Tensor = roma.rotvec_to_rotmat(turns)
     rotations[0] = torch.diag(torch.tensor([1.0, -1.0, -1.0])) @ rotations[0]
     return rotations
-
-
-SITTING = {
-    "left_hip": (-1.5, 0.0, 0.1),
-    "right_hip": (-1.5, 0.0, -0.1),
-    "left_knee": (1.5, 0.0, 0.0),
-    "right_knee": (1.5, 0.0, 0.0),
-}
 
 
 def box(low: Sequence[float], high: Sequence[float]) -> trimesh.Trimesh:
@@ -77,24 +68,21 @@ def cast(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
 @pytest.fixture(scope="session")
 def make_stage(body: BodyModel) -> Callable[..., Stage]:
     def build(
-        people: Sequence[tuple[torch.Tensor, Sequence[float]]],
-        boxes: Sequence[trimesh.Trimesh] = (),
-        skeleton: str = "blazepose33",
-        on_floor: bool = True,
+        people: Sequence[tuple[Mapping[str, Sequence[float]], Sequence[float]]],
+        boxes: Sequence[tuple[Sequence[float], Sequence[float]]] = (),
+        stands_at: float = FLOOR_Y,
     ) -> Stage:
-        """People as (rotations, pelvis place x, y, z); with ``on_floor`` y is replaced so that the lowest vertex is
-        on the floor."""
-        rotations = torch.stack([r for r, _ in people])
+        """People as (bends, place x, y, z), lowered or raised until their lowest vertex is at ``stands_at``; boxes as
+        (low, high) corners."""
+        rotations = torch.stack([upright(bends) for bends, _ in people])
         count = len(people)
         transl = torch.tensor([list(t) for _, t in people], dtype=torch.float32)
         betas = torch.zeros(count, body.num_betas)
-        if on_floor:
-            output = body(rotations, betas, transl)
-            transl[:, 1] += FLOOR_Y - output.vertices[..., 1].amax(1)
+        transl[:, 1] += stands_at - body(rotations, betas, transl).vertices[..., 1].amax(1)
         output = body(rotations, betas, transl)
         floor = box([-6, FLOOR_Y, 0.5], [6, FLOOR_Y + 0.1, 9])
         wall = box([-6, -3, 8], [6, FLOOR_Y, 8.1])
-        room = trimesh.util.concatenate([floor, wall, *boxes])
+        room = trimesh.util.concatenate([floor, wall, *(box(low, high) for low, high in boxes)])
         depth, face = cast(room)
         owner = np.full((HEIGHT, WIDTH), -1)
         nearest = depth.copy()
@@ -110,7 +98,7 @@ def make_stage(body: BodyModel) -> Callable[..., Stage]:
         known = np.isfinite(depth)
         points, normals = (ray * depth[..., None])[known], room.face_normals[face][known]
         K = torch.tensor([[FOCAL, 0, (WIDTH - 1) / 2], [0, FOCAL, (HEIGHT - 1) / 2], [0, 0, 1]])
-        landmarks = body.landmarks(output, skeleton)
+        landmarks = body.landmarks(output, "blazepose33")
         keypoints = landmarks[..., :2] / landmarks[..., 2:] * FOCAL + K[:2, 2]
         contact = torch.zeros(count, body.num_vertices)
         for ids in body.contact_sets.values():
@@ -123,7 +111,7 @@ def make_stage(body: BodyModel) -> Callable[..., Stage]:
             transl0=transl,
             keypoints=keypoints,
             keypoint_confidence=torch.ones(keypoints.shape[:2]),
-            skeleton=skeleton,
+            skeleton="blazepose33",
             K=K,
             masks=masks,
             scene_points=torch.from_numpy(points).float(),
@@ -140,7 +128,7 @@ def make_stage(body: BodyModel) -> Callable[..., Stage]:
 
 
 @pytest.fixture(autouse=True)
-def _one_thread():
+def _one_thread() -> Iterator[None]:
     """Small tensors: several threads beside a busy machine are many times slower than one."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)

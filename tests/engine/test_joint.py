@@ -1,0 +1,330 @@
+"""The joint optimisation puts people where they belong, on floors and seats, out of surfaces, and lets be the rest."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+import roma
+import torch
+
+from physic_core.body.joints import JOINT_INDEX
+from physic_core.engine.energy import JointEnergy
+from physic_core.engine.joint import optimize
+from physic_core.engine.settings import PRESETS
+from physic_core.errors import PhysicError
+
+SETTINGS = PRESETS["default"].joint
+ALONE = [({}, (0.0, 0.0, 3.5))]
+SITTING = {
+    "left_hip": (-1.5, 0.0, 0.1),
+    "right_hip": (-1.5, 0.0, -0.1),
+    "left_knee": (1.5, 0.0, 0.0),
+    "right_knee": (1.5, 0.0, 0.0),
+}
+
+
+@pytest.fixture(scope="module")
+def standing(make_stage):
+    return make_stage(ALONE)
+
+
+@pytest.fixture(scope="module")
+def two(make_stage):
+    return make_stage([({}, (-0.6, 0.0, 3.5)), ({}, (0.5, 0.0, 4.2))])
+
+
+def moved(problem, *, by=(0.0, 0.0, 0.0), turn=0.0, seed=0):
+    """The problem with its people shifted by metres, and every joint turned at random by so many radians."""
+    noise = turn * torch.randn(len(problem), 54, 3, generator=torch.Generator().manual_seed(seed))
+    rotations = torch.cat([problem.rotations0[:, :1], problem.rotations0[:, 1:] @ roma.rotvec_to_rotmat(noise)], 1)
+    return replace(problem, transl0=problem.transl0 + torch.tensor(by), rotations0=rotations)
+
+
+def error_mm(result, stage):
+    return (result.vertices - stage.vertices).norm(dim=-1).mean(1) * 1e3
+
+
+def sole_mm(result, stage):
+    """Lowest vertex over the floor."""
+    return (stage.problem.floor_offset * result.scene_scale - result.vertices[..., 1].amax(1)) * 1e3
+
+
+def test_the_truth_stays_where_it_is(standing):
+    result = optimize(standing.problem, SETTINGS)
+    print(f"moved by {error_mm(result, standing).item():.1f} mm")
+    assert error_mm(result, standing) < 3
+    assert result.scene_scale == pytest.approx(1.0, abs=0.01)
+    assert result.failures == ("",)
+
+
+@pytest.mark.parametrize("lift", [-0.08, 0.05], ids=["floating 8 cm", "sunk 5 cm"])
+def test_who_floats_or_sinks_ends_on_the_floor(standing, lift):
+    result = optimize(moved(standing.problem, by=(0.0, lift, 0.0)), SETTINGS)
+    print(f"sole {sole_mm(result, standing).item():.1f} mm, vertices {error_mm(result, standing).item():.1f} mm")
+    assert abs(sole_mm(result, standing)) < 5
+    assert error_mm(result, standing) < 5
+    assert abs(result.diagnostics[0]["lowest_sole_m"]) < 0.005
+    assert result.diagnostics[0]["floating_m"] < 0.005
+
+
+def test_a_noisy_start_comes_close(standing):
+    start = moved(standing.problem, by=(0.0, 0.0, 0.3), turn=0.05)
+    before = optimize(start, replace(SETTINGS, steps=0))
+    after = optimize(start, SETTINGS)
+    print(f"{error_mm(before, standing).item():.0f} -> {error_mm(after, standing).item():.0f} mm")
+    assert error_mm(before, standing) > 280
+    assert error_mm(after, standing) < 40
+    assert after.diagnostics[0]["reprojection_share"] < 0.005
+
+
+def seat_of(stage):
+    model = stage.problem.model
+    below = torch.cat([model.contact_sets["gluteus"], model.contact_sets["thighs"]])
+    return stage.vertices[0, below, 1].amax().item()
+
+
+@pytest.mark.parametrize("lift", [-0.06, 0.06], ids=["over the seat", "in the seat"])
+def test_a_sitter_ends_on_the_seat(make_stage, lift):
+    people = [(SITTING, (0.0, 0.0, 3.0))]
+    seat = seat_of(make_stage(people))
+    stage = make_stage(people, boxes=[((-0.4, seat, 2.7), (0.4, 1.3, 3.3))])
+    result = optimize(moved(stage.problem, by=(0.0, lift, 0.0)), SETTINGS)
+    gap = seat * result.scene_scale - seat_of(replace(stage, vertices=result.vertices))
+    print(f"gap {gap * 1e3:.1f} mm, inside {result.diagnostics[0]['penetration_share']:.4f}")
+    assert abs(gap) < 0.025
+    assert result.diagnostics[0]["penetration_share"] < 0.01
+
+
+def test_two_people_do_not_disturb_each_other(two):
+    shifts = ((0.0, -0.08, 0.0), (0.0, 0.05, 0.2))
+    both = optimize(moved(two.problem, by=shifts), SETTINGS)
+    print("vertices", [f"{e:.1f} mm" for e in error_mm(both, two).tolist()])
+    assert error_mm(both, two).amax() < 15
+    alone = optimize(moved(two.problem, by=shifts).pick(torch.tensor([0])), SETTINGS)
+    assert (alone.vertices[0] - both.vertices[0]).norm(dim=-1).mean() < 0.015
+
+
+def test_legs_hidden_by_a_box_are_not_pushed_out_of_it(make_stage):
+    """The box's front is all that the camera knows of it, and the legs are right behind."""
+    stage = make_stage([({}, (0.0, 0.0, 3.2))], boxes=[((-0.6, 0.55, 2.9), (0.6, 1.3, 3.1))])
+    aware = optimize(stage.problem, SETTINGS)
+    blind = optimize(stage.problem, replace(SETTINGS, occlusion_aware=False))
+    print(f"aware {error_mm(aware, stage).item():.1f} mm, blind {error_mm(blind, stage).item():.1f} mm")
+    legs = stage.vertices[0, :, 1] > 0.7
+    assert aware.occluded[0][legs].float().mean() > 0.9
+    assert error_mm(aware, stage) < 5
+    assert error_mm(blind, stage) > 5 * error_mm(aware, stage)
+
+
+def test_a_foot_in_the_air_stays_there(make_stage):
+    stage = make_stage([({"left_hip": (-1.0, 0, 0), "left_knee": (1.2, 0, 0)}, (0.0, 0.0, 3.5))])
+    sole = stage.problem.model.contact_sets["left_sole"]
+
+    def height(vertices):
+        return 1.3 - vertices[0, sole, 1].amax().item()
+
+    result = optimize(stage.problem, SETTINGS)
+    print(f"airborne sole {height(stage.vertices) * 1e2:.1f} -> {height(result.vertices) * 1e2:.1f} cm")
+    assert height(stage.vertices) > 0.1
+    assert height(result.vertices) == pytest.approx(height(stage.vertices), abs=0.015)
+    assert abs(sole_mm(result, stage)) < 8
+
+
+def test_who_stands_on_a_step_is_not_pulled_to_the_floor(make_stage):
+    stage = make_stage(ALONE, boxes=[((-0.5, 1.12, 3.1), (0.5, 1.3, 4.0))], stands_at=1.12)
+    result = optimize(stage.problem, SETTINGS)
+    print(f"moved by {error_mm(result, stage).item():.1f} mm, scale {result.scene_scale:.3f}")
+    assert error_mm(result, stage) < 15
+
+
+def test_legs_that_the_photo_does_not_show_feel_no_floor(standing):
+    """A floor drawn through the shins, and a person who is cut at the hips: nothing there may pull or push."""
+    model, problem = standing.problem.model, standing.problem
+    observed = problem.observed.clone()
+    for name in ("knee", "ankle", "foot"):
+        observed[:, [JOINT_INDEX[f"left_{name}"], JOINT_INDEX[f"right_{name}"]]] = False
+    cut = replace(problem, observed=observed, floor_offset=0.9)
+    energy = JointEnergy(cut, SETTINGS)
+    legs = torch.tensor([name.endswith(("upper_leg", "lower_leg", "foot")) for name in model.part_names])
+    on_legs = legs[model.part_of_vertex[energy.fixed.ids]]
+    for weight in (energy.touch.contact_weight, energy.touch.floor_weight, energy.touch.penetration_weight):
+        assert (weight[0, on_legs] == 0).all()
+    assert (energy.touch.sole_weight == 0).all()
+    assert (energy.fixed.keypoint_weight[0, 25:] == 0).all()  # knees, ankles, heels, toes
+    result = optimize(cut, SETTINGS)
+    assert error_mm(result, standing) < 10
+    assert "lowest_sole_m" not in result.diagnostics[0]
+
+
+def test_depth_that_disagrees_with_the_floor_goes_into_the_offset(standing):
+    problem = replace(standing.problem, human_depth=1.15 * standing.problem.human_depth)
+    result = optimize(problem, SETTINGS)
+    assert result.diagnostics[0]["depth_offset"] == pytest.approx(-math.log(1.15), abs=0.04)
+    assert error_mm(result, standing) < 60
+    tied = optimize(problem, replace(SETTINGS, depth_offset_sigma=0.0))
+    assert error_mm(tied, standing) > 2 * error_mm(result, standing)
+
+
+def test_the_people_are_a_ruler_for_the_scene(standing):
+    """A scene that came out 12 % too large shrinks until its people stand in it."""
+    problem = standing.problem
+    large = replace(
+        problem,
+        scene_points=1.12 * problem.scene_points,
+        floor_offset=1.12 * problem.floor_offset,
+        human_depth=1.12 * problem.human_depth,
+    )
+    result = optimize(large, SETTINGS)
+    print(f"scale {result.scene_scale:.3f}, wanted {1 / 1.12:.3f}")
+    assert result.scene_scale == pytest.approx(1 / 1.12, abs=0.05)
+    assert abs(result.diagnostics[0]["lowest_sole_m"]) < 0.005
+    fixed = optimize(large, replace(SETTINGS, frozen=("scale",)))
+    assert fixed.scene_scale == 1.0
+
+
+def test_the_energy_does_not_depend_on_the_resolution(standing):
+    problem = moved(standing.problem, by=(0.02, 0.03, 0.1))
+    K = 2 * problem.K
+    K[:2, 2] += 0.5  # integer coordinates are pixel centres
+    K[2, 2] = 1
+
+    def twice(image):
+        return image.repeat_interleave(2, -1).repeat_interleave(2, -2)
+
+    fine = replace(
+        problem,
+        K=K,
+        keypoints=2 * problem.keypoints + 0.5,
+        masks=twice(problem.masks),
+        human_depth=twice(problem.human_depth),
+        scene_points=problem.scene_points.repeat(4, 1),
+        scene_normals=problem.scene_normals.repeat(4, 1),
+    )
+    coarse_terms, fine_terms = JointEnergy(problem, SETTINGS)(), JointEnergy(fine, SETTINGS)()
+    for name, value in coarse_terms.items():
+        assert fine_terms[name].item() == pytest.approx(value.item(), rel=0.03, abs=0.02), name
+
+
+def test_keypoints_that_are_not_numbers_cost_their_person_nothing_but_themselves(two):
+    keypoints = two.problem.keypoints.clone()
+    keypoints[0] = torch.nan
+    result = optimize(replace(two.problem, keypoints=keypoints), SETTINGS)
+    assert result.failures == ("", "")
+    assert error_mm(result, two).amax() < 5
+    assert "reprojection_px" not in result.diagnostics[0]
+    assert result.diagnostics[1]["reprojection_px"] < 1
+
+
+def test_a_broken_person_stays_and_the_others_go_on(two):
+    rotations = two.problem.rotations0.clone()
+    rotations[0, 3] = torch.nan
+    result = optimize(moved(replace(two.problem, rotations0=rotations), by=(0.0, 0.05, 0.0)), SETTINGS)
+    assert result.failures == ("the start is not made of numbers, or lies behind the camera", "")
+    assert result.diagnostics[0] == {}
+    assert torch.equal(result.transl[0], two.problem.transl0[0] + torch.tensor([0.0, 0.05, 0.0]))
+    assert error_mm(result, two)[1] < 5
+
+
+def test_a_person_whose_energy_is_no_number_stays_and_the_others_go_on(two):
+    """Finite numbers that overflow once they are squared."""
+    betas = two.problem.betas0.clone()
+    betas[0] = 1e30
+    result = optimize(replace(two.problem, betas0=betas), SETTINGS)
+    assert result.failures == ("the energy of the start is not a number", "")
+    assert error_mm(result, two)[1] < 5
+
+
+def test_nobody_left_is_the_start(standing):
+    problem = replace(standing.problem, transl0=-standing.problem.transl0)
+    result = optimize(problem, SETTINGS)
+    assert result.failures != ("",)
+    assert result.scene_scale == 1.0
+    assert result.losses == {}
+    assert torch.equal(result.rotations, problem.rotations0)
+
+
+def test_without_floor_and_scene_the_photo_alone_decides(standing):
+    empty = torch.zeros(0, 3)
+    problem = moved(standing.problem, by=(0.05, 0.0, 0.2))
+    problem = replace(problem, floor_normal=None, scene_points=empty, scene_normals=empty)
+    result = optimize(problem, SETTINGS)
+    assert result.scene_scale == 1.0
+    assert error_mm(result, standing) < 30
+
+
+def test_losses_are_told_at_start_and_end(standing):
+    result = optimize(moved(standing.problem, by=(0.0, -0.08, 0.0)), SETTINGS)
+    assert set(result.losses) == {
+        *("reprojection", "depth", "contact", "penetration", "floor", "soles"),
+        *("regularisation", "scale", "limits", "balance"),
+    }
+    start, end = (sum(pair[k] for pair in result.losses.values()) for k in (0, 1))
+    assert end < 0.05 * start
+    assert 0 < result.evaluations <= 2 * SETTINGS.steps + 8
+
+
+def test_the_same_problem_gives_the_same_answer_bit_for_bit(standing):
+    start = moved(standing.problem, by=(0.0, 0.0, 0.1), turn=0.05)
+    first, second = (optimize(start, replace(SETTINGS, steps=20)) for _ in range(2))
+    assert torch.equal(first.vertices, second.vertices)
+    assert first.scene_scale == second.scene_scale
+
+
+@pytest.mark.parametrize("nearest", ["kdtree", "grid", "brute"])
+def test_nearest_strategies_agree(make_stage, nearest):
+    people = [(SITTING, (0.0, 0.0, 3.0))]
+    seat = seat_of(make_stage(people))
+    stage = make_stage(people, boxes=[((-0.4, seat, 2.7), (0.4, 1.3, 3.3))])
+    want = JointEnergy(stage.problem, SETTINGS)()
+    got = JointEnergy(stage.problem, replace(SETTINGS, nearest=nearest))()
+    tolerance = 0.1 if nearest == "grid" else 1e-4
+    assert got["contact"].item() == pytest.approx(want["contact"].item(), rel=tolerance)
+
+
+def test_the_papers_energy_goes_down(standing):
+    paper = replace(PRESETS["paper"].joint, steps=70)
+    result = optimize(moved(standing.problem, by=(0.0, -0.08, 0.1)), paper)
+    start, end = (sum(pair[k] for pair in result.losses.values()) for k in (0, 1))
+    assert set(result.losses) == {"reprojection", "depth", "contact", "penetration", "regularisation", "scale"}
+    assert end < 0.5 * start
+    assert result.steps == 70
+
+
+def test_progress_reaches_one(standing):
+    told: list[float] = []
+    optimize(standing.problem, replace(SETTINGS, steps=10, refresh_steps=5), told.append)
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+
+
+def test_shapes_that_do_not_fit_are_all_named(standing):
+    broken = replace(standing.problem, K=torch.eye(4), betas0=torch.zeros(1, 3))
+    with pytest.raises(PhysicError) as caught:
+        optimize(broken, SETTINGS)
+    k = standing.problem.model.num_betas
+    assert str(caught.value) == f"joint optimisation: betas0 must be (1, {k}), got (1, 3); K must be (3, 3), got (4, 4)"
+
+
+@pytest.mark.parametrize(
+    ("form", "message"),
+    [
+        (
+            "pixels",
+            "the depth term compares pixels, but there is no human_depth: give it, or set depth_form = 'chamfer' with"
+            " human_points, or depth_weight = 0",
+        ),
+        (
+            "chamfer",
+            "the depth term compares point clouds, but there are neither human_points nor human_depth: give one, or"
+            " set depth_weight = 0",
+        ),
+    ],
+)
+def test_depth_without_its_data_is_refused(standing, form, message):
+    problem = replace(standing.problem, human_depth=None)
+    with pytest.raises(PhysicError) as caught:
+        optimize(problem, replace(SETTINGS, depth_form=form))
+    assert str(caught.value) == message
+    optimize(problem, replace(SETTINGS, depth_form=form, depth_weight=0.0, steps=2))
