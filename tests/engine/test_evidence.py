@@ -1,0 +1,163 @@
+"""What a run holds fixed and what the photo shows: thinning, limbs, keypoints, clouds."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from physic_core.body.joints import JOINT_INDEX
+from physic_core.body.landmarks import SKELETONS
+from physic_core.engine.clouds import HumanCloud
+from physic_core.engine.energy import JointEnergy
+from physic_core.engine.fixed import representatives
+from physic_core.engine.limbs import keypoint_weights, limb_parts, observed_parts, stands
+from physic_core.engine.settings import PRESETS
+from physic_core.geometry.visibility import vertex_areas
+
+SETTINGS = PRESETS["default"].joint
+
+
+@pytest.fixture(scope="module")
+def standing(make_stage):
+    return make_stage([({}, (0.0, 0.0, 3.5))])
+
+
+def test_thinning_keeps_the_surface_and_what_may_touch(body):
+    area = vertex_areas(body(*body.zero_pose(1)).vertices, body.faces)
+    keep = torch.zeros(body.num_vertices, dtype=torch.bool)
+    keep[body.contact_sets["gluteus"]] = True
+    ids, thinned = representatives(body, keep, 0.02, area)
+    assert len(ids) < 0.35 * body.num_vertices
+    assert (ids[1:] > ids[:-1]).all()
+    assert body.outer[ids].all()
+    for name in ("gluteus", "left_sole", "right_sole"):
+        assert torch.isin(body.contact_sets[name], ids).all()
+    outer = area[:, body.outer].sum()
+    torch.testing.assert_close(thinned.sum(), outer)
+    for part in range(len(body.part_names)):
+        rows, whole = body.part_of_vertex[ids] == part, (body.part_of_vertex == part) & body.outer
+        torch.testing.assert_close(thinned[:, rows].sum(), area[:, whole].sum(), rtol=1e-4, atol=0)
+
+
+def test_without_a_spacing_every_outer_vertex_stays(body):
+    area = vertex_areas(body(*body.zero_pose(1)).vertices, body.faces)
+    ids, same = representatives(body, torch.zeros(body.num_vertices, dtype=torch.bool), 0.0, area)
+    assert torch.equal(ids, body.outer.nonzero().flatten())
+    assert torch.equal(same, area[:, ids])
+
+
+def test_thinning_changes_the_energy_little(standing):
+    problem = replace(standing.problem, transl0=standing.problem.transl0 + torch.tensor([0.0, 0.04, 0.0]))
+    thin, full = (JointEnergy(problem, replace(SETTINGS, vertex_spacing_m=s))() for s in (0.02, 0.0))
+    for name in ("contact", "floor", "soles"):
+        assert thin[name].item() == pytest.approx(full[name].item(), rel=0.05), name
+
+
+def test_a_segment_is_observed_when_its_end_is(body):
+    observed = torch.ones(1, 55, dtype=torch.bool)
+    observed[0, [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_wrist"]]] = False
+    unseen = [n for n, o in zip(body.part_names, observed_parts(body.part_names, observed)[0], strict=True) if not o]
+    assert sorted(unseen) == ["left_foot", "left_lower_leg", "right_hand", "right_lower_arm"]
+    nothing = observed_parts(body.part_names, torch.zeros(1, 55, dtype=torch.bool))
+    assert not nothing.any()
+
+
+def test_only_limbs_can_be_self_occluded(body):
+    assert {body.part_names[i] for i in limb_parts(body.part_names)} == set(body.part_names) - {"torso", "head"}
+
+
+@pytest.mark.parametrize("skeleton", ["coco17", "coco23", "blazepose33"])
+def test_keypoints_go_with_their_limb(skeleton):
+    observed = torch.ones(1, 55, dtype=torch.bool)
+    observed[0, [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_wrist"]]] = False
+    names = SKELETONS[skeleton]
+    weights = keypoint_weights(skeleton, observed, len(names))[0]
+    dropped = {name for name, w in zip(names, weights.tolist(), strict=True) if w == 0}
+    assert {"left_ankle", "right_wrist"} <= dropped
+    feet = {n for n in names if n.startswith("left_") and n.endswith(("toe", "heel", "foot_tip"))}
+    assert feet <= dropped
+    assert not any("knee" in n or "left_elbow" in n or "eye" in n for n in dropped)
+
+
+def test_a_joint_set_that_no_body_knows_counts_whole():
+    assert keypoint_weights("custom", torch.zeros(2, 55, dtype=torch.bool), 7).tolist() == [[1.0] * 7] * 2
+
+
+def test_keypoints_outside_the_image_count_nothing(standing):
+    keypoints = standing.problem.keypoints.clone()
+    keypoints[0, 0] = torch.tensor([-5.0, 10.0])
+    keypoints[0, 1, 0] = torch.nan
+    confidence = standing.problem.keypoint_confidence.clone()
+    confidence[0, 2] = 0.2
+    energy = JointEnergy(replace(standing.problem, keypoints=keypoints, keypoint_confidence=confidence), SETTINGS)
+    weight = energy.fixed.keypoint_weight[0]
+    assert weight[:4].tolist() == pytest.approx([0, 0, 0.02, 1])
+
+
+def test_who_stands_and_who_does_not(make_stage):
+    sitting = {"left_hip": (-1.5, 0, 0), "right_hip": (-1.5, 0, 0), "left_knee": (1.5, 0, 0), "right_knee": (1.5, 0, 0)}
+    stage = make_stage([({}, (-0.6, 0.0, 3.5)), (sitting, (0.5, 0.0, 3.5))])
+    problem = stage.problem
+    assert stands(problem.rotations0, stage.joints, problem.observed).tolist() == [True, False]
+    assert not stands(problem.rotations0, stage.joints, torch.zeros_like(problem.observed)).any()
+
+
+def test_chamfer_equals_its_plain_twin_under_a_scale(standing):
+    problem = standing.problem
+    cloud = HumanCloud.of(problem, most=0)
+    vertices = standing.vertices[:, ::7] + torch.tensor([0.01, 0.0, 0.05])
+    facing = torch.rand(vertices.shape[:2], generator=torch.Generator().manual_seed(0)) < 0.5
+    log_scale = torch.tensor(0.1)
+    points = cloud.points[0].double() * log_scale.exp()
+    seen = vertices[0, facing[0]].double()
+    pairs = torch.cdist(seen, points, compute_mode="donot_use_mm_for_euclid_dist")
+    want = pairs.amin(1).square().sum() + pairs.amin(0).square().sum()
+    assert cloud(vertices, facing, log_scale).item() == pytest.approx(want.item(), rel=1e-4)
+
+
+def test_a_thinned_cloud_stands_for_the_whole(standing):
+    whole, thinned = HumanCloud.of(standing.problem, most=0), HumanCloud.of(standing.problem, most=2000)
+    assert len(thinned.points[0]) <= 2000 < len(whole.points[0])
+    vertices, facing = standing.vertices[:, ::7], torch.ones(1, len(standing.vertices[0, ::7]), dtype=torch.bool)
+    few, all_points = (c(vertices + 0.1, facing, torch.tensor(0.0)).item() for c in (thinned, whole))
+    assert few == pytest.approx(all_points, rel=0.1)
+
+
+def test_a_person_without_points_has_no_chamfer(standing):
+    problem = replace(standing.problem, human_points=(torch.zeros(0, 3),))
+    cloud = HumanCloud.of(problem, most=0)
+    vertices = standing.vertices.clone().requires_grad_()
+    value = cloud(vertices, torch.ones(1, vertices.shape[1], dtype=torch.bool), torch.tensor(0.0))
+    value.sum().backward()
+    assert value.tolist() == [0.0]
+    assert (vertices.grad == 0).all()
+
+
+def test_depth_is_read_where_the_photo_shows_the_person(standing):
+    energy = JointEnergy(standing.problem, SETTINGS)
+    rows = energy.visible.depth_weight[0] > 0
+    vertices = standing.vertices[0, energy.fixed.ids[rows]]
+    seen = energy.visible.log_seen[0, rows].exp()
+    print(f"{rows.sum()} vertices, median {1e3 * (vertices[:, 2] - seen).abs().median():.1f} mm")
+    assert rows.sum() > 300
+    assert (vertices[:, 2] - seen).abs().median() < 0.005
+
+
+def test_points_of_the_floor_are_left_to_the_plane(standing):
+    energy = JointEnergy(standing.problem, SETTINGS)
+    height = standing.problem.floor_offset - energy.fixed.surface[:, 1]
+    assert height.amin() > SETTINGS.floor_band_m
+    without = JointEnergy(standing.problem, replace(SETTINGS, floor="off"))
+    assert len(without.fixed.surface) > len(energy.fixed.surface)
+    assert (without.touch.floor_weight == 0).all()
+    assert "floor" not in without()
+
+
+def test_points_without_a_normal_are_no_surface(standing):
+    normals = standing.problem.scene_normals.clone()
+    normals[::2] = 0
+    problem = replace(standing.problem, scene_normals=normals)
+    half = JointEnergy(problem, replace(SETTINGS, floor="off"))
+    assert len(half.fixed.surface) == pytest.approx(len(normals) / 2, abs=1)
