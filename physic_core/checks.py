@@ -17,7 +17,6 @@ _PENETRATION_SHARE = 0.1
 _FLOATING_M = 0.05
 _SCALE_SIGMA = 0.15
 _SCALE_CHANGE = 0.25
-_AGREEMENT_SHARE = 0.5
 
 CHECKS: Mapping[str, str] = {
     "optimised": "the joint optimisation left this person at their start",
@@ -54,12 +53,6 @@ def warnings_of(evidence: Evidence, solution: Solution) -> tuple[str, ...]:
     scale = solution.scene.scale
     if abs(scale - 1) > _SCALE_CHANGE:
         notes.append(f"the people and the metric depth disagree: the scene was rescaled by {scale:.2f}")
-    shared = solution.diagnostics["placement"]["alignment"]["inlier_share"]
-    if shared < _AGREEMENT_SHARE:
-        notes.append(
-            f"the background of the inpainted photo agrees with the original on {shared:.0%} of the pixels: "
-            "people may stand at a wrong depth"
-        )
     return tuple(notes)
 
 

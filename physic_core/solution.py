@@ -11,7 +11,7 @@ import torch
 
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
 from physic_core.engine.contact import contact_map
-from physic_core.engine.human import align_original, human_points, place, placed_original
+from physic_core.engine.human import align_original, alignment_notes, human_points, place, placed_original
 from physic_core.engine.joint import optimize
 from physic_core.engine.problem import JointProblem
 from physic_core.engine.scene import alignment_diagnostics, build_scene
@@ -70,7 +70,7 @@ def solve(evidence: Evidence, settings: EngineSettings, model: BodyModel, stages
             scene = _stage_scene(evidence, settings)
             stages.warn(*scene.notes)
         with stages.engine("placement"):
-            problem, placement = _stage_placement(evidence, scene, settings, model)
+            problem, placement = _stage_placement(evidence, scene, settings, model, stages)
         with stages.engine("joint optimisation"):
             result = optimize(problem, settings.joint)
         with stages.engine("contact"):
@@ -108,7 +108,7 @@ def _stage_scene(evidence: Evidence, settings: EngineSettings) -> SceneState:
 
 
 def _stage_placement(
-    evidence: Evidence, scene: SceneState, settings: EngineSettings, model: BodyModel
+    evidence: Evidence, scene: SceneState, settings: EngineSettings, model: BodyModel, stages: Stages
 ) -> tuple[JointProblem, dict[str, Any]]:
     device, dtype = model.device, model.dtype
     masks = torch.from_numpy(evidence.people.masks)
@@ -124,6 +124,7 @@ def _stage_placement(
         settings.human,
         far=settings.human.far_m,
     )
+    stages.warn(*alignment_notes(alignment, settings.human))
     aligned = placed_original(original, alignment, scene.K)
     points = [human_points(aligned, known, mask, settings.human) for mask in masks]
 
