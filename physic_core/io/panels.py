@@ -107,7 +107,7 @@ def colored_depth(depth: NDArray[Any], near: float, far: float) -> UInt8Array:
 
 
 def contact_picture(reconstruction: Reconstruction, index: int, width: int, height: int) -> ContactPicture:
-    """One person in their own pose, what touches in red: front and back to one scale, and the underside."""
+    """One person in their own pose, what touches in red: front, back, and the underside up to 1.5 times as large."""
     person = reconstruction.people[index]
     matrix = gltf_from_camera(reconstruction.scene.floor)
     vertices, joints = transform(matrix, person.vertices), transform(matrix, person.joints)
@@ -121,7 +121,8 @@ def contact_picture(reconstruction: Reconstruction, index: int, width: int, heig
     share = sizes[:, 0] / sizes[:, 0].sum()
     edges = np.round(np.cumsum([0.0, *share]) * width).astype(int)
     fits = np.minimum(np.diff(edges) / sizes[:, 0], height / sizes[:, 1])
-    scales = fits[:2].min(), fits[:2].min(), fits[2]
+    upright = fits[:2].min()
+    scales = upright, upright, min(fits[2], 1.5 * upright)
     middles = []
     for (right, top), scale, left, end in zip(views.values(), scales, edges[:-1], edges[1:], strict=True):
         axes = np.stack([right, top, np.cross(right, top)])

@@ -38,7 +38,7 @@ _MARGIN, _GAP, _TITLE = 24, 18, 30
 _ROW = 440  # height of the second row of panels, px
 _INK, _SOFT, _ALERT, _FLOOR = (32, 34, 38), (98, 102, 108), (178, 48, 34), (34, 140, 84)
 _SHOWN_WARNINGS = 6
-_HEAD = 15  # joint, SMPL-X order
+_HEAD, _NECK = 15, 12  # joints, SMPL-X order
 _DEPTH_TITLE = "Depth without people"
 _PLAIN = str.maketrans({"×": "x", "—": "-", "–": "-", "−": "-", "’": "'", "‘": "'", "“": '"', "”": '"', "…": "..."})
 
@@ -158,12 +158,14 @@ def _name_people(pen: ImageDraw.ImageDraw, frame: _Frame, reconstruction: Recons
     """Each person's number above their head, or beside it where the photo ends there."""
     camera = Perspective(reconstruction.intrinsics, frame.width, frame.height)
     for index, person in enumerate(reconstruction.people):
-        column, row, _ = camera.project(np.asarray(person.joints[_HEAD], np.float64)[None])[0]
+        spots = camera.project(np.asarray(person.joints[[_HEAD, _NECK]], np.float64))
+        column, row = spots[0, :2]
         top = float(person.box[1]) * frame.height / reconstruction.image.shape[0] - 14
         if not np.isfinite([column, row, top]).all():
             continue
         if top < 12:
-            column, top = column + (28 if column < frame.width - 40 else -28), max(row - 6, 12)
+            aside = max(28.0, 1.6 * float(np.linalg.norm(spots[0, :2] - spots[1, :2])))
+            column, top = column + (aside if column + aside < frame.width - 12 else -aside), max(row - 6, 12)
         x, y = (float(np.clip(value, 12, size - 12)) for value, size in ((column, frame.width), (top, frame.height)))
         _chip(pen, frame.x + x, frame.y + y, index)
 
@@ -239,7 +241,7 @@ def _contact(page: Image.Image, frame: _Frame, reconstruction: Reconstruction) -
     pen = ImageDraw.Draw(page)
     people = reconstruction.people
     shown = min(len(people), SHOWN)
-    more = f", {len(people) - shown} more people not shown" if len(people) > shown else ""
+    more = f", {len(people) - shown} more not shown" if len(people) > shown else ""
     _text(pen, (frame.x, frame.y - 26), f"Contact in red{more}", 18, _INK)
     pen.rectangle((frame.x - 1, frame.y - 1, frame.x + frame.width, frame.y + frame.height), outline=(206, 206, 202))
     if not shown:

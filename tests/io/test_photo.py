@@ -314,6 +314,7 @@ def test_a_turned_photo_comes_upright(tmp_path, orientation):
     Image.fromarray(np.ascontiguousarray(turn(corners()))).save(path, exif=exif)
     photo = read_photo(path)
     np.testing.assert_array_equal(photo.image, corners())
+    assert photo.file_size is None  # the image is all of it
     assert photo.notes == (() if orientation == 1 else ("turned upright as the file's EXIF data say",))
 
 
@@ -324,6 +325,7 @@ def test_eighty_megapixels_are_read_at_half_size(tmp_path):
     photo = read_photo(path)
     assert photo.image.shape == (4000, 5000, 3)
     assert photo.notes == ("80 megapixels were read at 5000 x 4000 px",)
+    assert photo.file_size == (10_000, 8_000)
     assert np.abs(photo.image[::40, ::40].astype(int) - corners(125, 100)).mean() < 2
 
 
