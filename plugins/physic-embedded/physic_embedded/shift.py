@@ -29,7 +29,7 @@ _OUTDOORS = (0.006, 0.7)
 _INDOORS = (0.25, 0.9)
 _CAMERA_HEIGHT = (1.4, 0.4)  # metres: median and standard deviation of the logarithm
 _NOSE, _ANKLE = 1.53, 0.08  # metres over the floor, an adult who stands
-_CANDIDATES = (0.003, 2.0, 80)
+_CANDIDATES = (0.003, 4.0, 80)
 _FLOOR_SHARE = 0.1  # a smaller floor than this has no horizon worth reading
 
 

@@ -1,0 +1,331 @@
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+import roma
+import torch
+
+from physic_core.body import JOINT_INDEX, load_body
+from physic_core.body.landmarks import SKELETONS
+from physic_core.body.parameters import rotations_from_parameters
+from physic_core.errors import BackendError
+from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People, Plane
+from physic_embedded.bodies import EmbeddedBodies, EmbeddedBodiesOptions
+from physic_embedded.bodyfit_lean import lean_towards_camera, standing
+from physic_embedded.bodyfit_start import pose_from_landmarks, translation_from_points
+from physic_embedded.marks import marks_of
+from physic_embedded.prior import hinges, pose_prior, resting_fingers
+from physic_embedded.views import people_views, ray_rotation
+
+CAMERA = Intrinsics.from_focal(900.0, 1000, 800)
+IMAGE = np.zeros((800, 1000, 3), np.uint8)
+UPRIGHT = np.diag([1.0, -1.0, -1.0])
+FLOOR = Plane(np.array([0.0, -1.0, 0.0]), 0.4)
+MODEL = load_body("embedded")
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Synthetic people: what a perfect network would see of them, and where they are."""
+
+    keypoints: Keypoints
+    people: People
+    joints: np.ndarray
+    vertices: np.ndarray
+
+
+def pose(**angles: tuple[float, float, float]) -> np.ndarray:
+    """Rotation vectors (55, 3) of a relaxed stance with some joints given in degrees."""
+    vectors = np.zeros((55, 3))
+    vectors[1:22] = pose_prior().mean
+    vectors[22:] = resting_fingers()
+    for name, degrees in angles.items():
+        vectors[JOINT_INDEX[name]] = np.radians(degrees)
+    return vectors
+
+
+STANDS = pose(left_hip=(-5, 0, 4), right_hip=(8, 0, -4), left_knee=(8, 0, 0), right_knee=(12, 0, 0))
+WALKS = pose(
+    left_hip=(-35, 0, 3),
+    right_hip=(20, 0, -3),
+    left_knee=(30, 0, 0),
+    right_knee=(25, 0, 0),
+    left_shoulder=(0, 0, -65),
+    right_shoulder=(0, 40, 60),
+    right_elbow=(0, 60, 0),
+)
+SITS = pose(left_hip=(-85, 5, 5), right_hip=(-80, 0, -8), left_knee=(80, 0, 0), right_knee=(90, 0, 0))
+
+
+def truth(
+    poses: list[np.ndarray],
+    places: list[tuple[float, float, float]],
+    yaw_deg: float = 25.0,
+    skeleton: str = "blazepose33",
+    lean_deg: float = 0.0,
+    noise_px: float = 0.0,
+) -> Truth:
+    count = len(poses)
+    rotations = roma.rotvec_to_rotmat(torch.as_tensor(np.array(poses), dtype=torch.float32))
+    turn = roma.rotvec_to_rotmat(torch.tensor([0.0, float(np.radians(yaw_deg)), 0.0]))
+    rotations[:, 0] = torch.as_tensor(UPRIGHT, dtype=torch.float32) @ turn
+    betas = torch.zeros(count, MODEL.num_betas)
+    transl = torch.tensor(places)
+    out = MODEL(rotations, betas, transl)
+    points = MODEL.landmarks(out, skeleton).double().numpy()
+    names = list(SKELETONS[skeleton])
+    marks = marks_of(skeleton, names)
+    points = marks.blend @ points
+    hips = [names.index("left_hip"), names.index("right_hip")]
+    middle = points[:, hips].mean(1, keepdims=True)
+    homogeneous = points @ CAMERA.matrix.T
+    seen = homogeneous[..., :2] / homogeneous[..., 2:]
+    if noise_px:
+        seen = seen + np.random.default_rng(0).normal(0, noise_px, seen.shape)
+    world = np.empty_like(points)
+    c, s = np.cos(np.radians(lean_deg)), np.sin(np.radians(lean_deg))
+    lean = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])  # positive tips the head towards the camera
+    for i in range(count):
+        ray = (middle[i] @ CAMERA.matrix.T)[0]
+        pixel = ray[:2] / ray[2]
+        direction = np.array([*((pixel - CAMERA.matrix[:2, 2]) / CAMERA.fx), 1.0])
+        world[i] = (points[i] - middle[i]) @ ray_rotation(direction) @ lean.T - marks.world_offset
+    # The network puts its origin between its own hips.
+    world -= world[:, hips].mean(1, keepdims=True)
+    boxes = np.concatenate([seen.min(1), seen.max(1)], 1)
+    people = People(np.zeros((count, 800, 1000), bool), boxes, np.ones(count))
+    keypoints = Keypoints(seen, np.full(seen.shape[:2], 0.95), skeleton, world)
+    return Truth(keypoints, people, out.joints.double().numpy(), out.vertices.double().numpy())
+
+
+def posed(bodies: Bodies) -> tuple[np.ndarray, np.ndarray]:
+    p = bodies.parameters
+    out = MODEL(rotations_from_parameters(p), torch.as_tensor(p.betas), torch.as_tensor(p.transl))
+    return out.joints.double().numpy(), out.vertices.double().numpy()
+
+
+@pytest.fixture(scope="module")
+def backend() -> EmbeddedBodies:
+    made = EmbeddedBodies()
+    made.load()
+    return made
+
+
+def fit(backend: EmbeddedBodies, seen: Truth, floor: Plane | None = None) -> Bodies:
+    return backend.infer(IMAGE, seen.people, CAMERA, seen.keypoints, Hints(floor=floor))
+
+
+def miss_mm(fitted: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """Mean distance per person of the 22 body joints, or of the vertices."""
+    points = slice(22) if fitted.shape[1] == 55 else slice(None)
+    return 1000 * np.linalg.norm(fitted - truth, axis=-1)[:, points].mean(1)
+
+
+PLACES = [(-0.9, 0.2, 3.4), (0.3, 0.1, 4.2), (1.0, 0.3, 3.6)]
+
+
+def test_synthetic_people_come_back(backend: EmbeddedBodies) -> None:
+    seen = truth([STANDS, WALKS, SITS], PLACES)
+    answer = fit(backend, seen)
+    assert answer.body_model == "embedded"
+    joints, vertices = posed(answer)
+    absolute = miss_mm(joints, seen.joints)
+    pelvis = miss_mm(joints - joints[:, :1], seen.joints - seen.joints[:, :1])
+    skin = miss_mm(vertices - joints[:, :1], seen.vertices - seen.joints[:, :1])
+    print(f"joints {absolute.round(1)} mm, about the pelvis {pelvis.round(1)} mm, vertices {skin.round(1)} mm")
+    assert absolute.max() < 60
+    assert pelvis.max() < 15
+    assert skin.max() < 15
+    assert answer.observed is not None
+    assert answer.observed.all()
+
+
+def test_noise_of_two_pixels_costs_little(backend: EmbeddedBodies) -> None:
+    seen = truth([STANDS, WALKS, SITS], PLACES, noise_px=2.0)
+    joints, _ = posed(fit(backend, seen))
+    pelvis = miss_mm(joints - joints[:, :1], seen.joints - seen.joints[:, :1])
+    print(f"about the pelvis {pelvis.round(1)} mm")
+    assert pelvis.max() < 20
+
+
+def test_each_person_is_fitted_as_if_alone(backend: EmbeddedBodies) -> None:
+    together, _ = posed(fit(backend, truth([STANDS, WALKS], PLACES[:2])))
+    alone, _ = posed(fit(backend, truth([WALKS], PLACES[1:2])))
+    assert np.abs(together[1] - alone[0]).max() < 0.03
+
+
+@pytest.mark.parametrize("skeleton", ["coco17", "coco23"])
+def test_keypoints_without_landmarks_give_the_pose_in_the_picture(backend: EmbeddedBodies, skeleton: str) -> None:
+    seen = truth([STANDS, WALKS], PLACES[:2], skeleton=skeleton)
+    flat = replace(seen, keypoints=replace(seen.keypoints, world=None))
+    joints, _ = posed(fit(backend, flat))
+    pixels, wanted = (j @ CAMERA.matrix.T for j in (joints, seen.joints))
+    error = np.linalg.norm(pixels[..., :2] / pixels[..., 2:] - wanted[..., :2] / wanted[..., 2:], axis=-1)[:, :22]
+    print(f"{error.mean():.1f} px, depth off by {np.abs(joints[:, 0, 2] / seen.joints[:, 0, 2] - 1).max():.0%}")
+    assert error.mean() < 10
+    assert joints[:, 0, 2] == pytest.approx(seen.joints[:, 0, 2], rel=0.15)
+    # Who faces the camera is not fitted from behind.
+    left, right = joints[:, JOINT_INDEX["left_shoulder"]], joints[:, JOINT_INDEX["right_shoulder"]]
+    assert (left[:, 0] > right[:, 0]).all()
+
+
+def test_whole_body_keypoints_are_cut_to_body_and_feet(backend: EmbeddedBodies) -> None:
+    seen = truth([STANDS], PLACES[:1], skeleton="coco23")
+    short = replace(seen.keypoints, world=None)
+    filler = np.zeros((1, 110, 2))
+    whole = Keypoints(
+        np.concatenate([short.points, filler], 1),
+        np.concatenate([short.confidence, np.ones((1, 110))], 1),
+        "coco_wholebody133",
+    )
+    first = backend.infer(IMAGE, seen.people, CAMERA, short, Hints())
+    second = backend.infer(IMAGE, seen.people, CAMERA, whole, Hints())
+    assert np.array_equal(first.parameters.transl, second.parameters.transl)
+
+
+@pytest.mark.parametrize("lean_deg", [10.0, 20.0])
+def test_people_who_stand_on_a_floor_lose_the_lean_of_their_landmarks(backend: EmbeddedBodies, lean_deg: float) -> None:
+    seen = truth([STANDS, SITS], PLACES[:2], lean_deg=lean_deg)
+    leaning, _ = posed(fit(backend, seen))
+    upright, _ = posed(fit(backend, seen, FLOOR))
+    views = people_views(seen.keypoints, seen.people, CAMERA)
+    up = np.array([0.0, -1.0, 0.0])
+    before, after, true = (np.degrees(lean_towards_camera(j, views.turn, up)) for j in (leaning, upright, seen.joints))
+    print(f"lean {before[0]:.1f} -> {after[0]:.1f} deg, truth {true[0]:.1f}")
+    assert before[0] > true[0] + 0.6 * lean_deg
+    assert after[0] == pytest.approx(true[0], abs=4)
+    # Sitters are left as they are: nothing says that their necks are over their ankles.
+    assert after[1] == pytest.approx(before[1], abs=3)
+
+
+def test_the_cure_can_be_switched_off(backend: EmbeddedBodies) -> None:
+    plain = EmbeddedBodies(EmbeddedBodiesOptions(cure_lean=False))
+    plain.load()
+    seen = truth([STANDS], PLACES[:1], lean_deg=20)
+    views = people_views(seen.keypoints, seen.people, CAMERA)
+    lean = lean_towards_camera(posed(fit(plain, seen, FLOOR))[0], views.turn, np.array([0.0, -1.0, 0.0]))
+    assert np.degrees(lean[0]) > 12
+
+
+def test_feet_that_are_both_seen_come_out_level(backend: EmbeddedBodies) -> None:
+    seen = truth([STANDS], PLACES[:1], noise_px=3.0)
+    _, vertices = posed(fit(backend, seen, FLOOR))
+    left, right = (vertices[0, MODEL.contact_sets[f"{s}_sole"].numpy(), 1].max() for s in ("left", "right"))
+    print(f"soles {1000 * abs(left - right):.0f} mm apart in height")
+    assert abs(left - right) < 0.03
+
+
+def test_joints_out_of_the_picture_or_unsure_are_not_observed(backend: EmbeddedBodies) -> None:
+    seen = truth([STANDS], [(-0.4, 0.9, 2.6)])  # cut off under the hips
+    names = list(SKELETONS["blazepose33"])
+    confidence = seen.keypoints.confidence.copy()
+    confidence[0, names.index("left_wrist")] = 0.2
+    answer = fit(backend, replace(seen, keypoints=replace(seen.keypoints, confidence=confidence)))
+    assert answer.observed is not None
+    observed = {name for name, i in JOINT_INDEX.items() if answer.observed[0, i]}
+    assert {"left_ankle", "right_ankle", "left_foot", "right_foot", "left_wrist", "left_index1"}.isdisjoint(observed)
+    assert {"pelvis", "spine2", "left_shoulder", "head", "right_wrist", "right_thumb3"} <= observed
+
+
+def test_nobody_gives_no_bodies(backend: EmbeddedBodies) -> None:
+    empty = Keypoints(np.zeros((0, 33, 2)), np.zeros((0, 33)), "blazepose33", np.zeros((0, 33, 3)))
+    nobody = People(np.zeros((0, 800, 1000), bool), np.zeros((0, 4)), np.zeros(0))
+    answer = backend.infer(IMAGE, nobody, CAMERA, empty, Hints())
+    assert len(answer.parameters) == 0
+    assert answer.observed is not None
+    assert answer.observed.shape == (0, 55)
+
+
+def test_torch_keeps_its_threads_and_answers_are_the_same_twice(backend: EmbeddedBodies) -> None:
+    before = torch.get_num_threads()
+    seen = truth([WALKS], PLACES[:1])
+    first, second = fit(backend, seen), fit(backend, seen)
+    assert torch.get_num_threads() == before
+    assert np.array_equal(first.parameters.body_pose, second.parameters.body_pose)
+
+
+def test_unknown_joint_sets_and_an_unloaded_body_are_refused(backend: EmbeddedBodies) -> None:
+    seen = truth([STANDS], PLACES[:1])
+    other = replace(seen.keypoints, skeleton="openpose_hand21_left")
+    with pytest.raises(BackendError) as error:
+        backend.infer(IMAGE, seen.people, CAMERA, other, Hints())
+    assert str(error.value) == (
+        "keypoints of the joint set 'openpose_hand21_left' came, and the embedded body knows coco17, coco23, "
+        "blazepose33 and coco_wholebody133: choose a keypoint detector that answers one of them"
+    )
+    with pytest.raises(BackendError) as error:
+        EmbeddedBodies().infer(IMAGE, seen.people, CAMERA, seen.keypoints, Hints())
+    assert str(error.value) == "the embedded body was asked for before it was loaded: call load() first"
+
+
+def test_the_closed_form_start_points_every_limb_the_right_way() -> None:
+    seen = truth([WALKS, SITS], PLACES[:2], skeleton="coco17")
+    for i in range(2):
+        points = MODEL.regressors["coco17"](*(torch.as_tensor(a[i : i + 1]).float() for a in _inputs(seen)))[0].numpy()
+        root, vectors = pose_from_landmarks(points.astype(float), "coco17")
+        rotations = torch.eye(3).repeat(1, 55, 1, 1)
+        rotations[0, 0] = torch.as_tensor(root)
+        rotations[0, 1:22] = roma.rotvec_to_rotmat(torch.as_tensor(vectors, dtype=torch.float32))
+        joints = MODEL(rotations, *MODEL.zero_pose(1)[1:], joints_only=True).joints[0].double().numpy()
+        for start, end in (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist")):
+            for side in ("left", "right"):
+                a, b = JOINT_INDEX[f"{side}_{start}"], JOINT_INDEX[f"{side}_{end}"]
+                found, wanted = joints[b] - joints[a], seen.joints[i, b] - seen.joints[i, a]
+                cosine = found @ wanted / np.linalg.norm(found) / np.linalg.norm(wanted)
+                assert np.degrees(np.arccos(min(cosine, 1))) < 16, (side, start)
+
+
+def _inputs(seen: Truth) -> tuple[np.ndarray, np.ndarray]:
+    return seen.joints, seen.vertices[:, MODEL.regressors["coco17"].vertex_ids.numpy()]
+
+
+def test_the_place_of_landmarks_is_found_from_their_pixels() -> None:
+    rng = np.random.default_rng(1)
+    landmarks, place = rng.normal(0, 0.4, (20, 3)), np.array([0.4, -0.2, 3.1])
+    seen = (landmarks + place) @ CAMERA.matrix.T
+    found = translation_from_points(landmarks, seen[:, :2] / seen[:, 2:], np.ones(20), CAMERA.matrix)
+    assert found == pytest.approx(place, abs=1e-9)
+    behind = (landmarks - place) @ CAMERA.matrix.T
+    assert translation_from_points(landmarks, behind[:, :2] / behind[:, 2:], np.ones(20), CAMERA.matrix) is None
+
+
+def test_the_size_in_the_picture_is_that_of_a_standing_body() -> None:
+    seen = truth([STANDS, SITS], PLACES[:2])
+    views = people_views(seen.keypoints, seen.people, CAMERA)
+    assert views.size == pytest.approx(1.72 * CAMERA.fx / seen.joints[:, 0, 2], rel=0.08)
+
+
+def test_standing_is_told_from_sitting_and_from_unseen_legs() -> None:
+    joints = truth([STANDS, SITS, STANDS], PLACES).joints
+    assert standing(joints, np.array([0.9, 0.9, 0.2])).tolist() == [True, False, False]
+
+
+def test_the_lean_of_a_body_is_measured_about_the_view() -> None:
+    joints = truth([STANDS], [(0.0, 0.0, 3.0)], yaw_deg=0).joints
+    up = np.array([0.0, -1.0, 0.0])
+    c, s = np.cos(0.2), np.sin(0.2)
+    leaning = joints @ np.array([[1, 0, 0], [0, c, -s], [0, s, c]]).T
+    turn = np.eye(3)[None]
+    assert lean_towards_camera(leaning, turn, up) - lean_towards_camera(joints, turn, up) == pytest.approx(0.2)
+
+
+def test_marks_keep_their_sum_and_leave_other_joint_sets_alone() -> None:
+    names = list(SKELETONS["blazepose33"])
+    marks = marks_of("blazepose33", names)
+    assert marks.blend.sum(1) == pytest.approx(1)
+    assert np.abs(marks.world_offset).max() < 0.1
+    same = marks_of("coco17", list(SKELETONS["coco17"]))
+    assert np.array_equal(same.blend, np.eye(17))
+    assert not same.world_offset.any()
+
+
+def test_the_prior_s_mean_bends_hinges_the_way_they_bend() -> None:
+    prior = pose_prior()
+    assert (prior.sigma > 0).all()
+    for hinge in hinges():
+        assert hinge.sign * prior.mean[hinge.row, hinge.axis] > 0
+    tight = pose_prior(tight=True)
+    assert (tight.sigma <= prior.sigma).all()
+    assert np.array_equal(tight.mean, prior.mean)

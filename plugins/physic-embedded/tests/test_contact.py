@@ -1,0 +1,112 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from physic_core.body import JOINT_INDEX, load_body
+from physic_core.body.parameters import parameters_from_rotations
+from physic_core.errors import BackendError
+from physic_core.types import Bodies, People
+from physic_embedded.contact import StaticContact, StaticContactOptions, sits
+
+IMAGE = np.zeros((40, 30, 3), np.uint8)
+UPRIGHT = torch.diag(torch.tensor([1.0, -1.0, -1.0]))
+"""The body's y axis points up, the camera's down."""
+
+
+def bent(axis: tuple[float, float, float], degrees: float) -> torch.Tensor:
+    import roma
+
+    return roma.rotvec_to_rotmat(torch.tensor(axis) * float(np.radians(degrees)))
+
+
+def bodies(*poses: str, observed: np.ndarray | None = None) -> Bodies:
+    model = load_body("embedded")
+    rotations, betas, transl = model.zero_pose(len(poses))
+    rotations[:, 0] = UPRIGHT
+    for i, pose in enumerate(poses):
+        if pose == "sits":
+            for side in ("left", "right"):
+                rotations[i, JOINT_INDEX[f"{side}_hip"]] = bent((1, 0, 0), -85)
+                rotations[i, JOINT_INDEX[f"{side}_knee"]] = bent((1, 0, 0), 85)
+        elif pose == "lies":
+            rotations[i, 0] = bent((0, 0, 1), 90) @ UPRIGHT
+    return Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded", observed)
+
+
+def people(count: int) -> People:
+    return People(np.zeros((count, 40, 30), bool), np.zeros((count, 4)), np.ones(count))
+
+
+def prior(**options: float | bool) -> StaticContact:
+    made = StaticContact(StaticContactOptions(**options))
+    made.load()
+    return made
+
+
+def at(name: str) -> np.ndarray:
+    return load_body("embedded").contact_sets[name].numpy()
+
+
+def test_who_stands_touches_with_feet_and_hands_alone() -> None:
+    answer = prior().infer(IMAGE, people(1), bodies("stands"))
+    assert answer.topology == "physic-embedded-1"
+    (row,) = answer.probability
+    assert row.dtype == np.float32
+    assert (row[at("left_sole")] == 1).all()
+    assert (row[at("right_sole")] == 1).all()
+    touched = np.zeros(len(row), bool)
+    for name in ("left_foot", "right_foot", "left_sole", "right_sole", "left_hand", "right_hand"):
+        touched[at(name)] = True
+    assert set(np.unique(row[touched])) == {np.float32(0.5), np.float32(1)}
+    assert (row[~touched] == 0).all()
+
+
+@pytest.mark.parametrize("pose", ["sits", "lies"])
+def test_who_sits_or_lies_touches_with_seat_and_back_too(pose: str) -> None:
+    standing, other = prior(seat=0.4, back=0.3).infer(IMAGE, people(2), bodies("stands", pose)).probability
+    for name, worth in (("thighs", 0.4), ("gluteus", 0.4), ("back", 0.3)):
+        assert (standing[at(name)] == 0).all()
+        assert other[at(name)] == pytest.approx(worth)
+
+
+def test_seat_and_back_of_everybody_on_demand() -> None:
+    (row,) = prior(seat_by_pose=False).infer(IMAGE, people(1), bodies("stands")).probability
+    assert (row[at("gluteus")] == 0.5).all()
+
+
+def test_parts_of_unseen_joints_touch_nothing() -> None:
+    observed = np.ones((1, 55), bool)
+    observed[0, [JOINT_INDEX[n] for n in ("left_ankle", "left_foot", "right_wrist", "left_hip", "right_hip")]] = False
+    (row,) = prior().infer(IMAGE, people(1), bodies("sits", observed=observed)).probability
+    for name in ("left_sole", "left_foot", "right_hand", "gluteus"):
+        assert (row[at(name)] == 0).all()
+    for name in ("right_sole", "left_hand", "thighs", "back"):
+        assert (row[at(name)] > 0).all()
+
+
+def test_sitting_is_told_from_the_hips() -> None:
+    model = load_body("embedded")
+    rotations, betas, transl = model.zero_pose(3)
+    for row, angle in ((1, -60), (2, -20)):
+        for side in ("left", "right"):
+            rotations[row, JOINT_INDEX[f"{side}_hip"]] = bent((1, 0, 0), angle)
+    joints = model(rotations, betas, transl, joints_only=True).joints.double().numpy()
+    assert sits(joints, 140.0).tolist() == [False, True, False]
+
+
+def test_bodies_of_another_model_are_refused() -> None:
+    made = bodies("stands")
+    with pytest.raises(BackendError) as error:
+        prior().infer(IMAGE, people(1), Bodies(made.parameters, "smplx"))
+    assert str(error.value) == (
+        "the static contact prior knows the embedded body, and 'smplx' bodies came: "
+        "choose the embedded body estimator, or no contact prior"
+    )
+    with pytest.raises(BackendError, match="asked before it was loaded"):
+        StaticContact().infer(IMAGE, people(1), made)
+
+
+def test_nobody_touches_nothing() -> None:
+    assert prior().infer(IMAGE, people(0), bodies()).probability.shape == (0, load_body("embedded").num_vertices)

@@ -1,0 +1,122 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from physic_embedded.focal import manhattan_frame, stable_frame
+from physic_embedded.gravity import gravity_from_frame, upright_gravity
+from physic_embedded.lines import line_segments, outside
+from physic_embedded.sessions import open_session
+
+WIDTH, HEIGHT = 800, 600
+
+
+def project(points: np.ndarray, focal: float) -> np.ndarray:
+    return points[..., :2] / points[..., 2:] * focal + [(WIDTH - 1) / 2, (HEIGHT - 1) / 2]
+
+
+def edges_of_a_room(focal: float, turn: np.ndarray, *, count: int, noise: float, clutter: int, seed: int) -> np.ndarray:
+    """Segments along three orthogonal directions, the columns of ``turn``, and random ones."""
+    rng = np.random.default_rng(seed)
+    segments = []
+    while len(segments) < count:
+        middle = np.array([*rng.uniform(-2.5, 2.5, 2), rng.uniform(3, 7)])
+        along = turn[:, len(segments) % 3] * rng.uniform(0.3, 1.0)
+        ends = np.stack([middle - along, middle + along])
+        if ends[:, 2].min() < 0.5:
+            continue
+        seen = project(ends, focal)
+        if (seen >= 0).all() and (seen < [WIDTH, HEIGHT]).all() and np.linalg.norm(seen[1] - seen[0]) > 15:
+            segments.append(seen + rng.normal(0, noise, (2, 2)))
+    for _ in range(clutter):
+        middle, angle = rng.uniform([50, 50], [WIDTH - 50, HEIGHT - 50]), rng.uniform(0, np.pi)
+        half = rng.uniform(10, 40) * np.array([np.cos(angle), np.sin(angle)])
+        segments.append(np.stack([middle - half, middle + half]))
+    return np.array(segments)
+
+
+@pytest.mark.parametrize(("focal", "seed"), [(480.0, 1), (700.0, 2), (1100.0, 3)])
+def test_focal_length_comes_back_from_edges_of_a_room(focal: float, seed: int) -> None:
+    turn = Rotation.from_euler("yxz", [35, 12, 4], degrees=True).as_matrix()
+    segments = edges_of_a_room(focal, turn, count=90, noise=0.5, clutter=30, seed=seed)
+    frame = stable_frame(segments, WIDTH, HEIGHT)
+    assert frame is not None
+    assert frame.focal_px == pytest.approx(focal, rel=0.04)
+    cosines = np.abs(frame.axes @ turn).max(1)
+    assert np.degrees(np.arccos(cosines.clip(max=1))).max() < 1.0
+    assert frame.axes @ frame.axes.T == pytest.approx(np.eye(3), abs=1e-6)
+    assert frame.support.sum() == pytest.approx(1)
+
+
+def test_focal_length_of_exact_edges_is_exact() -> None:
+    turn = Rotation.from_euler("yxz", [40, 20, 0], degrees=True).as_matrix()
+    segments = edges_of_a_room(640.0, turn, count=60, noise=0.0, clutter=0, seed=5)
+    frame = manhattan_frame(segments, WIDTH, HEIGHT)
+    assert frame is not None
+    assert frame.focal_px == pytest.approx(640.0, rel=1e-3)
+    assert frame.explained > 0.98
+
+
+def test_random_segments_and_too_few_segments_give_no_focal_length() -> None:
+    none = np.eye(3)
+    clutter = edges_of_a_room(600.0, none, count=0, noise=0, clutter=80, seed=4)
+    assert stable_frame(clutter, WIDTH, HEIGHT) is None
+    assert stable_frame(clutter[:5], WIDTH, HEIGHT) is None
+    assert stable_frame(np.zeros((0, 2, 2)), WIDTH, HEIGHT) is None
+
+
+@pytest.mark.parametrize("pitch", [-8.0, 0.0, 14.0])
+def test_upright_edges_give_gravity(pitch: float) -> None:
+    turn = Rotation.from_euler("xz", [pitch, 3.0], degrees=True).as_matrix()  # down is the second column
+    segments = edges_of_a_room(700.0, turn, count=60, noise=0.4, clutter=20, seed=7)
+    gravity = upright_gravity(segments, WIDTH, HEIGHT, 700.0, focal_known=True)
+    assert gravity is not None
+    down = turn[:, 1]
+    assert np.degrees(np.arccos(gravity.down @ down)) < 1.2
+    assert gravity.pitch_deg == pytest.approx(np.degrees(np.arctan2(down[2], down[1])), abs=1.2)
+    assert 1.5 <= gravity.sigma_deg < 3
+
+
+def test_a_default_focal_length_makes_a_steep_pitch_less_sure() -> None:
+    turn = Rotation.from_euler("x", 15.0, degrees=True).as_matrix()
+    segments = edges_of_a_room(700.0, turn, count=60, noise=0.2, clutter=0, seed=8)
+    known = upright_gravity(segments, WIDTH, HEIGHT, 700.0, focal_known=True)
+    default = upright_gravity(segments, WIDTH, HEIGHT, 700.0)
+    assert known is not None
+    assert default is not None
+    assert default.sigma_deg > known.sigma_deg + 2
+
+
+def test_few_upright_edges_give_no_gravity() -> None:
+    turn = np.eye(3)
+    segments = edges_of_a_room(700.0, turn, count=9, noise=0.2, clutter=0, seed=9)
+    assert upright_gravity(segments, WIDTH, HEIGHT, 700.0) is None
+
+
+def test_the_frame_s_most_vertical_axis_is_gravity() -> None:
+    turn = Rotation.from_euler("yx", [30, 10], degrees=True).as_matrix()
+    frame = manhattan_frame(edges_of_a_room(640.0, turn, count=60, noise=0.0, clutter=0, seed=5), WIDTH, HEIGHT)
+    assert frame is not None
+    gravity = gravity_from_frame(frame)
+    assert gravity is not None
+    assert gravity.down[1] > 0.9
+    assert np.abs(turn.T @ gravity.down).max() > 0.999
+
+
+def test_segments_of_a_drawn_rectangle_lie_on_its_sides() -> None:
+    import cv2
+
+    image = np.full((300, 400, 3), 40, np.uint8)
+    cv2.rectangle(image, (80, 60), (320, 240), (230, 230, 230), -1)
+    segments = line_segments(open_session("mlsd_large_512", 1), image)
+    assert len(segments) >= 4
+    for side, axis in ((80, 0), (320, 0), (60, 1), (240, 1)):
+        assert np.abs(segments[:, :, axis] - side).max(1).min() < 2.5
+
+
+def test_segments_in_the_made_up_part_are_left_out() -> None:
+    hole = np.zeros((100, 100), bool)
+    hole[:, 50:] = True
+    segments = np.array([[[5, 10], [40, 10]], [[55, 10], [95, 10]], [[40, 20], [52, 20]]], float)
+    assert outside(segments, hole).tolist() == [segments[0].tolist(), segments[2].tolist()]

@@ -1,0 +1,161 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+
+from physic_core.body import JOINT_INDEX, load_body
+from physic_core.body.parameters import parameters_from_rotations
+from physic_core.errors import BackendError
+from physic_core.types import Bodies, Hints, Intrinsics, People, Plane, Pointmap
+from physic_embedded.metric import HumanRuler
+
+HEIGHT, WIDTH = 180, 160
+CAMERA = Intrinsics.from_focal(150.0, WIDTH, HEIGHT)
+UNIT = 3.7
+"""Metres in one unit of the relative scene."""
+CAMERA_HEIGHT = 1.45
+IMAGE = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+
+
+def ray_directions() -> np.ndarray:
+    rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH]
+    x, y = (columns - CAMERA.cx) / CAMERA.fx, (rows - CAMERA.cy) / CAMERA.fy
+    return np.stack([x, y, np.ones_like(x)], -1)
+
+
+def as_pointmap(depth_m: np.ndarray) -> Pointmap:
+    points = (ray_directions() * (depth_m / UNIT)[..., None]).astype(np.float32)
+    return Pointmap(points, np.isfinite(depth_m), "inverse_scale_shift", CAMERA)
+
+
+class World:
+    """People who stand on a level floor before a wall at 8 m, seen by a level camera."""
+
+    def __init__(self, places: list[tuple[float, float]], lifted: float = 0.0) -> None:
+        model = load_body("embedded")
+        rotations, betas, _ = model.zero_pose(len(places))
+        rotations[:, 0] = torch.diag(torch.tensor([1.0, -1.0, -1.0]))
+        still = model(rotations, betas, torch.zeros(len(places), 3))
+        transl = torch.tensor([[x, 0.0, z] for x, z in places])
+        transl[:, 1] = CAMERA_HEIGHT - still.vertices[..., 1].amax(1)
+        transl[-1, 1] -= lifted
+        vertices = model(rotations, betas, transl).vertices.double().numpy()
+        directions = ray_directions()
+        with np.errstate(divide="ignore"):
+            floor = np.where(directions[..., 1] > 0, CAMERA_HEIGHT / directions[..., 1], np.inf)
+        depth = np.minimum(floor, 8.0)
+        masks = []
+        original = depth.copy()
+        for body in vertices:
+            mesh = trimesh.Trimesh(body, model.faces.numpy(), process=False)
+            flat = directions.reshape(-1, 3)
+            hit = mesh.ray.intersects_first(np.zeros_like(flat), flat)
+            corners = mesh.triangles[hit]
+            normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            z = (normal * corners[:, 0]).sum(1) / (normal * flat).sum(1)
+            mask = (hit >= 0).reshape(HEIGHT, WIDTH)
+            masks.append(mask)
+            original[mask] = z.reshape(HEIGHT, WIDTH)[mask]
+        self.depth = depth
+        self.people = People(np.array(masks), np.zeros((len(masks), 4)), np.ones(len(masks)))
+        self.bodies = Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded")
+        self.hints = Hints(
+            intrinsics=CAMERA,
+            people=self.people,
+            scene=as_pointmap(depth),
+            original=as_pointmap(original),
+            floor=Plane(np.array([0.0, -1.0, 0.0]), CAMERA_HEIGHT / UNIT),
+            bodies=self.bodies,
+        )
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return World([(-0.6, 3.0), (0.7, 3.8)])
+
+
+def test_soles_on_the_floor_give_the_scale(world: World) -> None:
+    answer = HumanRuler().infer(IMAGE, world.hints)
+    ratio = answer.depth / world.depth
+    print(f"scale is off by {100 * (np.median(ratio) - 1):+.2f} %")
+    assert np.median(ratio) == pytest.approx(1, abs=0.01)
+    assert answer.intrinsics == CAMERA
+    assert answer.scale_sigma == pytest.approx(0.08, abs=0.005)
+    assert answer.notes == ("scale from the soles of 2 people on the floor",)
+
+
+def test_body_size_gives_the_scale_where_no_floor_was_found(world: World) -> None:
+    answer = HumanRuler().infer(IMAGE, replace(world.hints, floor=None))
+    ratio = answer.depth / world.depth
+    print(f"scale is off by {100 * (np.median(ratio) - 1):+.2f} %")
+    assert np.median(ratio) == pytest.approx(1, abs=0.02)
+    assert answer.scale_sigma == pytest.approx(0.2, abs=0.01)
+    assert answer.notes == ("scale from the body size of 2 people, less sure than from soles on a floor",)
+
+
+def test_unseen_feet_do_not_measure(world: World) -> None:
+    observed = np.ones((2, 55), bool)
+    observed[:, [JOINT_INDEX[f"{s}_{j}"] for s in ("left", "right") for j in ("ankle", "foot")]] = False
+    hidden = replace(world.bodies, observed=observed)
+    answer = HumanRuler().infer(IMAGE, replace(world.hints, bodies=hidden))
+    assert answer.notes[0].startswith("scale from the body size of 2 people")
+    observed[0, [JOINT_INDEX["left_ankle"], JOINT_INDEX["left_foot"]]] = True
+    answer = HumanRuler().infer(IMAGE, replace(world.hints, bodies=replace(world.bodies, observed=observed)))
+    assert answer.notes == ("scale from the soles of 1 person on the floor",)
+    assert np.nanmedian(answer.depth / world.depth) == pytest.approx(1, abs=0.01)
+
+
+def test_a_person_who_stands_elsewhere_is_left_out_of_the_scale() -> None:
+    world = World([(-0.8, 3.0), (0.0, 3.5), (0.9, 3.6)], lifted=0.9)
+    answer = HumanRuler().infer(IMAGE, world.hints)
+    assert np.nanmedian(answer.depth / world.depth) == pytest.approx(1, abs=0.01)
+    assert answer.notes == (
+        "scale from the soles of 2 people on the floor",
+        "1 person left out of the scale: not on the floor that was found",
+    )
+
+
+def test_people_who_disagree_make_the_scale_less_sure(world: World) -> None:
+    lower = np.array([[0.0, 0.3, 0.0], [0.0, 0.0, 0.0]], np.float32)
+    moved = replace(world.bodies.parameters, transl=world.bodies.parameters.transl + lower)
+    answer = HumanRuler().infer(IMAGE, replace(world.hints, bodies=replace(world.bodies, parameters=moved)))
+    assert answer.scale_sigma is not None
+    assert answer.scale_sigma > 0.1
+
+
+def test_what_is_not_known_of_the_scene_stays_unknown(world: World) -> None:
+    assert world.hints.scene is not None
+    valid = world.hints.scene.valid.copy()
+    valid[:20] = False
+    answer = HumanRuler().infer(IMAGE, replace(world.hints, scene=replace(world.hints.scene, valid=valid)))
+    assert np.isnan(answer.depth[:20]).all()
+    assert np.isfinite(answer.depth[20:]).all()
+
+
+def test_missing_hints_are_named(world: World) -> None:
+    for name in ("scene", "bodies"):
+        with pytest.raises(BackendError) as error:
+            HumanRuler().infer(IMAGE, replace(world.hints, **{name: None}))
+        assert str(error.value) == (
+            f"the human ruler needs hints.scene and hints.bodies, and hints.{name} is missing: "
+            "use it in the pipeline, which asks for both before it, or choose a metric depth network"
+        )
+
+
+def test_nobody_and_nothing_to_measure_by_is_said(world: World) -> None:
+    nobody = Bodies(world.bodies.parameters[0:0], "embedded")
+    with pytest.raises(BackendError) as error:
+        HumanRuler().infer(IMAGE, replace(world.hints, bodies=nobody))
+    assert str(error.value) == ("the human ruler has nobody to measure by: choose a metric depth network")
+    with pytest.raises(BackendError) as error:
+        HumanRuler().infer(IMAGE, replace(world.hints, floor=None, original=None))
+    assert str(error.value) == (
+        "the human ruler found no soles on a floor and no torso in the relative depth: "
+        "give hints.floor or hints.original, or choose a metric depth network"
+    )
+    with pytest.raises(BackendError, match="came as 'smplx' bodies"):
+        HumanRuler().infer(IMAGE, replace(world.hints, bodies=Bodies(world.bodies.parameters, "smplx")))

@@ -1,0 +1,264 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from physic_core.errors import BackendError
+from physic_core.types import Hints, Intrinsics, Keypoints, People, Pointmap
+from physic_embedded.depth import network_size
+from physic_embedded.edges import flying_pixels
+from physic_embedded.focal import ManhattanFrame
+from physic_embedded.gravity import Gravity
+from physic_embedded.ground import disparity_floor
+from physic_embedded.pointmap import EmbeddedPointmap
+from physic_embedded.shift import Standing, disparity_of_infinity, manhattan_share
+from physic_embedded.standing import standing_people
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+PHOTO = Path(__file__).parents[3] / "examples" / "basketball.png"
+
+
+@pytest.mark.parametrize(
+    ("height", "width", "wanted"), [(720, 1280, (518, 924)), (1024, 683, (770, 518)), (400, 400, (518, 518))]
+)
+def test_network_size_keeps_the_aspect_on_multiples_of_14(height: int, width: int, wanted: tuple[int, int]) -> None:
+    assert network_size(height, width) == wanted
+
+
+def test_network_size_caps_the_patches_of_a_panorama() -> None:
+    rows, columns = network_size(500, 5000)
+    assert rows * columns / 196 < 3800
+    assert columns / rows == pytest.approx(10, rel=0.1)
+
+
+def test_a_grazing_floor_has_no_flying_pixels_and_a_depth_edge_has() -> None:
+    rows, columns = np.mgrid[0:120, 0:160]
+    floor = 0.02 + np.maximum(rows - 30.0, 0) * 0.01
+    floor[:30] = 0.02  # beyond the horizon line a wall so far that it stays behind
+    assert not flying_pixels(floor[34:]).any()
+    step = cv2.GaussianBlur(np.where(columns > 80, 1.0, 0.4).astype(np.float32), (0, 0), 1.0)
+    flying = flying_pixels(step)
+    assert flying[60, 79:83].all()
+    assert not flying[:, :74].any()
+    assert not flying[:, 88:].any()
+
+
+HEIGHT, WIDTH, FOCAL = 180, 240, 200.0
+
+
+def rays() -> NDArray[np.float64]:
+    rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH]
+    x, y = (columns - (WIDTH - 1) / 2) / FOCAL, (rows - (HEIGHT - 1) / 2) / FOCAL
+    return np.stack([x, y, np.ones_like(x)], -1)
+
+
+def inverse_depth_of_a_room(turn: NDArray[np.float64], ahead: float = 5.0) -> NDArray[np.float64]:
+    """1 / z in a room 1.5 m over its floor, 1.2 m under its ceiling, walls at 2 m left, 3 m right and ``ahead``."""
+    inverse = np.zeros((HEIGHT, WIDTH))
+    for axis, sign, distance in ((1, 1, 1.5), (1, -1, 1.2), (0, -1, 2.0), (0, 1, 3.0), (2, 1, ahead)):
+        inverse = np.maximum(inverse, rays() @ (sign * turn[:, axis]) / distance)
+    return inverse
+
+
+def frame_of(turn: NDArray[np.float64]) -> ManhattanFrame:
+    return ManhattanFrame(FOCAL, turn.T, np.full(3, 1 / 3), 0.8)
+
+
+def test_the_floor_comes_back_under_furniture_noise_and_a_hole() -> None:
+    rng = np.random.default_rng(0)
+    down = Rotation.from_euler("xz", [10, 3], degrees=True).as_matrix()[:, 1]
+    truth = 7 * np.maximum(rays() @ down / 1.5, 0.02) + 2.0
+    disparity = truth + rng.normal(0, 0.01, truth.shape)
+    disparity[100:160, 20:70] += 1.0  # a box on the floor
+    hole = np.zeros(truth.shape, bool)
+    hole[120:, 150:190] = True
+    disparity[hole] += 0.8
+    floor = disparity_floor(disparity, hole)
+    assert floor is not None
+    normal = floor.normal(2.0, FOCAL / WIDTH)
+    assert np.degrees(np.arccos(normal @ down)) < 0.7
+    horizon = (HEIGHT - 1) / 2 + floor.horizon(2.0) * WIDTH
+    assert horizon == pytest.approx((HEIGHT - 1) / 2 - FOCAL * down[2] / down[1], abs=2)
+    assert floor.infinity_for(down, FOCAL / WIDTH) == pytest.approx(2.0, abs=0.1)
+    assert floor.inlier_share > 0.5
+    assert floor.below_share < 0.01
+
+
+def test_a_wall_is_no_floor() -> None:
+    assert disparity_floor(np.ones((HEIGHT, WIDTH))) is None
+    ceiling = np.linspace(2, 1, HEIGHT)[:, None] * np.ones(WIDTH)
+    assert disparity_floor(ceiling) is None
+
+
+@pytest.mark.parametrize("ahead", [4.0, 6.0, 12.0])
+def test_the_disparity_of_infinity_of_a_room_comes_back_from_its_gravity(ahead: float) -> None:
+    turn = Rotation.from_euler("yx", [8, 6], degrees=True).as_matrix()
+    inverse = inverse_depth_of_a_room(turn, ahead)
+    far, span = np.percentile(inverse, 0.5), np.ptp(np.percentile(inverse, [1, 99]))
+    infinity = 1.0 - far / span
+    disparity = inverse / span + infinity  # 1 / z is exact; only its origin is unknown
+    floor = disparity_floor(disparity)
+    down = turn[:, 1]
+    pitch = float(np.degrees(np.arctan2(down[2], down[1])))
+    found = disparity_of_infinity(
+        disparity, floor, FOCAL, gravity=Gravity(down, pitch, 1.5, "the edges of the room"), frame=frame_of(turn)
+    )
+    print(f"gap {found.gap:.3f} ranges, truth {far / span:.3f}")
+    assert found.outdoors < 0.01
+    assert found.gap == pytest.approx(far / span, rel=0.12)
+    assert found.disparity == pytest.approx(infinity, abs=0.12 * far / span)
+    assert found.rule == ("the farthest pixels are taken as a wall, with the edges of the room, the walls of the room")
+
+
+def test_normals_of_a_room_agree_best_with_its_axes_at_the_true_infinity() -> None:
+    turn = Rotation.from_euler("yx", [20, 6], degrees=True).as_matrix()
+    inverse = inverse_depth_of_a_room(turn)
+    gaps = np.array([0.25, 0.5, 0.8, 1.0, 1.25, 2.0, 4.0])
+    far = np.percentile(inverse, 0.5)
+    shares = [manhattan_share(inverse, far * (1 - gap), FOCAL, frame_of(turn)) for gap in gaps]
+    assert gaps[int(np.argmax(shares))] == 1.0
+    assert max(shares) > 0.85
+
+
+def test_sky_over_ground_is_infinitely_far() -> None:
+    down = Rotation.from_euler("x", 5, degrees=True).as_matrix()[:, 1]
+    disparity = 8 * np.maximum(rays() @ down / 1.5, 0.0)
+    found = disparity_of_infinity(disparity, disparity_floor(disparity), FOCAL)
+    assert found.outdoors > 0.9
+    assert found.gap == pytest.approx(0.006, rel=0.1)
+    assert found.rule == "the farthest pixels are taken as infinitely far, by default"
+
+
+def test_nothing_known_of_a_room_leaves_the_default() -> None:
+    found = disparity_of_infinity(np.linspace(2, 5, 400).reshape(20, 20), None, 20.0)
+    assert found.gap == pytest.approx(0.25, rel=0.1)
+    assert found.rule == "the farthest pixels are taken as a wall, by default"
+
+
+def test_a_standing_person_tells_how_high_the_camera_is() -> None:
+    """Without the cue the default horizon would put the camera at twice a person's height."""
+    disparity = np.maximum(np.linspace(-1, 5, HEIGHT), 1.0)[:, None] * np.ones(WIDTH)
+    floor = disparity_floor(disparity)
+    assert floor is not None
+    horizon = (HEIGHT - 1) / 2 + floor.horizon(disparity.min()) * WIDTH
+    person = Standing(nose=horizon + 30, ankle=horizon + 60)
+    plain = disparity_of_infinity(disparity, floor, FOCAL)
+    told = disparity_of_infinity(disparity, floor, FOCAL, standing=(person,))
+    assert told.gap < 0.75 * plain.gap
+
+
+def keypoints(points: dict[str, tuple[float, float]]) -> Keypoints:
+    from physic_core.body.landmarks import SKELETONS
+
+    row = np.array([[points.get(name, (50.0, 20.0)) for name in SKELETONS["coco17"]]])
+    return Keypoints(row, np.full(row.shape[:2], 0.9), "coco17")
+
+
+STANDS = {
+    **{f"left_{n}": (56.0, y) for n, y in (("shoulder", 35.0), ("hip", 80.0), ("knee", 120.0), ("ankle", 160.0))},
+    **{f"right_{n}": (44.0, y) for n, y in (("shoulder", 35.0), ("hip", 80.0), ("knee", 120.0), ("ankle", 158.0))},
+}
+
+
+def test_who_stands_is_told_from_who_sits_and_from_who_is_cut_off() -> None:
+    assert standing_people(keypoints(STANDS), 200, 100) == (Standing(20.0, 160.0),)
+    bent = {"left_knee": (90.0, 100.0), "right_knee": (10.0, 100.0)}
+    assert standing_people(keypoints({**STANDS, **bent}), 200, 100) == ()
+    assert standing_people(keypoints(STANDS), 150, 100) == ()
+    assert standing_people(None, 200, 100) == ()
+
+
+@pytest.fixture(scope="module")
+def backend() -> EmbeddedPointmap:
+    made = EmbeddedPointmap(EmbeddedPointmap.Options(short_side=154, threads=1))
+    made.load()
+    return made
+
+
+@pytest.fixture(scope="module")
+def image() -> NDArray[np.uint8]:
+    bgr = cv2.imread(str(PHOTO))
+    assert bgr is not None
+    return np.ascontiguousarray(cv2.resize(bgr, (320, 240), interpolation=cv2.INTER_AREA)[..., ::-1])
+
+
+@pytest.fixture(scope="module")
+def scene(backend: EmbeddedPointmap, image: NDArray[np.uint8]) -> Pointmap:
+    return backend.infer(image, Hints(hole=np.zeros((240, 320), bool)))
+
+
+def test_points_lie_on_their_pixels_rays_at_a_median_depth_of_one(scene: Pointmap) -> None:
+    camera = scene.intrinsics
+    assert camera is not None
+    assert (camera.fx, camera.source) == (pytest.approx(0.95 * 320), "default (0.95 x the long side)")
+    assert scene.unknown == "inverse_scale_shift"
+    assert scene.valid.mean() > 0.8
+    points = scene.points[scene.valid]
+    assert np.isfinite(scene.points).all()
+    assert points[:, 2].min() > 0
+    assert np.median(points[:, 2]) == pytest.approx(1, rel=0.1)
+    rows, columns = np.nonzero(scene.valid)
+    assert camera.fx * points[:, 0] / points[:, 2] + camera.cx == pytest.approx(columns, abs=1e-2)
+    assert camera.fy * points[:, 1] / points[:, 2] + camera.cy == pytest.approx(rows, abs=1e-2)
+    assert scene.notes[0] == "focal length is a default (0.95 x the long side)"
+    assert scene.notes[1].startswith("depth is open up to a shift: the farthest pixels are taken as a wall")
+
+
+def test_a_given_camera_is_respected(backend: EmbeddedPointmap, image: NDArray[np.uint8]) -> None:
+    camera = Intrinsics(500.0, 500.0, 640.0, 480.0, 1280, 960)
+    answer = backend.infer(image, Hints(intrinsics=camera))
+    assert answer.intrinsics == camera.resized(320, 240)
+    assert not any("focal" in note for note in answer.notes)
+
+
+def test_the_second_call_agrees_with_the_scene_outside_the_people(
+    backend: EmbeddedPointmap, image: NDArray[np.uint8], scene: Pointmap
+) -> None:
+    mask = np.zeros((1, 240, 320), bool)
+    mask[0, 40:239, 5:90] = True
+    people = People(mask, np.array([[5.0, 40.0, 90.0, 239.0]]), np.ones(1))
+    moved = replace(scene, points=scene.points * 3)  # the agreement must find this scale
+    hints = Hints(intrinsics=scene.intrinsics, people=people, scene=moved)
+    original = backend.infer(image, hints)
+    both = original.valid & moved.valid & ~mask[0]
+    apart = np.abs(np.log(original.points[..., 2] / moved.points[..., 2]))[both]
+    assert np.median(apart) < 0.01
+    assert original.intrinsics == scene.intrinsics
+    assert original.notes == ()
+
+
+def test_a_scene_hidden_by_people_is_said_not_to_be_matched(
+    backend: EmbeddedPointmap, image: NDArray[np.uint8], scene: Pointmap
+) -> None:
+    everybody = People(np.ones((1, 240, 320), bool), np.array([[0.0, 0.0, 320.0, 240.0]]), np.ones(1))
+    answer = backend.infer(image, Hints(intrinsics=scene.intrinsics, people=everybody, scene=scene))
+    assert answer.notes[0] == "the photo's depth could not be matched to the scene's outside the people"
+
+
+def test_the_same_photo_gives_the_same_points(
+    backend: EmbeddedPointmap, image: NDArray[np.uint8], scene: Pointmap
+) -> None:
+    again = backend.infer(image, Hints(hole=np.zeros((240, 320), bool)))
+    assert np.array_equal(again.points, scene.points)
+
+
+def test_asking_before_loading_is_refused(image: NDArray[np.uint8]) -> None:
+    with pytest.raises(BackendError) as error:
+        EmbeddedPointmap().infer(image, Hints())
+    assert str(error.value) == "the embedded point map was asked before its networks were loaded: call load() first"
+
+
+def test_loading_and_closing_twice_is_harmless() -> None:
+    made = EmbeddedPointmap(EmbeddedPointmap.Options(threads=1, focal_from_edges=False))
+    made.load()
+    made.load()
+    made.close()
+    made.close()
