@@ -26,9 +26,10 @@ MIN_SIDE = 64
 """Shorter side that a photo must have, px."""
 
 MAX_PIXELS = 150_000_000
-"""Photos above this are refused; decoding one takes up to 8 bytes a pixel."""
+"""Photos above this are refused; decoding one takes up to 12 bytes a pixel."""
 
 _KEEP_PIXELS = 24_000_000  # larger photos are read at a half, a third, ... of their size
+_REDUCIBLE = ("L", "RGB", "RGBA", "CMYK")
 _PILLOW_DAMAGE = (OSError, SyntaxError, ValueError, EOFError, KeyError, IndexError, TypeError, struct.error)
 
 
@@ -206,11 +207,14 @@ def _read(image: Image.Image, path: Path) -> Photo:
     except _PILLOW_DAMAGE as error:
         raise _damaged(path) from error
     orientation, tags = _exif(image)
-    rgb, conversions = _to_rgb(ImageOps.exif_transpose(image) if orientation != 1 else image, deep, path)
+    left = factor // max(1, round(max(stored) / max(image.size)))  # what the decoder has not reduced itself
+    pixels = ImageOps.exif_transpose(image) if orientation != 1 else image
+    if left > 1 and pixels.mode in _REDUCIBLE:
+        pixels, left = pixels.reduce(left), 1  # before the conversions, each of which takes a copy
+    rgb, conversions = _to_rgb(pixels, deep, path)
     if orientation != 1:
         notes.append("turned upright as the file's EXIF data say")
     notes += conversions
-    left = factor // max(1, round(max(stored) / max(image.size)))  # what the decoder has not reduced itself
     if left > 1:
         rgb = rgb.reduce(left)
     if factor > 1:
