@@ -111,7 +111,6 @@ def _result(
         )
     )
     output = problem.model(rotations, betas, transl, problem.expression0)
-    energy.refresh()
     told = _diagnostics(energy, estimate, output.vertices[rows], output.joints[rows])
     diagnostics: list[Mapping[str, float]] = [{} for _ in failures]
     for i, numbers in zip(rows.tolist(), told, strict=True):

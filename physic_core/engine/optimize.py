@@ -94,6 +94,7 @@ def minimise(energy: Energy, settings: JointSettings, progress: Callable[[float]
         state.load(final)
     else:
         end = start
+        energy.refresh()
     totals.append(_sum(end))
     if progress is not None:
         progress(1.0)

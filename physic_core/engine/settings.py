@@ -320,8 +320,8 @@ class JointSettings:
     lower_sole_reach_m: float = 0.4
     regularisation_weight: float = 1.0
     regularisation_sigma_m: float = 0.06
-    visible_weight: float = 0.1
-    occluded_weight: float = 1.0
+    visible_weight: float = 0.05
+    occluded_weight: float = 0.3
     root_weight: float = 0.3
     pose_weight: float = 1.0
     hands_weight: float = 1.0
