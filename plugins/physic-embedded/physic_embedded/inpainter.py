@@ -20,6 +20,13 @@ __all__ = ["MiGan", "MiGanOptions"]
 class MiGanOptions(Options):
     """Settings of :class:`MiGan`."""
 
+    rim: float = Field(
+        default=0.004,
+        ge=0,
+        le=0.1,
+        description="Share of the long side by which the hole that the network sees is wider than the one it fills: "
+        "at the edge its fill takes on the colours of what is removed. 0 gives the network's own soft edge.",
+    )
     threads: int = Field(default=2, ge=0, description="Threads inside one operator; 0 lets onnxruntime choose.")
 
 
@@ -66,9 +73,19 @@ class MiGan(Inpainter):
             return image.copy()
         if mask.all():
             raise BackendError(
-                "the mask covers the whole image, so nothing is left to fill it from: pass a smaller mask"
+                "the mask covers the whole image, which leaves nothing to fill it from: pass a smaller one"
             )
-        keep = np.where(mask, 0, 255).astype(np.uint8)
+        hole = self._with_rim(mask)
+        keep = np.where(hole, 0, 255).astype(np.uint8)
         planes = np.ascontiguousarray(image.transpose(2, 0, 1))
         (filled,) = session.run(None, {"image": planes[None], "mask": keep[None, None]})
         return np.where(mask[..., None], filled[0].transpose(1, 2, 0), image)
+
+    def _with_rim(self, mask: BoolArray) -> BoolArray:
+        """The hole that the network sees; the mask itself where a rim would leave nothing to go by."""
+        import cv2
+
+        radius = round(self.options.rim * max(mask.shape))
+        disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+        wider: BoolArray = cv2.dilate(mask.astype(np.uint8), disc) > 0
+        return mask if wider.all() else wider

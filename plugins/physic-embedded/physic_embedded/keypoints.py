@@ -83,16 +83,19 @@ class EmbeddedKeypoints(KeypointDetector):
         center = np.array([(x0 + x1 - 1) / 2, (y0 + y1 - 1) / 2])
         side = max(x1 - x0, y1 - y0, 1.0)
         # A whole body about the middle of the box, should the detector see nobody there.
-        squares = [Square(center, 1.25 * side, 0.0)]
+        starts = [(Square(center, 1.25 * side, 0.0), 3)]
+        if y1 >= picture.height - 1:
+            # The photo cuts the person off below: the box may be the upper half.
+            starts.append((Square(np.array([center[0], y1]), 2.5 * side, 0.0), 2))
         left, top = np.maximum(np.floor(center - side), 0).astype(int)
         right, bottom = np.ceil(center + side).astype(int) + 1
         near = picture.levels[0][top:bottom, left:right]
         lowest = self.options.lowest_score
         for d in detect_people(self._networks["pose_detection"], Picture.of(near), lowest, lowest, ())[:3]:
             hip, end = d.keypoints[:2] + np.array([left, top])
-            squares.append(person_square(hip, end))
+            starts.append((person_square(hip, end), 2))
         network = self._networks["pose_landmark_heavy"]
-        looks = [landmarks(network, picture, s, passes=3) for s in squares]
+        looks = [landmarks(network, picture, square, passes) for square, passes in starts]
         return max(((pose, _fit(pose, mask)) for pose in looks), key=lambda look: look[1])
 
 

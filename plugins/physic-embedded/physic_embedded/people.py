@@ -97,7 +97,7 @@ def tiles(width: int, height: int, fractions: Sequence[float], smallest: int = 1
 def detect_people(
     session: InferenceSession, picture: Picture, threshold: float, tile_threshold: float, fractions: Sequence[float]
 ) -> list[Detection]:
-    """Candidates in the whole photo and in its tiles, merged; photo px, best first.
+    """Candidates in the whole photo, in its tiles and in their mirror images, merged; photo px, best first.
 
     Keypoint 0 of a candidate lies between the hips, keypoint 1 at the radius that the landmark network needs.
 
@@ -122,10 +122,16 @@ def detect_people(
     found: list[Detection] = []
     for x, y, side, lowest in [(0, 0, max(h, w), threshold), *((*t, tile_threshold) for t in tiles(w, h, fractions))]:
         view = Letterbox.of(image[y : y + side, x : x + side], DETECTOR_SIZE, (x, y))
-        boxes, scores = session.run(["boxes", "scores"], {"image": view.pixels[None].astype(np.float32) / 127.5 - 1.0})
-        for d in decode(boxes[0], scores[0, :, 0], anchors, DETECTOR_SIZE, lowest):
-            box = to_photo(view.square.to_photo(d.box.reshape(2, 2), DETECTOR_SIZE)).ravel()
-            found.append(Detection(box, to_photo(view.square.to_photo(d.keypoints, DETECTOR_SIZE)), d.score))
+        for mirrored in (False, True):
+            pixels = view.pixels[:, ::-1] if mirrored else view.pixels
+            boxes, scores = session.run(["boxes", "scores"], {"image": pixels[None].astype(np.float32) / 127.5 - 1.0})
+            for d in decode(boxes[0], scores[0, :, 0], anchors, DETECTOR_SIZE, lowest):
+                points = np.concatenate([d.box.reshape(2, 2), d.keypoints])
+                if mirrored:
+                    points[:, 0] = DETECTOR_SIZE - points[:, 0]
+                    points[:2, 0] = points[1::-1, 0]
+                points = to_photo(view.square.to_photo(points, DETECTOR_SIZE))
+                found.append(Detection(points[:2].ravel(), points[2:], d.score))
     return merge_candidates(found)
 
 
@@ -163,11 +169,17 @@ def believable(pose: Pose, detected: float, sure: float) -> bool:
     """
     if detected >= sure:
         return pose.score > 0.5
-    steady = pose.mirror_gap < 0.013 and pose.mirror_mask_iou > 0.92
+    steady = pose.mirror_gap < 0.015 and pose.mirror_mask_iou > 0.92
     return pose.score > 0.95 and steady and pose.torso_length > 0.15 * pose.square.side
 
 
-def same_body(a: Pose, b: Pose, nearness: float = 0.5) -> bool:
-    """True when the torso corners of two poses are on average nearer than ``nearness`` torso lengths."""
-    apart = np.linalg.norm(a.points[TORSO] - b.points[TORSO], axis=1).mean()
-    return bool(apart < nearness * max(a.torso_length, 1e-6))
+def same_body(a: Pose, b: Pose) -> bool:
+    """Whether two poses are of one person.
+
+    They are when their trunks' corners are on average nearer than half a trunk, or when their noses are nearer than a
+    quarter of one: the hips of a person who is cut off by the photo's edge are a guess, the head is not.
+    """
+    length = max(a.torso_length, b.torso_length, 1e-6)
+    apart = np.linalg.norm(a.points - b.points, axis=1)
+    seen = min(a.visibility[0] * a.presence[0], b.visibility[0] * b.presence[0]) > 0.5
+    return bool(apart[TORSO].mean() < 0.5 * length or (seen and apart[0] < 0.25 * length))

@@ -1,0 +1,188 @@
+"""From 21 hand landmarks in metres to the 15 finger rotations of a body model.
+
+Bones of different hands differ in length, so their directions are matched, not their ends: the palm's attitude and the
+angles of a hand's own degrees of freedom (flexion, some spread, hardly any twist) are fitted by least squares within
+the range of human joints, from a start in closed form.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Float = NDArray[np.floating[Any]]
+
+__all__ = ["FingerFit", "HandRest", "fit_fingers"]
+
+FINGERS = ((5, 6, 7, 8), (9, 10, 11, 12), (17, 18, 19, 20), (13, 14, 15, 16), (1, 2, 3, 4))
+"""Landmarks of index, middle, pinky, ring and thumb from base to tip: the order of SMPL-X's hand joints."""
+BASES = [5, 9, 13, 17]
+
+FLEX, SPREAD, TWIST = 0, 1, 2
+_FINGER = (
+    (0, FLEX, -30, 95, 15, 50),
+    (0, SPREAD, -25, 25, 0, 10),
+    (0, TWIST, -10, 10, 0, 4),
+    (1, FLEX, -5, 110, 20, 50),
+    (2, FLEX, -10, 85, 12, 40),
+)
+_THUMB = (
+    (0, FLEX, -45, 50, 0, 25),
+    (0, SPREAD, -45, 45, 0, 25),
+    (0, TWIST, -35, 35, 0, 15),
+    (1, FLEX, -20, 65, 5, 30),
+    (1, SPREAD, -12, 12, 0, 6),
+    (2, FLEX, -25, 85, 5, 40),
+)
+"""Joint, axis, lowest, highest, usual angle and its spread (degrees) of each degree of freedom. The ranges are those of
+textbooks on the hand, rounded; the usual hand is half open."""
+DIRECTION_SIGMA = 0.12
+"""How far a landmark network's bone directions are off, radians."""
+
+
+@dataclass(frozen=True)
+class HandRest:
+    """A hand at rest: what zero rotations look like.
+
+    Attributes:
+        bones: (5, 3, 3) unit directions of each finger's three bones.
+        palm: (4, 3) unit directions from the wrist to the bases of index, middle, ring and pinky.
+        axes: (5, 3, 3, 3) for each joint the unit axes of flexion towards the palm, of spread, of twist, in rows.
+    """
+
+    bones: Float
+    palm: Float
+    axes: Float
+
+    @classmethod
+    def of(cls, points: Float, palm_down: Float) -> HandRest:
+        """From the (21, 3) landmarks of a body in its rest pose and the direction that its palm faces."""
+        chains = points[np.array(FINGERS)]
+        bones = _unit(np.diff(chains, axis=1))
+        inward = np.tile(palm_down, (5, 3, 1))
+        # A thumb does not bend towards the palm's normal but across the palm.
+        inward[4] = points[17] - chains[4, 1:2]
+        flexion = _unit(np.cross(bones, inward))
+        return cls(
+            bones, _unit(points[BASES] - points[0]), np.stack([flexion, np.cross(flexion, bones), bones], axis=2)
+        )
+
+
+@dataclass(frozen=True)
+class FingerFit:
+    """A fitted hand.
+
+    Attributes:
+        rotvecs: (15, 3) radians, index, middle, pinky, ring, thumb, each from base to tip.
+        palm: (3, 3) attitude of the palm, rest frame to the landmarks' frame.
+        error: mean angle between the bones and the landmarks' bones, radians.
+    """
+
+    rotvecs: Float
+    palm: Float
+    error: float
+
+
+def fit_fingers(landmarks: Float, rest: HandRest) -> FingerFit:
+    """Fit the finger joints of a hand to (21, 3) landmarks in any unit, in a right-handed frame.
+
+    Args:
+        landmarks: wrist, then thumb, index, middle, ring and pinky from base to tip.
+        rest: of the hand of the same side.
+    """
+    from scipy.optimize import least_squares
+    from scipy.spatial.transform import Rotation
+
+    bones = _unit(np.diff(landmarks[np.array(FINGERS)], axis=1))
+    palm = _unit(landmarks[BASES] - landmarks[0])
+    start = Rotation.align_vectors(palm, rest.palm)[0].as_matrix()
+    joints, low, high, usual, spread = _freedoms()
+
+    def rotvecs(angles: Float) -> Float:
+        """(P, 26) angles -> (P, 15, 3)."""
+        turned = angles[..., None] * rest.axes.reshape(45, 3)[joints]
+        out = np.zeros((len(angles), 15, 3))
+        np.add.at(out, (slice(None), joints // 3), turned)
+        return out
+
+    def directions(x: Float) -> tuple[Float, Float]:
+        """(P, 29) palm rotation vector and angles -> bones (P, 5, 3, 3) and palm (P, 4, 3)."""
+        root = Rotation.from_rotvec(x[:, :3]).as_matrix() @ start
+        turns = Rotation.from_rotvec(rotvecs(x[:, 3:]).reshape(-1, 3)).as_matrix().reshape(len(x), 5, 3, 3, 3)
+        first = root[:, None] @ turns[:, :, 0]
+        second = first @ turns[:, :, 1]
+        chain = np.stack([first, second, second @ turns[:, :, 2]], axis=2)
+        return (chain @ rest.bones[..., None])[..., 0], rest.palm @ root.transpose(0, 2, 1)
+
+    def residuals(x: Float) -> Float:
+        """(P, 29) -> (P, R)."""
+        b, p = directions(x)
+        return np.concatenate(
+            [
+                ((b - bones) / DIRECTION_SIGMA).reshape(len(x), -1),
+                ((p - palm) / DIRECTION_SIGMA).reshape(len(x), -1),
+                (x[:, 3:] - usual) / spread,
+            ],
+            axis=1,
+        )
+
+    def slope(x: Float) -> Float:
+        """Forward differences, all columns in one call."""
+        step = 1e-6
+        ahead = residuals(np.concatenate([x[None], x + step * np.eye(len(x))]))
+        return (ahead[1:] - ahead[0]).T / step
+
+    inner = 1e-3
+    first = np.clip(_bend(bones, palm, start, rest, joints), low + inner, high - inner)
+    wide = np.full(3, np.pi)
+    found = least_squares(
+        lambda x: residuals(x[None])[0],
+        np.concatenate([np.zeros(3), first]),
+        jac=slope,
+        bounds=(np.concatenate([-wide, low]), np.concatenate([wide, high])),
+        max_nfev=30,
+        ftol=1e-5,
+        xtol=1e-5,
+    ).x[None]
+    cosine = (directions(found)[0][0] * bones).sum(-1)
+    root = Rotation.from_rotvec(found[0, :3]).as_matrix() @ start
+    return FingerFit(rotvecs(found[:, 3:])[0], root, float(np.arccos(np.clip(cosine, -1, 1)).mean()))
+
+
+def _freedoms() -> tuple[NDArray[np.intp], Float, Float, Float, Float]:
+    """Row in (15 joints x 3 axes), lowest, highest, usual angle and spread (radians) of the 26 degrees of freedom."""
+    table = [
+        ((3 * finger + joint) * 3 + axis, *np.radians(limits))
+        for finger in range(5)
+        for joint, axis, *limits in (_THUMB if finger == 4 else _FINGER)
+    ]
+    rows, *columns = zip(*table, strict=True)
+    low, high, usual, spread = (np.array(c, float) for c in columns)
+    return np.array(rows, np.intp), low, high, usual, spread
+
+
+def _bend(bones: Float, palm: Float, root: Float, rest: HandRest, joints: NDArray[np.intp]) -> Float:
+    """Closed form: how far each bone is turned about its joint's axes, seen from the bone before it at rest."""
+    from scipy.spatial.transform import Rotation
+
+    turns = np.zeros((5, 3, 3))
+    for finger in range(5):
+        frame = root
+        for joint in range(3):
+            seen = frame.T @ bones[finger, joint]
+            resting = rest.bones[finger, joint]
+            axis = np.cross(resting, seen)
+            sine = np.linalg.norm(axis)
+            swing = axis / max(sine, 1e-9) * np.arctan2(sine, resting @ seen)
+            turns[finger, joint] = rest.axes[finger, joint] @ swing
+            frame = frame @ Rotation.from_rotvec(swing).as_matrix()
+    return turns.reshape(45)[joints]
+
+
+def _unit(v: Float) -> Float:
+    return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-9))

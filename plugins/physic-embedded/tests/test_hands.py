@@ -1,0 +1,192 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from physic_core.body import load_body
+from physic_core.border import hands_faults
+from physic_core.types import Keypoints, People
+from physic_embedded.fingers import FINGERS, HandRest, fit_fingers
+from physic_embedded.hands import EmbeddedHands, EmbeddedHandsOptions
+from physic_embedded.palm import HandLook, arm_square, hand_landmarks, next_square, palm_square
+from physic_embedded.picture import Picture, Square
+from physic_embedded.sessions import open_session
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.body.model import BodyModel
+
+PHOTO = Path(__file__).parents[3] / "examples" / "basketball.png"
+HAND_JOINTS = {"left": slice(25, 40), "right": slice(40, 55)}
+
+
+@pytest.fixture(scope="module")
+def body() -> BodyModel:
+    return load_body().to(dtype=torch.float64)
+
+
+def rest_of(body: BodyModel, side: str) -> HandRest:
+    points = body.landmarks(body(*body.zero_pose()), f"openpose_hand21_{side}")[0].numpy()
+    return HandRest.of(points, np.array([0.0, -1.0, 0.0]))
+
+
+def posed(body: BodyModel, side: str, rotvecs: NDArray[np.float64], root: Rotation, betas: float = 0.0) -> np.ndarray:
+    """(21, 3) landmarks of a hand with given finger rotations."""
+    rotations, shape, transl = body.zero_pose()
+    rotations[0, HAND_JOINTS[side]] = torch.from_numpy(Rotation.from_rotvec(rotvecs).as_matrix())
+    rotations[0, 0] = torch.from_numpy(root.as_matrix())
+    return body.landmarks(body(rotations, shape + betas, transl), f"openpose_hand21_{side}")[0].numpy()
+
+
+def curled(rest: HandRest, degrees: float, spread: float = 0.0) -> NDArray[np.float64]:
+    """All fingers but the thumb bent by the same angle in every joint, index and pinky spread apart."""
+    out = np.zeros((5, 3, 3))
+    out[:4] = np.radians(degrees) * rest.axes[:4, :, 0]
+    out[[0, 2], 0] += np.radians(spread) * np.array([[1.0], [-1.0]]) * rest.axes[[0, 2], 0, 1]
+    return out.reshape(15, 3)
+
+
+def angles_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.degrees((Rotation.from_rotvec(a) * Rotation.from_rotvec(b).inv()).magnitude())
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize(("degrees", "spread"), [(0.0, 0.0), (25.0, 8.0), (60.0, 0.0)])
+def test_a_hand_pose_is_recovered_from_its_landmarks(body: BodyModel, side: str, degrees: float, spread: float) -> None:
+    rest = rest_of(body, side)
+    truth = curled(rest, degrees, spread)
+    root = Rotation.from_rotvec([0.4, -1.1, 2.0])
+    # Another shape and another unit: only directions count.
+    seen = 1.3 * posed(body, side, truth, root, betas=0.5)
+    fit = fit_fingers(seen, rest)
+    turned = angles_between(fit.rotvecs, truth)
+    moved = 1000 * np.linalg.norm(posed(body, side, fit.rotvecs, root) - posed(body, side, truth, root), axis=1)
+    print(f"{side}, bent by {degrees}: {turned.mean():.1f} degrees off, landmarks {moved.mean():.1f} mm")
+    assert turned.mean() < 4
+    assert moved.mean() < 3
+    assert np.degrees(fit.error) < 3
+    assert angles_between(Rotation.from_matrix(fit.palm).as_rotvec(), root.as_rotvec()) < 8
+
+
+def test_noise_of_three_millimetres_costs_little(body: BodyModel) -> None:
+    rest = rest_of(body, "left")
+    truth = curled(rest, 30.0)
+    rng = np.random.default_rng(3)
+    moved = []
+    for _ in range(5):
+        seen = posed(body, "left", truth, Rotation.identity()) + rng.normal(0, 0.003, (21, 3))
+        found = posed(body, "left", fit_fingers(seen, rest).rotvecs, Rotation.identity())
+        moved.append(np.linalg.norm(found - posed(body, "left", truth, Rotation.identity()), axis=1).mean())
+    print("landmarks", 1000 * np.mean(moved), "mm off")
+    assert np.mean(moved) < 0.005
+
+
+def test_fingers_stay_within_the_range_of_human_joints(body: BodyModel) -> None:
+    rest = rest_of(body, "right")
+    backwards = posed(body, "right", curled(rest, -80.0), Rotation.identity())
+    found = fit_fingers(backwards, rest).rotvecs.reshape(5, 3, 3)
+    flexion = np.degrees((found[:4] * rest.axes[:4, :, 0]).sum(-1))
+    assert (flexion[:, 0] > -30.1).all()
+    assert (flexion[:, 1:] > -10.1).all()
+
+
+def test_a_hand_at_rest_bends_its_fingers_towards_the_palm(body: BodyModel) -> None:
+    for side in ("left", "right"):
+        flat = posed(body, side, np.zeros((15, 3)), Rotation.identity())
+        bent = posed(body, side, curled(rest_of(body, side), 40.0), Rotation.identity())
+        tips = [f[3] for f in FINGERS[:4]]
+        assert (bent[tips, 1] < flat[tips, 1] - 0.02).all()
+
+
+def test_left_and_right_hands_are_mirror_images(body: BodyModel) -> None:
+    left, right = rest_of(body, "left"), rest_of(body, "right")
+    mirror = np.array([-1.0, 1.0, 1.0])
+    np.testing.assert_allclose(left.bones * mirror, right.bones, atol=1e-3)
+    # An axis of rotation turns the other way in a mirror.
+    np.testing.assert_allclose(-left.axes[:, :, 0] * mirror, right.axes[:, :, 0], atol=2e-3)
+
+
+def test_a_palm_square_points_up_along_the_hand() -> None:
+    square = palm_square(np.array([90, 90, 110, 110.0]), np.array([100.0, 110]), np.array([100.0, 90]))
+    np.testing.assert_allclose([*square.center, square.side, square.angle], [100, 90, 52, 0])
+    sideways = palm_square(np.array([90, 90, 110, 110.0]), np.array([90.0, 100]), np.array([110.0, 100]))
+    np.testing.assert_allclose(sideways.center, [110, 100], atol=1e-9)
+    np.testing.assert_allclose(sideways.angle, np.pi / 2)
+
+
+def test_the_square_about_landmarks_turns_with_them() -> None:
+    hand = np.random.default_rng(0).normal(175, 30, (21, 2))
+    hand[0], hand[[5, 9, 13]] = [200, 230], [200, 120]
+    turn = np.array([[0.8, -0.6], [0.6, 0.8]])
+    a, b = next_square(hand), next_square(hand @ turn.T)
+    np.testing.assert_allclose(b.center, turn @ a.center)
+    np.testing.assert_allclose([b.side, b.angle - a.angle], [a.side, np.arctan2(0.6, 0.8)])
+
+
+def test_hands_are_looked_for_beyond_the_wrist() -> None:
+    around, angle = arm_square(np.array([0.0, 100]), np.array([100.0, 100]), np.array([140.0, 100]), torso=150)
+    np.testing.assert_allclose(around.center, [132, 100])
+    assert around.side == pytest.approx(2.6 * 75)
+    assert angle == pytest.approx(np.pi / 2)
+
+
+def test_a_hand_and_its_mirror_image_give_mirrored_landmarks() -> None:
+    session = open_session("hand_landmark_full", 1)
+    bgr = cv2.imread(str(PHOTO))
+    assert bgr is not None
+    square = Square(np.array([140.0, 130.0]), 90.0, 0.2)
+    first = hand_landmarks(session, Picture.of(np.ascontiguousarray(bgr[..., ::-1])), square)
+    other = Square(np.array([bgr.shape[1] - 1 - 140.0, 130.0]), 90.0, -0.2)
+    second = hand_landmarks(session, Picture.of(np.ascontiguousarray(bgr[:, ::-1, ::-1])), other)
+    np.testing.assert_allclose(second.points * [-1, 1] + [bgr.shape[1] - 1, 0], first.points, atol=0.5)
+    np.testing.assert_allclose(second.world * [-1, 1, 1], first.world, atol=2e-3)
+    np.testing.assert_allclose([second.presence, second.right], [first.presence, 1 - first.right], atol=0.05)
+
+
+def arm(image: NDArray[np.uint8], skeleton: str = "blazepose33", confidence: float = 1.0) -> tuple[People, Keypoints]:
+    """One person with both arms somewhere in the middle of an image."""
+    h, w = image.shape[:2]
+    points = np.tile(np.array([w / 2, h / 2], np.float32), (1, 33 if skeleton == "blazepose33" else 17, 1))
+    points[0, :, 0] += np.linspace(-0.2 * w, 0.2 * w, points.shape[1])
+    people = People(np.zeros((1, h, w), bool), np.zeros((1, 4), np.float32), np.ones(1, np.float32))
+    return people, Keypoints(points, np.full(points.shape[:2], confidence, np.float32), skeleton)
+
+
+@pytest.fixture(scope="module")
+def estimator() -> EmbeddedHands:
+    backend = EmbeddedHands(EmbeddedHandsOptions(threads=1))
+    backend.load()
+    return backend
+
+
+@pytest.mark.parametrize("skeleton", ["blazepose33", "coco17", "a skeleton without hands"])
+def test_no_hand_is_found_where_there_is_none(estimator: EmbeddedHands, skeleton: str) -> None:
+    image = np.full((200, 300, 3), 128, np.uint8)
+    hands = estimator.infer(image, *arm(image, skeleton))
+    assert hands_faults(hands, 1) == []
+    assert hands.confidence.max() == 0
+
+
+def test_wrists_that_are_not_seen_are_not_looked_at(estimator: EmbeddedHands) -> None:
+    image = np.full((200, 300, 3), 128, np.uint8)
+    hands = estimator.infer(image, *arm(image, confidence=0.2))
+    assert hands.confidence.max() == 0
+
+
+def test_a_hand_of_the_other_side_is_left_alone(estimator: EmbeddedHands) -> None:
+    look = HandLook(np.array([[0.0, 0], [100, 80]]), np.zeros((21, 3)), presence=0.99, right=0.9, mirror_gap=0.01)
+    assert estimator._clear(look, "right")
+    assert not estimator._clear(look, "left")
+
+
+def test_small_unsteady_or_absent_hands_are_left_alone(estimator: EmbeddedHands) -> None:
+    corners = np.array([[0.0, 0], [100, 80]])
+    for points, presence, gap in ((corners / 5, 0.99, 0.01), (corners, 0.99, 0.2), (corners, 0.3, 0.01)):
+        assert not estimator._clear(HandLook(points, np.zeros((21, 3)), presence, 0.9, gap), "right")

@@ -1,0 +1,81 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+import pytest
+
+from physic_core.border import keypoints_faults
+from physic_core.types import People
+from physic_embedded.keypoints import EmbeddedKeypoints, EmbeddedKeypointsOptions
+from physic_embedded.segmenter import EmbeddedSegmenter, EmbeddedSegmenterOptions
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+PHOTO = Path(__file__).parents[3] / "examples" / "basketball.png"
+
+
+@pytest.fixture(scope="module")
+def image() -> NDArray[np.uint8]:
+    bgr = cv2.imread(str(PHOTO))
+    assert bgr is not None
+    return np.ascontiguousarray(bgr[..., ::-1])
+
+
+@pytest.fixture(scope="module")
+def people(image: NDArray[np.uint8]) -> People:
+    backend = EmbeddedSegmenter(EmbeddedSegmenterOptions(threads=1, floor=False))
+    backend.load()
+    return backend.infer(image)
+
+
+@pytest.fixture(scope="module")
+def detector() -> EmbeddedKeypoints:
+    backend = EmbeddedKeypoints(EmbeddedKeypointsOptions(threads=1))
+    backend.load()
+    return backend
+
+
+def test_joints_of_the_embedded_segmenter_are_taken_as_they_are(people: People, image: NDArray[np.uint8]) -> None:
+    assert EmbeddedKeypoints().infer(image, people) is people.keypoints
+
+
+def test_people_of_another_segmenter_get_the_same_joints(
+    detector: EmbeddedKeypoints, people: People, image: NDArray[np.uint8]
+) -> None:
+    found = detector.infer(image, replace(people, keypoints=None))
+    assert keypoints_faults(found, 2) == []
+    assert people.keypoints is not None
+    clear = people.keypoints.confidence > 0.5
+    apart = np.linalg.norm(found.points - people.keypoints.points, axis=-1)
+    tall = people.boxes[:, 3] - people.boxes[:, 1]
+    error = np.array([apart[i, clear[i]].mean() / tall[i] for i in range(2)])
+    print("mean distance of the joints over the height of the box", error)
+    assert (error < 0.025).all()
+
+
+def test_a_mask_without_a_person_gets_no_confidence(detector: EmbeddedKeypoints) -> None:
+    mask = np.zeros((1, 240, 320), bool)
+    mask[:, 40:200, 100:180] = True
+    grey = np.full((240, 320, 3), 128, np.uint8)
+    found = detector.infer(grey, People(mask, np.array([[100, 40, 180, 200.0]]), np.ones(1)))
+    assert keypoints_faults(found, 1) == []
+    assert found.confidence.max() == 0
+
+
+def test_limbs_beyond_the_edge_of_the_photo_have_no_confidence(people: People) -> None:
+    assert people.keypoints is not None
+    knees_and_below = people.keypoints.confidence[:, 25:33]
+    assert knees_and_below[0].mean() > 0.6
+    assert knees_and_below[1].max() < 0.2
+
+
+def test_no_people_give_no_rows(detector: EmbeddedKeypoints, image: NDArray[np.uint8]) -> None:
+    nobody = People(np.zeros((0, *image.shape[:2]), bool), np.zeros((0, 4)), np.zeros(0))
+    found = detector.infer(image, nobody)
+    assert found.points.shape == (0, 33, 2)
+    assert found.skeleton == "blazepose33"

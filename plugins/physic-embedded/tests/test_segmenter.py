@@ -1,0 +1,338 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from physic_core.border import people_faults
+from physic_core.errors import BackendError
+from physic_embedded.detection import Detection, anchor_centers, box_iou, decode
+from physic_embedded.floor import ground_points
+from physic_embedded.masks import PersonMask, mask_boxes, separate
+from physic_embedded.people import DETECTOR_LAYERS, believable, merge_candidates, same_body, tiles
+from physic_embedded.picture import Letterbox, Picture, Square
+from physic_embedded.pose import LEFT_RIGHT, Pose
+from physic_embedded.sam import Embedding, embed, prompt
+from physic_embedded.segmenter import EmbeddedSegmenter, EmbeddedSegmenterOptions
+from physic_embedded.sessions import open_session
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from physic_core.types import People
+
+PHOTO = Path(__file__).parents[3] / "examples" / "basketball.png"
+
+
+@pytest.fixture(scope="module")
+def image() -> NDArray[np.uint8]:
+    bgr = cv2.imread(str(PHOTO))
+    assert bgr is not None
+    return np.ascontiguousarray(bgr[..., ::-1])
+
+
+@pytest.fixture(scope="module")
+def segmenter() -> Iterator[EmbeddedSegmenter]:
+    backend = EmbeddedSegmenter(EmbeddedSegmenterOptions(threads=1))
+    backend.load()
+    yield backend
+    backend.close()
+
+
+@pytest.fixture(scope="module")
+def people(segmenter: EmbeddedSegmenter, image: NDArray[np.uint8]) -> People:
+    return segmenter.infer(image)
+
+
+def pose_at(center: tuple[float, float], height: float = 200.0, confidence: float = 1.0) -> Pose:
+    """A stick figure: shoulders, hips and feet about a middle."""
+    x, y = center
+    points = np.full((33, 2), [x, y], float)
+    points[0] = x, y - 0.45 * height
+    for left, right, dy, half in ((11, 12, -0.3, 0.1), (23, 24, 0.0, 0.07), (25, 26, 0.25, 0.06), (27, 28, 0.45, 0.05)):
+        points[left] = x + half * height, y + dy * height
+        points[right] = x - half * height, y + dy * height
+    points[[29, 31]], points[[30, 32]] = points[27] + [0, 0.05 * height], points[28] + [0, 0.05 * height]
+    return Pose(
+        points=points,
+        visibility=np.full(33, confidence),
+        presence=np.ones(33),
+        world=np.zeros((33, 3)),
+        score=1.0,
+        mask=np.ones((256, 256)),
+        square=Square(np.array(center, float), 1.25 * height, 0.0),
+        mirror_gap=0.0,
+        mirror_mask_iou=1.0,
+    )
+
+
+def test_anchors_lie_at_the_middle_of_their_cells() -> None:
+    anchors = anchor_centers(224, DETECTOR_LAYERS)
+    assert anchors.shape == (28 * 28 * 2 + 14 * 14 * 2 + 7 * 7 * 6, 2)
+    np.testing.assert_allclose(anchors[:3], [[0.5 / 28, 0.5 / 28], [0.5 / 28, 0.5 / 28], [1.5 / 28, 0.5 / 28]])
+    np.testing.assert_allclose(anchors[-1], [6.5 / 7, 6.5 / 7])
+
+
+def test_decode_puts_boxes_and_keypoints_at_their_anchor() -> None:
+    anchors = anchor_centers(224, DETECTOR_LAYERS)
+    raw, logits = np.zeros((len(anchors), 12)), np.full(len(anchors), -100.0)
+    raw[2, :6], logits[2] = [4.0, -2.0, 40.0, 20.0, 10.0, 30.0], 0.0
+    (found,) = decode(raw, logits, anchors, 224, threshold=0.4)
+    np.testing.assert_allclose(found.box, [12 + 4 - 20, 4 - 2 - 10, 12 + 4 + 20, 4 - 2 + 10])
+    np.testing.assert_allclose(found.keypoints[0], [22, 34])
+    assert found.score == 0.5
+
+
+def test_decode_averages_what_overlaps_by_score_and_keeps_the_rest() -> None:
+    anchors = np.full((3, 2), 0.5)
+    raw = np.zeros((3, 6))
+    raw[:, 2:4] = 50
+    raw[1, 0], raw[2, 0] = 10.0, 90.0
+    logits = np.log(np.array([0.8, 0.6, 0.7]) / (1 - np.array([0.8, 0.6, 0.7])))
+    first, second = decode(raw, logits, anchors, 100, threshold=0.5)
+    np.testing.assert_allclose(first.box[0], 25 + 10 * 0.6 / 1.4)
+    np.testing.assert_allclose([first.score, second.score], [0.8, 0.7])
+    np.testing.assert_allclose(second.box[0], 115)
+
+
+def test_nothing_is_decoded_below_the_threshold() -> None:
+    assert decode(np.zeros((3, 12)), np.full(3, -5.0), np.zeros((3, 2)), 224, threshold=0.5) == []
+
+
+def test_box_iou_of_half_shifted_squares_is_a_third() -> None:
+    np.testing.assert_allclose(box_iou(np.array([0, 0, 2, 2.0]), np.array([[1, 0, 3, 2.0], [5, 5, 6, 6]])), [1 / 3, 0])
+
+
+@given(st.floats(-500, 500), st.floats(-500, 500), st.floats(1, 2000), st.floats(-7, 7), st.integers(1, 512))
+def test_a_square_carries_points_there_and_back(x: float, y: float, side: float, angle: float, size: int) -> None:
+    square = Square(np.array([x, y]), side, angle)
+    points = np.array([[0.0, 0.0], [size, 0.0], [0.3 * size, 1.7 * size]])
+    there = square.to_photo(points, size)
+    np.testing.assert_allclose(np.linalg.norm(there[1] - there[0]), side, rtol=1e-9)
+    np.testing.assert_allclose(square.from_photo(there, size), points, atol=1e-6 * size)
+
+
+@given(st.integers(1, 700), st.integers(1, 700), st.sampled_from([192, 224]))
+def test_a_letterbox_shows_the_corners_of_the_photo_where_it_says(width: int, height: int, size: int) -> None:
+    view = Letterbox.of(np.full((height, width, 3), 255, np.uint8), size, (30, 7))
+    corners = np.array([[29.5, 6.5], [width + 29.5, height + 6.5]])
+    low, high = view.square.from_photo(corners, size)
+    y, x = np.nonzero(view.pixels[..., 0] > 127)
+    # Both sides are rounded to whole pixels of the input.
+    np.testing.assert_allclose([x.min(), y.min()], low, atol=1.01)
+    np.testing.assert_allclose([x.max() + 1, y.max() + 1], high, atol=1.01)
+
+
+@pytest.mark.parametrize("side", [40.0, 100.0, 390.0])
+def test_a_cut_shows_the_pixel_that_its_coordinates_name(side: float) -> None:
+    y, x = np.mgrid[:400, :400]
+    image = np.stack([x * 0.6, y * 0.6, np.zeros_like(x)], axis=-1).astype(np.uint8)
+    square = Square(np.array([200.0, 190.0]), side, 0.0)
+    cut = Picture.of(image).cut(square, 64)
+    at = square.to_photo(np.array([20.5, 40.5]), 64)
+    np.testing.assert_allclose(cut[40, 20, :2], at * 0.6, atol=2)
+
+
+def test_a_small_cut_of_a_big_photo_does_not_alias() -> None:
+    stripes = np.zeros((2048, 2048, 3), np.uint8)
+    stripes[:, ::2] = 255
+    cut = Picture.of(stripes).cut(Square(np.array([1023.5, 1023.5]), 1500.0, 0.3), 64)
+    assert cut.std() < 8
+
+
+@given(st.integers(1, 900), st.integers(1, 900), st.floats(0.2, 0.9))
+def test_tiles_cover_the_photo_and_stay_on_it(width: int, height: int, fraction: float) -> None:
+    covered = np.zeros((height, width), bool)
+    found = list(tiles(width, height, [fraction]))
+    for x, y, side in found:
+        assert 0 <= x <= max(0, width - side)
+        assert 0 <= y <= max(0, height - side)
+        covered[y : y + side, x : x + side] = True
+    assert covered.all() or int(fraction * max(width, height)) < 160
+
+
+def test_candidates_on_one_body_are_merged_and_neighbours_are_not() -> None:
+    def person(x: float, score: float) -> Detection:
+        return Detection(np.array([x - 20, 0, x + 20, 40.0]), np.array([[x, 100.0], [x, 0.0]]), score)
+
+    kept = merge_candidates([person(0, 0.6), person(30, 0.9), person(120, 0.5)])
+    assert [d.score for d in kept] == [0.9, 0.5]
+
+
+def test_a_weak_candidate_must_look_the_same_in_a_mirror() -> None:
+    from dataclasses import replace
+
+    pose = pose_at((100, 100))
+    assert believable(pose, 0.5, sure=0.75)
+    assert not believable(replace(pose, mirror_gap=0.02), 0.5, sure=0.75)
+    assert believable(replace(pose, mirror_gap=0.02), 0.8, sure=0.75)
+    assert not believable(replace(pose, score=0.4), 0.8, sure=0.75)
+
+
+def test_two_poses_are_one_body_when_their_trunks_lie_together() -> None:
+    assert same_body(pose_at((100, 100)), pose_at((110, 100)))
+    assert not same_body(pose_at((100, 100)), pose_at((180, 100)))
+
+
+def test_two_poses_are_one_body_when_they_share_a_nose() -> None:
+    short, tall = pose_at((100, 100)), pose_at((100, 160), height=330)
+    assert np.linalg.norm(short.points[0] - tall.points[0]) < 10
+    assert same_body(short, tall)
+
+
+def test_confidence_is_zero_outside_the_photo() -> None:
+    pose = pose_at((100, 100), confidence=0.8)
+    np.testing.assert_allclose(pose.confidence(300, 300), 0.8)
+    assert pose.confidence(300, 150)[[29, 30]].max() == 0
+    assert pose.confidence(300, 150)[0] == 0.8
+
+
+def test_every_joint_but_the_nose_has_one_partner() -> None:
+    assert sorted(j for pair in LEFT_RIGHT for j in pair) == list(range(1, 33))
+
+
+@pytest.mark.parametrize(("height", "width"), [(480, 640), (1500, 700), (90, 333)])
+def test_grid_values_land_on_the_pixels_that_the_grid_names(height: int, width: int) -> None:
+    embedding = Embedding(np.zeros((1, 256, 64, 64), np.float32), height, width, 1024 / max(height, width))
+    ramp = embedding.to_photo(embedding.grid_points()[..., 0])
+    inner = slice(20, width - 20)
+    np.testing.assert_allclose(ramp[height // 2, inner], np.arange(width)[inner], atol=0.2)
+
+
+def test_the_mask_of_an_ellipse_is_that_ellipse() -> None:
+    image = np.full((300, 400, 3), 200, np.uint8)
+    truth = np.zeros((300, 400), np.uint8)
+    cv2.ellipse(truth, (170, 160), (90, 50), 25, 0, 360, 1, -1)
+    image[truth > 0] = (190, 40, 30)
+    embedding = embed(open_session("mobilesam_encoder", 1), image)
+    answer = prompt(open_session("mobilesam_decoder", 1), embedding, np.array([[170, 160.0]]), np.zeros((0, 2)))
+    masks = [embedding.to_photo(v) > 0 for v in answer.logits]
+    iou = [(m & (truth > 0)).sum() / (m | (truth > 0)).sum() for m in masks]
+    print("overlap with the drawn ellipse", np.round(iou, 3))
+    assert max(iou) > 0.96
+
+
+def test_masks_are_told_apart_and_a_stray_piece_is_given_back() -> None:
+    embedding = Embedding(np.zeros((1, 256, 64, 64), np.float32), 256, 256, 4.0)
+    left, right = np.full((256, 256), -5.0), np.full((256, 256), -5.0)
+    left[50:200, 20:140] = 2.0
+    left[100:110, 200:210] = 3.0
+    right[50:200, 100:230] = 1.0
+    masks = separate(
+        [PersonMask(left, np.array([[60.0, 100.0]]), 1.0), PersonMask(right, np.array([[180.0, 100.0]]), 1.0)],
+        embedding,
+    )
+    assert not (masks[0] & masks[1]).any()
+    assert masks[0, 100, 120]
+    assert masks[1, 105, 205]
+    boxes = mask_boxes(masks)
+    np.testing.assert_array_equal(boxes[0], [20, 50, 140, 200])
+    assert masks[0, 50:200, 20:140].all()
+
+
+def test_the_box_of_an_empty_mask_is_zero() -> None:
+    np.testing.assert_array_equal(mask_boxes(np.zeros((1, 5, 5), bool)), np.zeros((1, 4)))
+
+
+def test_ground_points_lie_beside_the_feet_on_nobody_and_on_the_photo() -> None:
+    pose = pose_at((100, 100))
+    people = np.zeros((250, 300), bool)
+    people[:205, 60:140] = True
+    points = ground_points([pose], people)
+    assert len(points)
+    assert (points[:, 1] > 180).all()
+    assert not people[np.rint(points[:, 1]).astype(int), np.rint(points[:, 0]).astype(int)].any()
+    assert len(ground_points([pose_at((100, 100), confidence=0.3)], people)) == 0
+
+
+def test_the_example_photo_has_two_people(people: People, image: NDArray[np.uint8]) -> None:
+    assert people_faults(people, *image.shape[:2]) == []
+    assert len(people) == 2
+    assert (np.diff(people.scores) <= 0).all()
+    assert people.boxes[0, 2] < 200 < 400 < people.boxes[1, 0]
+
+
+def test_boxes_hold_their_masks_and_no_less(people: People) -> None:
+    for mask, (x0, y0, x1, y1) in zip(people.masks, people.boxes.astype(int), strict=True):
+        inner = mask[y0:y1, x0:x1]
+        assert inner.sum() == mask.sum()
+        assert inner[0].any()
+        assert inner[-1].any()
+        assert inner[:, 0].any()
+        assert inner[:, -1].any()
+
+
+def test_clear_joints_lie_on_their_person(people: People) -> None:
+    assert people.keypoints is not None
+    for mask, points, confidence in zip(
+        people.masks, people.keypoints.points, people.keypoints.confidence, strict=True
+    ):
+        near = cv2.dilate(mask.astype(np.uint8), np.ones((9, 9), np.uint8))
+        x, y = np.rint(points[confidence > 0.8]).astype(int).T
+        assert near[y, x].mean() > 0.95
+
+
+def test_world_joints_have_the_frame_of_the_camera(people: People) -> None:
+    assert people.keypoints is not None
+    assert people.keypoints.world is not None
+    face_on, from_behind = people.keypoints.world
+    assert np.abs(face_on[[23, 24]].mean(axis=0)).max() < 0.02
+    # Down is positive: nose over hips over ankles. The first man shows his face, the second the back of his head.
+    assert face_on[0, 1] < -0.4 < 0.4 < face_on[27, 1]
+    assert face_on[0, 2] < face_on[[7, 8], 2].mean()
+    assert from_behind[0, 2] > from_behind[[7, 8], 2].mean()
+
+
+def test_the_floor_is_low_and_holds_nobody(people: People) -> None:
+    assert people.floor is not None
+    assert 0.03 < people.floor.mean() < 0.3
+    assert np.nonzero(people.floor)[0].min() > 240
+    assert not (people.floor & people.masks.any(axis=0)).any()
+
+
+def test_a_mirror_image_swaps_sides(segmenter: EmbeddedSegmenter, people: People, image: NDArray[np.uint8]) -> None:
+    other = segmenter.infer(np.ascontiguousarray(image[:, ::-1]))
+    assert len(other) == 2
+    assert people.keypoints is not None
+    assert other.keypoints is not None
+    swap = np.arange(33)
+    for a, b in LEFT_RIGHT:
+        swap[a], swap[b] = b, a
+    back = other.keypoints.points[0, swap] * [-1, 1] + [image.shape[1] - 1, 0]
+    apart = np.linalg.norm(back - people.keypoints.points[0], axis=1)
+    print("joints of the mirror image, mirrored back: mean distance", apart.mean(), "px")
+    assert apart.mean() < 4
+    assert (other.masks[0, :, ::-1] & people.masks[0]).sum() > 0.95 * people.masks[0].sum()
+
+
+@pytest.mark.parametrize("shape", [(8, 8), (8, 300), (64, 64), (240, 320)])
+def test_nobody_is_found_where_nobody_is(segmenter: EmbeddedSegmenter, shape: tuple[int, int]) -> None:
+    noise = np.random.default_rng(0).integers(0, 255, (*shape, 3), np.uint8)
+    found = segmenter.infer(noise)
+    assert people_faults(found, *shape) == []
+    assert len(found) == 0
+    assert found.floor is not None
+    assert not found.floor.any()
+
+
+def test_the_same_photo_gives_the_same_people(
+    segmenter: EmbeddedSegmenter, people: People, image: NDArray[np.uint8]
+) -> None:
+    again = segmenter.infer(image)
+    np.testing.assert_array_equal(again.masks, people.masks)
+    assert people.keypoints is not None
+    assert again.keypoints is not None
+    np.testing.assert_array_equal(again.keypoints.points, people.keypoints.points)
+
+
+def test_a_segmenter_that_is_not_loaded_says_so(image: NDArray[np.uint8]) -> None:
+    with pytest.raises(BackendError) as error:
+        EmbeddedSegmenter().infer(image)
+    assert str(error.value) == "network 'pose_detection' is not loaded: call load() before infer()"
