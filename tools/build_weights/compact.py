@@ -1,0 +1,101 @@
+"""Storing the weights of an ONNX model in fewer bits.
+
+A float32 weight becomes float16 with a Cast, or int8 per output channel with a Cast and a Mul. onnxruntime folds both
+when it loads the model, so all arithmetic stays float32; only what lies on the disk is smaller.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import onnx
+from onnx import TensorProto, helper, numpy_helper
+
+__all__ = ["output_channel_axes", "save", "store"]
+
+Axis = Callable[[str, np.ndarray[Any, Any]], int | None]
+"""Name and value of a weight -> the axis of its output channels, or None for float16."""
+
+
+def store(model: onnx.ModelProto, axis_of: Axis | None = None, smallest: int = 64, smallest_int8: int = 4096) -> int:
+    """Rewrite the float weights of a model in place; return how many.
+
+    Args:
+        model: to be rewritten.
+        axis_of: which weights become int8 and along which axis their scales run; None for float16 throughout.
+        smallest: weights with fewer values stay as they are.
+        smallest_int8: weights with fewer values never become int8.
+    """
+    graph = model.graph
+    nodes, weights = [], []
+    for tensor in list(graph.initializer):
+        if tensor.data_type not in (TensorProto.FLOAT, TensorProto.FLOAT16):
+            continue
+        value = numpy_helper.to_array(tensor)
+        if value.size < smallest:
+            continue
+        graph.initializer.remove(tensor)
+        name, exact = tensor.name, value.astype(np.float32)
+        axis = axis_of(name, value) if axis_of and value.ndim >= 2 and value.size >= smallest_int8 else None
+        if axis is None:
+            if np.abs(exact).max() >= 65000:
+                raise ValueError(f"weight {name} reaches {np.abs(exact).max()}, which float16 cannot hold")
+            weights.append(numpy_helper.from_array(exact.astype(np.float16), f"{name}.h"))
+            nodes.append(helper.make_node("Cast", [f"{name}.h"], [name], to=TensorProto.FLOAT))
+        else:
+            scale = _scales(exact, axis)
+            rounded = np.clip(np.rint(exact / scale), -127, 127).astype(np.int8)
+            weights.append(numpy_helper.from_array(rounded, f"{name}.q8"))
+            weights.append(numpy_helper.from_array(scale, f"{name}.s"))
+            nodes.append(helper.make_node("Cast", [f"{name}.q8"], [f"{name}.c"], to=TensorProto.FLOAT))
+            nodes.append(helper.make_node("Mul", [f"{name}.c", f"{name}.s"], [name]))
+    count = sum(n.op_type == "Cast" for n in nodes)
+    graph.initializer.extend(weights)
+    rest = list(graph.node)
+    del graph.node[:]
+    graph.node.extend(nodes + rest)
+    return count
+
+
+def _scales(value: np.ndarray[Any, Any], axis: int) -> np.ndarray[Any, Any]:
+    """int8 scales per channel, of a few that clip more or less the one with the least squared error."""
+    others = tuple(i for i in range(value.ndim) if i != axis)
+    full = np.abs(value).max(others, keepdims=True) / 127
+    best, least = None, None
+    for shrink in (1, 0.97, 0.94, 0.9, 0.85, 0.8):
+        scale = np.maximum(full * shrink, 1e-12)
+        rounded = np.clip(np.rint(value / scale), -127, 127)
+        error = ((rounded * scale - value) ** 2).sum(others, keepdims=True)
+        if best is None or least is None:
+            best, least = scale, error
+        else:
+            better = error < least
+            best, least = np.where(better, scale, best), np.where(better, error, least)
+    assert best is not None
+    return best.astype(np.float32)
+
+
+def output_channel_axes(model: onnx.ModelProto) -> dict[str, int]:
+    """Axis of the output channels of each weight that a convolution or a matrix product takes."""
+    axes: dict[str, int] = {}
+    for node in model.graph.node:
+        if node.op_type == "Conv":
+            axes[node.input[1]] = 0
+        elif node.op_type in ("ConvTranspose", "MatMul"):
+            axes[node.input[1]] = 1
+        elif node.op_type == "Gemm":
+            axes[node.input[1]] = 0 if any(a.name == "transB" and a.i for a in node.attribute) else 1
+    return axes
+
+
+def save(model: onnx.ModelProto, source: str, licence: str) -> bytes:
+    """Check a model and serialise it with its origin."""
+    for key, value in (("source", source), ("license", licence)):
+        entry = model.metadata_props.add()
+        entry.key, entry.value = key, value
+    model.producer_name = "embedded-weights-build"
+    onnx.checker.check_model(model)
+    data: bytes = model.SerializeToString()
+    return data

@@ -1,0 +1,179 @@
+"""MobileSAM: the checkpoint and model definition of a source distribution to an encoder and a decoder in ONNX.
+
+The model definition is imported from the distribution, at build time only. Encoder: image float32 (1, 3, 1024, 1024), 0
+to 255, in the top left corner, and its size (h, w); normalisation and padding happen in the graph. Decoder: points and
+labels (1 on, 0 off, 2 and 3 corners of a box, -1 padding) and a mask to start from.
+"""
+
+from __future__ import annotations
+
+import io
+import sys
+import types
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import torch
+from onnx import TensorProto, helper, numpy_helper
+from torch import Tensor, nn
+
+__all__ = ["constants_to_weights", "export_decoder", "export_encoder", "load", "share_bias_tables"]
+
+SIZE, GRID = 1024, 64
+
+
+def load(folder: Path, checkpoint: Path) -> Any:
+    """The model from the unpacked distribution.
+
+    Its file imports a few names of packages that play no part in inference; stand-ins serve.
+    """
+
+    class DropPath(nn.Module):
+        def __init__(self, drop_prob: float | None = None) -> None:
+            super().__init__()
+
+        def forward(self, x: Tensor) -> Tensor:
+            return x
+
+    modules = {
+        name: types.ModuleType(name)
+        for name in (
+            *("timm", "timm.models", "timm.models.layers", "timm.models.registry"),
+            *("torchvision", "torchvision.ops", "torchvision.ops.boxes"),
+            *("torchvision.transforms", "torchvision.transforms.functional"),
+        )
+    }
+    layers: Any = modules["timm.models.layers"]
+    layers.DropPath, layers.trunc_normal_ = DropPath, nn.init.trunc_normal_
+    layers.to_2tuple = lambda x: x if isinstance(x, tuple) else (x, x)
+    registry: Any = modules["timm.models.registry"]
+    registry.register_model = lambda f: f
+    for name, module in modules.items():
+        if name.startswith("torchvision"):
+            for attribute in ("batched_nms", "box_area", "resize", "to_pil_image", "nms"):
+                setattr(module, attribute, None)
+        sys.modules.setdefault(name, module)
+    sys.path.insert(0, str(folder / "segment_any"))
+    import mobile_sam
+
+    return mobile_sam.sam_model_registry["vit_t"](str(checkpoint)).eval()
+
+
+class _Encoder(nn.Module):
+    def __init__(self, sam: Any) -> None:
+        super().__init__()
+        self.e = sam.image_encoder
+        self.register_buffer("mean", sam.pixel_mean.reshape(1, 3, 1, 1))
+        self.register_buffer("std", sam.pixel_std.reshape(1, 3, 1, 1))
+
+    def forward(self, image: Tensor, size: Tensor) -> Any:
+        at = torch.arange(SIZE)
+        on = ((at[:, None] < size[0]) & (at[None] < size[1])).float()
+        return self.e((image - self.mean) / self.std * on)
+
+
+class _Decoder(nn.Module):
+    def __init__(self, sam: Any) -> None:
+        super().__init__()
+        self.p, self.d = sam.prompt_encoder, sam.mask_decoder
+
+    def forward(
+        self, image_embeddings: Tensor, point_coords: Tensor, point_labels: Tensor, mask_input: Tensor,
+        has_mask_input: Tensor,
+    ) -> Any:  # fmt: skip
+        e = self.p.pe_layer._pe_encoding((point_coords + 0.5) / SIZE)
+        label = point_labels.unsqueeze(-1)
+        e = e * (label != -1).float() + self.p.not_a_point_embed.weight * (label == -1).float()
+        for i in range(4):
+            e = e + self.p.point_embeddings[i].weight * (label == i).float()
+        given = has_mask_input * self.p.mask_downscaling(mask_input)
+        d = given + (1 - has_mask_input) * self.p.no_mask_embed.weight.reshape(1, -1, 1, 1)
+        # Tied to an input, or the exporter would fold it into a constant of 4 MB.
+        g = (torch.arange(GRID, dtype=torch.float32) + 0.5) / GRID + 0 * has_mask_input
+        xy = torch.stack([g[None, :].expand(GRID, GRID), g[:, None].expand(GRID, GRID)], -1)
+        pe = self.p.pe_layer._pe_encoding(xy).permute(2, 0, 1).unsqueeze(0)
+        return self.d.predict_masks(
+            image_embeddings=image_embeddings,
+            image_pe=pe,
+            sparse_prompt_embeddings=e,
+            dense_prompt_embeddings=d,
+        )
+
+
+def _export(module: nn.Module, args: tuple[Tensor, ...], inputs: list[str], outputs: list[str], dynamic: Any) -> Any:
+    file = io.BytesIO()
+    with torch.no_grad():
+        torch.onnx.export(
+            module, args, file, input_names=inputs, output_names=outputs, dynamic_axes=dynamic,
+            opset_version=17, dynamo=False,
+        )  # fmt: skip
+    return onnx.load_from_string(file.getvalue())
+
+
+def export_encoder(sam: Any) -> onnx.ModelProto:
+    """The image encoder, its attention tables shared."""
+    encoder = _Encoder(sam).eval()
+    args = (torch.rand(1, 3, SIZE, SIZE) * 255, torch.tensor([1024, 768]))
+    model = _export(encoder, args, ["image", "size"], ["image_embeddings"], None)
+    constants_to_weights(model)
+    share_bias_tables(model, encoder)
+    return model
+
+
+def export_decoder(sam: Any) -> onnx.ModelProto:
+    """The prompt encoder and mask decoder."""
+    args = (
+        torch.rand(1, 256, GRID, GRID),
+        torch.rand(1, 5, 2) * SIZE,
+        torch.tensor([[1.0, 0, 2, 3, -1]]),
+        torch.zeros(1, 1, 256, 256),
+        torch.zeros(1),
+    )
+    inputs = ["image_embeddings", "point_coords", "point_labels", "mask_input", "has_mask_input"]
+    dynamic = {"point_coords": {1: "N"}, "point_labels": {1: "N"}}
+    model = _export(_Decoder(sam).eval(), args, inputs, ["low_res_masks", "iou"], dynamic)
+    constants_to_weights(model)
+    return model
+
+
+def share_bias_tables(model: onnx.ModelProto, encoder: nn.Module) -> int:
+    """Replace expanded attention biases (heads, N, N) by their small table and a Gather; return how many."""
+    weights = {t.name: t for t in model.graph.initializer}
+    indices: set[str] = set()
+    nodes = []
+    for module in encoder.modules():
+        if not hasattr(module, "attention_bias_idxs"):
+            continue
+        expanded, table = module.ab.numpy(), module.attention_biases.detach().numpy()
+        index = module.attention_bias_idxs.numpy()
+        for name, tensor in list(weights.items()):
+            if list(tensor.dims) != list(expanded.shape) or not np.array_equal(numpy_helper.to_array(tensor), expanded):
+                continue
+            key = f"bias_index_{index.shape[0]}"
+            if key not in indices:
+                indices.add(key)
+                model.graph.initializer.append(numpy_helper.from_array(index.astype(np.int16), key + ".i16"))
+                nodes.append(helper.make_node("Cast", [key + ".i16"], [key], to=TensorProto.INT64))
+            model.graph.initializer.remove(tensor)
+            weights.pop(name)
+            model.graph.initializer.append(numpy_helper.from_array(table, name + ".table"))
+            nodes.append(helper.make_node("Gather", [name + ".table", key], [name], axis=1))
+    rest = list(model.graph.node)
+    del model.graph.node[:]
+    model.graph.node.extend(nodes + rest)
+    return sum(n.op_type == "Gather" for n in nodes)
+
+
+def constants_to_weights(model: onnx.ModelProto, smallest: int = 64) -> None:
+    """Constant nodes with at least ``smallest`` floats become weights, which can be stored in fewer bits."""
+    kept = []
+    for node in model.graph.node:
+        value = node.attribute[0].t if node.op_type == "Constant" and node.attribute[0].name == "value" else None
+        if value is not None and value.data_type == TensorProto.FLOAT and int(np.prod(value.dims)) >= smallest:
+            model.graph.initializer.append(numpy_helper.from_array(numpy_helper.to_array(value), node.output[0]))
+        else:
+            kept.append(node)
+    del model.graph.node[:]
+    model.graph.node.extend(kept)
