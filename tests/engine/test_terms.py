@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
+from typing import get_args
 
 import pytest
 import roma
@@ -11,7 +12,8 @@ import torch
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine import terms
-from physic_core.geometry.robust import cauchy, geman_mcclure, pseudo_huber
+from physic_core.engine.settings import PRESETS, RobustKind
+from physic_core.geometry.robust import cauchy, geman_mcclure, pseudo_huber, robust
 
 RHO = partial(cauchy, c=2.0)
 
@@ -252,3 +254,16 @@ def test_balance_is_finite_when_the_camera_looks_straight_down():
     mass = rand(1, 3)
     terms.balance(mass, rand(1, 55, 3, seed=1), up, torch.ones(1), RHO).sum().backward()
     assert torch.isfinite(mass.grad).all()
+
+
+def test_every_loss_that_settings_can_name_exists():
+    for kind in get_args(RobustKind):
+        assert torch.isfinite(robust(kind, torch.tensor([0.0, 2.0]), 1.5)).all()
+
+
+def test_the_papers_weights_are_those_printed():
+    paper = PRESETS["paper"].joint
+    assert (paper.reprojection_weight, paper.depth_weight) == (10_000, 0.005)
+    assert (paper.contact_weight, paper.penetration_weight, paper.regularisation_weight) == (0.7, 0.3, 45)
+    assert (paper.optimiser, paper.steps, paper.learning_rate, paper.refresh_steps) == ("adam", 100, 0.01, 30)
+    assert (paper.contact_reach_m, paper.self_occlusion_share, paper.facing_deg) == (0.15, 0.3, 70)
