@@ -42,6 +42,7 @@ def optimize(
         PhysicError: shapes that do not fit together, or a depth term without its data.
     """
     problem.check()
+    problem = problem.as_model()
     failures = [""] * len(problem)
     healthy = finite_people(problem)
     for i in (~healthy).nonzero().flatten().tolist():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import torch
 from torch import Tensor
@@ -112,6 +112,19 @@ class JointProblem:
             faults.append(f"human_points must be {b} tensors, got {len(self.human_points)}")
         if faults:
             raise PhysicError("joint optimisation: " + "; ".join(faults))
+
+    def as_model(self) -> JointProblem:
+        """The same with every number in the float type and on the device of the body model."""
+
+        def fit(value: Tensor) -> Tensor:
+            return value.to(device=self.model.device, dtype=self.model.dtype if value.is_floating_point() else None)
+
+        changed: dict[str, object] = {
+            f.name: fit(value) for f in fields(self) if isinstance(value := getattr(self, f.name), Tensor)
+        }
+        if self.human_points is not None:
+            changed["human_points"] = tuple(fit(points) for points in self.human_points)
+        return replace(self, **changed)  # type: ignore[arg-type]
 
     def pick(self, rows: Tensor) -> JointProblem:
         """The same scene with some of its people, (n,) int64."""

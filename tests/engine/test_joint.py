@@ -338,6 +338,20 @@ def test_progress_reaches_one(standing):
     assert told[-1] == 1.0
 
 
+def test_numbers_of_another_float_type_are_taken_as_the_models(standing):
+    problem = standing.problem
+    double = replace(
+        problem,
+        K=problem.K.double(),
+        floor_normal=problem.floor_normal.double(),
+        scene_points=problem.scene_points.double(),
+        human_depth=problem.human_depth.double(),
+        observed=problem.observed,
+    )
+    few = replace(SETTINGS, steps=3)
+    assert torch.equal(optimize(double, few).vertices, optimize(problem, few).vertices)
+
+
 def test_shapes_that_do_not_fit_are_all_named(standing):
     broken = replace(standing.problem, K=torch.eye(4), betas0=torch.zeros(1, 3))
     with pytest.raises(PhysicError) as caught:
