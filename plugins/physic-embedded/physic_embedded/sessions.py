@@ -83,6 +83,9 @@ def open_session(name: str, threads: int = 2, device: str = "cpu") -> InferenceS
     options = ort.SessionOptions()
     options.intra_op_num_threads = threads
     options.log_severity_level = 3
+    # An arena would keep every network's peak for as long as it is open: 2.8 GB for all of them, against 0.8 GB.
+    options.enable_cpu_mem_arena = False
+    options.enable_mem_pattern = False
     path = weights_path(name)
     providers = _providers(device, ort.get_available_providers())
     try:
