@@ -135,7 +135,7 @@ def perceive(
         Pointmap,
         lambda a: border.pointmap_faults(a, height, width),
     )
-    stages.warn(*scene.notes, *original.notes)
+    stages.note(*scene.notes, *original.notes)
 
     with stages.engine("relative floor"):
         floor = _relative_floor(scene, people, hole, keypoints, plan.engine)
@@ -178,7 +178,7 @@ def perceive(
         DepthMap,
         lambda a: border.depth_faults(a, height, width),
     )
-    stages.warn(*depth.notes)
+    stages.note(*depth.notes)
     return Evidence(
         image, camera, given is not None, people, keypoints, hole, empty, scene, original, floor, bodies, contact, depth
     )

@@ -82,7 +82,7 @@ def _reconstruct(photo: Photo, config: Config, registry: Registry | None, progre
 
     photo = prepare(_with_camera(photo, plan.photo), plan.photo.max_side)
     stages = Stages(plan.device, len(plan.backends) + _OWN_STAGES, progress)
-    stages.warn(*photo.notes)
+    stages.note(*photo.notes)
     model = load_body(plan.body_model)
     try:
         evidence = perceive(photo.image, photo.intrinsics, plan, model, stages)
@@ -144,5 +144,6 @@ def _result(
         stages=tuple(stages.records),
         diagnostics={**solution.diagnostics, "people": [dict(p) for p in solution.people]},
         warnings=tuple(stages.warnings),
+        notes=tuple(stages.notes),
         config=config.as_dict(),
     )

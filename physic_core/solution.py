@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -72,7 +72,9 @@ def solve(evidence: Evidence, settings: EngineSettings, model: BodyModel, stages
         with stages.engine("placement"):
             problem, placement = _stage_placement(evidence, scene, settings, model, stages)
         with stages.engine("joint optimisation"):
-            result = optimize(problem, settings.joint)
+            # Where nothing of the background agrees, nobody's own depth is known, and the warning says so.
+            blind = problem.human_depth is None
+            result = optimize(problem, replace(settings.joint, depth_weight=0.0) if blind else settings.joint)
         with stages.engine("contact"):
             return _describe(evidence, scene, problem, placement, result, settings)
 
@@ -154,7 +156,6 @@ def _stage_placement(
         soles=torch.cat([model.contact_sets["left_sole"], model.contact_sets["right_sole"]]),
         feet_seen=observed[:, _ANKLES].any(1),
     )
-    # Where nothing in the background agrees, the people's own depth is not known in the scene's metres.
     agree = alignment.inlier_share > 0
     depth = torch.where(known & torch.isfinite(aligned).all(-1), aligned[..., 2], torch.nan)
     problem = JointProblem(

@@ -25,20 +25,26 @@ class Stages:
 
     Attributes:
         records: what has run so far.
-        warnings: what the user should know, in plain words, each once.
+        warnings: what the user should doubt, in plain words, each once.
+        notes: how the numbers came about, in plain words, each once.
     """
 
     def __init__(self, device: str, total: int, progress: Progress | None = None) -> None:
         self.records: list[StageRecord] = []
         self.warnings: list[str] = []
+        self.notes: list[str] = []
         self._device = device
         self._total = total
         self._progress = progress
         self._loaded: set[int] = set()
 
-    def warn(self, *notes: str) -> None:
+    def warn(self, *texts: str) -> None:
+        """Keep each warning once, in order."""
+        self.warnings += [t for t in dict.fromkeys(texts) if t not in self.warnings]
+
+    def note(self, *texts: str) -> None:
         """Keep each note once, in order."""
-        self.warnings += [n for n in dict.fromkeys(notes) if n not in self.warnings]
+        self.notes += [t for t in dict.fromkeys(texts) if t not in self.notes]
 
     @contextmanager
     def engine(self, name: str) -> Iterator[None]:

@@ -392,7 +392,8 @@ class Reconstruction:
         skeleton: name of the people's keypoints' joint set.
         stages: in order.
         diagnostics: numbers that the engine reports, by stage.
-        warnings: in plain words.
+        warnings: what to doubt, in plain words.
+        notes: how the numbers came about, in plain words ("scale from the soles of 2 people").
         config: the resolved configuration.
     """
 
@@ -406,6 +407,7 @@ class Reconstruction:
     stages: tuple[StageRecord, ...] = ()
     diagnostics: Mapping[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     config: Mapping[str, Any] = field(default_factory=dict)
 
     def save(self, folder: str, *, preview: bool = True) -> None:

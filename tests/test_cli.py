@@ -43,7 +43,8 @@ class Result_:
     """As much of a reconstruction as the command looks at."""
 
     people: tuple[Any, ...] = ()
-    warnings: tuple[str, ...] = ("focal length is a default",)
+    warnings: tuple[str, ...] = ("no floor was found",)
+    notes: tuple[str, ...] = ("focal length is a default",)
     stages: tuple[StageRecord, ...] = (StageRecord("people", 1.25, 0.5), StageRecord("scene", 2.0))
     saved: list[str] = field(default_factory=list)
 
@@ -86,7 +87,8 @@ def test_run_writes_beside_the_photo_and_says_what_was_found(pipeline):
     assert done.exit_code == 0, done.output
     assert done.stdout == (
         "0 people in 3.2 s, and 0.5 s to load models\n"
-        "warning: focal length is a default\n"
+        "note: focal length is a default\n"
+        "warning: no floor was found\n"
         "results: photo-physic/  (look at preview.png first)\n"
     )
     assert done.stderr == "[1/2] people\n[2/2] scene\n"

@@ -152,6 +152,7 @@ def _summary(result: Reconstruction, folder: Path) -> str:
         failed = f"; check: {', '.join(person.failed_checks)}" if person.failed_checks else ""
         distance = float(person.joints[0, 2])
         lines.append(f"  person {i}: {distance:.1f} m away, {touching} of {len(person.contact)} vertices touch{failed}")
+    lines += [f"note: {text}" for text in result.notes]
     lines += [f"warning: {text}" for text in result.warnings]
     lines.append(f"results: {folder}{'' if str(folder).endswith('/') else '/'}  (look at preview.png first)")
     return "\n".join(lines)

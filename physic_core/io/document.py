@@ -59,6 +59,7 @@ def to_document(reconstruction: Reconstruction, files: Sequence[str], arrays_che
             "source": camera.source,
         },
         "warnings": reconstruction.warnings,
+        "notes": reconstruction.notes,
         "people": [_person(index, person) for index, person in enumerate(reconstruction.people)],
         "body_model": reconstruction.body_model,
         "skeleton": reconstruction.skeleton,

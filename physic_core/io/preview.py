@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -37,7 +38,7 @@ SHOWN = 4
 _MARGIN, _GAP, _TITLE = 24, 18, 30
 _ROW = 440  # height of the second row of panels, px
 _INK, _SOFT, _ALERT, _FLOOR = (32, 34, 38), (98, 102, 108), (178, 48, 34), (34, 140, 84)
-_SHOWN_WARNINGS = 6
+_SHOWN_LINES = 6
 _HEAD, _NECK = 15, 12  # joints, SMPL-X order
 _DEPTH_TITLE = "Depth without people"
 _PLAIN = str.maketrans({"×": "x", "—": "-", "–": "-", "−": "-", "’": "'", "‘": "'", "“": '"', "”": '"', "…": "..."})
@@ -66,10 +67,13 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
     diorama = build_diorama(reconstruction)
     frames = _layout(width / height)
     facts = _wrap(headline(reconstruction), 17, WIDTH - 2 * _MARGIN)
-    notes = _warning_lines(reconstruction)
+    lines = [
+        *((line, _ALERT) for line in _lines("! ", reconstruction.warnings)),
+        *((line, _SOFT) for line in _lines("", reconstruction.notes)),
+    ]
     top = _MARGIN + 42 + 24 * len(facts) + 14
     bottom = max(frame.y + frame.height for frame in frames) + top
-    page = Image.new("RGB", (WIDTH, bottom + _MARGIN + 24 * len(notes) + (10 if notes else 0)), PAPER)
+    page = Image.new("RGB", (WIDTH, bottom + _MARGIN + 24 * len(lines) + (10 if lines else 0)), PAPER)
     pen = ImageDraw.Draw(page)
     _text(pen, (_MARGIN, _MARGIN - 6), _count(len(reconstruction.people)), 30, _INK)
     for line, fact in enumerate(facts):
@@ -84,8 +88,8 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
     _plan(page, side, f"From the side{up}", side_plan(diorama, side.width, side.height))
     _plan(page, above, "From above", above_plan(diorama, above.width, above.height))
     _contact(page, contact, reconstruction)
-    for line, note in enumerate(notes):
-        _text(pen, (_MARGIN, bottom + 14 + 24 * line), note, 16, _ALERT)
+    for row, (text, color) in enumerate(lines):
+        _text(pen, (_MARGIN, bottom + 14 + 24 * row), text, 16, color)
     return page
 
 
@@ -274,11 +278,10 @@ def _grid(count: int, frame: _Frame) -> tuple[int, int]:
     return across, math.ceil(count / across)
 
 
-def _warning_lines(reconstruction: Reconstruction) -> list[str]:
-    shown = list(reconstruction.warnings[:_SHOWN_WARNINGS])
-    lines = [_cut(f"! {warning}", 16, WIDTH - 2 * _MARGIN) for warning in shown]
-    more = len(reconstruction.warnings) - len(shown)
-    return [*lines, f"! {more} more in reconstruction.json"] if more > 0 else lines
+def _lines(mark: str, texts: Sequence[str]) -> list[str]:
+    lines = [_cut(f"{mark}{text}", 16, WIDTH - 2 * _MARGIN) for text in texts[:_SHOWN_LINES]]
+    more = len(texts) - len(lines)
+    return [*lines, f"{mark}{more} more in reconstruction.json"] if more > 0 else lines
 
 
 def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:

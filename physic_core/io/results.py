@@ -160,6 +160,7 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
         stages=stages_from(document["stages"]),
         diagnostics=restored(document["diagnostics"]),
         warnings=tuple(document["warnings"]),
+        notes=tuple(document["notes"]),
         config=restored(document["config"]),
     )
 

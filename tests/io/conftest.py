@@ -173,6 +173,7 @@ def make_reconstruction(width: int = 160, height: int = 120, people: int = 2) ->
         stages=(StageRecord("people", 0.25, 1.5, backend), StageRecord("joint", 1 / 3)),
         diagnostics={"joint": {"contact": [12.5, 0.1], "lowest": float("-inf")}, "rounds": 2},
         warnings=("The focal length is a default – “0.95” of the long side.", "NaN"),
+        notes=("read from a file",),
         config={"preset": "default", "engine": {"joint": {"steps": 100, "weight": 0.3}}, "floor": True},
     )
 

@@ -207,6 +207,7 @@ def test_the_document_says_what_a_reader_asks(tmp_path, reconstruction):
     assert document["diagnostics"]["joint"]["contact"] == [12.5, 0.1]
     assert document["config"] == reconstruction.config
     assert document["warnings"][0] == reconstruction.warnings[0]
+    assert document["notes"] == ["read from a file"]
     assert {entry["name"] for entry in document["arrays"]["shared"]} == {spec.name for spec in SHARED_ARRAYS}
     assert "–" in text.decode()  # readable, not escaped
     assert '"normal": [' in text.decode()  # rows of numbers stay on one line
