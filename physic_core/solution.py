@@ -13,6 +13,7 @@ from physic_core.body.parameters import parameters_from_rotations, rotations_fro
 from physic_core.engine.contact import contact_map
 from physic_core.engine.human import align_original, alignment_notes, human_points, place, placed_original
 from physic_core.engine.joint import optimize
+from physic_core.engine.limbs import observed_parts
 from physic_core.engine.problem import JointProblem
 from physic_core.engine.scene import alignment_diagnostics, build_scene
 from physic_core.geometry.neighbors import NearestScene, near_boxes
@@ -210,7 +211,11 @@ def _describe(
     near = near_boxes(points, result.vertices, touchable)
     reach = NearestScene(points[near], problem.scene_normals[near], touchable, settings.contact.nearest)
     plane = None if problem.floor_normal is None else (problem.floor_normal, problem.floor_offset * s)
-    contact, distance = contact_map(result.vertices, reach, plane, problem.model.outer, settings.contact)
+    model, may_touch = problem.model, problem.model.outer.expand(len(result.vertices), -1)
+    if settings.contact.observed:
+        may_touch = may_touch & observed_parts(model.part_names, problem.observed)[:, model.part_of_vertex]
+    outward = vertex_normals(result.vertices, model.faces)
+    contact, distance = contact_map(result.vertices, reach, plane, may_touch, settings.contact, outward)
     people = tuple(
         {**{f"placement_{k}": v for k, v in start.items()}, **end}
         for start, end in zip(placement["people"], result.diagnostics, strict=True)

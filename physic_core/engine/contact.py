@@ -20,6 +20,7 @@ def contact_map(
     floor: tuple[Tensor, float] | None,
     outer: Tensor,
     settings: ContactSettings,
+    normals: Tensor | None = None,
 ) -> tuple[Tensor, Tensor]:
     """Contact and signed distance of every vertex.
 
@@ -27,34 +28,40 @@ def contact_map(
         vertices: (..., V, 3) metres, camera frame.
         scene: the scene's points and normals, already scaled; its radius is the farthest distance it reports.
         floor: unit normal (3,) and offset in metres, or None where there is no floor.
-        outer: (V,) bool, False for cavities, which never touch anything.
+        outer: (V,) or (..., V) bool, vertices that may touch anything: not those of cavities.
         settings: of the contact map.
+        normals: (..., V, 3) unit, out of the body; without them ``settings.facing`` asks nothing.
 
     Returns:
         contact: (..., V) bool.
         distance: (..., V) metres, negative inside; inf where neither scene nor floor is within reach.
     """
-    distance = surface_distance(vertices, scene, settings)
+    distance, against = surface_distance(vertices, scene, settings)
     if floor is not None:
         normal, offset = floor
-        height = plane_height(vertices, normal.to(vertices), vertices.new_tensor(offset))
+        normal = normal.to(vertices)
+        height = plane_height(vertices, normal, vertices.new_tensor(offset))
         height = torch.where(height.abs() < settings.reach_m, height, torch.full_like(height, torch.inf))
-        distance = torch.where(height.abs() < distance.abs(), height, distance)
+        nearer = height.abs() < distance.abs()
+        distance = torch.where(nearer, height, distance)
+        against = torch.where(nearer[..., None], normal, against)
     contact = (distance <= settings.distance_m) & (distance >= -settings.inside_m) & outer
+    if settings.facing and normals is not None:
+        contact = contact & ((normals * against).sum(-1) <= 0)
     return contact, distance
 
 
-def surface_distance(vertices: Tensor, scene: NearestScene, settings: ContactSettings) -> Tensor:
-    """Signed distance (..., V) of each vertex to the surface that the scene's points sample; inf beyond reach.
+def surface_distance(vertices: Tensor, scene: NearestScene, settings: ContactSettings) -> tuple[Tensor, Tensor]:
+    """Signed distance (..., V) of each vertex to the surface that the scene's points sample, and that surface's normal.
 
-    "plane" measures along the normal of the nearest point, so that gaps between points do not count as distance; past
+    The distance is inf beyond reach, the normal (..., V, 3) then means nothing. "plane" measures along the normal of the nearest point, so that gaps between points do not count as distance; past
     the rim of a surface, where the nearest point lies far to the side, the way to the rim is added. A point without a
     normal has no inside: its distance is positive.
     """
     nearest = scene.query(vertices, radius=settings.reach_m)
     far = torch.full_like(nearest.distance, torch.inf)
     if not len(scene.points):
-        return far
+        return far, torch.zeros_like(vertices)
     normals = scene.normals[nearest.index].to(vertices)
     way = vertices - scene.points[nearest.index]
     along = (normals * way).sum(-1)
@@ -65,4 +72,4 @@ def surface_distance(vertices: Tensor, scene: NearestScene, settings: ContactSet
         known = normals.square().sum(-1) > 0.5
         plane = torch.sqrt(along.square() + torch.relu(beside - _SPREAD_M).square())
         magnitude = torch.where(known, plane, magnitude)
-    return torch.where(nearest.found, torch.where(inside, -magnitude, magnitude), far)
+    return torch.where(nearest.found, torch.where(inside, -magnitude, magnitude), far), normals

@@ -339,16 +339,21 @@ class ContactSettings:
 
     Attributes:
         distance_m: a vertex nearer than this to the scene or the floor touches it, metres; 0.02 as released.
-        inside_m: a vertex that lies at most this far inside touches it too, metres; 0.15 as released.
+        inside_m: a vertex that lies at most this far inside touches it too, metres; 0.15 as released. 0.05 is how far
+            flesh and cushions give way.
         reach_m: distances beyond are reported as infinite, metres.
         metric: "plane" measures along the surface's normal, "point" to the nearest point.
+        facing: only where the body's surface faces the scene's: the upper side of a foot does not touch the floor.
+        observed: only on limbs that the photo shows.
         nearest: nearest-point strategy, as in :class:`JointSettings`.
     """
 
     distance_m: float = 0.02
-    inside_m: float = 0.15
+    inside_m: float = 0.05
     reach_m: float = 0.15
     metric: Literal["plane", "point"] = "plane"
+    facing: bool = True
+    observed: bool = True
     nearest: Literal["kdtree", "grid", "brute"] = "kdtree"
 
 
@@ -448,7 +453,7 @@ _PAPER = EngineSettings(
         limit_weight=0.0,
         balance_weight=0.0,
     ),
-    contact=ContactSettings(metric="point", nearest="grid"),
+    contact=ContactSettings(inside_m=0.15, metric="point", facing=False, observed=False, nearest="grid"),
 )
 
 PRESETS: dict[str, EngineSettings] = {"default": EngineSettings(), "paper": _PAPER}

@@ -52,8 +52,8 @@ def test_the_distance_of_a_sphere_is_its_height(surface, gap):
 def test_gaps_between_points_are_no_distance():
     vertex = torch.tensor([[0.0, 0.99, 2.0]])  # 1 cm over the plane, 2.8 cm beside its nearest point
     scene = plane(spacing=0.04)
-    by_plane = surface_distance(vertex, scene, SETTINGS)
-    by_point = surface_distance(vertex, scene, ContactSettings(metric="point"))
+    by_plane, _ = surface_distance(vertex, scene, SETTINGS)
+    by_point, _ = surface_distance(vertex, scene, ContactSettings(metric="point"))
     assert by_plane.item() == pytest.approx(math.hypot(0.01, math.hypot(0.02, 0.02) - 0.02), abs=1e-4)
     assert by_point.item() == pytest.approx(math.hypot(0.01, math.hypot(0.02, 0.02)), abs=1e-4)
 
@@ -68,8 +68,19 @@ def test_past_the_rim_of_a_surface_nothing_touches():
 def test_far_inside_is_not_contact():
     vertex = torch.tensor([[0.0, 1.12, 2.0]])
     outer = torch.ones(1, dtype=torch.bool)
-    assert contact_map(vertex, plane(), None, outer, SETTINGS)[0].item()
-    assert not contact_map(vertex, plane(), None, outer, ContactSettings(inside_m=0.05))[0].item()
+    assert contact_map(vertex, plane(), None, outer, PRESETS["paper"].contact)[0].item()
+    assert not contact_map(vertex, plane(), None, outer, SETTINGS)[0].item()
+
+
+@pytest.mark.parametrize("surface", ["scene", "floor"])
+def test_only_the_lower_side_of_a_sheet_touches_the_ground(surface):
+    sheet = torch.tensor([[0.0, 0.995, 2.0], [0.0, 0.985, 2.0]])  # a sole 5 mm over the plane, its upper side 15 mm
+    normals = torch.tensor([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
+    scene = plane() if surface == "scene" else NOTHING
+    floor = None if surface == "scene" else (torch.tensor([0.0, -1.0, 0.0]), 1.0)
+    both = torch.ones(2, dtype=torch.bool)
+    assert contact_map(sheet, scene, floor, both, SETTINGS, normals)[0].tolist() == [True, False]
+    assert contact_map(sheet, scene, floor, both, PRESETS["paper"].contact, normals)[0].tolist() == [True, True]
 
 
 def test_cavities_never_touch():
@@ -89,7 +100,7 @@ def test_the_nearer_of_scene_and_floor_counts():
 
 def test_a_point_without_a_normal_has_no_inside():
     scene = NearestScene(torch.tensor([[0.0, 0.0, 2.0]]), torch.zeros(1, 3))
-    distance = surface_distance(torch.tensor([[0.0, 0.0, 2.05], [0.0, 0.0, 1.95]]), scene, SETTINGS)
+    distance, _ = surface_distance(torch.tensor([[0.0, 0.0, 2.05], [0.0, 0.0, 1.95]]), scene, SETTINGS)
     assert distance.tolist() == pytest.approx([0.05, 0.05])
 
 
