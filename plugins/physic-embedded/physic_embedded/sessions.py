@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from onnxruntime import InferenceSession
@@ -83,15 +84,32 @@ def open_session(name: str, threads: int = 2, device: str = "cpu") -> InferenceS
     options = ort.SessionOptions()
     options.intra_op_num_threads = threads
     options.log_severity_level = 3
-    # An arena would keep every network's peak for as long as it is open: 2.8 GB for all of them, against 0.8 GB.
-    options.enable_cpu_mem_arena = False
     options.enable_mem_pattern = False
     path = weights_path(name)
     providers = _providers(device, ort.get_available_providers())
     try:
-        return ort.InferenceSession(str(path), options, providers=providers)
+        return _frugal_session()(str(path), options, providers=providers)
     except Exception as cause:  # onnxruntime's own exceptions share no public base class
         raise BackendError(f"onnxruntime cannot open {path.name}: {cause}") from cause
+
+
+@cache
+def _frugal_session() -> type[InferenceSession]:
+    """InferenceSession that gives its working memory back after each run.
+
+    As they come, the sessions of the nine networks keep 2.8 GB between them, and with this 0.7 GB, for a tenth of the
+    time more; without an arena at all, big networks take twice as long.
+    """
+    import onnxruntime as ort
+
+    shrink = ort.RunOptions()
+    shrink.add_run_config_entry("memory.enable_memory_arena_shrinkage", "cpu:0")
+
+    class FrugalSession(ort.InferenceSession):  # type: ignore[misc, name-defined]
+        def run(self, output_names: Any, input_feed: Any, run_options: Any = None) -> Any:
+            return super().run(output_names, input_feed, run_options or shrink)
+
+    return FrugalSession
 
 
 def _providers(device: str, available: list[str]) -> list[str | tuple[str, dict[str, str]]]:
