@@ -50,8 +50,8 @@ class FitSettings:
     stature_sigma: float = 0.05
     size_sigma: float = 0.1
     lean_sigma: float = 0.05
-    upright_sigma: float = 0.05
-    knee_sigma: float = 0.15
+    upright_sigma: float = 0.03
+    knee_sigma: float = 0.12
     level_sigma: float = 0.02
 
 
