@@ -126,7 +126,7 @@ def test_stages_name_their_backends(cases):
     records = {r.name: r.provenance for r in cases[0].result.stages}
     assert {p.backend for p in records.values() if p is not None} == {"mock"}
     assert {p.distribution for p in records.values() if p is not None} == {"physic-mock"}
-    assert "mock: true depth times 1.1" in cases[0].result.warnings
+    assert "mock: true depth times 1.1" in cases[0].result.notes
 
 
 def test_a_result_is_the_same_after_it_was_saved_and_loaded(cases, tmp_path):

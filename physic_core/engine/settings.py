@@ -343,7 +343,8 @@ class ContactSettings:
             flesh and cushions give way.
         reach_m: distances beyond are reported as infinite, metres.
         metric: "plane" measures along the surface's normal, "point" to the nearest point.
-        facing: only where the body's surface faces the scene's: the upper side of a foot does not touch the floor.
+        facing: only where the body's surface faces the scene's, so that the upper side of a foot does not touch the
+            floor. Datasets label by distance alone, and so does the default.
         observed: only on limbs that the photo shows.
         nearest: nearest-point strategy, as in :class:`JointSettings`.
     """
@@ -352,7 +353,7 @@ class ContactSettings:
     inside_m: float = 0.05
     reach_m: float = 0.15
     metric: Literal["plane", "point"] = "plane"
-    facing: bool = True
+    facing: bool = False
     observed: bool = True
     nearest: Literal["kdtree", "grid", "brute"] = "kdtree"
 
@@ -453,7 +454,7 @@ _PAPER = EngineSettings(
         limit_weight=0.0,
         balance_weight=0.0,
     ),
-    contact=ContactSettings(inside_m=0.15, metric="point", facing=False, observed=False, nearest="grid"),
+    contact=ContactSettings(inside_m=0.15, metric="point", observed=False, nearest="grid"),
 )
 
 PRESETS: dict[str, EngineSettings] = {"default": EngineSettings(), "paper": _PAPER}
