@@ -97,8 +97,8 @@ def open_session(name: str, threads: int = 2, device: str = "cpu") -> InferenceS
 def _frugal_session() -> type[InferenceSession]:
     """InferenceSession that gives its working memory back after each run.
 
-    As they come, the sessions of the nine networks keep 2.8 GB between them, and with this 0.7 GB, for a tenth of the
-    time more; without an arena at all, big networks take twice as long.
+    As they come, the five largest networks reach 2.8 GB of memory together, and with this all nine reach 0.8 GB, for a
+    tenth to a fifth more time; without an arena at all, the large ones take twice as long.
     """
     import onnxruntime as ort
 
