@@ -70,7 +70,7 @@ class PhotoSettings(_Table):
         default=None, description="fx, fy, cx, cy, px of the upright photo file, pixel centres at integers"
     )
     mask_growth: float = Field(
-        default=0.004, ge=0, le=0.1, description="people's masks grow by this share of the long side before inpainting"
+        default=0.008, ge=0, le=0.1, description="people's masks grow by this share of the long side before inpainting"
     )
 
     @field_validator("intrinsics", mode="before")

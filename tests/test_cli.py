@@ -314,7 +314,7 @@ def test_show_says_where_each_value_is_from():
     shown = physic("config", "show", "my.toml", "--set", "run.device=cuda").stdout
     assert "max_side = 640  # my.toml\n" in shown
     assert 'device = "cuda"  # --set\n' in shown
-    assert "mask_growth = 0.004  # default\n" in shown
+    assert "mask_growth = 0.008  # default\n" in shown
     assert '[segmenter]\nbackend = "embedded"  # preset embedded\n' in shown
 
 

@@ -50,7 +50,8 @@ class JointEnergy:
         with torch.no_grad():
             start = problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0)
         self.fixed = prepare(problem, settings, start)
-        self.state = _state(problem, settings, start.joints[:, 0], self.fixed.feet_seen, len(self.fixed.surface))
+        self._offset_free = _offset_free(problem, settings, self.fixed.feet_seen)
+        self.state = _state(problem, settings, start.joints[:, 0], self._offset_free, len(self.fixed.surface))
         self._cloud = _cloud(problem, settings)
         self._gathered = start.vertices
         self.scene = scene_near(self.fixed, settings, start.vertices, 1.0)
@@ -114,7 +115,8 @@ class JointEnergy:
         if self._cloud is not None:
             return settings.depth_weight * self._cloud(vertices, self.visible.facing, estimate.log_scale)
         rho = partial(robust, settings.depth_loss, c=settings.depth_scale)
-        return settings.depth_weight * terms.depth_at_pixels(
+        weight = torch.where(self._offset_free, settings.depth_relief_weight, settings.depth_weight)
+        return weight.to(vertices.dtype) * terms.depth_at_pixels(
             vertices[..., 2],
             self.visible.log_seen,
             self.visible.depth_weight,
@@ -209,11 +211,17 @@ class JointEnergy:
         }
 
 
-def _state(problem: JointProblem, settings: JointSettings, pelvis: Tensor, feet_seen: Tensor, surface: int) -> State:
+def _offset_free(problem: JointProblem, settings: JointSettings, feet_seen: Tensor) -> Tensor:
+    """(B,) bool: only soles on a floor tell depth's error from a wrong place."""
     floor_known = problem.floor_normal is not None and settings.floor == "plane"
+    known = floor_known and settings.depth_offset_sigma > 0 and "offset" not in settings.frozen
+    return feet_seen.any(1) if known else torch.zeros_like(feet_seen[:, 0])
+
+
+def _state(problem: JointProblem, settings: JointSettings, pelvis: Tensor, offset_free: Tensor, surface: int) -> State:
     frozen = set(settings.frozen)
-    if settings.depth_offset_sigma <= 0 or not floor_known:
-        frozen.add("offset")  # only soles on a floor tell depth's error from a wrong place
+    if not offset_free.any():
+        frozen.add("offset")
     if surface == 0 and problem.floor_normal is None:
         frozen.add("scale")  # nothing is left that shows the scale
     return State(
@@ -225,7 +233,7 @@ def _state(problem: JointProblem, settings: JointSettings, pelvis: Tensor, feet_
         frozen=sorted(frozen),
         scale_sigma=settings.scale_sigma if problem.scale_sigma is None else problem.scale_sigma,
         offset_sigma=settings.depth_offset_sigma,
-        offset_free=feet_seen.any(1),
+        offset_free=offset_free,
     )
 
 

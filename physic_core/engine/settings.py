@@ -206,6 +206,8 @@ class JointSettings:
         min_confidence: keypoints below count ``low_confidence_weight`` times as much.
         low_confidence_weight: 0 drops them.
         depth_weight: lambda_d of Eq. 5.
+        depth_relief_weight: instead of it, for people whose depth offset is free: what is then left of their depth is its
+            relief, which a network makes up more freely than the distance.
         depth_form: "pixels" compares visible vertices with the depth at their pixel; "chamfer" is Eq. 4.
         depth_sigma: expected error of the logarithm of depth.
         depth_loss: robust loss of "pixels".
@@ -280,7 +282,8 @@ class JointSettings:
     reprojection_mean: bool = False
     min_confidence: float = 0.3
     low_confidence_weight: float = 0.1
-    depth_weight: float = 25.0
+    depth_weight: float = 15.0
+    depth_relief_weight: float = 5.0
     depth_form: Literal["pixels", "chamfer"] = "pixels"
     depth_sigma: float = 0.03
     depth_loss: RobustKind = "cauchy"
@@ -297,7 +300,7 @@ class JointSettings:
     contact_scale: float = 3.0
     contact_facing: bool = True
     contact_occluded: bool = False
-    penetration_weight: float = 1.0
+    penetration_weight: float = 0.3
     penetration_metric: Literal["plane", "point"] = "plane"
     penetration_reach_m: float = 0.15
     penetration_slack_m: float = 0.005
