@@ -6,6 +6,8 @@ Estimators look at the photo (:mod:`physic_core.perception`), the engine makes o
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -85,8 +87,9 @@ def _reconstruct(photo: Photo, config: Config, registry: Registry | None, progre
     stages.note(*photo.notes)
     model = load_body(plan.body_model)
     try:
-        evidence = perceive(photo.image, photo.intrinsics, plan, model, stages)
-        solution = solve(evidence, plan.engine, model, stages)
+        with _single_thread():
+            evidence = perceive(photo.image, photo.intrinsics, plan, model, stages)
+            solution = solve(evidence, plan.engine, model, stages)
     finally:
         for resolved in plan.backends.values():
             resolved.backend.close()
@@ -95,6 +98,19 @@ def _reconstruct(photo: Photo, config: Config, registry: Registry | None, progre
 
 _OWN_STAGES = 6
 """The second point map, the relative floor, and the engine's four."""
+
+
+@contextmanager
+def _single_thread() -> Iterator[None]:
+    """One torch thread inside: beside another busy process two made fits of this size up to 45 times slower."""
+    import torch
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def _with_camera(photo: Photo, settings: PhotoSettings) -> Photo:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
     from physic_core.stages import Stages
     from physic_core.types import BoolArray, FloatArray
 
-__all__ = ["Solution", "single_thread", "solve"]
+__all__ = ["Solution", "solve"]
 
 
 @dataclass(frozen=True)
@@ -66,29 +65,17 @@ class Solution:
 
 def solve(evidence: Evidence, settings: EngineSettings, model: BodyModel, stages: Stages) -> Solution:
     """Run the engine on the CPU or on the model's device."""
-    with single_thread():
-        with stages.engine("scene"):
-            scene = _stage_scene(evidence, settings)
-            stages.warn(*scene.notes)
-        with stages.engine("placement"):
-            problem, placement = _stage_placement(evidence, scene, settings, model, stages)
-        with stages.engine("joint optimisation"):
-            # Where nothing of the background agrees, nobody's own depth is known, and the warning says so.
-            blind = problem.human_depth is None
-            result = optimize(problem, replace(settings.joint, depth_weight=0.0) if blind else settings.joint)
-        with stages.engine("contact"):
-            return _describe(evidence, scene, problem, placement, result, settings)
-
-
-@contextmanager
-def single_thread() -> Iterator[None]:
-    """One torch thread inside: beside another busy process two made fits of this size up to 45 times slower."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
+    with stages.engine("scene"):
+        scene = _stage_scene(evidence, settings)
+        stages.warn(*scene.notes)
+    with stages.engine("placement"):
+        problem, placement = _stage_placement(evidence, scene, settings, model, stages)
+    with stages.engine("joint optimisation"):
+        # Where nothing of the background agrees, nobody's own depth is known, and the warning says so.
+        blind = problem.human_depth is None
+        result = optimize(problem, replace(settings.joint, depth_weight=0.0) if blind else settings.joint)
+    with stages.engine("contact"):
+        return _describe(evidence, scene, problem, placement, result, settings)
 
 
 def _stage_scene(evidence: Evidence, settings: EngineSettings) -> SceneState:

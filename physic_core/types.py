@@ -182,7 +182,7 @@ class DepthMap:
 
 @dataclass(frozen=True)
 class BodyParameters:
-    """SMPL-X-named parameters of N bodies: rotation vectors in radians, SMPL-X joint order, flat hand mean, no hand PCA.
+    """SMPL-X-named parameters of N bodies: rotation vectors, radians, SMPL-X joint order, flat hand mean, no hand PCA.
 
     Attributes:
         global_orient: (N, 3) rotation about the pelvis joint.

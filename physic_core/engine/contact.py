@@ -52,11 +52,11 @@ def contact_map(
 
 
 def surface_distance(vertices: Tensor, scene: NearestScene, settings: ContactSettings) -> tuple[Tensor, Tensor]:
-    """Signed distance (..., V) of each vertex to the surface that the scene's points sample, and that surface's normal.
+    """Signed distance (..., V) of each vertex to the surface that the scene's points sample, and its normals (..., V, 3).
 
-    The distance is inf beyond reach, the normal (..., V, 3) then means nothing. "plane" measures along the normal of the nearest point, so that gaps between points do not count as distance; past
+    "plane" measures along the normal of the nearest point, so that gaps between points do not count as distance; past
     the rim of a surface, where the nearest point lies far to the side, the way to the rim is added. A point without a
-    normal has no inside: its distance is positive.
+    normal has no inside: its distance is positive. Beyond reach the distance is inf and the normal means nothing.
     """
     nearest = scene.query(vertices, radius=settings.reach_m)
     far = torch.full_like(nearest.distance, torch.inf)

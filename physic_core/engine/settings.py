@@ -206,8 +206,8 @@ class JointSettings:
         min_confidence: keypoints below count ``low_confidence_weight`` times as much.
         low_confidence_weight: 0 drops them.
         depth_weight: lambda_d of Eq. 5.
-        depth_relief_weight: instead of it, for people whose depth offset is free: what is then left of their depth is its
-            relief, which a network makes up more freely than the distance.
+        depth_relief_weight: instead of it, for people whose depth offset is free: what is then left of their depth is
+            its relief, which a network makes up more freely than the distance.
         depth_form: "pixels" compares visible vertices with the depth at their pixel; "chamfer" is Eq. 4.
         depth_sigma: expected error of the logarithm of depth.
         depth_loss: robust loss of "pixels".

@@ -19,7 +19,7 @@ _MAX_TILT_DEG = 25.0  # from the image's vertical; a pitched camera fans upright
 _MAX_PITCH_DEG = 35.0
 _MAX_ROLL_DEG = 15.0
 _TOLERANCE_DEG = 1.5
-_FEWEST_SEGMENTS = 8
+_FEWEST_SEGMENTS = 20  # fewer agree by chance
 _FOCAL_LOG_SIGMA = 0.3  # of a default focal length
 
 

@@ -27,7 +27,7 @@ __all__ = ["Infinity", "Standing", "disparity_of_infinity", "manhattan_share"]
 # indoors below the farthest pixel.
 _OUTDOORS = (0.006, 0.7)
 _INDOORS = (0.25, 0.9)
-_CAMERA_HEIGHT = (1.4, 0.4)  # metres: median and standard deviation of the logarithm
+_CAMERA_HEIGHT = (1.45, 0.3)  # metres: median and standard deviation of the logarithm
 _NOSE, _ANKLE = 1.53, 0.08  # metres over the floor, an adult who stands
 _CANDIDATES = (0.003, 4.0, 80)
 _FLOOR_SHARE = 0.1  # a smaller floor than this has no horizon worth reading
@@ -107,7 +107,7 @@ def disparity_of_infinity(
             pitch = np.degrees(np.arctan2(floor.d0 - candidates, floor.dv * focal))
             cost = cost + _robust((pitch - gravity.pitch_deg) / gravity.sigma_deg)
             cues.append(gravity.source)
-        if standing and share > 0.3:
+        if standing:
             horizon = np.array([floor.horizon(c) for c in candidates]) * long_side + (height - 1) / 2
             heights = [_ANKLE + (_NOSE - _ANKLE) * (s.ankle - horizon) / (s.ankle - s.nose) for s in standing]
             camera = np.median(np.maximum(heights, 0.05), axis=0)

@@ -26,7 +26,8 @@ _OUTSIDE = 0.05  # weight left to a keypoint outside the picture, which the netw
 _UNSEEN, _UNSEEN_WEIGHT = 0.3, 0.1  # a keypoint of less confidence keeps this share of its 2D weight
 _HIP_WEIGHT = 0.5  # networks mark hips on the surface, bodies have them inside
 _LEAST_WORLD_WEIGHT = 0.15
-_LEAST_WORLD_WEIGHT_OUTSIDE = 0.03  # so little that legs out of the picture hang as the prior has them
+_GUESSED = 0.1  # below this confidence, or outside the picture, a landmark is made up
+_GUESSED_WEIGHT = 0.001  # so little that such a leg hangs as the prior has it
 _BELOW_KNEE = ("ankle", "heel", "foot_tip", "big_toe", "small_toe")
 
 
@@ -97,12 +98,15 @@ def people_views(keypoints: Keypoints, people: People, intrinsics: Intrinsics) -
     else:
         world = world - world[:, hips].mean(1, keepdims=True)
         size = _STATURE * _pixels_per_metre(points, world, confidence)
-    placed = inside.copy()
-    for side in ("left", "right"):  # a knee in the picture gives the landmarks of its shank a hold
+    world_weight = np.maximum(confidence, _LEAST_WORLD_WEIGHT)
+    made_up = ~inside | (confidence < _GUESSED)
+    for side in ("left", "right"):
+        knee = row[f"{side}_knee"]
         below = [row[f"{side}_{name}"] for name in _BELOW_KNEE if f"{side}_{name}" in row]
-        placed[:, below] |= inside[:, [row[f"{side}_knee"]]]
-    least = np.where(placed, _LEAST_WORLD_WEIGHT, _LEAST_WORLD_WEIGHT_OUTSIDE)
-    return Views(points, weight, confidence, size, turn, world, np.maximum(confidence, least))
+        # A knee that is seen gives its shank a hold, in the picture or not.
+        for joint, hangs in ((knee, made_up[:, knee]), *((b, made_up[:, b] & made_up[:, knee]) for b in below)):
+            weight[hangs, joint] = world_weight[hangs, joint] = _GUESSED_WEIGHT
+    return Views(points, weight, confidence, size, turn, world, world_weight)
 
 
 def _pixels_per_metre(points: FloatArray, world: FloatArray, weight: FloatArray) -> FloatArray:
