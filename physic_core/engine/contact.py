@@ -52,7 +52,7 @@ def contact_map(
 
 
 def surface_distance(vertices: Tensor, scene: NearestScene, settings: ContactSettings) -> tuple[Tensor, Tensor]:
-    """Signed distance (..., V) of each vertex to the surface that the scene's points sample, and its normals (..., V, 3).
+    """Signed distance (..., V) of each vertex to the surface that the scene samples, and its normals (..., V, 3).
 
     "plane" measures along the normal of the nearest point, so that gaps between points do not count as distance; past
     the rim of a surface, where the nearest point lies far to the side, the way to the rim is added. A point without a
