@@ -26,9 +26,9 @@ _OUTSIDE = 0.05  # weight left to a keypoint outside the picture, which the netw
 _UNSEEN, _UNSEEN_WEIGHT = 0.3, 0.1  # a keypoint of less confidence keeps this share of its 2D weight
 _HIP_WEIGHT = 0.5  # networks mark hips on the surface, bodies have them inside
 _LEAST_WORLD_WEIGHT = 0.15
-_GUESSED = 0.1  # below this confidence, or outside the picture, a landmark is made up
-_GUESSED_WEIGHT = 0.001  # so little that such a leg hangs as the prior has it
-_BELOW_KNEE = ("ankle", "heel", "foot_tip", "big_toe", "small_toe")
+_GUESSED = 0.05  # below this confidence, or outside the picture, a keypoint is made up
+_LEG = ("knee", "ankle", "heel", "foot_tip", "big_toe", "small_toe")
+_HANGING = {"knee": 0.4, "ankle": 0.8}  # metres under the hip, of legs of which nothing is seen
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def ray_rotation(ray: FloatArray) -> FloatArray:
 
 
 def people_views(keypoints: Keypoints, people: People, intrinsics: Intrinsics) -> Views:
-    """Weights, sizes and rays of everyone.
+    """Weights, sizes and rays of everyone. Where nothing is seen of knees and ankles, the legs hang straight down.
 
     Args:
         keypoints: of a joint set with hips and shoulders; one row a person.
@@ -100,12 +100,18 @@ def people_views(keypoints: Keypoints, people: People, intrinsics: Intrinsics) -
         size = _STATURE * _pixels_per_metre(points, world, confidence)
     world_weight = np.maximum(confidence, _LEAST_WORLD_WEIGHT)
     made_up = ~inside | (confidence < _GUESSED)
+    bends = [row[f"{side}_{joint}"] for side in ("left", "right") for joint in ("knee", "ankle")]
+    unseen = made_up[:, bends].all(1)
     for side in ("left", "right"):
-        knee = row[f"{side}_knee"]
-        below = [row[f"{side}_{name}"] for name in _BELOW_KNEE if f"{side}_{name}" in row]
-        # A knee that is seen gives its shank a hold, in the picture or not.
-        for joint, hangs in ((knee, made_up[:, knee]), *((b, made_up[:, b] & made_up[:, knee]) for b in below)):
-            weight[hangs, joint] = world_weight[hangs, joint] = _GUESSED_WEIGHT
+        for name in _LEG:
+            joint = row.get(f"{side}_{name}")
+            if joint is None:
+                continue
+            weight[unseen, joint] = world_weight[unseen, joint] = 0
+            if world is not None and name in _HANGING:
+                down = _HANGING[name] * turn[unseen, 1]  # the camera's y axis in the axes of each view
+                world[unseen, joint] = world[unseen, row[f"{side}_hip"]] + down
+                world_weight[unseen, joint] = _LEAST_WORLD_WEIGHT
     return Views(points, weight, confidence, size, turn, world, world_weight)
 
 

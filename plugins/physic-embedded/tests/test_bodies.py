@@ -229,6 +229,19 @@ def test_joints_out_of_the_picture_or_unsure_are_not_observed(backend: EmbeddedB
     assert {"pelvis", "spine2", "left_shoulder", "head", "right_wrist", "right_thumb3"} <= observed
 
 
+def test_legs_of_which_nothing_is_seen_hang_straight_down(backend: EmbeddedBodies) -> None:
+    """What the network makes up below the picture says nothing: here that somebody sits."""
+    seen = truth([SITS], [(-0.2, 0.75, 1.8)])
+    names = list(SKELETONS["blazepose33"])
+    legs = [names.index(f"{s}_{j}") for s in ("left", "right") for j in ("knee", "ankle", "heel", "foot_tip")]
+    confidence = seen.keypoints.confidence.copy()
+    confidence[0, legs] = 0.02
+    joints, _ = posed(fit(backend, replace(seen, keypoints=replace(seen.keypoints, confidence=confidence))))
+    for side in ("left", "right"):
+        leg = joints[0, JOINT_INDEX[f"{side}_ankle"]] - joints[0, JOINT_INDEX[f"{side}_hip"]]
+        assert np.degrees(np.arccos(leg[1] / np.linalg.norm(leg))) < 15
+
+
 def test_nobody_gives_no_bodies(backend: EmbeddedBodies) -> None:
     empty = Keypoints(np.zeros((0, 33, 2)), np.zeros((0, 33)), "blazepose33", np.zeros((0, 33, 3)))
     nobody = People(np.zeros((0, 800, 1000), bool), np.zeros((0, 4)), np.zeros(0))
