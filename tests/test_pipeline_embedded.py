@@ -86,9 +86,9 @@ def test_telea_takes_the_inpainters_place(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     document = json.loads((out / "reconstruction.json").read_text())
     backends = {s["backend"]["interface"]: s["backend"] for s in document["stages"] if s["backend"]}
-    assert backends["inpainter"]["backend"] == "telea"
+    assert backends["inpainter"]["name"] == "telea"
     assert backends["inpainter"]["distribution"] == "physic-opencv"
-    assert backends["segmenter"]["backend"] == "embedded"
+    assert backends["segmenter"]["name"] == "embedded"
     assert len(document["people"]) == 2
     assert {p.name for p in out.iterdir()} >= {"preview.png", "scene.glb", "person_1.glb", "combined.glb"}
     assert f"results: {out}/  (look at preview.png first)" in done.output
