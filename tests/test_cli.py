@@ -132,10 +132,12 @@ def test_run_keeps_what_fails_cheaply_in_front_of_the_pipeline(pipeline):
     assert refusal(*run("--device", "foo")) == "no device named 'foo': use 'cpu', 'cuda' or 'cuda:N'"
     assert refusal("run", "photo.jpg", "--preset", "no") == "no preset named 'no'; there are: embedded, mock"
     Path("taken").write_text("")
-    for out in ("taken", "taken/deep"):
-        assert refusal(*run("-o", out)) == (
-            f"results cannot be written to {out}: Not a directory; choose another folder with -o"
-        )
+    assert refusal(*run("-o", "taken")) == (
+        "cannot write results to taken: it is a file; name a folder, or move the file away"
+    )
+    assert refusal(*run("-o", "taken/deep")) == (
+        "cannot write results to taken/deep: Not a directory; name another folder, or mend this"
+    )
     assert pipeline.calls == []
     assert [p.name for p in Path().iterdir()] == ["taken"]
 

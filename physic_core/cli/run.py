@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import sys
-import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-
-from physic_core.errors import OutputError
 
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction
@@ -88,20 +85,11 @@ def run(
 @contextmanager
 def _reserved(folder: Path) -> Iterator[None]:
     """Make sure that the folder can be written before minutes are spent, and leave no empty one behind."""
-    made: list[Path] = []
+    from physic_core.io.atomic import check_writable
+
+    made = [part for part in [*reversed(folder.absolute().parents), folder.absolute()] if not part.exists()]
     try:
-        for part in [*reversed(folder.absolute().parents), folder.absolute()]:
-            if not part.exists():
-                part.mkdir()
-                made.append(part)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        _remove(made)
-        raise OutputError(
-            f"results cannot be written to {folder}: {error.strerror}; choose another folder with -o"
-        ) from error
-    try:
+        check_writable(folder)
         yield
     except BaseException:
         _remove(made)
