@@ -6,7 +6,7 @@ A point is a joint of the model, or the mean of a few picked surface vertices. L
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -63,6 +63,28 @@ SKELETONS: dict[str, tuple[str, ...]] = {
 wrist, thumb, index, middle, ring, pinky, each from its base to its tip, as MediaPipe orders them too."""
 
 
+_MARKS: dict[str, tuple[tuple[str, str, float], ...]] = {
+    "blazepose33": (
+        ("hip", "knee", 0.06),
+        ("hip", "~hip", 0.08),
+        ("ankle", "knee", 0.10),
+        ("shoulder", "~shoulder", 0.055),
+        ("shoulder", "hip", -0.055),
+        ("heel", "ankle", 0.16),
+        ("foot_tip", "heel", 0.085),
+        ("foot_tip", "ankle", 0.26),
+        ("ear_surface", "nose", 0.14),
+        ("eye_surface", "nose", 0.05),
+        ("pinky1", "wrist", 0.23),
+        ("index1", "wrist", 0.21),
+        ("thumb2", "wrist", 0.12),
+    ),
+}
+"""Where a network puts its marks beside the points of the same name: point, the point towards which the mark lies ("~":
+the same of the other side), by which share of the way. Measured by fitting the embedded body to 31 people in 16 photos
+with these shares left free; shares of one half of the photos lower the reprojection error on the other by a fifth."""
+
+
 @dataclass(frozen=True)
 class PointRegressor:
     """A linear map from joints and a few vertices to named points.
@@ -92,7 +114,21 @@ def skeleton_regressor(skeleton: str, picks: Mapping[str, Tensor], like: Tensor)
         picks: surface point -> vertex ids.
         like: gives the float type and the device.
     """
-    return _regressor(SKELETONS[skeleton], picks, like)
+    points = _regressor(SKELETONS[skeleton], picks, like)
+    return replace(points, matrix=_marks(skeleton).to(like) @ points.matrix)
+
+
+def _marks(skeleton: str) -> Tensor:
+    """(J, J), rows that sum to 1: the marks of a network from the points of the same names."""
+    row = {name: i for i, name in enumerate(SKELETONS[skeleton])}
+    blend = torch.eye(len(row))
+    for side, other in zip(SIDES, reversed(SIDES), strict=True):
+        for point, towards, share in _MARKS.get(skeleton, ()):
+            start = row[f"{side}_{point}"]
+            end = towards if towards in row else f"{other}_{towards[1:]}" if towards[0] == "~" else f"{side}_{towards}"
+            blend[start, start] -= share
+            blend[start, row[end]] += share
+    return blend
 
 
 def _regressor(names: Sequence[str], picks: Mapping[str, Tensor], like: Tensor) -> PointRegressor:

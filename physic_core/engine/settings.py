@@ -317,7 +317,7 @@ class JointSettings:
     floor_sigma_m: float = 0.015
     sole_weight: float = 1.0
     sole_sigma_m: float = 0.015
-    sole_scale: float = 4.0
+    sole_scale: float = 3.0
     lower_sole_weight: float = 4.0
     lower_sole_sigma_m: float = 0.05
     lower_sole_reach_m: float = 0.4

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from .marks import marks_of
+from .marks import world_offset
 from .prior import HINGE_LIMIT, hinges, pose_prior, resting_fingers
 from .skeleton import point_rows
 
@@ -98,7 +98,6 @@ class FitProblem:
     landmarks: LandmarkModel
     skeleton: str
     rows: Tensor
-    blend: Tensor
     hips: tuple[int, int]
     knees: tuple[int, int]
     points: Tensor
@@ -159,7 +158,7 @@ class FitProblem:
         s = self.settings
         body = self.body(unknowns)
         posed = self.landmarks(body.rotations, body.betas, body.transl)
-        joints, points = posed["joints"], self.blend @ posed[self.skeleton].index_select(1, self.rows)
+        joints, points = posed["joints"], posed[self.skeleton].index_select(1, self.rows)
 
         homogeneous = points @ self.camera.T
         projected = homogeneous[..., :2] / homogeneous[..., 2:].clamp(min=0.1)
@@ -219,7 +218,7 @@ def fit_problem(
     index = point_rows(skeleton)
     used = [name for name in index if not any(twin in name for twin in _TWINS)]
     rows = [index[name] for name in used]
-    prior, marks = pose_prior(tight=views.world is None), marks_of(skeleton, used)
+    prior = pose_prior(tight=views.world is None)
     up, up_angle, feet = np.zeros(3), np.zeros(count), np.zeros(count)
     if floor_up is not None:
         up = np.asarray(floor_up, np.float64)
@@ -233,7 +232,6 @@ def fit_problem(
         landmarks=model.landmarks_only([skeleton], torch.cat(soles)),
         skeleton=skeleton,
         rows=torch.as_tensor(rows),
-        blend=tensor(marks.blend),
         hips=(used.index("left_hip"), used.index("right_hip")),
         knees=(JOINT_INDEX["left_knee"] - 1, JOINT_INDEX["right_knee"] - 1),
         points=tensor(views.points[:, rows]),
@@ -241,7 +239,7 @@ def fit_problem(
         confidence=tensor(views.confidence[:, rows]),
         size=tensor(views.size),
         turn=tensor(views.turn),
-        world=None if views.world is None else tensor(views.world[:, rows] + marks.world_offset),
+        world=None if views.world is None else tensor(views.world[:, rows] + world_offset(skeleton, used)),
         world_weight=tensor(views.world_weight[:, rows]),
         camera=tensor(camera),
         root=tensor(start.root),
