@@ -283,7 +283,7 @@ class JointSettings:
     min_confidence: float = 0.3
     low_confidence_weight: float = 0.1
     depth_weight: float = 15.0
-    depth_relief_weight: float = 5.0
+    depth_relief_weight: float = 2.0
     depth_form: Literal["pixels", "chamfer"] = "pixels"
     depth_sigma: float = 0.03
     depth_loss: RobustKind = "cauchy"

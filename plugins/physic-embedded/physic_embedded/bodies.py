@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 __all__ = ["EmbeddedBodies"]
 
+_SLIGHT_BEND = 0.7  # radians that a knee of somebody who stands may seem to bend
+_TRUE_BEND = 0.35  # share of it that is taken to be true
 _MOST_LEAN = 0.44  # radians; a larger lean is a misread floor or no stance
 
 
@@ -136,7 +138,7 @@ class EmbeddedBodies(BodyEstimator):
                 views,
                 camera,
                 skeleton,
-                _turned_start(fit, views, turn),
+                _turned_start(fit, views, turn, stands),
                 settings,
                 floor_up=up,
                 stands=stands,
@@ -185,15 +187,23 @@ def _fit_with_landmarks(
     )
 
 
-def _turned_start(fit: BodyFit, views: Views, turn: FloatArray) -> Start:
-    """A finished fit as a start, its people turned about the x axis of their view."""
+def _turned_start(fit: BodyFit, views: Views, turn: FloatArray, stands: BoolArray) -> Start:
+    """A finished fit as a start, its people turned about the x axis of their view, who stands on straighter legs.
+
+    3D landmarks bend knees towards the camera as they lean bodies towards it, and the picture shows neither.
+    """
     import numpy as np
     import roma
     from scipy.spatial.transform import Rotation
+
+    from physic_core.body import JOINT_INDEX
 
     from .bodyfit_problem import Start
 
     about_x = Rotation.from_rotvec(np.stack([turn, 0 * turn, 0 * turn], -1)).as_matrix()
     root = views.turn @ about_x @ views.turn.transpose(0, 2, 1) @ fit.rotations[:, 0].double().numpy()
     pose = roma.rotmat_to_rotvec(fit.rotations[:, 1:22].double()).numpy()
+    for knee in (JOINT_INDEX["left_knee"] - 1, JOINT_INDEX["right_knee"] - 1):
+        bend = pose[:, knee, 0]
+        pose[:, knee, 0] = np.where(stands & (np.abs(bend) < _SLIGHT_BEND), _TRUE_BEND * bend, bend)
     return Start(root, pose, fit.transl.double().numpy())
