@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from .bodyfit_problem import FitSettings, Start
     from .views import Views
 
+    BoolArray = NDArray[np.bool_]
     FloatArray = NDArray[np.floating]
 
 __all__ = ["EmbeddedBodies"]

@@ -198,6 +198,24 @@ def test_people_who_stand_on_a_floor_lose_the_lean_of_their_landmarks(backend: E
     assert after[1] == pytest.approx(before[1], abs=3)
 
 
+def test_landmarks_that_bend_the_knees_of_who_stands_are_not_believed(backend: EmbeddedBodies) -> None:
+    seen = truth([STANDS], PLACES[:1])
+    names, world = list(SKELETONS["blazepose33"]), np.array(seen.keypoints.world)
+    for side in ("left", "right"):
+        world[:, names.index(f"{side}_knee"), 2] -= 0.12
+    bent = replace(seen, keypoints=replace(seen.keypoints, world=world))
+
+    def knees_deg(floor: Plane | None) -> np.ndarray:
+        pose = fit(backend, bent, floor).parameters.body_pose.reshape(21, 3)
+        knees = pose[[JOINT_INDEX["left_knee"] - 1, JOINT_INDEX["right_knee"] - 1]]
+        return np.degrees(np.linalg.norm(knees, axis=-1))
+
+    before, after = knees_deg(None), knees_deg(FLOOR)
+    print(f"knees bent {before.round()} -> {after.round()} deg, truth [8, 12]")
+    assert before.mean() > 18
+    assert after.mean() < 14
+
+
 def test_the_cure_can_be_switched_off(backend: EmbeddedBodies) -> None:
     plain = EmbeddedBodies(EmbeddedBodiesOptions(cure_lean=False))
     plain.load()
