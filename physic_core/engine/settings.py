@@ -242,7 +242,7 @@ class JointSettings:
         floor_weight: of vertices under the plane ("plane").
         floor_slack_m: depth under it that is not punished, metres.
         floor_sigma_m: expected error of the plane, metres.
-        sole_weight: of each foot near the floor; the lowest tenth of the sole is its height.
+        sole_weight: of each foot near the floor; the lowest twentieth of the sole is its height.
         sole_sigma_m: expected error of that height, metres.
         sole_scale: beyond this many sigmas a foot is in the air.
         lower_sole_weight: of the lower foot, which is pulled from farther away.
@@ -312,14 +312,14 @@ class JointSettings:
     mask_tolerance: float = 0.01
     floor: Literal["plane", "points", "off"] = "plane"
     floor_band_m: float = 0.05
-    floor_weight: float = 2.0
-    floor_slack_m: float = 0.003
+    floor_weight: float = 6.0
+    floor_slack_m: float = 0.0
     floor_sigma_m: float = 0.015
-    sole_weight: float = 1.0
+    sole_weight: float = 2.0
     sole_sigma_m: float = 0.015
-    sole_scale: float = 3.0
+    sole_scale: float = 2.0
     lower_sole_weight: float = 4.0
-    lower_sole_sigma_m: float = 0.05
+    lower_sole_sigma_m: float = 0.04
     lower_sole_reach_m: float = 0.4
     regularisation_weight: float = 1.0
     regularisation_sigma_m: float = 0.06

@@ -36,7 +36,7 @@ __all__ = [
 
 Rho = Callable[[Tensor], Tensor]
 
-_LOWEST_SHARE = 0.1  # of a sole's vertices: on tiptoe no more than this touches
+_LOWEST_SHARE = 0.05  # of a sole's vertices: on tiptoe no more than this touches
 _MAX_FLEXION = 2.7  # radians; a knee or an elbow bends no further
 _LIMIT_SIGMA = 1.0 / 12.0  # radians, about 5 degrees
 _STANDING_POINT = 0.35  # where, from the ankles to the balls of the feet, a quiet stander's mass is
@@ -160,7 +160,7 @@ def penetration_by_points(squared: Tensor, signed: Tensor, weight: Tensor, rho: 
 
 
 def lowest_height(height: Tensor) -> Tensor:
-    """Height of the lowest tenth of a sole's vertices: (B, n) -> (B,) metres."""
+    """Height of the lowest twentieth of a sole's vertices: (B, n) -> (B,) metres."""
     count = max(1, round(_LOWEST_SHARE * height.shape[-1]))
     return height.topk(count, dim=-1, largest=False).values.mean(-1)
 
