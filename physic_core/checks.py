@@ -34,12 +34,14 @@ def failed_checks(evidence: Evidence, solution: Solution, person: int) -> tuple[
     """Names of the checks that one person does not pass, in the order of ``CHECKS``."""
     told = solution.people[person]
     observed = evidence.bodies.observed
+    legs_seen = observed is None or _both_legs(observed[person])
     failed = {
         "optimised": bool(solution.failures[person]),
         "reprojection": _number(told, "reprojection_share") > _REPROJECTION_SHARE,
-        "legs seen": observed is not None and not _both_legs(observed[person]),
+        "legs seen": not legs_seen,
         "penetration": _number(told, "penetration_share") > _PENETRATION_SHARE,
-        "grounded": _number(told, "floating_m") > _FLOATING_M,
+        # Whose legs nobody sees may stand on them anywhere.
+        "grounded": legs_seen and _number(told, "floating_m") > _FLOATING_M,
     }
     return tuple(name for name in CHECKS if failed[name])
 

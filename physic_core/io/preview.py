@@ -100,7 +100,7 @@ def headline(reconstruction: Reconstruction) -> str:
         f"{camera.width} x {camera.height} px",
         f"focal length {math.sqrt(camera.fx * camera.fy):.0f} px ({camera.source})",
         "scale of unknown certainty" if scene.scale_sigma is None else f"scale ±{100 * scene.scale_sigma:.0f} %",
-        f"moved by {100 * (scene.scale - 1):+.1f} % in the joint fit",
+        f"changed by {100 * (scene.scale - 1):+.1f} % in the joint fit",
     ]
     if scene.floor is None:
         facts.append("no floor found")
