@@ -125,7 +125,9 @@ class EngineChoice(_Table):
 class RunSettings(_Table):
     """``[run]``: where it runs."""
 
-    device: str = Field(default="cpu", description="'cpu', 'cuda' or 'cuda:N'")
+    device: str = Field(
+        default="cpu", description="where the networks run: 'cpu', 'cuda' or 'cuda:N'; the engine stays on the CPU"
+    )
 
 
 class Config(_Table):

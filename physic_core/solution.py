@@ -64,7 +64,11 @@ class Solution:
 
 
 def solve(evidence: Evidence, settings: EngineSettings, model: BodyModel, stages: Stages) -> Solution:
-    """Run the engine on the CPU or on the model's device."""
+    """Run the engine where ``model`` lies.
+
+    The pipeline keeps that on the CPU: a fit of a few people is launch-bound on a GPU, and its nearest points and ray
+    casts are the CPU's own.
+    """
     with stages.engine("scene"):
         scene = _stage_scene(evidence, settings)
         stages.warn(*scene.notes)
