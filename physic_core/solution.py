@@ -66,8 +66,7 @@ class Solution:
 def solve(evidence: Evidence, settings: EngineSettings, model: BodyModel, stages: Stages) -> Solution:
     """Run the engine where ``model`` lies.
 
-    The pipeline keeps that on the CPU: a fit of a few people is launch-bound on a GPU, and its nearest points and ray
-    casts are the CPU's own.
+    The pipeline keeps that on the CPU, where nearest points and ray casts run in any case.
     """
     with stages.engine("scene"):
         scene = _stage_scene(evidence, settings)
