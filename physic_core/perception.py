@@ -216,48 +216,45 @@ def with_hands(bodies: Bodies, hands: Hands) -> Bodies:
 
 
 def _camera_of(pointmap: Pointmap) -> Intrinsics:
-    import torch
-
     from physic_core.geometry.pointmap import intrinsics_from_pointmap
+    from physic_core.tensors import tensor
 
     height, width = pointmap.valid.shape
-    fx, fy, cx, cy = intrinsics_from_pointmap(torch.from_numpy(pointmap.points), torch.from_numpy(pointmap.valid))
+    fx, fy, cx, cy = intrinsics_from_pointmap(tensor(pointmap.points), tensor(pointmap.valid))
     return Intrinsics(fx, fy, cx, cy, width, height, "point map")
 
 
 def _relative_floor(
     scene: Pointmap, people: People, hole: BoolArray, keypoints: Keypoints, settings: EngineSettings
 ) -> Plane | None:
-    import torch
-
     from physic_core.engine.scene import fit_relative_floor
+    from physic_core.tensors import tensor
 
     height, width = hole.shape
     fit = fit_relative_floor(
-        torch.from_numpy(scene.points),
-        torch.from_numpy(scene.valid),
-        floor_mask=None if people.floor is None else torch.from_numpy(people.floor),
-        hole=torch.from_numpy(hole),
-        feet_px=torch.from_numpy(feet_pixels(keypoints, height, width)),
+        tensor(scene.points),
+        tensor(scene.valid),
+        floor_mask=None if people.floor is None else tensor(people.floor),
+        hole=tensor(hole),
+        feet_px=tensor(feet_pixels(keypoints, height, width)),
         settings=settings.scene,
     )
     return None if fit is None else Plane(fit.normal.numpy(), float(fit.offset))
 
 
 def _aligned(original: Pointmap, scene: Pointmap, hole: BoolArray, settings: EngineSettings) -> Pointmap:
-    import torch
-
     from physic_core.engine.human import align_original
     from physic_core.geometry.alignment import apply_alignment
+    from physic_core.tensors import tensor
 
-    points = torch.from_numpy(original.points)
+    points = tensor(original.points)
     alignment = align_original(
         points,
-        torch.from_numpy(original.valid),
+        tensor(original.valid),
         original.unknown,
-        torch.from_numpy(scene.points),
-        torch.from_numpy(scene.valid),
-        torch.from_numpy(hole),
+        tensor(scene.points),
+        tensor(scene.valid),
+        tensor(hole),
         settings.human,
     )
     return replace(original, points=apply_alignment(points, alignment).numpy(), unknown=scene.unknown)

@@ -18,6 +18,7 @@ from physic_core.engine.scene import alignment_diagnostics, build_scene
 from physic_core.geometry.neighbors import NearestScene, near_boxes
 from physic_core.geometry.visibility import vertex_normals
 from physic_core.perception import feet_pixels
+from physic_core.tensors import tensor
 from physic_core.types import BodyParameters, Intrinsics, Plane, Scene
 
 if TYPE_CHECKING:
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
 
 __all__ = ["Solution", "solve"]
+
+_ANKLES = [7, 8]  # joints, left and right
 
 
 @dataclass(frozen=True)
@@ -87,15 +90,15 @@ def _stage_scene(evidence: Evidence, settings: EngineSettings) -> SceneState:
     keep = evidence.camera_given or (evidence.scene.intrinsics is not None and evidence.depth.intrinsics is None)
     metric = evidence.depth.intrinsics
     return build_scene(
-        torch.from_numpy(evidence.scene.points),
-        torch.from_numpy(evidence.scene.valid),
+        tensor(evidence.scene.points),
+        tensor(evidence.scene.valid),
         evidence.scene.unknown,
-        torch.from_numpy(evidence.depth.depth),
+        tensor(evidence.depth.depth),
         K=torch.from_numpy(evidence.intrinsics.matrix) if keep else None,
         K_metric=None if metric is None else torch.from_numpy(metric.matrix),
-        floor_mask=None if evidence.people.floor is None else torch.from_numpy(evidence.people.floor),
-        hole=torch.from_numpy(evidence.hole),
-        feet_px=torch.from_numpy(feet_pixels(evidence.keypoints, height, width)),
+        floor_mask=None if evidence.people.floor is None else tensor(evidence.people.floor),
+        hole=tensor(evidence.hole),
+        feet_px=tensor(feet_pixels(evidence.keypoints, height, width)),
         settings=settings.scene,
     )
 
@@ -104,16 +107,16 @@ def _stage_placement(
     evidence: Evidence, scene: SceneState, settings: EngineSettings, model: BodyModel, stages: Stages
 ) -> tuple[JointProblem, dict[str, Any]]:
     device, dtype = model.device, model.dtype
-    masks = torch.from_numpy(evidence.people.masks)
-    original = torch.from_numpy(evidence.original.points)
-    known = torch.from_numpy(evidence.original.valid)
+    masks = tensor(evidence.people.masks)
+    original = tensor(evidence.original.points)
+    known = tensor(evidence.original.valid)
     alignment = align_original(
         original,
         known,
         evidence.original.unknown,
         scene.points,
         scene.valid,
-        torch.from_numpy(evidence.hole),
+        tensor(evidence.hole),
         settings.human,
         far=settings.human.far_m,
     )
@@ -123,11 +126,11 @@ def _stage_placement(
 
     parameters = evidence.bodies.parameters
     rotations = rotations_from_parameters(parameters, device, dtype)
-    betas = torch.as_tensor(parameters.betas, device=device, dtype=dtype)
-    expression = torch.as_tensor(parameters.expression, device=device, dtype=dtype)
-    transl = torch.as_tensor(parameters.transl, device=device, dtype=dtype)
-    keypoints = torch.as_tensor(evidence.keypoints.points, device=device, dtype=dtype)
-    confidence = torch.as_tensor(evidence.keypoints.confidence, device=device, dtype=dtype)
+    betas = tensor(parameters.betas).to(device, dtype)
+    expression = tensor(parameters.expression).to(device, dtype)
+    transl = tensor(parameters.transl).to(device, dtype)
+    keypoints = tensor(evidence.keypoints.points).to(device, dtype)
+    confidence = tensor(evidence.keypoints.confidence).to(device, dtype)
     observed = _observed(evidence, device)
     body = model(rotations, betas, transl, expression)
     placed = place(
@@ -162,7 +165,7 @@ def _stage_placement(
         masks=masks.to(device),
         scene_points=scene.points[scene.valid].to(device, dtype),
         scene_normals=scene.normals[scene.valid].to(device, dtype),
-        contact_probability=torch.as_tensor(evidence.contact.probability, device=device, dtype=dtype),
+        contact_probability=tensor(evidence.contact.probability).to(device, dtype),
         observed=observed,
         floor_normal=None if scene.floor_normal is None else scene.floor_normal.to(device, dtype),
         floor_offset=scene.floor_offset,
@@ -175,13 +178,10 @@ def _stage_placement(
     return problem, told
 
 
-_ANKLES = [7, 8]
-
-
 def _observed(evidence: Evidence, device: torch.device) -> Tensor:
     if evidence.bodies.observed is None:
         return torch.ones((len(evidence.people), 55), dtype=torch.bool, device=device)
-    return torch.from_numpy(evidence.bodies.observed).to(device)
+    return tensor(evidence.bodies.observed).to(device)
 
 
 def _describe(

@@ -181,3 +181,17 @@ def test_hands_replace_fingers_where_they_were_found(world: World) -> None:
     assert isinstance(merged, Bodies)
     assert (merged.parameters.left_hand_pose == 0.25).all()
     assert (merged.parameters.right_hand_pose == bodies.parameters.right_hand_pose).all()
+
+
+def test_wide_and_read_only_answers_are_as_good(world: World) -> None:
+    class Wide(backends.MockRelativePointmap):
+        def infer(self, image, hints):
+            answer = super().infer(image, hints)
+            points, valid = answer.points.astype(np.float64), answer.valid.copy()
+            points.flags.writeable = valid.flags.writeable = False
+            return replace(answer, points=points, valid=valid)
+
+    wide = run(world, Wide, "relative_pointmap")
+    plain = reconstruct(world.image, "mock")
+    assert np.array_equal(wide.people[0].vertices, plain.people[0].vertices)
+    assert np.array_equal(wide.scene.points, plain.scene.points)
