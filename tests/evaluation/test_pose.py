@@ -1,0 +1,164 @@
+"""Errors of joints and vertices: answers by hand, a slow twin, and what may and may not change them."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from physic_core.errors import PhysicError
+from physic_core.evaluation.pose import align_similarity, mpjpe_mm, mpvpe_mm, pa_mpjpe_mm, pose_errors
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def person(seed, joints=22):
+    return np.random.default_rng(seed).normal(0, 0.4, (joints, 3)) + np.array([0.3, -0.2, 4.0])
+
+
+def twin(predicted, truth):
+    """Umeyama's closed form for one person, by the singular values."""
+    centre, goal = predicted.mean(0), truth.mean(0)
+    u, d, vt = np.linalg.svd((truth - goal).T @ (predicted - centre) / len(truth))
+    sign = np.array([1, 1, np.sign(np.linalg.det(u @ vt))])
+    scale = (d * sign).sum() / np.square(predicted - centre).sum(1).mean()
+    return scale * (predicted - centre) @ (u * sign @ vt).T + goal
+
+
+def test_a_shift_is_its_length_without_alignment_and_nothing_with_it():
+    truth = np.stack([person(0), person(1)])
+    moved = truth + np.array([[[0.03, 0.0, 0.04]], [[0.0, 0.0, 1.0]]])
+    np.testing.assert_allclose(mpjpe_mm(moved, truth), [50, 1000])
+    np.testing.assert_allclose(mpvpe_mm(moved, truth), [50, 1000])
+    np.testing.assert_allclose(pa_mpjpe_mm(moved, truth), 0, atol=1e-9)
+
+
+def test_one_joint_off_counts_by_its_share():
+    truth = person(0)
+    moved = truth.copy()
+    moved[3] += [0, 0.22, 0]
+    assert mpjpe_mm(moved, truth) == pytest.approx(220 / 22)
+    valid = np.arange(22) != 3
+    assert mpjpe_mm(moved, truth, valid) == 0
+    assert pa_mpjpe_mm(moved, truth, valid) == pytest.approx(0, abs=1e-9)
+
+
+def test_the_alignment_of_a_square_to_an_oblong_is_known():
+    # By symmetry neither turns nor moves; s = sum(x y) / sum(x x) = (2 + 1) / 2 = 1.5.
+    square = np.array([[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]], float)
+    oblong = square * [2, 1, 1]
+    np.testing.assert_allclose(align_similarity(square, oblong), 1.5 * square, atol=1e-12)
+    assert pa_mpjpe_mm(square, oblong) == pytest.approx(1000 * np.hypot(0.5, 0.5))
+
+
+@given(SEEDS, st.floats(0, 0.3))
+def test_the_alignment_equals_the_slow_twin(seed, noise):
+    rng = np.random.default_rng(seed)
+    truth = np.stack([person(seed), person(seed + 1)])
+    predicted = truth @ Rotation.random(random_state=seed % 2**31).as_matrix() + noise * rng.normal(size=truth.shape)
+    aligned = align_similarity(predicted, truth)
+    for row, guess, fact in zip(aligned, predicted, truth, strict=True):
+        np.testing.assert_allclose(row, twin(guess, fact), atol=1e-9)
+
+
+@given(SEEDS, st.floats(0.1, 10), st.tuples(*[st.floats(-20, 20)] * 3))
+def test_no_similarity_changes_pa_mpjpe_and_shifts_change_mpjpe(seed, scale, shift):
+    rng = np.random.default_rng([seed, 1])
+    truth = person(seed)
+    predicted = truth + 0.05 * rng.normal(size=truth.shape)
+    turn = Rotation.from_rotvec(rng.normal(size=3)).as_matrix()
+    changed = scale * predicted @ turn.T + shift
+    assert pa_mpjpe_mm(changed, truth) == pytest.approx(pa_mpjpe_mm(predicted, truth), rel=1e-6)
+    far = 1000 * np.linalg.norm((changed - truth).mean(0))  # a mean length is at least that of the mean
+    assert mpjpe_mm(changed, truth) >= far - 1e-6
+    # The same rigid change of both is another camera frame, and no change.
+    moved = mpjpe_mm(predicted @ turn.T + shift, truth @ turn.T + shift)
+    assert moved == pytest.approx(mpjpe_mm(predicted, truth))
+
+
+@pytest.mark.parametrize("change", [lambda x: x + 0.01, lambda x: 1.01 * x, lambda x: x[:, [1, 0, 2]]])
+def test_mpjpe_aligns_nothing(change):
+    assert mpjpe_mm(change(person(0)), person(0)) > 5
+
+
+@given(SEEDS)
+def test_no_other_similarity_has_a_smaller_squared_error(seed):
+    rng = np.random.default_rng(seed)
+    truth, predicted = person(seed), person(seed + 1)
+    aligned = align_similarity(predicted, truth)
+    least = np.square(aligned - truth).sum()
+    turn = Rotation.from_rotvec(0.1 * rng.normal(size=3)).as_matrix()
+    other = (1 + 0.1 * rng.normal()) * (aligned - truth.mean(0)) @ turn.T + truth.mean(0) + 0.1 * rng.normal(size=3)
+    assert least <= np.square(other - truth).sum() + 1e-9
+
+
+def test_a_mirror_image_is_not_aligned_away():
+    truth = person(0)
+    assert pa_mpjpe_mm(truth * [-1, 1, 1], truth) > 50
+
+
+def test_degenerate_people_have_the_error_that_is_left():
+    truth = person(0)
+    spread = 1000 * np.linalg.norm(truth - truth.mean(0), axis=1).mean()
+    assert pa_mpjpe_mm(np.full((22, 3), 7.0), truth) == pytest.approx(spread)
+    assert pa_mpjpe_mm(np.full((22, 3), 0.1, np.float32), truth) == pytest.approx(spread)
+    assert pa_mpjpe_mm(truth, np.zeros((22, 3))) == pytest.approx(0, abs=1e-9)
+    assert pa_mpjpe_mm(np.ones((1, 3)), np.zeros((1, 3))) == 0
+    line = np.linspace(0, 1, 5)[:, None] * [1.0, 2.0, 3.0]
+    assert pa_mpjpe_mm(line, line[:, ::-1] + 4) == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_person_that_failed_is_nan_and_spoils_nobody(bad):
+    truth = np.stack([person(0), person(1)])
+    predicted = truth + 0.01
+    predicted[0, 5, 1] = bad
+    for metric in (mpjpe_mm, mpvpe_mm, pa_mpjpe_mm):
+        errors = metric(predicted, truth)
+        assert np.isnan(errors[0])
+        assert np.isfinite(errors[1])
+    valid = np.ones((2, 22), bool)
+    valid[0, 5] = False
+    assert np.isfinite(mpjpe_mm(predicted, truth, valid)).all()
+    np.testing.assert_allclose(pa_mpjpe_mm(predicted, truth, valid), 0, atol=1e-9)
+
+
+def test_without_people_or_joints_there_is_nothing_or_nan():
+    none = np.zeros((0, 22, 3))
+    assert mpjpe_mm(none, none).shape == pa_mpjpe_mm(none, none).shape == (0,)
+    empty = np.zeros((2, 0, 3))
+    assert np.isnan(mpjpe_mm(empty, empty)).all()
+    assert np.isnan(pa_mpjpe_mm(empty, empty)).all()
+    nobody = np.zeros((2, 22), bool)
+    assert np.isnan(mpjpe_mm(np.ones((2, 22, 3)), np.ones((2, 22, 3)), nobody)).all()
+
+
+def test_leading_dimensions_are_kept():
+    truth = np.stack([person(i) for i in range(6)]).reshape(2, 3, 22, 3)
+    predicted = truth + 0.02 * np.random.default_rng(0).normal(size=truth.shape)
+    for metric in (mpjpe_mm, mpvpe_mm, pa_mpjpe_mm):
+        errors = metric(predicted, truth)
+        assert errors.shape == (2, 3)
+        assert errors[1, 2] == pytest.approx(float(metric(predicted[1, 2], truth[1, 2])))
+
+
+def test_all_three_errors_use_the_joints_that_are_asked_for():
+    joints, vertices = np.zeros((1, 55, 3)), np.zeros((1, 80, 3))
+    moved = joints.copy()
+    moved[:, 22:] += 1  # jaw, eyes and fingers
+    errors = pose_errors(moved, joints, vertices + np.array([0, 0, 0.2]), vertices)
+    assert (errors.mpjpe_mm, errors.pa_mpjpe_mm, errors.mpvpe_mm) == (0, 0, pytest.approx(200))
+
+
+def test_people_who_do_not_fit_are_refused():
+    message = (
+        "Predicted and true joints must have one shape, got (1, 22, 3) and (2, 22, 3): "
+        "match the people first, and bring both to one joint set or mesh."
+    )
+    for metric in (mpjpe_mm, pa_mpjpe_mm):
+        with pytest.raises(PhysicError, match=re.escape(message)):
+            metric(np.zeros((1, 22, 3)), np.zeros((2, 22, 3)))
