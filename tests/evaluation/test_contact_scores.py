@@ -1,0 +1,125 @@
+"""Precision, recall and F1 of contact, in the three averages and at the edges."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import astuple
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from physic_core.errors import PhysicError
+from physic_core.evaluation.contact_scores import (
+    ContactCounts,
+    contact_counts,
+    contact_scores,
+    pool,
+    rates,
+    score,
+)
+
+MAPS = st.tuples(st.integers(1, 6), st.integers(1, 8)).flatmap(
+    lambda shape: st.tuples(arrays(bool, shape), arrays(bool, shape))
+)
+
+
+def flags(*rows):
+    return np.array([[c == "1" for c in row] for row in rows])
+
+
+def twin(guess, fact):
+    """The rule of the published code, in words of sets."""
+    predicted, true = set(np.flatnonzero(guess)), set(np.flatnonzero(fact))
+    if not predicted:
+        return 1.0, 0.0, 0.0
+    if not true:
+        return 0.0, 1.0, 0.0
+    p, r = len(predicted & true) / len(predicted), len(predicted & true) / len(true)
+    return p, r, 2 * p * r / (p + r) if p + r else 0.0
+
+
+def test_the_three_averages_of_two_people_by_hand():
+    # P = 1/1, 1/3; R = 1/2, 1/1; F1 = 2/3, 1/2.
+    scores = contact_scores(flags("10000", "11100"), flags("11000", "10000"))
+    assert scores.rows == 2
+    assert (scores.precision_pooled, scores.recall_pooled) == (pytest.approx(2 / 4), pytest.approx(2 / 3))
+    assert scores.f1_pooled == pytest.approx(4 / 7)
+    assert (scores.precision_mean, scores.recall_mean) == (pytest.approx(2 / 3), pytest.approx(3 / 4))
+    assert scores.f1_of_means == pytest.approx(12 / 17)
+    assert scores.f1_mean == pytest.approx(7 / 12)
+
+
+@given(MAPS)
+def test_the_rates_equal_the_slow_twin(maps):
+    predicted, truth = maps
+    expected = np.array([twin(*row) for row in zip(predicted, truth, strict=True)])
+    np.testing.assert_allclose(np.stack(rates(contact_counts(predicted, truth)), 1), expected)
+    scores = contact_scores(predicted, truth)
+    assert scores.f1_mean == pytest.approx(expected[:, 2].mean())
+    pooled = twin(predicted.ravel(), truth.ravel())
+    assert (scores.precision_pooled, scores.recall_pooled, scores.f1_pooled) == pytest.approx(pooled)
+
+
+@given(MAPS)
+def test_each_f1_lies_between_its_precision_and_its_recall(maps):
+    s = contact_scores(*maps)
+    pooled = s.precision_pooled, s.recall_pooled, s.f1_pooled
+    for p, r, f in (pooled, (s.precision_mean, s.recall_mean, s.f1_of_means)):
+        assert min(p, r) - 1e-12 <= f <= max(p, r) + 1e-12
+    assert s.f1_mean <= s.f1_of_means + 1e-12  # the harmonic mean is concave
+
+
+@given(MAPS)
+def test_people_in_another_order_score_the_same(maps):
+    order = np.argsort(maps[0].sum(1))
+    forwards, backwards = contact_scores(*maps), contact_scores(*(m[order] for m in maps))
+    assert astuple(forwards) == pytest.approx(astuple(backwards))
+
+
+@pytest.mark.parametrize(
+    ("predicted", "truth", "deco", "agreement"),
+    [
+        ("000", "000", (1, 0, 0), (1, 1, 1)),
+        ("000", "010", (1, 0, 0), (1, 0, 0)),
+        ("010", "000", (0, 1, 0), (0, 1, 0)),
+        ("010", "100", (0, 0, 0), (0, 0, 0)),
+        ("010", "010", (1, 1, 1), (1, 1, 1)),
+    ],
+)
+def test_empty_sets_score_by_the_rule_that_is_named(predicted, truth, deco, agreement):
+    maps = flags(predicted), flags(truth)
+    for rule, expected in (("deco", deco), ("agreement", agreement)):
+        s = contact_scores(*maps, empty=rule)
+        assert (s.precision_mean, s.recall_mean, s.f1_mean) == expected
+        assert (s.precision_pooled, s.recall_pooled, s.f1_pooled) == expected
+
+
+def test_nobody_has_no_score():
+    scores = contact_scores(np.zeros((0, 9), bool), np.zeros((0, 9), bool))
+    assert scores.rows == 0
+    assert all(math.isnan(value) for value in astuple(scores)[1:])
+
+
+def test_people_of_one_image_are_pooled_before_the_mean():
+    counts = contact_counts(flags("1100", "0011", "1000"), flags("1000", "0011", "1000"))
+    images = pool(counts, np.array([7, 7, 3]))
+    expected = ContactCounts(np.array([1, 3]), np.array([0, 1]), np.array([0, 0]))
+    for name in ("hits", "false_alarms", "misses"):
+        np.testing.assert_array_equal(getattr(images, name), getattr(expected, name))
+    assert score(images).rows == 2
+    assert score(images).f1_pooled == score(counts).f1_pooled
+    nobody = contact_counts(np.zeros((0, 4), bool), np.zeros((0, 4), bool))
+    assert score(pool(nobody, np.zeros(0, int))).rows == 0
+    with pytest.raises(PhysicError, match=r"^Give one image number a person: got \(2,\) for \(3,\) counts\.$"):
+        pool(counts, np.array([0, 1]))
+
+
+def test_probabilities_and_other_meshes_are_refused():
+    truth = flags("0110")
+    with pytest.raises(PhysicError, match=r"^The predicted contact must be bool, got float64: threshold it first"):
+        contact_counts(np.full((1, 4), 0.3), truth)
+    with pytest.raises(PhysicError, match=r"must have one shape, got \(1, 4\) and \(1, 5\)"):
+        contact_counts(truth, flags("01100"))
