@@ -1,0 +1,181 @@
+"""Geodesic contact error: answers by hand, a slow twin, and how far the graph's distance is off on a sphere."""
+
+from __future__ import annotations
+
+import heapq
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
+
+from physic_core.body import load_body
+from physic_core.errors import PhysicError
+from physic_core.evaluation.geodesic import distance_to, geodesic_error, surface_graph
+
+
+def strip(cells):
+    """A flat band of squares, 1 m wide, each of two triangles; vertex 2k + s lies at x = k, y = s."""
+    vertices = np.array([[k, s, 0] for k in range(cells + 1) for s in (0, 1)], float)
+    faces = [t for k in range(cells) for t in ([2 * k, 2 * k + 2, 2 * k + 1], [2 * k + 1, 2 * k + 2, 2 * k + 3])]
+    return vertices, np.array(faces)
+
+
+def marks(count, *ids):
+    flags = np.zeros(count, bool)
+    flags[list(ids)] = True
+    return flags
+
+
+def twin(vertices, faces, sources):
+    """Dijkstra with a heap over the edges of every triangle."""
+    near = {i: set() for i in range(len(vertices))}
+    for face in faces:
+        for a in face:
+            near[a] |= set(face) - {a}
+    best = np.full(len(vertices), np.inf)
+    heap = [(0.0, i) for i in np.flatnonzero(sources)]
+    while heap:
+        way, i = heapq.heappop(heap)
+        if way < best[i]:
+            best[i] = way
+            for j in near[i]:
+                heapq.heappush(heap, (way + float(np.linalg.norm(vertices[i] - vertices[j])), j))
+    return best
+
+
+def test_errors_on_a_strip_by_hand():
+    graph = surface_graph(*strip(5))
+    predicted, truth = marks(12, 0, 4, 10), marks(12, 4, 6)  # x = 0, 2, 5 against 2, 3 on one side
+    error = geodesic_error(graph, predicted, truth)
+    assert error.false_positive_cm == pytest.approx(100 * (2 + 0 + 2) / 3)
+    assert error.false_negative_cm == pytest.approx(100 * (0 + 1) / 2)
+    assert error.unreachable == 0
+
+
+def test_the_graph_has_each_edge_once():
+    vertices, faces = strip(3)
+    graph = surface_graph(vertices, faces)
+    assert graph.nnz == 4 + 3 + 3 + 3  # rungs, two rails, diagonals
+    assert sorted(set(np.round(graph.data, 12))) == pytest.approx([1, np.sqrt(2)])
+
+
+def test_hops_go_straight_over_an_edge():
+    vertices, faces = strip(1)
+    assert distance_to(surface_graph(vertices, faces), marks(4, 0))[3] == pytest.approx(2)
+    assert distance_to(surface_graph(vertices, faces, across=True), marks(4, 0))[3] == pytest.approx(np.sqrt(2))
+    folded = vertices.copy()
+    folded[3] = [0.5, 0.5, np.sqrt(0.5)]  # the second triangle at a right angle to the first: the same when unfolded
+    assert distance_to(surface_graph(folded, faces, across=True), marks(4, 0))[3] == pytest.approx(np.sqrt(2))
+
+
+def test_no_hop_leaves_the_surface():
+    # The straight way from 0 to 3 passes beside the edge 1-2.
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [3, -1.5, 0]], float)
+    graph = surface_graph(vertices, np.array([[0, 1, 2], [1, 3, 2]]), across=True)
+    assert distance_to(graph, marks(4, 0))[3] == pytest.approx(1 + np.hypot(2, 1.5))
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 6))
+def test_distances_equal_the_slow_twin(seed, sources):
+    rng = np.random.default_rng(seed)
+    ball = trimesh.creation.icosphere(subdivisions=1)
+    vertices = ball.vertices * rng.uniform(0.5, 1.5, (len(ball.vertices), 1))
+    chosen = marks(len(vertices), *rng.integers(len(vertices), size=sources))
+    plain = distance_to(surface_graph(vertices, ball.faces), chosen)
+    np.testing.assert_allclose(plain, twin(vertices, ball.faces, chosen), atol=1e-12)
+    across = distance_to(surface_graph(vertices, ball.faces, across=True), chosen)
+    straight = np.linalg.norm(vertices[:, None] - vertices[chosen], axis=-1).min(1)
+    assert (across <= plain + 1e-12).all()
+    assert (across >= straight - 1e-12).all()
+
+
+@pytest.mark.parametrize(("across", "worst"), [(False, 2 / np.sqrt(3)), (True, 1 / np.cos(np.pi / 12))])
+def test_on_flat_equilateral_triangles_the_longest_detour_is_known(across, worst):
+    side = np.arange(21)
+    row, column = (grid.ravel() for grid in np.meshgrid(side, side, indexing="ij"))
+    vertices = np.stack([column + row / 2, row * np.sqrt(0.75), 0.0 * row], 1)
+    cells = (21 * side[:-1, None] + side[:-1]).ravel()
+    faces = np.concatenate([cells[:, None] + [0, 1, 21], cells[:, None] + [1, 22, 21]])
+    centre = 21 * 10 + 10
+    straight = np.linalg.norm(vertices - vertices[centre], axis=1)
+    near = (straight > 0) & (straight < 8)
+    ratio = distance_to(surface_graph(vertices, faces, across=across), marks(441, centre))[near] / straight[near]
+    assert ratio.min() == pytest.approx(1)
+    assert worst - 0.01 < ratio.max() <= worst + 1e-12
+
+
+@pytest.mark.parametrize(("across", "mean", "worst"), [(False, 0.08, 0.23), (True, 0.02, 0.05)])
+@pytest.mark.parametrize("subdivisions", [3, 4])
+def test_on_a_sphere_the_distance_is_too_long_by_a_bounded_share(across, mean, worst, subdivisions):
+    ball = trimesh.creation.icosphere(subdivisions=subdivisions)
+    graph = surface_graph(ball.vertices, ball.faces, across=across)
+    excess = []
+    for source in (0, 17, 101):
+        arc = np.arccos(np.clip(ball.vertices @ ball.vertices[source], -1, 1))
+        far = arc > 0.3
+        excess.append(distance_to(graph, marks(len(arc), source))[far] / arc[far] - 1)
+    excess = np.concatenate(excess)
+    print(f"across={across} {subdivisions}: mean {excess.mean():.3f}, {excess.min():.4f} to {excess.max():.3f}")
+    assert excess.min() > -0.005  # chords are that much shorter than arcs
+    assert 0 < excess.mean() < mean
+    assert excess.max() < worst
+
+
+def test_empty_sets_have_no_error_unless_the_published_rule_is_asked_for():
+    graph = surface_graph(*strip(2))  # x = 0, 1, 2
+    none, some = marks(6), marks(6, 0)
+    for guess, fact in ((none, some), (some, none), (none, none)):
+        error = geodesic_error(graph, guess, fact)
+        assert np.isnan([error.false_positive_cm, error.false_negative_cm]).all()
+    mean = 100 * (0 + 1 + 1 + 2 + 2 + 3) / 6  # of all six vertices to the first, whose square has the other diagonal
+    error = geodesic_error(graph, none, some, empty="deco")
+    assert (error.false_positive_cm, error.false_negative_cm) == (pytest.approx(mean), 0)
+    error = geodesic_error(graph, some, none, empty="deco")
+    assert (error.false_positive_cm, error.false_negative_cm) == (0, pytest.approx(mean))
+    error = geodesic_error(graph, none, none, empty="deco")
+    assert (error.false_positive_cm, error.false_negative_cm) == (0, 0)
+
+
+def test_what_no_path_reaches_is_counted_apart():
+    vertices, faces = strip(1)
+    graph = surface_graph(np.concatenate([vertices, vertices + 9]), np.concatenate([faces, faces + 4]))
+    error = geodesic_error(graph, marks(8, 1, 6), marks(8, 0))
+    assert (error.false_positive_cm, error.false_negative_cm, error.unreachable) == (pytest.approx(100), 100, 1)
+    error = geodesic_error(graph, marks(8, 6), marks(8, 0))
+    assert np.isnan([error.false_positive_cm, error.false_negative_cm]).all()
+    assert error.unreachable == 2
+
+
+def test_coinciding_vertices_are_no_distance_apart():
+    vertices, faces = strip(1)
+    vertices[1] = vertices[0]
+    for across in (False, True):
+        graph = surface_graph(vertices, faces, across=across)
+        assert distance_to(graph, marks(4, 0))[1] == 0
+        assert np.isfinite(distance_to(graph, marks(4, 0))).all()
+
+
+@pytest.mark.parametrize("across", [False, True])
+def test_people_in_a_batch_on_the_body(across):
+    body = load_body("embedded")
+    rotations, betas, transl = body.zero_pose()
+    rest = body(rotations, betas, transl).vertices[0].numpy()
+    graph = surface_graph(rest, body.faces.numpy(), across=across)
+    sets = [marks(body.num_vertices, *body.contact_sets[f"{side}_sole"].tolist()) for side in ("left", "right")]
+    truth = np.stack([sets[0], sets[0], sets[0] | sets[1]])[:, None]
+    predicted = np.stack([sets[0], sets[1], sets[0]])[:, None]
+    error = geodesic_error(graph, predicted, truth)
+    assert error.false_positive_cm.shape == (3, 1)
+    same, other, half = error.false_positive_cm[:, 0], error.false_negative_cm[:, 0], error.unreachable
+    assert (same[0], other[0]) == (0, 0)
+    assert 100 < same[1] < 250  # up one leg and down the other
+    assert same[2] == 0
+    assert other[2] == pytest.approx(other[1] * 0.5, rel=0.1)
+    assert not half.any()
+
+
+def test_maps_of_another_mesh_are_refused():
+    with pytest.raises(PhysicError, match=r"^The contact maps have 5 vertices and the graph 6: build the graph"):
+        geodesic_error(surface_graph(*strip(2)), marks(5), marks(5))
