@@ -1,0 +1,101 @@
+"""Penetration and floating of boxes and balls whose answer is known."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
+
+from physic_core.evaluation.physics import contact_gap, floating_distance, penetration, vertex_areas
+
+RADIUS = 0.5
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return trimesh.creation.icosphere(subdivisions=5, radius=RADIUS)
+
+
+def slow_areas(vertices, faces):
+    areas = np.zeros(len(vertices))
+    for a, b, c in faces:
+        side, other = vertices[b] - vertices[a], vertices[c] - vertices[a]
+        areas[[a, b, c]] += 0.5 * np.linalg.norm(np.cross(side, other)) / 3
+    return areas
+
+
+def test_areas_equal_the_slow_twin_and_sum_to_the_surface(ball):
+    box = trimesh.creation.box((1.0, 2.0, 3.0))
+    np.testing.assert_allclose(vertex_areas(box.vertices, box.faces), slow_areas(box.vertices, box.faces))
+    assert vertex_areas(box.vertices, box.faces).sum() == pytest.approx(22)
+    two = np.stack([ball.vertices, 2 * ball.vertices]).reshape(1, 2, -1, 3)
+    areas = vertex_areas(two, ball.faces)
+    assert areas.shape == (1, 2, len(ball.vertices))
+    np.testing.assert_allclose(areas[0, 1], 4 * areas[0, 0])
+    assert areas[0, 0].sum() == pytest.approx(4 * math.pi * RADIUS**2, rel=1e-3)
+    assert vertex_areas(np.zeros((0, 8, 3)), box.faces).shape == (0, 8)
+
+
+@pytest.mark.parametrize("sunk", [0.05, 0.1, 0.3])
+def test_a_ball_in_the_floor_has_the_volume_of_its_cap(ball, sunk):
+    heights = ball.vertices[:, 2] + RADIUS - sunk
+    areas = vertex_areas(ball.vertices, ball.faces)
+    plain = penetration(heights, areas)
+    exact = penetration(heights, areas, facing=-ball.vertices[:, 2] / RADIUS)
+    cap = math.pi * sunk**2 * (RADIUS - sunk / 3)
+    assert exact.volume == pytest.approx(cap, rel=0.02)
+    assert plain.volume == pytest.approx(cap / (1 - sunk / (3 * RADIUS)), rel=0.02)
+    assert plain.max_depth == pytest.approx(sunk, abs=1e-3)
+    assert plain.mean_depth == pytest.approx(sunk / 2, rel=0.05)  # heights of a ball's surface are uniform
+    assert plain.share == pytest.approx(sunk / (2 * RADIUS), rel=0.1)
+
+
+def test_depths_by_hand():
+    distance = np.array([[0.2, -0.01, -0.03, np.inf, np.nan], [0.1, 0.0, 0.3, np.inf, np.nan]])
+    answer = penetration(distance, np.full((2, 5), 0.5))
+    np.testing.assert_allclose(answer.max_depth, [0.03, 0])
+    np.testing.assert_allclose(answer.mean_depth, [0.02, 0])
+    np.testing.assert_allclose(answer.share, [0.4, 0])
+    np.testing.assert_allclose(answer.volume, [0.02, 0])
+    outer = np.array([True, True, False, True, True])
+    masked = penetration(distance, np.full(5, 0.5), counted=outer)
+    np.testing.assert_allclose(masked.max_depth, [0.01, 0])
+    np.testing.assert_allclose(masked.mean_depth, [0.01, 0])
+    np.testing.assert_allclose(masked.share, [0.25, 0])
+    np.testing.assert_allclose(masked.volume, [0.005, 0])
+
+
+def test_nobody_and_nothing_penetrate_nothing():
+    for shape in ((0, 5), (2, 0)):
+        answer = penetration(np.zeros(shape), np.zeros(shape))
+        for value in (answer.max_depth, answer.mean_depth, answer.share, answer.volume):
+            np.testing.assert_array_equal(value, np.zeros(shape[0]))
+        np.testing.assert_array_equal(floating_distance(np.zeros(shape)), np.full(shape[0], np.inf))
+
+
+@given(st.lists(st.floats(-0.2, 0.2), min_size=1, max_size=20), st.floats(0.1, 10))
+def test_depths_scale_with_the_scene_and_the_volume_with_the_areas(values, scale):
+    distance, areas = np.array(values), np.linspace(0.1, 1, len(values))
+    one, other = penetration(distance, areas), penetration(scale * distance, areas)
+    assert other.max_depth == pytest.approx(scale * one.max_depth)
+    assert other.mean_depth == pytest.approx(scale * one.mean_depth)
+    assert penetration(distance, scale * areas).volume == pytest.approx(scale * one.volume)
+    assert one.mean_depth <= one.max_depth + 1e-12
+    assert (one.max_depth > 0) <= (floating_distance(distance) == 0)
+
+
+def test_a_person_floats_by_the_gap_of_the_nearest_vertex():
+    distance = np.array([[0.3, 0.07, np.inf], [0.3, -0.1, 0.2], [np.inf, np.nan, np.inf]])
+    np.testing.assert_allclose(floating_distance(distance), [0.07, 0, np.inf])
+    np.testing.assert_allclose(floating_distance(distance, np.array([True, False, True])), [0.3, 0.2, np.inf])
+
+
+def test_true_contacts_are_missed_by_their_mean_gap():
+    distance = np.array([[0.02, 0.04, -0.05, 9.0], [np.inf, 0.05, np.nan, 0.0], [1.0, 1.0, 1.0, 1.0]])
+    contact = np.array([[1, 1, 1, 0], [1, 1, 1, 0], [0, 0, 0, 0]], bool)
+    np.testing.assert_allclose(contact_gap(distance, contact), [0.02, np.inf, np.nan])
+    np.testing.assert_allclose(contact_gap(distance, contact, reach=0.15), [0.02, 0.35 / 3, np.nan])
