@@ -1,0 +1,107 @@
+"""Errors of scenes and floors that are wrong in a known way."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import astuple
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from physic_core.errors import PhysicError
+from physic_core.evaluation.scene import floor_error, scene_error
+from physic_core.types import Plane
+
+ALL = np.ones((6, 8), bool)
+FLOOR = Plane(np.array([0.0, -1.0, 0.0]), 1.5)
+
+
+def room(seed=0):
+    rng = np.random.default_rng(seed)
+    depth = rng.uniform(1, 5, (6, 8, 1))
+    return np.concatenate([rng.uniform(-0.5, 0.5, (6, 8, 2)), np.ones((6, 8, 1))], -1) * depth
+
+
+def test_the_truth_has_no_error():
+    error = scene_error(room(), room(), ALL, ALL)
+    assert astuple(error) == (48, 1, 0, 0, 1, 0, 0, 0)
+
+
+@given(st.floats(0.3, 3), st.integers(0, 2**32 - 1))
+def test_a_scale_is_seen_in_every_number(scale, seed):
+    truth = room(seed)
+    error = scene_error(scale * truth, truth, ALL, ALL)
+    assert error.log_scale == pytest.approx(math.log(scale), abs=1e-9)
+    assert error.depth_relative_median == pytest.approx(abs(scale - 1))
+    assert error.depth_relative_mean == pytest.approx(abs(scale - 1))
+    assert error.point_mean == pytest.approx(abs(scale - 1) * np.linalg.norm(truth, axis=-1).mean())
+    assert error.point_median == pytest.approx(abs(scale - 1) * np.median(np.linalg.norm(truth, axis=-1)))
+    if abs(math.log(scale / 1.25)) > 1e-9 and abs(math.log(scale * 1.25)) > 1e-9:
+        assert error.delta_share == (1 / 1.25 < scale < 1.25)
+
+
+def test_one_bad_pixel_moves_the_mean_and_not_the_median():
+    truth = np.zeros((1, 4, 3))
+    truth[..., 2] = 2
+    predicted = truth.copy()
+    predicted[0, 0] = [3, 0, 6]
+    valid = np.ones((1, 4), bool)
+    error = scene_error(predicted, truth, valid, valid)
+    assert (error.depth_relative_median, error.depth_relative_mean) == (0, pytest.approx(0.5))
+    assert (error.point_median, error.point_mean) == (0, pytest.approx(5 / 4))
+    assert error.delta_share == 0.75
+    assert error.log_scale == 0
+
+
+def test_only_pixels_valid_in_both_count_and_the_rest_is_told():
+    truth, predicted = room(), room()
+    predicted[0, 0], predicted[0, 1], predicted[0, 2, 2] = np.nan, np.inf, -1
+    found, known = ALL.copy(), ALL.copy()
+    predicted[1] += 100
+    found[1] = False
+    truth[2, :4] = np.nan
+    known[3, :4] = False
+    error = scene_error(predicted, truth, found, known)
+    assert error.pixels == 48 - 3 - 8 - 8
+    assert error.coverage == pytest.approx(29 / 40)
+    assert (error.point_mean, error.depth_relative_mean) == (0, 0)
+
+
+def test_nothing_in_common_is_no_number():
+    error = scene_error(room(), room(), ~ALL, ALL)
+    assert (error.pixels, error.coverage) == (0, 0)
+    assert all(math.isnan(value) for value in astuple(error)[2:])
+    error = scene_error(room(), room(), ALL, ~ALL)
+    assert error.pixels == 0
+    assert all(math.isnan(value) for value in astuple(error)[1:])
+
+
+def test_maps_of_another_size_are_refused():
+    with pytest.raises(PhysicError, match=r"^Predicted and true point maps must have one shape, got \(6, 8, 3\) and"):
+        scene_error(room(), room()[:5], ALL, ALL[:5])
+    with pytest.raises(PhysicError, match=r"^Predicted and true masks of valid pixels must have one shape"):
+        scene_error(room(), room(), ALL, ALL[:5])
+
+
+def test_a_lower_floor_is_told_with_its_sign():
+    error = floor_error(Plane(FLOOR.normal, 1.6), FLOOR)
+    assert error.angle_deg == 0
+    assert error.height == pytest.approx(0.1)
+    assert floor_error(FLOOR, FLOOR, at=np.array([1.0, 1.5, 4.0])).height == 0
+
+
+@pytest.mark.parametrize("degrees", [1e-7, 0.5, 10.0, 90.0, 180.0])
+def test_a_tilted_floor_is_right_below_the_camera_and_wrong_at_the_feet(degrees):
+    angle = math.radians(degrees)
+    tilted = Plane(np.array([0.0, -math.cos(angle), math.sin(angle)]), 1.5)
+    error = floor_error(tilted, FLOOR)
+    assert error.angle_deg == pytest.approx(degrees, rel=1e-6)
+    assert error.height == 0
+    feet = floor_error(tilted, FLOOR, at=np.array([0.0, 1.5, 4.0]))
+    assert feet.height == pytest.approx(4 * math.sin(angle) + 1.5 * (1 - math.cos(angle)), rel=1e-6, abs=1e-12)
+
+
+def test_a_floor_that_was_not_found_has_no_error():
+    assert all(math.isnan(value) for value in astuple(floor_error(None, FLOOR)))
