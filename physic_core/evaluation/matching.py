@@ -1,0 +1,109 @@
+"""Who is who: one-to-one matching of predicted to true people before anything is compared.
+
+Both ways first leave as few people unmatched as the gate allows, then take the least total cost (Hungarian method).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from physic_core.errors import PhysicError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.types import BoolArray, FloatArray
+
+    Indices = NDArray[np.int64]
+
+__all__ = ["Matching", "mask_iou", "match_by_joints", "match_by_masks"]
+
+
+@dataclass(frozen=True)
+class Matching:
+    """Rows of predicted and true people.
+
+    Attributes:
+        predicted: (M,) int64, matched predictions; ``predicted[i]`` is the person ``truth[i]``.
+        truth: (M,) int64, in increasing order.
+        missed: (K,) int64, true people whom nobody matched.
+        false_alarms: (L,) int64, predictions that matched nobody.
+    """
+
+    predicted: Indices
+    truth: Indices
+    missed: Indices
+    false_alarms: Indices
+
+
+def mask_iou(predicted: BoolArray, truth: BoolArray) -> FloatArray:
+    """Intersection over union (N, M) of masks (N, H, W) and (M, H, W) bool; 0 of two empty masks.
+
+    Raises:
+        PhysicError: the masks are not of one image size.
+    """
+    if predicted.shape[1:] != truth.shape[1:]:
+        raise PhysicError(
+            f"Masks must have one size, got {predicted.shape[1:]} and {truth.shape[1:]}: resize one of them first."
+        )
+    iou = np.zeros((len(predicted), len(truth)))
+    for i, guess in enumerate(predicted):
+        for j, fact in enumerate(truth):
+            union = np.count_nonzero(guess | fact)
+            iou[i, j] = np.count_nonzero(guess & fact) / union if union else 0.0
+    return iou
+
+
+def match_by_masks(predicted: BoolArray, truth: BoolArray, min_iou: float = 0.5) -> Matching:
+    """Match by overlap in the image.
+
+    Args:
+        predicted: (N, H, W) bool, N may be 0.
+        truth: (M, H, W) bool, M may be 0.
+        min_iou: least overlap of a match; masks that do not touch never match.
+
+    Raises:
+        PhysicError: the masks are not of one image size.
+    """
+    iou = mask_iou(predicted, truth)
+    return _assign(1.0 - iou, (iou >= min_iou) & (iou > 0))
+
+
+def match_by_joints(predicted: FloatArray, truth: FloatArray, max_distance: float = float("inf")) -> Matching:
+    """Match by mean distance of the joints.
+
+    Args:
+        predicted: (N, J, 3) m, camera frame, or (N, J, 2) px; N may be 0. People with a joint that is not finite match
+            nobody.
+        truth: (M, J, 3) or (M, J, 2) in the same unit; M may be 0.
+        max_distance: largest mean distance of a match, in that unit.
+
+    Raises:
+        PhysicError: the joints are not of one set.
+    """
+    if predicted.shape[1:] != truth.shape[1:]:
+        raise PhysicError(
+            f"Joints must be of one set, got {predicted.shape[1:]} and {truth.shape[1:]} each: pick those in common."
+        )
+    way = np.asarray(predicted, np.float64)[:, None] - np.asarray(truth, np.float64)[None]
+    distance = np.linalg.norm(way, axis=-1).mean(-1)
+    return _assign(distance, np.isfinite(distance) & (distance <= max_distance))
+
+
+def _assign(cost: FloatArray, allowed: BoolArray) -> Matching:
+    usual = np.where(allowed, cost, 0.0)
+    # One forbidden pair costs more than any set of allowed ones, so it stands for two people left alone.
+    rows, columns = linear_sum_assignment(np.where(allowed, cost, usual.max(initial=0.0) * min(cost.shape) + 1.0))
+    kept = allowed[rows, columns]
+    rows, columns = rows[kept].astype(np.int64), columns[kept].astype(np.int64)
+    order = np.argsort(columns)
+    return Matching(
+        predicted=rows[order],
+        truth=columns[order],
+        missed=np.setdiff1d(np.arange(cost.shape[1]), columns),
+        false_alarms=np.setdiff1d(np.arange(cost.shape[0]), rows),
+    )
