@@ -1,0 +1,67 @@
+"""Every metric of a world's truth against itself, whole: no error, F1 of 1."""
+
+from __future__ import annotations
+
+from dataclasses import astuple
+
+import numpy as np
+import pytest
+
+from physic_core.evaluation.contact_scores import contact_scores
+from physic_core.evaluation.geodesic import geodesic_error, surface_graph
+from physic_core.evaluation.matching import match_by_joints, match_by_masks
+from physic_core.evaluation.physics import contact_gap, floating_distance, penetration, vertex_areas
+from physic_core.evaluation.pose import pose_errors
+from physic_core.evaluation.scene import floor_error, scene_error
+from physic_core.testing.worlds import CONTACT_DISTANCE, WORLDS, build_world
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_the_truth_is_perfect(name):
+    world = build_world(name)
+    people = np.arange(len(world.masks))
+    for matching in (match_by_masks(world.masks, world.masks), match_by_joints(world.joints, world.joints)):
+        np.testing.assert_array_equal(matching.predicted, people)
+        np.testing.assert_array_equal(matching.truth, people)
+        assert len(matching.missed) == len(matching.false_alarms) == 0
+
+    pose = pose_errors(world.joints, world.joints, world.vertices, world.vertices)
+    assert pose.mpjpe_mm.shape == (len(people),)
+    assert pose.mpjpe_mm.max() == pose.mpvpe_mm.max() == 0
+    assert pose.pa_mpjpe_mm.max() < 1e-9
+
+    assert astuple(contact_scores(world.contact, world.contact)) == (len(people), *[1.0] * 7)
+    for across in (False, True):
+        graph = surface_graph(world.vertices[0], world.faces, across=across)
+        skin = geodesic_error(graph, world.contact, world.contact)
+        assert skin.false_positive_cm.max() == skin.false_negative_cm.max() == skin.unreachable.max() == 0
+
+    areas = vertex_areas(world.vertices, world.faces)
+    assert ((areas.sum(1) > 0.5) & (areas.sum(1) < 3.5)).all()  # m^2 of skin
+    inside = penetration(world.distance, areas, counted=world.outer)
+    assert inside.max_depth.max() < 1e-5
+    assert inside.volume.max() < 1e-6
+    assert floating_distance(world.distance, world.outer).max() < 1e-3
+    assert contact_gap(world.distance, world.contact).max() < CONTACT_DISTANCE
+
+    for seen in (True, False):
+        points = world.points(people=seen)
+        valid = np.isfinite(points).all(-1)
+        error = scene_error(points, points, valid, valid)
+        assert error.pixels > 10_000
+        assert astuple(error)[1:] == (1, 0, 0, 1, 0, 0, 0)
+    assert astuple(floor_error(world.floor, world.floor)) == (pytest.approx(0, abs=1e-6), 0)
+
+
+def test_a_known_fault_is_measured_and_nothing_else():
+    world = build_world("two_people")
+    order = [1, 0]
+    moved = world.joints[order] + np.array([0, 0, 0.25], np.float32)
+    matching = match_by_masks(world.masks[order], world.masks)
+    np.testing.assert_array_equal(matching.predicted, order)
+    pose = pose_errors(
+        moved[matching.predicted], world.joints, world.vertices + np.array([0, 0.03, 0.04], np.float32), world.vertices
+    )
+    np.testing.assert_allclose(pose.mpjpe_mm, 250, rtol=1e-5)
+    np.testing.assert_allclose(pose.mpvpe_mm, 50, rtol=1e-4)
+    np.testing.assert_allclose(pose.pa_mpjpe_mm, 0, atol=1e-3)
