@@ -9,18 +9,32 @@ a plugin. :mod:`physic_core.resolve` does the second, each backend's own options
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, replace
+from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, get_origin, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    PrivateAttr,
+    Strict,
+    ValidationError,
+    create_model,
+    field_validator,
+    model_validator,
+)
 
+from physic_core.engine.bounds import range_fault
 from physic_core.engine.settings import PRESETS as ENGINE_PRESETS
-from physic_core.engine.settings import EngineSettings, with_overrides
+from physic_core.engine.settings import EngineSettings
 from physic_core.errors import ConfigError
 from physic_core.faults import Fault, closest, config_error, from_pydantic
 from physic_core.interfaces import INTERFACES
@@ -51,6 +65,10 @@ class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
+class _StrictTable(_Table):
+    model_config = ConfigDict(strict=True)
+
+
 class BackendChoice(_Table):
     """One interface's table, ``[metric_depth]``."""
 
@@ -65,7 +83,9 @@ class PhotoSettings(_Table):
     """``[photo]``: what is known of the photo and how it is prepared."""
 
     max_side: int = Field(default=1280, ge=128, description="longer photos are reduced to this long side, px; 640-1920")
-    focal_px: float | None = Field(default=None, gt=0, description="focal length, px of the upright photo file")
+    focal_px: float | None = Field(
+        default=None, gt=0, allow_inf_nan=False, description="focal length, px of the upright photo file"
+    )
     intrinsics: tuple[float, float, float, float] | None = Field(
         default=None, description="fx, fy, cx, cy, px of the upright photo file, pixel centres at integers"
     )
@@ -76,9 +96,9 @@ class PhotoSettings(_Table):
     @field_validator("intrinsics", mode="before")
     @classmethod
     def _four_numbers(cls, value: Any) -> Any:
-        numbers = isinstance(value, (list, tuple)) and all(type(v) in (int, float) for v in value)
+        numbers = isinstance(value, (list, tuple)) and all(type(v) in (int, float) and math.isfinite(v) for v in value)
         if value is not None and not (numbers and len(value) == 4 and value[0] > 0 and value[1] > 0):
-            raise ValueError(f"should be four numbers fx, fy, cx, cy with fx > 0 and fy > 0 (got {value!r})")
+            raise ValueError(f"should be four finite numbers fx, fy, cx, cy with fx > 0 and fy > 0 (got {value!r})")
         return value
 
     @model_validator(mode="after")
@@ -119,7 +139,14 @@ class EngineChoice(_Table):
 
     def settings(self) -> EngineSettings:
         """The engine's settings, overrides applied."""
-        return with_overrides(ENGINE_PRESETS[self.preset], self.model_dump(exclude={"preset"}))
+        preset = ENGINE_PRESETS[self.preset]
+        changed = {
+            stage: replace(
+                getattr(preset, stage), **table.model_validate(getattr(self, stage)).model_dump(exclude_unset=True)
+            )
+            for stage, table in _stage_tables().items()
+        }
+        return replace(preset, **changed)
 
 
 class RunSettings(_Table):
@@ -259,9 +286,11 @@ def _read_toml(path: Path) -> dict[str, Any]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
-        raise ConfigError(f"no config file at {path}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path} cannot be read: {error}") from error
+        raise ConfigError(f"no config file at {path}: check the path") from None
+    except OSError as error:
+        raise ConfigError(f"cannot read the config {path}: {error.strerror}; name a TOML file") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"cannot read the config {path}: {error}; save it as UTF-8") from error
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -336,7 +365,7 @@ def _choice_faults(merged: Mapping[str, Any]) -> list[Fault]:
 
 
 def _engine_faults(engine: Any) -> list[Fault]:
-    """Faults of the overrides, each value tried alone so that all of them are found."""
+    """Faults of the preset's name and of the overrides."""
     if not isinstance(engine, dict):
         return []
     preset = engine.get("preset", "default")
@@ -346,27 +375,35 @@ def _engine_faults(engine: Any) -> list[Fault]:
         names = sorted(ENGINE_PRESETS)
         message = f"no engine preset named '{preset}'; there are: {', '.join(names)}{closest(preset, names)}"
         return [Fault("engine.preset", message)]
-    settings = ENGINE_PRESETS[preset]
-    tables = {k: v for k, v in engine.items() if k != "preset" and hasattr(settings, k) and isinstance(v, dict)}
-    return [f for k, table in tables.items() for f in _override_faults(getattr(settings, k), table, f"engine.{k}")]
-
-
-def _override_faults(settings: Any, table: Mapping[str, Any], path: str) -> list[Fault]:
     faults = []
-    for name, value in table.items():
-        current = getattr(settings, name, None)
-        if name not in settings.__dataclass_fields__:
-            faults.append(Fault(f"{path}.{name}", f"unknown setting{closest(name, settings.__dataclass_fields__)}"))
-        elif hasattr(current, "__dataclass_fields__") and isinstance(value, Mapping):
-            faults += _override_faults(current, value, f"{path}.{name}")
-        else:
-            try:
-                with_overrides(settings, {name: value})
-            except ConfigError as error:
-                said = str(error).removeprefix(f"engine settings: {name} ")
-                words = re.sub(r"^must be (.*), got (.*)$", r"should be \1 (got \2)", said, flags=re.DOTALL)
-                faults.append(Fault(f"{path}.{name}", words))
+    for stage, table in _stage_tables().items():
+        if not isinstance(engine.get(stage), dict):
+            continue
+        known = {name: value for name, value in engine[stage].items() if name in table.model_fields}
+        for name, value in known.items():
+            if fault := range_fault(name, value):
+                faults.append(Fault(f"engine.{stage}.{name}", fault))
+        try:
+            table.model_validate(engine[stage])
+        except ValidationError as error:
+            faults += from_pydantic(error, table, f"engine.{stage}", "setting")
     return faults
+
+
+@cache
+def _stage_tables() -> dict[str, type[_Table]]:
+    """Stage -> a table with the stage's settings as keys, none of them needed, and no text taken for a number."""
+    tables: dict[str, type[_Table]] = {}
+    for stage, kind in get_type_hints(EngineSettings).items():
+        hints = get_type_hints(kind)
+        keys: dict[str, Any] = {f.name: (_as_in_toml(hints[f.name]) | None, None) for f in fields(kind)}
+        tables[stage] = create_model(kind.__name__, __base__=_StrictTable, **keys)
+    return tables
+
+
+def _as_in_toml(hint: Any) -> Any:
+    """A tuple is written as a list in TOML."""
+    return Annotated[hint, Strict(False)] if get_origin(hint) is tuple else hint
 
 
 def _source(sources: Mapping[str, str], path: str) -> str:

@@ -112,6 +112,12 @@ def test_engine_overrides_reach_the_settings():
     config = load_config(overrides=["engine.preset=paper", "engine.scene.far_m=20", "engine.scene.floor=off"])
     settings = config.engine.settings()
     assert (settings.scene.far_m, settings.scene.floor, settings.scene.align_hypotheses) == (20.0, "off", 20)
+    strict = load_config(
+        overrides=["engine.joint.frozen=['root']", "engine.human.robust_m=inf", "engine.joint.steps=40"]
+    )
+    joint = strict.engine.settings().joint
+    assert (joint.frozen, joint.steps) == (("root",), 40)
+    assert strict.engine.settings().human.robust_m == float("inf")
 
 
 def test_the_plain_tables_build_the_same_config():
@@ -151,8 +157,8 @@ def test_every_fault_is_told_at_once_with_path_source_and_suggestion(write):
         "colour                          unknown key\n"
         "inpaintr                        unknown key. Did you mean 'inpainter'?\n"
         "segmenter.backend               should name a backend: only hand_estimator and contact_prior may be 'none'\n"
+        "engine.scene.floor              should be 'disparity', 'metric' or 'off' (got 'flat')\n"
         "engine.scene.floor_hypothesis   unknown setting. Did you mean 'floor_hypotheses'?\n"
-        "engine.scene.floor              should be one of 'disparity', 'metric', 'off' (got 'flat')\n"
         "--set: 1 error\n"
         "engine.joint   should be a table (got 3)"
     )
@@ -163,9 +169,15 @@ def test_every_fault_is_told_at_once_with_path_source_and_suggestion(write):
     [
         ("photo.max_side=12.5", "photo.max_side   should be a whole number (got 12.5)"),
         ("photo.focal_px=-1", "photo.focal_px   should be > 0 (got -1)"),
+        ("photo.focal_px=inf", "photo.focal_px   should be a finite number (got inf)"),
+        (
+            "photo.intrinsics=[9, 9, inf, 4]",
+            "photo.intrinsics   should be four finite numbers fx, fy, cx, cy with fx > 0 and fy > 0 "
+            "(got [9, 9, inf, 4])",
+        ),
         (
             "photo.intrinsics=[1, 2, 3]",
-            "photo.intrinsics   should be four numbers fx, fy, cx, cy with fx > 0 and fy > 0 (got [1, 2, 3])",
+            "photo.intrinsics   should be four finite numbers fx, fy, cx, cy with fx > 0 and fy > 0 (got [1, 2, 3])",
         ),
         ("photo={focal_px=9, intrinsics=[9, 9, 4, 4]}", "photo   has both focal_px and intrinsics: give one of them"),
         ("photo=3", "photo   should be a table (got 3)"),
@@ -183,6 +195,15 @@ def test_every_fault_is_told_at_once_with_path_source_and_suggestion(write):
         ),
         ("engine.scen.floor=off", "engine.scen   unknown key. Did you mean 'scene'?"),
         ("engine.scene.far_m=deep", "engine.scene.far_m   should be a number (got 'deep')"),
+        ("engine.contact.distance_m=-0.1", "engine.contact.distance_m   should be >= 0 (got -0.1)"),
+        ("engine.contact.distance_m=nan", "engine.contact.distance_m   should be a number (got nan)"),
+        ("engine.contact.distance_m=inf", "engine.contact.distance_m   should be a finite number (got inf)"),
+        ("engine.scene.align_hypotheses=0", "engine.scene.align_hypotheses   should be > 0 (got 0)"),
+        ("engine.scene.floor_min_share=1.5", "engine.scene.floor_min_share   should be <= 1 (got 1.5)"),
+        ("engine.scene.edge_ratio=1", "engine.scene.edge_ratio   should be > 1 (got 1)"),
+        ("engine.joint.depth_sigma=0", "engine.joint.depth_sigma   should be > 0 (got 0)"),
+        ("engine.joint.facing_deg=400", "engine.joint.facing_deg   should be <= 180 (got 400)"),
+        ("engine.human.max_points=-1", "engine.human.max_points   should be >= 0 (got -1)"),
         ("engine.scene.floor_reanchor=1", "engine.scene.floor_reanchor   should be true or false (got 1)"),
     ],
 )
@@ -199,7 +220,8 @@ def test_an_extends_that_leads_nowhere_says_whose_it_is(write):
         "config.toml extends 'best': no preset named 'best'; there are: embedded, mock"
     )
     assert (
-        refusal(write('extends = "other.toml"\n')) == "config.toml extends 'other.toml': no config file at other.toml"
+        refusal(write('extends = "other.toml"\n'))
+        == "config.toml extends 'other.toml': no config file at other.toml: check the path"
     )
     assert refusal(write("extends = 3\n")) == (
         "config.toml: 1 error\nextends   should be the name of a preset or a path (got 3)"
@@ -215,13 +237,16 @@ def test_files_that_extend_each_other_are_refused(write, tmp_path):
 
 
 def test_a_file_that_is_not_there_not_toml_or_not_text_is_refused(write, tmp_path):
-    assert refusal("none.toml") == "no config file at none.toml"
+    assert refusal("none.toml") == "no config file at none.toml: check the path"
     assert refusal(write("[photo\n")) == (
         "config.toml is not valid TOML: Expected ']' at the end of a table declaration (at line 1, column 7)"
     )
     Path("config.toml").write_bytes(b"\xff\xfe\x00")
-    assert refusal("config.toml").startswith("config.toml cannot be read: 'utf-8' codec can't decode")
-    assert refusal(tmp_path) == f"{tmp_path} cannot be read: [Errno 21] Is a directory: '{tmp_path}'"
+    assert refusal("config.toml") == (
+        "cannot read the config config.toml: 'utf-8' codec can't decode byte 0xff in position 0: invalid start byte; "
+        "save it as UTF-8"
+    )
+    assert refusal(tmp_path) == f"cannot read the config {tmp_path}: Is a directory; name a TOML file"
 
 
 @pytest.mark.parametrize("text", ["inpainter", "=3", "a b=3", "a..b=3"])

@@ -3,17 +3,13 @@
 One class per stage: :class:`SceneSettings` (stage 1), :class:`HumanSettings` (stage 2), :class:`JointSettings`
 (stage 3) and :class:`ContactSettings` (the contact map); :class:`EngineSettings` holds the four. The defaults are
 preset "default"; ``PRESETS["paper"]`` holds the equations and weights as printed. Each field says what it is, which
-values are good, and which value switches it off. Change some of them with :func:`with_overrides`.
+values are good, and which value switches it off. Change some of them with :func:`dataclasses.replace`.
 """
 
 from __future__ import annotations
 
-import types
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass, replace
-from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
-
-from physic_core.errors import ConfigError
+from dataclasses import dataclass, field
+from typing import Literal
 
 RobustKind = Literal["square", "pseudo_huber", "cauchy", "geman_mcclure", "barron"]
 
@@ -24,10 +20,7 @@ __all__ = [
     "HumanSettings",
     "JointSettings",
     "SceneSettings",
-    "with_overrides",
 ]
-
-Settings = TypeVar("Settings")
 
 
 @dataclass(frozen=True)
@@ -462,75 +455,3 @@ _PAPER = EngineSettings(
 
 PRESETS: dict[str, EngineSettings] = {"default": EngineSettings(), "paper": _PAPER}
 """Preset name -> settings: "default" is what measures best, "paper" is the equations and weights as printed."""
-
-
-def with_overrides(settings: Settings, overrides: Mapping[str, Any]) -> Settings:
-    """The same settings with some fields changed.
-
-    Args:
-        settings: any settings dataclass of this module.
-        overrides: field -> value, or field -> mapping of the same kind: ``{"scene": {"floor": "off"}}``.
-
-    Raises:
-        ConfigError: a field does not exist or a value is of the wrong kind; the message lists every fault.
-    """
-    faults: list[str] = []
-    changed = _override(settings, overrides, "", faults)
-    if faults:
-        raise ConfigError("engine settings: " + "; ".join(faults))
-    return changed
-
-
-def _override(settings: Settings, overrides: Mapping[str, Any], path: str, faults: list[str]) -> Settings:
-    known = {f.name for f in fields(settings)}  # type: ignore[arg-type]
-    hints = get_type_hints(type(settings))
-    changes: dict[str, Any] = {}
-    for name, value in overrides.items():
-        where = f"{path}{name}"
-        if name not in known:
-            faults.append(f"{where} does not exist, known here: {', '.join(sorted(known))}")
-            continue
-        current = getattr(settings, name)
-        if is_dataclass(current):
-            if isinstance(value, Mapping):
-                changes[name] = _override(current, value, f"{where}.", faults)
-            else:
-                faults.append(f"{where} is a table of settings, got {value!r}")
-        elif (fitted := _fit(hints[name], value)) is _WRONG:
-            faults.append(f"{where} must be {_in_words(hints[name])}, got {value!r}")
-        else:
-            changes[name] = fitted
-    return replace(settings, **changes)  # type: ignore[type-var]
-
-
-_WRONG = object()
-
-
-def _fit(hint: Any, value: Any) -> Any:
-    """``value`` as ``hint`` wants it (an int where a float is wanted becomes one), or ``_WRONG``."""
-    origin = get_origin(hint)
-    if origin is Literal:
-        return value if value in get_args(hint) and not isinstance(value, bool) else _WRONG
-    if origin in (Union, types.UnionType):
-        return next((v for h in get_args(hint) if (v := _fit(h, value)) is not _WRONG), _WRONG)
-    if origin is tuple:
-        inner, *rest = get_args(hint)
-        if isinstance(value, str) or not isinstance(value, (list, tuple)):
-            return _WRONG
-        kinds = [inner] * len(value) if rest == [Ellipsis] else [inner, *rest]
-        items = tuple(_fit(h, v) for h, v in zip(kinds, value, strict=False))
-        return _WRONG if len(kinds) != len(value) or any(v is _WRONG for v in items) else items
-    if hint is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
-    if hint is float and value == "inf":
-        return float("inf")
-    return value if type(value) is hint else _WRONG
-
-
-def _in_words(hint: Any) -> str:
-    if get_origin(hint) is Literal:
-        return "one of " + ", ".join(repr(v) for v in get_args(hint))
-    if get_origin(hint) in (Union, types.UnionType):
-        return " or ".join(_in_words(h) for h in get_args(hint))
-    names = {float: "a number", int: "a whole number", bool: "true or false", str: "a text", type(None): "none"}
-    return names.get(hint, str(hint))
