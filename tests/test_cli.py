@@ -138,8 +138,22 @@ def test_run_keeps_what_fails_cheaply_in_front_of_the_pipeline(pipeline):
     assert refusal(*run("-o", "taken/deep")) == (
         "cannot write results to taken/deep: Not a directory; name another folder, or mend this"
     )
+    # On the way to a folder that may not be entered, even the question whether something is there fails.
+    long = "x" * 300
+    assert refusal(*run("-o", f"new/{long}/deep")) == (
+        f"cannot write results to new/{long}/deep: File name too long; name another folder, or mend this"
+    )
     assert pipeline.calls == []
     assert [p.name for p in Path().iterdir()] == ["taken"]
+
+
+def test_whoever_opens_a_file_says_that_it_may_not_be_read(pipeline, monkeypatch):
+    Path("photo.jpg").touch()
+    Path("my.toml").write_text('extends = "mock"\n')
+    Path("mine").mkdir()
+    monkeypatch.setattr("os.access", lambda *_, **__: False)
+    done = physic("run", "photo.jpg", "--config", "my.toml", "-o", "mine")
+    assert (done.exit_code, len(pipeline.calls)) == (0, 1), done.output
 
 
 def test_a_gpu_that_is_not_there_says_so(pipeline, monkeypatch):
@@ -184,6 +198,7 @@ def test_an_older_result_outlives_a_run_that_fails(pipeline):
             ("--intrinsics", "1,2,3"),
             "Invalid value for '--intrinsics': '1,2,3' is not four numbers with commas between them: fx,fy,cx,cy in px",
         ),
+        (("-o", ""), "Invalid value for '-o' / '--out': it is empty: name a file or a folder"),
     ],
 )
 def test_a_wrong_use_exits_with_2(arguments: tuple[str, ...], expected: str, pipeline):

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,10 +30,21 @@ class _Intrinsics(click.ParamType[Any]):
         return numbers
 
 
+class _Path(click.ParamType[Path]):
+    """Any path; whether it can be used is told by whoever opens it."""
+
+    name = "path"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        if not str(value):
+            self.fail("it is empty: name a file or a folder", param, ctx)
+        return Path(value)
+
+
 @click.command()
-@click.argument("photo", type=click.Path(path_type=Path))
-@click.option("-o", "--out", type=click.Path(path_type=Path), help="Folder for the results.  [default: <PHOTO>-physic]")
-@click.option("--config", "file", metavar="FILE", type=click.Path(path_type=Path), help="A TOML file.")
+@click.argument("photo", type=_Path())
+@click.option("-o", "--out", type=_Path(), help="Folder for the results.  [default: <PHOTO>-physic]")
+@click.option("--config", "file", metavar="FILE", type=_Path(), help="A TOML file.")
 @click.option("--preset", metavar="NAME", help="Preset to build on.  [default: embedded]")
 @click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Change one value; may be repeated.")
 @click.option("--focal-px", type=float, metavar="PX", help="Focal length in px of the photo file.")
@@ -87,7 +99,8 @@ def _reserved(folder: Path) -> Iterator[None]:
     """Make sure that the folder can be written before minutes are spent, and leave no empty one behind."""
     from physic_core.io.atomic import check_writable
 
-    made = [part for part in [*reversed(folder.absolute().parents), folder.absolute()] if not part.exists()]
+    parts = [*reversed(folder.absolute().parents), folder.absolute()]
+    made = [part for part in parts if not os.path.exists(part)]  # Path's own raises where the way there is closed
     try:
         check_writable(folder)
         yield
@@ -99,10 +112,8 @@ def _reserved(folder: Path) -> Iterator[None]:
 def _remove(folders: list[Path]) -> None:
     """Take back the folders that we made, as far as they are empty."""
     for folder in reversed(folders):
-        try:
+        with suppress(OSError):  # the deepest may never have been made
             folder.rmdir()
-        except OSError:
-            return
 
 
 @contextmanager

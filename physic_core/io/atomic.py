@@ -57,7 +57,7 @@ def check_writable(folder: str | os.PathLike[str]) -> Path:
 
 
 def _refusal(folder: Path, error: OSError) -> OutputError:
-    if folder.is_file():
+    if os.path.isfile(folder):  # Path's own raises where the way there is closed
         return OutputError(f"cannot write results to {folder}: it is a file; name a folder, or move the file away")
     return OutputError(
         f"cannot write results to {folder}: {error.strerror or error}; name another folder, or mend this"

@@ -294,6 +294,15 @@ def test_out_lies_below_a_file(tmp_path):
     assert str(caught.value) == (f"cannot write results to {path}: Not a directory; name another folder, or mend this")
 
 
+def test_out_cannot_even_be_looked_at(tmp_path):
+    path = tmp_path / ("x" * 300) / "out"  # as a folder that may not be entered, and for root too
+    with pytest.raises(OutputError) as caught:
+        check_writable(path)
+    assert str(caught.value) == (
+        f"cannot write results to {path}: File name too long; name another folder, or mend this"
+    )
+
+
 def test_out_may_not_be_written(tmp_path, monkeypatch):
     def refuse(self, _):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(self))
