@@ -143,15 +143,13 @@ def _hops(
     start, end = (vertices[sides[order[:, 0], k]] for k in (0, 1))
     axis = end - start
     length = np.linalg.norm(axis, axis=1)
-    usable = length > 0
     along, off = [], []
     for k in (0, 1):
         way = vertices[opposite[order[:, k]]] - start
-        along.append((way * axis).sum(1) / np.where(usable, length, 1.0))
+        along.append((way * axis).sum(1) / np.where(length > 0, length, 1.0))
         off.append(np.sqrt(np.maximum(np.square(way).sum(1) - np.square(along[k]), 0.0)))
     width = off[0] + off[1]
-    usable &= width > 0
-    crossing = along[0] + (along[1] - along[0]) * off[0] / np.where(usable, width, 1.0)
-    usable &= (crossing >= 0) & (crossing <= length)
+    crossing = along[0] + (along[1] - along[0]) * off[0] / np.where(width > 0, width, 1.0)
+    usable = (width > 0) & (crossing >= 0) & (crossing <= length)
     pairs = np.sort(opposite[order[usable]], axis=1)
     return pairs, np.hypot(width, along[1] - along[0])[usable]

@@ -138,13 +138,11 @@ def align_similarity(predicted: FloatArray, truth: FloatArray, valid: BoolArray 
     centred, goal = source[usable] - source_mean, target[usable] - target_mean
     size = np.sqrt((weights * np.square(centred).sum(-1)).sum(-1))
     flat = size <= 1e-12 * (1.0 + np.abs(source_mean).max((-2, -1)))
-    size = np.where(flat, 1.0, size)[:, None, None]
     rotation, scale = roma.rigid_vectors_registration(
-        *(torch.from_numpy(np.ascontiguousarray(array)) for array in (centred / size, goal, weights)),
+        *(torch.from_numpy(np.ascontiguousarray(array)) for array in (centred, goal, weights)),
         compute_scaling=True,
     )
-    linear = rotation.numpy() * np.where(flat, 0.0, scale.numpy())[:, None, None] / size
-    linear[flat] = 0.0
+    linear = rotation.numpy() * np.where(flat, 0.0, scale.numpy())[:, None, None]
     with np.errstate(invalid="ignore"):  # points that do not count may be anything
         every = np.asarray(predicted, np.float64)[usable] - source_mean
         aligned[usable] = np.einsum("nij,nkj->nki", linear, every) + target_mean
