@@ -32,7 +32,6 @@ from pydantic import (
     model_validator,
 )
 
-from physic_core.engine.bounds import range_fault
 from physic_core.engine.settings import PRESETS as ENGINE_PRESETS
 from physic_core.engine.settings import EngineSettings
 from physic_core.errors import ConfigError
@@ -377,16 +376,11 @@ def _engine_faults(engine: Any) -> list[Fault]:
         return [Fault("engine.preset", message)]
     faults = []
     for stage, table in _stage_tables().items():
-        if not isinstance(engine.get(stage), dict):
-            continue
-        known = {name: value for name, value in engine[stage].items() if name in table.model_fields}
-        for name, value in known.items():
-            if fault := range_fault(name, value):
-                faults.append(Fault(f"engine.{stage}.{name}", fault))
-        try:
-            table.model_validate(engine[stage])
-        except ValidationError as error:
-            faults += from_pydantic(error, table, f"engine.{stage}", "setting")
+        if isinstance(engine.get(stage), dict):
+            try:
+                table.model_validate(engine[stage])
+            except ValidationError as error:
+                faults += from_pydantic(error, table, f"engine.{stage}", "setting")
     return faults
 
 
@@ -395,7 +389,7 @@ def _stage_tables() -> dict[str, type[_Table]]:
     """Stage -> a table with the stage's settings as keys, none of them needed, and no text taken for a number."""
     tables: dict[str, type[_Table]] = {}
     for stage, kind in get_type_hints(EngineSettings).items():
-        hints = get_type_hints(kind)
+        hints = get_type_hints(kind, include_extras=True)
         keys: dict[str, Any] = {f.name: (_as_in_toml(hints[f.name]) | None, None) for f in fields(kind)}
         tables[stage] = create_model(kind.__name__, __base__=_StrictTable, **keys)
     return tables

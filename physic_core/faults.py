@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["Fault", "closest", "config_error", "from_pydantic"]
 
 _COMPARISONS = {
+    "less than inf": "a finite number",
     "greater than or equal to": ">=",
     "less than or equal to": "<=",
     "greater than": ">",

@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from physic_core.config import Config, as_config, load_config, preset_names
+from physic_core.engine.settings import PRESETS
 from physic_core.errors import ConfigError
 from physic_core.interfaces import INTERFACES
 
@@ -108,6 +110,12 @@ def test_a_body_model_path_is_relative_to_its_file(write):
     assert config.body_model.source == str(Path("sub/SMPLX_NEUTRAL.npz"))
 
 
+@pytest.mark.parametrize("preset", PRESETS)
+def test_every_preset_of_the_engine_is_what_a_config_may_say(preset):
+    said = {stage: asdict(getattr(PRESETS[preset], stage)) for stage in ("scene", "human", "joint", "contact")}
+    assert as_config({"engine": {"preset": "default", **said}}).engine.settings() == PRESETS[preset]
+
+
 def test_engine_overrides_reach_the_settings():
     config = load_config(overrides=["engine.preset=paper", "engine.scene.far_m=20", "engine.scene.floor=off"])
     settings = config.engine.settings()
@@ -196,7 +204,7 @@ def test_every_fault_is_told_at_once_with_path_source_and_suggestion(write):
         ("engine.scen.floor=off", "engine.scen   unknown key. Did you mean 'scene'?"),
         ("engine.scene.far_m=deep", "engine.scene.far_m   should be a number (got 'deep')"),
         ("engine.contact.distance_m=-0.1", "engine.contact.distance_m   should be >= 0 (got -0.1)"),
-        ("engine.contact.distance_m=nan", "engine.contact.distance_m   should be a number (got nan)"),
+        ("engine.contact.distance_m=nan", "engine.contact.distance_m   should be a finite number (got nan)"),
         ("engine.contact.distance_m=inf", "engine.contact.distance_m   should be a finite number (got inf)"),
         ("engine.scene.align_hypotheses=0", "engine.scene.align_hypotheses   should be > 0 (got 0)"),
         ("engine.scene.floor_min_share=1.5", "engine.scene.floor_min_share   should be <= 1 (got 1.5)"),

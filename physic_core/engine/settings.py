@@ -8,9 +8,21 @@ values are good, and which value switches it off. Change some of them with :func
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Literal
 
+from annotated_types import Ge, Gt, Interval
+
+# What a field may hold stands beside it; whoever reads settings from outside can check it without a list of names.
+Positive = Annotated[float, Interval(gt=0, lt=math.inf)]
+PositiveOrInfinite = Annotated[float, Gt(0)]
+NotNegative = Annotated[float, Interval(ge=0, lt=math.inf)]
+Share = Annotated[float, Interval(ge=0, le=1)]
+Ratio = Annotated[float, Gt(1)]
+Degrees = Annotated[float, Interval(gt=0, le=180)]
+Count = Annotated[int, Ge(0)]
+PositiveCount = Annotated[int, Gt(0)]
 RobustKind = Literal["square", "pseudo_huber", "cauchy", "geman_mcclure", "barron"]
 
 __all__ = [
@@ -62,34 +74,34 @@ class SceneSettings:
         seed: of every random draw in this stage.
     """
 
-    align_hypotheses: int = 128
-    align_tolerance: float = 0.1
+    align_hypotheses: PositiveCount = 128
+    align_tolerance: Positive = 0.1
     align_residual: Literal["relative", "metric"] = "relative"
-    align_max_pixels: int = 20_000
-    align_min_share: float = 0.5
+    align_max_pixels: PositiveCount = 20_000
+    align_min_share: Share = 0.5
     intrinsics: Literal["metric", "pointmap"] = "metric"
-    edge_ratio: float = 1.05
+    edge_ratio: Ratio = 1.05
     outliers: Literal["grid", "knn", "off"] = "grid"
-    outlier_neighbors: float = 0.05
-    outlier_sigma: float = 1.45
-    far_m: float = 50.0
+    outlier_neighbors: Positive = 0.05
+    outlier_sigma: PositiveOrInfinite = 1.45
+    far_m: PositiveOrInfinite = 50.0
     floor: Literal["disparity", "metric", "off"] = "disparity"
-    floor_hypotheses: int = 1000
-    floor_tolerance: float = 0.012
-    floor_tolerance_m: float = 0.01
-    floor_min_share: float = 0.3
-    floor_mask_min_share: float = 0.5
-    floor_feet_min_share: float = 0.15
-    floor_max_below: float = 0.1
-    floor_max_roll_deg: float = 25.0
-    floor_hole_weight: float = 0.3
-    floor_lower_share: float = 0.6
+    floor_hypotheses: PositiveCount = 1000
+    floor_tolerance: Positive = 0.012
+    floor_tolerance_m: Positive = 0.01
+    floor_min_share: Share = 0.3
+    floor_mask_min_share: Share = 0.5
+    floor_feet_min_share: Share = 0.15
+    floor_max_below: Share = 0.1
+    floor_max_roll_deg: Degrees = 25.0
+    floor_hole_weight: Share = 0.3
+    floor_lower_share: Share = 0.6
     floor_reanchor: bool = True
-    floor_spacing_m: float = 0.025
-    floor_near_m: float = 1.5
-    floor_max_points: int = 40_000
-    floor_grid: int = 0
-    seed: int = 0
+    floor_spacing_m: Positive = 0.025
+    floor_near_m: NotNegative = 1.5
+    floor_max_points: Count = 40_000
+    floor_grid: Count = 0
+    seed: Count = 0
 
 
 @dataclass(frozen=True)
@@ -135,37 +147,37 @@ class HumanSettings:
         seed: of every random draw in this stage.
     """
 
-    align_hypotheses: int = 128
-    align_tolerance: float = 0.15
+    align_hypotheses: PositiveCount = 128
+    align_tolerance: Positive = 0.15
     align_residual: Literal["relative", "metric"] = "relative"
-    align_max_pixels: int = 20_000
-    align_min_share: float = 0.5
-    align_depth_share: float = 0.15
-    mask_dilation: float = 0.01
-    far_m: float = 50.0
-    edge_ratio: float = 1.05
+    align_max_pixels: PositiveCount = 20_000
+    align_min_share: Share = 0.5
+    align_depth_share: NotNegative = 0.15
+    mask_dilation: NotNegative = 0.01
+    far_m: PositiveOrInfinite = 50.0
+    edge_ratio: Ratio = 1.05
     outliers: Literal["grid", "knn", "off"] = "grid"
-    outlier_neighbors: float = 0.05
-    outlier_sigma: float = 1.45
-    max_points: int = 3000
-    min_points: int = 50
+    outlier_neighbors: Positive = 0.05
+    outlier_sigma: PositiveOrInfinite = 1.45
+    max_points: Count = 3000
+    min_points: Count = 50
     solver: Literal["gauss_newton", "adam_lbfgs"] = "gauss_newton"
     reduction: Literal["mean", "sum"] = "mean"
     normalisation: Literal["person", "image"] = "person"
-    reprojection_weight: float = 1000.0
-    chamfer_weight: float = 0.6
-    facing_deg: float = 70.0
-    min_confidence: float = 0.3
-    robust_px_share: float = 0.05
-    robust_m: float = 0.15
-    depth_offset_sigma: float = 0.2
-    floor_weight: float = 1.0
-    floor_robust_m: float = 0.3
-    iterations: int = 30
-    learning_rate: float = 1e-2
-    lbfgs_steps: int = 2
-    lbfgs_inner: int = 15
-    seed: int = 0
+    reprojection_weight: NotNegative = 1000.0
+    chamfer_weight: NotNegative = 0.6
+    facing_deg: Degrees = 70.0
+    min_confidence: Share = 0.3
+    robust_px_share: PositiveOrInfinite = 0.05
+    robust_m: PositiveOrInfinite = 0.15
+    depth_offset_sigma: NotNegative = 0.2
+    floor_weight: NotNegative = 1.0
+    floor_robust_m: PositiveOrInfinite = 0.3
+    iterations: PositiveCount = 30
+    learning_rate: Positive = 1e-2
+    lbfgs_steps: PositiveCount = 2
+    lbfgs_inner: PositiveCount = 15
+    seed: Count = 0
 
 
 @dataclass(frozen=True)
@@ -259,74 +271,74 @@ class JointSettings:
     parameters: Literal["whitened", "raw"] = "whitened"
     frozen: tuple[str, ...] = ()
     optimiser: Literal["lbfgs", "adam"] = "lbfgs"
-    steps: int = 80
-    refresh_steps: int = 20
-    learning_rate: float = 1e-2
-    tolerance: float = 1e-3
+    steps: Count = 80
+    refresh_steps: PositiveCount = 20
+    learning_rate: Positive = 1e-2
+    tolerance: NotNegative = 1e-3
     nearest: Literal["kdtree", "grid", "brute"] = "kdtree"
     nearest_every_step: bool = False
     reduction: Literal["area", "sum"] = "area"
-    vertex_spacing_m: float = 0.02
-    reprojection_weight: float = 1.0
+    vertex_spacing_m: NotNegative = 0.02
+    reprojection_weight: NotNegative = 1.0
     reprojection_unit: Literal["person", "image"] = "person"
-    reprojection_sigma: float = 0.01
+    reprojection_sigma: Positive = 0.01
     reprojection_loss: RobustKind = "cauchy"
-    reprojection_scale: float = 5.0
+    reprojection_scale: Positive = 5.0
     reprojection_mean: bool = False
-    min_confidence: float = 0.3
-    low_confidence_weight: float = 0.1
-    depth_weight: float = 15.0
-    depth_relief_weight: float = 2.0
+    min_confidence: Share = 0.3
+    low_confidence_weight: NotNegative = 0.1
+    depth_weight: NotNegative = 15.0
+    depth_relief_weight: NotNegative = 2.0
     depth_form: Literal["pixels", "chamfer"] = "pixels"
-    depth_sigma: float = 0.03
+    depth_sigma: Positive = 0.03
     depth_loss: RobustKind = "cauchy"
-    depth_scale: float = 2.0
-    depth_offset_sigma: float = 0.2
-    facing_deg: float = 70.0
-    max_human_points: int = 3000
-    contact_weight: float = 1.0
-    contact_probability: float = 0.5
-    contact_reach_m: float = 0.15
+    depth_scale: Positive = 2.0
+    depth_offset_sigma: NotNegative = 0.2
+    facing_deg: Degrees = 70.0
+    max_human_points: Count = 3000
+    contact_weight: NotNegative = 1.0
+    contact_probability: Share = 0.5
+    contact_reach_m: Positive = 0.15
     contact_metric: Literal["plane", "point"] = "plane"
-    contact_sigma_m: float = 0.02
+    contact_sigma_m: Positive = 0.02
     contact_loss: RobustKind = "geman_mcclure"
-    contact_scale: float = 3.0
+    contact_scale: Positive = 3.0
     contact_facing: bool = True
     contact_occluded: bool = False
-    penetration_weight: float = 0.3
+    penetration_weight: NotNegative = 0.3
     penetration_metric: Literal["plane", "point"] = "plane"
-    penetration_reach_m: float = 0.15
-    penetration_slack_m: float = 0.005
-    penetration_sigma_m: float = 0.02
+    penetration_reach_m: Positive = 0.15
+    penetration_slack_m: NotNegative = 0.005
+    penetration_sigma_m: Positive = 0.02
     penetration_loss: RobustKind = "pseudo_huber"
-    penetration_scale: float = 2.0
+    penetration_scale: Positive = 2.0
     occlusion_aware: bool = True
-    self_occlusion_share: float = 0.3
-    mask_tolerance: float = 0.01
+    self_occlusion_share: Share = 0.3
+    mask_tolerance: NotNegative = 0.01
     floor: Literal["plane", "points", "off"] = "plane"
-    floor_band_m: float = 0.05
-    floor_weight: float = 6.0
-    floor_slack_m: float = 0.0
-    floor_sigma_m: float = 0.015
-    sole_weight: float = 2.0
-    sole_sigma_m: float = 0.015
-    sole_scale: float = 2.0
-    lower_sole_weight: float = 4.0
-    lower_sole_sigma_m: float = 0.04
-    lower_sole_reach_m: float = 0.4
-    regularisation_weight: float = 1.0
-    regularisation_sigma_m: float = 0.06
-    visible_weight: float = 0.05
-    occluded_weight: float = 0.3
-    root_weight: float = 0.3
-    pose_weight: float = 1.0
-    hands_weight: float = 1.0
-    shape_weight: float = 1.0
-    translation_weight: float = 0.05
-    scale_weight: float = 1.0
-    scale_sigma: float = 0.1
-    limit_weight: float = 1.0
-    balance_weight: float = 4.0
+    floor_band_m: NotNegative = 0.05
+    floor_weight: NotNegative = 6.0
+    floor_slack_m: NotNegative = 0.0
+    floor_sigma_m: Positive = 0.015
+    sole_weight: NotNegative = 2.0
+    sole_sigma_m: Positive = 0.015
+    sole_scale: Positive = 2.0
+    lower_sole_weight: NotNegative = 4.0
+    lower_sole_sigma_m: Positive = 0.04
+    lower_sole_reach_m: Positive = 0.4
+    regularisation_weight: NotNegative = 1.0
+    regularisation_sigma_m: Positive = 0.06
+    visible_weight: NotNegative = 0.05
+    occluded_weight: NotNegative = 0.3
+    root_weight: NotNegative = 0.3
+    pose_weight: NotNegative = 1.0
+    hands_weight: NotNegative = 1.0
+    shape_weight: NotNegative = 1.0
+    translation_weight: NotNegative = 0.05
+    scale_weight: NotNegative = 1.0
+    scale_sigma: Positive = 0.1
+    limit_weight: NotNegative = 1.0
+    balance_weight: NotNegative = 4.0
 
 
 @dataclass(frozen=True)
@@ -345,9 +357,9 @@ class ContactSettings:
         nearest: nearest-point strategy, as in :class:`JointSettings`.
     """
 
-    distance_m: float = 0.02
-    inside_m: float = 0.05
-    reach_m: float = 0.15
+    distance_m: NotNegative = 0.02
+    inside_m: NotNegative = 0.05
+    reach_m: Positive = 0.15
     metric: Literal["plane", "point"] = "plane"
     facing: bool = False
     observed: bool = True
