@@ -37,6 +37,7 @@ SHOWN = 4
 
 _MARGIN, _GAP, _TITLE = 24, 18, 30
 _ROW = 440  # height of the second row of panels, px
+_CELL = 300  # room that a panel of the first row has at least, for its title and the depth's bar, px
 _INK, _SOFT, _ALERT, _FLOOR = (32, 34, 38), (98, 102, 108), (178, 48, 34), (34, 140, 84)
 _SHOWN_LINES = 6
 _HEAD, _NECK = 15, 12  # joints, SMPL-X order
@@ -138,7 +139,7 @@ def _layout(aspect: float) -> tuple[_Frame, ...]:
         height = min(600, round((room - 3 * _GAP - 420) / (3 * aspect)))
         width = max(1, round(height * aspect))
         sizes = [
-            [(width, height)] * 3 + [(room - 3 * (width + _GAP), height)],
+            [(width, height)] * 3 + [(room - 3 * (max(width, _CELL) + _GAP), height)],
             [(third, _ROW), (room - third - _GAP, _ROW)],
         ]
     frames, y = [], 0
@@ -146,7 +147,7 @@ def _layout(aspect: float) -> tuple[_Frame, ...]:
         x = _MARGIN
         for width, height in row:
             frames.append(_Frame(x, y + _TITLE, width, height))
-            x += width + _GAP
+            x += max(width, _CELL) + _GAP
         y += _TITLE + row[0][1] + _GAP
     return tuple(frames)
 
@@ -184,8 +185,9 @@ def _depth_bar(page: Image.Image, frame: _Frame, ends: tuple[float, float]) -> N
     """What the colours mean, in metres, beside the panel's title."""
     pen = ImageDraw.Draw(page)
     near, far = ends
-    width = min(240, int(frame.width - _font(18).getlength(_DEPTH_TITLE) - 60))
-    x, y = frame.x + frame.width - width - 20, frame.y - 13
+    room = max(frame.width, _CELL)
+    width = min(240, int(room - _font(18).getlength(_DEPTH_TITLE) - 60))
+    x, y = frame.x + room - width - 20, frame.y - 13
     shades = np.geomspace(near, far, width)[None].repeat(9, 0)
     page.paste(Image.fromarray(colored_depth(shades, near, far)), (x, y))
     last = -math.inf

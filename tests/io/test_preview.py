@@ -14,7 +14,7 @@ from PIL import Image
 from physic_core.io.diorama import PERSON_COLORS, build_diorama
 from physic_core.io.panels import contact_picture, depth_panel, depth_range, overlay_panel
 from physic_core.io.plans import GROUND, PAPER, above_plan, side_plan
-from physic_core.io.preview import headline, preview_image, preview_png
+from physic_core.io.preview import _layout, headline, preview_image, preview_png
 from physic_core.io.render import Orthographic, Perspective, behind, draw, figures, over, splat
 from physic_core.types import Intrinsics
 
@@ -259,13 +259,24 @@ def test_the_headline_of_a_bare_result(make):
     )
 
 
-@pytest.mark.parametrize(("width", "height", "people"), [(160, 120, 2), (96, 160, 1), (320, 90, 0)])
+@pytest.mark.parametrize(
+    ("width", "height", "people"), [(160, 120, 2), (96, 160, 1), (320, 90, 0), (64, 960, 1), (960, 64, 1)]
+)
 def test_the_preview_is_a_page_of_fixed_width(make, width, height, people):
     image = Image.open(io.BytesIO(preview_png(make(width, height, people=people))))
     assert image.format == "PNG"
     assert image.width == 1800
     assert 700 < image.height < 1500
     assert image.getextrema() != ((250, 250), (250, 250), (248, 248))
+
+
+@pytest.mark.parametrize("aspect", [0.04, 0.23, 0.5625, 1.0, 1.06, 20.0])
+def test_panels_keep_apart_and_have_room_for_their_titles(aspect):
+    frames = _layout(aspect)
+    for a, b in pairwise(frames):
+        assert b.y > a.y + a.height + 26 or b.x >= a.x + max(a.width, 280)
+    assert max(frame.x + frame.width for frame in frames) <= 1800 - 20
+    assert min(min(frame.width, frame.height) for frame in frames) > 20
 
 
 def test_a_crowd_and_broken_bodies_do_not_break_the_preview(make):
