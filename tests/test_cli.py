@@ -248,6 +248,13 @@ def test_the_listing_may_be_of_one_interface():
     assert [row.split()[1] for row in listing(offers(), "segmenter").splitlines()] == ["backend", "big", "new", "-"]
 
 
+def test_the_listing_of_an_unknown_interface_is_refused():
+    assert refusal("plugins", "--interface", "inpainte", code=2).splitlines()[-1] == (
+        "Error: no interface named 'inpainte'; there are: segmenter, inpainter, metric_depth, relative_pointmap, "
+        "keypoint_detector, body_estimator, hand_estimator, contact_prior. Did you mean 'inpainter'?"
+    )
+
+
 def test_an_empty_listing_says_so():
     assert listing(Registry()) == "no backend is installed"
     assert listing(Registry(restriction="")) == "no backend is installed (PHYSIC_PLUGINS='')"

@@ -26,8 +26,15 @@ SLOW_SECONDS = 0.5
 def plugins(ctx: click.Context, interface: str | None) -> None:
     """List installed backends, or show one."""
     if ctx.invoked_subcommand is None:
+        from physic_core.faults import closest
+        from physic_core.interfaces import INTERFACES
         from physic_core.plugins import discover
 
+        if interface is not None and interface not in INTERFACES:
+            known = ", ".join(INTERFACES)
+            raise click.UsageError(
+                f"no interface named '{interface}'; there are: {known}{closest(interface, INTERFACES)}"
+            )
         click.echo(listing(discover(), interface))
 
 

@@ -28,6 +28,8 @@ MIN_SIDE = 64
 MAX_PIXELS = 150_000_000
 """Photos above this are refused; decoding one takes up to 12 bytes a pixel."""
 
+_FOCAL_RANGE = (0.1, 100.0)  # of the long side; wider than any lens, narrower than a slip of the unit
+_MOST_OFFSET = 10.0  # of the principal point from the centre, in long sides
 _KEEP_PIXELS = 24_000_000  # larger photos are read at a half, a third, ... of their size
 _REDUCIBLE = ("L", "RGB", "RGBA", "CMYK")
 _PILLOW_DAMAGE = (OSError, SyntaxError, ValueError, EOFError, KeyError, IndexError, TypeError, struct.error)
@@ -72,9 +74,11 @@ def prepare(photo: Photo, max_side: int) -> Photo:
     """The same photo with its long side at most ``max_side`` px, resampled by area; intrinsics follow.
 
     Raises:
-        InputError: the short side falls below ``MIN_SIDE``.
+        InputError: the short side falls below ``MIN_SIDE``, or the intrinsics are of another image or no camera's.
     """
     height, width = photo.image.shape[:2]
+    if photo.intrinsics is not None:
+        _check_camera(photo.intrinsics, width, height)
     share = max_side / max(height, width)
     if share >= 1:
         return photo
@@ -89,6 +93,28 @@ def prepare(photo: Photo, max_side: int) -> Photo:
     image = cast("UInt8Array", cv2.resize(photo.image, (new_width, new_height), interpolation=cv2.INTER_AREA))
     intrinsics = photo.intrinsics.resized(new_width, new_height) if photo.intrinsics else None
     return replace(photo, image=image, intrinsics=intrinsics)
+
+
+def _check_camera(camera: Intrinsics, width: int, height: int) -> None:
+    if (camera.width, camera.height) != (width, height):
+        raise InputError(
+            f"the intrinsics are of {camera.width} x {camera.height} px, but the image has {width} x {height} px: "
+            f"give those of this image, or intrinsics.resized({width}, {height}) where it was only resized"
+        )
+    side = max(width, height)
+    least, most = _FOCAL_RANGE
+    for focal in (camera.fx, camera.fy):
+        if not least <= focal / side <= most:
+            raise InputError(
+                f"the focal length is {focal / side:.2g} times the long side of the photo, and a camera's is "
+                f"{least:g} to {most:g} times: give it in px of the photo file"
+            )
+    for name, offset in (("cx", camera.cx - (width - 1) / 2), ("cy", camera.cy - (height - 1) / 2)):
+        if not abs(offset) <= _MOST_OFFSET * side:
+            raise InputError(
+                f"the principal point's {name} lies {abs(offset) / side:.2g} times the long side of the photo beside "
+                f"its centre, and even a cropped photo's lies within {_MOST_OFFSET:g}: give it in px of the photo file"
+            )
 
 
 def check_image(image: Any) -> UInt8Array:

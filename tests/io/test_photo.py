@@ -460,6 +460,43 @@ def test_a_strip_is_refused():
     )
 
 
+@pytest.mark.parametrize(
+    ("camera", "message"),
+    [
+        (
+            Intrinsics.from_focal(1e7, 200, 100),
+            "the focal length is 5e+04 times the long side of the photo, and a camera's is 0.1 to 100 times: "
+            "give it in px of the photo file",
+        ),
+        (
+            Intrinsics(200.0, 1.0, 99.5, 49.5, 200, 100),
+            "the focal length is 0.005 times the long side of the photo, and a camera's is 0.1 to 100 times: "
+            "give it in px of the photo file",
+        ),
+        (
+            Intrinsics(200.0, 200.0, 99.5, -5000.0, 200, 100),
+            "the principal point's cy lies 25 times the long side of the photo beside its centre, and even a cropped "
+            "photo's lies within 10: give it in px of the photo file",
+        ),
+        (
+            Intrinsics(float("nan"), 200.0, 99.5, 49.5, 200, 100),
+            "the focal length is nan times the long side of the photo, and a camera's is 0.1 to 100 times: "
+            "give it in px of the photo file",
+        ),
+        (
+            Intrinsics.from_focal(400.0, 400, 200),
+            "the intrinsics are of 400 x 200 px, but the image has 200 x 100 px: "
+            "give those of this image, or intrinsics.resized(200, 100) where it was only resized",
+        ),
+    ],
+)
+@pytest.mark.parametrize("max_side", [128, 1280])
+def test_a_camera_that_cannot_be_the_photos_is_refused(camera, message, max_side):
+    with pytest.raises(InputError) as caught:
+        prepare(Photo(np.zeros((100, 200, 3), np.uint8), camera), max_side)
+    assert str(caught.value) == message
+
+
 # --- arrays -------------------------------------------------------------------------------------------------------
 
 
