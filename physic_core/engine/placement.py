@@ -24,7 +24,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from physic_core.engine.placement_solvers import adam, closed_form, descend, lbfgs
+from physic_core.engine.placement_solvers import adam, closed_form, descend, lbfgs, loss
 from physic_core.engine.placement_terms import (
     FEWEST_KEYPOINTS,
     NEAREST_M,
@@ -54,8 +54,9 @@ class Placement:
         depth_offset: (B,) factor on the depth of a person's points that makes them agree with the body; 1 where they
             were tied to the scene.
         diagnostics: one mapping a person: "keypoints" and "facing_vertices" and "points" used, "reprojection_px" and
-            "chamfer_m" (medians) at start and end, "moved_m", "depth_offset", "foot_height_m" over the floor (None
-            without one), and "problem" in plain words or None.
+            "chamfer_m" (medians) at start and end, "losses" (term of Eq. 3 -> its energy at "start" and "end"),
+            "moved_m", "depth_offset", "foot_height_m" over the floor (None without one), and "problem" in plain words
+            or None.
     """
 
     transl: Tensor
@@ -214,12 +215,32 @@ def _place_one(person: Subject, settings: HumanSettings) -> tuple[Tensor, float,
         "facing_vertices": int(seen.sum()),
         "reprojection_px": (_reprojection_px(person, start), _reprojection_px(person, x)),
         "chamfer_m": chamfer,
+        "losses": _losses(person, x, seen if chamfer is not None else None, settings),
         "moved_m": float(torch.linalg.vector_norm(x[:3])),
         "depth_offset": offset,
         "foot_height_m": foot,
         "problem": problem,
     }
     return x[:3], offset, diagnostics
+
+
+def _losses(person: Subject, x: Tensor, seen: Tensor | None, settings: HumanSettings) -> dict[str, dict[str, float]]:
+    """Each term of Eq. 3 that took part, where the body was and at x; of the vertices ``seen`` at last."""
+    terms: dict[str, Term] = {}
+    if not bool(torch.isfinite(person.vertices).all()):
+        return {}
+    if len(person.keypoints) >= FEWEST_KEYPOINTS:
+        terms["reprojection"] = Reprojection(person, settings)
+    if seen is not None:
+        terms["chamfer"] = Chamfer(person, seen, settings)
+        if _is_free(person, settings):
+            terms["floor"] = Standing(person, settings)
+    return {name: {"start": loss(term, torch.zeros_like(x)), "end": loss(term, x)} for name, term in terms.items()}
+
+
+def _is_free(person: Subject, settings: HumanSettings) -> bool:
+    """Whether the person's points may be nearer or farther than the scene says."""
+    return settings.solver != "adam_lbfgs" and person.stands and settings.depth_offset_sigma > 0
 
 
 def _fit_keypoints(person: Subject, settings: HumanSettings) -> tuple[Tensor, str | None]:
@@ -264,7 +285,7 @@ def _fit_points(
     if settings.solver == "adam_lbfgs":
         x = lbfgs(person, x, chamfer, settings)
         return x, seen, (before, chamfer.median(x))
-    free = person.stands and settings.depth_offset_sigma > 0
+    free = _is_free(person, settings)
     others: list[Term] = [Standing(person, settings)] if free else []
     if len(person.keypoints) >= FEWEST_KEYPOINTS:
         others.append(Reprojection(person, settings))

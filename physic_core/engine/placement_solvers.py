@@ -13,7 +13,7 @@ from physic_core.engine.settings import HumanSettings
 from physic_core.geometry.camera import project
 from physic_core.geometry.robust import cauchy
 
-__all__ = ["adam", "closed_form", "descend", "lbfgs"]
+__all__ = ["adam", "closed_form", "descend", "lbfgs", "loss"]
 
 _SETTLED_M = 1e-5
 _HALVINGS = 6
@@ -85,6 +85,12 @@ def _energy(rows: Sequence[Rows], scales: Sequence[float]) -> float:
     return total
 
 
+def loss(term: Term, x: Tensor) -> float:
+    """A term's share of the energy at x."""
+    rows = term.rows(x)
+    return _energy(rows, [r.scale for r in rows])
+
+
 def adam(person: Subject, settings: HumanSettings) -> Tensor:
     """Eq. 2 as the paper minimises it: gradient descent with Adam."""
     move = torch.zeros(3, dtype=torch.float64, requires_grad=True)
@@ -101,7 +107,7 @@ def lbfgs(person: Subject, x: Tensor, chamfer: Chamfer, settings: HumanSettings)
     move = x[:3].clone().requires_grad_()
     optimizer = torch.optim.LBFGS([move], lr=1.0, max_iter=settings.lbfgs_inner)
 
-    def loss() -> Tensor:
+    def energy() -> Tensor:
         optimizer.zero_grad()
         of_vertex, of_point = chamfer.matched(torch.cat((move.detach(), x[3:])))
         total = chamfer.weights[0] * (chamfer.vertices + move - of_vertex).square().sum()
@@ -112,7 +118,7 @@ def lbfgs(person: Subject, x: Tensor, chamfer: Chamfer, settings: HumanSettings)
         return total
 
     for _ in range(settings.lbfgs_steps):
-        optimizer.step(loss)  # type: ignore[no-untyped-call]
+        optimizer.step(energy)  # type: ignore[no-untyped-call]
     return torch.cat((move.detach(), x[3:]))
 
 

@@ -219,6 +219,9 @@ def test_diagnostics_are_plain() -> None:
     told = json.loads(json.dumps(Picture().place().diagnostics[0], allow_nan=False))
     assert told["reprojection_px"][0] > 10 > 0.1 > told["reprojection_px"][1]
     assert told["chamfer_m"][1] < 0.02
+    assert sorted(told["losses"]) == ["chamfer", "reprojection"]
+    for term in told["losses"].values():
+        assert term["start"] > 10 * term["end"] >= 0
     assert told["moved_m"] == pytest.approx(float((START - TRUE)[0].norm()), abs=0.01)
 
 
