@@ -149,9 +149,11 @@ def perceive(
         lambda a: border.bodies_faults(a, n),
     )
     if bodies.body_model != model.name:
+        cure = "name = 'embedded'" if bodies.body_model == "embedded" else f"path = the file of a '{bodies.body_model}'"
         raise BodyModelError(
             f"{backends['body_estimator'].title} gives bodies for the body model '{bodies.body_model}', "
-            f"but the configuration loads '{model.name}': set [body_model] to the same one"
+            f"but the configuration loads '{model.name}': set [body_model] {cure}, "
+            f"or choose a body_estimator that gives '{model.name}'"
         )
     if "hand_estimator" in backends:
         hands = stages.ask(

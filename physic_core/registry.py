@@ -191,9 +191,10 @@ class Registry:
                 found = importlib.import_module(module)
                 for part in path.split("."):
                     found = getattr(found, part)
-            except Exception as cause:  # a plugin's door: whatever its module does wrong, say whose it is
+            except (Exception, SystemExit) as cause:  # a plugin's door: whatever its module does wrong, say whose it is
                 raise BackendError(
                     f"{claim} cannot be imported from {record.target}: {type(cause).__name__}: {cause}"
+                    f"{_where_to_run(claim, module, cause)}"
                 ) from cause
         if not (isinstance(found, type) and issubclass(found, wanted)):
             raise BackendError(f"{claim}: {record.target} is no subclass of physic_core.interfaces.{wanted.__name__}")
@@ -235,6 +236,14 @@ class Registry:
 
     def _knows(self, distribution: str) -> bool:
         return any(normal_name(c.origin.distribution) == normal_name(distribution) for c in self._claims)
+
+
+def _where_to_run(claim: Claim, module: str, cause: BaseException) -> str:
+    """What to do where a config names a module that Python does not find; nothing where it is another's fault."""
+    missing = cause.name if isinstance(cause, ModuleNotFoundError) else None
+    if claim.origin != IN_CONFIG or missing is None or missing != module.partition(".")[0]:
+        return ""
+    return f"; run in the folder of {missing}.py, or put that folder into PYTHONPATH"
 
 
 def normal_name(distribution: str) -> str:

@@ -149,7 +149,7 @@ def _construct(interface: str, choice: _Choice) -> ResolvedBackend:
         backend = choice.kind(choice.options)
     except PhysicError:
         raise
-    except Exception as cause:  # a plugin's door
+    except (Exception, SystemExit) as cause:  # a plugin's door
         raise BackendError(f"{choice.claim} cannot be constructed: {type(cause).__name__}: {cause}") from cause
     return ResolvedBackend(
         backend,

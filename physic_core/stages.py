@@ -80,7 +80,7 @@ class Stages:
             answer = call(backend)
         except PhysicError:
             raise
-        except Exception as cause:
+        except (Exception, SystemExit) as cause:  # a plugin's door
             raise BackendError(f"{title}: {type(cause).__name__}: {cause}") from cause
         done = time.perf_counter()
         if isinstance(answer, expect):

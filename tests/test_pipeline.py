@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
+from importlib.metadata import version
 
 import numpy as np
 import pytest
 
-from physic_core import load_config, reconstruct
+from physic_core import body, load_config, reconstruct
 from physic_core.config import PhotoSettings
 from physic_core.errors import BackendError, BackendOutputError, BodyModelError, DeviceError, NoPersonError
 from physic_core.io.photo import Photo
@@ -100,8 +102,32 @@ def test_bodies_of_another_body_model(world: World) -> None:
         run(world, Smplx, "body_estimator")
     assert str(error.value) == (
         "body_estimator 'wrong' (registered by hand) gives bodies for the body model 'smplx', "
-        "but the configuration loads 'embedded': set [body_model] to the same one"
+        "but the configuration loads 'embedded': set [body_model] path = the file of a 'smplx', "
+        "or choose a body_estimator that gives 'embedded'"
     )
+
+
+def test_a_body_model_of_the_users_own_that_the_estimator_does_not_speak(world: World, monkeypatch) -> None:
+    """The message alone: a whole SMPL-X file is the business of the body's own tests."""
+    load = body.load_body
+    monkeypatch.setattr(body, "load_body", lambda source: replace(load("embedded"), name="smplx"))
+    with pytest.raises(BodyModelError) as error:
+        reconstruct(world.image, "mock")
+    assert str(error.value) == (
+        f"body_estimator 'mock' (physic-mock {version('physic-mock')}) gives bodies for the body model 'embedded', "
+        "but the configuration loads 'smplx': set [body_model] name = 'embedded', "
+        "or choose a body_estimator that gives 'smplx'"
+    )
+
+
+def test_a_backend_that_leaves_python_is_an_error_too(world: World) -> None:
+    class Leaver(backends.MockInpainter):
+        def infer(self, image, mask):
+            sys.exit(3)
+
+    with pytest.raises(BackendError) as error:
+        run(world, Leaver, "inpainter")
+    assert str(error.value) == "inpainter 'wrong' (registered by hand), stage 'inpainting': SystemExit: 3"
 
 
 def test_a_device_that_is_not_there(world: World) -> None:

@@ -122,12 +122,31 @@ def test_a_target_in_a_config_works_without_packaging(site):
 @pytest.mark.parametrize(
     ("target", "expected"),
     [
-        ("no_such_module:C", "ModuleNotFoundError: No module named 'no_such_module'"),
+        (
+            "no_such_module:C",
+            "ModuleNotFoundError: No module named 'no_such_module'; "
+            "run in the folder of no_such_module.py, or put that folder into PYTHONPATH",
+        ),
         ("json:Nothing", "AttributeError: module 'json' has no attribute 'Nothing'"),
     ],
 )
 def test_a_target_that_cannot_be_imported_keeps_its_cause(target: str, expected: str):
     own = Registry()
+    got = message(BackendError, own.load_class, own.get("inpainter", target))
+    assert got == f"inpainter '{target}' (named in the config) cannot be imported from {target}: {expected}"
+
+
+@pytest.mark.parametrize(
+    ("source", "expected"),
+    [
+        ("import sys; sys.exit(3)", "SystemExit: 3"),
+        ("import no_such_module", "ModuleNotFoundError: No module named 'no_such_module'"),
+    ],
+)
+def test_a_target_whose_module_fails_says_whose_it_is(tmp_path, monkeypatch, source: str, expected: str):
+    (tmp_path / "my_failing_module.py").write_text(source)
+    monkeypatch.syspath_prepend(tmp_path)
+    target, own = "my_failing_module:C", Registry()
     got = message(BackendError, own.load_class, own.get("inpainter", target))
     assert got == f"inpainter '{target}' (named in the config) cannot be imported from {target}: {expected}"
 

@@ -146,14 +146,17 @@ def test_options_that_are_no_pydantic_model_are_refused():
     )
 
 
-def test_a_constructor_that_fails_is_named():
+@pytest.mark.parametrize(
+    ("fault", "said"), [(ValueError("no seat free"), "ValueError: no seat free"), (SystemExit(3), "SystemExit: 3")]
+)
+def test_a_constructor_that_fails_is_named(fault: BaseException, said: str):
     def fail(self: Any, options: Any) -> None:
-        raise ValueError("no seat free")
+        raise fault
 
     kind = type("Own", (backend("inpainter"),), {"__init__": fail})
     with pytest.raises(BackendError) as caught:
         resolve(config(), registry(inpainter=kind))
-    assert str(caught.value) == "inpainter 'own' (physic-mine 0.2) cannot be constructed: ValueError: no seat free"
+    assert str(caught.value) == f"inpainter 'own' (physic-mine 0.2) cannot be constructed: {said}"
 
 
 def test_a_constructor_that_explains_itself_is_left_to_speak():
