@@ -1,0 +1,156 @@
+"""``physic run`` as a whole, with the mock backends: odd photos give results, bad ones a message and nothing else."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from PIL import Image
+
+from physic_core.cli import main
+from physic_core.testing.worlds import World, build_world
+
+
+@pytest.fixture(autouse=True)
+def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return build_world("standing")
+
+
+def run(photo: str, *arguments: str) -> Result:
+    return CliRunner().invoke(main, ["run", photo, "--preset", "mock", "-o", "new/out", *arguments])
+
+
+# ---- what is refused -------------------------------------------------------------------------------------------------
+
+
+def truncated(path: Path) -> None:
+    noise = np.random.default_rng(0).integers(0, 255, (200, 300, 3), np.uint8)
+    Image.fromarray(noise).save(path)
+    path.write_bytes(path.read_bytes()[:9000])
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda path: None, "cannot read the photo a.jpg: there is no such file; check the path"),
+        (lambda path: path.mkdir(), "cannot read the photo a.jpg: it is a folder; name one image file"),
+        (
+            lambda path: path.write_text("a letter"),
+            "cannot read the photo a.jpg: it is not an image, or of an unknown kind; "
+            "give a JPEG, PNG, WebP, AVIF or TIFF",
+        ),
+        (lambda path: path.touch(), "cannot read the photo a.jpg: the file is empty (0 bytes); copy it again"),
+        (
+            truncated,
+            "cannot read the photo a.jpg: its data are damaged or cut off; copy it again from where it came",
+        ),
+        (
+            lambda path: Image.new("RGB", (8, 8)).save(path),
+            "cannot use the photo a.jpg: it is 8 x 8 px, and each side must have at least 64 px; give a larger photo",
+        ),
+    ],
+)
+def test_a_bad_photo_is_one_message_and_leaves_nothing(make: Callable[[Path], object], message: str):
+    make(Path("a.jpg"))
+    before = sorted(Path().iterdir())
+    done = run("a.jpg")
+    assert (done.exit_code, done.stdout, done.stderr) == (1, "", f"Error: {message}\n")
+    assert sorted(Path().iterdir()) == before
+
+
+def test_a_camera_in_the_wrong_unit_is_one_message_and_leaves_nothing(world: World):
+    Image.fromarray(world.image).save("a.png")
+    done = run("a.png", "--focal-px", "26")
+    assert (done.exit_code, done.stdout) == (1, "")
+    assert done.stderr == (
+        "Error: the focal length is 0.081 times the long side of the photo, and a camera's is 0.1 to 100 times: "
+        "give it in px of the photo file\n"
+    )
+    assert [path.name for path in Path().iterdir()] == ["a.png"]
+
+
+# ---- what gives results ----------------------------------------------------------------------------------------------
+
+
+def sixteen_bit(image: np.ndarray, path: Path) -> None:
+    assert cv2.imwrite(str(path), image[..., ::-1].astype(np.uint16) * 257)
+
+
+def with_alpha(image: np.ndarray, path: Path) -> None:
+    Image.fromarray(image).convert("RGBA").save(path)
+
+
+def turned(image: np.ndarray, path: Path) -> None:
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    Image.fromarray(np.ascontiguousarray(np.rot90(image))).save(path, exif=exif)
+
+
+@pytest.mark.parametrize(
+    ("save", "note"),
+    [
+        (sixteen_bit, "16 bits a channel were scaled to 8"),
+        (with_alpha, None),
+        (turned, "turned upright as the file's EXIF data say"),
+    ],
+)
+def test_an_odd_file_gives_the_result_of_a_plain_one(world: World, save: Callable[..., None], note: str | None):
+    save(world.image, Path("a.png"))
+    done = run("a.png")
+    assert done.exit_code == 0, done.output
+    document = json.loads(Path("new/out/reconstruction.json").read_text())
+    assert len(document["people"]) == 1
+    assert note is None or note in document["notes"]
+    assert f"note: {note}\n" in done.stdout or note is None
+    with np.load("new/out/reconstruction.npz", allow_pickle=False) as arrays:
+        np.testing.assert_array_equal(arrays["image"], world.image)
+
+
+def test_a_run_writes_every_file_and_the_same_bytes_again(world: World):
+    Image.fromarray(world.image).save("a.png")
+    written = []
+    for _ in range(2):
+        done = run("a.png", "--intrinsics", "356,357,160,119")
+        assert done.exit_code == 0, done.output
+        written.append({path.name: path.read_bytes() for path in Path("new/out").iterdir()})
+    names = ["combined.glb", "person_0.glb", "preview.png", "reconstruction.json", "reconstruction.npz", "scene.glb"]
+    assert [sorted(files) for files in written] == [names, names]
+    for name in ("combined.glb", "person_0.glb", "reconstruction.npz", "scene.glb"):
+        assert written[0][name] == written[1][name], name
+    camera = json.loads(written[0]["reconstruction.json"])["intrinsics"]
+    assert camera == {"fx": 356, "fy": 357, "cx": 160, "cy": 119, "width": 320, "height": 240, "source": "given"}
+
+
+def test_the_document_states_every_stage_loss_backend_and_person(world: World):
+    Image.fromarray(world.image).save("a.png")
+    assert run("a.png").exit_code == 0
+    document = json.loads(Path("new/out/reconstruction.json").read_text())
+    assert {"schema_version", "units", "frame", "image", "intrinsics", "warnings", "notes", "body_model"} <= set(
+        document
+    )
+    asked = [stage for stage in document["stages"] if stage["backend"] is not None]
+    assert {stage["backend"]["interface"] for stage in asked} == {
+        *("segmenter", "keypoint_detector", "inpainter", "relative_pointmap"),
+        *("metric_depth", "body_estimator", "hand_estimator", "contact_prior"),
+    }
+    for stage in asked:
+        assert {"plugin", "distribution", "version", "options", "weights_license"} <= set(stage["backend"])
+    assert all(stage["seconds"] >= 0 for stage in document["stages"])
+    (person,) = document["people"]
+    assert {"box", "score", "failed_checks"} <= set(person)
+    assert document["scene"]["floor"] is not None
+    assert document["scene"]["scale"] > 0
+    told = document["diagnostics"]
+    for losses in (told["joint"]["losses"], told["people"][0]["placement_losses"]):
+        assert losses
+        assert all(set(term) == {"start", "end"} for term in losses.values())
