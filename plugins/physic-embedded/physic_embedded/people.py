@@ -106,8 +106,12 @@ def detect_people(
         picture: the photo.
         threshold: lowest score in the whole photo.
         tile_threshold: lowest score in a tile.
-        fractions: tile sides over the photo's long side.
+        fractions: tile sides over the photo's long side; the short side of a photo longer than all of them is added.
     """
+    # People fill the height of a panorama, and the whole of it shows them too small.
+    short = min(picture.width, picture.height) / max(picture.width, picture.height)
+    if fractions and short < min(fractions):
+        fractions = [*fractions, short]
     # The smallest copy of the photo whose tiles still fill the network's input.
     smallest = min([1.0, *fractions])
     image = [v for v in picture.levels if max(v.shape[:2]) * smallest >= DETECTOR_SIZE or v is picture.levels[0]][-1]

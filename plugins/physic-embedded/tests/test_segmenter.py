@@ -252,6 +252,16 @@ def test_ground_points_lie_beside_the_feet_on_nobody_and_on_the_photo() -> None:
     assert len(ground_points([pose_at((100, 100), confidence=0.3)], people)) == 0
 
 
+def test_people_are_found_all_along_a_panorama(segmenter: EmbeddedSegmenter, image: NDArray[np.uint8]) -> None:
+    mirrored = image[:, ::-1]
+    strip = np.concatenate([mirrored, image, mirrored, image, mirrored], axis=1)
+    found = segmenter.infer(cv2.resize(strip, (1280, 192), interpolation=cv2.INTER_AREA))
+    middles = np.sort(found.boxes[:, [0, 2]].mean(1))
+    men = 256 * np.arange(5) + [212, 44, 212, 44, 212]  # the man who is seen whole
+    for man in men:
+        assert np.abs(middles - man).min() < 30
+
+
 def test_the_example_photo_has_two_people(people: People, image: NDArray[np.uint8]) -> None:
     assert people_faults(people, *image.shape[:2]) == []
     assert len(people) == 2
