@@ -338,7 +338,7 @@ class JointSettings:
     scale_weight: NotNegative = 1.0
     scale_sigma: Positive = 0.1
     limit_weight: NotNegative = 1.0
-    balance_weight: NotNegative = 4.0
+    balance_weight: NotNegative = 16.0
 
 
 @dataclass(frozen=True)
