@@ -43,13 +43,13 @@ def vertex_areas(vertices: FloatArray, faces: NDArray[np.integer[Any]]) -> Float
         vertices: (..., V, 3) m, any frame.
         faces: (F, 3) vertex ids.
     """
-    corners = np.asarray(vertices, np.float64)[..., np.asarray(faces), :]
-    first, second = (corners[..., k, :] - corners[..., 0, :] for k in (1, 2))
-    share = np.linalg.norm(np.cross(first, second), axis=-1) / 6.0
-    flat = share.reshape(-1, share.shape[-1])
-    count = vertices.shape[-2]
-    rows = [np.bincount(np.ravel(faces), np.repeat(values, 3), minlength=count) for values in flat]
-    return np.reshape(np.asarray(rows, np.float64), vertices.shape[:-1])
+    import torch
+
+    from physic_core.geometry.visibility import vertex_areas as areas_of
+
+    points, corners = torch.tensor(np.asarray(vertices, np.float64)), torch.tensor(np.asarray(faces, np.int64))
+    areas: FloatArray = areas_of(points, corners).numpy()
+    return areas
 
 
 def penetration(

@@ -66,15 +66,34 @@ def test_the_face_is_a_face(at_rest: dict[str, dict[str, Tensor]]) -> None:
         assert abs(float(ear[1] - (eye[1] + nose[1]) / 2)) < 0.03
 
 
-def test_the_feet_are_feet(at_rest: dict[str, dict[str, Tensor]]) -> None:
-    coco, blaze = at_rest["coco23"], at_rest["blazepose33"]
+def test_the_feet_are_feet(embedded: BodyModel, at_rest: dict[str, dict[str, Tensor]]) -> None:
+    coco, mesh = at_rest["coco23"], embedded(*embedded.zero_pose()).vertices[0]
     for side, sign in (("left", 1), ("right", -1)):
         ankle, heel = coco[f"{side}_ankle"], coco[f"{side}_heel"]
         big, small = coco[f"{side}_big_toe"], coco[f"{side}_small_toe"]
         assert heel[2] < ankle[2] < small[2] < big[2]
         assert sign * small[0] > sign * big[0]
         assert max(heel[1], big[1], small[1]) < ankle[1] - 0.02
-        assert 0.15 < float(blaze[f"{side}_foot_tip"][2] - heel[2]) < 0.3
+        tip = mesh[embedded.surface_points[f"{side}_foot_tip"]].mean(0)
+        assert 0.2 < float(tip[2] - heel[2]) < 0.3
+
+
+def test_blazepose_marks_lie_by_their_shares_beside_the_points_of_the_body(
+    embedded: BodyModel, random_pose: dict[str, Tensor]
+) -> None:
+    output = embedded(**random_pose)
+    marks = dict(zip(SKELETONS["blazepose33"], embedded.landmarks(output, "blazepose33").unbind(1), strict=True))
+    mesh = output.vertices
+    for side, other in (("left", "right"), ("right", "left")):
+        hip, over, knee, ankle = (
+            output.joints[:, JOINT_INDEX[name]]
+            for name in (f"{side}_hip", f"{other}_hip", f"{side}_knee", f"{side}_ankle")
+        )
+        heel, tip = (mesh[:, embedded.surface_points[f"{side}_{n}"]].mean(1) for n in ("heel", "foot_tip"))
+        assert torch.allclose(marks[f"{side}_hip"], hip + 0.06 * (knee - hip) + 0.08 * (over - hip), atol=1e-5)
+        assert torch.allclose(marks[f"{side}_ankle"], ankle + 0.10 * (knee - ankle), atol=1e-5)
+        assert torch.allclose(marks[f"{side}_foot_tip"], tip + 0.085 * (heel - tip) + 0.26 * (ankle - tip), atol=1e-5)
+        assert torch.equal(marks[f"{side}_knee"], knee)
 
 
 def test_hands_run_from_wrist_to_tips(at_rest: dict[str, dict[str, Tensor]]) -> None:
