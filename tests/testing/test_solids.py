@@ -1,0 +1,90 @@
+"""Solid things: their signed distance against a plain twin and trimesh, its gradient, and their mesh."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+
+from physic_core.testing.solids import FLAT, Block, Ground, blocks_mesh, signed_distance
+
+if TYPE_CHECKING:
+    from physic_core.types import FloatArray
+
+_BLOCKS = (
+    Block((0.3, 0.5, -0.2), (0.4, 0.5, 0.2), yaw=0.4),
+    Block((-1.0, 0.6, 0.5), (0.3, 0.6, 0.1), yaw=-0.8, pitch=0.3),
+    Block((0.5, 1.1, 0.1), (0.2, 0.3, 0.4), yaw=1.1),
+)
+
+
+def _points(count: int, seed: int = 0) -> FloatArray:
+    return np.random.default_rng(seed).uniform((-2, -0.3, -1.5), (2, 2, 1.5), (count, 3))
+
+
+def _plain(point: FloatArray, blocks: tuple[Block, ...], ground: Ground) -> float:
+    """One point after another, one block after another."""
+    best = float(np.dot(point, ground.normal))
+    for block in blocks:
+        axes = block.rotation
+        local = [float(np.dot(point - np.array(block.centre), axes[:, k])) for k in range(3)]
+        beyond = [abs(local[k]) - block.half[k] for k in range(3)]
+        inside = max(beyond) <= 0
+        best = min(best, max(beyond) if inside else sum(max(b, 0.0) ** 2 for b in beyond) ** 0.5)
+    return best
+
+
+def test_the_distance_is_that_of_a_plain_twin() -> None:
+    ground = Ground((0.1, float(np.sqrt(1 - 0.01 - 0.04)), 0.2))
+    points = _points(300)
+    wanted = [_plain(point, _BLOCKS, ground) for point in points]
+    assert signed_distance(points, _BLOCKS, ground) == pytest.approx(wanted, abs=1e-12)
+    assert signed_distance(points, (), ground) == pytest.approx(points @ np.array(ground.normal), abs=1e-12)
+
+
+def test_the_distance_in_the_air_is_that_to_the_mesh() -> None:
+    points = _points(200, seed=1)
+    points[:, 1] += 5  # far from the ground, with the blocks lifted too
+    lifted = tuple(Block((b.centre[0], b.centre[1] + 5, b.centre[2]), b.half, b.yaw, pitch=b.pitch) for b in _BLOCKS)
+    vertices, faces, owner = blocks_mesh(lifted)
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    assert np.bincount(owner).tolist() == [12, 12, 12]
+    assert mesh.volume == pytest.approx(sum(8 * np.prod(b.half) for b in lifted))
+    found = signed_distance(points, lifted, FLAT)
+    outside = found > 0
+    triangles = mesh.triangles
+    wanted = [
+        np.linalg.norm(trimesh.triangles.closest_point(triangles, np.tile(p, (len(triangles), 1))) - p, axis=1).min()
+        for p in points[outside]
+    ]
+    assert found[outside] == pytest.approx(wanted, abs=1e-9)
+    parts = [trimesh.Trimesh(*blocks_mesh((block,))[:2], process=False) for block in lifted]
+    behind = [((points[:, None] - p.triangles_center) * p.face_normals).sum(-1).max(1) <= 0 for p in parts]
+    assert np.array_equal(~outside, np.any(behind, axis=0))
+
+
+def test_the_gradient_is_right_inside_and_outside() -> None:
+    points = torch.from_numpy(_points(40, seed=2)).requires_grad_()
+    ground = Ground((0.0, 0.8, 0.6))
+    assert torch.autograd.gradcheck(lambda p: signed_distance(p, _BLOCKS, ground), (points,))
+
+
+def test_many_points_are_taken_in_any_shape() -> None:
+    points = _points(24).reshape(2, 3, 4, 3)
+    found = signed_distance(points, _BLOCKS, FLAT)
+    assert found.shape == (2, 3, 4)
+    assert found.reshape(-1) == pytest.approx(signed_distance(points.reshape(-1, 3), _BLOCKS, FLAT))
+
+
+def test_a_block_with_a_positive_pitch_tips_its_top_towards_its_front() -> None:
+    upright, tipped = Block((0, 0, 0), (0.1, 1, 0.1)), Block((0, 0, 0), (0.1, 1, 0.1), pitch=0.2)
+    assert tipped.corners()[2:4, 2].mean() > upright.corners()[2:4, 2].mean() + 0.15
+
+
+def test_a_slope_has_the_height_of_its_plane() -> None:
+    ground = Ground((0.0, 0.8, 0.6))
+    assert ground.height_at(3.0, 1.0) == pytest.approx(-0.75)
+    assert signed_distance(np.array([3.0, -0.75, 1.0]), (), ground) == pytest.approx(0)
