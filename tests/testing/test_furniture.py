@@ -1,0 +1,54 @@
+"""Furniture: stands on the ground, has the measures it is given, and turns as a whole."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from physic_core.testing import furniture
+from physic_core.testing.solids import BLOCK_MATERIALS, FLAT, Block, signed_distance
+
+_PIECES = ("bed", "bench", "chair", "counter", "railing", "shelf", "sofa", "stairs", "stool", "table", "wall")
+_SEATS = ("bench", "chair", "sofa", "stool")
+
+
+def _build(name: str, seed: int, **measures: float) -> tuple[Block, ...]:
+    build: Callable[..., tuple[Block, ...]] = getattr(furniture, name)
+    return build(np.random.default_rng(seed), **measures)
+
+
+@pytest.mark.parametrize("name", _PIECES)
+@pytest.mark.parametrize("seed", range(3))
+def test_a_piece_stands_on_the_ground_in_one_place(name: str, seed: int) -> None:
+    blocks = _build(name, seed)
+    corners = np.concatenate([block.corners() for block in blocks])
+    assert -0.03 < corners[:, 1].min() <= 0.07
+    assert 0.3 < corners[:, 1].max() < 2.7
+    assert np.abs(corners[:, [0, 2]]).max() < 1.6
+    assert {block.material for block in blocks} <= set(BLOCK_MATERIALS)
+    assert blocks == _build(name, seed)
+    assert blocks != _build(name, seed + 10)
+
+
+@pytest.mark.parametrize("name", _SEATS)
+def test_a_seat_is_as_high_as_asked(name: str) -> None:
+    blocks = _build(name, 0, height=0.47)
+    over = np.array([[0.0, 0.47, 0.0], [0.0, 0.5, 0.0]])
+    assert signed_distance(over, blocks, FLAT) == pytest.approx([0.0, 0.03], abs=1e-9)
+
+
+def test_moving_a_piece_moves_its_distance() -> None:
+    blocks = _build("sofa", 1)
+    carried = furniture.moved(blocks, (1.0, -2.0), np.pi / 2, lift=0.3)
+    points = np.random.default_rng(0).uniform((-1, 2, -1), (1, 3, 1), (50, 3))
+    turned = np.stack([points[:, 2] + 1.0, points[:, 1] + 0.3, -points[:, 0] - 2.0], axis=1)
+    assert signed_distance(turned, carried, FLAT) == pytest.approx(signed_distance(points, blocks, FLAT), abs=1e-9)
+
+
+def test_backs_recline_backwards() -> None:
+    back = _build("sofa", 0, recline=0.3)[1]
+    corners = back.corners()
+    high, low = corners[corners[:, 1] > back.centre[1]], corners[corners[:, 1] < back.centre[1]]
+    assert high[:, 2].mean() < low[:, 2].mean() - 0.1
