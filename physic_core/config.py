@@ -32,7 +32,7 @@ from pydantic import (
     model_validator,
 )
 
-from physic_core.engine.settings import PRESETS as ENGINE_PRESETS
+from physic_core.engine.presets import PRESETS as ENGINE_PRESETS
 from physic_core.engine.settings import EngineSettings
 from physic_core.errors import ConfigError
 from physic_core.faults import Fault, closest, config_error, from_pydantic

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from physic_core.config import Config, as_config, load_config, preset_names
-from physic_core.engine.settings import PRESETS
+from physic_core.engine.presets import PRESETS
 from physic_core.errors import ConfigError
 from physic_core.interfaces import INTERFACES
 
@@ -199,7 +199,7 @@ def test_every_fault_is_told_at_once_with_path_source_and_suggestion(write):
         ),
         (
             "engine.preset=papr",
-            "engine.preset   no engine preset named 'papr'; there are: default, paper. Did you mean 'paper'?",
+            "engine.preset   no engine preset named 'papr'; there are: default, paper, prox, release. Did you mean 'paper'?",
         ),
         ("engine.scen.floor=off", "engine.scen   unknown key. Did you mean 'scene'?"),
         ("engine.scene.far_m=deep", "engine.scene.far_m   should be a number (got 'deep')"),

@@ -1,4 +1,4 @@
-"""Robust losses of squared residuals, all scaled so that ``rho(x^2)`` is ``x^2`` near zero.
+"""Robust losses of squared residuals, scaled so that ``rho(x^2)`` is ``x^2`` near zero ("absolute" has no such zone).
 
 That scaling keeps a weight's meaning when the loss changes, and makes the scale ``c`` the one number that says where a
 residual begins to count as an outlier: a robust loss whose ``c`` is far above its residuals is a quadratic in disguise.
@@ -16,7 +16,7 @@ from physic_core.errors import PhysicError
 if TYPE_CHECKING:
     from torch import Tensor
 
-__all__ = ["barron", "cauchy", "geman_mcclure", "pseudo_huber", "robust"]
+__all__ = ["absolute", "barron", "cauchy", "geman_mcclure", "pseudo_huber", "robust"]
 
 
 def geman_mcclure(squared: Tensor, c: float) -> Tensor:
@@ -27,6 +27,16 @@ def geman_mcclure(squared: Tensor, c: float) -> Tensor:
         c: residual at which half of the saturation is reached.
     """
     return squared / (1.0 + squared / c**2)
+
+
+def absolute(squared: Tensor) -> Tensor:
+    """The residual itself, without its sign; its slope at zero is taken as zero.
+
+    Args:
+        squared: (...) squared residuals.
+    """
+    off = squared > 0
+    return torch.where(off, torch.sqrt(torch.where(off, squared, torch.ones_like(squared))), squared)
 
 
 def cauchy(squared: Tensor, c: float) -> Tensor:
@@ -75,20 +85,24 @@ def robust(kind: str, squared: Tensor, c: float) -> Tensor:
     """The loss that a setting names.
 
     Args:
-        kind: "square", "pseudo_huber", "cauchy", "geman_mcclure", or "barron": the library default of the paper's
-            adaptive loss, of shape 1 and not rescaled, so half of the square near zero.
+        kind: "square", "absolute", "pseudo_huber", "cauchy", "geman_mcclure", or "barron": the library default of the
+            paper's adaptive loss, of shape 1 and not rescaled, so half of the square near zero.
         squared: (...) squared residuals.
-        c: scale; without meaning for "square".
+        c: scale; without meaning for "square" and "absolute".
 
     Raises:
         PhysicError: no loss has that name.
     """
     if kind == "square":
         return squared
+    if kind == "absolute":
+        return absolute(squared)
     if kind == "barron":
         return barron(squared, 1.0, c) / (2.0 * c**2)
     if kind not in _BY_NAME:
-        raise PhysicError(f"no robust loss is named {kind!r}: use square, barron, {', '.join(sorted(_BY_NAME))}")
+        raise PhysicError(
+            f"no robust loss is named {kind!r}: use square, absolute, barron, {', '.join(sorted(_BY_NAME))}"
+        )
     return _BY_NAME[kind](squared, c)
 
 

@@ -9,7 +9,8 @@ import torch
 import trimesh
 
 from physic_core.engine.contact import contact_map, surface_distance
-from physic_core.engine.settings import PRESETS, ContactSettings
+from physic_core.engine.presets import PRESETS
+from physic_core.engine.settings import ContactSettings
 from physic_core.geometry.neighbors import NearestScene
 
 SETTINGS = PRESETS["default"].contact

@@ -13,7 +13,7 @@ from physic_core.engine.clouds import HumanCloud
 from physic_core.engine.energy import JointEnergy
 from physic_core.engine.fixed import representatives
 from physic_core.engine.limbs import keypoint_weights, limb_parts, observed_parts, stands
-from physic_core.engine.settings import PRESETS
+from physic_core.engine.presets import PRESETS
 from physic_core.geometry.visibility import vertex_areas
 
 SETTINGS = PRESETS["default"].joint

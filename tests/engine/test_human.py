@@ -23,7 +23,8 @@ from physic_core.engine.human import (
 )
 from physic_core.engine.placement_solvers import closed_form, descend
 from physic_core.engine.placement_terms import Chamfer, Reprojection, Rows, Standing, Subject
-from physic_core.engine.settings import PRESETS, HumanSettings
+from physic_core.engine.presets import PRESETS
+from physic_core.engine.settings import HumanSettings
 from physic_core.geometry.alignment import Alignment
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays, project
 

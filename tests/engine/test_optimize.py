@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from physic_core.engine.optimize import minimise, total_of
-from physic_core.engine.settings import PRESETS
+from physic_core.engine.presets import PRESETS
 from physic_core.engine.state import State
 
 LBFGS = PRESETS["default"].joint

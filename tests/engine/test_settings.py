@@ -8,7 +8,8 @@ from dataclasses import FrozenInstanceError, fields, is_dataclass
 import pytest
 
 from physic_core.engine import settings as module
-from physic_core.engine.settings import PRESETS, EngineSettings, HumanSettings, SceneSettings
+from physic_core.engine.presets import PRESETS
+from physic_core.engine.settings import EngineSettings, HumanSettings, SceneSettings
 
 
 def test_presets_hold_ours_and_the_papers() -> None:

@@ -83,5 +83,5 @@ def test_settings_name_the_losses_and_barrons_keeps_its_published_height():
     with pytest.raises(PhysicError) as caught:
         robust("huber", squared, 1.0)
     assert str(caught.value) == (
-        "no robust loss is named 'huber': use square, barron, cauchy, geman_mcclure, pseudo_huber"
+        "no robust loss is named 'huber': use square, absolute, barron, cauchy, geman_mcclure, pseudo_huber"
     )
