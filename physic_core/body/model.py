@@ -11,6 +11,7 @@ from torch import Tensor
 from physic_core.body.joints import JOINT_NAMES, NUM_JOINTS, PARENTS
 from physic_core.body.kinematics import Kinematics
 from physic_core.body.landmarks import PointRegressor
+from physic_core.body.posing import Tree, pose_points
 from physic_core.body.skinning import Skin
 from physic_core.errors import BodyModelError
 
@@ -177,10 +178,8 @@ class BodyModel:
         extra = torch.zeros(0, dtype=torch.int64, device=self.device) if vertex_ids is None else vertex_ids
         regressors = {name: self._regressor(name) for name in skeletons}
         wanted = torch.cat([extra, *(r.vertex_ids for r in regressors.values())])
-        kept, where = torch.unique(wanted, return_inverse=True)
-        counts = [len(r.vertex_ids) for r in regressors.values()]
-        slots = dict(zip(regressors, where[len(extra) :].split(counts), strict=True))
-        return LandmarkModel(self, self.skin.subset(kept), regressors, slots, where[: len(extra)])
+        sizes = [len(extra), *(len(r.vertex_ids) for r in regressors.values())]
+        return LandmarkModel(self, self.skin.subset(wanted), regressors, tuple(sizes), Tree(self.kinematics))
 
     def stature(self, betas: Tensor) -> Tensor:
         """Height (B,) in metres from the lowest sole to the crown, of shapes (B, K) standing in the T-pose."""
@@ -221,34 +220,35 @@ class LandmarkModel:
 
     Attributes:
         body: the whole model.
-        skin: the vertices that are posed.
+        skin: the vertices that are posed: those asked for besides, then those of each joint set.
         regressors: joint set -> its points from joints and its vertices.
-        slots: joint set -> where its vertices are in ``skin``.
-        extra: where the vertices asked for besides are in ``skin``.
+        sizes: how many vertices each of these is.
+        tree: of the body's joints.
     """
 
     body: BodyModel
     skin: Skin
     regressors: Mapping[str, PointRegressor]
-    slots: Mapping[str, Tensor]
-    extra: Tensor
+    sizes: tuple[int, ...]
+    tree: Tree
 
     def __call__(
         self, rotations: Tensor, betas: Tensor, transl: Tensor, expression: Tensor | None = None
     ) -> dict[str, Tensor]:
-        """Pose B bodies, arguments as of :meth:`BodyModel.__call__`.
+        """Pose B bodies, arguments as of :meth:`BodyModel.__call__`; differentiable once.
 
         Returns:
             Joint set -> (B, J, 3) metres; also "joints" (B, 55, 3) and "vertices" (B, n, 3), those asked for besides.
         """
         self.body._check(rotations, betas, transl, expression)
-        skin = self.skin if self.skin.num_vertices else None
-        output = _pose(self.body.kinematics, skin, self.body.num_expression, rotations, betas, transl, expression)
+        shape = _coefficients(self.body.num_expression, betas, expression)
+        posed, joints = pose_points(self.body.kinematics, self.tree, self.skin, rotations, shape, transl)
+        vertices, *groups = posed.split(list(self.sizes), dim=1)
         points = {
-            name: regressor(output.joints, output.vertices.index_select(1, self.slots[name]))
-            for name, regressor in self.regressors.items()
+            name: regressor(joints, group)
+            for (name, regressor), group in zip(self.regressors.items(), groups, strict=True)
         }
-        return {**points, "joints": output.joints, "vertices": output.vertices.index_select(1, self.extra)}
+        return {**points, "joints": joints, "vertices": vertices}
 
 
 def _pose(
@@ -261,10 +261,7 @@ def _pose(
     expression: Tensor | None,
 ) -> BodyOutput:
     batch = len(rotations)
-    shape = [betas]
-    if num_expression:
-        shape.append(betas.new_zeros(batch, num_expression) if expression is None else expression)
-    coefficients = torch.cat(shape, 1) if num_expression else betas
+    coefficients = _coefficients(num_expression, betas, expression)
     world, skinning = kinematics.transforms(rotations, kinematics.rest_joints(coefficients))
     joints = world[..., 3] + transl[:, None]
     if skin is None:
@@ -274,3 +271,10 @@ def _pose(
         coefficients = torch.cat([coefficients, (rotations[:, 1:] - identity).flatten(1)], 1)
     vertices = skin.pose(coefficients, skinning) + transl[:, None]
     return BodyOutput(vertices, joints, world[..., :3])
+
+
+def _coefficients(num_expression: int, betas: Tensor, expression: Tensor | None) -> Tensor:
+    """(B, K + E)."""
+    if not num_expression:
+        return betas
+    return torch.cat([betas, betas.new_zeros(len(betas), num_expression) if expression is None else expression], 1)

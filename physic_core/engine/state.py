@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 
 from physic_core.errors import PhysicError
+from physic_core.geometry.rotations import rotvec_to_rotmat
 
 __all__ = ["GROUPS", "Estimate", "State"]
 
@@ -158,20 +159,26 @@ class State:
 
     def _unpack_whitened(self) -> Estimate:
         start, values, sigmas = self._start, self.values, self._sigmas
-        body, first, hands = start.rotations[:, _BODY], start.rotations[:, 0], start.rotations[:, _HANDS]
-        face = start.rotations[:, 22:25]
-        if "root" in self.free:
-            first = _turn(values["root"] * sigmas["root"]) @ first
-        if "pose" in self.free:
-            body = body @ _turn(values["pose"] * sigmas["pose"])
-        if "hands" in self.free:
-            hands = hands @ _turn(values["hands"] * sigmas["hands"])
+        first, body = start.rotations[:, :1], start.rotations[:, _BODY]
+        face, hands = start.rotations[:, 22:25], start.rotations[:, _HANDS]
+        # All turns at once: the root's from outside, in the common frame, the others in their joint's own.
+        turns = torch.cat(
+            [
+                (values["root"] * sigmas["root"])[:, None],
+                values["pose"] * sigmas["pose"],
+                values["hands"] * sigmas["hands"],
+            ],
+            1,
+        )
+        root, *others = rotvec_to_rotmat(turns).split([1, body.shape[1], hands.shape[1]], dim=1)
+        turned = torch.cat([root, body, hands], 1) @ torch.cat([first, *others], 1)
+        first, body, hands = turned.split([1, body.shape[1], hands.shape[1]], dim=1)
         move = values["translation"] * sigmas["translation"]
         z0 = self._pelvis[:, 2:]
         z = z0 * torch.exp(move[:, 2:])
         pelvis = torch.cat([(self._pelvis[:, :2] / z0 + move[:, :2]) * z, z], 1)
         return Estimate(
-            torch.cat([first[:, None], body, face, hands], 1),
+            torch.cat([first, body, face, hands], 1),
             start.betas + values["betas"] * sigmas["betas"],
             start.transl + (pelvis - self._pelvis),
             values["scale"] * sigmas["scale"],
@@ -219,8 +226,3 @@ class State:
             raise PhysicError(f"the packed state must be ({sum(sizes)},), got {tuple(packed.shape)}")
         for value, part in zip(self.parameters(), torch.split(packed, sizes), strict=True):
             value.copy_(part.view_as(value))
-
-
-def _turn(rotvec: Tensor) -> Tensor:
-    rotation: Tensor = roma.rotvec_to_rotmat(rotvec)
-    return rotation

@@ -1,0 +1,81 @@
+"""The hand-written derivative of posing equals autograd's, with bind rotations and with pose correctives."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from physic_core.body import load_body
+from physic_core.body.kinematics import Kinematics
+from physic_core.body.model import _pose
+from physic_core.body.posing import Tree, pose_points
+from physic_core.body.skinning import Skin
+from physic_core.geometry.rotations import rotvec_to_rotmat
+
+J, V, D = 8, 6, 3
+PARENTS = (-1, 0, 0, 1, 2, 3, 3, 6)
+
+
+def small_body(*, bind: bool, correctives: bool) -> tuple[Kinematics, Skin]:
+    g = torch.Generator().manual_seed(3)
+
+    def normal(*shape: int) -> torch.Tensor:
+        return torch.randn(*shape, generator=g, dtype=torch.float64)
+
+    bind_rot = rotvec_to_rotmat(normal(J, 3)) if bind else None
+    kinematics = Kinematics.build(normal(J, 3), normal(D, J, 3), bind_rot, PARENTS)
+    rows = D + 9 * (J - 1) if correctives else D
+    return kinematics, Skin(normal(3, V), 0.1 * normal(rows, 3, V), torch.softmax(normal(J, V), 0))
+
+
+def pose(batch: int = 2) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    g = torch.Generator().manual_seed(4)
+    turns = torch.randn(batch, J, 3, generator=g, dtype=torch.float64)
+    shape = torch.randn(batch, D, generator=g, dtype=torch.float64)
+    return turns, shape, torch.randn(batch, 3, generator=g, dtype=torch.float64)
+
+
+@pytest.mark.parametrize("bind", [False, True])
+@pytest.mark.parametrize("correctives", [False, True])
+def test_value_and_slope_are_those_of_the_whole_model(bind, correctives):
+    kinematics, skin = small_body(bind=bind, correctives=correctives)
+    turns, shape, transl = pose()
+    inputs = [rotvec_to_rotmat(turns).requires_grad_(), shape.requires_grad_(), transl.requires_grad_()]
+    vertices, joints = pose_points(kinematics, Tree(kinematics), skin, *inputs)
+    plain = _pose(kinematics, skin, 0, *inputs, None)
+    torch.testing.assert_close(vertices, plain.vertices)
+    torch.testing.assert_close(joints, plain.joints)
+    weights = torch.randn(vertices.shape, dtype=torch.float64), torch.randn(joints.shape, dtype=torch.float64)
+
+    def slopes(v, j):
+        return torch.autograd.grad((v * weights[0]).sum() + (j * weights[1]).sum(), inputs)
+
+    for got, want in zip(slopes(vertices, joints), slopes(plain.vertices, plain.joints), strict=True):
+        torch.testing.assert_close(got, want)
+
+
+@pytest.mark.parametrize("correctives", [False, True])
+def test_slope_against_differences(correctives):
+    kinematics, skin = small_body(bind=True, correctives=correctives)
+    tree = Tree(kinematics)
+    inputs = [x.requires_grad_() for x in pose(1)]
+
+    def posed(turns, shape, transl):
+        return pose_points(kinematics, tree, skin, rotvec_to_rotmat(turns), shape, transl)
+
+    assert torch.autograd.gradcheck(posed, inputs)
+
+
+def test_no_vertices_still_pose_joints():
+    model = load_body("embedded")
+    rotations, betas, transl = model.zero_pose(2)
+    joints = model.landmarks_only(())(rotations, betas, transl.requires_grad_())["joints"]
+    (slope,) = torch.autograd.grad(joints.sum(), transl)
+    assert slope.tolist() == [[55.0] * 3] * 2
+
+
+def test_the_family_of_the_root_is_everybody():
+    kinematics, _ = small_body(bind=False, correctives=False)
+    family = Tree(kinematics).family
+    assert (family[0] == 1).all()
+    assert family[3].nonzero().flatten().tolist() == [3, 5, 6, 7]
