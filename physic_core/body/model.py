@@ -243,7 +243,7 @@ class LandmarkModel:
         self.body._check(rotations, betas, transl, expression)
         shape = _coefficients(self.body.num_expression, betas, expression)
         posed, joints = pose_points(self.body.kinematics, self.tree, self.skin, rotations, shape, transl)
-        vertices, *groups = posed.split(list(self.sizes), dim=1)
+        vertices, *groups = torch.split(posed, list(self.sizes), dim=1)
         points = {
             name: regressor(joints, group)
             for (name, regressor), group in zip(self.regressors.items(), groups, strict=True)

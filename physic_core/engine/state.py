@@ -170,9 +170,10 @@ class State:
             ],
             1,
         )
-        root, *others = rotvec_to_rotmat(turns).split([1, body.shape[1], hands.shape[1]], dim=1)
+        counts = [1, body.shape[1], hands.shape[1]]
+        root, *others = torch.split(rotvec_to_rotmat(turns), counts, dim=1)
         turned = torch.cat([root, body, hands], 1) @ torch.cat([first, *others], 1)
-        first, body, hands = turned.split([1, body.shape[1], hands.shape[1]], dim=1)
+        first, body, hands = torch.split(turned, counts, dim=1)
         move = values["translation"] * sigmas["translation"]
         z0 = self._pelvis[:, 2:]
         z = z0 * torch.exp(move[:, 2:])

@@ -40,7 +40,7 @@ class _Turn(torch.autograd.Function):
         flat = sine * (rotvec @ skew) + versine * (rotvec[..., :, None] * rotvec[..., None, :]).flatten(-2)
         flat[..., ::4] += 1 - versine * square
         ctx.save_for_backward(rotvec, skew, square, sine, versine)
-        return flat.unflatten(-1, (3, 3))
+        return flat.view(*rotvec.shape, 3)
 
     @staticmethod
     @once_differentiable
@@ -54,7 +54,8 @@ class _Turn(torch.autograd.Function):
         along = sine_slope * (around * rotvec).sum(-1, keepdim=True)
         along = along + 0.5 * versine_slope * (both * rotvec).sum(-1, keepdim=True)
         along = along - sine * flat[..., ::4].sum(-1, keepdim=True)
-        return sine * around + versine * both + along * rotvec
+        slope: Tensor = sine * around + versine * both + along * rotvec
+        return slope
 
 
 def _shares(square: Tensor) -> tuple[Tensor, Tensor]:
