@@ -11,6 +11,7 @@ from typing import Any
 
 import click
 
+from physic_core.cli.bench import bench
 from physic_core.cli.config import config
 from physic_core.cli.plugins import plugins
 from physic_core.cli.run import run
@@ -50,3 +51,4 @@ def main() -> None:
 main.add_command(run)
 main.add_command(plugins)
 main.add_command(config)
+main.add_command(bench)

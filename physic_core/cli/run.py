@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -150,7 +151,11 @@ def _summary(result: Reconstruction, folder: Path) -> str:
         touching = int(person.contact.sum())
         failed = f"; check: {', '.join(person.failed_checks)}" if person.failed_checks else ""
         distance = float(person.joints[0, 2])
-        lines.append(f"  person {i}: {distance:.1f} m away, {touching} of {len(person.contact)} vertices touch{failed}")
+        if math.isfinite(distance):
+            place = f"{distance:.1f} m away, {touching} of {len(person.contact)} vertices touch"
+        else:
+            place = "no body"
+        lines.append(f"  person {i}: {place}{failed}")
     lines += [f"note: {text}" for text in result.notes]
     lines += [f"warning: {text}" for text in result.warnings]
     lines.append(f"results: {folder}{'' if str(folder).endswith('/') else '/'}  (look at preview.png first)")

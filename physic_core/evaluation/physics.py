@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, FloatArray
 
-__all__ = ["Penetration", "contact_gap", "floating_distance", "penetration", "vertex_areas"]
+__all__ = ["Penetration", "contact_gap", "floating_distance", "penetration", "vertex_areas", "vertex_normals"]
 
 
 @dataclass(frozen=True)
@@ -50,6 +50,22 @@ def vertex_areas(vertices: FloatArray, faces: NDArray[np.integer[Any]]) -> Float
     points, corners = torch.tensor(np.asarray(vertices, np.float64)), torch.tensor(np.asarray(faces, np.int64))
     areas: FloatArray = areas_of(points, corners).numpy()
     return areas
+
+
+def vertex_normals(vertices: FloatArray, faces: NDArray[np.integer[Any]]) -> FloatArray:
+    """Unit normals (..., V, 3) of each vertex, out of a mesh whose triangles run counter-clockwise.
+
+    Args:
+        vertices: (..., V, 3) m, any frame.
+        faces: (F, 3) vertex ids.
+    """
+    import torch
+
+    from physic_core.geometry.visibility import vertex_normals as normals_of
+
+    points, corners = torch.tensor(np.asarray(vertices, np.float64)), torch.tensor(np.asarray(faces, np.int64))
+    normals: FloatArray = normals_of(points, corners).numpy()
+    return normals
 
 
 def penetration(

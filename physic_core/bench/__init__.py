@@ -1,0 +1,1 @@
+"""What the engine reaches on worlds with ground truth, and how fast: ``physic bench``."""

@@ -1,0 +1,207 @@
+"""``physic bench``: how exact and how fast the engine is."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from physic_core.errors import ConfigError
+
+if TYPE_CHECKING:
+    from physic_core.bench.accuracy import Work
+    from physic_core.bench.cases import Case
+    from physic_core.bench.results import Results
+    from physic_core.config import Config
+
+__all__ = ["bench"]
+
+
+class _Size(click.ParamType[Any]):
+    name = "WxH"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+        width, _, height = str(value).lower().partition("x")
+        if not (width.isdecimal() and height.isdecimal() and int(width) >= 64 and int(height) >= 64):
+            self.fail(f"'{value}' is no size in px of at least 64x64, such as 320x240", param, ctx)
+        return int(width), int(height)
+
+
+@click.group()
+def bench() -> None:
+    """Measure how exact and how fast the engine is.
+
+    "accuracy" needs the plugin physic-mock, whose estimators err as stated: pip install physic-mock.
+    """
+
+
+@bench.command()
+@click.option("--worlds", metavar="N", type=click.IntRange(1), default=34, show_default=True, help="How many worlds.")
+@click.option("--seed", metavar="S", type=click.IntRange(0), default=0, show_default=True, help="Draws the worlds.")
+@click.option("--preset", metavar="NAME", default="default", show_default=True, help="Engine's preset, the full model.")
+@click.option("--size", type=_Size(), default="320x240", show_default=True, help="Photos, px.")
+@click.option(
+    "--noise-seed", metavar="K", type=click.IntRange(0), default=0, show_default=True, help="Draws the errors."
+)
+@click.option("--rows", metavar="NAME,...", default="", help="Rows of the table, or other presets of the engine.")
+@click.option(
+    "--set",
+    "overrides",
+    metavar="KEY=VALUE",
+    multiple=True,
+    help="A setting of the engine (joint.depth_weight=10) makes a trial beside the full row; one of a backend "
+    "(metric_depth.options...) changes all rows. May be repeated.",
+)
+@click.option("--jobs", metavar="J", type=click.IntRange(1), default=1, show_default=True, help="Processes.")
+@click.option(
+    "-o", "--out", type=click.Path(path_type=Path), default=Path("physic-bench"), show_default=True, help="Folder."
+)
+@click.option("--cache", type=click.Path(path_type=Path), help="Keeps evidence.  [default: user's cache folder]")
+@click.option("--no-cache", is_flag=True, help="Keep no evidence between runs.")
+def accuracy(
+    worlds: int,
+    seed: int,
+    preset: str,
+    size: tuple[int, int],
+    noise_seed: int,
+    rows: str,
+    overrides: tuple[str, ...],
+    jobs: int,
+    out: Path,
+    cache: Path | None,
+    no_cache: bool,
+) -> None:
+    """Print the ablation table on synthetic worlds with ground truth; write it, every number and a plot to --out.
+
+    Ctrl-C ends the run with the worlds that are done; the same command later goes on from there.
+    """
+    if no_cache and cache is not None:
+        raise click.UsageError("--cache and --no-cache exclude each other: give one of them")
+    trial, others = _split(overrides)
+    config, noisy = _configs(preset, noise_seed, trial, others)
+
+    from physic_core.io.atomic import check_writable
+    from physic_core.plugins import discover
+    from physic_core.resolve import check
+
+    check(config, discover())
+    check_writable(out)
+
+    from physic_core.bench.accuracy import Work
+    from physic_core.bench.cases import cache_folder, chosen_cases
+    from physic_core.bench.rows import FULL, TRIAL, Row, pick
+
+    keys = [key.strip() for key in rows.split(",") if key.strip()]
+    chosen = pick(preset, keys or ([FULL] if trial else []))
+    if trial:
+        label = "full, " + ", ".join(text.partition(".")[2] for text in trial)
+        chosen = (*chosen, Row(TRIAL, label, config.engine.settings()))
+    work = Work(noisy, chosen, None if no_cache else (cache or cache_folder()))
+    cases = chosen_cases(worlds, seed, size)
+    settings = {
+        "worlds": worlds,
+        "seed": seed,
+        "preset": preset,
+        "size": list(size),
+        "noise_seed": noise_seed,
+        "set": list(overrides),
+        "config": noisy.as_dict(),
+    }
+    _run(cases, work, jobs, out, settings)
+
+
+@bench.command()
+def speed() -> None:
+    """Print how the times on this device compare: stages, strategies, people, sizes, threads."""
+    from physic_core.bench.speed import format_report, measure_speed
+
+    click.echo(format_report(measure_speed()))
+
+
+def _split(overrides: tuple[str, ...]) -> tuple[list[str], list[str]]:
+    """Settings of the engine, as "engine.joint.x=1", and those of backends."""
+    stages = ("scene.", "human.", "joint.", "contact.")
+    full = [f"engine.{text}" if text.strip().startswith(stages) else text.strip() for text in overrides]
+    if any(text.startswith("engine.preset") for text in full):
+        raise ConfigError("--set engine.preset=...: say it with --preset NAME, or with --rows full,NAME")
+    return [t for t in full if t.startswith("engine.")], [t for t in full if not t.startswith("engine.")]
+
+
+def _configs(preset: str, noise_seed: int, trial: list[str], others: list[str]) -> tuple[Config, Config]:
+    """The config of the trial, and that of perception, which is the same for all trials."""
+    from physic_core.config import load_config
+    from physic_core.interfaces import INTERFACES
+
+    noise = {name: {"options": {"noise_seed": noise_seed}} for name in INTERFACES}
+    engine = {"engine": {"preset": preset}}
+    return (
+        load_config(preset="mock", overrides=[*others, *trial], flags={"--noise-seed": noise, "--preset": engine}),
+        load_config(preset="mock", overrides=others, flags={"--noise-seed": noise}),
+    )
+
+
+def _run(cases: tuple[Case, ...], work: Work, jobs: int, out: Path, settings: dict[str, Any]) -> None:
+    from physic_core.bench.accuracy import run_cases
+    from physic_core.bench.plot import draw
+    from physic_core.bench.report import as_text
+    from physic_core.bench.results import summarise, write
+
+    records: list[dict[str, Any]] = []
+    stopped = False
+    try:
+        with _progress(len(cases)) as progress:
+            for record in run_cases(cases, work, jobs):
+                records.append(record)
+                progress(f"{record['name']} {record['seed']}")
+    except KeyboardInterrupt:
+        stopped = True
+    results: Results = summarise(records, cases, work, settings)
+    paths = [*write(results, out)]
+    if records:
+        click.echo("\n\n\n".join(map(as_text, results.tables)) + "\n")
+        try:
+            paths.append(draw(results, out / "ablation.png"))
+        except ImportError as error:
+            click.echo(f"note: no plot, for {error.name} is missing: pip install 'physic-core[bench]'", err=True)
+    click.echo(f"{len(records)} of {len(cases)} worlds; results: {', '.join(map(str, paths))}")
+    if stopped:
+        raise click.Abort
+
+
+@contextmanager
+def _progress(total: int) -> Iterator[Callable[[str], None]]:
+    """A bar on a terminal, one line a world elsewhere; both on stderr."""
+    if not sys.stderr.isatty():
+        done = 0
+
+        def say(title: str) -> None:
+            nonlocal done
+            done += 1
+            click.echo(f"[{done}/{total}] {title}", err=True)
+
+        yield say
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (
+        TextColumn("{task.description:<24}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("worlds", total=total)
+        yield lambda title: bar.update(task, description=title, advance=1)
