@@ -14,10 +14,41 @@ from physic_core.body import load_body
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.errors import BackendError, NoPersonError
 from physic_core.pipeline import reconstruct_photo
-from physic_core.testing.worlds import WORLDS, World, build_world
+from physic_core.plugins import discover
+from physic_core.resolve import resolve
+from physic_core.testing.worlds import World, build_world
 from physic_core.types import Hints
-from physic_mock.backends import MockBodyEstimator, MockKeypointDetector, MockSegmenter
+from physic_mock import NOISE_VERSION
 
+WORLDS = ("standing", "sitting", "two_people")
+NOISE = {
+    "segmenter": {"missed_ends": 0, "strays": 0, "floor_missed": 0, "floor_spills": 0, "raggedness_px": 1.4},
+    "keypoint_detector": {"hidden_noise": 0.02, "overconfident": 0, "swapped": 0},
+    "body_estimator": {"stature_noise": 0.03, "depth_noise": 0.35, "lateral_noise_m": 0.05, "observed_errors": 0},
+    "hand_estimator": {"missed": 0},
+    "contact_prior": {"recall": 0.6, "precision": 0.6, "spread": 0},
+    "metric_depth": {
+        "scale": 1.1,
+        "scale_sigma": 0,
+        "focal_sigma": 0,
+        "stated_sigma": 0.095,
+        "warp": 0.02,
+        "smear_px": 0,
+    },
+    "relative_pointmap": {
+        "focal_sigma": 0,
+        "warp": 0.005,
+        "disagreement": 0.003,
+        "hole_noise": 0,
+        "bumps": 0,
+        "smear_px": 0,
+        "relief_lost": 0,
+        "person_offset": 0,
+    },
+}
+MOCK = [
+    f"{interface}.options.{name}={value}" for interface, options in NOISE.items() for name, value in options.items()
+]
 STAGE_2 = ['engine.joint.frozen=["root", "pose", "hands", "betas", "translation"]', "engine.joint.steps=1"]
 DEPTH_SCALE = 1.1  # the mock's metric depth is this much too large
 
@@ -36,17 +67,19 @@ def cases() -> list[Case]:
         Case(
             world=(world := build_world(name)),
             start=start_of(world),
-            placed=reconstruct(world.image, load_config(preset="mock", overrides=STAGE_2)),
-            result=reconstruct(world.image, "mock"),
+            placed=reconstruct(world.image, load_config(preset="mock", overrides=[*MOCK, *STAGE_2])),
+            result=reconstruct(world.image, load_config(preset="mock", overrides=MOCK)),
         )
         for name in WORLDS
     ]
 
 
 def start_of(world: World) -> np.ndarray:
-    people = MockSegmenter().infer(world.image)
-    keypoints = MockKeypointDetector().infer(world.image, people)
-    parameters = MockBodyEstimator().infer(world.image, people, world.intrinsics, keypoints, Hints()).parameters
+    backends = resolve(load_config(preset="mock", overrides=MOCK), discover()).backends
+    people = backends["segmenter"].backend.infer(world.image)
+    keypoints = backends["keypoint_detector"].backend.infer(world.image, people)
+    estimator = backends["body_estimator"].backend
+    parameters = estimator.infer(world.image, people, world.intrinsics, keypoints, Hints()).parameters
     rotations = rotations_from_parameters(parameters, "cpu", torch.float32)
     posed = load_body()(rotations, torch.from_numpy(parameters.betas), torch.from_numpy(parameters.transl))
     return posed.vertices.numpy()
@@ -126,7 +159,7 @@ def test_stages_name_their_backends(cases):
     records = {r.name: r.provenance for r in cases[0].result.stages}
     assert {p.backend for p in records.values() if p is not None} == {"mock"}
     assert {p.distribution for p in records.values() if p is not None} == {"physic-mock"}
-    assert "mock: true depth times 1.1" in cases[0].result.notes
+    assert f"mock: true depth times 1.1 with errors of noise model {NOISE_VERSION} times 1" in cases[0].result.notes
 
 
 def test_a_result_is_the_same_after_it_was_saved_and_loaded(cases, tmp_path):
@@ -148,14 +181,14 @@ def test_a_result_is_the_same_after_it_was_saved_and_loaded(cases, tmp_path):
 def test_the_same_photo_gives_the_same_result_from_a_file_too(cases, tmp_path):
     world, before = cases[0].world, cases[0].result
     Image.fromarray(world.image).save(tmp_path / "photo.png")
-    again = reconstruct_photo(tmp_path / "photo.png", "mock")
+    again = reconstruct_photo(tmp_path / "photo.png", load_config(preset="mock", overrides=MOCK))
     np.testing.assert_array_equal(again.people[0].vertices, before.people[0].vertices)
     np.testing.assert_array_equal(again.scene.points, before.scene.points)
 
 
 def test_another_inpainter_beside_the_mocks(cases):
     world = cases[0].world
-    config = load_config(preset="mock", overrides=["inpainter.backend=telea"])
+    config = load_config(preset="mock", overrides=[*MOCK, "inpainter.backend=telea"])
     result = reconstruct(world.image, config)
     error = vertex_error_mm(result.people[0].vertices, world.vertices[0])
     print(f"with telea: {error:.0f} mm")

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from physic_core import BackendRecord, hookimpl
 
-__all__ = ["physic_backends"]
+__all__ = ["NOISE_VERSION", "physic_backends"]
+
+NOISE_VERSION = "1"
+"""Names the error models and their defaults; figures measured under different versions do not compare."""
 
 _CLASSES = {
     "segmenter": "MockSegmenter",

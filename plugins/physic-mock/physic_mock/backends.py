@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from physic_mock.contact import MockContactPrior
 from physic_mock.depths import MockMetricDepth, MockRelativePointmap
-from physic_mock.humans import MockBodyEstimator, MockContactPrior, MockHandEstimator
-from physic_mock.pixels import MockInpainter, MockKeypointDetector, MockSegmenter
+from physic_mock.humans import MockBodyEstimator, MockHandEstimator
+from physic_mock.keypoints import MockKeypointDetector
+from physic_mock.pixels import MockInpainter, MockSegmenter
 
 __all__ = [
     "MockBodyEstimator",

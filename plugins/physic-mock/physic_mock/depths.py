@@ -1,7 +1,8 @@
-"""Mocks of depth networks: the world's depth with an error of scale, a low-frequency warp, and an unknown unit."""
+"""Mocks of depth networks: the world's depth in a wrong or unknown unit, and wrong in shape."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
@@ -10,52 +11,81 @@ from pydantic import Field
 
 from physic_core import interfaces
 from physic_core.types import DepthMap, Pointmap
-from physic_mock.noise import generator, smooth_image
+from physic_mock import NOISE_VERSION
+from physic_mock.depth_noise import flattened, in_hole, smeared, waved
+from physic_mock.noise import generator, pixels_of
 from physic_mock.recognition import MockOptions, Recognised, recognise
 
 if TYPE_CHECKING:
+    from physic_core.testing.worlds import World
     from physic_core.types import FloatArray, Hints, Intrinsics, UInt8Array
 
-__all__ = ["MockMetricDepth", "MockRelativePointmap"]
+__all__ = ["MetricDepthOptions", "MockMetricDepth", "MockRelativePointmap", "RelativePointmapOptions"]
 
-_WAVES = 2.5  # across the longer side of the image
+_WARP_WAVES = 2.0  # across the longer side of the image
+_DISAGREEMENT_WAVES = 3.0
+_BUMP_WAVES = 16.0
+_HOLE_WAVES = 6.0
+_MOST_SHIFT = 0.5  # of the nearest depth, so that all of it stays in front of the camera
 
 
 class DepthOptions(MockOptions):
     """Settings that both depth mocks share."""
 
-    warp: float = Field(0.005, ge=0, le=0.5, description="Standard deviation of a smooth error of log depth.")
+    warp: float = Field(0.01, ge=0, le=0.5, description="Standard deviation of a low-frequency error of log depth.")
+    smear_px: float = Field(
+        1.5, ge=0, le=20, description="Width of the blur of depth edges, px of a photo 640 px wide."
+    )
     knows_camera: bool = Field(True, description="Whether the intrinsics are answered.")
-    focal_error: float = Field(1.0, gt=0, description="Factor on the focal length that is answered.")
+    focal_error: float = Field(1.0, gt=0, description="Factor on the focal length besides the drawn one.")
+    focal_sigma: float = Field(
+        0.03, ge=0, le=1, description="Standard deviation of the logarithm of the focal length, drawn once a world."
+    )
 
 
 class MetricDepthOptions(DepthOptions):
     """Settings of :class:`MockMetricDepth`."""
 
-    scale: float = Field(1.1, gt=0, description="Factor on the true depth.")
-    warp: float = Field(0.02, ge=0, le=0.5, description="Standard deviation of a smooth error of log depth.")
+    scale: float = Field(1.0, gt=0, description="Factor on the true depth besides the drawn one.")
+    scale_sigma: float = Field(
+        0.08, ge=0, le=1, description="Standard deviation of the logarithm of that factor, drawn once a world."
+    )
+    stated_sigma: float | None = Field(
+        None, ge=0, description="What is answered as standard deviation of log scale; None: the true one of the draws."
+    )
+    warp: float = Field(0.03, ge=0, le=0.5, description="Standard deviation of a low-frequency error of log depth.")
 
 
 class MockMetricDepth(interfaces.MetricDepth):
-    """The world's depth times a wrong scale."""
+    """The world's depth times a wrong scale.
+
+    A focal length that is too long takes things too far, as in networks that measure the size of things in pixels.
+    """
 
     Options = MetricDepthOptions
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
-        """Image (H, W, 3) of a world, people in or out -> z-depth in metres, of what the image shows.
+        """Image (H, W, 3) of a world, people in or out -> z-depth in metres of what the image shows, NaN in the sky.
 
         Raises:
-            BackendError: the image shows no world that the options name.
+            BackendError: the image shows no world.
         """
         assert isinstance(self.options, MetricDepthOptions)
-        found = recognise(image, self.options, hints.hole)
-        depth = _seen_depth(found) * self.options.scale
-        depth = depth * _warp(found, self.options, "metric depth", self.options.warp)
+        options, noise = self.options, self.options.noise
+        found = recognise(image, options, hints.hole)
+        world, seed = found.world, options.noise_seed
+        camera = _camera(world, options, "metric depth")
+        drawn = math.exp(noise * options.scale_sigma * generator(world, seed, "metric scale").normal())
+        depth = smeared(_seen_depth(found), noise * pixels_of(options.smear_px, found.people.shape))
+        depth = waved(depth, noise * options.warp, _WARP_WAVES, generator(world, seed, "metric depth"))
+        depth = depth * options.scale * drawn * camera.fx / world.intrinsics.fx
+        own_sigma = noise * math.hypot(options.scale_sigma, options.focal_sigma)
+        stated = "" if options.scale == 1 else f" times {options.scale:g}"
         return DepthMap(
-            depth=depth.astype(np.float32),
-            intrinsics=_camera(found, self.options),
-            scale_sigma=max(abs(float(np.log(self.options.scale))), 0.02),
-            notes=(f"mock: true depth times {self.options.scale:g}",),
+            depth=np.where(np.isfinite(depth), depth, np.nan).astype(np.float32),
+            intrinsics=camera if options.knows_camera else None,
+            scale_sigma=own_sigma if options.stated_sigma is None else options.stated_sigma,
+            notes=(f"mock: true depth{stated} with errors of noise model {NOISE_VERSION} times {noise:g}",),
         )
 
 
@@ -65,13 +95,36 @@ class RelativePointmapOptions(DepthOptions):
     unknown: Literal["scale", "scale_shift", "inverse_scale_shift"] = Field(
         "scale_shift", description="What the answer leaves open."
     )
-    scale: float = Field(1.4, gt=0, description="The unknown scale: Z = s Z', Z = s Z' + t or 1 / Z = s / Z' + t.")
-    shift: float | None = Field(
-        None, description="The unknown shift t; None: 0.25 m of Z, or 0.04 / m of 1 / Z. Unused where there is none."
+    scale: float = Field(
+        1.0, gt=0, description="The unknown scale besides the drawn one: Z = s Z', Z = s Z' + t or 1 / Z = s / Z' + t."
     )
-    photo_scale: float = Field(1.15, gt=0, description="The photo with its people has this many times the scale.")
+    scale_sigma: float = Field(0.3, ge=0, le=2, description="Standard deviation of the logarithm of that scale.")
+    shift: float | None = Field(
+        None, description="The unknown shift t, metres or 1 / metres; None draws it. Unused where there is none."
+    )
+    shift_sigma: float = Field(
+        0.08, ge=0, le=1, description="Standard deviation of the drawn shift, as a share of the median (inverse) depth."
+    )
+    photo_scale_sigma: float = Field(
+        0.15, ge=0, le=2, description="How far the photo with its people has another scale: standard deviation of log."
+    )
+    photo_shift_sigma: float = Field(
+        0.03, ge=0, le=1, description="How far it has another drawn shift, as a share of the median (inverse) depth."
+    )
     disagreement: float = Field(
-        0.003, ge=0, le=0.5, description="A further smooth error of log depth, of its own in each of the two images."
+        0.01, ge=0, le=0.5, description="A further smooth error of log depth, of its own in each of the two images."
+    )
+    hole_noise: float = Field(
+        0.01, ge=0, le=0.5, description="A further error of log depth where an inpainter made the picture up."
+    )
+    bumps: float = Field(
+        0.004, ge=0, le=0.5, description="Standard deviation of bumps of log depth, a sixteenth of the picture wide."
+    )
+    relief_lost: float = Field(
+        0.2, ge=0, le=1, description="Share of people's relief about their own median depth that is flattened."
+    )
+    person_offset: float = Field(
+        0.015, ge=0, le=0.5, description="Standard deviation of log depth by which a whole person is off."
     )
 
 
@@ -83,49 +136,84 @@ class MockRelativePointmap(interfaces.RelativePointmap):
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
         """Image (H, W, 3) of a world, people in or out -> point map on the rays of ``hints.intrinsics`` if given.
 
+        The sky is not valid.
+
         Raises:
-            BackendError: the image shows no world that the options name.
+            BackendError: the image shows no world.
         """
         assert isinstance(self.options, RelativePointmapOptions)
         options = self.options
         found = recognise(image, options, hints.hole)
-        which = "photo" if found.present.any() else "empty"
-        depth = _seen_depth(found) * _warp(found, options, "point map", options.warp)
-        depth = depth * _warp(found, options, f"point map of the {which}", options.disagreement)
-        scale = options.scale * (options.photo_scale if which == "photo" else 1.0)
-        camera = hints.intrinsics or found.world.intrinsics
+        depth = _misshapen(found, hints, options)
+        scale, shift = _unit(found, depth, options)
+        camera = hints.intrinsics or _camera(found.world, options, "point map")
         points = _rays(camera) * depth[..., None]
         if options.unknown == "inverse_scale_shift":
-            shift = 0.04 if options.shift is None else options.shift
             relative = points / depth[..., None] * (scale / (1 / depth - shift))[..., None]
         else:
-            shift = 0.25 if options.shift is None else options.shift
-            moved = [0, 0, shift if options.unknown == "scale_shift" else 0.0]
-            relative = (points - moved) / scale
+            relative = (points - [0, 0, shift]) / scale
+        valid = np.isfinite(relative).all(axis=2) & (relative[..., 2] > 0)
         return Pointmap(
-            points=relative.astype(np.float32),
-            valid=np.isfinite(relative).all(axis=2) & (relative[..., 2] > 0),
+            points=np.where(valid[..., None], relative, np.nan).astype(np.float32),
+            valid=valid,
             unknown=options.unknown,
-            intrinsics=hints.intrinsics or _camera(found, options),
-            notes=("mock: true points in an unknown unit",),
+            intrinsics=camera if hints.intrinsics or options.knows_camera else None,
+            notes=(
+                f"mock: true points in an unknown unit with errors of noise model {NOISE_VERSION} "
+                f"times {options.noise:g}",
+            ),
         )
+
+
+def _misshapen(found: Recognised, hints: Hints, options: RelativePointmapOptions) -> FloatArray:
+    """(H, W) metres, NaN in the sky: people first, then edges, then what the whole picture suffers from."""
+    world, seed, noise = found.world, options.noise_seed, options.noise
+    which = _which(found)
+    depth = _seen_depth(found)
+    for i, mask in enumerate(world.masks):
+        offset = noise * options.person_offset * generator(world, seed, f"depth of person {i}").normal()
+        depth = flattened(depth, mask & found.people, min(1.0, noise * options.relief_lost), offset)
+    depth = smeared(depth, noise * pixels_of(options.smear_px, depth.shape))
+    depth = in_hole(depth, hints.hole, noise * options.hole_noise, _HOLE_WAVES, generator(world, seed, "hole"))
+    for sigma, waves, purpose in (
+        (options.bumps, _BUMP_WAVES, "bumps"),
+        (options.warp, _WARP_WAVES, "point map"),
+        (options.disagreement, _DISAGREEMENT_WAVES, f"point map of the {which}"),
+    ):
+        depth = waved(depth, noise * sigma, waves, generator(world, seed, purpose))
+    return np.where(np.isfinite(depth), depth, np.nan)
+
+
+def _unit(found: Recognised, depth: FloatArray, options: RelativePointmapOptions) -> tuple[float, float]:
+    """Scale and shift of this picture's answer; a drawn shift keeps everything in front of the camera."""
+    common = generator(found.world, options.noise_seed, "unit of both").normal(size=2)
+    own = generator(found.world, options.noise_seed, "unit of the photo").normal(size=2)
+    own = own if _which(found) == "photo" else np.zeros(2)
+    log_scale = options.scale_sigma * common[0] + options.photo_scale_sigma * own[0]
+    scale = options.scale * math.exp(options.noise * log_scale)
+    if options.unknown == "scale":
+        return scale, 0.0
+    if options.shift is not None:
+        return scale, options.shift
+    known = depth[np.isfinite(depth)]
+    known = 1 / known if options.unknown == "inverse_scale_shift" else known
+    shift = options.noise * (options.shift_sigma * common[1] + options.photo_shift_sigma * own[1]) * np.median(known)
+    return scale, float(min(shift, _MOST_SHIFT * known.min()))
+
+
+def _which(found: Recognised) -> str:
+    return "photo" if found.present.any() else "empty"
 
 
 def _seen_depth(found: Recognised) -> FloatArray:
     return np.where(found.people, found.world.depth, found.world.empty_depth).astype(np.float64)
 
 
-def _warp(found: Recognised, options: DepthOptions, purpose: str, amount: float) -> FloatArray:
-    rng = generator(found.world, options.noise_seed, purpose)
-    factor: FloatArray = np.exp(amount * smooth_image(found.people.shape, _WAVES, rng))
-    return factor
-
-
-def _camera(found: Recognised, options: DepthOptions) -> Intrinsics | None:
-    if not options.knows_camera:
-        return None
-    true = found.world.intrinsics
-    return replace(true, fx=true.fx * options.focal_error, fy=true.fy * options.focal_error, source="mock")
+def _camera(world: World, options: DepthOptions, purpose: str) -> Intrinsics:
+    draw = generator(world, options.noise_seed, f"focal length of the {purpose}").normal()
+    factor = options.focal_error * math.exp(options.noise * options.focal_sigma * draw)
+    true = world.intrinsics
+    return replace(true, fx=true.fx * factor, fy=true.fy * factor, source="mock")
 
 
 def _rays(camera: Intrinsics) -> FloatArray:

@@ -1,23 +1,25 @@
-"""Mocks of what is known of each person: body, hands, contact."""
+"""Mocks of what is known of each person: body and hands."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field
 
 from physic_core import interfaces
-from physic_core.errors import BackendError
-from physic_core.types import Bodies, BodyParameters, ContactProbability, Hands
-from physic_mock.noise import generator, smooth_field, turned
-from physic_mock.recognition import MockOptions, Recognised, match_people, recognise
+from physic_core.types import Bodies, BodyParameters, Hands
+from physic_mock.body_noise import BONES, hidden_bones, leaning_bones, local_turns, seen_turns, sight_frame
+from physic_mock.noise import chance, generator, turned
+from physic_mock.recognition import MockOptions, match_people, recognise
 
 if TYPE_CHECKING:
+    from physic_core.testing.worlds import World
     from physic_core.types import FloatArray, Hints, Intrinsics, Keypoints, People, UInt8Array
 
-__all__ = ["MockBodyEstimator", "MockContactPrior", "MockHandEstimator"]
+__all__ = ["BodyOptions", "HandOptions", "MockBodyEstimator", "MockHandEstimator"]
 
 _WRISTS = (20, 21)
 
@@ -25,17 +27,50 @@ _WRISTS = (20, 21)
 class BodyOptions(MockOptions):
     """Settings of :class:`MockBodyEstimator`."""
 
-    pose_noise_deg: float = Field(4.0, ge=0, le=60, description="Standard deviation about each axis of 21 joints.")
-    orient_noise_deg: float = Field(4.0, ge=0, le=90, description="The same of the whole body.")
-    shape_noise: float = Field(0.4, ge=0, le=3, description="Standard deviation of each shape component.")
-    depth_noise: float = Field(
-        0.35, ge=0, le=1, description="Standard deviation of log distance: people come out too near or too far."
+    pose_noise_deg: float = Field(
+        9.0,
+        ge=0,
+        le=60,
+        description="How far bones lean towards or away from the camera: standard deviation about each of the two axes "
+        "across the line of sight, degrees.",
     )
-    lateral_noise_m: float = Field(0.05, ge=0, description="Standard deviation along x and along y, metres.")
+    plane_noise_deg: float = Field(
+        4.0, ge=0, le=60, description="Standard deviation of bones' turns in the plane of the picture, degrees."
+    )
+    limb_share: float = Field(
+        0.5, ge=0, le=1, description="Share of the variance of both that all bones of an arm, a leg or the trunk share."
+    )
+    trunk_factor: float = Field(0.5, ge=0, le=5, description="Factor on these errors of trunk, neck and head.")
+    hidden_factor: float = Field(2.0, ge=0, le=5, description="Factor on these errors of bones whose end is hidden.")
+    orient_noise_deg: float = Field(
+        4.0, ge=0, le=90, description="Standard deviation of the whole body's turn about each axis, degrees."
+    )
+    shape_noise: float = Field(
+        0.4, ge=0, le=3, description="Standard deviation of each shape component; those that change the stature less."
+    )
+    stature_noise: float = Field(0.035, ge=0, le=0.5, description="Standard deviation of the logarithm of stature.")
+    depth_noise: float = Field(
+        0.3,
+        ge=0,
+        le=1,
+        description="Standard deviation of the logarithm of distance: people come out too near or too far.",
+    )
+    depth_share: float = Field(
+        0.5, ge=0, le=1, description="Share of the variance of log distance that all people of a photo share."
+    )
+    lateral_noise_m: float = Field(
+        0.03, ge=0, le=2, description="Standard deviation of the place across the line of sight, metres."
+    )
+    observed_errors: float = Field(
+        0.03, ge=0, le=1, description="Share of joints that are said to be seen though hidden, or the other way round."
+    )
 
 
 class MockBodyEstimator(interfaces.BodyEstimator):
-    """The world's bodies, turned at every joint and moved mostly along the line of sight; hands flat."""
+    """The world's bodies, wrong as estimators are: bones lean along the line of sight, people stand too near or far.
+
+    Hands are flat in every case: the hand estimator knows of them.
+    """
 
     Options = BodyOptions
 
@@ -45,7 +80,7 @@ class MockBodyEstimator(interfaces.BodyEstimator):
         """Image (H, W, 3) of a world and people of it -> their bodies.
 
         Raises:
-            BackendError: the image shows no world that the options name, or a person is nobody of it.
+            BackendError: the image shows no world, or a person is nobody of it.
         """
         assert isinstance(self.options, BodyOptions)
         options = self.options
@@ -53,29 +88,97 @@ class MockBodyEstimator(interfaces.BodyEstimator):
         rows = match_people(found, people)
         world, rng = found.world, generator(found.world, options.noise_seed, "bodies")
         truth, count = world.parameters, len(world.vertices)
-        pelvis = world.joints[:, 0].astype(np.float64)
-        moved = pelvis * np.exp(options.depth_noise * rng.normal(size=(count, 1)))
-        moved[:, :2] += options.lateral_noise_m * rng.normal(size=(count, 2))
+        placed = _placed(world, options, rng)
+        posed = np.stack(
+            [
+                _posed(world, i, options, generator(world, options.noise_seed, f"pose of person {i}"))
+                for i in range(count)
+            ]
+        )
+        flips = chance(options.observed_errors, options.noise, rng.random(world.joints_visible.shape))
         parameters = BodyParameters(
-            global_orient=turned(truth.global_orient, options.orient_noise_deg, rng),
-            body_pose=turned(truth.body_pose.reshape(count, 21, 3), options.pose_noise_deg, rng).reshape(count, 63),
+            global_orient=posed[:, 0],
+            body_pose=posed[:, 1:].reshape(count, -1),
             left_hand_pose=np.zeros_like(truth.left_hand_pose),
             right_hand_pose=np.zeros_like(truth.right_hand_pose),
             jaw_pose=truth.jaw_pose.copy(),
             leye_pose=truth.leye_pose.copy(),
             reye_pose=truth.reye_pose.copy(),
-            betas=(truth.betas + options.shape_noise * rng.normal(size=truth.betas.shape)).astype(np.float32),
+            betas=_shaped(world, options, rng),
             expression=truth.expression.copy(),
-            transl=(truth.transl + moved - pelvis).astype(np.float32),
+            transl=placed,
         )
         picked = replace(parameters, **{name: value[rows] for name, value in vars(parameters).items()})
-        return Bodies(parameters=picked, body_model=world.body_model, observed=world.joints_visible[rows])
+        return Bodies(parameters=picked, body_model=world.body_model, observed=(world.joints_visible ^ flips)[rows])
+
+
+def _placed(world: World, options: BodyOptions, rng: np.random.Generator) -> FloatArray:
+    """(N, 3) float32 translations: log-normal along the line of sight, normal across it."""
+    pelvis = world.joints[:, 0].astype(np.float64)
+    common, own = rng.normal(), rng.normal(size=len(pelvis))
+    along = np.sqrt(options.depth_share) * common + np.sqrt(1 - options.depth_share) * own
+    across = rng.normal(size=(len(pelvis), 2))
+    moved = pelvis * np.exp(options.noise * options.depth_noise * along)[:, None]
+    for i, point in enumerate(pelvis):
+        moved[i] += options.noise * options.lateral_noise_m * across[i] @ sight_frame(point)[:2]
+    placed: FloatArray = (world.parameters.transl + moved - pelvis).astype(np.float32)
+    return placed
+
+
+def _posed(world: World, person: int, options: BodyOptions, rng: np.random.Generator) -> FloatArray:
+    """(22, 3) float32 rotation vectors of one person's root and body joints."""
+    from scipy.spatial.transform import Rotation
+
+    truth = world.parameters
+    local = np.concatenate([truth.global_orient[person], truth.body_pose[person]]).reshape(BONES, 3).astype(np.float64)
+    whole = np.radians(options.noise * options.orient_noise_deg) * rng.normal(size=3)
+    errors = leaning_bones(
+        sight_frame(world.joints[person, 0].astype(np.float64)),
+        hidden_bones(world.joints_visible[person]),
+        options.noise * options.pose_noise_deg,
+        options.noise * options.plane_noise_deg,
+        options.limb_share,
+        options.hidden_factor,
+        options.trunk_factor,
+        rng,
+    )
+    turn = Rotation.from_rotvec(whole)
+    seen = [turn * Rotation.from_rotvec(e) * g for e, g in zip(errors, seen_turns(local), strict=True)]
+    return local_turns(seen).astype(np.float32)
+
+
+def _shaped(world: World, options: BodyOptions, rng: np.random.Generator) -> FloatArray:
+    """(N, K) float32 shapes: the stature wrong by its own share, everything else by ``shape_noise``."""
+    betas = world.parameters.betas.astype(np.float64)
+    growth = _growth(world.body_model)
+    direction = growth / np.linalg.norm(growth)
+    stature, others = rng.normal(size=(len(betas), 1)), rng.normal(size=betas.shape)
+    others -= (others @ direction)[:, None] * direction
+    errors = options.stature_noise / np.linalg.norm(growth) * stature * direction + options.shape_noise * others
+    return (betas + options.noise * errors).astype(np.float32)
+
+
+@lru_cache(maxsize=2)
+def _growth(body_model: str) -> FloatArray:
+    """(K,) change of log stature with each shape component, of the mean shape."""
+    import torch
+
+    from physic_core.body import load_body
+
+    model = load_body(body_model)
+    with torch.no_grad():
+        one = torch.eye(model.num_betas)
+        growth: FloatArray = (model.stature(one) / model.stature(-one)).log().div(2).double().numpy()
+    return growth
 
 
 class HandOptions(MockOptions):
     """Settings of :class:`MockHandEstimator`."""
 
-    noise_deg: float = Field(10.0, ge=0, le=90, description="Standard deviation about each axis of each finger joint.")
+    noise_deg: float = Field(
+        10.0, ge=0, le=90, description="Standard deviation about each axis of each finger joint, degrees."
+    )
+    missed: float = Field(0.1, ge=0, le=1, description="Share of the hands in sight that are not found.")
 
 
 class MockHandEstimator(interfaces.HandEstimator):
@@ -87,66 +190,16 @@ class MockHandEstimator(interfaces.HandEstimator):
         """Image (H, W, 3) of a world and people of it -> their hands.
 
         Raises:
-            BackendError: the image shows no world that the options name, or a person is nobody of it.
+            BackendError: the image shows no world, or a person is nobody of it.
         """
         assert isinstance(self.options, HandOptions)
-        found = recognise(image, self.options)
+        options = self.options
+        found = recognise(image, options)
         rows = match_people(found, people)
-        rng = generator(found.world, self.options.noise_seed, "hands")
+        rng = generator(found.world, options.noise_seed, "hands")
         truth = found.world.parameters
         both = np.stack([truth.left_hand_pose, truth.right_hand_pose], axis=1).reshape(-1, 2, 15, 3)
+        rotvecs = turned(both, options.noise * options.noise_deg, rng)
         seen = found.world.joints_visible[:, list(_WRISTS)]
-        return Hands(
-            rotvecs=turned(both, self.options.noise_deg, rng)[rows],
-            confidence=np.where(seen, 0.9, 0.0)[rows],
-        )
-
-
-class ContactOptions(MockOptions):
-    """Settings of :class:`MockContactPrior`."""
-
-    recall: float = Field(0.6, gt=0, le=1, description="Share of the true contact vertices that are found.")
-    precision: float = Field(0.6, gt=0, le=1, description="Share of the found vertices that are true.")
-    patch_m: float = Field(0.15, gt=0, description="Size of the patches that are missed or made up, metres.")
-
-
-class MockContactPrior(interfaces.ContactPrior):
-    """The world's contact with patches missed, and patches made up where the scene is near."""
-
-    Options = ContactOptions
-
-    def infer(self, image: UInt8Array, people: People, bodies: Bodies) -> ContactProbability:
-        """Image (H, W, 3) of a world and people of it -> probability (N, V), above 0.5 where contact is found.
-
-        Raises:
-            BackendError: the image shows no world that the options name, a person is nobody of it, or the bodies are
-                of another body model.
-        """
-        assert isinstance(self.options, ContactOptions)
-        found = recognise(image, self.options)
-        rows = match_people(found, people)
-        if bodies.body_model != found.world.body_model:
-            raise BackendError(
-                f"The mock world's contact is for the body model {found.world.body_model!r}, got bodies of "
-                f"{bodies.body_model!r}: use the mock body estimator, or another contact prior."
-            )
-        every = np.stack([_probability(found, i, self.options) for i in range(len(found.world.vertices))])
-        return ContactProbability(probability=every[rows], topology=found.world.topology)
-
-
-def _probability(found: Recognised, person: int, options: ContactOptions) -> FloatArray:
-    """(V,) for one person: exactly the asked recall and precision, as far as whole vertices allow."""
-    world = found.world
-    rng = generator(world, options.noise_seed, f"contact of person {person}")
-    field = smooth_field(world.vertices[person].astype(np.float64), options.patch_m, rng)
-    true = np.flatnonzero(world.contact[person])
-    others = np.flatnonzero(~world.contact[person] & world.outer)
-    hits = true[np.argsort(-field[true])][: round(options.recall * len(true))]
-    wrong = round(len(hits) * (1 - options.precision) / options.precision)
-    # Made-up contact lies in patches, rather near the scene than far from it.
-    temptation = field[others] - world.distance[person, others] / options.patch_m
-    false = others[np.argsort(-temptation)][:wrong]
-    probability = rng.uniform(0.0, 0.3, len(field))
-    found_vertices = np.concatenate([hits, false])
-    probability[found_vertices] = rng.uniform(0.6, 0.95, len(found_vertices))
-    return probability
+        seen = seen & ~chance(options.missed, options.noise, rng.random(seen.shape))
+        return Hands(rotvecs=rotvecs[rows], confidence=np.where(seen, 0.9, 0.0)[rows])

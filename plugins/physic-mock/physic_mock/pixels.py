@@ -1,32 +1,47 @@
-"""Mocks of what is seen in the image: masks, keypoints, the picture without people."""
+"""Mocks of what is seen in the image: masks, and the picture without people."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field
 
 from physic_core import interfaces
-from physic_core.types import Keypoints, People
-from physic_mock.noise import generator, ragged
-from physic_mock.recognition import MockOptions, match_people, recognise
+from physic_core.types import People
+from physic_mock.mask_noise import floor_mask, with_strays, without_ends
+from physic_mock.noise import chance, generator, pixels_of, ragged
+from physic_mock.recognition import MockOptions, recognise
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, UInt8Array
+    from physic_mock.recognition import Recognised
 
-__all__ = ["MockInpainter", "MockKeypointDetector", "MockSegmenter"]
+__all__ = ["MockInpainter", "MockSegmenter", "SegmenterOptions"]
 
 
 class SegmenterOptions(MockOptions):
     """Settings of :class:`MockSegmenter`."""
 
-    raggedness_px: float = Field(0.7, ge=0, le=20, description="How far the masks' borders stray, px.")
+    raggedness_px: float = Field(
+        1.2, ge=0, le=20, description="How far the masks' borders stray, px of a photo 640 px wide."
+    )
+    missed_ends: float = Field(0.04, ge=0, le=1, description="Share of hands and feet that are left out of the masks.")
+    strays: float = Field(
+        0.15, ge=0, le=1, description="Share of people whose mask takes in a bit of what is beside them."
+    )
     floor: bool = Field(True, description="Whether the floor is looked for; false answers None.")
+    floor_missed: float = Field(0.1, ge=0, le=1, description="Share of photos whose floor is not found.")
+    floor_spills: float = Field(
+        1.5,
+        ge=0,
+        le=8,
+        description="Mean number of bits of other things in the floor's mask, and of bits of floor left out.",
+    )
 
 
 class MockSegmenter(interfaces.Segmenter):
-    """The world's visible masks with ragged borders, and its floor."""
+    """The world's visible masks and its floor, ragged, with bits missing and bits too many."""
 
     Options = SegmenterOptions
 
@@ -34,16 +49,15 @@ class MockSegmenter(interfaces.Segmenter):
         """Image (H, W, 3) of a world -> the people still in it.
 
         Raises:
-            BackendError: the image shows no world that the options name.
+            BackendError: the image shows no world.
         """
         assert isinstance(self.options, SegmenterOptions)
         found = recognise(image, self.options)
-        world, rng = found.world, generator(found.world, self.options.noise_seed, "masks")
         taken = np.zeros(image.shape[:2], bool)
         masks: list[BoolArray] = []
-        for mask, present in zip(world.masks, found.present, strict=True):
-            stray = ragged(mask, self.options.raggedness_px, rng) & ~taken
-            if present and stray.any():
+        for i in np.flatnonzero(found.present):
+            stray = _person(found, int(i), self.options) & ~taken
+            if stray.any():
                 masks.append(stray)
                 taken |= stray
         scores = 0.95 - 0.02 * np.arange(len(masks))
@@ -51,12 +65,34 @@ class MockSegmenter(interfaces.Segmenter):
             masks=np.stack(masks) if masks else np.zeros((0, *image.shape[:2]), bool),
             boxes=np.array([_box(mask) for mask in masks]).reshape(-1, 4),
             scores=scores,
-            floor=(world.empty_floor_mask & ~found.people) if self.options.floor else None,
+            floor=_floor(found, self.options),
         )
 
 
+def _person(found: Recognised, person: int, options: SegmenterOptions) -> BoolArray:
+    world, noise = found.world, options.noise
+    rng = generator(world, options.noise_seed, f"mask of person {person}")
+    x0, y0, x1, y1 = world.boxes[person]
+    mask = ragged(world.masks[person], noise * pixels_of(options.raggedness_px, found.people.shape), rng)
+    whole = without_ends(mask, world, person, options.missed_ends, noise, rng)
+    return with_strays(whole, max(x1 - x0, y1 - y0), options.strays, noise, rng)
+
+
+def _floor(found: Recognised, options: SegmenterOptions) -> BoolArray | None:
+    rng = generator(found.world, options.noise_seed, "floor mask")
+    if chance(options.floor_missed, options.noise, rng.random(1))[0] or not options.floor:
+        return None
+    seen = found.world.empty_floor_mask & ~found.people
+    stray = options.noise * pixels_of(options.raggedness_px, seen.shape)
+    return floor_mask(seen, stray, options.floor_spills, options.noise, rng) & ~found.people
+
+
 class MockInpainter(interfaces.Inpainter):
-    """The world's own picture without people, in the hole."""
+    """The world's own picture without people, in the hole: the one mock without errors.
+
+    All other mocks read the world and not the picture, so what an inpainter makes up shows in the point map's
+    ``hole_noise`` and ``disagreement``.
+    """
 
     Options = MockOptions
 
@@ -64,45 +100,12 @@ class MockInpainter(interfaces.Inpainter):
         """Image (H, W, 3) of a world, mask (H, W) -> image; unchanged where the mask is False, shadows included.
 
         Raises:
-            BackendError: the image shows no world that the options name.
+            BackendError: the image shows no world.
         """
         assert isinstance(self.options, MockOptions)
         filled: UInt8Array = image.copy()
         filled[mask] = recognise(image, self.options).world.empty_image[mask]
         return filled
-
-
-class KeypointOptions(MockOptions):
-    """Settings of :class:`MockKeypointDetector`."""
-
-    skeleton: Literal["coco17", "coco23", "blazepose33"] = Field("blazepose33", description="Joint set to answer.")
-    noise: float = Field(0.006, ge=0, le=0.2, description="Standard deviation, as a share of the box's larger side.")
-    hidden_noise: float = Field(0.02, ge=0, le=0.5, description="The same for points that something hides.")
-    hidden_confidence: float = Field(0.3, ge=0, le=1, description="Confidence of hidden points; others have about .9.")
-
-
-class MockKeypointDetector(interfaces.KeypointDetector):
-    """The world's keypoints with noise; hidden ones stray more and are less sure."""
-
-    Options = KeypointOptions
-
-    def infer(self, image: UInt8Array, people: People) -> Keypoints:
-        """Image (H, W, 3) of a world and people of it -> their keypoints.
-
-        Raises:
-            BackendError: the image shows no world that the options name, or a person is nobody of it.
-        """
-        assert isinstance(self.options, KeypointOptions)
-        options = self.options
-        found = recognise(image, options)
-        rows = match_people(found, people)
-        rng = generator(found.world, options.noise_seed, "keypoints")
-        truth, visible = found.world.keypoints[options.skeleton], found.world.visible[options.skeleton]
-        size = (found.world.boxes[:, 2:] - found.world.boxes[:, :2]).max(axis=1)
-        sigma = np.where(visible, options.noise, options.hidden_noise) * size[:, None]
-        points = truth + sigma[..., None] * rng.normal(size=truth.shape)
-        confidence = np.where(visible, rng.uniform(0.85, 0.98, visible.shape), options.hidden_confidence)
-        return Keypoints(points=points[rows], confidence=confidence[rows], skeleton=options.skeleton)
 
 
 def _box(mask: BoolArray) -> FloatArray:

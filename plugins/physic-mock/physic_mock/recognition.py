@@ -27,6 +27,9 @@ class MockOptions(interfaces.Options):
 
     worlds: tuple[str, ...] = Field(WORLDS, description="Names of the worlds that the photo can show.")
     seeds: tuple[int, ...] = Field((0,), description="Seeds of the worlds that the photo can show.")
+    noise: float = Field(
+        1.0, ge=0, le=10, description="Factor on all errors of this backend; 0 is the truth, 2 twice the errors."
+    )
     noise_seed: int = Field(0, ge=0, description="Seed of this mock's own errors.")
 
 

@@ -1,0 +1,114 @@
+"""Mock of a contact network: patches missed, and patches made up where such networks like to see contact."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from pydantic import Field
+
+from physic_core import interfaces
+from physic_core.errors import BackendError
+from physic_core.types import Bodies, ContactProbability
+from physic_mock.noise import generator, smooth_field
+from physic_mock.recognition import MockOptions, match_people, recognise
+
+if TYPE_CHECKING:
+    from physic_core.testing.worlds import World
+    from physic_core.types import BoolArray, FloatArray, People, UInt8Array
+
+__all__ = ["ContactOptions", "MockContactPrior"]
+
+_FEWEST = 60  # vertices: whoever touches less gets made-up contact as if they touched this much
+_FARTHEST = 3.0  # patches: beyond, the scene's distance tempts no less
+
+
+class ContactOptions(MockOptions):
+    """Settings of :class:`MockContactPrior`.
+
+    ``noise`` is the power to which both shares are raised: 0 finds all and makes up nothing, 2 squares them.
+    """
+
+    recall: float = Field(
+        0.35, gt=0, le=1, description="Share of the true contact vertices that are found, on average."
+    )
+    precision: float = Field(0.41, gt=0, le=1, description="Share of the found vertices that are true, on average.")
+    spread: float = Field(
+        0.5,
+        ge=0,
+        lt=1,
+        description="How unlike people fare: standard deviation of a person's recall as a share of the largest one "
+        "possible, and of their made-up contact as a share of its mean.",
+    )
+    patch_m: float = Field(0.15, gt=0, description="Size of the patches that are missed or made up, metres.")
+    lure: float = Field(
+        1.0,
+        ge=0,
+        le=10,
+        description="How much rather soles, hands, back, seat and thighs are made up than other parts; 0 not at all.",
+    )
+
+
+class MockContactPrior(interfaces.ContactPrior):
+    """The world's contact with patches missed, and patches made up: near the scene, and on parts that often touch."""
+
+    Options = ContactOptions
+
+    def infer(self, image: UInt8Array, people: People, bodies: Bodies) -> ContactProbability:
+        """Image (H, W, 3) of a world and people of it -> probability (N, V), above 0.5 where contact is found.
+
+        Raises:
+            BackendError: the image shows no world, a person is nobody of it, or the bodies are of another body model.
+        """
+        assert isinstance(self.options, ContactOptions)
+        found = recognise(image, self.options)
+        rows = match_people(found, people)
+        if bodies.body_model != found.world.body_model:
+            raise BackendError(
+                f"The mock world's contact is for the body model {found.world.body_model!r}, got bodies of "
+                f"{bodies.body_model!r}: use the mock body estimator, or another contact prior."
+            )
+        every = np.stack([_probability(found.world, i, self.options) for i in range(len(found.world.vertices))])
+        return ContactProbability(probability=every[rows], topology=found.world.topology)
+
+
+def _probability(world: World, person: int, options: ContactOptions) -> FloatArray:
+    """(V,) for one person."""
+    rng = generator(world, options.noise_seed, f"contact of person {person}")
+    recall, precision = options.recall**options.noise, options.precision**options.noise
+    fares = generator(world, options.noise_seed, f"how the contact of person {person} fares")
+    share, excess = _fared(recall, options.spread, fares)
+    field = smooth_field(world.vertices[person].astype(np.float64), options.patch_m, rng)
+    true = np.flatnonzero(world.contact[person])
+    others = np.flatnonzero(~world.contact[person] & world.outer)
+    hits = true[np.argsort(-field[true])][: round(share * len(true))]
+    wrong = round(excess * recall * max(len(true), _FEWEST) * (1 - precision) / precision)
+    nearness = -np.minimum(world.distance[person, others] / options.patch_m, _FARTHEST)
+    temptation = field[others] + nearness + options.lure * _lures(world.body_model)[others]
+    false = others[np.argsort(-temptation)][:wrong]
+    # Surest in the middle of a patch, and of what is true rather than of what is made up.
+    probability = 0.45 / (1 + np.exp(1 - field)) * rng.uniform(0.7, 1.0, len(field))
+    probability[hits] = np.linspace(0.95, 0.55, len(hits))
+    probability[false] = np.linspace(0.85, 0.52, len(false))
+    return probability
+
+
+def _fared(recall: float, spread: float, rng: np.random.Generator) -> tuple[float, float]:
+    """A person's own recall, beta distributed about the mean, and a factor of mean 1 on their made-up contact."""
+    if spread == 0 or recall == 1:
+        return recall, 1.0
+    strength = 1 / spread**2 - 1
+    return rng.beta(recall * strength, (1 - recall) * strength), rng.gamma(1 / spread**2, spread**2)
+
+
+@lru_cache(maxsize=2)
+def _lures(body_model: str) -> BoolArray:
+    """(V,) bool: parts that often touch something."""
+    from physic_core.body import load_body
+
+    model = load_body(body_model)
+    lures = np.zeros(model.num_vertices, bool)
+    for name in ("left_sole", "right_sole", "left_hand", "right_hand", "back", "gluteus", "thighs"):
+        lures[model.contact_sets[name].numpy()] = True
+    return lures

@@ -1,0 +1,72 @@
+"""How depth networks get the shape of things wrong: each function maps a z-depth (H, W) in metres to another.
+
+Depths that are not finite (sky, unknown) stay as they are, and nothing is mixed with them.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_mock.noise import smooth_image
+
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray, FloatArray
+
+__all__ = ["flattened", "in_hole", "smeared", "waved"]
+
+_EDGE_RATIO = 1.06  # farthest over nearest depth among 3 x 3 pixels
+_REACH = 2.0  # a smeared edge fades out over this many of its widths
+
+
+def waved(depth: FloatArray, sigma: float, waves: float, rng: np.random.Generator) -> FloatArray:
+    """Times a smooth factor whose logarithm has ``sigma`` standard deviation, ``waves`` across the longer side."""
+    factor: FloatArray = np.exp(sigma * smooth_image(depth.shape, waves, rng))
+    return depth * factor
+
+
+def in_hole(
+    depth: FloatArray, hole: BoolArray | None, sigma: float, waves: float, rng: np.random.Generator
+) -> FloatArray:
+    """:func:`waved` where the picture was made up (H, W), rising from nothing at the rim of the hole."""
+    import cv2
+
+    waves_inside = smooth_image(depth.shape, waves, rng)
+    if hole is None or sigma == 0 or not hole.any():
+        return depth
+    inside = cv2.distanceTransform(hole.astype(np.uint8), cv2.DIST_L2, 5)
+    ramp = np.minimum(inside / max(1.0, 0.02 * max(depth.shape)), 1.0)
+    result: FloatArray = depth * np.exp(sigma * ramp * waves_inside)
+    return result
+
+
+def flattened(depth: FloatArray, mask: BoolArray, relief_lost: float, offset: float) -> FloatArray:
+    """A person (H, W) with less relief about their median depth, and moved by a share ``offset`` of it."""
+    seen = mask & np.isfinite(depth)
+    if not seen.any() or relief_lost == offset == 0:
+        return depth
+    middle = float(np.median(depth[seen]))
+    result = depth.copy()
+    result[seen] = (middle + (1 - relief_lost) * (depth[seen] - middle)) * np.exp(offset)
+    return result
+
+
+def smeared(depth: FloatArray, width_px: float) -> FloatArray:
+    """Depth edges blurred over ``width_px``: pixels on a silhouette lie between what is before and what is behind."""
+    import cv2
+
+    if width_px == 0:
+        return depth
+    known = np.isfinite(depth)
+    log_depth = np.where(known, np.log(np.where(known, depth, 1.0)), 0.0)
+    kernel = np.ones((3, 3), np.uint8)
+    low, high = np.where(known, log_depth, 99.0), np.where(known, log_depth, -99.0)
+    edge = cv2.dilate(high, kernel) - cv2.erode(low, kernel) > np.log(_EDGE_RATIO)
+    if not edge.any():
+        return depth
+    weight = cv2.GaussianBlur(known.astype(np.float64), (0, 0), width_px)
+    blurred = cv2.GaussianBlur(log_depth, (0, 0), width_px) / np.maximum(weight, 1e-9)
+    away = cv2.distanceTransform((~edge).astype(np.uint8), cv2.DIST_L2, 5).astype(np.float64)
+    near = np.clip(1 - away / (_REACH * width_px), 0, 1)
+    return np.where(known, np.exp((1 - near) * log_depth + near * blurred), depth)

@@ -1,0 +1,86 @@
+"""Mock of a keypoint detector."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from pydantic import Field
+
+from physic_core import interfaces
+from physic_core.body.landmarks import SKELETONS
+from physic_core.types import Keypoints
+from physic_mock.noise import chance, generator
+from physic_mock.recognition import MockOptions, match_people, recognise
+
+if TYPE_CHECKING:
+    from physic_core.types import People, UInt8Array
+
+__all__ = ["KeypointOptions", "MockKeypointDetector"]
+
+_LEG = ("knee", "ankle", "heel", "big_toe", "small_toe", "foot_tip")
+_ARM = ("elbow", "wrist", "thumb2", "index1", "pinky1")
+
+
+class KeypointOptions(MockOptions):
+    """Settings of :class:`MockKeypointDetector`."""
+
+    skeleton: Literal["coco17", "coco23", "blazepose33"] = Field("blazepose33", description="Joint set to answer.")
+    point_noise: float = Field(
+        0.006,
+        ge=0,
+        le=0.2,
+        description="Standard deviation along x and along y, as a share of the larger side of the person's box.",
+    )
+    hidden_noise: float = Field(0.03, ge=0, le=0.5, description="The same for points that something hides.")
+    hidden_confidence: float = Field(
+        0.3, ge=0, le=1, description="Mean confidence of hidden points, give or take half of it; others have about .9."
+    )
+    overconfident: float = Field(
+        0.1, ge=0, le=1, description="Share of the hidden points that are as confident as the others."
+    )
+    swapped: float = Field(
+        0.02, ge=0, le=1, description="Share of people's pairs of arms, and of legs, whose left and right are swapped."
+    )
+
+
+class MockKeypointDetector(interfaces.KeypointDetector):
+    """The world's keypoints with noise; hidden ones stray more and are less sure, left and right are mixed up."""
+
+    Options = KeypointOptions
+
+    def infer(self, image: UInt8Array, people: People) -> Keypoints:
+        """Image (H, W, 3) of a world and people of it -> their keypoints.
+
+        Raises:
+            BackendError: the image shows no world, or a person is nobody of it.
+        """
+        assert isinstance(self.options, KeypointOptions)
+        options = self.options
+        found = recognise(image, options)
+        rows = match_people(found, people)
+        rng = generator(found.world, options.noise_seed, "keypoints")
+        truth, visible = found.world.keypoints[options.skeleton], found.world.visible[options.skeleton]
+        size = (found.world.boxes[:, 2:] - found.world.boxes[:, :2]).max(axis=1)
+        sigma = options.noise * np.where(visible, options.point_noise, options.hidden_noise) * size[:, None]
+        points = truth + sigma[..., None] * rng.normal(size=truth.shape)
+        sure, unsure = rng.uniform(0.85, 0.98, visible.shape), rng.uniform(0.5, 1.5, visible.shape)
+        looks_sure = visible | chance(options.overconfident, options.noise, rng.random(visible.shape))
+        confidence = np.where(looks_sure, sure, np.minimum(unsure * options.hidden_confidence, 1.0))
+        for person, swaps in enumerate(chance(options.swapped, options.noise, rng.random((len(truth), 2)))):
+            for limb, swap in zip((_ARM, _LEG), swaps, strict=True):
+                if swap:
+                    order = _swapped(options.skeleton, limb)
+                    points[person], confidence[person] = points[person, order], confidence[person, order]
+        return Keypoints(points=points[rows], confidence=confidence[rows], skeleton=options.skeleton)
+
+
+def _swapped(skeleton: str, limb: tuple[str, ...]) -> list[int]:
+    """Which point each point's name is given to, where left and right of one pair of limbs are mixed up."""
+    names = SKELETONS[skeleton]
+    order = list(range(len(names)))
+    for i, name in enumerate(names):
+        side, _, point = name.partition("_")
+        if point in limb and side in ("left", "right"):
+            order[i] = names.index(f"{'right' if side == 'left' else 'left'}_{point}")
+    return order

@@ -1,0 +1,394 @@
+"""The errors of the mocks are as large as they say, of the kind that they say, and grow with the one common factor."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from physic_core.body import JOINT_INDEX
+from physic_core.body.landmarks import SKELETONS
+from physic_core.testing.worlds import build_world
+from physic_core.types import Hints, Keypoints, People
+from physic_mock import NOISE_VERSION
+from physic_mock.backends import (
+    MockBodyEstimator,
+    MockContactPrior,
+    MockHandEstimator,
+    MockKeypointDetector,
+    MockMetricDepth,
+    MockRelativePointmap,
+    MockSegmenter,
+)
+from physic_mock.body_noise import BONES, LIMBS, hidden_bones, leaning_bones, local_turns, seen_turns, sight_frame
+from physic_mock.contact import ContactOptions
+from physic_mock.depth_noise import flattened, in_hole, smeared, waved
+from physic_mock.depths import MetricDepthOptions, RelativePointmapOptions
+from physic_mock.humans import BodyOptions, HandOptions
+from physic_mock.keypoints import KeypointOptions
+from physic_mock.mask_noise import floor_mask, with_strays, without_ends
+from physic_mock.noise import chance, generator, smooth_image
+from physic_mock.pixels import SegmenterOptions
+
+DRAWS = range(300)
+SMALL = (160, 120)
+
+
+@pytest.fixture(scope="module")
+def world():
+    return build_world("standing", size=SMALL)
+
+
+@pytest.fixture(scope="module")
+def people(world):
+    return People(masks=world.masks.copy(), boxes=world.boxes.copy(), scores=np.ones(len(world.masks)))
+
+
+def rng(seed: int = 0) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+def bodies_of(world, people, **options):
+    keypoints = Keypoints(np.zeros((len(people), 17, 2)), np.zeros((len(people), 17)), "coco17")
+    estimator = MockBodyEstimator(BodyOptions(**options))
+    return estimator.infer(world.image, people, world.intrinsics, keypoints, Hints())
+
+
+def test_the_version_is_told_with_every_depth(world):
+    told = MockMetricDepth(MetricDepthOptions(noise=0.5)).infer(world.image, Hints()).notes
+    assert told == (f"mock: true depth with errors of noise model {NOISE_VERSION} times 0.5",)
+    told = MockRelativePointmap().infer(world.image, Hints()).notes
+    assert told == (f"mock: true points in an unknown unit with errors of noise model {NOISE_VERSION} times 1",)
+
+
+def test_draws_depend_on_world_seed_and_purpose_alone():
+    here = SimpleNamespace(name="a", seed=1)
+    draws = {
+        generator(thing, seed, purpose).random()
+        for thing in (here, SimpleNamespace(name="b", seed=1), SimpleNamespace(name="a", seed=2))
+        for seed in (0, 1)
+        for purpose in ("x", "y")
+    }
+    assert len(draws) == 12
+    assert generator(here, 0, "x").random() == generator(here, 0, "x").random()
+
+
+def test_chance_grows_with_the_noise_and_keeps_what_happened():
+    draws = rng().random(10_000)
+    some, more = chance(0.1, 1, draws), chance(0.1, 2, draws)
+    assert some.mean() == pytest.approx(0.1, abs=0.01)
+    assert more.mean() == pytest.approx(0.2, abs=0.02)
+    assert (more | ~some).all()
+    assert not chance(0.1, 0, draws).any()
+    assert chance(0.4, 10, draws).all()
+
+
+# --- bodies -----------------------------------------------------------------------------------------------------------
+
+
+def test_sight_frame_is_orthonormal_and_ends_in_the_line_of_sight():
+    point = np.array([0.7, -0.4, 3.0])
+    frame = sight_frame(point)
+    np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(frame[2], point / np.linalg.norm(point))
+
+
+def test_turns_of_bones_go_there_and_back():
+    local = rng().normal(0, 0.5, (BONES, 3))
+    np.testing.assert_allclose(local_turns(seen_turns(local)), local, atol=1e-12)
+
+
+def lean(hidden: np.ndarray, seed: int) -> np.ndarray:
+    return leaning_bones(np.eye(3), hidden, 8.0, 3.0, 0.5, 2.0, 0.5, rng(seed))
+
+
+def test_bones_err_in_depth_more_than_in_the_picture_and_more_where_hidden():
+    nobody = np.zeros(BONES, bool)
+    errors = np.degrees([lean(nobody, seed) for seed in range(1000)])
+    knee, spine = JOINT_INDEX["left_knee"], JOINT_INDEX["spine2"]
+    np.testing.assert_allclose(errors[:, knee].std(axis=0), [8, 8, 3], rtol=0.1)
+    np.testing.assert_allclose(errors[:, spine].std(axis=0), [4, 4, 1.5], rtol=0.1)
+    assert (errors[:, 0] == 0).all()
+    hidden = nobody.copy()
+    hidden[knee] = True
+    np.testing.assert_allclose(np.degrees(lean(hidden, 7))[knee], 2 * errors[7, knee])
+
+
+def test_bones_of_a_limb_share_half_of_their_error():
+    errors = np.array([lean(np.zeros(BONES, bool), seed) for seed in range(1000)])[..., 0]
+    one, same, other = (JOINT_INDEX[name] for name in ("left_hip", "left_ankle", "right_hip"))
+    assert LIMBS[one] == LIMBS[same] == "left leg"
+    assert np.corrcoef(errors[:, one], errors[:, same])[0, 1] == pytest.approx(0.5, abs=0.1)
+    assert np.corrcoef(errors[:, one], errors[:, other])[0, 1] == pytest.approx(0, abs=0.1)
+
+
+def test_a_bone_is_hidden_when_its_end_is():
+    visible = np.ones(55, bool)
+    visible[[JOINT_INDEX["left_knee"], JOINT_INDEX["right_wrist"]]] = False
+    hidden = {name for name, index in JOINT_INDEX.items() if index < BONES and hidden_bones(visible)[index]}
+    assert hidden == {"left_hip", "right_elbow", "right_wrist"}
+
+
+def test_people_stray_along_their_line_of_sight(world, people):
+    true = world.joints[0, 0].astype(float)
+    moved = np.array(
+        [bodies_of(world, people, noise_seed=s, shape_noise=0, stature_noise=0).parameters.transl[0] for s in range(60)]
+    )
+    error = moved - world.parameters.transl[0] + true
+    along = np.log(error @ true / (true @ true))
+    across = error - np.exp(along)[:, None] * true
+    options = BodyOptions()
+    assert along.std() == pytest.approx(options.depth_noise, rel=0.25)
+    assert np.sqrt((across**2).sum(axis=1).mean() / 2) == pytest.approx(options.lateral_noise_m, rel=0.25)
+
+
+def test_people_of_a_photo_err_together_in_part():
+    world = build_world("two_people", size=SMALL)
+    people = People(world.masks.copy(), world.boxes.copy(), np.ones(2))
+    for share, expected in ((1.0, 1.0), (0.5, 0.5), (0.0, 0.0)):
+        z = np.array(
+            [
+                bodies_of(world, people, noise_seed=s, depth_share=share, lateral_noise_m=0).parameters.transl[:, 2]
+                for s in range(60)
+            ]
+        )
+        z = np.log(z - world.parameters.transl[:, 2] + world.joints[:, 0, 2])
+        assert np.corrcoef(z.T)[0, 1] == pytest.approx(expected, abs=0.5 * (1 - expected) + 1e-3)
+
+
+def test_stature_errs_by_its_own_share_whatever_the_shape_does(world, people):
+    import torch
+
+    from physic_core.body import load_body
+
+    model = load_body("embedded")
+    betas = np.concatenate([bodies_of(world, people, noise_seed=s).parameters.betas for s in range(60)])
+    with torch.no_grad():
+        stature = model.stature(torch.as_tensor(betas)).numpy()
+        true = float(model.stature(torch.as_tensor(world.parameters.betas.copy()))[0])
+    options = BodyOptions()
+    assert np.log(stature / true).std() == pytest.approx(options.stature_noise, rel=0.25)
+    assert (betas - world.parameters.betas)[:, 4:].std() == pytest.approx(options.shape_noise, rel=0.25)
+
+
+def test_twice_the_noise_is_twice_the_same_error(world, people):
+    once, twice = (bodies_of(world, people, noise=n, lateral_noise_m=0).parameters for n in (1, 2))
+    betas = world.parameters.betas
+    np.testing.assert_allclose(twice.betas - betas, 2 * (once.betas - betas), atol=1e-5)
+    pelvis = world.joints[0, 0] - world.parameters.transl[0]
+    lengths = [np.linalg.norm(p.transl[0] + pelvis) for p in (world.parameters, once, twice)]
+    assert np.log(lengths[2] / lengths[0]) == pytest.approx(2 * np.log(lengths[1] / lengths[0]), rel=1e-4)
+
+
+def test_hands_err_and_are_missed(world, people):
+    keypoints = Keypoints(np.zeros((1, 17, 2)), np.zeros((1, 17)), "coco17")
+    answers = [MockHandEstimator(HandOptions(noise_seed=s)).infer(world.image, people, keypoints) for s in range(100)]
+    seen = world.joints_visible[0, [20, 21]]
+    found = np.array([a.confidence[0] > 0 for a in answers])[:, seen]
+    assert found.mean() == pytest.approx(0.9, abs=0.07)
+    true = Rotation.from_rotvec(world.parameters.left_hand_pose.reshape(15, 3))
+    turns = [(true.inv() * Rotation.from_rotvec(a.rotvecs[0, 0])).as_rotvec() for a in answers]
+    assert np.degrees(np.std(turns)) == pytest.approx(HandOptions().noise_deg, rel=0.1)
+
+
+# --- contact ----------------------------------------------------------------------------------------------------------
+
+
+def test_contact_has_its_precision_and_recall_on_average_and_patches(world, people):
+    contact, bodies = world.contact[0], bodies_of(world, people, noise=0)
+    hits = false = 0
+    recalls = []
+    for seed in DRAWS:
+        answer = MockContactPrior(ContactOptions(noise_seed=seed)).infer(world.image, people, bodies)
+        found = answer.probability[0] > 0.5
+        assert not found[~world.outer].any()
+        hits, false = hits + (found & contact).sum(), false + (found & ~contact).sum()
+        recalls.append((found & contact).sum() / contact.sum())
+    assert hits / (hits + false) == pytest.approx(0.41, abs=0.03)
+    assert np.mean(recalls) == pytest.approx(0.35, abs=0.03)
+    assert np.std(recalls) == pytest.approx(0.5 * np.sqrt(0.35 * 0.65), rel=0.15)
+    # In patches: whoever is found has mostly neighbours that are.
+    own = found[world.faces].sum(axis=1)
+    assert (own == 3).sum() > 2 * ((own == 1) | (own == 2)).sum()
+
+
+def test_made_up_contact_lies_rather_on_parts_that_often_touch(world, people):
+    from physic_core.body import load_body
+
+    often = np.concatenate([v.numpy() for v in load_body("embedded").contact_sets.values()])
+    bodies = bodies_of(world, people, noise=0)
+    shares = []
+    for lure in (0.0, 3.0):
+        options = ContactOptions(lure=lure, spread=0)
+        found = MockContactPrior(options).infer(world.image, people, bodies).probability[0] > 0.5
+        false = np.flatnonzero(found & ~world.contact[0])
+        shares.append(np.isin(false, often).mean())
+    assert shares[1] > shares[0]
+
+
+# --- depth ------------------------------------------------------------------------------------------------------------
+
+
+def test_the_scale_of_metric_depth_is_drawn_once_a_world_and_its_sigma_told(world):
+    options = MetricDepthOptions(scale_sigma=0.1, focal_sigma=0.05, warp=0, smear_px=0)
+    answers = [MockMetricDepth(replace_seed(options, s)).infer(world.image, Hints()) for s in range(100)]
+    ratios = np.array([a.depth / world.depth for a in answers])
+    assert (ratios.std(axis=(1, 2)) < 1e-5).all()
+    focal = np.array([a.intrinsics.fx / world.intrinsics.fx for a in answers])
+    assert np.log(focal).std() == pytest.approx(0.05, rel=0.25)
+    # A focal length that is too long takes things too far.
+    assert np.log(ratios.mean(axis=(1, 2)) / focal).std() == pytest.approx(0.1, rel=0.25)
+    assert [a.scale_sigma for a in answers] == pytest.approx([np.hypot(0.1, 0.05)] * len(answers))
+
+
+def replace_seed(options, seed):
+    return options.model_copy(update={"noise_seed": seed})
+
+
+def test_sky_has_no_depth_and_no_point(world, monkeypatch):
+    depth, empty = world.depth.copy(), world.empty_depth.copy()
+    depth[:20], empty[:20] = np.inf, np.inf
+    outdoors = replace(world, depth=depth, empty_depth=empty)
+    monkeypatch.setattr("physic_mock.recognition.build_world", lambda *_: outdoors)
+    metric = MockMetricDepth().infer(world.image, Hints())
+    assert np.isnan(metric.depth[:20]).all()
+    assert np.isfinite(metric.depth[20:]).all()
+    for unknown in ("scale_shift", "inverse_scale_shift"):
+        answer = MockRelativePointmap(RelativePointmapOptions(unknown=unknown)).infer(world.image, Hints())
+        assert not answer.valid[:20].any()
+        assert answer.valid[20:].all()
+
+
+def test_waves_have_their_size():
+    ratios = [np.log(waved(np.full((48, 64), 3.0), 0.02, 16, rng(s)) / 3) for s in range(40)]
+    assert np.std(ratios) == pytest.approx(0.02, rel=0.1)
+    assert np.std([smooth_image((48, 64), 2.0, rng(s)) for s in range(200)]) == pytest.approx(1, rel=0.1)
+
+
+def test_smeared_edges_lie_between_and_the_rest_stays():
+    depth = np.full((40, 60), 2.0)
+    depth[:, 30:] = 4.0
+    depth[:3] = np.inf
+    result = smeared(depth, 1.5)
+    row = result[20]
+    assert (np.diff(row) >= -1e-12).all()
+    assert ((row > 2.05) & (row < 3.9)).sum() >= 3
+    np.testing.assert_array_equal(row[:25], 2.0)
+    np.testing.assert_array_equal(row[36:], 4.0)
+    assert np.isinf(result[:3]).all()
+    np.testing.assert_allclose(result[3:5, :20], 2.0)
+    assert smeared(depth, 0) is depth
+
+
+def test_people_lose_relief_about_their_median():
+    depth = np.linspace(2, 3, 100).reshape(10, 10)
+    mask = np.zeros((10, 10), bool)
+    mask[2:8] = True
+    result = flattened(depth, mask, 0.25, 0.01)
+    np.testing.assert_array_equal(result[~mask], depth[~mask])
+    middle = np.median(depth[mask])
+    np.testing.assert_allclose(result[mask], (middle + 0.75 * (depth[mask] - middle)) * np.exp(0.01))
+
+
+def test_made_up_depth_is_off_in_the_hole_alone():
+    depth, hole = np.full((48, 64), 3.0), np.zeros((48, 64), bool)
+    hole[10:40, 20:50] = True
+    result = in_hole(depth, hole, 0.05, 6.0, rng())
+    np.testing.assert_array_equal(result[~hole], 3.0)
+    assert 0.02 < np.log(result[hole] / 3).std() < 0.1
+    assert in_hole(depth, None, 0.05, 6.0, rng()) is depth
+
+
+def test_the_two_pictures_share_warp_and_bumps_and_differ_by_their_disagreement(world):
+    background = ~world.masks.any(axis=0)
+    quiet = {"unknown": "scale", "scale_sigma": 0, "photo_scale_sigma": 0, "smear_px": 0}
+    for disagreement in (0.0, 0.02):
+        spread = []
+        for seed in range(12):
+            options = RelativePointmapOptions(noise_seed=seed, disagreement=disagreement, **quiet)
+            model = MockRelativePointmap(options)
+            photo, empty = (model.infer(i, Hints()).points[..., 2] for i in (world.image, world.empty_image))
+            spread.append(np.log(photo[background] / empty[background]))
+        assert np.std(spread) == pytest.approx(np.sqrt(2) * disagreement, rel=0.3, abs=1e-6)
+
+
+# --- masks and keypoints ----------------------------------------------------------------------------------------------
+
+
+def test_a_missed_foot_is_missing_and_nothing_else(world):
+    mask = world.masks[0]
+    without = without_ends(mask, world, 0, 1.0, 1.0, rng())
+    assert not (without & ~mask).any()
+    u, v = np.round(world.keypoints["coco17"][0, 15:17]).astype(int).T  # ankles
+    assert mask[v, u].all()
+    assert not without[v, u].any()
+    u, v = np.round(world.keypoints["coco17"][0, [5, 6, 13, 14]]).astype(int).T  # shoulders and knees
+    np.testing.assert_array_equal(without[v, u], mask[v, u])
+    assert 0.02 < 1 - without.sum() / mask.sum() < 0.25
+    np.testing.assert_array_equal(without_ends(mask, world, 0, 0.5, 0, rng()), mask)
+
+
+def test_strays_are_discs_beside_the_mask(world):
+    mask = world.masks[0]
+    bigger = with_strays(mask, 200, 1.0, 1.0, rng())
+    assert not (mask & ~bigger).any()
+    assert 5 < (bigger & ~mask).sum() < np.pi * 14**2
+    np.testing.assert_array_equal(with_strays(mask, 200, 1.0, 0, rng()), mask)
+
+
+def test_a_floor_takes_in_and_leaves_out(world):
+    floor = world.empty_floor_mask
+    rough = floor_mask(floor, 0, 8, 1, rng())
+    assert (rough & ~floor).any()
+    assert (floor & ~rough).any()
+    assert (rough & floor).sum() / (rough | floor).sum() > 0.8
+    np.testing.assert_array_equal(floor_mask(floor, 0, 8, 0, rng()), floor)
+    nothing = np.zeros_like(floor)
+    np.testing.assert_array_equal(floor_mask(nothing, 0, 8, 1, rng()), nothing)
+
+
+def test_a_tenth_of_the_floors_is_missed(world):
+    quiet = {"raggedness_px": 0, "missed_ends": 0, "strays": 0, "floor_spills": 0}
+    floors = [MockSegmenter(SegmenterOptions(noise_seed=s, **quiet)).infer(world.image).floor for s in range(120)]
+    assert np.mean([floor is None for floor in floors]) == pytest.approx(0.1, abs=0.06)
+
+
+def test_masks_hold_at_any_noise(world):
+    for seed in range(5):
+        people = MockSegmenter(SegmenterOptions(noise=3, noise_seed=seed)).infer(world.image)
+        assert (people.masks.sum(axis=0) <= 1).all()
+        if people.floor is not None:
+            assert not (people.floor & world.masks.any(axis=0)).any()
+        for mask, (x0, y0, x1, y1) in zip(people.masks, people.boxes.astype(int), strict=True):
+            assert mask[y0:y1, x0:x1].sum() == mask.sum()
+
+
+def test_left_and_right_of_a_limb_are_swapped_and_nothing_else(world, people):
+    options = KeypointOptions(skeleton="coco17", swapped=1, point_noise=0, hidden_noise=0)
+    points = MockKeypointDetector(options).infer(world.image, people).points[0]
+    true, names = world.keypoints["coco17"][0], SKELETONS["coco17"]
+    for i, name in enumerate(names):
+        side, _, point = name.partition("_")
+        if point in ("elbow", "wrist", "knee", "ankle"):
+            np.testing.assert_array_equal(
+                points[i], true[names.index(f"{'right' if side == 'left' else 'left'}_{point}")]
+            )
+        else:
+            np.testing.assert_array_equal(points[i], true[i])
+
+
+def test_some_hidden_points_look_sure():
+    world = build_world("two_people", size=SMALL)
+    people = People(world.masks.copy(), world.boxes.copy(), np.ones(2))
+    hidden = ~world.visible["blazepose33"]
+    assert hidden.any()
+    sure = [
+        (MockKeypointDetector(KeypointOptions(noise_seed=s, swapped=0)).infer(world.image, people).confidence > 0.8)[
+            hidden
+        ]
+        for s in range(100)
+    ]
+    assert np.mean(sure) == pytest.approx(0.1, abs=0.04)
