@@ -12,14 +12,157 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from physic_core.body import JOINT_INDEX
+from physic_core.body.joints import JOINT_NAMES, PARENTS
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
 
-__all__ = ["bend_leg", "sitting", "standing"]
+__all__ = ["Posture", "bend_leg", "sitting", "standing", "toward"]
 
 _SIDES = (("left", 1.0), ("right", -1.0))
+_SIGN = dict(_SIDES)
 _FINGERS = ("index", "middle", "pinky", "ring")
+
+
+class Posture:
+    """A pose under construction: limbs are given by where they point, not by joint angles.
+
+    Directions are in the facing frame: x to the person's left, y up, z forward. ``sign`` below is 1 for the left side
+    and -1 for the right, so that positive angles and ``x`` always go outwards.
+
+    Attributes:
+        pose: (55, 3) rotation vectors, radians.
+    """
+
+    def __init__(self, *root: tuple[float, float, float]) -> None:
+        self.pose = np.zeros((55, 3))
+        _set(self.pose, "pelvis", *root)
+
+    def trunk(self, lean: float = 0.0, twist: float = 0.0, side: float = 0.0) -> Posture:
+        """Bend the spine forward, turn it to the left and bend it to the left, degrees in all."""
+        for joint, share in (("spine1", 0.3), ("spine2", 0.4), ("spine3", 0.3)):
+            _set(self.pose, joint, (share * lean, share * twist, -share * side))
+        return self
+
+    def head(self, nod: float = 0.0, turn: float = 0.0, tilt: float = 0.0) -> Posture:
+        """Nod forward, turn to the left and tilt to the left, degrees, shared by neck and head."""
+        _set(self.pose, "neck", (0.5 * nod, 0.45 * turn, -0.5 * tilt))
+        _set(self.pose, "head", (0.5 * nod, 0.55 * turn, -0.5 * tilt))
+        return self
+
+    def leg(
+        self, side: str, flex: float, knee: float, spread: float = 0.0, turn: float = 0.0, apart: float = 0.0
+    ) -> Posture:
+        """Point a thigh and bend its knee.
+
+        Args:
+            side: "left" or "right".
+            flex: degrees of the thigh forward of straight down.
+            knee: degrees.
+            spread: degrees outwards about the vertical, of a raised thigh.
+            turn: degrees about the thigh itself, toes outwards (a bent shin goes inwards).
+            apart: degrees outwards of a hanging thigh.
+        """
+        sign = _SIGN[side]
+        thigh = _about(1, sign * spread) * _about(2, sign * apart) * _about(0, -flex) * _about(1, sign * turn)
+        self._world(f"{side}_hip", thigh)
+        _set(self.pose, f"{side}_knee", (knee, 0, 0))
+        return self
+
+    def foot(self, side: str, out: float = 0.0, raised: float = 0.0) -> Posture:
+        """Turn a foot as it stands on level ground, toes outwards and heel raised by so many degrees."""
+        self._world(f"{side}_ankle", _about(1, _SIGN[side] * out) * _about(0, raised))
+        return self
+
+    def ankle(self, side: str, point: float = 0.0, roll: float = 0.0) -> Posture:
+        """Bend an ankle against its shin: toes pointed, sole rolled outwards, degrees."""
+        _set(self.pose, f"{side}_ankle", (point, 0, 0), (0, 0, _SIGN[side] * roll))
+        return self
+
+    def toes(self, side: str, up: float) -> Posture:
+        """Bend the toes up, degrees."""
+        _set(self.pose, f"{side}_foot", (-up, 0, 0))
+        return self
+
+    def arm(
+        self,
+        side: str,
+        upper: tuple[float, float, float],
+        fore: tuple[float, float, float],
+        palm: tuple[float, float, float] | None = None,
+        wrist: float = 0.0,
+    ) -> Posture:
+        """Point an upper arm and a forearm; the elbow's hinge follows from both.
+
+        Args:
+            side: "left" or "right".
+            upper: direction, x outwards.
+            fore: direction, x outwards.
+            palm: where the palm looks, x outwards; as the elbow has it where None. Forearm and wrist share the twist.
+            wrist: degrees that the hand bends to its back.
+        """
+        sign = _SIGN[side]
+        along, beyond = (_unit(np.array(d) * (sign, 1, 1)) for d in (upper, fore))
+        across = beyond - (beyond @ along) * along
+        if np.linalg.norm(across) < 1e-2:
+            across = np.array([0.0, 0.0, 1.0]) - along[2] * along
+        depth = _unit(across)
+        frame = Rotation.from_matrix(np.stack([sign * along, np.cross(depth, sign * along), depth], axis=1))
+        bend = float(np.degrees(np.arctan2(beyond @ depth, beyond @ along)))
+        # Raised arms take the shoulder girdle with them.
+        lift = 18 * max(0.0, float(along[1])) + 6
+        _set(self.pose, f"{side}_collar", (0, 0, sign * (lift - 6)), (0, -sign * 8 * max(0.0, float(along[2])), 0))
+        self._world(f"{side}_shoulder", frame)
+        forearm = frame * _about(1, -sign * bend)
+        twist = 0.0
+        if palm is not None:
+            wanted = forearm.inv().apply(_unit(np.array(palm) * (sign, 1, 1)))
+            # The palm looks along -y; a turn about x by t carries it to (0, -cos t, -sin t).
+            twist = float(np.clip(np.degrees(np.arctan2(-wanted[2], -wanted[1])), -85, 85))
+        elbow = _about(1, -sign * bend) * _about(0, 0.65 * twist)
+        self.pose[JOINT_INDEX[f"{side}_elbow"]] = elbow.as_rotvec()
+        _set(self.pose, f"{side}_wrist", (0.35 * twist, 0, 0), (0, 0, sign * wrist))
+        return self
+
+    def fingers(self, side: str, curl: float, rng: np.random.Generator) -> Posture:
+        """Curl the fingers by about so many degrees a joint."""
+        sign = _SIGN[side]
+        for finger in _FINGERS:
+            own = curl * rng.uniform(0.8, 1.2)
+            for k in (1, 2, 3):
+                _set(self.pose, f"{side}_{finger}{k}", (0, 0, -sign * own * rng.uniform(0.85, 1.15)))
+        _set(self.pose, f"{side}_thumb2", (0, -sign * curl / 2, 0))
+        _set(self.pose, f"{side}_thumb3", (0, -sign * curl / 2, 0))
+        return self
+
+    def turned(self, joint: str) -> Rotation:
+        """A joint's rotation in the frame of the root's turn."""
+        chain, index = Rotation.identity(), JOINT_INDEX[joint]
+        while index >= 0:
+            chain = Rotation.from_rotvec(self.pose[index]) * chain
+            index = PARENTS[index]
+        return chain
+
+    def _world(self, joint: str, wanted: Rotation) -> None:
+        parent = JOINT_NAMES[PARENTS[JOINT_INDEX[joint]]]
+        self.pose[JOINT_INDEX[joint]] = (self.turned(parent).inv() * wanted).as_rotvec()
+
+
+def toward(start: FloatArray, end: FloatArray) -> tuple[float, float, float]:
+    """Unit direction from one point to another."""
+    x, y, z = _unit(np.asarray(end, float) - np.asarray(start, float))
+    return float(x), float(y), float(z)
+
+
+def _about(axis: int, degrees: float) -> Rotation:
+    turn = np.zeros(3)
+    turn[axis] = np.radians(degrees)
+    return Rotation.from_rotvec(turn)
+
+
+def _unit(vector: FloatArray) -> FloatArray:
+    unit: FloatArray = vector / np.linalg.norm(vector)
+    return unit
 
 
 def standing(rng: np.random.Generator) -> FloatArray:

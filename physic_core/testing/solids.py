@@ -119,26 +119,31 @@ class Solid:
             return torch.as_tensor(np.array(rows, np.float64).reshape(shape), dtype=like.dtype, device=like.device)
 
         count = len(blocks)
-        self._rotation = tensor([block.rotation for block in blocks], count, 3, 3)
-        self._centre = tensor([block.centre for block in blocks], count, 3)
+        rotation = tensor([block.rotation for block in blocks], count, 3, 3)
+        centre = tensor([block.centre for block in blocks], count, 1, 3)
+        self._turns = rotation.permute(1, 0, 2).reshape(3, 3 * count)
+        self._shift = (centre @ rotation).reshape(3 * count)
         self._half = tensor([block.half for block in blocks], count, 3)
         self._normal = tensor(ground.normal, 3)
 
     def distance(self, points: Tensor) -> Tensor:
         """Points (..., 3) -> (...) metres to the nearest surface, exact in the air, negative inside anything."""
-        height = points @ self._normal
+        return self.distances(points).amin(-1)
+
+    def distances(self, points: Tensor) -> Tensor:
+        """Points (..., 3) -> (..., n + 1) metres to each of the n blocks, and to the ground last; negative inside."""
+        height = (points @ self._normal)[..., None]
         if not len(self._half):
             return height
         # One matrix product turns all points into the axes of all blocks.
-        local = torch.einsum("...i,bij->...bj", points, self._rotation)
-        shift = torch.einsum("bi,bij->bj", self._centre, self._rotation)
-        beyond = (local - shift).abs() - self._half
+        local = (points @ self._turns - self._shift).reshape(*points.shape[:-1], len(self._half), 3)
+        beyond = local.abs() - self._half
         squared = beyond.clamp(min=0).square().sum(-1)
         outside = squared > 0
         # The root is taken of positive numbers alone: inside, its gradient would not be a number.
         root = torch.where(outside, squared, torch.ones_like(squared)).sqrt()
         boxes = torch.where(outside, root, beyond.amax(-1).clamp(max=0))
-        return torch.minimum(height, boxes.amin(-1))
+        return torch.cat([boxes, height], -1)
 
 
 @overload
