@@ -8,11 +8,14 @@ import torch
 from torch import Tensor
 
 from physic_core.engine import terms
+from physic_core.engine.anatomy import FINGER_RANGES, RANGES, beyond_ranges
+from physic_core.engine.capsules import between_people, fit_capsules, within_bodies
 from physic_core.engine.clouds import HumanCloud
 from physic_core.engine.fixed import prepare
 from physic_core.engine.problem import JointProblem
 from physic_core.engine.settings import JointSettings
 from physic_core.engine.state import Estimate, State
+from physic_core.engine.stature import stature_of, stature_prior
 from physic_core.engine.touch import WANDER_M, Touch, feel, scene_near
 from physic_core.engine.visible import Visible, look
 from physic_core.errors import PhysicError
@@ -53,6 +56,9 @@ class JointEnergy:
         self._offset_free = _offset_free(problem, settings, self.fixed.feet_seen)
         self.state = _state(problem, settings, start.joints[:, 0], self._offset_free, len(self.fixed.surface))
         self._cloud = _cloud(problem, settings)
+        limbs = settings.self_penetration_weight or settings.people_penetration_weight
+        self._capsules = fit_capsules(problem.model, problem.betas0, start.joints) if limbs else None
+        self._stature = stature_of(problem.model, problem.betas0) if settings.stature_weight else None
         self._gathered = start.vertices
         self.scene = scene_near(self.fixed, settings, start.vertices, 1.0)
         self.visible: Visible
@@ -94,6 +100,7 @@ class JointEnergy:
         energies.update(self._regularisation(vertices, joints, estimate))
         if settings.limit_weight:
             energies["limits"] = settings.limit_weight * terms.joint_limits(estimate.rotations)
+        energies.update(self._anatomy(joints, estimate))
         if settings.balance_weight and problem.floor_normal is not None and settings.floor == "plane":
             rho = partial(robust, "cauchy", c=1.0)
             stands = fixed.stands.to(joints.dtype)
@@ -107,7 +114,13 @@ class JointEnergy:
         rho = partial(robust, settings.reprojection_loss, c=settings.reprojection_scale)
         seen = project(landmarks, self.problem.K)
         return settings.reprojection_weight * terms.reprojection(
-            seen, fixed.keypoints, fixed.keypoint_weight, fixed.unit, rho, mean=settings.reprojection_mean
+            seen,
+            fixed.keypoints,
+            fixed.keypoint_weight,
+            fixed.unit,
+            rho,
+            mean=settings.reprojection_mean,
+            per_axis=settings.reprojection_per_axis,
         )
 
     def _depth(self, vertices: Tensor, estimate: Estimate) -> Tensor:
@@ -184,6 +197,28 @@ class JointEnergy:
             near,
             far,
         )
+
+    def _anatomy(self, joints: Tensor, estimate: Estimate) -> dict[str, Tensor]:
+        """What bodies can be like, whatever the scene."""
+        settings, capsules = self.settings, self._capsules
+        energies: dict[str, Tensor] = {}
+        if settings.range_weight:
+            energies["ranges"] = settings.range_weight * beyond_ranges(estimate.rotations, RANGES)
+        if settings.finger_weight:
+            energies["fingers"] = settings.finger_weight * beyond_ranges(estimate.rotations, FINGER_RANGES)
+        if capsules is not None and settings.self_penetration_weight:
+            slack, sigma = settings.self_penetration_slack_m, settings.self_penetration_sigma_m
+            energies["self"] = settings.self_penetration_weight * within_bodies(joints, capsules, slack, sigma)
+        if capsules is not None and settings.people_penetration_weight:
+            slack, sigma = settings.people_penetration_slack_m, settings.people_penetration_sigma_m
+            energies["people"] = settings.people_penetration_weight * between_people(joints, capsules, slack, sigma)
+        if self._stature is not None:
+            height = self._stature(estimate.betas)
+            expected = self._stature.height
+            if settings.stature_m:
+                expected = torch.full_like(expected, settings.stature_m)
+            energies["stature"] = settings.stature_weight * stature_prior(height, expected, settings.stature_sigma)
+        return energies
 
     def _regularisation(self, vertices: Tensor, joints: Tensor, estimate: Estimate) -> dict[str, Tensor]:
         settings, fixed = self.settings, self.fixed

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import torch
@@ -9,15 +10,19 @@ from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.model import BodyModel, BodyOutput, LandmarkModel
-from physic_core.engine.limbs import keypoint_weights, observed_parts, stands
+from physic_core.engine.limbs import keypoint_weights, observed_parts, part_confidence, stands
 from physic_core.engine.problem import JointProblem
 from physic_core.engine.settings import JointSettings
 from physic_core.engine.terms import plane_height, root_relative
 from physic_core.geometry.camera import project
 from physic_core.geometry.visibility import inside_image, vertex_areas
 
-__all__ = ["Fixed", "prepare", "representatives"]
+__all__ = ["STATIC_CONTACTS", "Fixed", "prepare", "representatives", "seen_joints"]
 
+STATIC_CONTACTS = ("left_foot", "right_foot", "left_hand", "right_hand", "thighs", "gluteus", "back")
+"""What usually touches the world, after PROX."""
+
+_FULL_HD_PX = 1920
 _AREA_UNIT_M2 = 0.01  # a square decimetre, half a sole: the surface that counts once
 
 
@@ -29,6 +34,7 @@ class Fixed:
         ids: (n,) int64 of the tracked vertices.
         pose: poses keypoints, joints and tracked vertices alone.
         area: (B, n) surface that each tracked vertex stands for, square decimetres; ones where vertices are counted.
+        trust: (B, n) how much depth, contact and penetration of each tracked vertex count.
         prior: (B, n) contact probability, 0 below the threshold.
         seen_part: (B, n) bool, on a limb that the photo shows.
         soles: rows of ``ids`` of the left and of the right sole; empty where the body has none.
@@ -47,6 +53,7 @@ class Fixed:
     ids: Tensor
     pose: LandmarkModel
     area: Tensor
+    trust: Tensor
     prior: Tensor
     seen_part: Tensor
     soles: tuple[Tensor, Tensor]
@@ -70,9 +77,13 @@ def prepare(problem: JointProblem, settings: JointSettings, start: BodyOutput) -
         settings: of stage 3.
         start: the posed bodies at the start, all vertices.
     """
-    model, observed = problem.model, problem.observed.bool()
+    model, observed = problem.model, seen_joints(problem, settings)
     height, width = problem.masks.shape[-2:]
     probability = torch.nan_to_num(problem.contact_probability)
+    if settings.contact_source == "static":
+        probability = torch.zeros_like(probability)
+        for name in STATIC_CONTACTS:
+            probability[:, model.contact_sets[name]] = 1.0
     prior = torch.where(probability >= settings.contact_probability, probability, torch.zeros_like(probability))
     area = vertex_areas(start.vertices, model.faces)
     ids, area = representatives(model, prior.any(0), settings.vertex_spacing_m, area)
@@ -83,11 +94,14 @@ def prepare(problem: JointProblem, settings: JointSettings, start: BodyOutput) -
     unit = person_px[:, None]
     if settings.reprojection_unit == "image":
         unit = person_px.new_tensor([[width, height]]).expand(len(problem), 2)
+    elif settings.reprojection_unit == "full_hd":
+        unit = torch.full_like(unit, max(width, height) / _FULL_HD_PX)
     surface, surface_normals = _surface(problem, settings)
     return Fixed(
         ids=ids,
         pose=model.landmarks_only([problem.skeleton], ids),
         area=area,
+        trust=_trust(problem, settings)[:, model.part_of_vertex[ids]],
         prior=prior[:, ids],
         seen_part=observed_parts(model.part_names, observed)[:, model.part_of_vertex[ids]],
         soles=_sole_rows(model, ids),
@@ -160,10 +174,42 @@ def _keypoints(problem: JointProblem, settings: JointSettings) -> tuple[Tensor, 
     confidence = torch.where(finite, confidence, torch.zeros_like(confidence))
     low = confidence < settings.min_confidence
     weight = torch.where(low, settings.low_confidence_weight * confidence, confidence)
+    if settings.confidence_power != 1:
+        weight = weight**settings.confidence_power
     # What a network puts outside the picture it has made up.
     weight = weight * inside_image(points, height, width)
-    limbs = keypoint_weights(problem.skeleton, problem.observed.bool(), points.shape[1])
+    if math.isfinite(settings.keypoint_mask_growth):
+        reach = round(settings.keypoint_mask_growth * max(height, width))
+        weight = weight * _near_mask(points, problem.masks.any(0), reach)
+    limbs = keypoint_weights(
+        problem.skeleton, seen_joints(problem, settings), points.shape[1], settings.body_keypoint_weight
+    )
     return points, weight * limbs.to(weight)
+
+
+def seen_joints(problem: JointProblem, settings: JointSettings) -> Tensor:
+    """(B, 55) bool, joints that the photo shows; all of them where the settings ask nothing."""
+    return problem.observed.bool() if settings.observed else torch.ones_like(problem.observed, dtype=torch.bool)
+
+
+def _trust(problem: JointProblem, settings: JointSettings) -> Tensor:
+    """(B, P) of each part."""
+    confidence = torch.nan_to_num(problem.keypoint_confidence, nan=0.0, posinf=0.0, neginf=0.0).clamp(0.0, 1.0)
+    parts = part_confidence(problem.skeleton, problem.model.part_names, confidence)
+    return parts**settings.vertex_confidence if settings.vertex_confidence > 0 else torch.ones_like(parts)
+
+
+def _near_mask(uv: Tensor, mask: Tensor, reach: int) -> Tensor:
+    """Whether any pixel of a mask (H, W) lies within a square of ``reach`` px round each coordinate: (..., 2) -> (...).
+
+    By the mask's integral image: four look-ups a coordinate whatever the reach.
+    """
+    height, width = mask.shape
+    sums = torch.nn.functional.pad(mask.long().cumsum(0).cumsum(1), (1, 0, 1, 0))
+    u, v = uv.round().long().unbind(-1)
+    left, right = (u - reach).clamp(0, width), (u + reach + 1).clamp(0, width)
+    top, bottom = (v - reach).clamp(0, height), (v + reach + 1).clamp(0, height)
+    return (sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]) > 0
 
 
 def _log_depth(depth: Tensor | None) -> Tensor | None:

@@ -9,8 +9,9 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.energy import JointEnergy
-from physic_core.engine.optimize import Trace, minimise
+from physic_core.engine.optimize import Trace
 from physic_core.engine.problem import JointProblem, JointResult, finite_people
+from physic_core.engine.schedule import run
 from physic_core.engine.settings import JointSettings
 from physic_core.engine.state import Estimate
 from physic_core.engine.terms import lowest_height, plane_height, signed_distance
@@ -60,7 +61,7 @@ def optimize(
         energy = None
     if energy is None:
         return _untouched(problem, tuple(failures))
-    trace = minimise(energy, settings, progress)
+    trace = run(energy, settings, progress)
     return _result(problem, energy, trace, healthy.nonzero(as_tuple=True)[0], tuple(failures))
 
 

@@ -60,7 +60,7 @@ class JointSettings:
         reprojection_scale: its scale, sigmas.
         reprojection_mean: over keypoints and axes, instead of the sum.
         reprojection_per_axis: the robust loss takes each axis by itself, instead of their distance.
-        body_keypoint_weight: of the keypoints of body and feet, against those of face and fingers.
+        body_keypoint_weight: of all keypoints but those of the fingers.
         confidence_power: keypoints count by this power of their confidence; 1, or 2 as in PROX.
         keypoint_mask_growth: keypoints farther outside of all people's masks than this share of the long image side
             count nothing; "inf" asks nothing.
@@ -142,7 +142,8 @@ class JointSettings:
         people_penetration_sigma_m: expected error of that depth, metres.
         stature_weight: of the stature's change, which with ``scale_weight`` decides whether people or scene give way
             where their sizes disagree.
-        stature_sigma: expected error of log(stature), 0.04 where the estimator tells children from adults.
+        stature_sigma: expected error of log(stature), beside the 0.054 that ``shape_weight`` 1 stands for with the
+            embedded body: 0.06 makes 0.04 of the two.
         stature_m: stature that is expected, metres; 0 takes the body estimator's.
     """
 
@@ -242,5 +243,5 @@ class JointSettings:
     people_penetration_slack_m: NotNegative = 0.02
     people_penetration_sigma_m: Positive = 0.02
     stature_weight: NotNegative = 0.0
-    stature_sigma: Positive = 0.04
+    stature_sigma: Positive = 0.06
     stature_m: NotNegative = 0.0

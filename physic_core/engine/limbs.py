@@ -11,7 +11,7 @@ from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.landmarks import SKELETONS
 from physic_core.engine.terms import hinge_angles
 
-__all__ = ["keypoint_weights", "limb_parts", "observed_parts", "stands"]
+__all__ = ["keypoint_weights", "limb_parts", "observed_parts", "part_confidence", "stands"]
 
 _END_JOINT = {
     "upper_leg": "knee",
@@ -20,6 +20,18 @@ _END_JOINT = {
     "upper_arm": "elbow",
     "lower_arm": "wrist",
     "hand": "wrist",
+}
+_ENDS = {
+    "upper_leg": ("hip", "knee"),
+    "lower_leg": ("knee", "ankle"),
+    "foot": ("ankle",),
+    "upper_arm": ("shoulder", "elbow"),
+    "lower_arm": ("elbow", "wrist"),
+    "hand": ("wrist",),
+}
+_MIDDLE = {
+    "torso": ("left_shoulder", "right_shoulder", "left_hip", "right_hip"),
+    "head": ("nose", "left_ear_surface", "right_ear_surface"),
 }
 _TRUNK = ("pelvis", "left_hip", "right_hip", "spine3", "left_shoulder", "right_shoulder")
 
@@ -56,13 +68,14 @@ def observed_parts(part_names: Sequence[str], observed: Tensor) -> Tensor:
     return torch.stack(columns, 1)
 
 
-def keypoint_weights(skeleton: str, observed: Tensor, count: int) -> Tensor:
+def keypoint_weights(skeleton: str, observed: Tensor, count: int, body: float = 1.0) -> Tensor:
     """How much the keypoints of a joint set count before their confidence does: 0 on limbs that were not seen.
 
     Args:
         skeleton: name of the joint set; one that no body knows gets ones.
         observed: (B, 55) bool.
         count: J.
+        body: of all that are not on a finger.
 
     Returns:
         (B, J) float.
@@ -72,7 +85,30 @@ def keypoint_weights(skeleton: str, observed: Tensor, count: int) -> Tensor:
         joint = _joint_of(name)
         if joint is not None:
             weights[:, j] = observed[:, JOINT_INDEX[joint]] * _LANDMARK_WEIGHTS.get((skeleton, name), 1.0)
+        if not _is_finger(name):
+            weights[:, j] *= body
     return weights
+
+
+def part_confidence(skeleton: str, part_names: Sequence[str], confidence: Tensor) -> Tensor:
+    """How sure the keypoints are of each part: the mean of those at its ends, (B, J) -> (B, P).
+
+    A part whose ends the joint set does not have gets 1.
+    """
+    names = SKELETONS.get(skeleton, ())
+    columns = []
+    for part in part_names:
+        side, _, segment = part.partition("_")
+        ends = [f"{side}_{end}" for end in _ENDS[segment]] if segment in _ENDS else _MIDDLE.get(part, ())
+        rows = [names.index(end) for end in ends if end in names]
+        columns.append(confidence[:, rows].mean(1) if rows else torch.ones_like(confidence[:, 0]))
+    return torch.stack(columns, 1)
+
+
+def _is_finger(landmark: str) -> bool:
+    return landmark.endswith(("thumb_tip", "index_tip", "middle_tip", "ring_tip", "pinky_tip")) or (
+        landmark[-1:].isdigit()
+    )
 
 
 def _joint_of(landmark: str) -> str | None:
@@ -80,7 +116,7 @@ def _joint_of(landmark: str) -> str | None:
     side, _, rest = landmark.partition("_")
     if rest.endswith(("toe", "heel", "foot_tip")):
         return f"{side}_ankle"
-    if rest.endswith(("thumb_tip", "index_tip", "middle_tip", "ring_tip", "pinky_tip")) or rest[-1:].isdigit():
+    if _is_finger(rest):
         return f"{side}_wrist"
     return landmark if landmark in JOINT_INDEX and landmark != "head" else None
 

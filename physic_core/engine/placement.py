@@ -102,6 +102,8 @@ def place(
         feet_seen: (B,) bool, whose feet the photo shows; without it nobody stands.
     """
     settings = settings or HumanSettings()
+    if settings.masks == "union":
+        masks = masks.any(0, keepdim=True).expand_as(masks)
     people = _people(
         vertices, normals, landmarks, keypoints, confidence, K, points, masks, settings, outer, floor_normal,
         floor_offset, soles, feet_seen,

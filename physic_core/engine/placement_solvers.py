@@ -97,7 +97,7 @@ def adam(person: Subject, settings: HumanSettings) -> Tensor:
     optimizer = torch.optim.Adam([move], lr=settings.learning_rate)
     for _ in range(settings.iterations):
         optimizer.zero_grad()
-        _reprojection_loss(person, move).backward()  # type: ignore[no-untyped-call]
+        _reprojection_loss(person, move, settings).backward()  # type: ignore[no-untyped-call]
         optimizer.step()
     return torch.cat((move.detach(), torch.zeros(1, dtype=torch.float64)))
 
@@ -113,7 +113,7 @@ def lbfgs(person: Subject, x: Tensor, chamfer: Chamfer, settings: HumanSettings)
         total = chamfer.weights[0] * (chamfer.vertices + move - of_vertex).square().sum()
         total = total + chamfer.weights[1] * (of_point + move - chamfer.points).square().sum()
         if len(person.keypoints) >= FEWEST_KEYPOINTS:
-            total = total + settings.reprojection_weight * _reprojection_loss(person, move)
+            total = total + settings.reprojection_weight * _reprojection_loss(person, move, settings)
         total.backward()  # type: ignore[no-untyped-call]
         return total
 
@@ -122,6 +122,7 @@ def lbfgs(person: Subject, x: Tensor, chamfer: Chamfer, settings: HumanSettings)
     return torch.cat((move.detach(), x[3:]))
 
 
-def _reprojection_loss(person: Subject, move: Tensor) -> Tensor:
+def _reprojection_loss(person: Subject, move: Tensor, settings: HumanSettings) -> Tensor:
     error = (project(person.landmarks + move, person.K) - person.keypoints) / person.size
-    return (person.confidence * error.square().sum(-1)).sum() / person.confidence.sum()
+    size = error.abs() if settings.reprojection_loss == "absolute" else error.square()
+    return (person.confidence * size.sum(-1)).sum() / person.confidence.sum()

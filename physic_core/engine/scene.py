@@ -122,7 +122,8 @@ def build_scene(
             "use another metric_depth backend, or check its notes"
         )
     alignment = _align_to_metric(points, valid, unknown, metric_depth, metric_valid, K, K_metric, settings)
-    if alignment.inlier_share > 0:
+    depth_alone = settings.source == "metric_depth"
+    if alignment.inlier_share > 0 and not depth_alone:
         placed = apply_alignment(points, alignment)
         known = valid
         if alignment.inlier_share < settings.align_min_share:
@@ -131,7 +132,8 @@ def build_scene(
                 f"the pixels within {settings.align_tolerance:.0%}"
             )
     else:
-        notes.append("point map and metric depth agree nowhere: the scene is the metric depth alone")
+        if not depth_alone:
+            notes.append("point map and metric depth agree nowhere: the scene is the metric depth alone")
         placed = depth_to_pointmap(metric_depth, _camera(None, K, K_metric, points, valid, settings))
         known = metric_valid
     known = known & torch.isfinite(placed).all(-1) & (placed[..., 2] > 0)

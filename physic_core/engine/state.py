@@ -206,6 +206,21 @@ class State:
         moved = {group: self.values[group] - self._origin[group] for group in GROUPS}
         return {g: value if g == "scale" else value.reshape(len(value), -1) for g, value in moved.items()}
 
+    @torch.no_grad()
+    def displace(self, who: Tensor, tilt: float, farther: float) -> None:
+        """Turn some people about the camera's horizontal axis, and move them along their ray; whitened only.
+
+        Args:
+            who: (B,) bool.
+            tilt: radians.
+            farther: to be added to the logarithm of depth.
+        """
+        rows = who.to(self._start.transl.dtype)
+        if "root" in self.free:
+            self.values["root"][:, 0] += rows * (tilt / _ROOT_SIGMA)
+        if "translation" in self.free:
+            self.values["translation"][:, 2] += rows * (farther / _DEPTH_SIGMA)
+
     def parameters(self) -> list[Tensor]:
         """The leaf tensors that an optimiser may change."""
         return [self.values[group] for group in self.free]

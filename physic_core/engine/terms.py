@@ -45,7 +45,14 @@ _BALANCE_SIGMA = 0.04  # metres beyond
 
 
 def reprojection(
-    projected: Tensor, observed: Tensor, weight: Tensor, unit: Tensor, rho: Rho, *, mean: bool = False
+    projected: Tensor,
+    observed: Tensor,
+    weight: Tensor,
+    unit: Tensor,
+    rho: Rho,
+    *,
+    mean: bool = False,
+    per_axis: bool = False,
 ) -> Tensor:
     """L_j2d (Eq. 2): ``sum_j w_j rho(|(pi(J_j) - J^_j) / unit|^2)``.
 
@@ -56,12 +63,15 @@ def reprojection(
         unit: (B, 1 or 2) px that an error of 1 stands for: a share of the person, or the image's width and height.
         rho: robust loss.
         mean: over keypoints and axes, as the released code has it, instead of the sum.
+        per_axis: the robust loss takes each axis by itself.
 
     Returns:
         (B,).
     """
     error = (projected - observed) / unit[:, None]
-    total = (weight * rho(error.square().sum(-1))).sum(-1)
+    squared = error.square()
+    loss = rho(squared).sum(-1) if per_axis else rho(squared.sum(-1))
+    total = (weight * loss).sum(-1)
     return total / (2 * projected.shape[1]) if mean else total
 
 
@@ -216,7 +226,7 @@ def mesh_deviation(relative: Tensor, start: Tensor, weight: Tensor) -> Tensor:
 
 def prior(deviations: Mapping[str, Tensor], weights: Mapping[str, float]) -> Tensor:
     """L_reg of the parameters: ``sum_g w_g |x_g|^2`` over groups (B, n), whitened or raw. (B,)."""
-    total = sum((weights[group] * deviations[group].square().sum(-1) for group in sorted(weights)), torch.zeros(()))
+    total = sum(weights[group] * deviations[group].square().sum(-1) for group in sorted(weights))
     return torch.as_tensor(total)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import torch
@@ -76,7 +77,8 @@ def feel(
     far = torch.full_like(fixed.area, torch.inf)
     zeros = torch.zeros_like(fixed.area)
     nobody = torch.zeros_like(visible.in_play)
-    signed, against_scene, level = far, zeros, nobody
+    signed, against_scene, level, lined = far, zeros, nobody, ~nobody
+    oblique = math.cos(math.radians(settings.contact_angle_deg)) if settings.contact_angle_deg < 90 else 0.0
     plane = problem.floor_normal if settings.floor == "plane" else None
     if len(scene.points):
         normals = scene.normals[nearest.index]
@@ -84,6 +86,7 @@ def feel(
             nearest.found, signed_distance(vertices, scene.points[nearest.index] * scale, normals), far
         )
         against_scene = -(visible.normals * normals).sum(-1)
+        lined = against_scene.abs() >= oblique
         if plane is not None:
             level = nearest.found & ((normals @ plane) > _LEVEL)
     above, against_floor = far, zeros
@@ -94,21 +97,30 @@ def feel(
     # Contact: the nearer of scene and floor. Behind an object only the floor is known.
     to_scene = signed.abs() if settings.contact_metric == "plane" else nearest.distance
     can_scene = nearest.found & (to_scene < settings.contact_reach_m)
-    can_floor = above.abs() < settings.contact_reach_m
+    can_scene, can_floor = can_scene & lined, (above.abs() < settings.contact_reach_m)
+    can_floor = can_floor & (against_floor.abs() >= oblique)
+    if settings.contact_outside:
+        can_scene, can_floor = can_scene & (signed > 0), can_floor & (above > 0)
     if settings.contact_facing:
         can_scene, can_floor = can_scene & (against_scene > 0), can_floor & (against_floor > 0)
     if not settings.contact_occluded:
         can_scene = can_scene & visible.in_mask
     on_scene = can_scene & (~can_floor | (to_scene <= above.abs()))
     touching = (can_scene | can_floor) & visible.in_play
-    contact_weight = fixed.area * fixed.prior
+    contact_weight = fixed.area * fixed.trust * fixed.prior
     if settings.contact_facing:
         # Only what faces a surface can lie on it: the rim of a foot is over the floor, and does not touch it.
         contact_weight = contact_weight * torch.where(on_scene, against_scene, against_floor).clamp(min=0.0)
 
     inside = nearest.found & (nearest.distance < settings.penetration_reach_m) & visible.in_play
+    contact_weight = torch.where(touching, contact_weight, zeros)
+    if settings.contact_mean:
+        contact_weight = contact_weight / contact_weight.sum(1, keepdim=True).clamp(min=1e-9)
     if settings.occlusion_aware:
-        inside = inside & ~visible.hidden
+        inside = inside & (visible.in_mask if settings.penetration_self_occluded else ~visible.hidden)
+    if settings.penetration_spares_contact:
+        inside = inside & ~(fixed.prior > 0)
+    solid = fixed.area * fixed.trust
 
     heights = [above[:, rows] for rows in fixed.soles]
     lowest = torch.stack([lowest_height(h) if h.shape[1] else far[:, 0] for h in heights], 1)
@@ -121,9 +133,9 @@ def feel(
     return Touch(
         near=nearest.index,
         on_scene=on_scene,
-        contact_weight=torch.where(touching, contact_weight, zeros),
-        penetration_weight=torch.where(inside, fixed.area, zeros),
-        floor_weight=torch.where(visible.in_play, fixed.area, zeros) if plane is not None else zeros,
+        contact_weight=contact_weight,
+        penetration_weight=torch.where(inside, solid, zeros),
+        floor_weight=torch.where(visible.in_play, solid, zeros) if plane is not None else zeros,
         sole_weight=on_floor.to(zeros.dtype),
         lower_sole_weight=pulled.to(zeros.dtype),
     )

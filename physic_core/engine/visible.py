@@ -64,11 +64,13 @@ def look(problem: JointProblem, settings: JointSettings, fixed: Fixed, output: B
         fixed: what stays as it is.
         output: the posed bodies now, all vertices.
     """
-    model, ids, vertices = problem.model, fixed.ids, output.vertices
+    model, ids, vertices, masks = problem.model, fixed.ids, output.vertices, problem.masks
+    if settings.masks == "union":
+        masks = masks.any(0, keepdim=True).expand_as(masks)
     uv = project(vertices, problem.K)
     # Behind the camera nothing is seen, whatever the clamped division says.
-    in_image = inside_image(uv, *problem.masks.shape[-2:]) & (vertices[..., 2] > 0)
-    in_mask = in_image & _around(uv, problem.masks, fixed.person_px * settings.mask_tolerance).any(0)
+    in_image = inside_image(uv, *masks.shape[-2:]) & (vertices[..., 2] > 0)
+    in_mask = in_image & _around(uv, masks, fixed.person_px * settings.mask_tolerance).any(0)
     limbs = limb_parts(model.part_names)
     shadows = [
         self_occlusion(v, model.faces, model.part_of_vertex, limbs, settings.self_occlusion_share) for v in vertices
@@ -79,12 +81,14 @@ def look(problem: JointProblem, settings: JointSettings, fixed: Fixed, output: B
     toward = facing(normals, vertices, settings.facing_deg)
     in_play = fixed.seen_part & in_image[:, ids]
     log_seen, known = _sample(fixed.log_depth, uv[:, ids])
-    well_inside = _around(uv[:, ids], problem.masks, fixed.person_px * _EDGE_SHARE).all(0)
+    well_inside = _around(uv[:, ids], masks, fixed.person_px * _EDGE_SHARE).all(0)
     first = ~torch.stack([shadow.hidden for shadow in shadows])[:, ids]
     shown = toward[:, ids] & first
     # Seen at a slant, a surface fills fewer pixels: weigh by what it fills.
     slope = -(normals * torch.nn.functional.normalize(vertices, dim=-1)).sum(-1)[:, ids]
-    weight = torch.where(shown & known & well_inside & in_play, fixed.area * slope, torch.zeros_like(fixed.area))
+    weight = torch.where(
+        shown & known & well_inside & in_play, fixed.area * fixed.trust * slope, torch.zeros_like(fixed.area)
+    )
     return Visible(
         normals=normals[:, ids],
         in_play=in_play,
@@ -94,7 +98,7 @@ def look(problem: JointProblem, settings: JointSettings, fixed: Fixed, output: B
         depth_weight=weight,
         log_seen=log_seen,
         occluded=occluded,
-        behind_people=behind_others(uv, problem.masks) & ~in_mask,
+        behind_people=behind_others(uv, masks) & ~in_mask,
     )
 
 

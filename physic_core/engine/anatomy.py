@@ -1,0 +1,83 @@
+"""How far joints turn: soft one-sided limits on rotation vectors, wide enough that no healthy pose meets them.
+
+Joint frames are those of the T-pose (x to the body's left, y up, z forward). Ranges are of the left side; the right
+side is its mirror image. Knees and elbows are hinges: :func:`physic_core.engine.terms.joint_limits` holds them.
+"""
+
+from __future__ import annotations
+
+import roma
+import torch
+from torch import Tensor
+
+from physic_core.body.joints import JOINT_INDEX
+
+__all__ = ["FINGER_RANGES", "RANGES", "Ranges", "beyond_ranges"]
+
+Ranges = dict[str, tuple[tuple[float, float], tuple[float, float], tuple[float, float]]]
+"""Joint of the middle or of the left side -> lowest and highest turn about x, y and z, radians."""
+
+RANGES: Ranges = {
+    # x bends forward (+) at the spine, lifts the thigh (-), the toes (-); z raises arms and spreads legs (+).
+    "hip": ((-2.6, 0.8), (-1.2, 1.2), (-0.9, 1.4)),
+    "ankle": ((-0.9, 1.1), (-0.7, 0.7), (-0.7, 0.7)),
+    "foot": ((-1.0, 0.7), (-0.4, 0.4), (-0.4, 0.4)),
+    "spine1": ((-0.7, 1.2), (-0.7, 0.7), (-0.6, 0.6)),
+    "spine2": ((-0.7, 1.0), (-0.7, 0.7), (-0.6, 0.6)),
+    "spine3": ((-0.7, 1.0), (-0.7, 0.7), (-0.6, 0.6)),
+    "neck": ((-0.9, 1.0), (-1.0, 1.0), (-0.7, 0.7)),
+    "head": ((-0.9, 0.9), (-1.0, 1.0), (-0.7, 0.7)),
+    "collar": ((-0.5, 0.5), (-0.7, 0.5), (-0.5, 0.8)),
+    "shoulder": ((-2.0, 2.0), (-2.4, 1.3), (-1.9, 1.7)),
+    "wrist": ((-1.6, 1.6), (-1.0, 1.0), (-1.5, 1.5)),
+}
+"""Body joints that are no hinges."""
+
+_KNUCKLE = ((-0.4, 0.4), (-0.5, 0.5), (-1.8, 0.7))
+_MIDDLE = ((-0.3, 0.3), (-0.3, 0.3), (-2.0, 0.3))
+_TIP = ((-0.3, 0.3), (-0.3, 0.3), (-1.6, 0.5))
+FINGER_RANGES: Ranges = {
+    # A left finger points along x and bends about -z; thumbs turn about all axes.
+    **{
+        f"{finger}{k}": limits
+        for finger in ("index", "middle", "ring", "pinky")
+        for k, limits in ((1, _KNUCKLE), (2, _MIDDLE), (3, _TIP))
+    },
+    "thumb1": ((-1.2, 1.2), (-1.2, 1.2), (-1.2, 1.2)),
+    "thumb2": ((-0.9, 0.9), (-1.2, 1.2), (-1.2, 1.2)),
+    "thumb3": ((-0.9, 0.9), (-1.5, 1.5), (-1.5, 1.5)),
+}
+"""Finger joints."""
+
+_SIGMA = 1.0 / 12.0  # radians, about 5 degrees
+
+
+def beyond_ranges(rotations: Tensor, ranges: Ranges) -> Tensor:
+    """``sum_j (max(0, low - w)^2 + max(0, w - high)^2) / sigma^2`` over rotation vectors w and their axes.
+
+    Args:
+        rotations: (B, 55, 3, 3) local.
+        ranges: which joints, and how far.
+
+    Returns:
+        (B,).
+    """
+    rows, low, high = _table(ranges, rotations)
+    turned: Tensor = roma.rotmat_to_rotvec(rotations[:, rows])
+    beyond = torch.relu(low - turned) + torch.relu(turned - high)
+    return (beyond / _SIGMA).square().sum((-2, -1))
+
+
+def _table(ranges: Ranges, like: Tensor) -> tuple[list[int], Tensor, Tensor]:
+    """Rows of the joints (n), lowest and highest turns (n, 3)."""
+    rows: list[int] = []
+    spans: list[tuple[tuple[float, float], ...]] = []
+    for name, (x, y, z) in ranges.items():
+        if name in JOINT_INDEX:
+            rows.append(JOINT_INDEX[name])
+            spans.append((x, y, z))
+            continue
+        rows += [JOINT_INDEX[f"left_{name}"], JOINT_INDEX[f"right_{name}"]]
+        spans += [(x, y, z), (x, (-y[1], -y[0]), (-z[1], -z[0]))]
+    limits = torch.tensor(spans, dtype=like.dtype, device=like.device)
+    return rows, limits[..., 0], limits[..., 1]
