@@ -1,7 +1,8 @@
-"""Minimise an energy over a state: whitened L-BFGS with a strong-Wolfe line search, or plain Adam.
+"""Minimise an energy over a state: whitened L-BFGS with a backtracking line search, or plain Adam.
 
 Both look at visibility anew every few steps, keep the best state, never end worse than they began, and leave out steps
-that are not a number.
+that are not a number. The scene's scale ties all people together, so one L-BFGS moves them all: with a curvature of
+their own for each person and one for the scale it took twice as long and stopped centimetres short.
 """
 
 from __future__ import annotations
@@ -19,8 +20,13 @@ from physic_core.engine.state import State
 
 __all__ = ["Energy", "Trace", "minimise", "total_of"]
 
-_WALL = 1e30  # stands for an energy that is not a number: the line search turns back from it
-_HISTORY = 12  # pairs that L-BFGS remembers
+_HISTORY = 40  # pairs that L-BFGS remembers: vectors of some hundred numbers cost nothing beside one evaluation
+_FIRST = 0.5  # length of the very first step, in units of the state
+_ARMIJO = 1e-4  # share of the promised descent that a step must keep
+_TRIALS = 10  # lengths at most that a line search tries
+_BEND = 1e-8  # least cosine between a step and its change of the gradient
+_FLAT = 1e-9  # a slope below this share of the energy cannot be seen in float32
+_PATIENCE = 5  # steps that together have to lower the energy by the tolerance
 
 
 class Energy(Protocol):
@@ -70,20 +76,21 @@ def minimise(energy: Energy, settings: JointSettings, progress: Callable[[float]
     state = energy.state
     origin = state.pack()
     run = _adam_block if settings.optimiser == "adam" else _lbfgs_block
-    memory: dict[str, torch.optim.Optimizer] = {}
-    done = evaluations = 0
+    memory = Memory()
+    done = evaluations = taken = 0
     totals: list[float] = []
     while done < settings.steps and state.parameters():
         if done:
             energy.refresh()
-        block = min(settings.refresh_steps, settings.steps - done)
-        before, after, spent = run(energy, settings, block, memory, done + block >= settings.steps)
-        totals.append(before)
-        evaluations += spent
-        done += block
+        steps = min(settings.refresh_steps, settings.steps - done)
+        block = run(energy, settings, steps, memory, done + steps >= settings.steps)
+        totals.append(block.before)
+        evaluations += block.evaluations
+        taken += block.steps
+        done += steps
         if progress is not None:
             progress(done / settings.steps)
-        if settings.tolerance > 0 and before - after < settings.tolerance * abs(before):
+        if settings.tolerance > 0 and block.before - block.after < settings.tolerance * abs(block.before):
             break
     energy.refresh()
     end = _values(energy)
@@ -98,55 +105,133 @@ def minimise(energy: Energy, settings: JointSettings, progress: Callable[[float]
     totals.append(_sum(end))
     if progress is not None:
         progress(1.0)
-    return Trace(start, end, evaluations, done, tuple(totals))
+    return Trace(start, end, evaluations, taken, tuple(totals))
 
 
-Block = tuple[float, float, int]
+@dataclass(frozen=True)
+class Block:
+    """Steps between two refreshes: energy before and after, evaluations, and steps that were taken."""
+
+    before: float
+    after: float
+    evaluations: int
+    steps: int
 
 
-def _lbfgs_block(
-    energy: Energy, settings: JointSettings, steps: int, memory: dict[str, torch.optim.Optimizer], last: bool
-) -> Block:
-    """One L-BFGS run on one view: energy before and after, evaluations. No curvature is kept over a refresh."""
+class Memory:
+    """What an optimiser keeps over a refresh."""
+
+    def __init__(self) -> None:
+        self.curvature = _Curvature()
+        self.adam: torch.optim.Adam | None = None
+
+
+def _lbfgs_block(energy: Energy, settings: JointSettings, steps: int, memory: Memory, last: bool) -> Block:
+    """L-BFGS on one view. What it has learnt of the curvature it keeps: the next view is nearly the same energy."""
     state = energy.state
     parameters = state.parameters()
-    optimiser = torch.optim.LBFGS(
-        parameters,
-        lr=1.0,
-        max_iter=steps,
-        max_eval=2 * steps,
-        history_size=_HISTORY,
-        tolerance_grad=1e-7,
-        tolerance_change=1e-6,
-        line_search_fn="strong_wolfe",
-    )
-    best = _Best(state)
+    curvature = memory.curvature
+    spent = 0
 
-    def closure() -> Tensor:
+    def evaluate(at: Tensor) -> tuple[float, Tensor]:
+        nonlocal spent
+        spent += 1
+        state.load(at)
         total = total_of(energy())
-        value = float(total.detach())
-        finite = _differentiate(total, parameters) and math.isfinite(value)
-        if finite:
-            best.offer(value)
-            return total.detach()
-        for p in parameters:
-            p.grad = torch.zeros_like(p)
-        return total.new_tensor(_WALL)
+        gradients = torch.autograd.grad(total, parameters, allow_unused=True)
+        flat = [torch.zeros_like(p) if g is None else g for p, g in zip(parameters, gradients, strict=True)]
+        gradient = torch.cat([g.reshape(-1) for g in flat])
+        value, finite = float(total.detach()), bool(torch.isfinite(gradient.sum()))
+        return (value if math.isfinite(value) and finite else math.inf), gradient
 
-    optimiser.step(closure)  # type: ignore[no-untyped-call]
-    best.restore()
-    return best.first, best.value, best.offers
+    here = state.pack()
+    value, gradient = evaluate(here)
+    values = [value]
+    taken = 0
+    while taken < steps and math.isfinite(value):
+        way = curvature.descent(gradient)
+        slope = float(way @ gradient)
+        if slope >= 0:
+            curvature.forget()
+            way = curvature.descent(gradient)
+            slope = float(way @ gradient)
+        if slope > -_FLAT * max(1.0, abs(value)):
+            break
+        found = _backtrack(evaluate, here, way, value, slope)
+        if found is None:
+            break
+        there, next_value, next_gradient = found
+        curvature.learn(there - here, next_gradient - gradient)
+        here, value, gradient = there, next_value, next_gradient
+        values.append(value)
+        taken += 1
+        if len(values) > _PATIENCE and values[-1 - _PATIENCE] - value < settings.tolerance * abs(value):
+            break
+    state.load(here)
+    return Block(values[0], value, spent, taken)
 
 
-def _adam_block(
-    energy: Energy, settings: JointSettings, steps: int, memory: dict[str, torch.optim.Optimizer], last: bool
-) -> Block:
+def _backtrack(
+    evaluate: Callable[[Tensor], tuple[float, Tensor]], here: Tensor, way: Tensor, value: float, slope: float
+) -> tuple[Tensor, float, Tensor] | None:
+    """The first of ever shorter steps that lowers the energy as its slope promises: place, value, gradient."""
+    length = 1.0
+    for _ in range(_TRIALS):
+        there = here + length * way
+        next_value, gradient = evaluate(there)
+        if next_value <= value + _ARMIJO * length * slope:
+            return there, next_value, gradient
+        # The parabola through both values and the slope; a tenth at least, a half at most.
+        excess = next_value - value - length * slope
+        guess = -slope * length * length / (2 * excess) if 0 < excess < math.inf else 0.0
+        length = min(max(guess, 0.1 * length), 0.5 * length) if excess < math.inf else 0.25 * length
+    return None
+
+
+class _Curvature:
+    """Pairs of steps and changes of the gradient, and the quasi-Newton direction that they stand for.
+
+    The compact form of Byrd, Nocedal and Schnabel (1994): a few products with all pairs at once, however many there
+    are. In float64: the small matrices are close to singular near the end.
+    """
+
+    def __init__(self) -> None:
+        self._steps: list[Tensor] = []
+        self._changes: list[Tensor] = []
+
+    def forget(self) -> None:
+        self._steps, self._changes = [], []
+
+    def learn(self, step: Tensor, change: Tensor) -> None:
+        """Keep a pair, unless it says that the energy bends downwards there."""
+        s, y = step.double(), change.double()
+        if float(s @ y) > _BEND * float(s.norm() * y.norm()):
+            self._steps = [*self._steps[1 - _HISTORY :], s]
+            self._changes = [*self._changes[1 - _HISTORY :], y]
+
+    def descent(self, gradient: Tensor) -> Tensor:
+        """Downhill, as long as the step is expected to be."""
+        g = gradient.double()
+        if not self._steps:
+            return -gradient * min(1.0, _FIRST / max(float(g.norm()), 1e-30))
+        S, Y = torch.stack(self._steps), torch.stack(self._changes)
+        sy, yy = S @ Y.T, Y @ Y.T
+        gamma = sy[-1, -1] / yy[-1, -1]
+        R = sy.triu()
+        u = torch.linalg.solve_triangular(R, (S @ g)[:, None], upper=True)
+        middle = sy.diagonal()[:, None] * u + gamma * (yy @ u - (Y @ g)[:, None])
+        v = torch.linalg.solve_triangular(R.T, middle, upper=False)
+        way: Tensor = gamma * (Y.T @ u[:, 0] - g) - S.T @ v[:, 0]
+        return way.to(gradient.dtype)
+
+
+def _adam_block(energy: Energy, settings: JointSettings, steps: int, memory: Memory, last: bool) -> Block:
     """Adam on one view. Its path goes on over refreshes, uphill too; the last view's best state is kept."""
     state = energy.state
     parameters = state.parameters()
-    if "adam" not in memory:
-        memory["adam"] = torch.optim.Adam(parameters, lr=settings.learning_rate)
-    optimiser = memory["adam"]
+    if memory.adam is None:
+        memory.adam = torch.optim.Adam(parameters, lr=settings.learning_rate)
+    optimiser = memory.adam
     best = _Best(state)
     for _ in range(steps):
         total = total_of(energy())
@@ -159,7 +244,7 @@ def _adam_block(
         best.offer(float(total_of(energy())))
     if last:
         best.restore()
-    return best.first, best.value, best.offers
+    return Block(best.first, best.value, best.offers, steps)
 
 
 class _Best:

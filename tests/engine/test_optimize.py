@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from physic_core.engine.optimize import minimise, total_of
+from physic_core.engine.optimize import _Curvature, minimise, total_of
 from physic_core.engine.presets import PRESETS
 from physic_core.engine.state import State
 
@@ -51,6 +51,43 @@ def test_reaches_a_known_minimum(settings, within):
     assert trace.end["bowl"] < 1e-2
     assert trace.totals[0] == pytest.approx(141.25)
     assert trace.evaluations <= energy.evaluations <= trace.evaluations + 2
+
+
+def two_loops(pairs, gradient):
+    """L-BFGS as textbooks write it (Nocedal and Wright, algorithm 7.4)."""
+    q, alphas = gradient.clone(), []
+    for s, y in reversed(pairs):
+        alphas.append((s @ q) / (s @ y))
+        q = q - alphas[-1] * y
+    s, y = pairs[-1]
+    q = q * (s @ y) / (y @ y)
+    for (s, y), alpha in zip(pairs, reversed(alphas), strict=True):
+        q = q + s * (alpha - (y @ q) / (s @ y))
+    return -q
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 40, 60])
+def test_the_direction_is_that_of_the_two_loops(count):
+    g = torch.Generator().manual_seed(count)
+    root = torch.randn(90, 90, generator=g).double()
+    hessian = root @ root.T + torch.eye(90).double()
+    curvature, pairs = _Curvature(), []
+    for _ in range(count):
+        step = torch.randn(90, generator=g).double()
+        pairs.append((step, hessian @ step))
+        curvature.learn(*pairs[-1])
+    gradient = torch.randn(90, generator=g).double()
+    want = two_loops(pairs[-40:], gradient)
+    torch.testing.assert_close(curvature.descent(gradient), want, rtol=1e-6, atol=1e-6 * want.norm().item())
+
+
+def test_a_step_along_which_the_energy_bends_down_teaches_nothing():
+    curvature = _Curvature()
+    gradient = torch.tensor([3.0, 4.0])
+    before = curvature.descent(gradient)
+    torch.testing.assert_close(before, -0.1 * gradient)  # half a unit long
+    curvature.learn(torch.tensor([1.0, 0.0]), torch.tensor([-1.0, 0.0]))
+    assert torch.equal(curvature.descent(gradient), before)
 
 
 def test_looks_anew_at_least_every_thirty_steps():
