@@ -2,6 +2,9 @@
 
 Each function returns the faults of one answer, each in words that say what was expected and what came; the pipeline
 turns them into one :class:`physic_core.errors.BackendOutputError` that names the backend.
+
+Numbers that are not finite are a fault where nobody's are; where a backend fails on some people only,
+:mod:`physic_core.salvage` keeps the others.
 """
 
 from __future__ import annotations
@@ -12,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from physic_core.types import (
         Bodies,
+        BoolArray,
         ContactProbability,
         DepthMap,
         Hands,
@@ -30,6 +34,10 @@ __all__ = [
     "keypoints_faults",
     "people_faults",
     "pointmap_faults",
+    "sound_bodies",
+    "sound_contact",
+    "sound_hands",
+    "sound_keypoints",
 ]
 
 _PARAMETER_WIDTH = {
@@ -81,9 +89,19 @@ def keypoints_faults(keypoints: Keypoints, people: int) -> list[str]:
     if keypoints.world is not None:
         faults += _array("world", keypoints.world, (people, joints, 3), "float")
     if not faults:
-        faults += _unit_range("confidence", keypoints.confidence)
-        faults += _finite("points", keypoints.points[keypoints.confidence > 0])
+        some = _looked_at(sound_keypoints(keypoints))
+        points, confidence = keypoints.points[some], keypoints.confidence[some]
+        faults += _unit_range("confidence", confidence) + _finite("points", points[confidence > 0])
     return faults
+
+
+def sound_keypoints(keypoints: Keypoints) -> BoolArray:
+    """(N,) bool: people whose confidence is made of numbers, and their seen points too."""
+    import numpy as np
+
+    unseen = keypoints.confidence <= 0
+    sound: BoolArray = _rows(keypoints.confidence) & (np.isfinite(keypoints.points).all(-1) | unseen).all(1)
+    return sound
 
 
 def pointmap_faults(pointmap: Pointmap, height: int, width: int) -> list[str]:
@@ -119,23 +137,45 @@ def depth_faults(depth: DepthMap, height: int, width: int) -> list[str]:
 def bodies_faults(bodies: Bodies, people: int) -> list[str]:
     """Faults of a BodyEstimator's answer for ``people`` people."""
     faults = []
+    fitting = []
     for field in fields(bodies.parameters):
         value = getattr(bodies.parameters, field.name)
         width = _PARAMETER_WIDTH.get(field.name, value.shape[-1] if value.ndim else 0)
         own = _array(field.name, value, (people, width), "float")
-        faults += own or _finite(field.name, value)
+        faults += own
+        if not own:
+            fitting.append((field.name, value))
+    if people and not _all_rows([value for _, value in fitting], people).any():
+        faults += [fault for name, value in fitting for fault in _finite(name, value)]
     if bodies.observed is not None:
         faults += _array("observed", bodies.observed, (people, 55), "bool")
     return faults
+
+
+def sound_bodies(bodies: Bodies) -> BoolArray:
+    """(N,) bool: people whose parameters are all made of numbers."""
+    parameters = bodies.parameters
+    return _all_rows([getattr(parameters, field.name) for field in fields(parameters)], len(parameters))
 
 
 def hands_faults(hands: Hands, people: int) -> list[str]:
     """Faults of a HandEstimator's answer for ``people`` people."""
     faults = _array("rotvecs", hands.rotvecs, (people, 2, 15, 3), "float")
     faults += _array("confidence", hands.confidence, (people, 2), "float")
-    return faults or _unit_range("confidence", hands.confidence) + _finite(
-        "rotvecs", hands.rotvecs[hands.confidence > 0]
-    )
+    if faults:
+        return faults
+    some = _looked_at(sound_hands(hands))
+    rotvecs, confidence = hands.rotvecs[some], hands.confidence[some]
+    return _unit_range("confidence", confidence) + _finite("rotvecs", rotvecs[confidence > 0])
+
+
+def sound_hands(hands: Hands) -> BoolArray:
+    """(N,) bool: people whose confidence is made of numbers, and the fingers of their hands that were found too."""
+    import numpy as np
+
+    absent = hands.confidence <= 0
+    sound: BoolArray = _rows(hands.confidence) & (np.isfinite(hands.rotvecs).all((-2, -1)) | absent).all(1)
+    return sound
 
 
 def contact_faults(contact: ContactProbability, people: int, vertices: int, topology: str) -> list[str]:
@@ -143,7 +183,32 @@ def contact_faults(contact: ContactProbability, people: int, vertices: int, topo
     if contact.topology != topology:
         return [f"topology must be {topology!r} as the bodies', got {contact.topology!r}"]
     faults = _array("probability", contact.probability, (people, vertices), "float")
-    return faults or _unit_range("probability", contact.probability)
+    return faults or _unit_range("probability", contact.probability[_looked_at(sound_contact(contact))])
+
+
+def sound_contact(contact: ContactProbability) -> BoolArray:
+    """(N,) bool: people whose probabilities are all made of numbers."""
+    return _rows(contact.probability)
+
+
+def _rows(value: Any) -> BoolArray:
+    """(N,) bool: rows of an array (N, ...) without NaN or infinity."""
+    import numpy as np
+
+    finite: BoolArray = np.isfinite(value).all(axis=tuple(range(1, value.ndim)))
+    return finite
+
+
+def _all_rows(values: list[Any], rows: int) -> BoolArray:
+    import numpy as np
+
+    every: BoolArray = np.logical_and.reduce([np.ones(rows, bool), *(_rows(value) for value in values)])
+    return every
+
+
+def _looked_at(sound: BoolArray) -> BoolArray:
+    """The sound people, or all of them where nobody is."""
+    return sound if sound.any() else ~sound
 
 
 def _array(name: str, value: Any, shape: tuple[int, ...], kind: str) -> list[str]:

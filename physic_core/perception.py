@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core import border
+from physic_core import border, salvage
 from physic_core.errors import BodyModelError, NoPersonError
 from physic_core.types import (
     Bodies,
@@ -54,6 +54,8 @@ class Evidence:
         bodies: N bodies with their hands.
         contact: contact prior, zero where no backend was configured.
         depth: metric depth of ``empty``.
+        lost: per person, the interfaces whose backend answered no numbers for them; such a person has unseen
+            keypoints, a body of NaN, flat hands or no prior contact.
     """
 
     image: UInt8Array
@@ -69,6 +71,7 @@ class Evidence:
     bodies: Bodies
     contact: ContactProbability
     depth: DepthMap
+    lost: tuple[tuple[str, ...], ...] = ()
 
 
 def perceive(
@@ -101,6 +104,10 @@ def perceive(
             "use a photo that shows at least one head and torso, or another segmenter"
         )
     n = len(people)
+    lost: dict[str, BoolArray] = {}
+    if people.keypoints is not None:
+        own, lost["segmenter"] = salvage.seen_keypoints(people.keypoints)
+        people = replace(people, keypoints=own)
     keypoints = stages.ask(
         "keypoints",
         backends["keypoint_detector"],
@@ -108,6 +115,7 @@ def perceive(
         Keypoints,
         lambda a: border.keypoints_faults(a, n),
     )
+    keypoints, lost["keypoint_detector"] = salvage.seen_keypoints(keypoints)
 
     hole = dilate(np.logical_or.reduce(people.masks), max(4.0, plan.photo.mask_growth * max(height, width)))
     empty = stages.ask(
@@ -155,6 +163,8 @@ def perceive(
             f"but the configuration loads '{model.name}': set [body_model] {cure}, "
             f"or choose a body_estimator that gives '{model.name}'"
         )
+    bodies, lost["body_estimator"] = salvage.bodies_or_nan(bodies)
+    embodied = ~lost["body_estimator"]
     if "hand_estimator" in backends:
         hands = stages.ask(
             "hands",
@@ -163,26 +173,44 @@ def perceive(
             Hands,
             lambda a: border.hands_faults(a, n),
         )
+        hands, lost["hand_estimator"] = salvage.found_hands(hands)
         bodies = with_hands(bodies, hands)
+    # Whoever has no body is not shown to those who build on bodies.
+    seen, whole = salvage.rows_of(people, embodied), salvage.rows_of(bodies, embodied)
+    hints = replace(hints, people=seen, keypoints=salvage.rows_of(keypoints, embodied), bodies=whole)
     contact = ContactProbability(np.zeros((n, model.num_vertices), np.float32), model.topology)
     if "contact_prior" in backends:
-        contact = stages.ask(
+        some = stages.ask(
             "contact prior",
             backends["contact_prior"],
-            lambda b: b.infer(image, people, bodies),
+            lambda b: b.infer(image, seen, whole),
             ContactProbability,
-            lambda a: border.contact_faults(a, n, model.num_vertices, model.topology),
+            lambda a: border.contact_faults(a, len(seen), model.num_vertices, model.topology),
         )
+        contact, lost["contact_prior"] = salvage.contact_of_all(some, embodied)
     depth = stages.ask(
         "metric depth",
         backends["metric_depth"],
-        lambda b: b.infer(empty, replace(hints, bodies=bodies)),
+        lambda b: b.infer(empty, hints),
         DepthMap,
         lambda a: border.depth_faults(a, height, width),
     )
     stages.note(*depth.notes)
     return Evidence(
-        image, camera, given is not None, people, keypoints, hole, empty, scene, original, floor, bodies, contact, depth
+        image=image,
+        intrinsics=camera,
+        camera_given=given is not None,
+        people=people,
+        keypoints=keypoints,
+        hole=hole,
+        empty=empty,
+        scene=scene,
+        original=original,
+        floor=floor,
+        bodies=bodies,
+        contact=contact,
+        depth=depth,
+        lost=tuple(tuple(name for name, who in lost.items() if who[i]) for i in range(n)),
     )
 
 

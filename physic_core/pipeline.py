@@ -1,7 +1,7 @@
 """One photo in; people, scene and contact out. The method of the paper, top to bottom.
 
 Estimators look at the photo (:mod:`physic_core.perception`), the engine makes one metric frame of what they say
-(:mod:`physic_core.solution`), and every person is checked (:mod:`physic_core.checks`).
+(:mod:`physic_core.solution`), and what came of it is checked (:mod:`physic_core.diagnosis`).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from physic_core.registry import Registry
     from physic_core.solution import Solution
     from physic_core.stages import Progress
-    from physic_core.types import UInt8Array
+    from physic_core.types import Diagnostic, UInt8Array
 
 __all__ = ["reconstruct", "reconstruct_photo"]
 
@@ -79,6 +79,7 @@ def _reconstruct(photo: Photo, config: Config, registry: Registry | None, progre
     check_device(plan.device)
 
     from physic_core.body import load_body
+    from physic_core.diagnosis import diagnose
     from physic_core.perception import perceive
     from physic_core.solution import solve
 
@@ -93,7 +94,8 @@ def _reconstruct(photo: Photo, config: Config, registry: Registry | None, progre
     finally:
         for resolved in plan.backends.values():
             resolved.backend.close()
-    return _result(evidence, solution, model.faces.int().numpy(), model.name, config, stages)
+    checks = diagnose(evidence, solution, plan.engine)
+    return _result(evidence, solution, checks, model.faces.int().numpy(), model.name, config, stages)
 
 
 _OWN_STAGES = 6
@@ -127,9 +129,15 @@ def _with_camera(photo: Photo, settings: PhotoSettings) -> Photo:
 
 
 def _result(
-    evidence: Evidence, solution: Solution, faces: Any, body_model: str, config: Config, stages: Stages
+    evidence: Evidence,
+    solution: Solution,
+    checks: tuple[Diagnostic, ...],
+    faces: Any,
+    body_model: str,
+    config: Config,
+    stages: Stages,
 ) -> Reconstruction:
-    from physic_core.checks import failed_checks, warnings_of
+    from physic_core.diagnosis import failed_checks, warnings_of
 
     people = []
     for i in range(len(evidence.people)):
@@ -145,10 +153,10 @@ def _result(
                 joints=solution.joints[i],
                 contact=solution.contact[i],
                 distance=solution.distance[i],
-                failed_checks=failed_checks(evidence, solution, i),
+                failed_checks=failed_checks(checks, i),
             )
         )
-    stages.warn(*warnings_of(evidence, solution))
+    stages.warn(*warnings_of(checks))
     return Reconstruction(
         image=evidence.image,
         intrinsics=solution.intrinsics,
@@ -162,4 +170,5 @@ def _result(
         warnings=tuple(stages.warnings),
         notes=tuple(stages.notes),
         config=config.as_dict(),
+        checks=checks,
     )

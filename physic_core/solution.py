@@ -10,13 +10,14 @@ import torch
 
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
 from physic_core.engine.contact import contact_map
-from physic_core.engine.human import align_original, alignment_notes, human_points, place, placed_original
+from physic_core.engine.human import align_original, human_points, place, placed_original
 from physic_core.engine.joint import optimize
 from physic_core.engine.limbs import observed_parts
 from physic_core.engine.problem import JointProblem
 from physic_core.engine.scene import alignment_diagnostics, build_scene
 from physic_core.geometry.neighbors import NearestScene, near_boxes
 from physic_core.geometry.visibility import vertex_normals
+from physic_core.measures import depth_ratio, seen_share, support_gap
 from physic_core.perception import feet_pixels
 from physic_core.tensors import tensor
 from physic_core.types import BodyParameters, Intrinsics, Plane, Scene
@@ -49,7 +50,7 @@ class Solution:
         joints: (N, 55, 3) float32.
         contact: (N, V) bool.
         distance: (N, V) float32, signed, inf where nothing is near.
-        people: per person, name -> number, for checks and reports.
+        people: per person, name -> number, for diagnosis and reports.
         failures: per person, why stage 3 left them at their start, "" where it did not.
         diagnostics: numbers by stage.
     """
@@ -73,9 +74,8 @@ def solve(evidence: Evidence, settings: EngineSettings, model: BodyModel, stages
     """
     with stages.engine("scene"):
         scene = _stage_scene(evidence, settings)
-        stages.warn(*scene.notes)
     with stages.engine("placement"):
-        problem, placement = _stage_placement(evidence, scene, settings, model, stages)
+        problem, placement = _stage_placement(evidence, scene, settings, model)
     with stages.engine("joint optimisation"):
         # Where nothing of the background agrees, nobody's own depth is known, and the warning says so.
         blind = problem.human_depth is None
@@ -104,7 +104,7 @@ def _stage_scene(evidence: Evidence, settings: EngineSettings) -> SceneState:
 
 
 def _stage_placement(
-    evidence: Evidence, scene: SceneState, settings: EngineSettings, model: BodyModel, stages: Stages
+    evidence: Evidence, scene: SceneState, settings: EngineSettings, model: BodyModel
 ) -> tuple[JointProblem, dict[str, Any]]:
     device, dtype = model.device, model.dtype
     masks = tensor(evidence.people.masks)
@@ -120,7 +120,6 @@ def _stage_placement(
         settings.human,
         far=settings.human.far_m,
     )
-    stages.warn(*alignment_notes(alignment, settings.human))
     aligned = placed_original(original, alignment, scene.K)
     points = [human_points(aligned, known, mask, settings.human) for mask in masks]
 
@@ -197,18 +196,10 @@ def _describe(
     floor = None
     if scene.floor_normal is not None:
         floor = Plane(scene.floor_normal.numpy(), float(scene.floor_offset * s))
-    points, touchable = problem.scene_points * s, settings.contact.reach_m
-    near = near_boxes(points, result.vertices, touchable)
-    reach = NearestScene(points[near], problem.scene_normals[near], touchable, settings.contact.nearest)
-    plane = None if problem.floor_normal is None else (problem.floor_normal, problem.floor_offset * s)
-    model, may_touch = problem.model, problem.model.outer.expand(len(result.vertices), -1)
-    if settings.contact.observed:
-        may_touch = may_touch & observed_parts(model.part_names, problem.observed)[:, model.part_of_vertex]
-    outward = vertex_normals(result.vertices, model.faces)
-    contact, distance = contact_map(result.vertices, reach, plane, may_touch, settings.contact, outward)
+    contact, distance, measured = _meet_scene(problem, result, settings)
     people = tuple(
-        {**{f"placement_{k}": v for k, v in start.items()}, **end}
-        for start, end in zip(placement["people"], result.diagnostics, strict=True)
+        {**{f"placement_{k}": v for k, v in start.items()}, **end, **more}
+        for start, end, more in zip(placement["people"], result.diagnostics, measured, strict=True)
     )
     return Solution(
         intrinsics=Intrinsics(
@@ -248,3 +239,43 @@ def _describe(
             },
         },
     )
+
+
+def _meet_scene(
+    problem: JointProblem, result: JointResult, settings: EngineSettings
+) -> tuple[Tensor, Tensor, list[dict[str, float | None]]]:
+    """Contact (N, V) bool, signed distance (N, V), and the numbers of :mod:`physic_core.measures` of each person.
+
+    Whose body is not made of numbers touches nothing and is near nothing.
+    """
+    s, model, reach = result.scene_scale, problem.model, settings.contact.reach_m
+    whole = torch.isfinite(result.vertices).flatten(1).all(1)
+    rows = whole.nonzero(as_tuple=True)[0]
+    contact = torch.zeros(result.vertices.shape[:2], dtype=torch.bool, device=result.vertices.device)
+    distance = torch.full_like(result.vertices[..., 0], torch.inf)
+    measured: list[dict[str, float | None]] = [{} for _ in whole]
+    if not len(rows):
+        return contact, distance, measured
+    vertices = result.vertices[rows]
+    outward = vertex_normals(vertices, model.faces)
+    may_touch = model.outer.expand(len(rows), -1)
+    if settings.contact.observed:
+        may_touch = may_touch & observed_parts(model.part_names, problem.observed[rows])[:, model.part_of_vertex]
+    points = problem.scene_points * s
+    near = near_boxes(points, vertices, reach)
+    scene = NearestScene(points[near], problem.scene_normals[near], reach, settings.contact.nearest)
+    plane = None if problem.floor_normal is None else (problem.floor_normal, problem.floor_offset * s)
+    contact[rows], distance[rows] = contact_map(vertices, scene, plane, may_touch, settings.contact, outward)
+    up, height = plane or (vertices.new_tensor([0.0, -1.0, 0.0]), None)
+    for row, (i, body, normals) in enumerate(zip(rows.tolist(), vertices, outward, strict=True)):
+        seen = problem.masks[i]
+        measured[i] = {
+            "seen_share": seen_share(body, normals, model.faces, model.outer, seen, problem.K),
+            "support_gap_m": support_gap(
+                body, result.joints[i], normals, may_touch[row], distance[i], up.to(body), height, reach
+            ),
+        }
+        if problem.human_depth is not None:
+            depth = problem.human_depth * s
+            measured[i]["depth_ratio"] = depth_ratio(body, normals, model.outer, seen, problem.K, depth)
+    return contact, distance, measured

@@ -24,6 +24,7 @@ __all__ = [
     "BodyParameters",
     "ContactProbability",
     "DepthMap",
+    "Diagnostic",
     "Hands",
     "Hints",
     "Intrinsics",
@@ -54,7 +55,8 @@ class Intrinsics:
         cy: principal point, px.
         width: image width, px.
         height: image height, px.
-        source: where the numbers come from, in words ("EXIF", "given", "vanishing points", ...).
+        source: where the numbers come from, in words ("EXIF", "given", "vanishing points", ...); it begins with
+            "default" where neither the photo nor its file says anything of them.
     """
 
     fx: float
@@ -323,6 +325,29 @@ class StageRecord:
 
 
 @dataclass(frozen=True)
+class Diagnostic:
+    """One thing that was measured to tell whether a result can be trusted; :mod:`physic_core.diagnosis` lists all.
+
+    Attributes:
+        name: what was measured; stable, so that results can be filtered by it.
+        value: the number, or None where there was nothing to measure, and then ``ok`` is True.
+        threshold: what ``value`` was held against.
+        unit: of both.
+        ok: whether nothing speaks against the result here.
+        message: in plain words what it means, and where it does not hold, what to do.
+        person: whom it is about, counted as in ``Reconstruction.people``; None where it is about the whole photo.
+    """
+
+    name: str
+    value: float | None
+    threshold: float
+    unit: str
+    ok: bool
+    message: str
+    person: int | None = None
+
+
+@dataclass(frozen=True)
 class Scene:
     """The scene without its people, metres, camera frame.
 
@@ -351,6 +376,8 @@ class Scene:
 class Person:
     """One reconstructed person, metres, camera frame.
 
+    Of a person for whom a backend gave no body, parameters, vertices and joints are NaN, and nothing is in contact.
+
     Attributes:
         box: (4,) px, x0 y0 x1 y1.
         score: in [0, 1].
@@ -362,7 +389,7 @@ class Person:
         joints: (55, 3) float32.
         contact: (V,) bool.
         distance: (V,) float32, signed distance to the scene or the floor: negative inside, inf where nothing is near.
-        failed_checks: names of the checks that this person did not pass.
+        failed_checks: names of the ``Reconstruction.checks`` about this person that do not hold.
     """
 
     box: FloatArray
@@ -392,9 +419,11 @@ class Reconstruction:
         skeleton: name of the people's keypoints' joint set.
         stages: in order.
         diagnostics: numbers that the engine reports, by stage.
-        warnings: what to doubt, in plain words.
+        warnings: what to doubt, in plain words: the messages of the ``checks`` that do not hold for the whole photo,
+            or that cost a person their place or their body.
         notes: how the numbers came about, in plain words ("scale from the soles of 2 people").
         config: the resolved configuration.
+        checks: what was measured to tell whether the result can be trusted, whether it holds or not.
     """
 
     image: UInt8Array
@@ -409,6 +438,7 @@ class Reconstruction:
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     config: Mapping[str, Any] = field(default_factory=dict)
+    checks: tuple[Diagnostic, ...] = ()
 
     def save(self, folder: str, *, preview: bool = True) -> None:
         """Write ``reconstruction.json``, ``.npz``, the GLB files and ``preview.png`` into ``folder``.

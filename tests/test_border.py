@@ -114,6 +114,34 @@ def test_bodies() -> None:
     ]
 
 
+def test_numbers_that_are_lost_for_some_people_only_are_no_fault() -> None:
+    """They are dealt with one by one; see physic_core.salvage."""
+    transl = np.zeros((2, 3), np.float32)
+    transl[1] = np.nan
+    assert border.bodies_faults(Bodies(replace(parameters(), transl=transl), "embedded"), 2) == []
+    confidence = np.full((2, 17), 0.5, np.float32)
+    confidence[0, 3] = np.nan
+    assert border.keypoints_faults(replace(keypoints(), confidence=confidence), 2) == []
+    confidence[1, 3] = 7
+    assert border.keypoints_faults(replace(keypoints(), confidence=confidence), 2) == [
+        "confidence must lie in [0, 1], got 0 to 7"
+    ]
+    confidence[:] = np.nan
+    assert border.keypoints_faults(replace(keypoints(), confidence=confidence), 2) == [
+        "confidence must lie in [0, 1], got nan to nan"
+    ]
+    probability = np.full((2, 5), 0.5)
+    probability[1] = np.nan
+    assert border.contact_faults(ContactProbability(probability, "t"), 2, 5, "t") == []
+    rotvecs = np.zeros((2, 2, 15, 3))
+    rotvecs[0] = np.nan
+    assert border.hands_faults(Hands(rotvecs, np.full((2, 2), 0.9)), 2) == []
+    rotvecs[1] = np.nan
+    assert border.hands_faults(Hands(rotvecs, np.full((2, 2), 0.9)), 2) == [
+        "rotvecs must be finite, 180 values are not"
+    ]
+
+
 def test_keypoints_of_another_number_of_people() -> None:
     assert border.keypoints_faults(keypoints(), 3) == [
         "points must be (3, 17, 2), got (2, 17, 2)",

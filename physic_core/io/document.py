@@ -14,12 +14,12 @@ import numpy as np
 from physic_core.errors import InputError
 from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS
 from physic_core.io.upright import gltf_from_camera
-from physic_core.types import Provenance, StageRecord
+from physic_core.types import Diagnostic, Provenance, StageRecord
 
 if TYPE_CHECKING:
     from physic_core.types import Person, Reconstruction
 
-__all__ = ["SCHEMA", "SCHEMA_VERSION", "from_text", "restored", "stages_from", "to_document", "to_text"]
+__all__ = ["SCHEMA", "SCHEMA_VERSION", "checks_from", "from_text", "restored", "stages_from", "to_document", "to_text"]
 
 SCHEMA = "physic-reconstruction"
 SCHEMA_VERSION = 1
@@ -58,6 +58,7 @@ def to_document(reconstruction: Reconstruction, files: Sequence[str], arrays_che
             "height": camera.height,
             "source": camera.source,
         },
+        "checks": [_check(check) for check in reconstruction.checks],
         "warnings": reconstruction.warnings,
         "notes": reconstruction.notes,
         "people": [_person(index, person) for index, person in enumerate(reconstruction.people)],
@@ -131,6 +132,22 @@ def stages_from(records: Sequence[Mapping[str, Any]]) -> tuple[StageRecord, ...]
     )
 
 
+def checks_from(records: Sequence[Mapping[str, Any]]) -> tuple[Diagnostic, ...]:
+    """The ``checks`` of a document -> diagnostics."""
+    return tuple(
+        Diagnostic(
+            name=record["name"],
+            value=restored(record["value"]),
+            threshold=restored(record["threshold"]),
+            unit=record["unit"],
+            ok=record["ok"],
+            message=record["message"],
+            person=record["person"],
+        )
+        for record in records
+    )
+
+
 def restored(value: Any) -> Any:
     """What :func:`to_document` made of a number or a free mapping -> NaN and infinities back in place.
 
@@ -154,6 +171,18 @@ def _person(index: int, person: Person) -> dict[str, Any]:
         "pelvis": np.asarray(person.joints)[0] if len(person.joints) else None,
         "contact_vertices": int(np.sum(person.contact)),
         "vertices": len(person.vertices),
+    }
+
+
+def _check(check: Diagnostic) -> dict[str, Any]:
+    return {
+        "name": check.name,
+        "person": check.person,
+        "ok": check.ok,
+        "value": check.value,
+        "threshold": check.threshold,
+        "unit": check.unit,
+        "message": check.message,
     }
 
 

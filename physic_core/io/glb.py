@@ -43,7 +43,10 @@ _BODY_MATERIAL = {
 
 
 def glb_files(reconstruction: Reconstruction) -> Iterator[tuple[str, bytes]]:
-    """Yields file name and content of ``scene.glb``, ``person_0.glb``, ... and ``combined.glb``."""
+    """Yields file name and content of ``scene.glb``, ``person_0.glb``, ... and ``combined.glb``.
+
+    The file of a person without a body is empty: glTF knows no NaN.
+    """
     matrix = gltf_from_camera(reconstruction.scene.floor)
     surface = scene_surface(reconstruction.scene, far_limit(reconstruction))
     texture = _jpeg(reconstruction.scene.colors)
@@ -51,6 +54,7 @@ def glb_files(reconstruction: Reconstruction) -> Iterator[tuple[str, bytes]]:
     people = {
         f"person_{index}": _person_mesh(person, reconstruction.faces, matrix)
         for index, person in enumerate(reconstruction.people)
+        if np.isfinite(person.vertices).all()
     }
     extras = {
         "units": "metres",
@@ -60,8 +64,8 @@ def glb_files(reconstruction: Reconstruction) -> Iterator[tuple[str, bytes]]:
         "body_model": reconstruction.body_model,
     }
     yield "scene.glb", _export(scene, texture, extras)
-    for name, mesh in people.items():
-        yield f"{name}.glb", _export({name: mesh}, None, extras)
+    for name in (f"person_{index}" for index in range(len(reconstruction.people))):
+        yield f"{name}.glb", _export({name: people[name]} if name in people else {}, None, extras)
     yield "combined.glb", _export(scene | people, texture, extras)
 
 

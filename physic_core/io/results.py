@@ -21,7 +21,7 @@ from physic_core.io.arrays import (
     write_npz,
 )
 from physic_core.io.atomic import check_writable, replacing
-from physic_core.io.document import SCHEMA, from_text, restored, stages_from, to_document, to_text
+from physic_core.io.document import SCHEMA, checks_from, from_text, restored, stages_from, to_document, to_text
 from physic_core.types import BodyParameters, Intrinsics, Person, Plane, Reconstruction, Scene
 
 if TYPE_CHECKING:
@@ -162,6 +162,7 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
         warnings=tuple(document["warnings"]),
         notes=tuple(document["notes"]),
         config=restored(document["config"]),
+        checks=checks_from(document.get("checks", ())),  # results of before they were written have none
     )
 
 

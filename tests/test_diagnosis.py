@@ -1,0 +1,326 @@
+"""Failure is told: each number against its bound, in a name that can be filtered by and a sentence that can be read."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from physic_core import diagnosis
+from physic_core.body import load_body
+from physic_core.diagnosis import CHECKS, diagnose, failed_checks, warnings_of
+from physic_core.engine.settings import EngineSettings
+from physic_core.geometry.visibility import vertex_normals
+from physic_core.measures import depth_ratio, seen_share, support_gap
+from physic_core.types import Diagnostic, Intrinsics, Plane
+
+CAMERA = Intrinsics.from_focal(500, 640, 480, "EXIF")
+FLOOR = Plane(np.array([0.0, -1.0, 0.0]), 1.5)
+
+
+def standing(lean_deg: float = 0.0) -> np.ndarray:
+    """(55, 3) joints of one who stands 4 m away; leaning towards the camera by an angle."""
+    joints = np.zeros((55, 3))
+    for side in (0, 1):
+        joints[[1 + side, 4 + side, 7 + side], 1] = [0.9, 0.5, 0.08]  # heights
+    joints[12, 1] = 1.4
+    tilt = math.radians(lean_deg)
+    up, foot = joints[:, 1] - 0.08, 0.08
+    return np.stack([joints[:, 0], 1.5 - foot - up * math.cos(tilt), 4.0 - up * math.sin(tilt)], -1)
+
+
+def case(**changes: Any) -> tuple[Any, Any, EngineSettings]:
+    """Evidence, solution and settings of one person where all is well, but for the changes."""
+    known = {"told": {}, "failure": "", "legs": True, "sigma": 0.1, "scale": 1.0, "camera": CAMERA, "lean": 0.0}
+    known |= {"joints": None, "scene_share": 0.9, "photo_share": 0.9, "floor": "found", "mask": None, "lost": ()}
+    known |= {"scene_camera": CAMERA} | changes
+    assert len(known) == 14, sorted(known)
+    observed = np.ones((1, 55), bool)
+    observed[0, [4, 7]] = known["legs"]
+    maps = {"scene": known["scene_camera"], "original": None}
+    evidence = SimpleNamespace(
+        bodies=SimpleNamespace(observed=observed),
+        depth=SimpleNamespace(scale_sigma=known["sigma"], intrinsics=None),
+        lost=(known["lost"],),
+        **{name: SimpleNamespace(intrinsics=camera) for name, camera in maps.items()},
+    )
+    floor = FLOOR if known["floor"] == "found" else None
+    joints = standing(known["lean"]) if known["joints"] is None else known["joints"]
+    solution = SimpleNamespace(
+        people=(known["told"],),
+        failures=(known["failure"],),
+        joints=joints[None],
+        intrinsics=known["camera"],
+        scene=SimpleNamespace(scale=known["scale"], floor=floor),
+        diagnostics={
+            "scene": {
+                "alignment": {"inlier_share": known["scene_share"]},
+                "floor": {"reason": known["floor"], "inlier_share": 0.62, "mask_reason": known["mask"]},
+            },
+            "placement": {"alignment": {"inlier_share": known["photo_share"]}},
+        },
+    )
+    return evidence, solution, EngineSettings()
+
+
+def failing(**changes: Any) -> list[tuple[str, int | None]]:
+    return [(d.name, d.person) for d in diagnose(*case(**changes)) if not d.ok]
+
+
+def test_nothing_fails_where_all_is_well() -> None:
+    found = diagnose(*case())
+    assert [d.name for d in found] == list(CHECKS)
+    assert all(d.ok for d in found)
+    assert [d.person for d in found] == [None if CHECKS[d.name].of == "photo" else 0 for d in found]
+    assert failed_checks(found, 0) == ()
+    assert warnings_of(found) == ()
+
+
+@pytest.mark.parametrize(
+    ("changes", "name", "value"),
+    [
+        ({"scene_share": 0.49}, "scene_alignment", 0.49),
+        ({"scene_share": 0.0}, "scene_alignment", 0.0),
+        ({"photo_share": 0.3}, "photo_alignment", 0.3),
+        ({"floor": "no_consensus"}, "floor", 0.0),
+        ({"mask": "no_consensus"}, "floor_mask", 0.0),
+        ({"sigma": 0.22}, "scale_sigma", 0.22),
+        ({"scale": 1.4}, "scale_change", 0.4),
+        ({"scale": 1 / 1.4}, "scale_change", 0.4),
+        ({"camera": replace(CAMERA, source="default (0.95 x the long side)")}, "focal_known", 0.0),
+        ({"scene_camera": Intrinsics.from_focal(325, 320, 240)}, "focal_agreement", 0.3),
+        ({"scene_camera": Intrinsics.from_focal(400, 640, 480)}, "focal_agreement", 0.25),
+    ],
+)
+def test_what_fails_of_a_photo(changes: dict[str, Any], name: str, value: float) -> None:
+    (failed,) = [d for d in diagnose(*case(**changes)) if not d.ok]
+    assert (failed.name, failed.person) == (name, None)
+    assert failed.value == pytest.approx(value)
+    assert warnings_of([failed]) == (failed.message,)
+
+
+@pytest.mark.parametrize(
+    ("changes", "names"),
+    [
+        ({"told": {"reprojection_share": 0.01, "penetration_share": 0.02, "support_gap_m": 0.01}}, ()),
+        ({"told": {"reprojection_share": 0.05}}, ("reprojection",)),
+        ({"told": {"penetration_share": 0.2}}, ("penetration",)),
+        ({"told": {"support_gap_m": 0.2}}, ("floating",)),
+        ({"told": {"support_gap_m": None}}, ()),
+        ({"told": {"support_gap_m": 0.2}, "legs": False}, ("legs_seen",)),
+        ({"told": {"seen_share": 0.23}}, ("visible",)),
+        ({"told": {"seen_share": 0.75}}, ()),
+        ({"told": {"depth_order_share": 0.2}}, ("depth_order",)),
+        ({"told": {"depth_ratio": 1.45}}, ("person_depth",)),
+        ({"told": {"depth_ratio": 1 / 1.45}}, ("person_depth",)),
+        ({"told": {"placement_problem": "2 keypoints have confidence 0.5 or more"}}, ("placed",)),
+        ({"failure": "no start"}, ("optimised",)),
+        ({"lost": ("body_estimator",)}, ("answered",)),
+        ({"lean": 9.0}, ()),
+        ({"lean": 15.0}, ("lean",)),
+        ({"lean": -15.0}, ("lean",)),
+        ({"lean": 15.0, "legs": False}, ("legs_seen",)),
+        ({"told": {"reprojection_share": 0.05, "support_gap_m": 0.2}}, ("reprojection", "floating")),
+        ({"joints": np.full((55, 3), np.nan)}, ()),
+    ],
+)
+def test_what_fails_of_a_person(changes: dict[str, Any], names: tuple[str, ...]) -> None:
+    found = diagnose(*case(**changes))
+    assert failed_checks(found, 0) == names
+    assert [d.name for d in found if not d.ok] == list(names)
+    assert failed_checks(found, 1) == ()
+
+
+def test_a_ruler_is_held_against_the_depth_as_it_was_given() -> None:
+    assert failing(told={"depth_ratio": 1.3}, scale=0.8) == [("ruler", None)]
+    assert failing(told={"depth_ratio": 1.3}, scale=1.1) == []
+
+
+def test_one_seen_ankle_is_enough_of_a_leg() -> None:
+    evidence, solution, settings = case(legs=False)
+    evidence.bodies.observed[0, 7] = True
+    assert failed_checks(diagnose(evidence, solution, settings), 0) == ()
+
+
+def test_a_backend_that_does_not_say_what_is_seen_is_believed() -> None:
+    evidence, solution, settings = case(legs=False)
+    evidence.bodies.observed = None
+    assert failed_checks(diagnose(evidence, solution, settings), 0) == ()
+
+
+def test_an_engine_that_looks_for_no_floor_misses_none() -> None:
+    assert failing(floor="switched_off") == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "warning"),
+    [
+        (
+            {"failure": "the start is not made of numbers"},
+            "person 0: stays where the placement left them: the start is not made of numbers",
+        ),
+        (
+            {"lost": ("body_estimator", "contact_prior")},
+            "person 0: no numbers came for this person from body_estimator, contact_prior: what builds on them is left "
+            "out; try another backend",
+        ),
+        (
+            {"sigma": 0.22},
+            "all lengths may be off by 22% (one standard deviation): the photo gives no better scale; use a "
+            "metric_depth network, or a photo with feet on the floor",
+        ),
+        (
+            {"scale": 1.4},
+            "the people and the metric depth disagree: the scene was rescaled by 1.40; look at the people's sizes, "
+            "children and wrong focal lengths do this",
+        ),
+        (
+            {"scene_share": 0.31},
+            "the scene's scale is doubtful: point map and metric depth agree on 31% of the pixels within 10%: try "
+            "another metric_depth or relative_pointmap",
+        ),
+        ({"scene_share": 0.0}, "point map and metric depth agree nowhere: the scene is the metric depth alone"),
+        (
+            {"photo_share": 0.31},
+            "people's distance to the scene is doubtful: the photo and its inpainted picture agree on 31% of the "
+            "background within 15%: try another inpainter or relative_pointmap",
+        ),
+        (
+            {"photo_share": 0.0},
+            "the photo and its inpainted picture have no background in common: people are placed by size alone",
+        ),
+        (
+            {"floor": "below_plane"},
+            "no floor was found: the best plane has too much below it to be the floor; nobody is held to the ground, "
+            "and heights are unknown: use a photo that shows the ground at the feet",
+        ),
+        (
+            {"camera": replace(CAMERA, source="default"), "scene_camera": None},
+            "the focal length is a guess, and all distances along the view are off by its error: give it with "
+            "--focal-px",
+        ),
+        (
+            {"scene_camera": replace(CAMERA, fx=700, fy=700)},
+            "a backend sees a focal length of 700 px, and 500 px (EXIF) was used: check the one that was used",
+        ),
+    ],
+)
+def test_warnings(changes: dict[str, Any], warning: str) -> None:
+    assert warnings_of(diagnose(*case(**changes))) == (warning,)
+
+
+def test_the_doubts_about_a_body_are_no_warnings_of_the_result() -> None:
+    found = diagnose(*case(told={"reprojection_share": 0.1, "penetration_share": 0.5}, lean=20.0))
+    assert warnings_of(found) == ()
+    told = {d.name: d.message for d in found if not d.ok}
+    assert told["lean"] == (
+        "this person stands and leans 20 degrees towards the camera: one photo hardly shows that, the pose or the "
+        "floor is doubtful"
+    )
+
+
+def test_a_value_at_its_bound_holds_and_beyond_it_does_not() -> None:
+    for name, check in CHECKS.items():
+        beyond = check.threshold + (1e-6 if check.bound == "most" else -1e-6)
+        assert diagnosis._judged(name, check.threshold, "advice").ok
+        assert not diagnosis._judged(name, beyond, "advice").ok
+        unknown = diagnosis._judged(name, None, "advice")
+        assert (unknown.ok, unknown.value, unknown.message) == (True, None, f"not measured: {check.meaning}")
+
+
+def test_the_table_of_the_module_and_of_the_readme_are_the_checks(repository: Path) -> None:
+    row = re.compile(r"^([a-z_]+)  +([<>]=) ([\d.]+) +(\S.*?)  +\S", re.M)
+    listed = {name: (sign, float(bound), unit) for name, sign, bound, unit in row.findall(diagnosis.__doc__ or "")}
+    assert listed == {
+        name: ("<=" if check.bound == "most" else ">=", check.threshold, check.unit) for name, check in CHECKS.items()
+    }
+    section = (repository / "README.md").read_text().partition("### What to trust")[2].partition("\n## ")[0]
+    assert re.findall(r"^\| `(\w+)` \|", section, re.M) == list(CHECKS)
+
+
+def test_diagnostics_are_written_and_read_back() -> None:
+    from physic_core.io.document import _check, _encode, checks_from
+
+    found = (
+        Diagnostic("floating", 0.2, 0.05, "m", False, "the body hangs in the air", 1),
+        Diagnostic("ruler", None, 0.5, "share", True, "not measured"),
+    )
+    assert checks_from(json.loads(json.dumps(_encode([_check(d) for d in found])))) == found
+
+
+# ---- what is measured on the mesh ------------------------------------------------------------------------------------
+
+
+class Body:
+    """The embedded body in its rest pose, upright, the pelvis 4 m before a camera of 640 x 480 px."""
+
+    def __init__(self, lift: float = 0.0) -> None:
+        model = load_body()
+        posed = model(torch.eye(3).expand(1, 55, 3, 3), torch.zeros(1, model.num_betas), torch.zeros(1, 3))
+        turn = torch.tensor([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]])  # y up to y down, and the face to the camera
+        vertices, self.joints = posed.vertices[0] @ turn.T, posed.joints[0] @ turn.T
+        shift = torch.tensor([0.0, -self.joints[0, 1].item(), 4 - self.joints[0, 2].item()])
+        self.vertices, self.joints = vertices + shift, self.joints + shift
+        self.normals = vertex_normals(self.vertices, model.faces)
+        self.faces, self.outer = model.faces, model.outer
+        self.K = torch.from_numpy(CAMERA.matrix).float()
+        self.up = torch.tensor([0.0, -1.0, 0.0])
+        self.floor = -float((self.vertices @ self.up).min()) + lift
+        self.free = torch.full((len(self.vertices),), torch.inf)
+
+    def gap(self, distance: torch.Tensor, floor: float | None) -> float | None:
+        return support_gap(self.vertices, self.joints, self.normals, self.outer, distance, self.up, floor, 0.15)
+
+
+def test_a_mask_of_the_upper_half_shows_half_of_a_body() -> None:
+    body = Body()
+    whole = torch.ones((480, 640), dtype=torch.bool)
+    parts = [body.vertices, body.normals, body.faces, body.outer]
+    assert seen_share(*parts, whole, body.K) == 1
+    assert seen_share(*parts, ~whole, body.K) == 0
+    half = whole.clone()
+    half[240:] = False  # below the pelvis
+    share = seen_share(*parts, half, body.K)
+    assert share is not None
+    assert 0.4 < share < 0.7
+    assert seen_share(body.vertices - torch.tensor([0, 0, 8.0]), *parts[1:], whole, body.K) is None
+
+
+def test_the_gap_under_the_feet_is_the_height_over_the_floor() -> None:
+    assert Body().gap(Body().free, Body().floor) == pytest.approx(0, abs=1e-6)
+    lifted = Body(lift=0.2)
+    assert lifted.gap(lifted.free, lifted.floor) == pytest.approx(0.2, abs=1e-6)
+    assert lifted.gap(lifted.free, lifted.floor - 0.3) == 0
+    assert lifted.gap(lifted.free, None) == 0.15
+
+
+def test_a_hand_on_a_table_does_not_carry_one_who_stands() -> None:
+    body = Body(lift=0.2)
+    near = body.free.clone()
+    near[load_body().contact_sets["left_hand"]] = 0.01
+    assert body.gap(near, body.floor) == pytest.approx(0.2, abs=1e-6)
+    near[load_body().contact_sets["left_sole"]] = 0.02
+    assert body.gap(near, body.floor) == pytest.approx(0.02)
+
+
+def test_whose_parts_nobody_sees_has_no_gap() -> None:
+    body = Body()
+    body.outer = torch.zeros_like(body.outer)
+    assert body.gap(body.free, body.floor) is None
+
+
+def test_a_depth_map_half_as_far_again_is_found() -> None:
+    body = Body()
+    mask = torch.ones((480, 640), dtype=torch.bool)
+    ratio = depth_ratio(body.vertices, body.normals, body.outer, mask, body.K, torch.full((480, 640), 6.0))
+    assert ratio == pytest.approx(1.5, rel=0.04)
+    unknown = torch.full((480, 640), torch.nan)
+    assert depth_ratio(body.vertices, body.normals, body.outer, mask, body.K, unknown) is None

@@ -1,0 +1,249 @@
+"""A person for whom something fails is kept with what is known of them, and does not spoil the others."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from physic_core import load_config, reconstruct, salvage
+from physic_core.cli.run import _summary
+from physic_core.engine import joint
+from physic_core.errors import BackendOutputError
+from physic_core.plugins import discover
+from physic_core.registry import BackendRecord
+from physic_core.testing.worlds import World, build_world
+from physic_core.types import Bodies, ContactProbability, Hands, Keypoints, Person, Reconstruction
+from physic_mock import backends
+
+LOST, KEPT = 0, 1
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return build_world("two_people")
+
+
+@pytest.fixture(scope="module")
+def sound(world: World) -> Reconstruction:
+    return reconstruct(world.image, "mock")
+
+
+@pytest.fixture(scope="module")
+def alone(world: World) -> Person:
+    """The one who is kept, as they come out where nobody else was found."""
+    result = run(world, SeeOne, "segmenter")
+    assert len(result.people) == 1
+    return result.people[0]
+
+
+def run(world: World, kind: type, interface: str) -> Reconstruction:
+    registry = discover()
+    registry.register(BackendRecord(interface, "wrong", kind))
+    config = load_config(preset="mock", overrides=[f"{interface}.backend=wrong"])
+    return reconstruct(world.image, config, registry=registry)
+
+
+def spoilt(values: np.ndarray) -> np.ndarray:
+    values = values.copy()
+    values[LOST] = np.nan
+    return values
+
+
+class SeeOne(backends.MockSegmenter):
+    def infer(self, image):
+        return salvage.rows_of(super().infer(image), np.arange(2) == KEPT)
+
+
+class LoseBody(backends.MockBodyEstimator):
+    def infer(self, *arguments):
+        answer = super().infer(*arguments)
+        return replace(answer, parameters=replace(answer.parameters, body_pose=spoilt(answer.parameters.body_pose)))
+
+
+class LoseKeypoints(backends.MockKeypointDetector):
+    def infer(self, image, people):
+        answer = super().infer(image, people)
+        return replace(answer, points=spoilt(answer.points), confidence=spoilt(answer.confidence))
+
+
+class LoseHands(backends.MockHandEstimator):
+    def infer(self, image, people, keypoints):
+        answer = super().infer(image, people, keypoints)
+        return replace(answer, rotvecs=spoilt(answer.rotvecs), confidence=np.full_like(answer.confidence, 0.9))
+
+
+class LoseContact(backends.MockContactPrior):
+    def infer(self, image, people, bodies):
+        answer = super().infer(image, people, bodies)
+        return replace(answer, probability=spoilt(answer.probability))
+
+
+class Behind(backends.MockBodyEstimator):
+    """A body that is made of numbers, and so much so that its energy is not."""
+
+    def infer(self, *arguments):
+        answer = super().infer(*arguments)
+        betas = answer.parameters.betas.copy()
+        betas[LOST] = 1e30
+        return replace(answer, parameters=replace(answer.parameters, betas=betas))
+
+
+def apart(a: Person, b: Person) -> float:
+    """Mean distance of the vertices, as a share of the person's distance to the camera."""
+    return float(np.linalg.norm(a.vertices - b.vertices, axis=-1).mean() / np.linalg.norm(b.joints[0]))
+
+
+def test_whose_body_is_lost_stays_without_one_and_the_other_is_as_before(
+    world: World, sound: Reconstruction, alone: Person, tmp_path: Path
+) -> None:
+    result = run(world, LoseBody, "body_estimator")
+    lost, kept = result.people[LOST], result.people[KEPT]
+    np.testing.assert_array_equal(lost.mask, sound.people[LOST].mask)
+    np.testing.assert_array_equal(lost.keypoints, sound.people[LOST].keypoints)
+    assert np.isnan(lost.vertices).all()
+    assert np.isnan(lost.parameters.transl).all()
+    assert not lost.contact.any()
+    assert np.isposinf(lost.distance).all()
+    assert {"answered", "placed", "optimised"} <= set(lost.failed_checks)
+    assert result.warnings[-3:] == (
+        "person 0: no numbers came for this person from body_estimator: what builds on them is left out; "
+        "try another backend",
+        "person 0: the body is not finite, it was left where it is",
+        "person 0: stays where the placement left them: the start is not made of numbers, or lies behind the camera",
+    )
+    assert kept.failed_checks == sound.people[KEPT].failed_checks
+    print(f"the other is {apart(kept, alone):.2%} from where they are alone")
+    assert apart(kept, alone) < 0.01
+    assert kept.contact.any()
+    assert np.isfinite(result.scene.points[result.scene.valid]).all()
+    result.save(str(tmp_path / "out"))
+    again = Reconstruction.load(str(tmp_path / "out"))
+    assert again.checks == result.checks
+    assert again.people[LOST].failed_checks == lost.failed_checks
+    document = json.loads((tmp_path / "out" / "reconstruction.json").read_text())
+    (answered,) = [c for c in document["checks"] if (c["name"], c["person"], c["ok"]) == ("answered", LOST, False)]
+    assert (answered["value"], answered["threshold"], answered["unit"]) == (1, 0, "count")
+    files = {name: trimesh.load(tmp_path / "out" / name) for name in ("person_0.glb", "person_1.glb", "combined.glb")}
+    assert {name: sorted(file.geometry) for name, file in files.items()} == {
+        "person_0.glb": [],
+        "person_1.glb": ["person_1"],
+        "combined.glb": ["person_1", "scene"],
+    }
+    assert "  person 0: no body; check: answered, placed, optimised" in _summary(result, tmp_path).splitlines()[1]
+
+
+@pytest.mark.parametrize(
+    ("kind", "interface"),
+    [(LoseHands, "hand_estimator"), (LoseContact, "contact_prior"), (LoseKeypoints, "keypoint_detector")],
+)
+def test_what_else_is_lost_of_a_person_is_named_and_their_body_is_kept(
+    world: World, sound: Reconstruction, alone: Person, kind: type, interface: str
+) -> None:
+    result = run(world, kind, interface)
+    told = [c for c in result.checks if c.name == "answered" and not c.ok]
+    assert [(c.person, c.value) for c in told] == [(LOST, 1)]
+    assert f"person 0: no numbers came for this person from {interface}" in "\n".join(result.warnings)
+    assert all(np.isfinite(person.vertices).all() for person in result.people)
+    # The two share the scale of their scene: what one of them no longer says of it moves the other.
+    moved = [apart(result.people[KEPT], other) for other in (sound.people[KEPT], alone)]
+    print(f"the other is {moved[0]:.2%} from where they were, {moved[1]:.2%} from where they are alone")
+    assert min(moved) < 0.03
+    assert result.people[KEPT].failed_checks == sound.people[KEPT].failed_checks
+
+
+def test_whom_the_optimisation_cannot_take_along_is_named_and_the_other_goes_on(
+    world: World, sound: Reconstruction, alone: Person, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain = joint._sound
+
+    def one_is_not(energy):
+        fine = plain(energy)
+        if len(fine) == 2:
+            fine[LOST] = False
+        return fine
+
+    monkeypatch.setattr(joint, "_sound", one_is_not)
+    result = reconstruct(world.image, "mock")
+    assert "optimised" in result.people[LOST].failed_checks
+    assert "person 0: stays where the placement left them: the energy of the start is not a number" in result.warnings
+    assert np.isfinite(result.people[LOST].vertices).all()
+    assert apart(result.people[LOST], sound.people[LOST]) < 0.2
+    print(f"the other is {apart(result.people[KEPT], alone):.2%} from where they are alone")
+    assert apart(result.people[KEPT], alone) < 0.01
+
+
+def test_an_absurd_body_does_not_spoil_the_other(world: World, alone: Person) -> None:
+    result = run(world, Behind, "body_estimator")
+    assert result.people[LOST].failed_checks
+    print(f"the other is {apart(result.people[KEPT], alone):.2%} from where they are alone")
+    assert apart(result.people[KEPT], alone) < 0.01
+
+
+def test_a_body_for_nobody_is_still_refused(world: World) -> None:
+    class Broken(backends.MockBodyEstimator):
+        def infer(self, *arguments):
+            answer = super().infer(*arguments)
+            return replace(answer, parameters=replace(answer.parameters, transl=answer.parameters.transl * np.nan))
+
+    with pytest.raises(BackendOutputError) as error:
+        run(world, Broken, "body_estimator")
+    assert str(error.value) == (
+        "body_estimator 'wrong' (registered by hand), stage 'bodies' answered what the interface does not allow:\n"
+        "  transl must be finite, 6 values are not"
+    )
+
+
+# ---- one answer at a time --------------------------------------------------------------------------------------------
+
+
+def test_lost_rows_become_what_stands_for_nothing() -> None:
+    points = np.ones((3, 4, 2))
+    points[1, 2] = np.nan
+    keypoints, lost = salvage.seen_keypoints(Keypoints(points, np.full((3, 4), 0.5), "x", np.full((3, 4, 3), 2.0)))
+    assert lost.tolist() == [False, True, False]
+    assert keypoints.confidence[:, 0].tolist() == [0.5, 0, 0.5]
+    assert np.isfinite(keypoints.points).all()
+    assert np.isnan(points[1, 2]).all()  # the backend's own array is left alone
+    unseen, lost = salvage.seen_keypoints(Keypoints(points, np.zeros((3, 4)), "x"))
+    assert not lost.any()
+    assert unseen.points is points
+
+    hands = Hands(np.full((2, 2, 15, 3), 0.5), np.array([[0.9, 0.0], [0.9, 0.9]]))
+    hands.rotvecs[0, 1] = hands.rotvecs[1, 0] = np.nan
+    hands, lost = salvage.found_hands(hands)
+    assert lost.tolist() == [False, True]
+    assert hands.confidence.tolist() == [[0.9, 0.0], [0.0, 0.0]]
+
+
+def test_contact_of_some_is_put_among_all() -> None:
+    asked = np.array([True, False, True])
+    contact, lost = salvage.contact_of_all(ContactProbability(np.array([[0.25], [np.nan]]), "t"), asked)
+    assert contact.probability.tolist() == [[0.25], [0.0], [0.0]]
+    assert lost.tolist() == [False, False, True]
+
+
+def test_rows_of_an_answer_are_those_of_all_its_arrays(world: World) -> None:
+    people = backends.MockSegmenter().infer(world.image)
+    rows = np.array([False, True])
+    some = salvage.rows_of(people, rows)
+    assert len(some) == 1
+    np.testing.assert_array_equal(some.masks[0], people.masks[1])
+    np.testing.assert_array_equal(some.boxes[0], people.boxes[1])
+    assert some.floor is people.floor
+    assert salvage.rows_of(people, np.array([True, True])) is people
+
+
+def test_a_body_that_is_lost_in_one_number_is_lost() -> None:
+    from physic_core.types import BodyParameters
+
+    values = {f.name: np.zeros((2, 3), np.float32) for f in fields(BodyParameters)}
+    values["betas"][1, 2] = np.inf
+    bodies, lost = salvage.bodies_or_nan(Bodies(BodyParameters(**values), "embedded"))
+    assert lost.tolist() == [False, True]
+    assert np.isnan(bodies.parameters.transl[1]).all()
+    assert (bodies.parameters.transl[0] == 0).all()
