@@ -23,7 +23,7 @@ def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="module")
 def world() -> World:
-    return build_world("standing")
+    return build_world("stand")
 
 
 def run(photo: str, *arguments: str) -> Result:

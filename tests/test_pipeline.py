@@ -24,7 +24,7 @@ from physic_mock import backends
 
 @pytest.fixture(scope="module")
 def world() -> World:
-    return build_world("standing")
+    return build_world("stand")
 
 
 def with_backend(kind: type, interface: str) -> Registry:

@@ -1,171 +1,166 @@
-"""A room: floor, walls and block furniture, as a mesh, as an exact signed distance, and as colours.
+"""A place: a furnished room, or open ground under the sky; as a mesh, as an exact signed distance, and as paint.
 
-The room's own frame: metres, x right, y up, z towards the camera's side, the floor at y = 0.
+The room's own frame: metres, x right, y up, z towards the camera's side, the ground through the origin.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+from physic_core.testing.solids import QUADS, Block, Ground, blocks_mesh, box_corners, signed_distance, yaw_matrix
+from physic_core.testing.textures import Decoration, Patch, albedo
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import BoolArray, FloatArray
 
-__all__ = ["MATERIALS", "Block", "Room", "colours"]
+__all__ = ["Room", "Surfaces", "Walls"]
 
-MATERIALS = ("floor", "ceiling", "back_wall", "front_wall", "left_wall", "right_wall", "wood", "fabric")
-"""Names of surfaces; faces carry an index into them."""
-
-# Corner i of a box has x, y, z sign from its bits; each quad is counter-clockwise seen from outside.
-_QUADS = np.array(
-    [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]]
-)  # -x +x -y +y -z +z
+_HORIZON = 150.0  # m to where open ground ends
 
 
 @dataclass(frozen=True)
-class Block:
-    """A box that stands anywhere, turned about the vertical.
+class Walls:
+    """Four walls and a ceiling round a level floor.
 
     Attributes:
-        centre: x, y, z of its middle.
-        half: half its width, height and depth.
-        yaw: radians, turn about +y.
-        material: a name in MATERIALS.
+        low: smallest x and z, in the walls' own axes.
+        high: largest x and z.
+        height: of the ceiling.
+        yaw: radians, turn of the walls about +y.
+        decorations: of the left (-x), right (+x), back (-z) and front (+z) wall; u runs along x or z, v upwards.
     """
 
-    centre: tuple[float, float, float]
-    half: tuple[float, float, float]
+    low: tuple[float, float]
+    high: tuple[float, float]
+    height: float
     yaw: float = 0.0
-    material: str = "wood"
+    decorations: tuple[tuple[Decoration, ...], ...] = ((), (), (), ())
 
     def to_local(self, points: FloatArray) -> FloatArray:
-        """Points (..., 3) of the room in the block's own axes, origin in its middle."""
-        local: FloatArray = (points - np.array(self.centre)) @ yaw_matrix(self.yaw)
+        """Points (..., 3) of the room in the walls' axes, y staying y."""
+        local: FloatArray = points @ yaw_matrix(self.yaw)
         return local
+
+    def signed_distance(self, points: FloatArray) -> FloatArray:
+        """Points (..., 3) -> (...) metres to the nearest wall or ceiling, negative outside."""
+        local = self.to_local(points)
+        across = np.minimum(local[..., [0, 2]] - np.array(self.low), np.array(self.high) - local[..., [0, 2]])
+        distance: FloatArray = np.minimum(across.min(axis=-1), self.height - local[..., 1])
+        return distance
 
 
 @dataclass(frozen=True)
 class Room:
-    """A closed box of air with blocks in it.
+    """A closed room, or open ground where ``walls`` is None, with blocks in it.
 
     Attributes:
-        low: x, y, z of the corner with the smallest coordinates; y = 0 is the floor.
-        high: x, y, z of the opposite corner.
-        blocks: furniture; blocks may touch.
+        ground: the floor; level where there are walls.
+        blocks: furniture and the like; they may touch.
+        walls: None outdoors.
+        floor: what the ground is painted as, with its rugs.
         seed: of the colours.
     """
 
-    low: tuple[float, float, float]
-    high: tuple[float, float, float]
+    ground: Ground
     blocks: tuple[Block, ...]
+    walls: Walls | None
+    floor: Patch
     seed: int = 0
-
-    def mesh(self) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]:
-        """Vertices (V, 3), faces (F, 3) counter-clockwise seen from the air, and each face's material (F,)."""
-        corners = [_corners(np.array(self.low), np.array(self.high))]
-        quads = [_QUADS[:, ::-1]]  # the room is seen from inside
-        walls = ("left_wall", "right_wall", "floor", "ceiling", "back_wall", "front_wall")
-        materials = [np.array([MATERIALS.index(name) for name in walls])]
-        for i, block in enumerate(self.blocks, start=1):
-            half = np.array(block.half)
-            corners.append(_corners(-half, half) @ yaw_matrix(block.yaw).T + np.array(block.centre))
-            quads.append(_QUADS + 8 * i)
-            materials.append(np.full(6, MATERIALS.index(block.material)))
-        joined = np.concatenate(quads)
-        faces = np.stack([joined[:, [0, 1, 2]], joined[:, [0, 2, 3]]], axis=1).reshape(-1, 3)
-        return np.concatenate(corners), faces.astype(np.int64), np.repeat(np.concatenate(materials), 2)
 
     def signed_distance(self, points: FloatArray) -> FloatArray:
         """Points (..., 3) -> (...) metres to the nearest surface, exact in the air, negative inside anything solid."""
-        below, above = points - np.array(self.low), np.array(self.high) - points
-        distance: FloatArray = np.minimum(below, above).min(axis=-1)
-        for block in self.blocks:
-            distance = np.minimum(distance, _box_distance(block.to_local(points), np.array(block.half)))
-        return distance
+        distance = signed_distance(np.asarray(points, np.float64), self.blocks, self.ground)
+        return distance if self.walls is None else np.minimum(distance, self.walls.signed_distance(points))
+
+    def mesh(self) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]:
+        """Vertices (V, 3), faces (F, 3) counter-clockwise seen from the air, and each face's surface (F,).
+
+        Surface 0 is the ground, 1 to 5 are left, right, back, front wall and ceiling, 6 + 6 i + k is side k of block
+        i, in the order of ``solids.QUADS``.
+        """
+        vertices, faces, block = blocks_mesh(self.blocks)
+        surface = 6 + 6 * block + np.tile(np.repeat(np.arange(6), 2), len(self.blocks))
+        if self.walls is None:
+            shell, quads, outer = _ground_corners(self.ground), np.array([[0, 1, 2, 3]]), np.array([0])
+        else:
+            walls = self.walls
+            low, high = (
+                np.array([walls.low[0], 0.0, walls.low[1]]),
+                np.array([walls.high[0], walls.height, walls.high[1]]),
+            )
+            shell = box_corners(low, high) @ yaw_matrix(walls.yaw).T
+            quads, outer = QUADS[:, ::-1], np.array([1, 2, 0, 5, 3, 4])  # seen from inside
+        inner = np.stack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]], axis=1).reshape(-1, 3)
+        return (
+            np.concatenate([shell, vertices]),
+            np.concatenate([inner, faces + len(shell)]),
+            np.concatenate([np.repeat(outer, 2), surface]),
+        )
 
 
-def yaw_matrix(yaw: float) -> FloatArray:
-    """The (3, 3) rotation by ``yaw`` radians about +y."""
-    c, s = np.cos(yaw), np.sin(yaw)
-    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+class Surfaces:
+    """The paint of a room's surfaces, numbered as in ``Room.mesh``."""
+
+    def __init__(self, room: Room) -> None:
+        self._room = room
+        rng = np.random.default_rng([room.seed, 11])
+        self._wall_seeds = rng.integers(0, 1 << 30, 2)  # walls of one room are often of two colours
+        self._things = _thing_seeds(room.blocks, room.seed)
+
+    def albedo(self, points: FloatArray, surface: NDArray[np.int64], blur: FloatArray) -> FloatArray:
+        """Colours (n, 3) of points (n, 3) of the room on surfaces (n,); a pixel covers ``blur`` (n,) metres of them."""
+        colours = np.zeros((len(points), 3))
+        order = np.argsort(surface, kind="stable")
+        numbers, starts = np.unique(surface[order], return_index=True)
+        for number, here in zip(numbers, np.split(order, starts[1:]), strict=True):
+            patch, u, v = self._patch(int(number), points[here])
+            colours[here] = albedo(patch, u, v, blur[here])
+        return colours
+
+    def _patch(self, surface: int, points: FloatArray) -> tuple[Patch, FloatArray, FloatArray]:
+        room = self._room
+        if surface == 0 and room.walls is None:
+            return room.floor, points[:, 0], points[:, 2]
+        if surface < 6:
+            assert room.walls is not None
+            x, y, z = room.walls.to_local(points).T
+            if surface == 0:
+                return room.floor, x, z
+            if surface == 5:
+                return Patch("ceiling", room.seed), x, z
+            seed = int(self._wall_seeds[0 if surface < 4 else 1])
+            return Patch("wall", seed, room.walls.decorations[surface - 1]), (z if surface < 3 else x), y
+        index, side = divmod(surface - 6, 6)
+        block = room.blocks[index]
+        local, half = block.to_local(points), np.array(block.half)
+        u, v = ([2, 1], [0, 2], [0, 1])[side // 2]
+        if block.material in ("wood", "metal") and half[v] > half[u]:
+            u, v = v, u  # grain runs along the board
+        return Patch(block.material, self._things[index]), local[:, u] + 3.1 * side, local[:, v]
 
 
-def _corners(low: FloatArray, high: FloatArray) -> FloatArray:
-    bits = (np.arange(8)[:, None] >> np.array([0, 1, 2])) & 1
-    return np.where(bits == 1, high, low).astype(np.float64)
+def _thing_seeds(blocks: tuple[Block, ...], seed: int) -> list[int]:
+    """Blocks of one material that nearly touch are one thing and share their colour."""
+    seeds = [seed + 101 * i for i in range(len(blocks))]
+    for i, block in enumerate(blocks):
+        for j in range(i):
+            if blocks[j].material == block.material and _near(block, blocks[j]):
+                seeds[i] = seeds[j]
+                break
+    return seeds
 
 
-def _box_distance(local: FloatArray, half: FloatArray) -> FloatArray:
-    outside = np.abs(local) - half
-    distance: FloatArray = np.linalg.norm(np.maximum(outside, 0), axis=-1) + np.minimum(outside.max(axis=-1), 0)
-    return distance
+def _near(one: Block, two: Block) -> BoolArray:
+    a, b = one.corners(), two.corners()
+    near: BoolArray = ((a.min(axis=0) < b.max(axis=0) + 0.05) & (b.min(axis=0) < a.max(axis=0) + 0.05)).all()
+    return near
 
 
-def colours(room: Room, points: FloatArray, material: NDArray[Any]) -> FloatArray:
-    """Albedo of surface points: planks, wallpaper, pictures on the walls, wood, cloth.
-
-    Args:
-        room: whose seed and size the patterns follow.
-        points: (n, 3), in the room's frame.
-        material: (n,) index into MATERIALS.
-
-    Returns:
-        (n, 3) in [0, 1].
-    """
-    x, y, z = points.T
-    rng = np.random.default_rng(room.seed)
-    tint = 1 + 0.1 * rng.uniform(-1, 1, (len(MATERIALS), 3))
-    shade = np.ones(len(points))
-    albedo = np.full((len(points), 3), 0.5)
-
-    def paint(name: str, colour: tuple[float, float, float]) -> BoolArray:
-        here: BoolArray = material == MATERIALS.index(name)
-        albedo[here] = np.array(colour) * tint[MATERIALS.index(name)]
-        return here
-
-    floor = paint("floor", (0.62, 0.44, 0.28))
-    shade[floor] = _planks(x[floor], z[floor], room.seed)
-    paint("ceiling", (0.9, 0.9, 0.88))
-    for name, along in (("back_wall", x), ("front_wall", x), ("left_wall", z), ("right_wall", z)):
-        wall = paint(name, (0.75, 0.77, 0.70) if name.startswith(("back", "front")) else (0.62, 0.70, 0.76))
-        shade[wall] = _wallpaper(along[wall], y[wall])
-    back = material == MATERIALS.index("back_wall")
-    for left, width, tone in ((-1.15, 0.7, (0.75, 0.35, 0.25)), (0.85, 0.5, (0.20, 0.42, 0.55))):
-        albedo[back], shade[back] = _picture(x[back] - left, y[back] - 1.45, width, tone, albedo[back], shade[back])
-    wood = paint("wood", (0.50, 0.32, 0.20))
-    shade[wood] = 1 + 0.12 * np.sin(70 * x[wood] + 9 * np.sin(6 * z[wood])) * np.cos(11 * y[wood])
-    fabric = paint("fabric", (0.36, 0.45, 0.38))
-    shade[fabric] = 1 + 0.15 * np.sign(np.sin(90 * (x[fabric] + z[fabric])) * np.sin(90 * (y[fabric] + z[fabric])))
-    return np.clip(albedo * shade[:, None], 0, 1)
-
-
-def _planks(x: FloatArray, z: FloatArray, seed: int) -> FloatArray:
-    """Boards 14 cm wide along z with dark joints, each of its own tone and grain."""
-    row = np.floor(x / 0.14)
-    along = z + 0.83 * np.mod(row * 0.618, 1.0)
-    board = np.floor(along / 1.1)
-    tone = np.mod(np.sin(row * 12.9898 + board * 78.233 + seed) * 43758.5453, 1.0)
-    joint = (np.mod(x, 0.14) < 0.007) | (np.mod(along, 1.1) < 0.007)
-    grain = np.sin(220 * x + 5 * np.sin(3 * z + 9 * tone)) * 0.05
-    return np.where(joint, 0.45, 0.8 + 0.4 * tone + grain)
-
-
-def _wallpaper(along: FloatArray, y: FloatArray) -> FloatArray:
-    """Wide pale stripes over a dark skirting board."""
-    stripes = 1 + 0.05 * np.sign(np.sin(2 * np.pi * along / 0.3)) + 0.02 * np.sin(31 * along) * np.sin(27 * y)
-    return np.where(y < 0.1, 0.55, stripes)
-
-
-def _picture(
-    u: FloatArray, v: FloatArray, width: float, tone: tuple[float, float, float], albedo: FloatArray, shade: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """A framed picture, ``width`` wide, centred on (0, 0) of the wall."""
-    frame = (np.abs(u) < width / 2) & (np.abs(v) < 0.4 * width)
-    inside = (np.abs(u) < width / 2 - 0.04) & (np.abs(v) < 0.4 * width - 0.04)
-    content = np.array(tone) * (1 + 0.5 * np.sin(9 * u / width) * np.cos(11 * v / width))[:, None]
-    albedo = np.where(inside[:, None], content, np.where(frame[:, None], 0.18, albedo))
-    return albedo, np.where(frame, 1.0, shade)
+def _ground_corners(ground: Ground) -> FloatArray:
+    corners = [(-_HORIZON, -_HORIZON), (-_HORIZON, _HORIZON), (_HORIZON, _HORIZON), (_HORIZON, -_HORIZON)]
+    return np.array([(x, ground.height_at(x, z), z) for x, z in corners])

@@ -3,15 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from physic_core.testing.casting import Caster, Hits
-from physic_core.testing.rendering import Mesh, View, photograph, view
-from physic_core.testing.rooms import MATERIALS, colours
+from physic_core.testing.clothes import Clothes
+from physic_core.testing.rendering import (
+    Lamp,
+    Lighting,
+    Mesh,
+    View,
+    expose,
+    gain_of,
+    photograph,
+    pixel_rays,
+    view,
+)
+from physic_core.testing.rooms import Surfaces
+from physic_core.testing.solids import yaw_matrix
 from physic_core.testing.staging import Stage, pose_vertices
+from physic_core.testing.textures import sky
 from physic_core.types import BodyParameters
 
 if TYPE_CHECKING:
@@ -25,8 +37,7 @@ if TYPE_CHECKING:
 __all__ = ["BodiesTruth", "Pictures", "place_bodies", "project", "seen_by_camera", "take_pictures"]
 
 _SENSOR_NOISE = 1.5  # grey levels
-_SKIN = ((0.80, 0.58, 0.46), (0.55, 0.36, 0.25), (0.90, 0.70, 0.58))
-_CLOTHES = ((0.16, 0.28, 0.52), (0.62, 0.18, 0.16), (0.15, 0.42, 0.30), (0.70, 0.56, 0.18), (0.28, 0.28, 0.32))
+_OVERCAST = 0.75  # light of the brightest sky
 
 
 @dataclass(frozen=True)
@@ -108,62 +119,103 @@ def take_pictures(
 
     Args:
         model: whose faces and parts the people have.
-        stage: room and camera.
+        stage: place and camera.
         intrinsics: the camera's.
         vertices: (N, V, 3) camera frame.
-        rng: draws clothes, lamp and sensor noise.
+        rng: draws clothes, lamps, sky and sensor noise.
     """
-    room_vertices, room_faces, material = stage.room.mesh()
+    room_vertices, room_faces, surface = stage.room.mesh()
     scene = _scene_mesh(stage.camera.to_camera(room_vertices), room_faces)
     everything = _with_people(scene, model, vertices)
-    clothes = np.concatenate([_dress(model, rng) for _ in vertices])
+    surfaces, clothes = Surfaces(stage.room), [Clothes(model, rng) for _ in vertices]
+    sky_seed, per_person = int(rng.integers(1 << 30)), len(model.faces)
+    lighting = _lighting(stage, vertices, rng)
+    noise = rng.normal(0, _SENSOR_NOISE, (intrinsics.height, intrinsics.width, 3))
 
-    def albedo(mesh: Mesh, hits: Hits, points: FloatArray) -> FloatArray:
-        face = np.maximum(hits.face, 0)
-        person = (hits.face >= 0) & (mesh.thing[face] >= 0)
+    def albedo(hits: Hits, points: FloatArray, blur: FloatArray) -> FloatArray:
         colour = np.zeros((len(points), 3))
-        colour[~person] = colours(stage.room, stage.camera.to_room(points[~person]), material[face[~person]])
-        corner = mesh.faces[face[person], 0] - len(scene.vertices)
-        colour[person] = clothes[corner]
+        person = np.maximum(hits.face - len(room_faces), -1) // per_person  # -1 the scene
+        here = person < 0
+        colour[here] = surfaces.albedo(stage.camera.to_room(points[here]), surface[hits.face[here]], blur[here])
+        for i, worn in enumerate(clothes):
+            here = person == i
+            face = hits.face[here] - len(room_faces) - i * per_person
+            colour[here] = worn.albedo(face, hits.corners[here], blur[here])
         return colour
 
-    room = stage.room
-    middle = np.array([rng.uniform(-0.8, 0.8), room.high[1] - 0.3, rng.uniform(0.8, 1.6)])
-    lamp = stage.camera.to_camera(middle)
-    noise = rng.normal(0, _SENSOR_NOISE, (intrinsics.height, intrinsics.width, 3))
-    views, images, casters = [], [], []
+    def overhead(rays: FloatArray) -> FloatArray:
+        x, y, z = (rays @ stage.camera.rotation / np.linalg.norm(rays, axis=1, keepdims=True)).T
+        # The picture's own brightness is not yet set: the sky is as light as a white wall in the sun.
+        light = _OVERCAST * sky(np.arcsin(np.clip(y, -1, 1)), np.arctan2(x, z), np.random.default_rng(sky_seed))
+        return light
+
+    views, lights, casters = [], [], []
     for mesh in (everything, scene):
         caster = Caster(mesh.vertices, mesh.faces)
         views.append(view(mesh, caster, intrinsics))
-        images.append(photograph(mesh, caster, intrinsics, lamp, partial(albedo, mesh), noise))
+        lights.append(photograph(mesh, caster, intrinsics, views[-1], lighting, albedo, overhead))
         casters.append(caster)
+    gain = gain_of(lights[0])
+    images = [expose(light, gain, noise) for light in lights]
     seen, empty = views
     owner = _things(everything, seen)
-    people = range(len(vertices))
-    alone = [
-        _with_people(_scene_mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int64)), model, vertices[i : i + 1])
-        for i in people
-    ]
-    whole = [view(mesh, Caster(mesh.vertices, mesh.faces), intrinsics).face >= 0 for mesh in alone]
-    floor = MATERIALS.index("floor")
 
-    def floor_of(seen: View) -> BoolArray:
-        on_scene = (seen.face >= 0) & (seen.face < len(material))
-        on_floor: BoolArray = on_scene & (material[np.where(on_scene, seen.face, 0)] == floor)
-        return on_floor
+    def ground_of(seen: View) -> BoolArray:
+        on_scene = (seen.face >= 0) & (seen.face < len(surface))
+        on_ground: BoolArray = on_scene & (surface[np.where(on_scene, seen.face, 0)] == 0)
+        return on_ground
 
     return Pictures(
         image=images[0],
         empty_image=images[1],
         seen=seen,
         empty=empty,
-        masks=np.stack([owner == i for i in people]),
-        whole_masks=np.stack(whole),
-        floor_mask=floor_of(seen),
-        empty_floor_mask=floor_of(empty),
+        masks=np.stack([owner == i for i in range(len(vertices))]),
+        whole_masks=np.stack([_silhouette(person, model.faces.numpy(), intrinsics) for person in vertices]),
+        floor_mask=ground_of(seen),
+        empty_floor_mask=ground_of(empty),
         mesh=everything,
         caster=casters[0],
     )
+
+
+def _silhouette(vertices: FloatArray, faces: NDArray[np.int64], intrinsics: Intrinsics) -> BoolArray:
+    """(H, W) where the camera would see this person if nothing stood in front."""
+    mask = np.zeros((intrinsics.height, intrinsics.width), bool)
+    front = vertices[vertices[:, 2] > 1e-2]
+    uv = project(front, intrinsics)
+    x0, y0 = np.maximum(np.floor(uv.min(axis=0)).astype(int), 0)
+    x1, y1 = np.ceil(uv.max(axis=0)).astype(int) + 1
+    window = np.zeros(mask.shape, bool)
+    window[y0 : max(y1, 0), x0 : max(x1, 0)] = True
+    rays = pixel_rays(intrinsics)[window.reshape(-1)]
+    mask[window] = Caster(vertices, faces).first(np.zeros(3), rays).face >= 0
+    return mask
+
+
+def _lighting(stage: Stage, vertices: FloatArray, rng: np.random.Generator) -> Lighting:
+    """Two lamps under the ceiling and the light of the room, or sun and sky."""
+    people = stage.camera.to_room(vertices).reshape(-1, 3)
+    middle, walls = people.mean(axis=0), stage.room.walls
+    if walls is None:
+        # Rather from behind the camera than into it.
+        back = np.arctan2(*(stage.camera.position - middle)[[0, 2]]) + rng.uniform(-2.0, 2.0)
+        high = np.radians(rng.uniform(25, 65))
+        sun = 200 * np.array([np.sin(back) * np.cos(high), np.sin(high), np.cos(back) * np.cos(high)])
+        warm = np.array([1.0, rng.uniform(0.90, 1.0), rng.uniform(0.78, 0.98)])
+        power = rng.choice([0.25, 0.6, 0.9])  # clouds, haze, sun
+        radius = 2.0 if power > 0.5 else 60.0
+        lamp = Lamp(stage.camera.to_camera(middle + sun), radius, float(power), warm, distant=True)
+        return Lighting((lamp,), ambient=0.45, fill=0.08)
+    lamps = []
+    low, high = np.array(walls.low) + 0.5, np.array(walls.high) - 0.5
+    for power in (1.5, 1.0):
+        x, _, z = walls.to_local(middle) + rng.uniform(-1.6, 1.6, 3)
+        local = np.array([np.clip(x, low[0], high[0]), walls.height - 0.25, np.clip(z, low[1], high[1])])
+        position = stage.camera.to_camera(local @ yaw_matrix(walls.yaw).T)
+        warm = np.array([1.0, rng.uniform(0.88, 1.0), rng.uniform(0.76, 1.0)])
+        lamps.append(Lamp(position, 0.25, power * float(rng.uniform(0.7, 1.3)), warm))
+    return Lighting(tuple(lamps), ambient=float(rng.uniform(0.30, 0.42)), fill=0.10)
 
 
 def seen_by_camera(
@@ -260,28 +312,3 @@ def _with_people(scene: Mesh, model: BodyModel, vertices: FloatArray) -> Mesh:
 
 def _things(mesh: Mesh, seen: View) -> NDArray[np.int64]:
     return np.where(seen.face >= 0, mesh.thing[np.maximum(seen.face, 0)], -1)
-
-
-def _dress(model: BodyModel, rng: np.random.Generator) -> FloatArray:
-    """Colours (V, 3) of one person: skin, hair, shirt, trousers, shoes."""
-    skin = np.array(_SKIN[rng.integers(len(_SKIN))])
-    shirt, trousers = (np.array(_CLOTHES[i]) for i in rng.choice(len(_CLOTHES), 2, replace=False))
-    rotations, betas, transl = model.zero_pose()
-    output = model(rotations, betas, transl)
-    rest, head = output.vertices[0].numpy(), output.joints[0, 15].numpy()
-    eyes = output.joints[0, 23:25].numpy().mean(axis=0)
-    colour_of = dict.fromkeys(model.part_names, skin)
-    colour_of |= dict.fromkeys(("torso", "left_upper_arm", "right_upper_arm"), shirt)
-    colour_of |= dict.fromkeys(
-        (f"{s}_{part}" for s in ("left", "right") for part in ("upper_leg", "lower_leg")), trousers
-    )
-    colour_of |= dict.fromkeys(("left_foot", "right_foot"), np.array([0.12, 0.11, 0.11]))
-    part = model.part_of_vertex.numpy()
-    colours_of_parts = np.stack([colour_of[name] for name in model.part_names])
-    colour: FloatArray = colours_of_parts[part]
-    is_head = part == model.part_names.index("head")
-    hips = output.joints[0, 1:3, 1].numpy().mean()
-    colour[(part == model.part_names.index("torso")) & (rest[:, 1] < hips + 0.06)] = trousers
-    top = (rest[:, 1] > eyes[1] + 0.045) | ((rest[:, 2] < head[2] - 0.01) & (rest[:, 1] > eyes[1] - 0.06))
-    colour[is_head & top] = rng.uniform(0.05, 0.3) * np.array([1.0, 0.75, 0.55])
-    return colour

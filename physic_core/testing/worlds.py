@@ -1,7 +1,8 @@
-"""Worlds: small synthetic scenes of people in a room, with the truth of everything that PhySIC estimates.
+"""Worlds: synthetic scenes of people in rooms and outdoors, with the truth of everything that PhySIC estimates.
 
 A world is the same for the same name, seed and size. Everything is in the camera's frame (OpenCV: x right, y down,
-z forward) and in metres, except what says "room".
+z forward) and in metres, except what says "room". The scene is ground, walls and furniture: contact and signed distance
+are those to the scene, and other people do not count as scene.
 """
 
 from __future__ import annotations
@@ -14,9 +15,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.errors import InputError
+from physic_core.testing import labels, storage
+from physic_core.testing.cameras import Camera
+from physic_core.testing.performance import ACTIONS
 from physic_core.testing.rendering import pixel_rays
-from physic_core.testing.rooms import Room
-from physic_core.testing.staging import WORLDS, Camera, set_stage
+from physic_core.testing.rooms import Room, Walls
+from physic_core.testing.solids import Block, Ground
+from physic_core.testing.staging import set_stage
+from physic_core.testing.textures import Decoration, Patch
 from physic_core.testing.truth import place_bodies, project, seen_by_camera, take_pictures
 from physic_core.types import BodyParameters, Intrinsics, Plane
 
@@ -25,7 +32,10 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, FloatArray, UInt8Array
 
-__all__ = ["CONTACT_DISTANCE", "SKELETONS", "WORLDS", "World", "build_world"]
+__all__ = ["CONTACT_DISTANCE", "SKELETONS", "WORLDS", "World", "benchmark_worlds", "build_world"]
+
+WORLDS: tuple[str, ...] = tuple(ACTIONS)
+"""Names of the worlds: what their people do."""
 
 CONTACT_DISTANCE = 0.02
 """Metres: a vertex touches when a surface is this near, or when it lies inside (the rule of the paper's code)."""
@@ -41,21 +51,22 @@ class World:
     Attributes:
         name: one of WORLDS.
         seed: of everything drawn.
-        image: (H, W, 3) uint8 RGB, the photo.
-        empty_image: (H, W, 3) uint8 RGB, the same without people and their shadows.
+        image: (H, W, 3) uint8 RGB, the photo, with its label (``physic_core.testing.labels``).
+        empty_image: (H, W, 3) uint8 RGB, the same without people and their shadows, with the same label.
         intrinsics: of the camera.
         camera: its place in the room.
-        room: floor, walls and furniture, in the room's frame.
-        depth: (H, W) float32 along z.
+        room: ground, walls and furniture, in the room's frame; outdoors it has no walls.
+        action: what each of the N people does.
+        depth: (H, W) float32 along z; inf in the sky.
         empty_depth: (H, W) float32, of the scene without people.
-        normals: (H, W, 3) float32 unit, towards the camera.
+        normals: (H, W, 3) float32 unit, towards the camera; zero in the sky.
         empty_normals: (H, W, 3) float32.
         masks: (N, H, W) bool, visible pixels.
-        whole_masks: (N, H, W) bool, as if nothing stood in front.
+        whole_masks: (N, H, W) bool, as if nothing stood in front; what the frame cuts off is no part of them.
         boxes: (N, 4) float64 px, x0 y0 x1 y1 half open, of ``masks``.
-        floor_mask: (H, W) bool, visible floor.
+        floor_mask: (H, W) bool, visible ground.
         empty_floor_mask: (H, W) bool, of the scene without people.
-        floor: the floor's plane.
+        floor: the plane of the ground, in front of steps too.
         keypoints: joint set -> (N, J, 2) float64 px.
         visible: joint set -> (N, J) bool: in the image, and hidden by nothing but the own skin or the own limb.
         joints_visible: (N, 55) bool, the same of the body's joints.
@@ -68,7 +79,7 @@ class World:
         joints: (N, 55, 3) float32.
         contact: (N, V) bool, by CONTACT_DISTANCE, of outer vertices.
         distance: (N, V) float32 to the nearest surface of the scene, negative inside.
-        residual: (N,) metres by which at most a sole misses the floor, or a vertex lies inside the scene.
+        residual: (N,) metres by which at most the settled body misses its contacts, or lies inside the scene.
     """
 
     name: str
@@ -78,6 +89,7 @@ class World:
     intrinsics: Intrinsics
     camera: Camera
     room: Room
+    action: tuple[str, ...]
     depth: FloatArray
     empty_depth: FloatArray
     normals: FloatArray
@@ -103,52 +115,79 @@ class World:
     residual: FloatArray
 
     def points(self, *, people: bool) -> FloatArray:
-        """The point map (H, W, 3) float32, with or without the people."""
+        """The point map (H, W, 3) float32, with or without the people; inf in the sky."""
         depth = self.depth if people else self.empty_depth
         rays = pixel_rays(self.intrinsics).reshape(*depth.shape, 3)
-        return (rays * depth[..., None]).astype(np.float32)
+        with np.errstate(invalid="ignore"):  # a ray of x = 0 into the sky
+            points: FloatArray = np.where(np.isfinite(depth)[..., None], rays * depth[..., None], np.inf)
+        return points.astype(np.float32)
 
 
-def build_world(name: str = "standing", seed: int = 0, size: tuple[int, int] = (320, 240)) -> World:
-    """Build a world; the last few are kept.
+def build_world(name: str = "stand", seed: int = 0, size: tuple[int, int] = (320, 240)) -> World:
+    """Build a world, or take it from memory or from the disk (``physic_core.testing.storage``).
 
     Args:
-        name: "standing", "sitting" (on a stool) or "two_people" (one partly behind the other).
-        seed: draws shapes, postures, places, camera and colours.
+        name: one of WORLDS.
+        seed: draws shapes, postures, furniture, camera, light and colours; from 0 to 2^64 - 1.
         size: width and height of the photo, px.
 
     Raises:
-        InputError: there is no such world.
+        InputError: there is no such world, or the size is too small for a label.
     """
-    return _build(name, seed, size)
+    name = _OLD_NAMES.get(name, name)
+    if name not in WORLDS:
+        raise InputError(f"There is no world named {name!r}: choose one of {', '.join(WORLDS)}.")
+    if min(size) < labels.SMALLEST_PX:
+        raise InputError(
+            f"A world needs a photo of at least {labels.SMALLEST_PX} x {labels.SMALLEST_PX} px, "
+            f"got {size[0]} x {size[1]} px."
+        )
+    return _remembered(name, int(seed), (int(size[0]), int(size[1])))
 
 
-@lru_cache(maxsize=8)
+_COLOURS = 9  # of the random numbers of clothes and light
+_OLD_NAMES = {"standing": "stand", "sitting": "sit_on_stool", "two_people": "hug"}
+
+
+def benchmark_worlds(count: int, seed: int) -> tuple[tuple[str, int], ...]:
+    """Names and seeds of ``count`` worlds: the names in turn, so that each comes equally often, the seeds drawn."""
+    seeds = np.random.default_rng(seed).integers(0, 1 << 31, count)
+    return tuple((WORLDS[i % len(WORLDS)], int(own)) for i, own in enumerate(seeds))
+
+
+@lru_cache(maxsize=24)
+def _remembered(name: str, seed: int, size: tuple[int, int]) -> World:
+    world = storage.kept(storage.key_of("world", name, seed, *size), World, _CLASSES, lambda: _build(name, seed, size))
+    _freeze(world)
+    return world
+
+
 def _build(name: str, seed: int, size: tuple[int, int]) -> World:
     import torch
 
     from physic_core.body import load_body
     from physic_core.body.landmarks import SKELETONS as LANDMARKS
 
-    rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
-    intrinsics = Intrinsics.from_focal(size[0] * rng.uniform(0.85, 1.3), *size, source="world")
     model = load_body("embedded").to(dtype=torch.float64)
-    stage = set_stage(model, name, rng, intrinsics, seed)
+    stage = set_stage(model, name, seed, size)
+    intrinsics, rng = stage.intrinsics, np.random.default_rng([seed, zlib.crc32(name.encode()), _COLOURS])
     bodies = place_bodies(model, stage, SKELETONS)
     pictures = take_pictures(model, stage, intrinsics, bodies.vertices, rng)
     distance = stage.room.signed_distance(stage.camera.to_room(bodies.vertices))
+    up = np.array(stage.room.ground.normal)
 
     def seen(points: FloatArray, names: tuple[str, ...]) -> BoolArray:
         return seen_by_camera(model, points, names, pictures, bodies.vertices, intrinsics)
 
-    world = World(
+    return World(
         name=name,
         seed=seed,
-        image=pictures.image,
-        empty_image=pictures.empty_image,
+        image=labels.stamp(pictures.image, name, seed),
+        empty_image=labels.stamp(pictures.empty_image, name, seed),
         intrinsics=intrinsics,
         camera=stage.camera,
         room=stage.room,
+        action=tuple(actor.action for actor in stage.actors),
         depth=pictures.seen.depth.astype(np.float32),
         empty_depth=pictures.empty.depth.astype(np.float32),
         normals=pictures.seen.normals.astype(np.float32),
@@ -158,7 +197,7 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
         boxes=np.stack([_box(mask) for mask in pictures.masks]),
         floor_mask=pictures.floor_mask,
         empty_floor_mask=pictures.empty_floor_mask,
-        floor=Plane(stage.camera.rotation[:, 1].copy(), float(stage.camera.position[1])),
+        floor=Plane(stage.camera.rotation @ up, float(stage.camera.position @ up)),
         keypoints={name: project(points, intrinsics) for name, points in bodies.landmarks.items()},
         visible={name: seen(points, LANDMARKS[name]) for name, points in bodies.landmarks.items()},
         joints_visible=seen(bodies.joints, model.joint_names),
@@ -173,8 +212,9 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
         distance=distance.astype(np.float32),
         residual=np.array([actor.residual for actor in stage.actors]),
     )
-    _freeze(world)
-    return world
+
+
+_CLASSES = (World, Intrinsics, Camera, Room, Walls, Ground, Block, Patch, Decoration, Plane, BodyParameters)
 
 
 def _box(mask: BoolArray) -> FloatArray:
@@ -189,5 +229,5 @@ def _freeze(thing: object) -> None:
         for array in value.values() if isinstance(value, Mapping) else (value,):
             if isinstance(array, np.ndarray):
                 array.setflags(write=False)
-            elif isinstance(array, BodyParameters | Plane):
+            elif isinstance(array, BodyParameters | Plane | Camera):
                 _freeze(array)

@@ -27,7 +27,7 @@ def tool():
 def test_every_photo_has_its_row(tool, tmp_path, monkeypatch, capsys):
     photos, out = tmp_path / "photos", tmp_path / "out"
     photos.mkdir()
-    Image.fromarray(build_world("standing").image).save(photos / "b_world.png")
+    Image.fromarray(build_world("stand").image).save(photos / "b_world.png")
     (photos / "a_empty.jpg").write_bytes(b"")
     (photos / "notes.txt").write_text("not a photo")
     monkeypatch.setattr(sys, "argv", ["photo_table", str(photos), "--config", "mock", "--out", str(out)])

@@ -1,13 +1,20 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from physic_core.testing.casting import Caster
-from physic_core.testing.rooms import MATERIALS, Block, Room, colours
+from physic_core.testing.rooms import Room, Surfaces, Walls
+from physic_core.testing.solids import Block, Ground
+from physic_core.testing.textures import Decoration, Patch
 
-ROOM = Room((-2, 0, -2), (2, 2.5, 3), (Block((0.5, 0.25, 0.2), (0.3, 0.25, 0.2), yaw=0.4),))
+BLOCK = Block((0.5, 0.25, 0.2), (0.3, 0.25, 0.2), yaw=0.4)
+WALLS = Walls((-2, -2), (2, 3), 2.5)
+ROOM = Room(Ground(), (BLOCK,), WALLS, Patch("planks", 0))
+TURNED = Room(Ground(), (BLOCK,), Walls((-2, -2), (2, 3), 2.5, yaw=0.3), Patch("tiles", 0))
+SLOPE = Room(Ground((0.0, float(np.cos(0.2)), float(np.sin(0.2))), "grass"), (BLOCK,), None, Patch("grass", 0))
 
 
 def surface_samples(room: Room, count: int = 4000) -> np.ndarray:
@@ -24,49 +31,76 @@ def surface_samples(room: Room, count: int = 4000) -> np.ndarray:
 def test_distances_by_hand():
     points = np.array([[-1.0, 0.3, 1.0], [0.5, 0.7, 0.2], [0.5, 0.45, 0.2], [0.0, -0.1, 0.0], [1.9, 1.0, 0.0]])
     np.testing.assert_allclose(ROOM.signed_distance(points), [0.3, 0.2, -0.05, -0.1, 0.1], atol=1e-12)
+    np.testing.assert_allclose(
+        ROOM.signed_distance(np.array([[0, 2.4, 0], [0, 2.6, 0], [-2.2, 1, 0]])), [0.1, -0.1, -0.2]
+    )
 
 
-def test_the_surface_of_the_mesh_is_at_distance_zero_or_buried():
-    distance = ROOM.signed_distance(surface_samples(ROOM))
-    assert distance.max() < 1e-12
-    assert np.median(np.abs(distance)) < 1e-12
+@pytest.mark.parametrize("room", [ROOM, TURNED, SLOPE], ids=["room", "turned", "slope"])
+def test_the_surface_of_the_mesh_is_at_distance_zero_or_buried(room):
+    distance = room.signed_distance(surface_samples(room))
+    assert distance.max() < 1e-10
+    assert np.median(np.abs(distance)) < 1e-10
 
 
-@given(st.tuples(st.floats(-1.9, 1.9), st.floats(0.1, 2.4), st.floats(-1.9, 2.9)))
+@given(st.tuples(st.floats(-1.4, 1.4), st.floats(0.1, 2.4), st.floats(-1.4, 2.0)))
 def test_distance_in_the_air_is_that_to_the_nearest_point_of_the_surface(point):
-    distance = float(ROOM.signed_distance(np.array(point)))
-    nearest = np.linalg.norm(surface_samples(ROOM) - point, axis=1).min()
-    if distance > 0:
-        assert distance <= nearest + 1e-9
-        assert nearest < distance + 0.25  # as dense as the samples lie
+    for room in (ROOM, TURNED):
+        distance = float(room.signed_distance(np.array([point]))[0])
+        nearest = np.linalg.norm(surface_samples(room) - point, axis=1).min()
+        if distance > 0:
+            assert distance <= nearest + 1e-9
+            assert nearest < distance + 0.25  # as dense as the samples lie
 
 
-def test_faces_look_into_the_air():
-    vertices, faces, material = ROOM.mesh()
+@pytest.mark.parametrize("room", [ROOM, TURNED, SLOPE], ids=["room", "turned", "slope"])
+def test_faces_look_into_the_air(room):
+    vertices, faces, surface = room.mesh()
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     normal = np.cross(b - a, c - a)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     middle = (a + b + c) / 3
-    bottom = (material == MATERIALS.index("wood")) & (middle[:, 1] < 1e-9)
-    assert (ROOM.signed_distance(middle + 0.01 * normal)[~bottom] > 0).all()
-    up = normal[material == MATERIALS.index("floor")]
-    np.testing.assert_allclose(up, np.broadcast_to([0, 1, 0], up.shape), atol=1e-12)
+    buried = (surface >= 6) & (middle[:, 1] < 0.2)  # the block's bottom, and its feet in the slope
+    assert (room.signed_distance(middle + 0.01 * normal)[~buried] > 0).all()
+    up = normal[surface == 0]
+    np.testing.assert_allclose(up, np.broadcast_to(room.ground.normal, up.shape), atol=1e-12)
 
 
-def test_every_material_has_colours_in_range():
-    points = np.random.default_rng(1).uniform(-2, 2, (400, 3))
-    for i in range(len(MATERIALS)):
-        colour = colours(ROOM, points, np.full(len(points), i))
-        assert colour.min() >= 0
-        assert colour.max() <= 1
-        assert colour.max() > 0.15
+def test_every_surface_has_colours_in_range():
+    rug = Decoration("rug", (0.0, 0.0), (1.0, 0.8), 3)
+    sides = (Decoration("picture", (0.0, 1.5), (0.3, 0.2), 1), Decoration("window", (1.0, 1.5), (0.4, 0.5), 2))
+    blocks = tuple(
+        Block((0.4 * i - 1, 0.5, 0), (0.2, 0.5, 0.3), material=name)
+        for i, name in enumerate(("wood", "fabric", "metal", "stone", "plaster", "brick", "hedge", "unheard-of"))
+    )
+    for floor in ("planks", "tiles", "carpet", "paving", "asphalt", "grass"):
+        walls = Walls((-2, -2), (2, 3), 2.5, 0.1, (sides, sides, (), ()))
+        room = Room(Ground(), blocks, walls, Patch(floor, 5, (rug,)), seed=4)
+        points, (_, _, surface) = np.random.default_rng(1).uniform(-2, 2, (6000, 3)), room.mesh()
+        which = np.random.default_rng(2).choice(np.unique(surface), len(points))
+        for blur in (1e-3, 1.0):
+            colour = Surfaces(room).albedo(points, which, np.full(len(points), blur))
+            assert colour.min() >= 0
+            assert colour.max() <= 1
+            for i in np.unique(surface):
+                assert colour[which == i].max() > 0.05
 
 
 def test_rays_hit_a_triangle_where_it_is():
     caster = Caster(np.array([[0.0, 0, 4], [1, 0, 4], [0, 1, 4]]), np.array([[0, 1, 2]]))
     hits = caster.first(np.zeros(3), np.array([[0.25, 0.25, 4.0], [0.0625, 0.125, 1.0], [0.5, 0.5, -1.0]]))
     np.testing.assert_array_equal(hits.face, [0, 0, -1])
-    np.testing.assert_allclose(hits.distance, [1, 4, np.inf], rtol=1e-6)
+    np.testing.assert_allclose(hits.distance, [1, 4, np.inf], rtol=1e-12)
     np.testing.assert_allclose(hits.corners[1], [0.25, 0.25, 0.5], atol=1e-5)
     blocked = caster.blocked(np.array([0.2, 0.2, 0.0]), np.array([[0, 0, 4.1], [0, 0, 3.9], [0, 0, -9.0]]))
     np.testing.assert_array_equal(blocked, [True, False, False])
+
+
+def test_far_faces_are_as_exact_as_near_ones():
+    side = 300.0
+    caster = Caster(
+        np.array([[-side, 1.5, 0.1], [side, 1.5, 0.1], [side, 1.5, side], [-side, 1.5, side]]),
+        np.array([[0, 1, 2], [0, 2, 3]]),
+    )
+    rays = np.stack([np.linspace(-0.5, 0.5, 50), np.linspace(0.02, 0.5, 50), np.ones(50)], axis=1)
+    np.testing.assert_allclose(caster.first(np.zeros(3), rays).distance, 1.5 / rays[:, 1], rtol=1e-12)

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import fields
 
 import numpy as np
@@ -9,13 +10,23 @@ from scipy.spatial import KDTree
 
 from physic_core.body import load_body
 from physic_core.errors import InputError
-from physic_core.testing import worlds
-from physic_core.testing.worlds import CONTACT_DISTANCE, WORLDS, build_world
+from physic_core.testing import labels, storage, worlds
+from physic_core.testing.cameras import Shot, in_frame
+from physic_core.testing.rendering import pixel_rays
+from physic_core.testing.worlds import CONTACT_DISTANCE, WORLDS, World, benchmark_worlds, build_world
+
+SIZE = (192, 144)
+SAMPLE = [name for name in ("stand", "sit_on_stool", "stand_behind_counter", "hug", "slope") if name in WORLDS]
 
 
 @pytest.fixture(scope="module")
 def model():
     return load_body("embedded")
+
+
+@pytest.fixture(scope="module", params=SAMPLE)
+def world(request) -> World:
+    return build_world(request.param, 0, SIZE)
 
 
 def rotations(parameters):
@@ -26,66 +37,48 @@ def rotations(parameters):
     return roma.rotvec_to_rotmat(torch.tensor(rotvecs))
 
 
-@pytest.mark.parametrize("name", WORLDS)
-def test_the_parameters_pose_the_bodies(name, model):
-    world = build_world(name)
+def plane_hits(corners: np.ndarray, rays: np.ndarray) -> np.ndarray:
+    """Depths along rays (n, 3) from the origin at which they meet a triangle (3, 3), by solving for the weights."""
+    a, b, c = corners
+    system = np.stack([np.broadcast_to(b - a, rays.shape), np.broadcast_to(c - a, rays.shape), -rays], axis=-1)
+    solvable = np.abs(np.linalg.det(system)) > 1e-12
+    depth = np.full(len(rays), np.inf)
+    s, t, z = np.linalg.solve(system[solvable], -a[:, None])[..., 0].T
+    depth[solvable] = np.where((s >= 0) & (t >= 0) & (s + t <= 1) & (z > 0), z, np.inf)
+    return depth
+
+
+def test_the_parameters_pose_the_bodies(world, model):
     output = model(
         rotations(world.parameters), torch.tensor(world.parameters.betas), torch.tensor(world.parameters.transl)
     )
     np.testing.assert_allclose(output.vertices.numpy(), world.vertices, atol=1e-5)
     np.testing.assert_allclose(output.joints.numpy(), world.joints, atol=1e-5)
     assert (world.body_model, world.topology) == (model.name, model.topology)
+    assert world.action == (world.name,) * len(world.masks) or world.name in ("group", "slope", "outdoor_steps")
 
 
-@pytest.mark.parametrize("name", WORLDS)
-@pytest.mark.parametrize("seed", [0, 7])
-def test_people_stand_or_sit_without_gap_and_without_cutting_in(name, seed, model):
-    world = build_world(name, seed)
-    outer = model.outer.numpy()
-    for i, distance in enumerate(world.distance):
-        for side in ("left", "right"):
-            sole = distance[model.contact_sets[f"{side}_sole"].numpy()].min()
-            assert abs(sole) < 1e-3, f"{side} sole of person {i} is {1000 * sole:.2f} mm from the floor"
-        assert distance[outer].min() > -1e-5
-    assert world.residual.max() < 1e-3
-    print(f"{name} {seed}: residual {1e6 * world.residual.max():.2f} micrometres")
+def test_people_touch_and_lie_no_deeper_in_the_scene_than_the_residual(world):
+    for distance, residual in zip(world.distance, world.residual, strict=True):
+        assert -distance[world.outer].min() <= residual + 1e-5
+        assert distance[world.outer].min() < CONTACT_DISTANCE
+    assert world.residual.max() < 0.02
+    assert world.contact.any(axis=1).all()
 
 
-@pytest.mark.parametrize("name", WORLDS)
-def test_contact_is_what_lies_within_two_centimetres(name, model):
-    world = build_world(name)
-    np.testing.assert_array_equal(world.contact, (world.distance <= CONTACT_DISTANCE) & model.outer.numpy())
-    feet = [model.part_names.index(f"{side}_foot") for side in ("left", "right")]
-    on_feet = np.isin(model.part_of_vertex.numpy(), feet)
-    for contact in world.contact:
-        assert contact[on_feet].sum() > 200
-        seated = contact[~on_feet].sum()
-        assert seated > 50 if name == "sitting" else seated == 0
+def test_the_distance_is_that_to_the_rooms_surfaces(world):
+    in_room = world.camera.to_room(world.vertices.astype(float))
+    np.testing.assert_allclose(world.room.signed_distance(in_room), world.distance, atol=1e-5)
+    np.testing.assert_array_equal(world.contact, (world.distance <= CONTACT_DISTANCE) & world.outer)
 
 
-def test_a_sitter_touches_the_stool_with_the_seat(model):
-    world = build_world("sitting")
-    seat = model.contact_sets["gluteus"].numpy()
-    heights = world.camera.to_room(world.vertices[0])[seat, 1]
-    top = 2 * world.room.blocks[0].half[1]
-    assert 0.3 < top < 0.6
-    assert abs(heights.min() - top) < 0.01
-    assert world.contact[0, seat].any()
+def test_other_people_are_no_scene(world):
+    """Without blocks and walls the distance is the height over the ground, however near the others are."""
+    on_plane = world.vertices @ world.floor.normal + world.floor.offset
+    assert (world.distance <= on_plane + 1e-4).all()
 
 
-def test_of_two_people_one_hides_a_part_of_the_other():
-    world = build_world("two_people")
-    assert len(world.masks) == 2
-    assert not (world.masks[0] & world.masks[1]).any()
-    np.testing.assert_array_equal(world.masks[0], world.whole_masks[0])
-    hidden = 1 - world.masks[1].sum() / world.whole_masks[1].sum()
-    assert 0.01 < hidden < 0.7
-    assert world.visible["coco17"][1].mean() < 1
-
-
-@pytest.mark.parametrize("name", WORLDS)
-def test_the_pictures_agree_with_the_geometry(name):
-    world = build_world(name)
+def test_the_pictures_agree_with_the_geometry(world):
     people = world.masks.any(axis=0)
     points = world.points(people=True)
     for mask, vertices in zip(world.masks, world.vertices, strict=True):
@@ -93,96 +86,173 @@ def test_the_pictures_agree_with_the_geometry(name):
         assert distance.max() < 0.03  # the longest edges of the mesh are about 4 cm
     np.testing.assert_array_equal(world.depth[~people], world.empty_depth[~people])
     assert (world.depth[people] <= world.empty_depth[people]).all()
-    for image_points, floor in (
-        (points, world.floor_mask),
-        (world.points(people=False), world.empty_floor_mask),
-    ):
+    for image_points, floor in ((points, world.floor_mask), (world.points(people=False), world.empty_floor_mask)):
         height = image_points[floor] @ world.floor.normal + world.floor.offset
-        assert np.abs(height).max() < 1e-4
+        assert (np.abs(height) < 1e-4 + 1e-6 * image_points[floor][:, 2]).all()
     np.testing.assert_array_equal(world.floor_mask, world.empty_floor_mask & ~people)
-    in_room = world.camera.to_room(world.points(people=False).reshape(-1, 3).astype(float))
+    empty = world.points(people=False)
+    near = np.isfinite(empty).all(axis=2) & (world.empty_depth < 20)
+    in_room = world.camera.to_room(empty[near].astype(float))
     assert np.abs(world.room.signed_distance(in_room)).max() < 1e-4
 
 
-@pytest.mark.parametrize("name", WORLDS)
-def test_normals_are_unit_and_face_the_camera(name):
-    world = build_world(name)
+def test_depth_is_that_of_the_nearest_triangle_by_slow_search(world):
+    """Every eighth pixel against every triangle of the scene."""
+    vertices, faces, _ = world.room.mesh()
+    corners = world.camera.to_camera(vertices)[faces]
+    rays = pixel_rays(world.intrinsics).reshape(*world.depth.shape, 3)[::8, ::8].reshape(-1, 3)
+    depth = np.min([plane_hits(triangle, rays) for triangle in corners], axis=0)
+    seen = world.empty_depth[::8, ::8].reshape(-1)
+    with np.errstate(invalid="ignore"):
+        same = (depth == seen) | (np.abs(depth - seen) <= 1e-5 * seen)
+    assert same.mean() > 0.995  # a ray along an edge may go either way
+
+
+def test_the_sky_is_infinitely_far_and_nothing_else():
+    world = build_world("slope" if "slope" in WORLDS else "stand", 0, SIZE)
+    sky = np.isinf(world.empty_depth)
+    assert world.room.walls is not None or sky.any()
+    assert np.isinf(world.points(people=False)[sky]).all()
+    assert not world.empty_normals[sky].any()
+    assert not (world.empty_floor_mask & sky).any()
+    assert not np.isinf(world.depth[world.masks.any(axis=0)]).any()
+    assert not np.isnan(world.points(people=True)).any()
+
+
+def test_normals_are_unit_and_face_the_camera(world):
     for normals, people in ((world.normals, True), (world.empty_normals, False)):
-        np.testing.assert_allclose(np.linalg.norm(normals, axis=2), 1, atol=1e-5)
-        assert ((normals * world.points(people=people)).sum(axis=2) <= 1e-5).all()
+        points = world.points(people=people)
+        seen = np.isfinite(points).all(axis=2)
+        np.testing.assert_allclose(np.linalg.norm(normals, axis=2), seen, atol=1e-5)
+        assert ((normals[seen] * points[seen]).sum(axis=1) <= 1e-4).all()
     np.testing.assert_allclose(
         world.normals[world.floor_mask], np.broadcast_to(world.floor.normal, (world.floor_mask.sum(), 3)), atol=1e-5
     )
 
 
-@pytest.mark.parametrize("name", WORLDS)
-def test_visible_keypoints_lie_on_their_person(name):
+def test_visible_keypoints_lie_on_their_person(world):
     import cv2
 
-    world = build_world(name)
     for skeleton in worlds.SKELETONS:
         for i, mask in enumerate(world.masks):
             near = cv2.dilate(mask.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
             u, v = world.keypoints[skeleton][i][world.visible[skeleton][i]].round().astype(int).T
             assert near[v, u].all()
-        assert world.visible[skeleton].mean() > 0.5
+        assert world.visible[skeleton].mean() > 0.2
     # Knees and wrists are the same points in both joint sets.
     coco, blazepose = world.keypoints["coco17"], world.keypoints["blazepose33"]
     np.testing.assert_allclose(coco[:, [9, 10, 13, 14]], blazepose[:, [15, 16, 25, 26]])
 
 
 def test_what_hides_a_joint(model):
-    sitter = build_world("sitting")
-    trunk = [model.joint_names.index(name) for name in ("pelvis", "spine1", "spine2", "spine3", "neck")]
+    sitter = build_world("sit_on_stool", 0, SIZE)
+    trunk = [model.joint_names.index(name) for name in ("spine2", "spine3", "neck")]
     assert sitter.joints_visible[:, trunk].all()  # covered by their own skin only
+
+
+@pytest.mark.skipif("stand_behind_counter" not in WORLDS, reason="not yet performed")
+def test_a_counter_hides_legs(model):
+    world = build_world("stand_behind_counter", 0, SIZE)
     feet = [model.joint_names.index(f"{side}_{name}") for side in ("left", "right") for name in ("ankle", "foot")]
-    assert sitter.joints_visible[:, feet].all()
-    front, behind = build_world("two_people").joints_visible[:, :22].sum(axis=1)
-    assert front > behind
+    assert not world.joints_visible[:, feet].any()
+    assert (world.whole_masks & ~world.masks).any() or not in_frame(
+        world.camera.to_room(world.joints[:, feet].astype(float)), Shot(world.camera, world.intrinsics, True)
+    ).any()
 
 
-@pytest.mark.parametrize("name", WORLDS)
-def test_people_are_whole_in_the_photo_and_boxes_hold_the_masks(name):
-    world = build_world(name)
-    assert not world.whole_masks[:, [0, -1]].any()
-    assert not world.whole_masks[:, :, [0, -1]].any()
-    for mask, box in zip(world.masks, world.boxes.astype(int), strict=True):
+def test_masks_part_the_people_and_boxes_hold_them(world):
+    assert world.masks.sum(axis=0).max() == 1
+    for mask, whole, box in zip(world.masks, world.whole_masks, world.boxes.astype(int), strict=True):
+        assert not (mask & ~whole).any()
+        assert mask.sum() > 0.2 * whole.sum()
         x0, y0, x1, y1 = box
         assert mask[y0:y1, x0:x1].sum() == mask.sum()
-        assert mask[y0].any()
-        assert mask[:, x1 - 1].any()
+        assert mask[[y0, y1 - 1]].any(axis=1).all()
+        assert mask[:, [x0, x1 - 1]].any(axis=0).all()
 
 
-def test_the_photo_shows_people_and_their_shadows():
-    world = build_world("standing")
+def test_people_are_whole_in_the_photo_where_the_action_is():
+    for name in ("stand", "sit_on_stool"):
+        whole = build_world(name, 0, SIZE).whole_masks
+        assert not whole[:, [0, -1]].any()
+        assert not whole[:, :, [0, -1]].any()
+
+
+def test_the_camera_stands_in_the_air_at_a_photographers_height(world):
+    assert world.room.signed_distance(world.camera.position[None])[0] > 0.25
+    assert 0.55 < world.camera.position @ np.array(world.room.ground.normal) < 2.25
+    field = 2 * np.degrees(np.arctan(world.intrinsics.width / 2 / world.intrinsics.fx))
+    assert 35 <= field <= 80
+    np.testing.assert_allclose(world.camera.rotation @ world.camera.rotation.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(world.camera.rotation) > 0
+    assert world.floor.offset == pytest.approx(world.camera.position @ np.array(world.room.ground.normal))
+
+
+def test_portraits_show_people_too():
+    world = build_world("stand", 0, (96, 144))
+    assert world.image.shape == (144, 96, 3)
+    field = 2 * np.degrees(np.arctan(144 / 2 / world.intrinsics.fy))
+    assert field <= 80 + 1e-6
+    assert world.masks.sum() > 0.02 * 96 * 144
+
+
+def test_the_size_of_the_photo_changes_nobody():
+    one, two = build_world("stand", 0, SIZE), build_world("stand", 0, (96, 144))
+    np.testing.assert_array_equal(one.parameters.body_pose, two.parameters.body_pose)
+    np.testing.assert_array_equal(one.parameters.betas, two.parameters.betas)
+
+
+def test_the_photo_shows_people_and_their_shadows(world):
     people = world.masks.any(axis=0)
     difference = np.abs(world.image.astype(int) - world.empty_image).max(axis=2)
-    assert (difference[people] > 3).mean() > 0.9
-    changed = (difference[~people] > 3).mean()
-    assert 0.001 < changed < 0.3
-    assert world.image.std() > 25
+    assert (difference[people] > 3).mean() > 0.85
+    assert (difference[~people] > 3).mean() < 0.4
+    assert world.image.std() > 20
+    assert 90 < world.image.mean() < 170
 
 
-def test_the_same_seed_builds_the_same_world_bit_for_bit():
-    one, two = (worlds._build.__wrapped__("sitting", 3, (160, 120)) for _ in range(2))
+def test_photos_carry_their_label(world):
+    assert labels.read(world.image) == labels.read(world.empty_image) == (world.name, world.seed)
+
+
+def test_the_same_seed_builds_the_same_world_bit_for_bit(monkeypatch):
+    monkeypatch.setenv(storage.SWITCH, "off")
+    one, two = (worlds._build("stand", 3, (64, 48)) for _ in range(2))
     for field in fields(one):
         a, b = getattr(one, field.name), getattr(two, field.name)
         if isinstance(a, np.ndarray):
             np.testing.assert_array_equal(a, b, err_msg=field.name)
-    other = build_world("sitting", 4, (160, 120))
+    assert one.room == two.room
+    other = build_world("stand", 4, (64, 48))
     assert (other.image != one.image).any()
-    assert one.image.shape == (120, 160, 3)
 
 
 def test_worlds_are_shared_and_read_only():
-    world = build_world("standing")
-    assert world is build_world("standing")
+    world = build_world("stand", 0, SIZE)
+    assert world is build_world("stand", 0, SIZE)
     for array in (world.image, world.keypoints["coco17"], world.parameters.transl, world.floor.normal):
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 0
 
 
+def test_benchmark_worlds_take_the_names_in_turn():
+    chosen = benchmark_worlds(200, 7)
+    assert chosen == benchmark_worlds(200, 7)
+    counts = Counter(name for name, _ in chosen)
+    assert set(counts) == set(WORLDS)
+    assert max(counts.values()) - min(counts.values()) <= 1
+    assert len({seed for _, seed in chosen}) == 200
+    assert not {seed for _, seed in chosen} & {seed for _, seed in benchmark_worlds(200, 8)}
+    assert benchmark_worlds(12, 7) == chosen[:12]
+
+
 def test_an_unknown_world_is_refused():
     with pytest.raises(InputError) as caught:
         build_world("flying")
-    assert str(caught.value) == "There is no world named 'flying': choose one of standing, sitting, two_people."
+    assert str(caught.value) == f"There is no world named 'flying': choose one of {', '.join(WORLDS)}."
+
+
+def test_a_photo_without_room_for_a_label_is_refused():
+    with pytest.raises(InputError) as caught:
+        build_world("stand", 0, (64, 20))
+    assert str(caught.value) == "A world needs a photo of at least 24 x 24 px, got 64 x 20 px."
