@@ -1,0 +1,76 @@
+"""Checks of a HandEstimator: radians, and the left hand first."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.testing.conformance.answering import CHECKS_OF_PEOPLE
+from physic_core.testing.conformance.expect import NotJudged, expect
+from physic_core.testing.conformance.rows import check_rows_follow_the_people
+from physic_core.testing.conformance.run import Check
+
+if TYPE_CHECKING:
+    from physic_core.testing.conformance.subject import Subject
+    from physic_core.testing.worlds import World
+    from physic_core.types import FloatArray
+
+__all__ = ["CHECKS", "finger_errors", "true_hands"]
+
+
+def true_hands(world: World) -> FloatArray:
+    """(N, 2, 15, 3) rotation vectors of a world's hands, left then right."""
+    truth = world.parameters
+    both: FloatArray = np.stack([truth.left_hand_pose, truth.right_hand_pose], axis=1).reshape(-1, 2, 15, 3)
+    return both
+
+
+def finger_errors(rotvecs: FloatArray, truth: FloatArray) -> FloatArray:
+    """Angles (...) in degrees between rotation vectors (..., 3)."""
+    from scipy.spatial.transform import Rotation
+
+    first, second = (Rotation.from_rotvec(r.reshape(-1, 3).astype(np.float64)) for r in (rotvecs, truth))
+    angles: FloatArray = np.degrees((first.inv() * second).magnitude()).reshape(rotvecs.shape[:-1])
+    return angles
+
+
+def check_angles_are_radians(subject: Subject) -> None:
+    """Rotation vectors are in radians: none is longer than a full turn."""
+    hands = _shown(subject)
+    longest = float(np.linalg.norm(hands, axis=-1).max())
+    expect(longest < 2 * np.pi + 0.01, "rotation vectors in radians, up to 6.28", f"{longest:.1f}")
+
+
+def check_left_comes_first(subject: Subject) -> None:
+    """Hand 0 is the person's left hand: fingers of the two sides bend about opposite axes."""
+    hands, truth = subject.answer("one person"), true_hands(subject.case("one person").truth)
+    shown = hands.confidence > 0
+    if not shown.any():
+        raise NotJudged("it finds no hand in the photo")
+    right = float(finger_errors(hands.rotvecs, truth)[shown].mean())
+    swapped = float(finger_errors(hands.rotvecs, truth[:, ::-1])[shown].mean())
+    expect(
+        swapped > 0.5 * right,
+        "the left hand first, then the right one",
+        f"{right:.0f} degrees off as they are, {swapped:.0f} with the sides exchanged",
+        "A network that only knows right hands is shown the mirrored left one: mirror its answer (x, -y, -z).",
+    )
+
+
+def _shown(subject: Subject) -> FloatArray:
+    hands = subject.answer()
+    shown: FloatArray = hands.rotvecs[hands.confidence > 0]
+    if not len(shown):
+        raise NotJudged("it finds no hand in the photo")
+    return shown
+
+
+_READ = "physic_core.types.Hands"
+CHECKS: tuple[Check, ...] = (
+    *CHECKS_OF_PEOPLE,
+    Check(check_angles_are_radians, _READ),
+    Check(check_left_comes_first, _READ, after=("angles_are_radians",)),
+    Check(check_rows_follow_the_people, _READ),
+)
+"""In the order in which they make sense."""

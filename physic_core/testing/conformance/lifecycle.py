@@ -1,0 +1,171 @@
+"""Checks of a backend's life: constructed cheaply and offline, loaded, closed, loaded again."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+from physic_core.errors import PhysicError
+from physic_core.testing.conformance.asking import difference
+from physic_core.testing.conformance.expect import NotJudged, NotMet, expect
+from physic_core.testing.conformance.guard import no_network, resident_megabytes
+from physic_core.testing.conformance.run import Check
+
+if TYPE_CHECKING:
+    from physic_core.testing.conformance.subject import Subject
+
+__all__ = ["AFTER", "BEFORE"]
+
+MOST_SECONDS, MOST_MEGABYTES = 0.25, 32.0
+"""Processor time and memory that a constructor may take."""
+
+
+def check_constructs_with_its_defaults(subject: Subject) -> None:
+    """The constructor takes its options and returns."""
+    try:
+        with no_network():
+            subject.construct()
+    except Exception as error:
+        raise NotMet("a backend from its options", f"{type(error).__name__}: {error}") from error
+
+
+def check_constructs_offline(subject: Subject) -> None:
+    """The constructor asks no network, not even a name server: downloads belong into load, if anywhere."""
+    with no_network() as asked:
+        try:
+            subject.construct()
+        except Exception as error:
+            if not asked:
+                raise NotJudged("see 'constructs_with_its_defaults'") from error
+    expect(
+        not asked,
+        "a constructor that uses no network",
+        f"it asks for {', '.join(dict.fromkeys(asked))}",
+        "Fetch weights in load(), or better in a command of your own.",
+    )
+
+
+def check_constructs_cheaply(subject: Subject) -> None:
+    """The constructor loads nothing: a config is checked by constructing every backend."""
+    best, memory, kept = float("inf"), float("inf"), []
+    for _ in range(3):  # The first one may import modules; what all of them take is the constructor's own.
+        before, start = resident_megabytes(), time.process_time()
+        with no_network():
+            kept.append(subject.construct())
+        best = min(best, time.process_time() - start)
+        memory = min(memory, resident_megabytes() - before)
+        if best < MOST_SECONDS and memory < MOST_MEGABYTES:
+            return
+    raise NotMet(
+        f"a constructor of less than {MOST_SECONDS} s of processor time and {MOST_MEGABYTES:.0f} MB",
+        f"{best:.2f} s and {memory:.0f} MB, each time",
+        "Read weights in load().",
+    )
+
+
+def check_loads_or_says_what_is_missing(subject: Subject) -> None:
+    """`load` works, or raises a PhysicError that says what is missing and what to do."""
+    if "needs_cuda" in subject.capabilities and subject.device == "cpu":
+        raise NotJudged("needs a GPU: give the device 'cuda'")
+    backend = _fresh(subject)
+    try:
+        backend.load(subject.device)
+    except PhysicError as error:
+        said = str(error)
+        expect(len(said.split()) >= 4, "a message that says what is missing and where to get it", repr(said))
+        raise NotJudged(f"not ready: {said}") from error
+    except Exception as error:
+        raise NotMet(
+            "load() to work, or a physic_core.errors.BackendError that says which file is missing and where to get it",
+            f"{type(error).__name__}: {error}",
+        ) from error
+    _quietly_closed(backend)
+
+
+def check_says_so_if_it_is_not_loaded(subject: Subject) -> None:
+    """`infer` before `load` works, or raises a PhysicError."""
+    subject.answer()
+    try:
+        subject.ask(_fresh(subject), subject.case("one person"))
+    except PhysicError:
+        return
+    except Exception as error:
+        raise NotMet(
+            "infer() before load() to work, or to raise a physic_core.errors.BackendError",
+            f"{type(error).__name__}: {error}",
+        ) from error
+
+
+def check_load_and_close_may_be_repeated(subject: Subject) -> None:
+    """`close` before `load`, `load` twice and `close` twice are allowed."""
+    subject.answer()
+    backend = _fresh(subject)
+    for i, (step, call) in enumerate(
+        (
+            ("close() before load()", backend.close),
+            ("load()", lambda: backend.load(subject.device)),
+            ("a second load()", lambda: backend.load(subject.device)),
+            ("close()", backend.close),
+            ("a second close()", backend.close),
+        )
+    ):
+        try:
+            call()
+        except Exception as error:
+            before = "" if i else ", on a fresh backend"
+            raise NotMet(f"{step} to do no harm{before}", f"{type(error).__name__}: {error}") from error
+
+
+def check_answers_again_after_close(subject: Subject) -> None:
+    """After `close` and another `load` it answers as before."""
+    first = subject.answer("odd size")
+    case = subject.case("odd size")
+    backend = _fresh(subject)
+    try:
+        backend.load(subject.device)
+        backend.close()
+        backend.load(subject.device)
+        again = subject.ask(backend, case)
+    except Exception as error:
+        raise NotMet("an answer after load(), close(), load()", f"{type(error).__name__}: {error}") from error
+    finally:
+        _quietly_closed(backend)
+    if "stochastic" not in subject.capabilities:
+        told = difference(first, again)
+        expect(not told, "the same answer after load(), close(), load()", told)
+
+
+def _fresh(subject: Subject) -> Any:
+    try:
+        return subject.construct()
+    except Exception as error:
+        raise NotJudged("it cannot be constructed: see 'constructs_with_its_defaults'") from error
+
+
+def _quietly_closed(backend: Any) -> None:
+    try:
+        backend.close()
+    except Exception:
+        return  # 'load_and_close_may_be_repeated' says it
+
+
+_BACKEND = "physic_core.interfaces.Backend"
+_CONSTRUCTED = ("constructs_with_its_defaults",)
+BEFORE: tuple[Check, ...] = (
+    Check(check_constructs_offline, _BACKEND, after=("options_have_defaults",)),
+    Check(check_constructs_with_its_defaults, _BACKEND, after=("options_have_defaults", "constructs_offline")),
+    Check(check_constructs_cheaply, _BACKEND, after=_CONSTRUCTED),
+    Check(check_loads_or_says_what_is_missing, _BACKEND, after=_CONSTRUCTED),
+)
+"""Before a backend is asked anything."""
+
+AFTER: tuple[Check, ...] = (
+    Check(check_says_so_if_it_is_not_loaded, _BACKEND),
+    Check(check_load_and_close_may_be_repeated, _BACKEND),
+    Check(
+        check_answers_again_after_close,
+        _BACKEND,
+        after=("load_and_close_may_be_repeated", "answers_the_same_again", "keeps_nothing_between_photos"),
+    ),
+)
+"""Once it has answered."""
