@@ -72,17 +72,15 @@ def look(problem: JointProblem, settings: JointSettings, fixed: Fixed, output: B
     in_image = inside_image(uv, *masks.shape[-2:]) & (vertices[..., 2] > 0)
     in_mask = in_image & _around(uv, masks, fixed.person_px * settings.mask_tolerance).any(0)
     limbs = limb_parts(model.part_names)
-    shadows = [
-        self_occlusion(v, model.faces, model.part_of_vertex, limbs, settings.self_occlusion_share) for v in vertices
-    ]
-    occluded = ~in_mask | torch.stack([shadow.vertices for shadow in shadows])
+    shadow = self_occlusion(vertices, model.faces, model.part_of_vertex, limbs, settings.self_occlusion_share)
+    occluded = ~in_mask | shadow.vertices
 
     normals = vertex_normals(vertices, model.faces)
     toward = facing(normals, vertices, settings.facing_deg)
     in_play = fixed.seen_part & in_image[:, ids]
     log_seen, known = _sample(fixed.log_depth, uv[:, ids])
     well_inside = _around(uv[:, ids], masks, fixed.person_px * _EDGE_SHARE).all(0)
-    first = ~torch.stack([shadow.hidden for shadow in shadows])[:, ids]
+    first = ~shadow.hidden[:, ids]
     shown = toward[:, ids] & first
     # Seen at a slant, a surface fills fewer pixels: weigh by what it fills.
     slope = -(normals * torch.nn.functional.normalize(vertices, dim=-1)).sum(-1)[:, ids]

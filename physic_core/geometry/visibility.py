@@ -5,16 +5,20 @@ Camera frame (x right, y down, z forward), metres; the camera is the origin. Pix
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
 import torch.nn.functional as F
 
+from physic_core.geometry.raster import hidden_by_raster
+
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
     from torch import Tensor
 
 __all__ = [
@@ -110,54 +114,75 @@ def behind_others(uv: Tensor, masks: Tensor) -> Tensor:
     Returns:
         (B, V) bool.
     """
-    owners = masks.sum(0)
-    others = (owners[None] - masks.to(owners.dtype)) > 0
-    return inside_mask(uv, others) & ~inside_mask(uv, masks)
+    if len(masks) == 1:
+        return torch.zeros(uv.shape[:-1], dtype=torch.bool, device=uv.device)
+    owned = torch.stack([inside_mask(uv, mask.expand_as(masks)) for mask in masks])  # (owner, B, V)
+    mine = torch.eye(len(masks), dtype=torch.bool, device=uv.device)[..., None]
+    return (owned & ~mine).any(0) & ~(owned & mine).any(0)
 
 
 def hidden_from_camera(vertices: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
-    """Which vertices lie behind another face of their own mesh, by one ray each (embree).
+    """Which vertices lie behind another face of their own mesh: by one ray each (embree), on CUDA by the pixel.
 
     Args:
-        vertices: (V, 3) metres, camera frame.
-        faces: (F, 3) int64.
+        vertices: (..., V, 3) metres, camera frame.
+        faces: (F, 3) int64, of a closed surface, counter-clockwise seen from outside.
 
     Returns:
-        hidden: (V,) bool.
-        face: (V,) int64, the face that the camera sees in front of a hidden vertex; -1 for the others.
+        hidden: (..., V) bool.
+        face: (..., V) int64, the face that the camera sees in front of a hidden vertex; -1 for the others.
     """
-    from trimesh import Trimesh
-    from trimesh.ray.ray_pyembree import RayMeshIntersector
+    shape = vertices.shape[:-1]
+    bodies = vertices.detach().reshape(-1, *vertices.shape[-2:])
+    if vertices.is_cuda:
+        hidden, face = hidden_by_raster(bodies, faces)
+        return hidden.reshape(shape), face.reshape(shape)
+    triangles = faces.cpu().numpy().astype(np.int32)
+    pairs = [_cast(body.cpu().double().numpy(), triangles) for body in bodies]
+    hidden, face = (torch.from_numpy(np.stack(part)).to(vertices.device) for part in zip(*pairs, strict=True))
+    return hidden.reshape(shape), face.reshape(shape)
 
-    points = vertices.detach().cpu().double().numpy()
-    triangles = faces.cpu().numpy()
+
+def _cast(points: NDArray[np.float64], triangles: NDArray[np.int32]) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
     distance = np.linalg.norm(points, axis=1)
     rays = points / np.maximum(distance, 1e-9)[:, None]
-    caster = RayMeshIntersector(Trimesh(points, triangles, process=False))
-    hit = caster.intersects_first(np.zeros_like(points), rays)
-    corners = triangles[np.maximum(hit, 0)]
-    a, b, c = points[corners[:, 0]], points[corners[:, 1]], points[corners[:, 2]]
-    normal = np.cross(b - a, c - a)
-    along = (normal * rays).sum(1)
-    nearer = np.divide((normal * a).sum(1), along, out=np.full(len(points), np.inf), where=np.abs(along) > 1e-12)
-    own = (corners == np.arange(len(points))[:, None]).any(1)
+    # Of a closed surface the camera sees only faces that turn to it: the others need no place in the tree of boxes.
+    start = points[triangles[:, 0]]
+    normals = np.cross(points[triangles[:, 1]] - start, points[triangles[:, 2]] - start)
+    front = np.flatnonzero((normals * start).sum(1) < 0)
+    scene = EmbreeScene(_embree())
+    TriangleMesh(scene, points.astype(np.float32), triangles[front])
+    hit = scene.run(np.zeros(points.shape, np.float32), rays.astype(np.float32))
+    face = front[np.maximum(hit, 0)] if len(front) else np.zeros(len(points), np.int64)
+    # In float64, on the plane of the face: embree's own distances are float32.
+    along = (normals[face] * rays).sum(1)
+    reach = (normals[face] * start[face]).sum(1)
+    nearer = np.divide(reach, along, out=np.full(len(points), np.inf), where=np.abs(along) > 1e-12)
+    own = (triangles[face] == np.arange(len(points))[:, None]).any(1)
     hidden = (hit >= 0) & ~own & (nearer < distance - _BEHIND_M)
-    device = vertices.device
-    return (
-        torch.from_numpy(hidden).to(device),
-        torch.from_numpy(np.where(hidden, hit, -1).astype(np.int64)).to(device),
-    )
+    return hidden, np.where(hidden, face, -1).astype(np.int64)
+
+
+@functools.cache
+def _embree() -> Any:
+    """Embree's workers, which take longer to start than a body takes to search."""
+    from embreex.rtcore import EmbreeDevice
+
+    return EmbreeDevice()
 
 
 @dataclass(frozen=True)
 class SelfOcclusion:
-    """What one person hides of themselves.
+    """What people hide of themselves, with the leading dimensions of their vertices.
 
     Attributes:
-        hidden: (V,) bool, behind any face of the own body, of the same part too.
-        by_other_part: (V,) bool, behind a face of another part.
-        parts: (P,) bool, parts that count as occluded.
-        vertices: (V,) bool, all vertices of those parts.
+        hidden: (..., V) bool, behind any face of the own body, of the same part too.
+        by_other_part: (..., V) bool, behind a face of another part.
+        parts: (..., P) bool, parts that count as occluded.
+        vertices: (..., V) bool, all vertices of those parts.
     """
 
     hidden: Tensor
@@ -172,8 +197,8 @@ def self_occlusion(
     """Body parts that other parts hide from the camera (paper sec. 3.3: 30 % of a part's vertices).
 
     Args:
-        vertices: (V, 3) metres, camera frame.
-        faces: (F, 3) int64.
+        vertices: (..., V, 3) metres, camera frame.
+        faces: (F, 3) int64, of a closed surface.
         part_of_vertex: (V,) int64.
         parts: those that can become occluded; the paper and its code take the limbs, not trunk and head.
         share: of a part's vertices that must be hidden by other parts.
@@ -183,11 +208,11 @@ def self_occlusion(
     by_other = hidden & (in_front != part_of_vertex)
     count = max(int(part_of_vertex.max()) + 1, max(parts, default=-1) + 1)
     total = torch.bincount(part_of_vertex, minlength=count)
-    lost = torch.bincount(part_of_vertex[by_other], minlength=count)
+    lost = total.new_zeros(*by_other.shape[:-1], count).index_add(-1, part_of_vertex, by_other.to(total.dtype))
     eligible = torch.zeros(count, dtype=torch.bool, device=vertices.device)
     eligible[list(parts)] = True
     occluded = eligible & (lost >= share * total) & (total > 0)
-    return SelfOcclusion(hidden, by_other, occluded, occluded[part_of_vertex])
+    return SelfOcclusion(hidden, by_other, occluded, occluded[..., part_of_vertex])
 
 
 def depth_order_violations(

@@ -120,6 +120,16 @@ def test_rays_equal_a_plain_ray_caster(offset):
     assert ((face >= 0) == hidden).all()
 
 
+def test_people_are_cast_one_by_one():
+    vertices, faces, part = two_spheres([0.013, 0.021, 2.0], [0.25, 0.05, 3.0])
+    batch = torch.stack([vertices, vertices + torch.tensor([0.4, 0.0, 1.0])])
+    together = self_occlusion(batch, faces, part, parts=[0, 1])
+    for i, body in enumerate(batch):
+        alone = self_occlusion(body, faces, part, parts=[0, 1])
+        for name in ("hidden", "by_other_part", "parts", "vertices"):
+            assert torch.equal(getattr(together, name)[i], getattr(alone, name)), name
+
+
 def test_a_part_behind_another_is_occluded_from_thirty_percent_on():
     vertices, faces, part = two_spheres([0.0, 0.0, 2.0], [0.0, 0.0, 3.0])
     whole = self_occlusion(vertices, faces, part, parts=[0, 1])
