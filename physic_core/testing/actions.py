@@ -22,7 +22,20 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import FloatArray
 
-__all__ = ["SOLO", "Person", "draw_person", "turned"]
+__all__ = [
+    "SOLO",
+    "Person",
+    "draw_person",
+    "measured",
+    "sit_on_bench",
+    "sit_on_sofa",
+    "sit_on_steps",
+    "stand",
+    "stand_on_steps",
+    "steps_outside",
+    "turned",
+    "walk",
+]
 
 _SIDES = ("left", "right")
 
@@ -360,6 +373,17 @@ def sit_on_sofa(person: Person, rng: np.random.Generator, x: float = 0.0, sofa: 
     return Plan("sit_on_sofa", posture.pose, person.betas, pelvis, blocks, touches, drift=0.05)
 
 
+def sit_on_bench(person: Person, rng: np.random.Generator, x: float, bench: tuple[Block, ...]) -> Plan:
+    """At ``x`` along a bench, upright or bent forward."""
+    seat = bench[-1].centre[1] + bench[-1].half[1]
+    posture = Posture((rng.uniform(-3, 10), 0, 0)).trunk(rng.uniform(4, 18), rng.uniform(-8, 8), rng.uniform(-3, 3))
+    touches = _seated_legs(posture, person, rng, seat)
+    _look(posture, rng)
+    touches += _sitting_arms(posture, rng)
+    pelvis = (x, seat + person.seat + 0.02, float(max(rng.uniform(-0.06, 0.0), _knees_free(person, bench[-1].half[2]))))
+    return Plan("sit_on_bench", posture.pose, person.betas, pelvis, bench, touches, drift=0.04)
+
+
 def sit_on_floor(person: Person, rng: np.random.Generator) -> Plan:
     """Legs forward with the hands behind, knees drawn up, or cross-legged."""
     kind = str(rng.choice(["long", "knees", "crossed"]))
@@ -414,9 +438,10 @@ def lie(person: Person, rng: np.random.Generator) -> Plan:
     if place != "bed" and (on_side or rng.random() < 0.6 or place == "sofa"):
         pillow = float(rng.uniform(0.05, 0.08)) + (0.05 if on_side else 0.0)
     plan = _lie_on_side(person, rng, pillow) if on_side else _lie_on_back(person, rng, pillow)
-    head = person.stature * 0.40  # from the pelvis to the middle of the head, along the ground
+    # From the pelvis to the middle of the head; somebody who lies on a side is curled up.
+    head, front = (0.37 * person.stature, 0.0) if on_side else (0.40 * person.stature, 0.0)
     if place != "bed" and pillow:
-        cushion = Block((0.0, level + pillow / 2, -head), (0.24, pillow / 2, 0.17), material="fabric")
+        cushion = Block((front, level + pillow / 2, -head), (0.26, pillow / 2, 0.18), material="fabric")
         blocks = (*blocks, cushion)
     if place == "sofa":
         carried = turned(plan, (0.0, 0.04), -np.pi / 2, level)
@@ -425,7 +450,7 @@ def lie(person: Person, rng: np.random.Generator) -> Plan:
         cushion = replace(blocks[-1], centre=(head + shift, blocks[-1].centre[1], 0.04))
         x, y, z = carried.pelvis
         return replace(carried, pelvis=(x + shift, y, z), blocks=(*blocks[:-1], cushion))
-    moved = 0.0 if place == "floor" else -blocks[0].half[2] + 0.10 + person.stature * 0.48
+    moved = 0.0 if place == "floor" else -blocks[0].half[2] + 0.22 + head
     shifted = turned(plan, (0.0, moved), 0.0, level)
     return replace(shifted, blocks=blocks)
 
@@ -462,12 +487,12 @@ def _lie_on_side(person: Person, rng: np.random.Generator, pillow: float) -> Pla
     # First onto the back, head to -z, then rolled onto the side about the body's length.
     posture = Posture((0, 0, -sign * 84), (-90, 0, 0))
     frame = Posture((-90, 0, 0)).trunk(rng.uniform(8, 22))
-    frame.leg(down, 90 + rng.uniform(15, 35), rng.uniform(25, 60))
-    frame.leg(up, 90 + rng.uniform(35, 60), rng.uniform(55, 85))
+    frame.leg(down, 90 + rng.uniform(10, 30), rng.uniform(25, 55))
+    frame.leg(up, 90 + rng.uniform(35, 55), rng.uniform(60, 85), spread=-rng.uniform(8, 16))
     for side in _SIDES:
         frame.ankle(side, point=rng.uniform(10, 25))
     frame.arm(down, (0.15, 1, -0.25), (0.05, 0.75, -1), (-1, 0, 0))
-    frame.arm(up, (-0.12, 0.8, 0.6), (-0.30, 0.65, -0.25), (0, -0.3, -1))
+    frame.arm(up, (-0.45, 0.75, 0.45), (-1, 0.55, -0.25), (-1, -0.2, 0))
     for side in _SIDES:
         frame.fingers(side, 12, rng)
     frame.head(rng.uniform(5, 15), 0, -sign * (8 - 60 * pillow))
@@ -479,10 +504,12 @@ def _lie_on_side(person: Person, rng: np.random.Generator, pillow: float) -> Pla
         Touch(f"{down}_leg_side", 0.15),
         Touch(f"{down}_shoulder", 0.08),
         Touch(f"{down}_temple", 0.06),
-        Touch(f"{up}_knee", 0.06, on="scene"),
-    )[:4]
+        Touch(f"{up}_palm", 0.08),
+        Touch(f"{up}_knee", 0.06, on="self", target=f"{down}_lap"),
+    )
     height = 0.17 * person.stature / 1.7
-    return Plan("lie", pose, person.betas, (0.0, height, 0.0), touches=touches, drift=0.05)
+    # The head comes forward of the pelvis, and shall be over the middle of the pillow.
+    return Plan("lie", pose, person.betas, (-sign * 0.06, height, 0.0), touches=touches, drift=0.05)
 
 
 # ---- leaning -------------------------------------------------------------------------------------------------------
@@ -557,6 +584,137 @@ def lean_on_table(person: Person, rng: np.random.Generator) -> Plan:
     return Plan("lean_on_table", posture.pose, person.betas, pelvis, blocks, tuple(touches), tuple(reaches))
 
 
+# ---- steps and slopes ----------------------------------------------------------------------------------------------
+
+
+def climb_step(person: Person, rng: np.random.Generator) -> Plan:
+    """One foot on a step of a staircase that rises before them, the other on the floor."""
+    blocks = furniture.stairs(rng, (0.0, 0.0), steps=int(rng.integers(2, 5)))
+    rise = 2 * blocks[0].half[1]
+    going = 2 * (blocks[1].centre[2] - blocks[0].centre[2])
+    step = 2 if rng.random() < 0.4 and person.stature > 1.55 else 1
+    lead = str(rng.choice(_SIDES))
+    rear = "right" if lead == "left" else "left"
+    sign = 1.0 if lead == "left" else -1.0
+    posture = Posture((rng.uniform(4, 9), 0, 0)).trunk(rng.uniform(2, 10), sign * rng.uniform(-6, 0))
+    flex = 38 + 24 * step + rng.uniform(-4, 4)
+    posture.leg(lead, flex, flex * 1.1, spread=2).foot(lead, out=rng.uniform(2, 8))
+    posture.leg(rear, rng.uniform(-8, -2), rng.uniform(4, 12), apart=2).foot(rear, out=rng.uniform(2, 10))
+    posture.head(rng.uniform(2, 22), rng.uniform(-15, 15))
+    for side, ahead in ((lead, -1), (rear, 1)):
+        swing = ahead * rng.uniform(0.15, 0.4)
+        posture.arm(side, (0.22, -1, swing), (0.0, -1, swing + rng.uniform(0.3, 0.9)), (-1, 0, 0))
+        posture.fingers(side, rng.uniform(12, 30), rng)
+    tread = going * (step - 0.5) + rng.uniform(-0.02, 0.05)
+    size = person.stature / 1.7
+    reaches = (
+        Reach(f"{lead}_sole", (sign * 0.09 * size, rise * step, float(tread)), 0.04),
+        Reach(f"{rear}_sole", (-sign * 0.09 * size, 0.0, float(-0.15 * size - rng.uniform(0.0, 0.08))), 0.04),
+    )
+    touches = (Touch(f"{lead}_sole", 0.45, blocks=(step - 1,)), Touch(f"{rear}_sole", 0.55, blocks=()))
+    pelvis = (0.0, person.leg - 0.02, -0.10 * size)
+    return Plan("climb_step", posture.pose, person.betas, pelvis, blocks, touches, reaches, balanced=True)
+
+
+def steps_outside(rng: np.random.Generator) -> tuple[Block, ...]:
+    """Wide steps of stone that rise towards -z; the front edge of the lowest is at the origin."""
+    rise, going = float(rng.uniform(0.14, 0.17)), float(rng.uniform(0.32, 0.38))
+    return furniture.stairs(rng, yaw=np.pi, steps=5, rise=rise, going=going, width=3.2, material="stone")
+
+
+def sit_on_steps(person: Person, rng: np.random.Generator, blocks: tuple[Block, ...], x: float) -> Plan:
+    """On the third step at ``x``, feet two steps lower, forearms towards the knees."""
+    rise = 2 * blocks[0].half[1]
+    going = 2 * abs(blocks[1].centre[2] - blocks[0].centre[2])
+    seat, edge = 3 * rise, -2 * going
+    posture = Posture((rng.uniform(-4, 8), 0, 0)).trunk(rng.uniform(10, 24), rng.uniform(-6, 6))
+    spread = rng.uniform(5, 14)
+    touches = [Touch("gluteus", 0.2, blocks=(2,))]
+    reaches = []
+    sole = 0.5 * going * rng.uniform(0.9, 1.2)
+    for side, sign in zip(_SIDES, (1, -1), strict=True):
+        posture.leg(side, 98 + rng.uniform(-3, 3), 92, spread=spread).foot(side, out=spread)
+        touches.append(Touch(f"{side}_sole", 0.45, blocks=(0,)))
+        reaches.append(Reach(f"{side}_sole", (x + sign * 0.14, rise, float(-going + sole)), 0.05))
+        posture.arm(side, (0.25, -1, 0.6), (-0.3, -0.35, 1), (-0.7, -0.7, 0)).fingers(side, 18, rng)
+    _look(posture, rng, nod=-8)
+    pelvis = (x, seat + person.seat + 0.01, edge - 0.10)
+    return Plan("sit_on_steps", posture.pose, person.betas, pelvis, blocks, tuple(touches), tuple(reaches))
+
+
+def stand_on_steps(person: Person, rng: np.random.Generator, blocks: tuple[Block, ...], x: float, step: int) -> Plan:
+    """Both feet on one tread, 0 for the ground before the steps."""
+    going = 2 * abs(blocks[1].centre[2] - blocks[0].centre[2])
+    plan = stand(person, rng)
+    z = 0.35 if step == 0 else -(step - 0.5) * going
+    lift = 2 * blocks[0].half[1] * step
+    plan = turned(plan, (x, z - 0.03 * person.stature / 1.7), float(np.radians(rng.uniform(-8, 8))), lift)
+    touches = tuple(replace(touch, share=0.45, blocks=(step - 1,) if step else ()) for touch in plan.touches)
+    return replace(plan, action="stand", blocks=blocks, touches=touches, drift=0.05)
+
+
+# ---- behind things -------------------------------------------------------------------------------------------------
+
+
+def sit_behind_table(person: Person, rng: np.random.Generator) -> Plan:
+    """On a chair at a table whose front hides the legs; forearms or hands on its top."""
+    plan = sit_on_chair(person, rng)
+    depth = float(rng.uniform(0.6, 0.8))
+    seat = plan.blocks[4].centre[1] + plan.blocks[4].half[1]
+    height = max(seat + 0.27, float(rng.uniform(0.71, 0.77)))
+    edge = plan.pelvis[2] + person.behind + rng.uniform(0.05, 0.10)
+    panel = rng.random() < 0.75
+    desk = furniture.table(rng, (0.0, float(edge) + depth / 2), depth=depth, height=height, panel=bool(panel))
+    top = len(plan.blocks)
+    size = person.stature / 1.7
+    posture = Posture((rng.uniform(0, 8), 0, 0)).trunk(rng.uniform(6, 18), rng.uniform(-5, 5))
+    touches = list(_seated_legs(posture, person, rng, seat))
+    _look(posture, rng)
+    reaches = []
+    for side, sign in zip(_SIDES, (1, -1), strict=True):
+        if rng.random() < 0.8:
+            posture.arm(side, (0.30, -1, 0.62), (rng.uniform(-0.45, -0.1), 0.04, 1), (0, -1, 0)).fingers(side, 8, rng)
+            touches += [Touch(f"{side}_palm", 0.2, blocks=(top,)), Touch(f"{side}_forearm", 0.12, blocks=(top,))]
+            reaches.append(Reach(f"{side}_palm", (sign * 0.16 * size, height, float(edge) + 0.20 * size), 0.08))
+        else:
+            posture.arm(side, (0.35, -0.9, 0.55), (-0.1, 0.9, 0.6), (-0.5, 0, 1)).fingers(side, 20, rng)
+    return replace(
+        plan,
+        action="sit_behind_table",
+        pose=posture.pose,
+        blocks=(*plan.blocks, *desk),
+        touches=tuple(touches),
+        reaches=tuple(reaches),
+    )
+
+
+def stand_behind_counter(person: Person, rng: np.random.Generator) -> Plan:
+    """On both feet behind a closed counter, a hand or both on its top."""
+    posture = Posture((rng.uniform(2, 8), 0, 0)).trunk(rng.uniform(2, 12), rng.uniform(-6, 6))
+    _upright_legs(posture, rng)
+    _look(posture, rng, nod=8)
+    size = person.stature / 1.7
+    height = float(np.clip(person.leg + 0.08 * size + rng.uniform(-0.06, 0.06), 0.70, 1.08))
+    edge = person.behind + rng.uniform(0.04, 0.10)
+    depth = float(rng.uniform(0.45, 0.65))
+    blocks = furniture.counter(rng, (0.0, float(edge) + depth / 2), depth=depth, height=height)
+    hands = _SIDES if rng.random() < 0.6 else (str(rng.choice(_SIDES)),)
+    touches, reaches = [*_soles()], []
+    for side, sign in zip(_SIDES, (1, -1), strict=True):
+        if side in hands:
+            drop = float(np.clip((person.leg + person.shoulder - height) / person.arm, 0.3, 0.95))
+            posture.arm(side, (0.42, -1, 0.1 - 0.3 * (1 - drop)), (-0.05, -0.75 * drop, 0.9), (0, -1, 0), wrist=25)
+            posture.fingers(side, 4, rng)
+            touches.append(Touch(f"{side}_palm", 0.3, blocks=(0,)))
+            reaches.append(Reach(f"{side}_palm", (sign * 0.24 * size, height, float(edge) + 0.12 * size), 0.08))
+        else:
+            _gesture(posture, side, rng)
+    pelvis = (0.0, person.leg - 0.005, 0.0)
+    return Plan(
+        "stand_behind_counter", posture.pose, person.betas, pelvis, blocks, tuple(touches), tuple(reaches), drift=0.05
+    )
+
+
 SOLO: dict[str, Callable[[Person, np.random.Generator], Plan]] = {
     "stand": stand,
     "walk": walk,
@@ -569,5 +727,8 @@ SOLO: dict[str, Callable[[Person, np.random.Generator], Plan]] = {
     "lean_on_table": lean_on_table,
     "kneel": kneel,
     "squat": squat,
+    "climb_step": climb_step,
+    "sit_behind_table": sit_behind_table,
+    "stand_behind_counter": stand_behind_counter,
 }
 """Actions of one person alone."""

@@ -14,9 +14,11 @@ import numpy as np
 import torch
 
 from physic_core.errors import InputError
+from physic_core.testing import company
 from physic_core.testing.actions import SOLO, draw_person, turned
-from physic_core.testing.settling import Neighbour, Plan, Settled, pose_body, settle
-from physic_core.testing.solids import FLAT, Block, Ground
+from physic_core.testing.company import Cast
+from physic_core.testing.settling import Plan, Settled, settle
+from physic_core.testing.solids import FLAT, GROUND_MATERIALS, Block, Ground
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
@@ -121,25 +123,52 @@ def _actor(plan: Plan, settled: Settled) -> Actor:
     return Actor(settled.pose, plan.betas, settled.transl, settled.residual, plan.action)
 
 
-def _neighbour(model: BodyModel, plan: Plan, settled: Settled) -> Neighbour:
-    return Neighbour(pose_body(model, settled.pose, plan.betas, settled.transl)[0])
-
-
-def _alone(action: str, turn: float, azimuth: tuple[float, float]) -> Callable[[BodyModel, np.random.Generator], _Draw]:
-    """One person who does one thing, turned by up to so many degrees."""
+def _alone(
+    action: str, turn: float, azimuth: tuple[float, float], fills: str = "whole", outdoors: float = 0.0
+) -> Callable[[BodyModel, np.random.Generator], _Draw]:
+    """One person who does one thing, turned by up to so many degrees, sometimes in the open."""
 
     def draw(model: BodyModel, rng: np.random.Generator) -> _Draw:
         plan = SOLO[action](draw_person(model, rng), rng)
         plan = turned(plan, (0.0, 0.0), float(np.radians(rng.uniform(-turn, turn))))
         settled = settle(model, plan)
-        return _Draw(Performance((_actor(plan, settled),), plan.blocks, azimuth=azimuth), _badness([settled]))
+        outside = bool(rng.random() < outdoors)
+        ground = Ground(material=str(rng.choice(GROUND_MATERIALS[1:]))) if outside else FLAT
+        shown = Performance((_actor(plan, settled),), plan.blocks, ground, outside, azimuth, fills)
+        return _Draw(shown, _badness([settled]))
+
+    return draw
+
+
+def _climb(model: BodyModel, rng: np.random.Generator) -> _Draw:
+    """From one side, so that the staircase hides no foot."""
+    azimuth = (35.0, 150.0) if rng.random() < 0.5 else (-150.0, -35.0)
+    return _alone("climb_step", 10, azimuth)(model, rng)
+
+
+def _together(
+    cast: Callable[[BodyModel, np.random.Generator], Cast],
+    azimuth: tuple[float, float],
+    *,
+    outdoors: float = 0.0,
+) -> Callable[[BodyModel, np.random.Generator], _Draw]:
+    """People who are settled together; in the open with a probability, which draws the ground of a level floor."""
+
+    def draw(model: BodyModel, rng: np.random.Generator) -> _Draw:
+        made = cast(model, rng)
+        outside = bool(rng.random() < outdoors)
+        ground = made.ground
+        if outside and ground == FLAT:
+            ground = Ground(material=str(rng.choice(GROUND_MATERIALS[1:])))
+        actors = tuple(_actor(plan, settled) for plan, settled in zip(made.plans, made.settled, strict=True))
+        return _Draw(Performance(actors, made.blocks, ground, outside, azimuth), _badness(made.settled))
 
     return draw
 
 
 ACTIONS: dict[str, Callable[[BodyModel, np.random.Generator], _Draw]] = {
-    "stand": _alone("stand", 40, (-180, 180)),
-    "walk": _alone("walk", 60, (-180, 180)),
+    "stand": _alone("stand", 40, (-180, 180), outdoors=0.4),
+    "walk": _alone("walk", 60, (-180, 180), outdoors=0.5),
     "sit_on_chair": _alone("sit_on_chair", 30, (-100, 100)),
     "sit_on_sofa": _alone("sit_on_sofa", 15, (-60, 60)),
     "sit_on_stool": _alone("sit_on_stool", 40, (-150, 150)),
@@ -148,6 +177,14 @@ ACTIONS: dict[str, Callable[[BodyModel, np.random.Generator], _Draw]] = {
     "lean_on_wall": _alone("lean_on_wall", 10, (-70, 70)),
     "lean_on_table": _alone("lean_on_table", 30, (-120, 120)),
     "kneel": _alone("kneel", 40, (-150, 150)),
-    "squat": _alone("squat", 40, (-150, 150)),
+    "squat": _alone("squat", 40, (-150, 150), outdoors=0.3),
+    "climb_step": _climb,
+    "sit_behind_table": _alone("sit_behind_table", 0, (-30, 30), fills="upper"),
+    "stand_behind_counter": _alone("stand_behind_counter", 0, (-40, 40), fills="upper"),
+    "hug": _together(company.hug, (-180, 180), outdoors=0.4),
+    "sit_side_by_side": _together(company.sit_side_by_side, (-50, 50)),
+    "group": _together(company.group, (-35, 35)),
+    "slope": _together(company.on_slope, (-180, 180), outdoors=1.0),
+    "outdoor_steps": _together(company.outdoor_steps, (-60, 60), outdoors=1.0),
 }
 """Name -> its draw."""
