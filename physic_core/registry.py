@@ -217,16 +217,21 @@ class Registry:
         names = self.names(interface)
         owners = [c.origin.distribution for c in self if c.record.interface == interface and c.record.name == bare]
         says = [f"no {interface} named '{name}'; installed: {', '.join(names) or 'none'}"]
+        restricted = self.restriction is not None
+        if restricted:
+            # First, since what the rest advises may be done already and hidden by this.
+            says.append(f"PHYSIC_PLUGINS='{self.restriction}' hides every other plugin: unset it, or add to it")
         if asked and owners:
             says.append(f"'{bare}' comes from {' and '.join(owners)}")
         elif close := get_close_matches(bare, names, n=1):
             says.append(f"Did you mean '{close[0]}'?")
         elif known := distribution_for(interface, bare):
-            says.append(f"'{bare}' comes with {known}: pip install {known}")
+            cure = (
+                f"add {known} to it, if need be after `pip install {known}`" if restricted else f"pip install {known}"
+            )
+            says.append(f"'{bare}' comes with {known}: {cure}")
         if self.broken:
             says.append(f"Broken plugins: {', '.join(map(str, self.broken))}")
-        if self.restriction is not None:
-            says.append(f"PHYSIC_PLUGINS='{self.restriction}' hides every other plugin")
         return ". ".join(says).replace("?.", "?")
 
     def _not_found(self, interface: str, name: str) -> BackendNotFoundError:

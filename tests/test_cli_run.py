@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import cv2
@@ -154,3 +160,50 @@ def test_the_document_states_every_stage_loss_backend_and_person(world: World):
     for losses in (told["joint"]["losses"], told["people"][0]["placement_losses"]):
         assert losses
         assert all(set(term) == {"start", "end"} for term in losses.values())
+
+
+# ---- what is broken off ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals are POSIX's")
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, -signal.SIGTERM), (signal.SIGINT, 1)])
+def test_a_run_that_is_broken_off_leaves_nothing(world: World, number: int, code: int):
+    Image.fromarray(world.image).save("a.png")
+    Path("sleeper.py").write_text(
+        "import pathlib, time\n"
+        "from physic_core.interfaces import Segmenter\n"
+        "class Sleeper(Segmenter):\n"
+        "    def infer(self, image):\n"
+        "        pathlib.Path('asleep').touch()\n"
+        "        time.sleep(600)\n"
+    )
+    command = [sys.executable, "-c", "from physic_core.cli import main; main()", "run", "a.png", "--preset", "mock"]
+    command += ["--set", "segmenter.backend=sleeper:Sleeper", "-o", "new/out"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    try:
+        while not Path("asleep").exists():
+            assert process.poll() is None, process.communicate()
+            time.sleep(0.02)
+        assert Path("new/out").is_dir()
+        process.send_signal(number)
+        process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == code
+    assert sorted(path.name for path in Path().iterdir() if path.name != "__pycache__") == [
+        "a.png",
+        "asleep",
+        "sleeper.py",
+    ]
+
+
+def test_a_run_in_a_thread_leaves_the_signals_alone():
+    with ThreadPoolExecutor(1) as pool:
+        done = pool.submit(run, "missing.png").result()
+    assert done.stderr == "Error: cannot read the photo missing.png: there is no such file; check the path\n"
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+def test_a_run_gives_the_signals_back():
+    assert run("missing.png").exit_code == 1
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL

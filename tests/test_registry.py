@@ -74,7 +74,18 @@ def test_a_missing_name_beside_a_broken_plugin_names_it_and_keeps_its_cause():
 def test_a_restriction_is_mentioned_when_a_name_is_missing():
     got = message(BackendNotFoundError, registry(("mock", A), restriction="physic-a").get, "inpainter", "fancy")
     assert got == (
-        "no inpainter named 'fancy'; installed: mock. PHYSIC_PLUGINS='physic-a' hides every other plugin\n"
+        "no inpainter named 'fancy'; installed: mock. "
+        "PHYSIC_PLUGINS='physic-a' hides every other plugin: unset it, or add to it\n"
+        f"Python: {sys.executable}"
+    )
+
+
+def test_a_restriction_goes_before_the_advice_to_install():
+    got = message(BackendNotFoundError, registry(("mock", A), restriction="physic-a").get, "inpainter", "telea")
+    assert got == (
+        "no inpainter named 'telea'; installed: mock. "
+        "PHYSIC_PLUGINS='physic-a' hides every other plugin: unset it, or add to it. "
+        "'telea' comes with physic-opencv: add physic-opencv to it, if need be after `pip install physic-opencv`\n"
         f"Python: {sys.executable}"
     )
 

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 import os
+import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -86,13 +89,38 @@ def run(
     check(config, registry)
     check_device(config.run.device)
     folder = out if out is not None else Path(f"{photo.stem}-physic")
-    with _reserved(folder):
+    with _terminable(), _reserved(folder):
         from physic_core.pipeline import reconstruct_photo
 
         with _progress() as progress:
             result = reconstruct_photo(photo, config, registry=registry, progress=progress)
             result.save(str(folder))
     click.echo(_summary(result, folder))
+
+
+class _Terminated(BaseException):
+    """Somebody wants the process gone; no plugin's door holds this."""
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """SIGTERM ends Python on the spot: here it ends the block first, as Ctrl-C does, and then the process."""
+    before = signal.getsignal(signal.SIGTERM)
+    if threading.current_thread() is not threading.main_thread() or before is not signal.SIG_DFL:
+        yield
+        return
+
+    def end(number: int, frame: FrameType | None) -> None:
+        raise _Terminated
+
+    signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    except _Terminated:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        os.kill(os.getpid(), signal.SIGTERM)  # so that whoever waits for us sees what ended us
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import os
 import stat
@@ -231,7 +232,11 @@ def _read(image: Image.Image, path: Path) -> Photo:
             image.draft(image.mode, (stored[0] // factor, stored[1] // factor))
         image.load()
     except _PILLOW_DAMAGE as error:
-        raise _damaged(path) from error
+        whole = _without_end(path, image.mode, image.size) if image.format == "JPEG" else None
+        if whole is None:
+            raise _damaged(path) from error
+        image = whole
+        notes.append("the file's last bytes are missing; its picture is whole")
     orientation, tags = _exif(image)
     left = factor // max(1, round(max(stored) / max(image.size)))  # what the decoder has not reduced itself
     pixels = ImageOps.exif_transpose(image) if orientation != 1 else image
@@ -250,6 +255,28 @@ def _read(image: Image.Image, path: Path) -> Photo:
         notes.append(note)
     upright = stored[::-1] if is_turned(orientation) else stored
     return Photo(np.array(rgb), intrinsics, tuple(notes), upright if factor > 1 else None)
+
+
+def _without_end(path: Path, mode: str, size: tuple[int, int]) -> Image.Image | None:
+    """A JPEG whose end marker alone is missing, decoded as ``image.draft`` left it; None where pixels are missing too.
+
+    libjpeg makes up what is missing. So the data are ended in three ways, which only decode alike where all pixels
+    are there already: at once, with more data before the end, and with the marks between parts of a picture.
+    """
+    data = path.read_bytes().rstrip(b"\xff")  # in the picture itself 0 follows each of these
+    more = bytes(range(1, 255))
+    marks = b"".join(b"\xff" + bytes([0xD0 + i % 8]) + more for i in range(16))
+    decoded: list[Image.Image] = []
+    for tail in (b"", more, marks):
+        try:
+            image = Image.open(io.BytesIO(data + tail + b"\xff\xd9"))
+            image.draft(mode, size)
+            image.load()
+        except _PILLOW_DAMAGE:
+            return None
+        decoded.append(image)
+    first, *others = decoded
+    return first if all(np.array_equal(np.asarray(first), np.asarray(other)) for other in others) else None
 
 
 def _frame_notes(image: Image.Image) -> tuple[str, ...]:

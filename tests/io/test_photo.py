@@ -99,6 +99,55 @@ def test_a_truncated_photo(tmp_path, suffix):
     )
 
 
+def jpeg(path, *, width=200, height=120, **options) -> bytes:
+    """A JPEG of a picture with plains, edges and noise; its file's content."""
+    image = np.zeros((height, width, 3), np.uint8)
+    image[: height // 2, : width // 2] = np.random.default_rng(0).integers(0, 255, (height // 2, width // 2, 3))
+    image[height // 2 :, :, 1] = np.linspace(0, 255, width)
+    Image.fromarray(image).save(path, **options)
+    return path.read_bytes()
+
+
+JPEG_KINDS = [{}, {"progressive": True}, {"restart_marker_blocks": 5}, {"restart_marker_rows": 1}, {"quality": 30}]
+
+
+@pytest.mark.parametrize("options", JPEG_KINDS, ids=str)
+@pytest.mark.parametrize("missing", [1, 2])
+def test_a_jpeg_that_lacks_its_end_mark_alone_is_read_with_a_note(tmp_path, options, missing):
+    path = tmp_path / "photo.jpg"
+    whole = jpeg(path, **options)
+    assert whole.endswith(b"\xff\xd9")
+    expected = read_photo(path)
+    path.write_bytes(whole[:-missing])
+    photo = read_photo(path)
+    np.testing.assert_array_equal(photo.image, expected.image)
+    assert photo.notes == ("the file's last bytes are missing; its picture is whole",)
+    assert expected.notes == ()
+
+
+def test_a_large_jpeg_that_lacks_its_end_mark_is_reduced_all_the_same(tmp_path, monkeypatch):
+    monkeypatch.setattr("physic_core.io.photo._KEEP_PIXELS", 10_000)
+    path = tmp_path / "photo.jpg"
+    whole = jpeg(path)
+    expected = read_photo(path)
+    path.write_bytes(whole[:-2])
+    photo = read_photo(path)
+    np.testing.assert_array_equal(photo.image, expected.image)
+    assert photo.file_size == expected.file_size == (200, 120)
+
+
+@pytest.mark.parametrize("options", JPEG_KINDS, ids=str)
+def test_a_jpeg_that_lacks_pixels_is_refused(tmp_path, options):
+    path = tmp_path / "photo.jpg"
+    whole = jpeg(path, **options)
+    head = whole.rindex(b"\xff\xda") + 20
+    for end in {*range(head, len(whole) - 8, 97), *range(len(whole) - 40, len(whole) - 8)}:
+        path.write_bytes(whole[:end])
+        assert message_of(path) == (
+            f"cannot read the photo {path}: its data are damaged or cut off; copy it again from where it came"
+        )
+
+
 def test_heic_without_its_package(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pillow_heif", None)
     path = tmp_path / "IMG_0001.HEIC"
