@@ -104,8 +104,8 @@ def run_one(case: Case, work: Work) -> Record:
     """The record of one world.
 
     Returns:
-        "name", "seed", "people" (truth), "false_alarms", "rows" by their keys: each with "people" and "scene" as
-        :class:`physic_core.bench.judge.Judge` gives them, "seconds", "warnings" and "error".
+        "name", "seed", "people" (truth), "false_alarms", "error" of perception, and "rows" by their keys: each with
+        "people" and "scene" as :class:`physic_core.bench.judge.Judge` gives them, "seconds", "warnings" and "error".
     """
     import torch
 
@@ -145,19 +145,21 @@ def _record(case: Case, work: Work) -> Record:
             "seed": case.seed,
             "people": judge.truth(),
             "false_alarms": len(judge.matching.false_alarms),
+            "error": trouble,
             "world_seconds": built - start,
             "perception_seconds": looked - built,
         }
     )
     if trouble:
-        lost: Record = {"people": judge.missed(trouble), "scene": {}, "seconds": None, "warnings": [], "error": trouble}
+        lost: Record = {"people": judge.missed(trouble), "scene": {}, "seconds": None, "warnings": [], "error": ""}
         return {**about, "rows": {row.key: lost for row in work.rows}}
     assert evidence is not None
     for row in work.rows:
         if known[row.key] is None:
             found = plain(_run_row(row, evidence, judge, model))
             known[row.key] = found
-            _keep(folder, row.digest, found)
+            if not found["error"]:
+                _keep(folder, row.digest, found)
     _keep(folder, "about", about)
     return {**about, "rows": known}
 

@@ -128,9 +128,6 @@ def chosen_cases(count: int, seed: int, size: tuple[int, int]) -> tuple[Case, ..
         seed: draws the worlds.
         size: width and height of the photos, px.
     """
-    from physic_core.testing import worlds
+    from physic_core.testing.worlds import benchmark_worlds
 
-    if hasattr(worlds, "benchmark_worlds"):
-        return tuple(Case(name, number, size) for name, number in worlds.benchmark_worlds(count, seed))
-    names = worlds.WORLDS
-    return tuple(Case(names[i % len(names)], seed * 1000 + i // len(names), size) for i in range(count))
+    return tuple(Case(name, number, size) for name, number in benchmark_worlds(count, seed))

@@ -45,7 +45,8 @@ def save_evidence(path: Path, evidence: Evidence) -> None:
 def load_evidence(path: Path) -> Evidence | None:
     """Read what :func:`save_evidence` wrote; None where there is no such file, or it is of no use."""
     try:
-        with np.load(path, allow_pickle=False) as file:
+        # Opened here: NumPy leaves the file of a broken archive open.
+        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
             found = _unpack(json.loads(str(file[_LAYOUT])), file)
     except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile, zlib.error, EOFError):
         return None

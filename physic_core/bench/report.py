@@ -7,12 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from physic_core.bench.paper import PAPER
 from physic_core.bench.summary import difference
 
 if TYPE_CHECKING:
     from physic_core.bench.summary import Figure, Figures
 
-__all__ = ["Column", "Table", "accuracy_tables", "as_markdown", "as_text", "trial_lines"]
+__all__ = ["Column", "Table", "accuracy_tables", "as_markdown", "as_text", "shown_row", "trial_lines"]
 
 
 @dataclass(frozen=True)
@@ -46,8 +47,8 @@ _PAPER = (
     Column("PA-MPJPE mm", "pa_mpjpe_mm", 1),
     Column("MPJPE mm", "mpjpe_mm"),
     Column("MPVPE mm", "mpvpe_mm"),
-    Column("contact P", "precision", 3, interval=False),
-    Column("R", "recall", 3, interval=False),
+    Column("contact P", "precision", 3),
+    Column("R", "recall", 3),
     Column("F1", "f1_of_means", 3),
 )
 _CONTACT = (
@@ -76,6 +77,7 @@ def accuracy_tables(
     labels: Mapping[str, str],
     truth: Mapping[str, Figure],
     actions: Mapping[str, Mapping[str, Mapping[str, Any]]],
+    blind: Sequence[str] = (),
 ) -> tuple[Table, ...]:
     """The paper's table, two of what it does not print, and one by action.
 
@@ -84,6 +86,7 @@ def accuracy_tables(
         labels: key -> as printed.
         truth: what the measures of touch say of the truth itself.
         actions: of :func:`physic_core.bench.summary.by_action`.
+        blind: worlds of which the estimators said nothing, and why.
     """
     first = next(iter(rows.values()))
     paper = _figures_table("Ablation", rows, labels, _PAPER)
@@ -92,12 +95,13 @@ def accuracy_tables(
         (*texts, str(f.missed), str(f.left_at_start)) for texts, f in zip(paper.rows, rows.values(), strict=True)
     )
     notes = [
-        f"{first.people} people; mean [95 % interval]; lower is better up to MPVPE, higher from P on",
+        f"{first.people} people; mean ± half the 95 % interval; lower is better up to MPVPE, higher from P on",
         "missed: people without a body, in no mean but those of contact, where they score 0; at start: people whom the "
         "engine did not optimise",
     ]
     if first.false_alarms:
         notes.append(f"{first.false_alarms} bodies are nobody")
+    notes += [f"{text}: its people count as missed in every row" for text in blind]
     notes += [f"{labels[k]}: ended with an error in {f.errors} worlds" for k, f in rows.items() if f.errors]
     scene = _figures_table("Touch and scene", {k: f for k, f in rows.items() if k != "start"}, labels, _SCENE)
     measured = tuple(_text(truth.get(c.figure), c) for c in _SCENE)
@@ -114,7 +118,14 @@ def accuracy_tables(
             ),
         ),
         *_action_table(actions, labels),
+        _printed_table(rows, labels),
     )
+
+
+def shown_row(keys: Sequence[str]) -> str | None:
+    """The row that matters most: the trial, the full model, or the last there is; None where only the start is."""
+    engine = [key for key in keys if key != "start"]
+    return next((key for key in ("trial", "full") if key in engine), engine[-1] if engine else None)
 
 
 def trial_lines(trial: Figures, full: Figures) -> Table:
@@ -129,7 +140,9 @@ def trial_lines(trial: Figures, full: Figures) -> Table:
                 column.title,
                 _number(full.figures[name].value, column.digits),
                 _number(trial.figures[name].value, column.digits),
-                _text(change, Column("", name, column.digits + 1), signed=True),
+                f"{_number(change.value, column.digits + 1, signed=True)} "
+                f"[{_number(change.low, column.digits + 1, signed=True)}, "
+                f"{_number(change.high, column.digits + 1, signed=True)}]",
                 "yes" if sure else "no",
             )
         )
@@ -161,13 +174,21 @@ def _figures_table(title: str, rows: _Rows, labels: Mapping[str, str], columns: 
     return Table(title, ("", *(c.title for c in columns)), body)
 
 
+def _printed_table(rows: _Rows, labels: Mapping[str, str]) -> Table:
+    body = []
+    for key in rows:
+        if printed := PAPER.get(key):
+            numbers = ((getattr(printed, c.figure), c.digits) for c in _PAPER)
+            body.append((labels[key], *("–" if n is None else _number(n, digits) for n, digits in numbers)))
+    return Table("The paper's own, on PROX", ("", *(c.title for c in _PAPER)), tuple(body))
+
+
 def _action_table(actions: Mapping[str, Mapping[str, Mapping[str, Any]]], labels: Mapping[str, str]) -> list[Table]:
-    """Start beside the row that matters most: the trial, the full model, or the last there is."""
+    """The start beside the row that matters most."""
     keys = list(next(iter(actions.values()), {}))
-    engine = [key for key in keys if key != "start"]
-    if not engine:
+    chosen = shown_row(keys)
+    if chosen is None:
         return []
-    chosen = next((key for key in ("trial", "full") if key in engine), engine[-1])
     start = "start" in keys
     pairs = (("PA mm", "pa_mpjpe_mm", 1), ("hidden PA mm", "hidden_limbs_pa_mm", 1))
     singles = (
@@ -190,13 +211,11 @@ def _action_table(actions: Mapping[str, Mapping[str, Mapping[str, Any]]], labels
     return [Table(f"By action: {labels[chosen]}", tuple(head), tuple(body))]
 
 
-def _text(figure: Figure | None, column: Column, signed: bool = False) -> str:
+def _text(figure: Figure | None, column: Column) -> str:
     if figure is None or not math.isfinite(figure.value):
         return "–"
-    value = _number(figure.value, column.digits, signed)
-    if not column.interval:
-        return value
-    return f"{value} [{_number(figure.low, column.digits, signed)}, {_number(figure.high, column.digits, signed)}]"
+    value = _number(figure.value, column.digits)
+    return f"{value} ±{_number((figure.high - figure.low) / 2, column.digits)}" if column.interval else value
 
 
 def _number(value: float, digits: int, signed: bool = False) -> str:

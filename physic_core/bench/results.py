@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from physic_core.bench.cases import source_hash
 from physic_core.bench.judge import PERSON_METRICS, WORLD_METRICS
 from physic_core.bench.plain import plain
 from physic_core.bench.report import accuracy_tables, as_markdown, as_text, trial_lines
@@ -64,7 +65,8 @@ def summarise(
     if records:
         found = {key: figures(records, key) for key in labels}
         truth, actions = truth_figures(records), by_action(records, list(labels))
-        tables = accuracy_tables(found, labels, truth, actions)
+        blind = [f"{r['name']} {r['seed']}: {r['error'].splitlines()[0]}" for r in records if r["error"]]
+        tables = accuracy_tables(found, labels, truth, actions, blind)
         if FULL in found and TRIAL in found:
             tables = (trial_lines(found[TRIAL], found[FULL]), *tables)
     document = {
@@ -127,21 +129,36 @@ def _engine(settings: Any) -> dict[str, Any] | None:
 
 
 def _versions(work: Work) -> dict[str, Any]:
-    from importlib import import_module
-
     import numpy
     import scipy
     import torch
 
     from physic_core.plugins import core_version
 
-    worlds = import_module("physic_core.testing.worlds")
     return {
         "physic-core": core_version(),
-        "worlds": getattr(worlds, "VERSION", None),
+        "worlds": f"source {source_hash(('testing', 'body'))}",
+        **_plugin_versions(work),
         "python": platform.python_version(),
         "machine": f"{platform.system()} {platform.machine()}",
         "numpy": numpy.__version__,
         "scipy": scipy.__version__,
         "torch": torch.__version__,
     }
+
+
+def _plugin_versions(work: Work) -> dict[str, Any]:
+    """Of each plugin's distribution, and of its model of noise where it states one."""
+    import sys
+
+    from physic_core.plugins import discover
+    from physic_core.resolve import resolve
+
+    answer: dict[str, Any] = {}
+    for found in resolve(work.config, discover()).backends.values():
+        who = found.provenance
+        answer[who.distribution] = who.version
+        noise = getattr(sys.modules.get(who.plugin), "NOISE_VERSION", None)
+        if noise is not None:
+            answer[f"{who.distribution} noise"] = noise
+    return answer

@@ -57,7 +57,7 @@ class Figures:
         missed: of these, how many have no body, and count in no mean but those of contact, where they score 0.
         left_at_start: people with a body whom the engine did not optimise.
         false_alarms: bodies that are nobody.
-        errors: worlds in which the row, or all of perception, ended with an error.
+        errors: worlds in which the row ended with an error.
         draws: name -> (DRAWS,) values, for differences of rows.
     """
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from physic_core.errors import ConfigError
+from physic_core.errors import ConfigError, PhysicError
 
 if TYPE_CHECKING:
     from physic_core.bench.accuracy import Work
@@ -35,7 +35,7 @@ class _Size(click.ParamType[Any]):
 def bench() -> None:
     """Measure how exact and how fast the engine is.
 
-    "accuracy" needs the plugin physic-mock, whose estimators err as stated: pip install physic-mock.
+    "accuracy" needs the mock plugin: pip install physic-mock
     """
 
 
@@ -165,8 +165,8 @@ def _run(cases: tuple[Case, ...], work: Work, jobs: int, out: Path, settings: di
         click.echo("\n\n\n".join(map(as_text, results.tables)) + "\n")
         try:
             paths.append(draw(results, out / "ablation.png"))
-        except ImportError as error:
-            click.echo(f"note: no plot, for {error.name} is missing: pip install 'physic-core[bench]'", err=True)
+        except PhysicError as error:  # the numbers are safe: a missing plot is worth a note
+            click.echo(f"note: {error}", err=True)
     click.echo(f"{len(records)} of {len(cases)} worlds; results: {', '.join(map(str, paths))}")
     if stopped:
         raise click.Abort

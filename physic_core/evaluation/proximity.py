@@ -28,7 +28,7 @@ __all__ = ["REACH", "SceneDistance", "hidden_behind", "point_spacing", "scene_di
 REACH = 0.15
 """Metres beyond which nothing is near (the released code's radius)."""
 
-_WIDEST_SPACING = 0.05  # metres; more is a gap between two surfaces
+_LEVEL = 0.17  # sine of 10 degrees
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def scene_distance(
     flat = np.asarray(vertices, np.float64).reshape(-1, 3)
     answer, towards = np.full(len(flat), np.inf), np.zeros((len(flat), 3))
     if len(flat):
-        spacing = point_spacing(points, valid)
+        spacing = point_spacing(points, normals, valid)
         low, high = flat.min(0) - reach, flat.max(0) + reach
         with np.errstate(invalid="ignore"):
             near = valid & (points >= low).all(-1) & (points <= high).all(-1)
@@ -131,15 +131,27 @@ def _behind(points: FloatArray, depth: FloatArray, intrinsics: Intrinsics, toler
     return behind
 
 
-def point_spacing(points: FloatArray, valid: BoolArray) -> FloatArray:
-    """Distance (H, W) float64 m from each point to the farther of its right and lower neighbours, at most 5 cm."""
+def point_spacing(points: FloatArray, normals: FloatArray, valid: BoolArray) -> FloatArray:
+    """How densely a point map samples its surfaces: (H, W) float64 m.
+
+    The distance from each point to the farthest of its four neighbours on the same surface, which are those that lie
+    within 10 degrees of its tangent plane, and it of theirs; 0 where there is none.
+
+    Args:
+        points: (H, W, 3) m.
+        normals: (H, W, 3) unit, or zero where unknown: such a point has no neighbours.
+        valid: (H, W) bool.
+    """
     spacing = np.zeros(valid.shape)
     for axis in (0, 1):
+        first, second = ((slice(None),) * axis + (part,) for part in (slice(None, -1), slice(1, None)))
         with np.errstate(invalid="ignore"):
-            step = np.linalg.norm(np.diff(np.asarray(points, np.float64), axis=axis), axis=-1)
-        both = (valid[1:] & valid[:-1]) if axis == 0 else (valid[:, 1:] & valid[:, :-1])
-        step = np.where(both & (step < _WIDEST_SPACING), step, 0.0)
-        for sides in (slice(None, -1), slice(1, None)):
-            part = spacing[sides] if axis == 0 else spacing[:, sides]
-            np.maximum(part, step, out=part)
+            step = np.asarray(points[second] - points[first], np.float64)
+            length = np.linalg.norm(step, axis=-1)
+            off = [np.abs((step * normals[side]).sum(-1)) for side in (first, second)]
+        level = np.maximum(*off) <= _LEVEL * length
+        oriented = (np.square(normals).sum(-1) > 0.5) & valid
+        length = np.where(oriented[first] & oriented[second] & level, length, 0.0)
+        for side in (first, second):
+            np.maximum(spacing[side], length, out=spacing[side])
     return spacing

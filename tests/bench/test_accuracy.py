@@ -1,0 +1,241 @@
+"""Worlds through the mocks and the engine: what is kept, what fails, what a run that is stopped leaves behind."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields, is_dataclass
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from physic_core.bench import accuracy, cases
+from physic_core.bench.accuracy import Work, run_cases, run_one
+from physic_core.bench.cases import Case, chosen_cases, look
+from physic_core.bench.frozen import load_evidence, save_evidence
+from physic_core.bench.results import summarise, write
+from physic_core.bench.rows import ablation_rows, pick
+from physic_core.body import load_body
+from physic_core.cli import main
+from physic_core.config import load_config
+from physic_core.errors import ConfigError
+from physic_core.plugins import discover
+from physic_core.resolve import resolve
+from physic_core.testing.worlds import WORLDS, build_world
+
+SIZE = (160, 120)
+CASE = Case("stand", 0, SIZE)
+
+
+@pytest.fixture(scope="module")
+def config():
+    return load_config(preset="mock")
+
+
+@pytest.fixture(scope="module")
+def evidence(config):
+    plan = resolve(config, discover())
+    return look(CASE, build_world("stand", 0, SIZE), plan, load_body("embedded"), None)
+
+
+def alike(one, other):
+    if is_dataclass(one):
+        return type(one) is type(other) and all(
+            alike(getattr(one, f.name), getattr(other, f.name)) for f in fields(one)
+        )
+    if isinstance(one, np.ndarray):
+        return one.dtype == other.dtype and np.array_equal(one, other, equal_nan=one.dtype.kind == "f")
+    return one == other
+
+
+def test_evidence_is_read_as_it_was_written(evidence, tmp_path):
+    save_evidence(tmp_path / "a" / "e.npz", evidence)
+    assert alike(load_evidence(tmp_path / "a" / "e.npz"), evidence)
+    (tmp_path / "a" / "e.npz").write_bytes((tmp_path / "a" / "e.npz").read_bytes()[:-900])
+    assert load_evidence(tmp_path / "a" / "e.npz") is None
+    assert load_evidence(tmp_path / "none.npz") is None
+    np.savez(tmp_path / "other.npz", layout=np.array("3"))
+    assert load_evidence(tmp_path / "other.npz") is None
+
+
+def test_the_name_of_evidence_changes_with_whatever_changes_it(config):
+    registry = discover()
+    noisy = load_config(preset="mock", overrides=["metric_depth.options.noise_seed=1"])
+    keys = [
+        cases.evidence_key(case, resolve(found, registry))
+        for case, found in (
+            (CASE, config),
+            (Case("stand", 1, SIZE), config),
+            (Case("lie", 0, SIZE), config),
+            (Case("stand", 0, (120, 160)), config),
+            (CASE, noisy),
+        )
+    ]
+    assert len(set(keys)) == len(keys)
+    trial = load_config(preset="mock", overrides=["engine.joint.steps=3"])
+    assert cases.evidence_key(CASE, resolve(trial, registry)) == keys[0]
+
+
+def test_rows_are_the_papers_and_can_be_picked():
+    rows = ablation_rows("default")
+    assert [row.key for row in rows] == [
+        "start", "reprojection", "contact", "penetration", "depth", "occlusion", "full", "prox", "static",
+    ]  # fmt: skip
+    assert rows[0].settings is None
+    assert rows[6].settings == load_config(preset="mock").engine.settings()
+    assert len({row.digest for row in rows}) == len(rows)
+    assert pick("default", []) == rows
+    assert [row.key for row in pick("paper", ["paper", "full", "start"])] == ["start", "full", "paper"]
+    with pytest.raises(ConfigError, match=r"^no row named 'ful'; there are: start, .*\. Did you mean 'full'\?$"):
+        pick("default", ["ful"])
+    with pytest.raises(ConfigError, match=r"^no engine preset named 'best'; there are: default"):
+        ablation_rows("best")
+
+
+def test_a_world_is_looked_at_once_and_its_rows_are_kept(config, tmp_path, monkeypatch):
+    work = Work(config, pick("default", ["start", "full"]), tmp_path)
+    first = run_one(CASE, work)
+    assert first["error"] == ""
+    assert list(first["rows"]) == ["start", "full"]
+    for row in first["rows"].values():
+        assert [person["found"] for person in row["people"]] == [True]
+
+    def never(*_):
+        raise AssertionError("asked again")
+
+    monkeypatch.setattr(cases, "perceive", never)
+    monkeypatch.setattr("physic_core.solution.solve", never)
+    again = run_one(CASE, work)
+    assert again == first
+    assert json.loads(json.dumps(first)) == first
+
+
+def test_the_engine_is_better_than_the_start(config):
+    record = run_one(CASE, Work(config, pick("default", ["start", "full"]), None))
+    start, full = (record["rows"][key]["people"][0] for key in ("start", "full"))
+    print({key: (start[key], full[key]) for key in ("pa_mpjpe_mm", "mpjpe_mm", "f1")})
+    assert full["mpjpe_mm"] < start["mpjpe_mm"]
+    assert "floating_mm" not in start
+    assert record["rows"]["start"]["scene"] == {}
+
+
+def test_what_fails_is_counted(config, monkeypatch):
+    def broken(*_):
+        raise RuntimeError("no memory\nleft")
+
+    work = Work(config, pick("default", ["start", "full"]), None)
+    with monkeypatch.context() as patch:
+        patch.setattr("physic_core.solution.solve", broken)
+        record = run_one(CASE, work)
+    assert record["rows"]["full"]["error"] == "RuntimeError: no memory\nleft"
+    assert [p["found"] for p in record["rows"]["full"]["people"]] == [False]
+    assert [p["found"] for p in record["rows"]["start"]["people"]] == [True]
+
+    monkeypatch.setattr(cases, "perceive", broken)
+    blind = run_one(CASE, work)
+    assert blind["error"] == "RuntimeError: no memory\nleft"
+    assert [p["why"] for row in blind["rows"].values() for p in row["people"]] == [blind["error"]] * 2
+    results = summarise([blind], [CASE], work, {"seed": 0, "size": SIZE, "preset": "default"})
+    assert "stand 0: RuntimeError: no memory: its people count as missed in every row" in results.tables[0].notes
+    assert results.figures["full"].missed == 1
+    assert len(results.document["failures"]) == 2
+
+
+def test_results_hold_everything_and_are_plain_json(config, tmp_path):
+    work = Work(config, pick("default", ["start"]), None)
+    results = summarise([run_one(CASE, work)], [CASE, Case("lie", 0, SIZE)], work, {"seed": 0})
+    paths = write(results, tmp_path)
+    assert [path.name for path in paths] == ["results.json", "table.txt", "table.md"]
+    document = json.loads(paths[0].read_text(), parse_constant=lambda text: pytest.fail(f"{text} is no JSON"))
+    assert (document["complete"], document["worlds_done"], document["worlds_asked"]) == (False, 1, 2)
+    assert {"physic-core", "physic-mock", "physic-mock noise", "torch"} <= set(document["versions"])
+    assert document["worlds"][0]["rows"]["start"]["people"][0]["mpjpe_mm"] > 0
+    assert document["settings"]["rows"]["start"] == {"label": "start (the estimators' own)", "engine": None}
+    assert paths[1].read_text().startswith("Ablation\n")
+    assert "| PA-MPJPE mm |" in paths[2].read_text()
+
+
+def test_each_action_comes_equally_often_and_a_seed_gives_the_same_worlds():
+    found = chosen_cases(2 * len(WORLDS), 5, SIZE)
+    assert found == chosen_cases(2 * len(WORLDS), 5, SIZE)
+    assert sorted(case.name for case in found) == sorted(2 * WORLDS)
+    assert found != chosen_cases(2 * len(WORLDS), 6, SIZE)
+    assert len(set(found)) == len(found)
+
+
+def test_two_processes_find_what_one_finds(config, tmp_path):
+    work = Work(config, pick("default", ["start"]), tmp_path)
+    asked = [CASE, Case("lie", 0, SIZE)]
+    alone = {record["name"]: record["rows"] for record in run_cases(asked, Work(config, work.rows, None))}
+    several = {record["name"]: record["rows"] for record in run_cases(asked, work, jobs=2)}
+    assert several == alone
+
+
+# ---- the command -----------------------------------------------------------------------------------------------------
+
+
+def bench(*arguments):
+    return CliRunner().invoke(main, ["bench", *arguments])
+
+
+@pytest.fixture
+def known_worlds(monkeypatch):
+    """Worlds that other tests build too, in the place of drawn ones."""
+    monkeypatch.setattr(cases, "chosen_cases", lambda count, seed, size: (CASE,) * count)
+
+
+def test_bench_alone_says_what_there_is():
+    told = bench()
+    assert "accuracy" in told.output
+    assert "speed" in told.output
+    assert "pip install physic-mock" in told.output
+
+
+def test_a_trial_stands_beside_the_full_row(tmp_path, known_worlds):
+    common = ["accuracy", "--worlds", "1", "--size", "160x120", "--cache", str(tmp_path / "cache"), "-o"]
+    told = bench(*common, str(tmp_path / "out"), "--set", "joint.steps=0")
+    assert told.exit_code == 0, told.output
+    assert "Trial" in told.output.splitlines()
+    document = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert list(document["summary"]) == ["full", "trial"]
+    assert document["settings"]["rows"]["trial"]["label"] == "full, joint.steps=0"
+    assert document["settings"]["rows"]["trial"]["engine"]["joint"]["steps"] == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--set", "joint.stepz=0"], "stepz"),
+        (["--set", "engine.preset=paper"], "say it with --preset NAME"),
+        (["--preset", "best"], "no engine preset named 'best'"),
+        (["--rows", "fll"], "no row named 'fll'"),
+        (["--size", "big"], "'big' is no size in px"),
+        (["--cache", "x", "--no-cache"], "exclude each other"),
+        (["--set", "metric_depth.options.fog=1"], "fog"),
+    ],
+)
+def test_what_cannot_be_is_said_before_anything_runs(arguments, message, tmp_path):
+    told = bench("accuracy", "-o", str(tmp_path / "out"), *arguments)
+    assert told.exit_code != 0
+    assert message in told.output
+    assert "Traceback" not in told.output
+
+
+def test_a_run_that_is_stopped_leaves_what_is_done(tmp_path, monkeypatch, known_worlds):
+    def stopped(cases, work, jobs):
+        yield run_one(cases[0], work)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(accuracy, "run_cases", stopped)
+    told = bench("accuracy", "--worlds", "3", "--size", "160x120", "--rows", "start", "--no-cache", "-o", str(tmp_path))
+    assert told.exit_code == 1
+    assert "1 of 3 worlds" in told.output
+    document = json.loads((tmp_path / "results.json").read_text())
+    assert (document["complete"], document["worlds_done"]) == (False, 1)
+
+
+def test_without_the_mock_plugin_the_command_says_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic_opencv")
+    told = bench("accuracy", "-o", str(tmp_path / "out"))
+    assert told.exit_code == 1
+    assert "pip install physic-mock" in told.output

@@ -1,0 +1,36 @@
+from __future__ import annotations
+
+import pytest
+
+from physic_core.bench.plot import draw
+from physic_core.bench.results import Results
+from physic_core.bench.summary import by_action, figures
+from physic_core.errors import PhysicError
+
+ROWS = {"start": {"label": "start"}, "full": {"label": "+ floor"}}
+PEOPLE = [
+    {"found": True, "why": "", "hits": 5, "false_alarms": 2, "misses": 3, "mpjpe_mm": v, "pa_mpjpe_mm": v / 5}
+    for v in (90.0, 70.0)
+]
+
+
+def results():
+    rows = {key: {"people": PEOPLE, "scene": {}, "seconds": 1.0, "error": ""} for key in ROWS}
+    true = [{"action": "lie"}, {"action": "stand"}]
+    records = [{"name": "lie", "seed": 0, "people": true, "false_alarms": 0, "error": "", "rows": rows}]
+    settings = {"rows": ROWS, "size": [320, 240], "seed": 0, "preset": "default"}
+    document = {"settings": settings, "actions": by_action(records, list(ROWS)), "worlds_done": 1}
+    return Results(document, (), {key: figures(records, key) for key in ROWS})
+
+
+@pytest.mark.parametrize("suffix", ["png", "svg"])
+def test_a_picture_is_drawn(tmp_path, suffix):
+    pytest.importorskip("matplotlib")
+    path = draw(results(), tmp_path / f"ablation.{suffix}")
+    assert path.stat().st_size > 5_000
+
+
+def test_without_matplotlib_it_says_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "matplotlib.figure", None)
+    with pytest.raises(PhysicError, match=r"^the plot needs matplotlib.*: pip install 'physic-core\[bench\]'$"):
+        draw(results(), tmp_path / "ablation.png")

@@ -1,0 +1,176 @@
+"""What ``physic bench speed`` measures: its structure, its problems and its errors; never how long anything took."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields, replace
+
+import pytest
+import torch
+
+from physic_core.bench.speed import SECTIONS, SpeedReport, SpeedRow, format_report, measure_speed
+from physic_core.bench.speed_nearest import errors_mm
+from physic_core.bench.speed_problems import crowd
+from physic_core.body import load_body
+from physic_core.engine.joint import optimize
+from physic_core.engine.presets import PRESETS
+from physic_core.errors import InputError
+from physic_core.geometry.neighbors import NearestScene
+
+SMALL = (160, 120)
+
+
+@pytest.fixture(scope="module")
+def body():
+    return load_body("embedded")
+
+
+def same(a, b):
+    for f in fields(a):
+        one, other = getattr(a, f.name), getattr(b, f.name)
+        if isinstance(one, torch.Tensor) and not torch.equal(torch.nan_to_num(one), torch.nan_to_num(other)):
+            return False
+    return True
+
+
+def test_problems_are_the_same_for_the_same_seed(body):
+    first, second, other = crowd(body, 3, SMALL, 4), crowd(body, 3, SMALL, 4), crowd(body, 3, SMALL, 5)
+    assert same(first, second)
+    assert not same(first, other)
+
+
+@pytest.mark.parametrize("people", [1, 2, 4, 8])
+def test_everybody_is_in_the_picture_and_starts_beside_the_truth(body, people):
+    problem = crowd(body, people, SMALL)
+    problem.check()
+    assert len(problem) == people
+    assert (problem.masks.flatten(1).sum(1) > 20).all()
+    assert (problem.masks.sum(0) <= 1).all()
+    x, y = problem.keypoints.unbind(-1)
+    assert ((x > -10) & (x < SMALL[0] + 10) & (y > -20) & (y < SMALL[1] + 20)).all()
+
+
+def test_the_depth_shows_the_people_and_the_floor(body):
+    problem = crowd(body, 1, SMALL)
+    person = problem.human_depth[problem.masks[0]]
+    assert person.min() > 3.0
+    assert person.max() < 4.2
+    height = problem.scene_points @ problem.floor_normal + problem.floor_offset
+    assert (problem.scene_normals.norm(dim=-1) - 1).abs().max() < 1e-5
+    floor = problem.scene_normals[:, 1] < -0.5
+    assert height[floor].abs().median() < 0.1
+
+
+def test_sitters_have_a_seat(body):
+    problem = crowd(body, 2, SMALL)
+    height = problem.scene_points @ problem.floor_normal + problem.floor_offset
+    level = (problem.scene_normals[:, 1] < -0.5) & (height > 0.25)
+    assert level.any()
+
+
+def test_stage_three_makes_the_problem_better(body):
+    problem = crowd(body, 2, SMALL)
+    result = optimize(problem, replace(PRESETS["default"].joint, steps=20))
+    start, end = (sum(pair[k] for pair in result.losses.values()) for k in (0, 1))
+    assert end < 0.5 * start
+    assert result.failures == ("", "")
+
+
+def test_the_same_problem_is_solved_the_same_bit_for_bit(body):
+    settings = replace(PRESETS["default"].joint, steps=25)
+    first, second = (optimize(crowd(body, 2, SMALL), settings) for _ in range(2))
+    for name in ("rotations", "betas", "transl", "vertices", "joints", "occluded"):
+        assert torch.equal(getattr(first, name), getattr(second, name)), name
+    assert first.scene_scale == second.scene_scale
+    assert first.losses == second.losses
+
+
+def test_errors_are_distances_beyond_the_nearest():
+    points = torch.tensor([[0.0, 0.0, 2.0], [0.1, 0.0, 2.0]])
+    scene = NearestScene(points, points, 0.15, "brute")
+    exact = scene.query(torch.tensor([[0.0, 0.01, 2.0], [0.1, 0.02, 2.0], [0.0, 0.0, 3.0]]))
+    worse = replace(exact, distance=exact.distance + torch.tensor([0.002, 0.004, 0.0]))
+    assert errors_mm(exact, exact) == {"mean error mm": 0, "largest mm": 0, "missed %": 0}
+    assert errors_mm(worse, exact) == pytest.approx({"mean error mm": 3, "largest mm": 4, "missed %": 0}, abs=1e-3)
+    lost = replace(exact, found=torch.tensor([True, False, False]))
+    assert errors_mm(lost, exact)["missed %"] == pytest.approx(33.333)
+
+
+@pytest.fixture(scope="module")
+def report():
+    return measure_speed(1, sections=("nearest", "size", "cuda"), sizes=("240p",), size=SMALL)
+
+
+def test_a_report_holds_what_was_asked_for(report):
+    assert {row.section for row in report.rows} <= {"nearest", "size", "cuda"}
+    names = [row.name for row in report.rows if row.section == "nearest"]
+    assert names == [
+        "plain search in chunks",
+        "plain search, only of points near the people",
+        "k-d tree, bounded (default)",
+        "grid of 128^3 cells, filled by a feature transform",
+    ]
+    exact = report.row("nearest", "k-d tree, bounded (default)").numbers
+    assert exact["largest mm"] < 1e-3
+    assert exact["missed %"] == 0
+    rough = report.row("nearest", "grid of 128^3 cells, filled by a feature transform").numbers
+    assert exact["largest mm"] < rough["largest mm"] < 60
+    assert report.row("size", "240p").numbers["evaluations"] > 0
+    if not torch.cuda.is_available():
+        assert "CUDA: there is none on this machine, so it was not measured." in report.notes
+    assert torch.get_num_threads() >= 1
+
+
+def test_a_report_can_be_written_as_json(report):
+    told = json.loads(json.dumps(report.as_dict()))
+    assert told["rows"][0]["section"] == "nearest"
+    assert told["preset"] == "default"
+
+
+def test_a_report_as_text():
+    report = SpeedReport(
+        machine={"processor": "P", "cores": 2, "python": "3.11", "torch": "2.13", "cuda": "none"},
+        preset="default",
+        seed=0,
+        repeats=5,
+        rows=(
+            SpeedRow("floor", "100 passes", 0.15, 1.0),
+            SpeedRow("floor", "stage 3", 0.3, 2.0, {"evaluations": 60, "mean error mm": 0.718}),
+            SpeedRow("nearest", "plain search", 1500.0, 1.0),
+            SpeedRow("nearest", "k-d tree", 0.5, 1 / 3000),
+        ),
+        notes=("Nothing else.",),
+    )
+    assert format_report(report).splitlines() == [
+        "P, 2 cores, torch 2.13, CUDA: none",
+        "preset 'default', seed 0, medians of 5 rounds",
+        "",
+        SECTIONS["floor"],
+        "  100 passes     150 ms         1",
+        "  stage 3        300 ms    x 2.00  evaluations 60, mean error mm 0.718",
+        "",
+        SECTIONS["nearest"],
+        "  plain search  1500.00 s         1",
+        "  k-d tree         500 ms  1 / 3000",
+        "",
+        "Nothing else.",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ({"repeats": 0}, "at least one round is needed, got 0"),
+        (
+            {"sections": ("flor",)},
+            "no section named 'flor': choose among floor, nearest, people, size, threads, cuda",
+        ),
+        ({"sizes": ("144p",)}, "no size named '144p': choose among 240p, 480p, 720p, 1080p"),
+        ({"people": (9,)}, "people must be numbers from 1 to 8 and sizes names, at least one of each"),
+        ({"preset": "best"}, f"no engine preset named 'best': there are {', '.join(sorted(PRESETS))}"),
+    ],
+)
+def test_what_cannot_be_measured_is_refused(asked, message):
+    with pytest.raises(InputError) as caught:
+        measure_speed(**asked)
+    assert str(caught.value) == message
