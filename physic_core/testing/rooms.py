@@ -74,7 +74,8 @@ class Room:
 
     def signed_distance(self, points: FloatArray) -> FloatArray:
         """Points (..., 3) -> (...) metres to the nearest surface, exact in the air, negative inside anything solid."""
-        distance = signed_distance(np.asarray(points, np.float64), self.blocks, self.ground)
+        # A copy: torch takes no read-only arrays, and what belongs to a world is read-only.
+        distance = signed_distance(np.array(points, np.float64), self.blocks, self.ground)
         return distance if self.walls is None else np.minimum(distance, self.walls.signed_distance(points))
 
     def mesh(self) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]:

