@@ -8,8 +8,8 @@ neighbours, and confidence rules for keypoints of the hands have nothing to rule
 
 "prox" (Hassan et al., ICCV 2019) has the scene that the paper gives it, an unprojected depth map, and the body
 estimator's pose in the place of VPoser. Its seven phases are two, without and with the scene; its exponential bending
-prior is a one-sided limit; self-penetration, jaw and expression are left out, and the neck and hip keypoints that it
-ignores count.
+prior is a one-sided limit; nearest points are found anew every ten steps and within 25 cm, where its robust loss has
+let go; self-penetration, jaw and expression are left out, and the neck and hip keypoints that it ignores count.
 """
 
 from __future__ import annotations
@@ -155,10 +155,9 @@ _PROX = EngineSettings(
         parameters="raw",
         frozen=("scale", "offset"),
         steps=120,
-        refresh_steps=30,
+        refresh_steps=10,
         tolerance=0.0,
         scene_after=0.75,
-        nearest_every_step=True,
         reduction="sum",
         vertex_spacing_m=0.0,
         observed=False,
@@ -175,7 +174,7 @@ _PROX = EngineSettings(
         # PROX's robust loss of a distance saturates at 1, ours at the square of its scale.
         contact_weight=1e4 / _PROX_GMOF_M**2,
         contact_source="static",
-        contact_reach_m=0.5,
+        contact_reach_m=0.25,
         contact_metric="point",
         contact_sigma_m=1.0,
         contact_scale=_PROX_GMOF_M,
@@ -185,7 +184,7 @@ _PROX = EngineSettings(
         contact_occluded=True,
         penetration_weight=1.0,
         penetration_metric="point",
-        penetration_reach_m=0.5,
+        penetration_reach_m=0.25,
         penetration_slack_m=0.0,
         penetration_sigma_m=1.0,
         penetration_loss="absolute",

@@ -208,8 +208,26 @@ def test_the_energy_does_not_depend_on_the_resolution(standing):
         assert fine_terms[name].item() == pytest.approx(value.item(), rel=0.03, abs=0.02), name
 
 
-@pytest.mark.parametrize("preset", ["default", "paper"])
-def test_gradient_of_the_whole_energy(make_stage, preset):
+EVERYTHING = replace(
+    SETTINGS,
+    range_weight=1.0,
+    finger_weight=1.0,
+    self_penetration_weight=1.0,
+    people_penetration_weight=1.0,
+    stature_weight=1.0,
+    vertex_confidence=1.0,
+    contact_source="static",
+    contact_mean=True,
+    contact_angle_deg=60.0,
+)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [*(PRESETS[name].joint for name in ("default", "paper", "release", "prox")), EVERYTHING],
+    ids=["default", "paper", "release", "prox", "everything"],
+)
+def test_gradient_of_the_whole_energy(make_stage, settings):
     """Along random directions, against differences, in float64, with people, box, floor and depth all in play."""
     stage = make_stage([({}, (-0.6, 0.0, 3.2)), ({}, (0.5, 0.0, 3.8))], boxes=[((-0.9, 0.8, 3.3), (0.9, 1.3, 3.6))])
     problem = moved(stage.problem, by=(0.01, 0.02, 0.05), turn=0.05)
@@ -220,21 +238,23 @@ def test_gradient_of_the_whole_energy(make_stage, preset):
     }
     problem = replace(problem, model=problem.model.to(dtype=torch.float64), **double)
     # Nearest points and signs may switch between two evaluations: hold them, as a line search does.
-    energy = JointEnergy(problem, replace(PRESETS[preset].joint, nearest_every_step=False))
+    energy = JointEnergy(problem, replace(settings, nearest_every_step=False))
     here = energy.state.pack()
     generator = torch.Generator().manual_seed(0)
-    size = 0.05 if preset == "default" else 1e-3
+    size = 0.05 if settings.parameters == "whitened" else 1e-3
     energy.state.load(here + size * torch.randn(len(here), generator=generator, dtype=torch.float64))
     here = energy.state.pack()
     terms = energy()
     parameters = energy.state.parameters()
     slopes = {}
     for name, value in terms.items():
+        if not value.requires_grad:
+            continue  # the scale of a scene that keeps its scale
         gradients = torch.autograd.grad(value.sum(), parameters, allow_unused=True, retain_graph=True)
         slopes[name] = torch.cat(
             [(torch.zeros_like(p) if g is None else g).reshape(-1) for g, p in zip(gradients, parameters, strict=True)]
         )
-    if preset == "paper":
+    if settings.depth_weight and settings.depth_form == "chamfer":
         del slopes["depth"]  # its nearest neighbours are found at every evaluation
     way = torch.nn.functional.normalize(torch.randn(len(here), generator=generator, dtype=torch.float64), dim=0)
     ends = []

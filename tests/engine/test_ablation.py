@@ -1,0 +1,93 @@
+"""The rows of the paper's ablation: what each leaves out, and that each runs."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from itertools import pairwise
+
+import pytest
+import torch
+
+from physic_core.config import as_config
+from physic_core.engine.ablation import ABLATION, rows
+from physic_core.engine.joint import optimize
+from physic_core.engine.presets import PRESETS
+from physic_core.errors import ConfigError
+
+STAGES = ("scene", "human", "joint", "contact")
+
+
+def difference(one, other):
+    """{stage.field} in which two settings differ."""
+    return {
+        f"{stage}.{name}"
+        for stage in STAGES
+        for name, value in asdict(getattr(one, stage)).items()
+        if value != asdict(getattr(other, stage))[name]
+    }
+
+
+@pytest.mark.parametrize("base", ["paper", "default", "release"])
+def test_rows_are_the_papers_and_end_in_the_full_model(base):
+    found = rows(base)
+    terms = ["L_reg + L_j2d", "+ L_c", "+ L_i", "+ L_d", "+ occ. aware L_i", "+ floor (full model)"]
+    assert list(found) == [*terms, "static contacts", "PROX"]
+    assert found["+ floor (full model)"] == PRESETS[base]
+    assert found["PROX"] == PRESETS["prox"]
+
+
+def test_each_row_adds_one_term_to_the_row_before():
+    papers = list(rows("paper").values())
+    steps = [difference(a, b) for a, b in pairwise(papers[:6])]
+    assert steps == [
+        {"joint.contact_weight"},
+        {"joint.penetration_weight"},
+        {"human.chamfer_weight", "joint.depth_weight", "joint.depth_relief_weight"},
+        {"joint.occlusion_aware"},
+        {"scene.floor", "joint.floor"},
+    ]
+    ours = list(rows("default").values())
+    assert difference(ours[3], ours[4]) == {"joint.occlusion_aware", "joint.contact_occluded"}
+    assert difference(ours[5], ours[6]) == {"joint.contact_source"}
+
+
+def test_the_first_row_has_neither_contact_nor_depth_nor_floor():
+    for base in ("paper", "default", "release"):
+        first = rows(base)["L_reg + L_j2d"]
+        assert (first.joint.contact_weight, first.joint.penetration_weight, first.joint.depth_weight) == (0, 0, 0)
+        assert (first.human.chamfer_weight, first.scene.floor, first.joint.occlusion_aware) == (0, "off", False)
+        assert first.joint.reprojection_weight > 0 < first.joint.regularisation_weight
+
+
+def test_no_such_preset():
+    with pytest.raises(ConfigError, match="no engine preset named 'papr'; there are: default, paper, prox, release"):
+        rows("papr")
+
+
+def test_a_row_can_be_written_as_a_config():
+    for row in ABLATION:
+        config = as_config({"engine": {"preset": row.preset or "paper", **row.overrides}})
+        assert config.engine.settings() == row.settings(PRESETS["paper"])
+
+
+@pytest.fixture(scope="module")
+def standing(make_stage):
+    return make_stage([({}, (0.0, 0.0, 3.5))])
+
+
+@pytest.mark.parametrize("row", ABLATION, ids=[row.name for row in ABLATION])
+def test_every_row_runs_and_tells_its_terms(standing, row):
+    settings = row.settings(PRESETS["default"]).joint
+    # As the pipeline does where stage 1 was told to look for no floor.
+    problem = standing.problem if settings.floor == "plane" else replace(standing.problem, floor_normal=None)
+    settings = replace(settings, steps=8, refresh_steps=4)
+    result = optimize(problem, settings)
+    assert result.failures == ("",)
+    assert torch.isfinite(result.vertices).all()
+    wanted = {
+        "contact": settings.contact_weight,
+        "penetration": settings.penetration_weight,
+        "depth": settings.depth_weight,
+        "floor": settings.floor_weight * (settings.floor == "plane"),
+    }
+    assert {name for name in wanted if name in result.losses} == {name for name, weight in wanted.items() if weight}

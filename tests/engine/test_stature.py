@@ -1,0 +1,102 @@
+"""People as a ruler: stature against the scene's scale, as two measurements are weighed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+import torch
+
+from physic_core.engine.energy import JointEnergy
+from physic_core.engine.joint import optimize
+from physic_core.engine.presets import PRESETS
+from physic_core.engine.stature import stature_of, stature_prior
+
+JOINT = PRESETS["default"].joint
+
+
+@pytest.fixture(scope="module")
+def standing(make_stage):
+    return make_stage([({}, (0.0, 0.0, 3.5))])
+
+
+def test_stature_is_linear_in_shape(body):
+    betas = torch.zeros(1, body.num_betas)
+    stature = stature_of(body, betas)
+    for seed in range(5):
+        other = 0.7 * torch.randn(1, body.num_betas, generator=torch.Generator().manual_seed(seed))
+        assert stature(other).item() == pytest.approx(body.stature(other).item(), abs=3e-3)
+
+
+def test_gradient(body):
+    model = body.to(dtype=torch.float64)
+    stature = stature_of(model, torch.zeros(2, body.num_betas, dtype=torch.float64))
+    betas = (
+        0.3
+        * torch.randn(
+            2, body.num_betas, generator=torch.Generator().manual_seed(0), dtype=torch.float64
+        ).requires_grad_()
+    )
+    expected = torch.tensor([1.7, 1.6], dtype=torch.float64)
+    assert torch.autograd.gradcheck(lambda b: stature_prior(stature(b), expected, 0.04), betas)
+
+
+def test_by_hand():
+    value = stature_prior(torch.tensor([1.6 * math.exp(0.08)]), torch.tensor([1.6]), 0.04)
+    assert value.item() == pytest.approx(4.0, rel=1e-5)
+
+
+def spread_of_stature(body):
+    """Standard deviation of log(stature) that the shape prior of weight 1 stands for: the whitened shape is normal."""
+    betas = torch.zeros(1, body.num_betas)
+    stature = stature_of(body, betas)
+    return 0.5 * (stature.slope / stature.height[:, None]).norm().item()
+
+
+def test_the_shape_prior_alone_knows_stature_to_five_percent(body):
+    assert spread_of_stature(body) == pytest.approx(0.054, abs=0.003)
+
+
+@pytest.mark.parametrize("scale_sigma", [0.05, 0.1])
+@pytest.mark.parametrize("stature_weight", [0.0, 1.0])
+def test_scene_and_stature_share_a_disagreement_as_two_measurements_do(standing, body, scale_sigma, stature_weight):
+    """A scene 8 % too large for its person: floor and picture say only that one of them is wrong."""
+    too_large = 1.08
+    problem = standing.problem
+    large = replace(
+        problem,
+        scene_points=too_large * problem.scene_points,
+        floor_offset=too_large * problem.floor_offset,
+        human_depth=too_large * problem.human_depth,
+        scale_sigma=scale_sigma,
+    )
+    # Pose and place have next to no say in it: only how large the person is, and how large the scene.
+    settings = replace(
+        JOINT, frozen=("pose", "hands", "root"), translation_weight=0.0, depth_offset_sigma=0.0, tolerance=0.0,
+        regularisation_sigma_m=10.0, balance_weight=0.0, steps=120, stature_weight=stature_weight,
+    )  # fmt: skip
+    result = optimize(large, settings)
+    precision = 1 / spread_of_stature(body) ** 2 + stature_weight / settings.stature_sigma**2
+    expected = -math.log(too_large) * scale_sigma**2 / (scale_sigma**2 + 1 / precision)
+    grown = math.log(float(body.stature(result.betas)) / float(body.stature(problem.betas0)))
+    print(
+        f"log scale {math.log(result.scene_scale):+.4f}, wanted {expected:+.4f}; "
+        f"log stature {grown:+.4f}, wanted {expected + math.log(too_large):+.4f}"
+    )
+    assert math.log(result.scene_scale) == pytest.approx(expected, abs=0.01)
+    assert grown == pytest.approx(expected + math.log(too_large), abs=0.01)
+
+
+def test_a_stature_that_is_expected_is_pulled_to(standing):
+    problem = standing.problem
+    tall = replace(JOINT, stature_weight=50.0, stature_m=1.85, steps=60)
+    plain = optimize(problem, replace(JOINT, steps=60))
+    pulled = optimize(problem, tall)
+    model = problem.model
+    assert model.stature(plain.betas).item() == pytest.approx(model.stature(problem.betas0).item(), abs=0.02)
+    assert model.stature(pulled.betas).item() == pytest.approx(1.85, abs=0.06)
+
+
+def test_no_weight_no_term(standing):
+    assert "stature" not in JointEnergy(standing.problem, JOINT)()
