@@ -181,14 +181,15 @@ def _judged(
 def _of_photo(evidence: Evidence, solution: Solution, settings: EngineSettings) -> Iterator[Diagnostic]:
     told = solution.diagnostics
     share, scene = told["scene"]["alignment"]["inlier_share"], settings.scene
+    asked = scene.source != "metric_depth"  # else the point map is not used, and may say what it will
     yield _judged(
         "scene_alignment",
-        share,
+        share if asked else None,
         f"the scene's scale is doubtful: point map and metric depth agree on {share:.0%} of the pixels within "
         f"{scene.align_tolerance:.0%}: try another metric_depth or relative_pointmap"
         if share > 0
         else "point map and metric depth agree nowhere: the scene is the metric depth alone",
-        ok=share > 0 and share >= scene.align_min_share,
+        ok=not asked or (share > 0 and share >= scene.align_min_share),
         threshold=scene.align_min_share,
     )
     share, human = told["placement"]["alignment"]["inlier_share"], settings.human

@@ -30,11 +30,22 @@ Answer = TypeVar("Answer", "People", "Keypoints", "Bodies")
 
 
 def seen_keypoints(keypoints: Keypoints) -> tuple[Keypoints, BoolArray]:
-    """Keypoints of N people, those of lost people unseen at (0, 0) px, and (N,) bool who is lost."""
-    lost = ~border.sound_keypoints(keypoints)
-    if not lost.any():
-        return keypoints, lost
-    return _blanked(keypoints, lost, points=0.0, confidence=0.0, world=0.0), lost
+    """Keypoints of N people, those of lost people all unseen, and (N,) bool who is lost.
+
+    Where an unseen point lies means nothing, but all at one spot, or none of a number, would be no pose to start from:
+    lost people get the points of one who is not.
+    """
+    sound = border.sound_keypoints(keypoints)
+    if sound.all():
+        return keypoints, ~sound
+    one = int(sound.argmax())
+    confidence = np.where(sound[:, None], keypoints.confidence, 0)
+    points, world = keypoints.points.copy(), keypoints.world
+    points[~sound] = points[one]
+    if world is not None:
+        world = world.copy()
+        world[~sound] = world[one]
+    return replace(keypoints, points=points, confidence=confidence, world=world), ~sound
 
 
 def bodies_or_nan(bodies: Bodies) -> tuple[Bodies, BoolArray]:

@@ -160,6 +160,12 @@ def test_an_engine_that_looks_for_no_floor_misses_none() -> None:
     assert failing(floor="switched_off") == []
 
 
+def test_a_point_map_that_is_not_used_need_not_agree() -> None:
+    evidence, solution, settings = case(scene_share=0.0)
+    settings = replace(settings, scene=replace(settings.scene, source="metric_depth"))
+    assert [d.name for d in diagnose(evidence, solution, settings) if not d.ok] == []
+
+
 @pytest.mark.parametrize(
     ("changes", "warning"),
     [

@@ -207,6 +207,7 @@ def test_lost_rows_become_what_stands_for_nothing() -> None:
     keypoints, lost = salvage.seen_keypoints(Keypoints(points, np.full((3, 4), 0.5), "x", np.full((3, 4, 3), 2.0)))
     assert lost.tolist() == [False, True, False]
     assert keypoints.confidence[:, 0].tolist() == [0.5, 0, 0.5]
+    np.testing.assert_array_equal(keypoints.points[1], points[0])
     assert np.isfinite(keypoints.points).all()
     assert np.isnan(points[1, 2]).all()  # the backend's own array is left alone
     unseen, lost = salvage.seen_keypoints(Keypoints(points, np.zeros((3, 4)), "x"))
