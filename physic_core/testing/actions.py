@@ -26,6 +26,7 @@ __all__ = [
     "SOLO",
     "Person",
     "draw_person",
+    "hollow",
     "measured",
     "sit_on_bench",
     "sit_on_sofa",
@@ -263,7 +264,10 @@ def kneel(person: Person, rng: np.random.Generator) -> Plan:
         touches.append(Touch(f"{side}_knee", 0.3))
     for side in _SIDES:
         if kind == "heels" or rng.random() < 0.3:
-            posture.arm(side, (0.18, -1, 0.32), (-0.08, -0.55, 1), (0, -1, 0)).fingers(side, 12, rng)
+            if kind == "heels":
+                touches += _on_thigh(posture, side, rng)
+            else:
+                posture.arm(side, (0.18, -1, 0.32), (-0.08, -0.55, 1), (0, -1, 0)).fingers(side, 12, rng)
         else:
             _gesture(posture, side, rng)
     height = person.thigh + 0.08 if kind != "heels" else 0.24 * person.stature / 1.7
@@ -274,13 +278,20 @@ def kneel(person: Person, rng: np.random.Generator) -> Plan:
 
 
 def _seat_height(person: Person, rng: np.random.Generator, low: float, high: float) -> float:
-    """A usual height, not much higher than the hollow of the knee."""
-    return min(float(rng.uniform(low, high)), max(0.28, person.shank - 0.01))
+    """A usual height, not over the hollow of the knee, but for some children, whose feet hang."""
+    usual = float(rng.uniform(low, high))
+    hanging = person.stature < 1.45 and rng.random() < 0.4
+    return usual if hanging else min(usual, max(0.25, hollow(person)))
+
+
+def hollow(person: Person) -> float:
+    """Height of the hollow of the knee over the sole."""
+    return person.shank - 0.06 * person.stature / 1.7
 
 
 def _knees_free(person: Person, front: float) -> float:
     """The least z of the pelvis for which the shanks are before a seat whose front edge is at ``front``."""
-    return front + 0.055 * person.stature / 1.7 - 0.96 * person.thigh
+    return front + 0.065 * person.stature / 1.7 - 0.96 * person.thigh
 
 
 def _seated_legs(posture: Posture, person: Person, rng: np.random.Generator, seat: float) -> tuple[Touch, ...]:
@@ -289,12 +300,14 @@ def _seated_legs(posture: Posture, person: Person, rng: np.random.Generator, sea
     rise = np.clip((person.shank - seat - 0.055) / person.thigh, -0.5, 0.4)
     thigh = 90 + float(np.degrees(np.arcsin(rise)))
     spread = rng.uniform(4, 16)
+    hanging = hollow(person) < seat - 0.03
     for side in _SIDES:
-        forward = rng.uniform(-12, 18)
+        forward = rng.uniform(-5, 18)
         flex = thigh + rng.uniform(-2, 2)
         posture.leg(side, flex, flex - forward, spread=spread + rng.uniform(-3, 3))
         posture.foot(side, out=spread + rng.uniform(0, 8))
-    return (*_soles(), Touch("left_thigh", 0.3), Touch("right_thigh", 0.3), Touch("gluteus", 0.25))
+    carried = (Touch("left_thigh", 0.3), Touch("right_thigh", 0.3), Touch("gluteus", 0.25))
+    return carried if hanging else (*_soles(), *carried)
 
 
 def _sitting_arms(posture: Posture, rng: np.random.Generator) -> tuple[Touch, ...]:
@@ -337,7 +350,8 @@ def sit_on_chair(person: Person, rng: np.random.Generator) -> Plan:
         touches = (*touches, Touch("back", 0.12, blocks=(5,)))
     if kind == "forward":
         for side in _SIDES:
-            posture.arm(side, (0.28, -0.9, 0.55), (-0.45, -0.35, 0.9), (-0.6, -0.8, 0)).fingers(side, 18, rng)
+            posture.arm(side, (0.28, -0.9, 0.55), (-0.35, -0.35, 0.9), (-0.6, -0.8, 0)).fingers(side, 18, rng)
+            touches = (*touches, Touch(f"{side}_forearm", 0.12, on="self", target=f"{side}_lap"))
         posture.head(-rng.uniform(10, 25), rng.uniform(-20, 20))
     else:
         _look(posture, rng)
@@ -367,9 +381,10 @@ def sit_on_sofa(person: Person, rng: np.random.Generator, x: float = 0.0, sofa: 
             posture.arm(side, (0.45, -0.85, 0.15), (0.12, -0.12, 1), (0, -1, 0)).fingers(side, 12, rng)
         else:
             touches += _on_thigh(posture, side, rng)
-    back = max(-deep / 2 + person.behind + 0.01, _knees_free(person, deep / 2))
-    pelvis = (x, seat + person.seat + 0.01, float(back))
-    touches = (*touches, Touch("back", 0.2, blocks=(1,)), Touch("upper_back", 0.12, blocks=(1,)))
+    rest, free = -deep / 2 + person.behind + 0.01, _knees_free(person, deep / 2)
+    pelvis = (x, seat + person.seat + 0.01, float(max(rest, free)))
+    if free < rest + 0.12:
+        touches = (*touches, Touch("back", 0.2, blocks=(1,)), Touch("upper_back", 0.12, blocks=(1,)))
     return Plan("sit_on_sofa", posture.pose, person.betas, pelvis, blocks, touches, drift=0.05)
 
 
@@ -404,7 +419,8 @@ def sit_on_floor(person: Person, rng: np.random.Generator) -> Plan:
             posture.leg(side, rng.uniform(122, 132), rng.uniform(108, 120), spread=rng.uniform(2, 9))
             posture.foot(side, out=5)
             touches.append(Touch(f"{side}_sole", 0.5))
-            posture.arm(side, (0.32, -0.75, 0.72), (-0.50, -0.12, 0.85), (-0.8, -0.5, 0)).fingers(side, 14, rng)
+            posture.arm(side, (0.32, -0.75, 0.72), (-0.25, -0.10, 1), (-0.5, -0.9, 0)).fingers(side, 14, rng)
+            touches.append(Touch(f"{side}_palm", 0.10, on="self", target=f"{side}_knee"))
     else:
         posture = Posture((rng.uniform(-6, 2), 0, 0)).trunk(rng.uniform(12, 26), rng.uniform(-4, 4))
         first = str(rng.choice(_SIDES))
@@ -488,10 +504,10 @@ def _lie_on_side(person: Person, rng: np.random.Generator, pillow: float) -> Pla
     posture = Posture((0, 0, -sign * 84), (-90, 0, 0))
     frame = Posture((-90, 0, 0)).trunk(rng.uniform(8, 22))
     frame.leg(down, 90 + rng.uniform(10, 30), rng.uniform(25, 55))
-    frame.leg(up, 90 + rng.uniform(35, 55), rng.uniform(60, 85), spread=-rng.uniform(8, 16))
+    frame.leg(up, 90 + rng.uniform(35, 55), rng.uniform(60, 85), spread=-rng.uniform(13, 19))
     for side in _SIDES:
         frame.ankle(side, point=rng.uniform(10, 25))
-    frame.arm(down, (0.15, 1, -0.25), (0.05, 0.75, -1), (-1, 0, 0))
+    frame.arm(down, (-0.02, 1, -0.25), (0.0, 0.75, -1), (-1, 0, 0))
     frame.arm(up, (-0.45, 0.75, 0.45), (-1, 0.55, -0.25), (-1, -0.2, 0))
     for side in _SIDES:
         frame.fingers(side, 12, rng)
@@ -505,9 +521,8 @@ def _lie_on_side(person: Person, rng: np.random.Generator, pillow: float) -> Pla
         Touch(f"{down}_shoulder", 0.08),
         Touch(f"{down}_temple", 0.06),
         Touch(f"{up}_palm", 0.08),
-        Touch(f"{up}_knee", 0.06, on="self", target=f"{down}_lap"),
     )
-    height = 0.17 * person.stature / 1.7
+    height = 0.19 * person.stature / 1.7
     # The head comes forward of the pelvis, and shall be over the middle of the pillow.
     return Plan("lie", pose, person.betas, (-sign * 0.06, height, 0.0), touches=touches, drift=0.05)
 
@@ -547,7 +562,9 @@ def lean_on_wall(person: Person, rng: np.random.Generator) -> Plan:
     top = person.shoulder * np.sin(np.radians(lean)) + 0.24 * person.stature / 1.7
     blocks = furniture.wall(rng, (sign * float(top), 0.0), -sign * np.pi / 2)
     touches = (*_soles(), Touch(f"{side}_shoulder", 0.3, blocks=(0,)))
-    return Plan("lean_on_wall", posture.pose, person.betas, (0.0, person.leg, 0.0), blocks, touches)
+    azimuth = (-70.0, 15.0) if side == "left" else (-15.0, 70.0)
+    pelvis = (0.0, person.leg, 0.0)
+    return Plan("lean_on_wall", posture.pose, person.betas, pelvis, blocks, touches, azimuth=azimuth)
 
 
 def lean_on_table(person: Person, rng: np.random.Generator) -> Plan:
@@ -636,7 +653,8 @@ def sit_on_steps(person: Person, rng: np.random.Generator, blocks: tuple[Block, 
         posture.leg(side, 98 + rng.uniform(-3, 3), 92, spread=spread).foot(side, out=spread)
         touches.append(Touch(f"{side}_sole", 0.45, blocks=(0,)))
         reaches.append(Reach(f"{side}_sole", (x + sign * 0.14, rise, float(-going + sole)), 0.05))
-        posture.arm(side, (0.25, -1, 0.6), (-0.3, -0.35, 1), (-0.7, -0.7, 0)).fingers(side, 18, rng)
+        posture.arm(side, (0.25, -1, 0.6), (-0.25, -0.3, 1), (-0.7, -0.7, 0)).fingers(side, 18, rng)
+        touches.append(Touch(f"{side}_forearm", 0.12, on="self", target=f"{side}_lap"))
     _look(posture, rng, nod=-8)
     pelvis = (x, seat + person.seat + 0.01, edge - 0.10)
     return Plan("sit_on_steps", posture.pose, person.betas, pelvis, blocks, tuple(touches), tuple(reaches))

@@ -44,18 +44,23 @@ class Cast:
 
 def hug(model: BodyModel, rng: np.random.Generator) -> Cast:
     """Two people of about one size, face to face with their arms round each other, or side by side with one arm."""
-    first = draw_person(model, rng, adult=True)
-    betas = draw_person(model, rng, adult=True).betas.copy()
-    betas[0] = np.clip(first.betas[0] + rng.uniform(-0.5, 0.5), -1.0, 1.2)
-    second = actions.measured(model, betas)
+    first, second = _pair(model, rng)
     if rng.random() < 0.6:
-        apart = first.behind + second.behind + rng.uniform(0.03, 0.06)
+        apart = first.behind + second.behind + rng.uniform(0.10, 0.14)
         aside = rng.uniform(0.03, 0.06)  # heads pass each other
         plans = [_embrace(first, rng), _embrace(second, rng)]
         plans = [turned(plans[0], (aside, -apart / 2), 0.0), turned(plans[1], (-aside, apart / 2), np.pi)]
     else:
         plans = _arm_in_arm(first, second, rng)
     return _in_turns(model, plans, rounds=2)
+
+
+def _pair(model: BodyModel, rng: np.random.Generator) -> tuple[Person, Person]:
+    """Two people of different shape and nearly the same size."""
+    first = draw_person(model, rng, adult=True)
+    betas = draw_person(model, rng, adult=True).betas.copy()
+    betas[0] = np.clip(first.betas[0] + rng.uniform(-0.5, 0.5), -1.0, 1.2)
+    return first, actions.measured(model, betas)
 
 
 def _embrace(person: Person, rng: np.random.Generator) -> Plan:
@@ -72,7 +77,7 @@ def _embrace(person: Person, rng: np.random.Generator) -> Plan:
         Touch("left_palm", 0.2, on="people", target="back"),
         Touch("right_palm", 0.2, on="people", target="back"),
     )
-    return Plan("hug", posture.pose, person.betas, (0.0, person.leg - 0.005, 0.0), touches=touches, drift=0.05)
+    return Plan("hug", posture.pose, person.betas, (0.0, person.leg - 0.005, 0.0), touches=touches, balanced=True)
 
 
 def _arm_in_arm(first: Person, second: Person, rng: np.random.Generator) -> list[Plan]:
@@ -101,13 +106,13 @@ def _arm_in_arm(first: Person, second: Person, rng: np.random.Generator) -> list
 
 def sit_side_by_side(model: BodyModel, rng: np.random.Generator) -> Cast:
     """Two on one sofa or bench, a hand's breadth apart or less."""
-    people = [draw_person(model, rng), draw_person(model, rng)]
+    people = _pair(model, rng)
     size = sum(person.stature for person in people) / 3.4
-    half = size * float(rng.uniform(0.22, 0.30))
-    small = min(people, key=lambda person: person.thigh)
+    half = size * float(rng.uniform(0.28, 0.35))
+    small = min(people, key=lambda person: person.stature)
     if rng.random() < 0.6:
         deep = min(float(rng.uniform(0.46, 0.52)), small.thigh + small.behind - 0.06)
-        height = min(float(rng.uniform(0.38, 0.43)), small.shank - 0.01)
+        height = min(float(rng.uniform(0.38, 0.43)), actions.hollow(small))
         seat = furniture.sofa(
             rng,
             width=float(rng.uniform(1.4, 1.9)),
@@ -117,7 +122,7 @@ def sit_side_by_side(model: BodyModel, rng: np.random.Generator) -> Cast:
         )
         plans = [actions.sit_on_sofa(p, rng, x, seat) for p, x in zip(people, (-half, half), strict=True)]
     else:
-        height = max(0.28, min(float(rng.uniform(0.42, 0.47)), small.shank - 0.01))
+        height = max(0.28, min(float(rng.uniform(0.42, 0.47)), actions.hollow(small)))
         seat = furniture.bench(rng, height=height)
         plans = [actions.sit_on_bench(p, rng, x, seat) for p, x in zip(people, (-half, half), strict=True)]
     plans = [replace(plan, action="sit_side_by_side") for plan in plans]
@@ -131,9 +136,9 @@ def group(model: BodyModel, rng: np.random.Generator) -> Cast:
     back = [str(a) for a in rng.permutation(["stand", "walk", "stand", "sit_on_stool"])]
     before = count // 2
     plans: list[Plan] = []
-    for row, names, number in ((0.55, front, before), (-0.55, back, count - before)):
+    for row, names, number in ((0.5, front, before), (-0.5, back, count - before)):
         for k in range(number):
-            x = (k - (number - 1) / 2) * rng.uniform(0.82, 0.95) + (0.2 if row > 0 else 0.0) + rng.uniform(-0.06, 0.06)
+            x = (k - (number - 1) / 2) * rng.uniform(0.72, 0.85) + (0.2 if row > 0 else 0.0) + rng.uniform(-0.06, 0.06)
             plan = SOLO[names[k]](draw_person(model, rng), rng)
             yaw = float(np.radians(rng.uniform(-25, 25)))
             plans.append(turned(plan, (float(x), float(row + rng.uniform(-0.1, 0.1))), yaw))

@@ -134,7 +134,7 @@ def _alone(
         settled = settle(model, plan)
         outside = bool(rng.random() < outdoors)
         ground = Ground(material=str(rng.choice(GROUND_MATERIALS[1:]))) if outside else FLAT
-        shown = Performance((_actor(plan, settled),), plan.blocks, ground, outside, azimuth, fills)
+        shown = Performance((_actor(plan, settled),), plan.blocks, ground, outside, plan.azimuth or azimuth, fills)
         return _Draw(shown, _badness([settled]))
 
     return draw

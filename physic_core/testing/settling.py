@@ -108,6 +108,7 @@ class Plan:
         reaches: what shall come near points.
         balanced: whether the feet alone carry the person.
         drift: metres by which the pelvis may leave its place, to the side and to the front.
+        azimuth: degrees between which the camera may look, where the plan knows better than its action.
     """
 
     action: str
@@ -119,6 +120,7 @@ class Plan:
     reaches: tuple[Reach, ...] = ()
     balanced: bool = False
     drift: float = 0.10
+    azimuth: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -186,7 +188,8 @@ def settle(
         ground: below everything.
         neighbours: other people.
     """
-    fit = _Fit(model, plan, (*plan.blocks, *around), ground, neighbours)
+    near = [block for block in around if _within_reach(plan, block)]
+    fit = _Fit(model, plan, (*plan.blocks, *near), ground, neighbours)
     x = np.zeros(fit.size)
     for number, (gap, depth, steps) in enumerate(_ROUNDS):
         fit.look_around(x, gap, depth)
@@ -196,6 +199,12 @@ def settle(
         if number >= 2 and settled.depth < _GOOD_DEPTH and settled.gap < _GOOD_GAP and settled.crossing < 0.008:
             break
     return settled
+
+
+def _within_reach(plan: Plan, block: Block) -> bool:
+    """Whether any part of somebody's body could get to a block."""
+    away = np.linalg.norm(np.array(block.centre) - np.array(plan.pelvis))
+    return bool(away < 1.5 + np.linalg.norm(block.half))
 
 
 @dataclass(frozen=True)
