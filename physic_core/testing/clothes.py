@@ -73,7 +73,8 @@ class Clothes:
 
 
 def _pick(rng: np.random.Generator, palette: tuple[tuple[float, float, float], ...]) -> FloatArray:
-    colour: FloatArray = np.array(palette[rng.integers(len(palette))]) * rng.uniform(0.85, 1.15, 3)
+    colour: FloatArray = np.array(palette[rng.integers(len(palette))]) * rng.uniform(0.88, 1.12)
+    colour = colour * rng.uniform(0.96, 1.04, 3)
     return colour
 
 

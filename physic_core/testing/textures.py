@@ -125,7 +125,7 @@ def _tones(base: tuple[float, float, float], factor: FloatArray) -> FloatArray:
 
 
 def _one_of(rng: np.random.Generator, palette: tuple[tuple[float, float, float], ...]) -> tuple[float, float, float]:
-    r, g, b = np.array(palette[rng.integers(len(palette))]) * rng.uniform(0.88, 1.12, 3)
+    r, g, b = np.array(palette[rng.integers(len(palette))]) * rng.uniform(0.88, 1.12) * rng.uniform(0.95, 1.05, 3)
     return float(r), float(g), float(b)
 
 

@@ -16,7 +16,7 @@ from physic_core.testing.rendering import pixel_rays
 from physic_core.testing.worlds import CONTACT_DISTANCE, WORLDS, World, benchmark_worlds, build_world
 
 SIZE = (192, 144)
-SAMPLE = [name for name in ("stand", "sit_on_stool", "stand_behind_counter", "hug", "slope") if name in WORLDS]
+SAMPLE = ("stand", "sit_on_stool", "stand_behind_counter", "hug", "slope")
 
 
 @pytest.fixture(scope="module")
@@ -109,9 +109,10 @@ def test_depth_is_that_of_the_nearest_triangle_by_slow_search(world):
 
 
 def test_the_sky_is_infinitely_far_and_nothing_else():
-    world = build_world("slope" if "slope" in WORLDS else "stand", 0, SIZE)
+    world = build_world("slope", 0, SIZE)
     sky = np.isinf(world.empty_depth)
-    assert world.room.walls is not None or sky.any()
+    assert world.room.walls is None
+    assert sky.any()
     assert np.isinf(world.points(people=False)[sky]).all()
     assert not world.empty_normals[sky].any()
     assert not (world.empty_floor_mask & sky).any()
@@ -150,7 +151,6 @@ def test_what_hides_a_joint(model):
     assert sitter.joints_visible[:, trunk].all()  # covered by their own skin only
 
 
-@pytest.mark.skipif("stand_behind_counter" not in WORLDS, reason="not yet performed")
 def test_a_counter_hides_legs(model):
     world = build_world("stand_behind_counter", 0, SIZE)
     feet = [model.joint_names.index(f"{side}_{name}") for side in ("left", "right") for name in ("ankle", "foot")]
@@ -217,13 +217,13 @@ def test_photos_carry_their_label(world):
 
 def test_the_same_seed_builds_the_same_world_bit_for_bit(monkeypatch):
     monkeypatch.setenv(storage.SWITCH, "off")
-    one, two = (worlds._build("stand", 3, (64, 48)) for _ in range(2))
+    one, two = (worlds._build("stand", 0, (64, 48)) for _ in range(2))
     for field in fields(one):
         a, b = getattr(one, field.name), getattr(two, field.name)
         if isinstance(a, np.ndarray):
             np.testing.assert_array_equal(a, b, err_msg=field.name)
     assert one.room == two.room
-    other = build_world("stand", 4, (64, 48))
+    other = build_world("stand", 1, (64, 48))
     assert (other.image != one.image).any()
 
 
