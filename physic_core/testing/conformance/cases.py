@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.testing.worlds import WORLDS, build_world
+from physic_core.testing.worlds import build_world
 from physic_core.types import Bodies, Hints, Keypoints, People, Plane, Pointmap
 
 if TYPE_CHECKING:
@@ -19,8 +19,6 @@ __all__ = ["CASES", "SIZE", "Case", "build_case", "case_of_world", "known_hints"
 
 SIZE = (320, 240)
 """Width and height of the ordinary photos, px."""
-
-ONE, SEVERAL = ("stand", "sit_side_by_side") if "stand" in WORLDS else (WORLDS[0], WORLDS[2])
 
 SCENE_UNIT = 1.7
 """Metres in a unit of the relative point maps that are given as hints."""
@@ -96,13 +94,13 @@ def build_case(name: str, size: tuple[int, int] = SIZE) -> Case:
 def _build(name: str, size: tuple[int, int]) -> Case:
     width, height = size
     if name == "one person":
-        return case_of_world(name, build_world(ONE, 0, size))
+        return case_of_world(name, build_world("stand", 0, size))
     if name == "several people":
-        return case_of_world(name, build_world(SEVERAL, 0, size))
+        return case_of_world(name, build_world("group", 0, size))
     if name == "odd size":
-        return case_of_world(name, build_world(ONE, 0, (131, 97)))
+        return case_of_world(name, build_world("stand", 0, (131, 97)))
     if name == "portrait":
-        return case_of_world(name, build_world(ONE, 0, (height, width)))
+        return case_of_world(name, build_world("stand", 0, (height, width)))
     person = _build("one person", size)
     if name == "nobody":
         return _without_people(person)

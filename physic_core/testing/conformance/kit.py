@@ -9,6 +9,7 @@ from physic_core.interfaces import INTERFACES, Backend
 from physic_core.testing.conformance import (
     answering,
     body_estimator,
+    colours,
     contact_prior,
     hand_estimator,
     inpainter,
@@ -32,22 +33,20 @@ if TYPE_CHECKING:
 __all__ = ["BoundCheck", "check_backend", "checks_for", "parametrize_with_checks", "start"]
 
 _OWN: dict[str, tuple[Check, ...]] = {
-    "segmenter": segmenter.CHECKS,
+    "segmenter": answering.CHECKS_OF_PEOPLE + segmenter.CHECKS + colours.CHECKS,
     "inpainter": inpainter.CHECKS,
-    "metric_depth": answering.CHECKS_OF_HINTS + metric_depth.CHECKS,
-    "relative_pointmap": answering.CHECKS_OF_HINTS + relative_pointmap.CHECKS,
-    "keypoint_detector": keypoint_detector.CHECKS,
+    "metric_depth": answering.CHECKS_OF_HINTS + metric_depth.CHECKS + colours.CHECKS,
+    "relative_pointmap": relative_pointmap.CHECKS + colours.CHECKS,
+    "keypoint_detector": keypoint_detector.CHECKS + colours.CHECKS,
     "body_estimator": body_estimator.CHECKS,
     "hand_estimator": hand_estimator.CHECKS,
     "contact_prior": contact_prior.CHECKS,
 }
-_NOBODY_TOO = ("segmenter",)
 
 
 def checks_for(interface: str) -> tuple[Check, ...]:
     """All checks of an interface, in the order in which they make sense."""
-    people = answering.CHECKS_OF_PEOPLE if interface in _NOBODY_TOO else ()
-    return registration.CHECKS + lifecycle.BEFORE + answering.CHECKS + people + _OWN[interface] + lifecycle.AFTER
+    return registration.CHECKS + lifecycle.BEFORE + answering.CHECKS + _OWN[interface] + lifecycle.AFTER
 
 
 def check_backend(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, get_args
 import numpy as np
 
 from physic_core.errors import PhysicError
+from physic_core.testing.conformance.answering import check_needs_no_hints
 from physic_core.testing.conformance.asking import form_faults, inputs
 from physic_core.testing.conformance.expect import NotJudged, NotMet, expect
 from physic_core.testing.conformance.metric_depth import check_answers_its_camera, check_camera_is_the_photos
@@ -182,13 +183,14 @@ CHECKS: tuple[Check, ...] = (
     Check(
         check_unknown_suffices, "physic_core.types.Unknown", after=("unknown_is_named", "farther_is_larger", *_UPRIGHT)
     ),
-    Check(check_z_is_not_the_length_of_the_ray, _READ, after=("unknown_is_named", "farther_is_larger", *_UPRIGHT)),
+    Check(check_z_is_not_the_length_of_the_ray, _READ, after=("unknown_suffices", "farther_is_larger")),
     Check(check_frame_is_opencv, _READ),
     Check(check_given_camera_is_used, _CAMERA, after=("frame_is_opencv",)),
     Check(check_pixels_are_counted_from_their_centres, _CAMERA, after=("given_camera_is_used",)),
     Check(check_camera_is_the_photos, _CAMERA),
     Check(check_answers_its_camera, _CAMERA, only_with=frozenset({"returns_intrinsics"})),
     Check(check_camera_may_be_unknown, "physic_core.types.Hints"),
+    Check(check_needs_no_hints, "physic_core.types.Hints", after=("camera_may_be_unknown",)),
     Check(check_photo_after_scene, "physic_core.interfaces.RelativePointmap"),
 )
 """In the order in which they make sense."""

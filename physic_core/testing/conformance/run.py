@@ -99,9 +99,12 @@ class Run:
             return Result(name, "skipped", reason=word)
         for word in sorted(check.only_with - capabilities):
             return Result(name, "skipped", reason=f"not {word}")
-        failed = [other for other in check.after if self.result(other).outcome in ("failed", "xfailed")]
-        if failed:
-            return Result(name, "skipped", reason=f"see '{failed[0]}'")
+        for other in check.after:
+            found = self.result(other)
+            if found.outcome in ("failed", "xfailed"):
+                return Result(name, "skipped", reason=f"see '{other}'")
+            if found.outcome == "skipped" and found.reason.startswith("see '"):
+                return Result(name, "skipped", reason=found.reason)
         try:
             check.function(self.subject)
         except NotMet as failure:

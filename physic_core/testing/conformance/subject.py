@@ -12,6 +12,7 @@ from physic_core.interfaces import INTERFACES, Backend
 from physic_core.testing.conformance.asking import changed, form_faults, inputs
 from physic_core.testing.conformance.cases import SIZE, build_case
 from physic_core.testing.conformance.expect import NotJudged
+from physic_core.testing.conformance.guard import no_network
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -25,7 +26,6 @@ __all__ = ["CAPABILITIES", "FIRST", "Attempt", "OptionsFor", "Subject", "find_su
 CAPABILITIES: dict[str, str] = {
     "stochastic": "answers differ from call to call on purpose: nothing is asked twice to compare",
     "needs_cuda": "runs on a GPU only: asks nothing on another device",
-    "needs_hints": "refuses a photo without hints, with a PhysicError",
     "returns_intrinsics": "always answers the camera that it saw",
 }
 """What a backend class may say of itself in ``capabilities``, a collection of these words."""
@@ -109,8 +109,10 @@ class Subject:
         return build_case(name, self.size)
 
     def construct(self, case: Case | None = None) -> Backend:
-        """A fresh backend, not loaded."""
-        return self.kind(self.options(case))
+        """A fresh backend, not loaded; whatever it wants of a network it does not get."""
+        options = self.options(case)
+        with no_network():
+            return self.kind(options)
 
     def options(self, case: Case | None = None) -> BaseModel:
         """Its options for a case; those of the photo of one person where the case has no truth."""

@@ -1,0 +1,142 @@
+"""Backends that know the answers: what every wrong backend is made from, and the proof that a right one passes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from physic_core import interfaces
+from physic_core.errors import BackendError, InputError
+from physic_core.testing.conformance.cases import CASES, SCENE_UNIT, Case, build_case
+from physic_core.types import Bodies, ContactProbability, DepthMap, Hands, Keypoints, People, Pointmap
+
+SIZE = (160, 120)
+POOR = 0.2  # how far answers are off for a photo in strange colours
+
+
+class RightOptions(interfaces.Options):
+    """Settings of a backend that is right."""
+
+    level: float = Field(1.0, ge=0, description="Does nothing; any number works.")
+
+
+class Knowing:
+    """Looks the photo up."""
+
+    Options: ClassVar[type[interfaces.Options]] = RightOptions
+    loaded = False
+
+    def load(self, device: str = "cpu") -> None:
+        self.loaded = True
+
+    def close(self) -> None:
+        self.loaded = False
+
+    def look_up(self, image: np.ndarray) -> tuple[Case, bool, bool]:
+        """The case, whether its people are in the image, and whether red and blue are exchanged."""
+        if not self.loaded:
+            raise BackendError("not loaded: call load() first")
+        if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
+            raise InputError(f"an image must be (H, W, 3) uint8, got {image.shape} {image.dtype}")
+        for exchanged in (False, True):
+            seen = image[..., ::-1] if exchanged else image
+            for name in CASES:
+                case = build_case(name, SIZE)
+                for people, picture in ((True, case.photo), (False, case.empty)):
+                    if np.array_equal(picture, seen):
+                        return case, people, exchanged
+        raise BackendError("no photo of a world")
+
+    def rows(self, case: Case, people: People) -> list[int]:
+        """Which person of the case each given one is."""
+        every = build_case(case.name, SIZE).people.masks
+        return [int(np.argmax([(mask & own).sum() for own in every])) for mask in people.masks]
+
+
+class RightSegmenter(Knowing, interfaces.Segmenter):
+    def infer(self, image):
+        case, there, poor = self.look_up(image)
+        masks = case.people.masks.copy() if there else np.zeros((0, *image.shape[:2]), bool)
+        if poor:
+            masks[:, ::2] = False
+        boxes = case.people.boxes[: len(masks)].copy()
+        floor = case.world.empty_floor_mask & ~masks.any(axis=0) if case.world is not None else None
+        return People(masks, boxes, case.people.scores[: len(masks)].copy(), floor)
+
+
+class RightInpainter(Knowing, interfaces.Inpainter):
+    def infer(self, image, mask):
+        case, _, _ = self.look_up(image)
+        return np.where(mask[..., None], case.empty, image)
+
+
+def bent(shape: tuple[int, ...]) -> np.ndarray:
+    return 1 + POOR * np.sin(np.arange(shape[1]) / 5)[None, :] * np.ones(shape[:2])
+
+
+class RightMetricDepth(Knowing, interfaces.MetricDepth):
+    def infer(self, image, hints):
+        case, there, poor = self.look_up(image)
+        points = (case.original if there else case.scene).points
+        depth = points[..., 2] * np.float32(SCENE_UNIT) * (bent(image.shape) if poor else 1)
+        return DepthMap(depth.astype(np.float32), hints.intrinsics, 0.1, ("the truth",))
+
+
+class RightPointmap(Knowing, interfaces.RelativePointmap):
+    def infer(self, image, hints):
+        case, there, poor = self.look_up(image)
+        points = (case.original if there else case.scene).points * (bent(image.shape)[..., None] if poor else 1)
+        valid = np.isfinite(points).all(axis=2)
+        return Pointmap(points.astype(np.float32), valid, "scale", hints.intrinsics or case.intrinsics)
+
+
+class RightKeypoints(Knowing, interfaces.KeypointDetector):
+    def infer(self, image, people):
+        case, _, poor = self.look_up(image)
+        rows = self.rows(case, people)
+        points = case.keypoints.points[rows].copy()
+        tall = (people.boxes[:, 3] - people.boxes[:, 1]).reshape(-1, 1, 1)
+        flat = (points - points[:, 23:25].mean(axis=1, keepdims=True)) * 1.7 / np.maximum(tall, 1)
+        world = np.concatenate([flat, np.zeros_like(flat[..., :1])], axis=2)
+        return Keypoints(points + POOR / 2 * tall * poor, case.keypoints.confidence[rows], "blazepose33", world)
+
+
+class RightBodies(Knowing, interfaces.BodyEstimator):
+    def infer(self, image, people, intrinsics, keypoints, hints):
+        case, _, _ = self.look_up(image)
+        rows = self.rows(case, people)
+        parameters = replace(
+            case.bodies.parameters, **{name: value[rows] for name, value in vars(case.bodies.parameters).items()}
+        )
+        return Bodies(parameters, "embedded", case.bodies.observed[rows])
+
+
+class RightHands(Knowing, interfaces.HandEstimator):
+    def infer(self, image, people, keypoints):
+        case, _, _ = self.look_up(image)
+        rows, truth = self.rows(case, people), case.bodies.parameters
+        both = np.stack([truth.left_hand_pose, truth.right_hand_pose], axis=1).reshape(-1, 2, 15, 3)
+        return Hands(both[rows], np.full((len(rows), 2), 0.9))
+
+
+class RightContact(Knowing, interfaces.ContactPrior):
+    def infer(self, image, people, bodies):
+        case, _, _ = self.look_up(image)
+        world = build_case("several people" if case.name == "several people" else "one person", SIZE).truth
+        touching = world.contact if case.world is None else case.world.contact
+        return ContactProbability(0.1 + 0.8 * touching[self.rows(case, people)], world.topology)
+
+
+RIGHT: tuple[type[interfaces.Backend], ...] = (
+    RightSegmenter,
+    RightInpainter,
+    RightMetricDepth,
+    RightPointmap,
+    RightKeypoints,
+    RightBodies,
+    RightHands,
+    RightContact,
+)

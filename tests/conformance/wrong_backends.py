@@ -1,0 +1,711 @@
+"""One wrong backend for each way of being wrong: a right one with one mistake, and the check that must catch it."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+from pydantic import ConfigDict, Field
+from right_backends import (
+    Knowing,
+    RightBodies,
+    RightContact,
+    RightHands,
+    RightInpainter,
+    RightKeypoints,
+    RightMetricDepth,
+    RightOptions,
+    RightPointmap,
+    RightSegmenter,
+)
+
+from physic_core import interfaces
+from physic_core.errors import BackendError
+from physic_core.types import Hints, Intrinsics
+
+
+@dataclass(frozen=True)
+class Wrong:
+    """What is wrong, in words, the class that does it, and the one check that catches it."""
+
+    mistake: str
+    kind: type[interfaces.Backend]
+    check: str
+
+    @property
+    def id(self) -> str:
+        return f"{self.kind.interface}-{self.mistake}".replace(" ", "_")
+
+
+WRONG: list[Wrong] = []
+
+
+def wrong(mistake: str, check: str) -> Callable[[type[Any]], type[Any]]:
+    def note(kind: type[Any]) -> type[Any]:
+        WRONG.append(Wrong(mistake, kind, check))
+        return kind
+
+    return note
+
+
+def altered(right: type[Any], mistake: str, check: str, change: Callable[..., Any]) -> None:
+    """A right backend whose answer goes through ``change(answer, *arguments)``."""
+
+    def infer(self: Any, *arguments: Any) -> Any:
+        return change(right.infer(self, *arguments), *arguments)
+
+    infer.__signature__ = __import__("inspect").signature(right.infer)  # type: ignore[attr-defined]
+    WRONG.append(Wrong(mistake, type(f"Wrong{right.__name__}", (right,), {"infer": infer}), check))
+
+
+def restless(right: type[Any], mistake: str, check: str, fails: Callable[..., bool], error: Exception) -> None:
+    """A right backend that raises where ``fails(*arguments)``."""
+
+    def infer(self: Any, *arguments: Any) -> Any:
+        if fails(*arguments):
+            raise error
+        return right.infer(self, *arguments)
+
+    infer.__signature__ = __import__("inspect").signature(right.infer)  # type: ignore[attr-defined]
+    WRONG.append(Wrong(mistake, type(f"Wrong{right.__name__}", (right,), {"infer": infer}), check))
+
+
+# ---- the class and its options ---------------------------------------------------------------------------------------
+
+
+@wrong("no infer", "target_is_a_whole_class")
+class Abstract(Knowing, interfaces.MetricDepth):
+    pass
+
+
+@wrong("infer without hints", "infer_takes_what_is_given")
+class Narrow(RightMetricDepth):
+    def infer(self, image):
+        return super().infer(image, Hints())
+
+
+@wrong("options that take any key", "options_are_a_closed_model")
+class Open(RightMetricDepth):
+    class Options(RightOptions):
+        model_config = ConfigDict(extra="ignore")
+
+
+@wrong("an option without default", "options_have_defaults")
+class Demanding(RightMetricDepth):
+    class Options(RightOptions):
+        path: str = Field(description="Of the weights.")
+
+
+@wrong("an option without description", "options_are_described")
+class Silent(RightMetricDepth):
+    class Options(RightOptions):
+        gain: float = 1.0
+
+
+@wrong("an option that JSON cannot hold", "options_go_through_json")
+class Unwritable(RightMetricDepth):
+    class Options(RightOptions):
+        dtype: Any = Field(np.float32, description="Type of the answer.")
+
+
+# ---- construction, weights -------------------------------------------------------------------------------------------
+
+
+@wrong("download in the constructor", "constructs_offline")
+class Downloading(RightMetricDepth):
+    def __init__(self, options=None):
+        super().__init__(options)
+        socket.create_connection(("weights.example", 443))
+
+
+@wrong("a constructor that wants an environment variable", "constructs_with_its_defaults")
+class Fragile(RightMetricDepth):
+    def __init__(self, options=None):
+        super().__init__(options)
+        raise KeyError("MY_DEPTH_HOME")
+
+
+@wrong("weights read by the constructor", "constructs_cheaply")
+class Heavy(RightMetricDepth):
+    def __init__(self, options=None):
+        super().__init__(options)
+        self.weights = np.ones(6_000_000)
+
+
+@wrong("missing weights as FileNotFoundError", "loads_or_says_what_is_missing")
+class Lost(RightMetricDepth):
+    def load(self, device="cpu"):
+        raise FileNotFoundError("my_depth.onnx")
+
+
+@wrong("not loaded as AttributeError", "says_so_if_it_is_not_loaded")
+class Surprised(RightMetricDepth):
+    def infer(self, image, hints):
+        if not self.loaded:
+            raise AttributeError("'NoneType' object has no attribute 'run'")
+        return super().infer(image, hints)
+
+
+@wrong("close only once", "load_and_close_may_be_repeated")
+class ClosesOnce(RightMetricDepth):
+    def close(self):
+        if not self.loaded:
+            raise AttributeError("session")
+        super().close()
+
+
+@wrong("no second load", "answers_again_after_close")
+class LoadsOnce(RightMetricDepth):
+    ever = False
+
+    def load(self, device="cpu"):
+        if not self.ever:
+            super().load(device)
+        self.ever = True
+
+
+# ---- the form of answers ---------------------------------------------------------------------------------------------
+
+FORM = "answers_in_the_right_form"
+altered(RightMetricDepth, "depth as float16 text", FORM, lambda a, *_: replace(a, depth=a.depth.astype(str)))
+altered(RightMetricDepth, "whole numbers", FORM, lambda a, *_: replace(a, depth=a.depth.astype(np.int32)))
+altered(RightMetricDepth, "a batch axis", FORM, lambda a, *_: replace(a, depth=a.depth[None]))
+altered(RightMetricDepth, "NaN everywhere", FORM, lambda a, *_: replace(a, depth=a.depth * np.float32(np.nan)))
+altered(RightMetricDepth, "an array for a DepthMap", FORM, lambda a, *_: a.depth)
+altered(RightPointmap, "OpenGL points, z back", FORM, lambda a, *_: replace(a, points=a.points * [1, -1, -1]))
+altered(RightKeypoints, "confidence in percent", FORM, lambda a, *_: replace(a, confidence=100 * a.confidence))
+altered(
+    RightSegmenter,
+    "boxes x y w h",
+    FORM,
+    lambda a, *_: replace(a, boxes=np.concatenate([a.boxes[:, :2], a.boxes[:, 2:] - a.boxes[:, :2]], axis=1)),
+)
+altered(RightInpainter, "an image of floats", FORM, lambda a, *_: (a / 255).astype(np.float32))
+altered(RightBodies, "rotation matrices", FORM, lambda a, *_: replace(
+    a, parameters=replace(a.parameters, body_pose=np.zeros((len(a.parameters), 21, 3, 3)))
+))  # fmt: skip
+altered(RightHands, "confidence above 1", FORM, lambda a, *_: replace(a, confidence=a.confidence + 1))
+altered(RightContact, "a probability below 0", FORM, lambda a, *_: replace(a, probability=a.probability - 0.5))
+
+restless(
+    RightMetricDepth,
+    "one person at most",
+    "answers_several_people",
+    lambda image, hints: hints.people is not None and len(hints.people) > 1,
+    IndexError("index 1 is out of bounds"),
+)
+altered(
+    RightSegmenter,
+    "masks that overlap",
+    "answers_several_people",
+    lambda a, *_: replace(a, masks=a.masks | (np.roll(a.masks, 1, axis=0) & (len(a.masks) > 1))),
+)
+
+
+def padded(answer: Any, *_: Any) -> Any:
+    rows, columns = (-n % 8 for n in answer.depth.shape)
+    return replace(answer, depth=np.pad(answer.depth, ((0, rows), (0, columns)), mode="edge"))
+
+
+def lying(answer: Any, *_: Any) -> Any:
+    return replace(answer, depth=answer.depth.T) if answer.depth.shape[0] > answer.depth.shape[1] else answer
+
+
+altered(RightMetricDepth, "padded to a multiple of 8", "answers_an_odd_size", padded)
+altered(RightMetricDepth, "portraits left lying", "answers_a_portrait", lying)
+altered(
+    RightSegmenter,
+    "None for nobody",
+    "answers_a_photo_without_people",
+    lambda a, *_: a if len(a) else None,
+)
+for right in (RightKeypoints, RightBodies, RightHands, RightContact):
+    restless(
+        right,
+        "nobody is an error",
+        "answers_a_photo_without_people",
+        lambda image, people, *_: not len(people),
+        ValueError("need at least one array to stack"),
+    )
+restless(
+    RightMetricDepth,
+    "blank is an error",
+    "bears_a_blank_photo",
+    lambda image, *_: image.std() == 0,
+    ZeroDivisionError("float division by zero"),
+)
+restless(
+    RightMetricDepth,
+    "tiny is an error",
+    "bears_a_tiny_photo",
+    lambda image, *_: image.shape[-1] == 3 and min(image.shape[:2]) < 32,
+    ValueError("output size (0, 1)"),
+)
+restless(
+    RightMetricDepth,
+    "large is an error",
+    "bears_a_large_photo",
+    lambda image, *_: max(image.shape[:2]) > 512,
+    AssertionError("at most 512 px"),
+)
+
+
+# ---- asking changes nothing ------------------------------------------------------------------------------------------
+
+
+@wrong("writes into the photo", "leaves_its_input_alone")
+class Writing(RightMetricDepth):
+    def infer(self, image, hints):
+        answer = super().infer(image, hints)
+        image[0, 0] = 0
+        return answer
+
+
+@wrong("writes into the hints", "leaves_its_input_alone")
+class WritingHints(RightMetricDepth):
+    def infer(self, image, hints):
+        answer = super().infer(image, hints)
+        if hints.hole is not None:
+            hints.hole[0] = ~hints.hole[0]
+        return answer
+
+
+@wrong("hidden randomness", "answers_the_same_again")
+class Random(RightMetricDepth):
+    def infer(self, image, hints):
+        answer = super().infer(image, hints)
+        return replace(answer, depth=answer.depth * np.random.default_rng().normal(1, 0.01, answer.depth.shape))
+
+
+@wrong("a mean over photos", "keeps_nothing_between_photos")
+class Remembering(RightMetricDepth):
+    scale = 1.0
+
+    def infer(self, image, hints):
+        answer = super().infer(image, hints)
+        seen, self.scale = self.scale, self.scale * 1.01
+        return replace(answer, depth=answer.depth * np.float32(seen))
+
+    def close(self):
+        super().close()
+        self.scale = 1.0
+
+
+@wrong("one buffer for every answer", "keeps_nothing_between_photos")
+class Recycling(RightMetricDepth):
+    def load(self, device="cpu"):
+        super().load(device)
+        self.buffer = np.zeros((2000, 2000), np.float32)
+
+    def infer(self, image, hints):
+        answer = super().infer(image, hints)
+        height, width = answer.depth.shape
+        self.buffer[:height, :width] = answer.depth
+        return replace(answer, depth=self.buffer[:height, :width])
+
+
+restless(
+    RightMetricDepth,
+    "arrays of its own kind only",
+    "takes_views",
+    lambda image, *_: min(image.strides) < 0,
+    ValueError("tensors with negative strides are not currently supported"),
+)
+
+
+@wrong("any image at all", "refuses_what_is_no_photo")
+class Undemanding(RightMetricDepth):
+    def infer(self, image, hints):
+        if image.ndim == 2:
+            image = np.repeat(image[..., None], 3, axis=2)
+        if image.dtype != np.uint8:
+            image = np.round(image * 255).astype(np.uint8)
+        return super().infer(image, hints)
+
+
+# ---- depth -----------------------------------------------------------------------------------------------------------
+
+
+def of_depth(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., Any]:
+    return lambda a, *_: replace(a, depth=change(a.depth).astype(np.float32))
+
+
+def transposed(z: np.ndarray) -> np.ndarray:
+    rows = np.arange(z.shape[0]) * z.shape[1] // z.shape[0]
+    columns = np.arange(z.shape[1]) * z.shape[0] // z.shape[1]
+    return z.T[np.ix_(rows, columns)]
+
+
+def stretch(height: int, width: int, camera: Intrinsics) -> np.ndarray:
+    v, u = np.mgrid[:height, :width]
+    return np.sqrt(1 + ((u - camera.cx) / camera.fx) ** 2 + ((v - camera.cy) / camera.fy) ** 2)
+
+
+def ray_length(answer: Any, image: Any, hints: Any) -> Any:
+    if hints.intrinsics is None:
+        return answer
+    return replace(answer, depth=(answer.depth * stretch(*answer.depth.shape, hints.intrinsics)).astype(np.float32))
+
+
+def only_corner(z: np.ndarray) -> np.ndarray:
+    kept = np.full_like(z, np.nan)
+    kept[: z.shape[0] // 3, : z.shape[1] // 3] = z[: z.shape[0] // 3, : z.shape[1] // 3]
+    return kept
+
+
+def network_camera(answer: Any, *_: Any) -> Any:
+    return replace(answer, intrinsics=answer.intrinsics and answer.intrinsics.resized(518, 518))
+
+
+altered(RightMetricDepth, "only a corner", "depth_covers_the_photo", of_depth(only_corner))
+altered(RightMetricDepth, "transposed", "depth_lies_like_the_photo", of_depth(transposed))
+altered(RightMetricDepth, "upside down", "depth_lies_like_the_photo", of_depth(lambda z: z[::-1]))
+altered(RightMetricDepth, "disparity", "farther_is_larger", of_depth(lambda z: np.median(z) ** 2 / z))
+altered(RightMetricDepth, "centimetres", "depth_is_in_metres", of_depth(lambda z: 100 * z))
+altered(RightMetricDepth, "ray length", "depth_is_along_z", ray_length)
+altered(RightMetricDepth, "the camera of the network's size", "camera_is_the_photos", network_camera)
+altered(
+    RightMetricDepth,
+    "a focal length in shares of the width",
+    "camera_is_the_photos",
+    lambda a, *_: replace(a, intrinsics=a.intrinsics and replace(a.intrinsics, fx=1.2, fy=1.2)),
+)
+altered(
+    RightMetricDepth,
+    "a sigma in percent",
+    "scale_sigma_is_a_deviation",
+    lambda a, *_: replace(a, scale_sigma=10.0),
+)
+restless(
+    RightMetricDepth,
+    "hints that are there",
+    "needs_no_hints",
+    lambda image, hints: hints.people is None,
+    AttributeError("'NoneType' object has no attribute 'masks'"),
+)
+
+
+@wrong("a camera that it promised", "answers_its_camera")
+class Forgetful(RightMetricDepth):
+    capabilities: ClassVar[tuple[str, ...]] = ("returns_intrinsics",)
+
+    def infer(self, image, hints):
+        return replace(super().infer(image, hints), intrinsics=None)
+
+
+def bgr(right: type[Any]) -> None:
+    def infer(self: Any, image: Any, *rest: Any) -> Any:
+        # The lookup that a network trained on RGB would be sees blue where red is.
+        return right.infer(self, image[..., ::-1] if image.ndim == 3 and image.shape[2] == 3 else image, *rest)
+
+    infer.__signature__ = __import__("inspect").signature(right.infer)  # type: ignore[attr-defined]
+    kind = type(f"Bgr{right.__name__}", (right,), {"infer": infer})
+    WRONG.append(Wrong("fed BGR", kind, "colours_are_taken_as_rgb"))
+
+
+for right in (RightSegmenter, RightMetricDepth, RightPointmap, RightKeypoints):
+    bgr(right)
+
+
+# ---- point maps ------------------------------------------------------------------------------------------------------
+
+
+def of_points(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., Any]:
+    return lambda a, *_: replace(a, points=change(a.points).astype(np.float32))
+
+
+def on_rays(points: np.ndarray, z: np.ndarray) -> np.ndarray:
+    return points * (z / points[..., 2])[..., None]
+
+
+def own_camera(answer: Any, *_: Any) -> Any:
+    return replace(answer, points=(answer.points * [1.3, 1.3, 1]).astype(np.float32))
+
+
+def shifted(answer: Any, image: Any, hints: Any) -> Any:
+    camera = hints.intrinsics or answer.intrinsics
+    moved = answer.points + answer.points[..., 2:] * np.array([0.5 / camera.fx, 0.5 / camera.fy, 0])
+    return replace(answer, points=moved.astype(np.float32))
+
+
+def ray_points(answer: Any, image: Any, hints: Any) -> Any:
+    camera = hints.intrinsics or answer.intrinsics
+    return replace(answer, points=(answer.points * stretch(*answer.valid.shape, camera)[..., None]).astype(np.float32))
+
+
+def hidden_shift(points: np.ndarray) -> np.ndarray:
+    return on_rays(points, points[..., 2] + 0.5 * np.median(points[..., 2]))
+
+
+def valid_corner(answer: Any, *_: Any) -> Any:
+    corner = np.zeros_like(answer.valid)
+    corner[: corner.shape[0] // 3, : corner.shape[1] // 3] = True
+    return replace(answer, valid=answer.valid & corner)
+
+
+altered(RightPointmap, "only a corner", "points_cover_the_photo", valid_corner)
+altered(RightPointmap, "another word", "unknown_is_named", lambda a, *_: replace(a, unknown="affine"))
+altered(RightPointmap, "transposed", "points_lie_like_the_photo", of_points(
+    lambda p: on_rays(p, transposed(p[..., 2]))
+))  # fmt: skip
+altered(RightPointmap, "disparity", "farther_is_larger", of_points(lambda p: on_rays(p, 1 / p[..., 2])))
+altered(RightPointmap, "ray length", "z_is_not_the_length_of_the_ray", ray_points)
+altered(RightPointmap, "y up", "frame_is_opencv", of_points(lambda p: p * [1, -1, 1]))
+altered(RightPointmap, "a camera of its own", "given_camera_is_used", own_camera)
+altered(RightPointmap, "half a pixel off", "pixels_are_counted_from_their_centres", shifted)
+altered(RightPointmap, "a shift that it does not name", "unknown_suffices", of_points(hidden_shift))
+altered(RightPointmap, "the camera of the network's size", "camera_is_the_photos", network_camera)
+restless(
+    RightPointmap,
+    "a camera that is there",
+    "camera_may_be_unknown",
+    lambda image, hints: hints.intrinsics is None,
+    AttributeError("'NoneType' object has no attribute 'fx'"),
+)
+restless(
+    RightPointmap,
+    "people that are there",
+    "needs_no_hints",
+    lambda image, hints: hints.people is None,
+    AttributeError("'NoneType' object has no attribute 'masks'"),
+)
+restless(
+    RightPointmap,
+    "no second call",
+    "photo_after_scene",
+    lambda image, hints: hints.scene is not None,
+    BackendError("one call is enough"),
+)
+
+
+@wrong("a camera that it promised", "answers_its_camera")
+class ForgetfulPoints(RightPointmap):
+    capabilities: ClassVar[tuple[str, ...]] = ("returns_intrinsics",)
+
+    def infer(self, image, hints):
+        return replace(super().infer(image, hints), intrinsics=None)
+
+
+# ---- people ----------------------------------------------------------------------------------------------------------
+
+
+def inverted(answer: Any, *_: Any) -> Any:
+    if not len(answer):
+        return answer
+    height, width = answer.masks.shape[1:]
+    return replace(
+        answer,
+        masks=~answer.masks.any(axis=0, keepdims=True),
+        boxes=np.array([[0.0, 0.0, width, height]]),
+        scores=answer.scores[:1],
+        floor=None,
+    )
+
+
+def shares(answer: Any, *_: Any) -> Any:
+    height, width = answer.masks.shape[1:]
+    return replace(answer, boxes=answer.boxes / [width, height, width, height])
+
+
+def loose(answer: Any, *_: Any) -> Any:
+    height, width = answer.masks.shape[1:]
+    return replace(answer, boxes=np.tile([0.0, 0.0, width, height], (len(answer), 1)))
+
+
+def floor_over_people(answer: Any, *_: Any) -> Any:
+    return replace(answer, floor=None if answer.floor is None else answer.floor | answer.masks.any(axis=0))
+
+
+altered(RightSegmenter, "inverted masks", "masks_lie_on_people", inverted)
+altered(RightSegmenter, "boxes in shares of the size", "boxes_hold_their_masks", shares)
+altered(RightSegmenter, "the photo as every box", "boxes_hold_their_masks", loose)
+altered(
+    RightSegmenter,
+    "worst score first",
+    "scores_fall",
+    lambda a, *_: replace(a, masks=a.masks[::-1], boxes=a.boxes[::-1], scores=a.scores[::-1]),
+)
+altered(
+    RightSegmenter,
+    "an inverted floor",
+    "floor_is_under_the_people",
+    lambda a, *_: replace(a, floor=None if a.floor is None else ~a.floor & ~a.masks.any(axis=0)),
+)
+altered(RightSegmenter, "people who are floor", "floor_leaves_people_out", floor_over_people)
+
+
+# ---- inpainting ------------------------------------------------------------------------------------------------------
+
+
+@wrong("an inverted mask", "the_rest_stays")
+class Inverting(RightInpainter):
+    def infer(self, image, mask):
+        self.look_up(image)
+        return np.where(~mask[..., None] & mask.any(), np.uint8(127), image)
+
+
+@wrong("a second compression", "the_rest_stays")
+class Compressing(RightInpainter):
+    def infer(self, image, mask):
+        filled = super().infer(image, mask)
+        return filled // 4 * 4 if mask.any() else filled
+
+
+@wrong("nothing is removed", "the_hole_is_filled")
+class Idle(RightInpainter):
+    def infer(self, image, mask):
+        return super().infer(image, np.zeros_like(mask))
+
+
+@wrong("a fill in BGR", "the_fill_is_rgb")
+class BlueFill(RightInpainter):
+    def infer(self, image, mask):
+        return np.where(mask[..., None], super().infer(image, mask)[..., ::-1], image)
+
+
+restless(
+    RightInpainter,
+    "an empty mask is an error",
+    "an_empty_mask_changes_nothing",
+    lambda image, mask: not mask.any() and image.shape[0] > 32 and image.std() > 0,
+    ValueError("zero-size array to reduction operation"),
+)
+restless(
+    RightInpainter,
+    "a full mask is an error",
+    "a_full_mask_is_borne",
+    lambda image, mask: bool(mask.all()),
+    IndexError("index 0 is out of bounds"),
+)
+
+
+# ---- keypoints -------------------------------------------------------------------------------------------------------
+
+_PAIRS = [0, 4, 5, 6, 1, 2, 3, 8, 7, 10, 9, *(i + (1 if i % 2 else -1) for i in range(11, 33))]
+
+
+def turned_round(answer: Any, *_: Any) -> Any:
+    parameters = answer.parameters
+    if not len(parameters):
+        return answer
+    from scipy.spatial.transform import Rotation
+
+    root = Rotation.from_rotvec(parameters.global_orient) * Rotation.from_rotvec([0, np.pi, 0])
+    return replace(answer, parameters=replace(parameters, global_orient=root.as_rotvec().astype(np.float32)))
+
+
+def sorted_rows(answer: Any, image: Any, people: Any, *_: Any) -> Any:
+    """Rows by the people's boxes, whatever the order in which they were asked about."""
+    order = np.argsort(people.boxes[:, 0])
+
+    def by_size(thing: Any) -> Any:
+        if isinstance(thing, np.ndarray):
+            return thing[order]
+        if hasattr(thing, "__dataclass_fields__"):
+            return replace(thing, **{name: by_size(value) for name, value in vars(thing).items()})
+        return thing
+
+    return by_size(answer)
+
+
+altered(RightKeypoints, "an unknown skeleton", "skeleton_is_known", lambda a, *_: replace(a, skeleton="openpose25"))
+altered(
+    RightKeypoints,
+    "y before x",
+    "joints_lie_on_the_person",
+    lambda a, *_: replace(a, points=a.points[..., ::-1].copy()),
+)
+altered(
+    RightKeypoints,
+    "px of the crop",
+    "joints_lie_on_the_person",
+    lambda a, image, people: replace(a, points=a.points - people.boxes[:, None, :2]),
+)
+altered(
+    RightKeypoints,
+    "sides exchanged",
+    "left_is_the_persons_left",
+    lambda a, *_: replace(a, points=a.points[:, _PAIRS], confidence=a.confidence[:, _PAIRS]),
+)
+altered(RightKeypoints, "world y up", "world_points_are_metres", lambda a, *_: replace(a, world=a.world * [1, -1, 1]))
+altered(RightKeypoints, "world centimetres", "world_points_are_metres", lambda a, *_: replace(a, world=100 * a.world))
+for right in (RightKeypoints, RightBodies, RightHands, RightContact):
+    altered(right, "rows from left to right", "rows_follow_the_people", sorted_rows)
+
+
+# ---- bodies, hands, contact ------------------------------------------------------------------------------------------
+
+
+def of_parameters(change: Callable[[Any], dict[str, np.ndarray]]) -> Callable[..., Any]:
+    return lambda a, *_: replace(a, parameters=replace(a.parameters, **change(a.parameters)))
+
+
+def opengl(p: Any) -> dict[str, np.ndarray]:
+    return placed(p, lambda pelvis: pelvis * [1, -1, -1])
+
+
+def placed(p: Any, move: Callable[[np.ndarray], np.ndarray]) -> dict[str, np.ndarray]:
+    """The pelvis moved: the rest pelvis of the body is not at its origin."""
+    import torch
+
+    from physic_core.body import load_body
+    from physic_core.body.parameters import rotations_from_parameters
+
+    with torch.no_grad():
+        out = load_body("embedded")(rotations_from_parameters(p), torch.from_numpy(p.betas), torch.from_numpy(p.transl))
+    pelvis = out.joints[:, 0].numpy()
+    return {"transl": (p.transl + move(pelvis) - pelvis).astype(np.float32)}
+
+
+def head_down(p: Any) -> dict[str, np.ndarray]:
+    from scipy.spatial.transform import Rotation
+
+    root = Rotation.from_rotvec([np.pi, 0, 0]) * Rotation.from_rotvec(p.global_orient.reshape(-1, 3))
+    return {"global_orient": root.as_rotvec().astype(np.float32)} if len(p) else {}
+
+
+altered(RightBodies, "an unknown body", "body_model_is_known", lambda a, *_: replace(a, body_model="mhr"))
+altered(
+    RightBodies,
+    "ten shape components",
+    "body_model_is_known",
+    of_parameters(lambda p: {"betas": p.betas[:, :10].copy()}),
+)
+altered(RightBodies, "degrees", "angles_are_radians", of_parameters(lambda p: {"body_pose": np.degrees(p.body_pose)}))
+altered(RightBodies, "an OpenGL camera", "bodies_are_in_front", of_parameters(opengl))
+altered(
+    RightBodies, "centimetres", "bodies_are_in_metres", of_parameters(lambda p: placed(p, lambda pelvis: 100 * pelvis))
+)
+altered(
+    RightBodies,
+    "the frame of the crop",
+    "bodies_are_seen_at_their_people",
+    of_parameters(lambda p: placed(p, lambda pelvis: pelvis + np.array([1.5, 0, 0]))),
+)
+altered(RightBodies, "y up", "bodies_are_upright", of_parameters(head_down))
+altered(RightBodies, "facing away", "left_is_the_bodys_left", turned_round)
+restless(
+    RightBodies,
+    "hints that are there",
+    "needs_no_hints",
+    lambda image, people, intrinsics, keypoints, hints: hints.floor is None,
+    AttributeError("'NoneType' object has no attribute 'normal'"),
+)
+altered(RightHands, "degrees", "angles_are_radians", lambda a, *_: replace(a, rotvecs=np.degrees(a.rotvecs)))
+altered(RightHands, "hands exchanged", "left_comes_first", lambda a, *_: replace(a, rotvecs=a.rotvecs[:, ::-1].copy()))
+altered(RightContact, "another mesh", "mesh_is_the_bodies_own", lambda a, *_: replace(a, topology="smplx"))
+altered(
+    RightContact,
+    "vertices of another mesh",
+    "mesh_is_the_bodies_own",
+    lambda a, *_: replace(a, probability=a.probability[:, :6890]),
+)
+altered(
+    RightContact,
+    "1 is no contact",
+    "contact_is_more_likely_where_bodies_touch",
+    lambda a, *_: replace(a, probability=1 - a.probability),
+)
