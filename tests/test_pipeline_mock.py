@@ -20,7 +20,7 @@ from physic_core.testing.worlds import World, build_world
 from physic_core.types import Hints
 from physic_mock import NOISE_VERSION
 
-WORLDS = ("standing", "sitting", "two_people")
+WORLDS = ("stand", "sit_on_stool", "hug")
 NOISE = {
     "segmenter": {"missed_ends": 0, "strays": 0, "floor_missed": 0, "floor_spills": 0, "raggedness_px": 1.4},
     "keypoint_detector": {"hidden_noise": 0.02, "overconfident": 0, "swapped": 0},
@@ -202,4 +202,4 @@ def test_a_photo_of_no_world_is_refused():
 
 def test_a_world_without_people_has_nobody():
     with pytest.raises(NoPersonError):
-        reconstruct(build_world("standing").empty_image, "mock")
+        reconstruct(build_world("stand").empty_image, "mock")

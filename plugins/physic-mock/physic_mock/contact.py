@@ -62,7 +62,7 @@ class MockContactPrior(interfaces.ContactPrior):
             BackendError: the image shows no world, a person is nobody of it, or the bodies are of another body model.
         """
         assert isinstance(self.options, ContactOptions)
-        found = recognise(image, self.options)
+        found = recognise(image)
         rows = match_people(found, people)
         if bodies.body_model != found.world.body_model:
             raise BackendError(

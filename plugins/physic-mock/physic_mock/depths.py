@@ -72,7 +72,7 @@ class MockMetricDepth(interfaces.MetricDepth):
         """
         assert isinstance(self.options, MetricDepthOptions)
         options, noise = self.options, self.options.noise
-        found = recognise(image, options, hints.hole)
+        found = recognise(image, hints.hole)
         world, seed = found.world, options.noise_seed
         camera = _camera(world, options, "metric depth")
         drawn = math.exp(noise * options.scale_sigma * generator(world, seed, "metric scale").normal())
@@ -143,7 +143,7 @@ class MockRelativePointmap(interfaces.RelativePointmap):
         """
         assert isinstance(self.options, RelativePointmapOptions)
         options = self.options
-        found = recognise(image, options, hints.hole)
+        found = recognise(image, hints.hole)
         depth = _misshapen(found, hints, options)
         scale, shift = _unit(found, depth, options)
         camera = hints.intrinsics or _camera(found.world, options, "point map")

@@ -84,7 +84,7 @@ class MockBodyEstimator(interfaces.BodyEstimator):
         """
         assert isinstance(self.options, BodyOptions)
         options = self.options
-        found = recognise(image, options)
+        found = recognise(image)
         rows = match_people(found, people)
         world, rng = found.world, generator(found.world, options.noise_seed, "bodies")
         truth, count = world.parameters, len(world.vertices)
@@ -194,7 +194,7 @@ class MockHandEstimator(interfaces.HandEstimator):
         """
         assert isinstance(self.options, HandOptions)
         options = self.options
-        found = recognise(image, options)
+        found = recognise(image)
         rows = match_people(found, people)
         rng = generator(found.world, options.noise_seed, "hands")
         truth = found.world.parameters

@@ -57,7 +57,7 @@ class MockKeypointDetector(interfaces.KeypointDetector):
         """
         assert isinstance(self.options, KeypointOptions)
         options = self.options
-        found = recognise(image, options)
+        found = recognise(image)
         rows = match_people(found, people)
         rng = generator(found.world, options.noise_seed, "keypoints")
         truth, visible = found.world.keypoints[options.skeleton], found.world.visible[options.skeleton]

@@ -52,7 +52,7 @@ class MockSegmenter(interfaces.Segmenter):
             BackendError: the image shows no world.
         """
         assert isinstance(self.options, SegmenterOptions)
-        found = recognise(image, self.options)
+        found = recognise(image)
         taken = np.zeros(image.shape[:2], bool)
         masks: list[BoolArray] = []
         for i in np.flatnonzero(found.present):
@@ -102,9 +102,8 @@ class MockInpainter(interfaces.Inpainter):
         Raises:
             BackendError: the image shows no world.
         """
-        assert isinstance(self.options, MockOptions)
         filled: UInt8Array = image.copy()
-        filled[mask] = recognise(image, self.options).world.empty_image[mask]
+        filled[mask] = recognise(image).world.empty_image[mask]
         return filled
 
 

@@ -10,6 +10,7 @@ from pydantic import Field
 
 from physic_core import interfaces
 from physic_core.errors import BackendError
+from physic_core.testing import labels
 from physic_core.testing.worlds import WORLDS, World, build_world
 
 if TYPE_CHECKING:
@@ -25,8 +26,6 @@ _SAME_PERSON_IOU = 0.3
 class MockOptions(interfaces.Options):
     """Settings that all mocks share."""
 
-    worlds: tuple[str, ...] = Field(WORLDS, description="Names of the worlds that the photo can show.")
-    seeds: tuple[int, ...] = Field((0,), description="Seeds of the worlds that the photo can show.")
     noise: float = Field(
         1.0, ge=0, le=10, description="Factor on all errors of this backend; 0 is the truth, 2 twice the errors."
     )
@@ -48,29 +47,38 @@ class Recognised:
     present: BoolArray
 
 
-def recognise(image: UInt8Array, options: MockOptions, hole: BoolArray | None = None) -> Recognised:
+def recognise(image: UInt8Array, hole: BoolArray | None = None) -> Recognised:
     """Find the world whose photo this is, with all, some or none of its people taken out.
 
     Args:
-        image: (H, W, 3) uint8.
-        options: which worlds to look among.
+        image: (H, W, 3) uint8, with the label of its world in its corners.
         hole: (H, W) bool, pixels that an inpainter made up and that are not compared.
 
     Raises:
-        BackendError: it is the photo of none of these worlds.
+        BackendError: it is the photo of no world.
     """
     height, width = image.shape[:2]
-    if height * width <= _LARGEST_PX:
-        for seed in options.seeds:
-            for name in options.worlds:
-                world = build_world(name, seed, (width, height))
-                photo, empty = _alike(image, world.image), _alike(image, world.empty_image)
-                kept = photo if hole is None else photo & ~hole
-                if (photo | empty if hole is None else photo | empty | hole).all():
-                    return _who_is_left(world, kept, empty)
-    raise BackendError(
-        f"The mock backends only know the photos of their own worlds ({', '.join(options.worlds)}; seeds "
-        f"{', '.join(str(seed) for seed in options.seeds)}), and this {width} x {height} px image is none of them: "
+    label = labels.read(image)
+    if label is None:
+        raise _refusal(width, height, "carries no world's label")
+    name, seed = label
+    if name not in WORLDS:
+        raise _refusal(width, height, f"is of the world {name!r}, which there is not")
+    if height * width > _LARGEST_PX:
+        raise _refusal(width, height, f"is larger than worlds are drawn ({_LARGEST_PX} px in all)")
+    world = build_world(name, seed, (width, height))
+    photo, empty = _alike(image, world.image), _alike(image, world.empty_image)
+    explained = photo | empty if hole is None else photo | empty | hole
+    if not explained.all():
+        raise _refusal(
+            width, height, f"differs from the world {name!r}, seed {seed}, in {1 - explained.mean():.1%} of its pixels"
+        )
+    return _who_is_left(world, photo if hole is None else photo & ~hole, empty)
+
+
+def _refusal(width: int, height: int, fault: str) -> BackendError:
+    return BackendError(
+        f"The mock backends only know the photos of their own worlds, and this {width} x {height} px image {fault}: "
         "give physic_core.testing.worlds.build_world(name, seed, size).image, saved without loss, "
         "or choose real backends."
     )
@@ -80,11 +88,11 @@ def _who_is_left(world: World, photo: BoolArray, empty: BoolArray) -> Recognised
     # Where a person has the colour of what is behind them, a pixel belongs to them if most of their others do.
     people: BoolArray = photo & ~empty & world.masks.any(axis=0)
     present = np.zeros(len(world.masks), bool)
+    telling = ~_alike(world.image, world.empty_image)
     for i, mask in enumerate(world.masks):
-        telling = mask & ~_alike(world.image, world.empty_image)
-        present[i] = (people & telling).sum() > 0.5 * telling.sum()
-        if present[i]:
-            people |= photo & mask
+        present[i] = (people & mask & telling).sum() > 0.5 * (mask & telling).sum()
+    for mask in world.masks[present]:
+        people = people | (photo & mask)
     return Recognised(world, people, present)
 
 

@@ -11,6 +11,7 @@ from physic_core import border
 from physic_core.body import load_body
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.errors import BackendError
+from physic_core.testing import labels
 from physic_core.testing.worlds import build_world
 from physic_core.types import Hints, Intrinsics, Keypoints, People
 from physic_mock import NOISE_VERSION, physic_backends
@@ -31,7 +32,7 @@ from physic_mock.keypoints import KeypointOptions
 from physic_mock.pixels import SegmenterOptions
 from physic_mock.recognition import MockOptions
 
-WORLDS = ("standing", "sitting", "two_people")
+WORLDS = ("stand", "sit_on_stool", "hug")
 TRUE_DEPTH = MetricDepthOptions(noise=0)
 TRUE_MASKS = SegmenterOptions(noise=0)
 
@@ -43,11 +44,16 @@ def world(request):
 
 @pytest.fixture(scope="module")
 def two():
-    return build_world("two_people")
+    return build_world("hug")
 
 
 def everyone(world) -> People:
     return People(masks=world.masks.copy(), boxes=world.boxes.copy(), scores=np.ones(len(world.masks)))
+
+
+def known(depth: np.ndarray) -> np.ndarray:
+    """NaN in the sky, as the mocks answer it."""
+    return np.where(np.isfinite(depth), depth, np.nan)
 
 
 def no_keypoints(count: int) -> Keypoints:
@@ -105,11 +111,13 @@ def test_without_noise_the_answers_are_the_truth(world):
     np.testing.assert_array_equal(exact.points, world.keypoints["coco17"])
     assert ((exact.confidence > 0.5) == world.visible["coco17"]).all()
     depth = MockMetricDepth(TRUE_DEPTH).infer(world.image, Hints())
-    np.testing.assert_array_equal(depth.depth, world.depth)
+    np.testing.assert_array_equal(depth.depth, known(world.depth))
     assert depth.intrinsics.matrix.tolist() == world.intrinsics.matrix.tolist()
     for image, people_in in ((world.image, True), (world.empty_image, False)):
         answer = MockRelativePointmap(RelativePointmapOptions(noise=0)).infer(image, Hints())
-        np.testing.assert_allclose(answer.points, world.points(people=people_in), rtol=1e-6)
+        points = known(world.points(people=people_in))
+        np.testing.assert_allclose(answer.points[answer.valid], points[answer.valid], rtol=1e-6)
+        np.testing.assert_array_equal(answer.valid, np.isfinite(points[..., 2]))
     bodies = pose(world, noise=0)
     for name in ("global_orient", "body_pose", "betas", "transl"):
         np.testing.assert_allclose(getattr(bodies.parameters, name), getattr(world.parameters, name), atol=2e-6)
@@ -123,23 +131,24 @@ def test_without_noise_the_answers_are_the_truth(world):
 
 @pytest.mark.parametrize("unknown", ["scale", "scale_shift", "inverse_scale_shift"])
 def test_the_point_map_is_metric_once_its_unknowns_are_undone(world, unknown):
-    scale, shift = 1.7, 0.03
+    scale, shift = 1.7, -0.03
     options = RelativePointmapOptions(noise=0, unknown=unknown, scale=scale, shift=shift)
     answer = MockRelativePointmap(options).infer(world.image, Hints())
     assert answer.unknown == unknown
-    assert answer.valid.all()
+    seen = np.isfinite(world.depth)
+    np.testing.assert_array_equal(answer.valid, seen)
     z = answer.points[..., 2].astype(float)
     metric = {"scale": scale * z, "scale_shift": scale * z + shift, "inverse_scale_shift": 1 / (scale / z + shift)}[
         unknown
     ]
-    np.testing.assert_allclose(metric, world.depth, rtol=1e-5)
+    np.testing.assert_allclose(metric, known(world.depth), rtol=1e-5)
     # x and y: on the pixel's ray, of the metric depth with an additive shift, of its own depth otherwise.
     sideways = (
         scale * answer.points[..., :2]
         if unknown != "inverse_scale_shift"
         else answer.points[..., :2] * (metric / z)[..., None]
     )
-    np.testing.assert_allclose(sideways, world.points(people=True)[..., :2], atol=1e-4)
+    np.testing.assert_allclose(sideways[seen], world.points(people=True)[seen, :2], atol=1e-4)
 
 
 @pytest.mark.parametrize("unknown", ["scale_shift", "inverse_scale_shift"])
@@ -147,8 +156,8 @@ def test_a_drawn_shift_keeps_everything_in_front_of_the_camera(world, unknown):
     for noise_seed in range(4):
         options = RelativePointmapOptions(unknown=unknown, shift_sigma=0.9, noise_seed=noise_seed)
         answer = MockRelativePointmap(options).infer(world.image, Hints())
-        assert answer.valid.all()
-        assert (answer.points[..., 2] > 0).all()
+        np.testing.assert_array_equal(answer.valid, np.isfinite(world.depth))
+        assert (answer.points[answer.valid, 2] > 0).all()
 
 
 def test_the_point_maps_of_photo_and_empty_picture_differ_in_scale_and_slightly_in_shape(world):
@@ -156,7 +165,7 @@ def test_the_point_maps_of_photo_and_empty_picture_differ_in_scale_and_slightly_
     model = MockRelativePointmap(options)
     empty = model.infer(world.empty_image, Hints()).points[..., 2]
     photo = model.infer(world.image, Hints()).points[..., 2]
-    background = ~world.masks.any(axis=0)
+    background = ~world.masks.any(axis=0) & np.isfinite(world.depth)
     ratio = empty[background] / photo[background]
     assert abs(np.log(np.median(ratio))) > 0.005
     assert 0.001 < ratio.std() / np.median(ratio) < 0.02
@@ -167,13 +176,14 @@ def test_given_intrinsics_are_respected(world):
     answer = MockRelativePointmap(RelativePointmapOptions(unknown="scale")).infer(world.image, Hints(intrinsics=given))
     assert answer.intrinsics == given
     u = (answer.points[..., 0] / answer.points[..., 2]) * 500 + given.cx
-    np.testing.assert_allclose(u, np.broadcast_to(np.arange(given.width), u.shape), atol=1e-2)
+    columns = np.broadcast_to(np.arange(given.width), u.shape)
+    np.testing.assert_allclose(u[answer.valid], columns[answer.valid], atol=1e-2)
 
 
 def test_metric_depth_is_wrong_by_its_scale_and_a_warp(world):
     options = MetricDepthOptions(scale=1.25, scale_sigma=0, focal_sigma=0, smear_px=0, warp=0.03, stated_sigma=0.2)
     depth = MockMetricDepth(options).infer(world.image, Hints())
-    ratio = depth.depth / world.depth
+    ratio = (depth.depth / world.depth)[np.isfinite(world.depth)]
     assert abs(np.log(ratio).mean() - np.log(1.25)) < 0.05
     assert 0.005 < np.log(ratio).std() < 0.06
     assert depth.scale_sigma == 0.2
@@ -258,7 +268,7 @@ def test_a_picture_without_people_has_nobody_and_the_depth_behind_them(two):
     floor = MockSegmenter(TRUE_MASKS).infer(two.empty_image).floor
     np.testing.assert_array_equal(floor, two.empty_floor_mask)
     depth = MockMetricDepth(TRUE_DEPTH).infer(two.empty_image, Hints())
-    np.testing.assert_allclose(depth.depth, two.empty_depth, rtol=1e-6)
+    np.testing.assert_allclose(depth.depth, known(two.empty_depth), rtol=1e-6)
 
 
 def test_one_of_two_people_can_be_taken_out(two):
@@ -277,27 +287,57 @@ def test_a_hole_filled_by_another_inpainter_is_recognised_with_the_hint(two):
     model = MockMetricDepth(TRUE_DEPTH)
     with pytest.raises(BackendError):
         model.infer(image, Hints())
-    np.testing.assert_allclose(model.infer(image, Hints(hole=hole)).depth, two.empty_depth, rtol=1e-6)
+    np.testing.assert_allclose(model.infer(image, Hints(hole=hole)).depth, known(two.empty_depth), rtol=1e-6)
+
+
+def refusal(image: np.ndarray) -> str:
+    with pytest.raises(BackendError) as caught:
+        MockSegmenter().infer(image)
+    return str(caught.value)
 
 
 def test_another_photo_is_refused(two):
-    with pytest.raises(BackendError) as caught:
-        MockSegmenter().infer(np.zeros((60, 80, 3), np.uint8))
-    assert str(caught.value) == (
-        "The mock backends only know the photos of their own worlds (standing, sitting, two_people; seeds 0), and this "
-        "80 x 60 px image is none of them: give physic_core.testing.worlds.build_world(name, seed, size).image, saved "
-        "without loss, or choose real backends."
+    height, width = two.image.shape[:2]
+    only = "The mock backends only know the photos of their own worlds, and this "
+    give = (
+        ": give physic_core.testing.worlds.build_world(name, seed, size).image, saved without loss, "
+        "or choose real backends."
     )
-    with pytest.raises(BackendError):
-        MockSegmenter(SegmenterOptions(seeds=(1,))).infer(two.image)
-    with pytest.raises(BackendError):
-        MockSegmenter().infer(np.zeros((4000, 6000, 3), np.uint8))  # and it does not try to draw one that large
+    blank = np.zeros((60, 80, 3), np.uint8)
+    assert refusal(blank) == f"{only}80 x 60 px image carries no world's label{give}"
+    other = labels.stamp(two.image, "moon", 3)
+    assert refusal(other) == f"{only}{width} x {height} px image is of the world 'moon', which there is not{give}"
+    painted = two.image.copy()
+    painted[100:112, 100:200] ^= 0x40
+    assert refusal(painted) == (
+        f"{only}{width} x {height} px image differs from the world 'hug', seed 0, in 1.6% of its pixels{give}"
+    )
+    # And it does not try to draw one that large.
+    large = labels.stamp(np.zeros((1500, 1900, 3), np.uint8), "hug", 0)
+    assert refusal(large) == f"{only}1900 x 1500 px image is larger than worlds are drawn (2764800 px in all){give}"
+
+
+def test_any_world_is_recognised_by_its_label():
+    world = build_world("stand", seed=5, size=(160, 120))
+    assert len(MockSegmenter().infer(world.image)) == 1
+    assert len(MockSegmenter().infer(world.empty_image)) == 0
+
+
+def test_one_label_may_lie_in_the_hole(two):
+    hole = two.masks.any(axis=0)
+    hole[:14, :14] = True
+    image = two.image.copy()
+    image[hole] = 128
+    np.testing.assert_array_equal(
+        MockMetricDepth(TRUE_DEPTH).infer(image, Hints(hole=hole)).depth,
+        known(np.where(hole, two.empty_depth, two.depth)),
+    )
 
 
 def test_rounding_of_another_machine_is_forgiven(two):
     image = two.image.copy()
     image[::3] = np.clip(image[::3].astype(int) + 1, 0, 255)
-    assert len(MockSegmenter().infer(image)) == 2
+    assert len(MockSegmenter().infer(labels.stamp(image, "hug", 0))) == 2
 
 
 def test_somebody_else_is_refused(two):
@@ -306,7 +346,7 @@ def test_somebody_else_is_refused(two):
     with pytest.raises(BackendError) as caught:
         MockKeypointDetector().infer(two.image, People(mask, np.array([[0.0, 0, 20, 20]]), np.ones(1)))
     assert str(caught.value) == (
-        "Person 0 is nobody of the mock world 'two_people': their mask overlaps no remaining person by an IoU of 0.3 "
+        "Person 0 is nobody of the mock world 'hug': their mask overlaps no remaining person by an IoU of 0.3 "
         "or more (best 0.00). Use masks of the people in the photo."
     )
 

@@ -39,7 +39,7 @@ SMALL = (160, 120)
 
 @pytest.fixture(scope="module")
 def world():
-    return build_world("standing", size=SMALL)
+    return build_world("stand", size=SMALL)
 
 
 @pytest.fixture(scope="module")
@@ -146,7 +146,7 @@ def test_people_stray_along_their_line_of_sight(world, people):
 
 
 def test_people_of_a_photo_err_together_in_part():
-    world = build_world("two_people", size=SMALL)
+    world = build_world("hug", size=SMALL)
     people = People(world.masks.copy(), world.boxes.copy(), np.ones(2))
     for share, expected in ((1.0, 1.0), (0.5, 0.5), (0.0, 0.0)):
         z = np.array(
@@ -381,7 +381,7 @@ def test_left_and_right_of_a_limb_are_swapped_and_nothing_else(world, people):
 
 
 def test_some_hidden_points_look_sure():
-    world = build_world("two_people", size=SMALL)
+    world = build_world("hug", size=SMALL)
     people = People(world.masks.copy(), world.boxes.copy(), np.ones(2))
     hidden = ~world.visible["blazepose33"]
     assert hidden.any()
