@@ -7,7 +7,10 @@ from copy import deepcopy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from physic_core.errors import BackendError, PhysicError
+from pydantic import ValidationError
+
+from physic_core.errors import BackendError, ConfigError, PhysicError
+from physic_core.faults import from_pydantic
 from physic_core.interfaces import INTERFACES, Backend
 from physic_core.testing.conformance.asking import changed, form_faults, inputs
 from physic_core.testing.conformance.cases import SIZE, build_case
@@ -77,6 +80,7 @@ class Subject:
 
     Raises:
         BackendError: a capability that does not exist.
+        ConfigError: options that it does not take.
     """
 
     def __init__(
@@ -101,6 +105,8 @@ class Subject:
                 f"there are: {', '.join(CAPABILITIES)}"
             )
         self._options = getattr(kind, "conformance_options", {}) if options is None else options
+        if options is not None and not callable(options):
+            self._refuse_unknown(options)
         self._loaded: dict[str, Backend] = {}
         self._attempts: dict[str, Attempt] = {}
 
@@ -188,6 +194,14 @@ class Subject:
             except Exception:
                 continue
         self._loaded = {}
+
+    def _refuse_unknown(self, options: Mapping[str, Any]) -> None:
+        try:
+            self.kind.Options.model_validate(dict(options))
+        except ValidationError as error:
+            faults = from_pydantic(error, self.kind.Options, kind="option")
+            told = "; ".join(f"{fault.path}: {fault.message}" for fault in faults)
+            raise ConfigError(f"{self.interface} '{self.name}': {told}") from error
 
     def _try(self, backend: Backend, case: Case) -> Attempt:
         given, before = inputs(self.interface, case), inputs(self.interface, case)

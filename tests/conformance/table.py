@@ -1,0 +1,42 @@
+"""The table of wrong backends x checks, as markdown: ``python tests/conformance/table.py``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+
+from right_backends import SIZE
+from wrong_backends import WRONG, Wrong
+
+from physic_core.testing import Report, check_backend
+
+
+@cache
+def row(mistake: Wrong) -> Report:
+    """What the kit says of one wrong backend."""
+    return check_backend(mistake.kind, size=SIZE)
+
+
+def table(mistakes: Sequence[Wrong] = tuple(WRONG), *, wide: bool = False) -> str:
+    """One row a wrong backend.
+
+    Args:
+        mistakes: which ones.
+        wide: a column for each check that caught anything; else one column that names the checks.
+    """
+    found = {m: [failure.check for failure in row(m).failures] for m in mistakes}
+    columns = sorted({check for checks in found.values() for check in checks}) if wide else []
+    head = ["interface", "wrong backend", "caught by", "others that failed", *columns]
+    lines = [head, ["---"] * 4 + [":-:"] * len(columns)]
+    for mistake, checks in found.items():
+        others = [check for check in checks if check != mistake.check]
+        own = f"caught by {mistake.check}" if mistake.check in checks else "NOT CAUGHT"
+        marks = ["x" if column in checks else "" for column in columns]
+        lines.append([mistake.kind.interface, mistake.mistake, own, ", ".join(others) or "none", *marks])
+    return "\n".join(f"| {' | '.join(line)} |" if line[0] != "---" else f"|{'|'.join(line)}|" for line in lines)
+
+
+if __name__ == "__main__":
+    import sys
+
+    print(table(wide="--wide" in sys.argv))

@@ -1,0 +1,1 @@
+"""The kit over everything that is installed."""

@@ -1,0 +1,245 @@
+from __future__ import annotations
+
+import json
+
+import pytest
+from right_backends import SIZE, RightMetricDepth, RightSegmenter
+from wrong_backends import WRONG
+
+from physic_core.errors import BackendError, PhysicError
+from physic_core.registry import BackendRecord, Registry
+from physic_core.testing import check_backend, parametrize_with_checks
+from physic_core.testing.conformance import CAPABILITIES, Report, Result, checks_for
+from physic_core.testing.conformance.compare import compare
+
+CENTIMETRES = next(m.kind for m in WRONG if m.mistake == "centimetres" and m.kind.interface == "metric_depth")
+NO_WEIGHTS = "my-depth needs weights.onnx: fetch it from https://example.org and set options.path"
+
+
+class NotReady(RightMetricDepth):
+    def load(self, device="cpu"):
+        raise BackendError(NO_WEIGHTS)
+
+
+class Stochastic(RightMetricDepth):
+    capabilities = ("stochastic",)
+
+
+class Gpu(RightMetricDepth):
+    capabilities = ("needs_cuda",)
+
+
+def outcome(report: Report, check: str) -> Result:
+    return next(r for r in report.results if r.check == check)
+
+
+# ---- which backend ---------------------------------------------------------------------------------------------------
+
+
+def test_a_name_a_target_a_class_and_an_instance_are_the_same_backend():
+    registry = Registry()
+    registry.register(BackendRecord("metric_depth", "right", RightMetricDepth))
+    for backend, interface in (
+        ("right", None),
+        ("right", "metric_depth"),
+        ("right_backends:RightMetricDepth", "metric_depth"),
+        (RightMetricDepth, None),
+        (RightMetricDepth(), None),
+    ):
+        report = check_backend(backend, interface, registry=registry, size=SIZE)
+        assert report.ok, report.text
+        assert report.interface == "metric_depth"
+
+
+def test_a_name_of_several_interfaces_asks_which():
+    registry = Registry()
+    registry.register(BackendRecord("metric_depth", "right", RightMetricDepth))
+    registry.register(BackendRecord("segmenter", "right", RightSegmenter))
+    with pytest.raises(BackendError, match=r"^name the interface of the backend 'right': metric_depth, segmenter of"):
+        check_backend("right", registry=registry)
+    with pytest.raises(BackendError, match=r"^no interface named 'depth'; there are: segmenter, "):
+        check_backend("right", "depth", registry=registry)
+
+
+# ---- what comes of it ------------------------------------------------------------------------------------------------
+
+
+def test_a_failure_says_what_was_expected_what_came_in_which_unit_and_where_to_read_more():
+    (failure,) = check_backend(CENTIMETRES, size=SIZE).failures
+    assert failure.message == (
+        "depth_is_in_metres\n"
+        f"  expected: {failure.expected}\n"
+        f"  got:      {failure.got}\n"
+        "  hint:     Is it centimetres?\n"
+        "  read:     physic_core.types.DepthMap"
+    )
+    assert failure.expected.startswith("metres: a median within a factor 3 of the true ")
+    assert failure.expected.endswith(" m")
+    assert failure.got.endswith(", 100 times the truth")
+
+
+def test_the_summary_counts_everything():
+    report = check_backend(CENTIMETRES, size=SIZE)
+    total = len(checks_for("metric_depth"))
+    assert report.summary == (
+        f"metric_depth:{CENTIMETRES.__module__}:{CENTIMETRES.__qualname__}  {total} checks: {total - 3} passed, "
+        "1 failed, 2 skipped (no plugin registers it; not returns_intrinsics)"
+    )
+    assert sum(report.counts.values()) == total
+
+
+def test_a_report_is_json():
+    read = json.loads(json.dumps(check_backend(CENTIMETRES, size=SIZE).as_dict()))
+    assert read["ok"] is False
+    assert read["counts"]["failed"] == 1
+    assert [r["check"] for r in read["results"] if r["outcome"] == "failed"] == ["depth_is_in_metres"]
+    assert read["accuracy"]["abs-rel"] == pytest.approx(99, abs=1e-3)
+    assert read["accuracy"]["abs-rel, scale fitted"] == pytest.approx(0, abs=1e-6)
+
+
+def test_an_expected_failure_is_no_failure():
+    report = check_backend(CENTIMETRES, size=SIZE, expected_failures={"depth_is_in_metres": "known"})
+    assert report.ok
+    assert outcome(report, "depth_is_in_metres").outcome == "xfailed"
+    assert "1 failed as expected" in report.summary
+
+
+def test_an_expected_failure_that_passes_is_a_failure():
+    report = check_backend(RightMetricDepth, size=SIZE, expected_failures={"depth_is_in_metres": "known"})
+    assert not report.ok
+    assert report.failures[0].message == (
+        "depth_is_in_metres\n  expected: a failure (known)\n  got:      it passes: expect it no longer"
+    )
+
+
+def test_an_expected_failure_has_to_be_a_check():
+    with pytest.raises(
+        PhysicError, match=r"^no check named 'depth_in_metres' for this interface; did you mean 'depth_is"
+    ):
+        check_backend(RightMetricDepth, size=SIZE, expected_failures={"depth_in_metres": "known"})
+
+
+def test_a_backend_that_cannot_be_asked_is_no_success():
+    report = check_backend(NotReady, size=SIZE)
+    assert not report.ok
+    assert report.failures == ()
+    assert report.not_asked == f"not ready: {NO_WEIGHTS}"
+    assert report.summary.endswith(f"\nNOTHING ASKED: not ready: {NO_WEIGHTS}")
+    with pytest.raises(AssertionError, match="NOTHING ASKED"):
+        report.raise_if_failed()
+
+
+def test_a_report_of_no_checks_is_no_success():
+    report = Report("metric_depth", "x", "", ())
+    assert not report.ok
+    assert report.summary == "metric_depth:x  0 checks: none ran\nNOTHING ASKED: there was no check to run"
+
+
+# ---- capabilities ----------------------------------------------------------------------------------------------------
+
+
+def test_capabilities_choose_checks():
+    report = check_backend(Stochastic, size=SIZE)
+    assert outcome(report, "answers_the_same_again").reason == "stochastic"
+    assert outcome(report, "keeps_nothing_between_photos").reason == "stochastic"
+    assert report.ok
+    again = check_backend(Stochastic, size=SIZE, capabilities=())
+    assert outcome(again, "answers_the_same_again").outcome == "passed"
+
+
+def test_a_backend_that_needs_a_gpu_is_asked_nothing_without_one():
+    report = check_backend(Gpu, size=SIZE)
+    assert report.not_asked == "needs a GPU: give the device 'cuda'"
+
+
+def test_an_unknown_capability_is_refused():
+    with pytest.raises(BackendError, match=rf"claims the capability 'fast'; there are: {', '.join(CAPABILITIES)}$"):
+        check_backend(RightMetricDepth, size=SIZE, capabilities={"fast"})
+
+
+def test_options_may_depend_on_the_photo():
+    seen = []
+
+    def options(world):
+        seen.append((world.image.shape[1], world.image.shape[0]))
+        return {"level": 0.5}
+
+    report = check_backend(RightSegmenter, size=SIZE, options=options)
+    assert report.ok, report.text
+    assert {SIZE, (131, 97), SIZE[::-1]} <= set(seen)
+
+
+# ---- accuracy --------------------------------------------------------------------------------------------------------
+
+
+def test_backends_are_compared_in_one_table():
+    worlds = (("stand", 0), ("group", 0))
+    found = compare("metric_depth", [RightMetricDepth, CENTIMETRES, NotReady], worlds=worlds, size=SIZE)
+    right, hundred, missing = found.rows
+    assert right.errors["abs-rel"] == pytest.approx(0, abs=1e-6)
+    assert hundred.errors["abs-rel"] == pytest.approx(99, abs=1e-3)
+    assert right.errors["delta1"] == 1
+    assert (right.answered, missing.answered) == (2, 0)
+    head, first, _, third, note, about = found.text.splitlines()
+    assert head.split("  ")[0] == "backend"
+    assert "*" in first
+    assert third.endswith("0 of 2")
+    assert note.endswith(f": not ready: {NO_WEIGHTS}")
+    assert about.startswith("metric_depth on 2 synthetic worlds of 160 x 120 px")
+    json.dumps(found.as_dict(), allow_nan=False)
+
+
+# ---- pytest ----------------------------------------------------------------------------------------------------------
+
+
+@parametrize_with_checks("metric_depth", RightMetricDepth, size=SIZE)
+def test_right_depth(check):
+    check()
+
+
+@parametrize_with_checks("metric_depth", CENTIMETRES, size=SIZE, expected_failures={"depth_is_in_metres": "known"})
+def test_depth_in_centimetres(check):
+    check()
+
+
+def test_pytest_gets_one_test_a_check_and_one_that_something_ran(pytester: pytest.Pytester):
+    pytester.makepyfile(
+        test_conformance="""
+        import sys
+        sys.path.append({folder!r})
+        from right_backends import SIZE, RightMetricDepth
+        from test_kit import CENTIMETRES, NotReady
+        from physic_core.testing import parametrize_with_checks
+
+        @parametrize_with_checks("metric_depth", CENTIMETRES, size=SIZE)
+        def test_centimetres(check):
+            check()
+
+        @parametrize_with_checks("metric_depth", NotReady, size=SIZE)
+        def test_not_ready(check):
+            check()
+
+        @parametrize_with_checks(
+            "metric_depth", RightMetricDepth, size=SIZE, expected_failures={{"depth_is_in_metres": "no"}}
+        )
+        def test_right(check):
+            check()
+        """.format(folder=str(__import__("pathlib").Path(__file__).parent))
+    )
+    done = pytester.runpytest_subprocess("-p", "no:cacheprovider", "-rf")
+    total = len(checks_for("metric_depth")) + 1
+    counts = done.parseoutcomes()
+    assert counts["failed"] == 3
+    assert sum(counts[word] for word in ("passed", "failed", "skipped")) == 3 * total
+    done.stdout.fnmatch_lines(
+        [
+            "FAILED test_conformance.py::test_centimetres[[]depth_is_in_metres]*",
+            "FAILED test_conformance.py::test_not_ready[[]something_was_asked]*",
+            "FAILED test_conformance.py::test_right[[]depth_is_in_metres]*",
+        ]
+    )
+
+
+def test_pytest_refuses_an_expected_failure_that_is_no_check():
+    with pytest.raises(PhysicError, match="no check named 'metres'"):
+        parametrize_with_checks("metric_depth", RightMetricDepth, expected_failures={"metres": "known"})
