@@ -17,7 +17,7 @@ from physic_core.engine.settings import JointSettings
 from physic_core.engine.state import Estimate, State
 from physic_core.engine.stature import stature_of, stature_prior
 from physic_core.engine.touch import WANDER_M, Touch, feel, scene_near
-from physic_core.engine.visible import Visible, look
+from physic_core.engine.visible import Shadows, Visible, look
 from physic_core.errors import PhysicError
 from physic_core.geometry.camera import project
 from physic_core.geometry.robust import robust
@@ -61,8 +61,11 @@ class JointEnergy:
         self._stature = stature_of(problem.model, problem.betas0) if settings.stature_weight else None
         self._gathered = start.vertices
         self.scene = scene_near(self.fixed, settings, start.vertices, 1.0)
+        self._shadows = Shadows(problem, settings)
         self.visible: Visible
         self.touch: Touch
+        self._normals: Tensor  # (B, n, 3) of the nearest scene points
+        self._along: Tensor  # (B, n) distance of their planes from the camera, unscaled
         self.refresh()
 
     @torch.no_grad()
@@ -76,11 +79,14 @@ class JointEnergy:
         if not (unscaled - self._gathered).abs().amax() < WANDER_M - 0.1:
             self._gathered = unscaled
             self.scene = scene_near(self.fixed, settings, output.vertices, scale)
-        self.visible = look(problem, settings, self.fixed, output)
+        self.visible = look(problem, settings, self.fixed, output, self._shadows)
         self._feel(output.vertices[:, self.fixed.ids], scale)
 
     def _feel(self, vertices: Tensor, scale: float) -> None:
         self.touch = feel(self.problem, self.settings, self.fixed, self.visible, self.scene, vertices, scale)
+        if len(self.scene.points):
+            self._normals = self.scene.normals[self.touch.near]
+            self._along = (self._normals * self.scene.points[self.touch.near]).sum(-1)
 
     def __call__(self) -> dict[str, Tensor]:
         """Weighted terms at the present state: name -> (B,), and "scale" -> (1,). Differentiable."""
@@ -145,9 +151,10 @@ class JointEnergy:
         to_floor = vertices.new_zeros(vertices.shape[:2])
         signed = squared = to_floor
         if len(scene.points):
-            points, normals = scene.points[touch.near] * scale, scene.normals[touch.near]
-            signed = terms.signed_distance(vertices, points, normals)
-            squared = (vertices - points).square().sum(-1)
+            # n . (v - s p), with what stays as it is between two looks gathered once.
+            signed = (self._normals * vertices).sum(-1) - scale * self._along
+            if "point" in (settings.contact_metric, settings.penetration_metric):
+                squared = (vertices - scene.points[touch.near] * scale).square().sum(-1)
         has_plane = problem.floor_normal is not None and settings.floor == "plane"
         if has_plane:
             assert problem.floor_normal is not None
@@ -178,7 +185,7 @@ class JointEnergy:
         settings, touch = self.settings, self.touch
         lowest = torch.stack(
             [
-                terms.lowest_height(height[:, rows]) if len(rows) else height.new_zeros(len(height))
+                terms.lowest_height(height.index_select(1, rows)) if len(rows) else height.new_zeros(len(height))
                 for rows in self.fixed.soles
             ],
             1,

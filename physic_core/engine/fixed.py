@@ -141,8 +141,12 @@ def representatives(model: BodyModel, keep: Tensor, spacing: float, area: Tensor
         return ids, area[:, ids]
     rest = (model.outer & ~keep).nonzero(as_tuple=True)[0]
     at = model(*model.zero_pose(1)).vertices[0, rest]
-    cell = torch.cat([(at / spacing).floor().long(), model.part_of_vertex[rest, None]], 1)
-    _, group = torch.unique(cell, dim=0, return_inverse=True)
+    cell = (at / spacing).floor().long()
+    # One number a cell and part: sorting rows of four takes ten times as long.
+    x, y, z = (cell - cell.amin(0)).unbind(1) if len(rest) else cell.unbind(1)
+    wide = int(cell.amax() - cell.amin()) + 1 if len(rest) else 1
+    key = ((x * wide + y) * wide + z) * len(model.part_names) + model.part_of_vertex[rest]
+    _, group = torch.unique(key, return_inverse=True)
     count = int(group.max()) + 1 if len(group) else 0
     centre = at.new_zeros(count, 3).index_add(0, group, at) / torch.bincount(group, minlength=count)[:, None]
     off = (at - centre[group]).norm(dim=-1)
@@ -222,7 +226,7 @@ def _surface(problem: JointProblem, settings: JointSettings) -> tuple[Tensor, Te
     """Scene points to measure against. Without a reliable normal a point has no inside: it is left out where
     distances are taken along normals; and where the floor is a plane, its points are left to the plane."""
     points, normals = problem.scene_points, problem.scene_normals
-    finite = torch.isfinite(points).all(-1) & torch.isfinite(normals).all(-1)
+    finite = torch.isfinite(points.sum(-1) + normals.sum(-1))  # in one pass over a whole photo's points
     if settings.contact_metric == "plane":
         finite = finite & (normals.square().sum(-1) > 0.5)
     if problem.floor_normal is not None and settings.floor == "plane":

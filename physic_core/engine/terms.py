@@ -36,6 +36,11 @@ __all__ = [
 
 Rho = Callable[[Tensor], Tensor]
 
+# Left and right are neighbours among the joints, and a slice is a view where a list of two is a copy.
+_KNEES, _ANKLES, _TOES, _ELBOWS = (
+    slice(JOINT_INDEX[f"left_{name}"], JOINT_INDEX[f"right_{name}"] + 1) for name in ("knee", "ankle", "foot", "elbow")
+)
+
 _LOWEST_SHARE = 0.05  # of a sole's vertices: on tiptoe no more than this touches
 _MAX_FLEXION = 2.7  # radians; a knee or an elbow bends no further
 _LIMIT_SIGMA = 1.0 / 12.0  # radians, about 5 degrees
@@ -235,10 +240,9 @@ def hinge_angles(rotations: Tensor) -> Tensor:
 
     Knees bend about x, elbows about y (left the other way round); twist about the limb's own axis does not count.
     """
-    knee = rotations[:, [JOINT_INDEX["left_knee"], JOINT_INDEX["right_knee"]]]
-    elbow = rotations[:, [JOINT_INDEX["left_elbow"], JOINT_INDEX["right_elbow"]]]
-    bend = torch.atan2(-elbow[..., 2, 0], elbow[..., 0, 0]) * elbow.new_tensor([-1.0, 1.0])
-    return torch.cat([torch.atan2(knee[..., 2, 1], knee[..., 1, 1]), bend], 1)
+    knee, elbow = rotations[:, _KNEES], rotations[:, _ELBOWS]
+    bend = torch.atan2(-elbow[..., 2, 0], elbow[..., 0, 0])
+    return torch.cat([torch.atan2(knee[..., 2, 1], knee[..., 1, 1]), -bend[:, :1], bend[:, 1:]], 1)
 
 
 def joint_limits(rotations: Tensor) -> Tensor:
@@ -263,8 +267,7 @@ def balance(mass: Tensor, joints: Tensor, up: Tensor, weight: Tensor, rho: Rho) 
     Returns:
         (B,).
     """
-    ankles = joints[:, [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]]].mean(1)
-    toes = joints[:, [JOINT_INDEX["left_foot"], JOINT_INDEX["right_foot"]]].mean(1)
+    ankles, toes = joints[:, _ANKLES].mean(1), joints[:, _TOES].mean(1)
     feet = ankles + _STANDING_POINT * (toes - ankles)
     forward = torch.stack([torch.zeros_like(up[0]), torch.zeros_like(up[0]), torch.ones_like(up[0])])
     level = forward - (forward @ up) * up

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import torch
 from torch import Tensor
@@ -22,8 +23,9 @@ from physic_core.geometry.visibility import (
     vertex_normals,
 )
 
-__all__ = ["Visible", "look"]
+__all__ = ["Shadows", "Visible", "look"]
 
+_STILL_M = 0.01  # who has moved less across their rays looks as they did
 _EDGE_SHARE = 0.005  # of the person: nearer to the silhouette, depth is as often the background's
 
 
@@ -54,8 +56,47 @@ class Visible:
     behind_people: Tensor
 
 
+class Shadows:
+    """Self-occlusion of people who move, cast anew for those who have moved.
+
+    Args:
+        problem: with finite people only.
+        settings: of stage 3.
+    """
+
+    def __init__(self, problem: JointProblem, settings: JointSettings) -> None:
+        model = problem.model
+        self._cast = partial(
+            self_occlusion,
+            faces=model.faces,
+            part_of_vertex=model.part_of_vertex,
+            parts=limb_parts(model.part_names),
+            share=settings.self_occlusion_share,
+        )
+        self._seen: Tensor | None = None
+        self._hidden = self._lost = torch.zeros(0)
+
+    def __call__(self, vertices: Tensor) -> tuple[Tensor, Tensor]:
+        """(B, V) bool each: vertices behind any face of their own body, and vertices of limbs that count as hidden."""
+        away = vertices[..., 2].mean(1).abs().clamp(min=1e-6)[:, None, None]
+        # Nearer and farther along the same rays, a body looks the same.
+        seen = vertices / away
+        if self._seen is None:
+            shadow = self._cast(vertices)
+            self._seen, self._hidden, self._lost = seen, shadow.hidden, shadow.vertices
+        else:
+            moved = ((seen - self._seen) * away).abs().amax((1, 2))
+            rows = (~(moved < _STILL_M)).nonzero(as_tuple=True)[0]
+            if len(rows):
+                shadow = self._cast(vertices[rows])
+                self._seen = self._seen.index_copy(0, rows, seen[rows])
+                self._hidden = self._hidden.index_copy(0, rows, shadow.hidden)
+                self._lost = self._lost.index_copy(0, rows, shadow.vertices)
+        return self._hidden, self._lost
+
+
 @torch.no_grad()
-def look(problem: JointProblem, settings: JointSettings, fixed: Fixed, output: BodyOutput) -> Visible:
+def look(problem: JointProblem, settings: JointSettings, fixed: Fixed, output: BodyOutput, shadows: Shadows) -> Visible:
     """Project all vertices and cast a ray at each.
 
     Args:
@@ -63,6 +104,7 @@ def look(problem: JointProblem, settings: JointSettings, fixed: Fixed, output: B
         settings: of stage 3.
         fixed: what stays as it is.
         output: the posed bodies now, all vertices.
+        shadows: of these people.
     """
     model, ids, vertices, masks = problem.model, fixed.ids, output.vertices, problem.masks
     if settings.masks == "union":
@@ -71,16 +113,15 @@ def look(problem: JointProblem, settings: JointSettings, fixed: Fixed, output: B
     # Behind the camera nothing is seen, whatever the clamped division says.
     in_image = inside_image(uv, *masks.shape[-2:]) & (vertices[..., 2] > 0)
     in_mask = in_image & _around(uv, masks, fixed.person_px * settings.mask_tolerance).any(0)
-    limbs = limb_parts(model.part_names)
-    shadow = self_occlusion(vertices, model.faces, model.part_of_vertex, limbs, settings.self_occlusion_share)
-    occluded = ~in_mask | shadow.vertices
+    behind_self, lost = shadows(vertices)
+    occluded = ~in_mask | lost
 
     normals = vertex_normals(vertices, model.faces)
     toward = facing(normals, vertices, settings.facing_deg)
     in_play = fixed.seen_part & in_image[:, ids]
     log_seen, known = _sample(fixed.log_depth, uv[:, ids])
     well_inside = _around(uv[:, ids], masks, fixed.person_px * _EDGE_SHARE).all(0)
-    first = ~shadow.hidden[:, ids]
+    first = ~behind_self[:, ids]
     shown = toward[:, ids] & first
     # Seen at a slant, a surface fills fewer pixels: weigh by what it fills.
     slope = -(normals * torch.nn.functional.normalize(vertices, dim=-1)).sum(-1)[:, ids]
