@@ -25,7 +25,7 @@ LOST, KEPT = 0, 1
 
 @pytest.fixture(scope="module")
 def world() -> World:
-    return build_world("two_people")
+    return build_world("hug")
 
 
 @pytest.fixture(scope="module")
@@ -98,6 +98,17 @@ def apart(a: Person, b: Person) -> float:
     return float(np.linalg.norm(a.vertices - b.vertices, axis=-1).mean() / np.linalg.norm(b.joints[0]))
 
 
+def check_unspoilt(kept: Person, sound: Reconstruction, alone: Person, world: World) -> None:
+    """As near to the truth as with both people or with this one alone."""
+    errors = [error_m(person, world) for person in (kept, sound.people[KEPT], alone)]
+    print("off the truth: {:.3f} m; {:.3f} with both, {:.3f} alone".format(*errors))
+    assert errors[0] < 1.1 * max(errors[1:])
+
+
+def error_m(person: Person, world: World) -> float:
+    return min(float(np.linalg.norm(person.vertices - truth, axis=-1).mean()) for truth in world.vertices)
+
+
 def test_whose_body_is_lost_stays_without_one_and_the_other_is_as_before(
     world: World, sound: Reconstruction, alone: Person, tmp_path: Path
 ) -> None:
@@ -117,8 +128,7 @@ def test_whose_body_is_lost_stays_without_one_and_the_other_is_as_before(
         "person 0: stays where the placement left them: the start is not made of numbers, or lies behind the camera",
     )
     assert kept.failed_checks == sound.people[KEPT].failed_checks
-    print(f"the other is {apart(kept, alone):.2%} from where they are alone")
-    assert apart(kept, alone) < 0.01
+    check_unspoilt(kept, sound, alone, world)
     assert kept.contact.any()
     assert np.isfinite(result.scene.points[result.scene.valid]).all()
     result.save(str(tmp_path / "out"))
@@ -173,15 +183,13 @@ def test_whom_the_optimisation_cannot_take_along_is_named_and_the_other_goes_on(
     assert "person 0: stays where the placement left them: the energy of the start is not a number" in result.warnings
     assert np.isfinite(result.people[LOST].vertices).all()
     assert apart(result.people[LOST], sound.people[LOST]) < 0.2
-    print(f"the other is {apart(result.people[KEPT], alone):.2%} from where they are alone")
-    assert apart(result.people[KEPT], alone) < 0.01
+    check_unspoilt(result.people[KEPT], sound, alone, world)
 
 
-def test_an_absurd_body_does_not_spoil_the_other(world: World, alone: Person) -> None:
+def test_an_absurd_body_does_not_spoil_the_other(world: World, sound: Reconstruction, alone: Person) -> None:
     result = run(world, Behind, "body_estimator")
     assert result.people[LOST].failed_checks
-    print(f"the other is {apart(result.people[KEPT], alone):.2%} from where they are alone")
-    assert apart(result.people[KEPT], alone) < 0.01
+    check_unspoilt(result.people[KEPT], sound, alone, world)
 
 
 def test_a_body_for_nobody_is_still_refused(world: World) -> None:
