@@ -40,6 +40,9 @@ __all__ = ["LIMB_JOINTS", "PERSON_METRICS", "WORLD_METRICS", "Guess", "Judge", "
 LIMB_JOINTS = (4, 5, 7, 8, 10, 11, 18, 19, 20, 21)
 """Knees, ankles, feet, elbows and wrists: those of a limb that something can hide."""
 
+_TRUTH_INSIDE = 0.01
+_SHOWN = 0.05
+
 PERSON_METRICS = {
     "mpjpe_mm": "mean distance of 22 joints, nothing aligned",
     "pa_mpjpe_mm": "the same after the best similarity",
@@ -55,13 +58,15 @@ PERSON_METRICS = {
     "either set is empty",
     "geodesic_fn_cm": "mean way over the skin from a true contact vertex to the nearest predicted one",
     "penetration_mm": "mean depth, in the reconstructed scene and floor, of the vertices inside it; 0 where none is; "
-    "without those that something truly hides, and looking no farther than 150 mm",
+    "looking no farther than 150 mm; without vertices that an object truly hides, unless they truly touch, and without "
+    "those that this measure puts over 10 mm inside the true scene",
     "penetration_max_mm": "of the deepest of these",
     "penetration_share": "of the counted vertices, those inside",
     "penetration_litres": "integral of the depth over the surface inside, as far as it faces the scene's: exact for a "
     "plane",
-    "floating_mm": "mean distance of the truly touching vertices from the reconstructed scene or floor; 0 inside, and "
-    "150 mm at most",
+    "floating_mm": "mean distance, from the reconstructed scene or floor, of the vertices that truly touch what "
+    "the true point map or floor has within 50 mm; 0 inside, and 150 mm at most",
+    "floating_all_mm": "the same of all that truly touch, though it may be something that no photo shows",
 }
 """Name -> what it is."""
 
@@ -147,10 +152,14 @@ class Judge:
         self.world = world
         self.matching: Matching = match_by_masks(people, world.masks, min_iou=0.3)
         self._graph = graph
-        hidden = hidden_behind(world.vertices, world.empty_depth, world.intrinsics)
-        self._counted = world.outer & (~hidden | world.contact)
         self._empty = world.points(people=False)
         self._known: BoolArray = np.asarray(np.isfinite(self._empty).all(-1))
+        self._near = scene_distance(
+            world.vertices, self._empty, world.empty_normals, self._known, world.intrinsics, world.floor
+        )
+        hidden = hidden_behind(world.vertices, world.empty_depth, world.intrinsics)
+        self._counted = world.outer & (~hidden | world.contact) & (self._near.distance > -_TRUTH_INSIDE)
+        self._shown = world.contact & (np.abs(self._near.distance) <= _SHOWN)
         self._limbs = np.zeros(world.joints_visible.shape, bool)
         self._limbs[:, LIMB_JOINTS] = ~world.joints_visible[:, LIMB_JOINTS]
 
@@ -163,10 +172,7 @@ class Judge:
     def truth(self) -> list[dict[str, Any]]:
         """Facts of every true person, and what the measures of touch say of the truth itself."""
         world = self.world
-        near = scene_distance(
-            world.vertices, self._empty, world.empty_normals, self._known, world.intrinsics, world.floor
-        )
-        touch = self._touch(np.arange(len(world.masks)), near, world.vertices)
+        touch = self._touch(np.arange(len(world.masks)), self._near, world.vertices)
         seen, whole = world.masks.sum((1, 2)), world.whole_masks.sum((1, 2))
         return [
             {
@@ -175,6 +181,7 @@ class Judge:
                 "visible_share": float(seen[i] / max(whole[i], 1)),
                 "hidden_limb_joints": int(self._limbs[i].sum()),
                 "contact_vertices": int(world.contact[i].sum()),
+                "shown_contact_vertices": int(self._shown[i].sum()),
                 "measured": touch[i],
             }
             for i in range(len(world.masks))
@@ -280,14 +287,15 @@ class Judge:
         inside = penetration(
             near.distance, vertex_areas(vertices, world.faces), facing=facing, counted=self._counted[true]
         )
-        gap = contact_gap(near.distance, world.contact[true], reach=REACH)
+        shown, every = (contact_gap(near.distance, c[true], reach=REACH) for c in (self._shown, world.contact))
         return [
             {
                 "penetration_mm": 1000 * float(inside.mean_depth[j]),
                 "penetration_max_mm": 1000 * float(inside.max_depth[j]),
                 "penetration_share": float(inside.share[j]),
                 "penetration_litres": 1000 * float(inside.volume[j]),
-                "floating_mm": 1000 * float(gap[j]),
+                "floating_mm": 1000 * float(shown[j]),
+                "floating_all_mm": 1000 * float(every[j]),
             }
             for j in range(len(true))
         ]

@@ -128,8 +128,15 @@ def shown_row(keys: Sequence[str]) -> str | None:
     return next((key for key in ("trial", "full") if key in engine), engine[-1] if engine else None)
 
 
-def trial_lines(trial: Figures, full: Figures) -> Table:
-    """The full row against the trial: what changed, and its interval over the same worlds."""
+def trial_lines(trial: Figures, full: Figures, label: str, worlds: str) -> Table:
+    """The full row against the trial: what changed, and its interval over the same worlds.
+
+    Args:
+        trial: the full model, changed.
+        full: the full model.
+        label: what was changed, in words.
+        worlds: which they were, in words.
+    """
     columns = (*_PAPER, _CONTACT[-1], _SCENE[0], _SCENE[2], _SCENE[3], _SCENE[4])
     rows = []
     for column in columns:
@@ -146,7 +153,9 @@ def trial_lines(trial: Figures, full: Figures) -> Table:
                 "yes" if sure else "no",
             )
         )
-    return Table("Trial", ("", "full", "trial", "difference", "beyond chance"), tuple(rows))
+    pairs = {row[0]: f"{row[1]} -> {row[2]}" for row in rows}
+    line = " | ".join((worlds, label, *(pairs[_PAPER[i].title] for i in (0, 1, 5)), ""))
+    return Table("Trial", ("", "full", "trial", "difference", "beyond chance"), tuple(rows), (f"| {line}|",))
 
 
 def as_text(table: Table) -> str:

@@ -68,7 +68,8 @@ def summarise(
         blind = [f"{r['name']} {r['seed']}: {r['error'].splitlines()[0]}" for r in records if r["error"]]
         tables = accuracy_tables(found, labels, truth, actions, blind)
         if FULL in found and TRIAL in found:
-            tables = (trial_lines(found[TRIAL], found[FULL]), *tables)
+            title = f"{len(records)}, seed {settings.get('seed')}"
+            tables = (trial_lines(found[TRIAL], found[FULL], labels[TRIAL].removeprefix("full, "), title), *tables)
     document = {
         "schema": SCHEMA,
         "benchmark": "accuracy",
