@@ -291,7 +291,7 @@ def hollow(person: Person) -> float:
 
 def _knees_free(person: Person, front: float) -> float:
     """The least z of the pelvis for which the shanks are before a seat whose front edge is at ``front``."""
-    return front + 0.065 * person.stature / 1.7 - 0.96 * person.thigh
+    return front + 0.095 * person.stature / 1.7 - 0.96 * person.thigh
 
 
 def _seated_legs(posture: Posture, person: Person, rng: np.random.Generator, seat: float) -> tuple[Touch, ...]:
@@ -364,7 +364,7 @@ def sit_on_sofa(person: Person, rng: np.random.Generator, x: float = 0.0, sofa: 
     """Leaning back on a sofa, of their own or at ``x`` along a given one."""
     seat = _seat_height(person, rng, 0.38, 0.43)
     recline = float(rng.uniform(0.20, 0.32))
-    deep = min(float(rng.uniform(0.46, 0.53)), person.thigh + person.behind - 0.06)
+    deep = min(float(rng.uniform(0.46, 0.53)), person.thigh + person.behind - 0.08)
     blocks = sofa or furniture.sofa(rng, height=seat, depth=deep, recline=recline)
     if sofa:
         seat, recline, deep = 2 * sofa[0].half[1], -sofa[1].pitch, 2 * sofa[0].half[2] - 0.1
@@ -384,7 +384,7 @@ def sit_on_sofa(person: Person, rng: np.random.Generator, x: float = 0.0, sofa: 
     rest, free = -deep / 2 + person.behind + 0.01, _knees_free(person, deep / 2)
     pelvis = (x, seat + person.seat + 0.01, float(max(rest, free)))
     if free < rest + 0.12:
-        touches = (*touches, Touch("back", 0.2, blocks=(1,)), Touch("upper_back", 0.12, blocks=(1,)))
+        touches = (*touches, Touch("back", 0.10, blocks=(1,)), Touch("upper_back", 0.04, blocks=(1,)))
     return Plan("sit_on_sofa", posture.pose, person.betas, pelvis, blocks, touches, drift=0.05)
 
 

@@ -111,7 +111,7 @@ def sit_side_by_side(model: BodyModel, rng: np.random.Generator) -> Cast:
     half = size * float(rng.uniform(0.28, 0.35))
     small = min(people, key=lambda person: person.stature)
     if rng.random() < 0.6:
-        deep = min(float(rng.uniform(0.46, 0.52)), small.thigh + small.behind - 0.06)
+        deep = min(float(rng.uniform(0.46, 0.52)), small.thigh + small.behind - 0.08)
         height = min(float(rng.uniform(0.38, 0.43)), actions.hollow(small))
         seat = furniture.sofa(
             rng,

@@ -324,7 +324,13 @@ class _Fit:
         """Set the scale of the terms; add vertices that lie inside; find anew what is near to what."""
         self.gap, self.depth = gap, depth
         vertices = self._whole(x)
-        inside = signed_distance(vertices[self.skin.outer], self.blocks, self.ground) < -_SLACK
+        outer = vertices[self.skin.outer]
+        inside = signed_distance(outer, self.blocks, self.ground) < -_SLACK
+        for other, directions in self.others:
+            distance, index = cKDTree(other).query(outer, distance_upper_bound=_RANGE)
+            near = np.flatnonzero(np.isfinite(distance))
+            chosen = index[near]
+            inside[near] |= ((outer[near] - other[chosen]) * directions[chosen]).sum(1) < -_SLACK
         self.ids = np.union1d(self.ids, self.skin.outer[inside])
         self._gather()
         normals = vertex_normals(vertices, self.skin.faces)
