@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, is_dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -17,24 +17,40 @@ import numpy as np
 
 from physic_core.errors import InputError
 from physic_core.testing import labels, storage
-from physic_core.testing.cameras import Camera
-from physic_core.testing.performance import ACTIONS
 from physic_core.testing.rendering import pixel_rays
-from physic_core.testing.rooms import Room, Walls
-from physic_core.testing.solids import Block, Ground
-from physic_core.testing.staging import set_stage
-from physic_core.testing.textures import Decoration, Patch
-from physic_core.testing.truth import place_bodies, project, seen_by_camera, take_pictures
 from physic_core.types import BodyParameters, Intrinsics, Plane
 
+# What builds a world needs torch and is imported where it is used: names and types of worlds do not.
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from physic_core.testing.cameras import Camera
+    from physic_core.testing.rooms import Room
     from physic_core.types import BoolArray, FloatArray, UInt8Array
 
 __all__ = ["CONTACT_DISTANCE", "SKELETONS", "WORLDS", "World", "benchmark_worlds", "build_world"]
 
-WORLDS: tuple[str, ...] = tuple(ACTIONS)
+WORLDS: tuple[str, ...] = (
+    "stand",
+    "walk",
+    "sit_on_chair",
+    "sit_on_sofa",
+    "sit_on_stool",
+    "sit_on_floor",
+    "lie",
+    "lean_on_wall",
+    "lean_on_table",
+    "kneel",
+    "squat",
+    "climb_step",
+    "sit_behind_table",
+    "stand_behind_counter",
+    "hug",
+    "sit_side_by_side",
+    "group",
+    "slope",
+    "outdoor_steps",
+)
 """Names of the worlds: what their people do."""
 
 CONTACT_DISTANCE = 0.02
@@ -134,7 +150,6 @@ def build_world(name: str = "stand", seed: int = 0, size: tuple[int, int] = (320
     Raises:
         InputError: there is no such world, or the size is too small for a label.
     """
-    name = _OLD_NAMES.get(name, name)
     if name not in WORLDS:
         raise InputError(f"There is no world named {name!r}: choose one of {', '.join(WORLDS)}.")
     if min(size) < labels.SMALLEST_PX:
@@ -146,7 +161,6 @@ def build_world(name: str = "stand", seed: int = 0, size: tuple[int, int] = (320
 
 
 _COLOURS = 9  # of the random numbers of clothes and light
-_OLD_NAMES = {"standing": "stand", "sitting": "sit_on_stool", "two_people": "hug"}
 
 
 def benchmark_worlds(count: int, seed: int) -> tuple[tuple[str, int], ...]:
@@ -157,7 +171,17 @@ def benchmark_worlds(count: int, seed: int) -> tuple[tuple[str, int], ...]:
 
 @lru_cache(maxsize=24)
 def _remembered(name: str, seed: int, size: tuple[int, int]) -> World:
-    world = storage.kept(storage.key_of("world", name, seed, *size), World, _CLASSES, lambda: _build(name, seed, size))
+    from physic_core.testing.cameras import Camera
+    from physic_core.testing.rooms import Room, Walls
+    from physic_core.testing.solids import Block, Ground
+    from physic_core.testing.textures import Decoration, Patch
+
+    world = storage.kept(
+        storage.key_of("world", name, seed, *size),
+        World,
+        (Intrinsics, Camera, Room, Walls, Ground, Block, Patch, Decoration, Plane, BodyParameters),
+        lambda: _build(name, seed, size),
+    )
     _freeze(world)
     return world
 
@@ -167,6 +191,8 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
 
     from physic_core.body import load_body
     from physic_core.body.landmarks import SKELETONS as LANDMARKS
+    from physic_core.testing.staging import set_stage
+    from physic_core.testing.truth import place_bodies, project, seen_by_camera, take_pictures
 
     model = load_body("embedded").to(dtype=torch.float64)
     stage = set_stage(model, name, seed, size)
@@ -214,9 +240,6 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
     )
 
 
-_CLASSES = (World, Intrinsics, Camera, Room, Walls, Ground, Block, Patch, Decoration, Plane, BodyParameters)
-
-
 def _box(mask: BoolArray) -> FloatArray:
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     return np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], np.float64)
@@ -229,5 +252,5 @@ def _freeze(thing: object) -> None:
         for array in value.values() if isinstance(value, Mapping) else (value,):
             if isinstance(array, np.ndarray):
                 array.setflags(write=False)
-            elif isinstance(array, BodyParameters | Plane | Camera):
+            elif is_dataclass(array):
                 _freeze(array)

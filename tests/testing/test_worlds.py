@@ -12,6 +12,7 @@ from physic_core.body import load_body
 from physic_core.errors import InputError
 from physic_core.testing import labels, storage, worlds
 from physic_core.testing.cameras import Shot, in_frame
+from physic_core.testing.performance import ACTIONS
 from physic_core.testing.rendering import pixel_rays
 from physic_core.testing.worlds import CONTACT_DISTANCE, WORLDS, World, benchmark_worlds, build_world
 
@@ -244,6 +245,10 @@ def test_benchmark_worlds_take_the_names_in_turn():
     assert len({seed for _, seed in chosen}) == 200
     assert not {seed for _, seed in chosen} & {seed for _, seed in benchmark_worlds(200, 8)}
     assert benchmark_worlds(12, 7) == chosen[:12]
+
+
+def test_the_worlds_are_what_is_performed():
+    assert tuple(ACTIONS) == WORLDS
 
 
 def test_an_unknown_world_is_refused():
