@@ -6,7 +6,7 @@ skin is measured, and what still lies inside joins the fit. The room's frame (y 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,10 +16,10 @@ from scipy.optimize import minimize
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from physic_core.body.joints import JOINT_INDEX
+from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES
 from physic_core.engine.terms import joint_limits
 from physic_core.testing.solids import FLAT, Block, Ground, Solid, signed_distance
-from physic_core.testing.touching import Skin, crossing_allowed, skin_of, vertex_normals
+from physic_core.testing.touching import Skin, crossing_allowed, folding_parts, skin_of, vertex_normals
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -383,7 +383,7 @@ class _Fit:
     def measure(self, x: FloatArray) -> Settled:
         """What the parameters make, measured on all outer vertices."""
         rotations, transl = self._parameters(torch.as_tensor(x))
-        vertices, normals = self._whole(x), None
+        vertices = self._whole(x)
         outer = vertices[self.skin.outer]
         depth = float((-signed_distance(outer, self.blocks, self.ground)).max())
         for other, _ in self.others:
@@ -391,7 +391,6 @@ class _Fit:
         normals = vertex_normals(vertices, self.skin.faces)
         first, second = _own_pairs(self.skin, vertices, self.skin.outer)
         behind = -((vertices[first] - vertices[second]) * normals[second]).sum(1)
-        # Planes of single vertices overstate the depth at bends: what lies far beside them does not count.
         crossing = float(np.maximum(behind, 0).max(initial=0.0))
         thin = torch.as_tensor(vertices[self.ids])
         distances = self.solid.distances(thin)
@@ -432,19 +431,14 @@ def depth_inside(points: FloatArray, other: FloatArray, faces: NDArray[np.int64]
     return float(np.minimum(depth, distance[inside]).max())
 
 
-def moved_by(plan: Plan, x: float, z: float) -> Plan:
-    """The plan carried over level ground."""
-    return replace(plan, pelvis=(plan.pelvis[0] + x, plan.pelvis[1], plan.pelvis[2] + z))
-
-
 def _own_pairs(skin: Skin, vertices: FloatArray, ids: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     """Vertices of a part and the nearest vertices of parts that they may not cross: two lists of ids."""
     firsts, seconds = [], []
-    part = skin.part[ids]
+    part, folding = skin.part[ids], folding_parts(skin.part_names)
     trees = {p: (ids[part == p], cKDTree(vertices[ids[part == p]])) for p in np.unique(part)}
     for p, (own, _) in trees.items():
         for q, (theirs, tree) in trees.items():
-            if p == q or crossing_pair_excluded(skin, int(p), int(q)):
+            if folding[p, q]:
                 continue
             distance, index = tree.query(vertices[own], distance_upper_bound=_RANGE)
             near = np.isfinite(distance)
@@ -457,16 +451,7 @@ def _own_pairs(skin: Skin, vertices: FloatArray, ids: NDArray[Any]) -> tuple[NDA
     return np.concatenate(firsts), np.concatenate(seconds)
 
 
-def crossing_pair_excluded(skin: Skin, first: int, second: int) -> bool:
-    """Whether one part may cross another anywhere."""
-    from physic_core.testing.touching import folding_parts
-
-    return bool(folding_parts(skin.part_names)[first, second])
-
-
 def _sigmas(plan: Plan) -> FloatArray:
-    from physic_core.body.joints import JOINT_NAMES
-
     rows = [(plan.drift, 0.5, plan.drift), (0.10, 0.10, 0.10)]
     for name in JOINT_NAMES[1:_FREE]:
         kind = name.split("_")[-1].rstrip("123")
