@@ -6,13 +6,15 @@ side is its mirror image. Knees and elbows are hinges: :func:`physic_core.engine
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import roma
 import torch
 from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX
 
-__all__ = ["FINGER_RANGES", "RANGES", "Ranges", "beyond_ranges"]
+__all__ = ["FINGER_RANGES", "RANGES", "Limits", "Ranges", "beyond_limits", "limits_of"]
 
 Ranges = dict[str, tuple[tuple[float, float], tuple[float, float], tuple[float, float]]]
 """Joint of the middle or of the left side -> lowest and highest turn about x, y and z, radians."""
@@ -52,24 +54,23 @@ FINGER_RANGES: Ranges = {
 _SIGMA = 1.0 / 12.0  # radians, about 5 degrees
 
 
-def beyond_ranges(rotations: Tensor, ranges: Ranges) -> Tensor:
-    """``sum_j (max(0, low - w)^2 + max(0, w - high)^2) / sigma^2`` over rotation vectors w and their axes.
+@dataclass(frozen=True)
+class Limits:
+    """A table of ranges, both sides.
 
-    Args:
-        rotations: (B, 55, 3, 3) local.
-        ranges: which joints, and how far.
-
-    Returns:
-        (B,).
+    Attributes:
+        joints: (n,) int64.
+        low: (n, 3) radians.
+        high: (n, 3) radians.
     """
-    rows, low, high = _table(ranges, rotations)
-    turned: Tensor = roma.rotmat_to_rotvec(rotations[:, rows])
-    beyond = torch.relu(low - turned) + torch.relu(turned - high)
-    return (beyond / _SIGMA).square().sum((-2, -1))
+
+    joints: Tensor
+    low: Tensor
+    high: Tensor
 
 
-def _table(ranges: Ranges, like: Tensor) -> tuple[list[int], Tensor, Tensor]:
-    """Rows of the joints (n), lowest and highest turns (n, 3)."""
+def limits_of(ranges: Ranges, like: Tensor) -> Limits:
+    """Ranges as tensors, of the float type and on the device of ``like``."""
     rows: list[int] = []
     spans: list[tuple[tuple[float, float], ...]] = []
     for name, (x, y, z) in ranges.items():
@@ -79,5 +80,20 @@ def _table(ranges: Ranges, like: Tensor) -> tuple[list[int], Tensor, Tensor]:
             continue
         rows += [JOINT_INDEX[f"left_{name}"], JOINT_INDEX[f"right_{name}"]]
         spans += [(x, y, z), (x, (-y[1], -y[0]), (-z[1], -z[0]))]
-    limits = torch.tensor(spans, dtype=like.dtype, device=like.device)
-    return rows, limits[..., 0], limits[..., 1]
+    table = torch.tensor(spans, dtype=like.dtype, device=like.device)
+    return Limits(torch.tensor(rows, dtype=torch.int64, device=like.device), table[..., 0], table[..., 1])
+
+
+def beyond_limits(rotations: Tensor, limits: Limits) -> Tensor:
+    """``sum_j (max(0, low - w)^2 + max(0, w - high)^2) / sigma^2`` over rotation vectors w and their axes.
+
+    Args:
+        rotations: (B, 55, 3, 3) local.
+        limits: which joints, and how far.
+
+    Returns:
+        (B,).
+    """
+    turned: Tensor = roma.rotmat_to_rotvec(rotations[:, limits.joints])
+    beyond = torch.relu(limits.low - turned) + torch.relu(turned - limits.high)
+    return (beyond / _SIGMA).square().sum((-2, -1))

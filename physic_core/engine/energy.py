@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine import terms
-from physic_core.engine.anatomy import FINGER_RANGES, RANGES, beyond_ranges
+from physic_core.engine.anatomy import FINGER_RANGES, RANGES, beyond_limits, limits_of
 from physic_core.engine.capsules import between_people, fit_capsules, within_bodies
 from physic_core.engine.clouds import HumanCloud
 from physic_core.engine.fixed import prepare
@@ -56,6 +56,7 @@ class JointEnergy:
         self._offset_free = _offset_free(problem, settings, self.fixed.feet_seen)
         self.state = _state(problem, settings, start.joints[:, 0], self._offset_free, len(self.fixed.surface))
         self._cloud = _cloud(problem, settings)
+        self._ranges, self._fingers = (limits_of(table, problem.transl0) for table in (RANGES, FINGER_RANGES))
         limbs = settings.self_penetration_weight or settings.people_penetration_weight
         self._capsules = fit_capsules(problem.model, problem.betas0, start.joints) if limbs else None
         self._stature = stature_of(problem.model, problem.betas0) if settings.stature_weight else None
@@ -95,7 +96,7 @@ class JointEnergy:
         estimate = self.state.unpack()
         posed = fixed.pose(estimate.rotations, estimate.betas, estimate.transl, problem.expression0)
         vertices, joints = posed["vertices"], posed["joints"]
-        if settings.nearest_every_step:
+        if settings.nearest_every_step and (settings.contact_weight or settings.penetration_weight):
             self._feel(vertices.detach(), float(estimate.log_scale.detach().exp()))
         energies: dict[str, Tensor] = {}
         if settings.reprojection_weight:
@@ -210,9 +211,9 @@ class JointEnergy:
         settings, capsules = self.settings, self._capsules
         energies: dict[str, Tensor] = {}
         if settings.range_weight:
-            energies["ranges"] = settings.range_weight * beyond_ranges(estimate.rotations, RANGES)
+            energies["ranges"] = settings.range_weight * beyond_limits(estimate.rotations, self._ranges)
         if settings.finger_weight:
-            energies["fingers"] = settings.finger_weight * beyond_ranges(estimate.rotations, FINGER_RANGES)
+            energies["fingers"] = settings.finger_weight * beyond_limits(estimate.rotations, self._fingers)
         if capsules is not None and settings.self_penetration_weight:
             slack, sigma = settings.self_penetration_slack_m, settings.self_penetration_sigma_m
             energies["self"] = settings.self_penetration_weight * within_bodies(joints, capsules, slack, sigma)

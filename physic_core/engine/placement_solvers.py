@@ -103,9 +103,10 @@ def adam(person: Subject, settings: HumanSettings) -> Tensor:
 
 
 def lbfgs(person: Subject, x: Tensor, chamfer: Chamfer, settings: HumanSettings) -> Tensor:
-    """Eq. 3 as the paper minimises it: L-BFGS of unit rate, without a line search."""
+    """Eq. 3 as the paper minimises it: L-BFGS of unit rate; with a line search where the settings ask for it."""
     move = x[:3].clone().requires_grad_()
-    optimizer = torch.optim.LBFGS([move], lr=1.0, max_iter=settings.lbfgs_inner)
+    search = "strong_wolfe" if settings.lbfgs_line_search else None
+    optimizer = torch.optim.LBFGS([move], lr=1.0, max_iter=settings.lbfgs_inner, line_search_fn=search)
 
     def energy() -> Tensor:
         optimizer.zero_grad()

@@ -1,15 +1,16 @@
 """The engine's presets: ours, the paper's, that of its published code, and PROX as the paper compares with it.
 
 "paper" is the equations and weights as printed. "release" has what the code does otherwise, as far as it is a choice
-and no slip. It leaves out the enlarging of the scene before stage 2, which mixes two cameras, and the pull to the
-translation of the body estimator, which stage 2 has just left; one robust loss acts on a distance and not on its three
-axes (the same within 2 % at these distances), fx and fy are not averaged, normals are not tested against their
-neighbours, and confidence rules for keypoints of the hands have nothing to rule over.
+and no slip. It searches along a line in stage 2, where the code does not and loses its way. It leaves out the
+enlarging of the scene before stage 2, which mixes two cameras, and the pull to the translation of the body estimator,
+which stage 2 has just left; one robust loss acts on a distance and not on its three axes (the same within 2 % at these
+distances), fx and fy are not averaged, normals are not tested against their neighbours, and confidence rules for
+keypoints of the hands have nothing to rule over.
 
 "prox" (Hassan et al., ICCV 2019) has the scene that the paper gives it, an unprojected depth map, and the body
 estimator's pose in the place of VPoser. Its seven phases are two, without and with the scene; its exponential bending
-prior is a one-sided limit; nearest points are found anew every ten steps and within 25 cm, where its robust loss has
-let go; self-penetration, jaw and expression are left out, and the neck and hip keypoints that it ignores count.
+prior is a one-sided limit; it looks for the scene within half a metre, with a body thinned to its surface;
+self-penetration, jaw and expression are left out, and the neck and hip keypoints that it ignores count.
 """
 
 from __future__ import annotations
@@ -121,6 +122,7 @@ _RELEASE = replace(
         masks="union",
         facing_deg=80.0,
         reprojection_loss="absolute",
+        lbfgs_line_search=True,
         # Ten times as much for 23 points of 133, and a mean over both axes.
         reprojection_weight=5000.0 * 10 * _BODY / (2 * _WHOLEBODY),
     ),
@@ -140,6 +142,7 @@ _RELEASE = replace(
 )
 
 _PROX_GMOF_M = 0.05  # where PROX's contact lets go, metres
+_PROX_VERTICES = 60.0  # of the mesh that PROX sums over, a square decimetre
 _PROX_PRIOR = 4.78**2 / 2  # of a squared radian; rotations are written as two columns, which move twice as far
 
 _PROX = EngineSettings(
@@ -155,11 +158,10 @@ _PROX = EngineSettings(
         parameters="raw",
         frozen=("scale", "offset"),
         steps=120,
-        refresh_steps=10,
+        refresh_steps=30,
         tolerance=0.0,
         scene_after=0.75,
-        reduction="sum",
-        vertex_spacing_m=0.0,
+        nearest_every_step=True,
         observed=False,
         reprojection_unit="full_hd",
         reprojection_sigma=1.0,
@@ -174,7 +176,7 @@ _PROX = EngineSettings(
         # PROX's robust loss of a distance saturates at 1, ours at the square of its scale.
         contact_weight=1e4 / _PROX_GMOF_M**2,
         contact_source="static",
-        contact_reach_m=0.25,
+        contact_reach_m=0.5,
         contact_metric="point",
         contact_sigma_m=1.0,
         contact_scale=_PROX_GMOF_M,
@@ -182,9 +184,9 @@ _PROX = EngineSettings(
         contact_angle_deg=45.0,
         contact_mean=True,
         contact_occluded=True,
-        penetration_weight=1.0,
+        penetration_weight=_PROX_VERTICES,
         penetration_metric="point",
-        penetration_reach_m=0.25,
+        penetration_reach_m=0.5,
         penetration_slack_m=0.0,
         penetration_sigma_m=1.0,
         penetration_loss="absolute",

@@ -142,6 +142,8 @@ class HumanSettings:
         learning_rate: Adam's.
         lbfgs_steps: L-BFGS steps on Eq. 3 ("adam_lbfgs").
         lbfgs_inner: iterations inside each of them.
+        lbfgs_line_search: each of them looks how far to go (strong Wolfe), instead of a unit step as printed, which
+            with "absolute" pixels leads away from the minimum.
         seed: of every random draw in this stage.
     """
 
@@ -177,6 +179,7 @@ class HumanSettings:
     learning_rate: Positive = 1e-2
     lbfgs_steps: PositiveCount = 2
     lbfgs_inner: PositiveCount = 15
+    lbfgs_line_search: bool = False
     seed: Count = 0
 
 

@@ -12,11 +12,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES
-from physic_core.engine.anatomy import FINGER_RANGES, RANGES, beyond_ranges
+from physic_core.engine.anatomy import FINGER_RANGES, RANGES, beyond_limits, limits_of
 from physic_core.engine.joint import optimize
 from physic_core.engine.presets import PRESETS
 
 BOTH = {**RANGES, **FINGER_RANGES}
+
+
+def beyond_ranges(rotations, ranges):
+    return beyond_limits(rotations, limits_of(ranges, rotations))
 
 
 def turned(name, turn, dtype=torch.float64):

@@ -176,6 +176,22 @@ def test_one_who_fails_does_not_spoil_the_other(settings: HumanSettings) -> None
     assert placed.diagnostics[1]["problem"] is None
 
 
+def test_the_union_of_masks_and_absolute_pixels_place_too() -> None:
+    released = PRESETS["release"].human
+    picture = Picture(160, settings=released)
+    assert (released.masks, released.reprojection_loss) == ("union", "absolute")
+    near = TRUE + torch.tensor([0.05, -0.05, 0.15])
+    start = {"transl": near, "vertices": VERTICES + near[:, None], "landmarks": LANDMARKS + near[:, None]}
+    placed = picture.place(released, **start)
+    lost = picture.place(replace(released, lbfgs_line_search=False), **start)
+    print("with a line search", error_cm(placed), "without", error_cm(lost))
+    assert error_cm(placed).max() < 2
+    assert error_cm(lost).max() > 5
+    alone = [d["facing_vertices"] for d in picture.place(replace(released, masks="own")).diagnostics]
+    union = [d["facing_vertices"] for d in picture.place(released).diagnostics]
+    assert all(u >= a for u, a in zip(union, alone, strict=True))
+
+
 def test_few_keypoints_leave_it_to_the_points() -> None:
     picture = Picture()
     picture.confidence[0, 2:] = 0.1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -182,6 +183,15 @@ def test_no_common_pixel_leaves_the_metric_depth() -> None:
     assert state.notes[0] == "point map and metric depth agree nowhere: the scene is the metric depth alone"
     torch.testing.assert_close(state.points[:, :80, 2], DEPTH[:, :80])
     assert not state.valid[:, 80:].any()
+
+
+def test_the_metric_depth_alone_can_be_the_scene() -> None:
+    """As the paper gives it to PROX; what agrees with it or not does not matter, and nobody is told of doubts."""
+    bent = DEPTH * (1 + 0.2 * torch.sin(torch.arange(COLUMNS) / 20))
+    settings = replace(PAPER, source="metric_depth", intrinsics="metric")
+    state = build_scene(relative("scale"), ALL, "scale", bent, K=K, settings=settings)
+    torch.testing.assert_close(state.points, RAYS * bent[..., None])
+    assert not any("scale is doubtful" in note or "agree nowhere" in note for note in state.notes)
 
 
 def test_metric_depth_that_knows_nothing_is_an_error() -> None:

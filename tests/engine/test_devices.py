@@ -1,0 +1,141 @@
+"""The engine on another device than the CPU: what runs at every step touches that device alone, and CUDA agrees."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import fields, is_dataclass, replace
+
+import pytest
+import torch
+
+from physic_core.engine.contact import contact_map
+from physic_core.engine.energy import JointEnergy
+from physic_core.engine.human import place
+from physic_core.engine.joint import optimize
+from physic_core.engine.optimize import total_of
+from physic_core.engine.presets import PRESETS
+from physic_core.geometry.neighbors import NearestScene
+from physic_core.geometry.visibility import vertex_normals
+
+DEFAULT = PRESETS["default"].joint
+EVERYTHING = replace(
+    DEFAULT,
+    range_weight=1.0,
+    finger_weight=1.0,
+    self_penetration_weight=1.0,
+    people_penetration_weight=1.0,
+    stature_weight=1.0,
+)
+HERE = {
+    "default": DEFAULT,
+    "everything": EVERYTHING,
+    "raw": replace(EVERYTHING, parameters="raw"),
+    "points": replace(PRESETS["prox"].joint, nearest_every_step=False),
+}
+needs_cuda = pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device here")
+
+
+@pytest.fixture(scope="module")
+def two(make_stage):
+    return make_stage([({}, (-0.3, 0.0, 3.5)), ({}, (0.3, 0.0, 3.9))], boxes=[((0.5, 0.7, 3.0), (1.0, 1.3, 4.0))])
+
+
+def relocated(thing, device, memo):
+    """A copy of an object of ours in which every tensor lies on another device."""
+    if id(thing) in memo:
+        return memo[id(thing)][0]
+    if isinstance(thing, torch.Tensor):
+        new = torch.empty(thing.shape, dtype=thing.dtype, device=device, requires_grad=thing.requires_grad)
+    elif isinstance(thing, dict):
+        new = {key: relocated(value, device, memo) for key, value in thing.items()}
+    elif isinstance(thing, tuple) and hasattr(thing, "_fields"):
+        new = type(thing)(*(relocated(value, device, memo) for value in thing))
+    elif isinstance(thing, (list, tuple)):
+        new = type(thing)(relocated(value, device, memo) for value in thing)
+    elif type(thing).__module__.startswith("physic_core") and hasattr(thing, "__dict__"):
+        new = copy.copy(thing)
+        for name, value in vars(thing).items():
+            object.__setattr__(new, name, relocated(value, device, memo))
+    else:
+        new = thing
+    memo[id(thing)] = (new, thing)  # keeps the original alive, so that its id stays its own
+    return new
+
+
+@pytest.mark.parametrize("name", HERE)
+def test_an_evaluation_stays_on_one_device(two, name):
+    """Without a GPU: tensors without content refuse to meet those of the CPU."""
+    energy = JointEnergy(two.problem, HERE[name])
+    expected = energy()
+    there = relocated(energy, "meta", {})
+    found = there()
+    assert set(found) == set(expected)
+    assert all(value.device.type == "meta" for value in found.values())
+    gradients = torch.autograd.grad(total_of(found), there.state.parameters(), allow_unused=True)
+    assert all(g.device.type == "meta" for g in gradients if g is not None)
+
+
+def as_double(problem, device):
+    changed = {
+        f.name: value.double()
+        for f in fields(problem)
+        if isinstance(value := getattr(problem, f.name), torch.Tensor) and value.is_floating_point()
+    }
+    assert is_dataclass(problem)
+    return replace(problem, model=problem.model.to(device, torch.float64), **changed).as_model()
+
+
+@needs_cuda
+@pytest.mark.parametrize("name", [*HERE, "paper"])
+def test_cuda_has_the_cpus_energy(two, name):
+    settings = HERE.get(name, PRESETS["paper"].joint)
+    here, there = (JointEnergy(as_double(two.problem, d), settings) for d in ("cpu", "cuda"))
+    for energy in (here, there):
+        packed = energy.state.pack()
+        noise = torch.randn(len(packed), generator=torch.Generator().manual_seed(0), dtype=packed.dtype)
+        energy.state.load(packed + 0.01 * noise.to(packed))
+        energy.refresh()
+    mine, theirs = here(), there()
+    for term, value in mine.items():
+        torch.testing.assert_close(theirs[term].cpu(), value, rtol=1e-6, atol=1e-8)
+
+
+@needs_cuda
+def test_cuda_ends_where_the_cpu_does(two):
+    problem = replace(two.problem, transl0=two.problem.transl0 + torch.tensor([0.0, -0.05, 0.1]))
+    here, there = (optimize(as_double(problem, d), replace(DEFAULT, steps=30)) for d in ("cpu", "cuda"))
+    assert (there.vertices.cpu() - here.vertices).norm(dim=-1).amax() < 2e-3
+    assert there.scene_scale == pytest.approx(here.scene_scale, abs=1e-3)
+    assert torch.equal(there.occluded.cpu(), here.occluded)
+
+
+@needs_cuda
+def test_cuda_repeats_itself_bit_for_bit(two):
+    problem = replace(two.problem, model=two.problem.model.to("cuda")).as_model()
+    one, again = (optimize(problem, replace(DEFAULT, steps=20)) for _ in range(2))
+    assert torch.equal(one.vertices, again.vertices)
+
+
+@needs_cuda
+def test_cuda_places_and_tells_contact_as_the_cpu_does(two):
+    answers = []
+    for device in ("cpu", "cuda"):
+        problem = as_double(two.problem, device)
+        model = problem.model
+        body = model(problem.rotations0, problem.betas0, problem.transl0)
+        normals = vertex_normals(body.vertices, model.faces)
+        shift = problem.transl0.new_tensor([0.1, 0.0, 0.4])
+        placed = place(
+            body.vertices + shift, normals, model.landmarks(body, "blazepose33") + shift, problem.transl0 + shift,
+            problem.keypoints, problem.keypoint_confidence, problem.K,
+            [problem.scene_points[:0] for _ in range(2)], problem.masks, outer=model.outer,
+        )  # fmt: skip
+        scene = NearestScene(problem.scene_points, problem.scene_normals)
+        plane = (problem.floor_normal, problem.floor_offset)
+        contact, distance = contact_map(body.vertices, scene, plane, model.outer, PRESETS["default"].contact, normals)
+        assert placed.transl.device.type == contact.device.type == device
+        answers.append((placed.transl.cpu(), contact.cpu(), distance.cpu()))
+    (place_a, contact_a, distance_a), (place_b, contact_b, distance_b) = answers
+    torch.testing.assert_close(place_b, place_a, rtol=0, atol=1e-6)
+    assert (contact_a != contact_b).float().mean() < 1e-3
+    torch.testing.assert_close(distance_b, distance_a, rtol=0, atol=1e-6)

@@ -1,0 +1,93 @@
+"""A person whose evidence is broken loses themself at most: the others end where they would have ended alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from physic_core.engine.joint import optimize
+from physic_core.engine.presets import PRESETS
+
+# The scene's one scale is all that joins people who stand apart: held, each must end as alone.
+DEFAULT = replace(PRESETS["default"].joint, steps=30, refresh_steps=15, frozen=("scale",))
+PAPER = replace(PRESETS["paper"].joint, steps=12, refresh_steps=6, frozen=("scale",))
+NAN, INF = float("nan"), float("inf")
+
+
+@pytest.fixture(scope="module")
+def two(make_stage):
+    return make_stage([({}, (-0.7, 0.0, 3.5)), ({}, (0.7, 0.0, 4.0))])
+
+
+def broken(problem, what):
+    """The problem with something wrong with its first person."""
+    changed = {}
+    if what == "empty mask":
+        changed["masks"] = problem.masks.clone()
+        changed["masks"][0] = False
+    elif what == "depth unknown":
+        changed["human_depth"] = torch.where(problem.masks[0], NAN, problem.human_depth)
+    elif what == "depth infinite":
+        changed["human_depth"] = torch.where(problem.masks[0], INF, problem.human_depth)
+    elif what == "nobody observed":
+        changed["observed"] = problem.observed.clone()
+        changed["observed"][0] = False
+    else:
+        field, value = what.split(" = ")
+        changed[field] = getattr(problem, field).clone()
+        changed[field][0] = float(value)
+    return replace(problem, **changed)
+
+
+FAULTS = [
+    "empty mask",
+    "depth unknown",
+    "depth infinite",
+    "nobody observed",
+    "keypoints = nan",
+    "keypoints = inf",
+    "keypoints = -1e30",
+    "keypoint_confidence = nan",
+    "contact_probability = nan",
+    "betas0 = nan",
+    "betas0 = 1e30",
+    "rotations0 = nan",
+    "transl0 = inf",
+    "transl0 = -3.0",
+]
+
+
+@pytest.mark.parametrize("what", FAULTS)
+def test_the_other_ends_as_alone(two, what):
+    start = replace(two.problem, transl0=two.problem.transl0 + torch.tensor([0.02, -0.05, 0.1]))
+    alone = optimize(start.pick(torch.tensor([1])), DEFAULT)
+    both = optimize(broken(start, what), DEFAULT)
+    apart = 1e3 * (both.vertices[1] - alone.vertices[0]).norm(dim=-1).mean().item()
+    print(f"{what}: {apart:.1f} mm from alone")
+    assert both.failures[1] == ""
+    assert apart < 8
+    assert torch.isfinite(both.vertices[1]).all()
+    assert both.diagnostics[1].keys() == alone.diagnostics[0].keys()
+
+
+@pytest.mark.parametrize("what", ["empty mask", "keypoints = nan", "rotations0 = nan", "contact_probability = nan"])
+def test_the_papers_way_too(two, what):
+    start = replace(two.problem, transl0=two.problem.transl0 + torch.tensor([0.02, -0.05, 0.1]))
+    alone = optimize(start.pick(torch.tensor([1])), PAPER)
+    both = optimize(broken(start, what), PAPER)
+    apart = 1e3 * (both.vertices[1] - alone.vertices[0]).norm(dim=-1).mean().item()
+    assert both.failures[1] == ""
+    assert apart < 8
+
+
+@pytest.mark.parametrize("what", ["empty mask", "keypoints = nan", "betas0 = nan"])
+def test_with_every_term_too(two, what):
+    every = replace(
+        DEFAULT, steps=10, refresh_steps=5, range_weight=1.0, finger_weight=1.0, self_penetration_weight=1.0,
+        people_penetration_weight=1.0, stature_weight=1.0, vertex_confidence=1.0, starts=3, start_doubt=0.0,
+    )  # fmt: skip
+    result = optimize(broken(two.problem, what), every)
+    assert result.failures[1] == ""
+    assert 1e3 * (result.vertices[1] - two.vertices[1]).norm(dim=-1).mean() < 8

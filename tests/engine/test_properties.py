@@ -1,0 +1,114 @@
+"""What holds for every input of the terms, not only for those worked out by hand."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+
+import pytest
+import roma
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from physic_core.body.joints import JOINT_INDEX
+from physic_core.engine import terms
+from physic_core.geometry.robust import cauchy, geman_mcclure, pseudo_huber
+
+RHO = partial(cauchy, c=2.0)
+SEEDS = st.integers(0, 2**31 - 1)
+few = settings(max_examples=40, deadline=None)
+
+
+def draw(seed, *shape, low=-1.0, high=1.0):
+    generator = torch.Generator().manual_seed(seed)
+    return low + (high - low) * torch.rand(shape, generator=generator, dtype=torch.float64)
+
+
+@few
+@given(SEEDS, st.floats(0.2, 5.0))
+def test_depth_does_not_know_how_large_the_world_is(seed, k):
+    z, seen, weight = draw(seed, 2, 7, low=1, high=6), draw(seed + 1, 2, 7), draw(seed + 2, 2, 7, low=0)
+    scale, offset = draw(seed + 3), draw(seed + 4, 2)
+    here = terms.depth_at_pixels(z, seen, weight, scale, offset, 0.03, RHO)
+    there = terms.depth_at_pixels(k * z, seen, weight, scale + math.log(k), offset, 0.03, RHO)
+    torch.testing.assert_close(here, there)
+
+
+@few
+@given(SEEDS, st.floats(0.0, 0.05))
+def test_nothing_outside_penetrates_and_deeper_costs_more(seed, slack):
+    signed, weight = draw(seed, 3, 8, low=-0.2, high=0.2), draw(seed + 1, 3, 8, low=0)
+    rho = partial(pseudo_huber, c=2.0)
+    assert terms.penetration(signed.abs(), weight, slack, 0.02, rho).eq(0).all()
+    shallow = terms.penetration(signed, weight, slack, 0.02, rho)
+    deep = terms.penetration(signed - 0.01, weight, slack, 0.02, rho)
+    assert (deep >= shallow).all()
+
+
+@few
+@given(SEEDS)
+def test_contact_is_the_same_on_either_side_and_bounded_where_it_lets_go(seed):
+    distance, weight = draw(seed, 2, 9), draw(seed + 1, 2, 9, low=0)
+    rho = partial(geman_mcclure, c=3.0)
+    one, other = (terms.contact((d / 0.02).square(), weight, rho) for d in (distance, -distance))
+    assert torch.equal(one, other)
+    assert (one <= 9.0 * weight.sum(-1) + 1e-9).all()
+
+
+@few
+@given(SEEDS, st.floats(-2.0, 2.0))
+def test_height_and_signed_distance_agree_on_a_plane(seed, offset):
+    normal = torch.nn.functional.normalize(draw(seed, 3), dim=0)
+    vertices = draw(seed + 1, 2, 6, 3)
+    on_plane = draw(seed + 2, 2, 6, 3)
+    on_plane = on_plane - (terms.plane_height(on_plane, normal, torch.tensor(offset)))[..., None] * normal
+    height = terms.plane_height(vertices, normal, torch.tensor(offset))
+    torch.testing.assert_close(terms.signed_distance(vertices, on_plane, normal.expand_as(vertices)), height)
+
+
+@few
+@given(SEEDS)
+def test_regularisation_does_not_see_where_a_body_is_and_how_it_is_turned(seed):
+    vertices, pelvis = draw(seed, 2, 6, 3), draw(seed + 1, 2, 3)
+    root = roma.rotvec_to_rotmat(3 * draw(seed + 2, 2, 3))
+    turn, move = roma.rotvec_to_rotmat(3 * draw(seed + 3, 3)), draw(seed + 4, 3)
+    here = terms.root_relative(vertices, pelvis, root)
+    there = terms.root_relative(vertices @ turn.T + move, pelvis @ turn.T + move, turn @ root)
+    torch.testing.assert_close(here, there)
+
+
+@few
+@given(SEEDS, st.booleans(), st.booleans())
+def test_reprojection_is_zero_only_where_it_hits_and_never_negative(seed, mean, per_axis):
+    observed, weight = draw(seed, 2, 5, 2, low=0, high=300), draw(seed + 1, 2, 5, low=0.1)
+    unit = draw(seed + 2, 2, 1, low=1, high=9)
+    call = partial(terms.reprojection, weight=weight, unit=unit, rho=RHO, mean=mean, per_axis=per_axis)
+    assert call(observed, observed).eq(0).all()
+    assert call(observed + draw(seed + 3, 2, 5, 2), observed).gt(0).all()
+
+
+@few
+@given(SEEDS, st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
+def test_only_the_lower_foot_is_pulled_from_afar(seed, left, right):
+    lowest = torch.tensor([[left, right]], dtype=torch.float64, requires_grad=True)
+    far = partial(cauchy, c=0.1)
+    value = terms.soles(lowest, 1e-9 * torch.ones(1, 2).double(), torch.ones(1).double(), far, far)
+    value.sum().backward()
+    lower = 0 if left <= right else 1
+    if abs(left - right) > 1e-6 and abs(min(left, right)) > 1e-3:
+        assert abs(lowest.grad[0, lower]) > 1e3 * abs(lowest.grad[0, 1 - lower])
+    assert value.item() >= 0
+
+
+@few
+@given(SEEDS, st.floats(-0.6, 3.4))
+def test_hinges_are_free_within_their_range_alone(seed, bend):
+    turns = torch.zeros(1, 55, 3, dtype=torch.float64)
+    for name, axis, sign in (("left_knee", 0, 1), ("right_knee", 0, 1), ("left_elbow", 1, -1), ("right_elbow", 1, 1)):
+        turns[0, JOINT_INDEX[name], axis] = sign * bend
+    if bend > math.pi:  # beyond half a turn a joint counts as bent the other way: it is out of range in any case
+        return
+    cost = terms.joint_limits(roma.rotvec_to_rotmat(turns)).item()
+    beyond = max(0.0, -bend, bend - 2.7)
+    assert cost == pytest.approx(4 * (12 * beyond) ** 2, abs=1e-6)
