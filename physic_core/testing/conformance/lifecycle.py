@@ -13,6 +13,7 @@ from physic_core.testing.conformance.guard import no_network, resident_megabytes
 from physic_core.testing.conformance.run import Check
 
 if TYPE_CHECKING:
+    from physic_core.testing.conformance.cases import Case
     from physic_core.testing.conformance.subject import Subject
 
 __all__ = ["AFTER", "BEFORE"]
@@ -116,7 +117,7 @@ def check_answers_again_after_close(subject: Subject) -> None:
     """After `close` and another `load` it answers as before."""
     first = subject.answer("odd size")
     case = subject.case("odd size")
-    backend = _fresh(subject)
+    backend = _fresh(subject, case)
     try:
         backend.load(subject.device)
         backend.close()
@@ -131,9 +132,9 @@ def check_answers_again_after_close(subject: Subject) -> None:
         expect(not told, "the same answer after load(), close(), load()", told)
 
 
-def _fresh(subject: Subject) -> Any:
+def _fresh(subject: Subject, case: Case | None = None) -> Any:
     try:
-        return subject.construct()
+        return subject.construct(case)
     except Exception as error:
         raise NotJudged("it cannot be constructed: see 'constructs_with_its_defaults'") from error
 
