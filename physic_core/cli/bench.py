@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -115,11 +116,34 @@ def accuracy(
 
 
 @bench.command()
-def speed() -> None:
-    """Print how the times on this device compare: stages, strategies, people, sizes, threads."""
-    from physic_core.bench.speed import format_report, measure_speed
+@click.option(
+    "--sections", metavar="NAME,...", default="", help="floor, nearest, people, size, threads, cuda.  [default: all]"
+)
+@click.option("--repeats", metavar="N", type=click.IntRange(1), default=5, show_default=True, help="Rounds.")
+@click.option("--preset", metavar="NAME", default="default", show_default=True, help="Engine's preset.")
+@click.option("--size", type=_Size(), default="640x480", show_default=True, help="Photos, px.")
+@click.option("--seed", metavar="S", type=click.IntRange(0), default=0, show_default=True, help="Draws the problems.")
+@click.option("--json", "file", type=click.Path(path_type=Path), help="Write every number to this file, too.")
+def speed(sections: str, repeats: int, preset: str, size: tuple[int, int], seed: int, file: Path | None) -> None:
+    """Print how the engine's times on this machine compare: ratios measured in one run."""
+    from physic_core.bench.speed import SECTIONS, format_report, measure_speed
 
-    click.echo(format_report(measure_speed()))
+    report = measure_speed(
+        repeats,
+        sections=[name.strip() for name in sections.split(",") if name.strip()] or tuple(SECTIONS),
+        preset=preset,
+        size=size,
+        seed=seed,
+        progress=lambda title: click.echo(title, err=True),
+    )
+    if file is not None:
+        import json
+
+        from physic_core.io.atomic import replacing
+
+        with replacing(file.parent) as temporary:
+            temporary(file.name).write_text(json.dumps(report.as_dict(), indent=1) + "\n", encoding="utf-8")
+    click.echo(format_report(report))
 
 
 def _split(overrides: tuple[str, ...]) -> tuple[list[str], list[str]]:
@@ -156,7 +180,8 @@ def _run(cases: tuple[Case, ...], work: Work, jobs: int, out: Path, settings: di
         with _progress(len(cases)) as progress:
             for record in run_cases(cases, work, jobs):
                 records.append(record)
-                progress(f"{record['name']} {record['seed']}")
+                failed = " failed" if record["error"] or any(row["error"] for row in record["rows"].values()) else ""
+                progress(f"{record['name']} {record['seed']}{failed}")
     except KeyboardInterrupt:
         stopped = True
     results: Results = summarise(records, cases, work, settings)
@@ -176,12 +201,12 @@ def _run(cases: tuple[Case, ...], work: Work, jobs: int, out: Path, settings: di
 def _progress(total: int) -> Iterator[Callable[[str], None]]:
     """A bar on a terminal, one line a world elsewhere; both on stderr."""
     if not sys.stderr.isatty():
-        done = 0
+        done, start = 0, time.monotonic()
 
         def say(title: str) -> None:
             nonlocal done
             done += 1
-            click.echo(f"[{done}/{total}] {title}", err=True)
+            click.echo(f"[{done}/{total}] {title}  ({time.monotonic() - start:.0f} s)", err=True)
 
         yield say
         return

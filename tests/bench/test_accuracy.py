@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
+import shlex
+import subprocess
+import sys
 from dataclasses import fields, is_dataclass
 
 import numpy as np
@@ -189,6 +193,32 @@ def test_bench_alone_says_what_there_is():
     assert "accuracy" in told.output
     assert "speed" in told.output
     assert "pip install physic-mock" in told.output
+
+
+@pytest.mark.parametrize(
+    "arguments", [["bench", "--help"], ["bench", "accuracy", "--help"], ["bench", "speed", "--help"]]
+)
+def test_asking_for_help_imports_nothing_heavy(arguments):
+    code = f"""
+import sys
+from physic_core.cli import main
+try:
+    main({arguments!r})
+except SystemExit as end:
+    assert not end.code
+print(sorted({{m.partition(".")[0] for m in sys.modules}} & {{"torch", "numpy", "scipy", "cv2", "rich", "matplotlib"}}))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_every_command_of_the_page_can_be_given(repository):
+    page = (repository / "benchmarks" / "README.md").read_text()
+    lines = [line for block in re.findall(r"^```sh\n(.*?)^```", page, re.M | re.S) for line in block.splitlines()]
+    commands = [shlex.split(line) for line in lines if line.startswith("physic bench ")]
+    assert commands
+    for words in commands:
+        main.commands["bench"].commands[words[2]].make_context(words[2], words[3:])
 
 
 def test_a_trial_stands_beside_the_full_row(tmp_path, known_worlds):
