@@ -25,7 +25,7 @@ from physic_core.geometry.visibility import (
 
 __all__ = ["Shadows", "Visible", "look"]
 
-_STILL_M = 0.01  # who has moved less across their rays looks as they did
+_STILL_M = 0.01  # who has moved less than this in the mean, across their rays, looks as they did
 _EDGE_SHARE = 0.005  # of the person: nearer to the silhouette, depth is as often the background's
 
 
@@ -85,7 +85,7 @@ class Shadows:
             shadow = self._cast(vertices)
             self._seen, self._hidden, self._lost = seen, shadow.hidden, shadow.vertices
         else:
-            moved = ((seen - self._seen) * away).abs().amax((1, 2))
+            moved = ((seen - self._seen) * away).square().sum(-1).mean(1).sqrt()
             rows = (~(moved < _STILL_M)).nonzero(as_tuple=True)[0]
             if len(rows):
                 shadow = self._cast(vertices[rows])
