@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import torch
 from torch import Tensor
@@ -14,6 +15,7 @@ from physic_core.body.landmarks import PointRegressor
 from physic_core.body.posing import Tree, pose_points
 from physic_core.body.skinning import Skin
 from physic_core.errors import BodyModelError
+from physic_core.geometry.visibility import faces_around
 
 __all__ = ["BodyModel", "BodyOutput", "LandmarkModel"]
 
@@ -97,6 +99,11 @@ class BodyModel:
     def device(self) -> torch.device:
         """Device of the asset."""
         return self.skin.template.device
+
+    @cached_property
+    def faces_around(self) -> Tensor:
+        """(V, most) int64, the faces that meet at each vertex, filled up with F."""
+        return faces_around(self.faces, self.num_vertices)
 
     def to(self, device: torch.device | str | None = None, dtype: torch.dtype | None = None) -> BodyModel:
         """The same body on another device, or in another float type."""

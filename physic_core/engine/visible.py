@@ -116,7 +116,7 @@ def look(problem: JointProblem, settings: JointSettings, fixed: Fixed, output: B
     behind_self, lost = shadows(vertices)
     occluded = ~in_mask | lost
 
-    normals = vertex_normals(vertices, model.faces)
+    normals = vertex_normals(vertices, model.faces, model.faces_around)
     toward = facing(normals, vertices, settings.facing_deg)
     in_play = fixed.seen_part & in_image[:, ids]
     log_seen, known = _sample(fixed.log_depth, uv[:, ids])

@@ -25,6 +25,7 @@ __all__ = [
     "SelfOcclusion",
     "behind_others",
     "depth_order_violations",
+    "faces_around",
     "facing",
     "hidden_from_camera",
     "inside_image",
@@ -37,17 +38,35 @@ __all__ = [
 _BEHIND_M = 2e-3  # a surface this much nearer than a vertex hides it; less is the vertex's own surface, rounded
 
 
-def vertex_normals(vertices: Tensor, faces: Tensor) -> Tensor:
+def vertex_normals(vertices: Tensor, faces: Tensor, around: Tensor | None = None) -> Tensor:
     """Unit normals out of the mesh (faces counter-clockwise from outside), weighted by the faces' areas.
 
     Args:
         vertices: (..., V, 3) metres.
         faces: (F, 3) int64.
+        around: from :func:`faces_around`, for a mesh that is asked often: several times as fast.
 
     Returns:
         (..., V, 3); zero at a vertex without a face.
     """
-    return F.normalize(_sum_at_corners(_doubled_areas(vertices, faces), faces, vertices), dim=-1)
+    doubled = _doubled_areas(vertices, faces)
+    if around is None:
+        return F.normalize(_sum_at_corners(doubled, faces, vertices), dim=-1)
+    padded = F.pad(doubled.reshape(-1, *doubled.shape[-2:]), (0, 0, 0, 1))
+    total = [F.embedding_bag(around, body, mode="sum") for body in padded]
+    return F.normalize(torch.stack(total).reshape(vertices.shape), dim=-1)
+
+
+def faces_around(faces: Tensor, count: int) -> Tensor:
+    """Which faces meet at each of ``count`` vertices: faces (F, 3) -> (count, most) int64, filled up with F."""
+    corner = faces.reshape(-1)
+    order = corner.argsort(stable=True)
+    owner = corner[order]
+    meeting = torch.bincount(corner, minlength=count)
+    slot = torch.arange(len(owner), device=faces.device) - (meeting.cumsum(0) - meeting)[owner]
+    table = torch.full((count, int(meeting.max())), len(faces), dtype=torch.int64, device=faces.device)
+    table[owner, slot] = order // 3
+    return table
 
 
 def vertex_areas(vertices: Tensor, faces: Tensor) -> Tensor:

@@ -11,6 +11,7 @@ import trimesh
 from physic_core.geometry.visibility import (
     behind_others,
     depth_order_violations,
+    faces_around,
     facing,
     hidden_from_camera,
     inside_image,
@@ -56,6 +57,16 @@ def test_normals_of_a_sphere_point_outward():
     vertices, faces = sphere([0.0, 0.0, 3.0])
     outward = torch.nn.functional.normalize(vertices - torch.tensor([0.0, 0.0, 3.0]), dim=-1)
     assert (vertex_normals(vertices, faces) * outward).sum(-1).min() > 0.999
+
+
+def test_the_faces_round_a_vertex_give_the_same_normals():
+    vertices, faces = sphere([0.0, 0.0, 3.0], fineness=2)
+    around = faces_around(faces, len(vertices))
+    assert sorted(set(around[7].tolist()) - {len(faces)}) == (faces == 7).any(1).nonzero().flatten().tolist()
+    batch = torch.stack([vertices, vertices * torch.tensor([1.0, 2.0, 0.5])])
+    torch.testing.assert_close(vertex_normals(batch, faces, around), vertex_normals(batch, faces))
+    lonely = torch.cat([vertices, vertices[:1]])
+    assert vertex_normals(lonely, faces, faces_around(faces, len(lonely)))[-1].tolist() == [0.0, 0.0, 0.0]
 
 
 def test_areas_add_up_to_the_surface():
