@@ -12,15 +12,17 @@ import signal
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_core.bench.cases import Case, evidence_key, look, source_hash
 from physic_core.bench.plain import plain
+from physic_core.errors import PhysicError
 
 if TYPE_CHECKING:
     from physic_core.bench.judge import Judge
@@ -73,7 +75,7 @@ def run_cases(cases: Sequence[Case], work: Work, jobs: int = 1) -> Iterator[Reco
         jobs: processes; 1 works in this one.
 
     Raises:
-        PhysicError: the configuration does not hold. What fails in a world is in its record instead.
+        PhysicError: the configuration does not hold, or a process was killed. What fails in a world is in its record.
     """
     if jobs == 1:
         yield from (run_one(case, work) for case in cases)
@@ -81,10 +83,21 @@ def run_cases(cases: Sequence[Case], work: Work, jobs: int = 1) -> Iterator[Reco
     before = {name: os.environ.get(name) for name in _ONE_THREAD}
     os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))  # the children read it as they import
     try:
+        others = set(active_children())
         pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_quiet)
         try:
             for future in as_completed([pool.submit(run_one, case, work) for case in cases]):
                 yield future.result()
+        except BrokenProcessPool as error:
+            raise PhysicError(
+                "a process of the benchmark was ended from outside, as happens where memory runs out; "
+                "what is done is kept: go on with fewer --jobs"
+            ) from error
+        except BaseException:
+            # Nobody waits for the worlds that are under way: what they finished of their rows is kept.
+            for child in set(active_children()) - others:
+                child.terminate()
+            raise
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
     finally:

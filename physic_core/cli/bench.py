@@ -175,15 +175,15 @@ def _run(cases: tuple[Case, ...], work: Work, jobs: int, out: Path, settings: di
     from physic_core.bench.results import summarise, write
 
     records: list[dict[str, Any]] = []
-    stopped = False
+    stopped: BaseException | None = None
     try:
         with _progress(len(cases)) as progress:
             for record in run_cases(cases, work, jobs):
                 records.append(record)
                 failed = " failed" if record["error"] or any(row["error"] for row in record["rows"].values()) else ""
                 progress(f"{record['name']} {record['seed']}{failed}")
-    except KeyboardInterrupt:
-        stopped = True
+    except (KeyboardInterrupt, PhysicError) as cause:  # told once what is done is written
+        stopped = cause
     results: Results = summarise(records, cases, work, settings)
     paths = [*write(results, out)]
     if records:
@@ -193,7 +193,9 @@ def _run(cases: tuple[Case, ...], work: Work, jobs: int, out: Path, settings: di
         except PhysicError as error:  # the numbers are safe: a missing plot is worth a note
             click.echo(f"note: {error}", err=True)
     click.echo(f"{len(records)} of {len(cases)} worlds; results: {', '.join(map(str, paths))}")
-    if stopped:
+    if isinstance(stopped, PhysicError):
+        raise stopped
+    if stopped is not None:
         raise click.Abort
 
 

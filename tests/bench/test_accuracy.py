@@ -22,7 +22,7 @@ from physic_core.bench.rows import ablation_rows, pick
 from physic_core.body import load_body
 from physic_core.cli import main
 from physic_core.config import load_config
-from physic_core.errors import ConfigError
+from physic_core.errors import ConfigError, PhysicError
 from physic_core.plugins import discover
 from physic_core.resolve import resolve
 from physic_core.testing.worlds import WORLDS, build_world
@@ -251,10 +251,11 @@ def test_what_cannot_be_is_said_before_anything_runs(arguments, message, tmp_pat
     assert "Traceback" not in told.output
 
 
-def test_a_run_that_is_stopped_leaves_what_is_done(tmp_path, monkeypatch, known_worlds):
+@pytest.mark.parametrize("cause", [KeyboardInterrupt(), PhysicError("a process was ended")])
+def test_a_run_that_is_stopped_leaves_what_is_done(cause, tmp_path, monkeypatch, known_worlds):
     def stopped(cases, work, jobs):
         yield run_one(cases[0], work)
-        raise KeyboardInterrupt
+        raise cause
 
     monkeypatch.setattr(accuracy, "run_cases", stopped)
     told = bench("accuracy", "--worlds", "3", "--size", "160x120", "--rows", "start", "--no-cache", "-o", str(tmp_path))
