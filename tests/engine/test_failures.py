@@ -21,6 +21,17 @@ def two(make_stage):
     return make_stage([({}, (-0.7, 0.0, 3.5)), ({}, (0.7, 0.0, 4.0))])
 
 
+@pytest.fixture(scope="module")
+def start(two):
+    return replace(two.problem, transl0=two.problem.transl0 + torch.tensor([0.02, -0.05, 0.1]))
+
+
+@pytest.fixture(scope="module", params=[DEFAULT, PAPER], ids=["default", "paper"])
+def way(request, start):
+    """Settings, and where the second person ends alone."""
+    return request.param, optimize(start.pick(torch.tensor([1])), request.param)
+
+
 def broken(problem, what):
     """The problem with something wrong with its first person."""
     changed = {}
@@ -60,26 +71,15 @@ FAULTS = [
 
 
 @pytest.mark.parametrize("what", FAULTS)
-def test_the_other_ends_as_alone(two, what):
-    start = replace(two.problem, transl0=two.problem.transl0 + torch.tensor([0.02, -0.05, 0.1]))
-    alone = optimize(start.pick(torch.tensor([1])), DEFAULT)
-    both = optimize(broken(start, what), DEFAULT)
+def test_the_other_ends_as_alone(start, way, what):
+    settings, alone = way
+    both = optimize(broken(start, what), settings)
     apart = 1e3 * (both.vertices[1] - alone.vertices[0]).norm(dim=-1).mean().item()
     print(f"{what}: {apart:.1f} mm from alone")
     assert both.failures[1] == ""
     assert apart < 8
     assert torch.isfinite(both.vertices[1]).all()
     assert both.diagnostics[1].keys() == alone.diagnostics[0].keys()
-
-
-@pytest.mark.parametrize("what", ["empty mask", "keypoints = nan", "rotations0 = nan", "contact_probability = nan"])
-def test_the_papers_way_too(two, what):
-    start = replace(two.problem, transl0=two.problem.transl0 + torch.tensor([0.02, -0.05, 0.1]))
-    alone = optimize(start.pick(torch.tensor([1])), PAPER)
-    both = optimize(broken(start, what), PAPER)
-    apart = 1e3 * (both.vertices[1] - alone.vertices[0]).norm(dim=-1).mean().item()
-    assert both.failures[1] == ""
-    assert apart < 8
 
 
 @pytest.mark.parametrize("what", ["empty mask", "keypoints = nan", "betas0 = nan"])
