@@ -59,14 +59,11 @@ class _Turn(torch.autograd.Function):
 
 
 def _shares(square: Tensor) -> tuple[Tensor, Tensor]:
-    """sin(t) / t and (1 - cos(t)) / t^2 of squared angles; series where the quotients would lose digits."""
-    small = square < _small(square)
-    t2 = torch.where(small, torch.ones_like(square), square)
-    t = t2.sqrt()
-    sine = torch.where(small, 1 + square * (-1 / 6 + square * (1 / 120 - square / 5040)), t.sin() / t)
-    half = (0.5 * t).sin()
-    versine = torch.where(small, 0.5 + square * (-1 / 24 + square * (1 / 720 - square / 40320)), 2 * half * half / t2)
-    return sine, versine
+    """sin(t) / t and (1 - cos(t)) / t^2 of squared angles."""
+    # As quotients of sines neither loses digits, as long as nothing is divided by zero.
+    t = square.clamp(min=1e-30).sqrt()
+    half = (0.5 * t).sin() / t
+    return t.sin() / t, 2 * half * half
 
 
 def _slopes(square: Tensor, sine: Tensor, versine: Tensor) -> tuple[Tensor, Tensor]:
