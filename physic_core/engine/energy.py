@@ -111,7 +111,7 @@ class JointEnergy:
         if settings.balance_weight and problem.floor_normal is not None and settings.floor == "plane":
             rho = partial(robust, "cauchy", c=1.0)
             stands = fixed.stands.to(joints.dtype)
-            mass = (fixed.area[..., None] * vertices).sum(1) / fixed.area.sum(1, keepdim=True)
+            mass = (fixed.area[:, None] @ vertices)[:, 0] / fixed.area.sum(1, keepdim=True)
             lean = terms.balance(mass, joints, problem.floor_normal, stands, rho)
             energies["balance"] = settings.balance_weight * lean
         return energies
