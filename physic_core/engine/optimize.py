@@ -79,6 +79,7 @@ def minimise(energy: Energy, settings: JointSettings, progress: Callable[[float]
     memory = Memory()
     done = evaluations = taken = 0
     totals: list[float] = []
+    settled = False
     while done < settings.steps and state.parameters():
         if done:
             energy.refresh()
@@ -90,9 +91,11 @@ def minimise(energy: Energy, settings: JointSettings, progress: Callable[[float]
         done += steps
         if progress is not None:
             progress(done / settings.steps)
-        if settings.tolerance > 0 and block.before - block.after < settings.tolerance * abs(block.before):
+        settled = settings.tolerance > 0 and block.before - block.after < settings.tolerance * abs(block.before)
+        if settled:
             break
-    energy.refresh()
+    if not settled:  # else nobody has moved enough since the last look to be seen otherwise
+        energy.refresh()
     end = _values(energy)
     final = state.pack()
     state.load(origin)

@@ -101,6 +101,7 @@ def test_stops_when_a_refreshs_steps_no_longer_help():
     energy = Bowl()
     trace = minimise(energy, replace(LBFGS, steps=1000, refresh_steps=10))
     assert trace.steps <= 40
+    assert energy.refreshes == len(trace.totals) - 2  # between the blocks; the last block changed nothing to look at
 
 
 def test_steps_around_what_is_not_a_number():
