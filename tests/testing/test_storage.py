@@ -5,8 +5,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 import pytest
 
+from physic_core.cache.archive import pack, unpack
 from physic_core.testing import storage, worlds
-from physic_core.testing.archive import pack, unpack
 
 
 @dataclass(frozen=True)

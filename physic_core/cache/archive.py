@@ -15,7 +15,14 @@ __all__ = ["pack", "unpack"]
 
 
 def pack(thing: object) -> tuple[dict[str, NDArray[Any]], Any]:
-    """A dataclass of arrays, numbers, texts, tuples, mappings and dataclasses -> its arrays by path, and the rest."""
+    """Apart: an array, or a dataclass of arrays, numbers, texts, tuples, mappings and dataclasses.
+
+    Returns:
+        Its arrays by path, and a JSON-ready document of the rest; lists come back as tuples.
+
+    Raises:
+        TypeError: it holds something else.
+    """
     arrays: dict[str, NDArray[Any]] = {}
 
     def written(value: Any, path: str) -> Any:
@@ -29,7 +36,7 @@ def pack(thing: object) -> tuple[dict[str, NDArray[Any]], Any]:
             return {"class": type(value).__name__, "fields": parts}
         if isinstance(value, Mapping):
             return {"mapping": {key: written(item, f"{path}.{key}") for key, item in value.items()}}
-        if isinstance(value, tuple):
+        if isinstance(value, tuple | list):
             return {"tuple": [written(item, f"{path}.{i}") for i, item in enumerate(value)]}
         if value is None or isinstance(value, bool | int | float | str):
             return value

@@ -1,0 +1,30 @@
+"""Where caches lie: ``$XDG_CACHE_HOME/physic``, or the system's own place for them."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+__all__ = ["place"]
+
+
+def place(name: str, switch: str) -> Path | None:
+    """The folder of one cache, or None if it is switched off.
+
+    Args:
+        name: of the cache.
+        switch: environment variable that holds another folder, or "off".
+    """
+    wish = os.environ.get(switch, "")
+    if wish.lower() in ("off", "0", "no", "false"):
+        return None
+    if wish:
+        return Path(wish)
+    base = os.environ.get("XDG_CACHE_HOME", "")
+    if not os.path.isabs(base):  # the standard says that a relative one is not valid
+        if sys.platform == "win32":
+            base = os.environ.get("LOCALAPPDATA") or str(Path.home() / "AppData" / "Local")
+        else:
+            base = str(Path.home() / ("Library/Caches" if sys.platform == "darwin" else ".cache"))
+    return Path(base) / "physic" / name

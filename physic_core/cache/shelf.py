@@ -1,0 +1,85 @@
+"""A folder of kept files that is bounded in size: what was unused for longest goes first."""
+
+from __future__ import annotations
+
+import os
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+__all__ = ["SUFFIX", "Kept", "clear", "kept", "shrink", "touch"]
+
+SUFFIX = ".npz"
+
+_LEFT_OVER = ".*.part"
+_LEFT_OVER_S = 3600.0
+"""A half-written file of this age, s, has no writer any more."""
+
+
+@dataclass(frozen=True)
+class Kept:
+    """One file.
+
+    Attributes:
+        path: where it lies.
+        size: bytes.
+        used: when it was written or last read, s since the epoch.
+    """
+
+    path: Path
+    size: int
+    used: float
+
+
+def kept(folder: Path) -> list[Kept]:
+    """All that ``folder`` keeps, unused for longest first; nothing where there is no such folder."""
+    return sorted(_files(folder, f"*{SUFFIX}"), key=lambda file: (file.used, file.path))
+
+
+def touch(path: Path) -> None:
+    """Note that a file was used just now."""
+    with suppress(OSError):
+        os.utime(path)
+
+
+def shrink(folder: Path, limit: int) -> None:
+    """Remove files until those that are left take ``limit`` bytes at most, and what dead writers left behind."""
+    for file in _left_over(folder):
+        if file.used < time.time() - _LEFT_OVER_S:
+            _remove(file)
+    files = kept(folder)
+    total = sum(file.size for file in files)
+    for file in files:
+        if total <= limit:
+            break
+        _remove(file)
+        total -= file.size
+
+
+def clear(folder: Path) -> list[Kept]:
+    """Remove every file that ``folder`` keeps, and answer what was removed; other files stay."""
+    _gone = [_remove(file) for file in _left_over(folder)]
+    return [file for file in kept(folder) if _remove(file)]
+
+
+def _left_over(folder: Path) -> list[Kept]:
+    return _files(folder, _LEFT_OVER)
+
+
+def _files(folder: Path, pattern: str) -> list[Kept]:
+    files = []
+    with suppress(OSError):
+        for path in folder.glob(pattern):
+            with suppress(OSError):  # another process may remove it meanwhile
+                status = path.stat()
+                files.append(Kept(path, status.st_size, status.st_mtime))
+    return files
+
+
+def _remove(file: Kept) -> bool:
+    try:
+        file.path.unlink()
+    except OSError:
+        return False
+    return True
