@@ -3,10 +3,11 @@ from __future__ import annotations
 import json
 
 import pytest
-from right_backends import SIZE, RightMetricDepth, RightSegmenter
+from pydantic import Field
+from right_backends import SIZE, RightMetricDepth, RightOptions, RightSegmenter
 from wrong_backends import WRONG
 
-from physic_core.errors import BackendError, PhysicError
+from physic_core.errors import BackendError, ConfigError, PhysicError
 from physic_core.registry import BackendRecord, Registry
 from physic_core.testing import check_backend, parametrize_with_checks
 from physic_core.testing.conformance import CAPABILITIES, Report, Result, checks_for
@@ -19,6 +20,25 @@ NO_WEIGHTS = "my-depth needs weights.onnx: fetch it from https://example.org and
 class NotReady(RightMetricDepth):
     def load(self, device="cpu"):
         raise BackendError(NO_WEIGHTS)
+
+
+class Pointed(RightSegmenter):
+    def infer(self, image):
+        raise ConfigError("give options.boxes")
+
+
+class PointedAtWorlds(RightSegmenter):
+    class Options(RightOptions):
+        people: int = Field(0, description="How many people there are.")
+
+    @staticmethod
+    def conformance_options(world):
+        return {"people": len(world.masks)}
+
+    def infer(self, image):
+        if not self.options.people:
+            raise ConfigError("give options.people")
+        return super().infer(image)
 
 
 class Stochastic(RightMetricDepth):
@@ -127,6 +147,17 @@ def test_a_backend_that_cannot_be_asked_is_no_success():
     assert report.summary.endswith(f"\nNOTHING ASKED: not ready: {NO_WEIGHTS}")
     with pytest.raises(AssertionError, match="NOTHING ASKED"):
         report.raise_if_failed()
+
+
+def test_a_backend_that_needs_options_says_so():
+    report = check_backend(Pointed, size=SIZE)
+    assert report.failures == ()
+    assert report.not_asked == "not ready: give options.boxes"
+
+
+def test_a_backend_may_bring_the_options_that_it_needs():
+    report = check_backend(PointedAtWorlds, size=SIZE)
+    assert report.ok, report.text
 
 
 def test_a_report_of_no_checks_is_no_success():

@@ -132,7 +132,7 @@ class Fragile(RightMetricDepth):
 class Heavy(RightMetricDepth):
     def __init__(self, options=None):
         super().__init__(options)
-        self.weights = np.ones(6_000_000)
+        self.weights = np.ones(16_000_000)
 
 
 @wrong("missing weights as FileNotFoundError", "loads_or_says_what_is_missing")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -111,10 +111,9 @@ class Comparison:
 
 def compare(
     interface: str,
-    backends: Sequence[str | type[Backend]],
+    backends: Sequence[str | type[Backend] | tuple[str | type[Backend], OptionsFor]],
     *,
     worlds: Sequence[tuple[str, int]] = COMPARED,
-    options: OptionsFor | None = None,
     registry: Registry | None = None,
     device: str = "cpu",
     size: tuple[int, int] = SIZE,
@@ -123,19 +122,23 @@ def compare(
 
     Args:
         interface: of all of them.
-        backends: names or classes, as for :func:`physic_core.testing.check_backend`.
+        backends: names or classes, as for :func:`physic_core.testing.check_backend`, each alone or with its options.
         worlds: name and seed of each.
-        options: of every backend, or a function of the world.
         registry: where names are looked up; None for everything installed.
         device: where backends are loaded.
         size: width and height of the photos, px.
 
     Raises:
         BackendError: one of the backends does not exist.
+        ConfigError: options that a backend does not take.
         InputError: one of the worlds does not exist.
     """
-    settings = {"options": options, "device": device, "size": size}
-    subjects = [find_subject(backend, interface, registry, **settings) for backend in backends]
+    subjects = []
+    for entry in backends:
+        backend, options = entry if isinstance(entry, tuple) else (entry, None)
+        subjects.append(find_subject(backend, interface, registry, options=options, device=device, size=size))
+        if isinstance(options, Mapping) and options:
+            subjects[-1].name += "{" + ", ".join(f"{key}={value}" for key, value in options.items()) + "}"
     rows = tuple(_row(subject, worlds, size) for subject in subjects)
     return Comparison(interface, tuple(worlds), size, rows)
 
