@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-__all__ = ["CATALOG", "distribution_for"]
+__all__ = ["CATALOG", "distribution_for", "known_names"]
 
 CATALOG: dict[str, dict[str, tuple[str, ...]]] = {
     "physic-embedded": {
@@ -33,9 +33,20 @@ CATALOG: dict[str, dict[str, tuple[str, ...]]] = {
 """Distribution -> interface -> names; a test holds it to what the distributions register."""
 
 
-def distribution_for(interface: str, name: str) -> str | None:
-    """The known distribution that offers a backend, or None."""
+def distribution_for(interface: str | None, name: str) -> str | None:
+    """The known distribution that offers a backend, or None; of any interface where ``interface`` is None."""
     for distribution, offers in CATALOG.items():
-        if name in offers.get(interface, ()):
+        if name in _names(offers, interface):
             return distribution
     return None
+
+
+def known_names(interface: str | None) -> tuple[str, ...]:
+    """Names of the backends of an interface, or of all, that known distributions offer."""
+    return tuple(dict.fromkeys(name for offers in CATALOG.values() for name in _names(offers, interface)))
+
+
+def _names(offers: dict[str, tuple[str, ...]], interface: str | None) -> tuple[str, ...]:
+    if interface is not None:
+        return offers.get(interface, ())
+    return tuple(name for names in offers.values() for name in names)

@@ -7,6 +7,7 @@ entry points ourselves: one ``try`` and one plugin manager each, and every recor
 from __future__ import annotations
 
 import os
+import re
 import time
 from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
@@ -16,12 +17,15 @@ from typing import Any
 import pluggy
 
 from physic_core import hookspecs
-from physic_core.registry import PLUGIN_API, BackendRecord, BrokenPlugin, Claim, Origin, Registry, normal_name
+from physic_core.registry import PLUGIN_API, TARGET, BackendRecord, BrokenPlugin, Claim, Origin, Registry, normal_name
 
 __all__ = ["GROUP", "core_version", "discover"]
 
 GROUP = "physic.plugins"
 RESTRICT = "PHYSIC_PLUGINS"
+_ENTRY = re.compile(r"[\w.]+\s*(:\s*[\w.]+)?\s*(\[.*\])?")
+_NAME = re.compile(r"[a-z0-9]+([.-][a-z0-9]+)*")
+_RESERVED = ("none",)
 
 
 def core_version() -> str:
@@ -73,6 +77,10 @@ def _ask(entry: EntryPoint) -> list[BackendRecord]:
     """Load one plugin and call its hook."""
     manager = pluggy.PluginManager(hookspecs.PROJECT)
     manager.add_hookspecs(hookspecs)
+    if not _ENTRY.fullmatch(entry.value.strip()):
+        raise _BadPlugin(
+            f"its entry point '{entry.name} = {entry.value}' should name a module: '{entry.name} = my_pkg'"
+        )
     module = entry.load()
     manager.register(module, name=entry.name)
     hook = manager.hook.physic_backends
@@ -107,6 +115,12 @@ def _problem(record: BackendRecord, origin: Origin) -> str:
         close = get_close_matches(str(record.interface), INTERFACES, n=1)
         hint = f"did you mean '{close[0]}'?" if close else f"there are: {', '.join(INTERFACES)}"
         return f"no interface named '{record.interface}'; {hint}"
+    if not isinstance(record.name, str) or not _NAME.fullmatch(record.name) or record.name in _RESERVED:
+        return f"its name should be of a-z, 0-9 and hyphens, and not 'none', got {record.name!r}"
+    if isinstance(record.target, str) and not TARGET.fullmatch(record.target):
+        return f"its target should be 'package.module:Class', got {record.target!r}"
+    if not isinstance(record.api, int):
+        return f"its plugin API should be a whole number such as {PLUGIN_API}, got {record.api!r}"
     if record.api > PLUGIN_API:
         return f"needs plugin API {record.api}, this physic-core has {PLUGIN_API}: upgrade physic-core"
     if record.api < PLUGIN_API:
@@ -119,7 +133,7 @@ def _restrict(found: list[EntryPoint], wanted: str) -> tuple[list[EntryPoint], l
     names = {normal_name(n.strip()): n.strip() for n in wanted.split(",") if n.strip()}
     kept, fitting = [], set()
     for entry in found:
-        own = {normal_name(n) for n in (entry.name, entry.module, _distribution(entry)[0])}
+        own = {normal_name(n) for n in (entry.name, _module(entry), _distribution(entry)[0])}
         if own & names.keys():
             kept.append(entry)
             fitting |= own
@@ -129,11 +143,17 @@ def _restrict(found: list[EntryPoint], wanted: str) -> tuple[list[EntryPoint], l
 
 def _origin(entry: EntryPoint, seconds: float = 0.0) -> Origin:
     distribution, number = _distribution(entry)
-    return Origin(entry.module, distribution, number, seconds)
+    return Origin(_module(entry), distribution, number, seconds)
+
+
+def _module(entry: EntryPoint) -> str:
+    """Its module, or what stands in its place."""
+    return entry.value.partition(":")[0].strip()
 
 
 def _distribution(entry: EntryPoint) -> tuple[str, str]:
-    """Name and version; an entry point made by hand has no distribution."""
-    if entry.dist is None:
+    """Name and version; an entry point made by hand has no distribution, and a damaged one no name."""
+    found = entry.dist.metadata if entry.dist is not None else None
+    if found is None or not found["Name"]:
         return entry.name, ""
-    return entry.dist.name, entry.dist.version
+    return found["Name"], found["Version"] or ""

@@ -10,18 +10,19 @@ from dataclasses import dataclass, field
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
-from physic_core.catalog import distribution_for
+from physic_core.catalog import distribution_for, known_names
 from physic_core.errors import BackendError, BackendNotFoundError
 
 if TYPE_CHECKING:
     from physic_core.interfaces import Backend
 
-__all__ = ["PLUGIN_API", "BackendRecord", "BrokenPlugin", "Claim", "Origin", "Registry", "normal_name"]
+__all__ = ["PLUGIN_API", "TARGET", "BackendRecord", "BrokenPlugin", "Claim", "Origin", "Registry", "normal_name"]
 
 PLUGIN_API = 1
 """Version of the contract between the core and its plugins: the hook, the record and the eight interfaces."""
 
-_TARGET = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*(\.[^\W\d]\w*)*")
+TARGET = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*(\.[^\W\d]\w*)*")
+"""What a target written as text looks like."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,8 @@ class BackendRecord:
         weights_license: licence of the weights in words; empty where there are none.
         needs: what it needs beyond its distribution, one word or phrase each ("GPU", "a checkpoint file").
         homepage: where to read more.
+        packages: import names of what else has to be installed, such as that of an extra; ``physic plugins`` looks for
+            them without importing them.
     """
 
     interface: str
@@ -49,6 +52,7 @@ class BackendRecord:
     weights_license: str = ""
     needs: tuple[str, ...] = ()
     homepage: str = ""
+    packages: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -134,7 +138,8 @@ class Registry:
 
     def __iter__(self) -> Iterator[Claim]:
         """Every claim, by interface, name and distribution."""
-        return iter(sorted(self._claims, key=lambda c: (c.record.interface, c.record.name, c.origin.distribution)))
+        # As text, since a plugin's mistake may be a name that is none.
+        return iter(sorted(self._claims, key=lambda c: (str(c.record.interface), str(c.record.name), str(c.origin))))
 
     def register(self, record: BackendRecord, origin: Origin = BY_HAND) -> None:
         """Offer one more backend."""
@@ -142,7 +147,7 @@ class Registry:
 
     def names(self, interface: str) -> tuple[str, ...]:
         """Names on offer for an interface, sorted."""
-        return tuple(sorted({c.record.name for c in self._claims if c.record.interface == interface}))
+        return tuple(sorted({str(c.record.name) for c in self._claims if c.record.interface == interface}))
 
     def rivals(self, claim: Claim) -> tuple[Claim, ...]:
         """The claims of others to the same name."""
@@ -165,7 +170,7 @@ class Registry:
         found = [c for c in self if c.record.interface == interface and c.record.name == rest]
         if colon:
             found = [c for c in found if normal_name(c.origin.distribution) == normal_name(distribution)]
-            if not found and _TARGET.fullmatch(name) and not self._knows(distribution):
+            if not found and TARGET.fullmatch(name) and not self._knows(distribution):
                 return Claim(BackendRecord(interface, name, name), IN_CONFIG)
         if not found:
             raise self._not_found(interface, name)
@@ -174,6 +179,20 @@ class Registry:
         if found[0].problem:
             raise BackendError(f"{found[0]} cannot be used: {found[0].problem}")
         return found[0]
+
+    def called(self, name: str) -> tuple[Claim, ...]:
+        """Every claim to a name, or to "distribution:name", whatever its interface; at least one.
+
+        Raises:
+            BackendNotFoundError: there is none.
+        """
+        distribution, _, bare = name.rpartition(":")
+        asked = normal_name(distribution)
+        found = [c for c in self if c.record.name == bare and asked in ("", normal_name(c.origin.distribution))]
+        if not found:
+            says = self._explain("backend", name, tuple(sorted({str(c.record.name) for c in self})), None)
+            raise self._not_found_error(says)
+        return tuple(found)
 
     def load_class(self, claim: Claim) -> type[Backend]:
         """Import what a claim points at.
@@ -213,10 +232,15 @@ class Registry:
 
     def explain_missing(self, interface: str, name: str) -> str:
         """Why there is no such backend, and what to do about it; one line."""
+        return self._explain(interface, name, self.names(interface), interface)
+
+    def _explain(self, kind: str, name: str, names: tuple[str, ...], interface: str | None) -> str:
+        """The same for one interface, or for all where it is None."""
         asked, _, bare = name.rpartition(":")
-        names = self.names(interface)
-        owners = [c.origin.distribution for c in self if c.record.interface == interface and c.record.name == bare]
-        says = [f"no {interface} named '{name}'; installed: {', '.join(names) or 'none'}"]
+        owners = dict.fromkeys(
+            c.origin.distribution for c in self if c.record.name == bare and interface in (None, c.record.interface)
+        )
+        says = [f"no {kind} named '{name}'; installed: {', '.join(names) or 'none'}"]
         restricted = self.restriction is not None
         if restricted:
             # First, since what the rest advises may be done already and hidden by this.
@@ -225,17 +249,25 @@ class Registry:
             says.append(f"'{bare}' comes from {' and '.join(owners)}")
         elif close := get_close_matches(bare, names, n=1):
             says.append(f"Did you mean '{close[0]}'?")
-        elif known := distribution_for(interface, bare):
+        elif close := get_close_matches(bare, known_names(interface), n=1):
+            # Nothing installed is near, so this one comes from a distribution that is not.
+            known = distribution_for(interface, close[0])
             cure = (
                 f"add {known} to it, if need be after `pip install {known}`" if restricted else f"pip install {known}"
             )
-            says.append(f"'{bare}' comes with {known}: {cure}")
+            asks = "" if close[0] == bare else f"Did you mean '{close[0]}'? "
+            says.append(f"{asks}'{close[0]}' comes with {known}: {cure}")
+        elif others := sorted({c.record.interface for c in self if c.record.name == bare}):
+            says.append(f"'{bare}' is {' and '.join(map(_a, others))}")
         if self.broken:
             says.append(f"Broken plugins: {', '.join(map(str, self.broken))}")
         return ". ".join(says).replace("?.", "?")
 
     def _not_found(self, interface: str, name: str) -> BackendNotFoundError:
-        error = BackendNotFoundError(f"{self.explain_missing(interface, name)}\nPython: {sys.executable}")
+        return self._not_found_error(self.explain_missing(interface, name))
+
+    def _not_found_error(self, says: str) -> BackendNotFoundError:
+        error = BackendNotFoundError(f"{says}\nPython: {sys.executable}")
         error.__cause__ = next((b.error for b in self.broken if b.error), None)
         return error
 

@@ -21,6 +21,8 @@ def _own_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     """What the user's shell says about plugins and tracebacks is not for the tests."""
     monkeypatch.delenv("PHYSIC_PLUGINS", raising=False)
     monkeypatch.delenv("PHYSIC_DEBUG", raising=False)
+    for name in [name for name in os.environ if name.startswith("PHYSIC__")]:
+        monkeypatch.delenv(name)
 
 
 @pytest.fixture
@@ -34,14 +36,15 @@ class Site:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
-    def install(self, distribution: str, source: str, version: str = "1.0") -> str:
+    def install(self, distribution: str, source: str, version: str = "1.0", entry: str = "") -> str:
         """Add a distribution with one plugin module; return the module's name."""
         module = distribution.replace("-", "_")
         (self.folder / f"{module}.py").write_text(source)
         info = self.folder / f"{module}-{version}.dist-info"
         info.mkdir()
         (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {distribution}\nVersion: {version}\n")
-        (info / "entry_points.txt").write_text(f"[physic.plugins]\n{distribution.split('-')[-1]} = {module}\n")
+        entry = entry or f"{distribution.split('-')[-1]} = {module}"
+        (info / "entry_points.txt").write_text(f"[physic.plugins]\n{entry}\n")
         return module
 
     def offer(self, distribution: str, interface: str, name: str, version: str = "1.0", extra: str = "") -> str:

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import json
+import re
 import sys
 import tomllib
 from dataclasses import dataclass, field
@@ -12,9 +14,12 @@ from click.testing import CliRunner, Result
 
 from physic_core.cli import main
 from physic_core.cli.config import resolved_toml, template, toml_value
-from physic_core.cli.plugins import details, listing
+from physic_core.cli.doctor import examine, findings
+from physic_core.cli.listing import as_dicts, listing
+from physic_core.cli.plugins import details
 from physic_core.config import load_config, preset_names
 from physic_core.errors import BackendNotFoundError, InputError, PhysicError
+from physic_core.readiness import readiness
 from physic_core.registry import BackendRecord, BrokenPlugin, Claim, Origin, Registry
 from physic_core.types import StageRecord
 
@@ -217,11 +222,19 @@ def test_debug_shows_the_traceback(pipeline, monkeypatch):
 A, B = Origin("a", "physic-a", "1.0"), Origin("b", "physic-b", "2.0", seconds=2.13)
 
 
+def _big() -> BackendRecord:
+    return BackendRecord(
+        "segmenter", "big", "json:dumps", summary="People.", needs=("a checkpoint",), packages=("no_package",)
+    )
+
+
 def offers() -> Registry:
     claims = [
         Claim(BackendRecord("inpainter", "x", "m:C", weights_license="MIT (Net), Apache-2.0 (Other)"), A),
         Claim(BackendRecord("inpainter", "x", "m:C"), B),
-        Claim(BackendRecord("segmenter", "big", "json:dumps", summary="People.", needs=("GPU",)), B),
+        Claim(_big(), B),
+        Claim(BackendRecord("segmenter", "file", "json:C", needs=("a checkpoint",)), A),
+        Claim(BackendRecord("segmenter", "gone", "json.gone:C"), A),
         Claim(BackendRecord("segmenter", "new", "m:C", api=2), A, "needs plugin API 2, this physic-core has 1"),
     ]
     return Registry(claims, [BrokenPlugin(Origin("c", "physic-c", "0.3"), "ImportError: no")])
@@ -232,20 +245,66 @@ def test_the_listing_tells_ready_refused_ambiguous_slow_and_broken_apart():
         "AMBIGUOUS: physic-a 1.0 and physic-b 2.0 each offer an inpainter named 'x': "
         "write 'physic-a:x' or 'physic-b:x' to choose"
     )
-    assert [line.split(None, 4) for line in listing(offers()).splitlines()[:1]] == [
-        ["interface", "backend", "plugin", "version", "weights          status"]
+    assert listing(offers()).splitlines() == [
+        "interface  backend  plugin    version  weights          needs                     status",
+        f"inpainter  x        physic-a  1.0      MIT, Apache-2.0  -                         {rivals}",
+        f"inpainter  x        physic-b  2.0      -                -                         {rivals}",
+        "segmenter  big      physic-b  2.0      -                a checkpoint, no_package  "
+        "NOT READY: not installed: no_package, slow: 2.1 s to register",
+        "segmenter  file     physic-a  1.0      -                a checkpoint              "
+        "unsure: needs a checkpoint; `physic plugins doctor file` tells",
+        "segmenter  gone     physic-a  1.0      -                -                         "
+        "BROKEN: there is no module 'json.gone' for its target json.gone:C",
+        "segmenter  new      physic-a  1.0      -                -                         "
+        "REFUSED: needs plugin API 2, this physic-core has 1",
+        "-          -        physic-c  0.3      -                -                         BROKEN: ImportError: no",
     ]
-    assert listing(offers()).splitlines()[1:] == [
-        f"inpainter  x        physic-a  1.0      MIT, Apache-2.0  {rivals}",
-        f"inpainter  x        physic-b  2.0      -                {rivals}",
-        "segmenter  big      physic-b  2.0      -                ready, needs GPU, slow: 2.1 s to register",
-        "segmenter  new      physic-a  1.0      -                REFUSED: needs plugin API 2, this physic-core has 1",
-        "-          -        physic-c  0.3      -                BROKEN: ImportError: no",
+
+
+def test_a_gpu_that_is_needed_is_looked_for():
+    registry = Registry([Claim(BackendRecord("segmenter", "big", "json:C", needs=("GPU",)), A)])
+    (claim,) = registry
+    assert str(readiness(registry, claim, gpu=lambda: True)) == "ready"
+    assert str(readiness(registry, claim, gpu=lambda: False)) == "NOT READY: no GPU is seen"
+
+
+def test_the_listing_is_there_for_machines_too():
+    found = as_dicts(offers(), "segmenter")
+    assert [(b["backend"], b["status"]) for b in found["backends"]] == [
+        ("big", "not ready"),
+        ("file", "unsure"),
+        ("gone", "broken"),
+        ("new", "refused"),
     ]
+    assert found["backends"][0] == {
+        "interface": "segmenter",
+        "backend": "big",
+        "plugin": "b",
+        "distribution": "physic-b",
+        "version": "2.0",
+        "api": 1,
+        "summary": "People.",
+        "weights_license": "",
+        "needs": ["a checkpoint"],
+        "packages": ["no_package"],
+        "homepage": "",
+        "target": "json:dumps",
+        "status": "not ready",
+        "why": "not installed: no_package",
+        "seconds_to_register": 2.13,
+    }
+    assert found["broken"] == [
+        {"plugin": "c", "distribution": "physic-c", "version": "0.3", "cause": "ImportError: no"}
+    ]
+    printed = json.loads(physic("plugins", "--json", "--interface", "inpainter").stdout)
+    assert {b["interface"] for b in printed["backends"]} == {"inpainter"}
+    assert printed["restriction"] is None
 
 
 def test_the_listing_may_be_of_one_interface():
-    assert [row.split()[1] for row in listing(offers(), "segmenter").splitlines()] == ["backend", "big", "new", "-"]
+    assert [row.split()[1] for row in listing(offers(), "segmenter").splitlines()] == [
+        *("backend", "big", "file", "gone", "new", "-")
+    ]
 
 
 def test_the_listing_of_an_unknown_interface_is_refused():
@@ -286,8 +345,8 @@ def test_details_of_a_class_that_is_broken_keep_the_rest():
         "  plugin    physic-b 2.0",
         "  class     json:dumps",
         "  weights   none",
-        "  needs     GPU",
-        "  status    ready, needs GPU, slow: 2.1 s to register",
+        "  needs     a checkpoint, no_package",
+        "  status    NOT READY: not installed: no_package, slow: 2.1 s to register",
         "  options   unknown: segmenter 'big' (physic-b 2.0): json:dumps is no subclass of "
         "physic_core.interfaces.Segmenter",
     ]
@@ -296,7 +355,38 @@ def test_details_of_a_class_that_is_broken_keep_the_rest():
 def test_details_of_an_unknown_name_say_what_is_near():
     with pytest.raises(BackendNotFoundError) as caught:
         details(offers(), "bog")
-    assert str(caught.value) == "no backend named 'bog'; installed: big, new, x. Did you mean 'big'?"
+    assert str(caught.value) == (
+        "no backend named 'bog'; installed: big, file, gone, new, x. Did you mean 'big'? "
+        f"Broken plugins: physic-c 0.3 (ImportError: no)\nPython: {sys.executable}"
+    )
+
+
+def test_details_describe_the_kinds_of_options(site):
+    site.install(
+        "physic-rich",
+        "from typing import Literal\n"
+        "from pydantic import BaseModel, Field\n"
+        "from physic_core.interfaces import Inpainter, Options\n"
+        "class Part(BaseModel):\n    x: int = 1\n"
+        "class O(Options):\n"
+        "    a: int | None = Field(None, ge=1, description='A.')\n"
+        "    b: Literal['fast', 'best'] = Field('fast', description='B.')\n"
+        "    c: list[float] = Field(default_factory=lambda: [1.0], description='C.')\n"
+        "    d: Part = Field(Part(), description='D.')\n"
+        "    e: str = Field(description='E.')\n"
+        "    f: dict[str, bool] = Field({}, description='F.')\n"
+        "class Rich(Inpainter):\n    Options = O\n    def infer(self, image, mask): return image\n",
+    )
+    registry = Registry([Claim(BackendRecord("inpainter", "rich", "physic_rich:Rich"), A)])
+    assert details(registry, "rich").splitlines()[-7:] == [
+        "  options",
+        "    a  whole number >= 1 or unset  default None       A.",
+        "    b  fast | best                 default 'fast'     B.",
+        "    c  list of number              default [1.0]      C.",
+        "    d  table                       default Part(x=1)  D.",
+        "    e  text                        required           E.",
+        "    f  table                       default {}         F.",
+    ]
 
 
 def test_the_commands_print_them():
@@ -309,8 +399,90 @@ def test_a_plugin_that_is_broken_never_breaks_a_command(site, monkeypatch):
     done = physic("plugins")
     assert done.exit_code == 0
     assert done.stdout.splitlines()[-1].split(None, 5) == [
-        *("-", "-", "physic-bad", "0.3", "-", "BROKEN: ModuleNotFoundError: No module named 'no_such_module'")
+        *("-", "-", "physic-bad", "0.3", "-"),
+        "-      BROKEN: ModuleNotFoundError: No module named 'no_such_module'",
     ]
+
+
+# ---- doctor and new --------------------------------------------------------------------------------------------------
+
+SICK = (
+    "import os, time\n"
+    "from physic_core import BackendRecord, hookimpl\n"
+    "from physic_core.errors import BackendError\n"
+    "from physic_core.interfaces import Inpainter\n"
+    "@hookimpl\n"
+    "def physic_backends():\n"
+    "    names = ('well', 'lacking', 'failing', 'dying', 'hanging', 'unclosed')\n"
+    "    return [BackendRecord('inpainter', n, f'physic_sick:{n.capitalize()}') for n in names]\n"
+    "class Well(Inpainter):\n"
+    "    def infer(self, image, mask): return image\n"
+    "class Lacking(Well):\n"
+    "    def load(self, device='cpu'): raise BackendError('no checkpoint at /x: get it from /y')\n"
+    "class Failing(Well):\n"
+    "    def load(self, device='cpu'): raise ValueError('bad magic number')\n"
+    "class Dying(Well):\n"
+    "    def load(self, device='cpu'): os._exit(9)\n"
+    "class Hanging(Well):\n"
+    "    def load(self, device='cpu'): time.sleep(600)\n"
+    "class Unclosed(Well):\n"
+    "    def close(self): raise RuntimeError('still open')\n"
+)
+
+
+def test_the_doctor_looks_at_every_backend_whatever_the_others_do(site, monkeypatch):
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-sick,physic-bad")
+    site.install("physic-sick", SICK)
+    site.install("physic-bad", "import no_such_module\n", version="0.3")
+    done = physic("plugins", "doctor", "--timeout", "8")
+    assert done.exit_code == 1
+    assert [re.sub(r"\d+\.\d s$", "0.0 s", line) for line in done.stdout.splitlines()] == [
+        "BROKEN   inpainter 'dying' (physic-sick 1.0): it ended Python with code 9: no word",
+        "BROKEN   inpainter 'failing' (physic-sick 1.0): load('cpu') fails: ValueError: bad magic number",
+        "BROKEN   inpainter 'hanging' (physic-sick 1.0): not done after 8 s",
+        "missing  inpainter 'lacking' (physic-sick 1.0): no checkpoint at /x: get it from /y",
+        "BROKEN   inpainter 'unclosed' (physic-sick 1.0): close() fails: RuntimeError: still open",
+        "ok       inpainter 'well' (physic-sick 1.0): 0.0 s",
+        "BROKEN   physic-bad 0.3: ModuleNotFoundError: No module named 'no_such_module'",
+        "7 looked at: 1 ok, 1 missing, 5 broken",
+    ]
+
+
+def test_the_doctor_is_content_with_what_only_lacks_a_file(site, monkeypatch):
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-sick")
+    site.install("physic-sick", SICK)
+    done = physic("plugins", "doctor", "lacking", "--json")
+    assert done.exit_code == 0
+    (finding,) = json.loads(done.stdout)
+    assert (finding["state"], finding["message"]) == ("missing", "no checkpoint at /x: get it from /y")
+
+
+def test_the_doctor_tells_what_is_refused_or_cannot_be_imported_without_loading(site):
+    gone, refused = (c for c in offers() if c.record.name in ("new", "gone"))
+    registry = Registry([refused, gone])
+    found = list(findings(registry, [refused, gone], lambda claim: examine(registry, claim, "cpu")))
+    assert [str(f) for f in found] == [
+        "BROKEN   segmenter 'new' (physic-a 1.0): needs plugin API 2, this physic-core has 1",
+        "BROKEN   segmenter 'gone' (physic-a 1.0): cannot be imported from json.gone:C: "
+        "ModuleNotFoundError: No module named 'json.gone'",
+    ]
+
+
+def test_new_refuses_names_that_do_not_serve():
+    assert refusal("plugins", "new", "my-depth", "--interface", "metric_dept", code=2).splitlines()[-1] == (
+        "Error: no interface named 'metric_dept'; there are: segmenter, inpainter, metric_depth, relative_pointmap, "
+        "keypoint_detector, body_estimator, hand_estimator, contact_prior. Did you mean 'metric_depth'?"
+    )
+    assert refusal("plugins", "new", "telea", "--interface", "inpainter", code=2).splitlines()[-1] == (
+        "Error: inpainter 'telea' (physic-opencv 0.1.0) is installed already: choose another name"
+    )
+    assert refusal("plugins", "new", "My Depth", "--interface", "metric_depth") == (
+        "a backend's name is of a-z, 0-9 and hyphens, such as my-depth, and not 'none' (got 'My Depth')"
+    )
+    Path("physic-mine").mkdir()
+    assert refusal("plugins", "new", "mine", "--interface", "inpainter") == (
+        "physic-mine exists already: choose another name, or another --folder"
+    )
 
 
 # ---- config ----------------------------------------------------------------------------------------------------------

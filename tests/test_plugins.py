@@ -2,6 +2,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
+
 from physic_core.plugins import discover
 from physic_core.registry import Registry
 
@@ -101,12 +103,38 @@ def test_a_backend_for_an_unknown_interface_is_kept_with_what_is_near(site):
     ]
 
 
-def test_an_api_that_is_no_number_breaks_its_own_plugin_only(site):
-    site.offer("physic-bad", "inpainter", "bad", extra=", api='1'")
+@pytest.mark.parametrize(
+    ("record", "expected"),
+    [
+        ("'inpainter', 'x', 'm:C', api='1'", "its plugin API should be a whole number such as 1, got '1'"),
+        ("'inpainter', 'My Fill', 'm:C'", "its name should be of a-z, 0-9 and hyphens, and not 'none', got 'My Fill'"),
+        ("'inpainter', 'none', 'm:C'", "its name should be of a-z, 0-9 and hyphens, and not 'none', got 'none'"),
+        ("'inpainter', 7, 'm:C'", "its name should be of a-z, 0-9 and hyphens, and not 'none', got 7"),
+        ("'inpainter', 'x', 'm.C'", "its target should be 'package.module:Class', got 'm.C'"),
+    ],
+)
+def test_a_record_that_cannot_be_used_is_kept_with_what_is_wrong(site, record: str, expected: str):
+    site.install("physic-bad", HOOK + f"    return [BackendRecord({record})]\n")
+    site.offer("physic-good", "inpainter", "good")
+    registry = found(site)
+    assert [c.problem for c in registry if c.origin.distribution == "physic-bad"] == [expected]
+    assert registry.get("inpainter", "good").problem == ""
+
+
+def test_an_entry_point_that_names_no_module_is_a_row(site):
+    site.install("physic-bad", "", entry="bad = physic-bad/plugin.py")
     site.offer("physic-good", "inpainter", "good")
     registry = found(site)
     assert names(registry) == ["good"]
-    assert len(registry.broken) == 1
+    assert causes(registry) == [
+        "physic-bad 1.0 (its entry point 'bad = physic-bad/plugin.py' should name a module: 'bad = my_pkg')"
+    ]
+
+
+def test_a_distribution_without_a_name_is_a_row_too(site):
+    module = site.install("physic-bad", "import no_such_module\n")
+    (site.folder / f"{module}-1.0.dist-info" / "METADATA").write_text("")
+    assert causes(found(site)) == ["bad (ModuleNotFoundError: No module named 'no_such_module')"]
 
 
 def test_the_time_that_a_plugin_takes_is_kept(site):

@@ -53,6 +53,22 @@ def test_an_unknown_name_of_a_known_distribution_says_what_to_install():
     )
 
 
+def test_a_misspelt_name_of_a_known_distribution_says_what_to_install():
+    got = message(BackendNotFoundError, registry(("mock", A)).get, "inpainter", "telae")
+    assert got == (
+        "no inpainter named 'telae'; installed: mock. "
+        "Did you mean 'telea'? 'telea' comes with physic-opencv: pip install physic-opencv\n"
+        f"Python: {sys.executable}"
+    )
+
+
+def test_a_name_of_another_interface_says_so():
+    own = registry(("mock", A))
+    own.register(BackendRecord("segmenter", "outline", "m:C"), B)
+    got = message(BackendNotFoundError, own.get, "inpainter", "outline")
+    assert got == (f"no inpainter named 'outline'; installed: mock. 'outline' is a segmenter\nPython: {sys.executable}")
+
+
 def test_nothing_installed_is_said_so():
     got = message(BackendNotFoundError, Registry().get, "inpainter", "mine")
     assert got == f"no inpainter named 'mine'; installed: none\nPython: {sys.executable}"

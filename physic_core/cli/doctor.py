@@ -1,0 +1,159 @@
+"""``physic plugins doctor``: every installed backend loaded in turn, each in a process of its own.
+
+A backend may take Python with it, never return, or eat all memory: nothing of this stops the others.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Literal
+
+import click
+
+if TYPE_CHECKING:
+    from physic_core.registry import Claim, Registry
+
+__all__ = ["Finding", "doctor", "examine", "in_its_own_process"]
+
+_MARK = "physic-doctor: "
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What came of loading one backend.
+
+    Attributes:
+        interface: "metric_depth", ...; "-" of a plugin that could not say what it offers.
+        backend: its name.
+        owner: distribution and version.
+        state: "ok"; "missing" where it says itself what it lacks; "broken" for all else.
+        message: what is missing or broken.
+        seconds: to import, construct, load and close it.
+    """
+
+    interface: str
+    backend: str
+    owner: str
+    state: Literal["ok", "missing", "broken"]
+    message: str = ""
+    seconds: float = 0.0
+
+    def __str__(self) -> str:
+        end = f"{self.seconds:.1f} s" if self.state == "ok" else self.message
+        return f"{self.state.upper() if self.state == 'broken' else self.state:<8} {self.title}: {end}"
+
+    @property
+    def title(self) -> str:
+        """Which backend of whom."""
+        return self.owner if self.backend == "-" else f"{self.interface} '{self.backend}' ({self.owner})"
+
+
+@click.command()
+@click.argument("name", required=False)
+@click.option("--interface", metavar="NAME", help="Only backends of this interface.")
+@click.option("--device", default="cpu", show_default=True, metavar="NAME", help="cpu, cuda or cuda:N.")
+@click.option("--timeout", default=300.0, show_default=True, metavar="SECONDS", help="Patience with one backend.")
+@click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON.")
+@click.pass_context
+def doctor(
+    ctx: click.Context, name: str | None, interface: str | None, device: str, timeout: float, as_json: bool
+) -> None:
+    """Load every installed backend in turn, or those called NAME, and say what is missing.
+
+    "missing" is what a backend says that it lacks, such as a file that you bring; "BROKEN" is anything else, and ends
+    with code 1.
+    """
+    from physic_core.plugins import discover
+
+    registry = discover()
+    claims = registry.called(name) if name is not None else tuple(registry)
+    claims = tuple(claim for claim in claims if interface in (None, claim.record.interface))
+    found: list[Finding] = []
+    for finding in findings(registry, claims, lambda claim: in_its_own_process(claim, device, timeout), name is None):
+        found.append(finding)
+        if not as_json:
+            click.echo(str(finding))
+    if as_json:
+        click.echo(json.dumps([asdict(finding) for finding in found], indent=2))
+    else:
+        count = {state: sum(f.state == state for f in found) for state in ("ok", "missing", "broken")}
+        click.echo(f"{len(found)} looked at: {', '.join(f'{n} {state}' for state, n in count.items())}")
+    ctx.exit(1 if any(finding.state == "broken" for finding in found) else 0)
+
+
+def findings(
+    registry: Registry, claims: Iterable[Claim], load: Callable[[Claim], Finding], whole: bool = True
+) -> Iterable[Finding]:
+    """A finding for each claim, in turn, and then for each plugin that could not say what it offers.
+
+    Args:
+        registry: what is installed.
+        claims: those to look at.
+        load: tries one.
+        whole: whether broken plugins belong to the question.
+    """
+    for claim in claims:
+        if claim.problem:
+            yield _finding(claim, "broken", claim.problem)
+        else:
+            yield load(claim)
+    for lost in registry.broken if whole else ():
+        yield Finding("-", "-", str(lost.origin), "broken", lost.cause)
+
+
+def examine(registry: Registry, claim: Claim, device: str) -> Finding:
+    """Import, construct, load and close a backend with its default options, here."""
+    from physic_core.errors import PhysicError
+
+    start = time.perf_counter()
+    step = "import"
+    try:
+        kind = registry.load_class(claim)
+        step = "constructor"
+        backend = kind()
+        step = f"load('{device}')"
+        backend.load(device)
+        step = "close()"
+        backend.close()
+    except PhysicError as error:
+        # What a backend says of itself is a lack; that it cannot even be imported is no word of its own.
+        return _finding(claim, "broken" if step == "import" else "missing", str(error).removeprefix(f"{claim} "))
+    except (Exception, SystemExit) as error:
+        return _finding(claim, "broken", f"{step} fails: {type(error).__name__}: {error}")
+    return _finding(claim, "ok", seconds=time.perf_counter() - start)
+
+
+def in_its_own_process(claim: Claim, device: str, timeout: float) -> Finding:
+    """The same in a process of its own, that sees the same modules."""
+    record = claim.record
+    look = f"import sys; from {__name__} import _main; _main(*sys.argv[1:])"
+    command = [sys.executable, "-c", look, record.interface, claim.origin.distribution, record.name, device]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=timeout, check=False)
+    except subprocess.TimeoutExpired:
+        return _finding(claim, "broken", f"not done after {timeout:g} s")
+    for line in done.stdout.splitlines():
+        if line.startswith(_MARK):
+            return Finding(**json.loads(line.removeprefix(_MARK)))
+    last = (done.stderr.strip() or "no word").rpartition("\n")[2]
+    return _finding(claim, "broken", f"it ended Python with code {done.returncode}: {last}")
+
+
+def _finding(claim: Claim, state: Literal["ok", "missing", "broken"], message: str = "", seconds: float = 0) -> Finding:
+    record = claim.record
+    return Finding(record.interface, record.name, str(claim.origin), state, message, round(seconds, 2))
+
+
+def _main(interface: str, distribution: str, name: str, device: str) -> None:
+    from physic_core.plugins import discover
+
+    registry = discover()
+    claim = registry.get(interface, f"{distribution}:{name}")
+    click.echo(f"\n{_MARK}{json.dumps(asdict(examine(registry, claim, device)))}")

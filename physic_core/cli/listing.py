@@ -1,0 +1,157 @@
+"""The tables and texts of ``physic plugins``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from physic_core.errors import BackendError
+from physic_core.readiness import readiness
+
+if TYPE_CHECKING:
+    from physic_core.registry import Claim, Registry
+
+__all__ = ["as_dicts", "columns", "detail", "listing"]
+
+SLOW_SECONDS = 0.5
+"""A plugin that takes longer to say what it offers is named: its registration module imports too much."""
+
+
+def listing(registry: Registry, interface: str | None = None) -> str:
+    """The table of ``physic plugins``."""
+    rows = [("interface", "backend", "plugin", "version", "weights", "needs", "status")]
+    for claim in registry:
+        record, origin = claim.record, claim.origin
+        if interface in (None, record.interface):
+            # Names of the networks in brackets are for `show`.
+            weights = re.sub(r"\s*\([^)]*\)", "", record.weights_license) or "-"
+            who = (str(record.interface), str(record.name), origin.distribution, origin.version or "-")
+            rows.append((*who, weights, _needs(claim) or "-", _status(registry, claim)))
+    for lost in registry.broken:
+        origin = lost.origin
+        rows.append(("-", "-", origin.distribution, origin.version or "-", "-", "-", f"BROKEN: {lost.cause}"))
+    if len(rows) == 1:
+        what = "no backend is installed" if interface is None else f"no backend for '{interface}' is installed"
+        hidden = "" if registry.restriction is None else f" (PHYSIC_PLUGINS='{registry.restriction}')"
+        return f"{what}{hidden}"
+    return columns(rows)
+
+
+def as_dicts(registry: Registry, interface: str | None = None) -> dict[str, Any]:
+    """The same for machines: backends and broken plugins, plain values."""
+    claims = [claim for claim in registry if interface in (None, claim.record.interface)]
+    return {
+        "backends": [_as_dict(registry, claim) for claim in claims],
+        "broken": [{**_owner(b.origin), "cause": b.cause} for b in registry.broken],
+        "restriction": registry.restriction,
+    }
+
+
+def detail(registry: Registry, claim: Claim) -> str:
+    """All that is known of one backend, its options included."""
+    record = claim.record
+    facts = [
+        ("", record.summary),
+        ("plugin", str(claim.origin)),
+        ("class", str(record.target)),
+        ("weights", record.weights_license or "none"),
+        ("needs", _needs(claim) or "nothing else"),
+        ("homepage", record.homepage),
+        ("status", _status(registry, claim)),
+    ]
+    lines = [f"{record.interface} '{record.name}'"]
+    lines += [f"  {label:<10}{text}" if label else f"  {text}" for label, text in facts if text]
+    return "\n".join(lines + ([] if claim.problem else _options(registry, claim)))
+
+
+def columns(rows: Sequence[tuple[str, ...]]) -> str:
+    """Rows as a table; the last column may be of any length."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]) - 1)]
+    return "\n".join("  ".join([*(f"{t:<{w}}" for t, w in zip(row, widths, strict=False)), row[-1]]) for row in rows)
+
+
+def _as_dict(registry: Registry, claim: Claim) -> dict[str, Any]:
+    record, found = claim.record, readiness(registry, claim)
+    return {
+        "interface": record.interface,
+        "backend": record.name,
+        **_owner(claim.origin),
+        "api": record.api,
+        "summary": record.summary,
+        "weights_license": record.weights_license,
+        "needs": list(record.needs),
+        "packages": list(record.packages),
+        "homepage": record.homepage,
+        "target": str(record.target),
+        "status": found.word,
+        "why": found.why,
+        "seconds_to_register": round(claim.origin.seconds, 4),
+    }
+
+
+def _owner(origin: Any) -> dict[str, str]:
+    return {"plugin": origin.plugin, "distribution": origin.distribution, "version": origin.version}
+
+
+def _needs(claim: Claim) -> str:
+    return ", ".join((*claim.record.needs, *claim.record.packages))
+
+
+def _status(registry: Registry, claim: Claim) -> str:
+    found = readiness(registry, claim)
+    if claim.origin.seconds > SLOW_SECONDS and found.word in ("ready", "unsure", "not ready"):
+        return f"{found}, slow: {claim.origin.seconds:.1f} s to register"
+    return str(found)
+
+
+def _options(registry: Registry, claim: Claim) -> list[str]:
+    try:
+        fields = registry.load_class(claim).Options.model_fields
+        schema = registry.load_class(claim).Options.model_json_schema()
+    except BackendError as error:
+        return [f"  options   unknown: {error}"]
+    except Exception as error:  # a plugin's door: Options of any kind
+        return [f"  options   unknown: {type(error).__name__}: {error}"]
+    if not fields:
+        return ["  options   none"]
+    properties, parts = schema.get("properties", {}), schema.get("$defs", {})
+    rows = [
+        (
+            name,
+            _kind(properties.get(name, {}), parts),
+            "required" if field.is_required() else f"default {field.get_default(call_default_factory=True)!r}",
+            field.description or "",
+        )
+        for name, field in fields.items()
+    ]
+    return ["  options", *("    " + line for line in columns(rows).splitlines())]
+
+
+_NAMES = {
+    "integer": "whole number",
+    "number": "number",
+    "boolean": "true or false",
+    "string": "text",
+    "null": "unset",
+    "array": "list",
+    "object": "table",
+}
+_BOUNDS = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
+
+
+def _kind(schema: dict[str, Any], parts: dict[str, Any]) -> str:
+    """A JSON schema in words: "number > 0, <= 50"."""
+    if "$ref" in schema:
+        schema = parts.get(schema["$ref"].rpartition("/")[2], {})
+    if "anyOf" in schema:
+        return " or ".join(dict.fromkeys(_kind(part, parts) for part in schema["anyOf"]))
+    if "enum" in schema:
+        return " | ".join(map(str, schema["enum"]))
+    if "const" in schema:
+        return str(schema["const"])
+    word = _NAMES.get(str(schema.get("type")), "value")
+    if isinstance(schema.get("items"), dict) and schema["items"]:
+        word = f"{word} of {_kind(schema['items'], parts)}"
+    bounds = [f"{sign} {schema[key]:g}" for key, sign in _BOUNDS.items() if key in schema]
+    return f"{word} {', '.join(bounds)}" if bounds else word

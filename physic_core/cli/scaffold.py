@@ -1,0 +1,38 @@
+"""``physic plugins new``: begin a plugin."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+__all__ = ["new"]
+
+
+@click.command()
+@click.argument("name")
+@click.option("--interface", required=True, metavar="NAME", help="What its backend is: metric_depth, inpainter, ...")
+@click.option("--folder", type=click.Path(path_type=Path), help="Where to.  [default: physic-NAME]")
+def new(name: str, interface: str, folder: Path | None) -> None:
+    """Write a plugin with a backend called NAME, which passes its conformance test, to begin your own from.
+
+    The distribution is called physic-NAME.
+    """
+    from physic_core.faults import closest
+    from physic_core.interfaces import INTERFACES
+    from physic_core.plugins import core_version, discover
+    from physic_core.registry import PLUGIN_API
+    from physic_core.scaffold.package import Names, write
+
+    if interface not in INTERFACES:
+        known = ", ".join(INTERFACES)
+        raise click.UsageError(f"no interface named '{interface}'; there are: {known}{closest(interface, INTERFACES)}")
+    backend = name.removeprefix("physic-")
+    taken = [claim for claim in discover() if (claim.record.interface, claim.record.name) == (interface, backend)]
+    if taken:
+        raise click.UsageError(f"{taken[0]} is installed already: choose another name")
+    names = Names(backend, interface)
+    target = folder or Path(names.distribution)
+    for file in write(target, names, core_version(), PLUGIN_API):
+        click.echo(f"wrote {file}")
+    click.echo(f"next: pip install -e {target} && physic plugins check {names.backend}")

@@ -1,0 +1,82 @@
+"""Whether a backend can be used on this machine, as far as that can be told without importing it."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from physic_core.registry import Claim, Registry
+
+__all__ = ["Readiness", "gpu_is_seen", "readiness"]
+
+Word = Literal["ready", "unsure", "not ready", "ambiguous", "refused", "broken"]
+
+_GPU = ("gpu", "cuda")
+_TRACES = ("/proc/driver/nvidia/version", "/dev/nvidiactl", "/dev/dxg")
+
+
+@dataclass(frozen=True)
+class Readiness:
+    """What is to be expected of a backend.
+
+    Attributes:
+        word: "ready"; "unsure" where it needs what only loading it can tell; "not ready" where something is missing on
+            this machine; "ambiguous", "refused" and "broken" where no config can choose it as it is.
+        why: in words; empty where it is ready.
+    """
+
+    word: Word
+    why: str = ""
+
+    def __str__(self) -> str:
+        word = self.word if self.word in ("ready", "unsure") else self.word.upper()
+        return f"{word}: {self.why}" if self.why else word
+
+
+def readiness(registry: Registry, claim: Claim, gpu: Callable[[], bool] | None = None) -> Readiness:
+    """Look whether a backend's module, the packages that it names and a GPU, if it needs one, are there.
+
+    Args:
+        registry: that the claim is from.
+        claim: the backend.
+        gpu: whether there is a GPU; None for :func:`gpu_is_seen`.
+    """
+    if claim.problem:
+        return Readiness("refused", claim.problem)
+    if rivals := registry.rivals(claim):
+        return Readiness("ambiguous", registry.explain_rivals((claim, *rivals)))
+    record = claim.record
+    if isinstance(record.target, str):
+        module = record.target.partition(":")[0]
+        if not _is_there(module):
+            return Readiness("broken", f"there is no module '{module}' for its target {record.target}")
+    missing = [package for package in record.packages if not _is_there(package)]
+    if missing:
+        return Readiness("not ready", f"not installed: {', '.join(missing)}")
+    further = [need for need in record.needs if need.lower() not in _GPU]
+    if len(further) < len(record.needs) and not (gpu or gpu_is_seen)():
+        return Readiness("not ready", "no GPU is seen")
+    if further:
+        return Readiness("unsure", f"needs {', '.join(further)}; `physic plugins doctor {record.name}` tells")
+    return Readiness("ready")
+
+
+def gpu_is_seen() -> bool:
+    """Whether an NVIDIA driver is at work here; torch would know better, and takes seconds to say so."""
+    return shutil.which("nvidia-smi") is not None or any(Path(trace).exists() for trace in _TRACES)
+
+
+def _is_there(module: str) -> bool:
+    """Whether a module can be found; its package is looked into only if somebody has imported it already."""
+    top = module.partition(".")[0]
+    try:
+        return find_spec(module if top in sys.modules else top) is not None
+    except (ImportError, ValueError, AttributeError):  # a package inside is broken, or hides its own specification
+        return top in sys.modules

@@ -1,0 +1,63 @@
+"""Bodies without looking: everybody stands upright, faces the camera and is of middle height."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from physic_core.errors import InputError
+from physic_core.interfaces import BodyEstimator, Options
+from physic_core.types import Bodies, BodyParameters
+
+if TYPE_CHECKING:
+    from physic_core.types import Hints, Intrinsics, Keypoints, People, UInt8Array
+
+__all__ = ["Template", "TemplateOptions"]
+
+_COMPONENTS = 16  # of the shape of the body named "embedded"
+
+
+class TemplateOptions(Options):
+    """Settings of Template."""
+
+    stature_m: float = Field(1.7, gt=0.3, lt=2.5, description="height of everybody, m")
+
+
+class Template(BodyEstimator):
+    """Puts the embedded body at rest where the person's box is."""
+
+    Options: ClassVar[type[Options]] = TemplateOptions
+    options: TemplateOptions
+
+    def infer(
+        self, image: UInt8Array, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
+    ) -> Bodies:
+        """N people -> N bodies in metres in the camera frame (x right, y down, z forward)."""
+        if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
+            raise InputError(f"image must be (H, W, 3) uint8, got {image.shape} {image.dtype}")
+        count = len(people)
+        x0, y0, x1, y1 = people.boxes.astype(np.float64).T
+        z = intrinsics.fy * self.options.stature_m / np.maximum(y1 - y0, 1)
+        x = ((x0 + x1) / 2 - 0.5 - intrinsics.cx) / intrinsics.fx * z
+        y = ((y0 + y1) / 2 - 0.5 - intrinsics.cy) / intrinsics.fy * z
+
+        def still(width: int) -> np.ndarray:
+            return np.zeros((count, width), np.float32)
+
+        upright = still(3)
+        upright[:, 0] = np.pi  # half a turn about x: the body's own y points up, the camera's down
+        parameters = BodyParameters(
+            global_orient=upright,
+            body_pose=still(63),
+            left_hand_pose=still(45),
+            right_hand_pose=still(45),
+            jaw_pose=still(3),
+            leye_pose=still(3),
+            reye_pose=still(3),
+            betas=still(_COMPONENTS),
+            expression=still(0),
+            transl=np.stack([x, y, z], axis=1).astype(np.float32),
+        )
+        return Bodies(parameters, "embedded")

@@ -1,0 +1,56 @@
+"""Contact: the soles of everybody, whatever they do."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from physic_core.errors import BackendError, InputError
+from physic_core.interfaces import ContactPrior, Options
+from physic_core.types import ContactProbability
+
+if TYPE_CHECKING:
+    from physic_core.body.model import BodyModel
+    from physic_core.types import Bodies, People, UInt8Array
+
+__all__ = ["Template", "TemplateOptions"]
+
+
+class TemplateOptions(Options):
+    """Settings of Template."""
+
+    probability: float = Field(0.8, gt=0, le=1, description="that a vertex of a sole touches something")
+
+
+class Template(ContactPrior):
+    """The same probability on all soles, nothing elsewhere."""
+
+    Options: ClassVar[type[Options]] = TemplateOptions
+    options: TemplateOptions
+
+    _body: BodyModel | None = None
+
+    def load(self, device: str = "cpu") -> None:
+        """Read the mesh that the probabilities are on."""
+        from physic_core.body import load_body
+
+        self._body = load_body("embedded")
+
+    def close(self) -> None:
+        """Let go of it."""
+        self._body = None
+
+    def infer(self, image: UInt8Array, people: People, bodies: Bodies) -> ContactProbability:
+        """N people with their bodies -> probability (N, V)."""
+        if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
+            raise InputError(f"image must be (H, W, 3) uint8, got {image.shape} {image.dtype}")
+        if self._body is None:
+            raise BackendError("the body is not loaded: call load() first")
+        if bodies.body_model != self._body.name:
+            raise BackendError(f"this prior knows the body {self._body.name!r}, not {bodies.body_model!r}")
+        probability = np.zeros((len(people), self._body.num_vertices), np.float32)
+        for side in ("left_sole", "right_sole"):
+            probability[:, self._body.contact_sets[side].numpy()] = self.options.probability
+        return ContactProbability(probability, self._body.topology)

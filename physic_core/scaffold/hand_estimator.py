@@ -1,0 +1,37 @@
+"""Hands: none is found, which is an answer too."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from physic_core.errors import InputError
+from physic_core.interfaces import HandEstimator, Options
+from physic_core.types import Hands
+
+if TYPE_CHECKING:
+    from physic_core.types import Keypoints, People, UInt8Array
+
+__all__ = ["Template", "TemplateOptions"]
+
+
+class TemplateOptions(Options):
+    """Settings of Template."""
+
+    min_confidence: float = Field(0.5, ge=0, le=1, description="a hand that is less sure is none; 0.3-0.7 works")
+
+
+class Template(HandEstimator):
+    """Answers with confidence 0: the fingers of such a hand are left at rest."""
+
+    Options: ClassVar[type[Options]] = TemplateOptions
+    options: TemplateOptions
+
+    def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
+        """N people -> rotation vectors (N, 2, 15, 3) in radians, left hand first, and confidence (N, 2)."""
+        if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
+            raise InputError(f"image must be (H, W, 3) uint8, got {image.shape} {image.dtype}")
+        count = len(people)
+        return Hands(np.zeros((count, 2, 15, 3), np.float32), np.zeros((count, 2), np.float32))

@@ -1,0 +1,49 @@
+"""Inpainting with one colour: the mean of what is near the hole."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from physic_core.errors import InputError
+from physic_core.interfaces import Inpainter, Options
+
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray, UInt8Array
+
+__all__ = ["Template", "TemplateOptions"]
+
+
+class TemplateOptions(Options):
+    """Settings of Template."""
+
+    margin_px: int = Field(20, ge=1, description="what lies this near to the hole's box is averaged, px; 5-50 works")
+
+
+class Template(Inpainter):
+    """Fills the hole with the mean colour of its surroundings."""
+
+    Options: ClassVar[type[Options]] = TemplateOptions
+    options: TemplateOptions
+
+    def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
+        """Image (H, W, 3) and mask (H, W), True = remove -> image of that size, unchanged where the mask is False."""
+        if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
+            raise InputError(f"image must be (H, W, 3) uint8, got {image.shape} {image.dtype}")
+        if mask.shape != image.shape[:2] or mask.dtype != np.bool_:
+            raise InputError(f"mask must be {image.shape[:2]} bool, got {mask.shape} {mask.dtype}")
+        if mask.all():
+            raise InputError("mask covers the whole image: nothing is left to fill it from")
+        filled = image.copy()  # never write into what was handed over
+        if mask.any():
+            margin = self.options.margin_px
+            rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+            near = np.zeros_like(mask)
+            near[
+                max(0, rows[0] - margin) : rows[-1] + margin + 1, max(0, columns[0] - margin) : columns[-1] + margin + 1
+            ] = True
+            around = near & ~mask if (near & ~mask).any() else ~mask
+            filled[mask] = image[around].mean(axis=0).round().astype(np.uint8)
+        return filled

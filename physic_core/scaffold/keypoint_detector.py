@@ -1,0 +1,46 @@
+"""Keypoints without looking: somebody stands in each box, and which side is left is not known."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from physic_core.errors import InputError
+from physic_core.interfaces import KeypointDetector, Options
+from physic_core.types import Keypoints
+
+if TYPE_CHECKING:
+    from physic_core.types import People, UInt8Array
+
+__all__ = ["Template", "TemplateOptions"]
+
+_HEIGHTS = {
+    "nose": 0.07, "left_eye": 0.06, "right_eye": 0.06, "left_ear": 0.07, "right_ear": 0.07, "left_shoulder": 0.19,
+    "right_shoulder": 0.19, "left_elbow": 0.35, "right_elbow": 0.35, "left_wrist": 0.49, "right_wrist": 0.49,
+    "left_hip": 0.5, "right_hip": 0.5, "left_knee": 0.73, "right_knee": 0.73, "left_ankle": 0.94, "right_ankle": 0.94,
+}  # fmt: skip
+"""Joint of the skeleton "coco17" -> its place between top and bottom of the box of someone who stands."""
+
+
+class TemplateOptions(Options):
+    """Settings of Template."""
+
+    confidence: float = Field(0.3, ge=0, le=1, description="what is said of every joint")
+
+
+class Template(KeypointDetector):
+    """Puts the joints of a standing person onto the middle line of each box."""
+
+    Options: ClassVar[type[Options]] = TemplateOptions
+    options: TemplateOptions
+
+    def infer(self, image: UInt8Array, people: People) -> Keypoints:
+        """Image (H, W, 3) and N people -> points (N, 17, 2) in px of the photo, row i for person i."""
+        if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
+            raise InputError(f"image must be (H, W, 3) uint8, got {image.shape} {image.dtype}")
+        figure = np.array([(0.5, height) for height in _HEIGHTS.values()])
+        low, high = people.boxes[:, None, :2], people.boxes[:, None, 2:]
+        points = low + figure * (high - low) - 0.5  # boxes count from the border of a pixel, points from its centre
+        return Keypoints(points, np.full(points.shape[:2], self.options.confidence), "coco17")

@@ -1,0 +1,51 @@
+"""Metric depth: the relative scene, scaled so that people are as far away as their bodies say."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from physic_core.errors import BackendError, InputError
+from physic_core.interfaces import MetricDepth, Options
+from physic_core.types import DepthMap
+
+if TYPE_CHECKING:
+    from physic_core.types import Hints, UInt8Array
+
+__all__ = ["Template", "TemplateOptions"]
+
+
+class TemplateOptions(Options):
+    """Settings of Template."""
+
+    scale_sigma: float = Field(0.3, gt=0, lt=3, description="how unsure the scale is, log standard deviation; 0.1-0.5")
+
+
+class Template(MetricDepth):
+    """Scales the relative scene by the distance of the people's bodies."""
+
+    Options: ClassVar[type[Options]] = TemplateOptions
+    options: TemplateOptions
+
+    def load(self, device: str = "cpu") -> None:
+        """Read weights here, onto ``device``; not in the constructor, which has to be cheap and offline."""
+
+    def close(self) -> None:
+        """Drop them here; both may be called twice."""
+
+    def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
+        """Image (H, W, 3) -> z-depth (H, W) in metres, NaN where unknown."""
+        if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
+            raise InputError(f"image must be (H, W, 3) uint8, got {image.shape} {image.dtype}")
+        scene, original, people, bodies = hints.scene, hints.original, hints.people, hints.bodies
+        if scene is None or original is None or people is None or bodies is None or not len(people):
+            raise BackendError("this depth needs the scene, the original, people and their bodies among the hints")
+        seen = [original.points[mask & original.valid, 2] for mask in people.masks]
+        # The root of a body is about as far away as the skin that is seen.
+        ratios = [z / np.median(own) for z, own in zip(bodies.parameters.transl[:, 2], seen, strict=True) if len(own)]
+        if not ratios:
+            raise BackendError("no person has a depth in hints.original")
+        depth = np.where(scene.valid, scene.points[..., 2] * np.median(ratios), np.nan).astype(np.float32)
+        return DepthMap(depth, scene.intrinsics, self.options.scale_sigma, ("scale from the distance of the bodies",))

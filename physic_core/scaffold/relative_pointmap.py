@@ -1,0 +1,46 @@
+"""A relative point map without looking: a floor that ends at a wall."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from physic_core.errors import InputError
+from physic_core.interfaces import Options, RelativePointmap
+from physic_core.types import Intrinsics, Pointmap
+
+if TYPE_CHECKING:
+    from physic_core.types import Hints, UInt8Array
+
+__all__ = ["Template", "TemplateOptions"]
+
+
+class TemplateOptions(Options):
+    """Settings of Template."""
+
+    wall: float = Field(3.0, gt=1, description="distance of the wall, in camera heights; 2-10 works")
+
+
+class Template(RelativePointmap):
+    """The same box for every photo: a level floor one unit under the camera, and a wall."""
+
+    Options: ClassVar[type[Options]] = TemplateOptions
+    options: TemplateOptions
+
+    def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
+        """Image (H, W, 3) -> points (H, W, 3): x right, y down, z forward, up to a scale."""
+        if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
+            raise InputError(f"image must be (H, W, 3) uint8, got {image.shape} {image.dtype}")
+        height, width = image.shape[:2]
+        camera = hints.intrinsics or Intrinsics.from_focal(
+            1.2 * max(height, width), width, height, "default: 1.2 sides"
+        )
+        v, u = np.mgrid[:height, :width]  # integer pixel coordinates are pixel centres
+        x, y = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
+        z = 1 / np.maximum(y, 1 / self.options.wall)  # the floor is y z = 1
+        points = np.stack([x * z, y * z, z], axis=-1).astype(np.float32)
+        return Pointmap(
+            points, np.ones((height, width), bool), "scale", camera, ("a floor and a wall, for every photo",)
+        )

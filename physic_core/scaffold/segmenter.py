@@ -1,0 +1,60 @@
+"""People masks as ellipses in boxes that the user draws."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from physic_core.errors import InputError
+from physic_core.interfaces import Options, Segmenter
+from physic_core.types import People
+
+if TYPE_CHECKING:
+    from physic_core.types import UInt8Array
+
+__all__ = ["Template", "TemplateOptions"]
+
+
+class TemplateOptions(Options):
+    """Settings of Template."""
+
+    boxes: tuple[tuple[float, float, float, float], ...] = Field(
+        (), description="x0 y0 x1 y1 of each person, px of the photo"
+    )
+
+
+class Template(Segmenter):
+    """Finds nobody by itself: takes the ellipse in each given box for a person, the first box in front."""
+
+    Options: ClassVar[type[Options]] = TemplateOptions
+    options: TemplateOptions
+
+    @staticmethod
+    def conformance_options(world: Any) -> Mapping[str, Any]:
+        """Options with which the conformance kit shows a photo; without this method it would use the defaults."""
+        return {"boxes": world.boxes.tolist()}
+
+    def infer(self, image: UInt8Array) -> People:
+        """Image (H, W, 3) -> N people with masks (N, H, W), boxes x0 y0 x1 y1 in px and scores in [0, 1]."""
+        if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
+            raise InputError(f"image must be (H, W, 3) uint8, got {image.shape} {image.dtype}")
+        height, width = image.shape[:2]
+        v, u = np.mgrid[:height, :width]
+        free, masks, boxes = np.ones((height, width), bool), [], []
+        for x0, y0, x1, y1 in self.options.boxes:
+            across, down = (2 * u + 1 - x0 - x1) / max(x1 - x0, 1), (2 * v + 1 - y0 - y1) / max(y1 - y0, 1)
+            mask = (across**2 + down**2 < 1) & free
+            if mask.any():  # a person has at least one pixel, and shares none
+                free &= ~mask
+                rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+                masks.append(mask)
+                boxes.append([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1])
+        count = len(masks)
+        return People(
+            masks=np.array(masks, bool).reshape(count, height, width),
+            boxes=np.array(boxes, np.float32).reshape(count, 4),
+            scores=np.full(count, 0.5, np.float32),
+        )
