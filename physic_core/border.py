@@ -29,6 +29,7 @@ __all__ = [
     "bodies_faults",
     "contact_faults",
     "depth_faults",
+    "floor_faults",
     "hands_faults",
     "image_faults",
     "keypoints_faults",
@@ -63,7 +64,7 @@ def people_faults(people: People, height: int, width: int) -> list[str]:
     faults = _array("masks", people.masks, (n, height, width), "bool")
     faults += _array("boxes", people.boxes, (n, 4), "float") + _array("scores", people.scores, (n,), "float")
     if people.floor is not None:
-        faults += _array("floor", people.floor, (height, width), "bool")
+        faults += floor_faults(people.floor, height, width)
     if not faults and n:
         faults += _unit_range("scores", people.scores)
         empty = [i for i in range(n) if not people.masks[i].any()]
@@ -79,6 +80,11 @@ def people_faults(people: People, height: int, width: int) -> list[str]:
     if people.keypoints is not None:
         faults += keypoints_faults(people.keypoints, n)
     return faults
+
+
+def floor_faults(floor: BoolArray, height: int, width: int) -> list[str]:
+    """Faults of the mask of the ground that a Segmenter may give."""
+    return _array("floor", floor, (height, width), "bool")
 
 
 def keypoints_faults(keypoints: Keypoints, people: int) -> list[str]:

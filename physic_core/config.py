@@ -149,11 +149,14 @@ class EngineChoice(_Table):
 
 
 class RunSettings(_Table):
-    """``[run]``: where it runs."""
+    """``[run]``: where it runs, and what it spends."""
 
     device: str = Field(
         default="cpu", description="where the networks run: 'cpu', 'cuda' or 'cuda:N'; the engine stays on the CPU"
     )
+    low_memory: bool = Field(default=False, description="close each backend right after its last use")
+    cache: bool = Field(default=True, description="keep the backends' answers, and use those of earlier runs")
+    cache_mb: int = Field(default=2000, ge=0, description="what all kept answers may take together, megabytes")
 
 
 class Config(_Table):

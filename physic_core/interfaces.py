@@ -56,10 +56,13 @@ class Backend(ABC):
     Attributes:
         interface: the interface's name in configs.
         Options: pydantic model of this backend's settings.
+        cacheable: whether an answer may be kept and given again to the same question. False where answers depend on
+            more than input, options, files that options name, and ``fingerprint``; or come faster than from a disk.
     """
 
     interface: ClassVar[str]
     Options: ClassVar[type[Options]] = Options
+    cacheable: ClassVar[bool] = True
 
     def __init__(self, options: BaseModel | None = None) -> None:
         self.options = self.Options() if options is None else options
@@ -69,6 +72,13 @@ class Backend(ABC):
 
     def close(self) -> None:  # noqa: B027
         """Let go of everything that ``load`` took."""
+
+    def fingerprint(self) -> str:
+        """What else an answer depends on, such as the revision of weights in a folder; asked before ``load``.
+
+        Kept answers are given again only while this stays the same. Files that options name are looked at without it.
+        """
+        return ""
 
 
 class Segmenter(Backend):

@@ -29,7 +29,7 @@ from physic_core.types import (
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.engine.settings import EngineSettings
-    from physic_core.resolve import ResolvedPipeline
+    from physic_core.resolve import ResolvedBackend, ResolvedPipeline
     from physic_core.stages import Stages
     from physic_core.types import BoolArray, FloatArray, UInt8Array
 
@@ -94,10 +94,11 @@ def perceive(
     people = stages.ask(
         "people",
         backends["segmenter"],
-        lambda b: b.infer(image),
+        (image,),
         People,
-        lambda a: border.people_faults(a, height, width),
+        lambda a: border.people_faults(replace(a, floor=None), height, width),
     )
+    people = _with_floor_if_it_can(people, backends["segmenter"], stages)
     if not len(people):
         raise NoPersonError(
             f"no person was found in the photo of {width} x {height} px by {backends['segmenter'].title}: "
@@ -111,7 +112,7 @@ def perceive(
     keypoints = stages.ask(
         "keypoints",
         backends["keypoint_detector"],
-        lambda b: b.infer(image, people),
+        (image, people),
         Keypoints,
         lambda a: border.keypoints_faults(a, n),
     )
@@ -121,7 +122,7 @@ def perceive(
     empty = stages.ask(
         "inpainting",
         backends["inpainter"],
-        lambda b: b.infer(image, hole),
+        (image, hole),
         np.ndarray,
         lambda a: border.image_faults(a, height, width),
     )
@@ -130,16 +131,17 @@ def perceive(
     scene = stages.ask(
         "scene point map",
         backends["relative_pointmap"],
-        lambda b: b.infer(empty, hints),
+        (empty, hints),
         Pointmap,
         lambda a: border.pointmap_faults(a, height, width),
+        again=True,
     )
     camera = given or scene.intrinsics or _camera_of(scene)
     hints = replace(hints, intrinsics=camera, scene=scene)
     original = stages.ask(
         "photo point map",
         backends["relative_pointmap"],
-        lambda b: b.infer(image, replace(hints, hole=None)),
+        (image, replace(hints, hole=None)),
         Pointmap,
         lambda a: border.pointmap_faults(a, height, width),
     )
@@ -152,7 +154,7 @@ def perceive(
     bodies = stages.ask(
         "bodies",
         backends["body_estimator"],
-        lambda b: b.infer(image, people, camera, keypoints, hints),
+        (image, people, camera, keypoints, hints),
         Bodies,
         lambda a: border.bodies_faults(a, n),
     )
@@ -166,32 +168,38 @@ def perceive(
     bodies, lost["body_estimator"] = salvage.bodies_or_nan(bodies)
     embodied = ~lost["body_estimator"]
     if "hand_estimator" in backends:
-        hands = stages.ask(
+        hands = stages.ask_if_it_can(
             "hands",
             backends["hand_estimator"],
-            lambda b: b.infer(image, people, keypoints),
+            (image, people, keypoints),
             Hands,
             lambda a: border.hands_faults(a, n),
+            otherwise="fingers stay as the body_estimator posed them",
         )
-        hands, lost["hand_estimator"] = salvage.found_hands(hands)
-        bodies = with_hands(bodies, hands)
+        lost["hand_estimator"] = np.ones(n, bool)
+        if hands is not None:
+            hands, lost["hand_estimator"] = salvage.found_hands(hands)
+            bodies = with_hands(bodies, hands)
     # Whoever has no body is not shown to those who build on bodies.
     seen, whole = salvage.rows_of(people, embodied), salvage.rows_of(bodies, embodied)
     hints = replace(hints, people=seen, keypoints=salvage.rows_of(keypoints, embodied), bodies=whole)
     contact = ContactProbability(np.zeros((n, model.num_vertices), np.float32), model.topology)
     if "contact_prior" in backends:
-        some = stages.ask(
+        some = stages.ask_if_it_can(
             "contact prior",
             backends["contact_prior"],
-            lambda b: b.infer(image, seen, whole),
+            (image, seen, whole),
             ContactProbability,
             lambda a: border.contact_faults(a, len(seen), model.num_vertices, model.topology),
+            otherwise="contact is told from distances alone",
         )
-        contact, lost["contact_prior"] = salvage.contact_of_all(some, embodied)
+        lost["contact_prior"] = np.ones(n, bool)
+        if some is not None:
+            contact, lost["contact_prior"] = salvage.contact_of_all(some, embodied)
     depth = stages.ask(
         "metric depth",
         backends["metric_depth"],
-        lambda b: b.infer(empty, hints),
+        (empty, hints),
         DepthMap,
         lambda a: border.depth_faults(a, height, width),
     )
@@ -243,6 +251,20 @@ def with_hands(bodies: Bodies, hands: Hands) -> Bodies:
     left = np.where(found[:, :1], flat[:, 0], p.left_hand_pose)
     right = np.where(found[:, 1:], flat[:, 1], p.right_hand_pose)
     return replace(bodies, parameters=replace(p, left_hand_pose=left, right_hand_pose=right))
+
+
+def _with_floor_if_it_can(people: People, segmenter: ResolvedBackend, stages: Stages) -> People:
+    """The people, without a floor mask that is none, and then with a warning."""
+    if people.floor is None:
+        return people
+    faults = border.floor_faults(people.floor, *people.masks.shape[1:])
+    if not faults:
+        return people
+    stages.warn(
+        f"{segmenter.title}, stage 'people' answered what the interface does not allow: {'; '.join(faults)}; "
+        "the floor is sought without its mask"
+    )
+    return replace(people, floor=None)
 
 
 def _camera_of(pointmap: Pointmap) -> Intrinsics:

@@ -79,21 +79,28 @@ def _reconstruct(photo: Photo, config: Config, registry: Registry | None, progre
     check_device(plan.device)
 
     from physic_core.body import load_body
+    from physic_core.cache.answers import Answers
     from physic_core.diagnosis import diagnose
     from physic_core.perception import perceive
     from physic_core.solution import solve
 
     photo = prepare(_with_camera(photo, plan.photo), plan.photo.max_side)
-    stages = Stages(plan.device, len(plan.backends) + _OWN_STAGES, progress)
+    run = config.run
+    stages = Stages(
+        plan.device,
+        len(plan.backends) + _OWN_STAGES,
+        progress,
+        answers=Answers.in_users_folder(run.cache_mb) if run.cache else None,
+        low_memory=run.low_memory,
+    )
     stages.note(*photo.notes)
     model = load_body(plan.body_model)
-    try:
-        with _single_thread():
+    with _single_thread():
+        try:
             evidence = perceive(photo.image, photo.intrinsics, plan, model, stages)
-            solution = solve(evidence, plan.engine, model, stages)
-    finally:
-        for resolved in plan.backends.values():
-            resolved.backend.close()
+        finally:
+            stages.close()
+        solution = solve(evidence, plan.engine, model, stages)
     checks = diagnose(evidence, solution, plan.engine)
     return _result(evidence, solution, checks, model.faces.int().numpy(), model.name, config, stages)
 

@@ -316,12 +316,16 @@ class StageRecord:
         seconds: time of the work itself.
         load_seconds: time to load weights, apart.
         provenance: the backend, or None for a stage of the engine.
+        cached: whether the answer was kept from an earlier run, and the backend neither loaded nor asked.
+        failed: whether the backend failed, and the run went on without its answer.
     """
 
     name: str
     seconds: float
     load_seconds: float = 0.0
     provenance: Provenance | None = None
+    cached: bool = False
+    failed: bool = False
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,9 @@ from hypothesis import settings
 # Two threads of torch beside another busy process are far slower than one; it reads this when it is first imported.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+# The user's answers are not for the tests, nor the tests' for the user.
+os.environ["PHYSIC_CACHE"] = "off"
+
 # The same examples every time, and no clock: a loaded machine must not fail a test.
 settings.register_profile("physic", deadline=None, derandomize=True, max_examples=50)
 settings.load_profile("physic")

@@ -6,7 +6,10 @@ import os
 import sys
 from pathlib import Path
 
-__all__ = ["place"]
+__all__ = ["SWITCH", "answers_folder", "place"]
+
+SWITCH = "PHYSIC_CACHE"
+"""Environment variable of the backends' answers: a folder, or "off"."""
 
 
 def place(name: str, switch: str) -> Path | None:
@@ -28,3 +31,8 @@ def place(name: str, switch: str) -> Path | None:
         else:
             base = str(Path.home() / ("Library/Caches" if sys.platform == "darwin" else ".cache"))
     return Path(base) / "physic" / name
+
+
+def answers_folder() -> Path | None:
+    """Where answers of backends are kept, or None if they are not."""
+    return place("answers", SWITCH)

@@ -127,6 +127,8 @@ def stages_from(records: Sequence[Mapping[str, Any]]) -> tuple[StageRecord, ...]
             restored(record["seconds"]),
             restored(record["load_seconds"]),
             None if record["backend"] is None else _provenance(record["backend"]),
+            cached=record.get("cached", False),
+            failed=record.get("failed", False),
         )
         for record in records
     )
@@ -192,6 +194,8 @@ def _stage(stage: StageRecord) -> dict[str, Any]:
         "name": stage.name,
         "seconds": stage.seconds,
         "load_seconds": stage.load_seconds,
+        "cached": stage.cached,
+        "failed": stage.failed,
         "backend": None
         if backend is None
         else {

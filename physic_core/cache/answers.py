@@ -1,0 +1,210 @@
+"""Answers of backends, kept by content: asked the same again, a backend need not be asked, nor loaded.
+
+What an answer is kept under is a digest of all that it can depend on: what the backend is given, which backend it is
+(interface, name, distribution, version, code, options, device, the files that options name, and what the backend
+itself states with ``fingerprint``), and the plugin API. So a run that swaps one backend asks that one, and further
+only those that are given something else because of it.
+
+Answers lie in ``$XDG_CACHE_HOME/physic/answers``, or in the system's own place for caches. Set ``PHYSIC_CACHE`` to
+another folder, or to "off".
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from physic_core import types
+from physic_core.cache.archive import pack, unpack
+from physic_core.cache.code import code_of
+from physic_core.cache.digest import digest
+from physic_core.cache.npz import Damaged, read, write
+from physic_core.cache.places import answers_folder
+from physic_core.cache.shelf import SUFFIX, shrink, touch
+from physic_core.errors import OutputError
+from physic_core.registry import PLUGIN_API
+
+if TYPE_CHECKING:
+    from physic_core.interfaces import Backend
+    from physic_core.types import Provenance
+
+__all__ = ["Answers", "settled"]
+
+T = TypeVar("T")
+
+_VERSION = 1
+"""To be raised when a kept answer would be read as something else, or a border lets less pass."""
+
+_CLASSES = (
+    types.Bodies,
+    types.BodyParameters,
+    types.ContactProbability,
+    types.DepthMap,
+    types.Hands,
+    types.Intrinsics,
+    types.Keypoints,
+    types.People,
+    types.Pointmap,
+)
+
+
+@dataclass(frozen=True)
+class Question:
+    """What was asked of whom, as far as an answer can depend on it.
+
+    Attributes:
+        name: of the file that keeps the answer.
+        who: the backend, in words for those who look into the file.
+    """
+
+    name: str
+    who: Mapping[str, Any]
+
+
+class Answers:
+    """The answers that one folder keeps.
+
+    Attributes:
+        notes: what went wrong with it, in plain words for the user; nothing that went wrong changes a result.
+    """
+
+    def __init__(self, folder: Path, limit: int) -> None:
+        """
+        Args:
+            folder: made when the first answer is kept.
+            limit: bytes that all answers together may take.
+        """
+        self.notes: list[str] = []
+        self._folder = folder
+        self._limit = limit
+        self._written = False
+        self._code: dict[type, str | None] = {}
+
+    @classmethod
+    def in_users_folder(cls, megabytes: int) -> Answers | None:
+        """The user's own cache, or None where the environment switches it off."""
+        folder = answers_folder()
+        return None if folder is None else cls(folder, megabytes * 1_000_000)
+
+    def question(self, backend: Backend, who: Provenance, device: str, inputs: tuple[object, ...]) -> Question | None:
+        """What an answer is kept under; None where this backend's answers are not kept.
+
+        Whatever the backend's own ``fingerprint`` raises is passed on.
+        """
+        kind = type(backend)
+        if not kind.cacheable:
+            return None
+        if kind not in self._code:
+            self._code[kind] = code_of(kind)
+        code = self._code[kind]
+        if code is None:
+            return None
+        told = {
+            **asdict(who),
+            "class": f"{kind.__module__}.{kind.__qualname__}",
+            "code": code,
+            "device": device,
+            "files": list(_files(who.options)),
+            "fingerprint": str(backend.fingerprint()),
+        }
+        try:
+            name = digest(_VERSION, PLUGIN_API, told, inputs)
+        except TypeError:
+            return None
+        return Question(f"{who.interface}-{_plain(who.backend)}-{name}{SUFFIX}", told)
+
+    def find(self, question: Question) -> object | None:
+        """The answer, if it is kept; a file that cannot be read is dropped."""
+        path = self._folder / question.name
+        try:
+            arrays, document = read(path)
+            answer: object = _opened(arrays, document["answer"])
+        except OSError:
+            return None
+        except (Damaged, KeyError, TypeError) as error:
+            self.drop(question, str(error))
+            return None
+        touch(path)
+        return answer
+
+    def drop(self, question: Question, why: str) -> None:
+        """Forget an answer that is not what it should be."""
+        path = self._folder / question.name
+        self.notes.append(f"a damaged file of the cache was dropped and its answer computed again: {path} ({why})")
+        with suppress(OSError):
+            path.unlink()
+
+    def keep(self, question: Question, answer: object) -> None:
+        """Keep an answer, if it is made of what can be kept; a disk that cannot be written costs a note, no more."""
+        try:
+            arrays, document = _packed(answer)
+        except TypeError:
+            return
+        if sum(array.nbytes for array in arrays.values()) > self._limit:
+            return
+        try:
+            write(self._folder, question.name, arrays, {"answer": document, "backend": question.who}, squeeze=False)
+            self._written = True
+        except (OSError, OutputError) as error:
+            note = f"answers of backends cannot be kept: {error}; name another folder in PHYSIC_CACHE, or switch it off"
+            self.notes += [note] * (note not in self.notes)
+
+    def tidy(self) -> None:
+        """Make room, if this run took some."""
+        if self._written:
+            shrink(self._folder, self._limit)
+            self._written = False
+
+
+def settled(answer: T) -> T:
+    """An answer as it will be when it is read again, to the last bit of all that is computed from it.
+
+    The order of an array in memory changes sums, so it becomes that of C; and numpy's own numbers become Python's.
+    What cannot be kept is answered as it is.
+    """
+    try:
+        same: T = _opened(*_packed(answer))
+    except TypeError:
+        return answer
+    return same
+
+
+def _packed(answer: object) -> tuple[dict[str, Any], Any]:
+    arrays, document = pack(answer)
+    if any(array.dtype.hasobject for array in arrays.values()):
+        raise TypeError("an array of Python objects cannot be kept.")
+    _opened(arrays, document)
+    return {name: np.asarray(array, order="C") for name, array in arrays.items()}, document
+
+
+def _opened(arrays: dict[str, Any], document: Any) -> Any:
+    try:
+        return unpack(arrays, document, _CLASSES)
+    except (KeyError, AttributeError) as error:
+        raise TypeError(f"{error} is no part of an answer.") from error
+
+
+def _files(options: Any) -> Iterator[list[Any]]:
+    """Path, size and time of every file that the values of options name."""
+    if isinstance(options, Mapping):
+        options = list(options.values())
+    if isinstance(options, tuple | list):
+        for value in options:
+            yield from _files(value)
+    elif isinstance(options, str):
+        with suppress(OSError, ValueError):  # a text that cannot be a path
+            path = Path(options).expanduser()
+            if path.is_file():
+                status = path.stat()
+                yield [str(path.absolute()), status.st_size, status.st_mtime_ns]
+
+
+def _plain(name: str) -> str:
+    """A backend's name as part of a file's."""
+    return re.sub(r"[^\w.]+", "_", name)[:60]
