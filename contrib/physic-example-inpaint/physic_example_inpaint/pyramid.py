@@ -1,0 +1,56 @@
+"""Inpainting by pull-push (Gortler et al., The Lumigraph, 1996): known pixels are averaged down an image pyramid until
+nothing is unknown, and what is missing is fetched back up."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+import cv2
+import numpy as np
+from pydantic import Field
+
+from physic_core.errors import InputError
+from physic_core.interfaces import Inpainter, Options
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["PullPush", "PullPushOptions"]
+
+
+class PullPushOptions(Options):
+    """Settings of PullPush."""
+
+    certainty: float = Field(
+        1.0, gt=0, le=4, description="how soon a level counts as known: 4 keeps detail of the rim, 0.5 is smoother"
+    )
+
+
+class PullPush(Inpainter):
+    """cv2.pyrDown and cv2.pyrUp of the image and of how much of each pixel is known."""
+
+    Options: ClassVar[type[Options]] = PullPushOptions
+    options: PullPushOptions
+
+    def infer(self, image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
+        """Image (H, W, 3) and mask (H, W), True = remove -> image of that size, unchanged where the mask is False."""
+        if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
+            raise InputError(f"image must be (H, W, 3) uint8, got {image.shape} {image.dtype}")
+        if mask.shape != image.shape[:2] or mask.dtype != np.bool_:
+            raise InputError(f"mask must be {image.shape[:2]} bool, got {mask.shape} {mask.dtype}")
+        if mask.all():
+            raise InputError("mask covers the whole image: nothing is left to fill it from")
+        known = (~mask).astype(np.float32)[..., None]
+        filled = self._fill(image.astype(np.float32) * known, known)
+        return np.where(mask[..., None], filled.round().clip(0, 255).astype(np.uint8), image)
+
+    def _fill(self, weighted: NDArray[np.float32], known: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Colours (H, W, 3) for pixels that are known to a share of (H, W, 1), given their product."""
+        colours = weighted / np.maximum(known, 1e-6)
+        if known.min() >= 1 or max(known.shape) == 1:
+            return colours
+        height, width = known.shape[:2]
+        down, share = cv2.pyrDown(weighted), cv2.pyrDown(known)[..., None]
+        gain = np.minimum(1, self.options.certainty * share) / np.maximum(share, 1e-6)
+        coarse = cv2.pyrUp(self._fill(down * gain, share * gain), dstsize=(width, height))
+        return known * colours + (1 - known) * coarse

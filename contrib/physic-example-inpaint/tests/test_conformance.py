@@ -1,0 +1,6 @@
+from physic_core.testing import parametrize_with_checks
+
+
+@parametrize_with_checks("inpainter", "pull-push")
+def test_conformance(check):
+    check()
