@@ -99,7 +99,7 @@ def test_check_prints_json(offer):
 
 def test_check_says_what_is_wrong_with_its_arguments(offer):
     offer("physic-flat", 3.0)
-    assert physic("plugins", "check", "flatt").stderr == (
+    assert physic("plugins", "check", "flatt").stderr.startswith(
         "Error: no backend named 'flatt'; installed: flat. Did you mean 'flat'?\n"
     )
     assert "--option gain: write KEY=VALUE" in physic("plugins", "check", "flat", "--option", "gain").stderr
@@ -120,6 +120,15 @@ def test_compare_prints_a_table_and_json(offer):
     read = json.loads(done.stdout)
     assert [b["backend"] for b in read["backends"]] == ["flat", "far"]
     assert read["worlds"] == [["stand", 0]]
+
+
+def test_compare_takes_options_as_a_toml_table(offer):
+    offer("physic-flat", 3.0)
+    arguments = ("plugins", "compare", "metric_depth", "--world", "stand")
+    assert physic(*arguments, "flat{gain=2}").stderr == "Error: metric_depth 'flat': gain: unknown option\n"
+    assert "flat{gain: write NAME{key=value, ...} as in TOML" in physic(*arguments, "flat{gain").stderr
+    done = physic(*arguments, "flat", "flat{}")
+    assert done.exit_code == 0, done.output
 
 
 def test_compare_refuses_a_seed_that_is_no_number(offer):

@@ -72,7 +72,8 @@ def measure(interface: str, answer: Any, case: Case) -> dict[str, float]:
 def accuracy_of(subject: Subject) -> dict[str, float]:
     """Means over the photos of worlds that a subject has answered; empty where it answered none."""
     found: list[Mapping[str, float]] = []
-    for name in ("one person", "several people"):
+    shown = [name for name in ("one person", "several people", "close") if name in subject.attempts]
+    for name in shown:
         try:
             found.append(measure(subject.interface, subject.answer(name), subject.case(name)))
         except Exception:  # an answer that fails its checks need not be measurable

@@ -32,6 +32,7 @@ CASES: dict[str, str] = {
     "blank": "one grey all over",
     "tiny": "32 x 24 px",
     "large": "four times as wide and high",
+    "close": "one person, three times as wide and high",
 }
 """Name of each photo -> what it is."""
 
@@ -101,6 +102,8 @@ def _build(name: str, size: tuple[int, int]) -> Case:
         return case_of_world(name, build_world("stand", 0, (131, 97)))
     if name == "portrait":
         return case_of_world(name, build_world("stand", 0, (height, width)))
+    if name == "close":
+        return case_of_world(name, build_world("stand", 0, (3 * width, 3 * height)))
     person = _build("one person", size)
     if name == "nobody":
         return _without_people(person)

@@ -70,7 +70,14 @@ class Comparison:
         lines = [head]
         for row in self.rows:
             cells = [self._cell(row, name) for name in names]
-            lines.append((row.backend, *cells, f"{row.seconds:.2f}", f"{row.answered} of {len(self.worlds)}"))
+            lines.append(
+                (
+                    row.backend,
+                    *cells,
+                    f"{row.seconds:.2f}" if row.answered else "-",
+                    f"{row.answered} of {len(self.worlds)}",
+                )
+            )
         widths = [max(len(line[i]) for line in lines) for i in range(len(head))]
         table = ["  ".join(f"{cell:<{w}}" for cell, w in zip(line, widths, strict=True)).rstrip() for line in lines]
         notes = [f"{row.backend}: {row.problem}" for row in self.rows if row.problem]

@@ -1,0 +1,112 @@
+"""``physic plugins check`` and ``compare``: the conformance kit without pytest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from physic_core.registry import Registry
+
+__all__ = ["check", "compare"]
+
+_DEVICE = click.option("--device", default="cpu", show_default=True, metavar="NAME", help="cpu, cuda or cuda:N.")
+
+
+@click.command()
+@click.argument("name")
+@click.option("--interface", metavar="NAME", help="Only the backend of this interface.")
+@click.option("--option", "options", multiple=True, metavar="KEY=VALUE", help="An option of the backend, as in TOML.")
+@_DEVICE
+@click.option("--json", "as_json", is_flag=True, help="Print the whole report as JSON.")
+@click.pass_context
+def check(
+    ctx: click.Context, name: str, interface: str | None, options: tuple[str, ...], device: str, as_json: bool
+) -> None:
+    """Try the backends called NAME on photos of synthetic worlds, and say what they do wrong.
+
+    NAME is a backend, DISTRIBUTION:BACKEND, or PACKAGE.MODULE:CLASS together with --interface. Ends with code 1 if a
+    check fails, or if nothing could be asked.
+    """
+    import json
+
+    from physic_core.plugins import discover
+    from physic_core.testing.conformance import check_backend
+
+    registry, given = discover(), _values(options) or None
+    reports = []
+    for own in [interface] if interface is not None else interfaces_of(registry, name):
+        reports.append(check_backend(name, own, options=given, registry=registry, device=device))
+        if not as_json:
+            click.echo(reports[-1].text + "\n")
+    if as_json:
+        click.echo(json.dumps([report.as_dict() for report in reports], indent=2))
+    ctx.exit(0 if all(report.ok for report in reports) else 1)
+
+
+@click.command()
+@click.argument("interface")
+@click.argument("names", nargs=-1, required=True)
+@click.option("--world", "worlds", multiple=True, metavar="NAME[:SEED]", help="A world to show; repeat for more.")
+@_DEVICE
+@click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON.")
+def compare(interface: str, names: tuple[str, ...], worlds: tuple[str, ...], device: str, as_json: bool) -> None:
+    """Print the errors of several backends of INTERFACE on the same synthetic worlds, side by side.
+
+    Each of NAMES may carry options as a TOML table: 'mock{noise=2}'.
+    """
+    import json
+
+    from physic_core.testing.conformance.compare import COMPARED
+    from physic_core.testing.conformance.compare import compare as compared
+
+    chosen = [(world.partition(":")[0], _seed(world)) for world in worlds] or COMPARED
+    found = compared(interface, [_with_options(name) for name in names], worlds=chosen, device=device)
+    click.echo(json.dumps(found.as_dict(), indent=2) if as_json else found.text)
+
+
+def interfaces_of(registry: Registry, name: str) -> list[str]:
+    """The interfaces that have a backend of this name.
+
+    Raises:
+        BackendNotFoundError: none has.
+    """
+    return list(dict.fromkeys(claim.record.interface for claim in registry.called(name)))
+
+
+def _values(options: Sequence[str]) -> dict[str, Any]:
+    """KEY=VALUE as TOML says it; what is no TOML value is a text."""
+    import tomllib
+
+    values: dict[str, Any] = {}
+    for text in options:
+        key, equals, value = text.partition("=")
+        if not equals:
+            raise click.UsageError(f"--option {text}: write KEY=VALUE")
+        try:
+            values[key] = tomllib.loads(f"value = {value}")["value"]
+        except tomllib.TOMLDecodeError:
+            values[key] = value
+    return values
+
+
+def _with_options(name: str) -> str | tuple[str, dict[str, Any]]:
+    """A name, or "mock{noise=2}" as the name and its options."""
+    import tomllib
+
+    bare, brace, rest = name.partition("{")
+    if not brace:
+        return name
+    try:
+        return bare, tomllib.loads(f"options = {{{rest}")["options"]
+    except tomllib.TOMLDecodeError as error:
+        raise click.UsageError(f"{name}: write NAME{{key=value, ...}} as in TOML ({error})") from error
+
+
+def _seed(world: str) -> int:
+    _, colon, seed = world.partition(":")
+    if colon and not seed.isdecimal():
+        raise click.UsageError(f"--world {world}: write NAME or NAME:SEED, the seed a whole number")
+    return int(seed) if colon else 0
