@@ -22,8 +22,8 @@ import numpy as np
 
 from physic_core import types
 from physic_core.cache.archive import pack, unpack
-from physic_core.cache.code import code_of
-from physic_core.cache.digest import digest
+from physic_core.cache.code import Code
+from physic_core.cache.digest import Digester
 from physic_core.cache.npz import Damaged, read, write
 from physic_core.cache.places import answers_folder
 from physic_core.cache.shelf import SUFFIX, shrink, touch
@@ -84,7 +84,8 @@ class Answers:
         self._folder = folder
         self._limit = limit
         self._written = False
-        self._code: dict[type, str | None] = {}
+        self._code = Code()
+        self._digester = Digester()
 
     @classmethod
     def in_users_folder(cls, megabytes: int) -> Answers | None:
@@ -98,11 +99,7 @@ class Answers:
         Whatever the backend's own ``fingerprint`` raises is passed on.
         """
         kind = type(backend)
-        if not kind.cacheable:
-            return None
-        if kind not in self._code:
-            self._code[kind] = code_of(kind)
-        code = self._code[kind]
+        code = self._code.of(kind) if kind.cacheable else None
         if code is None:
             return None
         told = {
@@ -114,7 +111,7 @@ class Answers:
             "fingerprint": str(backend.fingerprint()),
         }
         try:
-            name = digest(_VERSION, PLUGIN_API, told, inputs)
+            name = self._digester.digest(_VERSION, PLUGIN_API, told, inputs)
         except TypeError:
             return None
         return Question(f"{who.interface}-{_plain(who.backend)}-{name}{SUFFIX}", told)
@@ -156,7 +153,8 @@ class Answers:
             self.notes += [note] * (note not in self.notes)
 
     def tidy(self) -> None:
-        """Make room, if this run took some."""
+        """Make room, if this run took some, and let go of what was asked."""
+        self._digester = Digester()
         if self._written:
             shrink(self._folder, self._limit)
             self._written = False
@@ -207,4 +205,4 @@ def _files(options: Any) -> Iterator[list[Any]]:
 
 def _plain(name: str) -> str:
     """A backend's name as part of a file's."""
-    return re.sub(r"[^\w.]+", "_", name)[:60]
+    return re.sub(r"[^\w.-]+", "_", name)[:60]

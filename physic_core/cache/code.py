@@ -11,47 +11,53 @@ import sys
 import time
 from pathlib import Path
 
-__all__ = ["code_of"]
+__all__ = ["Code"]
 
 _STARTED = time.time()
 """About when this process read the code that it runs."""
 
+_BYTES = 16
 _MANY = 2000
 """A package of more files than this is named by the module of the class alone: to look at all would take too long."""
 
 
-def code_of(kind: type) -> str | None:
-    """Digest of the packages in which a class and its bases are written.
+class Code:
+    """Takes digests of classes, and looks at what a module belongs to once."""
 
-    Sources count with their contents, other files (weights, tables) with size and time. For a module that lies in no
-    package, the modules beside it count.
+    def __init__(self) -> None:
+        self._modules: dict[Path, bytes | None] = {}
 
-    Returns:
-        None where no digest can name it: it is made in a function, typed into a session, or its files were edited
-        after this process began, so that what runs may not be what they say.
-    """
-    whole = hashlib.blake2b(digest_size=16)
-    seen = set()
-    for base in kind.__mro__:
-        top = base.__module__.partition(".")[0]
-        if top in sys.stdlib_module_names:
-            if top == "__main__":
+    def of(self, kind: type) -> str | None:
+        """Digest of the packages in which a class and its bases are written.
+
+        Sources count with their contents, other files (weights, tables) with size and time. For a module that lies in
+        no package, the modules beside it count.
+
+        Returns:
+            None where no digest can name it: it is made in a function, typed into a session, or its files were edited
+            after this process began, so that what runs may not be what they say.
+        """
+        whole = hashlib.blake2b(digest_size=_BYTES)
+        for base in kind.__mro__:
+            top = base.__module__.partition(".")[0]
+            if top in sys.stdlib_module_names:
+                continue
+            file = getattr(sys.modules.get(base.__module__), "__file__", None)
+            if file is None or top == "__main__" or "<locals>" in base.__qualname__:
                 return None
-            continue
-        file = getattr(sys.modules.get(base.__module__), "__file__", None)
-        if file is None or "<locals>" in base.__qualname__:
-            return None
-        for path in _files_of(Path(file)):
-            if path not in seen:
-                seen.add(path)
-                told = _told(path)
-                if told is None:
-                    return None
-                whole.update(told)
-    return whole.hexdigest()
+            told = self._module(Path(file))
+            if told is None:
+                return None
+            whole.update(told)
+        return whole.hexdigest()
+
+    def _module(self, module: Path) -> bytes | None:
+        if module not in self._modules:
+            self._modules[module] = _digest(_files(module))
+        return self._modules[module]
 
 
-def _files_of(module: Path) -> list[Path]:
+def _files(module: Path) -> list[Path]:
     """The files of the topmost package that holds a module."""
     root = module.parent
     if not (root / "__init__.py").is_file():
@@ -67,14 +73,19 @@ def _files_of(module: Path) -> list[Path]:
     return files
 
 
-def _told(path: Path) -> bytes | None:
-    """What counts of one file, or None if it was edited under way."""
+def _digest(files: list[Path]) -> bytes | None:
+    """Digest of files, or None if one was edited under way."""
+    whole = hashlib.blake2b(digest_size=_BYTES)
     try:
-        status = path.stat()
-        if path.suffix != ".py":
-            return f"{path} {status.st_size} {status.st_mtime_ns};".encode()
-        if _STARTED < status.st_mtime <= time.time():
-            return None
-        return f"{path.name} {status.st_size};".encode() + path.read_bytes()
+        for path in files:
+            status = path.stat()
+            whole.update(f"{path.name} {status.st_size};".encode())
+            if path.suffix != ".py":
+                whole.update(f"{status.st_mtime_ns};".encode())
+            elif _STARTED < status.st_mtime <= time.time():
+                return None
+            else:
+                whole.update(path.read_bytes())
     except OSError:
         return None
+    return whole.digest()

@@ -10,9 +10,9 @@ from pathlib import Path
 
 __all__ = ["SUFFIX", "Kept", "clear", "kept", "shrink", "touch"]
 
-SUFFIX = ".npz"
+SUFFIX = ".answer.npz"
+"""Of the files that keep backends' answers. A cache touches no file without its suffix, wherever its folder is."""
 
-_LEFT_OVER = ".*.part"
 _LEFT_OVER_S = 3600.0
 """A half-written file of this age, s, has no writer any more."""
 
@@ -32,9 +32,9 @@ class Kept:
     used: float
 
 
-def kept(folder: Path) -> list[Kept]:
+def kept(folder: Path, suffix: str = SUFFIX) -> list[Kept]:
     """All that ``folder`` keeps, unused for longest first; nothing where there is no such folder."""
-    return sorted(_files(folder, f"*{SUFFIX}"), key=lambda file: (file.used, file.path))
+    return sorted(_files(folder, f"[!.]*{suffix}"), key=lambda file: (file.used, file.path))
 
 
 def touch(path: Path) -> None:
@@ -43,12 +43,12 @@ def touch(path: Path) -> None:
         os.utime(path)
 
 
-def shrink(folder: Path, limit: int) -> None:
+def shrink(folder: Path, limit: int, suffix: str = SUFFIX) -> None:
     """Remove files until those that are left take ``limit`` bytes at most, and what dead writers left behind."""
-    for file in _left_over(folder):
+    for file in _half_written(folder, suffix):
         if file.used < time.time() - _LEFT_OVER_S:
             _remove(file)
-    files = kept(folder)
+    files = kept(folder, suffix)
     total = sum(file.size for file in files)
     for file in files:
         if total <= limit:
@@ -57,14 +57,15 @@ def shrink(folder: Path, limit: int) -> None:
         total -= file.size
 
 
-def clear(folder: Path) -> list[Kept]:
-    """Remove every file that ``folder`` keeps, and answer what was removed; other files stay."""
-    _gone = [_remove(file) for file in _left_over(folder)]
-    return [file for file in kept(folder) if _remove(file)]
+def clear(folder: Path, suffix: str = SUFFIX) -> list[Kept]:
+    """Remove every file that ``folder`` keeps, and answer what was removed."""
+    for file in _half_written(folder, suffix):
+        _remove(file)
+    return [file for file in kept(folder, suffix) if _remove(file)]
 
 
-def _left_over(folder: Path) -> list[Kept]:
-    return _files(folder, _LEFT_OVER)
+def _half_written(folder: Path, suffix: str) -> list[Kept]:
+    return _files(folder, f".*{suffix}.*.part")
 
 
 def _files(folder: Path, pattern: str) -> list[Kept]:

@@ -12,6 +12,7 @@ from typing import Any
 import click
 
 from physic_core.cli.bench import bench
+from physic_core.cli.cache import cache
 from physic_core.cli.config import config
 from physic_core.cli.plugins import plugins
 from physic_core.cli.run import run
@@ -52,3 +53,4 @@ main.add_command(run)
 main.add_command(plugins)
 main.add_command(config)
 main.add_command(bench)
+main.add_command(cache)

@@ -54,6 +54,8 @@ class _Path(click.ParamType[Path]):
 @click.option("--focal-px", type=float, metavar="PX", help="Focal length in px of the photo file.")
 @click.option("--intrinsics", type=_Intrinsics(), help="Camera in px of the photo file.")
 @click.option("--device", metavar="NAME", help="cpu, cuda or cuda:N.")
+@click.option("--low-memory", is_flag=True, help="Close each backend right after its last use.")
+@click.option("--no-cache", is_flag=True, help="Ask every backend, and keep no answer.")
 def run(
     photo: Path,
     out: Path | None,
@@ -63,6 +65,8 @@ def run(
     focal_px: float | None,
     intrinsics: tuple[float, ...] | None,
     device: str | None,
+    low_memory: bool,
+    no_cache: bool,
 ) -> None:
     """Reconstruct people, scene and contact from PHOTO."""
     if focal_px is not None and intrinsics is not None:
@@ -82,6 +86,10 @@ def run(
         flags["--intrinsics"] = {"photo": {"intrinsics": list(intrinsics)}}
     if device is not None:
         flags["--device"] = {"run": {"device": device}}
+    if low_memory:
+        flags["--low-memory"] = {"run": {"low_memory": True}}
+    if no_cache:
+        flags["--no-cache"] = {"run": {"cache": False}}
 
     # What fails cheaply fails first: nothing is loaded before config, device and output folder have held.
     config = load_config(file, preset=preset, overrides=overrides, flags=flags)
@@ -175,6 +183,10 @@ def _summary(result: Reconstruction, folder: Path) -> str:
     seconds = sum(s.seconds for s in result.stages)
     loading = sum(s.load_seconds for s in result.stages)
     lines = [f"{people} {'person' if people == 1 else 'people'} in {seconds:.1f} s, and {loading:.1f} s to load models"]
+    asked = [s for s in result.stages if s.provenance is not None]
+    cached = sum(s.cached for s in asked)
+    if cached:
+        lines.append(f"{cached} of {len(asked)} answers of backends come from the cache; --no-cache asks them all")
     for i, person in enumerate(result.people):
         touching = int(person.contact.sum())
         failed = f"; check: {', '.join(person.failed_checks)}" if person.failed_checks else ""

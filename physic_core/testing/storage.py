@@ -16,7 +16,7 @@ from typing import TypeVar
 from physic_core.cache.archive import pack, unpack
 from physic_core.cache.npz import Damaged, read, write
 from physic_core.cache.places import place
-from physic_core.cache.shelf import SUFFIX, shrink, touch
+from physic_core.cache.shelf import shrink, touch
 from physic_core.errors import OutputError
 
 __all__ = ["BYTES", "SWITCH", "VERSION", "folder", "kept", "key_of"]
@@ -31,6 +31,8 @@ SWITCH = "PHYSIC_WORLD_CACHE"
 
 BYTES = 3 << 30
 """What all files together may take; those unused for longest go first."""
+
+_SUFFIX = ".npz"
 
 
 def folder() -> Path | None:
@@ -60,12 +62,12 @@ def kept(key: str, kind: type[T], classes: Iterable[type], build: Callable[[], T
     where = folder()
     if where is None:
         return build()
-    found = _load(where / (key + SUFFIX), kind, (kind, *classes))
+    found = _load(where / (key + _SUFFIX), kind, (kind, *classes))
     if found is None:
         found = build()
         # A disk that cannot be written costs time, no more.
         with suppress(OSError, OutputError):
-            _save(where, key + SUFFIX, found)
+            _save(where, key + _SUFFIX, found)
     return found
 
 
@@ -80,7 +82,7 @@ def _load(path: Path, kind: type[T], classes: Iterable[type]) -> T | None:
 
 def _save(where: Path, name: str, thing: object) -> None:
     write(where, name, *pack(thing))
-    shrink(where, BYTES)
+    shrink(where, BYTES, _SUFFIX)
 
 
 @cache
