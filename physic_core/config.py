@@ -1,22 +1,19 @@
 """The configuration: TOML tables -> one checked object that knows names, not classes.
 
-A config is made of layers, later ones winning: a preset, the files that ``extends`` chains, the user's file, ``--set``,
-and single flags. Every layer is remembered per value, so that an error names the file or flag that it comes from.
+A config is made of layers, later ones winning: a preset, the files that ``extends`` chains, the user's file, variables
+``PHYSIC__...`` of the environment, ``--set``, and single flags (:mod:`physic_core.layers`).
 
 This is the first of two checks: shape, names of keys, kinds of values and the engine's settings, offline and without
-a plugin. :mod:`physic_core.resolve` does the second, each backend's own options.
+a plugin. :mod:`physic_core.resolve` does the second, each backend's own options; both are told together.
 """
 
 from __future__ import annotations
 
 import math
 import os
-import re
-import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import cache
-from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, get_origin, get_type_hints
 
@@ -34,9 +31,9 @@ from pydantic import (
 
 from physic_core.engine.presets import PRESETS as ENGINE_PRESETS
 from physic_core.engine.settings import EngineSettings
-from physic_core.errors import ConfigError
-from physic_core.faults import Fault, closest, config_error, from_pydantic
+from physic_core.faults import Fault, Findings, closest, config_error, from_pydantic
 from physic_core.interfaces import INTERFACES
+from physic_core.layers import Layer, environment_layers, is_path, merge, override_layers, preset_names, read, source_of
 
 __all__ = [
     "DEFAULT_PRESET",
@@ -50,14 +47,12 @@ __all__ = [
     "as_config",
     "load_config",
     "preset_names",
+    "stage_tables",
 ]
 
 DEFAULT_PRESET = "embedded"
 OPTIONAL_INTERFACES = ("hand_estimator", "contact_prior")
 """Interfaces that a config may leave out with ``backend = "none"``."""
-
-_EXCLUSIVE = (("photo", ("focal_px", "intrinsics")), ("body_model", ("name", "path")))
-"""Keys of a table that say the same thing: the layer that sets one silences the others of the layers below."""
 
 
 class _Table(BaseModel):
@@ -143,7 +138,7 @@ class EngineChoice(_Table):
             stage: replace(
                 getattr(preset, stage), **table.model_validate(getattr(self, stage)).model_dump(exclude_unset=True)
             )
-            for stage, table in _stage_tables().items()
+            for stage, table in stage_tables().items()
         }
         return replace(preset, **changed)
 
@@ -184,16 +179,14 @@ class Config(_Table):
 
     def source(self, path: str) -> str:
         """Where the value at a dotted path comes from: a file, a flag, "preset embedded" or "default"."""
-        return _source(self._sources, path)
+        return source_of(self._sources, path)
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain tables, as a TOML file would hold them; unset values are left out."""
-        return self.model_dump(mode="json", exclude_none=True)
-
-
-def preset_names() -> tuple[str, ...]:
-    """Presets in this package, sorted."""
-    return tuple(sorted(p.name[:-5] for p in _presets().iterdir() if p.name.endswith(".toml")))
+        """Plain tables, as a TOML file would hold them; unset values are left out, and paths hold from anywhere."""
+        tables = self.model_dump(mode="json", exclude_none=True)
+        if self.body_model.path is not None:
+            tables["body_model"]["path"] = str(Path(self.body_model.path).expanduser().absolute())
+        return tables
 
 
 def load_config(
@@ -202,158 +195,66 @@ def load_config(
     preset: str | None = None,
     overrides: Sequence[str] = (),
     flags: Mapping[str, Mapping[str, Any]] | None = None,
+    environment: Mapping[str, str] | None = None,
+    further: Callable[[Mapping[str, Any]], Findings] | None = None,
 ) -> Config:
     """Read, merge and check a configuration.
 
     Args:
-        file: a TOML file; it names what it builds on with ``extends``, a preset or another file.
+        file: a TOML file; it names what it builds on with ``extends``, a preset or another file. Or the
+            ``reconstruction.json`` of a run, to repeat it.
         preset: what a file without ``extends``, or no file at all, builds on.
         overrides: "a.b=c" each, c in TOML; a bare word is taken as a string.
         flags: tables by the name of the flag that sets them, as in ``{"--focal-px": {"photo": {"focal_px": 900.0}}}``.
+        environment: ``PHYSIC__INPAINTER__BACKEND=telea`` in it goes over the file, and under the overrides; None for
+            this process's.
+        further: one more check of the merged tables, told together with the others;
+            :func:`physic_core.resolve.load_checked` gives one that knows the installed backends.
 
     Raises:
         ConfigError: every fault at once.
     """
     base = preset or DEFAULT_PRESET
-    layers = _read_preset(base) if file is None else _read_file(Path(file), base)
-    title = f"preset {base}" if file is None else str(file)
-    layers += [("--set", _parse_override(text)) for text in overrides]
-    layers += list((flags or {}).items())
-    return _build(layers, title)
+    layers = [
+        *read(file, base),
+        *environment_layers(os.environ if environment is None else environment),
+        *override_layers(overrides),
+        *(flags or {}).items(),
+    ]
+    return _build(layers, f"preset {base}" if file is None else str(file), further)
 
 
 def as_config(config: Config | str | os.PathLike[str] | Mapping[str, Any] | None) -> Config:
-    """A config from what Python callers pass: a Config, a preset's name, a TOML file, tables, or None.
+    """A config from what Python callers pass: a Config, a preset's name, a file, tables, or None.
 
-    A text is the name of a preset unless it ends in ".toml" or holds a slash; tables are laid over the default preset.
+    A text is the name of a preset unless it ends in ".toml" or ".json" or holds a slash; tables are laid over the
+    default preset.
 
     Raises:
         ConfigError: every fault at once.
     """
     if isinstance(config, Config):
         return config
-    if isinstance(config, str) and not _is_path(config):
+    if isinstance(config, str) and not is_path(config):
         return load_config(preset=config)
     if config is None or isinstance(config, (str, os.PathLike)):
         return load_config(config)
     return load_config(flags={"config": config})
 
 
-# ---- layers ----------------------------------------------------------------------------------------------------------
-
-_Layer = tuple[str, Mapping[str, Any]]
-
-
-def _presets() -> Any:
-    return resources.files("physic_core") / "presets"
-
-
-def _is_path(name: str) -> bool:
-    return name.endswith(".toml") or "/" in name or os.sep in name
-
-
-def _read_preset(name: str) -> list[_Layer]:
-    if name not in preset_names():
-        names = preset_names()
-        raise ConfigError(f"no preset named '{name}'; there are: {', '.join(names)}{closest(name, names)}")
-    table = tomllib.loads((_presets() / f"{name}.toml").read_text(encoding="utf-8"))
-    base = table.pop("extends", None)
-    return [*(_read_preset(base) if base else []), (f"preset {name}", table)]
-
-
-def _read_file(path: Path, base: str, seen: tuple[Path, ...] = ()) -> list[_Layer]:
-    """A file's layers, what it extends first."""
-    if path.resolve() in seen:
-        chain = " -> ".join(str(p) for p in (*seen, path.resolve()))
-        raise ConfigError(f"{path} extends itself: {chain}")
-    table = _read_toml(path)
-    base = table.pop("extends", base)
-    if not isinstance(base, str):
-        raise ConfigError(f"{path}: 1 error\nextends   should be the name of a preset or a path (got {base!r})")
-    body = table.get("body_model")
-    if isinstance(body, dict) and isinstance(body.get("path"), str):
-        body["path"] = str(path.parent / Path(body["path"]).expanduser())
-    try:
-        below = (
-            _read_file(path.parent / Path(base).expanduser(), DEFAULT_PRESET, (*seen, path.resolve()))
-            if _is_path(base)
-            else _read_preset(base)
-        )
-    except ConfigError as error:
-        raise ConfigError(f"{path} extends '{base}': {error}") from error
-    return [*below, (str(path), table)]
-
-
-def _read_toml(path: Path) -> dict[str, Any]:
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise ConfigError(f"no config file at {path}: check the path") from None
-    except OSError as error:
-        raise ConfigError(f"cannot read the config {path}: {error.strerror}; name a TOML file") from error
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"cannot read the config {path}: {error}; save it as UTF-8") from error
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{path} is not valid TOML: {error}") from error
-
-
-def _parse_override(text: str) -> dict[str, Any]:
-    key, equals, value = text.partition("=")
-    if not equals or not re.fullmatch(r"\s*[\w-]+(\.[\w-]+)*\s*", key):
-        raise ConfigError(f"--set needs KEY=VALUE such as inpainter.backend=telea (got '{text}')")
-    try:
-        return tomllib.loads(f"{key} = {value}")
-    except tomllib.TOMLDecodeError as error:
-        if re.fullmatch(r"[\w./~:+-]+", value.strip()):
-            return tomllib.loads(f"{key} = '{value.strip()}'")
-        raise ConfigError(f"--set {text}: the value is not valid TOML ({error}); texts need quotes") from error
-
-
-def _merge(base: dict[str, Any], layer: Mapping[str, Any], label: str, sources: dict[str, str], at: str = "") -> None:
-    """Lay a layer over ``base``, in place, and note where each value came from."""
-    for key, value in layer.items():
-        path = f"{at}{key}"
-        below = base.get(key)
-        if isinstance(value, Mapping):
-            if not isinstance(below, dict):
-                below = base[key] = {}
-            _silence(path, below, value)
-            _merge(below, value, label, sources, f"{path}.")
-            sources[f"{path}."] = label  # the dot tells a table from a value
-        else:
-            base[key] = value
-            for covered in [p for p in sources if p.startswith(f"{path}.")]:
-                del sources[covered]
-            sources[path] = label
-
-
-def _silence(path: str, below: dict[str, Any], layer: Mapping[str, Any]) -> None:
-    """Drop what a layer makes meaningless: another backend's options, the other way to say the same."""
-    if path in INTERFACES and "backend" in layer and layer["backend"] != below.get("backend"):
-        below.pop("options", None)
-    for table, keys in _EXCLUSIVE:
-        if path == table and any(k in layer for k in keys):
-            for key in keys:
-                below.pop(key, None)
-
-
 # ---- checks ----------------------------------------------------------------------------------------------------------
 
 
-def _build(layers: Iterable[_Layer], title: str) -> Config:
-    merged: dict[str, Any] = {}
-    sources: dict[str, str] = {}
-    for label, table in layers:
-        _merge(merged, table, label, sources)
-    faults = _choice_faults(merged) + _engine_faults(merged.get("engine"))
+def _build(layers: Iterable[Layer], title: str, further: Callable[[Mapping[str, Any]], Findings] | None) -> Config:
+    merged, sources = merge(layers)
+    found = further(merged) if further is not None else Findings()
+    faults = [*_choice_faults(merged), *_engine_faults(merged.get("engine")), *found.faults]
     try:
         config = Config.model_validate(merged)
     except ValidationError as error:
         faults = from_pydantic(error, Config) + faults
     if faults:
-        raise config_error(faults, lambda path: _source(sources, path), title)
+        raise config_error(faults, lambda path: source_of(sources, path), title, found.footer) from found.cause
     config._sources = sources
     return config
 
@@ -378,7 +279,7 @@ def _engine_faults(engine: Any) -> list[Fault]:
         message = f"no engine preset named '{preset}'; there are: {', '.join(names)}{closest(preset, names)}"
         return [Fault("engine.preset", message)]
     faults = []
-    for stage, table in _stage_tables().items():
+    for stage, table in stage_tables().items():
         if isinstance(engine.get(stage), dict):
             try:
                 table.model_validate(engine[stage])
@@ -388,7 +289,7 @@ def _engine_faults(engine: Any) -> list[Fault]:
 
 
 @cache
-def _stage_tables() -> dict[str, type[_Table]]:
+def stage_tables() -> dict[str, type[_Table]]:
     """Stage -> a table with the stage's settings as keys, none of them needed, and no text taken for a number."""
     tables: dict[str, type[_Table]] = {}
     for stage, kind in get_type_hints(EngineSettings).items():
@@ -401,14 +302,3 @@ def _stage_tables() -> dict[str, type[_Table]]:
 def _as_in_toml(hint: Any) -> Any:
     """A tuple is written as a list in TOML."""
     return Annotated[hint, Strict(False)] if get_origin(hint) is tuple else hint
-
-
-def _source(sources: Mapping[str, str], path: str) -> str:
-    """The layer that set a value or a table, or the value that a path leads into."""
-    if f"{path}." in sources:
-        return sources[f"{path}."]
-    while path:
-        if path in sources:
-            return sources[path]
-        path = path.rpartition(".")[0]
-    return "default"

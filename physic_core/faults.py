@@ -13,7 +13,7 @@ from physic_core.errors import ConfigError
 if TYPE_CHECKING:
     from pydantic import BaseModel, ValidationError
 
-__all__ = ["Fault", "closest", "config_error", "from_pydantic"]
+__all__ = ["Fault", "Findings", "closest", "config_error", "from_pydantic"]
 
 _COMPARISONS = {
     "less than inf": "a finite number",
@@ -45,6 +45,21 @@ class Fault:
 
     path: str
     message: str
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What one check found.
+
+    Attributes:
+        faults: all of them.
+        footer: a last line of the message, if any.
+        cause: what one of the faults comes from.
+    """
+
+    faults: tuple[Fault, ...] = ()
+    footer: str = ""
+    cause: BaseException | None = None
 
 
 def config_error(faults: Iterable[Fault], source: Callable[[str], str], title: str, footer: str = "") -> ConfigError:

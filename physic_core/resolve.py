@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ValidationError
 
-from physic_core.config import OPTIONAL_INTERFACES
+from physic_core.config import load_config
 from physic_core.errors import BackendError, BackendNotFoundError, PhysicError
-from physic_core.faults import Fault, config_error, from_pydantic
+from physic_core.faults import Fault, Findings, config_error, from_pydantic
 from physic_core.interfaces import INTERFACES
 from physic_core.types import Provenance
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from physic_core.interfaces import Backend, Options
     from physic_core.registry import Claim, Registry
 
-__all__ = ["ResolvedBackend", "ResolvedPipeline", "check", "resolve"]
+__all__ = ["ResolvedBackend", "ResolvedPipeline", "check", "load_checked", "resolve"]
 
 
 @dataclass(frozen=True)
@@ -100,18 +101,47 @@ def check(config: Config, registry: Registry) -> None:
     _choose(config, registry)
 
 
+def load_checked(registry: Registry, file: str | os.PathLike[str] | None = None, **settings: Any) -> Config:
+    """:func:`physic_core.config.load_config`, with names and options of backends checked in the same go.
+
+    Args:
+        registry: what is installed.
+        file: as there.
+        settings: preset, overrides, flags and environment, as there.
+
+    Raises:
+        ConfigError: every fault at once.
+    """
+    return load_config(file, **settings, further=lambda tables: _look(tables, registry)[1])
+
+
 def _choose(config: Config, registry: Registry) -> dict[str, _Choice]:
+    tables = {name: config.choice(name).model_dump() for name in INTERFACES}
+    chosen, found = _look(tables | {"body_model": {"path": config.body_model.path}}, registry)
+    if found.faults:
+        raise config_error(found.faults, config.source, "config", found.footer) from found.cause
+    return chosen
+
+
+def _look(tables: Mapping[str, Any], registry: Registry) -> tuple[dict[str, _Choice], Findings]:
+    """The backends that merged tables choose, and what is wrong with names and options.
+
+    What is no table, or names nothing, is left to the check of the config's own shape.
+    """
     chosen: dict[str, _Choice] = {}
     faults: list[Fault] = []
     cause: BaseException | None = None
     footer = ""
     for interface in INTERFACES:
-        name = config.choice(interface).backend
-        if name == "none" and interface in OPTIONAL_INTERFACES:
+        table = tables.get(interface)
+        name = table.get("backend") if isinstance(table, dict) else None
+        options = table.get("options", {}) if isinstance(table, dict) else {}
+        if not isinstance(name, str) or name in ("", "none"):
             continue
         try:
             claim = registry.get(interface, name)
-            chosen[interface] = _check_options(claim, registry.load_class(claim), config.choice(interface).options)
+            kind = registry.load_class(claim)
+            chosen[interface] = _check_options(claim, kind, options if isinstance(options, dict) else {})
         except BackendNotFoundError as error:
             faults.append(Fault(f"{interface}.backend", registry.explain_missing(interface, name)))
             cause, footer = cause or error.__cause__, f"Python: {sys.executable}"
@@ -120,11 +150,11 @@ def _choose(config: Config, registry: Registry) -> dict[str, _Choice]:
             cause = cause or error
         except _OptionFaults as error:
             faults += error.faults
-    if config.body_model.path is not None and not Path(config.body_model.path).is_file():
-        faults.append(Fault("body_model.path", f"no file at {config.body_model.path}"))
-    if faults:
-        raise config_error(faults, config.source, "config", footer) from cause
-    return chosen
+    body = tables.get("body_model")
+    path = body.get("path") if isinstance(body, dict) else None
+    if isinstance(path, str) and not Path(path).is_file():
+        faults.append(Fault("body_model.path", f"no file at {path}"))
+    return chosen, Findings(tuple(faults), footer, cause)
 
 
 class _OptionFaults(Exception):

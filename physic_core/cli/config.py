@@ -34,10 +34,10 @@ def _arguments(command: Callable[..., None]) -> Callable[..., None]:
 def check(file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> None:
     """Check FILE as a whole, options of backends included; nothing is loaded."""
     from physic_core.plugins import discover
-    from physic_core.resolve import check as check_backends
+    from physic_core.resolve import load_checked
 
-    found = _load(file, preset, overrides)
-    check_backends(found, discover())
+    _refuse_both(file, preset)
+    load_checked(discover(), file, preset=preset, overrides=overrides)
     click.echo(f"{file or f'preset {preset}' if file or preset else 'preset embedded'}: no errors")
 
 
@@ -46,6 +46,19 @@ def check(file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> 
 def show(file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> None:
     """Print what FILE comes to, and where each value is from."""
     click.echo(resolved_toml(_load(file, preset, overrides)), nl=False)
+
+
+@config.command()
+def schema() -> None:
+    """Print the JSON Schema of a config, options of the installed backends included, for your editor.
+
+    With `physic config schema > physic.schema.json`, the first line `#:schema physic.schema.json` of a TOML file lets
+    editors complete and check it (Even Better TOML, Taplo and others).
+    """
+    from physic_core.plugins import discover
+    from physic_core.schema import config_schema
+
+    click.echo(json.dumps(config_schema(discover()), indent=2))
 
 
 @config.command()
@@ -65,11 +78,15 @@ def init(file: Path, preset: str) -> None:
 
 
 def _load(file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> Config:
-    if file is not None and preset is not None:
-        raise click.UsageError('FILE names its preset itself, with extends = "NAME": leave --preset out')
     from physic_core.config import load_config
 
+    _refuse_both(file, preset)
     return load_config(file, preset=preset, overrides=overrides)
+
+
+def _refuse_both(file: Path | None, preset: str | None) -> None:
+    if file is not None and preset is not None:
+        raise click.UsageError('FILE names its preset itself, with extends = "NAME": leave --preset out')
 
 
 def resolved_toml(found: Config) -> str:

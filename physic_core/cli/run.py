@@ -48,7 +48,7 @@ class _Path(click.ParamType[Path]):
 @click.command()
 @click.argument("photo", type=_Path())
 @click.option("-o", "--out", type=_Path(), help="Folder for the results.  [default: <PHOTO>-physic]")
-@click.option("--config", "file", metavar="FILE", type=_Path(), help="A TOML file.")
+@click.option("--config", "file", metavar="FILE", type=_Path(), help="A TOML file, or reconstruction.json of a run.")
 @click.option("--preset", metavar="NAME", help="Preset to build on.  [default: embedded]")
 @click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Change one value; may be repeated.")
 @click.option("--focal-px", type=float, metavar="PX", help="Focal length in px of the photo file.")
@@ -74,10 +74,9 @@ def run(
     if file is not None and preset is not None:
         raise click.UsageError('--config names its preset itself, with extends = "NAME": leave --preset out')
 
-    from physic_core.config import load_config
     from physic_core.devices import check_device
     from physic_core.plugins import discover
-    from physic_core.resolve import check
+    from physic_core.resolve import load_checked
 
     flags: dict[str, dict[str, Any]] = {}
     if focal_px is not None:
@@ -92,9 +91,8 @@ def run(
         flags["--no-cache"] = {"run": {"cache": False}}
 
     # What fails cheaply fails first: nothing is loaded before config, device and output folder have held.
-    config = load_config(file, preset=preset, overrides=overrides, flags=flags)
     registry = discover()
-    check(config, registry)
+    config = load_checked(registry, file, preset=preset, overrides=overrides, flags=flags)
     check_device(config.run.device)
     folder = out if out is not None else Path(f"{photo.stem}-physic")
     with _terminable(), _reserved(folder):
