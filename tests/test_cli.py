@@ -514,6 +514,11 @@ def test_show_says_where_each_value_is_from():
     assert '[segmenter]\nbackend = "embedded"  # preset embedded\n' in shown
 
 
+def test_show_names_the_variable_that_set_a_value(monkeypatch):
+    monkeypatch.setenv("PHYSIC__PHOTO__MAX_SIDE", "700")
+    assert "max_side = 700  # PHYSIC__PHOTO__MAX_SIDE\n" in physic("config", "show").stdout
+
+
 def test_init_writes_a_config_that_holds_as_it_is_and_uncommented():
     done = physic("config", "init")
     assert done.stdout == "wrote physic.toml; try: physic run PHOTO --config physic.toml\n"

@@ -143,6 +143,86 @@ def test_python_callers_may_pass_a_config_a_preset_a_file_tables_or_nothing(writ
     assert as_config({"photo": {"max_side": 640}}).photo.max_side == 640
 
 
+# ---- the environment -------------------------------------------------------------------------------------------------
+
+
+def test_a_variable_goes_over_the_file_and_under_an_override(write):
+    file = write('[inpainter]\nbackend = "telea"\n[photo]\nmax_side = 800\nmask_growth = 0.01\n')
+    variables = {
+        "PHYSIC__PHOTO__MAX_SIDE": "900",
+        "PHYSIC__PHOTO__MASK_GROWTH": "0.02",
+        "PHYSIC__INPAINTER__BACKEND": "navier-stokes",
+        "PHYSIC__INPAINTER__OPTIONS__RADIUS_PX": "7.0",
+        "PHYSIC__RUN__DEVICE": "",
+        "PHYSIC_PLUGINS": "none of this",
+    }
+    config = load_config(file, overrides=["photo.mask_growth=0.03"], environment=variables)
+    assert (config.photo.max_side, config.photo.mask_growth, config.run.device) == (900, 0.03, "cpu")
+    assert (config.inpainter.backend, config.inpainter.options) == ("navier-stokes", {"radius_px": 7.0})
+    assert config.source("photo.max_side") == "PHYSIC__PHOTO__MAX_SIDE"
+    assert config.source("photo.mask_growth") == "--set"
+
+
+def test_the_environment_of_the_process_is_read(monkeypatch):
+    monkeypatch.setenv("PHYSIC__INPAINTER__BACKEND", "telea")
+    assert load_config().inpainter.backend == "telea"
+    assert as_config("mock").inpainter.backend == "telea"
+    assert as_config({"inpainter": {"backend": "patch-based"}}).inpainter.backend == "patch-based"
+
+
+def test_a_variable_that_is_wrong_is_named():
+    assert refusal(environment={"PHYSIC__PHOTO__MAX_SID": "900"}) == (
+        "PHYSIC__PHOTO__MAX_SID: 1 error\nphoto.max_sid   unknown key. Did you mean 'max_side'?"
+    )
+    assert refusal(environment={"PHYSIC__PHOTO____MAX_SIDE": "900"}) == (
+        "the variable PHYSIC__PHOTO____MAX_SIDE names no setting: write PHYSIC__INPAINTER__BACKEND=telea"
+    )
+    text = refusal(environment={"PHYSIC__INPAINTER__BACKEND": "te lea"})
+    assert text.startswith("the variable PHYSIC__INPAINTER__BACKEND=te lea: the value is not valid TOML (")
+
+
+# ---- the configuration of a result -----------------------------------------------------------------------------------
+
+
+def written(config: Config) -> str:
+    """A reconstruction.json with a configuration, as a run writes it."""
+    from physic_core.io.document import to_text
+
+    tables = config.as_dict()
+    tables["engine"]["human"] = {"robust_m": "Infinity"}
+    Path("reconstruction.json").write_bytes(to_text({"schema": "physic.reconstruction", "config": tables}))
+    return "reconstruction.json"
+
+
+def test_a_result_stands_for_the_configuration_that_made_it(write):
+    file = write('extends = "mock"\n[photo]\nfocal_px = 700\n[inpainter.options]\nnoise = 2.0\n')
+    config = load_config(file)
+    again = load_config(written(config), overrides=["run.device=cuda"])
+    assert again.engine.settings().human.robust_m == float("inf")
+    assert again.as_dict() | {"engine": 0, "run": 0} == config.as_dict() | {"engine": 0, "run": 0}
+    assert again.source("inpainter.backend") == "reconstruction.json"
+    assert load_config(write('extends = "reconstruction.json"\n')).photo.focal_px == 700
+
+
+def test_a_result_needs_nothing_of_any_preset(write):
+    file = written(load_config(preset="mock", overrides=["hand_estimator.backend=none"]))
+    assert load_config(file).hand_estimator.backend == "none"
+    assert load_config(file).inpainter.options == {}
+
+
+def test_a_path_in_a_result_holds_from_anywhere(write, tmp_path):
+    config = load_config(write('[body_model]\npath = "SMPLX_NEUTRAL.npz"\n', "sub/config.toml"))
+    assert config.as_dict()["body_model"] == {"path": str(tmp_path / "sub" / "SMPLX_NEUTRAL.npz")}
+
+
+def test_a_json_that_is_no_result_is_refused(write):
+    assert refusal(write("{}", "a.json")) == (
+        "a.json holds no configuration: name the reconstruction.json of a run, or a TOML file"
+    )
+    assert refusal(write("{", "a.json")).startswith("a.json is not valid JSON: Expecting property name")
+    assert refusal("no.json") == "no config file at no.json: check the path"
+
+
 # ---- what is refused -------------------------------------------------------------------------------------------------
 
 
@@ -199,7 +279,8 @@ def test_every_fault_is_told_at_once_with_path_source_and_suggestion(write):
         ),
         (
             "engine.preset=papr",
-            "engine.preset   no engine preset named 'papr'; there are: default, paper, prox, release. Did you mean 'paper'?",
+            "engine.preset   no engine preset named 'papr'; there are: default, paper, prox, release. "
+            "Did you mean 'paper'?",
         ),
         ("engine.scen.floor=off", "engine.scen   unknown key. Did you mean 'scene'?"),
         ("engine.scene.far_m=deep", "engine.scene.far_m   should be a number (got 'deep')"),

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,7 +12,7 @@ from physic_core.config import Config, load_config
 from physic_core.errors import BackendError, ConfigError, InputError
 from physic_core.interfaces import INTERFACES
 from physic_core.registry import BackendRecord, BrokenPlugin, Origin, Registry
-from physic_core.resolve import check, resolve
+from physic_core.resolve import check, load_checked, resolve
 
 OWNER = Origin("mine", "physic-mine", "0.2")
 
@@ -90,6 +91,43 @@ def test_names_and_options_are_told_all_at_once_with_their_paths():
         "body_model.path                         no file at /no/SMPLX.npz\n"
         f"Python: {sys.executable}"
     )
+
+
+def test_faults_of_the_shape_and_of_the_options_are_told_in_one_go(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("my.toml").write_text(
+        "[photo]\nmax_sid = 3\n"
+        '[inpainter]\nbackend = "onw"\n'
+        '[metric_depth]\nbackend = "own"\n[metric_depth.options]\nresolution_level = 12\n'
+        '[segmenter]\nbackend = "none"\n'
+        '[contact_prior]\nbackend = ""\n'
+        "[hand_estimator]\nbackend = 3\n"
+        '[keypoint_detector]\nbackend = "own"\noptions = 3\n'
+        "[engine.scene]\nfar = 3\n"
+    )
+    choices = {f"PHYSIC__{name.upper()}__BACKEND": "own" for name in ("relative_pointmap", "body_estimator")}
+    with pytest.raises(ConfigError) as caught:
+        load_checked(registry(), "my.toml", environment=choices, overrides=["metric_depth.options.mode=3"])
+    assert str(caught.value) == (
+        "my.toml: 8 errors\n"
+        "keypoint_detector.options               should be a table (got 3)\n"
+        "hand_estimator.backend                  should be a text (got 3)\n"
+        "contact_prior.backend                   should not be empty\n"
+        "photo.max_sid                           unknown key. Did you mean 'max_side'?\n"
+        "segmenter.backend                       should name a backend: "
+        "only hand_estimator and contact_prior may be 'none'\n"
+        "engine.scene.far                        unknown setting. Did you mean 'far_m'?\n"
+        "inpainter.backend                       no inpainter named 'onw'; installed: own. Did you mean 'own'?\n"
+        "metric_depth.options.resolution_level   should be <= 9 (got 12)\n"
+        "--set: 1 error\n"
+        "metric_depth.options.mode   should be a text (got 3)\n"
+        f"Python: {sys.executable}"
+    )
+
+
+def test_a_config_that_holds_is_loaded_and_checked_at_once():
+    flags = {"config": {name: {"backend": "own"} for name in INTERFACES}}
+    assert load_checked(registry(), flags=flags).as_dict() == config().as_dict()
 
 
 def test_a_fault_names_the_flag_that_it_comes_from():

@@ -18,7 +18,7 @@ from physic_core.types import DepthMap
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.types import Hints, Intrinsics, Plane
+    from physic_core.types import Bodies, Hints, Intrinsics, Plane
 
 __all__ = ["Stature", "StatureOptions"]
 
@@ -26,12 +26,11 @@ __all__ = ["Stature", "StatureOptions"]
 class StatureOptions(Options):
     """Settings of Stature."""
 
-    stature_m: float = Field(1.68, gt=0.3, lt=2.5, description="height of the tallest person, m; 1.6-1.8 for adults")
-    scale_sigma: float = Field(0.2, gt=0, lt=3, description="how unsure the scale is, log standard deviation")
+    stature_m: float = Field(1.68, gt=0.3, lt=2.5, description="height of whoever stands, m; 1.6-1.8 for adults")
 
 
 class Stature(MetricDepth):
-    """Scales the relative scene by the tallest person: who sits or bends is lower, and does not count."""
+    """Scales the relative scene by the people who stand, and says how unsure that is where nobody does."""
 
     Options: ClassVar[type[Options]] = StatureOptions
     options: StatureOptions
@@ -46,13 +45,26 @@ class Stature(MetricDepth):
         camera = scene.intrinsics or hints.intrinsics
         if camera is None:
             raise BackendError("depth by stature needs a camera: choose a relative_pointmap that answers one")
-        heights = [height(mask, camera, floor) for mask in people.masks]
-        if not np.isfinite(heights).any():
+        heights = np.array([height(mask, camera, floor) for mask in people.masks])
+        measured = np.isfinite(heights)
+        if not measured.any():
             raise BackendError("depth by stature sees nobody from head to feet on the floor: choose another backend")
-        scale = self.options.stature_m / np.nanmax(heights)
-        depth = np.where(scene.valid, scene.points[..., 2] * scale, np.nan).astype(np.float32)
-        note = f"scale from a person who is taken to be {self.options.stature_m:g} m tall"
-        return DepthMap(depth, camera, self.options.scale_sigma, (note,))
+        upright = measured & stands(hints.bodies, len(people))
+        # Who sits, bends, is half hidden or a child is lower: the tallest is nearest to a whole adult.
+        tall = heights[upright if upright.any() else measured].max()
+        sigma, who = (0.15, "who stands") if upright.any() else (0.5, "who may well not stand: do not trust it")
+        depth = np.where(scene.valid, scene.points[..., 2] * (self.options.stature_m / tall), np.nan)
+        note = f"scale from a person taken to be {self.options.stature_m:g} m tall, {who}"
+        return DepthMap(depth.astype(np.float32), camera, sigma, (note,))
+
+
+def stands(bodies: Bodies | None, count: int) -> NDArray[np.bool_]:
+    """Which of the people (count,) have straight hips and knees, and both ankles in the photo; nobody if not known."""
+    if bodies is None or bodies.observed is None:
+        return np.zeros(count, bool)
+    bends = np.linalg.norm(bodies.parameters.body_pose.reshape(count, 21, 3)[:, [0, 1, 3, 4]], axis=2)
+    straight: NDArray[np.bool_] = (bends < 0.8).all(axis=1)  # radians
+    return straight & bodies.observed[:, [7, 8]].all(axis=1)
 
 
 def height(mask: NDArray[np.bool_], camera: Intrinsics, floor: Plane) -> float:

@@ -1,0 +1,85 @@
+"""``physic config schema``: what editors are told is what the checks say."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from typing import Any
+
+import jsonschema
+import pytest
+from click.testing import CliRunner
+
+from physic_core.cli import main
+from physic_core.config import load_config, preset_names
+from physic_core.plugins import discover
+from physic_core.registry import BackendRecord, Registry
+from physic_core.schema import config_schema
+
+
+@pytest.fixture(scope="module")
+def schema() -> dict[str, Any]:
+    return config_schema(discover())
+
+
+def faults(schema: dict[str, Any], text: str) -> list[str]:
+    found = jsonschema.Draft202012Validator(schema).iter_errors(tomllib.loads(text))
+    return sorted(".".join(map(str, fault.absolute_path)) for fault in found)
+
+
+def test_it_is_a_schema(schema):
+    jsonschema.Draft202012Validator.check_schema(schema)
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_every_preset_holds(schema, name: str):
+    jsonschema.Draft202012Validator(schema).validate(load_config(preset=name).as_dict())
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        'extends = "mock"\n[photo]\nmax_side = 640',
+        'extends = "../base.toml"\n[engine]\npreset = "paper"\n[engine.joint]\nsteps = 40',
+        '[inpainter]\nbackend = "telea"\noptions = {radius_px = 3.0}',
+        '[inpainter]\nbackend = "physic-opencv:telea"',
+        '[inpainter]\nbackend = "my_pkg.fill:Fill"\noptions = {anything = 1}',
+        '[hand_estimator]\nbackend = "none"',
+        "[inpainter]\noptions = {radius_px = 3.0}",
+    ],
+)
+def test_a_file_that_holds_passes(schema, text: str):
+    assert faults(schema, text) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "path"),
+    [
+        ("[photo]\nmax_sid = 640", "photo"),
+        ("[photo]\nmax_side = 3", "photo.max_side"),
+        ('[inpainter]\nbackend = "telea"\noptions = {radius = 3.0}', "inpainter.options"),
+        ('[inpainter]\nbackend = "telea"\noptions = {radius_px = 99}', "inpainter.options.radius_px"),
+        ('[inpainter]\nbackend = "telae"', "inpainter.backend"),
+        ('[segmenter]\nbackend = "none"', "segmenter.backend"),
+        ('[engine]\npreset = "papr"', "engine.preset"),
+        ("[engine.scene]\nfar_m = 'x'", "engine.scene.far_m"),
+        ("[engine.scene]\nfar = 3", "engine.scene"),
+        ('extends = "embeded"', "extends"),
+        ("colour = 3", ""),
+    ],
+)
+def test_a_mistake_is_found_where_it_is(schema, text: str, path: str):
+    assert faults(schema, text) == [path]
+
+
+def test_a_backend_that_cannot_be_read_is_listed_without_options(site):
+    own = Registry()
+    own.register(BackendRecord("inpainter", "broken", "no_such_module:C"))
+    schema = config_schema(own)
+    assert faults(schema, '[inpainter]\nbackend = "broken"\noptions = {a = 1}') == []
+    assert faults(schema, '[inpainter]\nbackend = "other"') == ["inpainter.backend"]
+
+
+def test_the_command_prints_it(schema):
+    assert json.loads(CliRunner().invoke(main, ["config", "schema"]).stdout) == schema
