@@ -61,7 +61,7 @@ class Digester:
             for item in thing:
                 self._feed(whole, item)
         else:
-            raise TypeError(f"a {type(thing).__name__} has no digest.")
+            raise TypeError(f"{type(thing).__name__} has no digest.")
 
     def _array(self, array: AnyArray) -> bytes:
         known = self._arrays.get(id(array))

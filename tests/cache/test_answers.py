@@ -1,0 +1,280 @@
+"""Kept answers: found again to the last bit, by whoever asks the same of the same backend, and by nobody else."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydantic import Field
+
+from physic_core import interfaces
+from physic_core.cache import answers as module
+from physic_core.cache import code, npz
+from physic_core.cache.answers import Answers, settled
+from physic_core.types import DepthMap, Hands, Hints, Intrinsics, Keypoints, People, Provenance
+
+
+class Depth(interfaces.MetricDepth):
+    class Options(interfaces.Options):
+        weights: str = Field("small", description="name or file")
+
+    stated = ""
+
+    def infer(self, image, hints):
+        return DepthMap(np.ones(image.shape[:2], np.float32))
+
+    def fingerprint(self):
+        return self.stated
+
+
+WHO = Provenance("metric_depth", "my depth/1", "my_plugin", "my-dist", "1.0", {"weights": "small"}, "MIT")
+IMAGE = np.random.default_rng(0).integers(0, 255, (6, 8, 3), np.uint8)
+INPUTS = (IMAGE, Hints(intrinsics=Intrinsics.from_focal(9, 8, 6)))
+ANSWER = DepthMap(np.full((6, 8), np.nan, np.float32), Intrinsics.from_focal(9, 8, 6, "é"), 0.1, ("note", "two"))
+
+
+@pytest.fixture(autouse=True)
+def _old_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files that are edited while the tests run count as older than this process."""
+    monkeypatch.setattr(code, "_STARTED", float("inf"))
+
+
+@pytest.fixture
+def cache(tmp_path: Path) -> Answers:
+    return Answers(tmp_path / "answers", 10**6)
+
+
+def ask(cache: Answers, who: Provenance = WHO, device: str = "cpu", inputs: tuple[object, ...] = INPUTS):
+    question = cache.question(Depth(), who, device, inputs)
+    assert question is not None
+    return question
+
+
+def files(cache: Answers) -> list[Path]:
+    return sorted(cache._folder.iterdir())
+
+
+def test_what_was_kept_is_found_to_the_last_bit_by_another_run(cache: Answers):
+    assert cache.find(ask(cache)) is None
+    cache.keep(ask(cache), ANSWER)
+    found = Answers(cache._folder, 0).find(ask(cache))
+    assert isinstance(found, DepthMap)
+    assert found.depth.dtype == np.float32
+    np.testing.assert_array_equal(found.depth, ANSWER.depth)
+    assert replace(found, depth=ANSWER.depth) == ANSWER
+    (file,) = files(cache)
+    assert file.name.startswith("metric_depth-my_depth_1-")
+    assert npz.read(file)[1]["backend"]["distribution"] == "my-dist"
+
+
+def test_an_image_is_an_answer_too(cache: Answers):
+    cache.keep(ask(cache), IMAGE)
+    np.testing.assert_array_equal(cache.find(ask(cache)), IMAGE)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"who": replace(WHO, backend="other")},
+        {"who": replace(WHO, interface="relative_pointmap")},
+        {"who": replace(WHO, distribution="other")},
+        {"who": replace(WHO, version="1.1")},
+        {"who": replace(WHO, options={"weights": "large"})},
+        {"device": "cuda"},
+        {"inputs": (IMAGE[::-1], INPUTS[1])},
+        {"inputs": (IMAGE, Hints())},
+        {"inputs": (IMAGE, Hints(intrinsics=Intrinsics.from_focal(9.0001, 8, 6)))},
+    ],
+    ids=str,
+)
+def test_another_question_is_another(cache: Answers, other: dict[str, object]):
+    assert ask(cache, **other).name != ask(cache).name  # type: ignore[arg-type]
+
+
+def test_another_plugin_api_is_another_question(cache: Answers, monkeypatch: pytest.MonkeyPatch):
+    before = ask(cache).name
+    monkeypatch.setattr(module, "PLUGIN_API", 99)
+    assert ask(cache).name != before
+
+
+def test_a_file_that_an_option_names_is_part_of_the_question(cache: Answers, tmp_path: Path):
+    weights = tmp_path / "weights.pt"
+    who = replace(WHO, options={"weights": str(weights), "more": [{"deep": str(weights)}], "odd": "\0"})
+    absent = ask(cache, who).name
+    weights.write_text("1")
+    before = ask(cache, who).name
+    weights.write_text("12")
+    assert len({absent, before, ask(cache, who).name}) == 3
+
+
+def test_what_the_backend_states_is_part_of_the_question(cache: Answers, monkeypatch: pytest.MonkeyPatch):
+    before = ask(cache).name
+    monkeypatch.setattr(Depth, "stated", "revision 2")
+    assert ask(cache).name != before
+
+
+def test_a_backend_that_opts_out_and_one_that_nobody_can_name_are_not_kept(
+    cache: Answers, monkeypatch: pytest.MonkeyPatch
+):
+    class Local(Depth): ...
+
+    assert cache.question(Local(), WHO, "cpu", INPUTS) is None
+    assert cache.question(Depth(), WHO, "cpu", (IMAGE, {1})) is None
+    monkeypatch.setattr(Depth, "cacheable", False)
+    assert cache.question(Depth(), WHO, "cpu", INPUTS) is None
+
+
+@dataclass(frozen=True)
+class MoreDepth(DepthMap):
+    more: int = 1
+
+
+NAMESAKE = dataclass(frozen=True)(type("DepthMap", (DepthMap,), {"__annotations__": {"more": "int"}, "more": 1}))
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        MoreDepth(np.ones((6, 8))),
+        NAMESAKE(np.ones((6, 8))),
+        DepthMap(np.ones((6, 8)), notes={"a"}),  # type: ignore[arg-type]
+        DepthMap(np.array([[{}]], object)),
+    ],
+    ids=["subclass", "namesake", "a set", "objects"],
+)
+def test_what_no_interface_speaks_of_is_not_kept_and_stays_as_it_is(cache: Answers, answer: DepthMap):
+    cache.keep(ask(cache), answer)
+    assert not cache._folder.exists()
+    assert settled(answer) is answer
+    assert cache.notes == []
+
+
+def test_settled_answers_are_what_is_read_again():
+    wide = np.random.default_rng(0).normal(size=(8, 6)).T
+    people = People(np.zeros((0, 6, 8), bool), np.zeros((0, 4)), np.zeros(0), keypoints=Keypoints(wide, wide, "coco17"))
+    same = settled(people)
+    assert same.keypoints is not None
+    assert same.keypoints.points.flags.c_contiguous
+    np.testing.assert_array_equal(same.keypoints.points, wide)
+    assert type(settled(DepthMap(wide, scale_sigma=np.float32(0.5))).scale_sigma) is float  # type: ignore[arg-type]
+    assert settled(DepthMap(wide, notes=["a"])).notes == ("a",)  # type: ignore[arg-type]
+    assert settled(wide).flags.c_contiguous
+
+
+def damages() -> list[Callable[[Path], object]]:
+    def half(path: Path) -> None:
+        path.write_bytes(path.read_bytes()[:-40])
+
+    def other_class(path: Path) -> None:
+        npz.write(path.parent, path.name, {}, {"answer": {"class": "Path", "fields": {}}})
+
+    def other_fields(path: Path) -> None:
+        npz.write(path.parent, path.name, {}, {"answer": {"class": "Hands", "fields": {"a": 1}}})
+
+    def no_answer(path: Path) -> None:
+        npz.write(path.parent, path.name, {}, {})
+
+    def text(path: Path) -> None:
+        path.write_text("a letter")
+
+    return [half, other_class, other_fields, no_answer, text]
+
+
+@pytest.mark.parametrize("damage", damages(), ids=lambda f: f.__name__)
+def test_a_damaged_file_is_dropped_with_a_note(cache: Answers, damage: Callable[[Path], object]):
+    cache.keep(ask(cache), ANSWER)
+    (file,) = files(cache)
+    damage(file)
+    assert cache.find(ask(cache)) is None
+    assert files(cache) == []
+    (note,) = cache.notes
+    assert note.startswith(f"a damaged file of the cache was dropped and its answer computed again: {file} (")
+    cache.keep(ask(cache), ANSWER)
+    assert cache.find(ask(cache)) is not None
+
+
+def test_a_disk_that_cannot_be_written_costs_one_note(tmp_path: Path):
+    (tmp_path / "file").write_text("")
+    cache = Answers(tmp_path / "file", 10**6)
+    for _ in range(2):
+        cache.keep(ask(cache), ANSWER)
+        assert cache.find(ask(cache)) is None
+    (note,) = cache.notes
+    assert note.startswith("answers of backends cannot be kept: ")
+    assert note.endswith("; name another folder in PHYSIC_CACHE, or switch it off")
+    cache.tidy()
+    assert (tmp_path / "file").read_text() == ""
+
+
+def test_an_answer_larger_than_the_whole_cache_is_not_written(tmp_path: Path):
+    cache = Answers(tmp_path / "answers", 100)
+    cache.keep(ask(cache), ANSWER)
+    assert not (tmp_path / "answers").exists()
+
+
+def test_the_run_that_wrote_makes_room(tmp_path: Path):
+    cache = Answers(tmp_path, 4000)
+    names = []
+    for i in range(9):
+        names.append(ask(cache, replace(WHO, version=str(i))).name)
+        cache.keep(ask(cache, replace(WHO, version=str(i))), ANSWER)
+    assert len(files(cache)) == 9
+    os.utime(tmp_path / names[-1], (2e9, 2e9))  # the latest, whatever the clock's steps are
+    Answers(tmp_path, 0).tidy()  # wrote nothing
+    assert len(files(cache)) == 9
+    cache.tidy()
+    left = [path.name for path in files(cache)]
+    assert 0 < len(left) < 9
+    assert sum(path.stat().st_size for path in files(cache)) <= 4000
+    assert names[-1] in left
+
+
+def test_the_users_folder_follows_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("PHYSIC_CACHE", "off")
+    assert Answers.in_users_folder(5) is None
+    monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path))
+    cache = Answers.in_users_folder(5)
+    assert cache is not None
+    assert (cache._folder, cache._limit) == (tmp_path, 5_000_000)
+
+
+HAMMER = """
+import sys
+from pathlib import Path
+import numpy as np
+from physic_core.cache.answers import Answers, Question
+from physic_core.types import Hands
+cache = Answers(Path(sys.argv[1]), 40_000)
+for i in range(120):
+    k = i % 12
+    question = Question(f"hand_estimator-x-{k:040x}.answer.npz", {})
+    answer = cache.find(question)
+    if answer is None:
+        cache.keep(question, Hands(np.full((2, 2, 15, 3), k, np.float32), np.ones((2, 2), np.float32)))
+    else:
+        assert (answer.rotvecs == k).all() and answer.rotvecs.shape == (2, 2, 15, 3)
+    cache._written = True
+    cache.tidy()
+print(cache.notes)
+"""
+
+
+def test_many_processes_may_read_write_and_make_room_at_once(tmp_path: Path):
+    running = [
+        subprocess.Popen([sys.executable, "-c", HAMMER, str(tmp_path)], stdout=subprocess.PIPE, text=True)
+        for _ in range(3)
+    ]
+    assert [(process.communicate(timeout=300)[0], process.returncode) for process in running] == [("[]\n", 0)] * 3
+    assert all(path.name.endswith(".answer.npz") for path in tmp_path.iterdir())
+    assert sum(path.stat().st_size for path in tmp_path.iterdir()) <= 40_000
+    assert all(isinstance(answer, Hands) for answer in map(_answer, tmp_path.iterdir()))
+
+
+def _answer(path: Path) -> object:
+    return Answers(path.parent, 0).find(module.Question(path.name, {}))

@@ -1,0 +1,141 @@
+"""Which code a class is: every edit counts, and code that nobody can name has no digest."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from physic_core.cache import code
+from physic_core.cache.code import Code
+from physic_core.interfaces import MetricDepth
+
+
+@pytest.fixture
+def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder to import from; its files count as older than this process."""
+    monkeypatch.setattr(code, "_STARTED", float("inf"))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    before = set(sys.modules)
+    yield tmp_path
+    for name in set(sys.modules) - before:
+        del sys.modules[name]
+
+
+def write(path: Path, text: str) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+    return path
+
+
+SOURCE = "class Depth:\n    answer = 1\n"
+
+
+def package(site: Path) -> type:
+    write(site / "pack" / "__init__.py", "")
+    write(site / "pack" / "deep" / "__init__.py", "")
+    write(site / "pack" / "other.py", "x = 1\n")
+    write(site / "pack" / "weights.onnx", "12345")
+    write(site / "pack" / "deep" / "worker.py", SOURCE)
+    importlib.invalidate_caches()
+    kind: type = importlib.import_module("pack.deep.worker").Depth
+    return kind
+
+
+def test_the_same_files_have_one_digest(site: Path):
+    kind = package(site)
+    told = Code().of(kind)
+    assert told is not None
+    write(site / "pack" / "__pycache__" / "other.pyc", "x")
+    write(site / "beside.py", "x")
+    assert Code().of(kind) == told
+
+
+@pytest.mark.parametrize(
+    ("file", "text"),
+    [
+        ("pack/deep/worker.py", SOURCE.replace("1", "2")),
+        ("pack/other.py", "x = 2\n"),
+        ("pack/__init__.py", "#"),
+        ("pack/weights.onnx", "123456"),
+        ("pack/new.py", ""),
+    ],
+)
+def test_every_edit_of_the_package_counts(site: Path, file: str, text: str):
+    kind = package(site)
+    told = Code().of(kind)
+    write(site / file, text)
+    assert Code().of(kind) not in (told, None)
+
+
+def test_weights_count_by_size_and_time(site: Path):
+    kind = package(site)
+    told = Code().of(kind)
+    os.utime(site / "pack" / "weights.onnx", (5, 5))
+    assert Code().of(kind) != told
+
+
+def test_a_module_in_no_package_counts_with_those_beside_it(site: Path):
+    write(site / "my_depth.py", SOURCE)
+    importlib.invalidate_caches()
+    kind = importlib.import_module("my_depth").Depth
+    told = Code().of(kind)
+    write(site / "my_helpers.py", "x = 1\n")
+    other = Code().of(kind)
+    assert None not in (told, other)
+    assert told != other
+
+
+def test_bases_count(site: Path):
+    write(site / "base.py", SOURCE)
+    write(site / "pack" / "__init__.py", "from base import Depth\nclass Own(Depth): ...\n")
+    importlib.invalidate_caches()
+    kind = importlib.import_module("pack").Own
+    told = Code().of(kind)
+    write(site / "base.py", SOURCE.replace("1", "2"))
+    assert Code().of(kind) not in (told, None)
+
+
+def test_a_huge_package_counts_by_the_module_alone(site: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(code, "_MANY", 3)
+    kind = package(site)
+    told = Code().of(kind)
+    write(site / "pack" / "other.py", "x = 2\n")
+    assert Code().of(kind) == told
+    write(site / "pack" / "deep" / "worker.py", SOURCE.replace("1", "2"))
+    assert Code().of(kind) not in (told, None)
+
+
+def test_what_was_edited_after_the_process_began_has_no_digest(site: Path, monkeypatch: pytest.MonkeyPatch):
+    kind = package(site)
+    monkeypatch.setattr(code, "_STARTED", time.time() - 100)
+    assert Code().of(kind) is None
+    for path in (site / "pack").rglob("*.py"):
+        os.utime(path, (time.time() - 200,) * 2)
+    assert Code().of(kind) is not None
+    # A clock that was wrong once says nothing.
+    os.utime(site / "pack" / "other.py", (time.time() + 1e6,) * 2)
+    assert Code().of(kind) is not None
+
+
+def test_a_class_of_a_function_or_of_a_session_has_no_digest(monkeypatch: pytest.MonkeyPatch):
+    class Local(MetricDepth):
+        def infer(self, image, hints): ...
+
+    assert Code().of(Local) is None
+    monkeypatch.setattr(MetricDepth, "__module__", "__main__")
+    assert Code().of(MetricDepth) is None
+    monkeypatch.setattr(MetricDepth, "__module__", "no.such.module")
+    assert Code().of(MetricDepth) is None
+
+
+def test_each_module_is_looked_at_once(site: Path):
+    kind, reader = package(site), Code()
+    told = reader.of(kind)
+    write(site / "pack" / "other.py", "x = 2\n")
+    assert reader.of(kind) == told

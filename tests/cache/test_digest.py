@@ -1,0 +1,72 @@
+"""Equal contents have equal digests, and other contents have others."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from physic_core.cache.digest import Digester
+from physic_core.types import Hints, Intrinsics, Keypoints, Plane
+
+
+def digest(*things: object) -> str:
+    return Digester().digest(*things)
+
+
+def keypoints(seed: int = 0) -> Keypoints:
+    rng = np.random.default_rng(seed)
+    return Keypoints(rng.normal(size=(2, 17, 2)), rng.random((2, 17)), "coco17")
+
+
+def test_equal_contents_have_one_digest_wherever_they_lie():
+    whole = np.arange(24.0).reshape(4, 6)
+    assert digest(whole[:, ::2]) == digest(whole[:, ::2].copy()) == digest(np.asfortranarray(whole[:, ::2]))
+    assert digest(Hints(keypoints=keypoints())) == digest(Hints(keypoints=keypoints()))
+    assert digest({"a": 1, "b": 2}) == digest({"b": 2, "a": 1})
+    assert digest((1, "a")) == digest([1, "a"])
+
+
+THINGS = [
+    *(None, True, 1, 1.0, "1", "None", "", (), ((),), (1, 2), ((1,), 2), ("12",), ("1", "2"), {}, {"a": 1}),
+    *(float("nan"), np.float32(1), np.zeros(2), np.zeros((2, 1)), np.zeros((1, 2)), np.zeros(2, np.float32)),
+    *(np.zeros(16, np.uint8), np.zeros(0), np.zeros((0, 4)), np.array(0.0), -np.zeros(2), np.zeros(2, ">f8")),
+    *(keypoints(), keypoints(1), replace(keypoints(), skeleton="coco23"), Hints(keypoints=keypoints())),
+    *(Hints(), Plane(np.zeros(3), 1.0), Intrinsics(1, 1, 1, 1, 2, 2), Intrinsics(1, 1, 1, 1, 2, 2, "EXIF")),
+]
+
+
+def test_no_two_of_many_things_have_one_digest():
+    told = [digest(thing) for thing in THINGS]
+    assert [(THINGS[a], THINGS[b]) for a, b in combinations(range(len(told)), 2) if told[a] == told[b]] == []
+
+
+def test_one_changed_number_changes_it():
+    image = np.zeros((48, 64, 3), np.uint8)
+    before = digest(image)
+    image[47, 63, 2] = 1
+    assert digest(image) != before
+
+
+def test_an_array_that_is_shown_again_is_not_read_again():
+    digester, image = Digester(), np.zeros(9)
+    first = digester.digest(image)
+    assert digester.digest((image, image)) == digest((image, image))
+    image += 1  # against the rules, to see that it is not looked at
+    assert digester.digest(image) == first
+
+
+@pytest.mark.parametrize(
+    ("thing", "message"),
+    [
+        ({1, 2}, "set has no digest."),
+        (np.array([{}], object), "an array of Python objects has no digest."),
+        (Hints(hole=object()), "object has no digest."),  # type: ignore[arg-type]
+    ],
+)
+def test_what_has_no_contents_to_tell_is_refused(thing: object, message: str):
+    with pytest.raises(TypeError) as error:
+        digest(thing)
+    assert str(error.value) == message
