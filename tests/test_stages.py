@@ -1,0 +1,273 @@
+"""Stages: who is loaded when, what is closed when, and what is said of a backend that fails."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from physic_core import border, interfaces
+from physic_core.cache import code
+from physic_core.cache.answers import Answers
+from physic_core.errors import BackendError, BackendOutputError, InputError, NoPersonError, PhysicError
+from physic_core.resolve import ResolvedBackend
+from physic_core.stages import Stages
+from physic_core.types import DepthMap, Provenance
+
+SHAPE = (6, 8)
+
+
+class Counting(interfaces.MetricDepth):
+    """Writes down what happens to it."""
+
+    events: ClassVar[list[str]] = []
+
+    def __init__(self, name: str = "a", fails_in: str = "", error: BaseException | None = None) -> None:
+        super().__init__()
+        self.name, self.fails_in, self.error = name, fails_in, error or RuntimeError("no")
+        self.answer: object = DepthMap(np.ones(SHAPE, np.float32), notes=(f"from {name}",))
+
+    def load(self, device="cpu"):
+        self.note("load", f" on {device}")
+
+    def infer(self, image, scale=1):
+        self.note("infer")
+        return self.answer
+
+    def close(self):
+        self.note("close")
+
+    def fingerprint(self):
+        if self.fails_in == "fingerprint":
+            raise self.error
+        return ""
+
+    def note(self, event: str, more: str = "") -> None:
+        self.events.append(f"{event} {self.name}{more}")
+        if self.fails_in == event:
+            raise self.error
+
+
+@pytest.fixture(autouse=True)
+def events(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    monkeypatch.setattr(Counting, "events", [])
+    monkeypatch.setattr(code, "_STARTED", float("inf"))
+    return Counting.events
+
+
+def resolved(backend: Counting) -> ResolvedBackend:
+    return ResolvedBackend(backend, Provenance("metric_depth", backend.name, "p", "my-dist", "1.0", {}, ""))
+
+
+def ask(stages: Stages, backend: Counting, *inputs: object, again: bool = False) -> DepthMap:
+    return stages.ask(
+        "depth", resolved(backend), inputs or (1,), DepthMap, lambda a: border.depth_faults(a, *SHAPE), again=again
+    )
+
+
+def if_it_can(stages: Stages, backend: Counting) -> DepthMap | None:
+    return stages.ask_if_it_can(
+        "depth", resolved(backend), (1,), DepthMap, lambda a: border.depth_faults(a, *SHAPE), otherwise="all is flat"
+    )
+
+
+# ---- loading and closing ---------------------------------------------------------------------------------------------
+
+
+def test_a_backend_is_loaded_at_its_first_question_and_closed_at_the_end(events: list[str]):
+    stages, a, b = Stages("cuda:1", 3), Counting("a"), Counting("b")
+    for backend in (a, b, a):
+        ask(stages, backend)
+    assert events == ["load a on cuda:1", "infer a", "load b on cuda:1", "infer b", "infer a"]
+    stages.close()
+    stages.close()
+    assert events[5:] == ["close a", "close b"]
+
+
+def test_a_backend_that_was_never_asked_is_neither_loaded_nor_closed(events: list[str]):
+    stages = Stages("cpu", 1)
+    resolved(Counting())
+    stages.close()
+    assert events == []
+
+
+def test_where_memory_is_short_a_backend_is_closed_after_its_last_question(events: list[str]):
+    stages, a, b = Stages("cpu", 3, low_memory=True), Counting("a"), Counting("b")
+    ask(stages, a, again=True)
+    ask(stages, a)
+    ask(stages, b)
+    stages.close()
+    assert events == ["load a on cpu", "infer a", "infer a", "close a", "load b on cpu", "infer b", "close b"]
+
+
+@pytest.mark.parametrize("event", ["load", "infer"])
+@pytest.mark.parametrize("low_memory", [True, False])
+def test_a_backend_that_fails_is_closed_too(events: list[str], event: str, low_memory: bool):
+    stages = Stages("cpu", 1, low_memory=low_memory)
+    with pytest.raises(BackendError):
+        ask(stages, Counting(fails_in=event))
+    assert ("close a" in events) == low_memory
+    stages.close()
+    assert events[-1] == "close a"
+    assert events.count("close a") == 1
+
+
+def test_a_backend_that_cannot_be_closed_costs_a_warning(events: list[str]):
+    stages, a, b = Stages("cpu", 2), Counting("a", "close", OSError("gone")), Counting("b")
+    ask(stages, a)
+    ask(stages, b)
+    stages.close()
+    assert events[-2:] == ["close a", "close b"]
+    assert stages.warnings == [
+        "metric_depth 'a' (my-dist 1.0) cannot be closed: OSError: gone; the result is whole, but memory may be lost"
+    ]
+
+
+# ---- failures --------------------------------------------------------------------------------------------------------
+
+TITLE = "metric_depth 'a' (my-dist 1.0), stage 'depth'"
+
+
+class Own(PhysicError):
+    def __init__(self, one: int, two: int) -> None:
+        super().__init__(f"{one} and {two}")
+
+
+@pytest.mark.parametrize("event", ["load", "infer"])
+@pytest.mark.parametrize(
+    ("error", "kind", "message"),
+    [
+        (RuntimeError("no weights"), BackendError, f"{TITLE}: RuntimeError: no weights"),
+        (SystemExit(3), BackendError, f"{TITLE}: SystemExit: 3"),
+        (MemoryError(), BackendError, f"{TITLE}: MemoryError: "),
+        (InputError("the image is tiny"), InputError, f"{TITLE}: the image is tiny"),
+        (NoPersonError("nobody"), NoPersonError, f"{TITLE}: nobody"),
+        (Own(1, 2), BackendError, f"{TITLE}: 1 and 2"),
+    ],
+    ids=lambda value: type(value).__name__ if isinstance(value, BaseException) else None,
+)
+def test_a_failure_names_interface_backend_distribution_and_stage(
+    event: str, error: BaseException, kind: type[PhysicError], message: str
+):
+    stages = Stages("cpu", 1)
+    with pytest.raises(kind) as caught:
+        ask(stages, Counting(fails_in=event, error=error))
+    assert type(caught.value) is kind
+    assert str(caught.value) == message
+    assert caught.value.__cause__ is error
+    (record,) = stages.records
+    assert (record.failed, record.cached) == (True, False)
+
+
+def test_whoever_breaks_the_run_off_is_not_held(events: list[str]):
+    stages = Stages("cpu", 1)
+    with pytest.raises(KeyboardInterrupt):
+        if_it_can(stages, Counting(fails_in="infer", error=KeyboardInterrupt()))
+    stages.close()
+    assert events[-1] == "close a"
+
+
+@pytest.mark.parametrize(
+    ("answer", "fault"),
+    [
+        (None, "expected DepthMap, got NoneType"),
+        (np.ones(SHAPE), "expected DepthMap, got ndarray"),
+        (DepthMap(np.ones((8, 6), np.float32)), "depth must be (6, 8), got (8, 6)"),
+        (DepthMap(np.full(SHAPE, np.nan)), "depth is NaN or infinite everywhere"),
+        (DepthMap(None), "depth must be a numpy array (6, 8), got NoneType"),  # type: ignore[arg-type]
+    ],
+    ids=["none", "an array", "transposed", "NaN", "empty"],
+)
+def test_a_wrong_answer_is_told_with_all_that_is_wrong(answer: object, fault: str):
+    backend = Counting()
+    backend.answer = answer
+    with pytest.raises(BackendOutputError) as error:
+        ask(Stages("cpu", 1), backend)
+    assert str(error.value) == f"{TITLE} answered what the interface does not allow:\n  {fault}"
+
+
+def test_an_answer_that_cannot_even_be_looked_at_is_a_wrong_answer():
+    def faults(answer: DepthMap) -> list[str]:
+        raise AttributeError("'list' object has no attribute 'ndim'")
+
+    with pytest.raises(BackendOutputError) as error:
+        Stages("cpu", 1).ask("depth", resolved(Counting()), (1,), DepthMap, faults)
+    assert str(error.value) == (
+        f"{TITLE} answered what the interface does not allow:\n"
+        "  DepthMap cannot be read: AttributeError: 'list' object has no attribute 'ndim'"
+    )
+
+
+def test_a_run_goes_on_without_what_it_can_do_without():
+    stages = Stages("cpu", 2)
+    assert if_it_can(stages, Counting(fails_in="load", error=FileNotFoundError("w.pt"))) is None
+    wrong = Counting()
+    wrong.answer = DepthMap(np.ones((8, 6)))
+    assert if_it_can(stages, wrong) is None
+    right = Counting()
+    assert if_it_can(stages, right) is not None
+    assert stages.warnings == [
+        f"{TITLE}: FileNotFoundError: w.pt; all is flat",
+        f"{TITLE} answered what the interface does not allow: depth must be (6, 8), got (8, 6); all is flat",
+    ]
+    assert [record.failed for record in stages.records] == [True, True, False]
+
+
+# ---- the cache -------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Callable[[], Stages]:
+    """Begins another run with the same cache."""
+    return lambda: Stages("cpu", 1, answers=Answers(tmp_path / "answers", 10**6))
+
+
+def test_what_was_answered_once_is_neither_asked_nor_loaded_for(events: list[str], run: Callable[[], Stages]):
+    first, second = run(), run()
+    told = ask(first, Counting(), 1)
+    again = ask(second, Counting(), 1)
+    second.close()
+    assert events == ["load a on cpu", "infer a"]
+    np.testing.assert_array_equal(told.depth, again.depth)
+    assert told.notes == again.notes
+    assert [(r.cached, r.failed, r.load_seconds > 0) for s in (first, second) for r in s.records] == [
+        (False, False, True),
+        (True, False, False),
+    ]
+
+
+def test_another_question_is_asked(events: list[str], run: Callable[[], Stages]):
+    for inputs in ((1,), (2,), (1, 2)):
+        ask(run(), Counting(), *inputs)
+    ask(run(), Counting("b"), 1)
+    assert [event for event in events if event.startswith("infer")] == ["infer a"] * 3 + ["infer b"]
+
+
+def test_failures_and_wrong_answers_are_not_kept(run: Callable[[], Stages]):
+    wrong = Counting()
+    wrong.answer = DepthMap(np.ones((8, 6)))
+    for backend in (Counting(fails_in="infer"), wrong):
+        with pytest.raises(BackendError):
+            ask(run(), backend)
+    stages = run()
+    ask(stages, Counting())
+    assert not stages.records[0].cached
+
+
+def test_a_kept_answer_must_pass_the_border_too(events: list[str], run: Callable[[], Stages], tmp_path: Path):
+    ask(run(), Counting())
+    stages, (file,) = run(), (tmp_path / "answers").iterdir()
+    told = stages.ask("depth", resolved(Counting()), (1,), DepthMap, lambda a: [] if "infer a" in events[2:] else ["x"])
+    assert told.depth.shape == SHAPE
+    stages.close()
+    assert events == ["load a on cpu", "infer a", "load a on cpu", "infer a", "close a"]
+    assert stages.notes == [f"a damaged file of the cache was dropped and its answer computed again: {file} (x)"]
+
+
+def test_a_fingerprint_that_fails_names_the_backend(run: Callable[[], Stages]):
+    with pytest.raises(BackendError) as error:
+        ask(run(), Counting(fails_in="fingerprint", error=FileNotFoundError("weights")))
+    assert str(error.value) == f"{TITLE}: FileNotFoundError: weights"
