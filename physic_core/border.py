@@ -9,8 +9,12 @@ Numbers that are not finite are a fault where nobody's are; where a backend fail
 
 from __future__ import annotations
 
+import math
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any
+from numbers import Real
+from typing import TYPE_CHECKING, Any, get_args
+
+from physic_core.types import BodyParameters, Intrinsics, Keypoints, Unknown
 
 if TYPE_CHECKING:
     from physic_core.types import (
@@ -19,7 +23,6 @@ if TYPE_CHECKING:
         ContactProbability,
         DepthMap,
         Hands,
-        Keypoints,
         People,
         Pointmap,
         UInt8Array,
@@ -60,13 +63,13 @@ def image_faults(image: UInt8Array, height: int, width: int) -> list[str]:
 
 def people_faults(people: People, height: int, width: int) -> list[str]:
     """Faults of a Segmenter's answer for an image of ``height`` x ``width`` px."""
-    n = len(people.masks)
+    n = _rows_in(people.masks)
     faults = _array("masks", people.masks, (n, height, width), "bool")
     faults += _array("boxes", people.boxes, (n, 4), "float") + _array("scores", people.scores, (n,), "float")
     if people.floor is not None:
         faults += floor_faults(people.floor, height, width)
     if not faults and n:
-        faults += _unit_range("scores", people.scores)
+        faults += _unit_range("scores", people.scores) + _finite("boxes", people.boxes)
         empty = [i for i in range(n) if not people.masks[i].any()]
         if empty:
             faults.append(f"every person needs at least one pixel, masks {empty} are empty")
@@ -78,7 +81,8 @@ def people_faults(people: People, height: int, width: int) -> list[str]:
         if people.masks.sum(0, dtype="int64").max() > 1:
             faults.append("masks of two people overlap: every pixel belongs to one person at most")
     if people.keypoints is not None:
-        faults += keypoints_faults(people.keypoints, n)
+        told = _kind("keypoints", people.keypoints, Keypoints)
+        faults += told or keypoints_faults(people.keypoints, n)
     return faults
 
 
@@ -89,8 +93,9 @@ def floor_faults(floor: BoolArray, height: int, width: int) -> list[str]:
 
 def keypoints_faults(keypoints: Keypoints, people: int) -> list[str]:
     """Faults of a KeypointDetector's answer for ``people`` people."""
-    joints = keypoints.points.shape[1] if keypoints.points.ndim == 3 else 0
-    faults = _array("points", keypoints.points, (people, joints, 2), "float")
+    joints = keypoints.points.shape[1] if getattr(keypoints.points, "ndim", 0) == 3 else 0
+    faults = _kind("skeleton", keypoints.skeleton, str)
+    faults += _array("points", keypoints.points, (people, joints, 2), "float")
     faults += _array("confidence", keypoints.confidence, (people, joints), "float")
     if keypoints.world is not None:
         faults += _array("world", keypoints.world, (people, joints, 3), "float")
@@ -98,15 +103,19 @@ def keypoints_faults(keypoints: Keypoints, people: int) -> list[str]:
         some = _looked_at(sound_keypoints(keypoints))
         points, confidence = keypoints.points[some], keypoints.confidence[some]
         faults += _unit_range("confidence", confidence) + _finite("points", points[confidence > 0])
+        if keypoints.world is not None:
+            faults += _finite("world", keypoints.world[some][confidence > 0])
     return faults
 
 
 def sound_keypoints(keypoints: Keypoints) -> BoolArray:
-    """(N,) bool: people whose confidence is made of numbers, and their seen points too."""
+    """(N,) bool: people whose confidence is made of numbers, and their seen points too, on the photo and in metres."""
     import numpy as np
 
     unseen = keypoints.confidence <= 0
     sound: BoolArray = _rows(keypoints.confidence) & (np.isfinite(keypoints.points).all(-1) | unseen).all(1)
+    if keypoints.world is not None:
+        sound &= (np.isfinite(keypoints.world).all(-1) | unseen).all(1)
     return sound
 
 
@@ -123,7 +132,9 @@ def pointmap_faults(pointmap: Pointmap, height: int, width: int) -> list[str]:
             if (seen[:, 2] <= 0).any():
                 share = float((seen[:, 2] <= 0).mean())
                 faults.append(f"z must be > 0 where valid (z forward), {share:.0%} of the valid points lie behind")
-    return faults
+    if pointmap.unknown not in get_args(Unknown):
+        faults.append(f"unknown must be one of {', '.join(get_args(Unknown))}, got {pointmap.unknown!r}")
+    return faults + _camera(pointmap.intrinsics, height, width) + _notes(pointmap.notes)
 
 
 def depth_faults(depth: DepthMap, height: int, width: int) -> list[str]:
@@ -137,16 +148,21 @@ def depth_faults(depth: DepthMap, height: int, width: int) -> list[str]:
             faults.append("depth is NaN or infinite everywhere")
         elif (known <= 0).any():
             faults.append(f"depth must be > 0 m or NaN, the smallest is {float(known.min()):g}")
-    return faults
+    sigma = depth.scale_sigma
+    if sigma is not None and not (isinstance(sigma, Real) and 0 <= sigma < math.inf):
+        faults.append(f"scale_sigma must be a number >= 0 or None, got {sigma!r}")
+    return faults + _camera(depth.intrinsics, height, width) + _notes(depth.notes)
 
 
 def bodies_faults(bodies: Bodies, people: int) -> list[str]:
     """Faults of a BodyEstimator's answer for ``people`` people."""
-    faults = []
+    faults = _kind("parameters", bodies.parameters, BodyParameters) + _kind("body_model", bodies.body_model, str)
+    if faults:
+        return faults
     fitting = []
     for field in fields(bodies.parameters):
         value = getattr(bodies.parameters, field.name)
-        width = _PARAMETER_WIDTH.get(field.name, value.shape[-1] if value.ndim else 0)
+        width = _PARAMETER_WIDTH.get(field.name, value.shape[-1] if getattr(value, "ndim", 0) else 0)
         own = _array(field.name, value, (people, width), "float")
         faults += own
         if not own:
@@ -228,6 +244,36 @@ def _array(name: str, value: Any, shape: tuple[int, ...], kind: str) -> list[str
     if not right:
         faults.append(f"{name} must be {kind}, got {dtype}")
     return faults
+
+
+def _camera(camera: Intrinsics | None, height: int, width: int) -> list[str]:
+    """Faults of a camera that a backend may give with its answer, and which must be that of the image it was shown."""
+    if camera is None:
+        return []
+    faults = _kind("intrinsics", camera, Intrinsics)
+    if faults:
+        return faults
+    numbers = (camera.fx, camera.fy, camera.cx, camera.cy)
+    if not all(isinstance(v, Real) and math.isfinite(v) for v in numbers) or min(camera.fx, camera.fy) <= 0:
+        told = ", ".join(map(str, numbers))
+        faults.append(f"intrinsics must be finite numbers fx, fy, cx, cy with fx > 0 and fy > 0, got {told}")
+    if (camera.width, camera.height) != (width, height):
+        faults.append(f"intrinsics must be for {width} x {height} px, got {camera.width} x {camera.height}")
+    return faults + _kind("intrinsics.source", camera.source, str)
+
+
+def _notes(notes: Any) -> list[str]:
+    fine = isinstance(notes, tuple | list) and all(isinstance(note, str) for note in notes)
+    return [] if fine else [f"notes must be a tuple of texts, got {notes!r}"]
+
+
+def _kind(name: str, value: Any, kind: type) -> list[str]:
+    return [] if isinstance(value, kind) else [f"{name} must be {kind.__name__}, got {type(value).__name__}"]
+
+
+def _rows_in(value: Any) -> int:
+    """How many rows an array has; 0 where it is none."""
+    return len(value) if getattr(value, "ndim", 0) else 0
 
 
 def _unit_range(name: str, value: Any) -> list[str]:
