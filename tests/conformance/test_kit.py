@@ -216,7 +216,7 @@ def test_backends_are_compared_in_one_table():
     assert "*" in first
     assert third.endswith("0 of 2")
     assert note.endswith(f": not ready: {NO_WEIGHTS}")
-    assert about.startswith("metric_depth on 2 synthetic worlds of 160 x 120 px")
+    assert about.startswith("metric_depth on synthetic worlds of 160 x 120 px: stand 0, group 0; people")
     json.dumps(found.as_dict(), allow_nan=False)
 
 

@@ -141,6 +141,14 @@ class Lost(RightMetricDepth):
         raise FileNotFoundError("my_depth.onnx")
 
 
+@wrong("a missing GPU as RuntimeError", "refuses_a_missing_device")
+class Fast(RightMetricDepth):
+    def load(self, device="cpu"):
+        if device != "cpu":
+            raise RuntimeError("CUDA error: invalid device ordinal")
+        super().load(device)
+
+
 @wrong("not loaded as AttributeError", "says_so_if_it_is_not_loaded")
 class Surprised(RightMetricDepth):
     def infer(self, image, hints):

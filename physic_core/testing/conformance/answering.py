@@ -174,7 +174,7 @@ def _expect_answer(subject: Subject, name: str, hint: str = "") -> None:
     attempt = _attempt(subject, name)
     case = subject.case(name)
     wanted = f"an answer of the right form to a photo of {case.size}, {_what(name)}"
-    if isinstance(attempt.error, ConfigError) and name == "one person":
+    if isinstance(attempt.error, ConfigError):
         raise NotJudged(f"not ready: {attempt.error}")
     if attempt.error is not None:
         raise NotMet(wanted, f"{type(attempt.error).__name__}: {attempt.error}", hint) from attempt.error

@@ -82,9 +82,10 @@ class Comparison:
         table = ["  ".join(f"{cell:<{w}}" for cell, w in zip(line, widths, strict=True)).rstrip() for line in lines]
         notes = [f"{row.backend}: {row.problem}" for row in self.rows if row.problem]
         width, height = self.size
+        worlds = ", ".join(f"{name} {seed}" for name, seed in self.worlds)
         about = (
-            f"{self.interface} on {len(self.worlds)} synthetic worlds of {width} x {height} px, whose truth is what "
-            "backends are given as people, keypoints, bodies and hints; * is best"
+            f"{self.interface} on synthetic worlds of {width} x {height} px: {worlds}; people, keypoints, bodies and "
+            "hints that backends are given are the true ones; * is best"
         )
         return "\n".join([*table, *notes, about])
 

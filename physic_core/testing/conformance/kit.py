@@ -119,7 +119,7 @@ def parametrize_with_checks(
     expected = dict(expected_failures or {})
     checks = {check.name: check for check in checks_for(interface)} if interface in INTERFACES else {}
     require_known(expected, checks)
-    shared = _Shared(lambda: start(find_subject(backend, interface, registry, **settings)), tuple(checks))
+    shared = _Shared(lambda: start(find_subject(backend, interface, registry, **settings)))
     params = [
         pytest.param(
             BoundCheck(shared, name),
@@ -155,8 +155,8 @@ class BoundCheck:
 class _Shared:
     """The run that the tests of one decorator share."""
 
-    def __init__(self, begin: Callable[[], Run], names: tuple[str, ...]) -> None:
-        self._begin, self._names = begin, names
+    def __init__(self, begin: Callable[[], Run]) -> None:
+        self._begin = begin
         self._run: Run | None = None
 
     def run(self) -> Run:

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 __all__ = ["AFTER", "BEFORE"]
 
+MISSING_DEVICE = "cuda:99"
+
 MOST_SECONDS, MOST_MEGABYTES = 0.25, 32.0
 """Processor time and memory that a constructor may take."""
 
@@ -77,6 +79,22 @@ def check_loads_or_says_what_is_missing(subject: Subject) -> None:
         raise NotMet(
             "load() to work, or a physic_core.errors.BackendError that says which file is missing and where to get it",
             f"{type(error).__name__}: {error}",
+        ) from error
+    _quietly_closed(backend)
+
+
+def check_refuses_a_missing_device(subject: Subject) -> None:
+    """`load` of a GPU that is not there raises a PhysicError, unless the backend needs no device at all."""
+    backend = _fresh(subject)
+    try:
+        backend.load(MISSING_DEVICE)
+    except PhysicError:
+        return
+    except Exception as error:
+        raise NotMet(
+            f"load({MISSING_DEVICE!r}) to raise a physic_core.errors.DeviceError, or to do without a device",
+            f"{type(error).__name__}: {error}",
+            "physic_core.devices.check_device(device) says it in words.",
         ) from error
     _quietly_closed(backend)
 
@@ -154,6 +172,7 @@ BEFORE: tuple[Check, ...] = (
     Check(check_constructs_with_its_defaults, _BACKEND, after=(*_WHOLE, "constructs_offline")),
     Check(check_constructs_cheaply, _BACKEND, after=_CONSTRUCTED),
     Check(check_loads_or_says_what_is_missing, _BACKEND, after=_CONSTRUCTED),
+    Check(check_refuses_a_missing_device, "physic_core.devices", after=("loads_or_says_what_is_missing",)),
 )
 """Before a backend is asked anything."""
 

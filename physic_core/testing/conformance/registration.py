@@ -6,10 +6,12 @@ import inspect
 import json
 import subprocess
 import sys
+import warnings
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ValidationError
+from pydantic.json_schema import PydanticJsonSchemaWarning
 
 from physic_core.interfaces import INTERFACES
 from physic_core.testing.conformance.expect import NotJudged, NotMet, expect
@@ -119,7 +121,9 @@ def check_options_go_through_json(subject: Subject) -> None:
     """Options have a JSON schema, and come back from JSON as they were: results and editors need both."""
     kind = subject.kind.Options
     try:
-        json.dumps(kind.model_json_schema())
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", PydanticJsonSchemaWarning)
+            json.dumps(kind.model_json_schema())
         options = subject.options()
         back = kind.model_validate(json.loads(json.dumps(options.model_dump(mode="json"))))
     except Exception as error:  # pydantic raises many kinds

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from textwrap import shorten
 from typing import Any, Literal
 
 __all__ = ["OUTCOMES", "Outcome", "Report", "Result"]
@@ -106,8 +107,9 @@ class Report:
             if result.outcome == "skipped":
                 reasons[result.reason] = reasons.get(result.reason, 0) + 1
         words = [f"{count} {OUTCOMES[outcome]}" for outcome, count in self.counts.items() if count]
-        if reasons:
-            words[-1] += f" ({'; '.join(f'{reason}: {n}' if n > 1 else reason for reason, n in reasons.items())})"
+        if reasons and not self.not_asked:
+            told = {shorten(reason, 90, placeholder=" ..."): n for reason, n in reasons.items()}
+            words[-1] += f" ({'; '.join(f'{reason}: {n}' if n > 1 else reason for reason, n in told.items())})"
         line = f"{self.interface}:{self.backend}  {len(self.results)} checks: {', '.join(words) or 'none ran'}"
         return f"{line}\nNOTHING ASKED: {self.not_asked}" if self.not_asked else line
 

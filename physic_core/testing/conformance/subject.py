@@ -180,6 +180,8 @@ class Subject:
             NotJudged: there is none; other checks say why.
         """
         attempt = self.attempt(name)
+        if isinstance(attempt.error, ConfigError):
+            raise NotJudged(f"not ready: {attempt.error}")
         if attempt.error is not None:
             raise NotJudged(f"it did not answer the photo '{name}': {type(attempt.error).__name__}: {attempt.error}")
         if attempt.faults:
