@@ -33,7 +33,7 @@ dependencies = ["numpy>=1.26", "physic-core>={core}", "pydantic>=2.7"]
 test = ["pytest>=8.2"]
 
 [project.entry-points."physic.plugins"]
-{entry} = "{package}"
+"{entry}" = "{package}"
 
 [tool.hatch.build.targets.wheel]
 packages = ["{package}"]

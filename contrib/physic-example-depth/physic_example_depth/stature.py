@@ -68,7 +68,7 @@ def stands(bodies: Bodies | None, count: int) -> NDArray[np.bool_]:
 
 
 def height(mask: NDArray[np.bool_], camera: Intrinsics, floor: Plane) -> float:
-    """Height of a person with this mask (H, W) over the floor that they stand on, in its units; NaN if feet are unseen."""
+    """Height of a person with this mask (H, W) in units of the floor that they stand on; NaN if the feet are unseen."""
     rows = np.flatnonzero(mask.any(axis=1))
     if not len(rows) or rows[-1] == len(mask) - 1:
         return float("nan")

@@ -1,0 +1,89 @@
+"""``physic plugins new``: what it writes passes its own tests as it is."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from hatchling.metadata.core import ProjectMetadata
+from hatchling.plugin.manager import PluginManager
+
+from physic_core.cli import main
+from physic_core.interfaces import INTERFACES
+from physic_core.registry import BackendRecord, Registry
+from physic_core.scaffold.package import Names, files
+from physic_core.testing import check_backend
+
+
+def install(package: Path) -> Path:
+    """The files that an editable installation leaves, without pip."""
+    own = ProjectMetadata(str(package), PluginManager()).core
+    (entry, module), *_ = own.entry_points["physic.plugins"].items()
+    info = package / f"{own.name.replace('-', '_')}-{own.version or '0.1.0'}.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {own.name}\nVersion: {own.version or '0.1.0'}\n")
+    (info / "entry_points.txt").write_text(f"[physic.plugins]\n{entry} = {module}\n")
+    return package
+
+
+@pytest.mark.parametrize("interface", ["metric_depth", "inpainter", "contact_prior"])
+def test_a_new_package_passes_its_own_tests(interface: str, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(main, ["plugins", "new", "my-thing", "--interface", interface])
+    assert done.exit_code == 0, done.output
+    assert done.stdout.splitlines()[-1] == "next: pip install -e physic-my-thing && physic plugins check my-thing"
+    package = install(tmp_path / "physic-my-thing")
+    tests = subprocess.run(
+        [sys.executable, "-W", "error", "-m", "pytest", "-q", "-p", "no:cacheprovider", "tests"],
+        cwd=package,
+        env=os.environ | {"PYTHONPATH": str(package)},
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
+    assert tests.returncode == 0, tests.stdout + tests.stderr
+    assert " passed" in tests.stdout.splitlines()[-1]
+    assert "failed" not in tests.stdout.splitlines()[-1]
+
+
+@pytest.mark.parametrize("interface", INTERFACES)
+def test_what_a_new_package_begins_with_passes_the_kit(interface: str):
+    kind = importlib.import_module(f"physic_core.scaffold.{interface}").Template
+    registry = Registry()
+    registry.register(BackendRecord(interface, "begun", kind))
+    report = check_backend("begun", interface, registry=registry)
+    assert report.ok, report.text
+
+
+@pytest.mark.parametrize("interface", INTERFACES)
+def test_the_names_are_the_authors_own(interface: str):
+    written = files(Names("my-2nd.thing", interface), "0.1.0", 1)
+    assert [p for p in written if "/" not in p] == ["pyproject.toml", "README.md"]
+    assert f"physic_my_2nd_thing/{interface}.py" in written
+    for path, text in written.items():
+        assert "Template" not in text, path
+        assert "{" not in text or path.endswith((".py", "README.md")), path
+        if path.endswith(".py"):
+            compile(text, path, "exec")
+    assert f'"physic_my_2nd_thing.{interface}:My2ndThing"' in written["physic_my_2nd_thing/__init__.py"]
+    assert '"my-2nd.thing" = "physic_my_2nd_thing"' in written["pyproject.toml"]
+
+
+def test_a_name_that_begins_with_a_digit_makes_a_class():
+    assert Names("3d-fill", "inpainter").kind == "Backend3dFill"
+
+
+def test_a_new_package_is_the_authors_to_build(tmp_path):
+    from hatchling.builders.wheel import WheelBuilder
+
+    for path, text in files(Names("my-thing", "inpainter"), "0.1.0", 1).items():
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).write_text(text)
+    held = {f.distribution_path for f in WheelBuilder(str(tmp_path)).recurse_included_files()}
+    assert held == {f"physic_my_thing/{name}" for name in ("__init__.py", "inpainter.py", "py.typed")}
