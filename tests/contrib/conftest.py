@@ -80,7 +80,10 @@ def environment(tmp_path: Path, wheels: Path) -> Environment:
     (site,) = folder.glob("lib/python*/site-packages")
     for installed in {sysconfig.get_path("purelib"), sysconfig.get_path("platlib")}:
         for entry in Path(installed).iterdir():
-            if not entry.name.lstrip("_").startswith(("physic", "editable")) and entry.suffix != ".pth":
+            if (
+                not entry.name.startswith(("physic", "_physic", "__editable__", "_editable_impl"))
+                and entry.suffix != ".pth"
+            ):
                 (site / entry.name).symlink_to(entry)
     (folder / "bin" / "pip").write_text(f'#!/bin/sh\nexec "{folder}/bin/python" -m pip "$@"\n')
     (folder / "bin" / "pip").chmod(0o755)

@@ -1,0 +1,74 @@
+"""contrib/README.md, followed as its reader would: every block in order, in an empty folder."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "contrib" / "README.md"
+NUMBER = re.compile(r"\d+(\.\d+)?(e-\d+)?")
+
+
+@dataclass(frozen=True)
+class Block:
+    """A block of code, and the file that the line before it names."""
+
+    language: str
+    text: str
+    file: str
+
+
+def blocks() -> list[Block]:
+    found = re.finditer(
+        r"(?P<before>[^\n]*)\n\n^```(?P<language>\w+)\n(?P<text>.*?)^```", PAGE.read_text(), re.M | re.S
+    )
+    return [
+        Block(m["language"], m["text"], "".join(re.findall(r"`([\w./-]+\.(?:py|toml))`", m["before"])[-1:]))
+        for m in found
+    ]
+
+
+def spaced(text: str) -> str:
+    """A line without what differs from machine to machine: numbers, and the width of columns."""
+    return re.sub(r"\s+", " ", NUMBER.sub("N", text)).strip()
+
+
+def test_the_tutorial_holds_from_the_first_block_to_the_last(environment: Any, wheels: Path, tmp_path: Path):
+    first, *rest = blocks()
+    assert first.text.splitlines() == [
+        "python3 -m venv .venv",
+        ". .venv/bin/activate",
+        "pip install physic-core physic-mock",
+    ]
+    environment.install(*wheels.glob("*.whl"))
+    folder, said = tmp_path / "empty", ""
+    folder.mkdir()
+    for block in rest:
+        if block.language == "sh":
+            printed = environment.run(f"{block.text}\npwd", folder)
+            said, _, place = printed.rstrip("\n").rpartition("\n")
+            folder = Path(place)
+        elif block.language == "text":
+            lines = {spaced(line) for line in said.splitlines()}
+            for line in block.text.splitlines():
+                assert any(spaced(line) in other for other in lines), f"{line!r} is not in:\n{said}"
+        else:
+            assert block.file, f"which file is this? {block.text[:80]}"
+            (folder / block.file).write_text(block.text)
+
+
+def test_the_example_is_what_the_tutorial_makes():
+    example = ROOT / "contrib" / "physic-example-depth" / "physic_example_depth"
+    backend, hook = (block.text for block in blocks() if block.language == "python")
+    assert backend == (example / "stature.py").read_text()
+    own = (example / "__init__.py").read_text()
+    assert hook == own.replace("physic_example_depth.stature", "physic_stature.metric_depth")
+
+
+def test_the_pages_of_contrib_name_what_is_there():
+    for page in (PAGE, *PAGE.parent.glob("*/README.md")):
+        for target in re.findall(r"\]\((?!https?:)([^)#]+)", page.read_text()):
+            assert (page.parent / target).exists(), f"{page}: {target}"
