@@ -2,19 +2,35 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from functools import cache
+from importlib.metadata import distributions
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from unittest.mock import patch
 
 from right_backends import SIZE
 from wrong_backends import WRONG, Wrong
 
+from physic_core.plugins import discover
 from physic_core.testing import Report, check_backend
 
 
 @cache
 def row(mistake: Wrong) -> Report:
     """What the kit says of one wrong backend."""
-    return check_backend(mistake.kind, size=SIZE)
+    if not mistake.plugin:
+        return check_backend(mistake.kind, size=SIZE)
+    with TemporaryDirectory() as folder, patch.object(sys, "path", [*sys.path, folder]):
+        info = Path(folder) / "wrong_plugin-1.0.dist-info"
+        info.mkdir()
+        (Path(folder) / "wrong_plugin.py").write_text(mistake.plugin)
+        (info / "METADATA").write_text("Metadata-Version: 2.1\nName: wrong-plugin\nVersion: 1.0\n")
+        (info / "entry_points.txt").write_text("[physic.plugins]\nwrong = wrong_plugin\n")
+        registry = discover(entry for found in distributions(path=[folder]) for entry in found.entry_points)
+        sys.modules.pop("wrong_plugin")
+        return check_backend("heavy", mistake.kind.interface, registry=registry, size=SIZE)
 
 
 def table(mistakes: Sequence[Wrong] = tuple(WRONG), *, wide: bool = False) -> str:
@@ -37,6 +53,4 @@ def table(mistakes: Sequence[Wrong] = tuple(WRONG), *, wide: bool = False) -> st
 
 
 if __name__ == "__main__":
-    import sys
-
     print(table(wide="--wide" in sys.argv))

@@ -18,9 +18,6 @@ from physic_core.interfaces import INTERFACES
 from physic_core.testing import check_backend, conformance
 from physic_core.testing.conformance import checks_for
 
-# Caught from outside a class: test_registration.py.
-ELSEWHERE = {"registration_is_light"}
-
 
 @pytest.mark.parametrize("kind", RIGHT, ids=lambda kind: kind.interface)
 def test_a_right_backend_passes_every_check_that_can_be_judged(kind: type[interfaces.Backend]):
@@ -42,7 +39,7 @@ def test_a_wrong_backend_is_caught_by_its_own_check_and_by_no_other(mistake: Wro
 
 @pytest.mark.parametrize("interface", INTERFACES)
 def test_every_check_catches_somebody(interface: str):
-    own = {check.name for check in checks_for(interface)} - ELSEWHERE
+    own = {check.name for check in checks_for(interface)}
     common = set.intersection(*({check.name for check in checks_for(other)} for other in INTERFACES))
     caught = {m.check for m in WRONG if m.kind.interface == interface}
     everywhere = {m.check for m in WRONG}

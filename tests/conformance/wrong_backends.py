@@ -29,11 +29,15 @@ from physic_core.types import Hints, Intrinsics
 
 @dataclass(frozen=True)
 class Wrong:
-    """What is wrong, in words, the class that does it, and the one check that catches it."""
+    """What is wrong, in words, the class that does it, and the one check that catches it.
+
+    ``plugin`` is the source of the module that registers the class, where that is what is wrong.
+    """
 
     mistake: str
     kind: type[interfaces.Backend]
     check: str
+    plugin: str = ""
 
     @property
     def id(self) -> str:
@@ -74,6 +78,20 @@ def restless(right: type[Any], mistake: str, check: str, fails: Callable[..., bo
 
 
 # ---- the class and its options ---------------------------------------------------------------------------------------
+
+
+WRONG.append(
+    Wrong(
+        "torch imported at registration",
+        RightMetricDepth,
+        "registration_is_light",
+        "import torch\n"
+        "from physic_core import BackendRecord, hookimpl\n"
+        "@hookimpl\n"
+        "def physic_backends():\n"
+        "    return [BackendRecord('metric_depth', 'heavy', 'right_backends:RightMetricDepth')]\n",
+    )
+)
 
 
 @wrong("no infer", "target_is_a_whole_class")
@@ -368,19 +386,18 @@ def network_camera(answer: Any, *_: Any) -> Any:
     return replace(answer, intrinsics=answer.intrinsics and answer.intrinsics.resized(518, 518))
 
 
+def normalised_camera(answer: Any, *_: Any) -> Any:
+    return replace(answer, intrinsics=answer.intrinsics and replace(answer.intrinsics, fx=1.2, fy=1.2))
+
+
 altered(RightMetricDepth, "only a corner", "depth_covers_the_photo", of_depth(only_corner))
 altered(RightMetricDepth, "transposed", "depth_lies_like_the_photo", of_depth(transposed))
 altered(RightMetricDepth, "upside down", "depth_lies_like_the_photo", of_depth(lambda z: z[::-1]))
 altered(RightMetricDepth, "disparity", "farther_is_larger", of_depth(lambda z: np.median(z) ** 2 / z))
 altered(RightMetricDepth, "centimetres", "depth_is_in_metres", of_depth(lambda z: 100 * z))
 altered(RightMetricDepth, "ray length", "depth_is_along_z", ray_length)
-altered(RightMetricDepth, "the camera of the network's size", "camera_is_the_photos", network_camera)
-altered(
-    RightMetricDepth,
-    "a focal length in shares of the width",
-    "camera_is_the_photos",
-    lambda a, *_: replace(a, intrinsics=a.intrinsics and replace(a.intrinsics, fx=1.2, fy=1.2)),
-)
+altered(RightMetricDepth, "the camera of the network's size", FORM, network_camera)
+altered(RightMetricDepth, "a focal length in shares of the width", "camera_is_the_photos", normalised_camera)
 altered(
     RightMetricDepth,
     "a sigma in percent",
@@ -455,7 +472,7 @@ def valid_corner(answer: Any, *_: Any) -> Any:
 
 
 altered(RightPointmap, "only a corner", "points_cover_the_photo", valid_corner)
-altered(RightPointmap, "another word", "unknown_is_named", lambda a, *_: replace(a, unknown="affine"))
+altered(RightPointmap, "another word", FORM, lambda a, *_: replace(a, unknown="affine"))
 altered(RightPointmap, "transposed", "points_lie_like_the_photo", of_points(
     lambda p: on_rays(p, transposed(p[..., 2]))
 ))  # fmt: skip
@@ -465,7 +482,8 @@ altered(RightPointmap, "y up", "frame_is_opencv", of_points(lambda p: p * [1, -1
 altered(RightPointmap, "a camera of its own", "given_camera_is_used", own_camera)
 altered(RightPointmap, "half a pixel off", "pixels_are_counted_from_their_centres", shifted)
 altered(RightPointmap, "a shift that it does not name", "unknown_suffices", of_points(hidden_shift))
-altered(RightPointmap, "the camera of the network's size", "camera_is_the_photos", network_camera)
+altered(RightPointmap, "the camera of the network's size", FORM, network_camera)
+altered(RightPointmap, "a focal length in shares of the width", "camera_is_the_photos", normalised_camera)
 restless(
     RightPointmap,
     "a camera that is there",

@@ -64,7 +64,7 @@ def check_depth_is_along_z(subject: Subject) -> None:
 
 
 def check_camera_is_the_photos(subject: Subject) -> None:
-    """A camera that is answered has the photo's size and is in its pixels."""
+    """A camera that is answered has a focal length and a principal point in pixels of the photo."""
     expect_camera_of_photo(subject.answer().intrinsics, subject.case("one person").intrinsics)
 
 

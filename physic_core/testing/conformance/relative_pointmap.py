@@ -36,12 +36,6 @@ def check_points_cover_the_photo(subject: Subject) -> None:
     expect_cover(subject.answer().valid)
 
 
-def check_unknown_is_named(subject: Subject) -> None:
-    """`unknown` is one of the three words."""
-    unknown = subject.answer().unknown
-    expect(unknown in get_args(Unknown), f"unknown to be one of {', '.join(get_args(Unknown))}", f"{unknown!r}")
-
-
 def check_points_lie_like_the_photo(subject: Subject) -> None:
     """The depth of the points is neither transposed, nor mirrored, nor upside down."""
     expect_lies_like_photo(_depth(subject.answer()), subject.case("one person").truth.empty_depth)
@@ -177,12 +171,9 @@ _READ, _CAMERA = "physic_core.types.Pointmap", "physic_core.types.Intrinsics"
 _UPRIGHT = ("points_lie_like_the_photo",)
 CHECKS: tuple[Check, ...] = (
     Check(check_points_cover_the_photo, _READ),
-    Check(check_unknown_is_named, "physic_core.types.Unknown"),
     Check(check_points_lie_like_the_photo, _READ),
     Check(check_farther_is_larger, _READ, after=_UPRIGHT),
-    Check(
-        check_unknown_suffices, "physic_core.types.Unknown", after=("unknown_is_named", "farther_is_larger", *_UPRIGHT)
-    ),
+    Check(check_unknown_suffices, "physic_core.types.Unknown", after=("farther_is_larger", *_UPRIGHT)),
     Check(check_z_is_not_the_length_of_the_ray, _READ, after=("unknown_suffices", "farther_is_larger")),
     Check(check_frame_is_opencv, _READ),
     Check(check_given_camera_is_used, _CAMERA, after=("frame_is_opencv",)),
