@@ -1,0 +1,314 @@
+"""A run that swaps one backend asks that one and those that depend on it, and nobody else is even loaded.
+
+The backends are those of the installed plugins; what happens to them is counted.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from PIL import Image
+
+from physic_core import Reconstruction, load_config, reconstruct
+from physic_core.cache.code import Code
+from physic_core.cli import main
+from physic_core.interfaces import INTERFACES
+from physic_core.io.photo import read_photo
+from physic_core.plugins import discover
+from physic_core.testing.worlds import build_world
+
+ONCE = Counter(list(INTERFACES))
+EVERYBODY = ONCE + Counter(["relative_pointmap"])
+"""How often a run asks each interface."""
+
+
+class Counts:
+    """What happened to the backends, by interface."""
+
+    def __init__(self) -> None:
+        self.asked: Counter[str] = Counter()
+        self.loaded: Counter[str] = Counter()
+        self.closed: Counter[str] = Counter()
+        self.open: set[str] = set()
+        self.most_open = 0
+
+
+def count(patch: pytest.MonkeyPatch) -> Counts:
+    """Counts from now on what happens to every installed backend."""
+    counts, registry = Counts(), discover()
+    for kind in dict.fromkeys(registry.load_class(claim) for claim in registry if not claim.problem):
+
+        def infer(self, *arguments, _infer=kind.infer):  # type: ignore[attr-defined]
+            counts.asked[self.interface] += 1
+            return _infer(self, *arguments)
+
+        def load(self, device="cpu", _load=kind.load):
+            counts.loaded[self.interface] += 1
+            counts.open.add(self.interface)
+            counts.most_open = max(counts.most_open, len(counts.open))
+            _load(self, device)
+
+        def close(self, _close=kind.close):
+            counts.closed[self.interface] += 1
+            counts.open.discard(self.interface)
+            _close(self)
+
+        for name, method in (("infer", infer), ("load", load), ("close", close)):
+            patch.setattr(kind, name, method)
+    return counts
+
+
+@pytest.fixture
+def counts(monkeypatch: pytest.MonkeyPatch) -> Counts:
+    return count(monkeypatch)
+
+
+@pytest.fixture(scope="module")
+def photo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("photo") / "stand.png"
+    Image.fromarray(build_world("stand").image).save(path)
+    return path
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _same_code():
+    """Files may be edited while these tests run: tests/cache/test_code.py sees to those."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Code, "of", lambda self, kind: "the same")
+        yield
+
+
+@pytest.fixture(scope="module")
+def first(photo: Path, tmp_path_factory: pytest.TempPathFactory):
+    """The first run, of the preset mock: its cache, its result, and what happened."""
+    folder = tmp_path_factory.mktemp("first")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PHYSIC_CACHE", str(folder))
+        counts = count(patch)
+        return folder, reconstruct(read_photo(photo).image, "mock"), counts
+
+
+@pytest.fixture
+def warm(first, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of the cache that the first run left."""
+    folder = tmp_path / "answers"
+    shutil.copytree(first[0], folder)
+    monkeypatch.setenv("PHYSIC_CACHE", str(folder))
+    return folder
+
+
+Way = Callable[[Path, Path, dict[str, str]], None]
+
+
+def by_file(photo: Path, folder: Path, swap: dict[str, str]) -> None:
+    """The swap in a config file, on the command line."""
+    tables = "".join(f'[{name}]\nbackend = "{backend}"\n' for name, backend in swap.items())
+    (folder / "mine.toml").write_text(f'extends = "mock"\n{tables}')
+    physic("run", str(photo), "--config", str(folder / "mine.toml"), "-o", str(folder / "out"))
+
+
+def by_set(photo: Path, folder: Path, swap: dict[str, str]) -> None:
+    """The swap by --set, on the command line."""
+    sets = [word for name, backend in swap.items() for word in ("--set", f"{name}.backend={backend}")]
+    physic("run", str(photo), "--preset", "mock", *sets, "-o", str(folder / "out"))
+
+
+def by_python(photo: Path, folder: Path, swap: dict[str, str]) -> None:
+    """The swap in Python."""
+    tables = {name: {"backend": "mock"} for name in INTERFACES} | {n: {"backend": b} for n, b in swap.items()}
+    reconstruct(read_photo(photo).image, tables)
+
+
+def physic(*arguments: str) -> str:
+    done = CliRunner().invoke(main, arguments)
+    assert done.exit_code == 0, done.output
+    return done.stdout
+
+
+# ---- what is asked ---------------------------------------------------------------------------------------------------
+
+
+def test_a_first_run_asks_and_loads_everybody_and_closes_them(first) -> None:
+    _, result, counts = first
+    assert counts.asked == EVERYBODY
+    assert counts.loaded == counts.closed == ONCE
+    assert not any(stage.cached for stage in result.stages)
+
+
+def test_the_same_run_again_asks_nobody_loads_nobody_and_gives_the_same_bits(
+    first, warm: Path, counts: Counts, photo: Path, tmp_path: Path
+) -> None:
+    again = reconstruct(read_photo(photo).image, "mock")
+    assert (counts.asked, counts.loaded, counts.closed) == (Counter(), Counter(), Counter())
+    assert [s.cached for s in again.stages] == [s.provenance is not None for s in again.stages]
+    assert (again.warnings, again.notes, again.checks) == (first[1].warnings, first[1].notes, first[1].checks)
+    for name, result in (("first", first[1]), ("again", again)):
+        result.save(str(tmp_path / name), preview=False)
+    for path in (tmp_path / "first").iterdir():
+        if path.name != "reconstruction.json":
+            assert path.read_bytes() == (tmp_path / "again" / path.name).read_bytes(), path.name
+
+
+DEPENDENTS = [
+    ({"metric_depth": "embedded"}, {"metric_depth": 1}),
+    ({"contact_prior": "embedded"}, {"contact_prior": 1}),
+    # Fingers are part of the bodies, which the contact prior and the metric depth are shown.
+    ({"hand_estimator": "embedded"}, {"hand_estimator": 1, "contact_prior": 1, "metric_depth": 1}),
+    # Two are shown the picture without people. The mock's point map is the true one whatever was painted, so that
+    # those who are shown only that are not asked again.
+    ({"inpainter": "telea"}, {"inpainter": 1, "relative_pointmap": 1, "metric_depth": 1}),
+]
+
+
+@pytest.mark.parametrize(
+    ("way", "swap", "asked"),
+    [
+        *((by_set, *swap) for swap in DEPENDENTS),
+        *((way, *swap) for way in (by_file, by_python) for swap in DEPENDENTS[:1]),
+    ],
+    ids=lambda value: next(iter(value)) if isinstance(value, dict) else value.__name__,
+)
+def test_swapping_a_backend_asks_it_and_what_depends_on_it(
+    warm: Path, counts: Counts, photo: Path, tmp_path: Path, way: Way, swap: dict[str, str], asked: dict[str, int]
+) -> None:
+    way(photo, tmp_path, swap)
+    assert counts.asked == Counter(asked)
+    assert counts.loaded == Counter(dict.fromkeys(asked, 1))
+    if way is not by_python:
+        stages = json.loads((tmp_path / "out" / "reconstruction.json").read_text())["stages"]
+        assert Counter(s["backend"]["interface"] for s in stages if s["backend"] and not s["cached"]) == asked
+        result = Reconstruction.load(str(tmp_path / "out"))
+        assert Counter(s.provenance.interface for s in result.stages if s.provenance and not s.cached) == asked
+
+
+def test_the_three_ways_ask_one_question(warm: Path, counts: Counts, photo: Path, tmp_path: Path) -> None:
+    for way in (by_file, by_set, by_python):
+        way(photo, tmp_path, {"metric_depth": "embedded"})
+    assert counts.asked == Counter(["metric_depth"])
+
+
+@pytest.mark.parametrize(
+    ("interface", "asked"),
+    [
+        ("segmenter", EVERYBODY),
+        # The mock's bodies are drawn from the truth, whatever the point map says: so the contact prior is not asked.
+        ("relative_pointmap", Counter({"relative_pointmap": 2, "body_estimator": 1, "metric_depth": 1})),
+        ("metric_depth", Counter(["metric_depth"])),
+    ],
+)
+def test_an_option_of_a_backend_is_a_question_of_its_own(
+    warm: Path, counts: Counts, photo: Path, interface: str, asked: Counter[str]
+) -> None:
+    config = load_config(preset="mock", overrides=[f"{interface}.options.noise=0.5"])
+    reconstruct(read_photo(photo).image, config)
+    assert counts.asked == asked
+
+
+def test_another_photo_asks_everybody(warm: Path, counts: Counts) -> None:
+    reconstruct(build_world("stand", 1).image, "mock")
+    assert counts.asked == EVERYBODY
+
+
+def test_a_backend_that_opts_out_is_asked_each_time(
+    warm: Path, counts: Counts, photo: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    registry = discover()
+    monkeypatch.setattr(registry.load_class(registry.get("hand_estimator", "mock")), "cacheable", False)
+    result = reconstruct(read_photo(photo).image, "mock")
+    assert counts.asked == Counter(["hand_estimator"])
+    assert [s.name for s in result.stages if s.provenance and not s.cached] == ["hands"]
+
+
+# ---- switches --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("words", [["--no-cache"], ["--set", "run.cache=false"]], ids=" ".join)
+def test_without_the_cache_everybody_is_asked_and_nothing_is_kept(
+    warm: Path, counts: Counts, photo: Path, tmp_path: Path, words: list[str]
+) -> None:
+    before = {path: path.stat().st_mtime_ns for path in warm.iterdir()}
+    said = physic("run", str(photo), "--preset", "mock", *words, "-o", str(tmp_path / "out"))
+    assert counts.asked == EVERYBODY
+    assert "the cache" not in said
+    assert {path: path.stat().st_mtime_ns for path in warm.iterdir()} == before
+
+
+def test_the_environment_switches_it_off(
+    counts: Counts, photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PHYSIC_CACHE", "off")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    reconstruct(read_photo(photo).image, "mock")
+    assert counts.asked == EVERYBODY
+    assert not (tmp_path / "physic" / "answers").exists()
+
+
+def test_the_summary_says_what_came_from_the_cache(warm: Path, photo: Path, tmp_path: Path) -> None:
+    said = physic("run", str(photo), "--preset", "mock", "-o", str(tmp_path / "out")).splitlines()
+    assert said[1] == "9 of 9 answers of backends come from the cache; --no-cache asks them all"
+    said = physic(
+        *("run", str(photo), "--preset", "mock", "-o", str(tmp_path / "out")),
+        *("--set", "metric_depth.options.noise=0.5"),
+    ).splitlines()
+    assert said[1] == "8 of 9 answers of backends come from the cache; --no-cache asks them all"
+
+
+def test_the_config_bounds_what_is_kept(warm: Path, counts: Counts, photo: Path) -> None:
+    """Half of what one run keeps: it makes room for its own answers, the longest unused first."""
+    whole = sum(path.stat().st_size for path in warm.iterdir())
+    limit = int(whole / 1e6 / 2)
+    assert limit >= 1
+    for path in warm.iterdir():
+        os.utime(path, (9, 9))
+    reconstruct(build_world("stand", 1).image, load_config(preset="mock", overrides=[f"run.cache_mb={limit}"]))
+    left = list(warm.iterdir())
+    assert left
+    assert sum(path.stat().st_size for path in left) <= limit * 1e6
+    assert min(path.stat().st_mtime for path in left) > 9
+
+
+def test_a_damaged_answer_is_computed_again_with_a_note(first, warm: Path, counts: Counts, photo: Path) -> None:
+    (file,) = warm.glob("metric_depth-*")
+    file.write_bytes(file.read_bytes()[:-99])
+    result = reconstruct(read_photo(photo).image, "mock")
+    assert counts.asked == Counter(["metric_depth"])
+    assert result.notes[:-1] == first[1].notes
+    assert result.notes[-1].startswith(
+        f"a damaged file of the cache was dropped and its answer computed again: {file} ("
+    )
+    np.testing.assert_array_equal(result.people[0].vertices, first[1].people[0].vertices)
+    counts.asked.clear()
+    assert reconstruct(read_photo(photo).image, "mock").notes == first[1].notes
+    assert counts.asked == Counter()
+
+
+# ---- memory ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("words", [["--low-memory"], ["--set", "run.low_memory=true"], []], ids=" ".join)
+def test_where_memory_is_short_one_backend_is_open_at_a_time(
+    counts: Counts, photo: Path, tmp_path: Path, words: list[str]
+) -> None:
+    physic("run", str(photo), "--preset", "mock", *words, "-o", str(tmp_path / "out"))
+    assert counts.loaded == counts.closed == ONCE
+    assert counts.most_open == (1 if words else len(INTERFACES))
+    assert counts.open == set()
+
+
+def test_low_memory_changes_no_result(first, photo: Path) -> None:
+    result = reconstruct(read_photo(photo).image, load_config(preset="mock", overrides=["run.low_memory=true"]))
+    np.testing.assert_array_equal(result.people[0].vertices, first[1].people[0].vertices)
+
+
+def test_an_interface_that_is_left_out_is_never_loaded(counts: Counts, photo: Path) -> None:
+    config = load_config(preset="mock", overrides=["hand_estimator.backend=none", "contact_prior.backend=none"])
+    reconstruct(read_photo(photo).image, config)
+    assert counts.loaded == ONCE - Counter(["hand_estimator", "contact_prior"])
