@@ -60,8 +60,9 @@ def _by_backend(files: Iterable[Kept]) -> list[str]:
     for file in files:
         interface, _, rest = file.path.name.partition("-")
         groups.setdefault((interface, rest.rpartition("-")[0]), []).append(file)
+    width = max((len(backend) for _, backend in groups), default=0)
     return [
-        f"  {interface:<18} {backend:<16} {len(group):>6} {_size(group):>10}"
+        f"  {interface:<17}  {backend:<{width}}  {len(group):>6}  {_size(group):>10}"
         for (interface, backend), group in sorted(groups.items())
     ]
 

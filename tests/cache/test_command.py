@@ -1,0 +1,83 @@
+"""``physic cache``: what it prints, whole."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from physic_core.cli import main
+
+LIGHT = """
+import sys
+from physic_core.cli import main
+try:
+    main(["cache", "info"])
+except SystemExit as end:
+    assert end.code == 0
+print(sorted({m.partition(".")[0] for m in sys.modules} & {"numpy", "torch", "scipy", "cv2", "pydantic", "rich"}))
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path / "kept"))
+    return tmp_path / "kept"
+
+
+def fill(folder: Path) -> None:
+    folder.mkdir()
+    for name, size in (
+        ("metric_depth-embedded-00", 400_000),
+        ("metric_depth-embedded-01", 900_000),
+        ("inpainter-patch-based-02", 1_000),
+        ("segmenter-my_plugin_MyMasks-03", 60_000),
+    ):
+        (folder / f"{name}.answer.npz").write_bytes(bytes(size))
+    (folder / "mine.npz").write_text("not theirs")
+
+
+def physic(*arguments: str) -> Result:
+    return CliRunner().invoke(main, ["cache", *arguments])
+
+
+TABLE = (
+    "  inpainter          patch-based             1      0.0 MB\n"
+    "  metric_depth       embedded                2      1.3 MB\n"
+    "  segmenter          my_plugin_MyMasks       1      0.1 MB\n"
+)
+
+
+def test_info_tells_the_folder_and_what_is_in_it(folder: Path):
+    fill(folder)
+    assert physic("info").output == f"{folder}: 4 answers, 1.4 MB\n{TABLE}"
+
+
+def test_info_of_a_cache_that_was_never_used(folder: Path):
+    assert physic("info").output == f"{folder}: 0 answers, 0.0 MB\n"
+    assert not folder.exists()
+
+
+def test_clear_removes_all_answers_and_tells_which(folder: Path):
+    fill(folder)
+    assert physic("clear").output == f"{TABLE}removed 4 answers, 1.4 MB from {folder}\n"
+    assert [path.name for path in folder.iterdir()] == ["mine.npz"]
+    assert physic("clear").output == f"removed 0 answers, 0.0 MB from {folder}\n"
+
+
+@pytest.mark.parametrize("command", ["info", "clear"])
+def test_a_cache_that_is_switched_off_is_an_error(command: str, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("PHYSIC_CACHE", "off")
+    done = physic(command)
+    assert (done.exit_code, done.output) == (
+        1,
+        "Error: the cache is switched off by the environment variable PHYSIC_CACHE: unset it to see the cache\n",
+    )
+
+
+def test_looking_into_the_cache_imports_nothing_heavy(folder: Path):
+    done = subprocess.run([sys.executable, "-c", LIGHT], capture_output=True, text=True, timeout=120, check=True)
+    assert done.stdout == f"{folder}: 0 answers, 0.0 MB\n[]\n"
