@@ -43,12 +43,19 @@ def test_the_default_names_the_embedded_backend_everywhere():
 
 
 def test_the_presets_are_those_of_the_package():
-    assert preset_names() == ("embedded", "mock")
+    assert preset_names() == ("embedded", "light-cpu", "mock")
 
 
 @pytest.mark.parametrize("name", preset_names())
 def test_every_preset_holds(name: str):
     assert isinstance(load_config(preset=name), Config)
+
+
+def test_the_light_preset_differs_from_the_default_in_what_costs_most():
+    light, default = load_config(preset="light-cpu"), load_config()
+    differing = {i for i in INTERFACES if light.choice(i) != default.choice(i)}
+    assert differing == {"inpainter", "relative_pointmap", "hand_estimator"}
+    assert light.source("segmenter.backend") == "preset embedded"
 
 
 def test_a_file_builds_on_the_default_preset_without_saying_so(write):
@@ -301,12 +308,12 @@ def test_a_value_that_does_not_hold_says_what_it_should_be(override: str, expect
 
 
 def test_a_preset_that_does_not_exist_says_which_do():
-    assert refusal(preset="embeded") == "no preset named 'embeded'; there are: embedded, mock. Did you mean 'embedded'?"
+    assert refusal(preset="embeded") == "no preset named 'embeded'; there are: embedded, light-cpu, mock. Did you mean 'embedded'?"
 
 
 def test_an_extends_that_leads_nowhere_says_whose_it_is(write):
     assert refusal(write('extends = "best"\n')) == (
-        "config.toml extends 'best': no preset named 'best'; there are: embedded, mock"
+        "config.toml extends 'best': no preset named 'best'; there are: embedded, light-cpu, mock"
     )
     assert (
         refusal(write('extends = "other.toml"\n'))

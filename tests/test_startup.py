@@ -27,14 +27,23 @@ def imports(arguments: list[str], banned: set[str]) -> str:
 
 @pytest.mark.parametrize(
     "arguments",
-    [["--help"], ["--version"], ["plugins"], ["run", "--help"], ["config", "show"], ["config", "--help"]],
+    [
+        ["--help"],
+        ["--version"],
+        ["plugins"],
+        ["plugins", "--json"],
+        ["plugins", "new", "--help"],
+        ["run", "--help"],
+        ["config", "show"],
+        ["config", "--help"],
+    ],
     ids=" ".join,
 )
 def test_a_command_that_looks_around_imports_nothing_heavy(arguments: list[str]):
     assert imports(arguments, HEAVY) == "heavy: []"
 
 
-@pytest.mark.parametrize("preset", ["embedded", "mock"])
+@pytest.mark.parametrize("preset", ["embedded", "light-cpu", "mock"])
 def test_a_config_is_checked_without_torch_and_without_a_runtime(preset: str):
     assert imports(["config", "check", "--preset", preset], {"torch", "onnxruntime"}) == "heavy: []"
 
