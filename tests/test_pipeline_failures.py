@@ -96,6 +96,11 @@ def nan_parameters(answer: Bodies) -> Bodies:
             *("metric_depth", "metric depth", backends.MockMetricDepth, nans("depth")),
             ["depth is NaN or infinite everywhere"],
         ),
+        (
+            *("relative_pointmap", "scene point map", backends.MockRelativePointmap),
+            lambda a: replace(a, intrinsics=Intrinsics.from_focal(500, 640, 480)),
+            ["intrinsics must be for 320 x 240 px, got 640 x 480"],
+        ),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
