@@ -1,0 +1,56 @@
+"""A result names all that made it: ``physic run --config OUT/reconstruction.json`` makes it again."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from PIL import Image
+
+from physic_core.cli import main
+from physic_core.testing.worlds import build_world
+
+
+def run(*arguments: str) -> dict[str, Any]:
+    done = CliRunner().invoke(main, ["run", "photo.png", "--no-cache", *arguments])
+    assert done.exit_code == 0, done.output
+    folder = arguments[arguments.index("-o") + 1]
+    document: dict[str, Any] = json.loads((Path(folder) / "reconstruction.json").read_text())
+    return document
+
+
+def test_a_run_is_repeated_from_its_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    Image.fromarray(build_world().image).save("photo.png")
+    Path("base.toml").write_text(
+        'extends = "mock"\n[metric_depth.options]\nnoise = 0.5\n[engine.contact]\ndistance_m = 0.03\n'
+    )
+    Path("my.toml").write_text('extends = "base.toml"\n[inpainter]\nbackend = "telea"\noptions = {radius_px = 3.0}\n')
+    monkeypatch.setenv("PHYSIC__PHOTO__MASK_GROWTH", "0.02")
+    given = (
+        "--set",
+        "hand_estimator.backend=none",
+        "--set",
+        "engine.joint.steps=20",
+        "--intrinsics",
+        "400,410,160,120",
+    )
+    first = run("--config", "my.toml", *given, "-o", "first")
+    assert first["config"]["photo"]["mask_growth"] == 0.02
+
+    monkeypatch.delenv("PHYSIC__PHOTO__MASK_GROWTH")
+    for file in ("my.toml", "base.toml"):
+        Path(file).unlink()
+    second = run("--config", "first/reconstruction.json", "-o", "second")
+    assert second["config"] == first["config"]
+    assert second["intrinsics"] == first["intrinsics"]
+    asked = [[s["backend"] for s in document["stages"]] for document in (first, second)]
+    assert asked[0] == asked[1]
+    arrays = [np.load(f"{name}/reconstruction.npz") for name in ("first", "second")]
+    assert arrays[0].files == arrays[1].files
+    for name in arrays[0].files:
+        np.testing.assert_array_equal(arrays[0][name], arrays[1][name], err_msg=name)
