@@ -219,6 +219,18 @@ class Registry:
             raise BackendError(f"{claim}: {record.target} is no subclass of physic_core.interfaces.{wanted.__name__}")
         return found
 
+    def load_whole_class(self, claim: Claim) -> type[Backend]:
+        """The same, of a class that can be constructed.
+
+        Raises:
+            BackendError: it cannot be imported, is no class of its interface, or lacks a method of it.
+        """
+        kind = self.load_class(claim)
+        if missing := sorted(getattr(kind, "__abstractmethods__", ())):
+            wanted = f"the interface {claim.record.interface} asks for"
+            raise BackendError(f"{claim}: {claim.record.target} has no method {' and '.join(missing)}, which {wanted}")
+        return kind
+
     def explain_rivals(self, claims: Iterable[Claim]) -> str:
         """What to do about several claims to one name; one line."""
         claims = sorted(claims, key=lambda c: c.origin.distribution)

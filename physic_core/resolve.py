@@ -140,7 +140,7 @@ def _look(tables: Mapping[str, Any], registry: Registry) -> tuple[dict[str, _Cho
             continue
         try:
             claim = registry.get(interface, name)
-            kind = registry.load_class(claim)
+            kind = registry.load_whole_class(claim)
             chosen[interface] = _check_options(claim, kind, options if isinstance(options, dict) else {})
         except BackendNotFoundError as error:
             faults.append(Fault(f"{interface}.backend", registry.explain_missing(interface, name)))

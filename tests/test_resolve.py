@@ -206,11 +206,13 @@ def test_a_constructor_that_explains_itself_is_left_to_speak():
         resolve(config(), registry(inpainter=kind))
 
 
-def test_a_class_that_lacks_a_method_is_named():
+def test_a_class_that_lacks_a_method_is_one_of_the_faults():
     kind = type("Own", (interfaces.Inpainter,), {})
-    with pytest.raises(BackendError) as caught:
-        resolve(config(), registry(inpainter=kind))
-    assert str(caught.value).startswith("inpainter 'own' (physic-mine 0.2) cannot be constructed: TypeError: Can't")
+    assert refusal(config(), registry(inpainter=kind)) == (
+        "config: 1 error\n"
+        f"inpainter.backend   inpainter 'own' (physic-mine 0.2): {kind} has no method infer, "
+        "which the interface inpainter asks for"
+    )
 
 
 def test_the_example_swaps_the_inpainter_alone(repository):

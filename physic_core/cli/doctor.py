@@ -114,7 +114,7 @@ def examine(registry: Registry, claim: Claim, device: str) -> Finding:
     start = time.perf_counter()
     step = "import"
     try:
-        kind = registry.load_class(claim)
+        kind = registry.load_whole_class(claim)
         step = "constructor"
         backend = kind()
         step = f"load('{device}')"
@@ -123,7 +123,9 @@ def examine(registry: Registry, claim: Claim, device: str) -> Finding:
         backend.close()
     except PhysicError as error:
         # What a backend says of itself is a lack; that it cannot even be imported is no word of its own.
-        return _finding(claim, "broken" if step == "import" else "missing", str(error).removeprefix(f"{claim} "))
+        return _finding(
+            claim, "broken" if step == "import" else "missing", str(error).removeprefix(str(claim)).lstrip(": ")
+        )
     except (Exception, SystemExit) as error:
         return _finding(claim, "broken", f"{step} fails: {type(error).__name__}: {error}")
     return _finding(claim, "ok", seconds=time.perf_counter() - start)

@@ -50,7 +50,15 @@ def as_dicts(registry: Registry, interface: str | None = None) -> dict[str, Any]
 
 def detail(registry: Registry, claim: Claim) -> str:
     """All that is known of one backend, its options included."""
-    record = claim.record
+    record, status = claim.record, _status(registry, claim)
+    options: list[str] = []
+    if not claim.problem:
+        try:
+            options = _options(registry.load_class(claim).Options)
+        except Exception as error:  # a plugin's door: its module, or Options of any kind
+            said = str(error) if isinstance(error, BackendError) else f"{type(error).__name__}: {error}"
+            options = [f"  options   unknown: {said}"]
+            status = "BROKEN: see options" if status == "ready" else status
     facts = [
         ("", record.summary),
         ("plugin", str(claim.origin)),
@@ -58,11 +66,11 @@ def detail(registry: Registry, claim: Claim) -> str:
         ("weights", record.weights_license or "none"),
         ("needs", _needs(claim) or "nothing else"),
         ("homepage", record.homepage),
-        ("status", _status(registry, claim)),
+        ("status", status),
     ]
     lines = [f"{record.interface} '{record.name}'"]
     lines += [f"  {label:<10}{text}" if label else f"  {text}" for label, text in facts if text]
-    return "\n".join(lines + ([] if claim.problem else _options(registry, claim)))
+    return "\n".join(lines + options)
 
 
 def columns(rows: Sequence[tuple[str, ...]]) -> str:
@@ -105,14 +113,8 @@ def _status(registry: Registry, claim: Claim) -> str:
     return str(found)
 
 
-def _options(registry: Registry, claim: Claim) -> list[str]:
-    try:
-        fields = registry.load_class(claim).Options.model_fields
-        schema = registry.load_class(claim).Options.model_json_schema()
-    except BackendError as error:
-        return [f"  options   unknown: {error}"]
-    except Exception as error:  # a plugin's door: Options of any kind
-        return [f"  options   unknown: {type(error).__name__}: {error}"]
+def _options(model: Any) -> list[str]:
+    fields, schema = model.model_fields, model.model_json_schema()
     if not fields:
         return ["  options   none"]
     properties, parts = schema.get("properties", {}), schema.get("$defs", {})
