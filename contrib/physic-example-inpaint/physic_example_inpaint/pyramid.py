@@ -3,7 +3,7 @@ nothing is unknown, and what is missing is fetched back up."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import cv2
 import numpy as np
@@ -14,6 +14,8 @@ from physic_core.interfaces import Inpainter, Options
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    Floats = NDArray[np.floating[Any]]
 
 __all__ = ["PullPush", "PullPushOptions"]
 
@@ -44,13 +46,14 @@ class PullPush(Inpainter):
         filled = self._fill(image.astype(np.float32) * known, known)
         return np.where(mask[..., None], filled.round().clip(0, 255).astype(np.uint8), image)
 
-    def _fill(self, weighted: NDArray[np.float32], known: NDArray[np.float32]) -> NDArray[np.float32]:
+    def _fill(self, weighted: Floats, known: Floats) -> Floats:
         """Colours (H, W, 3) for pixels that are known to a share of (H, W, 1), given their product."""
-        colours = weighted / np.maximum(known, 1e-6)
+        colours: Floats = weighted / np.maximum(known, 1e-6)
         if known.min() >= 1 or max(known.shape) == 1:
             return colours
         height, width = known.shape[:2]
         down, share = cv2.pyrDown(weighted), cv2.pyrDown(known)[..., None]
         gain = np.minimum(1, self.options.certainty * share) / np.maximum(share, 1e-6)
         coarse = cv2.pyrUp(self._fill(down * gain, share * gain), dstsize=(width, height))
-        return known * colours + (1 - known) * coarse
+        colours = known * colours + (1 - known) * coarse
+        return colours
