@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import roma
 import torch
 from torch import Tensor
@@ -41,7 +42,9 @@ def rotations_from_parameters(
                 f"{name} must be ({rows}, {3 * count}), got {tuple(value.shape)}:"
                 f" give a rotation vector in radians for each of its {count} joints"
             )
-        columns.append(torch.as_tensor(value, dtype=dtype, device=device).view(rows, count, 3))
+        # A plugin may answer a view: backwards in memory, or not to be written to.
+        own = torch.from_numpy(np.require(value, requirements=["C", "W"]))
+        columns.append(own.to(device=device, dtype=dtype).view(rows, count, 3))
     matrices: Tensor = roma.rotvec_to_rotmat(torch.cat(columns, 1))
     return matrices
 

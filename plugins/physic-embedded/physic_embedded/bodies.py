@@ -87,9 +87,11 @@ class EmbeddedBodies(BodyEstimator):
         from .bodyfit_blind import fit_without_landmarks
         from .bodyfit_problem import FitSettings
         from .observed import observed_joints
+        from .photo import check_photo
         from .skeleton import fitted_keypoints
         from .views import people_views
 
+        check_photo(image)
         if self._model is None:
             raise BackendError("the embedded body was asked for before it was loaded: call load() first")
         keypoints = fitted_keypoints(keypoints)

@@ -84,6 +84,9 @@ class StaticContact(ContactPrior):
         from physic_core.body import JOINT_INDEX
         from physic_core.types import ContactProbability
 
+        from .photo import check_photo
+
+        check_photo(image)
         if self._model is None:
             raise BackendError("the static contact prior was asked before it was loaded: call load() first")
         if bodies.body_model != self._model.name:
@@ -116,11 +119,12 @@ class StaticContact(ContactPrior):
         import torch
 
         from physic_core.body.parameters import rotations_from_parameters
+        from physic_core.tensors import tensor
 
         assert self._model is not None
         p = bodies.parameters
         with torch.no_grad():
-            betas, transl = torch.as_tensor(p.betas), torch.as_tensor(p.transl)
+            betas, transl = tensor(p.betas), tensor(p.transl)
             out = self._model(rotations_from_parameters(p), betas, transl, joints_only=True)
         return out.joints.double().numpy()
 

@@ -83,6 +83,9 @@ class HumanRuler(MetricDepth):
 
         from physic_core.types import DepthMap
 
+        from .photo import check_photo
+
+        check_photo(image)
         if hints.scene is None or hints.bodies is None:
             missing = "scene" if hints.scene is None else "bodies"
             raise BackendError(
@@ -107,6 +110,7 @@ class HumanRuler(MetricDepth):
 
         from physic_core.body import load_body
         from physic_core.body.parameters import rotations_from_parameters
+        from physic_core.tensors import tensor
 
         if bodies.body_model != "embedded":
             raise BackendError(
@@ -118,7 +122,7 @@ class HumanRuler(MetricDepth):
         with torch.no_grad():
             p = bodies.parameters
             rotations = rotations_from_parameters(p)
-            out = self._model(rotations, torch.as_tensor(p.betas), torch.as_tensor(p.transl))
+            out = self._model(rotations, tensor(p.betas), tensor(p.transl))
         return out.vertices.double().numpy(), self._model
 
     def _decide(self, people: PersonScale) -> tuple[float, float, list[str]]:

@@ -89,7 +89,9 @@ class EmbeddedPointmap(RelativePointmap):
 
         from .depth import disparity, resample
         from .edges import flying_pixels
+        from .photo import check_photo
 
+        check_photo(image)
         if self._depth is None:
             raise BackendError("the embedded point map was asked before its networks were loaded: call load() first")
         height, width = image.shape[:2]

@@ -19,6 +19,7 @@ from physic_opencv.checks import check_image
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from physic_core.testing import World
     from physic_core.types import BoolArray, UInt8Array
 
 __all__ = ["GrabCut", "GrabCutOptions"]
@@ -63,6 +64,11 @@ class GrabCut(interfaces.Segmenter):
     """Interactive segmentation by colour models and graph cuts (C. Rother et al., 2004)."""
 
     Options = GrabCutOptions
+
+    @staticmethod
+    def conformance_options(world: World) -> dict[str, object]:
+        """Boxes of the people of a world, for the conformance kit."""
+        return {"boxes": world.boxes.tolist()}
 
     def infer(self, image: UInt8Array) -> People:
         """Image (H, W, 3) -> the people that the options point at, best score first; the floor is not looked for.
