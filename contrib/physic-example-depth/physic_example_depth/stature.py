@@ -18,7 +18,7 @@ from physic_core.types import DepthMap
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.types import Bodies, Hints, Intrinsics, Plane
+    from physic_core.types import Bodies, Hints, Intrinsics, Plane, Pointmap
 
 __all__ = ["Stature", "StatureOptions"]
 
@@ -30,7 +30,7 @@ class StatureOptions(Options):
 
 
 class Stature(MetricDepth):
-    """Scales the relative scene by the people who stand, and says how unsure that is where nobody does."""
+    """Scales the relative scene by the tallest person, and says so where that one does not stand."""
 
     Options: ClassVar[type[Options]] = StatureOptions
     options: StatureOptions
@@ -39,47 +39,45 @@ class Stature(MetricDepth):
         """Image (H, W, 3) -> z-depth (H, W) in metres, NaN where the scene has none."""
         if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
             raise InputError(f"image must be (H, W, 3) uint8, got {image.shape} {image.dtype}")
-        scene, floor, people = hints.scene, hints.floor, hints.people
-        if scene is None or floor is None or people is None:
-            raise BackendError("depth by stature needs scene, floor and people among the hints: use it in the pipeline")
+        scene, original, people = hints.scene, hints.original, hints.people
+        if scene is None or original is None or people is None:
+            raise BackendError("depth by stature needs hints.scene, original and people: use it in the pipeline")
         camera = scene.intrinsics or hints.intrinsics
         if camera is None:
             raise BackendError("depth by stature needs a camera: choose a relative_pointmap that answers one")
-        heights = np.array([height(mask, camera, floor) for mask in people.masks])
-        measured = np.isfinite(heights)
-        if not measured.any():
-            raise BackendError("depth by stature sees nobody from head to feet on the floor: choose another backend")
-        upright = measured & stands(hints.bodies, len(people))
-        # Who sits, bends, is half hidden or a child is lower: the tallest is nearest to a whole adult.
-        tall = heights[upright if upright.any() else measured].max()
-        sigma, who = (0.15, "who stands") if upright.any() else (0.5, "who may well not stand: do not trust it")
-        depth = np.where(scene.valid, scene.points[..., 2] * (self.options.stature_m / tall), np.nan)
-        note = f"scale from a person taken to be {self.options.stature_m:g} m tall, {who}"
+        heights = np.array([height(mask, camera, original, hints.floor) for mask in people.masks])
+        if not np.isfinite(heights).any():
+            raise BackendError("depth by stature sees nobody from head to feet: choose another backend")
+        tallest = int(np.nanargmax(heights))  # who sits, bends, is half hidden or a child is lower
+        sure = hints.floor is not None and stands(hints.bodies, tallest)
+        sigma, doubt = (0.15, "") if sure else (0.5, ", who may well not stand on a floor: do not trust it")
+        depth = np.where(scene.valid, scene.points[..., 2] * (self.options.stature_m / heights[tallest]), np.nan)
+        note = f"scale from a person taken to be {self.options.stature_m:g} m tall{doubt}"
         return DepthMap(depth.astype(np.float32), camera, sigma, (note,))
 
 
-def stands(bodies: Bodies | None, count: int) -> NDArray[np.bool_]:
-    """Which of the people (count,) have straight hips and knees, and both ankles in the photo; nobody if not known."""
+def stands(bodies: Bodies | None, person: int) -> bool:
+    """Whether hips and knees are straight, and both ankles in the photo; False where nobody knows."""
     if bodies is None or bodies.observed is None:
-        return np.zeros(count, bool)
-    bends = np.linalg.norm(bodies.parameters.body_pose.reshape(count, 21, 3)[:, [0, 1, 3, 4]], axis=2)
-    straight: NDArray[np.bool_] = (bends < 0.8).all(axis=1)  # radians
-    return straight & bodies.observed[:, [7, 8]].all(axis=1)
+        return False
+    bends = np.linalg.norm(bodies.parameters.body_pose[person].reshape(21, 3)[[0, 1, 3, 4]], axis=1)
+    return bool((bends < 0.8).all() and bodies.observed[person, [7, 8]].all())  # radians
 
 
-def height(mask: NDArray[np.bool_], camera: Intrinsics, floor: Plane) -> float:
-    """Height of a person with this mask (H, W) in units of the floor that they stand on; NaN if the feet are unseen."""
-    rows = np.flatnonzero(mask.any(axis=1))
-    if not len(rows) or rows[-1] == len(mask) - 1:
+def height(mask: NDArray[np.bool_], camera: Intrinsics, original: Pointmap, floor: Plane | None) -> float:
+    """Height of a person with this mask (H, W), in units of the scene; NaN if the feet are unseen."""
+    rows, seen = np.flatnonzero(mask.any(axis=1)), original.points[mask & original.valid, 2]
+    if not len(seen) or rows[-1] == len(mask) - 1:
         return float("nan")
     head, feet = (_ray(np.flatnonzero(mask[row]).mean(), row, camera) for row in (rows[0], rows[-1]))
-    normal = np.asarray(floor.normal, np.float64)
-    down = -float(normal @ feet)
-    if down <= 0:  # the feet are over the horizon
-        return float("nan")
-    foot = feet * floor.offset / down
-    # foot + h normal = t head, three equations for h and t
-    h, _ = np.linalg.lstsq(np.stack([normal, -head], axis=1), -foot, rcond=None)[0]
+    if floor is not None and float(floor.normal @ feet) < 0:
+        up = floor.normal.astype(np.float64)
+        foot = feet * floor.offset / -float(up @ feet)
+    else:  # the camera is taken to be level, and the person to be as far away as most of what is seen
+        up = np.array([0.0, -1.0, 0.0])
+        foot = feet * float(np.median(seen))
+    # foot + h up = t head: three equations for h and t
+    h, _ = np.linalg.lstsq(np.stack([up, -head], axis=1), -foot, rcond=None)[0]
     return float(h) if h > 0 else float("nan")
 
 
