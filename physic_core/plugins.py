@@ -10,8 +10,9 @@ import os
 import re
 import time
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from difflib import get_close_matches
-from importlib.metadata import EntryPoint, entry_points, version
+from importlib.metadata import EntryPoint, PackageNotFoundError, entry_points, requires, version
 from typing import Any
 
 import pluggy
@@ -19,18 +20,31 @@ import pluggy
 from physic_core import hookspecs
 from physic_core.registry import PLUGIN_API, TARGET, BackendRecord, BrokenPlugin, Claim, Origin, Registry, normal_name
 
-__all__ = ["GROUP", "core_version", "discover"]
+__all__ = ["GROUP", "core_version", "discover", "required_versions"]
 
 GROUP = "physic.plugins"
 RESTRICT = "PHYSIC_PLUGINS"
 _ENTRY = re.compile(r"[\w.]+\s*(:\s*[\w.]+)?\s*(\[.*\])?")
 _NAME = re.compile(r"[a-z0-9]+([.-][a-z0-9]+)*")
+_NEEDED = re.compile(r"[\w.-]+")
 _RESERVED = ("none",)
 
 
 def core_version() -> str:
     """Version of the installed physic-core."""
     return version("physic-core")
+
+
+def required_versions(distribution: str) -> dict[str, str]:
+    """Versions of what a distribution requires, its extras aside, by normal name; nothing where it is not installed."""
+    found = {}
+    with suppress(PackageNotFoundError, ValueError):  # ValueError: the name is empty
+        for line in requires(distribution) or ():
+            name, marker = _NEEDED.match(line), line.partition(";")[2]
+            if name and "extra" not in marker:
+                with suppress(PackageNotFoundError):
+                    found[normal_name(name[0])] = version(name[0])
+    return found
 
 
 def discover(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -124,6 +125,7 @@ class Stages:
             self.records.append(StageRecord(name, seconds, loading, resolved.provenance, cached, failed))
             if self._low_memory and not again:
                 self._close(resolved)
+                gc.collect()  # networks tend to hold themselves
         return answer
 
     def ask_if_it_can(

@@ -1,9 +1,9 @@
 """Answers of backends, kept by content: asked the same again, a backend need not be asked, nor loaded.
 
 What an answer is kept under is a digest of all that it can depend on: what the backend is given, which backend it is
-(interface, name, distribution, version, code, options, device, the files that options name, and what the backend
-itself states with ``fingerprint``), and the plugin API. So a run that swaps one backend asks that one, and further
-only those that are given something else because of it.
+(interface, name, distribution, version, code, the libraries that it and the core require, options, device, the files
+that options name, and what the backend itself states with ``fingerprint``), and the plugin API. So a run that swaps one
+backend asks that one, and further only those that are given something else because of it.
 
 Answers lie in ``$XDG_CACHE_HOME/physic/answers``, or in the system's own place for caches. Set ``PHYSIC_CACHE`` to
 another folder, or to "off".
@@ -15,6 +15,7 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -28,6 +29,7 @@ from physic_core.cache.npz import Damaged, read, write
 from physic_core.cache.places import answers_folder
 from physic_core.cache.shelf import SUFFIX, shrink, touch
 from physic_core.errors import OutputError
+from physic_core.plugins import required_versions
 from physic_core.registry import PLUGIN_API
 
 if TYPE_CHECKING:
@@ -86,6 +88,7 @@ class Answers:
         self._written = False
         self._code = Code()
         self._digester = Digester()
+        self._libraries = cache(required_versions)
 
     @classmethod
     def in_users_folder(cls, megabytes: int) -> Answers | None:
@@ -109,6 +112,7 @@ class Answers:
             "device": device,
             "files": list(_files(who.options)),
             "fingerprint": str(backend.fingerprint()),
+            "libraries": self._libraries("physic-core") | self._libraries(who.distribution),
         }
         try:
             name = self._digester.digest(_VERSION, PLUGIN_API, told, inputs)

@@ -17,6 +17,7 @@ from physic_core import interfaces
 from physic_core.cache import answers as module
 from physic_core.cache import code, npz
 from physic_core.cache.answers import Answers, settled
+from physic_core.plugins import required_versions
 from physic_core.types import DepthMap, Hands, Hints, Intrinsics, Keypoints, People, Provenance
 
 
@@ -101,6 +102,25 @@ def test_another_plugin_api_is_another_question(cache: Answers, monkeypatch: pyt
     before = ask(cache).name
     monkeypatch.setattr(module, "PLUGIN_API", 99)
     assert ask(cache).name != before
+
+
+def test_a_library_of_another_version_is_another_question(cache: Answers, monkeypatch: pytest.MonkeyPatch):
+    told = {"physic-core": {"numpy": "2.0"}, "my-dist": {"my-network": "1"}}
+    names = []
+    for distribution in ("none", "physic-core", "my-dist"):
+        for library in told.get(distribution, ()):
+            told[distribution][library] += ".1"
+        monkeypatch.setattr(module, "required_versions", lambda name: dict(told[name]))
+        names.append(ask(Answers(cache._folder, 1)).name)
+    assert len(set(names)) == 3
+
+
+def test_a_distribution_requires_what_its_metadata_say():
+    told = required_versions("physic-core")
+    assert {"numpy", "torch", "pydantic"} <= set(told)
+    assert told["numpy"] == np.__version__
+    assert "pytest" not in told  # of an extra
+    assert required_versions("registered by hand") == required_versions("") == {}
 
 
 def test_a_file_that_an_option_names_is_part_of_the_question(cache: Answers, tmp_path: Path):
