@@ -13,14 +13,16 @@ import pytest
 from click.testing import CliRunner, Result
 
 from physic_core.cli import main
-from physic_core.cli.config import resolved_toml, template, toml_value
+from physic_core.cli.config import resolved_toml, template, toml_value, whole_toml
 from physic_core.cli.doctor import examine, findings
 from physic_core.cli.listing import as_dicts, listing
 from physic_core.cli.plugins import details
 from physic_core.config import load_config, preset_names
 from physic_core.errors import BackendNotFoundError, InputError, PhysicError
+from physic_core.plugins import discover
 from physic_core.readiness import readiness
 from physic_core.registry import BackendRecord, BrokenPlugin, Claim, Origin, Registry
+from physic_core.resolve import resolve
 from physic_core.types import StageRecord
 
 
@@ -512,6 +514,24 @@ def test_show_says_where_each_value_is_from():
     assert 'device = "cuda"  # --set\n' in shown
     assert "mask_growth = 0.008  # default\n" in shown
     assert '[segmenter]\nbackend = "embedded"  # preset embedded\n' in shown
+
+
+@pytest.mark.parametrize("preset", preset_names())
+def test_show_all_prints_toml_that_comes_to_the_same_settings(preset: str):
+    config = load_config(preset=preset, overrides=["engine.joint.steps=40"])
+    printed = tomllib.loads(whole_toml(config, discover()))
+    again = load_config(flags={"shown": printed})
+    assert again.engine.settings() == config.engine.settings()
+    before, after = (resolve(c, discover()).backends for c in (config, again))
+    assert {k: b.provenance for k, b in after.items()} == {k: b.provenance for k, b in before.items()}
+
+
+def test_show_all_names_who_decides_what_nobody_said():
+    shown = physic("config", "show", "--all", "--preset", "light-cpu", "--set", "engine.joint.steps=40").stdout
+    assert "short_side = 322  # preset light-cpu\nmax_tokens = 3600  # default of physic-embedded 0.1.0\n" in shown
+    assert "\nsteps = 40  # --set\n" in shown
+    assert "# engine preset default\n" in shown
+    assert '[hand_estimator]\nbackend = "none"  # preset light-cpu\n\n[contact_prior]' in shown
 
 
 def test_show_names_the_variable_that_set_a_value(monkeypatch):

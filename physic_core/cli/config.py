@@ -14,6 +14,7 @@ from physic_core.errors import OutputError
 
 if TYPE_CHECKING:
     from physic_core.config import Config
+    from physic_core.registry import Registry
 
 __all__ = ["config"]
 
@@ -43,9 +44,16 @@ def check(file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> 
 
 @config.command()
 @_arguments
-def show(file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> None:
+@click.option("--all", "whole", is_flag=True, help="Also what backends and engine do where nobody says anything.")
+def show(file: Path | None, preset: str | None, overrides: tuple[str, ...], whole: bool) -> None:
     """Print what FILE comes to, and where each value is from."""
-    click.echo(resolved_toml(_load(file, preset, overrides)), nl=False)
+    found = _load(file, preset, overrides)
+    if whole:
+        from physic_core.plugins import discover
+
+        click.echo(whole_toml(found, discover()), nl=False)
+    else:
+        click.echo(resolved_toml(found), nl=False)
 
 
 @config.command()
@@ -97,6 +105,45 @@ def resolved_toml(found: Config) -> str:
     return "\n".join(blocks).lstrip("\n") + "\n"
 
 
+def whole_toml(found: Config, registry: Registry) -> str:
+    """The same with every option of the chosen backends and every setting of the engine.
+
+    Raises:
+        ConfigError: names or options that do not hold, all at once.
+    """
+    from dataclasses import asdict
+
+    from physic_core.resolve import resolve
+
+    plan, tables = resolve(found, registry), found.as_dict()
+    otherwise: dict[str, str] = {}
+    for name, chosen in plan.backends.items():
+        who = chosen.provenance
+        tables[name]["options"] = dict(who.options)
+        otherwise[f"{name}.options"] = f"default of {who.distribution} {who.version}".rstrip()
+    for stage in ("scene", "human", "joint", "contact"):
+        tables["engine"][stage] = asdict(getattr(plan.engine, stage))
+        otherwise[f"engine.{stage}"] = f"engine preset {found.engine.preset}"
+
+    def note(path: str) -> str:
+        above = next((words for start, words in otherwise.items() if path.startswith(f"{start}.")), "")
+        label = found.source(path)
+        # A table's own label is no word about the values that it leaves out.
+        return f"  # {label if not above or _says(found, path) else above}"
+
+    return "\n".join(line for name, table in tables.items() for line in _table(name, table, note)).lstrip("\n") + "\n"
+
+
+def _says(found: Config, path: str) -> bool:
+    """Whether the config itself has a value at a dotted path."""
+    table: Any = found.as_dict()
+    for key in path.split("."):
+        if not isinstance(table, dict) or key not in table:
+            return False
+        table = table[key]
+    return True
+
+
 def template(preset: str) -> str:
     """A config that builds on a preset, everything that it could change commented out with its description."""
     from physic_core.config import load_config
@@ -118,13 +165,18 @@ def template(preset: str) -> str:
 
 def _table(path: str, table: Mapping[str, Any], note: Callable[[str], str]) -> list[str]:
     lines = ["", f"[{path}]"]
-    lines += [f"{key} = {toml_value(v)}{note(f'{path}.{key}')}" for key, v in table.items() if not isinstance(v, dict)]
+    lines += [f"{key} = {toml_value(v)}{note(f'{path}.{key}')}" for key, v in table.items() if _is_value(v)]
     if len(lines) == 2:
         lines = []
     for key, value in table.items():
         if isinstance(value, dict) and value:
             lines += _table(f"{path}.{key}", value, note)
     return lines
+
+
+def _is_value(value: Any) -> bool:
+    """TOML has no word for None, and tables come after values."""
+    return value is not None and not isinstance(value, dict)
 
 
 def toml_value(value: Any) -> str:
