@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from physic_core.cache.code import Code  # at once, before any backend: it notices code that is edited from then on
 from physic_core.config import as_config
 from physic_core.devices import check_device
 from physic_core.io.photo import Photo, check_image, prepare, read_photo
@@ -90,7 +91,7 @@ def _reconstruct(photo: Photo, config: Config, registry: Registry | None, progre
         plan.device,
         len(plan.backends) + _OWN_STAGES,
         progress,
-        answers=Answers.in_users_folder(run.cache_mb) if run.cache else None,
+        answers=Answers.in_users_folder(run.cache_mb, Code()) if run.cache else None,
         low_memory=run.low_memory,
     )
     stages.note(*photo.notes)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import sys
 import time
 import traceback
@@ -41,6 +42,7 @@ def main() -> int:
     parser.add_argument("--out", type=Path, help="folder that takes one folder of results a photo")
     parser.add_argument("--body", default="embedded", help='"embedded" or an SMPL-X file')
     arguments = parser.parse_args()
+    os.environ["PHYSIC_CACHE"] = "off"  # the seconds are those of a first run
     model = load_body(arguments.body)
     crashed = False
     print("| " + " | ".join(HEADER) + " |")

@@ -76,25 +76,26 @@ class Answers:
         notes: what went wrong with it, in plain words for the user; nothing that went wrong changes a result.
     """
 
-    def __init__(self, folder: Path, limit: int) -> None:
+    def __init__(self, folder: Path, limit: int, code: Code | None = None) -> None:
         """
         Args:
             folder: made when the first answer is kept.
             limit: bytes that all answers together may take.
+            code: tells which code a backend is.
         """
         self.notes: list[str] = []
         self._folder = folder
         self._limit = limit
         self._written = False
-        self._code = Code()
+        self._code = code or Code()
         self._digester = Digester()
         self._libraries = cache(required_versions)
 
     @classmethod
-    def in_users_folder(cls, megabytes: int) -> Answers | None:
+    def in_users_folder(cls, megabytes: int, code: Code | None = None) -> Answers | None:
         """The user's own cache, or None where the environment switches it off."""
         folder = answers_folder()
-        return None if folder is None else cls(folder, megabytes * 1_000_000)
+        return None if folder is None else cls(folder, megabytes * 1_000_000, code)
 
     def question(self, backend: Backend, who: Provenance, device: str, inputs: tuple[object, ...]) -> Question | None:
         """What an answer is kept under; None where this backend's answers are not kept.

@@ -13,7 +13,7 @@ SWITCH = "PHYSIC_CACHE"
 
 
 def place(name: str, switch: str) -> Path | None:
-    """The folder of one cache, or None if it is switched off.
+    """The folder of one cache, or None if it is switched off, or if the user has no home for it.
 
     Args:
         name: of the cache.
@@ -26,10 +26,14 @@ def place(name: str, switch: str) -> Path | None:
         return Path(wish)
     base = os.environ.get("XDG_CACHE_HOME", "")
     if not os.path.isabs(base):  # the standard says that a relative one is not valid
+        try:
+            home = Path.home()
+        except RuntimeError:
+            return None
         if sys.platform == "win32":
-            base = os.environ.get("LOCALAPPDATA") or str(Path.home() / "AppData" / "Local")
+            base = os.environ.get("LOCALAPPDATA") or str(home / "AppData" / "Local")
         else:
-            base = str(Path.home() / ("Library/Caches" if sys.platform == "darwin" else ".cache"))
+            base = str(home / ("Library/Caches" if sys.platform == "darwin" else ".cache"))
     return Path(base) / "physic" / name
 
 

@@ -83,3 +83,13 @@ def test_the_folder_is_the_environments_the_users_or_the_systems(tmp_path: Path,
     assert found.is_absolute()
     monkeypatch.setenv("SWITCH", "mine")
     assert place("things", "SWITCH") == Path("mine")
+
+
+def test_whoever_has_no_home_has_no_cache(monkeypatch: pytest.MonkeyPatch):
+    def home() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("SWITCH", raising=False)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(Path, "home", home)
+    assert place("things", "SWITCH") is None
