@@ -309,8 +309,9 @@ def test_the_listing_may_be_of_one_interface():
     ]
 
 
-def test_the_listing_of_an_unknown_interface_is_refused():
-    assert refusal("plugins", "--interface", "inpainte", code=2).splitlines()[-1] == (
+@pytest.mark.parametrize("command", [("plugins",), ("plugins", "doctor")], ids=" ".join)
+def test_the_listing_of_an_unknown_interface_is_refused(command: tuple[str, ...]):
+    assert refusal(*command, "--interface", "inpainte", code=2).splitlines()[-1] == (
         "Error: no interface named 'inpainte'; there are: segmenter, inpainter, metric_depth, relative_pointmap, "
         "keypoint_detector, body_estimator, hand_estimator, contact_prior. Did you mean 'inpainter'?"
     )
@@ -337,6 +338,7 @@ def test_details_show_what_a_backend_is():
         "  homepage  docs",
         "  status    ready",
     ]
+    assert re.fullmatch(r"  source    .*inpaint\.py", details(registry, "telea").splitlines()[8])
     assert "radius_px" in details(registry, "telea")
 
 

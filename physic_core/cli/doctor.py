@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
+from physic_core.cli.arguments import require_interface
+
 if TYPE_CHECKING:
     from physic_core.registry import Claim, Registry
 
@@ -71,6 +73,7 @@ def doctor(
     """
     from physic_core.plugins import discover
 
+    require_interface(interface)
     registry = discover()
     claims = registry.called(name) if name is not None else tuple(registry)
     claims = tuple(claim for claim in claims if interface in (None, claim.record.interface))

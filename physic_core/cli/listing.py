@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -52,9 +53,11 @@ def detail(registry: Registry, claim: Claim) -> str:
     """All that is known of one backend, its options included."""
     record, status = claim.record, _status(registry, claim)
     options: list[str] = []
+    source = None
     if not claim.problem:
         try:
-            options = _options(registry.load_class(claim).Options)
+            kind = registry.load_class(claim)
+            source, options = inspect.getsourcefile(kind), _options(kind.Options)
         except Exception as error:  # a plugin's door: its module, or Options of any kind
             said = str(error) if isinstance(error, BackendError) else f"{type(error).__name__}: {error}"
             options = [f"  options   unknown: {said}"]
@@ -67,6 +70,7 @@ def detail(registry: Registry, claim: Claim) -> str:
         ("needs", _needs(claim) or "nothing else"),
         ("homepage", record.homepage),
         ("status", status),
+        ("source", source or ""),
     ]
     lines = [f"{record.interface} '{record.name}'"]
     lines += [f"  {label:<10}{text}" if label else f"  {text}" for label, text in facts if text]

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from physic_core.cli.arguments import require_interface
 from physic_core.cli.conformance import check, compare
 from physic_core.cli.doctor import doctor
 from physic_core.cli.listing import as_dicts, detail, listing
@@ -26,15 +27,9 @@ def plugins(ctx: click.Context, interface: str | None, as_json: bool) -> None:
     if ctx.invoked_subcommand is None:
         import json
 
-        from physic_core.faults import closest
-        from physic_core.interfaces import INTERFACES
         from physic_core.plugins import discover
 
-        if interface is not None and interface not in INTERFACES:
-            known = ", ".join(INTERFACES)
-            raise click.UsageError(
-                f"no interface named '{interface}'; there are: {known}{closest(interface, INTERFACES)}"
-            )
+        require_interface(interface)
         found = discover()
         click.echo(json.dumps(as_dicts(found, interface), indent=2) if as_json else listing(found, interface))
 

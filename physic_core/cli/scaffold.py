@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from physic_core.cli.arguments import require_interface
+
 __all__ = ["new"]
 
 
@@ -18,15 +20,11 @@ def new(name: str, interface: str, folder: Path | None) -> None:
 
     The distribution is called physic-NAME.
     """
-    from physic_core.faults import closest
-    from physic_core.interfaces import INTERFACES
     from physic_core.plugins import core_version, discover
     from physic_core.registry import PLUGIN_API
     from physic_core.scaffold.package import Names, write
 
-    if interface not in INTERFACES:
-        known = ", ".join(INTERFACES)
-        raise click.UsageError(f"no interface named '{interface}'; there are: {known}{closest(interface, INTERFACES)}")
+    require_interface(interface)
     backend = name.removeprefix("physic-")
     taken = [claim for claim in discover() if (claim.record.interface, claim.record.name) == (interface, backend)]
     if taken:
