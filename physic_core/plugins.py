@@ -70,7 +70,9 @@ def discover(
     for entry in sorted(found, key=lambda e: (_distribution(e)[0], e.name)):
         start = clock()
         try:
-            records = _ask(entry)
+            # What a plugin prints is not what a command answers.
+            with redirect_stdout(sys.stderr):
+                records = _ask(entry)
             origin = _origin(entry, clock() - start)
             claims += [Claim(record, origin, _problem(record, origin)) for record in records]
         # SystemExit too: a plugin that calls sys.exit() at import must not take `physic plugins` with it.

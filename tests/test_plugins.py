@@ -48,6 +48,12 @@ def test_a_plugin_that_leaves_python_is_a_row_too(site):
     assert causes(found(site)) == ["physic-bad 1.0 (SystemExit: no licence found)"]
 
 
+def test_what_a_plugin_prints_is_not_what_a_command_answers(site, capsys):
+    site.install("physic-loud", "print('Welcome!')\n" + HOOK + "    return [BackendRecord('inpainter', 'x', 'm:C')]\n")
+    assert names(found(site)) == ["x"]
+    assert capsys.readouterr() == ("", "Welcome!\n")
+
+
 def test_a_hook_that_fails_is_a_row(site):
     site.install("physic-bad", HOOK + "    raise ValueError('no weights')\n")
     assert causes(found(site)) == ["physic-bad 1.0 (ValueError: no weights)"]
