@@ -308,7 +308,9 @@ def test_a_value_that_does_not_hold_says_what_it_should_be(override: str, expect
 
 
 def test_a_preset_that_does_not_exist_says_which_do():
-    assert refusal(preset="embeded") == "no preset named 'embeded'; there are: embedded, light-cpu, mock. Did you mean 'embedded'?"
+    assert refusal(preset="embeded") == (
+        "no preset named 'embeded'; there are: embedded, light-cpu, mock. Did you mean 'embedded'?"
+    )
 
 
 def test_an_extends_that_leads_nowhere_says_whose_it_is(write):
