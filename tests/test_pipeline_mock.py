@@ -23,8 +23,16 @@ from physic_mock import NOISE_VERSION
 WORLDS = ("stand", "sit_on_stool", "hug")
 NOISE = {
     "segmenter": {"missed_ends": 0, "strays": 0, "floor_missed": 0, "floor_spills": 0, "raggedness_px": 1.4},
-    "keypoint_detector": {"hidden_noise": 0.02, "overconfident": 0, "swapped": 0},
-    "body_estimator": {"stature_noise": 0.03, "depth_noise": 0.35, "lateral_noise_m": 0.05, "observed_errors": 0},
+    "keypoint_detector": {"point_noise": 0.006, "hidden_noise": 0.02, "overconfident": 0, "swapped": 0},
+    "body_estimator": {
+        "pose_noise_deg": 9,
+        "plane_noise_deg": 4,
+        "orient_noise_deg": 4,
+        "stature_noise": 0.03,
+        "depth_noise": 0.35,
+        "lateral_noise_m": 0.05,
+        "observed_errors": 0,
+    },
     "hand_estimator": {"missed": 0},
     "contact_prior": {"recall": 0.6, "precision": 0.6, "spread": 0},
     "metric_depth": {
@@ -44,6 +52,7 @@ NOISE = {
         "smear_px": 0,
         "relief_lost": 0,
         "person_offset": 0,
+        "person_bias": 0,
     },
 }
 MOCK = [

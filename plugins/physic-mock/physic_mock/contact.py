@@ -35,7 +35,7 @@ class ContactOptions(MockOptions):
     )
     precision: float = Field(0.41, gt=0, le=1, description="Share of the found vertices that are true, on average.")
     spread: float = Field(
-        0.5,
+        0.4,
         ge=0,
         lt=1,
         description="How unlike people fare: standard deviation of a person's recall as a share of the largest one "

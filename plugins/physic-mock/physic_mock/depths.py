@@ -32,9 +32,9 @@ _MOST_SHIFT = 0.5  # of the nearest depth, so that all of it stays in front of t
 class DepthOptions(MockOptions):
     """Settings that both depth mocks share."""
 
-    warp: float = Field(0.01, ge=0, le=0.5, description="Standard deviation of a low-frequency error of log depth.")
+    warp: float = Field(0.025, ge=0, le=0.5, description="Standard deviation of a low-frequency error of log depth.")
     smear_px: float = Field(
-        1.5, ge=0, le=20, description="Width of the blur of depth edges, px of a photo 640 px wide."
+        2.0, ge=0, le=20, description="Width of the blur of depth edges, px of a photo 640 px wide."
     )
     knows_camera: bool = Field(True, description="Whether the intrinsics are answered.")
     focal_error: float = Field(1.0, gt=0, description="Factor on the focal length besides the drawn one.")
@@ -53,7 +53,7 @@ class MetricDepthOptions(DepthOptions):
     stated_sigma: float | None = Field(
         None, ge=0, description="What is answered as standard deviation of log scale; None: the true one of the draws."
     )
-    warp: float = Field(0.03, ge=0, le=0.5, description="Standard deviation of a low-frequency error of log depth.")
+    warp: float = Field(0.035, ge=0, le=0.5, description="Standard deviation of a low-frequency error of log depth.")
 
 
 class MockMetricDepth(interfaces.MetricDepth):
@@ -112,19 +112,25 @@ class RelativePointmapOptions(DepthOptions):
         0.03, ge=0, le=1, description="How far it has another drawn shift, as a share of the median (inverse) depth."
     )
     disagreement: float = Field(
-        0.01, ge=0, le=0.5, description="A further smooth error of log depth, of its own in each of the two images."
+        0.025, ge=0, le=0.5, description="A further smooth error of log depth, of its own in each of the two images."
     )
     hole_noise: float = Field(
-        0.01, ge=0, le=0.5, description="A further error of log depth where an inpainter made the picture up."
+        0.05, ge=0, le=0.5, description="A further error of log depth where an inpainter made the picture up."
     )
     bumps: float = Field(
-        0.004, ge=0, le=0.5, description="Standard deviation of bumps of log depth, a sixteenth of the picture wide."
+        0.01, ge=0, le=0.5, description="Standard deviation of bumps of log depth, a sixteenth of the picture wide."
     )
     relief_lost: float = Field(
-        0.2, ge=0, le=1, description="Share of people's relief about their own median depth that is flattened."
+        0.3, ge=0, le=1, description="Share of people's relief about their own median depth that is flattened."
     )
     person_offset: float = Field(
-        0.015, ge=0, le=0.5, description="Standard deviation of log depth by which a whole person is off."
+        0.05, ge=0, le=0.5, description="Standard deviation of log depth by which a whole person is off."
+    )
+    person_bias: float = Field(
+        -0.03,
+        ge=-0.5,
+        le=0.5,
+        description="Mean of that error: below 0, people come out nearer than what they stand or sit on.",
     )
 
 
@@ -171,8 +177,8 @@ def _misshapen(found: Recognised, hints: Hints, options: RelativePointmapOptions
     which = _which(found)
     depth = _seen_depth(found)
     for i, mask in enumerate(world.masks):
-        offset = noise * options.person_offset * generator(world, seed, f"depth of person {i}").normal()
-        depth = flattened(depth, mask & found.people, min(1.0, noise * options.relief_lost), offset)
+        drawn = options.person_bias + options.person_offset * generator(world, seed, f"depth of person {i}").normal()
+        depth = flattened(depth, mask & found.people, min(1.0, noise * options.relief_lost), noise * drawn)
     depth = smeared(depth, noise * pixels_of(options.smear_px, depth.shape))
     depth = in_hole(depth, hints.hole, noise * options.hole_noise, _HOLE_WAVES, generator(world, seed, "hole"))
     for sigma, waves, purpose in (

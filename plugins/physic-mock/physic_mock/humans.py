@@ -28,14 +28,14 @@ class BodyOptions(MockOptions):
     """Settings of :class:`MockBodyEstimator`."""
 
     pose_noise_deg: float = Field(
-        9.0,
+        8.2,
         ge=0,
         le=60,
         description="How far bones lean towards or away from the camera: standard deviation about each of the two axes "
         "across the line of sight, degrees.",
     )
     plane_noise_deg: float = Field(
-        4.0, ge=0, le=60, description="Standard deviation of bones' turns in the plane of the picture, degrees."
+        3.5, ge=0, le=60, description="Standard deviation of bones' turns in the plane of the picture, degrees."
     )
     limb_share: float = Field(
         0.5, ge=0, le=1, description="Share of the variance of both that all bones of an arm, a leg or the trunk share."
@@ -43,12 +43,12 @@ class BodyOptions(MockOptions):
     trunk_factor: float = Field(0.5, ge=0, le=5, description="Factor on these errors of trunk, neck and head.")
     hidden_factor: float = Field(2.0, ge=0, le=5, description="Factor on these errors of bones whose end is hidden.")
     orient_noise_deg: float = Field(
-        4.0, ge=0, le=90, description="Standard deviation of the whole body's turn about each axis, degrees."
+        7.0, ge=0, le=90, description="Standard deviation of the whole body's turn about each axis, degrees."
     )
     shape_noise: float = Field(
         0.4, ge=0, le=3, description="Standard deviation of each shape component; those that change the stature less."
     )
-    stature_noise: float = Field(0.035, ge=0, le=0.5, description="Standard deviation of the logarithm of stature.")
+    stature_noise: float = Field(0.04, ge=0, le=0.5, description="Standard deviation of the logarithm of stature.")
     depth_noise: float = Field(
         0.3,
         ge=0,

@@ -27,7 +27,7 @@ class KeypointOptions(MockOptions):
 
     skeleton: Literal["coco17", "coco23", "blazepose33"] = Field("blazepose33", description="Joint set to answer.")
     point_noise: float = Field(
-        0.006,
+        0.008,
         ge=0,
         le=0.2,
         description="Standard deviation along x and along y, as a share of the larger side of the person's box.",

@@ -31,7 +31,7 @@ class SegmenterOptions(MockOptions):
         0.15, ge=0, le=1, description="Share of people whose mask takes in a bit of what is beside them."
     )
     floor: bool = Field(True, description="Whether the floor is looked for; false answers None.")
-    floor_missed: float = Field(0.1, ge=0, le=1, description="Share of photos whose floor is not found.")
+    floor_missed: float = Field(0.15, ge=0, le=1, description="Share of photos whose floor is not found.")
     floor_spills: float = Field(
         1.5,
         ge=0,

@@ -121,5 +121,5 @@ def match_people(recognised: Recognised, people: People) -> list[int]:
 
 def _alike(a: UInt8Array, b: UInt8Array) -> BoolArray:
     difference = np.abs(a.astype(np.int16) - b.astype(np.int16))
-    alike: BoolArray = (difference <= _TOLERANCE).all(axis=2)
+    alike: BoolArray = difference.max(axis=2) <= _TOLERANCE
     return alike

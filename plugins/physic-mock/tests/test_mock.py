@@ -161,7 +161,9 @@ def test_a_drawn_shift_keeps_everything_in_front_of_the_camera(world, unknown):
 
 
 def test_the_point_maps_of_photo_and_empty_picture_differ_in_scale_and_slightly_in_shape(world):
-    options = RelativePointmapOptions(unknown="scale", photo_scale_sigma=0.2, disagreement=0.003, smear_px=0)
+    options = RelativePointmapOptions(
+        unknown="scale", photo_scale_sigma=0.2, disagreement=0.003, smear_px=0, warp=0.005
+    )
     model = MockRelativePointmap(options)
     empty = model.infer(world.empty_image, Hints()).points[..., 2]
     photo = model.infer(world.image, Hints()).points[..., 2]
@@ -204,7 +206,9 @@ def test_keypoints_stray_by_their_noise_and_more_where_hidden():
         world = build_world(name)
         size = (world.boxes[:, 2:] - world.boxes[:, :2]).max(axis=1)
         for noise_seed in range(4):
-            options = KeypointOptions(noise_seed=noise_seed, hidden_noise=0.02, overconfident=0, swapped=0)
+            options = KeypointOptions(
+                noise_seed=noise_seed, point_noise=0.006, hidden_noise=0.02, overconfident=0, swapped=0
+            )
             answer = MockKeypointDetector(options).infer(world.image, everyone(world))
             error = np.linalg.norm(answer.points - world.keypoints["blazepose33"], axis=2) / size[:, None]
             visible = world.visible["blazepose33"]

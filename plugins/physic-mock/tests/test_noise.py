@@ -209,7 +209,7 @@ def test_contact_has_its_precision_and_recall_on_average_and_patches(world, peop
         recalls.append((found & contact).sum() / contact.sum())
     assert hits / (hits + false) == pytest.approx(0.41, abs=0.03)
     assert np.mean(recalls) == pytest.approx(0.35, abs=0.03)
-    assert np.std(recalls) == pytest.approx(0.5 * np.sqrt(0.35 * 0.65), rel=0.15)
+    assert np.std(recalls) == pytest.approx(0.4 * np.sqrt(0.35 * 0.65), rel=0.15)
     # In patches: whoever is found has mostly neighbours that are.
     own = found[world.faces].sum(axis=1)
     assert (own == 3).sum() > 2 * ((own == 1) | (own == 2)).sum()
@@ -350,10 +350,10 @@ def test_a_floor_takes_in_and_leaves_out(world):
     np.testing.assert_array_equal(floor_mask(nothing, 0, 8, 1, rng()), nothing)
 
 
-def test_a_tenth_of_the_floors_is_missed(world):
+def test_floors_are_missed_now_and_then(world):
     quiet = {"raggedness_px": 0, "missed_ends": 0, "strays": 0, "floor_spills": 0}
     floors = [MockSegmenter(SegmenterOptions(noise_seed=s, **quiet)).infer(world.image).floor for s in range(120)]
-    assert np.mean([floor is None for floor in floors]) == pytest.approx(0.1, abs=0.06)
+    assert np.mean([floor is None for floor in floors]) == pytest.approx(0.15, abs=0.07)
 
 
 def test_masks_hold_at_any_noise(world):
