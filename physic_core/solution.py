@@ -12,7 +12,7 @@ from physic_core.body.parameters import parameters_from_rotations, rotations_fro
 from physic_core.engine.contact import contact_map
 from physic_core.engine.human import align_original, human_points, place, placed_original
 from physic_core.engine.joint import optimize
-from physic_core.engine.limbs import observed_parts
+from physic_core.engine.limbs import confirmed_joints, observed_parts
 from physic_core.engine.problem import JointProblem
 from physic_core.engine.scene import alignment_diagnostics, build_scene
 from physic_core.geometry.neighbors import NearestScene, near_boxes
@@ -130,7 +130,9 @@ def _stage_placement(
     transl = tensor(parameters.transl).to(device, dtype)
     keypoints = tensor(evidence.keypoints.points).to(device, dtype)
     confidence = tensor(evidence.keypoints.confidence).to(device, dtype)
-    observed = _observed(evidence, device)
+    observed = _observed(evidence, device) | confirmed_joints(
+        evidence.keypoints.skeleton, keypoints, confidence, masks.to(device), settings.human.seen_confidence
+    )
     body = model(rotations, betas, transl, expression)
     placed = place(
         body.vertices,

@@ -178,7 +178,7 @@ class JointEnergy:
         if has_plane and settings.floor_weight:
             under = terms.penetration(to_floor, touch.floor_weight, settings.floor_slack_m, settings.floor_sigma_m, rho)
             energies["floor"] = settings.floor_weight * under
-        if has_plane and (settings.sole_weight or settings.lower_sole_weight):
+        if has_plane and (settings.sole_weight or settings.lower_sole_weight or settings.unseen_sole_weight):
             energies["soles"] = self._soles(to_floor)
         return energies
 
@@ -198,13 +198,16 @@ class JointEnergy:
         def far(squared: Tensor) -> Tensor:
             return robust("cauchy", squared / settings.lower_sole_sigma_m**2, 2.0)
 
-        return terms.soles(
+        seen = terms.soles(
             lowest,
             settings.sole_weight * touch.sole_weight,
             settings.lower_sole_weight * touch.lower_sole_weight,
             near,
             far,
         )
+        # It lets go: where the floor is wrong, or the person is cut at the hips, it is not the legs' to mend.
+        unseen = robust("geman_mcclure", (lowest / settings.unseen_sole_sigma_m).square(), 3.0)
+        return seen + settings.unseen_sole_weight * (touch.unseen_sole_weight * unseen).sum(1)
 
     def _anatomy(self, joints: Tensor, estimate: Estimate) -> dict[str, Tensor]:
         """What bodies can be like, whatever the scene."""

@@ -84,9 +84,14 @@ def prepare(problem: JointProblem, settings: JointSettings, start: BodyOutput) -
         probability = torch.zeros_like(probability)
         for name in STATIC_CONTACTS:
             probability[:, model.contact_sets[name]] = 1.0
-    prior = torch.where(probability >= settings.contact_probability, probability, torch.zeros_like(probability))
+    expected = probability >= settings.contact_probability
+    prior = torch.where(expected, probability, torch.zeros_like(probability))
+    if settings.contact_static_weight:
+        for name in STATIC_CONTACTS:
+            rows = model.contact_sets[name]
+            prior[:, rows] = prior[:, rows].clamp(min=settings.contact_static_weight)
     area = vertex_areas(start.vertices, model.faces)
-    ids, area = representatives(model, prior.any(0), settings.vertex_spacing_m, area)
+    ids, area = representatives(model, expected.any(0), settings.vertex_spacing_m, area)
     area = area / _AREA_UNIT_M2 if settings.reduction == "area" else torch.ones_like(area)
     ankles = [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]]
     keypoints, keypoint_weight = _keypoints(problem, settings)

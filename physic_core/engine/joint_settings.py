@@ -82,6 +82,8 @@ class JointSettings:
         contact_weight: lambda_c of Eq. 5.
         contact_source: who may touch: the contact "prior", or "static" parts of every body: feet, hands, thighs, seat
             and back.
+        contact_static_weight: static parts, where the prior does not see them touch, count by this weight; 0 leaves all
+            to the prior.
         contact_probability: a vertex is a contact vertex from this prior probability on.
         contact_reach_m: contact vertices farther from scene and floor are left alone, metres.
         contact_metric: "plane" measures along the surface's normal, "point" to the nearest point.
@@ -111,6 +113,7 @@ class JointSettings:
             none.
         floor_band_m: scene points this near to the plane are the floor, and left to the plane ("plane").
         floor_weight: of vertices under the plane ("plane").
+        floor_unseen: and of those of them that lie on limbs that the photo does not show, by this factor.
         floor_slack_m: depth under it that is not punished, metres.
         floor_sigma_m: expected error of the plane, metres.
         sole_weight: of each foot near the floor; the lowest twentieth of the sole is its height.
@@ -118,6 +121,8 @@ class JointSettings:
         sole_scale: beyond this many sigmas a foot is in the air.
         lower_sole_weight: of the lower foot, which is pulled from farther away.
         lower_sole_sigma_m: expected error for it, metres.
+        unseen_sole_weight: of each foot that the photo does not show: most feet stand on the floor.
+        unseen_sole_sigma_m: how far they may be off, metres; beyond thrice this it lets go.
         lower_sole_reach_m: farther than this from the floor, and the lower foot is left alone too, metres.
         regularisation_weight: lambda_reg of Eq. 5, over all that follows.
         regularisation_sigma_m: expected error of a visible vertex, root-relative, metres.
@@ -187,6 +192,7 @@ class JointSettings:
     vertex_confidence: NotNegative = 0.0
     contact_weight: NotNegative = 1.0
     contact_source: Literal["prior", "static"] = "prior"
+    contact_static_weight: NotNegative = 0.3
     contact_probability: Share = 0.5
     contact_reach_m: Positive = 0.15
     contact_metric: Literal["plane", "point"] = "plane"
@@ -213,6 +219,7 @@ class JointSettings:
     floor: Literal["plane", "points", "off"] = "plane"
     floor_band_m: NotNegative = 0.05
     floor_weight: NotNegative = 6.0
+    floor_unseen: Share = 0.0
     floor_slack_m: NotNegative = 0.0
     floor_sigma_m: Positive = 0.015
     sole_weight: NotNegative = 2.0
@@ -220,6 +227,8 @@ class JointSettings:
     sole_scale: Positive = 2.0
     lower_sole_weight: NotNegative = 4.0
     lower_sole_sigma_m: Positive = 0.04
+    unseen_sole_weight: NotNegative = 2.0
+    unseen_sole_sigma_m: Positive = 0.05
     lower_sole_reach_m: Positive = 0.4
     regularisation_weight: NotNegative = 1.0
     regularisation_sigma_m: Positive = 0.06
@@ -230,7 +239,7 @@ class JointSettings:
     hands_weight: NotNegative = 1.0
     shape_weight: NotNegative = 1.0
     translation_weight: NotNegative = 0.05
-    scale_weight: NotNegative = 1.0
+    scale_weight: NotNegative = 8.0
     scale_sigma: Positive = 0.1
     limit_weight: NotNegative = 1.0
     balance_weight: NotNegative = 16.0

@@ -10,8 +10,9 @@ from torch import Tensor
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.landmarks import SKELETONS
 from physic_core.engine.terms import hinge_angles
+from physic_core.geometry.visibility import inside_mask
 
-__all__ = ["keypoint_weights", "limb_parts", "observed_parts", "part_confidence", "stands"]
+__all__ = ["confirmed_joints", "keypoint_weights", "limb_parts", "observed_parts", "part_confidence", "stands"]
 
 _END_JOINT = {
     "upper_leg": "knee",
@@ -45,6 +46,33 @@ _LANDMARK_WEIGHTS = {
 def limb_parts(part_names: Sequence[str]) -> list[int]:
     """Indices of arms, hands, legs and feet: what can be self-occluded."""
     return [i for i, name in enumerate(part_names) if name.startswith(("left_", "right_"))]
+
+
+def confirmed_joints(skeleton: str, keypoints: Tensor, confidence: Tensor, masks: Tensor, least: float) -> Tensor:
+    """Joints of which a keypoint is sure and lies on the person's mask: the photo shows them, whatever else is said.
+
+    A toe shows its ankle and a finger its wrist.
+
+    Args:
+        skeleton: name of the joint set; one that no body knows confirms nothing.
+        keypoints: (B, J, 2) px.
+        confidence: (B, J).
+        masks: (B, H, W) bool.
+        least: confidence; 1 confirms nothing.
+
+    Returns:
+        (B, 55) bool.
+    """
+    confirmed = torch.zeros(len(keypoints), len(JOINT_INDEX), dtype=torch.bool, device=keypoints.device)
+    if least >= 1:
+        return confirmed
+    finite = torch.isfinite(keypoints).all(-1) & torch.isfinite(confidence)
+    sure = finite & (confidence >= least) & inside_mask(torch.nan_to_num(keypoints), masks)
+    for j, name in enumerate(SKELETONS.get(skeleton, ())):
+        joint = _joint_of(name)
+        if joint is not None:
+            confirmed[:, JOINT_INDEX[joint]] |= sure[:, j]
+    return confirmed
 
 
 def observed_parts(part_names: Sequence[str], observed: Tensor) -> Tensor:

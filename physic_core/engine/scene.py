@@ -246,6 +246,7 @@ def _inverse_depth_search(
         hole=hole,
         feet_px=feet_px,
         tolerance=settings.floor_tolerance,
+        mask_slack=settings.floor_mask_slack,
         hypotheses=settings.floor_hypotheses,
         min_share=settings.floor_min_share,
         mask_min_share=settings.floor_mask_min_share,

@@ -52,6 +52,8 @@ class SceneSettings:
         floor: "disparity" fits a plane in 1 / Z, "metric" is the paper's RANSAC on points of the floor mask, "off".
         floor_hypotheses: RANSAC draws.
         floor_tolerance: how far an inlier may be off, as a share of the range of 1 / Z ("disparity"); 0.008-0.02.
+        floor_mask_slack: where no plane holds on the floor mask it is tried again with this many tolerances ("disparity");
+            2-3, 1 does not.
         floor_tolerance_m: how far an inlier may be off, metres ("metric").
         floor_min_share: share of the searched pixels that must agree; 0.3 separates usable floors from none.
         floor_mask_min_share: the same where the search is bound to a floor mask.
@@ -83,6 +85,7 @@ class SceneSettings:
     floor: Literal["disparity", "metric", "off"] = "disparity"
     floor_hypotheses: PositiveCount = 1000
     floor_tolerance: Positive = 0.012
+    floor_mask_slack: Positive = 2.5
     floor_tolerance_m: Positive = 0.01
     floor_min_share: Share = 0.3
     floor_mask_min_share: Share = 0.5
@@ -130,6 +133,8 @@ class HumanSettings:
         chamfer_weight: lambda_d of Eq. 3; 0 stops after Eq. 2.
         facing_deg: a vertex faces the camera when its normal is within this angle of the direction to the camera.
         min_confidence: keypoints below count nothing.
+        seen_confidence: a joint whose keypoint is this sure and lies on the person's own mask is seen, whatever the
+            body estimator says; 1 believes the body estimator alone.
         robust_px_share: scale of the robust reprojection error, as a share of the normalising length; "inf" is plain
             least squares.
         robust_m: scale of the robust Chamfer distance, metres, wider where most points are farther off; "inf" is plain
@@ -170,6 +175,7 @@ class HumanSettings:
     chamfer_weight: NotNegative = 0.6
     facing_deg: Degrees = 70.0
     min_confidence: Share = 0.3
+    seen_confidence: Share = 0.7
     robust_px_share: PositiveOrInfinite = 0.05
     robust_m: PositiveOrInfinite = 0.15
     depth_offset_sigma: NotNegative = 0.2

@@ -34,6 +34,7 @@ class Touch:
         floor_weight: (B, n), against the floor's plane.
         sole_weight: (B, 2).
         lower_sole_weight: (B,).
+        unseen_sole_weight: (B, 2).
     """
 
     near: Tensor
@@ -43,6 +44,7 @@ class Touch:
     floor_weight: Tensor
     sole_weight: Tensor
     lower_sole_weight: Tensor
+    unseen_sole_weight: Tensor
 
 
 def scene_near(fixed: Fixed, settings: JointSettings, vertices: Tensor, scale: float) -> NearestScene:
@@ -121,13 +123,15 @@ def feel(
     if settings.penetration_spares_contact:
         inside = inside & ~(fixed.prior > 0)
     solid = fixed.area * fixed.trust
+    unseen = settings.floor_unseen * fixed.area * ~fixed.seen_part
 
     heights = [above[:, rows] for rows in fixed.soles]
     lowest = torch.stack([lowest_height(h) if h.shape[1] else far[:, 0] for h in heights], 1)
     # A foot on a step or a stool stands on that, which contact sees to.
     stepped = torch.stack([_share((level & (signed.abs() < above))[:, rows]) > _STEP_SHARE for rows in fixed.soles], 1)
     on_floor = fixed.feet_seen & torch.isfinite(lowest) & ~stepped
-    likely = torch.stack([_share(fixed.prior[:, rows] > 0) > 0 for rows in fixed.soles], 1)
+    expected = fixed.prior >= settings.contact_probability
+    likely = torch.stack([_share(expected[:, rows]) > 0 for rows in fixed.soles], 1)
     lower = torch.where(on_floor, lowest, torch.full_like(lowest, torch.inf)).amin(1)
     pulled = (on_floor & likely).any(1) & ~stepped.any(1) & (lower.abs() < settings.lower_sole_reach_m)
     return Touch(
@@ -135,9 +139,10 @@ def feel(
         on_scene=on_scene,
         contact_weight=contact_weight,
         penetration_weight=torch.where(inside, solid, zeros),
-        floor_weight=torch.where(visible.in_play, solid, zeros) if plane is not None else zeros,
+        floor_weight=zeros if plane is None else torch.where(visible.in_play, solid, unseen),
         sole_weight=on_floor.to(zeros.dtype),
         lower_sole_weight=pulled.to(zeros.dtype),
+        unseen_sole_weight=(~fixed.feet_seen & torch.isfinite(lowest) & ~stepped).to(zeros.dtype),
     )
 
 

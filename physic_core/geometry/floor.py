@@ -94,6 +94,7 @@ def fit_floor(
     hole: Tensor | None = None,
     feet_px: Tensor | None = None,
     tolerance: float = 0.012,
+    mask_slack: float = 2.5,
     hypotheses: int = 1000,
     min_share: float = 0.3,
     mask_min_share: float = 0.5,
@@ -120,6 +121,8 @@ def fit_floor(
         hole: (H, W) bool, pixels that an inpainter made up, or None.
         feet_px: (F, 2) px, floor pixels at people's soles; may be empty or None.
         tolerance: of an inlier, as a share of the range of the inverse depth.
+        mask_slack: where the mask's pixels agree on no plane, they are tried again with this many tolerances: a
+            network may bend what a segmenter knows to be a floor.
         hypotheses: planes drawn.
         min_share: share of the lower part's pixels that must lie on the plane.
         mask_min_share: share of the mask's pixels that must lie on the plane.
@@ -145,7 +148,7 @@ def fit_floor(
     if not band > 0:
         return FloorSearch(None, "no_consensus")
 
-    def search(mask: Tensor | None, share: float) -> FloorSearch:
+    def search(mask: Tensor | None, share: float, band: float = band) -> FloorSearch:
         samples = _sample(rays, inverse, valid, mask, hole, hole_weight, lower_share)
         generator = torch.Generator().manual_seed(seed)
         plane = _fit_samples(samples, band, _LEAST_RISE * spread, hypotheses, max_roll_deg, generator)
@@ -169,6 +172,8 @@ def fit_floor(
     if floor_mask is None or not bool(floor_mask.any()):
         return search(None, min_share)
     masked = search(floor_mask, mask_min_share)
+    if masked.reason == "no_consensus" and mask_slack > 1:
+        masked = search(floor_mask, mask_min_share, mask_slack * band)
     return masked if masked.plane is not None else replace(search(None, min_share), mask_reason=masked.reason)
 
 
