@@ -53,8 +53,9 @@ class JointEnergy:
         with torch.no_grad():
             start = problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0)
         self.fixed = prepare(problem, settings, start)
-        self._offset_free = _offset_free(problem, settings, self.fixed.feet_seen)
-        self.state = _state(problem, settings, start.joints[:, 0], self._offset_free, len(self.fixed.surface))
+        offset_sigma = _offset_sigma(problem, settings, self.fixed.feet_seen)
+        self._offset_free = offset_sigma > 0
+        self.state = _state(problem, settings, start.joints[:, 0], offset_sigma, len(self.fixed.surface))
         self._cloud = _cloud(problem, settings)
         self._ranges, self._fingers = (limits_of(table, problem.transl0) for table in (RANGES, FINGER_RANGES))
         limbs = settings.self_penetration_weight or settings.people_penetration_weight
@@ -257,16 +258,21 @@ class JointEnergy:
         }
 
 
-def _offset_free(problem: JointProblem, settings: JointSettings, feet_seen: Tensor) -> Tensor:
-    """(B,) bool: only soles on a floor tell depth's error from a wrong place."""
-    floor_known = problem.floor_normal is not None and settings.floor == "plane"
-    known = floor_known and settings.depth_offset_sigma > 0 and "offset" not in settings.frozen
-    return feet_seen.any(1) if known else torch.zeros_like(feet_seen[:, 0])
+def _offset_sigma(problem: JointProblem, settings: JointSettings, feet_seen: Tensor) -> Tensor:
+    """(B,) expected spread of each person's depth offset, 0 where it is tied."""
+    alone = torch.full_like(problem.transl0[:, 2], settings.depth_offset_alone_sigma)
+    if "offset" in settings.frozen:
+        return torch.zeros_like(alone)
+    if problem.floor_normal is None or settings.floor != "plane":
+        return alone
+    return torch.where(feet_seen.any(1), settings.depth_offset_sigma, alone)
 
 
-def _state(problem: JointProblem, settings: JointSettings, pelvis: Tensor, offset_free: Tensor, surface: int) -> State:
+def _state(
+    problem: JointProblem, settings: JointSettings, pelvis: Tensor, offset_sigma: Tensor, surface: int
+) -> State:
     frozen = set(settings.frozen)
-    if not offset_free.any():
+    if not offset_sigma.any():
         frozen.add("offset")
     if surface == 0 and problem.floor_normal is None:
         frozen.add("scale")  # nothing is left that shows the scale
@@ -278,8 +284,8 @@ def _state(problem: JointProblem, settings: JointSettings, pelvis: Tensor, offse
         whitened=settings.parameters == "whitened",
         frozen=sorted(frozen),
         scale_sigma=settings.scale_sigma if problem.scale_sigma is None else problem.scale_sigma,
-        offset_sigma=settings.depth_offset_sigma,
-        offset_free=offset_free,
+        offset_sigma=offset_sigma,
+        offset_free=offset_sigma > 0,
     )
 
 

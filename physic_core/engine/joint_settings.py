@@ -37,6 +37,8 @@ class JointSettings:
         steps: at most; 40-100.
         refresh_steps: steps between two looks at visibility and, with "lbfgs", nearest points; 10-30.
         learning_rate: Adam's.
+        keep_last: take the last state, even where the energy was lower before, as plain gradient descent does; otherwise
+            the best.
         tolerance: stop when a refresh's steps lower the energy by less than this share; 0 never stops early.
         scene_after: contact, penetration and floor join after this share of the steps; 0 from the beginning.
         starts: of each person's pose and place, the best of which is kept: 1 is the body estimator's alone, 3 adds
@@ -75,6 +77,7 @@ class JointSettings:
         depth_scale: its scale, sigmas.
         depth_offset_sigma: prior of log(depth offset) of a person whose feet stand on a known floor; 0 ties depth to
             the scene.
+        depth_offset_alone_sigma: the same of all other people.
         facing_deg: a vertex faces the camera when its normal is within this angle of the direction to the camera.
         max_human_points: of one person, "chamfer"; more are picked evenly, each standing for several. 0 keeps all.
         vertex_confidence: depth, contact and penetration count by this power of how confident the keypoints of the
@@ -113,7 +116,6 @@ class JointSettings:
             none.
         floor_band_m: scene points this near to the plane are the floor, and left to the plane ("plane").
         floor_weight: of vertices under the plane ("plane").
-        floor_unseen: and of those of them that lie on limbs that the photo does not show, by this factor.
         floor_slack_m: depth under it that is not punished, metres.
         floor_sigma_m: expected error of the plane, metres.
         sole_weight: of each foot near the floor; the lowest twentieth of the sole is its height.
@@ -158,6 +160,7 @@ class JointSettings:
     steps: Count = 80
     refresh_steps: PositiveCount = 20
     learning_rate: Positive = 1e-2
+    keep_last: bool = False
     tolerance: NotNegative = 1e-3
     scene_after: Share = 0.0
     starts: Literal[1, 3, 5] = 1
@@ -187,6 +190,7 @@ class JointSettings:
     depth_loss: RobustKind = "cauchy"
     depth_scale: Positive = 2.0
     depth_offset_sigma: NotNegative = 0.2
+    depth_offset_alone_sigma: NotNegative = 0.03
     facing_deg: Degrees = 70.0
     max_human_points: Count = 3000
     vertex_confidence: NotNegative = 0.0
@@ -198,12 +202,12 @@ class JointSettings:
     contact_metric: Literal["plane", "point"] = "plane"
     contact_sigma_m: Positive = 0.02
     contact_loss: RobustKind = "geman_mcclure"
-    contact_scale: Positive = 3.0
+    contact_scale: Positive = 5.0
     contact_facing: bool = True
     contact_angle_deg: Degrees = 90.0
     contact_outside: bool = False
     contact_mean: bool = False
-    contact_occluded: bool = False
+    contact_occluded: bool = True
     penetration_weight: NotNegative = 0.3
     penetration_metric: Literal["plane", "point"] = "plane"
     penetration_reach_m: Positive = 0.15
@@ -219,7 +223,6 @@ class JointSettings:
     floor: Literal["plane", "points", "off"] = "plane"
     floor_band_m: NotNegative = 0.05
     floor_weight: NotNegative = 6.0
-    floor_unseen: Share = 0.0
     floor_slack_m: NotNegative = 0.0
     floor_sigma_m: Positive = 0.015
     sole_weight: NotNegative = 2.0
@@ -227,19 +230,19 @@ class JointSettings:
     sole_scale: Positive = 2.0
     lower_sole_weight: NotNegative = 4.0
     lower_sole_sigma_m: Positive = 0.04
-    unseen_sole_weight: NotNegative = 2.0
+    unseen_sole_weight: NotNegative = 4.0
     unseen_sole_sigma_m: Positive = 0.05
     lower_sole_reach_m: Positive = 0.4
     regularisation_weight: NotNegative = 1.0
     regularisation_sigma_m: Positive = 0.06
     visible_weight: NotNegative = 0.05
-    occluded_weight: NotNegative = 0.3
+    occluded_weight: NotNegative = 0.1
     root_weight: NotNegative = 0.3
     pose_weight: NotNegative = 1.0
     hands_weight: NotNegative = 1.0
     shape_weight: NotNegative = 1.0
     translation_weight: NotNegative = 0.05
-    scale_weight: NotNegative = 8.0
+    scale_weight: NotNegative = 5.0
     scale_sigma: Positive = 0.1
     limit_weight: NotNegative = 1.0
     balance_weight: NotNegative = 16.0

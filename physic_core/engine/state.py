@@ -76,7 +76,7 @@ class State:
         whitened: see the module.
         frozen: groups that stay as they are.
         scale_sigma: expected spread of log(scale).
-        offset_sigma: expected spread of the depth offset.
+        offset_sigma: expected spread of the depth offset, or (B,) that of each person.
         offset_free: (B,) bool, people whose offset may move at all; None is everybody.
 
     Raises:
@@ -93,7 +93,7 @@ class State:
         whitened: bool = True,
         frozen: Sequence[str] = (),
         scale_sigma: float = 0.1,
-        offset_sigma: float = 0.2,
+        offset_sigma: float | Tensor = 0.2,
         offset_free: Tensor | None = None,
     ) -> None:
         unknown = sorted(set(frozen) - set(GROUPS))

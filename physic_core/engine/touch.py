@@ -123,7 +123,6 @@ def feel(
     if settings.penetration_spares_contact:
         inside = inside & ~(fixed.prior > 0)
     solid = fixed.area * fixed.trust
-    unseen = settings.floor_unseen * fixed.area * ~fixed.seen_part
 
     heights = [above[:, rows] for rows in fixed.soles]
     lowest = torch.stack([lowest_height(h) if h.shape[1] else far[:, 0] for h in heights], 1)
@@ -139,7 +138,7 @@ def feel(
         on_scene=on_scene,
         contact_weight=contact_weight,
         penetration_weight=torch.where(inside, solid, zeros),
-        floor_weight=zeros if plane is None else torch.where(visible.in_play, solid, unseen),
+        floor_weight=zeros if plane is None else torch.where(visible.in_play, solid, zeros),
         sole_weight=on_floor.to(zeros.dtype),
         lower_sole_weight=pulled.to(zeros.dtype),
         unseen_sole_weight=(~fixed.feet_seen & torch.isfinite(lowest) & ~stepped).to(zeros.dtype),
