@@ -268,9 +268,7 @@ def _offset_sigma(problem: JointProblem, settings: JointSettings, feet_seen: Ten
     return torch.where(feet_seen.any(1), settings.depth_offset_sigma, alone)
 
 
-def _state(
-    problem: JointProblem, settings: JointSettings, pelvis: Tensor, offset_sigma: Tensor, surface: int
-) -> State:
+def _state(problem: JointProblem, settings: JointSettings, pelvis: Tensor, offset_sigma: Tensor, surface: int) -> State:
     frozen = set(settings.frozen)
     if not offset_sigma.any():
         frozen.add("offset")

@@ -37,8 +37,8 @@ class JointSettings:
         steps: at most; 40-100.
         refresh_steps: steps between two looks at visibility and, with "lbfgs", nearest points; 10-30.
         learning_rate: Adam's.
-        keep_last: take the last state, even where the energy was lower before, as plain gradient descent does; otherwise
-            the best.
+        keep_last: take the last state, as plain gradient descent does, even where the energy was lower before;
+            otherwise the best.
         tolerance: stop when a refresh's steps lower the energy by less than this share; 0 never stops early.
         scene_after: contact, penetration and floor join after this share of the steps; 0 from the beginning.
         starts: of each person's pose and place, the best of which is kept: 1 is the body estimator's alone, 3 adds

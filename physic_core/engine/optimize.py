@@ -247,7 +247,7 @@ def _adam_block(energy: Energy, settings: JointSettings, steps: int, memory: Mem
         optimiser.step()
     with torch.no_grad():
         best.offer(float(total_of(energy())))
-    if last and not settings.keep_last or broken:
+    if (last and not settings.keep_last) or broken:
         best.restore()
     return Block(best.first, best.value, best.offers, steps)
 

@@ -52,8 +52,8 @@ class SceneSettings:
         floor: "disparity" fits a plane in 1 / Z, "metric" is the paper's RANSAC on points of the floor mask, "off".
         floor_hypotheses: RANSAC draws.
         floor_tolerance: how far an inlier may be off, as a share of the range of 1 / Z ("disparity"); 0.008-0.02.
-        floor_mask_slack: where no plane holds on the floor mask it is tried again with this many tolerances ("disparity");
-            2-3, 1 does not.
+        floor_mask_slack: where no plane holds on the floor mask it is tried again with this many tolerances
+            ("disparity"); 2-3, 1 does not.
         floor_tolerance_m: how far an inlier may be off, metres ("metric").
         floor_min_share: share of the searched pixels that must agree; 0.3 separates usable floors from none.
         floor_mask_min_share: the same where the search is bound to a floor mask.
