@@ -37,8 +37,6 @@ class JointSettings:
         steps: at most; 40-100.
         refresh_steps: steps between two looks at visibility and, with "lbfgs", nearest points; 10-30.
         learning_rate: Adam's.
-        keep_last: take the last state, as plain gradient descent does, even where the energy was lower before;
-            otherwise the best.
         tolerance: stop when a refresh's steps lower the energy by less than this share; 0 never stops early.
         scene_after: contact, penetration and floor join after this share of the steps; 0 from the beginning.
         starts: of each person's pose and place, the best of which is kept: 1 is the body estimator's alone, 3 adds
@@ -160,7 +158,6 @@ class JointSettings:
     steps: Count = 80
     refresh_steps: PositiveCount = 20
     learning_rate: Positive = 1e-2
-    keep_last: bool = False
     tolerance: NotNegative = 1e-3
     scene_after: Share = 0.0
     starts: Literal[1, 3, 5] = 1
@@ -202,7 +199,7 @@ class JointSettings:
     contact_metric: Literal["plane", "point"] = "plane"
     contact_sigma_m: Positive = 0.02
     contact_loss: RobustKind = "geman_mcclure"
-    contact_scale: Positive = 5.0
+    contact_scale: Positive = 3.5
     contact_facing: bool = True
     contact_angle_deg: Degrees = 90.0
     contact_outside: bool = False

@@ -100,8 +100,7 @@ def minimise(energy: Energy, settings: JointSettings, progress: Callable[[float]
     final = state.pack()
     state.load(origin)
     start = _values(energy)
-    keep = math.isfinite(_sum(end)) if settings.keep_last else _sum(end) <= _sum(start)
-    if keep:
+    if _sum(end) <= _sum(start):
         state.load(final)
     else:
         end = start
@@ -230,24 +229,23 @@ class _Curvature:
 
 
 def _adam_block(energy: Energy, settings: JointSettings, steps: int, memory: Memory, last: bool) -> Block:
-    """Adam on one view. Its path goes on over refreshes, uphill too; the last view's best or last state is kept."""
+    """Adam on one view. Its path goes on over refreshes, uphill too; the last view's best state is kept."""
     state = energy.state
     parameters = state.parameters()
     if memory.adam is None:
         memory.adam = torch.optim.Adam(parameters, lr=settings.learning_rate)
     optimiser = memory.adam
     best = _Best(state)
-    broken = False
     for _ in range(steps):
         total = total_of(energy())
         best.offer(float(total.detach()))
         if not _differentiate(total, parameters):
-            broken = True  # one more step would spread what is not a number
+            last = True  # one more step would spread what is not a number
             break
         optimiser.step()
     with torch.no_grad():
         best.offer(float(total_of(energy())))
-    if (last and not settings.keep_last) or broken:
+    if last:
         best.restore()
     return Block(best.first, best.value, best.offers, steps)
 

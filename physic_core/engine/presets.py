@@ -62,7 +62,6 @@ _PAPER = EngineSettings(
     joint=JointSettings(
         parameters="raw",
         optimiser="adam",
-        keep_last=True,
         steps=100,
         refresh_steps=30,
         tolerance=0.0,

@@ -47,7 +47,7 @@ def test_each_row_adds_one_term_to_the_row_before():
         {"scene.floor", "joint.floor"},
     ]
     ours = list(rows("default").values())
-    assert difference(ours[3], ours[4]) == {"joint.occlusion_aware", "joint.contact_occluded"}
+    assert difference(ours[3], ours[4]) == {"joint.occlusion_aware"}
     assert difference(ours[5], ours[6]) == {"joint.contact_source"}
 
 

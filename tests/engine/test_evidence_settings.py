@@ -95,7 +95,8 @@ def test_an_unsure_limb_pushes_and_pulls_less(standing):
 
 def test_static_contacts_need_no_prior(standing):
     nobody = replace(standing.problem, contact_probability=0 * standing.problem.contact_probability)
-    none, static = (JointEnergy(nobody, replace(JOINT, contact_source=s)).fixed for s in ("prior", "static"))
+    bare = replace(JOINT, contact_static_weight=0.0)
+    none, static = (JointEnergy(nobody, replace(bare, contact_source=s)).fixed for s in ("prior", "static"))
     assert (none.prior == 0).all()
     model = nobody.model
     wanted = torch.zeros(model.num_vertices, dtype=torch.bool)
