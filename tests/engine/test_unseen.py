@@ -1,0 +1,122 @@
+"""What photos do not show, and what they show though an estimator says otherwise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from physic_core.body.joints import JOINT_INDEX
+from physic_core.body.landmarks import SKELETONS
+from physic_core.engine.energy import JointEnergy
+from physic_core.engine.fixed import STATIC_CONTACTS
+from physic_core.engine.joint import optimize
+from physic_core.engine.limbs import confirmed_joints
+from physic_core.engine.presets import PRESETS
+
+SETTINGS = PRESETS["default"].joint
+NAMES = SKELETONS["blazepose33"]
+
+
+@pytest.fixture(scope="module")
+def standing(make_stage):
+    return make_stage([({}, (0.0, 0.0, 3.5))])
+
+
+def confirmed(name, confidence=0.9, at=(10.0, 20.0), least=0.7, skeleton="blazepose33"):
+    """Names of the joints that one keypoint confirms; the person's mask covers columns below 50."""
+    keypoints = torch.full((1, len(NAMES), 2), 90.0)
+    sure = torch.zeros(1, len(NAMES))
+    keypoints[0, NAMES.index(name)] = torch.tensor(at)
+    sure[0, NAMES.index(name)] = confidence
+    masks = torch.zeros(1, 100, 100, dtype=torch.bool)
+    masks[..., :50] = True
+    found = confirmed_joints(skeleton, keypoints, sure, masks, least)[0]
+    return {joint for joint, i in JOINT_INDEX.items() if found[i]}
+
+
+def test_a_sure_keypoint_on_the_mask_shows_its_joint():
+    assert confirmed("left_knee") == {"left_knee"}
+
+
+def test_a_toe_shows_its_ankle():
+    toe = next(name for name in NAMES if name.startswith("right_") and name.endswith("foot_tip"))
+    assert confirmed(toe) == {"right_ankle"}
+
+
+@pytest.mark.parametrize(
+    "doubt", [{"confidence": 0.69}, {"at": (60.0, 20.0)}, {"at": (float("nan"), 1.0)}, {"least": 1.0}]
+)
+def test_a_doubtful_keypoint_shows_nothing(doubt):
+    assert confirmed("left_knee", **doubt) == set()
+
+
+def test_a_joint_set_that_no_body_knows_shows_nothing():
+    assert confirmed("left_knee", skeleton="of-its-own") == set()
+
+
+def test_likely_parts_count_where_the_prior_says_nothing(standing):
+    nobody = replace(standing.problem, contact_probability=0 * standing.problem.contact_probability)
+    fixed = JointEnergy(nobody, replace(SETTINGS, contact_static_weight=0.25)).fixed
+    likely = torch.zeros(nobody.model.num_vertices, dtype=torch.bool)
+    for name in STATIC_CONTACTS:
+        likely[nobody.model.contact_sets[name]] = True
+    torch.testing.assert_close(fixed.prior[0], 0.25 * likely[fixed.ids].float())
+
+
+def test_the_prior_goes_before_likely_parts(standing):
+    prior = JointEnergy(standing.problem, replace(SETTINGS, contact_static_weight=0.0)).fixed.prior
+    both = JointEnergy(standing.problem, replace(SETTINGS, contact_static_weight=0.25)).fixed.prior
+    assert (prior > 0).any()
+    torch.testing.assert_close(both[prior > 0], prior[prior > 0])
+
+
+def lifted(stage, height):
+    """The left foot ``height`` metres over the floor, and the photo shows neither knee nor ankle of that leg."""
+    observed = stage.problem.observed.clone()
+    for name in ("knee", "ankle", "foot"):
+        observed[:, JOINT_INDEX[f"left_{name}"]] = False
+    bend = torch.acos(torch.tensor(1 - height / 0.8))
+    pose = stage.problem.rotations0.clone()
+    for joint, turn in (("left_hip", -bend), ("left_knee", 2 * bend), ("left_ankle", -bend)):
+        c, s = torch.cos(turn), torch.sin(turn)
+        about_x = torch.tensor([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+        pose[:, JOINT_INDEX[joint]] = pose[:, JOINT_INDEX[joint]] @ about_x
+    return replace(stage.problem, observed=observed, rotations0=pose)
+
+
+def sole_height(problem, vertices):
+    """Metres of the lowest vertex of the left sole over the floor."""
+    sole = vertices[0, problem.model.contact_sets["left_sole"]]
+    return float((sole @ problem.floor_normal + problem.floor_offset).min())
+
+
+def test_an_unseen_foot_that_hovers_comes_down(standing):
+    problem = lifted(standing, 0.06)
+    start = problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0).vertices
+    assert 0.03 < sole_height(problem, start) < 0.1
+    pulled, left = (
+        sole_height(problem, optimize(problem, replace(SETTINGS, unseen_sole_weight=weight)).vertices)
+        for weight in (SETTINGS.unseen_sole_weight, 0.0)
+    )
+    assert pulled < left - 0.02
+    assert left > 0.03
+
+
+def slope(problem):
+    """Of the pull on an unseen foot, by the pose."""
+    energies = [JointEnergy(problem, replace(SETTINGS, unseen_sole_weight=weight)) for weight in (4.0, 0.0)]
+    pull = (energies[0]()["soles"] - energies[1]()["soles"]).sum()
+    return torch.autograd.grad(pull, energies[0].state.values["pose"])[0].abs().max().item()
+
+
+def test_an_unseen_foot_high_up_is_let_go(standing):
+    assert slope(lifted(standing, 0.5)) < 0.25 * slope(lifted(standing, 0.06))
+
+
+def test_a_person_without_a_floor_may_be_nearer_than_depth_says(standing):
+    problem = replace(standing.problem, floor_normal=None)
+    assert "offset" in JointEnergy(problem, SETTINGS).state.free
+    tied = JointEnergy(problem, replace(SETTINGS, depth_offset_alone_sigma=0.0))
+    assert "offset" not in tied.state.free
