@@ -206,7 +206,6 @@ class JointEnergy:
             near,
             far,
         )
-        # It lets go: where the floor is wrong, or the person is cut at the hips, it is not the legs' to mend.
         unseen = robust("geman_mcclure", (lowest / settings.unseen_sole_sigma_m).square(), 3.0)
         return seen + settings.unseen_sole_weight * (touch.unseen_sole_weight * unseen).sum(1)
 

@@ -239,7 +239,7 @@ class JointSettings:
     hands_weight: NotNegative = 1.0
     shape_weight: NotNegative = 1.0
     translation_weight: NotNegative = 0.05
-    scale_weight: NotNegative = 5.0
+    scale_weight: NotNegative = 4.0
     scale_sigma: Positive = 0.1
     limit_weight: NotNegative = 1.0
     balance_weight: NotNegative = 16.0

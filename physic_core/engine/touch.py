@@ -19,6 +19,7 @@ __all__ = ["WANDER_M", "Touch", "feel", "scene_near"]
 
 WANDER_M = 0.6  # how far people may move before the scene round them has to be gathered anew
 _LEVEL = 0.7  # cosine: a surface that one can stand on
+_UNSEEN = 4.0  # sigmas: a foot that should be so far off is not the floor's to mend
 _STEP_SHARE = 0.3  # of a sole's vertices that must be over a raised surface
 
 
@@ -141,7 +142,9 @@ def feel(
         floor_weight=zeros if plane is None else torch.where(visible.in_play, solid, zeros),
         sole_weight=on_floor.to(zeros.dtype),
         lower_sole_weight=pulled.to(zeros.dtype),
-        unseen_sole_weight=(~fixed.feet_seen & torch.isfinite(lowest) & ~stepped).to(zeros.dtype),
+        unseen_sole_weight=(~fixed.feet_seen & (lowest.abs() < _UNSEEN * settings.unseen_sole_sigma_m) & ~stepped).to(
+            zeros.dtype
+        ),
     )
 
 

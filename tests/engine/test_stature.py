@@ -74,7 +74,7 @@ def test_scene_and_stature_share_a_disagreement_as_two_measurements_do(standing,
     # Pose and place have next to no say in it: only how large the person is, and how large the scene.
     settings = replace(
         JOINT, frozen=("pose", "hands", "root"), translation_weight=0.0, depth_offset_sigma=0.0, tolerance=0.0,
-        regularisation_sigma_m=10.0, balance_weight=0.0, steps=120, stature_weight=stature_weight,
+        regularisation_sigma_m=10.0, balance_weight=0.0, steps=120, stature_weight=stature_weight, scale_weight=1.0,
     )  # fmt: skip
     result = optimize(large, settings)
     precision = 1 / spread_of_stature(body) ** 2 + stature_weight / settings.stature_sigma**2

@@ -8,7 +8,6 @@ import numpy as np
 from pydantic import Field
 
 from physic_core import interfaces
-from physic_core.body.landmarks import SKELETONS
 from physic_core.types import Keypoints
 from physic_mock.noise import chance, generator
 from physic_mock.recognition import MockOptions, match_people, recognise
@@ -77,6 +76,8 @@ class MockKeypointDetector(interfaces.KeypointDetector):
 
 def _swapped(skeleton: str, limb: tuple[str, ...]) -> list[int]:
     """Which point each point's name is given to, where left and right of one pair of limbs are mixed up."""
+    from physic_core.body.landmarks import SKELETONS
+
     names = SKELETONS[skeleton]
     order = list(range(len(names)))
     for i, name in enumerate(names):
