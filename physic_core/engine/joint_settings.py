@@ -122,7 +122,7 @@ class JointSettings:
         lower_sole_weight: of the lower foot, which is pulled from farther away.
         lower_sole_sigma_m: expected error for it, metres.
         unseen_sole_weight: of each foot that the photo does not show: most feet stand on the floor.
-        unseen_sole_sigma_m: how far they may be off, metres; beyond thrice this it lets go.
+        unseen_sole_sigma_m: how far they may be off, metres; feet four times as far are left alone.
         lower_sole_reach_m: farther than this from the floor, and the lower foot is left alone too, metres.
         regularisation_weight: lambda_reg of Eq. 5, over all that follows.
         regularisation_sigma_m: expected error of a visible vertex, root-relative, metres.
