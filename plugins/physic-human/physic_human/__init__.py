@@ -1,0 +1,87 @@
+"""Bodies, hands, contact and depth from checkouts and TorchScript files of your own."""
+
+from __future__ import annotations
+
+from physic_core import BackendRecord, hookimpl
+
+__all__ = ["physic_backends"]
+
+
+@hookimpl
+def physic_backends() -> list[BackendRecord]:
+    """The backends of this plugin."""
+    return [
+        BackendRecord(
+            "body_estimator",
+            "nlf",
+            "physic_human.nlf:Nlf",
+            summary="NLF: SMPL-X or SMPL bodies in metres from one TorchScript file",
+            weights_license="non-commercial research (NLF)",
+            needs=("weights",),
+            packages=("torchvision",),
+        ),
+        BackendRecord(
+            "body_estimator",
+            "camerahmr",
+            "physic_human.camerahmr:CameraHmr",
+            summary="CameraHMR from its checkout: SMPL bodies: the paper's",
+            weights_license="MPI: non-commercial (CameraHMR, SMPL)",
+            needs=("a checkout", "weights"),
+        ),
+        BackendRecord(
+            "body_estimator",
+            "sam-3d-body",
+            "physic_human.sam3d_body:Sam3dBody",
+            summary="SAM 3D Body from its checkout: MHR bodies",
+            weights_license="SAM License: commercial use with conditions, gated",
+            needs=("GPU", "a checkout", "weights"),
+        ),
+        BackendRecord(
+            "hand_estimator",
+            "wilor",
+            "physic_human.wilor:Wilor",
+            summary="WiLoR from its checkout: the paper's",
+            weights_license="CC-BY-NC-ND-4.0 (WiLoR), MPI: non-commercial (MANO)",
+            needs=("a checkout", "weights"),
+        ),
+        BackendRecord(
+            "hand_estimator",
+            "hamer",
+            "physic_human.hamer:Hamer",
+            summary="HaMeR from its checkout",
+            weights_license="MIT (HaMeR), MPI: non-commercial (MANO)",
+            needs=("a checkout", "weights"),
+        ),
+        BackendRecord(
+            "contact_prior",
+            "deco",
+            "physic_human.deco:Deco",
+            summary="DECO from its checkout: the paper's",
+            weights_license="MPI: non-commercial (DECO)",
+            needs=("a checkout", "weights"),
+        ),
+        BackendRecord(
+            "contact_prior",
+            "interactvlm-results",
+            "physic_human.interactvlm:InteractVlmResults",
+            summary="Contact that InteractVLM wrote into files earlier",
+            weights_license="MPI: non-commercial (InteractVLM)",
+            needs=("its result files",),
+        ),
+        BackendRecord(
+            "metric_depth",
+            "unidepth-v2",
+            "physic_human.unidepth:UniDepth",
+            summary="UniDepth V2 from its checkout: depth in metres and the camera",
+            weights_license="CC-BY-NC-4.0 (UniDepth V2)",
+            needs=("a checkout", "weights"),
+        ),
+        BackendRecord(
+            "relative_pointmap",
+            "moge-1",
+            "physic_human.moge:Moge1",
+            summary="MoGe 1 from its checkout: points and the focal length: the paper's",
+            weights_license="MIT (MoGe)",
+            needs=("a checkout", "weights"),
+        ),
+    ]

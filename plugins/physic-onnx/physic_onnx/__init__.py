@@ -1,0 +1,150 @@
+"""Published estimators as ONNX files, run by onnxruntime."""
+
+from __future__ import annotations
+
+from physic_core import BackendRecord, hookimpl
+
+__all__ = ["physic_backends"]
+
+
+@hookimpl
+def physic_backends() -> list[BackendRecord]:
+    """The backends of this plugin."""
+    return [
+        BackendRecord(
+            "segmenter",
+            "sam2-onnx",
+            "physic_onnx.sam2:Sam2",
+            summary="SAM 2.1 masks in boxes of YOLOX, RT-DETR or RTMO; floor from points under the feet",
+            weights_license="Apache-2.0 (SAM 2, YOLOX, RT-DETR, RTMO)",
+            needs=("weights",),
+        ),
+        BackendRecord(
+            "segmenter",
+            "eomt-onnx",
+            "physic_onnx.eomt:Eomt",
+            summary="EoMT panoptic masks of people and floor, one network",
+            weights_license="MIT (EoMT)",
+            needs=("weights",),
+        ),
+        BackendRecord(
+            "inpainter",
+            "mi-gan-onnx",
+            "physic_onnx.migan:MiGan",
+            summary="MI-GAN pipeline: any size, the hole and its surroundings at 512 px",
+            weights_license="MIT (MI-GAN)",
+            needs=("weights",),
+        ),
+        BackendRecord(
+            "inpainter",
+            "lama-onnx",
+            "physic_onnx.lama:Lama",
+            summary="LaMa: ONNX files of two origins, or TorchScript",
+            weights_license="Apache-2.0 (LaMa)",
+            needs=("weights",),
+        ),
+        BackendRecord(
+            "metric_depth",
+            "moge-2-onnx",
+            "physic_onnx.moge:Moge2Depth",
+            summary="MoGe-2: depth in metres and the focal length",
+            weights_license="MIT (MoGe-2), Apache-2.0 (DINOv2)",
+            needs=("weights",),
+        ),
+        BackendRecord(
+            "metric_depth",
+            "depth-pro-onnx",
+            "physic_onnx.depth_pro:DepthPro",
+            summary="DepthPro: depth in metres and the focal length",
+            weights_license="Apple AMLR: research only (DepthPro)",
+            needs=("weights",),
+        ),
+        BackendRecord(
+            "metric_depth",
+            "depth-anything-v2-metric-onnx",
+            "physic_onnx.depth_anything:DepthAnythingMetric",
+            summary="Depth Anything V2 metric, indoors or outdoors",
+            weights_license="Apache-2.0 (small); CC-BY-NC-4.0 (base, large)",
+            needs=("weights",),
+        ),
+        BackendRecord(
+            "metric_depth",
+            "depth-anything-3-metric-onnx",
+            "physic_onnx.depth_anything_3:DepthAnything3",
+            summary="Depth Anything 3 metric; needs the focal length",
+            weights_license="Apache-2.0 (DA3METRIC-LARGE)",
+            needs=("weights",),
+        ),
+        BackendRecord(
+            "metric_depth",
+            "metric3d-v2-onnx",
+            "physic_onnx.metric3d:Metric3d",
+            summary="Metric3D v2; needs the focal length",
+            weights_license="BSD-2-Clause (Metric3D v2)",
+            needs=("weights",),
+        ),
+        BackendRecord(
+            "relative_pointmap",
+            "moge-2-onnx",
+            "physic_onnx.moge:Moge2Pointmap",
+            summary="MoGe-2 without its scale: points and the focal length",
+            weights_license="MIT (MoGe-2), Apache-2.0 (DINOv2)",
+            needs=("weights",),
+        ),
+        BackendRecord(
+            "relative_pointmap",
+            "depth-anything-onnx",
+            "physic_onnx.depth_anything:DepthAnythingRelative",
+            summary="Depth Anything V2 or 3 relative: disparity up to scale and shift",
+            weights_license="Apache-2.0 (small); CC-BY-NC-4.0 (base, large)",
+            needs=("weights",),
+        ),
+        BackendRecord(
+            "keypoint_detector",
+            "vitpose-onnx",
+            "physic_onnx.vitpose:VitPose",
+            summary="ViTPose: 133 whole-body keypoints, or 17",
+            weights_license="Apache-2.0 (ViTPose, easy_ViTPose)",
+            needs=("weights",),
+        ),
+        BackendRecord(
+            "keypoint_detector",
+            "rtmpose-onnx",
+            "physic_onnx.rtmpose:RtmPose",
+            summary="RTMPose, RTMW or DWPose: 133, 26 or 17 keypoints",
+            weights_license="Apache-2.0 (MMPose)",
+            needs=("weights",),
+        ),
+        BackendRecord(
+            "keypoint_detector",
+            "rtmo-onnx",
+            "physic_onnx.rtmo:Rtmo",
+            summary="RTMO: 17 keypoints of all people at once",
+            weights_license="Apache-2.0 (MMPose)",
+            needs=("weights",),
+        ),
+        BackendRecord(
+            "body_estimator",
+            "camerahmr-onnx",
+            "physic_onnx.camerahmr:CameraHmr",
+            summary="CameraHMR, exported by yourself",
+            weights_license="MPI: non-commercial (CameraHMR)",
+            needs=("weights",),
+        ),
+        BackendRecord(
+            "hand_estimator",
+            "wilor-onnx",
+            "physic_onnx.wilor:Wilor",
+            summary="WiLoR, exported by yourself",
+            weights_license="CC-BY-NC-ND-4.0 (WiLoR), MPI: non-commercial (MANO)",
+            needs=("weights",),
+        ),
+        BackendRecord(
+            "contact_prior",
+            "deco-onnx",
+            "physic_onnx.deco:Deco",
+            summary="DECO, exported by yourself",
+            weights_license="MPI: non-commercial (DECO)",
+            needs=("weights",),
+        ),
+    ]

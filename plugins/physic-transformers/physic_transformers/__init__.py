@@ -1,0 +1,78 @@
+"""Published estimators through Hugging Face transformers."""
+
+from __future__ import annotations
+
+from physic_core import BackendRecord, hookimpl
+
+__all__ = ["physic_backends"]
+
+
+@hookimpl
+def physic_backends() -> list[BackendRecord]:
+    """The backends of this plugin."""
+    return [
+        BackendRecord(
+            "segmenter",
+            "grounded-sam2-hf",
+            "physic_transformers.grounded_sam2:GroundedSam2",
+            summary="GroundingDINO finds people and floor by words, SAM 2.1 masks them: the paper's",
+            weights_license="Apache-2.0 (GroundingDINO, SAM 2.1)",
+            needs=("weights",),
+        ),
+        BackendRecord(
+            "segmenter",
+            "sam3-hf",
+            "physic_transformers.sam3:Sam3",
+            summary="SAM 3 finds people and floor by words",
+            weights_license="SAM License: commercial use with conditions, gated (SAM 3)",
+            needs=("weights",),
+        ),
+        BackendRecord(
+            "segmenter",
+            "eomt-hf",
+            "physic_transformers.eomt:Eomt",
+            summary="EoMT panoptic masks of people and floor, one network",
+            weights_license="MIT (EoMT)",
+            needs=("weights",),
+        ),
+        BackendRecord(
+            "metric_depth",
+            "depth-pro-hf",
+            "physic_transformers.depth_pro:DepthPro",
+            summary="DepthPro: depth in metres and the focal length: the paper's",
+            weights_license="Apple AMLR: research only (DepthPro)",
+            needs=("weights",),
+        ),
+        BackendRecord(
+            "metric_depth",
+            "depth-anything-v2-metric-hf",
+            "physic_transformers.depth_anything:DepthAnythingMetric",
+            summary="Depth Anything V2 metric, indoors or outdoors",
+            weights_license="Apache-2.0 (small); CC-BY-NC-4.0 (base, large)",
+            needs=("weights",),
+        ),
+        BackendRecord(
+            "metric_depth",
+            "zoedepth-hf",
+            "physic_transformers.zoedepth:ZoeDepth",
+            summary="ZoeDepth",
+            weights_license="MIT (ZoeDepth)",
+            needs=("weights",),
+        ),
+        BackendRecord(
+            "relative_pointmap",
+            "depth-anything-hf",
+            "physic_transformers.depth_anything:DepthAnythingRelative",
+            summary="Depth Anything V2 relative: disparity up to scale and shift",
+            weights_license="Apache-2.0 (small); CC-BY-NC-4.0 (base, large)",
+            needs=("weights",),
+        ),
+        BackendRecord(
+            "keypoint_detector",
+            "vitpose-hf",
+            "physic_transformers.vitpose:VitPose",
+            summary="ViTPose and ViTPose+: 17 keypoints",
+            weights_license="Apache-2.0 (ViTPose)",
+            needs=("weights",),
+        ),
+    ]
