@@ -1,0 +1,61 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from physic_core.adapters.canonical_depth import (
+    focal_from_fov,
+    focal_in_frame,
+    focal_px_of,
+    fov_from_focal,
+    metres_from_canonical,
+    metres_from_inverse,
+    metres_of_focal,
+)
+
+
+def test_a_right_angle_has_half_the_width_as_its_focal_length() -> None:
+    assert focal_from_fov(90.0, 640) == pytest.approx(320.0)
+
+
+def test_the_angle_is_in_degrees_and_spans_the_whole_width() -> None:
+    assert focal_from_fov(60.0, 1000) == pytest.approx(500 / math.tan(math.pi / 6))
+
+
+@given(st.floats(1.0, 179.0), st.integers(1, 8000))
+def test_focal_and_angle_go_back_and_forth(fov: float, width: int) -> None:
+    assert fov_from_focal(focal_from_fov(fov, width), width) == pytest.approx(fov)
+
+
+@pytest.mark.parametrize("fov", [0.0, -10.0, 180.0, float("nan")])
+def test_an_impossible_angle_is_refused(fov: float) -> None:
+    with pytest.raises(ValueError, match="a field of view lies between 0 and 180 degrees, got"):
+        focal_from_fov(fov, 100)
+
+
+def test_the_focal_length_grows_with_the_frame() -> None:
+    assert focal_in_frame(1200.0, 1536, 640) == pytest.approx(500.0)
+    assert focal_px_of(500.0, 520.0) == 510.0
+
+
+def test_inverse_depth_of_the_canonical_camera_becomes_metres() -> None:
+    # A camera whose focal length is its width needs no factor.
+    assert metres_from_inverse(np.array([[0.5]]), 640.0, 640).tolist() == [[2.0]]
+    # Twice the focal length sees the same picture from twice as far.
+    assert metres_from_inverse(np.array([[0.5]]), 1280.0, 640).tolist() == [[4.0]]
+
+
+def test_inverse_depth_is_clipped_after_the_factor_not_before() -> None:
+    metres = metres_from_inverse(np.array([[0.0, -1.0, 5e-5, 1e9]], np.float32), 320.0, 640)
+    np.testing.assert_allclose(metres, [[1e4, 1e4, 1e4, 1e-4]], rtol=1e-5)
+    assert metres.dtype == np.float32
+
+
+def test_canonical_depth_grows_with_the_focal_length() -> None:
+    raw = np.array([[2.0, 4.0]], np.float32)
+    np.testing.assert_allclose(metres_from_canonical(raw, 500.0, 1000.0), [[1.0, 2.0]])
+    np.testing.assert_allclose(metres_of_focal(raw, 600.0, 400.0), [[3.0, 6.0]])
