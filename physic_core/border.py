@@ -14,7 +14,7 @@ from dataclasses import fields
 from numbers import Real
 from typing import TYPE_CHECKING, Any, get_args
 
-from physic_core.types import BodyParameters, Intrinsics, Keypoints, Unknown
+from physic_core.types import BodyParameters, Intrinsics, Keypoints, Mesh, RestMesh, Unknown
 
 if TYPE_CHECKING:
     from physic_core.types import (
@@ -171,39 +171,57 @@ def bodies_faults(bodies: Bodies, people: int) -> list[str]:
         faults += [fault for name, value in fitting for fault in _finite(name, value)]
     if bodies.observed is not None:
         faults += _array("observed", bodies.observed, (people, 55), "bool")
+    if bodies.joints is not None:
+        faults += _joints(bodies.joints, people)
+    if bodies.mesh is not None:
+        faults += _kind("mesh", bodies.mesh, Mesh) or _mesh(bodies.mesh, people)
     return faults
 
 
 def sound_bodies(bodies: Bodies) -> BoolArray:
-    """(N,) bool: people whose parameters are all made of numbers."""
+    """(N,) bool: people whose parameters, and mesh if there is one, are all made of numbers.
+
+    Single joints may be NaN, where the backend does not say.
+    """
     parameters = bodies.parameters
-    return _all_rows([getattr(parameters, field.name) for field in fields(parameters)], len(parameters))
+    values = [getattr(parameters, field.name) for field in fields(parameters)]
+    return _all_rows(values if bodies.mesh is None else [*values, bodies.mesh.vertices], len(parameters))
 
 
 def hands_faults(hands: Hands, people: int) -> list[str]:
     """Faults of a HandEstimator's answer for ``people`` people."""
     faults = _array("rotvecs", hands.rotvecs, (people, 2, 15, 3), "float")
     faults += _array("confidence", hands.confidence, (people, 2), "float")
+    if hands.wrists is not None:
+        faults += _array("wrists", hands.wrists, (people, 2, 3), "float")
     if faults:
         return faults
     some = _looked_at(sound_hands(hands))
     rotvecs, confidence = hands.rotvecs[some], hands.confidence[some]
-    return _unit_range("confidence", confidence) + _finite("rotvecs", rotvecs[confidence > 0])
+    faults = _unit_range("confidence", confidence) + _finite("rotvecs", rotvecs[confidence > 0])
+    return faults if hands.wrists is None else faults + _finite("wrists", hands.wrists[some][confidence > 0])
 
 
 def sound_hands(hands: Hands) -> BoolArray:
-    """(N,) bool: people whose confidence is made of numbers, and the fingers of their hands that were found too."""
+    """(N,) bool: people whose confidence is made of numbers, and the hands of theirs that were found too."""
     import numpy as np
 
     absent = hands.confidence <= 0
     sound: BoolArray = _rows(hands.confidence) & (np.isfinite(hands.rotvecs).all((-2, -1)) | absent).all(1)
+    if hands.wrists is not None:
+        sound &= (np.isfinite(hands.wrists).all(-1) | absent).all(1)
     return sound
 
 
 def contact_faults(contact: ContactProbability, people: int, vertices: int, topology: str) -> list[str]:
-    """Faults of a ContactPrior's answer for a mesh of ``vertices`` vertices."""
+    """Faults of a ContactPrior's answer for a mesh of ``vertices`` vertices, or for one that it brings along."""
     if contact.topology != topology:
-        return [f"topology must be {topology!r} as the bodies', got {contact.topology!r}"]
+        if contact.rest is None:
+            return [f"topology must be {topology!r} as the bodies', got {contact.topology!r}"]
+        faults = _rest(contact.rest, contact.topology)
+        if faults:
+            return faults
+        vertices = len(contact.rest.vertices)
     faults = _array("probability", contact.probability, (people, vertices), "float")
     return faults or _unit_range("probability", contact.probability[_looked_at(sound_contact(contact))])
 
@@ -243,6 +261,56 @@ def _array(name: str, value: Any, shape: tuple[int, ...], kind: str) -> list[str
     right = dtype.kind == "f" if kind == "float" else dtype == kind
     if not right:
         faults.append(f"{name} must be {kind}, got {dtype}")
+    return faults
+
+
+def _joints(joints: Any, people: int) -> list[str]:
+    """Faults of joints that a BodyEstimator may give; NaN is none."""
+    import numpy as np
+
+    faults = _array("joints", joints, (people, 55, 3), "float")
+    if not faults and np.isinf(joints).any():
+        faults.append(
+            f"joints must be metres, or NaN where nothing is known, {int(np.isinf(joints).sum())} are infinite"
+        )
+    return faults
+
+
+def _mesh(mesh: Mesh, people: int) -> list[str]:
+    vertices = mesh.vertices.shape[1] if getattr(mesh.vertices, "ndim", 0) == 3 else 0
+    faults = _kind("mesh.name", mesh.name, str)
+    faults += _array("mesh.vertices", mesh.vertices, (people, vertices, 3), "float")
+    if not faults and people and not _rows(mesh.vertices).any():
+        faults += _finite("mesh.vertices", mesh.vertices)
+    if mesh.rest is not None:
+        faults += _array("mesh.rest", mesh.rest, (vertices, 3), "float") or _finite("mesh.rest", mesh.rest)
+    return faults + _faces("mesh.faces", mesh.faces, vertices)
+
+
+def _rest(rest: RestMesh, topology: str) -> list[str]:
+    """Faults of the mesh that a ContactPrior brings along."""
+    faults = _kind("rest", rest, RestMesh)
+    if faults:
+        return faults
+    vertices = _rows_in(rest.vertices)
+    if rest.topology != topology:
+        faults.append(f"rest must be the mesh {topology!r} that the probabilities are on, got {rest.topology!r}")
+    faults += _array("rest.vertices", rest.vertices, (vertices, 3), "float")
+    if not faults:
+        faults += _finite("rest.vertices", rest.vertices)
+    return faults + _faces("rest.faces", rest.faces, vertices)
+
+
+def _faces(name: str, faces: Any, vertices: int) -> list[str]:
+    """Faults of triangles (F, 3), integers of any width, over ``vertices`` vertices."""
+    count = _rows_in(faces)
+    if getattr(faces, "dtype", None) is not None and faces.dtype.kind not in "iu":
+        return [f"{name} must be integers, got {faces.dtype}"]
+    faults = _array(name, faces, (count, 3), str(getattr(faces, "dtype", "")))
+    if not faults and count and not 0 <= int(faces.min()) <= int(faces.max()) < vertices:
+        faults.append(
+            f"{name} must number the {vertices} vertices from 0, got {int(faces.min())} to {int(faces.max())}"
+        )
     return faults
 
 

@@ -29,6 +29,10 @@ __all__ = [
 Answer = TypeVar("Answer", "People", "Keypoints", "Bodies")
 
 
+_SHARED = ("floor", "faces", "rest")
+"""Arrays without a row for each person."""
+
+
 def seen_keypoints(keypoints: Keypoints) -> tuple[Keypoints, BoolArray]:
     """Keypoints of N people, those of lost people all unseen, and (N,) bool who is lost.
 
@@ -54,13 +58,15 @@ def bodies_or_nan(bodies: Bodies) -> tuple[Bodies, BoolArray]:
     if not lost.any():
         return bodies, lost
     names = [field.name for field in fields(BodyParameters)]
-    return replace(bodies, parameters=_blanked(bodies.parameters, lost, **dict.fromkeys(names, np.nan))), lost
+    blank = replace(bodies, parameters=_blanked(bodies.parameters, lost, **dict.fromkeys(names, np.nan)))
+    mesh = None if bodies.mesh is None else _blanked(bodies.mesh, lost, vertices=np.nan)
+    return _blanked(replace(blank, mesh=mesh), lost, joints=np.nan), lost
 
 
 def found_hands(hands: Hands) -> tuple[Hands, BoolArray]:
     """Hands of N people, those of lost people not found, and (N,) bool who is lost."""
     lost = ~border.sound_hands(hands)
-    return (_blanked(hands, lost, rotvecs=0.0, confidence=0.0) if lost.any() else hands), lost
+    return (_blanked(hands, lost, rotvecs=0.0, confidence=0.0, wrists=0.0) if lost.any() else hands), lost
 
 
 def contact_of_all(contact: ContactProbability, asked: BoolArray) -> tuple[ContactProbability, BoolArray]:
@@ -75,7 +81,7 @@ def contact_of_all(contact: ContactProbability, asked: BoolArray) -> tuple[Conta
 
 
 def rows_of(answer: Answer, rows: BoolArray) -> Answer:
-    """An answer about N people -> about those of ``rows``, (N,) bool; ``floor`` of the people is kept as it is."""
+    """An answer about N people -> about those of ``rows``, (N,) bool; what all people share is kept."""
     if rows.all():
         return answer
     kept: Answer = replace(answer, **_picked(answer, rows))
@@ -86,7 +92,7 @@ def _picked(answer: Any, rows: BoolArray) -> dict[str, Any]:
     changed: dict[str, Any] = {}
     for field in fields(answer):
         value = getattr(answer, field.name)
-        if isinstance(value, np.ndarray) and field.name != "floor":
+        if isinstance(value, np.ndarray) and field.name not in _SHARED:
             changed[field.name] = value[rows]
         elif is_dataclass(value) and not isinstance(value, type):
             changed[field.name] = replace(value, **_picked(value, rows))

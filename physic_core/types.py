@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     BoolArray = NDArray[np.bool_]
     FloatArray = NDArray[np.floating[Any]]
+    IntArray = NDArray[np.integer[Any]]
     UInt8Array = NDArray[np.uint8]
 
 __all__ = [
@@ -29,12 +30,14 @@ __all__ = [
     "Hints",
     "Intrinsics",
     "Keypoints",
+    "Mesh",
     "People",
     "Person",
     "Plane",
     "Pointmap",
     "Provenance",
     "Reconstruction",
+    "RestMesh",
     "Scene",
     "StageRecord",
     "Unknown",
@@ -219,18 +222,60 @@ class BodyParameters:
 
 
 @dataclass(frozen=True)
+class Mesh:
+    """Surfaces of N bodies in one topology.
+
+    Attributes:
+        name: of the topology ("smplx", "smpl", "mhr").
+        vertices: (N, V, 3) metres, camera frame.
+        faces: (F, 3) int, the same for all.
+        rest: (V, 3) metres, a body of this topology in the T-pose (y up, facing +z, its left on +x), of any shape; None
+            where it is not known. It tells which point of the surface a vertex is.
+    """
+
+    name: str
+    vertices: FloatArray
+    faces: IntArray
+    rest: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class RestMesh:
+    """One body in the T-pose: y up, facing +z, its left on +x, palms down.
+
+    Attributes:
+        topology: name of the mesh ("smpl", "smplx").
+        vertices: (V, 3) metres.
+        faces: (F, 3) int.
+    """
+
+    topology: str
+    vertices: FloatArray
+    faces: IntArray
+
+
+@dataclass(frozen=True)
 class Bodies:
     """What a BodyEstimator answers: body i belongs to person i.
 
+    Bodies of another model than the configured one are carried over to it, by their joints, and by their mesh if there
+    is one. Rotations count where the model is "embedded", "smplx" or "smpl" (joints 0-21 as SMPL's, hands zero): these
+    share the T-pose. Of any other model, whose rotations and shape may be zeros, joints or mesh say everything.
+
     Attributes:
         parameters: of N bodies, in metres and in the camera frame.
-        body_model: name of the body model that the parameters are for ("embedded", "smplx").
+        body_model: name of the body model that the parameters are for ("embedded", "smplx", "smpl", "mhr").
         observed: (N, 55) bool, joints that the photo shows; None when the backend does not say.
+        joints: (N, 55, 3) metres, camera frame: where the backend itself puts the joints of SMPL-X, NaN where it does
+            not say; None where the parameters alone say it.
+        mesh: the surfaces, or None.
     """
 
     parameters: BodyParameters
     body_model: str
     observed: BoolArray | None = None
+    joints: FloatArray | None = None
+    mesh: Mesh | None = None
 
 
 @dataclass(frozen=True)
@@ -240,10 +285,13 @@ class Hands:
     Attributes:
         rotvecs: (N, 2, 15, 3) radians, left then right, SMPL-X order, flat hand mean.
         confidence: (N, 2) in [0, 1]; 0 where no hand was found (its rotations are then ignored).
+        wrists: (N, 2, 3) radians, rotation of each whole hand from the T-pose to the camera frame (not relative to the
+            forearm), left then right; None where the backend does not say. The arm then follows it.
     """
 
     rotvecs: FloatArray
     confidence: FloatArray
+    wrists: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -253,10 +301,12 @@ class ContactProbability:
     Attributes:
         probability: (N, V) in [0, 1], how likely each vertex touches the scene.
         topology: name of the mesh that V belongs to.
+        rest: that mesh in the T-pose, where it may not be the bodies' own: the probabilities are then carried over.
     """
 
     probability: FloatArray
     topology: str
+    rest: RestMesh | None = None
 
 
 @dataclass(frozen=True)

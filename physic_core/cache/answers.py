@@ -51,8 +51,10 @@ _CLASSES = (
     types.Hands,
     types.Intrinsics,
     types.Keypoints,
+    types.Mesh,
     types.People,
     types.Pointmap,
+    types.RestMesh,
 )
 
 
