@@ -1,0 +1,204 @@
+"""Photos into the form in which networks take them, and maps back: resizing, letterboxes, normalisation.
+
+Integer pixel coordinates are pixel centres, so that coordinate x of an image becomes (x + 0.5) s - 0.5 in the same
+image s times as large.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+from physic_core.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.types import FloatArray, UInt8Array
+
+__all__ = [
+    "IMAGENET_MEAN",
+    "IMAGENET_STD",
+    "Letterbox",
+    "Resampling",
+    "check_photo",
+    "letterbox",
+    "planes",
+    "resample",
+    "squash",
+]
+
+IMAGENET_MEAN = (0.485, 0.456, 0.406)
+IMAGENET_STD = (0.229, 0.224, 0.225)
+
+Resampling = Literal[
+    "nearest", "bilinear", "bicubic", "area", "bilinear-antialias", "bicubic-antialias", "lanczos-antialias"
+]
+"""Without "antialias" as OpenCV and torch do it, with it as Pillow does; they differ where an image becomes smaller."""
+
+
+def check_photo(image: Any) -> None:
+    """Refuse what is no photo.
+
+    Raises:
+        InputError: it is not (H, W, 3) uint8 with at least one pixel.
+    """
+    shape, dtype = getattr(image, "shape", None), getattr(image, "dtype", type(image).__name__)
+    if shape is None or len(shape) != 3 or shape[2] != 3 or dtype != "uint8" or not min(shape):
+        raise InputError(f"the image must be (H, W, 3) uint8 RGB, got {dtype} {shape if shape is not None else ''}")
+
+
+def planes(
+    image: NDArray[Any],
+    mean: Sequence[float] = (0.0, 0.0, 0.0),
+    std: Sequence[float] = (1.0, 1.0, 1.0),
+    scale: float = 1 / 255,
+) -> FloatArray:
+    """Image (H, W, 3) -> (1, 3, H, W) float32: (image * scale - mean) / std, channels in the image's order."""
+    import numpy as np
+
+    factor = scale / np.asarray(std, np.float64)
+    offset = np.asarray(mean, np.float64) / np.asarray(std, np.float64)
+    values = np.ascontiguousarray(image.transpose(2, 0, 1), np.float32)
+    values = values * factor.astype(np.float32)[:, None, None] - offset.astype(np.float32)[:, None, None]
+    return np.asarray(values[None], np.float32)
+
+
+def squash(image: NDArray[Any], height: int, width: int, how: Resampling = "bilinear") -> NDArray[Any]:
+    """Image (H, W) or (H, W, C), uint8 or float32, resized to exactly ``height`` x ``width``, aspect not kept."""
+    import cv2
+    import numpy as np
+
+    if height < 1 or width < 1:
+        raise InputError(f"an image cannot be resized to {width} x {height} px")
+    if image.shape[:2] == (height, width):
+        return image.copy()
+    if how.endswith("antialias"):
+        return _pillow(image, height, width, how.removesuffix("-antialias"))
+    kinds = {
+        "nearest": cv2.INTER_NEAREST_EXACT,
+        "bilinear": cv2.INTER_LINEAR,
+        "bicubic": cv2.INTER_CUBIC,
+        "area": cv2.INTER_AREA,
+    }
+    return np.asarray(cv2.resize(np.ascontiguousarray(image), (width, height), interpolation=kinds[how]))
+
+
+def resample(values: NDArray[Any], height: int, width: int) -> FloatArray:
+    """Map (H, W) or (H, W, C) -> float32 of another size, bilinear between pixel centres; NaN spreads to neighbours."""
+    import numpy as np
+
+    return np.asarray(squash(np.asarray(values, np.float32), height, width, "bilinear"))
+
+
+@dataclass(frozen=True)
+class Letterbox:
+    """How a photo lies in a canvas of another shape.
+
+    Attributes:
+        scale: canvas pixels a photo pixel, before the size was rounded.
+        left: columns of the canvas before the photo begins.
+        top: rows of the canvas before it begins.
+        inner: height and width of the photo in the canvas, px.
+        size: height and width of the photo itself, px.
+    """
+
+    scale: float
+    left: int
+    top: int
+    inner: tuple[int, int]
+    size: tuple[int, int]
+
+    def to_photo(self, points: NDArray[Any]) -> FloatArray:
+        """Pixel coordinates (..., 2) x y of the canvas -> of the photo."""
+        import numpy as np
+
+        return np.asarray((points - self._offset() + 0.5) / self._factor() - 0.5, np.float64)
+
+    def to_canvas(self, points: NDArray[Any]) -> FloatArray:
+        """Pixel coordinates (..., 2) x y of the photo -> of the canvas."""
+        import numpy as np
+
+        return np.asarray((points + 0.5) * self._factor() - 0.5 + self._offset(), np.float64)
+
+    def edges_to_photo(self, boxes: NDArray[Any]) -> FloatArray:
+        """Half-open boxes (..., 4) x0 y0 x1 y1 of the canvas -> of the photo: edges between pixels, not centres."""
+        import numpy as np
+
+        return np.asarray((boxes - np.tile(self._offset(), 2)) / np.tile(self._factor(), 2), np.float64)
+
+    def crop(self, values: NDArray[Any]) -> NDArray[Any]:
+        """The photo's part of a map (h, w, ...) of the canvas, a view."""
+        return values[self.top : self.top + self.inner[0], self.left : self.left + self.inner[1]]
+
+    def map_to_photo(self, values: NDArray[Any]) -> FloatArray:
+        """The photo's part of a map (h, w) or (h, w, C) of the canvas, at the size of the photo, bilinear."""
+        return resample(self.crop(values), *self.size)
+
+    def _factor(self) -> FloatArray:
+        import numpy as np
+
+        return np.array([self.inner[1] / self.size[1], self.inner[0] / self.size[0]])
+
+    def _offset(self) -> FloatArray:
+        import numpy as np
+
+        return np.array([self.left, self.top], np.float64)
+
+
+def letterbox(
+    image: UInt8Array,
+    height: int,
+    width: int,
+    fill: float | Sequence[float] = 0,
+    where: Literal["top-left", "centre"] = "centre",
+    multiple: int | None = None,
+    how: Resampling = "bilinear",
+) -> tuple[NDArray[Any], Letterbox]:
+    """Resize a photo with its aspect into a canvas.
+
+    Args:
+        image: (H, W, 3) uint8 or float32.
+        height: of the canvas, px.
+        width: of the canvas, px.
+        fill: of what the photo leaves free, one value or one a channel.
+        where: the photo lies.
+        multiple: the canvas is cut to the smallest multiple of this that holds the photo.
+        how: see :data:`Resampling`.
+    """
+    import numpy as np
+
+    rows, columns = image.shape[:2]
+    scale = min(height / rows, width / columns)
+    inner = (max(1, min(height, round(rows * scale))), max(1, min(width, round(columns * scale))))
+    if multiple is not None:
+        height, width = (-(-side // multiple) * multiple for side in inner)
+    top, left = ((height - inner[0]) // 2, (width - inner[1]) // 2) if where == "centre" else (0, 0)
+    box = Letterbox(scale, left, top, inner, (rows, columns))
+    canvas = np.empty((height, width, *image.shape[2:]), image.dtype)
+    canvas[:] = np.asarray(fill).astype(image.dtype)
+    box.crop(canvas)[:] = squash(image, *inner, how)
+    return canvas, box
+
+
+def _pillow(image: NDArray[Any], height: int, width: int, kind: str) -> NDArray[Any]:
+    import numpy as np
+    from PIL import Image
+
+    resampling = {
+        "bilinear": Image.Resampling.BILINEAR,
+        "bicubic": Image.Resampling.BICUBIC,
+        "lanczos": Image.Resampling.LANCZOS,
+    }[kind]
+    if image.dtype == np.uint8 and (image.ndim == 2 or image.shape[2] == 3):
+        return np.array(Image.fromarray(np.ascontiguousarray(image)).resize((width, height), resampling))
+    channels = image[..., None] if image.ndim == 2 else image
+    resized = [
+        np.asarray(
+            Image.fromarray(np.ascontiguousarray(channels[..., c], np.float32)).resize((width, height), resampling)
+        )
+        for c in range(channels.shape[2])
+    ]
+    stacked = np.stack(resized, -1).reshape(height, width, *image.shape[2:])
+    return stacked if image.dtype.kind == "f" else np.clip(np.rint(stacked), 0, 255).astype(image.dtype)

@@ -1,0 +1,163 @@
+"""What an adapter expects of a file's inputs and outputs, held against what the file has."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from physic_core.errors import BackendError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from .sessions import Network, Port
+
+__all__ = ["Dialect", "Match", "Wanted", "choose", "match"]
+
+_FLOATS = ("float32", "float16", "float64")
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """An input or an output that an adapter needs.
+
+    Attributes:
+        name: what the adapter calls it, and the published file too.
+        aliases: what other exports call it.
+        dtype: "float32", "int64", ...; "float" for any float type; several that are all fine; None for any.
+        shape: a number where the size must be that, or free in the file; a name or None where it may be anything;
+            None in place of the whole shape where the rank does not matter either.
+        optional: whether a file without it is fine; an input that is not fed must not be there.
+    """
+
+    name: str
+    aliases: tuple[str, ...] = ()
+    dtype: str | tuple[str, ...] | None = "float"
+    shape: tuple[int | str | None, ...] | None = None
+    optional: bool = False
+
+    def __str__(self) -> str:
+        kinds = (self.dtype,) if isinstance(self.dtype, str) else self.dtype or ("any type",)
+        shape = "any shape" if self.shape is None else _shape(tuple("?" if d is None else d for d in self.shape))
+        others = f" (or {', '.join(self.aliases)})" if self.aliases else ""
+        return f"{self.name}{others} {' or '.join(kinds)} {shape}" + (", optional" if self.optional else "")
+
+
+@dataclass(frozen=True)
+class Match:
+    """Which ports of a file serve what an adapter wants.
+
+    Attributes:
+        inputs: what the adapter calls it -> port of the file.
+        outputs: the same of outputs.
+    """
+
+    inputs: Mapping[str, Port]
+    outputs: Mapping[str, Port]
+
+    def run(self, network: Network, feed: Mapping[str, NDArray[Any]], outputs: Sequence[str]) -> list[NDArray[Any]]:
+        """Run the network, inputs and outputs being named as the adapter calls them."""
+        given = {self.inputs[name].name: value for name, value in feed.items()}
+        return network.run(given, [self.outputs[name].name for name in outputs])
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """One of the forms in which a network was published.
+
+    Attributes:
+        inputs: all of them.
+        outputs: those that are needed; a file may have others.
+        by_position: whether a port of another name may serve if its place, its type and its rank are right.
+    """
+
+    inputs: tuple[Wanted, ...]
+    outputs: tuple[Wanted, ...]
+    by_position: bool = False
+
+
+def match(network: Network, inputs: Sequence[Wanted], outputs: Sequence[Wanted], *, by_position: bool = False) -> Match:
+    """Find what an adapter wants among a file's inputs and outputs: by name, by alias, then by place if allowed.
+
+    Raises:
+        BackendError: something is missing or of another form; the message holds what was expected against what is
+            there.
+    """
+    return choose(network, {"": Dialect(tuple(inputs), tuple(outputs), by_position)})[1]
+
+
+def choose(network: Network, dialects: Mapping[str, Dialect]) -> tuple[str, Match]:
+    """The first dialect that a file speaks, and its ports.
+
+    Raises:
+        BackendError: it speaks none of them; the message holds each against what is there.
+    """
+    told = []
+    for name, dialect in dialects.items():
+        ins, faults = _assign("input", dialect.inputs, network.inputs, dialect.by_position)
+        outs, more = _assign("output", dialect.outputs, network.outputs, dialect.by_position)
+        served = {port.name for port in ins.values()}
+        faults += [f"nothing is known of its input {other!r}" for other in network.inputs if other not in served]
+        faults += more
+        if not faults:
+            return name, Match(ins, outs)
+        told += [
+            f"expected{f' of {name}' if name else ''}:",
+            f"  inputs:  {'; '.join(map(str, dialect.inputs))}",
+            f"  outputs: {'; '.join(map(str, dialect.outputs))}",
+            f"  but {'; '.join(faults)}",
+        ]
+    found = [
+        "found:",
+        f"  inputs:  {'; '.join(map(_told, network.inputs.values())) or 'none'}",
+        f"  outputs: {'; '.join(map(_told, network.outputs.values())) or 'none'}",
+    ]
+    file = getattr(network, "name", "the file")
+    raise BackendError("\n".join([f"{file} is not a network that this backend can run:", *told, *found]))
+
+
+def _assign(
+    kind: str, wanted: Sequence[Wanted], ports: Mapping[str, Port], by_position: bool
+) -> tuple[dict[str, Port], list[str]]:
+    """What is wanted -> port, and what is wrong."""
+    found: dict[str, Port] = {}
+    faults = []
+    for want in wanted:
+        named = next((ports[name] for name in (want.name, *want.aliases) if name in ports), None)
+        if named is not None:
+            found[want.name] = named
+            if not _fits(want, named, kind):
+                faults.append(f"{kind} {_told(named)} has another form")
+    taken = {port.name for port in found.values()}
+    for place, want in enumerate(wanted):
+        if want.name in found:
+            continue
+        there = list(ports.values())[place] if by_position and place < len(ports) else None
+        if there is not None and there.name not in taken and _fits(want, there, kind):
+            found[want.name] = there
+            taken.add(there.name)
+        elif not want.optional:
+            faults.append(f"there is no {kind} {want.name!r}")
+    return {want.name: found[want.name] for want in wanted if want.name in found}, faults
+
+
+def _fits(want: Wanted, port: Port, kind: str) -> bool:
+    kinds = (want.dtype,) if isinstance(want.dtype, str) else want.dtype
+    allowed = None if kinds is None else {k for name in kinds for k in (_FLOATS if name == "float" else (name,))}
+    if allowed is not None and port.dtype not in allowed:
+        return False
+    if want.shape is None or (kind == "output" and not port.shape):  # an output's shape may be untold
+        return True
+    if len(want.shape) != len(port.shape):
+        return False
+    pairs = zip(want.shape, port.shape, strict=True)
+    return all(w == p for w, p in pairs if isinstance(w, int) and isinstance(p, int))
+
+
+def _told(port: Port) -> str:
+    return f"{port.name} {port.dtype} {_shape(port.shape)}"
+
+
+def _shape(shape: Sequence[int | str]) -> str:
+    return f"({', '.join(map(str, shape))})"

@@ -1,0 +1,213 @@
+"""Stand-ins for published networks: graphs of the same contract, and networks that are told what they are shown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import pytest
+from onnx import TensorProto, helper, numpy_helper
+
+from physic_core.testing import labels
+from physic_core.testing.worlds import World, build_world
+from physic_core.types import Intrinsics
+from physic_onnx.sessions import Port
+
+_ELEMENTS = {
+    "float32": TensorProto.FLOAT,
+    "float16": TensorProto.FLOAT16,
+    "float64": TensorProto.DOUBLE,
+    "int64": TensorProto.INT64,
+    "int32": TensorProto.INT32,
+    "uint8": TensorProto.UINT8,
+    "bool": TensorProto.BOOL,
+}
+
+Ports = Mapping[str, tuple[str, Sequence[int | str] | None]]
+"""Name -> type and shape, in the file's order: ``{"image": ("float32", ("batch", 3, "height", "width"))}``."""
+
+
+def write_graph(
+    path: Path,
+    inputs: Ports,
+    outputs: Ports,
+    nodes: Sequence[onnx.NodeProto],
+    constants: Mapping[str, Any] | None = None,
+    opset: int = 14,
+) -> Path:
+    """An ONNX file with these ports whose body is ``nodes`` of ``onnx.helper.make_node``, over named ``constants``."""
+
+    def value_info(ports: Ports) -> list[onnx.ValueInfoProto]:
+        return [
+            helper.make_tensor_value_info(name, _ELEMENTS[dtype], None if shape is None else list(shape))
+            for name, (dtype, shape) in ports.items()
+        ]
+
+    held = [numpy_helper.from_array(np.asarray(value), name) for name, value in (constants or {}).items()]
+    graph = helper.make_graph(list(nodes), "contract", value_info(inputs), value_info(outputs), held)
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", opset)], ir_version=8)
+    onnx.checker.check_model(model)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(model.SerializeToString())
+    return path
+
+
+@pytest.fixture(scope="session")
+def graph() -> Callable[..., Path]:
+    """:func:`write_graph`."""
+    return write_graph
+
+
+@pytest.fixture(scope="session")
+def node() -> Callable[..., onnx.NodeProto]:
+    """``onnx.helper.make_node(kind, inputs, outputs, **attributes)``."""
+    return helper.make_node
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What a told network knows of the photo that its adapter was given.
+
+    Attributes:
+        photo: (H, W, 3) uint8, whole.
+        world: the truth; None for a photo that is of no world, or was resampled.
+        people: whether the people are in it.
+    """
+
+    photo: np.ndarray
+    world: World | None
+    people: bool
+
+    @property
+    def depth(self) -> np.ndarray:
+        """(H, W) float64 metres along z, inf in the sky; of a photo of no world a floor before a wall."""
+        if self.world is not None:
+            return np.asarray(self.world.depth if self.people else self.world.empty_depth, np.float64)
+        height, width = self.photo.shape[:2]
+        down = (np.arange(height) - (height - 1) / 2) / self.camera.fy
+        wall_and_floor = np.minimum(6.0, 1.5 / np.maximum(down, 1e-6))
+        return np.repeat(wall_and_floor[:, None], width, axis=1)
+
+    @property
+    def camera(self) -> Intrinsics:
+        """Of the photo; a focal length of the long side where there is no world."""
+        if self.world is not None:
+            return self.world.intrinsics
+        height, width = self.photo.shape[:2]
+        return Intrinsics.from_focal(float(max(height, width)), width, height)
+
+    @property
+    def points(self) -> np.ndarray:
+        """(H, W, 3) float64 metres; inf in the sky."""
+        height, width = self.photo.shape[:2]
+        v, u = np.mgrid[:height, :width]
+        camera = self.camera
+        rays = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones((height, width))], -1)
+        with np.errstate(invalid="ignore"):
+            return np.where(np.isfinite(self.depth)[..., None], rays * self.depth[..., None], np.inf)
+
+
+def look_at(photo: np.ndarray) -> Shown:
+    """Find the world that a photo shows, by its label."""
+    photo = np.ascontiguousarray(photo)
+    label = labels.read(photo)
+    if label is None:
+        return Shown(photo, None, False)
+    height, width = photo.shape[:2]
+    world = build_world(*label, (width, height))
+    off = [np.abs(photo.astype(int) - picture).mean() for picture in (world.image, world.empty_image)]
+    return Shown(photo, world, bool(off[0] < off[1]))
+
+
+@pytest.fixture(scope="session")
+def shown() -> Callable[[np.ndarray], Shown]:
+    """:func:`look_at`."""
+    return look_at
+
+
+class ToldNetwork:
+    """Stands for :class:`physic_onnx.sessions.Network`, and answers what a perfect network would.
+
+    Args:
+        inputs: ports, as for :func:`write_graph`.
+        outputs: ports.
+        answer: given what is shown and what is fed, returns output -> array.
+
+    Attributes:
+        runs: how often it was run.
+        fed: what it was fed last.
+    """
+
+    name = "told.onnx"
+    provider = "CPU"
+
+    def __init__(
+        self,
+        inputs: Ports,
+        outputs: Ports,
+        answer: Callable[[Shown, Mapping[str, np.ndarray]], Mapping[str, np.ndarray]],
+    ) -> None:
+        self.inputs = {name: Port(name, dtype, tuple(shape or ())) for name, (dtype, shape) in inputs.items()}
+        self.outputs = {name: Port(name, dtype, tuple(shape or ())) for name, (dtype, shape) in outputs.items()}
+        self._answer = answer
+        self._shown: Shown | None = None
+        self.runs = 0
+        self.fed: Mapping[str, np.ndarray] = {}
+
+    def show(self, what: Shown) -> None:
+        self._shown = what
+
+    def run(self, feed: Mapping[str, np.ndarray], outputs: Sequence[str]) -> list[np.ndarray]:
+        assert self._shown is not None, "nothing is shown"
+        assert set(feed) == set(self.inputs), f"fed {sorted(feed)}, wants {sorted(self.inputs)}"
+        for name, value in feed.items():
+            port = self.inputs[name]
+            assert np.ndim(value) == len(port.shape), f"{name} has {np.ndim(value)} dimensions, wants {port.shape}"
+        self.runs += 1
+        self.fed = dict(feed)
+        answers = self._answer(self._shown, feed)
+        return [np.asarray(answers[name], self.outputs[name].dtype) for name in outputs]
+
+
+@pytest.fixture(scope="session")
+def told_network() -> type[ToldNetwork]:
+    return ToldNetwork
+
+
+@pytest.fixture(scope="session")
+def told() -> Callable[[type, Callable[[Any], Iterable[ToldNetwork]]], type]:
+    """``told(Adapter, attach)``: the adapter with told networks in place of files.
+
+    ``attach(backend)`` puts the networks where the adapter's ``load`` would, and returns them; before each ``infer``
+    they are told which photo is shown. For the conformance kit::
+
+        check_backend(told(Adapter, attach)).raise_if_failed()
+    """
+
+    def make(kind: type, attach: Callable[[Any], Iterable[ToldNetwork]]) -> type:
+        class Told(kind):  # type: ignore[misc, valid-type]
+            _told: tuple[ToldNetwork, ...] = ()
+
+            def load(self, device: str = "cpu") -> None:
+                self._told = tuple(attach(self))
+
+            def missing(self) -> tuple[str, ...]:
+                return ()
+
+            def fingerprint(self) -> str:
+                return ""
+
+            def infer(self, image: np.ndarray, *rest: Any) -> Any:
+                if isinstance(image, np.ndarray) and image.ndim == 3:
+                    for network in self._told:
+                        network.show(look_at(image))
+                return super().infer(image, *rest)
+
+        Told.__name__ = Told.__qualname__ = f"Told{kind.__name__}"
+        return Told
+
+    return make
