@@ -1,0 +1,134 @@
+"""A person's or a hand's box, cut out of the photo at the size that a network wants, and points carried back.
+
+Boxes are half open, integer coordinates are pixel centres (:mod:`physic_core.types`). Networks differ in where they put
+the box on the grid of their input, and what is told in one grid and read in the other is off by half a pixel:
+
+- "corners": the middles of first and last pixel lie on the edges of the box (unbiased data processing, ViTPose);
+- "halves": the middle of the box is pixel coordinate width / 2, height / 2 (MMPose's affine, RTMPose; HMR 2.0, WiLoR);
+- "areas": pixels are cells that tile the box (what resampling a cut-out with half-pixel centres does).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from physic_core.types import FloatArray, UInt8Array
+
+__all__ = ["Crop", "Grid", "crop_of", "cut", "padded"]
+
+Grid = Literal["corners", "halves", "areas"]
+
+
+@dataclass(frozen=True)
+class Crop:
+    """Where the pixels of an upright cut-out lie in the photo: ``photo = origin + step * crop``.
+
+    Attributes:
+        origin: x and y of crop pixel (0, 0), px of the photo.
+        step: photo px from one crop pixel to the next, along x and y; x is negative in a mirrored crop.
+        width: of the cut-out, px.
+        height: of the cut-out, px.
+    """
+
+    origin: tuple[float, float]
+    step: tuple[float, float]
+    width: int
+    height: int
+
+    def to_photo(self, points: FloatArray) -> FloatArray:
+        """Points (..., 2) in px of the cut-out -> px of the photo."""
+        import numpy as np
+
+        found: FloatArray = np.asarray(self.origin) + np.asarray(self.step) * points
+        return found
+
+    def to_crop(self, points: FloatArray) -> FloatArray:
+        """Points (..., 2) in px of the photo -> px of the cut-out."""
+        import numpy as np
+
+        found: FloatArray = (points - np.asarray(self.origin)) / np.asarray(self.step)
+        return found
+
+    @property
+    def matrix(self) -> FloatArray:
+        """(2, 3), px of the cut-out -> px of the photo."""
+        import numpy as np
+
+        return np.array([[self.step[0], 0.0, self.origin[0]], [0.0, self.step[1], self.origin[1]]])
+
+
+def padded(box: FloatArray, aspect: float, padding: float = 1.25) -> tuple[FloatArray, FloatArray]:
+    """Middle (2,) and size (2,) of the smallest region of a fixed shape around a box, then enlarged.
+
+    Args:
+        box: (4,) x0 y0 x1 y1, half open.
+        aspect: width over height.
+        padding: factor on both sides.
+
+    Returns:
+        The middle in pixel-centre coordinates, and width and height, px of the photo. An empty box counts as one pixel.
+    """
+    import numpy as np
+
+    corners = np.asarray(box, np.float64)
+    middle = (corners[:2] + corners[2:] - 1) / 2
+    width, height = np.maximum(corners[2:] - corners[:2], 1.0)
+    size = np.array([max(width, aspect * height), max(height, width / aspect)])
+    return middle, padding * size
+
+
+def crop_of(
+    box: FloatArray, width: int, height: int, *, padding: float = 1.25, grid: Grid, mirrored: bool = False
+) -> Crop:
+    """The cut-out of ``width`` x ``height`` px around a box that keeps the photo's proportions.
+
+    Args:
+        box: (4,) x0 y0 x1 y1, half open, px of the photo; may lie partly outside.
+        width: of the cut-out.
+        height: of the cut-out.
+        padding: how much larger than the box the region is.
+        grid: where the region lies on the grid of the cut-out.
+        mirrored: exchange left and right about the middle of the region.
+    """
+    import numpy as np
+
+    middle, size = padded(box, width / height, padding)
+    cells = np.array([width, height], np.float64)
+    if grid == "corners":
+        step = size / (cells - 1)
+        centre = (cells - 1) / 2
+    else:
+        step = size / cells
+        centre = cells / 2 if grid == "halves" else (cells - 1) / 2
+    if mirrored:
+        step = step * np.array([-1.0, 1.0])
+    origin = middle - step * centre
+    return Crop((float(origin[0]), float(origin[1])), (float(step[0]), float(step[1])), width, height)
+
+
+def cut(image: UInt8Array, crop: Crop, *, fill: int = 0, sigma: float = 0.0) -> UInt8Array:
+    """The cut-out (height, width, 3) of an image (H, W, 3), bilinear.
+
+    Args:
+        image: uint8.
+        crop: which pixels.
+        fill: value outside of the image.
+        sigma: px of the photo, standard deviation of a blur beforehand; 0 blurs nothing.
+    """
+    import cv2
+    import numpy as np
+
+    if sigma > 0:
+        image = cv2.GaussianBlur(image, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE).astype(np.uint8)
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    found: UInt8Array = cv2.warpAffine(
+        image,
+        crop.matrix,
+        (crop.width, crop.height),
+        flags=flags,
+        borderMode=cv2.BORDER_CONSTANT,
+        borderValue=(float(fill), float(fill), float(fill)),
+    ).astype(np.uint8)
+    return found

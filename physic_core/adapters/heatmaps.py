@@ -1,0 +1,99 @@
+"""Where a pose network puts its joints: peaks of heat maps to a part of a pixel, and of SimCC's two lines.
+
+All functions take people and joints at once and answer points in px of the network's own grid, integer coordinates at
+the middle of its cells; :class:`physic_core.adapters.crops.Crop` carries them into the photo.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from physic_core.types import FloatArray
+
+__all__ = ["as_confidence", "peaks", "refined_peaks", "simcc_peaks"]
+
+_FLOOR, _CEILING = 1e-3, 50.0  # of a heat map before its logarithm
+_FARTHEST = 1.0  # cells that a peak may lie beside the highest cell
+
+
+def peaks(heatmaps: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The highest cell of each heat map.
+
+    Args:
+        heatmaps: (N, J, h, w).
+
+    Returns:
+        Points (N, J, 2) and the values there (N, J).
+    """
+    import numpy as np
+
+    n, j, h, w = heatmaps.shape
+    flat = heatmaps.reshape(n, j, h * w)
+    index = flat.argmax(-1)
+    points = np.stack([index % w, index // w], -1).astype(np.float64)
+    return points, np.take_along_axis(flat, index[..., None], -1)[..., 0].astype(np.float64)
+
+
+def refined_peaks(heatmaps: FloatArray, *, sigma: float = 0.8, radius: int = 5) -> tuple[FloatArray, FloatArray]:
+    """Peaks to a part of a cell: one Newton step on the logarithm of the smoothed map (DARK, arXiv:1910.06278).
+
+    The logarithm of a Gaussian is a parabola, so that one step from the highest cell reaches its middle. Where the map
+    has no peak there, or one that is more than a cell away, the highest cell itself is answered.
+
+    Args:
+        heatmaps: (N, J, h, w).
+        sigma: cells, of the Gaussian that smooths the map.
+        radius: cells, at which it is cut off.
+
+    Returns:
+        Points (N, J, 2), and the values (N, J) of the unsmoothed maps at their highest cells.
+    """
+    import numpy as np
+    from scipy.ndimage import gaussian_filter
+
+    cells, value = peaks(heatmaps)
+    smooth = gaussian_filter(heatmaps.astype(np.float64), sigma, radius=radius, axes=(2, 3))
+    logs = np.pad(np.log(np.clip(smooth, _FLOOR, _CEILING)), ((0, 0), (0, 0), (1, 1), (1, 1)), mode="edge")
+    n, j = value.shape
+    person, joint = np.arange(n)[:, None], np.arange(j)[None]
+    column, row = cells[..., 0].astype(int) + 1, cells[..., 1].astype(int) + 1
+
+    def at(right: int, down: int) -> FloatArray:
+        found: FloatArray = logs[person, joint, row + down, column + right]
+        return found
+
+    dx, dy = (at(1, 0) - at(-1, 0)) / 2, (at(0, 1) - at(0, -1)) / 2
+    dxx, dyy = at(1, 0) - 2 * at(0, 0) + at(-1, 0), at(0, 1) - 2 * at(0, 0) + at(0, -1)
+    dxy = (at(1, 1) - at(1, 0) - at(0, 1) + 2 * at(0, 0) - at(-1, 0) - at(0, -1) + at(-1, -1)) / 2
+    determinant = dxx * dyy - dxy**2
+    peaked = (dxx < 0) & (determinant > 1e-12)
+    safe = np.where(peaked, determinant, 1.0)
+    step = np.stack([dxy * dy - dyy * dx, dxy * dx - dxx * dy], -1) / safe[..., None]
+    near = peaked & (np.abs(step) <= _FARTHEST).all(-1)
+    return cells + np.where(near[..., None], step, 0.0), value
+
+
+def simcc_peaks(along_x: FloatArray, along_y: FloatArray, split: float = 2.0) -> tuple[FloatArray, FloatArray]:
+    """Joints of a network that classifies x and y apart (SimCC, arXiv:2107.03332).
+
+    Args:
+        along_x: (N, J, split * width).
+        along_y: (N, J, split * height).
+        split: bins per px of the network's input.
+
+    Returns:
+        Points (N, J, 2) in px of the network's input, and the lower of the two maxima (N, J).
+    """
+    import numpy as np
+
+    points = np.stack([along_x.argmax(-1), along_y.argmax(-1)], -1) / split
+    return points, np.minimum(along_x.max(-1), along_y.max(-1)).astype(np.float64)
+
+
+def as_confidence(scores: FloatArray, full: float = 1.0) -> FloatArray:
+    """Scores of any shape as a share in [0, 1] of the score that stands for certainty; NaN and less than 0 are 0."""
+    import numpy as np
+
+    found: FloatArray = np.clip(np.nan_to_num(scores / full, nan=0.0), 0.0, 1.0)
+    return found

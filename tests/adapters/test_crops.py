@@ -1,0 +1,160 @@
+"""Crops: known places, round trips, a slow twin, and the grids of MMPose and of ViTPose."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.ndimage import gaussian_filter
+
+from physic_core.adapters.crops import Crop, Grid, crop_of, cut, padded
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+GRIDS: tuple[Grid, ...] = ("corners", "halves", "areas")
+BOX = np.array([40.0, 30.0, 100.0, 190.0])
+
+
+def slow_cut(image: NDArray[np.uint8], crop: Crop, fill: float = 0.0) -> NDArray[np.float64]:
+    """Bilinear, one pixel at a time."""
+    h, w = image.shape[:2]
+
+    def at(x: int, y: int) -> NDArray[np.float64]:
+        return image[y, x].astype(float) if 0 <= x < w and 0 <= y < h else np.full(3, fill)
+
+    found = np.zeros((crop.height, crop.width, 3))
+    for v in range(crop.height):
+        for u in range(crop.width):
+            x, y = crop.origin[0] + u * crop.step[0], crop.origin[1] + v * crop.step[1]
+            left, top = int(np.floor(x)), int(np.floor(y))
+            a, b = x - left, y - top
+            found[v, u] = (1 - b) * ((1 - a) * at(left, top) + a * at(left + 1, top)) + b * (
+                (1 - a) * at(left, top + 1) + a * at(left + 1, top + 1)
+            )
+    return found
+
+
+def test_a_tall_box_is_widened_and_a_wide_box_heightened() -> None:
+    middle, size = padded(np.array([10.0, 20.0, 30.0, 120.0]), 0.75, 1.0)
+    assert middle.tolist() == [19.5, 69.5]
+    assert size.tolist() == [75.0, 100.0]
+    assert padded(np.array([0.0, 0.0, 90.0, 60.0]), 0.75, 1.25)[1].tolist() == [112.5, 150.0]
+
+
+def test_an_empty_box_counts_as_a_pixel() -> None:
+    assert padded(np.array([5.0, 5.0, 5.0, 5.0]), 1.0, 1.0)[1].tolist() == [1.0, 1.0]
+
+
+def test_each_grid_puts_the_box_where_its_networks_learned_it() -> None:
+    middle, size = padded(BOX, 0.75, 1.25)
+    corners, halves, areas = (crop_of(BOX, 192, 256, grid=grid) for grid in GRIDS)
+    assert np.allclose(corners.to_photo(np.array([[0.0, 0.0], [191.0, 255.0]])), [middle - size / 2, middle + size / 2])
+    assert np.allclose(halves.to_photo(np.array([96.0, 128.0])), middle)
+    assert np.allclose(halves.to_photo(np.array([0.0, 0.0])), middle - size / 2)
+    assert np.allclose(areas.to_photo(np.array([-0.5, -0.5])), middle - size / 2)
+    assert np.allclose(areas.to_photo(np.array([191.5, 255.5])), middle + size / 2)
+
+
+@pytest.mark.parametrize("grid", GRIDS)
+@given(
+    box=st.tuples(*[st.floats(-50, 300)] * 2, *[st.floats(2, 400)] * 2),
+    points=st.lists(st.tuples(st.floats(-500, 500), st.floats(-500, 500)), min_size=1, max_size=5),
+    mirrored=st.booleans(),
+)
+def test_points_come_back(
+    grid: Grid, box: tuple[float, ...], points: list[tuple[float, float]], mirrored: bool
+) -> None:
+    corners = np.array([box[0], box[1], box[0] + box[2], box[1] + box[3]])
+    crop = crop_of(corners, 192, 256, grid=grid, mirrored=mirrored)
+    assert np.allclose(crop.to_photo(crop.to_crop(np.array(points))), points, atol=1e-6)
+
+
+@pytest.mark.parametrize("grid", GRIDS)
+def test_a_mirrored_crop_is_the_crop_of_the_mirrored_photo(grid: Grid) -> None:
+    image = np.random.default_rng(0).integers(0, 256, (60, 80, 3), np.uint8)
+    box = np.array([20.0, 10.0, 50.0, 50.0])
+    flipped = np.array([80 - box[2], box[1], 80 - box[0], box[3]])
+    ours = cut(image, crop_of(box, 32, 32, grid=grid, mirrored=True))
+    theirs = cut(np.ascontiguousarray(image[:, ::-1]), crop_of(flipped, 32, 32, grid=grid))
+    assert np.abs(ours.astype(int) - theirs.astype(int)).max() <= 1
+
+
+@pytest.mark.parametrize("grid", GRIDS)
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_cutting_equals_its_slow_twin(grid: Grid, mirrored: bool) -> None:
+    image = np.random.default_rng(1).integers(0, 256, (40, 50, 3), np.uint8)
+    crop = crop_of(np.array([-5.0, 4.0, 30.0, 45.0]), 24, 32, grid=grid, mirrored=mirrored)
+    ours = cut(image, crop, fill=7).astype(float)
+    # OpenCV rounds places to 1/32 of a pixel.
+    assert np.abs(ours - slow_cut(image, crop, 7.0)).max() < 255 / 32 * 2 + 1
+    assert np.abs(ours - slow_cut(image, crop, 7.0)).mean() < 2
+
+
+def test_outside_of_the_photo_is_the_fill() -> None:
+    image = np.full((20, 20, 3), 200, np.uint8)
+    found = cut(image, crop_of(np.array([30.0, 30.0, 40.0, 40.0]), 8, 8, grid="areas"), fill=255)
+    assert (found == 255).all()
+
+
+def test_a_blur_keeps_grey_grey_and_takes_stripes_away() -> None:
+    grey = np.full((40, 40, 3), 90, np.uint8)
+    crop = crop_of(np.array([5.0, 5.0, 35.0, 35.0]), 10, 10, padding=1.0, grid="areas")
+    assert (cut(grey, crop, sigma=2.0) == 90).all()
+    stripes = np.zeros((40, 40, 3), np.uint8)
+    stripes[:, ::2] = 200
+    assert np.ptp(cut(stripes, crop, sigma=2.0).astype(int)) < 6 < np.ptp(cut(stripes, crop).astype(int))
+
+
+def test_the_grid_of_halves_is_mmposes_affine_and_its_inverse() -> None:
+    """keypoint / input * scale + centre - scale / 2, the formula of RTMPose's deployment."""
+    middle, size = padded(BOX, 0.75, 1.25)
+    points = np.random.default_rng(2).uniform(0, 200, (9, 2))
+    theirs = points / [192, 256] * size + middle - size / 2
+    assert np.allclose(crop_of(BOX, 192, 256, grid="halves").to_photo(points), theirs)
+
+
+def test_the_grid_of_corners_is_vitposes_in_transformers() -> None:
+    pytest.importorskip("transformers")
+    from transformers.models.vitpose.image_processing_pil_vitpose import (
+        box_to_center_and_scale,
+        get_warp_matrix,
+        transform_preds,
+    )
+
+    # Their boxes are x y w h in pixel coordinates whose integers are edges; ours are half a pixel beside.
+    box = [BOX[0] - 0.5, BOX[1] - 0.5, BOX[2] - BOX[0], BOX[3] - BOX[1]]
+    centre, scale = box_to_center_and_scale(box, 192, 256)
+    warp = get_warp_matrix(0, centre * 2.0, np.array([191.0, 255.0]), scale * 200.0)
+    crop = crop_of(BOX, 192, 256, grid="corners")
+    photo = np.random.default_rng(3).uniform(0, 300, (7, 2))
+    assert np.allclose(crop.to_crop(photo), photo @ warp[:, :2].T + warp[:, 2], atol=1e-3)
+    cells = np.random.default_rng(4).uniform(0, 47, (7, 2))
+    heat = crop_of(BOX, 48, 64, grid="corners")
+    assert np.allclose(heat.to_photo(cells), transform_preds(cells, centre, scale, [64, 48]), atol=1e-3)
+
+
+def test_the_cut_out_is_that_of_transformers_processor() -> None:
+    pytest.importorskip("transformers")
+    from transformers.models.vitpose.image_processing_pil_vitpose import VitPoseImageProcessorPil
+
+    noise = np.random.default_rng(5).uniform(0, 255, (300, 260, 3))
+    image = np.clip(gaussian_filter(noise, (4, 4, 0)) * 8 - 900, 0, 255).astype(np.uint8)
+    box = [BOX[0] - 0.5, BOX[1] - 0.5, BOX[2] - BOX[0], BOX[3] - BOX[1]]
+    processor = VitPoseImageProcessorPil(do_normalize=False, do_rescale=False)
+    theirs = np.asarray(processor(image, boxes=[[box]], return_tensors="np")["pixel_values"])[0].transpose(1, 2, 0)
+    crop = crop_of(BOX, 192, 256, grid="corners")
+    ours = cut(image, crop).astype(float)
+    apart = np.abs(ours - theirs)
+    # Within a pixel of the edge OpenCV blends with what is outside, and SciPy does not.
+    grid = np.stack(np.meshgrid(np.arange(192), np.arange(256)), -1)
+    inside = (np.abs(crop.to_photo(grid)) >= 1).all(-1)
+    print(f"grey levels between the two: mean {apart[inside].mean():.3f}, most {apart[inside].max():.2f}")
+    assert inside.mean() > 0.9
+    assert apart[inside].mean() < 0.05
+    assert apart[inside].max() < 2
+    half_a_pixel = cut(image, crop_of(BOX + 0.5, 192, 256, grid="corners")).astype(float)
+    assert np.abs(half_a_pixel - theirs)[inside].mean() > 2 * apart[inside].mean()

@@ -1,0 +1,107 @@
+"""Peaks of heat maps: known Gaussians, a slow twin, and the decoders of transformers and of SimCC."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from physic_core.adapters.heatmaps import as_confidence, peaks, refined_peaks, simcc_peaks
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+def gaussians(points: NDArray[np.float64], height: int, width: int, sigma: float, high: float = 0.9) -> NDArray:
+    """(N, J, h, w): a Gaussian at each of the points (N, J, 2)."""
+    y, x = np.mgrid[:height, :width]
+    apart = (x - points[..., 0, None, None]) ** 2 + (y - points[..., 1, None, None]) ** 2
+    return high * np.exp(-apart / (2 * sigma**2))
+
+
+def slow_refined(heatmap: NDArray[np.float64]) -> NDArray[np.float64]:
+    """One map, its derivatives by hand, Newton's step by a linear solver."""
+    row, column = np.unravel_index(heatmap.argmax(), heatmap.shape)
+    logs = np.pad(np.log(np.clip(gaussian_filter(heatmap, 0.8, radius=5), 1e-3, 50)), 1, mode="edge")
+    c = logs[row : row + 3, column : column + 3]
+    gradient = np.array([c[1, 2] - c[1, 0], c[2, 1] - c[0, 1]]) / 2
+    cross = (c[2, 2] - c[1, 2] - c[2, 1] + 2 * c[1, 1] - c[1, 0] - c[0, 1] + c[0, 0]) / 2
+    hessian = np.array([[c[1, 2] - 2 * c[1, 1] + c[1, 0], cross], [cross, c[2, 1] - 2 * c[1, 1] + c[0, 1]]])
+    if hessian[0, 0] < 0 and np.linalg.det(hessian) > 1e-12:
+        step = -np.linalg.solve(hessian, gradient)
+        if (np.abs(step) <= 1).all():
+            return np.array([column, row]) + step
+    return np.array([column, row], float)
+
+
+@pytest.mark.parametrize("sigma", [1.5, 2.0, 3.0])
+def test_known_peaks_are_found_to_a_twentieth_of_a_cell(sigma: float) -> None:
+    true = np.random.default_rng(0).uniform([6, 6], [41, 57], (3, 40, 2))
+    found, value = refined_peaks(gaussians(true, 64, 48, sigma))
+    apart = np.linalg.norm(found - true, axis=-1)
+    coarse = np.linalg.norm(peaks(gaussians(true, 64, 48, sigma))[0] - true, axis=-1)
+    print(f"sigma {sigma}: {apart.max():.4f} cells at most, the highest cell alone {coarse.max():.2f}")
+    assert apart.max() < 0.05 < coarse.max()
+    assert (value > 0.8).all()
+    assert (value <= 0.9).all()
+
+
+def test_peaks_within_noise_stay_within_half_a_cell() -> None:
+    rng = np.random.default_rng(1)
+    true = rng.uniform([6, 6], [41, 57], (1, 60, 2))
+    maps = gaussians(true, 64, 48, 2.0) + rng.normal(0, 0.02, (1, 60, 64, 48))
+    found, _ = refined_peaks(maps)
+    assert np.linalg.norm(found - true, axis=-1).max() < 0.5
+
+
+def test_refining_equals_its_slow_twin() -> None:
+    rng = np.random.default_rng(2)
+    maps = gaussian_filter(rng.random((2, 8, 24, 18)), (0, 0, 1, 1))
+    maps[0, 0] = 0  # flat
+    maps[0, 1, 0, 0] = 2  # in the corner
+    found, _ = refined_peaks(maps)
+    twin = np.array([[slow_refined(one) for one in of_person] for of_person in maps])
+    assert np.allclose(found, twin, atol=1e-6)
+
+
+def test_refining_equals_transformers() -> None:
+    pytest.importorskip("transformers")
+    from transformers.models.vitpose.image_processing_pil_vitpose import (
+        get_keypoint_predictions,
+        post_dark_unbiased_data_processing,
+    )
+
+    true = np.random.default_rng(3).uniform([1, 1], [46, 62], (2, 17, 2))
+    maps = gaussians(true, 64, 48, 2.0).astype(np.float32)
+    cells, scores = get_keypoint_predictions(maps)
+    theirs = post_dark_unbiased_data_processing(cells.copy(), maps, kernel=11)
+    ours, value = refined_peaks(maps)
+    assert np.allclose(ours, theirs, atol=2e-3)
+    assert np.allclose(value, scores[..., 0])
+
+
+def test_a_flat_map_answers_its_first_cell_and_its_value() -> None:
+    found, value = refined_peaks(np.zeros((1, 1, 8, 6)))
+    assert found.tolist() == [[[0.0, 0.0]]]
+    assert value.tolist() == [[0.0]]
+
+
+def test_nobody_has_no_peaks() -> None:
+    assert refined_peaks(np.zeros((0, 17, 64, 48)))[0].shape == (0, 17, 2)
+    assert simcc_peaks(np.zeros((0, 17, 384)), np.zeros((0, 17, 512)))[0].shape == (0, 17, 2)
+
+
+def test_simcc_bins_are_half_pixels_and_the_lower_maximum_counts() -> None:
+    along_x, along_y = np.zeros((1, 2, 384), np.float32), np.zeros((1, 2, 512), np.float32)
+    along_x[0, 0, 101], along_y[0, 0, 300] = 0.8, 0.6
+    along_x[0, 1, 383], along_y[0, 1, 0] = 0.3, 1.2
+    points, value = simcc_peaks(along_x, along_y)
+    assert points.tolist() == [[[50.5, 150.0], [191.5, 0.0]]]
+    assert np.allclose(value, [[0.6, 0.3]])
+
+
+def test_scores_become_shares() -> None:
+    assert as_confidence(np.array([-0.2, 0.3, 4.0, np.nan]), 1.0).tolist() == [0.0, 0.3, 1.0, 0.0]
+    assert as_confidence(np.array([3.0]), 6.0).tolist() == [0.5]
