@@ -20,6 +20,7 @@ from physic_core.errors import (
     NoPersonError,
     OutputError,
     PhysicError,
+    WeightsMissingError,
 )
 
 if TYPE_CHECKING:
@@ -48,6 +49,7 @@ __all__ = [
     "Reconstruction",
     "Registry",
     "Scene",
+    "WeightsMissingError",
     "discover",
     "hookimpl",
     "load_config",

@@ -16,6 +16,7 @@ __all__ = [
     "NoPersonError",
     "OutputError",
     "PhysicError",
+    "WeightsMissingError",
 ]
 
 
@@ -49,6 +50,10 @@ class BackendError(PhysicError):
 
 class BackendNotFoundError(BackendError):
     """A backend name that nothing installed offers."""
+
+
+class WeightsMissingError(BackendError):
+    """Files that a backend needs and that are not on this machine; the message says how to get each."""
 
 
 class BackendOutputError(BackendError):

@@ -1,4 +1,4 @@
-"""The one hook of a plugin.
+"""The hooks of a plugin: one that it needs, and one for those that have weights to be fetched.
 
 A plugin is a distribution with an entry point in the group ``physic.plugins`` that names a module, and that module says
 what it offers::
@@ -10,17 +10,25 @@ what it offers::
         return [BackendRecord("metric_depth", "my-depth", "my_pkg.depth:MyDepth", summary="Depth from ...")]
 
 The module holds nothing else and imports nothing heavy: it runs whenever somebody lists the installed backends.
+
+A plugin whose weights are not inside its wheel lists them in TOML files (:mod:`physic_core.weights.manifest`), and
+says where those are::
+
+    @hookimpl
+    def physic_weights():
+        return Path(__file__).parent / "weights"
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import pluggy
 
 from physic_core.registry import BackendRecord
 
-__all__ = ["PROJECT", "hookimpl", "physic_backends"]
+__all__ = ["PROJECT", "hookimpl", "physic_backends", "physic_weights"]
 
 PROJECT = "physic"
 
@@ -31,3 +39,8 @@ hookimpl = pluggy.HookimplMarker(PROJECT)
 @hookspec
 def physic_backends() -> Sequence[BackendRecord]:  # type: ignore[empty-body]
     """Say which backends this plugin offers; called once whenever plugins are discovered."""
+
+
+@hookspec
+def physic_weights() -> Path:  # type: ignore[empty-body]
+    """Say where this plugin's list of weights is: a TOML file, or a folder of them; a plugin may go without."""

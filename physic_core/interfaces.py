@@ -73,6 +73,13 @@ class Backend(ABC):
     def close(self) -> None:  # noqa: B027
         """Let go of everything that ``load`` took."""
 
+    def missing(self) -> tuple[str, ...]:
+        """What this backend with its options lacks on this machine, one line each that says how to get it.
+
+        Cheap and offline, and asked before ``load``: a run in which anything is missing stops before it begins.
+        """
+        return ()
+
     def fingerprint(self) -> str:
         """What else an answer depends on, such as the revision of weights in a folder; asked before ``load``.
 

@@ -14,12 +14,23 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import redirect_stdout, suppress
 from difflib import get_close_matches
 from importlib.metadata import EntryPoint, PackageNotFoundError, entry_points, requires, version
+from pathlib import Path
 from typing import Any
 
 import pluggy
 
 from physic_core import hookspecs
-from physic_core.registry import PLUGIN_API, TARGET, BackendRecord, BrokenPlugin, Claim, Origin, Registry, normal_name
+from physic_core.registry import (
+    PLUGIN_API,
+    TARGET,
+    BackendRecord,
+    BrokenPlugin,
+    Claim,
+    Manifest,
+    Origin,
+    Registry,
+    normal_name,
+)
 
 __all__ = ["GROUP", "core_version", "discover", "required_versions"]
 
@@ -66,6 +77,7 @@ def discover(
     restriction = environment.get(RESTRICT)
     claims: list[Claim] = []
     broken: list[BrokenPlugin] = []
+    manifests: list[Manifest] = []
     if restriction is not None:
         found, broken = _restrict(found, restriction)
     for entry in sorted(found, key=lambda e: (_distribution(e)[0], e.name)):
@@ -73,14 +85,18 @@ def discover(
         try:
             # What a plugin prints is not what a command answers.
             with redirect_stdout(sys.stderr):
-                records = _ask(entry)
+                manager = _load(entry)
+                records = _ask(manager, entry)
+                weights, complaints = _ask_for_weights(manager)
             origin = _origin(entry, clock() - start)
             claims += [Claim(record, origin, _problem(record, origin)) for record in records]
+            manifests += [Manifest(origin, path) for path in weights]
+            broken += [BrokenPlugin(origin, *complaint) for complaint in complaints]
         # SystemExit too: a plugin that calls sys.exit() at import must not take `physic plugins` with it.
         except (Exception, SystemExit) as error:
             cause = str(error) if isinstance(error, _BadPlugin) else f"{type(error).__name__}: {error}"
             broken.append(BrokenPlugin(_origin(entry), cause, error))
-    return Registry(claims, broken, restriction=restriction)
+    return Registry(claims, broken, restriction=restriction, manifests=manifests)
 
 
 class _BadPlugin(Exception):
@@ -90,8 +106,8 @@ class _BadPlugin(Exception):
         super().__init__(message)
 
 
-def _ask(entry: EntryPoint) -> list[BackendRecord]:
-    """Load one plugin and call its hook."""
+def _load(entry: EntryPoint) -> pluggy.PluginManager:
+    """Import one plugin, and see that its hooks are ours."""
     manager = pluggy.PluginManager(hookspecs.PROJECT)
     manager.add_hookspecs(hookspecs)
     if not _ENTRY.fullmatch(entry.value.strip()):
@@ -100,12 +116,19 @@ def _ask(entry: EntryPoint) -> list[BackendRecord]:
         )
     module = entry.load()
     manager.register(module, name=entry.name)
-    hook = manager.hook.physic_backends
     try:
         manager.check_pending()
     except pluggy.PluginValidationError as error:
         unknown = [n for n, h in vars(manager.hook).items() if not n.startswith("_") and not h.has_spec()]
-        raise _BadPlugin(f"there is no hook named {unknown[0]!r}; the only one is 'physic_backends'") from error
+        raise _BadPlugin(
+            f"there is no hook named {unknown[0]!r}; there are 'physic_backends' and 'physic_weights'"
+        ) from error
+    return manager
+
+
+def _ask(manager: pluggy.PluginManager, entry: EntryPoint) -> list[BackendRecord]:
+    """Call the hook of one plugin that says which backends it offers."""
+    hook = manager.hook.physic_backends
     if not hook.get_hookimpls():
         raise _BadPlugin(f"{entry.value} has no function physic_backends marked with @hookimpl")
     records: list[BackendRecord] = []
@@ -115,6 +138,28 @@ def _ask(entry: EntryPoint) -> list[BackendRecord]:
             raise _BadPlugin(f"physic_backends() must return a list of BackendRecord, got {_describe(answer)}")
         records += answer
     return records
+
+
+def _ask_for_weights(
+    manager: pluggy.PluginManager,
+) -> tuple[list[Path], list[tuple[str, BaseException | None]]]:
+    """The lists of weights of one plugin, unread, and complaints: what is wrong with them takes no backend away."""
+    paths: list[Path] = []
+    complaints: list[tuple[str, BaseException | None]] = []
+    for implementation in manager.hook.physic_weights.get_hookimpls():
+        try:
+            answer: Any = implementation.function()
+        except (Exception, SystemExit) as error:
+            complaints.append((f"physic_weights() fails: {type(error).__name__}: {error}", error))
+            continue
+        if not isinstance(answer, (str, os.PathLike)):
+            kind = type(answer).__name__
+            complaints.append((f"physic_weights() must return the path of a TOML file or folder, got {kind}", None))
+        elif not os.path.exists(answer):
+            complaints.append((f"physic_weights() names {os.fspath(answer)}, which is not there", None))
+        else:
+            paths.append(Path(answer))
+    return paths, complaints
 
 
 def _describe(answer: object) -> str:

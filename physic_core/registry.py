@@ -14,9 +14,21 @@ from physic_core.catalog import distribution_for, known_names
 from physic_core.errors import BackendError, BackendNotFoundError
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from physic_core.interfaces import Backend
 
-__all__ = ["PLUGIN_API", "TARGET", "BackendRecord", "BrokenPlugin", "Claim", "Origin", "Registry", "normal_name"]
+__all__ = [
+    "PLUGIN_API",
+    "TARGET",
+    "BackendRecord",
+    "BrokenPlugin",
+    "Claim",
+    "Manifest",
+    "Origin",
+    "Registry",
+    "normal_name",
+]
 
 PLUGIN_API = 1
 """Version of the contract between the core and its plugins: the hook, the record and the eight interfaces."""
@@ -115,6 +127,19 @@ class BrokenPlugin:
         return f"{self.origin} ({self.cause})"
 
 
+@dataclass(frozen=True)
+class Manifest:
+    """Where a plugin lists its weights.
+
+    Attributes:
+        origin: whose it is.
+        path: a TOML file, or a folder of them, for :func:`physic_core.weights.read_manifest`.
+    """
+
+    origin: Origin
+    path: Path
+
+
 class Registry:
     """Backends by interface and name.
 
@@ -125,16 +150,23 @@ class Registry:
 
     Args:
         claims: backends on offer; two may claim one name, and neither gets it.
-        broken: plugins that could not be read.
+        broken: plugins that could not be read, or not as a whole.
         restriction: value of ``PHYSIC_PLUGINS`` that hid the rest, None where nothing did.
+        manifests: the plugins' lists of weights; none of them has been read.
     """
 
     def __init__(
-        self, claims: Iterable[Claim] = (), broken: Iterable[BrokenPlugin] = (), *, restriction: str | None = None
+        self,
+        claims: Iterable[Claim] = (),
+        broken: Iterable[BrokenPlugin] = (),
+        *,
+        restriction: str | None = None,
+        manifests: Iterable[Manifest] = (),
     ) -> None:
         self._claims = list(claims)
         self.broken = tuple(broken)
         self.restriction = restriction
+        self.manifests = tuple(manifests)
 
     def __iter__(self) -> Iterator[Claim]:
         """Every claim, by interface, name and distribution."""

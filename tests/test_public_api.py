@@ -23,6 +23,7 @@ PUBLIC = [
     "Reconstruction",
     "Registry",
     "Scene",
+    "WeightsMissingError",
     "discover",
     "hookimpl",
     "load_config",

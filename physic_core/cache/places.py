@@ -12,14 +12,14 @@ SWITCH = "PHYSIC_CACHE"
 """Environment variable of the backends' answers: a folder, or "off"."""
 
 
-def place(name: str, switch: str) -> Path | None:
+def place(name: str, switch: str = "") -> Path | None:
     """The folder of one cache, or None if it is switched off, or if the user has no home for it.
 
     Args:
         name: of the cache.
-        switch: environment variable that holds another folder, or "off".
+        switch: environment variable that holds another folder, or "off"; empty where there is none.
     """
-    wish = os.environ.get(switch, "")
+    wish = os.environ.get(switch, "") if switch else ""
     if wish.lower() in ("off", "0", "no", "false"):
         return None
     if wish:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from physic_core import BackendRecord, hookimpl
 
-__all__ = ["physic_backends"]
+__all__ = ["physic_backends", "physic_weights"]
 
 
 @hookimpl
@@ -85,3 +87,9 @@ def physic_backends() -> list[BackendRecord]:
             needs=("a checkout", "weights"),
         ),
     ]
+
+
+@hookimpl
+def physic_weights() -> Path:
+    """Where this plugin lists its weights."""
+    return Path(__file__).parent / "weights"

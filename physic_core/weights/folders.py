@@ -1,0 +1,56 @@
+"""The folders that weights are sought in; nothing here goes to the network."""
+
+from __future__ import annotations
+
+import os
+from importlib.util import find_spec
+from pathlib import Path
+
+from physic_core.cache.places import place
+from physic_core.weights.manifest import HubSource, WeightFile, WeightSet
+
+__all__ = ["FOLDERS", "in_hub_cache", "loose", "own_folder", "places_in_words", "user_folders"]
+
+FOLDERS = "PHYSIC_WEIGHTS"
+"""Environment variable: folders of the user's own, with the system's separator between them."""
+
+
+def user_folders() -> tuple[Path, ...]:
+    """The folders of ``PHYSIC_WEIGHTS``."""
+    return tuple(Path(text).expanduser() for text in os.environ.get(FOLDERS, "").split(os.pathsep) if text.strip())
+
+
+def own_folder() -> Path | None:
+    """Where ``physic weights fetch`` puts files, or None where the user has no home for them."""
+    return place("weights")
+
+
+def loose(folder: Path, weights: WeightSet, file: WeightFile) -> Path | None:
+    """The file right inside a folder, without that of its set, where nothing else can be meant."""
+    path = folder / Path(file.path).name
+    if not path.is_file():
+        return None
+    if file.bytes is not None:
+        return path if path.stat().st_size == file.bytes else None
+    return path if path.stem == weights.name else None
+
+
+def in_hub_cache(file: WeightFile) -> Path | None:
+    """The file in Hugging Face's cache, if that library is installed and has it."""
+    origin = file.origin
+    if not isinstance(origin, HubSource) or find_spec("huggingface_hub") is None:
+        return None
+    from huggingface_hub import try_to_load_from_cache
+
+    found = try_to_load_from_cache(origin.repository, origin.path, revision=origin.revision)
+    return Path(found) if isinstance(found, str) else None
+
+
+def places_in_words(name: str) -> str:
+    """Where the set of a name is sought."""
+    own = own_folder()
+    folders = [*user_folders(), *([own] if own is not None else [])]
+    words = [str(folder / name) for folder in folders]
+    if find_spec("huggingface_hub") is not None:
+        words.append("Hugging Face's cache")
+    return ", ".join(words)

@@ -1,0 +1,277 @@
+"""What a plugin says about its weights: TOML files with one table a set.
+
+::
+
+    [moge-2-vits-normal]
+    summary = "MoGe-2 ViT-S: metric points, normals, focal length"
+    license = "MIT"
+    commercial = true      # left out where the licence does not say
+    account = false        # whether an account has to be given access first
+    homepage = "https://huggingface.co/Ruicheng/moge-2-vits-normal-onnx"
+    advice = ""            # how to get what cannot be fetched
+    [[moge-2-vits-normal.files]]
+    path = "model.onnx"    # inside the folder of the set
+    bytes = 140852051
+    sha256 = "24ea..."
+    source = "hf://Ruicheng/moge-2-vits-normal-onnx/model.onnx"
+
+A source is ``hf://owner/repository/path``, with ``@revision`` at its end if need be, or a web address, with ``#member``
+at its end where the file lies inside a zip; a file without one is brought by the user.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from types import MappingProxyType
+from typing import Any
+
+from physic_core.errors import BackendError
+
+__all__ = ["HubSource", "WebSource", "WeightFile", "WeightSet", "is_inside", "read_manifest"]
+
+_NAME = re.compile(r"[a-z0-9]+([._-][a-z0-9]+)*")
+_HUB = re.compile(r"hf://([\w.-]+/[\w.-]+)/([^@#?]+)(?:@([\w./-]+))?")
+_WEB = re.compile(r"https?://[^\s/#?]+/[^\s#]*(?:#(.+))?")
+_HASH = re.compile(r"[0-9a-f]{64}")
+
+
+@dataclass(frozen=True)
+class HubSource:
+    """A file in a repository of Hugging Face's hub.
+
+    Attributes:
+        repository: "owner/name".
+        path: inside it.
+        revision: branch, tag or commit.
+    """
+
+    repository: str
+    path: str
+    revision: str = "main"
+
+
+@dataclass(frozen=True)
+class WebSource:
+    """A file at a web address.
+
+    Attributes:
+        url: of the file, or of the zip that holds it.
+        member: name inside that zip; empty where the file is no member of one.
+    """
+
+    url: str
+    member: str = ""
+
+
+@dataclass(frozen=True)
+class WeightFile:
+    """One file of a set.
+
+    Attributes:
+        path: inside the set's folder, with "/".
+        bytes: size, where it is published.
+        sha256: 64 hexadecimal digits, where they are published.
+        source: where it can be fetched from; empty where the user brings it.
+    """
+
+    path: str
+    bytes: int | None = None
+    sha256: str | None = None
+    source: str = ""
+
+    @property
+    def origin(self) -> HubSource | WebSource | None:
+        """The source, taken apart."""
+        if found := _HUB.fullmatch(self.source):
+            return HubSource(found[1], found[2], found[3] or "main")
+        if self.source:
+            url, _, member = self.source.partition("#")
+            return WebSource(url, member)
+        return None
+
+
+@dataclass(frozen=True)
+class WeightSet:
+    """Files that belong together.
+
+    Attributes:
+        name: in options and commands.
+        summary: one line.
+        license: in words.
+        commercial: whether the licence allows commercial use; None where it does not say.
+        account: whether an account has to be given access before it can be fetched.
+        homepage: where to read more.
+        advice: how to get what cannot be fetched.
+        files: at least one.
+    """
+
+    name: str
+    summary: str
+    license: str
+    commercial: bool | None
+    account: bool
+    homepage: str
+    advice: str
+    files: tuple[WeightFile, ...]
+
+    @property
+    def bytes(self) -> int | None:
+        """Size of all files, or None where one is not known."""
+        sizes = [file.bytes for file in self.files]
+        return None if None in sizes else sum(size for size in sizes if size is not None)
+
+    @property
+    def is_free(self) -> bool:
+        """Whether it may be fetched without a word about its licence: for any use, and by anybody."""
+        return self.commercial is True and not self.account
+
+
+def read_manifest(path: Path) -> Mapping[str, WeightSet]:
+    """The sets of a TOML file, or of all TOML files in a folder; read once as long as the files stay as they are.
+
+    Raises:
+        BackendError: there is no such file, or what it says does not hold; every fault at once.
+    """
+    path = Path(path)
+    files = tuple(sorted(path.glob("*.toml"))) if path.is_dir() else (path,)
+    try:
+        stamps = tuple((file, file.stat().st_mtime_ns, file.stat().st_size) for file in files)
+    except OSError as error:
+        raise BackendError(f"the list of weights {path} cannot be read: {error.strerror}") from error
+    return _read(stamps)
+
+
+def is_inside(path: str) -> bool:
+    """Whether a path of a manifest or a zip stays inside its folder, on every system."""
+    parts = PurePosixPath(path).parts
+    plain = not (path.startswith("/") or "\\" in path or ":" in path or "\0" in path or PureWindowsPath(path).drive)
+    return plain and bool(parts) and ".." not in parts and not path.endswith("/")
+
+
+@functools.lru_cache(maxsize=64)
+def _read(stamps: tuple[tuple[Path, int, int], ...]) -> Mapping[str, WeightSet]:
+    import tomllib
+
+    sets: dict[str, WeightSet] = {}
+    owner: dict[str, Path] = {}
+    faults: list[str] = []
+    for file, _, _ in stamps:
+        try:
+            tables = tomllib.loads(file.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise BackendError(f"the list of weights {file} cannot be read: {error.strerror}") from error
+        except ValueError as error:  # no TOML, or no UTF-8
+            faults.append(f"{file}: {error}")
+            continue
+        for name, table in tables.items():
+            found: list[str] = []
+            if name in owner:
+                found.append(f"is in {owner[name].name} already")
+            made = _set(name, table, found)
+            faults += [f"{file}: [{name}] {fault}" for fault in found]
+            if made is not None and not found:
+                sets[name], owner[name] = made, file
+    if faults:
+        raise BackendError("\n".join(["this list of weights does not hold:", *faults]))
+    return MappingProxyType(sets)
+
+
+_KEYS: dict[str, tuple[type, bool, str]] = {
+    "summary": (str, True, "a text"),
+    "license": (str, True, "a text"),
+    "commercial": (bool, False, "true or false"),
+    "account": (bool, False, "true or false"),
+    "homepage": (str, False, "a text"),
+    "advice": (str, False, "a text"),
+    "files": (list, True, "a list of tables"),
+}
+_FILE_KEYS: dict[str, tuple[type, bool, str]] = {
+    "path": (str, True, "a text"),
+    "bytes": (int, False, "a whole number"),
+    "sha256": (str, False, "a text"),
+    "source": (str, False, "a text"),
+}
+
+
+def _set(name: str, table: Any, faults: list[str]) -> WeightSet | None:
+    """One table; what is wrong with it is added to ``faults``."""
+    if not _NAME.fullmatch(name):
+        faults.append("should be of a-z, 0-9, and single hyphens, dots or underscores between them")
+    if not isinstance(table, dict):
+        faults.append(f"should be a table, got {table!r}")
+        return None
+    if not _keys(table, _KEYS, "", faults):
+        return None
+    if not table["files"]:
+        faults.append("has no files")
+    files = []
+    for i, entry in enumerate(table["files"]):
+        if (file := _file(entry, f"files[{i}] ", faults)) is not None:
+            files.append(file)
+    for twice in sorted({f.path for f in files if sum(f.path == g.path for g in files) > 1}):
+        faults.append(f"has the file {twice} more than once")
+    by_hand = [file.path for file in files if not file.source]
+    if by_hand and not table.get("advice"):
+        faults.append(f"has no source for {', '.join(by_hand)}: say in 'advice' how to get that")
+    return WeightSet(
+        name=name,
+        summary=table["summary"],
+        license=table["license"],
+        commercial=table.get("commercial"),
+        account=table.get("account", False),
+        homepage=table.get("homepage", ""),
+        advice=table.get("advice", ""),
+        files=tuple(files),
+    )
+
+
+def _file(entry: Any, at: str, faults: list[str]) -> WeightFile | None:
+    if not isinstance(entry, dict):
+        faults.append(f"{at}should be a table, got {entry!r}")
+        return None
+    if not _keys(entry, _FILE_KEYS, at, faults):
+        return None
+    path, size, digest, source = entry["path"], entry.get("bytes"), entry.get("sha256"), entry.get("source", "")
+    if not is_inside(path):
+        faults.append(f"{at}path should lie inside the folder of the set, got {path!r}")
+    if size is not None and size <= 0:
+        faults.append(f"{at}bytes should be > 0, got {size}")
+    if digest is not None and not _HASH.fullmatch(digest):
+        faults.append(f"{at}sha256 should be 64 digits of 0-9 and a-f, got {digest!r}")
+    if source and not _is_source(source):
+        faults.append(
+            f"{at}source should be hf://owner/repository/path[@revision] or https://host/path[#member], got {source!r}"
+        )
+    elif source.startswith("http://") and digest is None:
+        faults.append(f"{at}source is http://, which anybody on the way can change: give its sha256, or use https://")
+    return WeightFile(path, size, digest, source)
+
+
+def _is_source(source: str) -> bool:
+    if found := _HUB.fullmatch(source):
+        return is_inside(found[2])
+    found = _WEB.fullmatch(source)
+    return found is not None and (found[1] is None or is_inside(found[1]))
+
+
+def _keys(table: Mapping[str, Any], known: Mapping[str, tuple[type, bool, str]], at: str, faults: list[str]) -> bool:
+    """Whether a table has the keys that it needs, of the kinds that they should be."""
+    before = len(faults)
+    for key in table:
+        if key not in known:
+            close = get_close_matches(key, known, n=1)
+            faults.append(f"{at}has an unknown key '{key}'" + (f". Did you mean '{close[0]}'?" if close else ""))
+    for key, (kind, needed, words) in known.items():
+        if key not in table:
+            if needed:
+                faults.append(f"{at}has no {key}")
+        elif not isinstance(table[key], kind) or (kind is int and isinstance(table[key], bool)):
+            faults.append(f"{at}{key} should be {words}, got {table[key]!r}")
+        elif needed and kind is str and not table[key].strip():
+            faults.append(f"{at}{key} should not be empty")
+    return len(faults) == before

@@ -1,0 +1,201 @@
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from physic_core.errors import WeightsMissingError
+from physic_core.weights import fingerprint, locate, missing
+
+SOURCE = "hf://owner/net/model.onnx"
+
+
+def write(path: Path, content: bytes = b"weights") -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)
+    return path
+
+
+def in_hub(tmp_path: Path, name: str, content: bytes = b"weights", repository: str = "owner/net") -> Path:
+    """A file as Hugging Face's library keeps it."""
+    repo = tmp_path / "hub" / f"models--{repository.replace('/', '--')}"
+    commit = "c" * 40
+    write(repo / "refs" / "main", commit.encode())
+    return write(repo / "snapshots" / commit / name, content)
+
+
+def test_a_set_is_found_in_the_users_cache(lists: Any, own_cache: Path):
+    folder = lists.add("net", {"path": "model.onnx", "source": SOURCE})
+    there = write(own_cache / "net" / "model.onnx")
+    assert locate(folder, "net") == locate(folder, "net", "model.onnx") == there
+    assert missing(folder, "net") == ()
+
+
+def test_the_folders_of_the_environment_go_first_in_their_order(lists: Any, own_cache: Path, tmp_path, monkeypatch):
+    folder = lists.add("net", {"path": "model.onnx", "source": SOURCE})
+    write(own_cache / "net" / "model.onnx")
+    first, second = tmp_path / "first", tmp_path / "second"
+    there = write(second / "net" / "model.onnx")
+    monkeypatch.setenv("PHYSIC_WEIGHTS", f"{first}{os.pathsep}{second}")
+    assert locate(folder, "net") == there
+    there = write(first / "net" / "model.onnx")
+    assert locate(folder, "net") == there
+
+
+def test_hugging_faces_cache_comes_last(lists: Any, own_cache: Path, tmp_path: Path):
+    folder = lists.add("net", {"path": "model.onnx", "source": SOURCE})
+    there = in_hub(tmp_path, "model.onnx")
+    assert locate(folder, "net") == there
+    there = write(own_cache / "net" / "model.onnx")
+    assert locate(folder, "net") == there
+
+
+def test_a_snapshot_is_the_folder_of_a_set_that_lies_in_it_as_listed(lists: Any, tmp_path: Path):
+    names = ("config.json", "model.safetensors")
+    folder = lists.add("net", *({"path": n, "source": f"hf://owner/net/{n}"} for n in names))
+    there = [in_hub(tmp_path, name) for name in names]
+    assert locate(folder, "net") == there[0].parent
+    assert locate(folder, "net", "config.json") == there[0]
+
+
+def test_a_folder_of_a_snapshot_too(lists: Any, tmp_path: Path):
+    names = ("model.onnx", "model.onnx_data")
+    folder = lists.add("net", *({"path": n, "source": f"hf://owner/net/onnx/{n}"} for n in names))
+    there = [in_hub(tmp_path, f"onnx/{name}") for name in names]
+    assert locate(folder, "net") == there[0].parent
+
+
+def test_a_set_from_two_repositories_lies_in_no_one_folder_of_that_cache(lists: Any, tmp_path: Path):
+    folder = lists.add(
+        "net", {"path": "a.onnx", "source": "hf://owner/a/a.onnx"}, {"path": "b.onnx", "source": "hf://owner/b/b.onnx"}
+    )
+    one = in_hub(tmp_path, "a.onnx", repository="owner/a")
+    in_hub(tmp_path, "b.onnx", repository="owner/b")
+    assert locate(folder, "net", "a.onnx") == one
+    assert missing(folder, "net") == (
+        "weights 'net' (MIT) lie in several places, and have to be in one folder: `physic weights fetch net`",
+    )
+
+
+@pytest.mark.parametrize(("size", "found"), [(7, True), (8, False)])
+def test_a_file_right_in_a_folder_counts_if_it_has_the_published_size(
+    lists: Any, tmp_path: Path, monkeypatch, size: int, found: bool
+):
+    folder = lists.add("net", {"path": "deep/model.onnx", "source": SOURCE, "bytes": size})
+    there = write(tmp_path / "mine" / "model.onnx", b"weights")
+    monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path / "mine"))
+    assert missing(folder, "net") == (() if found else ("weights 'net' (8 bytes, MIT) are not here: " + FETCH,))
+    if found:
+        assert locate(folder, "net") == there
+
+
+FETCH = "`physic weights fetch net`"
+
+
+def test_where_no_size_is_published_it_counts_if_it_is_called_after_its_set(lists: Any, tmp_path: Path, monkeypatch):
+    lists.add("deco", {"path": "deco.onnx"}, advice="export it")
+    folder = lists.add("other", {"path": "model.onnx"}, advice="export it")
+    there = write(tmp_path / "mine" / "deco.onnx")
+    write(tmp_path / "mine" / "model.onnx")
+    monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path / "mine"))
+    assert locate(folder, "deco") == there
+    assert missing(folder, "other") == ("weights 'other' (MIT) are not here: export it",)
+
+
+def test_the_whole_message(lists: Any, own_cache: Path, tmp_path: Path, monkeypatch):
+    folder = lists.add("net", {"path": "model.onnx", "source": SOURCE, "bytes": 140852051})
+    monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path / "mine"))
+    with pytest.raises(WeightsMissingError) as caught:
+        locate(folder, "net")
+    assert str(caught.value) == (
+        "weights 'net' (141 MB, MIT) are not here: `physic weights fetch net`\n"
+        f"sought in {tmp_path / 'mine' / 'net'}, {own_cache / 'net'}, Hugging Face's cache"
+    )
+    assert missing(folder, "net") == ("weights 'net' (141 MB, MIT) are not here: `physic weights fetch net`",)
+
+
+@pytest.mark.parametrize(
+    ("keys", "way"),
+    [
+        ({}, "`physic weights fetch net`"),
+        ({"commercial": False}, "`physic weights fetch net --accept-licence` (no commercial use)"),
+        ({"commercial": None}, "`physic weights fetch net --accept-licence` (commercial use not said)"),
+        (
+            {"account": True},
+            "`physic weights fetch net --accept-licence` (an account with access, commercial use allowed)",
+        ),
+    ],
+)
+def test_how_to_get_it_follows_the_licence(lists: Any, keys: dict[str, Any], way: str):
+    folder = lists.add("net", {"path": "model.onnx", "source": SOURCE}, **keys)
+    assert missing(folder, "net") == (f"weights 'net' (MIT) are not here: {way}",)
+
+
+def test_a_part_of_a_set_is_named(lists: Any, own_cache: Path):
+    folder = lists.add("net", {"path": "a.onnx", "source": SOURCE}, {"path": "b.onnx"}, advice="export b.onnx")
+    write(own_cache / "net" / "a.onnx")
+    assert missing(folder, "net") == ("weights 'net' (MIT) lack b.onnx: `physic weights fetch net`; export b.onnx",)
+    assert missing(folder, "net", "a.onnx") == ()
+    assert missing(folder, "net", "c.onnx") == (
+        "weights 'net' have no file c.onnx, only a.onnx, b.onnx: name those of this backend",
+    )
+
+
+def test_a_path_of_the_users_own_is_taken_as_it_is(lists: Any, tmp_path: Path):
+    folder = lists.add("net", {"path": "model.onnx", "source": SOURCE})
+    mine = write(tmp_path / "mine" / "x.onnx")
+    assert locate(folder, str(mine)) == locate(folder, str(mine), "model.onnx") == mine
+    assert locate(folder, str(mine.parent)) == mine.parent
+    assert locate(folder, str(mine.parent), "x.onnx") == mine
+
+
+@pytest.mark.parametrize(
+    ("value", "file", "says"),
+    [
+        ("/no/such", None, "no file or folder /no/such"),
+        ("such.onnx", None, "no file or folder such.onnx"),
+        ("nett", None, "no weights are named 'nett', and no file or folder is. Did you mean 'net'?"),
+        ("x", None, "no weights are named 'x', and no file or folder is. There are: net."),
+        (" ", None, "no weights are named: give a name of `physic weights list`, or a path"),
+        ("{tmp}", "model.onnx", "no file model.onnx in the folder {tmp}"),
+    ],
+)
+def test_what_is_not_there_is_named(lists: Any, tmp_path: Path, value: str, file: str | None, says: str):
+    folder = lists.add("net", {"path": "model.onnx", "source": SOURCE})
+    value = value.replace("{tmp}", str(tmp_path))
+    with pytest.raises(WeightsMissingError) as caught:
+        locate(folder, value, file)
+    assert str(caught.value) == says.replace("{tmp}", str(tmp_path))
+
+
+def test_a_sets_name_goes_before_a_folder_of_that_name(lists: Any, own_cache: Path, tmp_path: Path, monkeypatch):
+    folder = lists.add("sam2.1-tiny", {"path": "model.onnx", "source": SOURCE})
+    there = write(own_cache / "sam2.1-tiny" / "model.onnx")
+    (tmp_path / "sam2.1-tiny").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert locate(folder, "sam2.1-tiny") == there
+
+
+def test_a_fingerprint_is_that_of_the_published_file_wherever_it_lies(lists: Any, own_cache: Path, tmp_path: Path):
+    folder = lists.add("net", {"path": "model.onnx", "source": SOURCE, "bytes": 7, "sha256": "ab" * 32})
+    assert fingerprint(folder, "net") == ""
+    there = in_hub(tmp_path, "model.onnx")
+    first = fingerprint(folder, "net")
+    os.utime(there, (1, 1))
+    assert fingerprint(folder, "net") == first != ""
+    write(own_cache / "net" / "model.onnx", b"others!!")
+    assert fingerprint(folder, "net") != first
+
+
+def test_a_fingerprint_of_the_users_own_files_follows_size_and_time(lists: Any, tmp_path: Path):
+    folder = lists.add("net", {"path": "model.onnx", "source": SOURCE})
+    one, two = write(tmp_path / "one" / "x.onnx"), write(tmp_path / "two" / "x.onnx")
+    for path in (one, two):
+        os.utime(path, (5, 5))
+    assert fingerprint(folder, str(one)) == fingerprint(folder, str(two))
+    assert fingerprint(folder, str(one.parent)) == fingerprint(folder, str(two.parent))
+    os.utime(two, (6, 6))
+    assert fingerprint(folder, str(one)) != fingerprint(folder, str(two))
+    assert fingerprint(folder, str(one.parent)) != fingerprint(folder, str(two.parent))
