@@ -1,0 +1,142 @@
+"""Panoptic queries, a class and a mask each, to people and the floor (MaskFormer, Mask2Former, EoMT).
+
+Every query claims the pixels that its mask and its class make likelier than any other's do.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from physic_core.adapters.people import people_from_masks
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from physic_core.types import BoolArray, FloatArray, People
+
+__all__ = ["COCO_PANOPTIC", "FLOOR", "Padded", "people_and_floor"]
+
+COCO_PANOPTIC: tuple[str, ...] = (
+    "person", "bicycle", "car", "motorcycle", "airplane", "bus", "train", "truck", "boat", "traffic light",
+    "fire hydrant", "stop sign", "parking meter", "bench", "bird", "cat", "dog", "horse", "sheep", "cow", "elephant",
+    "bear", "zebra", "giraffe", "backpack", "umbrella", "handbag", "tie", "suitcase", "frisbee", "skis", "snowboard",
+    "sports ball", "kite", "baseball bat", "baseball glove", "skateboard", "surfboard", "tennis racket", "bottle",
+    "wine glass", "cup", "fork", "knife", "spoon", "bowl", "banana", "apple", "sandwich", "orange", "broccoli",
+    "carrot", "hot dog", "pizza", "donut", "cake", "chair", "couch", "potted plant", "bed", "dining table", "toilet",
+    "tv", "laptop", "mouse", "remote", "keyboard", "cell phone", "microwave", "oven", "toaster", "sink",
+    "refrigerator", "book", "clock", "vase", "scissors", "teddy bear", "hair drier", "toothbrush",
+    "banner", "blanket", "bridge", "cardboard", "counter", "curtain", "door-stuff", "floor-wood", "flower", "fruit",
+    "gravel", "house", "light", "mirror-stuff", "net", "pillow", "platform", "playingfield", "railroad", "river",
+    "road", "roof", "sand", "sea", "shelf", "snow", "stairs", "tent", "towel", "wall-brick", "wall-stone",
+    "wall-tile", "wall-wood", "water-other", "window-blind", "window-other", "tree-merged", "fence-merged",
+    "ceiling-merged", "sky-other-merged", "cabinet-merged", "table-merged", "floor-other-merged", "pavement-merged",
+    "mountain-merged", "grass-merged", "dirt-merged", "paper-merged", "food-other-merged", "building-other-merged",
+    "rock-merged", "wall-other-merged", "rug-merged",
+)  # fmt: skip
+"""The 133 classes of COCO panoptic in the order of networks' outputs: 80 things, then 53 stuffs."""
+
+FLOOR = frozenset(
+    (
+        "floor-wood", "floor-other-merged", "rug-merged", "pavement-merged", "road", "grass-merged", "dirt-merged",
+        "sand", "snow", "platform", "playingfield", "gravel",
+    )
+)  # fmt: skip
+"""Classes that people stand on."""
+
+
+class Padded:
+    """A photo that was resized to fit a square frame and padded below or at the right.
+
+    Attributes:
+        height: of the photo, px.
+        width: of the photo, px.
+        frame: side of the square, px.
+        inner: height and width of the resized photo in the frame's top left corner, px.
+    """
+
+    def __init__(self, height: int, width: int, frame: int) -> None:
+        self.height, self.width, self.frame = height, width, frame
+        short, long = min(height, width), max(height, width)
+        # The networks' own processors round the short side and cut the other.
+        exact = frame * short / long
+        sides = (frame, frame) if short == long else (max(1, round(exact)), int(exact * long / short))
+        self.inner = sides if height <= width else sides[::-1]
+
+    def to_photo(self, grid: FloatArray) -> FloatArray:
+        """(h, w) values over the whole frame -> (H, W) float32 values of the photo's pixels, bilinear."""
+        import cv2
+        import numpy as np
+
+        full = cv2.resize(np.asarray(grid, np.float32), (self.frame, self.frame), interpolation=cv2.INTER_LINEAR)
+        inner = np.ascontiguousarray(full[: self.inner[0], : self.inner[1]])
+        photo: FloatArray = cv2.resize(inner, (self.width, self.height), interpolation=cv2.INTER_LINEAR)
+        return photo
+
+
+def people_and_floor(
+    class_logits: FloatArray,
+    mask_logits: FloatArray,
+    to_photo: Callable[[FloatArray], FloatArray],
+    size: tuple[int, int],
+    *,
+    labels: Sequence[str] = COCO_PANOPTIC,
+    threshold: float = 0.5,
+    held: float = 0.8,
+    smallest: int = 1,
+) -> People:
+    """What panoptic queries say of people and of the floor.
+
+    Args:
+        class_logits: (Q, C + 1), the last class is none.
+        mask_logits: (Q, h, w), above 0 inside.
+        to_photo: (h, w) of one query -> (H, W) of the photo.
+        size: H and W of the photo, px.
+        labels: names of the C classes; people are "person", the floor what is named in ``FLOOR``.
+        threshold: queries whose class is less likely are not heard.
+        held: a query must win this share of its own mask, or it is taken for a part of others.
+        smallest: people of fewer px are left out.
+
+    Raises:
+        ValueError: C is not the number of labels.
+    """
+    import numpy as np
+
+    if class_logits.shape[-1] != len(labels) + 1:
+        raise ValueError(f"expected {len(labels)} classes and none, got {class_logits.shape[-1]} numbers a query")
+    likely = _softmax(np.asarray(class_logits, np.float64))
+    label, score = likely.argmax(axis=1), likely.max(axis=1)
+    heard = np.flatnonzero((label < len(labels)) & (score > threshold))
+    owner = np.full(size, -1, np.int16)
+    strongest = np.zeros(size, np.float32)
+    sure = np.zeros(size, bool)
+    own_area = {}
+    for q in heard:
+        chance = _sigmoid(to_photo(mask_logits[q]))
+        own_area[q] = int((chance >= 0.5).sum())
+        claim = np.float32(score[q]) * chance
+        wins = claim > strongest
+        owner[wins], strongest[wins], sure[wins] = q, claim[wins], chance[wins] >= 0.5
+    segments = [q for q in heard if own_area[q] and (owner == q).sum() > held * own_area[q]]
+    people = [q for q in segments if labels[label[q]] == "person"]
+    floor: BoolArray = np.zeros(size, bool)
+    for q in segments:
+        if labels[label[q]] in FLOOR:
+            floor |= (owner == q) & sure
+    return people_from_masks(
+        ((owner == q) & sure for q in people), None, score[people], floor, size=size, smallest=smallest
+    )
+
+
+def _softmax(logits: FloatArray) -> FloatArray:
+    import numpy as np
+
+    shifted = np.exp(logits - logits.max(axis=-1, keepdims=True))
+    share: FloatArray = shifted / shifted.sum(axis=-1, keepdims=True)
+    return share
+
+
+def _sigmoid(logits: FloatArray) -> FloatArray:
+    import numpy as np
+
+    chance: FloatArray = 1.0 / (1.0 + np.exp(-np.clip(logits, -60.0, 60.0)))
+    return chance

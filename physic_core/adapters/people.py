@@ -1,0 +1,122 @@
+"""Masks of single people, as networks give them, to what a Segmenter answers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from physic_core.types import People
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from physic_core.types import BoolArray, FloatArray, Keypoints
+
+__all__ = ["distinct_masks", "people_from_masks", "tight_boxes"]
+
+
+def people_from_masks(
+    masks: Iterable[NDArray[Any]],
+    boxes: FloatArray | None,
+    scores: FloatArray,
+    floor: BoolArray | None = None,
+    *,
+    size: tuple[int, int],
+    keypoints: Keypoints | None = None,
+    reach: float = 0.25,
+    smallest: int = 1,
+) -> People:
+    """People, best score first, whose masks do not overlap and whose boxes are tight.
+
+    A pixel that several claim goes to the largest logit; where masks are bool, to the best score. Who is left without
+    ``smallest`` pixels is nobody. The floor gives way to people.
+
+    Args:
+        masks: N of (H, W), logits (above 0 inside) or bool; they are looked at one after another, so a generator keeps
+            a large photo out of memory.
+        boxes: (N, 4) x0 y0 x1 y1 px of what found them, beyond which their masks do not reach far; None for no limit.
+        scores: (N,) in [0, 1].
+        floor: (H, W) bool or None.
+        size: H and W, px.
+        keypoints: N rows, or None.
+        reach: how far a mask may reach out of its box, in widths and heights of the box.
+        smallest: px.
+    """
+    import numpy as np
+
+    scores = np.clip(np.asarray(scores, np.float64), 0.0, 1.0).reshape(-1)
+    owner = np.full(size, -1, np.int16)
+    strongest = np.zeros(size, np.float32)
+    best = np.full(size, -1.0)
+    for i, mask in enumerate(masks):
+        # True counts as a logit of 1.
+        strength: FloatArray = np.nan_to_num(np.asarray(mask, np.float32), nan=0.0)
+        claim: BoolArray = np.asarray(strength > 0)
+        if boxes is not None:
+            claim &= _within(boxes[i], reach, size)
+        # Equal logits, as those of bool masks all are, leave the pixel to the better score.
+        wins = claim & ((strength > strongest) | ((strength == strongest) & (scores[i] > best)))
+        owner[wins] = i
+        best[wins] = scores[i]
+        strongest[wins] = strength[wins]
+    area = np.bincount(owner[owner >= 0].ravel(), minlength=len(scores))
+    rows = np.array([i for i in np.argsort(-scores, kind="stable") if area[i] >= max(1, smallest)], int)
+    final = np.stack([owner == i for i in rows]) if len(rows) else np.zeros((0, *size), bool)
+    if keypoints is not None:
+        world = None if keypoints.world is None else keypoints.world[rows]
+        keypoints = replace(
+            keypoints, points=keypoints.points[rows], confidence=keypoints.confidence[rows], world=world
+        )
+    if floor is not None:
+        floor = floor & ~final.any(axis=0)
+    return People(final, tight_boxes(final), scores[rows], floor, keypoints)
+
+
+def tight_boxes(masks: BoolArray) -> FloatArray:
+    """(N, H, W) -> (N, 4) x0 y0 x1 y1 px, half open, zeros for a mask without pixels."""
+    import numpy as np
+
+    boxes: FloatArray = np.zeros((len(masks), 4))
+    for i, mask in enumerate(masks):
+        columns, rows = np.flatnonzero(mask.any(axis=0)), np.flatnonzero(mask.any(axis=1))
+        if len(rows):
+            boxes[i] = columns[0], rows[0], columns[-1] + 1, rows[-1] + 1
+    return boxes
+
+
+def distinct_masks(masks: BoolArray, scores: FloatArray, overlap: float = 0.8) -> NDArray[np.intp]:
+    """Rows, best score first, of masks that mean different people.
+
+    Two masks mean one person when they share more than ``overlap`` of their union: a detector saw that one twice.
+
+    Args:
+        masks: (N, H, W) bool, at any scale.
+        scores: (N,).
+        overlap: in [0, 1].
+    """
+    import numpy as np
+
+    flat = masks.reshape(len(masks), -1).astype(np.float32)
+    shared = flat @ flat.T
+    area = shared.diagonal()
+    iou = shared / np.maximum(area[:, None] + area[None] - shared, 1.0)
+    kept: list[int] = []
+    for i in np.argsort(-scores, kind="stable"):
+        if all(iou[i, k] <= overlap for k in kept):
+            kept.append(int(i))
+    return np.array(kept, np.intp)
+
+
+def _within(box: FloatArray, reach: float, size: tuple[int, int]) -> BoolArray:
+    """(H, W) pixels of a box that is grown by ``reach`` of its sides on each side."""
+    import numpy as np
+
+    grow = reach * (box[2:] - box[:2])
+    x0, y0 = np.maximum(np.floor(box[:2] - grow), 0).astype(int)
+    x1, y1 = np.ceil(box[2:] + grow).astype(int)
+    inside = np.zeros(size, bool)
+    inside[y0 : max(y1, 0), x0 : max(x1, 0)] = True
+    return inside

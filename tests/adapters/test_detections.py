@@ -1,0 +1,58 @@
+"""Boxes: their forms, their overlap, and which of several mean one thing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from physic_core.adapters.detections import (
+    Detections,
+    box_iou,
+    boxes_in_photo,
+    corners_of_centred,
+    corners_of_ltwh,
+    nms,
+)
+from physic_core.types import Keypoints
+
+
+def test_a_centred_box_has_its_corners_half_its_size_away():
+    assert corners_of_centred(np.array([[10.0, 20.0, 4.0, 6.0]])).tolist() == [[8, 17, 12, 23]]
+
+
+def test_a_box_with_a_size_ends_where_it_began_plus_its_size():
+    assert corners_of_ltwh(np.array([[10.0, 20.0, 4.0, 6.0]])).tolist() == [[10, 20, 14, 26]]
+
+
+def test_iou_of_known_boxes():
+    one = np.array([[0.0, 0, 10, 10]])
+    others = np.array([[0.0, 0, 10, 10], [5, 0, 15, 10], [10, 0, 20, 10], [3, 3, 3, 3], [-5, -5, 15, 15]])
+    assert box_iou(one, others)[0] == pytest.approx([1, 1 / 3, 0, 0, 1 / 4])
+
+
+@given(st.lists(st.tuples(*[st.floats(0, 50)] * 4, st.floats(0, 1)), max_size=12), st.floats(0.05, 0.95))
+def test_nms_keeps_what_a_plain_loop_keeps(rows, overlap):
+    table = np.array(rows, float).reshape(-1, 5)
+    boxes, scores = corners_of_ltwh(table[:, :4]), table[:, 4]
+    kept: list[int] = []
+    for i in sorted(range(len(rows)), key=lambda i: (-scores[i], i)):
+        if all(box_iou(boxes[i : i + 1], boxes[k : k + 1])[0, 0] <= overlap for k in kept):
+            kept.append(i)
+    assert nms(boxes, scores, overlap).tolist() == kept
+
+
+def test_boxes_are_cut_at_the_photo_and_vanish_outside():
+    boxes = np.array([[-5.0, -5, 30, 10], [90, 10, 130, 70], [120, 0, 140, 10], [np.nan, 0, 1, 1]])
+    inside, stay = boxes_in_photo(boxes, 60, 100)
+    assert inside[:2].tolist() == [[0, 0, 30, 10], [90, 10, 100, 60]]
+    assert stay.tolist() == [True, True, False, False]
+
+
+def test_picking_people_picks_their_joints():
+    joints = Keypoints(np.arange(12.0).reshape(3, 2, 2), np.ones((3, 2)), "two")
+    seen = Detections(np.arange(12.0).reshape(3, 4), np.array([0.9, 0.8, 0.7]), joints)[np.array([True, False, True])]
+    assert len(seen) == 2
+    assert seen.keypoints is not None
+    assert seen.keypoints.points[:, 0, 0].tolist() == [0, 8]

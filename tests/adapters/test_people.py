@@ -1,0 +1,103 @@
+"""Masks of single people become an answer that holds to the interface."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from physic_core.adapters.people import distinct_masks, people_from_masks, tight_boxes
+from physic_core.border import people_faults
+from physic_core.types import Keypoints
+
+SIZE = (6, 8)
+
+
+def rectangle(y0, y1, x0, x1, value=1.0, outside=-1.0):
+    mask = np.full(SIZE, outside, np.float32)
+    mask[y0:y1, x0:x1] = value
+    return mask
+
+
+def test_a_pixel_goes_to_the_largest_logit():
+    people = people_from_masks(
+        [rectangle(0, 4, 0, 5), rectangle(2, 6, 2, 8, 2.0)], None, np.array([0.9, 0.8]), size=SIZE
+    )
+    assert not (people.masks[0] & people.masks[1]).any()
+    assert people.masks[1].sum() == 24
+    assert people.masks[0].sum() == 20 - 6
+
+
+def test_where_masks_are_bool_a_pixel_goes_to_the_better_score():
+    masks = [rectangle(0, 4, 0, 5) > 0, rectangle(2, 6, 2, 8) > 0]
+    for scores, areas in (([0.9, 0.8], [20, 18]), ([0.7, 0.8], [24, 14])):
+        people = people_from_masks(masks, None, np.array(scores), size=SIZE)
+        assert people.masks.sum((1, 2)).tolist() == areas
+
+
+def test_boxes_are_half_open():
+    people = people_from_masks([rectangle(1, 4, 2, 8) > 0], None, np.ones(1), size=SIZE)
+    assert people.boxes.tolist() == [[2, 1, 8, 4]]
+    x0, y0, x1, y1 = people.boxes[0].astype(int)
+    assert people.masks[0][y0:y1, x0:x1].all()
+    assert people.masks[0].sum() == (x1 - x0) * (y1 - y0)
+
+
+def test_who_is_left_without_pixels_is_nobody_and_the_best_comes_first():
+    masks = [rectangle(0, 2, 0, 2), rectangle(0, 0, 0, 0), rectangle(4, 6, 4, 6)]
+    joints = Keypoints(np.arange(6.0).reshape(3, 1, 2), np.ones((3, 1)), "one")
+    people = people_from_masks(masks, None, np.array([0.5, 0.9, 0.8]), size=SIZE, keypoints=joints)
+    assert people.scores.tolist() == [0.8, 0.5]
+    assert people.masks[0][5, 5]
+    assert people.keypoints is not None
+    assert people.keypoints.points[:, 0, 0].tolist() == [4, 0]
+
+
+def test_the_floor_gives_way_to_people():
+    floor = np.ones(SIZE, bool)
+    people = people_from_masks([rectangle(0, 2, 0, 2)], None, np.ones(1), floor, size=SIZE)
+    assert people.floor is not None
+    assert (people.floor == ~people.masks[0]).all()
+    assert floor.all(), "the argument stays as it was"
+
+
+def test_nobody_has_masks_of_the_photo_s_size():
+    people = people_from_masks([], None, np.zeros(0), size=SIZE)
+    assert people.masks.shape == (0, *SIZE)
+    assert people.boxes.shape == (0, 4)
+    assert people_faults(people, *SIZE) == []
+
+
+def test_a_mask_does_not_reach_far_out_of_its_box():
+    people = people_from_masks([np.ones(SIZE, bool)], np.array([[0.0, 0, 4, 4]]), np.ones(1), size=SIZE)
+    assert people.boxes.tolist() == [[0, 0, 5, 5]]
+
+
+@given(
+    arrays(np.float32, st.tuples(st.integers(0, 4), st.just(6), st.just(8)), elements=st.floats(-3, 3, width=32)),
+    st.booleans(),
+)
+def test_whatever_the_masks_the_answer_holds_to_the_interface(logits, sharp):
+    masks = logits > 0 if sharp else logits
+    people = people_from_masks(list(masks), None, np.linspace(0.9, 0.1, len(masks)), np.ones(SIZE, bool), size=SIZE)
+    assert people_faults(people, *SIZE) == []
+    assert (people.masks.any(0) == (logits > 0).any(0)).all() if len(masks) else len(people) == 0
+
+
+def test_two_looks_at_one_person_are_one():
+    masks = np.stack([rectangle(0, 5, 0, 5) > 0, rectangle(0, 5, 0, 4) > 0, rectangle(0, 5, 4, 8) > 0])
+    assert distinct_masks(masks, np.array([0.7, 0.9, 0.8]), overlap=0.75).tolist() == [1, 2]
+
+
+def test_the_box_of_an_empty_mask_is_empty():
+    assert tight_boxes(np.zeros((1, *SIZE), bool)).tolist() == [[0, 0, 0, 0]]
+
+
+def test_a_number_that_is_none_is_outside():
+    mask = rectangle(0, 2, 0, 2)
+    mask[0, 0] = np.nan
+    people = people_from_masks([mask], None, np.ones(1), size=SIZE)
+    assert people.masks[0].sum() == 3
+    assert people.scores == pytest.approx([1.0])
