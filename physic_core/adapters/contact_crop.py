@@ -1,0 +1,66 @@
+"""The picture of one person that DECO-like contact networks are shown: a grown box, letterboxed on white, in BGR.
+
+Such networks were trained on files as OpenCV reads them, so channels come in the order blue, green, red, while mean and
+deviation of ImageNet keep theirs.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, planes
+
+if TYPE_CHECKING:
+    from physic_core.types import FloatArray, UInt8Array
+
+__all__ = ["GROWTH", "SIDE", "contact_crop", "grown_window"]
+
+SIDE = 256
+"""px of the network's square input."""
+GROWTH = 0.1
+"""Share of its width and height by which a box grows on every side."""
+_WHITE = 255
+
+
+def grown_window(box: FloatArray, height: int, width: int, growth: float = GROWTH) -> tuple[slice, slice]:
+    """Rows and columns of a box (4,) x0 y0 x1 y1 px, grown and cut at the image's edges; at least one pixel."""
+    x0, y0, x1, y1 = (float(v) for v in box)
+    dx, dy = growth * (x1 - x0), growth * (y1 - y0)
+    return _span(y0 - dy, y1 + dy, height), _span(x0 - dx, x1 + dx, width)
+
+
+def contact_crop(
+    image: UInt8Array,
+    box: FloatArray,
+    *,
+    growth: float = GROWTH,
+    fit: Literal["letterbox", "squash"] = "letterbox",
+) -> FloatArray:
+    """The network's input (3, 256, 256) float32 for one person.
+
+    Args:
+        image: (H, W, 3) uint8 RGB.
+        box: (4,) px, half open.
+        growth: share of its size by which the box grows on every side.
+        fit: "letterbox" keeps the proportions and fills up with white; "squash" stretches the box to a square.
+    """
+    import cv2
+
+    rows, columns = grown_window(box, *image.shape[:2], growth)
+    cut = np.ascontiguousarray(image[rows, columns, ::-1])
+    height, width = cut.shape[:2]
+    scale = SIDE / max(height, width)
+    size = (SIDE, SIDE) if fit == "squash" else (max(int(width * scale), 1), max(int(height * scale), 1))
+    small = cv2.resize(cut, size, interpolation=cv2.INTER_CUBIC)
+    square = np.full((SIDE, SIDE, 3), _WHITE, np.uint8)
+    left, top = (SIDE - size[0]) // 2, (SIDE - size[1]) // 2
+    square[top : top + size[1], left : left + size[0]] = small
+    # Mean and deviation meet the channels in the order in which they come: that is how these networks were trained.
+    return planes(square, IMAGENET_MEAN, IMAGENET_STD)[0]
+
+
+def _span(low: float, high: float, end: int) -> slice:
+    first = min(max(int(low), 0), end - 1)
+    return slice(first, max(min(int(high), end), first + 1))

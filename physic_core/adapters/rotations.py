@@ -1,0 +1,48 @@
+"""Rotations as networks answer them, matrices or vectors, as the rotation vectors of this project."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from physic_core.types import FloatArray
+
+__all__ = ["mirrored", "rotvecs_of"]
+
+
+def rotvecs_of(rotations: FloatArray, joints: int) -> FloatArray:
+    """Rotation vectors (N, joints, 3) float64, radians.
+
+    Args:
+        rotations: (N, joints, 3) or (N, 3 joints) rotation vectors, or (N, joints, 3, 3) matrices, which need not be
+            quite orthonormal; a rotation that is not finite, or no rotation at all, becomes NaN.
+        joints: how many there are, which tells matrices of one joint from vectors of three.
+
+    Raises:
+        ValueError: the shape is none of these.
+    """
+    from scipy.spatial.transform import Rotation
+
+    given = np.asarray(rotations, np.float64)
+    rows = len(given)
+    if given.shape in {(rows, joints, 3), (rows, 3 * joints)}:
+        return given.reshape(rows, joints, 3).copy()
+    if given.shape != (rows, joints, 3, 3):
+        raise ValueError(
+            f"rotations of {joints} joints must be (N, {joints}, 3), (N, {3 * joints}) or (N, {joints}, 3, 3), "
+            f"got {given.shape}"
+        )
+    flat = given.reshape(-1, 3, 3)
+    out = np.full((len(flat), 3), np.nan)
+    sound = np.isfinite(flat).all(axis=(1, 2))
+    sound[sound] = np.linalg.det(flat[sound]) > 1e-3  # a reflection or a collapse is no rotation
+    if sound.any():
+        out[sound] = Rotation.from_matrix(flat[sound]).as_rotvec()
+    return out.reshape(rows, joints, 3)
+
+
+def mirrored(rotvecs: FloatArray) -> FloatArray:
+    """The same rotations seen in a mirror that exchanges left and right (x -> -x): (..., 3) becomes (x, -y, -z)."""
+    return rotvecs * np.array([1.0, -1.0, -1.0])

@@ -1,0 +1,94 @@
+"""Bodies from SMPL parameters: joints 0-21 of SMPL are those of SMPL-X, and so are their rotations.
+
+SMPL's joints 22 and 23, the hands, have no counterpart: SMPL-X's wrists already turn the hand. They are left out.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.adapters.rotations import rotvecs_of
+from physic_core.types import Bodies, BodyParameters
+
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray, FloatArray, Mesh
+
+__all__ = ["SHARED_JOINTS", "SMPL_JOINTS", "bodies_from_smpl", "no_bodies", "parameters_of"]
+
+SMPL_JOINTS = 24
+SHARED_JOINTS = 22
+"""Pelvis to wrists: the joints that SMPL and SMPL-X have in common, in one order."""
+_SMPLX_JOINTS = 55
+
+
+def parameters_of(
+    rotvecs: FloatArray, betas: FloatArray, transl: FloatArray, expression: FloatArray | None = None
+) -> BodyParameters:
+    """SMPL-X-named parameters as float32.
+
+    Args:
+        rotvecs: (N, 22, 3), or (N, 55, 3) with jaw, eyes and hands, radians; zero where there are none.
+        betas: (N, K).
+        transl: (N, 3) metres.
+        expression: (N, E); E = 0 where None.
+    """
+    rows = len(rotvecs)
+    full = np.zeros((rows, _SMPLX_JOINTS, 3), np.float32)
+    full[:, : rotvecs.shape[1]] = rotvecs
+
+    def flat(first: int, last: int) -> FloatArray:
+        return full[:, first:last].reshape(rows, 3 * (last - first))
+
+    return BodyParameters(
+        global_orient=flat(0, 1),
+        body_pose=flat(1, 22),
+        jaw_pose=flat(22, 23),
+        leye_pose=flat(23, 24),
+        reye_pose=flat(24, 25),
+        left_hand_pose=flat(25, 40),
+        right_hand_pose=flat(40, 55),
+        betas=np.asarray(betas, np.float32),
+        expression=np.zeros((rows, 0), np.float32) if expression is None else np.asarray(expression, np.float32),
+        transl=np.asarray(transl, np.float32).reshape(rows, 3),
+    )
+
+
+def bodies_from_smpl(
+    rotations: FloatArray,
+    betas: FloatArray,
+    transl: FloatArray,
+    *,
+    joints: FloatArray | None = None,
+    mesh: Mesh | None = None,
+    observed: BoolArray | None = None,
+) -> Bodies:
+    """N bodies of the model "smpl".
+
+    Args:
+        rotations: (N, 24, 3), (N, 72) rotation vectors or (N, 24, 3, 3) matrices of SMPL's joints relative to their
+            parents; 22 joints do as well.
+        betas: (N, K) SMPL shape.
+        transl: (N, 3) metres, added after posing.
+        joints: (N, 24, 3) or (N, 22, 3) metres, camera frame, where SMPL has its joints; None where nobody evaluated
+            the body.
+        mesh: SMPL's surfaces, or None.
+        observed: (N, 55) bool, or None.
+
+    Raises:
+        ValueError: a shape does not fit.
+    """
+    count = SHARED_JOINTS if np.shape(rotations)[1] in (SHARED_JOINTS, 3 * SHARED_JOINTS) else SMPL_JOINTS
+    rotvecs = rotvecs_of(rotations, count)[:, :SHARED_JOINTS]
+    placed = None
+    if joints is not None:
+        placed = np.full((len(rotvecs), _SMPLX_JOINTS, 3), np.nan, np.float32)
+        placed[:, :SHARED_JOINTS] = np.asarray(joints)[:, :SHARED_JOINTS]
+    return Bodies(parameters_of(rotvecs, betas, transl), "smpl", observed=observed, joints=placed, mesh=mesh)
+
+
+def no_bodies(body_model: str, num_betas: int = 10) -> Bodies:
+    """The answer about nobody."""
+    none = np.zeros((0, SHARED_JOINTS, 3), np.float32)
+    return Bodies(parameters_of(none, np.zeros((0, num_betas), np.float32), np.zeros((0, 3), np.float32)), body_model)

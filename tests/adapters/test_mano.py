@@ -1,0 +1,63 @@
+"""Hands of a network that knows right hands only."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from physic_core.adapters.mano import hands_from_mano, no_hands
+from physic_core.adapters.rotations import mirrored
+from physic_core.border import hands_faults
+
+RNG = np.random.default_rng(0)
+FINGERS, WRISTS = RNG.normal(0, 0.4, (2, 15, 3)), RNG.normal(0, 1, (2, 1, 3))
+BOTH = {"person": np.array([1, 1]), "right": np.array([False, True]), "confidence": np.array([0.8, 0.9])}
+
+
+def test_left_comes_first_and_is_mirrored_back() -> None:
+    hands = hands_from_mano(2, fingers=FINGERS, wrists=WRISTS, **BOTH)
+    np.testing.assert_allclose(hands.rotvecs[1, 0], mirrored(FINGERS[0]), atol=1e-6)
+    np.testing.assert_allclose(hands.rotvecs[1, 1], FINGERS[1], atol=1e-6)
+    assert hands.wrists is not None
+    np.testing.assert_allclose(hands.wrists[1], [mirrored(WRISTS[0, 0]), WRISTS[1, 0]], atol=1e-6)
+    np.testing.assert_allclose(hands.confidence, [[0, 0], [0.8, 0.9]], atol=1e-6)
+    assert hands_faults(hands, 2) == []
+
+
+def test_what_was_mirrored_back_already_is_left_alone() -> None:
+    hands = hands_from_mano(2, fingers=FINGERS, left_in_mirror=False, **BOTH)
+    np.testing.assert_allclose(hands.rotvecs[1], FINGERS, atol=1e-6)
+    assert hands.wrists is None
+
+
+def test_matrices_do_as_well_as_vectors() -> None:
+    matrices = Rotation.from_rotvec(FINGERS.reshape(-1, 3)).as_matrix().reshape(2, 15, 3, 3)
+    whole = Rotation.from_rotvec(WRISTS.reshape(-1, 3)).as_matrix().reshape(2, 1, 3, 3)
+    hands = hands_from_mano(2, fingers=matrices, wrists=whole, **BOTH)
+    again = hands_from_mano(2, fingers=FINGERS, wrists=WRISTS, **BOTH)
+    assert hands.wrists is not None
+    assert again.wrists is not None
+    np.testing.assert_allclose(hands.rotvecs, again.rotvecs, atol=1e-6)
+    np.testing.assert_allclose(
+        Rotation.from_rotvec(hands.wrists[1]).as_matrix(), Rotation.from_rotvec(again.wrists[1]).as_matrix(), atol=1e-6
+    )
+
+
+def test_the_surer_of_two_answers_about_a_hand_counts() -> None:
+    hands = hands_from_mano(1, np.zeros(2, int), np.array([True, True]), FINGERS, np.array([0.9, 0.3]))
+    np.testing.assert_allclose(hands.rotvecs[0, 1], FINGERS[0], atol=1e-6)
+
+
+def test_a_hand_that_is_not_a_number_was_not_found() -> None:
+    broken = FINGERS.copy()
+    broken[1, 3] = np.nan
+    hands = hands_from_mano(2, fingers=broken, **BOTH)
+    np.testing.assert_allclose(hands.confidence[1], [0.8, 0.0], atol=1e-6)
+    assert np.isfinite(hands.rotvecs).all()
+
+
+def test_nobody_has_no_hands() -> None:
+    assert hands_faults(no_hands(0), 0) == []
+    empty = hands_from_mano(3, np.zeros(0, int), np.zeros(0, bool), np.zeros((0, 15, 3)), np.zeros(0))
+    assert hands_faults(empty, 3) == []
+    assert not empty.confidence.any()
