@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
-import numpy as np
-
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, planes
 
 if TYPE_CHECKING:
@@ -47,8 +45,9 @@ def contact_crop(
         fit: "letterbox" keeps the proportions and fills up with white; "squash" stretches the box to a square.
     """
     import cv2
+    import numpy as np
 
-    rows, columns = grown_window(box, *image.shape[:2], growth)
+    rows, columns = grown_window(box, image.shape[0], image.shape[1], growth)
     cut = np.ascontiguousarray(image[rows, columns, ::-1])
     height, width = cut.shape[:2]
     scale = SIDE / max(height, width)
@@ -58,7 +57,8 @@ def contact_crop(
     left, top = (SIDE - size[0]) // 2, (SIDE - size[1]) // 2
     square[top : top + size[1], left : left + size[0]] = small
     # Mean and deviation meet the channels in the order in which they come: that is how these networks were trained.
-    return planes(square, IMAGENET_MEAN, IMAGENET_STD)[0]
+    found: FloatArray = planes(square, IMAGENET_MEAN, IMAGENET_STD)[0]
+    return found
 
 
 def _span(low: float, high: float, end: int) -> slice:

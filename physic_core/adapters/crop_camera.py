@@ -10,8 +10,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Intrinsics
 
@@ -32,6 +30,8 @@ def translation_of_crop(weak: FloatArray, centres: FloatArray, sides: FloatArray
     Returns:
         (N, 3) metres, camera frame; NaN where s is not above zero, for then nothing was seen.
     """
+    import numpy as np
+
     s, shift = weak[:, 0].astype(np.float64), weak[:, 1:3].astype(np.float64)
     per_metre = sides / 2 * np.where(s > _SMALLEST, s, np.nan)
     focal, centre = np.array([camera.fx, camera.fy]), np.array([camera.cx, camera.cy])
@@ -45,6 +45,8 @@ def crop_of_translation(
     translations: FloatArray, centres: FloatArray, sides: FloatArray, camera: Intrinsics
 ) -> FloatArray:
     """The inverse of :func:`translation_of_crop`: (N, 3) metres with z > 0 -> (N, 3) s, tx, ty."""
+    import numpy as np
+
     points = translations.astype(np.float64)
     focal, centre = np.array([camera.fx, camera.fy]), np.array([camera.cx, camera.cy])
     per_metre = np.sqrt(camera.fx * camera.fy) / points[:, 2]

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 if TYPE_CHECKING:
-    from physic_core.types import FloatArray
+    from physic_core.types import BoolArray, FloatArray
 
 __all__ = ["mirrored", "rotvecs_of"]
 
@@ -23,6 +21,7 @@ def rotvecs_of(rotations: FloatArray, joints: int) -> FloatArray:
     Raises:
         ValueError: the shape is none of these.
     """
+    import numpy as np
     from scipy.spatial.transform import Rotation
 
     given = np.asarray(rotations, np.float64)
@@ -36,7 +35,7 @@ def rotvecs_of(rotations: FloatArray, joints: int) -> FloatArray:
         )
     flat = given.reshape(-1, 3, 3)
     out = np.full((len(flat), 3), np.nan)
-    sound = np.isfinite(flat).all(axis=(1, 2))
+    sound: BoolArray = np.isfinite(flat).all(axis=(1, 2))
     sound[sound] = np.linalg.det(flat[sound]) > 1e-3  # a reflection or a collapse is no rotation
     if sound.any():
         out[sound] = Rotation.from_matrix(flat[sound]).as_rotvec()
@@ -45,4 +44,7 @@ def rotvecs_of(rotations: FloatArray, joints: int) -> FloatArray:
 
 def mirrored(rotvecs: FloatArray) -> FloatArray:
     """The same rotations seen in a mirror that exchanges left and right (x -> -x): (..., 3) becomes (x, -y, -z)."""
-    return rotvecs * np.array([1.0, -1.0, -1.0])
+    import numpy as np
+
+    out: FloatArray = rotvecs * np.array([1.0, -1.0, -1.0])
+    return out

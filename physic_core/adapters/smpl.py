@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from physic_core.adapters.rotations import rotvecs_of
 from physic_core.types import Bodies, BodyParameters
 
@@ -34,6 +32,8 @@ def parameters_of(
         transl: (N, 3) metres.
         expression: (N, E); E = 0 where None.
     """
+    import numpy as np
+
     rows = len(rotvecs)
     full = np.zeros((rows, _SMPLX_JOINTS, 3), np.float32)
     full[:, : rotvecs.shape[1]] = rotvecs
@@ -79,6 +79,8 @@ def bodies_from_smpl(
     Raises:
         ValueError: a shape does not fit.
     """
+    import numpy as np
+
     count = SHARED_JOINTS if np.shape(rotations)[1] in (SHARED_JOINTS, 3 * SHARED_JOINTS) else SMPL_JOINTS
     rotvecs = rotvecs_of(rotations, count)[:, :SHARED_JOINTS]
     placed = None
@@ -90,5 +92,7 @@ def bodies_from_smpl(
 
 def no_bodies(body_model: str, num_betas: int = 10) -> Bodies:
     """The answer about nobody."""
+    import numpy as np
+
     none = np.zeros((0, SHARED_JOINTS, 3), np.float32)
     return Bodies(parameters_of(none, np.zeros((0, num_betas), np.float32), np.zeros((0, 3), np.float32)), body_model)

@@ -39,7 +39,7 @@ def test_the_principal_point_counts_and_not_the_middle_of_the_image() -> None:
 def test_one_metre_has_as_many_pixels_in_the_photo_as_in_the_crop() -> None:
     weak, centres, sides = np.array([[0.7, 0.2, 0.1]]), np.array([[200.0, 220.0]]), np.array([180.0])
     place = translation_of_crop(weak, centres, sides, CAMERA)[0]
-    beside = place + [1.0, 0.0, 0.0]
+    beside = place + np.array([1.0, 0.0, 0.0])
     pixels = 900 * beside[0] / beside[2] - 900 * place[0] / place[2]
     np.testing.assert_allclose(pixels, 180 / 2 * 0.7)
 

@@ -9,7 +9,7 @@ from physic_core.adapters.smpl import bodies_from_smpl, no_bodies, parameters_of
 from physic_core.border import bodies_faults
 
 RNG = np.random.default_rng(0)
-POSE, BETAS, PLACE = RNG.normal(0, 0.4, (2, 24, 3)), RNG.normal(0, 1, (2, 10)), RNG.normal(0, 1, (2, 3)) + [0, 0, 4]
+POSE, BETAS, PLACE = RNG.normal(0, 0.4, (2, 24, 3)), RNG.normal(0, 1, (2, 10)), RNG.normal((0, 0, 4), 1, (2, 3))
 
 
 def test_joints_0_to_21_keep_their_rotations_and_the_hands_are_dropped() -> None:
