@@ -1,0 +1,258 @@
+"""The focal length and the shift of an affine point map: points that are right up to a scale and a shift along z.
+
+Networks such as MoGe answer points (x, y, z) for which some shift s and focal length f put every point on the ray of
+its pixel: f x / (z + s) = u and f y / (z + s) = v, u and v counted from the middle of the image. For each shift the
+best f has a closed form, so what is left is to find one number, and the best shift is sought among all that leave the
+points in front of the camera.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from physic_core.errors import BackendError
+from physic_core.types import Intrinsics
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from physic_core.types import BoolArray, FloatArray
+
+__all__ = ["AffineCamera", "half_diagonal", "recover_camera", "settle"]
+
+_GRID = 64
+"""Rows and columns that are looked at, as upstream does: the points of a photo say the same thing many times."""
+_FEWEST = 64
+"""Points below which the grid has missed what there is to see, and all points are asked."""
+_INDEPENDENT = 32
+"""Points are wrong together: so many of them, at most, are taken to be wrong independently."""
+_LARGEST_SIGMA = 0.5
+"""Of log(focal), above which the points do not tell it."""
+
+
+@dataclass(frozen=True)
+class AffineCamera:
+    """What makes an affine point map that of a pinhole camera.
+
+    Attributes:
+        fx: focal length along x, px.
+        fy: focal length along y, px; the same unless two were given.
+        shift: to be added to z, in the units of the points.
+        determined: whether the points tell the focal length. Those of a flat wall that faces the camera do not; the
+            shift is then the smallest that leaves all in front of the camera, and the focal length the best for it.
+        given: whether the focal length was given.
+    """
+
+    fx: float
+    fy: float
+    shift: float
+    determined: bool = True
+    given: bool = False
+
+    def intrinsics(self, width: int, height: int, source: str) -> Intrinsics:
+        """The camera, its principal point in the middle of the image."""
+        return replace(Intrinsics.from_focal(self.fx, width, height, source), fy=self.fy)
+
+
+def half_diagonal(height: int, width: int) -> float:
+    """Pixels in which MoGe's own code counts its focal length: focal_px / half_diagonal is the number it gives."""
+    return float((height**2 + width**2) ** 0.5 / 2)
+
+
+def recover_camera(
+    points: FloatArray, mask: BoolArray, focal_px: float | tuple[float, float] | None = None
+) -> AffineCamera:
+    """Find the focal length and the shift of an affine point map, by least squares in the image plane.
+
+    Args:
+        points: (H, W, 3), x right, y down, z forward, up to scale and shift along z.
+        mask: (H, W) bool, which points count.
+        focal_px: the focal length where it is known, or that along x and that along y; then the shift is sought only.
+
+    Raises:
+        BackendError: too few points, or no focal length above zero fits them.
+    """
+    import numpy as np
+
+    xyz, uv = _sampled(points, np.asarray(mask, bool))
+    given = None if focal_px is None else np.broadcast_to(np.asarray(focal_px, np.float64), 2)
+    half = half_diagonal(*points.shape[:2])
+    if given is not None:
+        if not (np.isfinite(given).all() and given.min() > 0):
+            raise BackendError(f"a focal length must be a number of px above 0, got {focal_px}")
+        uv = uv * (half / given)  # so that the focal length is 1
+    problem = _Problem(xyz[:, :2], xyz[:, 2], uv)
+    lowest, size = problem.lowest_shift()
+    nearest = np.geomspace(1e-4, 1e4, 97) * size  # how far the nearest point is in front of the camera
+    if given is not None:
+        shift = _least(problem.error_at_1, problem.slope_at_1, lowest, nearest)
+        return AffineCamera(float(given[0]), float(given[1]), shift, given=True)
+    shift = _least(problem.error, problem.slope, lowest, nearest)
+    determined = problem.focal(shift) > 0 and problem.log_focal_sigma(shift) < _LARGEST_SIGMA
+    if not determined:
+        shift = max(0.0, lowest + 1e-3 * size)
+    focal = problem.focal(shift) * half
+    if not (np.isfinite(focal) and focal > 0):
+        raise BackendError(
+            "no focal length fits the point map: its points do not lie like the pixels "
+            "(x has to grow to the right and y downwards)"
+        )
+    return AffineCamera(focal, focal, shift, determined=bool(determined))
+
+
+def settle(
+    points: FloatArray, mask: BoolArray, found: AffineCamera, camera: Intrinsics, scale: float = 1.0
+) -> tuple[FloatArray, BoolArray]:
+    """Put an affine point map on the rays of a camera.
+
+    Args:
+        points: (H, W, 3) affine.
+        mask: (H, W) bool, which of them count.
+        found: of :func:`recover_camera`.
+        camera: of the image.
+        scale: metres a unit of the points, or 1.
+
+    Returns:
+        (H, W, 3) float32 points, each on the ray of its pixel with the depth (z + shift) * scale, NaN where they do
+        not count; and (H, W) bool where they do: inside the mask, finite and in front of the camera.
+    """
+    import numpy as np
+
+    height, width = mask.shape
+    with np.errstate(invalid="ignore"):
+        depth = (np.asarray(points[..., 2], np.float64) + found.shift) * scale
+        valid = mask & np.isfinite(depth) & (depth > 0)
+    depth = np.where(valid, depth, np.nan)
+    u = (np.arange(width) - camera.cx) / camera.fx
+    v = (np.arange(height) - camera.cy) / camera.fy
+    settled = np.stack([depth * u[None], depth * v[:, None], depth], axis=-1)
+    return settled.astype(np.float32), valid
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """f xy / (z + s) = uv, for n points.
+
+    With p = xy / (z + s), the best f is (p . uv) / (p . p), and the sum of squares that it leaves is
+    uv . uv - (p . uv)^2 / (p . p).
+
+    Attributes:
+        xy: (n, 2).
+        z: (n,).
+        uv: (n, 2).
+    """
+
+    xy: FloatArray
+    z: FloatArray
+    uv: FloatArray
+
+    def lowest_shift(self) -> tuple[float, float]:
+        """The shift that brings the nearest point to the camera, and a length that tells how large the points are.
+
+        Few points that are much nearer than all others are wrong, and do not bound the shift.
+        """
+        import numpy as np
+
+        low, middle = np.quantile(self.z, [0.01, 0.5])
+        near = float(self.z[self.z >= low - 3 * (middle - low) - 1e-9 * abs(middle)].min())
+        size = max(float(np.sqrt(np.mean(self.xy**2))), float(np.quantile(self.z, 0.99)) - near)
+        if not size > 0:
+            raise BackendError("all points of the point map are the same: the network answered nothing")
+        return -near, size
+
+    def focal(self, shift: float) -> float:
+        """The best focal length for a shift."""
+        dot, square = self._sums(shift, 1, 2)
+        return dot / square
+
+    def error(self, shift: float) -> float:
+        """What the best focal length above zero leaves, without the constant uv . uv."""
+        dot, square = self._sums(shift, 1, 2)
+        return -dot * abs(dot) / square
+
+    def slope(self, shift: float) -> float:
+        """The sign of the derivative of :meth:`error`."""
+        dot, square = self._sums(shift, 1, 2)
+        dot_2, square_3 = self._sums(shift, 2, 3)
+        return dot_2 * square - dot * square_3
+
+    def error_at_1(self, shift: float) -> float:
+        """What the focal length 1 leaves, without the constant uv . uv."""
+        dot, square = self._sums(shift, 1, 2)
+        return square - 2 * dot
+
+    def slope_at_1(self, shift: float) -> float:
+        """Half the derivative of :meth:`error_at_1`."""
+        dot_2, square_3 = self._sums(shift, 2, 3)
+        return dot_2 - square_3
+
+    def log_focal_sigma(self, shift: float) -> float:
+        """Standard deviation of log(focal) at the best shift, by the curvature of the error and what is left of it."""
+        import numpy as np
+
+        seen = self._in_front(shift)
+        distance = self.z[seen] + shift
+        fitted = self.focal(shift) * self.xy[seen] / distance[:, None]
+        left = float(np.mean((fitted - self.uv[seen]) ** 2))
+        # Derivatives by log(focal) and by log(1 / shift), and their products.
+        by_focal, by_shift = fitted, fitted * (distance.mean() / distance)[:, None]
+        a, b, c = (float(np.mean(p * q)) for p, q in ((by_focal, by_focal), (by_focal, by_shift), (by_shift, by_shift)))
+        free = a - b * b / c
+        if free <= 1e-12 * a:
+            return float("inf")
+        return float(np.sqrt(left / free / min(_INDEPENDENT, 2 * len(distance))))
+
+    def _in_front(self, shift: float) -> BoolArray:
+        front: BoolArray = self.z + shift > 0
+        return front
+
+    def _sums(self, shift: float, of_products: int, of_squares: int) -> tuple[float, float]:
+        """Sums of uv . xy / (z + s)^k and of xy . xy / (z + s)^l over the points in front of the camera."""
+        import numpy as np
+
+        inverse = 1 / np.where(self._in_front(shift), self.z + shift, np.inf)
+        products, squares = (self.uv * self.xy).sum(1), (self.xy**2).sum(1)
+        return float(products @ inverse**of_products), float(squares @ inverse**of_squares)
+
+
+def _least(
+    error: Callable[[float], float], slope: Callable[[float], float], lowest: float, nearest: FloatArray
+) -> float:
+    """The shift above ``lowest`` of the least error: the best of a grid, then the zero of the slope around it."""
+    import numpy as np
+    from scipy.optimize import brentq
+
+    errors = [error(lowest + d) for d in nearest]
+    best = int(np.argmin(errors))
+    low, high = (float(nearest[min(max(best + step, 0), len(nearest) - 1)]) for step in (-1, 1))
+    if slope(lowest + low) < 0 < slope(lowest + high):
+        return lowest + float(brentq(lambda d: slope(lowest + d), low, high, xtol=1e-15 * high, rtol=1e-14))
+    return lowest + float(nearest[best])
+
+
+def _sampled(points: FloatArray, mask: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """(n, 3) points and (n, 2) pixels, from the middle in half diagonals, where the mask holds."""
+    import numpy as np
+
+    height, width = mask.shape
+    if points.shape != (height, width, 3):
+        raise BackendError(f"a point map of {width} x {height} px must be ({height}, {width}, 3), got {points.shape}")
+    rows = np.arange(min(height, _GRID)) * height // min(height, _GRID)
+    columns = np.arange(min(width, _GRID)) * width // min(width, _GRID)
+    v, u = (index.reshape(-1) for index in np.meshgrid(rows, columns, indexing="ij"))
+    seen = mask[v, u] & np.isfinite(points[v, u]).all(-1)
+    if seen.sum() < _FEWEST:
+        v, u = np.nonzero(mask & np.isfinite(points).all(-1))
+        some = np.linspace(0, len(v) - 1, min(len(v), _GRID**2)).astype(int)
+        v, u = v[some], u[some]
+    else:
+        v, u = v[seen], u[seen]
+    if len(v) < 3:
+        raise BackendError(
+            f"the point map has {len(v)} valid points of {width} x {height}, too few for a camera: "
+            "the network saw nothing in this photo"
+        )
+    centre = np.array([(width - 1) / 2, (height - 1) / 2])
+    uv = (np.stack([u, v], -1) - centre) / half_diagonal(height, width)
+    return points[v, u].astype(np.float64), uv
