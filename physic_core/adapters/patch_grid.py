@@ -1,0 +1,60 @@
+"""The size at which a photo is shown to a transformer that cuts it into patches: whole patches, aspect nearly kept."""
+
+from __future__ import annotations
+
+import math
+
+__all__ = ["capped", "least_scaled", "longest_side"]
+
+
+def least_scaled(height: int, width: int, side: int, patch: int = 14) -> tuple[int, int]:
+    """The rule of DPT, and so of Depth Anything: one side becomes ``side``, the one that changes the photo less.
+
+    A photo larger than that keeps its short side at ``side``, a smaller one its long side.
+
+    Args:
+        height: of the photo, px.
+        width: of the photo, px.
+        side: px, a multiple of ``patch``.
+        patch: px.
+
+    Returns:
+        Rows and columns, each the nearest multiple of ``patch``, and at least one.
+    """
+    tall, wide = side / height, side / width
+    scale = wide if abs(1 - wide) < abs(1 - tall) else tall
+    return _nearest(scale * height, patch), _nearest(scale * width, patch)
+
+
+def longest_side(height: int, width: int, side: int, patch: int = 14) -> tuple[int, int]:
+    """The rule of Depth Anything 3: the long side becomes ``side``, then each goes to the nearest multiple, ties up.
+
+    Args:
+        height: of the photo, px.
+        width: of the photo, px.
+        side: px.
+        patch: px.
+    """
+    scale = side / max(height, width)
+    rows, columns = max(1, round(height * scale)), max(1, round(width * scale))
+    return _nearest_or_up(rows, patch), _nearest_or_up(columns, patch)
+
+
+def capped(rows: int, columns: int, most: int, patch: int = 14) -> tuple[int, int]:
+    """The same size, or the largest of about its aspect with at most ``most`` patches.
+
+    Time and memory of a transformer grow with the square of their number: long panoramas would be ruinous.
+    """
+    patches = (rows // patch) * (columns // patch)
+    if patches <= most:
+        return rows, columns
+    scale = math.sqrt(most / patches)
+    return max(1, int(rows * scale) // patch) * patch, max(1, int(columns * scale) // patch) * patch
+
+
+def _nearest(value: float, patch: int) -> int:
+    return max(1, round(value / patch)) * patch
+
+
+def _nearest_or_up(value: int, patch: int) -> int:
+    return max(1, (2 * value + patch) // (2 * patch)) * patch
