@@ -12,9 +12,7 @@ from physic_core.adapters.rotations import mirrored, rotvecs_of
 from physic_core.types import Hands
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from physic_core.types import BoolArray, FloatArray
+    from physic_core.types import BoolArray, FloatArray, IntArray
 
 __all__ = ["FINGER_JOINTS", "hands_from_mano", "no_hands"]
 
@@ -30,7 +28,7 @@ def no_hands(count: int) -> Hands:
 
 def hands_from_mano(
     count: int,
-    person: NDArray[np.intp],
+    person: IntArray,
     right: BoolArray,
     fingers: FloatArray,
     confidence: FloatArray,

@@ -35,7 +35,7 @@ def rotvecs_of(rotations: FloatArray, joints: int) -> FloatArray:
         )
     flat = given.reshape(-1, 3, 3)
     out = np.full((len(flat), 3), np.nan)
-    sound: BoolArray = np.isfinite(flat).all(axis=(1, 2))
+    sound: BoolArray = np.asarray(np.isfinite(flat).all(axis=(1, 2)))
     sound[sound] = np.linalg.det(flat[sound]) > 1e-3  # a reflection or a collapse is no rotation
     if sound.any():
         out[sound] = Rotation.from_matrix(flat[sound]).as_rotvec()

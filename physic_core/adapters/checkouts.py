@@ -1,0 +1,236 @@
+"""Code that the user brings: a folder with somebody's repository, imported without touching anything else.
+
+Research repositories call their packages ``core``, ``models`` or ``utils``, so that two of them cannot be imported
+side by side. Here each has its own modules: they are in ``sys.modules`` only while its code runs, and names of others
+are put back afterwards. What a checkout imports from the environment (torch, timm, ...) is shared as usual.
+
+Code of a checkout is run with the user's rights. Only folders that the user named are imported.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import sys
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from physic_core.errors import BackendError, WeightsMissingError
+
+__all__ = ["PIP_NAMES", "Checkout"]
+
+PIP_NAMES: Mapping[str, str] = {
+    "PIL": "pillow",
+    "cv2": "opencv-python-headless",
+    "hydra": "hydra-core",
+    "omegaconf": "omegaconf",
+    "pytorch_lightning": "pytorch-lightning",
+    "skimage": "scikit-image",
+    "sklearn": "scikit-learn",
+    "utils3d": "git+https://github.com/EasternJournalist/utils3d.git",
+    "yacs": "yacs",
+    "yaml": "pyyaml",
+}
+"""Module -> what pip calls it, where the two differ."""
+
+_lock = threading.RLock()
+
+
+class Checkout:
+    """One repository of the user's.
+
+    Args:
+        folder: its root; "" where its package is installed in the environment instead, then nothing is set apart.
+        name: of the project, for messages.
+        package: module that its code is imported from, "core.camerahmr_model"; the file must be there.
+        homepage: where to get it.
+        option: the backend's option that names the folder, for messages.
+        needs: modules of the environment that its code imports.
+    """
+
+    def __init__(
+        self,
+        folder: str,
+        *,
+        name: str,
+        package: str,
+        homepage: str,
+        option: str = "checkout",
+        needs: tuple[str, ...] = (),
+    ) -> None:
+        self.folder = Path(folder).expanduser() if folder else None
+        self.name, self.package, self.homepage, self.option, self.needs = name, package, homepage, option, needs
+        self._modules: dict[str, ModuleType] = {}
+
+    def missing(self) -> tuple[str, ...]:
+        """What is lacking before its code can be imported, in words; imports nothing of it."""
+        lacking = [fault] if (fault := self._fault()) else []
+        absent = [need for need in self.needs if need not in sys.modules and not _exists(need)]
+        if absent:
+            lacking.append(
+                f"{self.name} needs {_listed(absent)} of the environment: "
+                f"pip install {' '.join(PIP_NAMES.get(need, need) for need in absent)}"
+            )
+        return tuple(lacking)
+
+    def load(self, module: str | None = None) -> ModuleType:
+        """A module of it, imported; by default its main one.
+
+        Raises:
+            WeightsMissingError: the folder is not there or is another one, or a package of the environment is missing.
+            BackendError: its code cannot be imported.
+        """
+        fault = self._fault()
+        if fault:
+            raise WeightsMissingError(fault)
+        with self.inside():
+            try:
+                return importlib.import_module(module or self.package)
+            except ModuleNotFoundError as error:
+                raise WeightsMissingError(self._absent(error)) from error
+            except Exception as error:  # whatever its code raises while it is imported
+                raise BackendError(
+                    f"{self.name}{self._place()} cannot be imported: {type(error).__name__}: {error}; "
+                    "try its own demo in this environment first"
+                ) from error
+
+    def attribute(self, name: str, module: str | None = None) -> Any:
+        """A class or function of a module of it.
+
+        Raises:
+            WeightsMissingError: as of :meth:`load`.
+            BackendError: its code cannot be imported, or has no such name.
+        """
+        found = self.load(module)
+        if not hasattr(found, name):
+            raise BackendError(
+                f"{module or self.package} of {self.name}{self._place()} has no '{name}': "
+                f"it may be another version; this backend knows the one of {self.homepage}"
+            )
+        return getattr(found, name)
+
+    @contextmanager
+    def inside(self) -> Iterator[None]:
+        """While its code runs: its folder is first on the path, and its modules are the ones that imports find.
+
+        One checkout at a time, whatever the thread: code that is inside waits for no other.
+        """
+        if self.folder is None:
+            yield
+            return
+        root = self.folder.resolve()
+        with _lock:
+            own = _top_names(root)
+            others = _taken(own)
+            sys.modules.update(self._modules)
+            for package in own.values():
+                if package is not None and package.name not in sys.modules:
+                    sys.modules[package.name] = _namespace(package)
+            sys.path.insert(0, str(root))
+            importlib.invalidate_caches()
+            try:
+                yield
+            finally:
+                if str(root) in sys.path:
+                    sys.path.remove(str(root))
+                self._modules = _taken(own)
+                sys.modules.update(others)
+
+    def close(self) -> None:
+        """Forget its modules."""
+        self._modules = {}
+
+    def fingerprint(self) -> str:
+        """A text that changes with its Python files, and not with the place of the folder; "" where it is not there."""
+        import hashlib
+
+        if self.folder is None or not self.folder.is_dir():
+            return ""
+        top = self.package.partition(".")[0]
+        base = self.folder / top
+        files = sorted(base.rglob("*.py")) if base.is_dir() else [base.with_suffix(".py")]
+        parts = [
+            f"{path.relative_to(self.folder).as_posix()} {path.stat().st_size}" for path in files if path.is_file()
+        ]
+        return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+    def _fault(self) -> str:
+        if self.folder is None:
+            if _exists(self.package.partition(".")[0]):
+                return ""
+            return (
+                f"{self.name} is neither installed nor given: set {self.option} to a checkout of {self.homepage} "
+                f"(git clone {self.homepage})"
+            )
+        if not self.folder.is_dir():
+            return (
+                f"there is no folder {self.folder}: set {self.option} to a checkout of {self.homepage} "
+                f"(git clone {self.homepage})"
+            )
+        place = self.folder.joinpath(*self.package.split("."))
+        if place.with_suffix(".py").is_file() or place.is_dir():
+            return ""
+        wanted = "/".join(self.package.split(".")) + ".py"
+        return (
+            f"{self.folder} is no checkout of {self.name}, for it has no {wanted}: "
+            f"set {self.option} to the root of a checkout of {self.homepage}"
+        )
+
+    def _absent(self, error: ModuleNotFoundError) -> str:
+        absent = (error.name or "").partition(".")[0]
+        if self.folder is not None and absent in _top_names(self.folder.resolve()):
+            return (
+                f"{self.name}{self._place()} lacks its own module {error.name}: get a whole checkout of {self.homepage}"
+            )
+        return (
+            f"{self.name}{self._place()} needs the package '{absent}', which is not installed: "
+            f"pip install {PIP_NAMES.get(absent, absent)}"
+        )
+
+    def _place(self) -> str:
+        return "" if self.folder is None else f" in {self.folder}"
+
+
+def _exists(module: str) -> bool:
+    try:
+        return importlib.util.find_spec(module) is not None
+    except (ImportError, ValueError):  # a stand-in without a spec
+        return module in sys.modules
+
+
+def _top_names(root: Path) -> dict[str, Path | None]:
+    """Names under which modules of the folder are imported -> the folder of a package without ``__init__.py``, or None.
+
+    Such a package is looked for after every other one of its name in the whole path, so it is made by hand.
+    """
+    names: dict[str, Path | None] = {}
+    for place in root.iterdir() if root.is_dir() else ():
+        if place.is_dir() and place.name.isidentifier():
+            if (place / "__init__.py").is_file():
+                names[place.name] = None
+            elif any(place.glob("*.py")) or any(place.glob("*/*.py")):
+                names[place.name] = place
+        elif place.suffix == ".py" and place.stem.isidentifier():
+            names[place.stem] = None
+    return {name: place for name, place in names.items() if name not in sys.stdlib_module_names}
+
+
+def _namespace(folder: Path) -> ModuleType:
+    module = ModuleType(folder.name)
+    module.__path__ = [str(folder)]
+    module.__package__ = folder.name
+    return module
+
+
+def _taken(names: Mapping[str, Path | None]) -> dict[str, ModuleType]:
+    """Modules of these top-level names, taken out of ``sys.modules``."""
+    found = [key for key in sys.modules if key.partition(".")[0] in names]
+    return {key: sys.modules.pop(key) for key in found}
+
+
+def _listed(names: list[str]) -> str:
+    return "the package " + names[0] if len(names) == 1 else "the packages " + ", ".join(names)

@@ -1,0 +1,150 @@
+"""Importing the user's checkouts without touching anything else."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from physic_core.adapters.checkouts import Checkout
+from physic_core.errors import BackendError, WeightsMissingError
+
+
+def checkout(folder: Path, files: dict[str, str], package: str = "core.net", **settings: object) -> Checkout:
+    for name, text in files.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    return Checkout(str(folder), name="Thing", package=package, homepage="https://example.org/thing", **settings)  # type: ignore[arg-type]
+
+
+def test_two_checkouts_with_packages_of_one_name_do_not_meet(tmp_path: Path) -> None:
+    lazy = "def late():\n    from utils.deep import WORD\n    return WORD\n"
+    one, two = (
+        checkout(
+            tmp_path / word,
+            {
+                "core/net.py": f"import utils\nfrom utils.deep import WORD\n{lazy}",
+                "utils/__init__.py": "",
+                "utils/deep.py": f"WORD = '{word}'",
+            },
+        )
+        for word in ("first", "second")
+    )
+    nets = [one.load(), two.load()]
+    assert [net.WORD for net in nets] == ["first", "second"]
+    for side, net in zip((one, two, one), (nets[0], nets[1], nets[0]), strict=True):
+        with side.inside():
+            assert net.late() == net.WORD
+
+
+def test_nothing_stays_behind(tmp_path: Path) -> None:
+    path, modules = list(sys.path), set(sys.modules)
+    side = checkout(tmp_path, {"core/net.py": "import json, utils", "utils.py": "A = 1"})
+    side.load()
+    assert sys.path == path
+    assert not {name.partition(".")[0] for name in set(sys.modules) - modules} & {"core", "utils"}
+
+
+def test_modules_of_the_same_name_come_back_as_they_were(tmp_path: Path) -> None:
+    own = type(sys)("utils")
+    sys.modules["utils"] = own
+    try:
+        side = checkout(tmp_path, {"core/net.py": "import utils\nA = utils.A", "utils.py": "A = 1"})
+        assert side.load().A == 1
+        assert sys.modules["utils"] is own
+    finally:
+        del sys.modules["utils"]
+
+
+def test_a_package_without_init_is_found_before_installed_ones_of_its_name(tmp_path: Path) -> None:
+    installed = tmp_path / "site" / "core"
+    installed.mkdir(parents=True)
+    (installed / "__init__.py").write_text("")
+    side = checkout(tmp_path / "thing", {"core/net.py": "from .deep.more import A", "core/deep/more.py": "A = 3"})
+    sys.path.insert(0, str(tmp_path / "site"))
+    try:
+        assert side.load().A == 3
+    finally:
+        sys.path.remove(str(tmp_path / "site"))
+
+
+def test_modules_are_kept_between_uses(tmp_path: Path) -> None:
+    side = checkout(tmp_path, {"core/net.py": "class Net: pass"})
+    assert side.attribute("Net") is side.attribute("Net")
+    first = side.attribute("Net")
+    side.close()
+    assert side.attribute("Net") is not first
+
+
+def test_an_error_inside_leaves_everything_in_order(tmp_path: Path) -> None:
+    path = list(sys.path)
+    side = checkout(tmp_path, {"core/net.py": "raise RuntimeError('no such GPU')"})
+    said = f"Thing in {tmp_path} cannot be imported: RuntimeError: no such GPU; try its own demo in this environment"
+    with pytest.raises(BackendError, match=said):
+        side.load()
+    assert sys.path == path
+    assert "core" not in sys.modules
+
+
+def test_a_missing_package_is_named_with_its_pip_name(tmp_path: Path) -> None:
+    side = checkout(tmp_path, {"core/net.py": "import yacs_that_is_not_there.config"})
+    with pytest.raises(WeightsMissingError, match="needs the package 'yacs_that_is_not_there', which is not installed"):
+        side.load()
+    needs = checkout(tmp_path, {}, needs=("json", "absent_a", "absent_b")).missing()
+    assert needs == ("Thing needs the packages absent_a, absent_b of the environment: pip install absent_a absent_b",)
+
+
+def test_a_hole_in_the_checkout_is_not_blamed_on_the_environment(tmp_path: Path) -> None:
+    side = checkout(tmp_path, {"core/net.py": "import core.gone"})
+    with pytest.raises(WeightsMissingError, match=r"lacks its own module core.gone: get a whole checkout"):
+        side.load()
+
+
+def test_a_wrong_folder_is_said_before_anything_is_imported(tmp_path: Path) -> None:
+    absent = Checkout(str(tmp_path / "no"), name="Thing", package="core.net", homepage="https://example.org/thing")
+    other = checkout(tmp_path, {"setup.py": ""})
+    none = Checkout("", name="Thing", package="thing_that_nobody_installed.net", homepage="https://example.org/thing")
+    assert absent.missing() == (
+        f"there is no folder {tmp_path / 'no'}: set checkout to a checkout of https://example.org/thing "
+        "(git clone https://example.org/thing)",
+    )
+    assert other.missing() == (
+        f"{tmp_path} is no checkout of Thing, for it has no core/net.py: "
+        "set checkout to the root of a checkout of https://example.org/thing",
+    )
+    assert none.missing() == (
+        "Thing is neither installed nor given: set checkout to a checkout of https://example.org/thing "
+        "(git clone https://example.org/thing)",
+    )
+    for side in (absent, other, none):
+        with pytest.raises(WeightsMissingError, match="checkout of https://example.org/thing"):
+            side.load()
+
+
+def test_another_version_is_told_by_what_it_lacks(tmp_path: Path) -> None:
+    side = checkout(tmp_path, {"core/net.py": ""})
+    with pytest.raises(BackendError, match=r"core.net of Thing in .* has no 'Net': it may be another version"):
+        side.attribute("Net")
+
+
+def test_an_installed_package_needs_no_folder() -> None:
+    side = Checkout("", name="json", package="json.decoder", homepage="https://python.org")
+    assert side.missing() == ()
+    assert side.attribute("JSONDecoder").__name__ == "JSONDecoder"
+
+
+def test_the_fingerprint_follows_the_code_and_not_the_place(tmp_path: Path) -> None:
+    one, two = (checkout(tmp_path / name, {"core/net.py": "A = 1"}) for name in "ab")
+    assert one.fingerprint() == two.fingerprint() != ""
+    (tmp_path / "b" / "core" / "net.py").write_text("A = 1000")
+    assert one.fingerprint() != two.fingerprint()
+    assert Checkout(str(tmp_path / "no"), name="T", package="core.net", homepage="h").fingerprint() == ""
+
+
+def test_the_adapter_is_light_to_import() -> None:
+    code = "import sys, physic_core.adapters.checkouts; print({'numpy', 'torch', 'cv2'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"
