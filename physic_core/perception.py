@@ -234,9 +234,9 @@ def dilate(mask: BoolArray, radius_px: float) -> BoolArray:
 
 def feet_pixels(keypoints: Keypoints, height: int, width: int, confidence: float = 0.5) -> FloatArray:
     """(M, 2) px: heels and toes that are seen with ``confidence`` inside the image."""
-    from physic_core.body.landmarks import SKELETONS
+    from physic_core.body.landmarks import DETECTED
 
-    names = SKELETONS.get(keypoints.skeleton, ())
+    names = DETECTED.get(keypoints.skeleton, ())
     soles = [i for i, name in enumerate(names) if name.endswith(("heel", "toe", "foot_tip"))]
     points, seen = keypoints.points[:, soles], keypoints.confidence[:, soles] > confidence
     seen &= (points >= 0).all(-1) & (points[..., 0] <= width - 1) & (points[..., 1] <= height - 1)

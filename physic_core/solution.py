@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import torch
 
+from physic_core.body.landmarks import known_keypoints
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
 from physic_core.engine.contact import contact_map
 from physic_core.engine.human import align_original, human_points, place, placed_original
 from physic_core.engine.joint import optimize
-from physic_core.engine.limbs import confirmed_joints, observed_parts
+from physic_core.engine.limbs import confirmed_joints, observed_parts, placing_keypoints
 from physic_core.engine.problem import JointProblem
 from physic_core.engine.scene import alignment_diagnostics, build_scene
 from physic_core.geometry.neighbors import NearestScene, near_boxes
@@ -128,19 +129,21 @@ def _stage_placement(
     betas = tensor(parameters.betas).to(device, dtype)
     expression = tensor(parameters.expression).to(device, dtype)
     transl = tensor(parameters.transl).to(device, dtype)
-    keypoints = tensor(evidence.keypoints.points).to(device, dtype)
-    confidence = tensor(evidence.keypoints.confidence).to(device, dtype)
+    told = known_keypoints(evidence.keypoints)
+    keypoints = tensor(told.points).to(device, dtype)
+    confidence = tensor(told.confidence).to(device, dtype)
     observed = _observed(evidence, device) | confirmed_joints(
-        evidence.keypoints.skeleton, keypoints, confidence, masks.to(device), settings.human.seen_confidence
+        told.skeleton, keypoints, confidence, masks.to(device), settings.human.seen_confidence
     )
     body = model(rotations, betas, transl, expression)
+    placing = placing_keypoints(told.skeleton, keypoints.shape[1])
     placed = place(
         body.vertices,
         vertex_normals(body.vertices, model.faces),
-        model.landmarks(body, evidence.keypoints.skeleton),
+        model.landmarks(body, told.skeleton)[:, placing],
         transl,
-        keypoints,
-        confidence,
+        keypoints[:, placing],
+        confidence[:, placing],
         scene.K.to(device, dtype),
         points,
         masks,
@@ -161,7 +164,7 @@ def _stage_placement(
         transl0=placed.transl.to(device, dtype),
         keypoints=keypoints,
         keypoint_confidence=confidence,
-        skeleton=evidence.keypoints.skeleton,
+        skeleton=told.skeleton,
         K=scene.K.to(device, dtype),
         masks=masks.to(device),
         scene_points=scene.points[scene.valid].to(device, dtype),
@@ -175,8 +178,8 @@ def _stage_placement(
         human_points=tuple(p.to(device, dtype) for p in points) if agree else None,
         scale_sigma=evidence.depth.scale_sigma,
     )
-    told = {"alignment": alignment_diagnostics(alignment), "people": [dict(d) for d in placed.diagnostics]}
-    return problem, told
+    diagnostics = {"alignment": alignment_diagnostics(alignment), "people": [dict(d) for d in placed.diagnostics]}
+    return problem, diagnostics
 
 
 def _observed(evidence: Evidence, device: torch.device) -> Tensor:

@@ -7,13 +7,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX, NUM_JOINTS, SIDES
 
-__all__ = ["SKELETONS", "SURFACE_POINTS", "PointRegressor", "skeleton_regressor"]
+if TYPE_CHECKING:
+    from physic_core.types import Keypoints
+
+__all__ = [
+    "DETECTED",
+    "SKELETONS",
+    "SURFACE_POINTS",
+    "PointRegressor",
+    "known_keypoints",
+    "known_part",
+    "skeleton_regressor",
+]
 
 _FACE = ("eye", "ear", "eye_inner", "eye_outer", "mouth_corner")
 _HAND = ("thumb_tip", "index_tip", "middle_tip", "ring_tip", "pinky_tip")
@@ -47,9 +59,21 @@ _COCO17 = (
     *_both("shoulder", "elbow", "wrist", "hip", "knee", "ankle"),
 )
 
+_COCO23 = (*_COCO17, *(f"{side}_{name}" for side in SIDES for name in ("big_toe", "small_toe", "heel")))
+_FACE_POINTS = {
+    36: "right_eye_outer_surface",
+    39: "right_eye_inner_surface",
+    42: "left_eye_inner_surface",
+    45: "left_eye_outer_surface",
+    48: "right_mouth_corner_surface",
+    54: "left_mouth_corner_surface",
+}
+"""Which of the 68 points of a face a body has; contour, brows, nose and lips it has not."""
+_WHOLE_FACE = tuple(_FACE_POINTS.get(i, f"face_point_{i}") for i in range(68))
+
 SKELETONS: dict[str, tuple[str, ...]] = {
     "coco17": _COCO17,
-    "coco23": (*_COCO17, *(f"{side}_{name}" for side in SIDES for name in ("big_toe", "small_toe", "heel"))),
+    "coco23": _COCO23,
     "blazepose33": (
         "nose",
         *(f"{side}_{name}_surface" for side in SIDES for name in ("eye_inner", "eye", "eye_outer")),
@@ -58,9 +82,57 @@ SKELETONS: dict[str, tuple[str, ...]] = {
     ),
     "openpose_hand21_left": _hand("left"),
     "openpose_hand21_right": _hand("right"),
+    "wholebody69": (*_COCO23, *_FACE_POINTS.values(), *_hand("left")[1:], *_hand("right")[1:]),
 }
 """Joint set -> its points in order. "coco23" is COCO-17 and the six foot points of COCO-WholeBody; the hand sets are
-wrist, thumb, index, middle, ring, pinky, each from its base to its tip, as MediaPipe orders them too."""
+wrist, thumb, index, middle, ring, pinky, each from its base to its tip, as MediaPipe orders them too. "wholebody69" is
+what bodies have of COCO-WholeBody's 133."""
+
+DETECTED: dict[str, tuple[str, ...]] = {
+    **SKELETONS,
+    "coco_wholebody133": (
+        *_COCO23,
+        *_WHOLE_FACE,
+        *(name for side in SIDES for name in (f"{side}_hand_root", *_hand(side)[1:])),
+    ),
+    "halpe26": (
+        *_COCO17,
+        *("head_top", "neck_base", "hips_middle"),
+        *_both("big_toe", "small_toe", "heel"),
+    ),
+}
+"""Joint set that a detector may answer -> its points in order, of which bodies need not have all. Whole-body networks
+mark both wrists twice, as the arm's end and as the hand's root; only the first is a point of a body."""
+
+_KNOWN_PART = {"coco_wholebody133": "wholebody69", "halpe26": "coco23"}
+
+
+def known_part(skeleton: str) -> tuple[str, list[int]]:
+    """The part of a joint set that bodies have.
+
+    Args:
+        skeleton: a key of DETECTED.
+
+    Returns:
+        A key of SKELETONS, and which of the detector's points are its points, in its order.
+    """
+    known = _KNOWN_PART.get(skeleton, skeleton)
+    row = {name: i for i, name in enumerate(DETECTED[skeleton])}
+    return known, [row[name] for name in SKELETONS[known]]
+
+
+def known_keypoints(keypoints: Keypoints) -> Keypoints:
+    """The keypoints that bodies have; those of a joint set that is all of it, or that nobody knows, as they are."""
+    if keypoints.skeleton not in _KNOWN_PART:
+        return keypoints
+    known, columns = known_part(keypoints.skeleton)
+    return replace(
+        keypoints,
+        points=keypoints.points[:, columns],
+        confidence=keypoints.confidence[:, columns],
+        skeleton=known,
+        world=None if keypoints.world is None else keypoints.world[:, columns],
+    )
 
 
 _MARKS: dict[str, tuple[tuple[str, str, float], ...]] = {

@@ -12,7 +12,15 @@ from physic_core.body.landmarks import SKELETONS
 from physic_core.engine.terms import hinge_angles
 from physic_core.geometry.visibility import inside_mask
 
-__all__ = ["confirmed_joints", "keypoint_weights", "limb_parts", "observed_parts", "part_confidence", "stands"]
+__all__ = [
+    "confirmed_joints",
+    "keypoint_weights",
+    "limb_parts",
+    "observed_parts",
+    "part_confidence",
+    "placing_keypoints",
+    "stands",
+]
 
 _END_JOINT = {
     "upper_leg": "knee",
@@ -35,6 +43,8 @@ _MIDDLE = {
     "head": ("nose", "left_ear_surface", "right_ear_surface"),
 }
 _TRUNK = ("pelvis", "left_hip", "right_hip", "spine3", "left_shoulder", "right_shoulder")
+
+_MOST_FINGERS = 10  # points on fingers; with more a joint set has whole hands
 
 _LANDMARK_WEIGHTS = {
     # BlazePose's hips lie on the surface rather than in the joint.
@@ -116,6 +126,17 @@ def keypoint_weights(skeleton: str, observed: Tensor, count: int, body: float = 
         if not _is_finger(name):
             weights[:, j] *= body
     return weights
+
+
+def placing_keypoints(skeleton: str, count: int) -> list[int]:
+    """Which of J keypoints say where a body is.
+
+    All of them, unless a joint set has whole hands: forty points of fingers, whose pose is not known yet, would then
+    outvote the body.
+    """
+    names = SKELETONS.get(skeleton, ())
+    fingers = {j for j, name in enumerate(names) if _is_finger(name)}
+    return [j for j in range(count) if len(fingers) <= _MOST_FINGERS or j not in fingers]
 
 
 def part_confidence(skeleton: str, part_names: Sequence[str], confidence: Tensor) -> Tensor:

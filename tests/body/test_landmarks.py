@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
 from physic_core.body import JOINT_INDEX
-from physic_core.body.landmarks import SKELETONS
+from physic_core.body.landmarks import DETECTED, SKELETONS, known_keypoints, known_part
 from physic_core.body.model import BodyModel
 from physic_core.errors import BodyModelError
+from physic_core.types import Keypoints
 
-SIZES = {"coco17": 17, "coco23": 23, "blazepose33": 33, "openpose_hand21_left": 21, "openpose_hand21_right": 21}
+SIZES = {
+    "coco17": 17,
+    "coco23": 23,
+    "blazepose33": 33,
+    "openpose_hand21_left": 21,
+    "openpose_hand21_right": 21,
+    "wholebody69": 69,
+}
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +48,52 @@ def test_blazepose_order() -> None:
     assert {i: points[i] for i in known} == known
 
 
-@pytest.mark.parametrize("skeleton", ["coco23", "blazepose33"])
+def test_what_detectors_answer_has_its_sizes_and_no_name_twice() -> None:
+    assert {name: len(points) for name, points in DETECTED.items()} == SIZES | {"coco_wholebody133": 133, "halpe26": 26}
+    assert all(len(set(points)) == len(points) for points in DETECTED.values())
+
+
+def test_whole_body_order_is_that_of_coco_wholebody() -> None:
+    points = DETECTED["coco_wholebody133"]
+    assert points[:23] == SKELETONS["coco23"]
+    # Face points are 300W's: eye corners 36 39 42 45 and mouth corners 48 54, the person's right first.
+    known = {23 + 36: "right_eye_outer_surface", 23 + 39: "right_eye_inner_surface", 23 + 45: "left_eye_outer_surface"}
+    known |= {23 + 48: "right_mouth_corner_surface", 23 + 54: "left_mouth_corner_surface", 23 + 30: "face_point_30"}
+    known |= {91: "left_hand_root", 92: "left_thumb1", 95: "left_thumb_tip", 96: "left_index1", 111: "left_pinky_tip"}
+    known |= {112: "right_hand_root", 117: "right_index1", 132: "right_pinky_tip"}
+    assert {i: points[i] for i in known} == known
+
+
+def test_halpe_order() -> None:
+    points = DETECTED["halpe26"]
+    assert points[:17] == SKELETONS["coco17"]
+    assert points[20:] == (
+        *("left_big_toe", "right_big_toe", "left_small_toe", "right_small_toe", "left_heel", "right_heel"),
+    )
+
+
+@pytest.mark.parametrize(("skeleton", "known"), [("coco_wholebody133", "wholebody69"), ("halpe26", "coco23")])
+def test_the_known_part_keeps_each_points_name(skeleton: str, known: str) -> None:
+    rows = np.arange(len(DETECTED[skeleton]), dtype=float)
+    points = np.stack([rows, rows], -1)[None]
+    given = Keypoints(points, rows[None] / 200, skeleton, np.repeat(rows[None, :, None], 3, 2))
+    answer = known_keypoints(given)
+    assert answer.skeleton == known
+    assert answer.world is not None
+    for row, name in enumerate(SKELETONS[known]):
+        place = DETECTED[skeleton].index(name)
+        assert answer.points[0, row].tolist() == [place, place]
+        assert answer.confidence[0, row] == place / 200
+        assert answer.world[0, row].tolist() == [place] * 3
+
+
+def test_a_whole_joint_set_is_left_as_it_is() -> None:
+    given = Keypoints(np.zeros((1, 33, 2)), np.zeros((1, 33)), "blazepose33")
+    assert known_keypoints(given) is given
+    assert known_part("coco17") == ("coco17", list(range(17)))
+
+
+@pytest.mark.parametrize("skeleton", ["coco23", "blazepose33", "wholebody69"])
 def test_left_is_plus_x_in_the_t_pose(skeleton: str, at_rest: dict[str, dict[str, Tensor]]) -> None:
     for name, point in at_rest[skeleton].items():
         if name.startswith("left_"):
@@ -147,7 +201,7 @@ def test_refuses_an_unknown_joint_set(embedded: BodyModel) -> None:
         embedded.landmarks_only(("coco18",))
     assert str(caught.value) == (
         "no joint set named 'coco18': choose one of"
-        " coco17, coco23, blazepose33, openpose_hand21_left, openpose_hand21_right"
+        " coco17, coco23, blazepose33, openpose_hand21_left, openpose_hand21_right, wholebody69"
     )
 
 

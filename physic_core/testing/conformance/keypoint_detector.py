@@ -24,9 +24,9 @@ MOST_ERROR = 0.25
 
 def joint_counts() -> dict[str, int]:
     """Joint set -> its number of joints."""
-    from physic_core.body.landmarks import SKELETONS
+    from physic_core.body.landmarks import DETECTED
 
-    return {name: len(joints) for name, joints in SKELETONS.items()} | {"coco_wholebody133": 133}
+    return {name: len(joints) for name, joints in DETECTED.items()}
 
 
 def true_keypoints(answer: Keypoints, world: World) -> tuple[FloatArray, FloatArray, BoolArray, str]:
@@ -35,14 +35,14 @@ def true_keypoints(answer: Keypoints, world: World) -> tuple[FloatArray, FloatAr
     Raises:
         NotJudged: a world knows no truth of this joint set.
     """
-    # The first 23 of the whole body are COCO's 17 joints and the six points of the feet.
-    name = "coco23" if answer.skeleton == "coco_wholebody133" else answer.skeleton
-    if name not in world.keypoints:
+    from physic_core.body.landmarks import DETECTED, known_keypoints
+    from physic_core.testing.conformance.joint_sets import world_keypoints
+
+    if answer.skeleton not in DETECTED or "hand21" in answer.skeleton:
         raise NotJudged(f"worlds know no keypoints of the skeleton {answer.skeleton!r}")
-    truth = world.keypoints[name]
-    points = answer.points[:, : truth.shape[1]]
-    seen = world.visible[name] & (answer.confidence[:, : truth.shape[1]] > 0)
-    return points, truth, seen, name
+    known = known_keypoints(answer)
+    truth, visible = world_keypoints(world, known.skeleton)
+    return known.points, truth, visible & (known.confidence > 0), known.skeleton
 
 
 def check_skeleton_is_known(subject: Subject) -> None:

@@ -27,6 +27,7 @@ ARMS: dict[str, tuple[tuple[int, int, tuple[int, ...]], ...]] = {
     "blazepose33": ((13, 15, (17, 19)), (14, 16, (18, 20))),
     "coco17": ((7, 9, ()), (8, 10, ())),
     "coco23": ((7, 9, ()), (8, 10, ())),
+    "halpe26": ((7, 9, ()), (8, 10, ())),
     "coco_wholebody133": ((7, 9, (96, 100, 104, 108)), (8, 10, (117, 121, 125, 129))),
 }
 """Elbow, wrist and knuckles of the left and of the right arm, by skeleton."""

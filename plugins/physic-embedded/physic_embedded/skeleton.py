@@ -17,23 +17,24 @@ def fitted_keypoints(keypoints: Keypoints) -> Keypoints:
     Raises:
         BackendError: body models know no part of it.
     """
-    from physic_core.body.landmarks import SKELETONS
+    from physic_core.body.landmarks import DETECTED, SKELETONS
     from physic_core.errors import BackendError
 
-    if keypoints.skeleton == "coco_wholebody133":  # its first 23 points are COCO's body and feet
-        world = None if keypoints.world is None else keypoints.world[:, :23]
+    if keypoints.skeleton in ("coco_wholebody133", "wholebody69", "halpe26"):
+        names = DETECTED[keypoints.skeleton]
+        columns = [names.index(name) for name in SKELETONS["coco23"]]
         return replace(
             keypoints,
-            points=keypoints.points[:, :23],
-            confidence=keypoints.confidence[:, :23],
+            points=keypoints.points[:, columns],
+            confidence=keypoints.confidence[:, columns],
             skeleton="coco23",
-            world=world,
+            world=None if keypoints.world is None else keypoints.world[:, columns],
         )
     if keypoints.skeleton not in SKELETONS or "left_hip" not in SKELETONS[keypoints.skeleton]:
-        known = ", ".join(name for name, points in SKELETONS.items() if "left_hip" in points)
+        known = ", ".join(name for name, points in DETECTED.items() if "left_hip" in points and name != "wholebody69")
         raise BackendError(
-            f"keypoints of the joint set {keypoints.skeleton!r} came, and the embedded body knows {known} and "
-            "coco_wholebody133: choose a keypoint detector that answers one of them"
+            f"keypoints of the joint set {keypoints.skeleton!r} came, and the embedded body knows {known}: "
+            "choose a keypoint detector that answers one of them"
         )
     return keypoints
 

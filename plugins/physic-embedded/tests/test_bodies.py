@@ -282,7 +282,7 @@ def test_unknown_joint_sets_and_an_unloaded_body_are_refused(backend: EmbeddedBo
         backend.infer(IMAGE, seen.people, CAMERA, other, Hints())
     assert str(error.value) == (
         "keypoints of the joint set 'openpose_hand21_left' came, and the embedded body knows coco17, coco23, "
-        "blazepose33 and coco_wholebody133: choose a keypoint detector that answers one of them"
+        "blazepose33, coco_wholebody133, halpe26: choose a keypoint detector that answers one of them"
     )
     with pytest.raises(BackendError) as error:
         EmbeddedBodies().infer(IMAGE, seen.people, CAMERA, seen.keypoints, Hints())

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from physic_core import interfaces
+from physic_core.testing.conformance.joint_sets import world_keypoints
 from physic_core.types import Keypoints
 from physic_mock.noise import chance, generator
 from physic_mock.recognition import MockOptions, match_people, recognise
@@ -18,13 +19,18 @@ if TYPE_CHECKING:
 __all__ = ["KeypointOptions", "MockKeypointDetector"]
 
 _LEG = ("knee", "ankle", "heel", "big_toe", "small_toe", "foot_tip")
-_ARM = ("elbow", "wrist", "thumb2", "index1", "pinky1")
+_ARM = (
+    *("elbow", "wrist", "hand_root"),
+    *(f"{finger}{k}" for finger in ("thumb", "index", "middle", "ring", "pinky") for k in (1, 2, 3, "_tip")),
+)
 
 
 class KeypointOptions(MockOptions):
     """Settings of :class:`MockKeypointDetector`."""
 
-    skeleton: Literal["coco17", "coco23", "blazepose33"] = Field("blazepose33", description="Joint set to answer.")
+    skeleton: Literal["coco17", "coco23", "blazepose33", "coco_wholebody133", "halpe26"] = Field(
+        "blazepose33", description="Joint set to answer."
+    )
     point_noise: float = Field(
         0.008,
         ge=0,
@@ -59,7 +65,7 @@ class MockKeypointDetector(interfaces.KeypointDetector):
         found = recognise(image)
         rows = match_people(found, people)
         rng = generator(found.world, options.noise_seed, "keypoints")
-        truth, visible = found.world.keypoints[options.skeleton], found.world.visible[options.skeleton]
+        truth, visible = world_keypoints(found.world, options.skeleton)
         size = (found.world.boxes[:, 2:] - found.world.boxes[:, :2]).max(axis=1)
         sigma = options.noise * np.where(visible, options.point_noise, options.hidden_noise) * size[:, None]
         points = truth + sigma[..., None] * rng.normal(size=truth.shape)
@@ -76,9 +82,9 @@ class MockKeypointDetector(interfaces.KeypointDetector):
 
 def _swapped(skeleton: str, limb: tuple[str, ...]) -> list[int]:
     """Which point each point's name is given to, where left and right of one pair of limbs are mixed up."""
-    from physic_core.body.landmarks import SKELETONS
+    from physic_core.body.landmarks import DETECTED
 
-    names = SKELETONS[skeleton]
+    names = DETECTED[skeleton]
     order = list(range(len(names)))
     for i, name in enumerate(names):
         side, _, point = name.partition("_")
