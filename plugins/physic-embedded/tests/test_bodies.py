@@ -8,7 +8,7 @@ import roma
 import torch
 
 from physic_core.body import JOINT_INDEX, load_body
-from physic_core.body.landmarks import SKELETONS
+from physic_core.body.landmarks import DETECTED, SKELETONS
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.errors import BackendError
 from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People, Plane
@@ -355,3 +355,18 @@ def test_the_prior_s_mean_bends_hinges_the_way_they_bend() -> None:
     tight = pose_prior(tight=True)
     assert (tight.sigma <= prior.sigma).all()
     assert np.array_equal(tight.mean, prior.mean)
+
+
+@pytest.mark.parametrize("skeleton", ["coco_wholebody133", "halpe26", "wholebody69"])
+def test_larger_joint_sets_are_fitted_by_their_body_and_feet(backend: EmbeddedBodies, skeleton: str) -> None:
+    seen = truth([STANDS], PLACES[:1], skeleton="coco23")
+    coco = replace(seen.keypoints, world=None)
+    names = DETECTED[skeleton]
+    columns = [names.index(name) for name in SKELETONS["coco23"]]
+    points, confidence = np.full((1, len(names), 2), -99.0), np.ones((1, len(names)))
+    points[:, columns], confidence[:, columns] = coco.points, coco.confidence
+    larger = Keypoints(points, confidence, skeleton)
+    first, second = (backend.infer(IMAGE, seen.people, CAMERA, given, Hints()) for given in (coco, larger))
+    assert np.array_equal(first.parameters.body_pose, second.parameters.body_pose)
+    assert np.array_equal(first.parameters.transl, second.parameters.transl)
+    assert miss_mm(posed(first)[0], seen.joints)[0] < 250

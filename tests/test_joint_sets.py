@@ -1,0 +1,58 @@
+"""Keypoints of every joint set that detectors answer, through the whole pipeline."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from physic_core import load_config, reconstruct
+from physic_core.body.landmarks import DETECTED
+from physic_core.engine.limbs import placing_keypoints
+from physic_core.perception import feet_pixels
+from physic_core.testing.conformance.joint_sets import world_keypoints
+from physic_core.testing.worlds import World, build_world
+from physic_core.types import Keypoints
+
+SETS = [name for name in DETECTED if "hand21" not in name]
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return build_world("stand")
+
+
+@pytest.mark.parametrize("skeleton", ["coco17", "halpe26", "coco_wholebody133"])
+def test_the_mock_world_is_reconstructed_from(skeleton: str, world: World) -> None:
+    config = load_config(preset="mock", overrides=[f"keypoint_detector.options.skeleton={skeleton}"])
+    found = reconstruct(world.image, config)
+    person = found.people[0]
+    apart = 1000 * np.linalg.norm(person.vertices - world.vertices[0], axis=1).mean()
+    print(f"{skeleton}: vertices {apart:.0f} mm from the truth")
+    assert found.skeleton == skeleton
+    assert person.keypoints.shape == (len(DETECTED[skeleton]), 2)
+    assert apart < 150
+
+
+@pytest.mark.parametrize("skeleton", SETS)
+def test_a_worlds_truth_is_known_in(skeleton: str, world: World) -> None:
+    points, visible = world_keypoints(world, skeleton)
+    assert points.shape == (1, len(DETECTED[skeleton]), 2)
+    assert visible.shape == points.shape[:2]
+    coco, _ = world_keypoints(world, "coco23")
+    for row, name in enumerate(DETECTED["coco23"]):
+        if skeleton != "blazepose33" and name in DETECTED[skeleton]:
+            # Vertices of a world are kept in single precision.
+            assert np.allclose(points[0, DETECTED[skeleton].index(name)], coco[0, row], atol=1e-2)
+
+
+def test_fingers_of_whole_hands_place_nobody() -> None:
+    assert placing_keypoints("wholebody69", 69) == list(range(29))
+    assert placing_keypoints("blazepose33", 33) == list(range(33))
+    assert placing_keypoints("of a plugin", 4) == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize(("skeleton", "soles"), [("coco_wholebody133", 6), ("halpe26", 6), ("coco17", 0)])
+def test_feet_are_found_in(skeleton: str, soles: int) -> None:
+    count = len(DETECTED[skeleton])
+    seen = Keypoints(np.full((1, count, 2), 10.0), np.ones((1, count)), skeleton)
+    assert len(feet_pixels(seen, 100, 100)) == soles
