@@ -16,7 +16,7 @@ from physic_core.config import as_config
 from physic_core.devices import check_device
 from physic_core.io.photo import Photo, check_image, prepare, read_photo
 from physic_core.plugins import discover
-from physic_core.resolve import resolve
+from physic_core.resolve import require_whole, resolve
 from physic_core.stages import Stages
 from physic_core.types import Intrinsics, Person, Reconstruction
 
@@ -58,6 +58,7 @@ def reconstruct(
     Raises:
         InputError: the image cannot be used.
         ConfigError: the configuration does not hold.
+        WeightsMissingError: backends lack files, all of which it lists; nothing was computed.
         NoPersonError: nobody was found.
         BackendError: a backend failed, or answered what its interface does not allow.
     """
@@ -78,6 +79,7 @@ def reconstruct_photo(
 def _reconstruct(photo: Photo, config: Config, registry: Registry | None, progress: Progress | None) -> Reconstruction:
     plan = resolve(config, discover() if registry is None else registry)
     check_device(plan.device)
+    require_whole(plan)
 
     from physic_core.body import load_body
     from physic_core.cache.answers import Answers

@@ -9,12 +9,15 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from physic_core.errors import BackendError, PhysicError, WeightsMissingError
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from physic_core.interfaces import Backend
     from physic_core.registry import Claim, Registry
 
-__all__ = ["Readiness", "gpu_is_seen", "readiness"]
+__all__ = ["Readiness", "gpu_is_seen", "lacks", "readiness"]
 
 Word = Literal["ready", "unsure", "not ready", "ambiguous", "refused", "broken"]
 
@@ -66,6 +69,26 @@ def readiness(registry: Registry, claim: Claim, gpu: Callable[[], bool] | None =
     if further:
         return Readiness("unsure", f"needs {', '.join(further)}; `physic plugins doctor {record.name}` tells")
     return Readiness("ready")
+
+
+def lacks(backend: Backend) -> tuple[str, ...]:
+    """What a backend says that it lacks on this machine, one text each; what it says goes through a plugin's door.
+
+    Raises:
+        BackendError: it cannot say, or says what is no list of texts.
+        PhysicError: it refuses in words of its own.
+    """
+    try:
+        answer: object = backend.missing()
+    except WeightsMissingError as error:
+        return (str(error),)
+    except PhysicError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise BackendError(f"missing() fails: {type(error).__name__}: {error}") from error
+    if not isinstance(answer, (tuple, list)) or not all(isinstance(text, str) for text in answer):
+        raise BackendError(f"missing() must return a tuple of texts, got {answer!r}")
+    return tuple(answer)
 
 
 def gpu_is_seen() -> bool:

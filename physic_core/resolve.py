@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any
 from pydantic import BaseModel, ValidationError
 
 from physic_core.config import load_config
-from physic_core.errors import BackendError, BackendNotFoundError, PhysicError
+from physic_core.errors import BackendError, BackendNotFoundError, PhysicError, WeightsMissingError
 from physic_core.faults import Fault, Findings, config_error, from_pydantic
 from physic_core.interfaces import INTERFACES
+from physic_core.readiness import lacks
 from physic_core.types import Provenance
 
 if TYPE_CHECKING:
@@ -24,7 +25,16 @@ if TYPE_CHECKING:
     from physic_core.interfaces import Backend, Options
     from physic_core.registry import Claim, Registry
 
-__all__ = ["ResolvedBackend", "ResolvedPipeline", "check", "load_checked", "resolve"]
+__all__ = [
+    "ResolvedBackend",
+    "ResolvedPipeline",
+    "check",
+    "list_of_missing",
+    "load_checked",
+    "missing",
+    "require_whole",
+    "resolve",
+]
 
 
 @dataclass(frozen=True)
@@ -90,6 +100,40 @@ def resolve(config: Config, registry: Registry) -> ResolvedPipeline:
         device=config.run.device,
         config=config,
     )
+
+
+def missing(plan: ResolvedPipeline) -> tuple[str, ...]:
+    """What the chosen backends lack on this machine, one text each with whose lack it is; asked offline.
+
+    Raises:
+        BackendError: a backend cannot say.
+    """
+    found: dict[str, list[str]] = {}
+    for resolved in plan.backends.values():
+        try:
+            for text in lacks(resolved.backend):
+                found.setdefault(text, []).append(resolved.title)
+        except PhysicError as error:
+            raise BackendError(f"{resolved.title}: {error}") from error
+    # Two backends may lack the same file, and are to say so once.
+    return tuple(f"{' and '.join(titles)}: {text}" for text, titles in found.items())
+
+
+def require_whole(plan: ResolvedPipeline) -> None:
+    """Refuse a run in which a chosen backend lacks anything, optional ones included: the user asked for them.
+
+    Raises:
+        WeightsMissingError: all that is missing, and how to get each.
+        BackendError: a backend cannot say.
+    """
+    if texts := missing(plan):
+        raise WeightsMissingError(list_of_missing(texts, ", and nothing was computed"))
+
+
+def list_of_missing(texts: Sequence[str], end: str) -> str:
+    """Several texts of :func:`missing` under one head."""
+    head = "1 thing is missing" if len(texts) == 1 else f"{len(texts)} things are missing"
+    return "\n".join([f"{head}{end}:", *("  " + text.replace("\n", "\n    ") for text in texts)])
 
 
 def check(config: Config, registry: Registry) -> None:

@@ -180,3 +180,43 @@ def test_two_distributions_may_claim_one_name_and_both_are_kept(site):
     claims = list(registry)
     assert [c.origin.distribution for c in claims] == ["physic-a", "physic-b"]
     assert registry.rivals(claims[0]) == (claims[1],)
+
+
+# ---- lists of weights ------------------------------------------------------------------------------------------------
+
+WITH_WEIGHTS = (
+    "from pathlib import Path\n"
+    "from physic_core import BackendRecord, hookimpl\n"
+    "@hookimpl\n"
+    "def physic_backends():\n"
+    "    return [BackendRecord('segmenter', 'own', 'json:JSONDecoder')]\n"
+    "@hookimpl\n"
+    "def physic_weights():\n"
+)
+
+
+def test_a_list_of_weights_is_known_and_not_read(site):
+    site.install("physic-own", WITH_WEIGHTS + "    return Path(__file__).parent / 'own.toml'\n")
+    path = site.folder / "own.toml"
+    path.write_text("this is no TOML")
+    registry = discover(site.entries())
+    assert [(m.origin.distribution, m.path) for m in registry.manifests] == [("physic-own", path)]
+    assert registry.broken == ()
+
+
+@pytest.mark.parametrize(
+    ("body", "says"),
+    [
+        ("return 3", "physic_weights() must return the path of a TOML file or folder, got int"),
+        ("return None", "physic_weights() must return the path of a TOML file or folder, got NoneType"),
+        ("return '/no/such/folder'", "physic_weights() names /no/such/folder, which is not there"),
+        ("raise RuntimeError('no')", "physic_weights() fails: RuntimeError: no"),
+        ("raise SystemExit(3)", "physic_weights() fails: SystemExit: 3"),
+    ],
+)
+def test_a_wrong_list_of_weights_is_a_row_and_takes_no_backend_away(site, body: str, says: str):
+    site.install("physic-own", WITH_WEIGHTS + f"    {body}\n")
+    registry = discover(site.entries())
+    assert [str(b) for b in registry.broken] == [f"physic-own 1.0 ({says})"]
+    assert registry.names("segmenter") == ("own",)
+    assert registry.manifests == ()

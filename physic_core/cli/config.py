@@ -33,13 +33,17 @@ def _arguments(command: Callable[..., None]) -> Callable[..., None]:
 @config.command()
 @_arguments
 def check(file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> None:
-    """Check FILE as a whole, options of backends included; nothing is loaded."""
+    """Check FILE as a whole, options of backends included, and say what a run would lack; nothing is loaded."""
     from physic_core.plugins import discover
-    from physic_core.resolve import load_checked
+    from physic_core.resolve import list_of_missing, load_checked, missing, resolve
 
     _refuse_both(file, preset)
-    load_checked(discover(), file, preset=preset, overrides=overrides)
+    registry = discover()
+    found = load_checked(registry, file, preset=preset, overrides=overrides)
+    lacking = missing(resolve(found, registry))
     click.echo(f"{file or f'preset {preset}' if file or preset else 'preset embedded'}: no errors")
+    if lacking:
+        click.echo(list_of_missing(lacking, "; a run would stop"))
 
 
 @config.command()

@@ -113,6 +113,7 @@ def findings(
 def examine(registry: Registry, claim: Claim, device: str) -> Finding:
     """Import, construct, load and close a backend with its default options, here."""
     from physic_core.errors import PhysicError
+    from physic_core.readiness import lacks
 
     start = time.perf_counter()
     step = "import"
@@ -120,15 +121,17 @@ def examine(registry: Registry, claim: Claim, device: str) -> Finding:
         kind = registry.load_whole_class(claim)
         step = "constructor"
         backend = kind()
+        step = "missing()"
+        if lacking := lacks(backend):
+            return _finding(claim, "missing", "; ".join(lacking))
         step = f"load('{device}')"
         backend.load(device)
         step = "close()"
         backend.close()
     except PhysicError as error:
-        # What a backend says of itself is a lack; that it cannot even be imported is no word of its own.
-        return _finding(
-            claim, "broken" if step == "import" else "missing", str(error).removeprefix(str(claim)).lstrip(": ")
-        )
+        # What a backend says of itself is a lack; that it cannot even be imported, or asked, is no word of its own.
+        state: Literal["missing", "broken"] = "broken" if step in ("import", "missing()") else "missing"
+        return _finding(claim, state, str(error).removeprefix(str(claim)).lstrip(": "))
     except (Exception, SystemExit) as error:
         return _finding(claim, "broken", f"{step} fails: {type(error).__name__}: {error}")
     return _finding(claim, "ok", seconds=time.perf_counter() - start)

@@ -7,10 +7,11 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from physic_core.errors import BackendError
-from physic_core.readiness import readiness
+from physic_core.errors import BackendError, PhysicError
+from physic_core.readiness import Readiness, lacks, readiness
 
 if TYPE_CHECKING:
+    from physic_core.interfaces import Backend
     from physic_core.registry import Claim, Registry
 
 __all__ = ["as_dicts", "columns", "detail", "listing"]
@@ -53,11 +54,17 @@ def detail(registry: Registry, claim: Claim) -> str:
     """All that is known of one backend, its options included."""
     record, status = claim.record, _status(registry, claim)
     options: list[str] = []
+    files: list[str] = []
     source = None
     if not claim.problem:
         try:
             kind = registry.load_class(claim)
             source, options = inspect.getsourcefile(kind), _options(kind.Options)
+            files = _files(registry, claim, kind)
+            found = readiness(registry, claim)
+            if found.word in ("ready", "unsure", "not ready") and (lacking := _lacks(kind)):
+                known = (found.why,) if found.word == "not ready" else ()
+                status = str(Readiness("not ready", "; ".join((*known, *lacking))))
         except Exception as error:  # a plugin's door: its module, or Options of any kind
             said = str(error) if isinstance(error, BackendError) else f"{type(error).__name__}: {error}"
             options = [f"  options   unknown: {said}"]
@@ -71,10 +78,42 @@ def detail(registry: Registry, claim: Claim) -> str:
         ("homepage", record.homepage),
         ("status", status),
         ("source", source or ""),
+        *(("files", line) for line in files),
     ]
     lines = [f"{record.interface} '{record.name}'"]
     lines += [f"  {label:<10}{text}" if label else f"  {text}" for label, text in facts if text]
     return "\n".join(lines + options)
+
+
+def _lacks(kind: type[Backend]) -> tuple[str, ...]:
+    """What a backend with its default options lacks; nothing where it cannot say, which the doctor tells."""
+    try:
+        return lacks(kind())
+    except Exception:  # a plugin's door: its constructor
+        return ()
+
+
+def _files(registry: Registry, claim: Claim, kind: type[Backend]) -> list[str]:
+    """Where the sets of weights that its options name by default lie, or are sought."""
+    from physic_core.weights.folders import places_in_words
+    from physic_core.weights.locate import look
+    from physic_core.weights.manifest import read_manifest
+
+    lines = []
+    for field in kind.Options.model_fields.values():
+        name = field.get_default()
+        for manifest in registry.manifests if isinstance(name, str) else ():
+            try:
+                weights = read_manifest(manifest.path).get(name) if manifest.origin == claim.origin else None
+            except PhysicError as error:
+                lines.append(" ".join(str(error).split()))
+                continue
+            if weights is not None:
+                here = look(weights)
+                whole = len(here.files) == len(weights.files)
+                found = [here.folder] if here.folder is not None and len(here.files) > 1 else here.files.values()
+                lines.append(", ".join(map(str, found)) if whole else f"'{name}' is sought in {places_in_words(name)}")
+    return list(dict.fromkeys(lines))
 
 
 def columns(rows: Sequence[tuple[str, ...]]) -> str:

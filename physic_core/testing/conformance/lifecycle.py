@@ -8,6 +8,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import PhysicError
+from physic_core.readiness import lacks
 from physic_core.testing.conformance.asking import difference
 from physic_core.testing.conformance.expect import NotJudged, NotMet, expect
 from physic_core.testing.conformance.guard import no_network, resident_megabytes
@@ -65,22 +66,34 @@ def check_constructs_cheaply(subject: Subject) -> None:
 
 
 def check_loads_or_says_what_is_missing(subject: Subject) -> None:
-    """`load` works, or raises a PhysicError that says what is missing and what to do."""
+    """`missing` says offline what is missing; else `load` works, or raises a PhysicError that says it."""
     if "needs_cuda" in subject.capabilities and subject.device == "cpu":
         raise NotJudged("needs a GPU: give the device 'cuda'")
     backend = _fresh(subject)
+    with no_network() as asked:
+        try:
+            lacking = lacks(backend)
+        except PhysicError as error:
+            raise NotMet("missing() to return a tuple of texts, empty where nothing is missing", str(error)) from error
+    expect(not asked, "missing() to use no network", f"it asks for {', '.join(dict.fromkeys(asked))}")
+    if lacking:
+        _expect_help("; ".join(lacking))
+        raise NotJudged(f"not ready: {'; '.join(lacking)}")
     try:
         backend.load(subject.device)
     except PhysicError as error:
-        said = str(error)
-        expect(len(said.split()) >= 4, "a message that says what is missing and where to get it", repr(said))
-        raise NotJudged(f"not ready: {said}") from error
+        _expect_help(str(error))
+        raise NotJudged(f"not ready: {error}") from error
     except Exception as error:
         raise NotMet(
             "load() to work, or a physic_core.errors.BackendError that says which file is missing and where to get it",
             f"{type(error).__name__}: {error}",
         ) from error
     _quietly_closed(backend)
+
+
+def _expect_help(said: str) -> None:
+    expect(len(said.split()) >= 4, "a message that says what is missing and where to get it", repr(said))
 
 
 def check_refuses_a_missing_device(subject: Subject) -> None:

@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from physic_core.errors import BackendError, ConfigError, PhysicError
 from physic_core.faults import from_pydantic
 from physic_core.interfaces import INTERFACES, Backend
+from physic_core.readiness import lacks
 from physic_core.testing.conformance.asking import changed, form_faults, inputs
 from physic_core.testing.conformance.cases import SIZE, build_case
 from physic_core.testing.conformance.expect import NotJudged
@@ -142,6 +143,13 @@ class Subject:
                 backend = self.construct(case)
             except Exception as error:
                 raise NotJudged("it cannot be constructed: see 'constructs_with_its_defaults'") from error
+            try:
+                with no_network():
+                    lacking = lacks(backend)
+            except PhysicError as error:
+                raise NotJudged("it cannot be loaded: see 'loads_or_says_what_is_missing'") from error
+            if lacking:
+                raise NotJudged(f"not ready: {'; '.join(lacking)}")
             try:
                 backend.load(self.device)
             except PhysicError as error:

@@ -1,0 +1,268 @@
+"""What chosen backends lack is told at once, before anything is computed, and by every command that looks at them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from physic_core import interfaces, load_config, reconstruct
+from physic_core.cli import main
+from physic_core.cli.doctor import examine
+from physic_core.errors import BackendError, WeightsMissingError
+from physic_core.interfaces import INTERFACES
+from physic_core.plugins import discover
+from physic_core.readiness import lacks
+from physic_core.registry import BackendRecord, Registry
+from physic_core.resolve import missing, require_whole, resolve
+from physic_core.testing import check_backend
+from physic_core.testing.conformance.compare import compare
+
+PLUGIN = """
+from pathlib import Path
+from pydantic import Field
+from physic_core import BackendRecord, hookimpl, interfaces
+from physic_core.weights import fingerprint, locate, missing
+
+MANIFEST = Path(__file__).parent / "physic_heavy.toml"
+
+class Options(interfaces.Options):
+    weights: str = Field(default="net", description="a set, or a path")
+
+class Shared:
+    Options = Options
+    def missing(self):
+        return missing(MANIFEST, self.options.weights)
+    def fingerprint(self):
+        return fingerprint(MANIFEST, self.options.weights)
+    def load(self, device="cpu"):
+        raise RuntimeError(f"loaded {locate(MANIFEST, self.options.weights)}")
+    def infer(self, *arguments):
+        raise RuntimeError("asked")
+
+class Depth(Shared, interfaces.MetricDepth): pass
+class Points(Shared, interfaces.RelativePointmap): pass
+class Hands(Shared, interfaces.HandEstimator):
+    def missing(self):
+        return ("no checkout of hands in /x: git clone it there",)
+
+@hookimpl
+def physic_backends():
+    return [
+        BackendRecord("metric_depth", "heavy", "physic_heavy:Depth", needs=("weights",)),
+        BackendRecord("relative_pointmap", "heavy", "physic_heavy:Points", needs=("weights",)),
+        BackendRecord("hand_estimator", "heavy-hands", "physic_heavy:Hands"),
+    ]
+
+@hookimpl
+def physic_weights():
+    return MANIFEST
+"""
+MANIFEST = """
+[net]
+summary = "A network"
+license = "MIT"
+commercial = true
+[[net.files]]
+path = "model.onnx"
+bytes = 140852051
+source = "https://example.org/model.onnx"
+"""
+NET = "weights 'net' (141 MB, MIT) are not here: `physic weights fetch net`"
+HANDS = "no checkout of hands in /x: git clone it there"
+CONFIG = """
+extends = "mock"
+[metric_depth]
+backend = "heavy"
+[relative_pointmap]
+backend = "heavy"
+[hand_estimator]
+backend = "heavy-hands"
+"""
+BOTH = "metric_depth 'heavy' (physic-heavy 1.0) and relative_pointmap 'heavy' (physic-heavy 1.0)"
+
+
+@pytest.fixture
+def heavy(site, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A plugin whose weights are not here; the folder that they would be found in."""
+    site.install("physic-heavy", PLUGIN)
+    (site.folder / "physic_heavy.toml").write_text(MANIFEST)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path / "mine"))
+    (tmp_path / "my.toml").write_text(CONFIG)
+    return tmp_path / "mine" / "net"
+
+
+def physic(*arguments: str) -> Result:
+    return CliRunner().invoke(main, list(arguments))
+
+
+def bring(folder: Path) -> None:
+    folder.mkdir(parents=True)
+    (folder / "model.onnx").write_bytes(b"net")
+
+
+def test_one_error_lists_all_that_is_missing_before_anything_is_computed(heavy: Path):
+    asked: list[str] = []
+    with pytest.raises(WeightsMissingError) as caught:
+        reconstruct(
+            np.zeros((72, 96, 3), np.uint8), load_config("my.toml"), progress=lambda name, *_: asked.append(name)
+        )
+    assert str(caught.value) == (
+        "2 things are missing, and nothing was computed:\n"
+        f"  {BOTH}: {NET}\n"
+        f"  hand_estimator 'heavy-hands' (physic-heavy 1.0): {HANDS}"
+    )
+    assert asked == []
+
+
+def test_the_command_says_it_too_and_leaves_no_folder(heavy: Path, repository: Path, tmp_path: Path):
+    photo = repository / "examples" / "basketball.png"
+    done = physic("run", str(photo), "--config", "my.toml", "-o", "out")
+    assert (done.exit_code, done.stdout) == (1, "")
+    assert done.stderr.startswith("Error: 2 things are missing, and nothing was computed:\n  metric_depth 'heavy'")
+    assert not (tmp_path / "out").exists()
+
+
+def test_config_check_says_that_the_config_holds_and_what_a_run_would_lack(heavy: Path):
+    done = physic("config", "check", "my.toml")
+    assert (done.exit_code, done.stdout) == (
+        0,
+        "my.toml: no errors\n"
+        "2 things are missing; a run would stop:\n"
+        f"  {BOTH}: {NET}\n"
+        f"  hand_estimator 'heavy-hands' (physic-heavy 1.0): {HANDS}\n",
+    )
+
+
+def test_config_check_says_no_more_than_before_where_all_is_here(heavy: Path):
+    bring(heavy)
+    done = physic("config", "check", "my.toml", "--set", "hand_estimator.backend=none")
+    assert (done.exit_code, done.stdout) == (0, "my.toml: no errors\n")
+
+
+def test_resolving_alone_asks_for_no_file(heavy: Path):
+    plan = resolve(load_config("my.toml"), discover())
+    assert len(missing(plan)) == 2
+    with pytest.raises(WeightsMissingError):
+        require_whole(plan)
+
+
+def test_the_doctor_calls_it_missing_and_loads_nothing(heavy: Path):
+    done = physic("plugins", "doctor", "heavy")
+    assert (done.exit_code, done.stdout) == (
+        0,
+        f"missing  metric_depth 'heavy' (physic-heavy 1.0): {NET}\n"
+        f"missing  relative_pointmap 'heavy' (physic-heavy 1.0): {NET}\n"
+        "2 looked at: 0 ok, 2 missing, 0 broken\n",
+    )
+
+
+def test_show_says_what_is_missing_and_where_it_is_sought_or_lies(heavy: Path, tmp_path: Path):
+    def shown() -> list[str]:
+        lines = physic("plugins", "show", "heavy").stdout.split("\n\n")[0].splitlines()
+        return [line for line in lines if line.startswith(("  status", "  files"))]
+
+    status, files = shown()
+    assert status == f"  status    NOT READY: {NET}"
+    assert files.startswith(
+        f"  files     'net' is sought in {heavy}, {tmp_path / 'cache' / 'physic' / 'weights' / 'net'}"
+    )
+    bring(heavy)
+    assert shown() == [
+        "  status    unsure: needs weights; `physic plugins doctor heavy` tells",
+        f"  files     {heavy / 'model.onnx'}",
+    ]
+
+
+def test_the_listing_imports_nothing_and_is_unsure(heavy: Path):
+    (row,) = [
+        line for line in physic("plugins").stdout.splitlines() if line.startswith("metric_depth") and "heavy" in line
+    ]
+    assert row.endswith("unsure: needs weights; `physic plugins doctor heavy` tells")
+
+
+def test_the_kit_asks_nothing_and_fails_nothing(heavy: Path):
+    report = check_backend("heavy", "metric_depth", size=(96, 72))
+    assert report.failures == ()
+    assert report.not_asked == f"not ready: {NET}"
+    done = physic("plugins", "check", "heavy", "--interface", "metric_depth", "--json")
+    assert (done.exit_code, json.loads(done.stdout)[0]["not_asked"]) == (1, f"not ready: {NET}")
+
+
+def test_a_comparison_says_why_a_backend_answers_nothing(heavy: Path):
+    found = compare("metric_depth", ["heavy"], worlds=[("stand", 0)], size=(96, 72))
+    assert found.rows[0].problem == f"not ready: {NET}"
+
+
+# ---- backends that cannot say what they lack -------------------------------------------------------------------------
+
+
+def saying(answer: object) -> type[interfaces.Backend]:
+    def say(self: object) -> object:
+        if isinstance(answer, BaseException):
+            raise answer
+        return answer
+
+    return type("Own", (interfaces.MetricDepth,), {"missing": say, "infer": lambda self, image, hints: None})
+
+
+WRONG = [
+    (RuntimeError("no disk"), "missing() fails: RuntimeError: no disk"),
+    (SystemExit(2), "missing() fails: SystemExit: 2"),
+    (None, "missing() must return a tuple of texts, got None"),
+    ("model.onnx", "missing() must return a tuple of texts, got 'model.onnx'"),
+    ([Path("x")], f"missing() must return a tuple of texts, got {[Path('x')]!r}"),
+    (BackendError("this list of weights does not hold:"), "this list of weights does not hold:"),
+]
+
+
+@pytest.mark.parametrize(("answer", "says"), WRONG, ids=[says for _, says in WRONG])
+def test_what_is_no_answer_is_the_backends_fault(answer: object, says: str):
+    with pytest.raises(BackendError) as caught:
+        lacks(saying(answer)())
+    assert str(caught.value) == says
+
+
+def test_an_error_about_missing_weights_is_an_answer():
+    assert lacks(saying(WeightsMissingError("no file x: get it"))()) == ("no file x: get it",)
+
+
+def test_a_backend_without_the_method_lacks_nothing():
+    assert lacks(type("Own", (interfaces.MetricDepth,), {"infer": lambda self, image, hints: None})()) == ()
+
+
+def test_it_is_named_wherever_it_is_asked():
+    registry = Registry()
+    for name, base in INTERFACES.items():
+        kind = saying(None) if name == "metric_depth" else type("Own", (base,), {"infer": lambda self, *a: None})
+        registry.register(BackendRecord(name, "own", kind))
+    config = load_config(flags={"config": {name: {"backend": "own"} for name in INTERFACES}})
+    with pytest.raises(BackendError) as caught:
+        require_whole(resolve(config, registry))
+    says = "missing() must return a tuple of texts, got None"
+    assert str(caught.value) == f"metric_depth 'own' (registered by hand): {says}"
+    claim = registry.get("metric_depth", "own")
+    assert str(examine(registry, claim, "cpu")) == f"BROKEN   metric_depth 'own' (registered by hand): {says}"
+    report = check_backend("own", "metric_depth", registry=registry, size=(96, 72))
+    assert [(f.check, f.got) for f in report.failures] == [("loads_or_says_what_is_missing", says)]
+
+
+def test_a_backend_that_asks_the_network_what_it_lacks_fails_the_kit():
+    import socket
+
+    def look(self):
+        try:
+            socket.create_connection(("example.org", 443), timeout=1)
+        except OSError:
+            pass
+        return ()
+
+    kind = type("Own", (interfaces.MetricDepth,), {"missing": look, "infer": lambda self, image, hints: None})
+    report = check_backend(kind, size=(96, 72))
+    failure = next(f for f in report.failures if f.check == "loads_or_says_what_is_missing")
+    assert (failure.expected, failure.got) == ("missing() to use no network", "it asks for example.org")
