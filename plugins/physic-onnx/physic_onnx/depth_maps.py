@@ -1,0 +1,113 @@
+"""Maps of depth as networks answer them: freed of spare axes, refused where they say nothing, brought to the photo."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from physic_core.errors import BackendError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.types import FloatArray, Hints, Intrinsics
+
+__all__ = ["NEEDS_FOCAL", "depth_at", "fixed_size", "known_camera", "one_number", "single_map", "squash_note"]
+
+NEEDS_FOCAL = (
+    "{name} gives metres only for a known focal length, and none is known: set focal_px in [photo], "
+    "or choose a relative_pointmap that finds the camera"
+)
+_MOST_SQUASH = 1.25
+_LEAST_SPREAD = 1e-6  # of the largest value; below it a map is a constant
+
+
+def single_map(values: NDArray[Any], what: str, file: str, *, may_be_flat: bool = False) -> FloatArray:
+    """The one map (h, w) float32 in an output with batch, view or channel axes of size 1.
+
+    Args:
+        values: as the network gave it.
+        what: name of the output.
+        file: name of the network.
+        may_be_flat: whether one and the same number everywhere is an answer.
+
+    Raises:
+        BackendError: it holds no map or several, no number, or one and the same number everywhere.
+    """
+    import numpy as np
+
+    shape = values.shape
+    while values.ndim > 2 and 1 in values.shape:
+        values = np.squeeze(values, axis=values.shape.index(1))
+    if values.ndim != 2:
+        raise BackendError(f"{file} answered {what} of shape {shape}: one map (height, width) was expected")
+    found = np.asarray(values, np.float32)
+    finite = found[np.isfinite(found)]
+    if not finite.size:
+        raise BackendError(
+            f"{file} answered {what} without one finite number: in half precision networks can overflow; "
+            "use its float32 file"
+        )
+    if not may_be_flat and found.size > 1 and np.ptp(finite) <= _LEAST_SPREAD * np.abs(finite).max():
+        raise BackendError(
+            f"{file} answered {what} = {float(finite[0]):.4g} for every pixel: some exports in half precision do so on "
+            "GPUs; use its float32 file, or provider 'cpu'"
+        )
+    return found
+
+
+def one_number(values: NDArray[Any], what: str, file: str) -> float:
+    """The number in an output of shape (), (1,) or (1, 1).
+
+    Raises:
+        BackendError: there are several, or it is not above 0.
+    """
+    import numpy as np
+
+    if values.size != 1:
+        raise BackendError(f"{file} answered {what} of shape {values.shape}: one number was expected")
+    number = float(np.reshape(values, -1)[0])
+    if not 0 < number < float("inf"):
+        raise BackendError(f"{file} answered {what} = {number:g}: a number above 0 was expected")
+    return number
+
+
+def fixed_size(shape: tuple[int | str, ...]) -> tuple[int | None, int | None]:
+    """Rows and columns that an input fixes, None where they are free."""
+    rows, columns = (side if isinstance(side, int) else None for side in shape[-2:])
+    return rows, columns
+
+
+def squash_note(image: NDArray[Any], rows: int, columns: int, file: str) -> tuple[str, ...]:
+    """A note where a fixed size changes the aspect of the photo much."""
+    height, width = image.shape[:2]
+    squash = (columns / rows) / (width / height)
+    if 1 / _MOST_SQUASH < squash < _MOST_SQUASH:
+        return ()
+    by = max(squash, 1 / squash)
+    return (
+        f"{file} sees {columns} x {rows} px only, so that the photo is squashed by a factor {by:.2g}; "
+        "a file of free size would see it as it is",
+    )
+
+
+def known_camera(hints: Hints, image: NDArray[Any]) -> Intrinsics | None:
+    """The camera of the hints for this image, whatever size it was given for."""
+    camera, (height, width) = hints.intrinsics, image.shape[:2]
+    if camera is None or (camera.width, camera.height) == (width, height):
+        return camera
+    return camera.resized(width, height)
+
+
+def depth_at(depth: FloatArray, farthest: float | None) -> FloatArray:
+    """Depth (h, w) with NaN where it is not above 0, or farther than a network can tell."""
+    import numpy as np
+
+    with np.errstate(invalid="ignore"):
+        known = np.isfinite(depth) & (depth > 0)
+        if farthest is not None:
+            known &= depth <= farthest
+    found: FloatArray = np.where(known, depth, np.nan).astype(np.float32)
+    if not known.any():
+        limit = "" if farthest is None else f" nearer than {farthest:g} m"
+        raise BackendError(f"the network sees nothing in this photo{limit}: no pixel has a depth")
+    return found
