@@ -102,12 +102,12 @@ def recover_camera(
 
 
 def settle(
-    points: FloatArray, mask: BoolArray, found: AffineCamera, camera: Intrinsics, scale: float = 1.0
+    z: FloatArray, mask: BoolArray, found: AffineCamera, camera: Intrinsics, scale: float = 1.0
 ) -> tuple[FloatArray, BoolArray]:
-    """Put an affine point map on the rays of a camera.
+    """Put an affine point map on the rays of a camera; of the points themselves only z is still needed.
 
     Args:
-        points: (H, W, 3) affine.
+        z: (H, W) of the points.
         mask: (H, W) bool, which of them count.
         found: of :func:`recover_camera`.
         camera: of the image.
@@ -121,7 +121,7 @@ def settle(
 
     height, width = mask.shape
     with np.errstate(invalid="ignore"):
-        depth = (np.asarray(points[..., 2], np.float64) + found.shift) * scale
+        depth = (np.asarray(z, np.float64) + found.shift) * scale
         valid = mask & np.isfinite(depth) & (depth > 0)
     depth = np.where(valid, depth, np.nan)
     u = (np.arange(width) - camera.cx) / camera.fx

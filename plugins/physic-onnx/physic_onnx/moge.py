@@ -1,0 +1,157 @@
+"""MoGe-2 (Wang et al. 2025): depth in metres, points and the focal length from one network.
+
+The file answers points up to a scale and a shift along z, a mask, and the scale in metres. The focal length and the
+shift are found here (:mod:`physic_core.adapters.affine_pointmap`). The two backends share the network and its answers:
+a photo that both are asked about is run once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+from pydantic import Field
+
+from physic_core import weights
+from physic_core.adapters.affine_pointmap import half_diagonal, recover_camera, settle
+from physic_core.adapters.pictures import check_photo, resample
+from physic_core.interfaces import Backend, MetricDepth, Options, RelativePointmap
+from physic_core.types import DepthMap, Intrinsics, Pointmap
+
+from .moge_network import MogeRunner, runner_for
+from .options import OnnxOptions
+from .sessions import open_network
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+    from physic_core.types import BoolArray, FloatArray, Hints, UInt8Array, Unknown
+
+__all__ = ["Moge2Depth", "Moge2Pointmap", "MogeOptions"]
+
+MANIFEST = Path(__file__).parent / "weights"
+_FILE = "model.onnx"
+
+
+class MogeOptions(OnnxOptions):
+    """Settings of MoGe-2; backends with the same ones share their network."""
+
+    weights: str = Field(
+        "moge-2-vits-normal", description="a name of `physic weights list`, or the path of a file of your own"
+    )
+    tokens: int = Field(
+        1800,
+        ge=1200,
+        le=3600,
+        description="patches that a photo is cut into: 1200 is quick, 3600 shows most and takes three times as long",
+    )
+
+
+class _Moge(Backend):
+    """What both backends share."""
+
+    Options: ClassVar[type[Options]] = MogeOptions
+    options: MogeOptions
+    capabilities: ClassVar[frozenset[str]] = frozenset({"returns_intrinsics"})
+
+    def __init__(self, options: BaseModel | None = None) -> None:
+        super().__init__(options)
+        chosen = self.options
+        self.runner: MogeRunner = runner_for(chosen.weights, chosen.provider, chosen.threads)
+        self.runner.expect(self)
+
+    def load(self, device: str = "cpu") -> None:
+        """Open the network, or join those who have it open.
+
+        Raises:
+            WeightsMissingError: the file is not on this machine; the message says how to get it.
+            DeviceError: the device or the provider is not there.
+            BackendError: the file is not a MoGe-2.
+        """
+        path = weights.locate(MANIFEST, self.options.weights, _FILE)
+        status = path.stat()
+        identity = (str(path), status.st_size, status.st_mtime_ns, device)
+        self.runner.open(self, identity, lambda: open_network(path, self.options, device))
+
+    def close(self) -> None:
+        """Let go of the network."""
+        self.runner.release(self)
+
+    def missing(self) -> tuple[str, ...]:
+        """The file, where it is not on this machine."""
+        return weights.missing(MANIFEST, self.options.weights, _FILE)
+
+    def fingerprint(self) -> str:
+        """Of the file."""
+        return weights.fingerprint(MANIFEST, self.options.weights)
+
+    def _ask(self, image: UInt8Array, known: Intrinsics | None, *, metric: bool) -> _Solved:
+        """The points of a photo, on the rays of the known camera or of the one that they tell.
+
+        Raises:
+            BackendError: the backend is not loaded, or the network answers nothing that can be used.
+        """
+        check_photo(image)
+        height, width = image.shape[:2]
+        raw = self.runner.run(self, image, self.options.tokens)
+        seen_height, seen_width = raw.mask.shape
+        notes = [f"MoGe-2 ran on {raw.provider}"]
+        if known is not None:
+            focal = (known.fx * seen_width / width, known.fy * seen_height / height)
+            found, camera = recover_camera(raw.points, raw.mask, focal), known
+        else:
+            found = recover_camera(raw.points, raw.mask)
+            focal_px = found.fx * half_diagonal(height, width) / half_diagonal(seen_height, seen_width)
+            source = "MoGe-2" if found.determined else "default: MoGe-2 saw a scene too flat to tell"
+            camera = Intrinsics.from_focal(focal_px, width, height, source)
+            if not found.determined:
+                notes.append(f"MoGe-2 saw a scene too flat to tell the focal length: {focal_px:.0f} px is a guess")
+        mask = resample(raw.confidence, height, width) > 0.5
+        depth = resample(raw.points[..., 2], height, width)
+        points, valid = settle(depth, mask, found, camera, raw.scale if metric else 1.0)
+        return _Solved(points, valid, camera, found.determined, tuple(notes))
+
+
+class Moge2Depth(_Moge, MetricDepth):
+    """Depth in metres. The camera of the hints is respected, unless it is a default and MoGe-2 knows better."""
+
+    def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
+        """Image (H, W, 3) -> z-depth in metres, NaN where MoGe-2 sees no surface, such as in the sky.
+
+        Raises:
+            BackendError: it is not loaded, or sees no surface at all.
+        """
+        known = hints.intrinsics
+        if known is not None and known.source.startswith("default"):
+            known = None
+        solved = self._ask(image, known, metric=True)
+        return DepthMap(solved.points[..., 2].copy(), solved.camera, notes=solved.notes)
+
+
+class Moge2Pointmap(_Moge, RelativePointmap):
+    """Points without their unit: what the network says of metres is left to the metric depth."""
+
+    def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
+        """Image (H, W, 3) -> points on the rays of ``hints.intrinsics``, or of the camera that they tell.
+
+        The shift along z is found with the focal length, so that only a scale is left unknown; where a flat scene
+        tells neither, the shift is left unknown too.
+
+        Raises:
+            BackendError: it is not loaded, or sees no surface at all.
+        """
+        solved = self._ask(image, hints.intrinsics, metric=False)
+        unknown: Unknown = "scale" if solved.determined else "scale_shift"
+        return Pointmap(solved.points, solved.valid, unknown, solved.camera, solved.notes)
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """Points (H, W, 3) on the rays of ``camera``, where they are ``valid``; ``determined`` if the shift is known."""
+
+    points: FloatArray
+    valid: BoolArray
+    camera: Intrinsics
+    determined: bool
+    notes: tuple[str, ...]
