@@ -1,0 +1,103 @@
+"""People and floor from one closed-set network: EoMT, trained on COCO panoptic."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from pydantic import Field
+
+from physic_core.adapters.panoptic import COCO_PANOPTIC, Padded, people_and_floor
+from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, check_photo, planes, squash
+from physic_core.errors import BackendError
+from physic_core.interfaces import Options, Segmenter
+from physic_transformers.models import WHERE, ModelOptions, Part, Pretrained, array
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from physic_core.types import FloatArray, People, UInt8Array
+
+__all__ = ["Eomt", "EomtOptions", "class_names", "framed"]
+
+
+class EomtOptions(ModelOptions):
+    """Settings of :class:`Eomt`."""
+
+    weights: str = Field(default="eomt-large-640-hf", description=f"EoMT of COCO panoptic: {WHERE}.")
+    threshold: float = Field(
+        default=0.5, ge=0, le=1, description="Chance from which a query's class is believed; 0.8 finds fewer, surely."
+    )
+    held: float = Field(
+        default=0.8, ge=0, le=1, description="Share of its own mask that a query must win; 0.5 keeps more of a crowd."
+    )
+
+
+class Eomt(Pretrained, Segmenter):
+    """EoMT panoptic: each query claims a class and a mask."""
+
+    Options: ClassVar[type[Options]] = EomtOptions
+    options: EomtOptions
+    parts: ClassVar[tuple[Part, ...]] = (Part("weights", "EomtForUniversalSegmentation", ("eomt",)),)
+
+    def load(self, device: str = "cpu") -> None:
+        """Read the weights.
+
+        Raises:
+            WeightsMissingError: they are not on this machine.
+            DeviceError: the device is not there.
+            BackendError: the folder holds another model, or one that does not know people.
+        """
+        super().load(device)
+        class_names(self.network().config.id2label)
+
+    def infer(self, image: UInt8Array) -> People:
+        """Image (H, W, 3) -> people, best score first, and the floor.
+
+        Raises:
+            InputError: it is no photo.
+            BackendError: ``load`` was not called.
+        """
+        check_photo(image)
+        network, size = self.network(), (image.shape[0], image.shape[1])
+        frame = _side(network.config.image_size)
+        padded = Padded(*size, frame)
+        out = network.run(pixel_values=framed(image, padded))
+        return people_and_floor(
+            array(out.class_queries_logits)[0],
+            array(out.masks_queries_logits)[0],
+            padded.to_photo,
+            size,
+            labels=class_names(network.config.id2label),
+            threshold=self.options.threshold,
+            held=self.options.held,
+        )
+
+
+def framed(image: UInt8Array, padded: Padded) -> FloatArray:
+    """A photo in the top left corner of a black square, (1, 3, S, S); black before it is normalised, not grey."""
+    import numpy as np
+
+    square = np.zeros((padded.frame, padded.frame, 3), np.uint8)
+    square[: padded.inner[0], : padded.inner[1]] = squash(image, *padded.inner, "bilinear-antialias")
+    return planes(square, IMAGENET_MEAN, IMAGENET_STD)
+
+
+def class_names(labels: Mapping[Any, str]) -> tuple[str, ...]:
+    """Names of a model's classes in order; COCO panoptic's where the config only counts them.
+
+    Raises:
+        BackendError: people are not among them.
+    """
+    names = tuple(labels[i] for i in sorted(labels, key=int))
+    if all(name == f"LABEL_{i}" for i, name in enumerate(names)) and len(names) == len(COCO_PANOPTIC):
+        return COCO_PANOPTIC
+    if "person" not in names:
+        told = f"{len(names)} classes ({', '.join(names[:3])}, ...)"
+        raise BackendError(
+            f"this EoMT knows {told}, expected the {len(COCO_PANOPTIC)} of COCO panoptic, 'person' among them"
+        )
+    return names
+
+
+def _side(size: Any) -> int:
+    return int(size if isinstance(size, int) else size[0])

@@ -1,0 +1,174 @@
+"""People and floor by words: GroundingDINO finds boxes, SAM 2.1 masks them. The segmenter of the paper.
+
+The defaults are those of PhySIC's release: its prompts, thresholds and models.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from pydantic import Field
+
+from physic_core.adapters.detections import boxes_in_photo, corners_of_centred
+from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, check_photo, planes, squash
+from physic_core.interfaces import Options, Segmenter
+from physic_transformers.models import WHERE, ModelOptions, Part, Pretrained, array
+from physic_transformers.sam_masks import most_likely, people_of, union
+from physic_transformers.sizes import between_edges
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from physic_core.types import BoolArray, FloatArray, People, UInt8Array
+
+__all__ = ["Found", "GroundedSam2", "GroundedSam2Options", "named_boxes", "prompt_of"]
+
+_SHORT, _LONG = 800, 1333  # px that GroundingDINO was trained with
+_AT_ONCE = 16  # boxes a call of the mask decoder
+
+
+class GroundedSam2Options(ModelOptions):
+    """Settings of :class:`GroundedSam2`."""
+
+    detector: str = Field(default="grounding-dino-base-hf", description=f"GroundingDINO: {WHERE}.")
+    masks: str = Field(default="sam2.1-hiera-large-hf", description=f"SAM 2 or 2.1: {WHERE}.")
+    people_words: str = Field(default="person.", min_length=1, description="What a person is called, ended by a dot.")
+    floor_words: str = Field(
+        default="ground, floor, carpet.",
+        description="What the floor is called; all that is found is the floor. Empty: do not look for it.",
+    )
+    box_threshold: float = Field(
+        default=0.3, ge=0, le=1, description="Score from which a box is looked at; 0.25-0.4 works."
+    )
+    text_threshold: float = Field(
+        default=0.25, ge=0, le=1, description="A box counts if it fits some word of the prompt by more than this."
+    )
+    person_score: float = Field(
+        default=0.45, ge=0, le=1, description="Score from which a box is a person; 0.3 finds more, and some furniture."
+    )
+    max_people: int = Field(default=20, ge=1, description="At most so many people, best first.")
+    same_person: float = Field(
+        default=0.8, ge=0, le=1, description="Masks that share more of their union than this are one person."
+    )
+
+
+@dataclass(frozen=True)
+class Found:
+    """Boxes that a text was found at, best score first.
+
+    Attributes:
+        boxes: (N, 4) x0 y0 x1 y1, shares of the photo's width and height.
+        scores: (N,) in [0, 1], of the token that fits best.
+        tokens: for each box, places in the text of the tokens that fit.
+    """
+
+    boxes: FloatArray
+    scores: FloatArray
+    tokens: tuple[tuple[int, ...], ...]
+
+
+class GroundedSam2(Pretrained, Segmenter):
+    """GroundingDINO and SAM 2.1, with the words and thresholds of the paper's release."""
+
+    Options: ClassVar[type[Options]] = GroundedSam2Options
+    options: GroundedSam2Options
+    parts: ClassVar[tuple[Part, ...]] = (
+        Part("detector", "GroundingDinoForObjectDetection", ("grounding-dino",), tokens=True),
+        # The published SAM 2 repositories hold the model for videos, of which this is a part.
+        Part("masks", "Sam2Model", ("sam2", "sam2_video")),
+    )
+
+    def infer(self, image: UInt8Array) -> People:
+        """Image (H, W, 3) -> people, best score first, and the floor.
+
+        Raises:
+            InputError: it is no photo.
+            BackendError: ``load`` was not called.
+        """
+        import numpy as np
+
+        check_photo(image)
+        options, size = self.options, (image.shape[0], image.shape[1])
+        pixels = _detector_pixels(image)
+        boxes, scores = self._boxes(pixels, options.people_words, options.person_score, size)
+        places = np.zeros((0, 4))
+        if options.floor_words:
+            places, _ = self._boxes(pixels, options.floor_words, options.box_threshold, size)
+        logits = self._masks(image, np.concatenate([boxes, places]))
+        floor = union(logits[len(boxes) :], size) if options.floor_words else None
+        return people_of(logits[: len(boxes)], boxes, scores, floor, size, same=options.same_person)
+
+    def _boxes(
+        self, pixels: FloatArray, words: str, threshold: float, size: tuple[int, int]
+    ) -> tuple[FloatArray, FloatArray]:
+        """(N, 4) px of the photo and (N,) scores of what the words name."""
+        import numpy as np
+
+        network, options = self.network("detector"), self.options
+        text = network.tokenizer(prompt_of(words), return_tensors="np", return_token_type_ids=True)
+        out = network.run(
+            pixel_values=pixels,
+            pixel_mask=np.ones((1, *pixels.shape[2:]), np.int64),
+            **{name: np.asarray(text[name], np.int64) for name in ("input_ids", "token_type_ids", "attention_mask")},
+        )
+        threshold = max(threshold, options.box_threshold)
+        found = named_boxes(array(out.logits)[0], array(out.pred_boxes)[0], threshold, options.text_threshold)
+        height, width = size
+        boxes, inside = boxes_in_photo(found.boxes * np.array([width, height, width, height]), height, width)
+        rows = [i for i in np.flatnonzero(inside) if found.tokens[i]][: options.max_people]
+        return boxes[rows], found.scores[rows]
+
+    def _masks(self, image: UInt8Array, boxes: FloatArray) -> FloatArray:
+        """(N, h, w) logits over the photo, one mask a box."""
+        import numpy as np
+
+        network = self.network("masks")
+        side = int(network.config.prompt_encoder_config.image_size)
+        grid = 4 * side // int(network.config.prompt_encoder_config.patch_size)
+        if not len(boxes):
+            return np.zeros((0, grid, grid), np.float32)
+        pixels = planes(squash(image, side, side, "bilinear-antialias"), IMAGENET_MEAN, IMAGENET_STD)
+        embeddings = network.run("get_image_embeddings", pixel_values=pixels)
+        height, width = image.shape[:2]
+        prompts = (boxes * (side / np.array([width, height, width, height]))).astype(np.float32)
+        masks = [
+            self._decoded(network, embeddings, prompts[i : i + _AT_ONCE]) for i in range(0, len(prompts), _AT_ONCE)
+        ]
+        return np.concatenate(masks)
+
+    def _decoded(self, network: Any, embeddings: Any, prompts: FloatArray) -> FloatArray:
+        out = network.run(input_boxes=prompts[None], image_embeddings=embeddings, multimask_output=False)
+        return array(out.pred_masks)[0, :, 0]
+
+
+def prompt_of(words: str) -> str:
+    """A text as GroundingDINO was trained on: lower case, ended by a dot."""
+    text = words.strip().lower()
+    return text if text.endswith(".") else f"{text}."
+
+
+def named_boxes(logits: FloatArray, boxes: FloatArray, box_threshold: float, text_threshold: float) -> Found:
+    """What the queries found.
+
+    Args:
+        logits: (Q, T), how well each query fits each token, of which the first begins the text and is no word.
+        boxes: (Q, 4) centre x, centre y, width, height, shares of the photo.
+        box_threshold: of the best token's score.
+        text_threshold: of the score of tokens that are told.
+    """
+    import numpy as np
+
+    chance = 1 / (1 + np.exp(-np.clip(np.asarray(logits, np.float64), -60, 60)))
+    scores = chance.max(axis=1)
+    rows = most_likely(scores, box_threshold, len(scores))
+    named: BoolArray = chance[rows] > text_threshold
+    named[:, [0, -1]] = False
+    tokens = tuple(tuple(int(i) for i in np.flatnonzero(row)) for row in named)
+    return Found(corners_of_centred(boxes[rows].astype(np.float64)), scores[rows], tokens)
+
+
+def _detector_pixels(image: NDArray[np.uint8]) -> FloatArray:
+    height, width = between_edges(*image.shape[:2], _SHORT, _LONG)
+    return planes(squash(image, height, width, "bilinear-antialias"), IMAGENET_MEAN, IMAGENET_STD)

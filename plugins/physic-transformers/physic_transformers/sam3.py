@@ -1,0 +1,101 @@
+"""People and floor by words, with one network: SAM 3."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from pydantic import Field
+
+from physic_core.adapters.detections import boxes_in_photo
+from physic_core.adapters.pictures import check_photo, planes, resample, squash
+from physic_core.interfaces import Options, Segmenter
+from physic_transformers.models import WHERE, ModelOptions, Part, Pretrained, array
+from physic_transformers.sam_masks import most_likely, people_of
+
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray, FloatArray, People, UInt8Array
+
+__all__ = ["Sam3", "Sam3Options"]
+
+_MEAN = _STD = (0.5, 0.5, 0.5)
+_TOKENS = 32  # of each text: shorter ones are padded
+
+
+class Sam3Options(ModelOptions):
+    """Settings of :class:`Sam3`."""
+
+    weights: str = Field(default="sam3-hf", description=f"SAM 3: {WHERE}.")
+    people_words: str = Field(default="person", min_length=1, description="What a person is called.")
+    floor_words: str = Field(default="floor", description="What the floor is called. Empty: do not look for it.")
+    person_score: float = Field(
+        default=0.5, ge=0, le=1, description="Score from which something is a person; 0.3 finds more."
+    )
+    floor_score: float = Field(default=0.5, ge=0, le=1, description="Chance from which a pixel is the floor.")
+    max_people: int = Field(default=20, ge=1, description="At most so many people, best first.")
+    same_person: float = Field(
+        default=0.8, ge=0, le=1, description="Masks that share more of their union than this are one person."
+    )
+
+
+class Sam3(Pretrained, Segmenter):
+    """Instances of the one text, pixels of the other; the photo is encoded once."""
+
+    Options: ClassVar[type[Options]] = Sam3Options
+    options: Sam3Options
+    # The published repository holds the model for videos, of which this is a part.
+    parts: ClassVar[tuple[Part, ...]] = (Part("weights", "Sam3Model", ("sam3", "sam3_video"), tokens=True),)
+
+    def infer(self, image: UInt8Array) -> People:
+        """Image (H, W, 3) -> people, best score first, and the floor.
+
+        Raises:
+            InputError: it is no photo.
+            BackendError: ``load`` was not called.
+        """
+        import numpy as np
+
+        check_photo(image)
+        options, size = self.options, (image.shape[0], image.shape[1])
+        side = int(_vision(self.network().config).image_size)
+        pixels = planes(squash(image, side, side, "bilinear-antialias"), _MEAN, _STD)
+        seen = self.network().run("get_vision_features", pixel_values=pixels)
+        floor = self._floor(seen, size) if options.floor_words else None
+        out = self._asked(seen, options.people_words)
+        # How well a query fits the text, if there is such a thing in the photo at all.
+        scores = _chance(array(out.pred_logits)[0]) * _chance(array(out.presence_logits)[0])
+        rows = most_likely(scores, options.person_score, options.max_people)
+        height, width = size
+        boxes, inside = boxes_in_photo(
+            array(out.pred_boxes)[0, rows] * np.array([width, height, width, height]), height, width
+        )
+        masks = array(out.pred_masks)[0, rows]
+        return people_of(masks[inside], boxes[inside], scores[rows][inside], floor, size, same=options.same_person)
+
+    def _floor(self, seen: Any, size: tuple[int, int]) -> BoolArray:
+        out = self._asked(seen, self.options.floor_words)
+        chance = resample(_chance(array(out.semantic_seg)[0, 0]), *size)
+        floor: BoolArray = chance > self.options.floor_score
+        return floor
+
+    def _asked(self, seen: Any, words: str) -> Any:
+        """The network's answer to a text about a photo that was encoded."""
+        import numpy as np
+
+        network = self.network()
+        text = network.tokenizer(
+            words.strip().lower(), return_tensors="np", padding="max_length", max_length=_TOKENS, truncation=True
+        )
+        ids = {name: np.asarray(text[name], np.int64) for name in ("input_ids", "attention_mask")}
+        return network.run(vision_embeds=seen, **ids)
+
+
+def _vision(config: Any) -> Any:
+    """The part of a config that tells the size of the input, be it of the model for photos or of that for videos."""
+    return getattr(config, "detector_config", None) or config
+
+
+def _chance(logits: FloatArray) -> FloatArray:
+    import numpy as np
+
+    chance: FloatArray = 1 / (1 + np.exp(-np.clip(np.asarray(logits, np.float64), -60, 60)))
+    return chance

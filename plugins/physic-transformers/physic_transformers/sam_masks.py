@@ -1,0 +1,61 @@
+"""What SAM 2 and SAM 3 give: mask logits over the whole photo, squashed to a square."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from physic_core.adapters.people import distinct_masks, people_from_masks
+from physic_core.adapters.pictures import resample
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from physic_core.types import BoolArray, FloatArray, People
+
+__all__ = ["most_likely", "people_of", "union"]
+
+
+def most_likely(scores: FloatArray, threshold: float, most: int) -> NDArray[np.intp]:
+    """Rows with a score above the threshold, best first, at most ``most``."""
+    import numpy as np
+
+    order = np.argsort(-scores, kind="stable")
+    found: NDArray[np.intp] = order[scores[order] > threshold][:most]
+    return found
+
+
+def people_of(
+    logits: FloatArray,
+    boxes: FloatArray,
+    scores: FloatArray,
+    floor: BoolArray | None,
+    size: tuple[int, int],
+    *,
+    same: float,
+) -> People:
+    """People from one mask each.
+
+    Args:
+        logits: (N, h, w) over the whole photo, above 0 inside.
+        boxes: (N, 4) x0 y0 x1 y1 px of the photo, of what they were asked with.
+        scores: (N,) in [0, 1].
+        floor: (H, W) or None.
+        size: H and W of the photo.
+        same: masks that share more of their union than this are one person, seen twice.
+    """
+    import numpy as np
+
+    rows = distinct_masks(logits > 0, scores, same) if len(logits) else np.zeros(0, np.intp)
+    masks = (resample(logits[i], *size) for i in rows)
+    return people_from_masks(masks, boxes[rows], scores[rows], floor, size=size)
+
+
+def union(logits: FloatArray, size: tuple[int, int]) -> BoolArray:
+    """(H, W) pixels of the photo that any of (N, h, w) masks holds."""
+    import numpy as np
+
+    found: BoolArray = np.zeros(size, bool)
+    for one in logits:
+        found |= resample(one, *size) > 0
+    return found

@@ -1,0 +1,203 @@
+"""Tiny random networks of the real classes, saved as the published ones are, and tokenizers of a few words."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+WORDS = ("[PAD]", "[UNK]", "[CLS]", "[SEP]", ".", ",", "person", "ground", "floor", "carpet", "##s", "a")
+
+
+def write_bert_tokenizer(folder: Path) -> None:
+    """A WordPiece tokenizer of ``WORDS``, as GroundingDINO's repositories hold one."""
+    from transformers import BertTokenizerFast
+
+    vocabulary = folder / "vocab.txt"
+    vocabulary.write_text("\n".join(WORDS) + "\n", "utf-8")
+    BertTokenizerFast(str(vocabulary), do_lower_case=True).save_pretrained(str(folder))
+
+
+def write_clip_tokenizer(folder: Path) -> None:
+    """A byte-pair tokenizer of a few letters, as SAM 3's repository holds one."""
+    from transformers import CLIPTokenizerFast
+
+    letters = sorted(set("personfloorcarpet,."))
+    names = [*letters, *(f"{letter}</w>" for letter in letters), "pe", "fl", "<|startoftext|>", "<|endoftext|>"]
+    (folder / "vocab.json").write_text(json.dumps({name: i for i, name in enumerate(names)}), "utf-8")
+    (folder / "merges.txt").write_text("#version: 0.2\np e\nf l\n", "utf-8")
+    CLIPTokenizerFast(str(folder / "vocab.json"), str(folder / "merges.txt")).save_pretrained(str(folder))
+
+
+def grounding_dino() -> Any:
+    from transformers import BertConfig, GroundingDinoConfig, GroundingDinoForObjectDetection, SwinConfig
+
+    backbone = SwinConfig(
+        embed_dim=8, depths=[1, 1, 1, 1], num_heads=[1, 1, 2, 2], window_size=4, out_features=["stage2", "stage3", "stage4"]
+    )
+    text = BertConfig(
+        vocab_size=len(WORDS), hidden_size=16, num_hidden_layers=1, num_attention_heads=2, intermediate_size=16
+    )
+    return GroundingDinoForObjectDetection(
+        GroundingDinoConfig(
+            backbone_config=backbone, text_config=text, d_model=32, num_queries=10, encoder_layers=1, decoder_layers=2,
+            encoder_ffn_dim=16, decoder_ffn_dim=16, encoder_attention_heads=2, decoder_attention_heads=2,
+            encoder_n_points=2, decoder_n_points=2,
+        )  # fmt: skip
+    )
+
+
+def sam2_config() -> dict[str, Any]:
+    return {
+        "vision_config": {
+            "model_type": "sam2_vision_model",
+            "backbone_config": {
+                "model_type": "sam2_hiera_det_model", "hidden_size": 8, "image_size": [128, 128], "blocks_per_stage": [1, 1, 2, 1],
+                "embed_dim_per_stage": [8, 16, 32, 64], "num_attention_heads_per_stage": [1, 1, 1, 1],
+                "window_size_per_stage": [4, 2, 2, 2], "global_attention_blocks": [3],
+                "window_positional_embedding_background_size": [4, 4],
+            },
+            "backbone_channel_list": [64, 32, 16, 8], "fpn_hidden_size": 32,
+            "backbone_feature_sizes": [[32, 32], [16, 16], [8, 8]],
+        },
+        "prompt_encoder_config": {"hidden_size": 32, "image_size": 128, "mask_input_channels": 4},
+        "mask_decoder_config": {
+            "hidden_size": 32, "mlp_dim": 32, "num_attention_heads": 2, "iou_head_hidden_dim": 16,
+        },
+    }  # fmt: skip
+
+
+def sam2() -> Any:
+    from transformers import Sam2Config, Sam2Model
+
+    return Sam2Model(Sam2Config(**sam2_config()))
+
+
+def sam3_config() -> dict[str, Any]:
+    small = {"hidden_size": 32, "num_attention_heads": 2, "intermediate_size": 32, "num_layers": 1}
+    return {
+        "vision_config": {
+            "model_type": "sam3_vision_model",
+            "backbone_config": {
+                "model_type": "sam3_vit_model", "hidden_size": 32, "intermediate_size": 32, "num_hidden_layers": 2, "num_attention_heads": 2,
+                "image_size": 112, "patch_size": 14, "window_size": 4, "global_attn_indexes": [1],
+                "pretrain_image_size": 56,
+            },
+            "fpn_hidden_size": 32, "backbone_feature_sizes": [[32, 32], [16, 16], [8, 8]],
+        },
+        "text_config": {
+            "model_type": "clip_text_model", "vocab_size": 64, "hidden_size": 32, "intermediate_size": 32, "projection_dim": 16,
+            "num_hidden_layers": 1, "num_attention_heads": 2, "max_position_embeddings": 32,
+            "bos_token_id": 0, "eos_token_id": 1, "pad_token_id": 1,
+        },
+        "geometry_encoder_config": dict(small), "detr_encoder_config": dict(small),
+        "detr_decoder_config": {**small, "num_queries": 12},
+        "mask_decoder_config": {"hidden_size": 32, "num_attention_heads": 2},
+    }  # fmt: skip
+
+
+def sam3() -> Any:
+    from transformers import Sam3Config, Sam3Model
+
+    return Sam3Model(Sam3Config(**sam3_config()))
+
+
+def eomt(classes: int = 133) -> Any:
+    from transformers import EomtConfig, EomtForUniversalSegmentation
+
+    return EomtForUniversalSegmentation(
+        EomtConfig(
+            hidden_size=16, num_hidden_layers=3, num_attention_heads=2, image_size=64, patch_size=16, num_blocks=1,
+            num_queries=12, num_labels=classes,
+        )  # fmt: skip
+    )
+
+
+def depth_pro(*, use_fov_model: bool = True) -> Any:
+    from transformers import DepthProConfig, DepthProForDepthEstimation
+
+    encoder = {
+        "model_type": "dinov2", "image_size": 32, "patch_size": 8, "hidden_size": 16, "num_hidden_layers": 2,
+        "num_attention_heads": 2, "mlp_ratio": 1,
+    }  # fmt: skip
+    return DepthProForDepthEstimation(
+        DepthProConfig(
+            patch_size=32, fusion_hidden_size=16, intermediate_hook_ids=[1, 0], intermediate_feature_dims=[8, 8],
+            scaled_images_feature_dims=[8, 8, 8], use_fov_model=use_fov_model, num_fov_head_layers=2,
+            image_model_config=dict(encoder), patch_model_config=dict(encoder), fov_model_config=dict(encoder),
+        )  # fmt: skip
+    )
+
+
+def depth_anything(kind: str = "metric") -> Any:
+    from transformers import DepthAnythingConfig, DepthAnythingForDepthEstimation, Dinov2Config
+
+    backbone = Dinov2Config(
+        image_size=28, patch_size=14, hidden_size=16, num_hidden_layers=4, num_attention_heads=2, mlp_ratio=1,
+        out_indices=[1, 2, 3, 4], reshape_hidden_states=False, apply_layernorm=True,
+    )  # fmt: skip
+    return DepthAnythingForDepthEstimation(
+        DepthAnythingConfig(
+            backbone_config=backbone, reassemble_hidden_size=16, neck_hidden_sizes=[8, 8, 8, 8], fusion_hidden_size=8,
+            head_hidden_size=4, depth_estimation_type=kind, max_depth=20 if kind == "metric" else 1,
+        )  # fmt: skip
+    )
+
+
+def zoedepth() -> Any:
+    from transformers import BeitConfig, ZoeDepthConfig, ZoeDepthForDepthEstimation
+
+    backbone = BeitConfig(
+        image_size=384, patch_size=16, hidden_size=16, num_hidden_layers=4, num_attention_heads=2, intermediate_size=16,
+        out_indices=[1, 2, 3, 4], reshape_hidden_states=False, use_relative_position_bias=True,
+    )  # fmt: skip
+    return ZoeDepthForDepthEstimation(
+        ZoeDepthConfig(
+            backbone_config=backbone, neck_hidden_sizes=[8, 8, 8, 8], fusion_hidden_size=8, bottleneck_features=8,
+            num_relative_features=4, bin_embedding_dim=8, num_attractors=[2, 1, 1, 1], patch_transformer_hidden_size=8,
+            patch_transformer_intermediate_size=8, patch_transformer_num_attention_heads=2,
+        )  # fmt: skip
+    )
+
+
+def vitpose(experts: int = 1) -> Any:
+    from transformers import VitPoseBackboneConfig, VitPoseConfig, VitPoseForPoseEstimation
+
+    backbone = VitPoseBackboneConfig(
+        image_size=[256, 192], patch_size=[16, 16], hidden_size=16, num_hidden_layers=2, num_attention_heads=2,
+        mlp_ratio=2, num_experts=experts, part_features=4 if experts > 1 else 0, out_indices=[2],
+    )  # fmt: skip
+    return VitPoseForPoseEstimation(VitPoseConfig(backbone_config=backbone, num_labels=17))
+
+
+_TOKENIZERS: dict[Any, Callable[[Path], None]] = {grounding_dino: write_bert_tokenizer, sam3: write_clip_tokenizer}
+
+
+@pytest.fixture(scope="session")
+def saved(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """The folder of a tiny network by the name of its function here, written once."""
+    import torch
+    from transformers.utils import logging
+
+    done: dict[tuple[Any, ...], Path] = {}
+
+    def folder(name: str, *args: Any, **kwargs: Any) -> Path:
+        key = (name, args, tuple(kwargs.items()))
+        if key not in done:
+            make = globals()[name]
+            done[key] = tmp_path_factory.mktemp(name)
+            logging.disable_progress_bar()
+            with torch.random.fork_rng():
+                torch.manual_seed(0)
+                make(*args, **kwargs).save_pretrained(str(done[key]))
+            logging.enable_progress_bar()
+            if make in _TOKENIZERS:
+                _TOKENIZERS[make](done[key])
+        return done[key]
+
+    return folder
