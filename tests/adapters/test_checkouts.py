@@ -120,7 +120,7 @@ def test_a_wrong_folder_is_said_before_anything_is_imported(tmp_path: Path) -> N
         "(git clone https://example.org/thing)",
     )
     for side in (absent, other, none):
-        with pytest.raises(WeightsMissingError, match="checkout of https://example.org/thing"):
+        with pytest.raises(WeightsMissingError, match=r"checkout of https://example\.org/thing"):
             side.load()
 
 

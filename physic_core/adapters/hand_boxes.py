@@ -1,0 +1,105 @@
+"""Boxes of hands from the keypoints of people, so that no detector of hands is needed.
+
+Whole-body keypoints have 21 points a hand: their box is that of the points. Others have a wrist and an elbow: a hand is
+beyond the wrist, in the direction of the forearm, and about three quarters of its length.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray, FloatArray, IntArray, Keypoints
+
+__all__ = ["HandBoxes", "hand_boxes"]
+
+_HANDS: Mapping[str, tuple[range, range]] = {"coco_wholebody133": (range(91, 112), range(112, 133))}
+"""Skeleton -> the 21 points of the left and of the right hand."""
+_COCO_ARMS = ((5, 7, 9), (6, 8, 10))
+_ARMS: Mapping[str, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
+    "coco17": _COCO_ARMS,
+    "coco23": _COCO_ARMS,
+    "coco_wholebody133": _COCO_ARMS,
+    "halpe26": _COCO_ARMS,
+    "wholebody69": _COCO_ARMS,
+    "blazepose33": ((11, 13, 15), (12, 14, 16)),
+}
+"""Skeleton -> shoulder, elbow and wrist of the left and of the right arm."""
+_BEYOND, _LENGTH, _UPPER_ARM = 0.33, 0.75, 0.9
+"""Middle of a hand beyond its wrist, and its size, in lengths of the forearm; a forearm that points at the camera looks
+short, and is then taken to be 0.9 of the upper arm."""
+
+
+@dataclass(frozen=True)
+class HandBoxes:
+    """M hands of N people, in the order of the people, left before right.
+
+    Attributes:
+        person: (M,) row of the person.
+        right: (M,) whether it is the right hand.
+        boxes: (M, 4) px, x0 y0 x1 y1, around the hand without any margin.
+        confidence: (M,) in [0, 1], of the keypoints that it was told from.
+    """
+
+    person: IntArray
+    right: BoolArray
+    boxes: FloatArray
+    confidence: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.person)
+
+
+def hand_boxes(keypoints: Keypoints, *, least_confidence: float = 0.5, least_size_px: float = 16.0) -> HandBoxes:
+    """Where hands are seen.
+
+    Args:
+        keypoints: of N people, in any skeleton; one without arms gives no hands.
+        least_confidence: mean of the 21 points of a hand, or the lower one of wrist and elbow.
+        least_size_px: the longer side; smaller hands are left out.
+    """
+    import numpy as np
+
+    found: list[tuple[int, bool, FloatArray, float]] = []
+    for person, (points, sure) in enumerate(zip(keypoints.points, keypoints.confidence, strict=True)):
+        for side in (0, 1):
+            told = _of_points(points, sure, keypoints.skeleton, side) or _of_arm(points, sure, keypoints.skeleton, side)
+            if told is None:
+                continue
+            box, confidence = told
+            if confidence >= least_confidence and float((box[2:] - box[:2]).max()) >= least_size_px:
+                found.append((person, side == 1, box, min(confidence, 1.0)))
+    return HandBoxes(
+        np.array([f[0] for f in found], np.int64),
+        np.array([f[1] for f in found], bool),
+        np.array([f[2] for f in found], np.float64).reshape(-1, 4),
+        np.array([f[3] for f in found], np.float64),
+    )
+
+
+def _of_points(points: FloatArray, sure: FloatArray, skeleton: str, side: int) -> tuple[FloatArray, float] | None:
+    """The box of the 21 points and their mean confidence."""
+    import numpy as np
+
+    if skeleton not in _HANDS:
+        return None
+    hand = points[list(_HANDS[skeleton][side])].astype(np.float64)
+    return np.concatenate([hand.min(axis=0), hand.max(axis=0)]), float(sure[list(_HANDS[skeleton][side])].mean())
+
+
+def _of_arm(points: FloatArray, sure: FloatArray, skeleton: str, side: int) -> tuple[FloatArray, float] | None:
+    """A square beyond the wrist, and the confidence of wrist and elbow."""
+    import numpy as np
+
+    if skeleton not in _ARMS:
+        return None
+    shoulder, elbow, wrist = _ARMS[skeleton][side]
+    place = points[wrist].astype(np.float64)
+    along = place - points[elbow]
+    forearm = float(np.linalg.norm(along))
+    if sure[shoulder] > 0:
+        forearm = max(forearm, _UPPER_ARM * float(np.linalg.norm(points[elbow] - points[shoulder])))
+    middle, half = place + _BEYOND * along, _LENGTH * forearm / 2
+    return np.concatenate([middle - half, middle + half]), float(min(sure[wrist], sure[elbow]))

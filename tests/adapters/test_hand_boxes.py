@@ -1,0 +1,60 @@
+"""Boxes of hands from keypoints."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from physic_core.adapters.hand_boxes import hand_boxes
+from physic_core.types import Keypoints
+
+
+def keypoints(skeleton: str, count: int, people: int = 1) -> Keypoints:
+    return Keypoints(np.zeros((people, count, 2)), np.zeros((people, count)), skeleton)
+
+
+def test_the_21_points_of_a_hand_give_its_box() -> None:
+    given = keypoints("coco_wholebody133", 133)
+    given.points[0, 91:112] = np.random.default_rng(0).uniform([50, 80], [90, 140], (21, 2))
+    given.points[0, 91], given.points[0, 92] = [50, 80], [90, 140]
+    given.confidence[0, 91:112] = 0.8
+    found = hand_boxes(given)
+    np.testing.assert_allclose(found.boxes, [[50, 80, 90, 140]])
+    np.testing.assert_allclose(found.confidence, [0.8])
+    assert found.right.tolist() == [False]
+    assert not len(hand_boxes(given, least_confidence=0.9))
+
+
+def test_left_is_the_persons_left() -> None:
+    given = keypoints("coco_wholebody133", 133, people=2)
+    given.points[1, 112:133] = np.linspace([0, 0], [30, 40], 21)
+    given.confidence[1, 112:133] = 0.9
+    found = hand_boxes(given)
+    assert found.person.tolist() == [1]
+    assert found.right.tolist() == [True]
+
+
+def test_a_hand_is_beyond_the_wrist_where_only_arms_are_known() -> None:
+    for skeleton, count, arm in (("coco17", 17, (6, 8, 10)), ("blazepose33", 33, (12, 14, 16))):
+        given = keypoints(skeleton, count)
+        given.points[0, list(arm)] = [[0, 0], [100, 0], [200, 0]]
+        given.confidence[0, list(arm)] = [1.0, 0.7, 0.9]
+        found = hand_boxes(given)
+        assert found.right.tolist() == [True]
+        np.testing.assert_allclose(found.boxes[0], [233 - 37.5, -37.5, 233 + 37.5, 37.5])
+        np.testing.assert_allclose(found.confidence, [0.7])
+
+
+def test_a_forearm_towards_the_camera_does_not_make_a_small_hand() -> None:
+    given = keypoints("coco17", 17)
+    given.points[0, [5, 7, 9]] = [[0, 0], [0, 100], [0, 110]]
+    given.confidence[0, [5, 7, 9]] = 1.0
+    box = hand_boxes(given).boxes[0]
+    np.testing.assert_allclose(box[2] - box[0], 0.75 * 90)
+
+
+def test_small_hands_and_unknown_skeletons_give_none() -> None:
+    given = keypoints("coco17", 17)
+    given.points[0, [5, 7, 9]] = [[0, 0], [0, 10], [0, 20]]
+    given.confidence[0] = 1.0
+    assert not len(hand_boxes(given))
+    assert hand_boxes(keypoints("a new one", 5)).boxes.shape == (0, 4)
