@@ -1,0 +1,282 @@
+"""DepthPro against graphs of both contracts, and against a network that knows the world."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.ndimage import map_coordinates
+
+from physic_core.errors import BackendError, WeightsMissingError
+from physic_core.testing import check_backend
+from physic_core.testing.worlds import build_world
+from physic_core.types import Hints, Intrinsics
+from physic_onnx.depth_pro import INVERSE, METRES, DepthPro, DepthProOptions, prepare
+
+SIDE = 1536
+PICTURE_IN = {"pixel_values": ("float32", ("batch_size", 3, SIDE, SIDE))}
+DEPTH_OUT = ("float32", ("batch_size", SIDE, SIDE))
+
+
+@pytest.fixture
+def contract_graph(graph, node, tmp_path):
+    """DepthPro whose map is its input's red * 2 + 3, and whose focal length or angle is told."""
+
+    def build(second: str = "focallength_px", number: float = 1200.0, shape=("batch_size", 1), channel: int = 0) -> str:
+        nodes = [
+            node("Gather", ["pixel_values", "channel"], ["seen"], axis=1),
+            node("Mul", ["seen", "two"], ["twice"]),
+            node("Add", ["twice", "three"], ["predicted_depth"]),
+            node("Identity", ["told"], [second]),
+        ]
+        constants = {
+            "channel": np.array(channel, np.int64),
+            "two": np.float32(2),
+            "three": np.float32(3),
+            "told": np.full(tuple(1 for _ in shape), number, np.float32),
+        }
+        outputs = {"predicted_depth": DEPTH_OUT, second: ("float32", shape)}
+        return str(graph(tmp_path / f"{second}{channel}{len(shape)}.onnx", PICTURE_IN, outputs, nodes, constants))
+
+    return build
+
+
+def loaded(path: str, **options) -> DepthPro:
+    backend = DepthPro(DepthProOptions(weights=path, **options))
+    backend.load()
+    return backend
+
+
+def ramp(height: int = 96, width: int = 128) -> np.ndarray:
+    """Red grows to the right, green downwards, blue is constant."""
+    image = np.zeros((height, width, 3), np.uint8)
+    image[..., 0] = np.linspace(20, 220, width)[None, :]
+    image[..., 1] = np.linspace(200, 30, height)[:, None]
+    image[..., 2] = 77
+    return image
+
+
+def told_value(image: np.ndarray, channel: int = 0) -> np.ndarray:
+    """What the contract graph makes of a channel, at the photo's size."""
+    return (image[..., channel] / 127.5 - 1) * 2 + 3
+
+
+class TestContract:
+    def test_published_file_answers_metres_and_no_inverse(self, contract_graph):
+        """Trap: the torch class answers inverse depth under the same name, the published ONNX file depth."""
+        image = ramp()
+        answer = loaded(contract_graph()).infer(image, Hints())
+        np.testing.assert_allclose(answer.depth, told_value(image), rtol=0.01)
+
+    def test_export_of_the_torch_class_answers_canonical_inverse_depth(self, contract_graph):
+        """Trap: metres are focal / (width * raw), focal from the horizontal angle in degrees over the photo's width."""
+        image = ramp()
+        backend = loaded(contract_graph("field_of_view", 60.0, ("batch_size",)))
+        assert backend.speaking().dialect == INVERSE
+        answer = backend.infer(image, Hints())
+        focal = 0.5 * 128 / math.tan(math.radians(30))
+        assert answer.intrinsics.fx == pytest.approx(focal)
+        np.testing.assert_allclose(answer.depth, focal / (128 * told_value(image)), rtol=0.01)
+
+    @pytest.mark.parametrize("shape", [("batch_size",), ("batch_size", 1)])
+    def test_focal_length_is_in_px_of_the_wide_square(self, contract_graph, shape):
+        """Trap: 1200 px of 1536 are 100 px of a photo 128 px wide; the output has one axis or two."""
+        backend = loaded(contract_graph(shape=shape))
+        assert backend.speaking().dialect == METRES
+        camera = backend.infer(ramp(), Hints()).intrinsics
+        assert (camera.fx, camera.fy) == (pytest.approx(100.0), pytest.approx(100.0))
+        assert (camera.cx, camera.cy, camera.width, camera.height) == (63.5, 47.5, 128, 96)
+
+    @pytest.mark.parametrize("channel", [0, 1, 2])
+    def test_channels_are_red_green_blue(self, contract_graph, channel):
+        image = ramp()
+        image[..., 2] = image[::-1, ::-1, 1]
+        answer = loaded(contract_graph(channel=channel)).infer(image, Hints())
+        np.testing.assert_allclose(answer.depth, told_value(image, channel), rtol=0.02)
+
+    @pytest.mark.parametrize("second", ["focallength_px", "field_of_view"])
+    def test_known_focal_length_scales_the_depth(self, contract_graph, second):
+        """Trap: it cannot be fed. Depth is proportional to it, in both forms."""
+        image = ramp()
+        number = 1200.0 if second == "focallength_px" else math.degrees(2 * math.atan(0.64))
+        backend = loaded(contract_graph(second, number))
+        own = backend.infer(image, Hints())
+        assert own.intrinsics.fx == pytest.approx(100.0)
+        known = Intrinsics.from_focal(150.0, 128, 96, "EXIF")
+        scaled = backend.infer(image, Hints(intrinsics=known))
+        np.testing.assert_allclose(scaled.depth, 1.5 * own.depth, rtol=1e-5)
+        assert scaled.intrinsics == known
+        assert scaled.notes == ("DepthPro took the focal length for 100 px; its depth is scaled to 150 px",)
+        assert own.notes == ("focal length 100 px from DepthPro",)
+
+    def test_default_camera_gives_way_to_the_networks(self, contract_graph):
+        guess = Intrinsics.from_focal(300.0, 128, 96, "default (0.95 x the long side)")
+        assert loaded(contract_graph()).infer(ramp(), Hints(intrinsics=guess)).intrinsics.source == "DepthPro"
+
+    def test_known_camera_may_be_of_another_size(self, contract_graph):
+        backend = loaded(contract_graph())
+        small, large = (Intrinsics.from_focal(f, w, h) for f, w, h in ((150.0, 128, 96), (300.0, 256, 192)))
+        first, second = (backend.infer(ramp(), Hints(intrinsics=camera)).depth for camera in (small, large))
+        np.testing.assert_allclose(first, second)
+
+    def test_sky_is_not_known(self, told_network):
+        """Trap: both forms clip inverse depth at 1e-4, so that the sky lies at 10 km."""
+        depth = np.full((1, SIDE, SIDE), 5.0)
+        depth[:, : SIDE // 2] = 1e4
+        network = told_network(
+            PICTURE_IN,
+            {"predicted_depth": DEPTH_OUT, "focallength_px": ("float32", (1, 1))},
+            lambda shown, fed: {"predicted_depth": depth, "focallength_px": [[1500.0]]},
+        )
+        network.show("anything")
+        backend = DepthPro()
+        backend.attach(network)
+        answer = backend.infer(ramp(), Hints())
+        assert np.isnan(answer.depth[:46]).all()
+        np.testing.assert_allclose(answer.depth[50:], 5.0, rtol=1e-5)
+
+    @pytest.mark.parametrize(
+        ("second", "number", "words"),
+        [
+            ("focallength_px", 0.0, "focallength_px = 0: a number above 0 was expected"),
+            ("field_of_view", 200.0, "a field of view of 200 degrees: less than 180 was expected"),
+        ],
+    )
+    def test_impossible_camera_is_refused(self, contract_graph, second, number, words):
+        with pytest.raises(BackendError, match=words):
+            loaded(contract_graph(second, number)).infer(ramp(), Hints())
+
+    def test_file_without_a_focal_length_is_refused(self, graph, node, tmp_path):
+        """Trap: without the second output nobody could tell depth from inverse depth."""
+        path = graph(
+            tmp_path / "old.onnx",
+            PICTURE_IN,
+            {"predicted_depth": DEPTH_OUT},
+            [node("ReduceMax", ["pixel_values"], ["predicted_depth"], axes=[1], keepdims=0)],
+        )
+        with pytest.raises(BackendError) as refusal:
+            loaded(str(path))
+        assert str(refusal.value) == (
+            "old.onnx is not a network that this backend can run:\n"
+            "expected of metres and focal length in px:\n"
+            "  inputs:  pixel_values (or image, input) float (?, 3, 1536, 1536)\n"
+            "  outputs: predicted_depth (or depth) float any shape; focallength_px float any shape\n"
+            "  but there is no output 'focallength_px'\n"
+            "expected of canonical inverse depth and field of view:\n"
+            "  inputs:  pixel_values (or image, input) float (?, 3, 1536, 1536)\n"
+            "  outputs: predicted_depth float any shape; field_of_view (or fov, fov_deg) float any shape\n"
+            "  but there is no output 'field_of_view'\n"
+            "found:\n"
+            "  inputs:  pixel_values float32 (batch_size, 3, 1536, 1536)\n"
+            "  outputs: predicted_depth float32 (batch_size, 1536, 1536)"
+        )
+
+    def test_asked_before_it_is_loaded(self):
+        with pytest.raises(BackendError, match=r"call load\(\) first"):
+            DepthPro().infer(ramp(), Hints())
+
+    def test_missing_weights_are_told_before_they_are_needed(self, monkeypatch, tmp_path):
+        monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path))
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+        monkeypatch.setenv("HF_HOME", str(tmp_path))
+        backend = DepthPro()
+        assert backend.missing() == (
+            "weights 'depth-pro-fp16' (Apple: machine learning research only) are not here: "
+            "`physic weights fetch depth-pro-fp16 --accept-licence` (no commercial use)",
+        )
+        assert backend.fingerprint() == ""
+        with pytest.raises(WeightsMissingError, match="depth-pro-fp16"):
+            backend.load()
+
+    def test_weights_in_two_files_are_found_by_the_name_of_their_set(self, monkeypatch, tmp_path, contract_graph):
+        folder = tmp_path / "all" / "depth-pro"
+        folder.mkdir(parents=True)
+        (folder / "model.onnx_data").write_bytes(b"0")
+        monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path / "all"))
+        with open(contract_graph(), "rb") as made:
+            (folder / "model.onnx").write_bytes(made.read())
+        backend = loaded("depth-pro")
+        assert backend.missing() == ()
+        assert backend.speaking().network.name == "model.onnx"
+
+
+class TestPreparing:
+    @pytest.mark.parametrize("size", [(240, 320), (1600, 1200), (97, 131)])
+    def test_photo_is_squashed_as_torch_does_it_without_antialiasing(self, size):
+        """Trap: normalised, then bilinear without antialiasing, and not rounded to 8 bits between."""
+        torch = pytest.importorskip("torch")
+        image = np.random.default_rng(0).integers(0, 256, (*size, 3), dtype=np.uint8)
+        normalised = torch.from_numpy(image.transpose(2, 0, 1)[None].astype(np.float32)) / 255
+        wanted = torch.nn.functional.interpolate(
+            (normalised - 0.5) / 0.5, size=(SIDE, SIDE), mode="bilinear", align_corners=False, antialias=False
+        )
+        fed = prepare(image)
+        assert fed.shape == (1, 3, SIDE, SIDE)
+        assert fed.dtype == np.float32
+        # OpenCV steps through the picture in single precision, torch in double.
+        np.testing.assert_allclose(fed, wanted.numpy(), atol=2e-4 * max(size) / 240)
+
+
+def at(values: np.ndarray, rows: int, columns: int) -> np.ndarray:
+    """A map at another size, bilinear between pixel centres, by SciPy."""
+    v = (np.arange(rows) + 0.5) * values.shape[0] / rows - 0.5
+    u = (np.arange(columns) + 0.5) * values.shape[1] / columns - 0.5
+    return map_coordinates(values, np.stack(np.meshgrid(v, u, indexing="ij")), order=1, mode="nearest")
+
+
+def expect_picture(shown, fed: np.ndarray) -> None:
+    """The network is shown the photo, and not a mirrored or recoloured one."""
+    seen = (fed[0].transpose(1, 2, 0) + 1) * 127.5
+    wanted = np.stack([at(shown.photo[..., c].astype(float), SIDE, SIDE) for c in range(3)], -1)
+    assert np.abs(seen - wanted).mean() < 1.5
+
+
+def perfect(shown, feed):
+    """Truth, for a focal length that it takes 20 % too short."""
+    expect_picture(shown, feed["pixel_values"])
+    focal = 0.8 * shown.camera.fx
+    inverse = at(1 / shown.depth, SIDE, SIDE)
+    return focal, 0.8 / np.clip(inverse, 1e-4, 1e4)
+
+
+def answer_metres(shown, feed):
+    focal, depth = perfect(shown, feed)
+    return {"predicted_depth": depth[None], "focallength_px": [[focal * SIDE / shown.photo.shape[1]]]}
+
+
+def answer_inverse(shown, feed):
+    focal, depth = perfect(shown, feed)
+    width = shown.photo.shape[1]
+    angle = 2 * math.degrees(math.atan(width / (2 * focal)))
+    return {"predicted_depth": (focal / (width * depth))[None], "field_of_view": [angle]}
+
+
+@pytest.mark.parametrize("form", ["metres", "inverse"])
+def test_conformance(told, told_network, form):
+    second = {"metres": {"focallength_px": ("float32", (1, 1))}, "inverse": {"field_of_view": ("float32", (1,))}}[form]
+    answer = {"metres": answer_metres, "inverse": answer_inverse}[form]
+
+    def attach(backend):
+        network = told_network(PICTURE_IN, {"predicted_depth": DEPTH_OUT, **second}, answer)
+        backend.attach(network)
+        return [network]
+
+    report = check_backend(told(DepthPro, attach))
+    report.raise_if_failed()
+    assert report.accuracy["abs-rel"] < 0.02, report.accuracy
+
+
+def test_the_worlds_camera_is_recovered_without_hints(told, told_network):
+    outputs = {"predicted_depth": DEPTH_OUT, "focallength_px": ("float32", (1, 1))}
+
+    def attach(backend):
+        network = told_network(PICTURE_IN, outputs, answer_metres)
+        backend.attach(network)
+        return [network]
+
+    world = build_world("stand", 0, (131, 97))
+    backend = told(DepthPro, attach)()
+    backend.load()
+    answer = backend.infer(world.empty_image, Hints())
+    assert answer.intrinsics.fx == pytest.approx(0.8 * world.intrinsics.fx, rel=1e-5)
