@@ -1,0 +1,345 @@
+"""MoGe-2 against graphs of the published contract, and against a network that knows the world."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.ndimage import map_coordinates
+
+from physic_core.errors import BackendError, WeightsMissingError
+from physic_core.testing import check_backend
+from physic_core.testing.worlds import build_world
+from physic_core.types import Hints, Intrinsics
+from physic_onnx.moge import Moge2Depth, Moge2Pointmap, MogeOptions
+from physic_onnx.moge_network import size_seen
+
+IMAGE_IN = ("float32", ("batch_size", 3, "height", "width"))
+TOKENS_IN = ("int64", ())
+INPUTS = {"image": IMAGE_IN, "num_tokens": TOKENS_IN}
+POINTS_OUT = ("float32", ("batch_size", "height", "width", 3))
+NORMAL_OUT = ("float32", ("batch_size", "height", "width", 3))
+MASK_OUT = ("float32", ("batch_size", "height", "width"))
+SCALE_OUT = ("float32", ("batch_size",))
+
+SHIFT, UNIT = -0.7, 2.3
+"""What the told network's z lacks, and metres in one of its units."""
+
+
+def outputs_called(scale: str) -> dict:
+    return {"points": POINTS_OUT, "normal": NORMAL_OUT, "mask": MASK_OUT, scale: SCALE_OUT}
+
+
+@pytest.fixture
+def contract_graph(graph, node, tmp_path):
+    """A MoGe-2 whose points carry what it was fed: x, y, z = R, G, B of the image; the scale is the tokens."""
+
+    def build(name: str = "model.onnx", inputs=INPUTS, outputs=None, mask=0.9) -> str:
+        outputs = outputs_called("scale") if outputs is None else outputs
+        points, normal, seen, scale = outputs
+        nodes = [
+            node("Transpose", ["image"], [points], perm=[0, 2, 3, 1]),
+            node("Identity", [points], [normal]),
+            node("ReduceMax", ["image"], ["bright"], axes=[1], keepdims=0),
+            node("Mul", ["bright", "nothing"], ["dark"]),
+            node("Add", ["dark", "how_sure"], [seen]),
+            node("Cast", ["num_tokens"], ["count"], to=1),
+            node("Reshape", ["count", "one"], [scale]),
+        ]
+        constants = {
+            "nothing": np.float32(0),
+            "how_sure": np.float32(mask),
+            "one": np.array([1], np.int64),
+        }
+        return str(graph(tmp_path / name, inputs, outputs, nodes, constants))
+
+    return build
+
+
+class TestContract:
+    """What is fed, and what is read, by a real onnxruntime on a graph of the published form."""
+
+    def raw(self, path: str, image: np.ndarray, **options):
+        backend = Moge2Pointmap(MogeOptions(weights=path, **options))
+        backend.load()
+        try:
+            return backend.runner.run(backend, image, backend.options.tokens)
+        finally:
+            backend.close()
+
+    def test_image_is_fed_as_rgb_from_0_to_1_without_mean_and_deviation(self, contract_graph):
+        image = np.zeros((20, 30, 3), np.uint8)
+        image[..., 0], image[..., 1], image[3, 7, 2] = 255, 51, 102
+        points = self.raw(contract_graph(), image).points
+        np.testing.assert_allclose(points[..., 0], 1, atol=1e-6)
+        np.testing.assert_allclose(points[..., 1], 0.2, atol=1e-6)
+        assert points[3, 7, 2] == pytest.approx(0.4, abs=1e-6)
+
+    @pytest.mark.parametrize("scale", ["scale", "metric_scale", "whatever"])
+    def test_fourth_output_is_the_scale_by_either_name_or_by_its_place(self, contract_graph, scale):
+        image = np.full((20, 30, 3), 90, np.uint8)
+        assert self.raw(contract_graph(outputs=outputs_called(scale)), image, tokens=1500).scale == 1500
+
+    def test_number_of_tokens_has_no_dimensions(self, contract_graph):
+        """onnxruntime refuses (1,) where the file says (), so that this graph runs at all is the fact."""
+        assert self.raw(contract_graph(), np.full((20, 30, 3), 90, np.uint8), tokens=1200).scale == 1200
+
+    def test_surface_is_where_the_mask_is_above_one_half(self, contract_graph):
+        image = np.full((20, 30, 3), 90, np.uint8)
+        assert self.raw(contract_graph(mask=0.51), image).mask.all()
+        assert not self.raw(contract_graph("other.onnx", mask=0.5), image).mask.any()
+
+    def test_half_precision_file_is_fed_half_precision(self, graph, node, tmp_path):
+        half = {name: ("float16", shape) for name, (_, shape) in outputs_called("scale").items()}
+        nodes = [
+            node("Transpose", ["image"], ["points"], perm=[0, 2, 3, 1]),
+            node("Identity", ["points"], ["normal"]),
+            node("ReduceMax", ["image"], ["mask"], axes=[1], keepdims=0),
+            node("Cast", ["num_tokens"], ["count"], to=10),
+            node("Reshape", ["count", "one"], ["scale"]),
+        ]
+        inputs = {"image": ("float16", IMAGE_IN[1]), "num_tokens": TOKENS_IN}
+        path = graph(tmp_path / "half.onnx", inputs, half, nodes, {"one": np.array([1], np.int64)})
+        raw = self.raw(str(path), np.full((20, 30, 3), 255, np.uint8))
+        assert raw.points.dtype == np.float32
+        np.testing.assert_allclose(raw.points, 1)
+
+    def test_another_network_is_refused_with_all_that_was_expected_and_found(self, graph, node, tmp_path):
+        path = graph(
+            tmp_path / "depth.onnx",
+            {"pixel_values": ("float32", (1, 3, 518, 518))},
+            {"predicted_depth": ("float32", (1, 3, 518, 518))},
+            [node("Identity", ["pixel_values"], ["predicted_depth"])],
+        )
+        with pytest.raises(BackendError) as refusal:
+            Moge2Depth(MogeOptions(weights=str(path))).load()
+        assert str(refusal.value) == (
+            "depth.onnx is not a network that this backend can run:\n"
+            "expected of MoGe-2:\n"
+            "  inputs:  image float (batch, 3, height, width); num_tokens int64 ()\n"
+            "  outputs: points float (batch, height, width, 3); normal float (batch, height, width, 3), optional; "
+            "mask float (batch, height, width); metric_scale (or scale) float (batch)\n"
+            "  but there is no input 'num_tokens'; there is no output 'points'; there is no output 'mask'; "
+            "there is no output 'metric_scale'\n"
+            "found:\n"
+            "  inputs:  pixel_values float32 (1, 3, 518, 518)\n"
+            "  outputs: predicted_depth float32 (1, 3, 518, 518)"
+        )
+
+    def test_file_for_photos_of_one_size_is_refused(self, contract_graph):
+        fixed = {"image": ("float32", (1, 3, 518, 518)), "num_tokens": TOKENS_IN}
+        with pytest.raises(BackendError, match="exported for photos of one size"):
+            Moge2Depth(MogeOptions(weights=contract_graph(inputs=fixed))).load()
+
+    def test_missing_weights_say_how_to_get_them(self, monkeypatch, tmp_path):
+        monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path))
+        backend = Moge2Depth()
+        (line,) = backend.missing()
+        assert "moge-2-vits-normal" in line
+        assert "physic weights fetch moge-2-vits-normal" in line
+        assert backend.fingerprint() == ""
+        with pytest.raises(WeightsMissingError, match="physic weights fetch"):
+            backend.load()
+
+
+def told_answer(shown, feed):
+    """What a perfect MoGe-2 says: true points without their shift, in a unit of its own, at the size of its feed."""
+    height, width = feed["image"].shape[2:]
+    rows, columns = shown.photo.shape[:2]
+    v = (np.arange(height) + 0.5) * rows / height - 0.5
+    u = (np.arange(width) + 0.5) * columns / width - 0.5
+    grid = np.meshgrid(v, u, indexing="ij")
+
+    def at_size(values, order=1):
+        return map_coordinates(values, grid, order=order, mode="nearest")
+
+    sky = ~np.isfinite(shown.depth)
+    # Points are asked for between pixels: they are found again on their rays, the depth being that of the nearest one.
+    z = at_size(np.where(sky, 1.0, shown.depth), order=0)
+    camera = shown.camera
+    points = np.stack([(grid[1] - camera.cx) / camera.fx * z, (grid[0] - camera.cy) / camera.fy * z, z], -1) / UNIT
+    points[..., 2] -= SHIFT
+    photo = np.stack([at_size(shown.photo[..., c].astype(float)) for c in range(3)]) / 255
+    if np.abs(photo - feed["image"][0]).mean() > 0.05:  # fed something else than this photo in RGB from 0 to 1
+        points = np.random.default_rng(0).random(points.shape)
+    return {
+        "points": points[None],
+        "normal": np.zeros((1, height, width, 3)),
+        "mask": at_size((~sky).astype(float), order=0)[None],
+        "scale": [UNIT],
+    }
+
+
+@pytest.fixture
+def perfect(told, told_network):
+    """An adapter with a network that knows the world, which is in ``networks``."""
+    networks = []
+
+    def make(kind):
+        def attach(backend):
+            if not networks:
+                networks.append(told_network(INPUTS, outputs_called("scale"), told_answer))
+            backend.runner.open(backend, id(networks[0]), lambda: networks[0])
+            return networks
+
+        return told(kind, attach)
+
+    make.networks = networks
+    return make
+
+
+@pytest.fixture
+def loaded(perfect):
+    """A loaded adapter with a network that knows the world."""
+
+    def make(kind, **options):
+        backend = perfect(kind)(MogeOptions(**options))
+        backend.load()
+        return backend
+
+    return make
+
+
+@pytest.mark.parametrize("kind", [Moge2Depth, Moge2Pointmap])
+def test_conformance(perfect, kind):
+    check_backend(perfect(kind)).raise_if_failed()
+
+
+class TestWorld:
+    """Known answers, from a network that is perfect in its own space."""
+
+    @pytest.mark.parametrize("size", [(320, 240), (200, 330)])
+    def test_depth_and_focal_length_are_recovered(self, loaded, size):
+        world = build_world("stand", 0, size)
+        found = loaded(Moge2Depth).infer(world.empty_image, Hints())
+        np.testing.assert_allclose(found.depth, world.empty_depth, rtol=1e-5)
+        assert found.intrinsics.fx == found.intrinsics.fy == pytest.approx(world.intrinsics.fx, rel=1e-5)
+        assert (found.intrinsics.cx, found.intrinsics.cy) == ((size[0] - 1) / 2, (size[1] - 1) / 2)
+        assert found.intrinsics.source == "MoGe-2"
+        assert found.notes == ("MoGe-2 ran on CPU",)
+
+    def test_point_map_leaves_the_unit_to_the_metric_depth(self, loaded):
+        world = build_world("stand", 0, (320, 240))
+        found = loaded(Moge2Pointmap).infer(world.image, Hints())
+        np.testing.assert_allclose(found.points * UNIT, world.points(people=True), rtol=1e-4, atol=1e-4)
+        assert found.unknown == "scale"
+
+    def test_photo_larger_than_what_is_seen_is_reduced_and_answered_at_its_own_size(self, perfect, loaded):
+        world = build_world("stand", 0, (960, 720))
+        found = loaded(Moge2Depth, tokens=1200).infer(world.empty_image, Hints())
+        assert perfect.networks[0].fed["image"].shape[2:] == size_seen(720, 960, 1200) == (420, 560)
+        assert found.intrinsics.fx == pytest.approx(world.intrinsics.fx, rel=1e-4)
+        assert (found.intrinsics.width, found.intrinsics.height) == (960, 720)
+        off = np.abs(found.depth / world.empty_depth - 1)
+        assert np.quantile(off, 0.9) < 1e-3
+
+    def test_given_camera_is_used_and_the_shift_found_for_it(self, loaded):
+        world = build_world("stand", 0, (320, 240))
+        given = replace(world.intrinsics, source="EXIF")
+        found = loaded(Moge2Pointmap).infer(world.image, Hints(intrinsics=given))
+        np.testing.assert_allclose(found.points * UNIT, world.points(people=True), rtol=1e-4, atol=1e-4)
+        assert found.intrinsics == given
+
+    def test_points_lie_on_the_rays_of_a_given_camera_even_if_it_is_wrong(self, loaded):
+        world = build_world("stand", 0, (320, 240))
+        wrong = replace(world.intrinsics, fx=500.0, fy=450.0, cx=140.0, cy=125.0)
+        found = loaded(Moge2Pointmap).infer(world.image, Hints(intrinsics=wrong))
+        x, y, z = found.points[50, 60]
+        assert (x / z, y / z) == pytest.approx(((60 - 140) / 500, (50 - 125) / 450), rel=1e-5)
+
+    def test_default_camera_does_not_overrule_what_the_depth_network_sees(self, loaded):
+        world = build_world("stand", 0, (320, 240))
+        guess = Intrinsics.from_focal(900.0, 320, 240, "default: nothing is known")
+        found = loaded(Moge2Depth).infer(world.empty_image, Hints(intrinsics=guess))
+        assert found.intrinsics.fx == pytest.approx(world.intrinsics.fx, rel=1e-5)
+        np.testing.assert_allclose(found.depth, world.empty_depth, rtol=1e-5)
+
+    def test_sky_is_not_a_surface(self, loaded):
+        world = build_world("outdoor_steps", 0, (320, 240))
+        sky = ~np.isfinite(world.empty_depth)
+        assert sky.any()
+        depth = loaded(Moge2Depth).infer(world.empty_image, Hints()).depth
+        np.testing.assert_array_equal(np.isnan(depth), sky)
+        found = loaded(Moge2Pointmap).infer(world.empty_image, Hints())
+        np.testing.assert_array_equal(found.valid, ~sky)
+        assert np.isnan(found.points[sky]).all()
+
+
+class TestOddAnswers:
+    @pytest.fixture
+    def answering(self, told, told_network):
+        """A loaded adapter whose network always answers these points, this mask and this scale."""
+
+        def make(kind, points, mask=1.0, scale=1.0):
+            height, width = points.shape[:2]
+            answer = {
+                "points": points[None],
+                "normal": points[None],
+                "mask": np.full((1, height, width), mask),
+                "scale": [scale],
+            }
+            network = told_network(INPUTS, outputs_called("scale"), lambda shown, feed: answer)
+
+            def attach(backend):
+                backend.runner.open(backend, id(network), lambda: network)
+                return [network]
+
+            backend = told(kind, attach)()
+            backend.load()
+            return backend, np.full((height, width, 3), 128, np.uint8)
+
+        return make
+
+    @pytest.fixture
+    def wall(self):
+        v, u = np.mgrid[:60, :80]
+        return np.stack([(u - 39.5) / 70, (v - 29.5) / 70, np.ones((60, 80))], -1)
+
+    def test_flat_wall_tells_no_focal_length_and_says_so(self, answering, wall):
+        backend, photo = answering(Moge2Pointmap, wall)
+        found = backend.infer(photo, Hints())
+        assert found.unknown == "scale_shift"
+        assert found.intrinsics.source == "default: MoGe-2 saw a scene too flat to tell"
+        assert found.notes[1] == "MoGe-2 saw a scene too flat to tell the focal length: 70 px is a guess"
+        assert found.valid.all()
+
+    def test_flat_wall_with_a_given_camera_has_nothing_to_tell(self, answering, wall):
+        backend, photo = answering(Moge2Pointmap, wall)
+        found = backend.infer(photo, Hints(intrinsics=Intrinsics.from_focal(140.0, 80, 60)))
+        assert found.unknown == "scale"
+        np.testing.assert_allclose(found.points[..., 2], 2, rtol=1e-6)
+        assert found.notes == ("MoGe-2 ran on CPU",)
+
+    def test_photo_of_nothing_but_sky_is_refused(self, answering, wall):
+        backend, photo = answering(Moge2Depth, wall, mask=0.1)
+        with pytest.raises(BackendError, match="0 valid points of 80 x 60"):
+            backend.infer(photo, Hints())
+
+    @pytest.mark.parametrize("scale", [0.0, -1.0, np.nan, np.inf])
+    def test_scale_that_is_none_is_refused(self, answering, wall, scale):
+        backend, photo = answering(Moge2Depth, wall, scale=scale)
+        with pytest.raises(BackendError, match="answered a scale of"):
+            backend.infer(photo, Hints())
+
+    def test_answer_of_another_size_is_refused(self, answering, wall):
+        backend, photo = answering(Moge2Depth, wall)
+        with pytest.raises(BackendError, match=r"answered points \(1, 60, 80, 3\) .* for 40 x 30 px"):
+            backend.infer(photo[::2, ::2].copy(), Hints())
+
+    def test_asked_before_it_is_loaded(self):
+        with pytest.raises(BackendError, match=r"call load\(\) before infer\(\)"):
+            Moge2Depth().infer(np.zeros((30, 40, 3), np.uint8), Hints())
+
+
+@pytest.mark.parametrize(
+    ("size", "tokens", "seen"),
+    [
+        ((240, 320), 1800, (240, 320)),
+        ((3000, 4000), 1800, (514, 686)),
+        ((4000, 3000), 3600, (970, 727)),
+        ((20, 30000), 1200, (13, 18783)),
+    ],
+)
+def test_photo_is_reduced_to_the_pixels_of_its_patches_and_never_enlarged(size, tokens, seen):
+    assert size_seen(*size, tokens) == seen

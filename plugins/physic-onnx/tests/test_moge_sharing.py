@@ -1,0 +1,177 @@
+"""MoGe-2 serves two interfaces and looks at each photo once."""
+
+from __future__ import annotations
+
+import gc
+import threading
+import weakref
+
+import numpy as np
+import pytest
+
+from physic_core.errors import BackendError
+from physic_core.types import Hints
+from physic_onnx.moge import Moge2Depth, Moge2Pointmap, MogeOptions
+from physic_onnx.moge_network import MogeRunner, runner_for
+
+HEIGHT, WIDTH = 48, 64
+INPUTS = {"image": ("float32", ("b", 3, "h", "w")), "num_tokens": ("int64", ())}
+OUTPUTS = {
+    "points": ("float32", ("b", "h", "w", 3)),
+    "mask": ("float32", ("b", "h", "w")),
+    "scale": ("float32", ("b",)),
+}
+
+
+def slope(shown, feed):
+    """A tilted plane, whatever is shown."""
+    height, width = feed["image"].shape[2:]
+    v, u = np.mgrid[:height, :width]
+    z = 2.0 + u / width
+    points = np.stack([(u - (width - 1) / 2) / 60 * z, (v - (height - 1) / 2) / 60 * z, z], -1)
+    return {"points": points[None], "mask": np.ones((1, height, width)), "scale": [1.5]}
+
+
+@pytest.fixture
+def network(told_network):
+    made = told_network(INPUTS, OUTPUTS, slope)
+    made.show(object())
+    return made
+
+
+@pytest.fixture
+def opened(network):
+    """How often the file was opened."""
+    count = []
+
+    def opener():
+        count.append(1)
+        return network
+
+    opener.count = count
+    return opener
+
+
+@pytest.fixture
+def photos():
+    return np.random.default_rng(3).integers(0, 255, (3, HEIGHT, WIDTH, 3), np.uint8)
+
+
+def backends(**options):
+    """One of each interface, with settings that no other test has."""
+    return Moge2Pointmap(MogeOptions(threads=7, **options)), Moge2Depth(MogeOptions(threads=7, **options))
+
+
+def test_both_interfaces_run_the_network_once_a_photo(network, opened, photos):
+    pointmap, depth = backends()
+    for backend in (pointmap, depth):
+        backend.runner.open(backend, "file", opened)
+    inpainted, original, _ = photos
+    scene = pointmap.infer(inpainted, Hints())
+    pointmap.infer(original, Hints(intrinsics=scene.intrinsics))
+    found = depth.infer(inpainted.copy(), Hints(intrinsics=scene.intrinsics))
+    assert network.runs == 2
+    assert len(opened.count) == 1
+    np.testing.assert_allclose(found.depth, 1.5 * scene.points[..., 2], rtol=1e-6)
+
+
+def test_pointmap_closed_before_the_depth_is_loaded_leaves_it_the_answers(network, opened, photos):
+    """As the pipeline does where memory is low."""
+    pointmap, depth = backends()
+    pointmap.runner.open(pointmap, "file", opened)
+    pointmap.infer(photos[0], Hints())
+    pointmap.close()
+    depth.runner.open(depth, "file", opened)
+    depth.infer(photos[0], Hints())
+    assert network.runs == 1
+    assert len(opened.count) == 2
+
+
+def test_last_one_to_close_drops_the_network_and_the_answers(network, opened, photos):
+    pointmap, depth = backends()
+    for backend in (pointmap, depth):
+        backend.runner.open(backend, "file", opened)
+    depth.infer(photos[0], Hints())
+    pointmap.close()
+    depth.infer(photos[1], Hints())
+    depth.close()
+    with pytest.raises(BackendError, match="not loaded"):
+        depth.infer(photos[0], Hints())
+    depth.runner.open(depth, "file", opened)
+    depth.infer(photos[0], Hints())
+    assert network.runs == 3
+    assert len(opened.count) == 2
+    depth.close()
+    depth.close()
+
+
+def test_two_photos_are_kept(network, opened, photos):
+    _, depth = backends()
+    depth.runner.open(depth, "file", opened)
+    for photo in (*photos, photos[2], photos[1]):
+        depth.infer(photo, Hints())
+    assert network.runs == 3
+    depth.infer(photos[0], Hints())
+    assert network.runs == 4
+
+
+def test_another_count_of_tokens_is_another_question(network, opened, photos):
+    coarse, _ = backends(tokens=1200)
+    _, fine = backends(tokens=3600)
+    assert coarse.runner is fine.runner
+    for backend in (coarse, fine):
+        backend.runner.open(backend, "file", opened)
+        backend.infer(photos[0], Hints())
+    assert network.runs == 2
+
+
+def test_another_file_or_device_is_another_network(network, opened, photos):
+    pointmap, depth = backends()
+    pointmap.runner.open(pointmap, ("file", "cpu"), opened)
+    depth.runner.open(depth, ("file", "cuda"), opened)
+    pointmap.infer(photos[0], Hints())
+    depth.infer(photos[0], Hints())
+    assert (network.runs, len(opened.count)) == (2, 2)
+
+
+def test_other_settings_are_not_shared():
+    assert runner_for("a", "cpu", 2) is not runner_for("a", "cpu", 3)
+
+
+def test_photo_of_the_same_bytes_and_another_shape_is_another_photo(network, opened, photos):
+    _, depth = backends()
+    depth.runner.open(depth, "file", opened)
+    depth.infer(photos[0], Hints())
+    depth.infer(photos[0].reshape(WIDTH, HEIGHT, 3), Hints())
+    assert network.runs == 2
+
+
+def test_threads_that_ask_the_same_wait_for_one_run(network, opened, photos):
+    members = [backend for _ in range(3) for backend in backends()]
+    for backend in members:
+        backend.runner.open(backend, "file", opened)
+    errors = []
+
+    def ask(backend):
+        try:
+            backend.infer(photos[0], Hints())
+        except Exception as error:
+            errors.append(error)
+
+    threads = [threading.Thread(target=ask, args=(backend,)) for backend in members]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not errors
+    assert network.runs == 1
+
+
+def test_nothing_is_left_when_the_backends_are_gone(opened, photos):
+    pointmap, depth = backends()
+    runner: weakref.ref[MogeRunner] = weakref.ref(depth.runner)
+    depth.runner.open(depth, "file", opened)
+    depth.infer(photos[0], Hints())
+    del pointmap, depth
+    gc.collect()
+    assert runner() is None

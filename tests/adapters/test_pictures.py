@@ -1,0 +1,164 @@
+"""Photos into networks' form and maps back, against the libraries that define the form."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from PIL import Image
+
+from physic_core.adapters.pictures import (
+    IMAGENET_MEAN,
+    IMAGENET_STD,
+    check_photo,
+    letterbox,
+    planes,
+    resample,
+    squash,
+)
+from physic_core.errors import InputError
+
+rng = np.random.default_rng(5)
+PHOTO = rng.integers(0, 256, (37, 53, 3), np.uint8)
+
+
+def torch_resized(image, height, width, mode, antialias):
+    planes = torch.from_numpy(np.asarray(image, np.float32)).permute(2, 0, 1)[None]
+    resized = torch.nn.functional.interpolate(
+        planes, (height, width), mode=mode, align_corners=False, antialias=antialias
+    )
+    return resized[0].permute(1, 2, 0).numpy()
+
+
+class TestPlanes:
+    def test_channels_come_first_in_the_order_of_the_image(self):
+        image = np.zeros((2, 3, 3), np.uint8)
+        image[..., 0], image[1, 2, 2] = 255, 51
+        values = planes(image)
+        assert (values.shape, values.dtype) == ((1, 3, 2, 3), np.float32)
+        np.testing.assert_array_equal(values[0, 0], 1)
+        np.testing.assert_allclose(values[0, 2], [[0, 0, 0], [0, 0, 0.2]], atol=1e-7)
+
+    def test_mean_and_deviation_are_of_the_scaled_values(self):
+        expected = (PHOTO / 255 - IMAGENET_MEAN) / IMAGENET_STD
+        np.testing.assert_allclose(
+            planes(PHOTO, IMAGENET_MEAN, IMAGENET_STD)[0].transpose(1, 2, 0), expected, atol=1e-6
+        )
+
+    def test_values_of_0_to_255(self):
+        np.testing.assert_array_equal(planes(PHOTO, scale=1)[0].transpose(1, 2, 0), PHOTO)
+
+    def test_image_with_strides_of_its_own(self):
+        np.testing.assert_array_equal(planes(PHOTO[::-1, ::2, ::-1]), planes(PHOTO[::-1, ::2, ::-1].copy()))
+
+
+class TestSquash:
+    @pytest.mark.parametrize(("height", "width"), [(74, 106), (20, 90), (11, 13)])
+    @pytest.mark.parametrize("kind", ["bilinear", "bicubic"])
+    def test_without_antialias_as_torch(self, kind, height, width):
+        image = PHOTO.astype(np.float32)
+        np.testing.assert_allclose(
+            squash(image, height, width, kind), torch_resized(image, height, width, kind, False), atol=1e-2
+        )
+
+    @pytest.mark.parametrize(("height", "width"), [(74, 106), (20, 90), (11, 13)])
+    @pytest.mark.parametrize("kind", ["bilinear", "bicubic"])
+    def test_with_antialias_as_pillow(self, kind, height, width):
+        expected = Image.fromarray(PHOTO).resize((width, height), getattr(Image.Resampling, kind.upper()))
+        np.testing.assert_array_equal(squash(PHOTO, height, width, f"{kind}-antialias"), np.asarray(expected))
+
+    def test_with_antialias_as_torch(self):
+        image = PHOTO.astype(np.float32)
+        np.testing.assert_allclose(
+            squash(image, 11, 13, "bilinear-antialias"), torch_resized(image, 11, 13, "bilinear", True), atol=1e-3
+        )
+
+    def test_area_is_the_mean_of_what_becomes_one_pixel(self):
+        image = rng.random((8, 12)).astype(np.float32)
+        np.testing.assert_allclose(squash(image, 4, 4, "area"), image.reshape(4, 2, 4, 3).mean((1, 3)), rtol=1e-5)
+
+    def test_nearest_takes_the_pixel_whose_centre_is_nearest(self):
+        image = np.arange(9, dtype=np.float32)[None].repeat(3, 0)
+        np.testing.assert_array_equal(squash(image, 1, 3, "nearest"), [[1, 4, 7]])
+
+    def test_same_size_is_a_copy(self):
+        same = squash(PHOTO, 37, 53)
+        np.testing.assert_array_equal(same, PHOTO)
+        assert not np.shares_memory(same, PHOTO)
+
+    def test_nothing_is_no_size(self):
+        with pytest.raises(InputError, match="cannot be resized to 0 x 5 px"):
+            squash(PHOTO, 5, 0)
+
+
+def test_resample_keeps_places_by_half_pixel_centres():
+    """A ramp of x coordinates, enlarged: each new pixel holds where its centre lies in the old image."""
+    ramp = np.arange(10.0)[None].repeat(4, 0)
+    larger = resample(ramp, 8, 30)
+    expected = np.clip((np.arange(30) + 0.5) / 3 - 0.5, 0, 9)
+    np.testing.assert_allclose(larger, expected[None].repeat(8, 0), atol=1e-5)
+
+
+class TestLetterbox:
+    @settings(max_examples=40, deadline=None)
+    @given(
+        rows=st.integers(5, 400),
+        columns=st.integers(5, 400),
+        height=st.integers(16, 300),
+        width=st.integers(16, 300),
+        where=st.sampled_from(["top-left", "centre"]),
+    )
+    def test_points_go_to_the_canvas_and_back(self, rows, columns, height, width, where):
+        canvas, box = letterbox(np.zeros((rows, columns, 3), np.uint8), height, width, where=where)
+        assert canvas.shape == (height, width, 3)
+        assert box.crop(canvas).shape[:2] == box.inner
+        corners = np.array([[0.0, 0.0], [columns - 1, rows - 1], [-0.5, -0.5], [columns - 0.5, rows - 0.5]])
+        np.testing.assert_allclose(box.to_photo(box.to_canvas(corners)), corners, atol=1e-9)
+        outer = box.to_canvas(corners[2:]) + 0.5
+        np.testing.assert_allclose(
+            outer, [[box.left, box.top], [box.left + box.inner[1], box.top + box.inner[0]]], atol=1e-9
+        )
+        whole = np.array([box.left, box.top, box.left + box.inner[1], box.top + box.inner[0]], float)
+        np.testing.assert_allclose(box.edges_to_photo(whole), [0, 0, columns, rows], atol=1e-9)
+
+    def test_photo_lies_where_it_is_said_and_the_rest_is_filled(self):
+        canvas, box = letterbox(np.full((20, 40, 3), 200, np.uint8), 64, 64, fill=114, where="top-left")
+        assert (box.scale, box.left, box.top, box.inner, box.size) == (1.6, 0, 0, (32, 64), (20, 40))
+        assert (canvas[:32] == 200).all()
+        assert (canvas[32:] == 114).all()
+        canvas, box = letterbox(np.full((20, 40, 3), 200, np.uint8), 64, 64, fill=(1, 2, 3))
+        assert (box.left, box.top) == (0, 16)
+        np.testing.assert_array_equal(canvas[0, 0], [1, 2, 3])
+        assert (canvas[16:48] == 200).all()
+
+    def test_canvas_is_cut_to_a_multiple(self):
+        canvas, box = letterbox(np.zeros((300, 400, 3), np.uint8), 518, 518, multiple=14, where="top-left")
+        assert box.inner == (388, 518)
+        assert canvas.shape == (392, 518, 3)
+
+    def test_map_comes_back_to_the_photo(self):
+        """A blob in the photo is found again at its place after the canvas and back."""
+        photo = np.zeros((60, 100, 3), np.uint8)
+        photo[20:30, 70:80] = 255
+        canvas, box = letterbox(photo, 128, 128)
+        back = box.map_to_photo(canvas[..., 0] / 255)
+        assert back.shape == (60, 100)
+        rows, columns = np.nonzero(back > 0.5)
+        assert (rows.mean(), columns.mean()) == pytest.approx((24.5, 74.5), abs=0.1)
+
+
+@pytest.mark.parametrize(
+    "image",
+    [
+        np.zeros((5, 5), np.uint8),
+        np.zeros((5, 5, 4), np.uint8),
+        np.zeros((5, 5, 3), np.float32),
+        np.zeros((0, 5, 3), np.uint8),
+        [[1]],
+    ],
+)
+def test_what_is_no_photo_is_refused(image):
+    with pytest.raises(InputError, match=r"must be \(H, W, 3\) uint8 RGB"):
+        check_photo(image)
