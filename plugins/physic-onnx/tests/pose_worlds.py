@@ -1,0 +1,64 @@
+"""What perfect networks of one person would say of a photo; by the formulas of their own projects, not by ours."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import affine_transform
+
+from physic_core.body.landmarks import DETECTED
+from physic_core.testing.conformance.joint_sets import world_keypoints
+
+if TYPE_CHECKING:
+    from physic_core.testing.worlds import World
+
+MEAN, STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
+
+
+def standing(box: np.ndarray, count: int) -> np.ndarray:
+    """(J, 2): joints of somebody of whom nothing is known, spread over the box."""
+    share = (np.arange(count) + 0.5) / count
+    return box[:2] + np.stack([0.3 + 0.4 * share, share], -1) * (box[2:] - box[:2])
+
+
+def whose(world: World, box: np.ndarray) -> int | None:
+    """Row of the world's person with this box; None where it is nobody's."""
+    apart = np.abs(world.boxes - box).max(axis=1)
+    return int(apart.argmin()) if apart.min() < 2 else None
+
+
+def joints(world: World | None, box: np.ndarray, skeleton: str) -> tuple[np.ndarray, np.ndarray]:
+    """Places (J, 2) px of the photo and confidences (J,) of the person in a box."""
+    count = len(DETECTED[skeleton])
+    row = None if world is None else whose(world, box)
+    if world is None or row is None:
+        return standing(box, count), np.full(count, 0.4)
+    points, visible = world_keypoints(world, skeleton)
+    return points[row], np.where(visible[row], 0.9, 0.3)
+
+
+def region(box: np.ndarray, width: int, height: int, padding: float = 1.25) -> tuple[np.ndarray, np.ndarray]:
+    """MMPose's centre and scale of a box, in coordinates whose integers are pixel centres."""
+    centre = (box[:2] + box[2:]) / 2 - 0.5
+    w, h = np.maximum(box[2:] - box[:2], 1)
+    w, h = (w, w * height / width) if w * height > h * width else (h * width / height, h)
+    return centre, np.array([w, h]) * padding
+
+
+def normalised(pixels: np.ndarray) -> np.ndarray:
+    """(h, w, 3) 0..255 RGB -> (3, h, w)."""
+    return ((pixels / 255 - MEAN) / STD).transpose(2, 0, 1)
+
+
+def sampled(photo: np.ndarray, origin: np.ndarray, step: np.ndarray, width: int, height: int) -> np.ndarray:
+    """(height, width, 3) where pixel (u, v) is the photo at origin + step * (u, v), bilinear, zero outside."""
+    return np.stack(
+        [
+            affine_transform(
+                photo[..., c].astype(float), step[::-1], origin[::-1], output_shape=(height, width), order=1
+            )
+            for c in range(3)
+        ],
+        -1,
+    )

@@ -1,0 +1,219 @@
+"""RTMPose: the grid of SimCC, colours, scores, and the whole kit on told networks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from physic_core.border import keypoints_faults
+from physic_core.errors import BackendError
+from physic_core.testing.conformance import check_backend
+from physic_core.types import People
+from physic_onnx.rtmpose import RtmPose
+
+from .pose_worlds import joints, normalised, region, sampled
+
+
+@pytest.fixture
+def rtmpose(tmp_path: Path, graph: Any, node: Any) -> Any:
+    """A file whose joint j is where the colour j mod 3 of what it is shown is strongest."""
+
+    def make(
+        count: int = 17, size: tuple[int, int] = (256, 192), scale: float = 1.0, split: int = 2, **options: Any
+    ) -> RtmPose:
+        height, width = size
+        resize = {"mode": "linear", "coordinate_transformation_mode": "asymmetric"}
+        nodes = [
+            node("ReduceMax", ["input"], ["rows"], axes=[2], keepdims=0),
+            node("ReduceMax", ["input"], ["columns"], axes=[3], keepdims=0),
+        ]
+        for line, out in (("rows", "simcc_x"), ("columns", "simcc_y")):
+            nodes += [
+                node("Gather", [line, "colours"], [f"{line} of joints"], axis=1),
+                node("Resize", [f"{line} of joints", "", "twice"], [f"{line} in bins"], **resize),
+                node("Mul", [f"{line} in bins", "scale"], [out]),
+            ]
+        path = graph(
+            tmp_path / "end2end.onnx",
+            {"input": ("float32", ("batch", 3, height, width))},
+            {
+                "simcc_x": ("float32", ("batch", count, split * width)),
+                "simcc_y": ("float32", ("batch", count, split * height)),
+            },
+            nodes,
+            {
+                "colours": np.arange(count) % 3,
+                "twice": np.array([1, 1, split], np.float32),
+                "scale": np.array(scale, np.float32),
+            },
+        )
+        backend = RtmPose(RtmPose.Options(weights=str(path), **options))
+        backend.load()
+        return backend
+
+    return make
+
+
+def people(*boxes: tuple[float, float, float, float]) -> People:
+    return People(np.zeros((len(boxes), 200, 260), bool), np.array(boxes, float).reshape(-1, 4), np.ones(len(boxes)))
+
+
+def blobs(places: list[tuple[float, float]]) -> np.ndarray:
+    y, x = np.mgrid[:200, :260]
+    return np.stack([255 * np.exp(-((x - u) ** 2 + (y - v) ** 2) / 162) for u, v in places], -1).astype(np.uint8)
+
+
+PLACES = [(90.0, 60.0), (120.0, 110.0), (75.0, 150.0)]
+BOX = (50.0, 20.0, 150.0, 180.0)
+
+
+@pytest.mark.parametrize("size", [(256, 192), (384, 288)])
+@pytest.mark.parametrize("split", [2, 3])
+def test_colours_are_found_where_they_are_and_in_their_order(rtmpose: Any, size: tuple[int, int], split: int) -> None:
+    found = rtmpose(size=size, split=split).infer(blobs(PLACES), people(BOX))
+    assert keypoints_faults(found, 1) == []
+    assert found.skeleton == "coco17"
+    apart = np.abs(found.points[0, :3] - PLACES).max()
+    print(f"{size}: {apart:.2f} px of the photo; a pixel of the input is {BOX[3] * 1.25 / size[0]:.2f} px")
+    assert apart < 0.42  # half a pixel of the input is 0.44 px
+
+
+def test_bins_become_pixels_of_the_photo_by_mmposes_formula(tmp_path: Path, graph: Any, node: Any) -> None:
+    bins = {"simcc_x": np.zeros((1, 17, 384), np.float32), "simcc_y": np.zeros((1, 17, 512), np.float32)}
+    rng = np.random.default_rng(0)
+    at_x, at_y = rng.integers(0, 384, 17), rng.integers(0, 512, 17)
+    bins["simcc_x"][0, np.arange(17), at_x], bins["simcc_y"][0, np.arange(17), at_y] = 0.9, 0.7
+    path = graph(
+        tmp_path / "end2end.onnx",
+        {"input": ("float32", (1, 3, 256, 192))},
+        {name: ("float32", held.shape) for name, held in bins.items()},
+        [node("Identity", [f"held_{name}"], [name]) for name in bins],
+        {f"held_{name}": held for name, held in bins.items()},
+    )
+    backend = RtmPose(RtmPose.Options(weights=str(path)))
+    backend.load()
+    found = backend.infer(blobs(PLACES), people(BOX, (10.0, 10.0, 200.0, 60.0)))
+    for row, box in enumerate([BOX, (10.0, 10.0, 200.0, 60.0)]):
+        centre, scale = region(np.array(box), 192, 256)
+        theirs = np.stack([at_x, at_y], -1) / 2 / [192, 256] * scale + centre - scale / 2
+        assert np.allclose(found.points[row], theirs)
+    assert np.allclose(found.confidence, 0.7)  # the lower of the two
+
+
+def test_the_network_is_shown_rgb_unless_bgr_is_asked_for(rtmpose: Any) -> None:
+    rgb = rtmpose().infer(blobs(PLACES), people(BOX)).points[0]
+    bgr = rtmpose(channels="bgr").infer(blobs(PLACES), people(BOX)).points[0]
+    assert np.abs(rgb[:3] - PLACES).max() < 2.5
+    assert np.abs(bgr[:3] - PLACES[::-1]).max() < 2.5
+
+
+def test_scores_above_one_are_cut_or_divided(rtmpose: Any) -> None:
+    grey = np.full((200, 260, 3), 255, np.uint8)
+    top = (1 - np.array([0.485, 0.456, 0.406])) / [0.229, 0.224, 0.225]
+    assert (rtmpose().infer(grey, people(BOX)).confidence == 1).all()
+    assert np.allclose(rtmpose(full_score=10.0).infer(grey, people(BOX)).confidence[0, :3], top / 10, atol=1e-5)
+    assert (rtmpose(scale=-1.0).infer(grey // 255 * 128 + 64, people(BOX)).confidence >= 0).all()
+
+
+def test_grey_is_normalised_by_imagenet(rtmpose: Any) -> None:
+    found = rtmpose().infer(np.full((200, 260, 3), 128, np.uint8), people(BOX))
+    expected = (128 - np.array([123.675, 116.28, 103.53])) / [58.395, 57.12, 57.375]
+    assert np.allclose(found.confidence[0, :3], expected, atol=1e-4)
+
+
+@pytest.mark.parametrize(("count", "skeleton"), [(17, "coco17"), (26, "halpe26"), (133, "coco_wholebody133")])
+def test_the_number_of_joints_decides_the_joint_set(rtmpose: Any, count: int, skeleton: str) -> None:
+    assert rtmpose(count=count).infer(blobs(PLACES), people(BOX)).skeleton == skeleton
+    assert rtmpose(count=count).infer(blobs(PLACES), people()).points.shape == (0, count, 2)
+
+
+def test_a_hand_is_refused(rtmpose: Any) -> None:
+    with pytest.raises(BackendError, match=r"answers 21 keypoints a person.*those of one hand"):
+        rtmpose(count=21)
+
+
+def test_lines_that_do_not_fit_the_input_are_refused(tmp_path: Path, graph: Any, node: Any) -> None:
+    shapes = {"simcc_x": (1, 17, 384), "simcc_y": (1, 17, 500)}
+    path = graph(
+        tmp_path / "end2end.onnx",
+        {"input": ("float32", (1, 3, 256, 192))},
+        {name: ("float32", shape) for name, shape in shapes.items()},
+        [node("Identity", [f"held_{name}"], [name]) for name in shapes],
+        {f"held_{name}": np.zeros(shape, np.float32) for name, shape in shapes.items()},
+    )
+    backend = RtmPose(RtmPose.Options(weights=str(path)))
+    backend.load()
+    with pytest.raises(BackendError, match="as many bins a pixel along both"):
+        backend.infer(blobs(PLACES), people(BOX))
+
+
+def test_simcc_decodes_as_rtmlib_does() -> None:
+    pytest.importorskip("rtmlib")
+    from rtmlib.tools.pose_estimation.post_processings import get_simcc_maximum
+
+    from physic_core.adapters.heatmaps import simcc_peaks
+
+    rng = np.random.default_rng(1)
+    along_x, along_y = rng.random((2, 17, 384)), rng.random((2, 17, 512))
+    points, score = simcc_peaks(along_x, along_y)
+    theirs, mean = get_simcc_maximum(along_x, along_y)
+    assert np.allclose(points, theirs / 2)
+    assert (score <= mean + 1e-9).all()
+
+
+@pytest.fixture(scope="module")
+def told_rtmpose(told: Any, told_network: Any) -> Any:
+    """The adapter over a network that knows where each joint of the person in the crop truly is."""
+
+    def make(skeleton: str, count: int, size: tuple[int, int]) -> type:
+        height, width = size
+
+        def attach(backend: Any) -> list[Any]:
+            def answer(shown: Any, feed: Any) -> dict[str, np.ndarray]:
+                boxes = backend.boxes[backend.asked : backend.asked + len(feed["input"])]
+                backend.asked += len(boxes)
+                lines: dict[str, list[np.ndarray]] = {"simcc_x": [], "simcc_y": []}
+                for picture, box in zip(feed["input"], boxes, strict=True):
+                    centre, scale = region(box, width, height)
+                    corner, step = centre - scale / 2, scale / [width, height]
+                    expected = normalised(sampled(shown.photo, corner, step, width, height))
+                    assert np.abs(picture - expected).mean() < 0.05, "another picture than the network learned from"
+                    points, sure = joints(shown.world, box, skeleton)
+                    at = (points - corner) / step
+                    for name, line, length in (("simcc_x", at[:, 0], width), ("simcc_y", at[:, 1], height)):
+                        apart = np.arange(2 * length) / 2 - line[:, None]
+                        lines[name].append(sure[:, None] * np.exp(-(apart**2) / 30))
+                return {name: np.stack(rows) for name, rows in lines.items()}
+
+            network = told_network(
+                {"input": ("float32", ("b", 3, height, width))},
+                {
+                    "simcc_x": ("float32", ("b", count, 2 * width)),
+                    "simcc_y": ("float32", ("b", count, 2 * height)),
+                },
+                answer,
+            )
+            backend.attach(network)
+            return [network]
+
+        class Told(told(RtmPose, attach)):  # type: ignore[misc]
+            def infer(self, image: np.ndarray, people: People) -> Any:
+                self.boxes, self.asked = people.boxes, 0
+                return super().infer(image, people)
+
+        return Told
+
+    return make
+
+
+@pytest.mark.parametrize(
+    ("skeleton", "count", "size"), [("coco_wholebody133", 133, (384, 288)), ("halpe26", 26, (256, 192))]
+)
+def test_conformance(told_rtmpose: Any, skeleton: str, count: int, size: tuple[int, int]) -> None:
+    report = check_backend(told_rtmpose(skeleton, count, size), "keypoint_detector")
+    print(report.summary, report.accuracy)
+    report.raise_if_failed()
+    assert report.accuracy["px"] < 1.0

@@ -1,0 +1,221 @@
+"""ViTPose: both forms of the file, colours, the grid of its heat maps, and the whole kit on told networks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from physic_core.border import keypoints_faults
+from physic_core.errors import BackendError, PhysicError, WeightsMissingError
+from physic_core.testing.conformance import check_backend
+from physic_core.types import People
+from physic_onnx.vitpose import VitPose
+
+from .pose_worlds import joints, normalised, region, sampled
+
+HEIGHT, WIDTH = 256, 192
+PORTS = {
+    "easy": ("input_0", "output_0", False),
+    "hub": ("pixel_values", "heatmaps", False),
+    "plus": ("pixel_values", "heatmaps", True),
+}
+
+
+@pytest.fixture
+def vitpose(tmp_path: Path, graph: Any, node: Any) -> Any:
+    """A file whose joint j is the colour j mod 3 of what it is shown, on the grid of heat maps."""
+
+    def make(kind: str = "easy", count: int = 17, batch: int | str = "batch", **options: Any) -> VitPose:
+        picture, maps, plus = PORTS[kind]
+        inputs: dict[str, Any] = {picture: ("float32", (batch, 3, HEIGHT, WIDTH))}
+        nodes = [
+            node("Gather", [picture, "colours"], ["gathered"], axis=1),
+            node(
+                "Resize",
+                ["gathered", "", "", "size"],
+                ["small"],
+                mode="linear",
+                coordinate_transformation_mode="align_corners",
+            ),
+        ]
+        if plus:
+            inputs["dataset_index"] = ("int64", (batch,))
+            nodes += [
+                node("Cast", ["dataset_index"], ["index"], to=1),
+                node("Reshape", ["index", "column"], ["expert"]),
+                node("Add", ["small", "expert"], [maps]),
+            ]
+        else:
+            nodes.append(node("Identity", ["small"], [maps]))
+        constants = {"colours": np.arange(count) % 3, "column": np.array([-1, 1, 1, 1])}
+        constants = {k: v for k, v in constants.items() if plus or k != "column"}
+        size = (HEIGHT // 4, WIDTH // 4)
+        rows = 1 if batch == 1 else 0
+        constants["size"] = np.array([rows or 1, count, *size], np.int64)
+        if not rows:  # a free batch: the size follows the picture
+            constants["rest"] = np.array([count, *size], np.int64)
+            constants |= {"zero": np.array([0]), "one": np.array([1])}
+            del constants["size"]
+            nodes = [
+                node("Shape", [picture], ["shape"]),
+                node("Slice", ["shape", "zero", "one"], ["rows"]),
+                node("Concat", ["rows", "rest"], ["size"], axis=0),
+                *nodes,
+            ]
+        path = graph(tmp_path / "net.onnx", inputs, {maps: ("float32", (batch, count, *size))}, nodes, constants)
+        backend = VitPose(VitPose.Options(weights=str(path), **options))
+        backend.load()
+        return backend
+
+    return make
+
+
+def people(*boxes: tuple[float, float, float, float], size: tuple[int, int] = (200, 260)) -> People:
+    return People(np.zeros((len(boxes), *size), bool), np.array(boxes, float).reshape(-1, 4), np.ones(len(boxes)))
+
+
+def blobs(size: tuple[int, int], places: list[tuple[float, float]], sigma: float = 9.0) -> np.ndarray:
+    """A photo with a red, a green and a blue blob."""
+    y, x = np.mgrid[: size[0], : size[1]]
+    return np.stack([255 * np.exp(-((x - u) ** 2 + (y - v) ** 2) / (2 * sigma**2)) for u, v in places], -1).astype(
+        np.uint8
+    )
+
+
+PLACES = [(90.0, 60.0), (120.0, 110.0), (75.0, 150.0)]
+BOX = (50.0, 20.0, 150.0, 180.0)
+
+
+@pytest.mark.parametrize("kind", list(PORTS))
+def test_colours_are_found_where_they_are_and_in_their_order(vitpose: Any, kind: str) -> None:
+    found = vitpose(kind).infer(blobs((200, 260), PLACES), people(BOX))
+    assert keypoints_faults(found, 1) == []
+    assert found.skeleton == "coco17"
+    apart = np.linalg.norm(found.points[0, :3] - PLACES, axis=1)
+    print(f"{kind}: {apart.max():.2f} px of the photo; a cell is {BOX[3] * 1.25 / 64:.1f} px")
+    assert apart.max() < 0.35  # half a pixel of the input would be 0.4 px, red for blue 90 px
+
+
+def test_people_of_all_shapes_at_the_edge_too(vitpose: Any) -> None:
+    seen = blobs((200, 260), PLACES)
+    boxes = [(60.0, 40.0, 140.0, 170.0), (20.0, 30.0, 220.0, 160.0), (-20.0, 10.0, 140.0, 199.0)]
+    found = vitpose().infer(seen, people(*boxes))
+    assert np.linalg.norm(found.points[:, :3] - PLACES, axis=-1).max() < 0.8
+
+
+def test_grey_is_normalised_by_imagenet_and_the_peak_is_the_confidence(vitpose: Any) -> None:
+    found = vitpose().infer(np.full((200, 260, 3), 128, np.uint8), people(BOX))
+    expected = (128 / 255 - np.array([0.485, 0.456, 0.406])) / [0.229, 0.224, 0.225]
+    assert np.allclose(found.confidence[0, :3], expected, atol=1e-5)
+
+
+@pytest.mark.parametrize(("count", "skeleton"), [(17, "coco17"), (26, "halpe26"), (133, "coco_wholebody133")])
+def test_the_number_of_joints_decides_the_joint_set(vitpose: Any, count: int, skeleton: str) -> None:
+    assert vitpose(count=count).infer(blobs((200, 260), PLACES), people(BOX)).skeleton == skeleton
+    nobody = vitpose(count=count).infer(blobs((200, 260), PLACES), people())
+    assert nobody.points.shape == (0, count, 2)
+
+
+def test_a_hand_is_refused(vitpose: Any) -> None:
+    with pytest.raises(BackendError, match=r"answers 21 keypoints a person.*those of one hand"):
+        vitpose(count=21)
+
+
+@pytest.mark.parametrize("batch", [1, "batch"])
+def test_people_do_not_depend_on_their_batch(vitpose: Any, batch: int | str) -> None:
+    seen = blobs((200, 260), PLACES)
+    boxes = [(60.0 + i, 40.0, 140.0, 170.0) for i in range(5)]
+    together = vitpose(batch=batch).infer(seen, people(*boxes))
+    alone = [vitpose(batch=batch).infer(seen, people(box)) for box in boxes]
+    assert np.allclose(together.points, np.concatenate([one.points for one in alone]), atol=1e-6)
+
+
+def test_what_is_no_vitpose_is_refused(tmp_path: Path, graph: Any, node: Any) -> None:
+    path = graph(
+        tmp_path / "net.onnx",
+        {"images": ("float32", (1, 3, 640, 640))},
+        {"output": ("float32", (1, 8400, 85))},
+        [node("Identity", ["held"], ["output"])],
+        {"held": np.zeros((1, 8400, 85), np.float32)},
+    )
+    with pytest.raises(BackendError) as error:
+        VitPose(VitPose.Options(weights=str(path))).load()
+    told = str(error.value)
+    assert "expected of easy_ViTPose" in told
+    assert "input_0" in told
+    assert "output float32 (1, 8400, 85)" in told
+
+
+def test_a_folder_with_one_graph_and_its_tensors_is_a_file(vitpose: Any, tmp_path: Path) -> None:
+    vitpose()
+    (tmp_path / "backbone.blocks.0.weight").write_bytes(b"tensor")
+    backend = VitPose(VitPose.Options(weights=str(tmp_path)))
+    backend.load()
+    assert backend.infer(blobs((200, 260), PLACES), people(BOX)).skeleton == "coco17"
+
+
+def test_missing_weights_say_how_to_get_them(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("HF_HOME", str(tmp_path))
+    backend = VitPose(VitPose.Options(weights="vitpose-s-wholebody"))
+    (told,) = backend.missing()
+    assert "physic weights fetch vitpose-s-wholebody" in told
+    with pytest.raises(WeightsMissingError):
+        backend.load()
+
+
+def test_nothing_is_answered_before_loading() -> None:
+    with pytest.raises(PhysicError, match="before its network was loaded"):
+        VitPose().infer(np.zeros((64, 64, 3), np.uint8), people(BOX, size=(64, 64)))
+
+
+@pytest.fixture(scope="module")
+def told_vitpose(told: Any, told_network: Any) -> Any:
+    """The adapter over a network that draws a Gaussian where each joint of the person in the crop truly is."""
+
+    def make(skeleton: str, count: int) -> type:
+        def attach(backend: Any) -> list[Any]:
+            def answer(shown: Any, feed: Any) -> dict[str, np.ndarray]:
+                maps = []
+                boxes = backend.boxes[backend.asked : backend.asked + len(feed["input_0"])]
+                backend.asked += len(boxes)
+                for picture, box in zip(feed["input_0"], boxes, strict=True):
+                    centre, size = region(box, WIDTH, HEIGHT)
+                    corner, step = centre - size / 2, size / [WIDTH - 1, HEIGHT - 1]
+                    expected = normalised(sampled(shown.photo, corner, step, WIDTH, HEIGHT))
+                    assert np.abs(picture - expected).mean() < 0.05, "another picture than the network learned from"
+                    points, sure = joints(shown.world, box, skeleton)
+                    cells = (points - corner) / size * [47, 63]
+                    y, x = np.mgrid[:64, :48]
+                    apart = (x - cells[:, 0, None, None]) ** 2 + (y - cells[:, 1, None, None]) ** 2
+                    maps.append(sure[:, None, None] * np.exp(-apart / 8))
+                return {"output_0": np.stack(maps)}
+
+            network = told_network(
+                {"input_0": ("float32", ("b", 3, HEIGHT, WIDTH))},
+                {"output_0": ("float32", ("b", count, 64, 48))},
+                answer,
+            )
+            backend.attach(network)
+            return [network]
+
+        class Told(told(VitPose, attach)):  # type: ignore[misc]
+            def infer(self, image: np.ndarray, people: People) -> Any:
+                self.boxes, self.asked = people.boxes, 0
+                return super().infer(image, people)
+
+        return Told
+
+    return make
+
+
+@pytest.mark.parametrize(("skeleton", "count"), [("coco_wholebody133", 133), ("coco17", 17)])
+def test_conformance(told_vitpose: Any, skeleton: str, count: int) -> None:
+    report = check_backend(told_vitpose(skeleton, count), "keypoint_detector")
+    print(report.accuracy)
+    report.raise_if_failed()
+    assert report.accuracy["px"] < 1.0
