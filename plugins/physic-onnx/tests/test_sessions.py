@@ -1,0 +1,228 @@
+"""Opening and running ONNX files: providers, types, and files that are not whole."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+import onnx
+import onnxruntime
+import pytest
+
+from physic_core.errors import BackendError, DeviceError
+from physic_onnx.options import OnnxOptions
+from physic_onnx.sessions import Port, open_network, wanted_provider
+
+CPU, CUDA, TENSORRT = "CPUExecutionProvider", "CUDAExecutionProvider", "TensorrtExecutionProvider"
+COREML, DIRECTML = "CoreMLExecutionProvider", "DmlExecutionProvider"
+
+
+@pytest.fixture
+def doubler(graph, node, tmp_path):
+    """A graph that answers twice its image, plus a number of another type."""
+
+    def build(dtype="float32", name="double.onnx"):
+        nodes = [
+            node("Cast", ["count"], ["number"], to=onnx.helper.np_dtype_to_tensor_dtype(np.dtype(dtype))),
+            node("Add", ["image", "image"], ["twice"]),
+            node("Add", ["twice", "number"], ["sum"]),
+        ]
+        inputs = {"image": (dtype, ("batch", 3, "height", "width")), "count": ("int64", ())}
+        return graph(tmp_path / name, inputs, {"sum": (dtype, ("batch", 3, "height", "width"))}, nodes)
+
+    return build
+
+
+ONE = {"image": np.ones((1, 3, 2, 2)), "count": np.array(1)}
+
+
+class TestRunning:
+    def test_ports_tell_names_types_and_shapes(self, doubler):
+        network = open_network(doubler(), OnnxOptions(), "cpu")
+        assert network.name == "double.onnx"
+        assert network.provider == "CPU"
+        assert dict(network.inputs) == {
+            "image": Port("image", "float32", ("batch", 3, "height", "width")),
+            "count": Port("count", "int64", ()),
+        }
+        assert dict(network.outputs) == {"sum": Port("sum", "float32", ("batch", 3, "height", "width"))}
+
+    @pytest.mark.parametrize("dtype", ["float16", "float32", "float64"])
+    @pytest.mark.parametrize("fed", [np.float16, np.float32, np.float64])
+    def test_floats_are_cast_to_what_the_file_takes(self, doubler, dtype, fed):
+        network = open_network(doubler(dtype), OnnxOptions(), "cpu")
+        image = np.full((1, 3, 4, 5), 0.25, fed)
+        (answer,) = network.run({"image": image, "count": np.array(2, np.int32)}, ["sum"])
+        assert answer.dtype == ("float64" if dtype == "float64" else "float32")
+        np.testing.assert_array_equal(answer, 2.5)
+
+    def test_views_with_strides_of_their_own_are_fed_right(self, doubler):
+        network = open_network(doubler(), OnnxOptions(), "cpu")
+        image = np.random.default_rng(0).random((1, 4, 5, 3)).astype(np.float32)[:, ::-1]
+        (answer,) = network.run({"image": image.transpose(0, 3, 1, 2), "count": np.array(0)}, ["sum"])
+        np.testing.assert_allclose(answer, 2 * image.transpose(0, 3, 1, 2))
+
+    def test_photos_of_several_sizes_one_after_the_other(self, doubler):
+        network = open_network(doubler(), OnnxOptions(threads=1), "cpu")
+        for size in (4, 300, 7, 150):
+            (answer,) = network.run({"image": np.ones((2, 3, size, size)), "count": np.array(0)}, ["sum"])
+            assert answer.shape == (2, 3, size, size)
+
+    def test_bytes_are_not_taken_for_floats(self, doubler):
+        network = open_network(doubler(), OnnxOptions(), "cpu")
+        with pytest.raises(BackendError, match=r"input 'image' of double.onnx takes float32, and uint8 was fed"):
+            network.run({**ONE, "image": np.ones((1, 3, 2, 2), np.uint8)}, ["sum"])
+
+    def test_input_that_is_not_there(self, doubler):
+        network = open_network(doubler(), OnnxOptions(), "cpu")
+        with pytest.raises(BackendError, match="has no input 'picture'; it has image, count"):
+            network.run({"picture": np.ones(3)}, ["sum"])
+
+    def test_failure_says_what_was_fed(self, doubler):
+        network = open_network(doubler(), OnnxOptions(), "cpu")
+        with pytest.raises(BackendError, match=r"failed to run double.onnx on CPU with image float32 \(1, 2, 2\)"):
+            network.run({**ONE, "image": np.ones((1, 2, 2), np.float32)}, ["sum"])
+
+
+class TestProviders:
+    @pytest.mark.parametrize(
+        ("name", "device", "available", "asked"),
+        [
+            ("auto", "cpu", [CPU], [CPU]),
+            ("auto", "cpu", [TENSORRT, CUDA, CPU], [CPU]),
+            ("auto", "cuda", [TENSORRT, CUDA, CPU], [(CUDA, "0")]),
+            ("auto", "cuda:1", [CUDA, CPU], [(CUDA, "1")]),
+            ("cpu", "cuda", [CUDA, CPU], [CPU]),
+            ("cuda", "cpu", [CUDA, CPU], [(CUDA, "0")]),
+            ("tensorrt", "cuda:2", [TENSORRT, CUDA, CPU], [(TENSORRT, "2"), (CUDA, "2")]),
+            ("coreml", "cpu", [COREML, CPU], [COREML]),
+            ("directml", "cpu", [DIRECTML, CPU], [(DIRECTML, "0")]),
+        ],
+    )
+    def test_option_and_device_choose_it(self, name, device, available, asked):
+        _, settings = wanted_provider(name, device, available)
+        assert [s if isinstance(s, str) else (s[0], s[1]["device_id"]) for s in settings] == asked
+
+    @pytest.mark.parametrize(
+        ("name", "device", "message"),
+        [
+            (
+                "auto",
+                "cuda",
+                "device 'cuda' needs CUDA, and the installed onnxruntime has only 'cpu': "
+                "install onnxruntime-gpu in place of onnxruntime, or choose device 'cpu'",
+            ),
+            (
+                "tensorrt",
+                "cuda",
+                "provider 'tensorrt' is TensorRT, and the installed onnxruntime has only 'cpu': install "
+                "onnxruntime-gpu in place of onnxruntime, and TensorRT beside it, or choose provider 'cpu'",
+            ),
+            (
+                "coreml",
+                "cpu",
+                "provider 'coreml' is CoreML, and the installed onnxruntime has only 'cpu': "
+                "use the onnxruntime for macOS, which carries it, or choose provider 'cpu'",
+            ),
+            (
+                "directml",
+                "cpu",
+                "provider 'directml' is DirectML, and the installed onnxruntime has only 'cpu': "
+                "install onnxruntime-directml in place of onnxruntime, or choose provider 'cpu'",
+            ),
+            ("auto", "mps", "unknown device 'mps': use 'cpu', 'cuda' or 'cuda:N'"),
+            ("auto", "cpu:1", "unknown device 'cpu:1': use 'cpu', 'cuda' or 'cuda:N'"),
+        ],
+    )
+    def test_what_is_not_there_is_refused_with_what_to_install(self, name, device, message):
+        with pytest.raises(DeviceError) as refusal:
+            wanted_provider(name, device, ["AzureExecutionProvider", CPU])
+        assert str(refusal.value) == message
+
+    def test_installed_onnxruntime_is_asked_what_it_has(self, doubler, monkeypatch):
+        monkeypatch.setattr(onnxruntime, "get_available_providers", lambda: [CPU])
+        with pytest.raises(DeviceError, match="provider 'cuda' is CUDA"):
+            open_network(doubler(), OnnxOptions(provider="cuda"), "cpu")
+
+    @pytest.mark.parametrize(("provider", "words"), [("cuda", "CUDA"), ("tensorrt", "TensorRT")])
+    def test_provider_that_does_not_start_is_no_silent_cpu(self, doubler, monkeypatch, provider, words):
+        """onnxruntime goes on with the CPU where CUDA's libraries do not fit, and raises nothing."""
+        session = onnxruntime.InferenceSession
+        monkeypatch.setattr(onnxruntime, "get_available_providers", lambda: [TENSORRT, CUDA, CPU])
+        monkeypatch.setattr(
+            onnxruntime, "InferenceSession", lambda path, options, providers: session(path, options, providers=[CPU])
+        )
+        with pytest.raises(DeviceError) as refusal:
+            open_network(doubler(), OnnxOptions(provider=provider), "cuda")
+        assert f"offers {words} but could not start it on this machine, and would run double.onnx with {CPU}" in str(
+            refusal.value
+        )
+
+    def test_cpu_stands_by_for_operators_that_a_provider_lacks(self, doubler, monkeypatch):
+        asked = []
+
+        class Session:
+            def __init__(self, path, options, providers):
+                asked.extend(providers)
+
+            def get_providers(self):
+                return [CUDA, CPU]
+
+            def get_inputs(self):
+                return []
+
+            get_outputs = get_inputs
+
+        monkeypatch.setattr(onnxruntime, "get_available_providers", lambda: [CUDA, CPU])
+        monkeypatch.setattr(onnxruntime, "InferenceSession", Session)
+        assert open_network(doubler(), OnnxOptions(), "cuda").provider == "CUDA"
+        assert [name if isinstance(name, str) else name[0] for name in asked] == [CUDA, CPU]
+
+    def test_one_line_says_what_is_used(self, doubler, caplog):
+        with caplog.at_level(logging.INFO, logger="physic_onnx"):
+            open_network(doubler(), OnnxOptions(), "cpu")
+        assert [record.getMessage() for record in caplog.records] == [
+            f"double.onnx runs on CPU (onnxruntime {onnxruntime.__version__})"
+        ]
+
+
+class TestFiles:
+    def test_file_that_is_not_there(self, tmp_path):
+        with pytest.raises(BackendError, match=r"there is no file .*none.onnx: `physic weights list`"):
+            open_network(tmp_path / "none.onnx", OnnxOptions(), "cpu")
+
+    @pytest.mark.parametrize("content", [b"", b"<html>404</html>", b"version https://git-lfs.github.com/spec/v1\n"])
+    def test_file_that_is_no_network(self, tmp_path, content):
+        path = tmp_path / "page.onnx"
+        path.write_bytes(content)
+        with pytest.raises(BackendError, match=r"cannot open .*page.onnx with CPU.*`physic weights verify` tells"):
+            open_network(path, OnnxOptions(), "cpu")
+
+    def test_file_that_was_cut_short(self, doubler):
+        path = doubler()
+        path.write_bytes(path.read_bytes()[:-40])
+        with pytest.raises(BackendError, match="broken or cut short"):
+            open_network(path, OnnxOptions(), "cpu")
+
+    @pytest.mark.parametrize("location", ["model.onnx_data", "parts/weights.bin"])
+    def test_weights_in_other_files_are_named_where_they_lack(self, graph, node, tmp_path, location):
+        path = graph(
+            tmp_path / "model.onnx",
+            {"x": ("float32", (4,))},
+            {"y": ("float32", (4,))},
+            [node("Add", ["x", "w"], ["y"])],
+            {"w": np.arange(4, dtype=np.float32)},
+        )
+        model = onnx.load(path)
+        (tmp_path / location).parent.mkdir(exist_ok=True)
+        onnx.external_data_helper.convert_model_to_external_data(model, location=location, size_threshold=0)
+        onnx.save(model, path)
+        (answer,) = open_network(path, OnnxOptions(), "cpu").run({"x": np.zeros(4)}, ["y"])
+        np.testing.assert_array_equal(answer, [0, 1, 2, 3])
+        (tmp_path / location).unlink()
+        with pytest.raises(BackendError) as refusal:
+            open_network(path, OnnxOptions(), "cpu")
+        assert str(refusal.value) == (
+            f"model.onnx keeps its weights in other files, and {location} is not in {tmp_path}: put it there, under "
+            "this name (`physic weights fetch` fetches all files of a set)"
+        )
