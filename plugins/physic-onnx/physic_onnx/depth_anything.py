@@ -131,7 +131,7 @@ class DepthAnythingMetric(OneGraph, MetricDepth):
     def _farthest(self) -> float | None:
         if self.options.farthest is not None:
             return self.options.farthest
-        names = f"{self.options.weights} {self._speaking.network.name if self._speaking else ''}".lower()
+        names = f"{_last_part(self.options.weights)} {self.speaking().network.name}".lower()
         return next((_SATURATED * most for word, most in _LARGEST.items() if word in names), None)
 
 
@@ -198,7 +198,7 @@ class DepthAnythingRelative(OneGraph, RelativePointmap):
     def _answers_depth(self, speaking: Speaking) -> bool:
         if self.options.answers != "auto":
             return self.options.answers == "depth"
-        names = f"{self.options.weights} {speaking.network.name}"
+        names = f"{_last_part(self.options.weights)} {speaking.network.name}"
         third = speaking.dialect == VIEWS or any(speaking.has(extra.name) for extra in _EXTRAS)
         return third or _names_version_3(names)
 
@@ -287,6 +287,13 @@ def _normalises_itself(speaking: Speaking) -> bool:
     """The exports that do call their input 'image', its sides 'H' and 'W', and take one photo."""
     port = speaking.ports.inputs["pixel_values"]
     return port.name == "image" and port.shape == (1, 3, "H", "W")
+
+
+def _last_part(weights: str) -> str:
+    """Of a path, or the whole name of a set: what folders are called tells nothing."""
+    from pathlib import PurePath
+
+    return PurePath(weights).name
 
 
 def _names_version_3(names: str) -> bool:

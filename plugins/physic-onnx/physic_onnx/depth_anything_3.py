@@ -55,7 +55,7 @@ class DepthAnything3(OneGraph, MetricDepth):
         Raises:
             BackendError: it is called "mono".
         """
-        if "mono" in f"{self.options.weights} {path.name}".lower():
+        if "mono" in path.name.lower():
             raise BackendError(
                 f"{path.name} is called after Depth Anything 3 mono, which answers relative depth: use it as "
                 "relative_pointmap 'depth-anything-onnx', or name weights of Depth Anything 3 metric"
