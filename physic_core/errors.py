@@ -12,6 +12,7 @@ __all__ = [
     "BodyModelError",
     "ConfigError",
     "DeviceError",
+    "DownloadError",
     "InputError",
     "NoPersonError",
     "OutputError",
@@ -38,6 +39,10 @@ class ConfigError(PhysicError):
 
 class DeviceError(PhysicError):
     """A compute device that is not there."""
+
+
+class DownloadError(PhysicError):
+    """Weights that could not be fetched, or not without the user's word about their licence."""
 
 
 class BodyModelError(PhysicError):

@@ -16,6 +16,7 @@ from physic_core.cli.cache import cache
 from physic_core.cli.config import config
 from physic_core.cli.plugins import plugins
 from physic_core.cli.run import run
+from physic_core.cli.weights import weights
 from physic_core.errors import PhysicError
 
 __all__ = ["main"]
@@ -54,3 +55,4 @@ main.add_command(plugins)
 main.add_command(config)
 main.add_command(bench)
 main.add_command(cache)
+main.add_command(weights)

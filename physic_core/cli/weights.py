@@ -1,0 +1,281 @@
+"""``physic weights``: what the plugins' networks need, where it is, and how to get it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from physic_core.cli.listing import columns
+from physic_core.errors import PhysicError
+
+if TYPE_CHECKING:
+    from physic_core.weights.fetch import Progress
+    from physic_core.weights.library import Library, Listed
+
+__all__ = ["weights"]
+
+_JSON = click.option("--json", "as_json", is_flag=True, help="Print it as JSON.")
+_USE = {True: "yes", False: "NO", None: "not said"}
+
+
+@click.group()
+def weights() -> None:
+    """List, fetch and verify the weights that plugins need.
+
+    They are sought in the folders of PHYSIC_WEIGHTS, in your folder for caches, and in that of Hugging Face; only
+    `fetch` uses the network.
+    """
+
+
+@weights.command("list")
+@click.option("--missing", is_flag=True, help="Only what is not here.")
+@_JSON
+def list_(missing: bool, as_json: bool) -> None:
+    """List every set of weights: whose, how large, under which licence, and whether it is here."""
+    library = _library()
+    sets = [one for one in library.sets if not (missing and _state(one) == "here")]
+    if as_json:
+        broken = [{"distribution": origin.distribution, "cause": why} for origin, why in library.broken]
+        click.echo(json.dumps({"sets": [_as_dict(one) for one in sets], "broken": broken}, indent=2))
+        return
+    rows = [("weights", "plugin", "size", "commercial use", "account", "state", "licence")]
+    for one in sets:
+        found = one.weights
+        account = "needed" if found.account else "-"
+        rows.append(
+            (
+                *(found.name, one.origin.distribution, _size(found.bytes), _USE[found.commercial], account),
+                *(_state(one), found.license),
+            )
+        )
+    for origin, why in library.broken:
+        rows.append(("-", origin.distribution, "-", "-", "-", "BROKEN", " ".join(why.split())))
+    click.echo(columns(rows) if len(rows) > 1 else "nothing is missing" if missing else "no plugin lists weights")
+
+
+@weights.command()
+@click.argument("name")
+@_JSON
+def show(name: str, as_json: bool) -> None:
+    """Say all that is known of the weights NAME: licence, files, sources, and where they lie or are sought."""
+    one = _library().get(name)
+    click.echo(json.dumps(_as_dict(one), indent=2) if as_json else _details(one))
+
+
+@weights.command()
+@click.argument("names", nargs=-1, required=True, metavar="NAME...")
+@click.option(
+    "--accept-licence",
+    "--accept-license",
+    "accept",
+    is_flag=True,
+    help="Accept a licence that does not allow every use, or that asks for an account.",
+)
+@click.option(
+    "--to",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="FOLDER",
+    help="Put the files there, as for a machine without a network; PHYSIC_WEIGHTS names it there.",
+)
+@click.pass_context
+def fetch(ctx: click.Context, names: tuple[str, ...], accept: bool, to: Path | None) -> None:
+    """Fetch the weights called NAME..., as far as they are not here, and hold them against size and hash.
+
+    What an interrupted fetch has brought is kept, and the next one goes on from there. Ends with code 1 if anything is
+    still missing.
+    """
+    from physic_core.weights.fetch import fetch as bring
+
+    library = _library()
+    chosen = [library.get(name) for name in dict.fromkeys(names)]
+    failed = False
+    for one in chosen:
+        name = one.weights.name
+        try:
+            with _progress(name) as progress:
+                fetched = bring(one.weights, accept=accept, to=to, progress=progress)
+        except PhysicError as error:
+            failed = True
+            click.echo(f"{name}: {error}", err=True)
+        except KeyboardInterrupt:
+            click.echo(f"{name}: interrupted; what has come is kept, and the next fetch goes on from there", err=True)
+            ctx.exit(130)
+        else:
+            where = to / name if to is not None else _where(one)
+            click.echo(f"{name}: {', '.join(fetched)} fetched, in {where}" if fetched else f"{name}: here, in {where}")
+    ctx.exit(1 if failed else 0)
+
+
+@weights.command()
+@click.argument("names", nargs=-1, metavar="[NAME...]")
+@_JSON
+@click.pass_context
+def verify(ctx: click.Context, names: tuple[str, ...], as_json: bool) -> None:
+    """Hold the files that are here against their published sizes and SHA-256; all sets, or those called NAME.
+
+    Ends with code 1 if a file differs, or if a file of a set called NAME is missing.
+    """
+    from physic_core.weights.locate import look
+    from physic_core.weights.verify import difference
+
+    library = _library()
+    rows: list[dict[str, str]] = []
+    for one in [library.get(name) for name in dict.fromkeys(names)] or library.sets:
+        here = look(one.weights).files
+        for file in one.weights.files:
+            path = here.get(file.path)
+            entry = {"weights": one.weights.name, "file": file.path, "path": str(path or "")}
+            if path is None:
+                if names:
+                    rows.append(entry | {"state": "missing", "note": ""})
+                continue
+            try:
+                wrong = difference(path, file)
+            except OSError as error:
+                wrong = f"it cannot be read ({error.strerror})"
+            held = [word for word, known in (("size", file.bytes), ("SHA-256", file.sha256)) if known is not None]
+            note = wrong or (
+                "" if "SHA-256" in held else f"held against {held[0] if held else 'nothing'}: no more is published"
+            )
+            rows.append(entry | {"state": "DIFFERS" if wrong else "ok", "note": note})
+            if not as_json:
+                _echo_row(rows[-1])
+    if as_json:
+        click.echo(json.dumps(rows, indent=2))
+    else:
+        for row in rows:
+            if row["state"] == "missing":
+                _echo_row(row)
+        count = {state: sum(row["state"] == state for row in rows) for state in ("ok", "DIFFERS", "missing")}
+        click.echo(f"{len(rows)} files: {count['ok']} ok, {count['DIFFERS']} differ, {count['missing']} missing")
+    ctx.exit(1 if any(row["state"] != "ok" for row in rows) else 0)
+
+
+@weights.command()
+@click.argument("name")
+@click.argument("file", required=False)
+def where(name: str, file: str | None) -> None:
+    """Print the path of the weights NAME, or of one FILE of them, and nothing else."""
+    from physic_core.plugins import discover
+    from physic_core.weights.library import read_library
+    from physic_core.weights.locate import locate
+
+    manifests = discover().manifests
+    one = read_library(manifests).get(name)
+    manifest = next(m for m in manifests if m.origin == one.origin)
+    click.echo(locate(manifest.path, one.weights.name, file))
+
+
+def _library() -> Library:
+    from physic_core.plugins import discover
+    from physic_core.weights.library import read_library
+
+    return read_library(discover().manifests)
+
+
+def _echo_row(row: dict[str, str]) -> None:
+    end = f": {row['note']}" if row["note"] else ""
+    click.echo(f"{row['state']:<8} {row['weights']} {row['file']}{end}")
+
+
+def _state(one: Listed) -> str:
+    """Whether a set is here; a size that is not the published one shows, a hash is for `verify`."""
+    from physic_core.weights.locate import look
+
+    here = look(one.weights)
+    if not here.files:
+        return "missing"
+    if len(here.files) < len(one.weights.files):
+        return "in part"
+    sizes = [file.bytes in (None, here.files[file.path].stat().st_size) for file in one.weights.files]
+    return "here" if all(sizes) else "here, DIFFERS"
+
+
+def _where(one: Listed) -> str:
+    """Where a set lies."""
+    from physic_core.weights.locate import look
+
+    here = look(one.weights)
+    if len(here.files) == 1 or here.folder is None:
+        return ", ".join(map(str, here.files.values()))
+    return str(here.folder)
+
+
+def _details(one: Listed) -> str:
+    from physic_core.weights.fetch import terms
+    from physic_core.weights.folders import places_in_words
+    from physic_core.weights.locate import look, way_to_get
+
+    found, here = one.weights, look(one.weights)
+    state = _state(one)
+    lines = [f"weights '{found.name}'", f"  {found.summary}", f"  plugin      {one.origin}", terms(found)]
+    lines.append(f"  state       {state}")
+    if not state.startswith("here"):
+        lines += [f"  to get it   {way_to_get(found)}", f"  sought in   {places_in_words(found.name)}"]
+    elif found.advice:
+        lines.append(f"  advice      {found.advice}")
+    for file in found.files:
+        lines.append(f"  file        {file.path}{f' ({_size(file.bytes)})' if file.bytes is not None else ''}")
+        lines += [f"    source    {file.source}"] if file.source else []
+        lines += [f"    sha256    {file.sha256}"] if file.sha256 else []
+        lines += [f"    here      {here.files[file.path]}"] if file.path in here.files else []
+    return "\n".join(lines)
+
+
+def _as_dict(one: Listed) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    from physic_core.weights.locate import look
+
+    here = look(one.weights).files
+    table = asdict(one.weights)
+    files = [entry | {"here": str(here.get(entry["path"], ""))} for entry in table.pop("files")]
+    owner = {"distribution": one.origin.distribution, "version": one.origin.version}
+    return {"plugin": owner, **table, "bytes": one.weights.bytes, "state": _state(one), "files": files}
+
+
+def _size(size: int | None) -> str:
+    from physic_core.weights.locate import size_in_words
+
+    return size_in_words(size) or "-"
+
+
+@contextmanager
+def _progress(name: str) -> Iterator[Progress]:
+    """A bar a file on a terminal; one line a file elsewhere; both on stderr."""
+    if not sys.stderr.isatty():
+        begun: set[str] = set()
+
+        def say(file: str, done: int, total: int | None) -> None:
+            if file not in begun:
+                begun.add(file)
+                onward = f", {_size(done)} are here" if done else ""
+                click.echo(f"{name}: {file} ({_size(total)}){onward}", err=True)
+
+        yield say
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn, TransferSpeedColumn
+
+    parts = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        DownloadColumn(),
+        TransferSpeedColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*parts, console=Console(stderr=True)) as bars:
+        tasks: dict[str, Any] = {}
+
+        def show_bar(file: str, done: int, total: int | None) -> None:
+            if file not in tasks:
+                tasks[file] = bars.add_task(f"{name}: {file}", total=total, completed=done)
+            bars.update(tasks[file], completed=done, total=total)
+
+        yield show_bar

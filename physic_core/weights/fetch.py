@@ -1,0 +1,238 @@
+"""Fetches a set: what lacks of it, from where the plugin's list says, held against size and hash."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import zipfile
+from collections.abc import Callable
+from importlib.util import find_spec
+from pathlib import Path
+
+from physic_core.errors import DownloadError
+from physic_core.weights.folders import own_folder
+from physic_core.weights.locate import look
+from physic_core.weights.manifest import HubSource, WebSource, WeightFile, WeightSet
+from physic_core.weights.transfer import Transfer, writing
+from physic_core.weights.verify import difference
+
+__all__ = ["Progress", "fetch", "terms"]
+
+Progress = Callable[[str, int, int | None], None]
+"""Called with a file's path in its set, the bytes that are here, and how many there will be, where that is known."""
+
+INSTALL = 'pip install "physic-core[weights]"'
+_ARCHIVES = ".archives"
+
+
+def fetch(
+    weights: WeightSet,
+    *,
+    accept: bool = False,
+    to: Path | None = None,
+    progress: Progress = lambda name, done, total: None,
+) -> tuple[str, ...]:
+    """Fetch the files of a set that are not here.
+
+    Args:
+        weights: the set.
+        accept: whether the user accepts a licence that does not allow every use, or that asks for an account.
+        to: folder that gets the whole set, as ``<to>/<set>/<file>``; None for the user's folder for caches, and for
+            Hugging Face's own cache where the files are from its hub and lie there as they do in the set.
+        progress: told about each piece.
+
+    Returns:
+        Paths in the set of the files that were fetched.
+
+    Raises:
+        DownloadError: the licence is not accepted, there is no source, or what stopped it; what has come is kept.
+    """
+    lacking = _lacking(weights, to)
+    if not lacking:
+        return ()
+    by_hand = [file for file in lacking if not file.source]
+    if len(by_hand) == len(lacking):
+        raise DownloadError(f"{_names(by_hand)} of '{weights.name}' cannot be fetched: {_by_hand(weights, to)}")
+    if not (accept or weights.is_free):
+        raise DownloadError(
+            f"'{weights.name}' is not fetched without --accept-licence:\n{terms(weights)}\n"
+            f"if that suits you: physic weights fetch {weights.name} --accept-licence"
+        )
+    _require_libraries(lacking)
+    folder = _folder(to) / weights.name
+    in_hubs_cache = to is None and _lies_in_hubs_cache(weights)
+    fetched = []
+    for file in lacking:
+        if file.source:
+            _fetch_file(weights, file, folder, in_hubs_cache, progress)
+            fetched.append(file.path)
+    shutil.rmtree(folder / _ARCHIVES, ignore_errors=True)
+    if by_hand:
+        raise DownloadError(
+            f"'{weights.name}': {_names([f for f in lacking if f.source])} fetched; "
+            f"{_names(by_hand)} cannot be: {_by_hand(weights, to)}"
+        )
+    return tuple(fetched)
+
+
+def terms(weights: WeightSet) -> str:
+    """What the licence of a set allows, and how to get access, in lines."""
+    use = {True: "is allowed", False: "is NOT allowed", None: "is not spoken of: read the licence"}
+    lines = [f"  licence     {weights.license}", f"  commercial  use {use[weights.commercial]}"]
+    if weights.account:
+        from physic_core.weights.hub import LOGIN
+
+        hub = [f.origin.repository for f in weights.files if isinstance(f.origin, HubSource)]
+        page = f"https://huggingface.co/{hub[0]}" if hub else weights.homepage
+        login = LOGIN if hub else "log in there"
+        lines.append(f"  account     needed: ask for access at {page}, and {login}")
+    if weights.homepage:
+        lines.append(f"  homepage    {weights.homepage}")
+    return "\n".join(lines)
+
+
+def _lacking(weights: WeightSet, to: Path | None) -> list[WeightFile]:
+    if to is not None:
+        return [file for file in weights.files if not (to / weights.name / file.path).is_file()]
+    here = look(weights)
+    lacking = [file for file in weights.files if file.path not in here.files]
+    if lacking or len(weights.files) == 1 or here.folder is not None:
+        return lacking
+    folder = _folder(None) / weights.name  # all are here, but in several places
+    return [file for file in weights.files if not (folder / file.path).is_file()]
+
+
+def _folder(to: Path | None) -> Path:
+    folder = own_folder() if to is None else to
+    if folder is None:
+        raise DownloadError("there is no home folder to put weights into: name a folder with --to")
+    return folder
+
+
+def _by_hand(weights: WeightSet, to: Path | None) -> str:
+    return f"{weights.advice}; then put it into {_folder(to) / weights.name}"
+
+
+def _names(files: list[WeightFile]) -> str:
+    return ", ".join(file.path for file in files)
+
+
+def _require_libraries(files: list[WeightFile]) -> None:
+    wanted = {"pooch", "requests"} | {"huggingface_hub" for f in files if isinstance(f.origin, HubSource)}
+    absent = sorted(name for name in wanted if find_spec(name) is None)
+    if absent:
+        raise DownloadError(f"fetching weights needs {' and '.join(absent)}: {INSTALL}")
+
+
+def _lies_in_hubs_cache(weights: WeightSet) -> bool:
+    """Whether all files are of one repository and lie in it as they do in the set, under one folder or none."""
+    places = set()
+    for file in weights.files:
+        origin = file.origin
+        if not isinstance(origin, HubSource) or not f"/{origin.path}".endswith(f"/{file.path}"):
+            return len(weights.files) == 1 and isinstance(origin, HubSource)
+        places.add((origin.repository, origin.revision, origin.path.removesuffix(file.path)))
+    return len(places) == 1
+
+
+def _fetch_file(weights: WeightSet, file: WeightFile, folder: Path, in_hubs_cache: bool, progress: Progress) -> None:
+    def tell(done: int, total: int | None) -> None:
+        progress(file.path, done, total if total is not None else file.bytes)
+
+    target = folder / file.path
+    if not in_hubs_cache and _copied(look(weights).files.get(file.path), file, target):
+        return
+    origin = file.origin
+    advice = f"see {weights.homepage}" if weights.homepage else ""
+    if isinstance(origin, HubSource):
+        from physic_core.weights.hub import from_hub
+
+        from_hub(file, None if in_hubs_cache else target, tell, advice)
+        return
+    assert isinstance(origin, WebSource)
+    if weights.account:
+        advice = f"{terms(weights).strip()}\n{_by_hand_instead(target)}"
+    with writing(target):
+        target.parent.mkdir(parents=True, exist_ok=True)
+    if not origin.member:
+        _retrieve(origin.url, target, file, tell, advice)
+        return
+    name = Path(origin.url.partition("?")[0]).name
+    archive = folder / _ARCHIVES / (name if name.endswith(".zip") else f"{name}.zip")
+    if not archive.is_file():
+        with writing(archive):
+            archive.parent.mkdir(parents=True, exist_ok=True)
+        _retrieve(origin.url, archive, WeightFile(archive.name), tell, advice)
+    _take_out(archive, origin, file, target)
+
+
+def _copied(here: Path | None, file: WeightFile, target: Path) -> bool:
+    """Whether a whole file of another place could serve, and was copied."""
+    if here is None or difference(here, file):
+        return False
+    part = target.with_name(f"{target.name}.copy")
+    with writing(target):
+        target.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            shutil.copyfile(here, part)
+            os.replace(part, target)
+        finally:
+            part.unlink(missing_ok=True)
+    return True
+
+
+def _by_hand_instead(target: Path) -> str:
+    return f"or load it down with a browser and put it at {target}"
+
+
+def _retrieve(url: str, target: Path, file: WeightFile, tell: Callable[[int, int | None], None], advice: str) -> None:
+    """A file from the web through pooch, which holds it against its hash and puts it in place."""
+    import logging
+
+    import pooch  # type: ignore[import-untyped]
+
+    pooch.get_logger().setLevel(logging.WARNING)  # we say ourselves what we do
+    transfer = Transfer(
+        target.with_name(f"{target.name}.part"),
+        file.bytes,
+        hashed=file.sha256 is not None,
+        advice=advice,
+        tell=tell,
+    )
+    known = None if file.sha256 is None else f"sha256:{file.sha256}"
+    try:
+        with writing(target):
+            pooch.retrieve(url, known_hash=known, fname=target.name, path=target.parent, downloader=transfer)
+    except ValueError as error:  # pooch has removed it
+        found = [digest for digest in re.findall(r"\b[0-9a-f]{64}\b", str(error)) if digest != file.sha256]
+        wrong = f"its SHA-256 is {found[0]} instead of {file.sha256}" if found else str(error)
+        raise DownloadError(f"{url} came, but {wrong}: removed{f'; {advice}' if advice else ''}") from error
+
+
+def _take_out(archive: Path, origin: WebSource, file: WeightFile, target: Path) -> None:
+    """One file out of a zip, under a name of our own; names inside the zip decide no place on this machine."""
+    part = target.with_name(f"{target.name}.part")
+    try:
+        with zipfile.ZipFile(archive) as opened, writing(part):
+            names = [info.filename for info in opened.infolist() if not info.is_dir()]
+            if origin.member not in names:
+                some = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
+                raise DownloadError(f"{origin.url} has no {origin.member} in it, only {some}")
+            size = opened.getinfo(origin.member).file_size
+            if file.bytes is not None and size != file.bytes:
+                raise DownloadError(
+                    f"{origin.url}#{origin.member} has {size} bytes instead of {file.bytes}: it is another file by now"
+                )
+            with opened.open(origin.member) as inside, part.open("wb") as out:
+                shutil.copyfileobj(inside, out, 1 << 20)
+    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError) as error:
+        part.unlink(missing_ok=True)
+        archive.unlink(missing_ok=True)
+        raise DownloadError(f"{origin.url} is no zip that can be read ({error}): removed") from error
+    if wrong := difference(part, file):
+        part.unlink()
+        archive.unlink(missing_ok=True)
+        raise DownloadError(f"{origin.url}#{origin.member} came, but {wrong}: removed")
+    with writing(target):
+        os.replace(part, target)

@@ -1,0 +1,77 @@
+"""The sets of weights of all installed plugins."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import TYPE_CHECKING
+
+from physic_core.errors import InputError, PhysicError
+from physic_core.registry import normal_name
+from physic_core.weights.manifest import WeightSet, read_manifest
+
+if TYPE_CHECKING:
+    from physic_core.registry import Manifest, Origin
+
+__all__ = ["Library", "Listed", "read_library"]
+
+
+@dataclass(frozen=True)
+class Listed:
+    """A set, and whose it is.
+
+    Attributes:
+        origin: the plugin that lists it.
+        weights: the set.
+    """
+
+    origin: Origin
+    weights: WeightSet
+
+
+@dataclass(frozen=True)
+class Library:
+    """What is listed.
+
+    Attributes:
+        sets: by name, then by distribution.
+        broken: plugins whose lists do not hold, and why.
+    """
+
+    sets: tuple[Listed, ...]
+    broken: tuple[tuple[Origin, str], ...]
+
+    def get(self, name: str) -> Listed:
+        """The set of a name; "distribution:name" where two plugins list the same.
+
+        Raises:
+            InputError: there is none, or more than one.
+        """
+        distribution, _, bare = name.rpartition(":")
+        asked = normal_name(distribution)
+        found = [
+            one for one in self.sets if one.weights.name == bare and asked in ("", normal_name(one.origin.distribution))
+        ]
+        if len(found) == 1:
+            return found[0]
+        if found:
+            choices = " or ".join(f"'{one.origin.distribution}:{bare}'" for one in found)
+            raise InputError(f"several plugins list weights named '{bare}': write {choices}")
+        names = sorted({one.weights.name for one in self.sets})
+        close = get_close_matches(bare, names, n=1)
+        hint = f"did you mean '{close[0]}'?" if close else "`physic weights list` names all"
+        broken = "".join(f"\n{origin}: {why}" for origin, why in self.broken)
+        raise InputError(f"no weights are named '{name}'; {hint}{broken}")
+
+
+def read_library(manifests: Iterable[Manifest]) -> Library:
+    """Read the lists of plugins; one that does not hold takes nothing from the others."""
+    sets: list[Listed] = []
+    broken: list[tuple[Origin, str]] = []
+    for manifest in manifests:
+        try:
+            sets += [Listed(manifest.origin, weights) for weights in read_manifest(manifest.path).values()]
+        except PhysicError as error:
+            broken.append((manifest.origin, str(error)))
+    return Library(tuple(sorted(sets, key=lambda s: (s.weights.name, s.origin.distribution))), tuple(broken))
