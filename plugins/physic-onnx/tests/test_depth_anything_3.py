@@ -1,0 +1,206 @@
+"""Depth Anything 3 metric against graphs of its exports, and against a network that knows the world."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.ndimage import map_coordinates
+
+from physic_core.errors import BackendError
+from physic_core.testing import check_backend
+from physic_core.types import Hints, Intrinsics
+from physic_onnx.depth_anything_3 import DepthAnything3, DepthAnything3Options, prepare
+
+IMAGENET_MEAN, IMAGENET_STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
+FORMS = {
+    "504 x 504": (("batch", 3, 504, 504), ("batch", 1, 504, 504)),
+    "504 x 280": ((1, 3, 280, 504), (1, 1, 280, 504)),
+    "views": ((1, "N", 3, 504, 504), (1, "N", 504, 504)),
+    "free": (("b", 3, "h", "w"), ("b", "h", "w")),
+}
+
+
+@pytest.fixture
+def contract_graph(graph, node, tmp_path):
+    """A network whose depth is a channel of its input plus 4, and whose sky is what is told or a channel."""
+
+    def build(form: str = "free", takes="image", gives=("depth", "sky"), channel=0, name="model.onnx") -> str:
+        shape, map_shape = FORMS[form]
+        nodes = [
+            node("Gather", [takes, "channel"], ["plane"], axis=len(shape) - 3),
+            node("Gather", [takes, "blue"], ["score"], axis=len(shape) - 3),
+        ]
+        spare = len(map_shape) - (len(shape) - 1)
+        if spare:
+            nodes += [node("Unsqueeze", ["plane", "one"], ["map"]), node("Unsqueeze", ["score", "one"], [gives[1]])]
+        else:
+            nodes += [node("Identity", ["plane"], ["map"]), node("Identity", ["score"], [gives[1]])]
+        nodes.append(node("Add", ["map", "four"], [gives[0]]))
+        constants = {
+            "channel": np.array(channel, np.int64),
+            "blue": np.array(2, np.int64),
+            "one": np.array([1], np.int64),
+            "four": np.float32(4),
+        }
+        outputs = {gives[0]: ("float32", map_shape), gives[1]: ("float32", map_shape)}
+        return str(graph(tmp_path / name, {takes: ("float32", shape)}, outputs, nodes, constants))
+
+    return build
+
+
+def loaded(path: str, **options) -> DepthAnything3:
+    backend = DepthAnything3(DepthAnything3Options(weights=path, **options))
+    backend.load()
+    return backend
+
+
+def ramp(height: int = 252, width: int = 252) -> np.ndarray:
+    """Red grows to the right, blue is 0: no sky."""
+    image = np.zeros((height, width, 3), np.uint8)
+    image[..., 0] = np.linspace(20, 220, width)[None, :]
+    image[..., 1] = np.linspace(200, 30, height)[:, None]
+    return image
+
+
+def raw_depth(image: np.ndarray, channel: int = 0) -> np.ndarray:
+    return (image[..., channel] / 255 - IMAGENET_MEAN[channel]) / IMAGENET_STD[channel] + 4
+
+
+def hints(focal: float, width: int, height: int) -> Hints:
+    return Hints(intrinsics=Intrinsics.from_focal(focal, width, height))
+
+
+class TestContract:
+    @pytest.mark.parametrize("form", FORMS)
+    @pytest.mark.parametrize("channel", [0, 1])
+    def test_metres_are_depth_times_the_seen_focal_length_over_300(self, contract_graph, form, channel):
+        """Trap: the focal length of the picture that the network sees, the mean of both axes, and not the photo's."""
+        image = ramp()
+        answer = loaded(contract_graph(form, channel=channel)).infer(image, hints(210.0, 252, 252))
+        rows, columns = FORMS[form][0][-2:] if form != "free" else (504, 504)
+        focal = 210.0 * (rows / 252 + columns / 252) / 2
+        np.testing.assert_allclose(answer.depth, raw_depth(image, channel) * focal / 300, rtol=0.02)
+        assert answer.intrinsics.fx == 210.0
+
+    def test_metres_do_not_change_with_the_size_of_the_photo(self, contract_graph):
+        backend = loaded(contract_graph())
+        small = backend.infer(ramp(), hints(210.0, 252, 252)).depth
+        large = backend.infer(np.kron(ramp(), np.ones((2, 2, 1), np.uint8)), hints(420.0, 504, 504)).depth
+        np.testing.assert_allclose(large[::2, ::2], small, rtol=0.02)
+
+    def test_other_names_are_known(self, contract_graph):
+        loaded(contract_graph(takes="pixel_values", gives=("predicted_depth", "sky")))
+
+    def test_free_size_has_its_long_side_at_504(self, told_network):
+        seen = []
+        network = told_network(
+            {"image": ("float32", FORMS["free"][0])},
+            {"depth": ("float32", FORMS["free"][1]), "sky": ("float32", FORMS["free"][1])},
+            lambda shown, fed: (
+                seen.append(fed["image"].shape)
+                or {"depth": fed["image"][:, 0] + 4, "sky": np.zeros_like(fed["image"][:, 0])}
+            ),
+        )
+        network.show("anything")
+        backend = DepthAnything3()
+        backend.attach(network)
+        backend.infer(ramp(1080, 1920), hints(1500.0, 1920, 1080))
+        backend.infer(ramp(640, 480), hints(500.0, 480, 640))
+        assert seen == [(1, 3, 280, 504), (1, 3, 504, 378)]
+
+    def test_sky_is_where_the_score_is_high_and_has_no_depth(self, contract_graph):
+        """Trap: from 0.3 on it is sky, though a reader of these files holds the opposite."""
+        image = ramp()
+        # Blue in ImageNet's normalisation: 0.29 and 0.31.
+        low, high = ((s * IMAGENET_STD[2] + IMAGENET_MEAN[2]) * 255 for s in (0.25, 0.35))
+        image[:120, :, 2], image[120:, :, 2] = round(high), round(low)
+        depth = loaded(contract_graph()).infer(image, hints(210.0, 252, 252)).depth
+        assert np.isnan(depth[:118]).all()
+        assert np.isfinite(depth[122:]).all()
+
+    def test_far_away_is_not_known(self, contract_graph):
+        image = ramp()
+        depth = loaded(contract_graph(), farthest=6.0).infer(image, hints(210.0, 252, 252)).depth
+        assert np.isfinite(depth).any()
+        assert np.nanmax(depth) <= 6.0
+        assert np.isnan(depth[:, -20:]).all()
+
+    def test_without_a_focal_length_it_says_what_to_configure(self, contract_graph):
+        with pytest.raises(BackendError) as refusal:
+            loaded(contract_graph()).infer(ramp(), Hints())
+        assert str(refusal.value) == (
+            "Depth Anything 3 metric gives metres only for a known focal length, and none is known: "
+            "set focal_px in [photo], or choose a relative_pointmap that finds the camera"
+        )
+
+    def test_squashing_is_said(self, contract_graph):
+        answer = loaded(contract_graph("504 x 280")).infer(ramp(640, 480), hints(500.0, 480, 640))
+        assert answer.notes == (
+            "model.onnx sees 504 x 280 px only, so that the photo is squashed by a factor 2.4; "
+            "a file of free size would see it as it is",
+        )
+
+    def test_file_without_a_sky_is_refused(self, graph, node, tmp_path):
+        """Trap: the relative files have the same names, and no sky."""
+        path = graph(
+            tmp_path / "da3-base.onnx",
+            {"image": ("float32", ("b", 3, 504, 504))},
+            {"depth": ("float32", ("b", 504, 504))},
+            [node("ReduceMax", ["image"], ["depth"], axes=[1], keepdims=0)],
+        )
+        with pytest.raises(BackendError) as refusal:
+            loaded(str(path))
+        assert "but there is no output 'sky'" in str(refusal.value)
+        assert "found:\n  inputs:  image float32 (b, 3, 504, 504)" in str(refusal.value)
+
+    def test_relative_file_with_a_sky_is_refused_by_its_name(self, contract_graph):
+        with pytest.raises(BackendError, match="answers relative depth: use it as relative_pointmap"):
+            loaded(contract_graph(name="da3mono_l_504x378.onnx"))
+
+
+@pytest.mark.parametrize(("size", "how"), [((1000, 800), "area"), ((200, 160), "bicubic")])
+def test_photo_is_shrunk_by_areas_and_enlarged_bicubically(size, how):
+    import cv2
+
+    image = np.random.default_rng(0).integers(0, 256, (*size, 3), dtype=np.uint8)
+    resized = cv2.resize(image, (406, 504), interpolation={"area": cv2.INTER_AREA, "bicubic": cv2.INTER_CUBIC}[how])
+    wanted = ((resized / 255 - IMAGENET_MEAN) / IMAGENET_STD).transpose(2, 0, 1)[None]
+    np.testing.assert_allclose(prepare(image, 504, 406), wanted, atol=1e-5)
+
+
+def at(values: np.ndarray, rows: int, columns: int) -> np.ndarray:
+    """A map at another size, bilinear between pixel centres, by SciPy."""
+    v = (np.arange(rows) + 0.5) * values.shape[0] / rows - 0.5
+    u = (np.arange(columns) + 0.5) * values.shape[1] / columns - 0.5
+    return map_coordinates(values, np.stack(np.meshgrid(v, u, indexing="ij")), order=1, mode="nearest")
+
+
+def perfect(shown, fed):
+    """Depth of a camera of 300 px, and the sky."""
+    picture = fed["image"]
+    rows, columns = picture.shape[-2:]
+    seen = (picture.reshape(3, rows, columns) * IMAGENET_STD[:, None, None] + IMAGENET_MEAN[:, None, None]) * 255
+    photo = np.stack([at(shown.photo[..., c].astype(float), rows, columns) for c in range(3)])
+    blocks = [p.reshape(3, rows // 14, 14, columns // 14, 14).mean((2, 4)) for p in (seen, photo)]
+    assert np.abs(blocks[0] - blocks[1]).mean() < 4, "not the photo"
+    height, width = shown.photo.shape[:2]
+    focal = shown.camera.fx * 0.5 * (columns / width + rows / height)
+    inverse = at(1 / shown.depth, rows, columns)
+    depth = 1 / np.maximum(inverse, 1 / 150)
+    shape = (1, 1, rows, columns)
+    return {"depth": (depth * 300 / focal).reshape(shape), "sky": (inverse < 1e-4).astype(float).reshape(shape)}
+
+
+@pytest.mark.parametrize("form", ["504 x 504", "504 x 280", "free"])
+def test_conformance(told, told_network, form):
+    shape = FORMS[form][0]
+    answered = ("float32", (1, 1, *shape[-2:]))
+
+    def attach(backend):
+        network = told_network({"image": ("float32", shape)}, {"depth": answered, "sky": answered}, perfect)
+        backend.attach(network)
+        return [network]
+
+    report = check_backend(told(DepthAnything3, attach))
+    report.raise_if_failed()
+    assert report.accuracy["abs-rel"] < 0.02, report.accuracy
