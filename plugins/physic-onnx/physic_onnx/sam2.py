@@ -1,0 +1,156 @@
+"""People by SAM 2 in the boxes of a detector, and the ground under their feet."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+from pydantic import Field
+
+from physic_core.errors import BackendError, PhysicError
+from physic_core.interfaces import Options, Segmenter
+from physic_core.weights import fingerprint, locate, missing
+
+from .options import OnnxOptions
+
+if TYPE_CHECKING:
+    from physic_core.adapters.detections import Detections
+    from physic_core.types import FloatArray, People, UInt8Array
+
+    from .detectors import Detector
+    from .sam2_networks import Encoded, Sam2Networks
+
+__all__ = ["Sam2", "Sam2Options"]
+
+MANIFEST = Path(__file__).parent / "weights"
+
+
+class Sam2Options(OnnxOptions):
+    """Settings of Sam2."""
+
+    weights: str = Field(
+        "sam2.1-hiera-tiny",
+        description="a name of `physic weights list`, or a folder of your own with an encoder and a decoder; "
+        "small, base-plus and large are better at hair and fingers, and slower",
+    )
+    variant: str = Field("", description="of the encoder's file, such as fp16 or quantized; empty for the plain one")
+    detector: str = Field(
+        "rtdetr-r50",
+        description="what finds people: YOLOX, RT-DETR, D-FINE or RTMO; a name of `physic weights list`, or a file",
+    )
+    score: float = Field(0.45, ge=0, le=1, description="from which a detected person is believed; 0.3 finds more")
+    overlap: float = Field(
+        0.65, gt=0, le=1, description="boxes that share more are one person's; 0.45 where one is found twice"
+    )
+    most: int = Field(20, ge=1, description="people at most, best first")
+    smallest_px: float = Field(24, ge=0, description="people whose box is less high are left out, px")
+    floor: Literal["feet", "feet-and-border", "none"] = Field(
+        "feet",
+        description="where to ask for the floor: beside the feet; at the photo's lower edge, too, which finds a table "
+        "as well; or not at all",
+    )
+
+
+class Sam2(Segmenter):
+    """SAM 2.1 (or SAM 3's tracker) with a detector of people, both of which are recognised by their files' contract.
+
+    The photo is encoded once for all people and the floor. Where the detector sees joints (RTMO), they are answered,
+    and the floor is asked for beside ankles in place of the lower ends of masks.
+    """
+
+    Options: ClassVar[type[Options]] = Sam2Options
+    options: Sam2Options
+
+    def __init__(self, options: Sam2Options | None = None) -> None:
+        super().__init__(options)
+        self._networks: Sam2Networks | None = None
+        self._detector: Detector | None = None
+
+    def load(self, device: str = "cpu") -> None:
+        """Open the encoder, the decoder and the detector.
+
+        Raises:
+            WeightsMissingError: files are not here; the message says how to get them.
+            BackendError: a file is not what it should be.
+            DeviceError: the device is not there.
+        """
+        from .detectors import open_detector
+        from .sam2_networks import open_sam2
+
+        folder = locate(MANIFEST, self.options.weights)
+        if not folder.is_dir():
+            raise BackendError(f"SAM 2 is two files in a folder, and {folder} is one file: name their folder")
+        self._networks = open_sam2(folder, self.options, device, self.options.variant)
+        self._detector = open_detector(locate(MANIFEST, self.options.detector), self.options, device)
+
+    def close(self) -> None:
+        """Let go of the networks."""
+        self._networks = self._detector = None
+
+    def missing(self) -> tuple[str, ...]:
+        """What is not here of the encoder, the decoder and the detector."""
+        lack = missing(MANIFEST, self.options.weights)
+        return (*(lack or self._not_in_folder()), *missing(MANIFEST, self.options.detector))
+
+    def fingerprint(self) -> str:
+        """What the files are."""
+        return f"{fingerprint(MANIFEST, self.options.weights)} {fingerprint(MANIFEST, self.options.detector)}"
+
+    def infer(self, image: UInt8Array) -> People:
+        """Image (H, W, 3) -> people, best score first.
+
+        Raises:
+            InputError: it is no photo.
+            BackendError: load() was not called, or a network fails.
+        """
+        from dataclasses import replace
+
+        from physic_core.adapters.people import people_from_masks
+        from physic_core.adapters.pictures import check_photo, resample
+
+        from .sam2_floor import floor_mask
+
+        check_photo(image)
+        if self._networks is None or self._detector is None:
+            raise BackendError("SAM 2 is not loaded: call load() before infer()")
+        size = (image.shape[0], image.shape[1])
+        found = self._detector.infer(image, self.options.score, self.options.overlap)
+        found = found[found.boxes[:, 3] - found.boxes[:, 1] >= self.options.smallest_px][: self.options.most]
+        border = self.options.floor == "feet-and-border"
+        if not len(found) and not border:
+            return people_from_masks([], None, found.scores, size=size, keypoints=found.keypoints)
+        photo = self._networks.encode(image)
+        found, logits = self._masks(self._networks, photo, found)
+        people = people_from_masks(
+            (resample(grid, *size) for grid in logits),
+            found.boxes,
+            found.scores,
+            size=size,
+            keypoints=found.keypoints,
+        )
+        if self.options.floor == "none":
+            return people
+        return replace(people, floor=floor_mask(self._networks, photo, people, border=border))
+
+    @staticmethod
+    def _masks(networks: Sam2Networks, photo: Encoded, found: Detections) -> tuple[Detections, FloatArray]:
+        """People of whom no other has the same mask, and (N, h, w) logits of the squashed photo."""
+        import numpy as np
+
+        from physic_core.adapters.people import distinct_masks
+
+        if not len(found):
+            return found, np.zeros((0, 1, 1), np.float32)
+        three, fits = networks.in_boxes(photo, found.boxes)
+        logits = three[np.arange(len(three)), fits.argmax(axis=1)]
+        rows = distinct_masks(logits > 0, found.scores)
+        return found[rows], logits[rows]
+
+    def _not_in_folder(self) -> tuple[str, ...]:
+        from .sam2_networks import files_in
+
+        try:
+            files_in(locate(MANIFEST, self.options.weights), self.options.variant)
+        except PhysicError as error:
+            return (str(error),)
+        return ()

@@ -1,0 +1,154 @@
+"""The ground that people stand on: what SAM 2 takes for one thing about their feet.
+
+A point beside a foot may lie on a rug, on the floor or on a sofa, and the network's three answers are a part, a whole
+and what is about it. So an answer has to look like ground before it is believed.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.adapters.pictures import resample
+
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray, FloatArray, Keypoints, People
+
+    from .sam2_networks import Encoded, Sam2Networks
+
+__all__ = ["border_points", "feet_of", "floor_mask", "ground_points"]
+
+ANKLES = (15, 16)
+"""Of the skeleton "coco17"."""
+
+AROUND = np.array([[-1.0, 0.0], [1.0, 0.0], [-0.6, 0.4], [0.6, 0.4], [0.0, 0.5]])
+"""Where the ground is about a foot, in reaches."""
+
+MOST_POINTS = 12
+
+
+def floor_mask(networks: Sam2Networks, photo: Encoded, people: People, *, border: bool) -> BoolArray | None:
+    """(H, W) pixels of the ground; None where no feet are seen, or where no answer looks like ground.
+
+    Args:
+        networks: of SAM 2.
+        photo: encoded.
+        people: with their masks.
+        border: whether to look at the lower edge of the photo, too.
+    """
+    anybody = people.masks.any(axis=0)
+    points = ground_points(people)
+    if border:
+        points = np.concatenate([points, border_points(anybody)])
+    if not len(points):
+        return None
+    points = points[np.linspace(0, len(points) - 1, min(len(points), MOST_POINTS)).astype(int)]
+    logits, _ = networks.at_points(photo, points, _middles(people))
+    best, most = None, 0.0
+    for answer in logits:
+        mask = np.asarray(resample(_in_one_piece(answer, photo, points), *photo.size) > 0)
+        value = _like_ground(mask & ~anybody, mask, points, people)
+        if value > most:
+            best, most = mask & ~anybody, value
+    return best
+
+
+def feet_of(people: People) -> FloatArray:
+    """(F, 3) px: column and row where people touch the ground, and how far about it is ground, their height over seven.
+
+    Ankles where they are known. Else the lower ends of masks that are as high as people from head to feet and do not
+    end at the edge of the photo, if that is so of half of the people: where most are cut off, furniture hides the
+    others.
+    """
+    joints = people.keypoints
+    if joints is not None and joints.skeleton == "coco17":
+        reach = (people.boxes[:, 3] - people.boxes[:, 1]) / 7
+        feet = [(*spot, reach[i]) for i in range(len(people)) for spot in _ankles(joints, i)]
+        return np.array(feet, float).reshape(-1, 3)
+    feet = []
+    for mask, (x0, y0, x1, y1) in zip(people.masks, people.boxes, strict=True):
+        height = y1 - y0
+        if y1 < 0.985 * len(mask) and height > 1.6 * (x1 - x0):
+            columns = np.nonzero(mask[int(y1 - max(1.0, 0.03 * height)) : int(y1)])[1]
+            feet.append((float(np.median(columns)), y1 - 1, height / 7))
+    return np.array(feet if 2 * len(feet) >= len(people) else [], float).reshape(-1, 3)
+
+
+def ground_points(people: People) -> FloatArray:
+    """(P, 2) px about the feet, on nobody and on the photo."""
+    anybody = people.masks.any(axis=0)
+    height, width = anybody.shape
+    feet = feet_of(people)
+    points = (feet[:, None, :2] + AROUND * feet[:, None, 2:]).reshape(-1, 2)
+    points = points[((points >= 1) & (points <= [width - 2, height - 2])).all(axis=1)]
+    x, y = np.rint(points).astype(int).T
+    return np.asarray(points[~anybody[y, x]])
+
+
+def border_points(anybody: BoolArray, count: int = 5) -> FloatArray:
+    """(P, 2) px a little above the lower edge of the photo, on nobody."""
+    height, width = anybody.shape
+    x = (np.arange(count) + 0.5) * width / count
+    points = np.stack([x, np.full(count, 0.97 * (height - 1))], axis=1)
+    column, row = np.rint(points).astype(int).T
+    return np.asarray(points[~anybody[row.clip(0, height - 1), column.clip(0, width - 1)]])
+
+
+def _in_one_piece(logits: FloatArray, photo: Encoded, points: FloatArray) -> FloatArray:
+    """Logits (h, w) of what hangs together with the points; what does not is well below 0.
+
+    Large even things are answered as a grid of specks, of which a blur of two cells makes a whole.
+    """
+    import cv2
+
+    smooth = cv2.GaussianBlur(np.clip(logits.astype(np.float32), -8, 8), (0, 0), 2.0)
+    _, piece = cv2.connectedComponents((smooth > 0).astype(np.uint8), connectivity=4)
+    height, width = photo.size
+    column, row = ((points + 0.5) * np.array(logits.shape[::-1]) / [width, height]).astype(int).T
+    held = np.unique(piece[row, column])
+    lost = (smooth > 0) & ~np.isin(piece, held[held > 0])
+    return np.where(lost, np.float32(-8), smooth)
+
+
+def _ankles(keypoints: Keypoints, person: int) -> list[tuple[float, float]]:
+    """Ankles that are seen, a little lower, where the sole is."""
+    points, sure = keypoints.points[person], keypoints.confidence[person]
+    shin = np.linalg.norm(points[list(ANKLES)] - points[[13, 14]], axis=1)
+    return [
+        (float(points[a][0]), float(points[a][1] + 0.15 * s))
+        for a, s in zip(ANKLES, shin, strict=True)
+        if sure[a] > 0.4
+    ]
+
+
+def _middles(people: People) -> FloatArray:
+    """(Q, 2) a pixel in the middle of each person."""
+    middles = []
+    for mask in people.masks[:6]:
+        y, x = np.nonzero(mask)
+        row = y[np.argsort(y)[len(y) // 2]]
+        middles.append((float(np.median(x[y == row])), float(row)))
+    return np.array(middles, float).reshape(-1, 2)
+
+
+def _like_ground(ground: BoolArray, mask: BoolArray, points: FloatArray, people: People) -> float:
+    """How much a mask looks like the ground, 0 for one that cannot be it.
+
+    It holds the points beside the feet and hardly any of the people, hardly rises above their chests, and is large:
+    a shoe's shadow is no floor.
+    """
+    x, y = np.rint(points).astype(int).T
+    held, area = float(ground[y, x].mean()), int(ground.sum())
+    anybody = people.masks.any(axis=0)
+    on_people = float((mask & anybody).sum() / max(1, anybody.sum()))
+    if held < 0.6 or area < 0.01 * ground.size or on_people > 0.5:
+        return 0.0
+    chests = people.boxes[:, 1] + 0.35 * (people.boxes[:, 3] - people.boxes[:, 1])
+    highest = int(np.median(chests)) if len(chests) else ground.shape[0] // 3
+    high = float(ground[: max(0, highest)].sum() / area)
+    # The ground that people stand on goes on towards the camera, or ends at something that stands before it.
+    wide = float(ground[int(points[:, 1].min()) :].any(axis=0).mean())
+    if high > 0.35 or wide < 0.35:
+        return 0.0
+    return held - on_people - high + 0.5 * area / ground.size

@@ -1,0 +1,266 @@
+"""The two networks of SAM 2: a photo is encoded once, and asked for masks of boxes and of points.
+
+Two exports are at large. They hold the same networks, and differ in the names, the types and the ranks of everything,
+and in how a box is told: as a box, or as two points with labels of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from physic_core.errors import BackendError
+
+from .contract import Dialect, Wanted, choose
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.types import FloatArray, UInt8Array
+
+    from .options import OnnxOptions
+    from .sessions import Network
+
+__all__ = ["DECODERS", "ENCODERS", "Encoded", "Sam2Networks", "open_sam2"]
+
+ENCODERS: Mapping[str, Dialect] = {
+    "transformers.js": Dialect(
+        (Wanted("pixel_values", shape=(None, 3, None, None)),),
+        (
+            Wanted("image_embeddings.0", shape=(None, 32, None, None)),
+            Wanted("image_embeddings.1", shape=(None, 64, None, None)),
+            Wanted("image_embeddings.2", shape=(None, 256, None, None)),
+        ),
+    ),
+    "samexporter": Dialect(
+        (Wanted("image", shape=(None, 3, None, None)),),
+        (
+            Wanted("high_res_feats_0", shape=(None, 32, None, None)),
+            Wanted("high_res_feats_1", shape=(None, 64, None, None)),
+            Wanted("image_embed", shape=(None, 256, None, None)),
+        ),
+    ),
+}
+"""By the tool that wrote the files. Outputs come finest first."""
+
+DECODERS: Mapping[str, Dialect] = {
+    "transformers.js": Dialect(
+        (
+            Wanted("input_points", shape=(None, None, None, 2)),
+            Wanted("input_labels", dtype="int64", shape=(None, None, None)),
+            Wanted("input_boxes", shape=(None, None, 4)),
+            *ENCODERS["transformers.js"].outputs,
+        ),
+        (
+            Wanted("iou_scores", shape=(None, None, None)),
+            Wanted("pred_masks", shape=(None, None, None, None, None)),
+        ),
+    ),
+    "samexporter": Dialect(
+        (
+            *ENCODERS["samexporter"].outputs,
+            Wanted("point_coords", shape=(None, None, 2)),
+            Wanted("point_labels", shape=(None, None)),
+            Wanted("mask_input", shape=(None, 1, None, None)),
+            Wanted("has_mask_input", shape=(None,)),
+        ),
+        (Wanted("masks", shape=(None, None, None, None)), Wanted("iou_predictions", shape=(None, None))),
+    ),
+}
+
+INSIDE, OUTSIDE, NOTHING, FIRST_CORNER, LAST_CORNER = 1, 0, -1, 2, 3
+"""Labels of points."""
+
+SAM3_SIDE = 1008
+"""The tracker of SAM 3 speaks as transformers.js's SAM 2 does, and sees pictures of this side, from -1 to 1."""
+
+AT_ONCE = 8
+"""Boxes that are asked for in one go."""
+
+
+@dataclass(frozen=True)
+class Encoded:
+    """A photo as the decoder wants it.
+
+    Attributes:
+        features: three maps, finest first.
+        size: H and W of the photo, px.
+        side: of the square that the photo was squashed to, px.
+    """
+
+    features: tuple[NDArray[Any], ...]
+    size: tuple[int, int]
+    side: int
+
+    def to_frame(self, points: FloatArray) -> FloatArray:
+        """(..., 2) photo px -> px of the square; integers are pixel centres in both."""
+        import numpy as np
+
+        height, width = self.size
+        scale = self.side / np.array([width, height], np.float64)
+        frame: FloatArray = (np.asarray(points, np.float64) + 0.5) * scale - 0.5
+        return frame
+
+
+class Sam2Networks:
+    """Encoder and decoder, open.
+
+    Attributes:
+        dialect: one of ENCODERS.
+
+    Raises:
+        BackendError: they are not what they should be, or are of two exports.
+    """
+
+    def __init__(self, encoder: Network, decoder: Network) -> None:
+        self._encoder, self._decoder = encoder, decoder
+        self.dialect, self._encoding = choose(encoder, ENCODERS)
+        told, self._decoding = choose(decoder, DECODERS)
+        if told != self.dialect:
+            raise BackendError(
+                f"the encoder {encoder.name} comes from {self.dialect} and the decoder {decoder.name} from {told}: "
+                "take both from one export"
+            )
+        (port,) = self._encoding.inputs.values()
+        self._side = port.shape[2] if isinstance(port.shape[2], int) else 1024
+
+    def encode(self, image: UInt8Array) -> Encoded:
+        """Encode a photo (H, W, 3), RGB."""
+        from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, planes, squash
+
+        half = (0.5, 0.5, 0.5)
+        mean, std = (half, half) if self._side == SAM3_SIDE else (IMAGENET_MEAN, IMAGENET_STD)
+        frame = planes(squash(image, self._side, self._side, "bilinear-antialias"), mean, std)
+        (name,) = self._encoding.inputs
+        features = self._encoding.run(self._encoder, {name: frame}, list(self._encoding.outputs))
+        return Encoded(tuple(features), (image.shape[0], image.shape[1]), self._side)
+
+    def in_boxes(self, photo: Encoded, boxes: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """What lies in each of (N, 4) half-open boxes x0 y0 x1 y1 px of the photo.
+
+        Returns:
+            (N, 3, h, w) logits of the squashed photo, above 0 inside, and (N, 3) how well each fits, as the network
+            judges.
+        """
+        import numpy as np
+
+        # The network was trained with the first and the last pixel of what is meant.
+        corners = photo.to_frame(np.asarray(boxes, np.float64).reshape(-1, 2, 2) - [[0, 0], [1, 1]])
+        at_once = self._at_once()
+        answers = [self._ask(photo, corners[i : i + at_once], None) for i in range(0, len(corners), at_once)]
+        logits, fits = zip(*answers, strict=True)
+        return np.concatenate(logits), np.concatenate(fits)
+
+    def at_points(self, photo: Encoded, inside: FloatArray, outside: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The one thing that holds (P, 2) points of the photo and not (Q, 2) others.
+
+        Returns:
+            (3, h, w) logits of the squashed photo, and (3,) how well each fits.
+        """
+        import numpy as np
+
+        points = photo.to_frame(np.concatenate([inside, outside]))
+        labels = np.array([INSIDE] * len(inside) + [OUTSIDE] * len(outside))
+        logits, fits = self._ask(photo, None, (points, labels))
+        return logits[0], fits[0]
+
+    def _ask(
+        self, photo: Encoded, corners: FloatArray | None, points: tuple[FloatArray, NDArray[Any]] | None
+    ) -> tuple[FloatArray, FloatArray]:
+        if self.dialect == "transformers.js":
+            feed, names = self._with_boxes(corners, points), ["pred_masks", "iou_scores"]
+        else:
+            feed, names = self._with_corner_points(corners, points), ["masks", "iou_predictions"]
+        feed.update(zip(self._encoding.outputs, photo.features, strict=True))
+        logits, fits = self._decoding.run(self._decoder, feed, names)
+        if self.dialect == "transformers.js":
+            logits, fits = logits[0], fits[0]
+        return logits, fits
+
+    def _with_boxes(
+        self, corners: FloatArray | None, points: tuple[FloatArray, NDArray[Any]] | None
+    ) -> dict[str, NDArray[Any]]:
+        import numpy as np
+
+        if corners is None:
+            assert points is not None
+            told, labels = points[0][None, None], points[1][None, None]
+            boxes = np.zeros((1, 0, 4))
+        else:
+            boxes = corners.reshape(1, -1, 4)
+            # Not every provider takes arrays without elements; a point that is none says nearly the same.
+            none = 0 if self._decoder.provider in ("CPU", "CUDA") else 1
+            told = np.zeros((1, len(corners), none, 2))
+            labels = np.full((1, len(corners), none), NOTHING)
+        return {
+            "input_points": told.astype(np.float32),
+            "input_labels": labels.astype(np.int64),
+            "input_boxes": boxes.astype(np.float32),
+        }
+
+    def _with_corner_points(
+        self, corners: FloatArray | None, points: tuple[FloatArray, NDArray[Any]] | None
+    ) -> dict[str, NDArray[Any]]:
+        import numpy as np
+
+        if corners is not None:
+            told, labels = corners, np.tile([FIRST_CORNER, LAST_CORNER], (len(corners), 1))
+        else:
+            assert points is not None
+            # Where no box is told, the network was trained with a point that is none at the end.
+            told = np.concatenate([points[0], np.zeros((1, 2))])[None]
+            labels = np.concatenate([points[1], [NOTHING]])[None]
+        side = self._decoding.inputs["mask_input"].shape[2]
+        grid = side if isinstance(side, int) else self._side // 4
+        return {
+            "point_coords": told.astype(np.float32),
+            "point_labels": labels.astype(np.float32),
+            "mask_input": np.zeros((len(told), 1, grid, grid), np.float32),
+            "has_mask_input": np.zeros(1, np.float32),
+        }
+
+    def _at_once(self) -> int:
+        """Boxes that may be asked for at once: files may fix them to one."""
+        name, axis = ("input_boxes", 1) if self.dialect == "transformers.js" else ("point_coords", 0)
+        fixed = self._decoding.inputs[name].shape[axis]
+        return fixed if isinstance(fixed, int) and fixed > 0 else AT_ONCE
+
+
+def open_sam2(folder: Path, options: OnnxOptions, device: str, variant: str = "") -> Sam2Networks:
+    """Open the encoder and the decoder in a folder.
+
+    Raises:
+        BackendError: they are not there, or not what they should be.
+        DeviceError: the device is not there.
+    """
+    from .sessions import open_network
+
+    encoder, decoder = files_in(folder, variant)
+    return Sam2Networks(open_network(encoder, options, device), open_network(decoder, options, device))
+
+
+def files_in(folder: Path, variant: str = "") -> tuple[Path, Path]:
+    """The files of the encoder and of the decoder in a folder or below it.
+
+    Args:
+        folder: that holds them under whatever names hold the words "encoder" and "decoder".
+        variant: such as "fp16", of the encoder; empty for the plain one.
+
+    Raises:
+        BackendError: there are none.
+    """
+    files = sorted(p for p in folder.rglob("*") if p.suffix in (".onnx", ".ort") and p.is_file())
+    # The decoder of one export is called prompt_encoder_mask_decoder.
+    decoders = [p for p in files if "decoder" in p.name]
+    encoders = [p for p in files if "encoder" in p.name and p not in decoders]
+    wanted = [p for p in encoders if not variant or p.stem.endswith(f"_{variant}")]
+    if not wanted or not decoders:
+        lack = f"an encoder{f' _{variant}' if variant else ''}" if not wanted else "a decoder"
+        there = ", ".join(p.name for p in files) or "none"
+        raise BackendError(
+            f"SAM 2 is two files, an encoder and a decoder, and {folder} has not {lack}; its files of networks: {there}"
+        )
+    # Variants have longer names than what they are variants of.
+    return min(wanted, key=lambda p: len(p.name)), min(decoders, key=lambda p: len(p.name))
