@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field
 
+from physic_core.adapters.canonical_depth import focal_from_fov
 from physic_core.adapters.patch_grid import capped, least_scaled
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, check_photo, planes, resample, squash
 from physic_core.errors import BackendError
@@ -19,8 +20,9 @@ if TYPE_CHECKING:
 __all__ = ["DepthAnythingMetric", "DepthAnythingOptions", "DepthAnythingRelative", "MetricOptions", "RelativeOptions"]
 
 _KIND = "DepthAnythingForDepthEstimation"
-_SKY = 0.01
-"""Disparity, as a share of that of the nearest percent of pixels, below which nothing tells how far away it is."""
+_LEAST_GAP = 0.002  # ranges of the disparity, so that depth stays finite
+_SKY = 0.004  # ranges of the disparity: the network was trained with 0 for infinity, and answers it for the sky
+_SATURATED = 0.98  # of the largest depth that a metric network can say
 
 
 class DepthAnythingOptions(ModelOptions):
@@ -44,14 +46,22 @@ class MetricOptions(DepthAnythingOptions):
         default="depth-anything-v2-metric-indoor-small-hf",
         description=f"Depth Anything V2 metric, indoor (to 20 m) or outdoor (to 80 m): {WHERE}.",
     )
+    farthest: float | None = Field(
+        default=None,
+        gt=0,
+        description="Metres; what is farther is not known. None takes 98 % of the most that the network can say.",
+    )
 
 
 class RelativeOptions(DepthAnythingOptions):
     """Settings of :class:`DepthAnythingRelative`."""
 
     weights: str = Field(default="depth-anything-v2-small-hf", description=f"Depth Anything V2, or V1: {WHERE}.")
-    default_focal: float = Field(
-        default=1.2, gt=0.1, le=10, description="Focal length where none is known, over the long side of the photo."
+    default_fov: float = Field(
+        default=55.5,
+        gt=5,
+        lt=150,
+        description="Field of view, degrees along the long side, where no camera is known.",
     )
 
 
@@ -84,7 +94,8 @@ class DepthAnythingMetric(Pretrained, MetricDepth):
 
         check_photo(image)
         depth = resample(_answer(self.network(), image, self.options), *image.shape[:2])
-        return DepthMap(np.where(depth > 0, depth, np.nan).astype(np.float32))
+        most = self.options.farthest or _SATURATED * float(self.network().config.max_depth)
+        return DepthMap(np.where((depth > 0) & (depth < most), depth, np.nan).astype(np.float32))
 
 
 class DepthAnythingRelative(Pretrained, RelativePointmap):
@@ -113,16 +124,16 @@ class DepthAnythingRelative(Pretrained, RelativePointmap):
             BackendError: ``load`` was not called, or the network saw nothing.
         """
         check_photo(image)
-        height, width = image.shape[:2]
-        disparity = resample(_answer(self.network(), image, self.options), height, width)
-        camera, notes = self._camera(hints.intrinsics, height, width)
+        disparity = _answer(self.network(), image, self.options)
+        camera, notes = self._camera(hints.intrinsics, *image.shape[:2])
         return _points(disparity, camera, notes)
 
     def _camera(self, given: Intrinsics | None, height: int, width: int) -> tuple[Intrinsics, tuple[str, ...]]:
         if given is not None:
             return (given if (given.width, given.height) == (width, height) else given.resized(width, height)), ()
-        source = f"default ({self.options.default_focal:g} x the long side)"
-        focal = self.options.default_focal * max(height, width)
+        degrees = self.options.default_fov
+        source = f"default (field of view {degrees:g} degrees along the long side)"
+        focal = focal_from_fov(degrees, max(height, width))
         return Intrinsics.from_focal(focal, width, height, source), (f"focal length is a {source}",)
 
 
@@ -135,18 +146,26 @@ def _answer(network: Network, image: UInt8Array, options: DepthAnythingOptions) 
 
 
 def _points(disparity: FloatArray, camera: Intrinsics, notes: tuple[str, ...]) -> Pointmap:
-    """Points with z = 1 / disparity, in units of the median distance."""
+    """Points with z = 1 / disparity, in units of the median distance.
+
+    Args:
+        disparity: (h, w), larger is nearer, at any size.
+        camera: of the photo.
+        notes: of the answer.
+    """
     import numpy as np
 
-    near = float(np.percentile(disparity, 99))
-    valid = np.isfinite(disparity) & (disparity > max(_SKY * near, 0.0))
-    if not (near > 0 and valid.any()):
+    low, high = np.percentile(disparity, [1, 99])
+    span = max(float(high - low), 1e-6)
+    lost = ~(disparity >= _SKY * span)
+    if lost.all():
         raise BackendError("Depth Anything saw no structure in the photo: its disparity is 0 everywhere")
-    height, width = disparity.shape
-    unit = float(np.median(disparity[valid]))
-    z = unit / np.where(valid, disparity, unit)
-    u = (np.arange(width) - camera.cx) / camera.fx
-    v = (np.arange(height) - camera.cy) / camera.fy
+    gap = np.maximum(np.where(lost, 0.0, disparity), _LEAST_GAP * span)
+    # Between a near and a far surface the inverse is what may be averaged.
+    z = 1 / resample(gap / np.median(gap[~lost]), camera.height, camera.width)
+    valid = resample(lost, camera.height, camera.width) < 0.5
+    u = ((np.arange(camera.width) - camera.cx) / camera.fx).astype(np.float32)
+    v = ((np.arange(camera.height) - camera.cy) / camera.fy).astype(np.float32)
     points = np.stack([z * u[None], z * v[:, None], z], axis=-1).astype(np.float32)
     return Pointmap(points, valid, "inverse_scale_shift", camera, notes)
 

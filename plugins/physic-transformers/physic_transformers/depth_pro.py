@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field
 
@@ -19,17 +19,20 @@ if TYPE_CHECKING:
 
 __all__ = ["DepthPro", "DepthProOptions", "pixels"]
 
-_FARTHEST = 0.5e4  # metres; what the network calls infinitely far is told as 10 km, and is not known
+_TELLING = 0.1  # share by which two focal lengths differ before it is worth a note
 
 
 class DepthProOptions(ModelOptions):
     """Settings of :class:`DepthPro`."""
 
     weights: str = Field(default="depth-pro-hf", description=f"DepthPro: {WHERE}.")
-    focal: Literal["auto", "own", "known"] = Field(
-        default="auto",
-        description="Which focal length turns its inverse depth into metres. 'auto': the known one where the photo, "
-        "its file or the user tells it, else the network's own; 'own': always the network's; 'known': never that.",
+    use_known_focal: bool = Field(
+        default=True,
+        description="Scale depth to the focal length that the photo, its file or the user tells, if any does; false "
+        "keeps DepthPro's own.",
+    )
+    farthest: float = Field(
+        default=1000.0, gt=0, description="Metres; what is farther is not known: DepthPro puts the sky at 10 km."
     )
 
 
@@ -54,32 +57,39 @@ class DepthPro(Pretrained, MetricDepth):
         height, width = image.shape[:2]
         network = self.network()
         out = network.run(pixel_values=pixels(image, _side(network.config)))
-        camera, note = self._camera(out.field_of_view, hints.intrinsics, width, height)
+        camera, notes = self._camera(_degrees(out.field_of_view), hints.intrinsics, width, height)
         inverse = resample(array(out.predicted_depth)[0], height, width)
         depth = metres_from_inverse(inverse, camera.fx, width)
-        known = np.where(depth < _FARTHEST, depth, np.nan)
-        return DepthMap(known.astype(np.float32), camera, notes=(note,))
+        near = np.where(depth < self.options.farthest, depth, np.nan)
+        return DepthMap(near.astype(np.float32), camera, notes=notes)
 
-    def _camera(self, angle: Any, given: Intrinsics | None, width: int, height: int) -> tuple[Intrinsics, str]:
-        """The camera that scales the depth, and where it comes from, in words."""
-        wanted = self.options.focal
-        if given is not None and (given.width, given.height) != (width, height):
-            given = given.resized(width, height)
-        known = given is not None and not given.source.startswith("default")
-        if given is not None and (wanted == "known" or (wanted == "auto" and known)):
-            return given, f"depth of DepthPro for the known focal length of {given.fx:.0f} px"
-        if wanted == "known":
-            raise BackendError("DepthPro was to take a known focal length, and none is known: take focal = 'auto'")
-        if angle is None:
+    def _camera(
+        self, degrees: float | None, given: Intrinsics | None, width: int, height: int
+    ) -> tuple[Intrinsics, tuple[str, ...]]:
+        """The camera that scales the depth, and notes."""
+        own = None if degrees is None else focal_from_fov(degrees, width)
+        if self.options.use_known_focal and given is not None and not given.source.startswith("default"):
+            if (given.width, given.height) != (width, height):
+                given = given.resized(width, height)
+            if own is None or abs(given.fx / own - 1) <= _TELLING:
+                return given, ()
+            note = f"DepthPro took the focal length for {own:.0f} px; its depth is scaled to {given.fx:.0f} px"
+            return given, (note,)
+        if own is None:
             raise BackendError(
-                "these weights of DepthPro have no part for the field of view (use_fov_model), and no focal length is "
-                "known: take the published ones, or give the camera"
+                "DepthPro does not tell the focal length of this photo, and no other is known: give the camera, or "
+                "take weights with the part for the field of view (use_fov_model), as the published ones have"
             )
-        degrees = float(array(angle).reshape(-1)[0])
-        if not (math.isfinite(degrees) and 0 < degrees < 180):
-            raise BackendError(f"DepthPro sees a field of view of {degrees:g} degrees: the photo tells it nothing")
-        focal = focal_from_fov(degrees, width)
-        return Intrinsics.from_focal(focal, width, height, "DepthPro"), f"focal length {focal:.0f} px from DepthPro"
+        note = f"focal length {own:.0f} px from DepthPro"
+        return Intrinsics.from_focal(own, width, height, "DepthPro"), (note,)
+
+
+def _degrees(angle: Any) -> float | None:
+    """The field of view, or None where the network has no part for it, or answers none that a camera can have."""
+    if angle is None:
+        return None
+    degrees = float(array(angle).reshape(-1)[0])
+    return degrees if math.isfinite(degrees) and 0 < degrees < 180 else None
 
 
 def pixels(image: UInt8Array, side: int) -> FloatArray:

@@ -47,7 +47,9 @@ _CONFIG = "config.json"
 _WEIGHTS = ("model.safetensors", "model.safetensors.index.json", "pytorch_model.bin", "pytorch_model.bin.index.json")
 _TOKENS = ("tokenizer.json", "vocab.txt", "vocab.json")
 _TOLD = 4  # names of weights in a message
-WHERE = "a name of `physic weights list`, a folder of your own, or owner/repository of what lies in Hugging Face's cache"
+WHERE = (
+    "a name of `physic weights list`, a folder of your own, or owner/repository of what lies in Hugging Face's cache"
+)
 """What the option that names weights takes, in words."""
 
 
@@ -148,7 +150,9 @@ class Pretrained(Backend):
             BackendError: the folder holds another model.
         """
         check_device(device)
-        self._networks = {part.option: open_network(part, self._value(part), self.options, device) for part in self.parts}
+        self._networks = {
+            part.option: open_network(part, self._value(part), self.options, device) for part in self.parts
+        }
 
     def close(self) -> None:
         """Let go of the networks."""

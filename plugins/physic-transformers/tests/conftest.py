@@ -38,16 +38,29 @@ def grounding_dino() -> Any:
     from transformers import BertConfig, GroundingDinoConfig, GroundingDinoForObjectDetection, SwinConfig
 
     backbone = SwinConfig(
-        embed_dim=8, depths=[1, 1, 1, 1], num_heads=[1, 1, 2, 2], window_size=4, out_features=["stage2", "stage3", "stage4"]
+        embed_dim=8,
+        depths=[1, 1, 1, 1],
+        num_heads=[1, 1, 2, 2],
+        window_size=4,
+        out_features=["stage2", "stage3", "stage4"],
     )
     text = BertConfig(
         vocab_size=len(WORDS), hidden_size=16, num_hidden_layers=1, num_attention_heads=2, intermediate_size=16
     )
     return GroundingDinoForObjectDetection(
         GroundingDinoConfig(
-            backbone_config=backbone, text_config=text, d_model=32, num_queries=10, encoder_layers=1, decoder_layers=2,
-            encoder_ffn_dim=16, decoder_ffn_dim=16, encoder_attention_heads=2, decoder_attention_heads=2,
-            encoder_n_points=2, decoder_n_points=2,
+            backbone_config=backbone,
+            text_config=text,
+            d_model=32,
+            num_queries=10,
+            encoder_layers=1,
+            decoder_layers=2,
+            encoder_ffn_dim=16,
+            decoder_ffn_dim=16,
+            encoder_attention_heads=2,
+            decoder_attention_heads=2,
+            encoder_n_points=2,
+            decoder_n_points=2,
         )  # fmt: skip
     )
 
@@ -107,13 +120,71 @@ def sam3() -> Any:
     return Sam3Model(Sam3Config(**sam3_config()))
 
 
+def sam2_video() -> Any:
+    from transformers import Sam2VideoConfig, Sam2VideoModel
+
+    return Sam2VideoModel(
+        Sam2VideoConfig(
+            **sam2_config(),
+            image_size=128,
+            memory_attention_hidden_size=32,
+            memory_attention_num_layers=1,
+            memory_attention_num_attention_heads=1,
+            memory_attention_feed_forward_hidden_size=32,
+            memory_attention_rope_feat_sizes=[8, 8],
+            memory_encoder_hidden_size=32,
+            memory_encoder_output_channels=16,
+            mask_downsampler_embed_dim=32,
+            memory_fuser_num_layers=1,
+            memory_fuser_embed_dim=32,
+            memory_fuser_intermediate_dim=32,
+        )
+    )
+
+
+def sam3_video() -> Any:
+    from transformers import Sam3VideoConfig, Sam3VideoModel
+
+    tracker = {key: value for key, value in sam2_config().items() if key != "vision_config"}
+    tracker["vision_config"] = sam3_config()["vision_config"]
+    tracker["prompt_encoder_config"]["image_size"] = 112
+    tracker["prompt_encoder_config"]["patch_size"] = 14
+    return Sam3VideoModel(
+        Sam3VideoConfig(
+            detector_config={"model_type": "sam3", **sam3_config()},
+            tracker_config={
+                "model_type": "sam3_tracker_video",
+                **tracker,
+                "image_size": 112,
+                "memory_attention_hidden_size": 32,
+                "memory_attention_num_layers": 1,
+                "memory_attention_num_attention_heads": 1,
+                "memory_attention_feed_forward_hidden_size": 32,
+                "memory_attention_rope_feat_sizes": [8, 8],
+                "memory_encoder_hidden_size": 32,
+                "memory_encoder_output_channels": 16,
+                "mask_downsampler_embed_dim": 32,
+                "memory_fuser_num_layers": 1,
+                "memory_fuser_embed_dim": 32,
+                "memory_fuser_intermediate_dim": 32,
+            },
+        )
+    )
+
+
 def eomt(classes: int = 133) -> Any:
     from transformers import EomtConfig, EomtForUniversalSegmentation
 
     return EomtForUniversalSegmentation(
         EomtConfig(
-            hidden_size=16, num_hidden_layers=3, num_attention_heads=2, image_size=64, patch_size=16, num_blocks=1,
-            num_queries=12, num_labels=classes,
+            hidden_size=16,
+            num_hidden_layers=3,
+            num_attention_heads=2,
+            image_size=64,
+            patch_size=16,
+            num_blocks=1,
+            num_queries=12,
+            num_labels=classes,
         )  # fmt: skip
     )
 
@@ -127,9 +198,16 @@ def depth_pro(*, use_fov_model: bool = True) -> Any:
     }  # fmt: skip
     return DepthProForDepthEstimation(
         DepthProConfig(
-            patch_size=32, fusion_hidden_size=16, intermediate_hook_ids=[1, 0], intermediate_feature_dims=[8, 8],
-            scaled_images_feature_dims=[8, 8, 8], use_fov_model=use_fov_model, num_fov_head_layers=2,
-            image_model_config=dict(encoder), patch_model_config=dict(encoder), fov_model_config=dict(encoder),
+            patch_size=32,
+            fusion_hidden_size=16,
+            intermediate_hook_ids=[1, 0],
+            intermediate_feature_dims=[8, 8],
+            scaled_images_feature_dims=[8, 8, 8],
+            use_fov_model=use_fov_model,
+            num_fov_head_layers=2,
+            image_model_config=dict(encoder),
+            patch_model_config=dict(encoder),
+            fov_model_config=dict(encoder),
         )  # fmt: skip
     )
 
@@ -143,8 +221,13 @@ def depth_anything(kind: str = "metric") -> Any:
     )  # fmt: skip
     return DepthAnythingForDepthEstimation(
         DepthAnythingConfig(
-            backbone_config=backbone, reassemble_hidden_size=16, neck_hidden_sizes=[8, 8, 8, 8], fusion_hidden_size=8,
-            head_hidden_size=4, depth_estimation_type=kind, max_depth=20 if kind == "metric" else 1,
+            backbone_config=backbone,
+            reassemble_hidden_size=16,
+            neck_hidden_sizes=[8, 8, 8, 8],
+            fusion_hidden_size=8,
+            head_hidden_size=4,
+            depth_estimation_type=kind,
+            max_depth=20 if kind == "metric" else 1,
         )  # fmt: skip
     )
 
@@ -158,9 +241,16 @@ def zoedepth() -> Any:
     )  # fmt: skip
     return ZoeDepthForDepthEstimation(
         ZoeDepthConfig(
-            backbone_config=backbone, neck_hidden_sizes=[8, 8, 8, 8], fusion_hidden_size=8, bottleneck_features=8,
-            num_relative_features=4, bin_embedding_dim=8, num_attractors=[2, 1, 1, 1], patch_transformer_hidden_size=8,
-            patch_transformer_intermediate_size=8, patch_transformer_num_attention_heads=2,
+            backbone_config=backbone,
+            neck_hidden_sizes=[8, 8, 8, 8],
+            fusion_hidden_size=8,
+            bottleneck_features=8,
+            num_relative_features=4,
+            bin_embedding_dim=8,
+            num_attractors=[2, 1, 1, 1],
+            patch_transformer_hidden_size=8,
+            patch_transformer_intermediate_size=8,
+            patch_transformer_num_attention_heads=2,
         )  # fmt: skip
     )
 
@@ -175,7 +265,7 @@ def vitpose(experts: int = 1) -> Any:
     return VitPoseForPoseEstimation(VitPoseConfig(backbone_config=backbone, num_labels=17))
 
 
-_TOKENIZERS: dict[Any, Callable[[Path], None]] = {grounding_dino: write_bert_tokenizer, sam3: write_clip_tokenizer}
+_TOKENIZERS: dict[Any, Callable[[Path], None]] = {grounding_dino: write_bert_tokenizer, sam3: write_clip_tokenizer, sam3_video: write_clip_tokenizer}
 
 
 @pytest.fixture(scope="session")

@@ -1,0 +1,376 @@
+"""Every backend with a network that knows the world which the photo shows, through the whole conformance kit.
+
+The networks answer what a perfect one would, in their own frames, by formulas that are written here apart from those
+of the backends. They also look at what they are fed: a picture that does not show the photo, upright and in RGB, is
+refused.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+import torch
+from scipy.ndimage import gaussian_filter, map_coordinates
+
+from physic_core.devices import check_device
+from physic_core.testing import build_world, check_backend, labels
+from physic_transformers.depth_anything import DepthAnythingMetric, DepthAnythingRelative
+from physic_transformers.depth_pro import DepthPro
+from physic_transformers.eomt import Eomt
+from physic_transformers.grounded_sam2 import GroundedSam2
+from physic_transformers.sam3 import Sam3
+from physic_transformers.vitpose import VitPose
+from physic_transformers.zoedepth import ZoeDepth
+
+if TYPE_CHECKING:
+    from physic_core.testing import World
+    from physic_core.types import UInt8Array
+
+IMAGENET = ((0.485, 0.456, 0.406), (0.229, 0.224, 0.225))
+HALF = ((0.5, 0.5, 0.5), (0.5, 0.5, 0.5))
+
+
+class Told:
+    """A network that is told which photo it is about to see.
+
+    Attributes:
+        world: what the photo shows; None where it is no world's.
+        people: whether its people are in the photo.
+    """
+
+    config: Any = None
+    tokenizer: Any = None
+
+    def show(self, image: UInt8Array) -> None:
+        self.image = image
+        self.world: World | None = None
+        self.people = False
+        if (label := labels.read(image)) is not None:
+            self.world = build_world(*label, (image.shape[1], image.shape[0]))
+            self.people = not np.array_equal(image, self.world.empty_image)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        return self.image.shape[0], self.image.shape[1]
+
+    @property
+    def depth(self) -> np.ndarray:
+        """(H, W) metres, inf in the sky; a made-up ground where the photo is no world's."""
+        if self.world is None:
+            rows = np.linspace(1.0, 0.2, self.size[0])
+            return np.broadcast_to(2 * rows[:, None], self.size)
+        return self.world.depth if self.people else self.world.empty_depth
+
+    def masks(self) -> np.ndarray:
+        """(N, H, W) bool."""
+        return self.world.masks if self.world is not None and self.people else np.zeros((0, *self.size), bool)
+
+    def floor(self) -> np.ndarray:
+        """(H, W) bool."""
+        if self.world is None:
+            return np.zeros(self.size, bool)
+        return self.world.floor_mask if self.people else self.world.empty_floor_mask
+
+
+def squashed(values: np.ndarray, rows: int, columns: int) -> np.ndarray:
+    """A map of the photo at the pixels of another grid over it, cells of both meeting at the edges."""
+    height, width = values.shape
+    v = (np.arange(rows) + 0.5) * height / rows - 0.5
+    u = (np.arange(columns) + 0.5) * width / columns - 0.5
+    return map_coordinates(values, np.meshgrid(v, u, indexing="ij"), order=1, mode="nearest")
+
+
+def soft(mask: np.ndarray, rows: int, columns: int) -> np.ndarray:
+    """Logits of a mask over the photo on a grid."""
+    blur = 0.3 * max(mask.shape[0] / rows, mask.shape[1] / columns)
+    return 20 * squashed(gaussian_filter(mask.astype(float), blur) - 0.5, rows, columns)
+
+
+def batch(values: np.ndarray) -> torch.Tensor:
+    return torch.from_numpy(np.ascontiguousarray(values, np.float32))[None]
+
+
+def require_shown(pixels: np.ndarray, seen: np.ndarray, mean: tuple[float, ...], std: tuple[float, ...]) -> None:
+    """Refuse pixels (3, h, w) that are not those of ``seen`` (h, w, 3), 0..1, or that are normalised otherwise."""
+    shown = pixels.transpose(1, 2, 0) * np.array(std) + np.array(mean)
+    assert np.abs(shown - seen).mean() < 0.06, "the network was shown another picture"
+    assert pixels.dtype == np.float32
+
+
+def photo_at(image: np.ndarray, rows: int, columns: int) -> np.ndarray:
+    """(rows, columns, 3) in 0..1: each pixel the mean of those it covers."""
+    blurs = [0.4 * max(0, a / b - 1) for a, b in zip(image.shape, (rows, columns), strict=False)]
+    smooth = gaussian_filter(image / 255, (*blurs, 0))
+    return np.stack([squashed(smooth[..., c], rows, columns) for c in range(3)], -1)
+
+
+class ToldDepthPro(Told):
+    config = SimpleNamespace(patch_size=96, scaled_images_ratios=[0.25, 0.5, 1])
+
+    def run(self, *, pixel_values: np.ndarray) -> Any:
+        assert pixel_values.shape == (1, 3, 384, 384)
+        require_shown(pixel_values[0], photo_at(self.image, 384, 384), *HALF)
+        width = self.size[1]
+        focal = 1.1 * width if self.world is None else self.world.intrinsics.fx
+        raw = squashed(focal / width / self.depth, 384, 384)
+        angle = np.degrees(2 * np.arctan(width / 2 / focal))
+        return SimpleNamespace(predicted_depth=batch(raw), field_of_view=torch.tensor([angle]))
+
+
+class ToldDepthAnything(Told):
+    def __init__(self, kind: str) -> None:
+        self.config = SimpleNamespace(patch_size=14, depth_estimation_type=kind, max_depth=80)
+
+    def run(self, *, pixel_values: np.ndarray) -> Any:
+        rows, columns = pixel_values.shape[2:]
+        assert rows % 14 == columns % 14 == 0
+        require_shown(pixel_values[0], photo_at(self.image, rows, columns), *IMAGENET)
+        metres = np.minimum(self.depth, 80)
+        values = metres if self.config.depth_estimation_type == "metric" else 3 / metres + 0.1
+        return SimpleNamespace(predicted_depth=batch(squashed(values, rows, columns)))
+
+
+class ToldZoeDepth(Told):
+    def run(self, *, pixel_values: np.ndarray) -> Any:
+        rows, columns = pixel_values.shape[2:]
+        height, width = self.size
+        below, beside = int(3 * np.sqrt(height / 2)), int(3 * np.sqrt(width / 2))
+        seen = np.pad(self.image, ((below, below), (beside, beside), (0, 0)), mode="reflect")
+        depth = np.pad(np.minimum(self.depth, 80), ((below, below), (beside, beside)), mode="reflect")
+        shown = photo_at(seen, rows, columns)
+        mirrored = [pixel_values[0].transpose(1, 2, 0), shown - 0.5, shown[:, ::-1] - 0.5]
+        flip = np.sum(mirrored[0] * mirrored[2]) > np.sum(mirrored[0] * mirrored[1])
+        require_shown(pixel_values[0, :, :, ::-1] if flip else pixel_values[0], shown, *HALF)
+        found = squashed(depth, rows, columns)
+        return SimpleNamespace(predicted_depth=batch(found[:, ::-1] if flip else found))
+
+
+class ToldVitPose(Told):
+    config = SimpleNamespace(backbone_config=SimpleNamespace(image_size=[256, 192], num_experts=6))
+
+    def show_people(self, boxes: np.ndarray) -> None:
+        self.boxes = list(boxes)
+
+    def run(self, *, pixel_values: np.ndarray, dataset_index: np.ndarray) -> Any:
+        assert dataset_index.dtype == np.int64
+        assert dataset_index.tolist() == [0] * len(pixel_values)
+        boxes = [self.boxes.pop(0) for _ in pixel_values]
+        return SimpleNamespace(heatmaps=torch.from_numpy(np.stack([self._maps(box) for box in boxes])))
+
+    def _maps(self, box: np.ndarray) -> np.ndarray:
+        """(17, 64, 48): COCO's points in the frame of unbiased data processing."""
+        maps = np.zeros((17, 64, 48), np.float32)
+        if self.world is None:
+            return maps
+        person = int(np.abs(self.world.boxes - box).sum(1).argmin())
+        wide, high = box[2] - box[0], box[3] - box[1]
+        wide, high = 1.25 * max(wide, 0.75 * high), 1.25 * max(high, wide / 0.75)
+        left, top = (box[0] + box[2] - 1 - wide) / 2, (box[1] + box[3] - 1 - high) / 2
+        rows, columns = np.mgrid[:64, :48]
+        for joint, (x, y) in enumerate(self.world.keypoints["coco17"][person]):
+            column, row = (x - left) / wide * 47, (y - top) / high * 63
+            sure = 0.9 if self.world.visible["coco17"][person, joint] else 0.2
+            maps[joint] = sure * np.exp(-((columns - column) ** 2 + (rows - row) ** 2) / 8)
+        return maps
+
+
+class ToldEomt(Told):
+    config = SimpleNamespace(image_size=640, id2label={i: f"LABEL_{i}" for i in range(133)})
+    floor_class = 122  # floor-other-merged
+
+    def run(self, *, pixel_values: np.ndarray) -> Any:
+        height, width = self.size
+        inner = (round(640 * height / max(self.size)), round(640 * width / max(self.size)))
+        frame = np.zeros((640, 640, 3))
+        frame[: inner[0], : inner[1]] = photo_at(self.image, *inner)
+        require_shown(pixel_values[0], frame, *IMAGENET)
+        found = [(0, mask) for mask in self.masks()] + [(self.floor_class, self.floor())]
+        classes = np.full((1, len(found) + 1, 134), -5.0)
+        masks = np.full((1, len(found) + 1, 160, 160), -9.0)
+        for q, (kind, mask) in enumerate(found):
+            classes[0, q, kind] = 5.0 - 0.1 * q
+            whole = np.full((640, 640), -10.0)
+            whole[: inner[0], : inner[1]] = soft(mask, *inner)
+            masks[0, q] = squashed(gaussian_filter(whole, 1.6), 160, 160)
+        classes[0, -1, 133] = 5.0
+        return SimpleNamespace(
+            class_queries_logits=torch.from_numpy(classes), masks_queries_logits=torch.from_numpy(masks)
+        )
+
+
+class Words:
+    """A tokenizer that knows two texts."""
+
+    def __init__(self, *known: str) -> None:
+        self.known = known
+
+    def __call__(self, text: str, **kwargs: Any) -> dict[str, Any]:
+        ids = [[101, 7 + self.known.index(text), 102]]
+        if (length := kwargs.get("max_length")) is not None:
+            ids = [ids[0] + [0] * (length - 3)]
+        mask = [[int(i > 0) for i in ids[0]]]
+        return {"input_ids": ids, "token_type_ids": [[0] * len(ids[0])], "attention_mask": mask}
+
+
+class ToldGroundingDino(Told):
+    tokenizer = Words("person.", "ground, floor, carpet.")
+
+    def run(self, **inputs: np.ndarray) -> Any:
+        rows, columns = inputs["pixel_values"].shape[2:]
+        assert min(rows, columns) == 800 or max(rows, columns) in (1332, 1333)
+        require_shown(inputs["pixel_values"][0], photo_at(self.image, rows, columns), *IMAGENET)
+        assert inputs["pixel_mask"].shape == (1, rows, columns)
+        person = inputs["input_ids"][0, 1] == 7
+        found = [mask for mask in (self.masks() if person else self.floor()[None]) if mask.any()]
+        height, width = self.size
+        boxes = np.full((1, 20, 4), 0.5)
+        logits = np.full((1, 20, 256), -np.inf)
+        logits[..., :3] = -4.0
+        for q, mask in enumerate(found):
+            columns_, rows_ = np.flatnonzero(mask.any(0)), np.flatnonzero(mask.any(1))
+            x0, y0, x1, y1 = columns_[0], rows_[0], columns_[-1] + 1, rows_[-1] + 1
+            boxes[0, q] = (x0 + x1) / 2 / width, (y0 + y1) / 2 / height, (x1 - x0) / width, (y1 - y0) / height
+            logits[0, q, 1] = 2.0 - 0.1 * q
+        return SimpleNamespace(logits=torch.from_numpy(logits), pred_boxes=torch.from_numpy(boxes))
+
+
+class ToldSam2(Told):
+    config = SimpleNamespace(prompt_encoder_config=SimpleNamespace(image_size=1024, patch_size=16))
+    encoded = 0
+
+    def run(self, method: str = "", /, **inputs: Any) -> Any:
+        if method:
+            assert method == "get_image_embeddings"
+            require_shown(inputs["pixel_values"][0], photo_at(self.image, 1024, 1024), *IMAGENET)
+            self.encoded += 1
+            return "embeddings"
+        assert inputs["image_embeddings"] == "embeddings"
+        assert inputs["multimask_output"] is False
+        prompts = inputs["input_boxes"]
+        assert prompts.dtype == np.float32
+        assert prompts.shape == (1, prompts.shape[1], 4)
+        return SimpleNamespace(pred_masks=torch.from_numpy(np.stack([self._mask(box) for box in prompts[0]])[None]))
+
+    def _mask(self, box: np.ndarray) -> np.ndarray:
+        """(1, 256, 256) logits of whatever has this box, px of 1024 x 1024."""
+        height, width = self.size
+        known = [*self.masks(), self.floor()]
+        edges = np.array([_edges(mask) * np.tile([1024 / width, 1024 / height], 2) for mask in known])
+        gap = np.abs(edges - box).max(1)
+        assert gap.min() < 8, "no such thing in the photo"
+        return soft(known[int(gap.argmin())], 256, 256)[None]
+
+
+class ToldSam3(Told):
+    config = SimpleNamespace(image_size=1008)
+    tokenizer = Words("person", "floor")
+
+    def run(self, method: str = "", /, **inputs: Any) -> Any:
+        if method:
+            assert method == "get_vision_features"
+            require_shown(inputs["pixel_values"][0], photo_at(self.image, 1008, 1008), *HALF)
+            return "seen"
+        assert inputs["vision_embeds"] == "seen"
+        assert inputs["input_ids"].shape == inputs["attention_mask"].shape == (1, 32)
+        assert inputs["attention_mask"].sum() == 3
+        masks = self.masks() if inputs["input_ids"][0, 1] == 7 else self.floor()[None]
+        height, width = self.size
+        boxes, logits = np.zeros((1, 20, 4)), np.full((1, 20), -6.0)
+        found = np.full((1, 20, 288, 288), -9.0)
+        for q, mask in enumerate(masks):
+            found[0, q], logits[0, q] = soft(mask, 288, 288), 3.0 - 0.1 * q
+            if mask.any():
+                boxes[0, q] = _edges(mask) / np.tile([width, height], 2)
+        whole = soft(masks.any(0), 288, 288)[None, None]
+        answer = {"pred_masks": found, "pred_boxes": boxes, "pred_logits": logits, "semantic_seg": whole}
+        answer["presence_logits"] = np.full((1, 1), 5.0)
+        return SimpleNamespace(**{name: torch.from_numpy(value) for name, value in answer.items()})
+
+
+def _edges(mask: np.ndarray) -> np.ndarray:
+    columns, rows = np.flatnonzero(mask.any(0)), np.flatnonzero(mask.any(1))
+    return np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], float) if len(rows) else np.full(4, -1e4)
+
+
+class Telling:
+    """Puts told networks where a backend would load real ones, and tells them the photo."""
+
+    told: tuple[tuple[str, Any], ...]
+
+    def missing(self) -> tuple[str, ...]:
+        return ()
+
+    def load(self, device: str = "cpu") -> None:
+        check_device(device)
+        self._networks = {option: make() for option, make in self.told}
+
+    def infer(self, image: Any, *rest: Any) -> Any:
+        if getattr(image, "ndim", 0) == 3:
+            for network in self._networks.values():
+                network.show(image)
+                if hasattr(network, "show_people"):
+                    network.show_people(rest[0].boxes)
+        return super().infer(image, *rest)  # type: ignore[misc]
+
+
+class TellingDepthPro(Telling, DepthPro):
+    told = (("weights", ToldDepthPro),)
+
+
+class TellingMetric(Telling, DepthAnythingMetric):
+    told = (("weights", lambda: ToldDepthAnything("metric")),)
+
+
+class TellingRelative(Telling, DepthAnythingRelative):
+    told = (("weights", lambda: ToldDepthAnything("relative")),)
+
+
+class TellingZoeDepth(Telling, ZoeDepth):
+    told = (("weights", ToldZoeDepth),)
+
+
+class TellingVitPose(Telling, VitPose):
+    told = (("weights", ToldVitPose),)
+
+
+class TellingEomt(Telling, Eomt):
+    told = (("weights", ToldEomt),)
+
+
+class TellingGroundedSam2(Telling, GroundedSam2):
+    told = (("detector", ToldGroundingDino), ("masks", ToldSam2))
+
+
+class TellingSam3(Telling, Sam3):
+    told = (("weights", ToldSam3),)
+
+
+ALL = (
+    TellingGroundedSam2,
+    TellingSam3,
+    TellingEomt,
+    TellingDepthPro,
+    TellingMetric,
+    TellingZoeDepth,
+    TellingRelative,
+    TellingVitPose,
+)
+
+
+ACCURATE = {"IoU": 0.97, "floor IoU": 0.98, "found": 1.0}
+WRONG = {"abs-rel": 0.001, "abs-rel, aligned": 0.001, "px": 0.05}
+"""What is lost between a perfect network and the answer: half a pixel would be more."""
+
+
+@pytest.mark.parametrize("kind", ALL, ids=lambda kind: kind.__name__)
+def test_a_backend_with_a_perfect_network_holds_its_contract(kind: Any) -> None:
+    report = check_backend(kind)
+    print(report.text)
+    report.raise_if_failed()
+    bounds = [report.accuracy[name] >= least for name, least in ACCURATE.items() if name in report.accuracy]
+    bounds += [report.accuracy[name] <= most for name, most in WRONG.items() if name in report.accuracy]
+    assert bounds
+    assert all(bounds), report.accuracy
