@@ -25,10 +25,8 @@ _GRID = 64
 """Rows and columns that are looked at, as upstream does: the points of a photo say the same thing many times."""
 _FEWEST = 64
 """Points below which the grid has missed what there is to see, and all points are asked."""
-_INDEPENDENT = 32
-"""Points are wrong together: so many of them, at most, are taken to be wrong independently."""
-_LARGEST_SIGMA = 0.5
-"""Of log(focal), above which the points do not tell it."""
+_LARGEST_DOUBT = 0.7
+"""Of :meth:`_Problem.doubt`: log(focal) is off by about two thirds of it."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +87,7 @@ def recover_camera(
         shift = _least(problem.error_at_1, problem.slope_at_1, lowest, nearest)
         return AffineCamera(float(given[0]), float(given[1]), shift, given=True)
     shift = _least(problem.error, problem.slope, lowest, nearest)
-    determined = problem.focal(shift) > 0 and problem.log_focal_sigma(shift) < _LARGEST_SIGMA
+    determined = problem.focal(shift) > 0 and problem.doubt(shift) < _LARGEST_DOUBT
     if not determined:
         shift = max(0.0, lowest + 1e-3 * size)
     focal = problem.focal(shift) * half
@@ -187,21 +185,20 @@ class _Problem:
         dot_2, square_3 = self._sums(shift, 2, 3)
         return dot_2 - square_3
 
-    def log_focal_sigma(self, shift: float) -> float:
-        """Standard deviation of log(focal) at the best shift, by the curvature of the error and what is left of it."""
+    def doubt(self, shift: float) -> float:
+        """How wrong the points are, as a share of their distance, over how much their distances differ.
+
+        Points that are all equally far show the ratio of focal length and distance only, and errors as large as the
+        differences hide these.
+        """
         import numpy as np
 
         seen = self._in_front(shift)
         distance = self.z[seen] + shift
         fitted = self.focal(shift) * self.xy[seen] / distance[:, None]
-        left = float(np.mean((fitted - self.uv[seen]) ** 2))
-        # Derivatives by log(focal) and by log(1 / shift), and their products.
-        by_focal, by_shift = fitted, fitted * (distance.mean() / distance)[:, None]
-        a, b, c = (float(np.mean(p * q)) for p, q in ((by_focal, by_focal), (by_focal, by_shift), (by_shift, by_shift)))
-        free = a - b * b / c
-        if free <= 1e-12 * a:
-            return float("inf")
-        return float(np.sqrt(left / free / min(_INDEPENDENT, 2 * len(distance))))
+        wrong = np.sqrt(np.mean((fitted - self.uv[seen]) ** 2) / np.mean(self.uv[seen] ** 2))
+        relief = float(np.std(np.log(distance)))
+        return float(wrong) / relief if relief > 1e-6 else float("inf")
 
     def _in_front(self, shift: float) -> BoolArray:
         front: BoolArray = self.z + shift > 0

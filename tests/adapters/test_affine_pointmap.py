@@ -116,15 +116,21 @@ class TestDoubtful:
         assert (found.fx, found.shift) == pytest.approx(tuple(best), rel=1e-6)
 
     @pytest.mark.parametrize("seed", range(5))
-    def test_noise_of_three_percent_costs_a_percent(self, seed):
+    def test_depth_that_is_off_by_two_percent_costs_a_few_percent(self, seed):
         rng = np.random.default_rng(seed)
-        depth = depth_of_a_scene(150, 200, seed)
-        points = seen_by(180.0, depth) * (1 + 0.03 * rng.standard_normal((150, 200, 1)))
-        points = affine(points + 0.005 * rng.standard_normal(points.shape), 1.0, 0.4)
-        found = recover_camera(points, np.ones((150, 200), bool))
+        points = seen_by(180.0, depth_of_a_scene(150, 200, seed))
+        points[..., 2] *= 1 + 0.02 * rng.standard_normal((150, 200))
+        found = recover_camera(affine(points, 1.0, 0.4), np.ones((150, 200), bool))
         assert found.determined
-        assert found.fx == pytest.approx(180, rel=0.02)
-        assert found.shift == pytest.approx(0.4, abs=0.05)
+        assert found.fx == pytest.approx(180, rel=0.05)
+        assert found.shift == pytest.approx(0.4, abs=0.1)
+
+    @pytest.mark.parametrize("seed", range(5))
+    def test_relief_that_drowns_in_noise_does_not_tell_it(self, seed):
+        rng = np.random.default_rng(seed)
+        points = seen_by(180.0, depth_of_a_scene(150, 200, seed, relief=0.02))
+        points[..., 2] *= 1 + 0.05 * rng.standard_normal((150, 200))
+        assert not recover_camera(points, np.ones((150, 200), bool)).determined
 
     @pytest.mark.parametrize("share", [0.001, 0.004])
     def test_points_far_before_all_others_do_not_bound_the_shift(self, share):
