@@ -83,7 +83,7 @@ class DepthAnythingMetric(Pretrained, MetricDepth):
         super().load(device)
         _require(self.network().config, "metric", "the relative_pointmap 'depth-anything-hf'")
 
-    def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:  # noqa: ARG002 -- the network needs no hints
+    def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
         """Image (H, W, 3) -> z-depth in metres.
 
         Raises:

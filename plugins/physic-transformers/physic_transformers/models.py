@@ -58,8 +58,8 @@ class ModelOptions(Options):
 
     dtype: Literal["float32", "float16", "bfloat16"] = Field(
         default="float32",
-        description="Numbers that the network computes with. float16 and bfloat16 halve memory and are faster on a GPU; "
-        "on a CPU they are slower, and float16 is refused there.",
+        description="Numbers that the network computes with. float16 and bfloat16 halve memory and are faster on a "
+        "GPU; on a CPU they are slower, and float16 is refused there.",
     )
     threads: int = Field(
         default=0,

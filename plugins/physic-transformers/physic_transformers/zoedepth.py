@@ -37,7 +37,7 @@ class ZoeDepth(Pretrained, MetricDepth):
     options: ZoeDepthOptions
     parts: ClassVar[tuple[Part, ...]] = (Part("weights", "ZoeDepthForDepthEstimation", ("zoedepth",)),)
 
-    def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:  # noqa: ARG002 -- the network needs no hints
+    def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
         """Image (H, W, 3) -> z-depth in metres.
 
         Raises:

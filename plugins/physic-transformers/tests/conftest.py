@@ -61,7 +61,7 @@ def grounding_dino() -> Any:
             decoder_attention_heads=2,
             encoder_n_points=2,
             decoder_n_points=2,
-        )  # fmt: skip
+        )
     )
 
 
@@ -70,7 +70,8 @@ def sam2_config() -> dict[str, Any]:
         "vision_config": {
             "model_type": "sam2_vision_model",
             "backbone_config": {
-                "model_type": "sam2_hiera_det_model", "hidden_size": 8, "image_size": [128, 128], "blocks_per_stage": [1, 1, 2, 1],
+                "model_type": "sam2_hiera_det_model", "hidden_size": 8, "image_size": [128, 128],
+                "blocks_per_stage": [1, 1, 2, 1],
                 "embed_dim_per_stage": [8, 16, 32, 64], "num_attention_heads_per_stage": [1, 1, 1, 1],
                 "window_size_per_stage": [4, 2, 2, 2], "global_attention_blocks": [3],
                 "window_positional_embedding_background_size": [4, 4],
@@ -97,15 +98,15 @@ def sam3_config() -> dict[str, Any]:
         "vision_config": {
             "model_type": "sam3_vision_model",
             "backbone_config": {
-                "model_type": "sam3_vit_model", "hidden_size": 32, "intermediate_size": 32, "num_hidden_layers": 2, "num_attention_heads": 2,
-                "image_size": 112, "patch_size": 14, "window_size": 4, "global_attn_indexes": [1],
+                "model_type": "sam3_vit_model", "hidden_size": 32, "intermediate_size": 32, "num_hidden_layers": 2,
+                "num_attention_heads": 2, "image_size": 112, "patch_size": 14, "window_size": 4, "global_attn_indexes": [1],
                 "pretrain_image_size": 56,
             },
             "fpn_hidden_size": 32, "backbone_feature_sizes": [[32, 32], [16, 16], [8, 8]],
         },
         "text_config": {
-            "model_type": "clip_text_model", "vocab_size": 64, "hidden_size": 32, "intermediate_size": 32, "projection_dim": 16,
-            "num_hidden_layers": 1, "num_attention_heads": 2, "max_position_embeddings": 32,
+            "model_type": "clip_text_model", "vocab_size": 64, "hidden_size": 32, "intermediate_size": 32,
+            "projection_dim": 16, "num_hidden_layers": 1, "num_attention_heads": 2, "max_position_embeddings": 32,
             "bos_token_id": 0, "eos_token_id": 1, "pad_token_id": 1,
         },
         "geometry_encoder_config": dict(small), "detr_encoder_config": dict(small),
@@ -185,7 +186,7 @@ def eomt(classes: int = 133) -> Any:
             num_blocks=1,
             num_queries=12,
             num_labels=classes,
-        )  # fmt: skip
+        )
     )
 
 
@@ -208,7 +209,7 @@ def depth_pro(*, use_fov_model: bool = True) -> Any:
             image_model_config=dict(encoder),
             patch_model_config=dict(encoder),
             fov_model_config=dict(encoder),
-        )  # fmt: skip
+        )
     )
 
 
@@ -228,7 +229,7 @@ def depth_anything(kind: str = "metric") -> Any:
             head_hidden_size=4,
             depth_estimation_type=kind,
             max_depth=20 if kind == "metric" else 1,
-        )  # fmt: skip
+        )
     )
 
 
@@ -251,7 +252,7 @@ def zoedepth() -> Any:
             patch_transformer_hidden_size=8,
             patch_transformer_intermediate_size=8,
             patch_transformer_num_attention_heads=2,
-        )  # fmt: skip
+        )
     )
 
 
@@ -265,7 +266,11 @@ def vitpose(experts: int = 1) -> Any:
     return VitPoseForPoseEstimation(VitPoseConfig(backbone_config=backbone, num_labels=17))
 
 
-_TOKENIZERS: dict[Any, Callable[[Path], None]] = {grounding_dino: write_bert_tokenizer, sam3: write_clip_tokenizer, sam3_video: write_clip_tokenizer}
+_TOKENIZERS: dict[Any, Callable[[Path], None]] = {
+    grounding_dino: write_bert_tokenizer,
+    sam3: write_clip_tokenizer,
+    sam3_video: write_clip_tokenizer,
+}
 
 
 @pytest.fixture(scope="session")

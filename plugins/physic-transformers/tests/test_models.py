@@ -14,7 +14,12 @@ from physic_core import weights
 from physic_core.errors import BackendError, DeviceError, WeightsMissingError
 from physic_core.types import Hints
 from physic_transformers import models
-from physic_transformers.depth_anything import DepthAnythingMetric, DepthAnythingRelative, MetricOptions, RelativeOptions
+from physic_transformers.depth_anything import (
+    DepthAnythingMetric,
+    DepthAnythingRelative,
+    MetricOptions,
+    RelativeOptions,
+)
 from physic_transformers.depth_pro import DepthPro, DepthProOptions
 from physic_transformers.eomt import Eomt, EomtOptions
 from physic_transformers.grounded_sam2 import GroundedSam2, GroundedSam2Options

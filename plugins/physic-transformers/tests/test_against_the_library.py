@@ -1,0 +1,306 @@
+"""What goes in and what comes out, against transformers' own processors where they run without torchvision."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+import torch
+
+from physic_core.adapters.panoptic import COCO_PANOPTIC, FLOOR, Padded, people_and_floor
+from physic_core.adapters.patch_grid import least_scaled
+from physic_core.adapters.pictures import planes, squash
+from physic_core.testing import build_world
+from physic_core.types import Hints, People
+from physic_transformers import depth_pro, eomt, grounded_sam2, zoedepth
+from physic_transformers.depth_anything import DepthAnythingMetric, MetricOptions
+from physic_transformers.sizes import between_edges, least_change
+from physic_transformers.vitpose import VitPose, VitPoseOptions
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+SIZES = [(480, 640), (1080, 1920), (640, 300), (97, 131), (24, 32), (799, 1333), (801, 799), (500, 500), (120, 900)]
+"""Height and width."""
+
+
+def photo(height: int, width: int) -> NDArray[np.uint8]:
+    """Coarse patches of colour, and fine grain."""
+    rng = np.random.default_rng(height * 7 + width)
+    coarse = np.kron(rng.integers(0, 256, (-(-height // 16), -(-width // 16), 3)), np.ones((16, 16, 1)))
+    grain = rng.integers(-20, 21, (height, width, 3))
+    return np.clip(coarse[:height, :width] + grain, 0, 255).astype(np.uint8)
+
+
+class TestGroundingDino:
+    @pytest.mark.parametrize(("height", "width"), SIZES)
+    def test_the_pixels_are_those_of_the_library(self, height: int, width: int) -> None:
+        from transformers import GroundingDinoImageProcessorPil
+
+        image = photo(height, width)
+        theirs = GroundingDinoImageProcessorPil()(images=image, return_tensors="np")["pixel_values"]
+        ours = grounded_sam2._detector_pixels(image)
+        assert ours.shape == theirs.shape
+        np.testing.assert_allclose(ours, theirs, atol=2e-6)
+
+    def test_sizes_are_those_of_the_library_everywhere(self) -> None:
+        from transformers.image_transforms import get_size_with_aspect_ratio
+
+        rng = np.random.default_rng(0)
+        for height, width in rng.integers(8, 3000, (400, 2)).tolist():
+            assert between_edges(height, width, 800, 1333) == get_size_with_aspect_ratio((height, width), 800, 1333)
+
+    def test_boxes_scores_and_words_are_those_of_the_library(self, saved: Callable[..., Path]) -> None:
+        from transformers import AutoTokenizer, GroundingDinoProcessor
+
+        tokenizer = AutoTokenizer.from_pretrained(str(saved("grounding_dino")))
+        ids = tokenizer("ground, floor, carpet.", return_tensors="pt")["input_ids"]
+        rng = np.random.default_rng(1)
+        logits = torch.full((1, 50, 256), -torch.inf)
+        logits[..., : ids.shape[1]] = torch.from_numpy(rng.normal(-1.0, 1.5, (1, 50, ids.shape[1])))
+        boxes = torch.from_numpy(rng.uniform(0.2, 0.4, (1, 50, 4)))
+        (theirs,) = GroundingDinoProcessor.post_process_grounded_object_detection(
+            SimpleNamespace(batch_decode=tokenizer.batch_decode),
+            SimpleNamespace(logits=logits, pred_boxes=boxes),
+            ids,
+            threshold=0.3,
+            text_threshold=0.25,
+            target_sizes=[(480, 640)],
+        )
+        ours = grounded_sam2.named_boxes(logits[0].numpy(), boxes[0].numpy(), 0.3, 0.25)
+        order = np.argsort(-theirs["scores"].numpy(), kind="stable")
+        assert len(order) > 10
+        np.testing.assert_allclose(ours.scores, theirs["scores"].numpy()[order], rtol=1e-6)
+        np.testing.assert_allclose(ours.boxes * [640, 480, 640, 480], theirs["boxes"].numpy()[order], rtol=1e-5)
+        words = [tokenizer.decode(ids[0, list(tokens)]) for tokens in ours.tokens]
+        assert words == [theirs["text_labels"][i] for i in order]
+
+
+class TestSquares:
+    """SAM 2 and SAM 3: a torchvision-only processor, whose resizing torch has too."""
+
+    @pytest.mark.parametrize(("height", "width"), SIZES)
+    @pytest.mark.parametrize("side", [1024, 1008])
+    def test_a_photo_is_squashed_with_antialiasing(self, height: int, width: int, side: int) -> None:
+        image = photo(height, width)
+        tensor = torch.from_numpy(image).permute(2, 0, 1)[None]
+        theirs = torch.nn.functional.interpolate(
+            tensor, (side, side), mode="bilinear", align_corners=False, antialias=True
+        )
+        ours = squash(image, side, side, "bilinear-antialias").astype(int)
+        gap = np.abs(ours - theirs[0].permute(1, 2, 0).numpy())
+        assert gap.max() <= 1  # of 255, where they round otherwise
+        assert (gap > 0).mean() < 0.03
+
+
+class TestDepthPro:
+    @pytest.mark.parametrize(("height", "width"), [(480, 640), (1200, 1920), (97, 131)])
+    def test_the_pixels_are_normalised_and_resized_without_antialiasing(self, height: int, width: int) -> None:
+        image = photo(height, width)
+        normal = (torch.from_numpy(image.transpose(2, 0, 1)[None]) / 255 - 0.5) / 0.5
+        theirs = torch.nn.functional.interpolate(normal, (768, 768), mode="bilinear", align_corners=False)
+        np.testing.assert_allclose(depth_pro.pixels(image, 768), theirs.numpy(), atol=2e-4)
+
+    def test_depth_and_focal_length_follow_the_formulas_of_the_library(self) -> None:
+        rng = np.random.default_rng(3)
+        raw = torch.from_numpy(rng.uniform(0.05, 2.0, (1, 24, 24)).astype(np.float32))
+        out = SimpleNamespace(predicted_depth=raw, field_of_view=torch.tensor([52.0]))
+        height, width = 60, 80
+        focal = 0.5 * width / torch.tan(0.5 * torch.deg2rad(out.field_of_view))
+        inverse = torch.nn.functional.interpolate((raw * width / focal)[:, None], (height, width), mode="bilinear")
+        theirs = 1 / torch.clamp(inverse[0, 0], 1e-4, 1e4)
+        backend = depth_pro.DepthPro()
+        config = SimpleNamespace(patch_size=6, scaled_images_ratios=[0.25, 0.5, 1])
+        backend._networks = {"weights": SimpleNamespace(config=config, run=lambda **_: out)}  # type: ignore[dict-item]
+        answer = backend.infer(photo(height, width), Hints())
+        np.testing.assert_allclose(answer.depth, theirs.numpy(), rtol=1e-4)
+        assert answer.intrinsics is not None
+        assert answer.intrinsics.fx == pytest.approx(float(focal), rel=1e-5)
+
+
+class TestDepthAnything:
+    @pytest.mark.parametrize(("height", "width"), SIZES)
+    def test_the_pixels_are_those_of_the_library(self, height: int, width: int) -> None:
+        from transformers import DPTImageProcessorPil
+        from transformers.image_utils import IMAGENET_DEFAULT_MEAN, IMAGENET_DEFAULT_STD
+
+        image = photo(height, width)
+        processor = DPTImageProcessorPil(
+            size={"height": 518, "width": 518}, ensure_multiple_of=14, keep_aspect_ratio=True, resample=3,
+            image_mean=IMAGENET_DEFAULT_MEAN, image_std=IMAGENET_DEFAULT_STD,
+        )  # fmt: skip
+        theirs = processor(images=image, return_tensors="np")["pixel_values"]
+        seen = []
+        backend = DepthAnythingMetric()
+        config = SimpleNamespace(patch_size=14, max_depth=20)
+        out = SimpleNamespace(predicted_depth=torch.ones(1, 14, 14))
+        backend._networks = {
+            "weights": SimpleNamespace(config=config, run=lambda pixel_values: seen.append(pixel_values) or out)  # type: ignore[dict-item, func-returns-value]
+        }
+        backend.infer(image, Hints())
+        assert seen[0].shape == theirs.shape == (1, 3, *least_scaled(height, width, 518))
+        np.testing.assert_allclose(seen[0], theirs, atol=2e-6)
+
+    def test_the_whole_way_is_that_of_the_library(self, saved: Callable[..., Path]) -> None:
+        from transformers import DepthAnythingForDepthEstimation, DPTImageProcessorPil
+        from transformers.image_utils import IMAGENET_DEFAULT_MEAN, IMAGENET_DEFAULT_STD
+
+        image, folder = photo(200, 260), str(saved("depth_anything"))
+        processor = DPTImageProcessorPil(
+            size={"height": 112, "width": 112}, ensure_multiple_of=14, keep_aspect_ratio=True, resample=3,
+            image_mean=IMAGENET_DEFAULT_MEAN, image_std=IMAGENET_DEFAULT_STD,
+        )  # fmt: skip
+        model = DepthAnythingForDepthEstimation.from_pretrained(folder)
+        with torch.no_grad():
+            out = model(**processor(images=image, return_tensors="pt"))
+        (theirs,) = processor.post_process_depth_estimation(out, target_sizes=[(200, 260)])
+        backend = DepthAnythingMetric(MetricOptions(weights=folder, side=112))
+        backend.load()
+        ours = backend.infer(image, Hints()).depth
+        # They enlarge the answer bicubically, which overshoots at edges; here it is bilinear.
+        np.testing.assert_allclose(ours, theirs["predicted_depth"].numpy(), rtol=2e-3)
+
+
+class TestZoeDepth:
+    @pytest.mark.parametrize(("height", "width"), SIZES)
+    def test_the_pixels_are_those_of_the_library(self, height: int, width: int) -> None:
+        from transformers import ZoeDepthImageProcessorPil
+
+        image = photo(height, width)
+        theirs = ZoeDepthImageProcessorPil(ensure_multiple_of=32)(images=image, return_tensors="np")["pixel_values"]
+        ours = zoedepth.pixels(image)
+        assert ours.shape == theirs.shape
+        np.testing.assert_allclose(ours, theirs, atol=2e-5)
+
+    def test_sizes_are_those_of_the_library_everywhere(self) -> None:
+        from transformers.models.zoedepth.image_processing_pil_zoedepth import get_resize_output_image_size
+
+        rng = np.random.default_rng(0)
+        for height, width in rng.integers(64, 2000, (200, 2)).tolist():
+            if max(height, width) < 7 * min(height, width):
+                theirs = get_resize_output_image_size(
+                    np.empty((3, height, width), np.uint8), (384, 512), True, 32, "channels_first"
+                )
+                assert least_change(height, width, (384, 512), 32) == tuple(map(int, theirs))
+
+    @pytest.mark.parametrize(("height", "width"), [(240, 320), (97, 131), (640, 300)])
+    def test_the_frame_is_cut_off_as_the_library_does(self, height: int, width: int) -> None:
+        rows, columns = int(np.sqrt(height / 2) * 3), int(np.sqrt(width / 2) * 3)
+        depth = np.random.default_rng(2).uniform(1, 5, (96, 128)).astype(np.float32)
+        whole = torch.nn.functional.interpolate(
+            torch.from_numpy(depth)[None, None], (height + 2 * rows, width + 2 * columns), mode="bilinear"
+        )
+        theirs = whole[0, 0, rows:-rows, columns:-columns].numpy()
+        np.testing.assert_allclose(zoedepth.unframed(depth, height, width), theirs, atol=1e-4)
+
+
+class TestEomt:
+    @pytest.mark.parametrize(("height", "width"), [s for s in SIZES if s != (799, 1333)])
+    def test_the_pixels_are_those_of_the_library(self, height: int, width: int) -> None:
+        from transformers import EomtImageProcessorPil
+
+        image = photo(height, width)
+        theirs = EomtImageProcessorPil(do_pad=True)(images=image, return_tensors="np")["pixel_values"]
+        ours = eomt.framed(image, Padded(height, width, 640))
+        np.testing.assert_allclose(ours, theirs, atol=2e-6)
+
+    def test_people_and_floor_are_those_of_the_library(self) -> None:
+        from transformers import EomtImageProcessorPil
+
+        height, width = 240, 320
+        labels = [0, 0, 122, 87, 56, 0]
+        rows, columns = np.mgrid[:160, :160].astype(np.float32)
+        centres = [(60, 40), (62, 85), (110, 80), (112, 20), (40, 120), (61, 42)]
+        masks = np.stack([(14 - np.hypot(rows - y, columns - x)) / 2 for y, x in centres]).astype(np.float32)
+        masks[2] = (rows - 95) / 3
+        classes = np.full((6, 134), -4.0, np.float32)
+        classes[range(6), labels] = [4.0, 3.8, 3.5, 3.9, 3.7, 1.2]
+        out = SimpleNamespace(
+            masks_queries_logits=torch.from_numpy(masks)[None], class_queries_logits=torch.from_numpy(classes)[None]
+        )
+        (theirs,) = EomtImageProcessorPil().post_process_panoptic_segmentation(
+            out, target_sizes=[(height, width)], threshold=0.5, stuff_classes=list(range(80, 133))
+        )
+        segments = theirs["segmentation"].numpy()
+        kinds = {info["id"]: COCO_PANOPTIC[info["label_id"]] for info in theirs["segments_info"]}
+        ours = people_and_floor(classes, masks, Padded(height, width, 640).to_photo, (height, width))
+        people = [segments == i for i, name in kinds.items() if name == "person"]
+        assert len(ours) == len(people) == 2
+        for mask, score in zip(ours.masks, ours.scores, strict=True):
+            assert max((mask & p).sum() / (mask | p).sum() for p in people) > 0.995
+            assert any(score == pytest.approx(info["score"], abs=1e-5) for info in theirs["segments_info"])
+        floor = np.isin(segments, [i for i, name in kinds.items() if name in FLOOR])
+        assert ours.floor is not None
+        assert floor.any()
+        assert (ours.floor & floor).sum() / (ours.floor | floor).sum() > 0.995
+
+
+class TestVitPose:
+    @pytest.mark.parametrize("experts", [1, 6])
+    def test_the_whole_way_is_that_of_the_library(self, saved: Callable[..., Path], experts: int) -> None:
+        from transformers import VitPoseForPoseEstimation, VitPoseImageProcessorPil
+
+        world = build_world("group", 0, (320, 240))
+        people = People(world.masks, world.boxes, np.linspace(0.9, 0.8, len(world.masks)))
+        folder = str(saved("vitpose", experts))
+        backend = VitPose(VitPoseOptions(weights=folder, batch=3))
+        backend.load()
+        ours = backend.infer(world.image, people)
+
+        # Half-open boxes begin half a pixel before the middle of their first pixel.
+        corners = world.boxes
+        boxes = np.concatenate([corners[:, :2] - 0.5, corners[:, 2:] - corners[:, :2]], 1)
+        processor: Any = VitPoseImageProcessorPil()
+        pixels = processor(world.image, boxes=[boxes.tolist()], return_tensors="pt")["pixel_values"]
+        model = VitPoseForPoseEstimation.from_pretrained(folder)
+        more = {"dataset_index": torch.zeros(len(boxes), dtype=torch.int64)} if experts > 1 else {}
+        with torch.no_grad():
+            out = model(pixel_values=pixels, **more)
+        (theirs,) = processor.post_process_pose_estimation(out, boxes=[boxes.tolist()])
+        scores = np.stack([person["scores"].numpy() for person in theirs])
+        assert scores.max() > 0
+        # Heat maps of random weights are rough: a peak may be another one where two are nearly as high.
+        np.testing.assert_allclose(ours.confidence, np.clip(scores, 0, 1), atol=0.02)
+        points = np.stack([person["keypoints"].numpy() for person in theirs])
+        near = np.abs(points - ours.points).max(-1)
+        assert np.median(near) < 1.0
+
+    def test_the_crop_is_that_of_the_library(self) -> None:
+        from transformers import VitPoseImageProcessorPil
+
+        from physic_core.adapters.crops import crop_of, cut
+        from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD
+
+        image, box = photo(240, 320), np.array([40.0, 30.0, 150.0, 220.0])
+        theirs = VitPoseImageProcessorPil()(image, boxes=[[[39.5, 29.5, 110, 190]]], return_tensors="np")[
+            "pixel_values"
+        ]
+        ours = planes(cut(image, crop_of(box, 192, 256, grid="corners")), IMAGENET_MEAN, IMAGENET_STD)
+        # OpenCV places a pixel to 1/32 of one.
+        assert np.abs(ours - theirs).mean() < 0.03
+
+    def test_points_are_those_of_the_library(self) -> None:
+        from transformers import VitPoseImageProcessorPil
+
+        rng = np.random.default_rng(5)
+        cells = rng.uniform([4, 4], [43, 59], (2, 17, 2))
+        rows, columns = np.mgrid[:64, :48]
+        heat = np.exp(
+            -((columns - cells[..., 0, None, None]) ** 2 + (rows - cells[..., 1, None, None]) ** 2) / 8
+        ) * rng.uniform(0.3, 0.9, (2, 17, 1, 1))
+        corners = np.array([[40.0, 30, 150, 220], [160, 20, 300, 90]])
+        boxes = np.concatenate([corners[:, :2] - 0.5, corners[:, 2:] - corners[:, :2]], 1)
+        out = SimpleNamespace(heatmaps=torch.from_numpy(heat.astype(np.float32)))
+        (theirs,) = VitPoseImageProcessorPil().post_process_pose_estimation(out, boxes=[boxes.tolist()])
+        backend = VitPose()
+        config = SimpleNamespace(backbone_config=SimpleNamespace(image_size=[256, 192], num_experts=1))
+        backend._networks = {"weights": SimpleNamespace(config=config, run=lambda **_: out)}  # type: ignore[dict-item]
+        people = People(np.ones((2, 240, 320), bool), corners, np.array([0.9, 0.8]))
+        ours = backend.infer(photo(240, 320), people)
+        for person, points in zip(theirs, ours.points, strict=True):
+            np.testing.assert_allclose(points, person["keypoints"].numpy(), atol=0.05)

@@ -1,0 +1,463 @@
+"""Where these networks are easily fed or read wrongly: each test fails for who does."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+import torch
+
+from physic_core.border import depth_faults, keypoints_faults, people_faults, pointmap_faults
+from physic_core.errors import BackendError, InputError
+from physic_core.types import Hints, Intrinsics, People
+from physic_transformers.depth_anything import (
+    DepthAnythingMetric,
+    DepthAnythingRelative,
+    MetricOptions,
+    RelativeOptions,
+)
+from physic_transformers.depth_pro import DepthPro, DepthProOptions
+from physic_transformers.eomt import Eomt, EomtOptions, class_names, framed
+from physic_transformers.grounded_sam2 import GroundedSam2, GroundedSam2Options, named_boxes, prompt_of
+from physic_transformers.models import Network
+from physic_transformers.sam3 import Sam3, Sam3Options
+from physic_transformers.vitpose import VitPose, VitPoseOptions
+from physic_transformers.zoedepth import ZoeDepth, ZoeDepthOptions, margins
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+WIDE = np.random.default_rng(0).integers(0, 256, (60, 100, 3), np.uint8)
+
+
+class Recorded:
+    """A network that keeps what it was asked and answers the next of some answers, or the only one."""
+
+    def __init__(self, config: Any, *answers: Any, tokenizer: Any = None) -> None:
+        self.config, self.tokenizer = config, tokenizer
+        self.answers, self.asked = list(answers), []
+
+    def run(self, method: str = "", /, **inputs: Any) -> Any:
+        self.asked.append((method, inputs))
+        return self.answers.pop(0) if len(self.answers) > 1 else self.answers[0]
+
+    def shown(self, call: int = 0) -> NDArray[np.float32]:
+        """The pixels of a call."""
+        found: NDArray[np.float32] = self.asked[call][1]["pixel_values"]
+        return found
+
+
+def given(backend: Any, **networks: Recorded) -> Any:
+    backend._networks = networks
+    return backend
+
+
+def tensors(**arrays: Any) -> SimpleNamespace:
+    return SimpleNamespace(**{name: torch.as_tensor(value) for name, value in arrays.items()})
+
+
+class TestWithoutTorchvision:
+    """The library's image processors want torchvision, which cannot always be had."""
+
+    @pytest.fixture(autouse=True)
+    def _none_of_it(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        import transformers
+
+        def refuse(*_: Any, **__: Any) -> None:
+            raise AssertionError("a processor of the library was asked for")
+
+        monkeypatch.setitem(sys.modules, "torchvision", None)
+        for name in ("AutoImageProcessor", "AutoProcessor"):
+            monkeypatch.setattr(getattr(transformers, name), "from_pretrained", refuse)
+
+    @pytest.mark.parametrize("dtype", ["float32", "bfloat16"])
+    @pytest.mark.parametrize("name", ["grounded", "sam3", "eomt", "pro", "metric", "relative", "zoe", "vitpose"])
+    def test_the_real_classes_load_and_answer(self, saved: Callable[..., Path], name: str, dtype: Any) -> None:
+        backend = self.made(saved, name, dtype)
+        assert backend.missing() == ()
+        backend.load()
+        camera = Intrinsics.from_focal(90.0, 100, 60)
+        people = People(np.ones((1, 60, 100), bool), np.array([[5.0, 2, 60, 58]]), np.array([0.9]))
+        rest = {"vitpose": (people,), "grounded": (), "sam3": (), "eomt": ()}.get(name, (Hints(intrinsics=camera),))
+        answer = backend.infer(WIDE, *rest)
+        backend.close()
+        if name == "vitpose":
+            faults = keypoints_faults(answer, 1)
+        elif not rest:
+            faults = people_faults(answer, 60, 100)
+        else:
+            faults = (pointmap_faults if name == "relative" else depth_faults)(answer, 60, 100)
+        assert faults == []
+
+    def made(self, saved: Callable[..., Path], name: str, dtype: Any) -> Any:
+        def at(model: str, *args: Any) -> str:
+            return str(saved(model, *args))
+
+        if name == "grounded":
+            low = {"box_threshold": 0.0, "text_threshold": 0.0, "person_score": 0.0}
+            options = GroundedSam2Options(detector=at("grounding_dino"), masks=at("sam2"), dtype=dtype, **low)
+            return GroundedSam2(options)
+        if name == "sam3":
+            return Sam3(Sam3Options(weights=at("sam3"), person_score=0, dtype=dtype))
+        if name == "eomt":
+            return Eomt(EomtOptions(weights=at("eomt"), threshold=0, held=0, dtype=dtype))
+        if name == "pro":
+            return DepthPro(DepthProOptions(weights=at("depth_pro"), farthest=1e9, dtype=dtype))
+        if name == "metric":
+            return DepthAnythingMetric(MetricOptions(weights=at("depth_anything"), dtype=dtype))
+        if name == "relative":
+            return DepthAnythingRelative(RelativeOptions(weights=at("depth_anything", "relative"), dtype=dtype))
+        if name == "zoe":
+            return ZoeDepth(ZoeDepthOptions(weights=at("zoedepth"), dtype=dtype))
+        return VitPose(VitPoseOptions(weights=at("vitpose", 6), dtype=dtype))
+
+
+class TestDepthPro:
+    CONFIG = SimpleNamespace(patch_size=24, scaled_images_ratios=[0.25, 0.5, 1])
+
+    def asked(self, raw: float, angle: float | None, hints: Hints = Hints(), **options: Any) -> Any:  # noqa: B008
+        out = tensors(predicted_depth=np.full((1, 96, 96), raw, np.float32))
+        out.field_of_view = None if angle is None else torch.tensor([angle])
+        backend = given(DepthPro(DepthProOptions(**options)), weights=Recorded(self.CONFIG, out))
+        return backend.infer(WIDE, hints)
+
+    def test_what_it_answers_is_inverse_depth(self) -> None:
+        # 53.13 degrees see as much as they are far: the focal length is the width.
+        assert np.unique(self.asked(0.25, 2 * np.degrees(np.arctan(0.5))).depth.round(4)).tolist() == [4.0]
+
+    def test_the_angle_is_that_of_the_width_in_degrees(self) -> None:
+        answer = self.asked(0.5, 90.0)
+        assert answer.intrinsics == replace(Intrinsics.from_focal(answer.intrinsics.fx, 100, 60), source="DepthPro")
+        assert answer.intrinsics.fx == pytest.approx(50.0)
+        np.testing.assert_allclose(answer.depth, 1 / (0.5 * 100 / 50), rtol=1e-5)
+        assert answer.notes == ("focal length 50 px from DepthPro",)
+
+    def test_a_known_focal_length_scales_the_depth(self) -> None:
+        known = Intrinsics.from_focal(200.0, 100, 60, "EXIF")
+        answer = self.asked(0.5, 90.0, Hints(intrinsics=known))
+        np.testing.assert_allclose(answer.depth, 4.0, rtol=1e-5)
+        assert answer.intrinsics == known
+        assert answer.notes == ("DepthPro took the focal length for 50 px; its depth is scaled to 200 px",)
+
+    def test_a_focal_length_that_is_a_guess_gives_way_to_its_own(self) -> None:
+        guessed = Intrinsics.from_focal(200.0, 100, 60, "default (1.2 x the long side)")
+        np.testing.assert_allclose(self.asked(0.5, 90.0, Hints(intrinsics=guessed)).depth, 1.0, rtol=1e-5)
+
+    def test_its_own_focal_length_can_be_insisted_on(self) -> None:
+        known = Hints(intrinsics=Intrinsics.from_focal(200.0, 100, 60))
+        np.testing.assert_allclose(self.asked(0.5, 90.0, known, use_known_focal=False).depth, 1.0, rtol=1e-5)
+
+    def test_depth_is_never_left_unscaled_without_an_angle(self) -> None:
+        with pytest.raises(BackendError, match="does not tell the focal length"):
+            self.asked(0.5, None)
+        np.testing.assert_allclose(
+            self.asked(0.5, None, Hints(intrinsics=Intrinsics.from_focal(200.0, 100, 60))).depth, 4.0, rtol=1e-5
+        )
+
+    def test_the_camera_of_a_photo_of_another_size_is_resized(self) -> None:
+        known = Intrinsics.from_focal(400.0, 200, 120)
+        assert self.asked(0.5, 90.0, Hints(intrinsics=known)).intrinsics == known.resized(100, 60)
+
+    def test_the_sky_is_not_known(self) -> None:
+        assert np.isnan(self.asked(0.0, 90.0).depth).all()
+
+    def test_pixels_go_from_minus_one_to_one_and_are_not_antialiased(self) -> None:
+        network = Recorded(self.CONFIG, tensors(predicted_depth=np.ones((1, 96, 96)), field_of_view=[60.0]))
+        stripes = np.zeros((960, 960, 3), np.uint8)
+        stripes[:, ::10] = 255  # of which resizing to a tenth by two taps sees none
+        given(DepthPro(), weights=network).infer(stripes, Hints())
+        assert network.shown().shape == (1, 3, 96, 96)
+        assert (network.shown() == -1).all()
+
+
+class TestDepthAnything:
+    def test_metric_weights_answer_metres_of_the_photo(self) -> None:
+        ramp = np.linspace(2, 6, 140, dtype=np.float32)[None].repeat(84, 0)
+        config = SimpleNamespace(patch_size=14, max_depth=20)
+        backend = given(DepthAnythingMetric(), weights=Recorded(config, tensors(predicted_depth=ramp[None])))
+        answer = backend.infer(WIDE, Hints())
+        assert answer.intrinsics is None
+        assert answer.depth[30, 0] < 2.1 < 5.9 < answer.depth[30, -1]
+
+    def test_the_end_of_what_it_can_say_is_not_known(self) -> None:
+        config = SimpleNamespace(patch_size=14, max_depth=20)
+        network = Recorded(config, tensors(predicted_depth=np.full((1, 14, 14), 19.9, np.float32)))
+        assert np.isnan(given(DepthAnythingMetric(), weights=network).infer(WIDE, Hints()).depth).all()
+        far = given(DepthAnythingMetric(MetricOptions(farthest=30)), weights=network)
+        assert np.isfinite(far.infer(WIDE, Hints()).depth).all()
+
+    def test_relative_weights_answer_disparity(self) -> None:
+        ramp = np.linspace(1, 4, 140, dtype=np.float32)[None].repeat(84, 0)
+        network = Recorded(SimpleNamespace(patch_size=14), tensors(predicted_depth=ramp[None]))
+        answer = given(DepthAnythingRelative(), weights=network).infer(WIDE, Hints())
+        z = answer.points[30, :, 2]
+        assert (np.diff(z) < 0).all(), "what has the larger disparity is nearer"
+        assert answer.unknown == "inverse_scale_shift"
+        assert np.ptp(np.diff(1 / z[5:-5])) < 1e-3, "1 / z is the disparity, up to scale"
+
+    def test_a_panorama_is_shown_smaller(self) -> None:
+        network = Recorded(
+            SimpleNamespace(patch_size=14, max_depth=20), tensors(predicted_depth=np.ones((1, 14, 14), np.float32))
+        )
+        given(DepthAnythingMetric(), weights=network).infer(np.zeros((600, 9000, 3), np.uint8), Hints())
+        rows, columns = network.shown().shape[2:]
+        assert rows % 14 == columns % 14 == 0
+        assert 4000 < rows * columns / 14**2 <= 5000
+
+
+class TestZoeDepth:
+    def test_the_frame_is_cut_off(self) -> None:
+        rows, columns = margins(60, 100)
+        framed_depth = np.full((60 + 2 * rows, 100 + 2 * columns), 9.0, np.float32)
+        framed_depth[rows:-rows, columns:-columns] = np.arange(1, 101)
+        network = Recorded(None, tensors(predicted_depth=framed_depth[None]))
+        backend = given(ZoeDepth(ZoeDepthOptions(mirror=False)), weights=network)
+        np.testing.assert_allclose(backend.infer(WIDE, Hints()).depth, np.arange(1, 101)[None].repeat(60, 0))
+
+    def test_the_mirrored_answer_is_mirrored_back(self) -> None:
+        ramp = np.linspace(1, 5, 128, dtype=np.float32)[None].repeat(96, 0)
+        network = Recorded(
+            None,
+            tensors(predicted_depth=ramp[None]),
+            tensors(predicted_depth=np.ascontiguousarray(ramp[:, ::-1])[None]),
+        )
+        depth = given(ZoeDepth(), weights=network).infer(WIDE, Hints()).depth
+        np.testing.assert_array_equal(network.shown(1), network.shown(0)[..., ::-1])
+        assert (np.diff(depth[30]) > 0).all()
+
+
+class TestGroundedSam2:
+    NOTHING = tensors(logits=np.full((1, 5, 256), -9.0), pred_boxes=np.full((1, 5, 4), 0.5))
+    MASKS = SimpleNamespace(prompt_encoder_config=SimpleNamespace(image_size=1024, patch_size=16))
+
+    def words(self, text: str, **_: Any) -> dict[str, Any]:
+        self.texts = [*getattr(self, "texts", []), text]
+        return {name: np.ones((1, 4), np.int32) for name in ("input_ids", "token_type_ids", "attention_mask")}
+
+    def found(self, *rows: tuple[float, list[float]]) -> SimpleNamespace:
+        """Scores and boxes (centre, size) of queries."""
+        logits = np.full((1, len(rows), 256), -9.0)
+        logits[0, :, 1] = [np.log(score / (1 - score)) for score, _ in rows]
+        return tensors(logits=logits, pred_boxes=[[box for _, box in rows]])
+
+    def run(self, people: Any, floor: Any, masks: Any, **options: Any) -> tuple[People, Recorded, Recorded]:
+        detector = Recorded(None, people, floor, None, tokenizer=self.words)
+        sam = Recorded(self.MASKS, "embeddings", *masks, None)
+        backend = given(GroundedSam2(GroundedSam2Options(**options)), detector=detector, masks=sam)
+        return backend.infer(WIDE), detector, sam
+
+    def inside(self, *boxes: tuple[int, int, int, int]) -> SimpleNamespace:
+        """Mask logits on the grid of 256, of boxes in px of the grid."""
+        logits = np.full((1, len(boxes), 1, 256, 256), -5.0, np.float32)
+        for mask, (x0, y0, x1, y1) in zip(logits[0, :, 0], boxes, strict=True):
+            mask[y0:y1, x0:x1] = 5.0
+        return tensors(pred_masks=logits)
+
+    def test_its_words_and_thresholds_are_those_of_the_release(self) -> None:
+        options = GroundedSam2Options()
+        assert (options.people_words, options.floor_words) == ("person.", "ground, floor, carpet.")
+        assert (options.box_threshold, options.text_threshold, options.person_score) == (0.3, 0.25, 0.45)
+
+    def test_words_are_lower_case_and_end_with_a_dot(self) -> None:
+        assert prompt_of(" A Person") == "a person."
+        assert prompt_of("person.") == "person."
+
+    def test_boxes_are_centres_and_sizes_in_shares_of_the_photo(self) -> None:
+        found = named_boxes(np.array([[-9, 2.0, -9]]), np.array([[0.5, 0.4, 0.2, 0.6]]), 0.3, 0.25)
+        np.testing.assert_allclose(found.boxes, [[0.4, 0.1, 0.6, 0.7]])
+        assert found.tokens == ((1,),)
+
+    def test_the_first_token_is_no_word(self) -> None:
+        found = named_boxes(np.array([[3.0, -9, -9]]), np.full((1, 4), 0.5), 0.3, 0.25)
+        assert len(found.scores) == 1
+        assert found.tokens == ((),)
+
+    def test_people_are_surer_than_the_floor_and_prompts_are_pixels_of_the_square(self) -> None:
+        people = self.found((0.9, [0.25, 0.5, 0.3, 0.8]), (0.4, [0.75, 0.5, 0.2, 0.8]))
+        floor = self.found((0.35, [0.5, 0.9, 1.0, 0.2]), (0.5, [0.5, 0.75, 0.2, 0.5]), (0.2, [0.1, 0.1, 0.1, 0.1]))
+        masks = self.inside((26, 26, 102, 230), (102, 128, 154, 256), (0, 205, 256, 256))
+        answer, detector, sam = self.run(people, floor, [masks])
+        assert self.texts == ["person.", "ground, floor, carpet."]
+        assert [method for method, _ in sam.asked] == ["get_image_embeddings", ""], "the photo is encoded once"
+        prompts = sam.asked[1][1]["input_boxes"]
+        np.testing.assert_allclose(prompts[0, 0], [0.1 * 1024, 0.1 * 1024, 0.4 * 1024, 0.9 * 1024], atol=0.01)
+        np.testing.assert_allclose(prompts[0, 1], [0.4 * 1024, 0.5 * 1024, 0.6 * 1024, 1024], atol=0.01)
+        assert prompts.shape == (1, 3, 4), "who scores 0.4 is nobody, what scores 0.2 is no floor"
+        assert prompts.dtype == np.float32
+        assert sam.asked[1][1]["multimask_output"] is False
+        assert len(answer) == 1
+        np.testing.assert_allclose(answer.boxes[0], [10, 6, 40, 54], atol=1)
+        assert answer.floor is not None
+        assert answer.floor[58, 90], "the one"
+        assert answer.floor[35, 50], "and the other: the floor is all of them"
+        assert not (answer.floor & answer.masks.any(0)).any()
+        assert detector.shown().shape == (1, 3, 800, 1333)
+
+    def test_nobody_and_no_floor_need_no_masks(self) -> None:
+        answer, _, sam = self.run(self.NOTHING, self.NOTHING, [])
+        assert len(answer) == 0
+        assert answer.floor is not None
+        assert not answer.floor.any()
+        assert sam.asked == []
+
+    def test_without_a_word_for_it_the_floor_is_not_looked_for(self) -> None:
+        answer, detector, _ = self.run(self.NOTHING, self.NOTHING, [], floor_words="")
+        assert answer.floor is None
+        assert len(detector.asked) == 1
+
+    def test_one_person_found_twice_is_one(self) -> None:
+        people = self.found((0.9, [0.3, 0.5, 0.4, 0.8]), (0.8, [0.3, 0.5, 0.42, 0.8]))
+        answer, *_ = self.run(people, self.NOTHING, [self.inside((26, 26, 128, 230), (24, 26, 128, 230))])
+        assert len(answer) == 1
+
+    def test_prompts_keep_their_fractions_in_bfloat16(self) -> None:
+        class Model:
+            config, device, dtype = None, "cpu", torch.bfloat16
+
+            def __call__(self, **inputs: torch.Tensor) -> dict[str, torch.Tensor]:
+                return inputs
+
+        box = np.array([[[1001.25, 3.0, 1007.5, 9.0]]], np.float32)
+        seen = Network(Model()).run(input_boxes=box, pixel_values=np.zeros((1, 3, 2, 2), np.float32))
+        np.testing.assert_array_equal(seen["input_boxes"].numpy(), box)
+        assert seen["pixel_values"].dtype == torch.bfloat16
+
+
+class TestSam3:
+    CONFIG = SimpleNamespace(image_size=1008)
+
+    def words(self, text: str, **options: Any) -> dict[str, Any]:
+        assert options["padding"] == "max_length"
+        assert options["max_length"] == 32
+        mask = np.zeros((1, 32), np.int64)
+        mask[0, :3] = 1
+        return {"input_ids": np.full((1, 32), len(text)), "attention_mask": mask}
+
+    def out(self, presence: float, *rows: tuple[float, tuple[float, ...]]) -> SimpleNamespace:
+        masks = np.full((1, len(rows), 288, 288), -5.0, np.float32)
+        for mask, (_, (x0, y0, x1, y1)) in zip(masks[0], rows, strict=True):
+            mask[int(288 * y0) : int(288 * y1), int(288 * x0) : int(288 * x1)] = 5.0
+        floor = np.full((1, 1, 288, 288), -5.0)
+        floor[..., 200:, :] = 5.0
+        return tensors(
+            pred_masks=masks,
+            pred_boxes=[[box for _, box in rows]],
+            pred_logits=[[logit for logit, _ in rows]],
+            presence_logits=[[presence]],
+            semantic_seg=floor,
+        )
+
+    def run(self, people: Any, **options: Any) -> tuple[People, Recorded]:
+        network = Recorded(self.CONFIG, "seen", self.out(9.0, (3.0, (0, 0, 1, 1))), people, None, tokenizer=self.words)
+        return given(Sam3(Sam3Options(**options)), weights=network).infer(WIDE), network
+
+    def test_boxes_are_corners_in_shares_of_the_photo_and_masks_are_squashed(self) -> None:
+        answer, network = self.run(self.out(9.0, (3.0, (0.1, 0.2, 0.4, 0.6))))
+        np.testing.assert_allclose(answer.boxes, [[10, 12, 40, 36]], atol=1)
+        assert answer.scores[0] == pytest.approx(1 / (1 + np.exp(-3)), abs=1e-3)
+        assert [method for method, _ in network.asked] == ["get_vision_features", "", ""], "encoded once"
+
+    def test_pixels_go_from_minus_one_to_one_channels_first(self) -> None:
+        _, network = self.run(self.out(9.0, (3.0, (0.1, 0.2, 0.4, 0.6))))
+        assert network.shown().shape == (1, 3, 1008, 1008)
+        assert network.shown().min() < -0.9
+        assert network.shown().max() <= 1
+
+    def test_padding_of_the_text_is_told(self) -> None:
+        _, network = self.run(self.out(9.0, (3.0, (0.1, 0.2, 0.4, 0.6))))
+        for _, inputs in network.asked[1:]:
+            assert inputs["attention_mask"].sum() == 3
+
+    def test_a_query_that_fits_counts_for_nothing_where_there_is_no_such_thing(self) -> None:
+        assert len(self.run(self.out(-3.0, (3.0, (0.1, 0.2, 0.4, 0.6))))[0]) == 0
+
+    def test_the_floor_is_the_pixels_of_its_word(self) -> None:
+        answer, _ = self.run(self.out(9.0, (3.0, (0.1, 0.2, 0.4, 0.9))))
+        assert answer.floor is not None
+        assert answer.floor[50, 80]
+        assert not answer.floor[30, 80]
+        assert not (answer.floor & answer.masks.any(0)).any()
+        assert self.run(self.out(9.0, (3.0, (0.1, 0.2, 0.4, 0.9))), floor_words="")[0].floor is None
+
+
+class TestEomt:
+    def test_the_frame_is_black_before_it_is_normalised(self) -> None:
+        from physic_core.adapters.panoptic import Padded
+
+        shown = framed(np.full((30, 60, 3), 255, np.uint8), Padded(30, 60, 64))
+        assert shown.shape == (1, 3, 64, 64)
+        np.testing.assert_allclose(
+            shown[0, :, 40, 5], -np.array([0.485, 0.456, 0.406]) / [0.229, 0.224, 0.225], rtol=1e-5
+        )
+
+    def test_classes_that_are_only_counted_are_those_of_coco_panoptic(self) -> None:
+        names = class_names({i: f"LABEL_{i}" for i in range(133)})
+        assert (names[0], names[87], names[122], names[132]) == (
+            "person",
+            "floor-wood",
+            "floor-other-merged",
+            "rug-merged",
+        )
+
+    def test_named_classes_are_taken_in_the_order_of_their_numbers(self) -> None:
+        assert class_names({"10": "ten", "2": "person"}) == ("person", "ten")
+
+
+class TestVitPose:
+    PEOPLE = People(np.ones((3, 60, 100), bool), np.array([[10.0, 5, 30, 55]] * 3), np.ones(3))
+
+    def run(self, experts: int, **options: Any) -> Recorded:
+        config = SimpleNamespace(backbone_config=SimpleNamespace(image_size=[256, 192], num_experts=experts))
+        answers = [tensors(heatmaps=np.zeros((n, 17, 64, 48), np.float32)) for n in (2, 1)]
+        network = Recorded(config, *answers, None)
+        given(VitPose(VitPoseOptions(batch=2, **options)), weights=network).infer(WIDE, self.PEOPLE)
+        return network
+
+    def test_models_with_experts_are_told_which_to_ask(self) -> None:
+        network = self.run(6)
+        for (_, inputs), count in zip(network.asked, (2, 1), strict=True):
+            assert inputs["dataset_index"].dtype == np.int64
+            assert inputs["dataset_index"].tolist() == [0] * count
+
+    def test_models_without_experts_are_not(self) -> None:
+        assert all("dataset_index" not in inputs for _, inputs in self.run(1).asked)
+
+    def test_an_expert_that_is_not_there_is_refused(self) -> None:
+        with pytest.raises(BackendError, match="these weights have 6 experts, 0 to 5"):
+            self.run(6, dataset_index=6)
+
+    def test_the_box_is_corners_and_is_widened_by_a_quarter(self) -> None:
+        # A box of 30 x 40 px at its middle pixel: 1.25 x 40 px make 256 rows, first to last.
+        bright = np.zeros((100, 100, 3), np.uint8)
+        bright[30:70, 35:65] = 255
+        config = SimpleNamespace(backbone_config=SimpleNamespace(image_size=[256, 192]))
+        network = Recorded(config, tensors(heatmaps=np.zeros((1, 17, 64, 48), np.float32)))
+        people = People(np.ones((1, 100, 100), bool), np.array([[35.0, 30, 65, 70]]), np.ones(1))
+        given(VitPose(), weights=network).infer(bright, people)
+        seen = network.shown()[0, 0] > 0
+        assert seen.any(1).sum() == pytest.approx(40 / 50 * 255, abs=3)
+        assert seen.any(0).sum() == pytest.approx(30 / 37.5 * 191, abs=3)
+        rows, columns = np.flatnonzero(seen.any(1)), np.flatnonzero(seen.any(0))
+        assert rows[0] + rows[-1] == pytest.approx(255, abs=1)
+        assert columns[0] + columns[-1] == pytest.approx(191, abs=1)
+
+    def test_joints_of_another_set_are_refused(self) -> None:
+        config = SimpleNamespace(backbone_config=SimpleNamespace(image_size=[256, 192]))
+        network = Recorded(config, tensors(heatmaps=np.zeros((3, 52, 64, 48), np.float32)))
+        with pytest.raises(BackendError, match="tell 52 joints, expected 17 of COCO"):
+            given(VitPose(), weights=network).infer(WIDE, self.PEOPLE)
+
+
+@pytest.mark.parametrize("bad", [np.zeros((60, 100), np.uint8), np.zeros((60, 100, 3)), np.zeros((0, 9, 3), np.uint8)])
+def test_what_is_no_photo_is_refused(bad: Any) -> None:
+    with pytest.raises(InputError):
+        GroundedSam2().infer(bad)
+    with pytest.raises(InputError):
+        DepthPro().infer(bad, Hints())
