@@ -143,6 +143,76 @@ class TestContract:
             backend.load()
 
 
+@pytest.fixture
+def room(graph, node, tmp_path):
+    """A MoGe-2 that sees a curved room, whatever it is shown: f half diagonals of focal length, without its shift."""
+
+    def build(focal: float, shift: float, scale: float = 3.0) -> str:
+        nodes = [
+            node("Shape", ["image"], ["size"]),
+            node("Cast", ["size"], ["size_f"], to=1),
+            node("Gather", ["size_f", "two"], ["h"]),
+            node("Gather", ["size_f", "three"], ["w"]),
+            node("Mul", ["h", "h"], ["hh"]),
+            node("Mul", ["w", "w"], ["ww"]),
+            node("Add", ["hh", "ww"], ["dd"]),
+            node("Sqrt", ["dd"], ["d"]),
+            node("Mul", ["d", "half"], ["half_diagonal"]),
+            *(
+                n
+                for axis, side in (("u", "w"), ("v", "h"))
+                for n in (
+                    node("Range", ["zero", side, "one"], [f"{axis}_px"]),
+                    node("Sub", [side, "one"], [f"{axis}_last"]),
+                    node("Mul", [f"{axis}_last", "half"], [f"{axis}_middle"]),
+                    node("Sub", [f"{axis}_px", f"{axis}_middle"], [f"{axis}_off"]),
+                    node("Div", [f"{axis}_off", "half_diagonal"], [f"{axis}_line"]),
+                )
+            ),
+            node("Unsqueeze", ["u_line", "first"], ["u_row"]),
+            node("Unsqueeze", ["v_line", "second"], ["v_column"]),
+            node("Mul", ["v_column", "u_row"], ["uv"]),
+            node("Mul", ["uv", "zero"], ["none"]),
+            node("Add", ["u_row", "none"], ["u"]),
+            node("Add", ["v_column", "none"], ["v"]),
+            node("Sin", ["u"], ["bend"]),
+            node("Mul", ["v", "v"], ["sag"]),
+            node("Add", ["bend", "sag"], ["relief"]),
+            node("Add", ["relief", "three_f"], ["depth"]),
+            node("Div", ["depth", "focal"], ["ray"]),
+            node("Mul", ["u", "ray"], ["x"]),
+            node("Mul", ["v", "ray"], ["y"]),
+            node("Sub", ["depth", "shift"], ["z"]),
+            *(node("Unsqueeze", [axis, "planes"], [f"{axis}_plane"]) for axis in "xyz"),
+            node("Concat", ["x_plane", "y_plane", "z_plane"], ["points"], axis=-1),
+            node("Identity", ["points"], ["normal"]),
+            node("Add", ["none", "sure"], ["surface"]),
+            node("Unsqueeze", ["surface", "first"], ["mask"]),
+            node("Identity", ["metres"], ["scale"]),
+        ]
+        floats = {"zero": 0, "one": 1, "half": 0.5, "three_f": 3, "focal": focal, "shift": shift, "sure": 0.9}
+        constants = {name: np.float32(value) for name, value in floats.items()}
+        constants |= {"metres": np.array([scale], np.float32), "two": np.int64(2), "three": np.int64(3)}
+        constants |= {"first": np.array([0]), "second": np.array([1]), "planes": np.array([0, -1])}
+        return str(graph(tmp_path / "room.onnx", INPUTS, outputs_called("scale"), nodes, constants))
+
+    return build
+
+
+@pytest.mark.parametrize(("height", "width"), [(120, 160), (160, 90), (97, 131)])
+@pytest.mark.parametrize("shift", [0.4, 2.9, -1.0])
+def test_focal_length_is_counted_in_half_diagonals(room, height, width, shift):
+    """And not in widths, heights or diagonals: 1.7 half diagonals, from a file that onnxruntime runs."""
+    backend = Moge2Depth(MogeOptions(weights=room(1.7, shift)))
+    backend.load()
+    found = backend.infer(np.full((height, width, 3), 99, np.uint8), Hints())
+    backend.close()
+    assert found.intrinsics.fx == found.intrinsics.fy == pytest.approx(1.7 * np.hypot(height, width) / 2, rel=1e-4)
+    v, u = np.mgrid[:height, :width]
+    u, v = ((x - (n - 1) / 2) / (np.hypot(height, width) / 2) for x, n in ((u, width), (v, height)))
+    np.testing.assert_allclose(found.depth, 3 * (3 + np.sin(u) + v**2), rtol=1e-4)
+
+
 def told_answer(shown, feed):
     """What a perfect MoGe-2 says: true points without their shift, in a unit of its own, at the size of its feed."""
     height, width = feed["image"].shape[2:]
