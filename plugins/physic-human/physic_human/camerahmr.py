@@ -1,0 +1,225 @@
+"""CameraHMR (Patel and Black 2025) from its checkout: SMPL bodies, told the camera that is known.
+
+Only its networks are used: boxes are the people's, crops are made here, and SMPL is evaluated from the user's own file,
+so neither detectron2 nor smplx is needed.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from physic_core.adapters.checkouts import Checkout
+from physic_core.adapters.crop_camera import translation_of_crop
+from physic_core.adapters.crops import crop_of, cut, padded
+from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, check_photo, letterbox, planes
+from physic_core.adapters.smpl import no_bodies
+from physic_core.devices import check_device
+from physic_core.errors import BackendError
+from physic_core.interfaces import BodyEstimator, Options
+from physic_human.hosting import CheckoutOptions, Host, batches, computing, fill, read_checkpoint, to_numpy
+from physic_human.smpl_rest import SmplBody, open_smpl, smpl_missing
+
+if TYPE_CHECKING:
+    from physic_core.types import Bodies, FloatArray, Hints, Intrinsics, Keypoints, People, UInt8Array
+
+__all__ = ["CameraHmr", "CameraHmrOptions"]
+
+SIDE = 256
+"""px of the square inputs of both networks."""
+_CHECKPOINT, _CAMERA_CHECKPOINT, _MEAN = (
+    "camerahmr_checkpoint_cleaned.ckpt",
+    "cam_model_cleaned.ckpt",
+    "smpl_mean_params.npz",
+)
+_WHITE = 255
+
+
+class CameraHmrOptions(CheckoutOptions):
+    """Settings of CameraHMR."""
+
+    weights: str = Field(
+        default="camerahmr",
+        description="a name of `physic weights list`, or a folder with camerahmr_checkpoint_cleaned.ckpt, "
+        "smpl_mean_params.npz and cam_model_cleaned.ckpt",
+    )
+    smpl_file: str = Field(
+        default="", description="your SMPL_NEUTRAL.npz or .pkl: says where the joints and the surface of a body are"
+    )
+    margin: float = Field(
+        default=1.0, ge=1, le=2, description="side of the crop in the longer side of a person's box; 1.0 is CameraHMR's"
+    )
+    focal: Literal["given", "own"] = Field(
+        default="given",
+        description="focal length that the network is told: the camera's, or what CameraHMR's own FLNet sees in the "
+        "photo; bodies are placed in the given camera either way",
+    )
+    channels: Literal["rgb", "bgr"] = Field(
+        default="rgb",
+        description="order of the channels that both networks are shown; they were trained on rgb, and one revision of "
+        "CameraHMR's demo feeds bgr by mistake",
+    )
+    focal_channels: Literal["rgb", "bgr", ""] = Field(
+        default="", description="the same for FLNet alone; the code of the PhySIC paper shows it bgr; empty as channels"
+    )
+
+
+class CameraHmr(BodyEstimator):
+    """SMPL bodies with joints and surface, in the given camera."""
+
+    Options: ClassVar[type[Options]] = CameraHmrOptions
+    options: CameraHmrOptions
+
+    def __init__(self, options: CameraHmrOptions | None = None) -> None:
+        super().__init__(options)
+        self._host = Host(
+            Checkout(
+                self.options.checkout,
+                name="CameraHMR",
+                package="core.camerahmr_model",
+                homepage="https://github.com/pixelite1201/CameraHMR",
+                needs=("pytorch_lightning", "einops", "timm"),
+            ),
+            self.options.weights,
+        )
+        self._focal_network: Any = None
+        self._body: SmplBody | None = None
+
+    def missing(self) -> tuple[str, ...]:
+        """Of checkout, packages, weights and the SMPL file."""
+        return self._host.missing(*smpl_missing(self.options.smpl_file))
+
+    def fingerprint(self) -> str:
+        """Changes with weights and code."""
+        return self._host.fingerprint()
+
+    def load(self, device: str = "cpu") -> None:
+        """Build the networks and fill them.
+
+        Raises:
+            DeviceError: the device is not there.
+            WeightsMissingError: code, weights or the SMPL file are missing.
+            BackendError: they are not CameraHMR's.
+            BodyModelError: the SMPL file cannot be used.
+        """
+        check_device(device)
+        checkpoint, mean = self._host.file(_CHECKPOINT), self._host.file(_MEAN)
+        self._body = open_smpl(self.options.smpl_file)
+        checkout = self._host.checkout
+        constants = checkout.load("core.constants")
+        constants.SMPL_MEAN_PARAMS_FILE = str(mean)  # its own path begins at the folder that Python was started in
+        kind = checkout.attribute("CameraHMR")
+        with computing(checkout, device):
+            network = kind()
+            state = read_checkpoint(checkpoint, trusted=self.options.trust_checkpoint)
+            fill(network, state.get("state_dict", state), checkpoint)
+            self._host.network, self._host.device = network.eval().to(device), device
+        if self.options.focal == "own":
+            path = self._host.file(_CAMERA_CHECKPOINT)
+            kind = checkout.attribute("FLNet", "core.cam_model.fl_net")
+            with computing(checkout, device):
+                network = kind()
+                state = read_checkpoint(path, trusted=self.options.trust_checkpoint)
+                fill(network, state.get("state_dict", state), path)
+                self._focal_network = network.eval().to(device)
+
+    def close(self) -> None:
+        """Let go of the networks and of SMPL."""
+        self._host.close()
+        self._focal_network, self._body = None, None
+
+    def infer(
+        self, image: UInt8Array, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
+    ) -> Bodies:
+        """N people -> N SMPL bodies in metres in the camera frame.
+
+        Raises:
+            BackendError: it is not loaded, or the network answers something else.
+        """
+        check_photo(image)
+        network, body = self._host.loaded(), self._body
+        if not len(people) or body is None:
+            return no_bodies("smpl")
+        regions = [padded(box, 1.0, self.options.margin) for box in people.boxes]
+        centres, sides = np.array([r[0] for r in regions]), np.array([r[1][0] for r in regions])
+        focal = self._own_focal(image) if self.options.focal == "own" else math.sqrt(intrinsics.fx * intrinsics.fy)
+        rotations, betas, weak = [], [], []
+        for rows in batches(len(people), self.options.batch):
+            crops = np.concatenate([self._crop(image, box) for box in people.boxes[rows]])
+            one = self._run(network, crops, centres[rows], sides[rows], focal, intrinsics)
+            for to, what in zip((rotations, betas, weak), one, strict=True):
+                to.append(what)
+        place = translation_of_crop(np.concatenate(weak), centres, sides, intrinsics)
+        return body.bodies(np.concatenate(rotations), np.concatenate(betas), place)
+
+    def _crop(self, image: UInt8Array, box: FloatArray) -> FloatArray:
+        """(1, 3, 256, 256), black outside of the image."""
+        crop = crop_of(box, SIDE, SIDE, padding=self.options.margin, grid="halves")
+        return planes(_ordered(cut(image, crop), self.options.channels), IMAGENET_MEAN, IMAGENET_STD)
+
+    def _own_focal(self, image: UInt8Array) -> float:
+        """px, by the vertical field of view that FLNet sees in the whole photo."""
+        import torch
+
+        order = self.options.focal_channels or self.options.channels
+        seen, _ = letterbox(_ordered(image, order), SIDE, SIDE, fill=_WHITE, how="area")
+        pixels = torch.from_numpy(planes(seen, IMAGENET_MEAN, IMAGENET_STD)).to(self._host.device)
+        with computing(self._host.checkout, self._host.device):
+            fields = to_numpy(self._focal_network(pixels)[0])
+        vertical = float(fields.reshape(-1, 2)[0, 1])
+        if not 0.02 < vertical < 3.1:
+            raise BackendError(f"CameraHMR's FLNet sees a vertical field of view of {vertical:.3g} rad, which is none")
+        return float(image.shape[0] / (2 * math.tan(vertical / 2)))
+
+    def _run(
+        self,
+        network: Any,
+        crops: FloatArray,
+        centres: FloatArray,
+        sides: FloatArray,
+        focal: float,
+        camera: Intrinsics,
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Rotations (M, 24, 3, 3), betas (M, 10) and weak perspective (M, 3)."""
+        import torch
+
+        count = len(crops)
+        size = np.array([camera.height, camera.width], np.float32)
+        matrix = np.array([[focal, 0, size[1] / 2], [0, focal, size[0] / 2], [0, 0, 1]], np.float32)
+        # It asks how far a box is from the middle of the image, and means the principal point.
+        middles = centres - [camera.cx, camera.cy] + size[::-1] / 2
+        given = {
+            "img": crops,
+            "box_center": middles,
+            "box_size": sides,
+            "img_size": np.tile(size, (count, 1)),
+            "cam_int": np.tile(matrix, (count, 1, 1)),
+        }
+        batch = {
+            key: torch.from_numpy(np.asarray(value, np.float32)).to(self._host.device) for key, value in given.items()
+        }
+        with computing(self._host.checkout, self._host.device, half=self.options.half):
+            answer = network(batch)
+        try:
+            parameters, weak = answer[0], to_numpy(answer[1])
+            root, body = to_numpy(parameters["global_orient"]), to_numpy(parameters["body_pose"])
+            betas = to_numpy(parameters["betas"])
+        except (KeyError, TypeError, IndexError) as error:
+            raise BackendError(
+                f"CameraHMR answered {type(answer).__name__} without SMPL parameters and a camera: take the checkout "
+                "of https://github.com/pixelite1201/CameraHMR"
+            ) from error
+        rotations = np.concatenate([root.reshape(count, 1, 3, 3), body.reshape(count, -1, 3, 3)], axis=1)
+        if rotations.shape[1] != 24:
+            raise BackendError(
+                f"CameraHMR answered {rotations.shape[1]} joints, where SMPL has 24: checkpoint and code of its SMPL-X "
+                "branch are not supported"
+            )
+        return rotations, betas, weak.reshape(count, 3)
+
+
+def _ordered(image: UInt8Array, channels: str) -> UInt8Array:
+    return image if channels == "rgb" else np.ascontiguousarray(image[..., ::-1])

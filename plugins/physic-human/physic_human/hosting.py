@@ -1,0 +1,165 @@
+"""What backends around somebody else's torch code share: options, checkpoints, batches, precision, quiet."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import logging
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic import Field
+
+from physic_core import weights
+from physic_core.errors import BackendError
+from physic_core.interfaces import Options
+
+if TYPE_CHECKING:
+    import torch
+
+    from physic_core.adapters.checkouts import Checkout
+
+__all__ = ["MANIFEST", "CheckoutOptions", "Host", "batches", "computing", "fill", "read_checkpoint", "to_numpy"]
+
+MANIFEST = Path(__file__).parent / "weights"
+_LOG = logging.getLogger(__name__)
+
+
+class CheckoutOptions(Options):
+    """Settings that all backends around a checkout share."""
+
+    checkout: str = Field(
+        default="", description="folder of your checkout of the project, its root; empty where it is installed"
+    )
+    batch: int = Field(default=8, ge=1, description="people or hands at once; 8 takes about 4 GB with a ViT-H")
+    half: bool = Field(default=False, description="compute in float16 on a GPU; does nothing on a CPU")
+    trust_checkpoint: bool = Field(
+        default=False,
+        description="read a checkpoint that holds Python objects beside its tensors: it can then run code of whoever "
+        "made it, so only for files whose origin you trust",
+    )
+
+
+class Host:
+    """What one backend holds of a checkout: its code, its network, its device.
+
+    Args:
+        checkout: the code.
+        weights_value: the option that names the weights.
+        option: its name, for messages.
+    """
+
+    def __init__(self, checkout: Checkout, weights_value: str) -> None:
+        self.checkout, self.weights_value = checkout, weights_value
+        self.network: Any = None
+        self.device = "cpu"
+
+    def missing(self, *further: str) -> tuple[str, ...]:
+        """What is lacking of code and weights, then what else is."""
+        return (*self.checkout.missing(), *weights.missing(MANIFEST, self.weights_value), *further)
+
+    def fingerprint(self) -> str:
+        """Changes with weights and code."""
+        return f"{weights.fingerprint(MANIFEST, self.weights_value)} {self.checkout.fingerprint()}"
+
+    def file(self, name: str | None = None) -> Path:
+        """A file of the weights; or all of them.
+
+        Raises:
+            WeightsMissingError: it is not there.
+        """
+        return weights.locate(MANIFEST, self.weights_value, name)
+
+    def loaded(self) -> Any:
+        """The network.
+
+        Raises:
+            BackendError: it is not loaded.
+        """
+        if self.network is None:
+            raise BackendError(f"{self.checkout.name} is not loaded: call load() before infer()")
+        return self.network
+
+    def close(self) -> None:
+        """Let go of network and code."""
+        self.network = None
+        self.checkout.close()
+
+
+def read_checkpoint(path: Path, *, trusted: bool) -> Any:
+    """What a ``.pt``, ``.pth`` or ``.ckpt`` file holds, on the CPU.
+
+    Args:
+        path: of the file.
+        trusted: whether it may hold more than tensors and plain containers.
+
+    Raises:
+        BackendError: it cannot be read, or only by trusting it.
+    """
+    import pickle
+
+    import torch
+
+    try:
+        return torch.load(path, map_location="cpu", weights_only=not trusted)
+    except pickle.UnpicklingError as error:
+        if trusted:
+            raise BackendError(f"{path} is no checkpoint of torch: {error}") from error
+        raise BackendError(
+            f"{path} holds Python objects beside its tensors, and reading those can run code: if you trust its origin, "
+            "set the option trust_checkpoint = true"
+        ) from error
+    except Exception as error:  # zip files that end too early, files of something else
+        raise BackendError(f"{path} is no whole checkpoint of torch: {type(error).__name__}: {error}") from error
+
+
+def fill(network: torch.nn.Module, state: Mapping[str, Any], path: Path, prefix: str = "") -> None:
+    """Put a checkpoint's tensors into a network; those that it does not know are left out.
+
+    Raises:
+        BackendError: a parameter of the network is not in the checkpoint, or has another shape.
+    """
+    own = {key.removeprefix(prefix): value for key, value in state.items() if key.startswith(prefix)}
+    try:
+        result = network.load_state_dict(own, strict=False)
+    except RuntimeError as error:
+        raise BackendError(f"{path} does not fit the network of the checkout: {error}") from error
+    parameters = {name for name, _ in network.named_parameters()}
+    absent = [key for key in result.missing_keys if key in parameters]
+    if absent:
+        raise BackendError(
+            f"{path} lacks {len(absent)} of {len(parameters)} parameters of the network, {', '.join(absent[:3])}, ...: "
+            "it is the checkpoint of another network or of another version of the checkout"
+        )
+
+
+def batches(count: int, size: int) -> Iterator[slice]:
+    """Rows 0 to ``count``, at most ``size`` at once."""
+    for first in range(0, count, size):
+        yield slice(first, min(first + size, count))
+
+
+@contextlib.contextmanager
+def computing(checkout: Checkout, device: str, *, half: bool = False) -> Iterator[None]:
+    """While a checkout's network runs: no gradients, float16 if asked for on a GPU, and its prints go to the log."""
+    import torch
+
+    said = io.StringIO()
+    kind = "cuda" if device.startswith("cuda") else "cpu"
+    with (
+        checkout.inside(),
+        torch.no_grad(),
+        torch.autocast(kind, dtype=torch.float16, enabled=half and kind == "cuda"),
+        contextlib.redirect_stdout(said),
+    ):
+        yield
+    if said.getvalue():
+        _LOG.debug("%s: %s", checkout.name, said.getvalue().strip())
+
+
+def to_numpy(value: Any) -> Any:
+    """A tensor, or an array already, as float32 numpy."""
+    tensor = value.detach().float().cpu().numpy() if hasattr(value, "detach") else value
+    return np.asarray(tensor, np.float32)

@@ -1,0 +1,260 @@
+"""Contact that InteractVLM (Dwivedi et al. 2025) wrote earlier: files beside its photos, found again by the photo.
+
+InteractVLM needs a large GPU and an environment of its own, so it runs apart: its ``run_demo.py`` writes
+``<photo>_hcontact_vertices.npz`` with probabilities on SMPL(+H) and on SMPL-X. Photos are recognised by how they look,
+since a backend is shown pixels and not names.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from physic_core.adapters.pictures import check_photo
+from physic_core.errors import BackendError, WeightsMissingError
+from physic_core.interfaces import ContactPrior, Options
+from physic_core.types import ContactProbability
+from physic_human.smpl_rest import rest_of_smpl
+
+if TYPE_CHECKING:
+    from physic_core.types import Bodies, FloatArray, People, RestMesh, UInt8Array
+
+__all__ = ["InteractVlmOptions", "InteractVlmResults"]
+
+_SUFFIX = "_hcontact_vertices"
+_TOPOLOGIES = {6890: "smpl", 10475: "smplx"}
+_PICTURES = (".jpg", ".jpeg", ".png", ".webp", ".bmp")
+_THUMB = 48
+"""px of the thumbnails that photos are compared by."""
+_MOST_GREY = 6.0
+"""Mean difference of two thumbnails of one photo, grey levels; sizes and JPEG leave 1 to 3, another photo 30 and up."""
+_MOST_ASPECT = 0.03
+
+
+class InteractVlmOptions(Options):
+    """Settings of InteractVLM's results."""
+
+    results: str = Field(
+        default="",
+        description="one result file, or a folder with result files and their photos, as run_demo.py leaves it",
+    )
+    smpl_file: str = Field(
+        default="", description="your SMPL_NEUTRAL.npz or .pkl, by whose T-pose labels are carried to your body model"
+    )
+    threshold: float = Field(
+        default=0.3, gt=0, lt=1, description="value from which InteractVLM means contact; becomes a probability of 0.5"
+    )
+    when_absent: Literal["fail", "nothing"] = Field(
+        default="fail", description="what a photo without a result gives: an error, or no contact for anybody"
+    )
+
+
+@dataclass(frozen=True)
+class _Result:
+    """One file.
+
+    Attributes:
+        path: of it.
+        thumb: of the photo that it is about, None where one file was named.
+        aspect: width over height of that photo.
+    """
+
+    path: Path
+    thumb: FloatArray | None
+    aspect: float
+
+
+class InteractVlmResults(ContactPrior):
+    """Probabilities of the files that belong to the photo; of several for one photo, the highest count.
+
+    A file tells of one person unless it has a row a person: then of whom the photo shows largest.
+    """
+
+    Options: ClassVar[type[Options]] = InteractVlmOptions
+    options: InteractVlmOptions
+
+    def __init__(self, options: InteractVlmOptions | None = None) -> None:
+        super().__init__(options)
+        self._results: tuple[_Result, ...] | None = None
+        self._rest: RestMesh | None = None
+
+    def missing(self) -> tuple[str, ...]:
+        """The results, and the SMPL file."""
+        given = self.options.results
+        place = Path(given).expanduser()
+        if not given:
+            return (f"results of InteractVLM are not given: {_ADVICE}",)
+        if not place.exists():
+            return (f"there is no {place}: {_ADVICE}",)
+        if place.is_dir() and not _result_files(place):
+            return (f"{place} holds no *{_SUFFIX}.npz: {_ADVICE}",)
+        return ()
+
+    def fingerprint(self) -> str:
+        """Changes with what the files hold."""
+        if not self.options.results:
+            return ""
+        place = Path(self.options.results).expanduser()
+        files = _result_files(place) if place.is_dir() else [place] if place.is_file() else []
+        whole = hashlib.sha256()
+        for path in files:
+            whole.update(path.name.encode() + hashlib.sha256(path.read_bytes()).digest())
+        return whole.hexdigest() if files else ""
+
+    def load(self, device: str = "cpu") -> None:
+        """Look through the files; no device is needed.
+
+        Raises:
+            WeightsMissingError: there are none.
+            BodyModelError: the SMPL file cannot be used.
+        """
+        lacking = self.missing()
+        if lacking:
+            raise WeightsMissingError(lacking[0])
+        place = Path(self.options.results).expanduser()
+        self._rest = rest_of_smpl(self.options.smpl_file)
+        self._results = (
+            (_Result(place, None, 0.0),) if place.is_file() else tuple(_indexed(path) for path in _result_files(place))
+        )
+
+    def close(self) -> None:
+        """Forget the files."""
+        self._results, self._rest = None, None
+
+    def infer(self, image: UInt8Array, people: People, bodies: Bodies) -> ContactProbability:
+        """N people -> probability (N, V) on SMPL, or on SMPL-X where the bodies are SMPL-X.
+
+        Raises:
+            BackendError: it is not loaded, the photo has no result, or a file holds something else.
+        """
+        check_photo(image)
+        if self._results is None:
+            raise BackendError("InteractVLM's results are not loaded: call load() before infer()")
+        found = [result for result in self._results if _same_photo(result, image)]
+        wanted = "smplx" if bodies.body_model == "smplx" else "smpl"
+        if not found:
+            if self.options.when_absent == "fail":
+                raise BackendError(
+                    f"none of {len(self._results)} results in {self.options.results} belongs to this photo of "
+                    f"{image.shape[1]} x {image.shape[0]} px: run InteractVLM on it, keep the photo beside its result, "
+                    "or set when_absent = 'nothing'"
+                )
+            return self._answer(np.zeros((len(people), _size_of(wanted)), np.float32), wanted)
+        told = [_read(result.path, wanted) for result in found]
+        topology = wanted if all(name == wanted for name, _ in told) else "smpl"
+        values = [_read(result.path, topology)[1] for result in found]
+        rows = np.zeros((len(people), _size_of(topology)), np.float32)
+        for one in values:
+            rows = np.maximum(rows, _rows_of(one, people))
+        return self._answer(rows, topology)
+
+    def _answer(self, values: FloatArray, topology: str) -> ContactProbability:
+        t = self.options.threshold
+        values = np.clip(values, 0, 1)
+        probability = np.where(values < t, 0.5 * values / t, 0.5 + 0.5 * (values - t) / (1 - t))
+        return ContactProbability(probability.astype(np.float32), topology, self._rest if topology == "smpl" else None)
+
+
+_ADVICE = (
+    "run run_demo.py of https://github.com/saidwivedi/InteractVLM (--contact_type hcontact) on your photos, and set "
+    "results to the folder"
+)
+
+
+def _size_of(topology: str) -> int:
+    return next(size for size, name in _TOPOLOGIES.items() if name == topology)
+
+
+def _result_files(folder: Path) -> list[Path]:
+    return sorted(
+        path for path in folder.rglob(f"*{_SUFFIX}.*") if path.suffix in (".npz", ".npy", ".json") and path.is_file()
+    )
+
+
+def _indexed(path: Path) -> _Result:
+    """With the thumbnail of its photo, which run_demo.py reads beside it or one folder up."""
+    stem = path.name.split(_SUFFIX)[0]
+    for folder in (path.parent, path.parent.parent):
+        for suffix in _PICTURES:
+            picture = folder / f"{stem}{suffix}"
+            if picture.is_file():
+                image = _upright(picture)
+                return _Result(path, _thumb(image), image.shape[1] / image.shape[0])
+    raise BackendError(f"the photo of {path} is not there: keep {stem}.jpg or .png beside it or one folder up")
+
+
+def _upright(path: Path) -> UInt8Array:
+    """(H, W, 3) RGB, turned as its EXIF tag says."""
+    import cv2
+
+    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    if image is None:
+        raise BackendError(f"{path} cannot be read as a photo")
+    return np.ascontiguousarray(image[..., ::-1], np.uint8)
+
+
+def _thumb(image: UInt8Array) -> FloatArray:
+    import cv2
+
+    return np.asarray(
+        cv2.resize(np.ascontiguousarray(image), (_THUMB, _THUMB), interpolation=cv2.INTER_AREA), np.float32
+    )
+
+
+def _same_photo(result: _Result, image: UInt8Array) -> bool:
+    if result.thumb is None:
+        return True
+    aspect = image.shape[1] / image.shape[0]
+    if abs(np.log(aspect / result.aspect)) > _MOST_ASPECT:
+        return False
+    return float(np.abs(_thumb(image) - result.thumb).mean()) < _MOST_GREY
+
+
+def _read(path: Path, wanted: str) -> tuple[str, FloatArray]:
+    """Topology and values (M, V) of a file: the wanted topology where it has several."""
+    try:
+        arrays = _arrays(path)
+    except (OSError, ValueError, KeyError) as error:
+        raise BackendError(f"{path} cannot be read: {error}") from error
+    known = {_TOPOLOGIES[a.shape[-1]]: a for a in arrays if a.ndim and a.shape[-1] in _TOPOLOGIES}
+    if not known:
+        shapes = ", ".join(str(a.shape) for a in arrays) or "nothing"
+        raise BackendError(f"{path} holds {shapes}, where contact is (6890,) on SMPL or (10475,) on SMPL-X")
+    name = wanted if wanted in known else next(iter(known))
+    values = np.asarray(known[name], np.float32)
+    if not np.isfinite(values).all():
+        raise BackendError(f"{path} holds values that are no numbers")
+    return name, values.reshape(-1, values.shape[-1])
+
+
+def _arrays(path: Path) -> list[Any]:
+    if path.suffix == ".npz":
+        with np.load(path, allow_pickle=False) as held:
+            return [held[key] for key in held.files]
+    if path.suffix == ".npy":
+        return [np.load(path, allow_pickle=False)]
+    told = json.loads(path.read_text(encoding="utf-8"))
+    values = told.get("vertices", told.get("contact", told)) if isinstance(told, dict) else told
+    listed = np.asarray(values)
+    if listed.ndim == 1 and listed.dtype.kind in "iu" and len(listed) not in _TOPOLOGIES:
+        marked = np.zeros(_size_of("smpl"), np.float32)  # numbers of the vertices that touch
+        marked[listed] = 1
+        return [marked]
+    return [listed]
+
+
+def _rows_of(values: FloatArray, people: People) -> FloatArray:
+    """(N, V): a row a person as they are; one row for whom the photo shows largest."""
+    if len(values) == len(people):
+        return values
+    rows = np.zeros((len(people), values.shape[1]), np.float32)
+    if len(people):
+        sides = people.boxes[:, 2:] - people.boxes[:, :2]
+        rows[int(np.argmax(sides.prod(axis=1)))] = values.max(axis=0)
+    return rows

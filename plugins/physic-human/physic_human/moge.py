@@ -1,0 +1,124 @@
+"""MoGe 1 (Wang et al. 2025) from its checkout: the relative point map of the PhySIC paper.
+
+Its network answers points that are right up to a scale and a shift along z; focal length and shift are found here.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from physic_core.adapters.affine_pointmap import recover_camera, settle
+from physic_core.adapters.checkouts import Checkout
+from physic_core.adapters.pictures import check_photo, planes
+from physic_core.devices import check_device
+from physic_core.errors import BackendError
+from physic_core.interfaces import Options, RelativePointmap
+from physic_core.types import Pointmap
+from physic_human.hosting import CheckoutOptions, Host, computing, to_numpy
+
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray, FloatArray, Hints, UInt8Array
+
+__all__ = ["Moge1", "Moge1Options"]
+
+_LEVELS = 9
+
+
+class Moge1Options(CheckoutOptions):
+    """Settings of MoGe 1."""
+
+    weights: str = Field(
+        default="moge-1-vitl", description="a name of `physic weights list`, or the path of a model.pt"
+    )
+    resolution_level: int = Field(default=9, ge=0, le=9, description="9 sees the finest details, 0 is fastest")
+
+
+class Moge1(RelativePointmap):
+    """Points up to a scale, on the rays of the given camera or of the one that fits them."""
+
+    Options: ClassVar[type[Options]] = Moge1Options
+    options: Moge1Options
+    capabilities = frozenset({"returns_intrinsics"})
+
+    def __init__(self, options: Moge1Options | None = None) -> None:
+        super().__init__(options)
+        self._host = Host(
+            Checkout(
+                self.options.checkout,
+                name="MoGe",
+                package="moge.model.v1",
+                homepage="https://github.com/microsoft/MoGe",
+                needs=("utils3d", "huggingface_hub"),
+            ),
+            self.options.weights,
+        )
+
+    def missing(self) -> tuple[str, ...]:
+        """Of checkout, packages and weights."""
+        return self._host.missing()
+
+    def fingerprint(self) -> str:
+        """Changes with weights and code."""
+        return self._host.fingerprint()
+
+    def load(self, device: str = "cpu") -> None:
+        """Build the network and fill it.
+
+        Raises:
+            DeviceError: the device is not there.
+            WeightsMissingError: code or weights are missing.
+            BackendError: they are not MoGe's.
+        """
+        check_device(device)
+        path = self._host.file()
+        kind = self._host.checkout.attribute("MoGeModel")
+        with computing(self._host.checkout, device):
+            network = kind.from_pretrained(str(path))  # an existing path: nothing is fetched
+            self._host.network, self._host.device = network.eval().to(device), device
+
+    def close(self) -> None:
+        """Let go of the network."""
+        self._host.close()
+
+    def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
+        """Image (H, W, 3) -> point map up to a scale.
+
+        Raises:
+            BackendError: it is not loaded, or no camera fits what the network answers.
+        """
+        check_photo(image)
+        points, mask = self._run(self._host.loaded(), image)
+        height, width = mask.shape
+        told = hints.intrinsics
+        found = recover_camera(points, mask, None if told is None else (told.fx, told.fy))
+        source = "MoGe" if found.determined else "default: MoGe saw a scene too flat to tell"
+        camera = told or found.intrinsics(width, height, source)
+        settled, valid = settle(points[..., 2], mask, found, camera)
+        if found.determined:
+            return Pointmap(settled, valid, "scale", camera)
+        return Pointmap(settled, valid, "scale_shift", camera, ("MoGe saw a scene too flat to tell the focal length",))
+
+    def _run(self, network: Any, image: UInt8Array) -> tuple[FloatArray, BoolArray]:
+        """Affine points (H, W, 3) and which of them count (H, W)."""
+        import torch
+
+        low, high = network.num_tokens_range
+        tokens = int(low + self.options.resolution_level / _LEVELS * (high - low))
+        # Red, green and blue from 0 to 1: the network subtracts mean and divides by deviation itself.
+        pixels = torch.from_numpy(planes(image)).to(self._host.device)
+        with computing(self._host.checkout, self._host.device, half=self.options.half):
+            answer = network.forward(pixels, tokens)
+        try:
+            points, mask = to_numpy(answer["points"])[0], to_numpy(answer["mask"])[0]
+        except (KeyError, TypeError, IndexError) as error:
+            raise BackendError(
+                f"MoGe answered {type(answer).__name__} without points and mask: "
+                "take the checkout of https://github.com/microsoft/MoGe"
+            ) from error
+        if points.shape != image.shape or mask.shape != image.shape[:2]:
+            raise BackendError(f"MoGe answered points {points.shape} and a mask {mask.shape} for {image.shape}")
+        counts: BoolArray = (mask > network.mask_threshold) & np.isfinite(points).all(axis=-1)
+        return points, counts

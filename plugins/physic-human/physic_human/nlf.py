@@ -1,0 +1,265 @@
+"""NLF (Sarandi and Pons-Moll 2024): bodies in metres for any camera, from one TorchScript file.
+
+Asked with the people's own boxes, so that the detector inside the file, which has a licence of its own and wants CUDA,
+is never called.
+"""
+
+from __future__ import annotations
+
+import logging
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from physic_core import weights
+from physic_core.adapters.pictures import check_photo
+from physic_core.adapters.smpl import bodies_from_smpl, no_bodies, parameters_of
+from physic_core.devices import check_device
+from physic_core.errors import BackendError
+from physic_core.interfaces import BodyEstimator, Options
+from physic_core.types import Bodies, Mesh
+from physic_human.hosting import MANIFEST, to_numpy
+
+if TYPE_CHECKING:
+    from physic_core.body.model import BodyModel
+    from physic_core.types import FloatArray, Hints, Intrinsics, Keypoints, People, UInt8Array
+
+__all__ = ["Nlf", "NlfOptions"]
+
+_LOG = logging.getLogger(__name__)
+_METHODS = ("estimate_parametric_batched", "estimate_smpl_batched")
+_MM = 1000.0
+_PELVIS_REACH_M = 0.8
+"""How far a pelvis can be from where its body's origin is."""
+_WORST_MM = 5.0
+_EXPRESSION = 10
+
+
+class NlfOptions(Options):
+    """Settings of NLF."""
+
+    weights: str = Field(
+        default="nlf-l", description="a name of `physic weights list`, or the path of a .torchscript file of your own"
+    )
+    body: Literal["smplx", "smpl"] = Field(default="smplx", description="body model that is fitted to its points")
+    smplx_file: str = Field(
+        default="",
+        description="your SMPLX_NEUTRAL.npz, where body is smplx: gives the exact place, the surface, and a check that "
+        "it is the body that NLF means",
+    )
+    beta_regularizer: float = Field(
+        default=10.0,
+        ge=0,
+        description="pull of the shape to the mean body; 10 is NLF's own and leaves little of betas 3-10, 1 keeps more",
+    )
+    beta_regularizer2: float = Field(default=0.0, ge=0, description="the same for the first two betas alone")
+    augmentations: int = Field(
+        default=1, ge=1, le=32, description="turned and mirrored crops a person, averaged; 1 fast, 5 steadier"
+    )
+    batch: int = Field(default=16, ge=1, description="crops at once")
+
+
+class Nlf(BodyEstimator):
+    """SMPL-X or SMPL bodies with their 55 or 24 joints, in the given camera."""
+
+    Options: ClassVar[type[Options]] = NlfOptions
+    options: NlfOptions
+
+    def __init__(self, options: NlfOptions | None = None) -> None:
+        super().__init__(options)
+        self._network: Any = None
+        self._device = "cpu"
+        self._body: BodyModel | None = None
+        self._checked = False
+
+    def missing(self) -> tuple[str, ...]:
+        """The file, and torchvision, whose operators it uses."""
+        from importlib.util import find_spec
+        from pathlib import Path
+
+        lacking = list(weights.missing(MANIFEST, self.options.weights))
+        if find_spec("torchvision") is None:
+            lacking.append(_NO_TORCHVISION)
+        if self.options.smplx_file and not Path(self.options.smplx_file).expanduser().is_file():
+            lacking.append(f"there is no file {self.options.smplx_file}: set smplx_file to your SMPLX_NEUTRAL.npz")
+        return tuple(lacking)
+
+    def fingerprint(self) -> str:
+        """Changes with the file."""
+        return weights.fingerprint(MANIFEST, self.options.weights)
+
+    def load(self, device: str = "cpu") -> None:
+        """Read the file.
+
+        Raises:
+            DeviceError: the device is not there.
+            WeightsMissingError: the file is missing.
+            BackendError: torchvision cannot be imported, or the file is not NLF's.
+        """
+        check_device(device)
+        path = weights.locate(MANIFEST, self.options.weights)
+        _register_torchvision()
+        import torch
+
+        try:
+            network = torch.jit.load(str(path), map_location=device)
+        except Exception as error:  # whatever a file can be instead
+            raise BackendError(
+                f"{path} cannot be read as TorchScript: {type(error).__name__}: {error}; "
+                "take the .torchscript file of a release of https://github.com/isarandi/nlf"
+            ) from error
+        if not any(hasattr(network, name) for name in _METHODS):
+            raise BackendError(
+                f"{path} is no multi-person NLF, for it has none of the methods {', '.join(_METHODS)}: "
+                "take nlf_l_multi or nlf_s_multi"
+            )
+        self._network, self._device, self._checked = network.eval(), device, False
+        if self.options.smplx_file and self.options.body == "smplx":
+            from physic_core.body import load_body
+
+            self._body = load_body(self.options.smplx_file)
+
+    def close(self) -> None:
+        """Let go of the network."""
+        self._network, self._body = None, None
+
+    def infer(
+        self, image: UInt8Array, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
+    ) -> Bodies:
+        """N people -> N bodies in metres in the camera frame.
+
+        Raises:
+            BackendError: it is not loaded, or the network answers something else.
+        """
+        check_photo(image)
+        if self._network is None:
+            raise BackendError("NLF is not loaded: call load() before infer()")
+        if not len(people):
+            # Asked about nobody, the network answers keys and shapes of its own.
+            return no_bodies(self.options.body)
+        found = self._ask(image, people.boxes, intrinsics)
+        return self._as_smplx(found) if self.options.body == "smplx" else self._as_smpl(found)
+
+    def _ask(self, image: UInt8Array, boxes: FloatArray, intrinsics: Intrinsics) -> dict[str, FloatArray]:
+        """What the network says of each person, lengths still in its own units."""
+        import torch
+
+        method = next(getattr(self._network, name) for name in _METHODS if hasattr(self._network, name))
+        ltwh = np.concatenate([boxes[:, :2], boxes[:, 2:] - boxes[:, :2]], axis=1).astype(np.float32)
+        # uint8 and not floats: the network makes its own linear light of grey levels from 0 to 255.
+        pixels = torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)))[None].to(self._device)
+        with torch.no_grad():
+            answer = method(
+                pixels,
+                [torch.from_numpy(ltwh).to(self._device)],
+                intrinsic_matrix=torch.from_numpy(intrinsics.matrix.astype(np.float32))[None].to(self._device),
+                internal_batch_size=self.options.batch,
+                num_aug=self.options.augmentations,
+                beta_regularizer=self.options.beta_regularizer,
+                beta_regularizer2=self.options.beta_regularizer2,
+                model_name=self.options.body,
+            )
+        found: dict[str, FloatArray] = {
+            key: to_numpy(answer[key][0])
+            for key in ("pose", "betas", "trans", "joints3d", "vertices3d", "joints3d_nonparam", "vertices3d_nonparam")
+            if key in answer
+        }
+        joints = 55 if self.options.body == "smplx" else 24
+        wanted = {"pose": (len(boxes), 3 * joints), "trans": (len(boxes), 3), "joints3d": (len(boxes), joints, 3)}
+        for key, shape in wanted.items():
+            came = found[key].shape if key in found else None
+            if came != shape:
+                raise BackendError(
+                    f"NLF answered {key} {'nothing' if came is None else came}, where {len(boxes)} people of "
+                    f"'{self.options.body}' are {shape}: the file may be of another version than those known here"
+                )
+        if not np.isfinite(found["joints3d"]).any():
+            raise BackendError(
+                "NLF answered no numbers at all: its crop network computes in float16, which some GPUs (GTX 16xx) "
+                "cannot; load it on the CPU"
+            )
+        return found
+
+    def _as_smplx(self, found: dict[str, FloatArray]) -> Bodies:
+        count = len(found["pose"])
+        joints = found["joints3d"] / _MM
+        rotvecs = found["pose"].reshape(count, 55, 3)
+        expression = np.zeros((count, _EXPRESSION), np.float32)
+        body, mesh = self._body, None
+        if body is None:
+            transl = _places(found)
+        else:
+            from physic_core.tensors import tensor
+
+            rest = body.kinematics.rest_joints(tensor(np.concatenate([found["betas"], expression], axis=1)))
+            transl = joints[:, 0] - rest[:, 0].numpy()
+            mesh = Mesh("smplx", found["vertices3d"] / _MM, body.faces.numpy().astype(np.int32))
+        bodies = Bodies(parameters_of(rotvecs, found["betas"], transl, expression), "smplx", joints=joints, mesh=mesh)
+        if body is not None and not self._checked:
+            _check_rebuilt(body, bodies, found["vertices3d"] / _MM)
+            self._checked = True
+        return bodies
+
+    def _as_smpl(self, found: dict[str, FloatArray]) -> Bodies:
+        return bodies_from_smpl(
+            found["pose"].reshape(-1, 24, 3), found["betas"], _places(found), joints=found["joints3d"] / _MM
+        )
+
+
+def _places(found: dict[str, FloatArray]) -> FloatArray:
+    """Translations (N, 3) in metres, whatever the version of the file.
+
+    In v0.2.0 they are relative to the middle of the points that the body was fitted to. The pelvis tells which it is:
+    it is never far from the body's origin.
+    """
+    pelvis, transl = found["joints3d"][:, 0] / _MM, found["trans"]
+    if np.nanmedian(np.linalg.norm(pelvis - transl, axis=1)) < _PELVIS_REACH_M:
+        return transl
+    if "joints3d_nonparam" in found and "vertices3d_nonparam" in found:
+        points = np.concatenate([found["vertices3d_nonparam"], found["joints3d_nonparam"]], axis=1)
+        moved: FloatArray = transl + points.mean(axis=1) / _MM
+        if np.nanmedian(np.linalg.norm(pelvis - moved, axis=1)) < _PELVIS_REACH_M:
+            return moved
+    raise BackendError(
+        f"NLF answered a body at {np.round(transl[0], 2).tolist()} m and its pelvis at "
+        f"{np.round(pelvis[0], 2).tolist()} m: the file may be of another version than those known here; "
+        "with the option smplx_file the place is told from the pelvis alone"
+    )
+
+
+def _check_rebuilt(body: BodyModel, bodies: Bodies, vertices: FloatArray) -> None:
+    """Whether the user's file gives the surface that NLF gave."""
+    import torch
+
+    from physic_core.body.parameters import rotations_from_parameters
+    from physic_core.tensors import tensor
+
+    p = bodies.parameters
+    if p.betas.shape[1] != body.num_betas or vertices.shape[1] != body.num_vertices:
+        raise BackendError(
+            f"NLF answered {p.betas.shape[1]} betas and {vertices.shape[1]} vertices, "
+            f"smplx_file has {body.num_betas} and {body.num_vertices}"
+        )
+    with torch.no_grad():
+        own = body(rotations_from_parameters(p), tensor(p.betas), tensor(p.transl)).vertices.numpy()
+    gap = float(np.nanmean(np.linalg.norm(own - vertices, axis=2)) * _MM)
+    if gap > _WORST_MM:
+        raise BackendError(
+            f"rebuilt from its parameters by smplx_file, NLF's first body is {gap:.1f} mm off on average: "
+            "give the neutral SMPL-X of version 1.1, for which it was trained"
+        )
+    _LOG.debug("NLF's vertices are rebuilt within %.2f mm", gap)
+
+
+_NO_TORCHVISION = (
+    "NLF needs torchvision, whose operators its file uses: pip install torchvision, the build that fits your torch"
+)
+
+
+def _register_torchvision() -> None:
+    """Its operators have to be known before the file is read."""
+    try:
+        import torchvision  # noqa: F401
+    except Exception as error:  # a build for another torch raises what it likes
+        raise BackendError(f"{_NO_TORCHVISION} ({type(error).__name__}: {error})") from error

@@ -1,0 +1,131 @@
+"""UniDepth V2 (Piccinelli et al. 2025) from its checkout: depth in metres, and the camera where nobody knows it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from physic_core.adapters.checkouts import Checkout
+from physic_core.adapters.pictures import check_photo
+from physic_core.devices import check_device
+from physic_core.errors import BackendError
+from physic_core.interfaces import MetricDepth, Options
+from physic_core.types import DepthMap, Intrinsics
+from physic_human.hosting import CheckoutOptions, Host, computing, to_numpy
+
+if TYPE_CHECKING:
+    from physic_core.types import FloatArray, Hints, UInt8Array
+
+__all__ = ["UniDepth", "UniDepthOptions"]
+
+_HALF_PIXEL = 0.5
+"""It counts pixels from their edges: the middle of the first one is at 0.5."""
+_FARTHEST_M = 1e4
+
+
+class UniDepthOptions(CheckoutOptions):
+    """Settings of UniDepth V2."""
+
+    weights: str = Field(
+        default="unidepth-v2-vitl14",
+        description="a name of `physic weights list`, or a folder with config.json and model.safetensors",
+    )
+    resolution_level: int = Field(default=9, ge=0, le=9, description="9 sees the finest details, 0 is fastest")
+    use_camera: bool = Field(default=True, description="tell the network the camera where it is known")
+
+
+class UniDepth(MetricDepth):
+    """Depth along z, and the camera that it was seen with."""
+
+    Options: ClassVar[type[Options]] = UniDepthOptions
+    options: UniDepthOptions
+    capabilities = frozenset({"returns_intrinsics"})
+
+    def __init__(self, options: UniDepthOptions | None = None) -> None:
+        super().__init__(options)
+        self._host = Host(
+            Checkout(
+                self.options.checkout,
+                name="UniDepth",
+                package="unidepth.models",
+                homepage="https://github.com/lpiccinelli-eth/UniDepth",
+                needs=("torchvision", "einops", "timm", "huggingface_hub"),
+            ),
+            self.options.weights,
+        )
+
+    def missing(self) -> tuple[str, ...]:
+        """Of checkout, packages and weights."""
+        return self._host.missing()
+
+    def fingerprint(self) -> str:
+        """Changes with weights and code."""
+        return self._host.fingerprint()
+
+    def load(self, device: str = "cpu") -> None:
+        """Build the network and fill it, from a folder and never from the network.
+
+        Raises:
+            DeviceError: the device is not there.
+            WeightsMissingError: code or weights are missing.
+            BackendError: they are not UniDepth's.
+        """
+        check_device(device)
+        folder = self._host.file()
+        kind = self._host.checkout.attribute("UniDepthV2")
+        with computing(self._host.checkout, device):
+            network = kind.from_pretrained(str(folder))
+            network.resolution_level = self.options.resolution_level
+            network.interpolation_mode = "bilinear"
+            self._host.network, self._host.device = network.eval().to(device), device
+
+    def close(self) -> None:
+        """Let go of the network."""
+        self._host.close()
+
+    def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
+        """Image (H, W, 3) -> z-depth in metres.
+
+        Raises:
+            BackendError: it is not loaded, or the network answers something else.
+        """
+        check_photo(image)
+        network = self._host.loaded()
+        height, width = image.shape[:2]
+        told = hints.intrinsics if self.options.use_camera else None
+        answer = self._run(network, image, told)
+        depth = to_numpy(answer["depth"]).reshape(-1)
+        if depth.size != height * width:
+            raise BackendError(f"UniDepth answered {depth.size} depths for {width} x {height} px")
+        depth = depth.reshape(height, width)
+        known = np.isfinite(depth) & (depth > 0) & (depth < _FARTHEST_M)
+        camera = told or _camera(to_numpy(answer["intrinsics"]), width, height)
+        return DepthMap(np.where(known, depth, np.nan).astype(np.float32), camera)
+
+    def _run(self, network: Any, image: UInt8Array, told: Intrinsics | None) -> dict[str, Any]:
+        import torch
+
+        rgb = torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)))
+        camera = None
+        if told is not None:
+            matrix = told.matrix.astype(np.float32)
+            matrix[:2, 2] += _HALF_PIXEL
+            camera = torch.from_numpy(matrix)[None]  # its own: the network's code writes into it
+        with computing(self._host.checkout, self._host.device):
+            answer = network.infer(rgb, camera)
+        if not isinstance(answer, dict) or not {"depth", "intrinsics"} <= answer.keys():
+            raise BackendError(
+                f"UniDepth answered {type(answer).__name__} without depth and intrinsics: "
+                "take the checkout of https://github.com/lpiccinelli-eth/UniDepth"
+            )
+        return answer
+
+
+def _camera(matrix: FloatArray, width: int, height: int) -> Intrinsics:
+    """From (1, 3, 3) or (3, 3), counted from the edges of pixels."""
+    k = matrix.reshape(-1, 3, 3)[0].astype(float)
+    if not (np.isfinite(k).all() and k[0, 0] > 0 and k[1, 1] > 0):
+        raise BackendError(f"UniDepth answered a camera without a focal length: {k.tolist()}")
+    return Intrinsics(k[0, 0], k[1, 1], k[0, 2] - _HALF_PIXEL, k[1, 2] - _HALF_PIXEL, width, height, "UniDepth V2")

@@ -1,0 +1,56 @@
+"""Stub checkouts and files with the contracts of the published ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+import torch
+
+from .seen import smpl_arrays
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _one_thread() -> Iterator[None]:
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.fixture
+def stub(tmp_path: Path) -> Callable[..., Path]:
+    """Write a checkout, files by their path, and return its folder."""
+
+    def write(name: str, files: dict[str, str]) -> Path:
+        folder = tmp_path / name
+        for path, text in files.items():
+            place = folder / path
+            place.parent.mkdir(parents=True, exist_ok=True)
+            place.write_text(text)
+        return folder
+
+    return write
+
+
+@pytest.fixture(scope="session")
+def smpl_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A made-up SMPL file."""
+    path = tmp_path_factory.mktemp("smpl") / "SMPL_NEUTRAL.npz"
+    np.savez(path, **smpl_arrays())
+    return path
+
+
+@pytest.fixture
+def torchvision(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """A torchvision that can be imported."""
+    import importlib.machinery
+    import sys
+
+    module = ModuleType("torchvision")
+    module.__spec__ = importlib.machinery.ModuleSpec("torchvision", None)
+    monkeypatch.setitem(sys.modules, "torchvision", module)
+    return module

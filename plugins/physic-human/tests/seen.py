@@ -1,0 +1,169 @@
+"""What perfect networks would know: which world a photo shows, and which part of it a crop shows.
+
+Crops are told by a picture of coordinates that stands in for the photo: red grows from left to right, green from top to
+bottom, blue is the same everywhere. So a crop says itself where it was taken, whether it is mirrored and in which order
+its channels come, whatever code made it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from physic_core.body import load_body
+from physic_core.testing import labels
+from physic_core.testing.worlds import World, build_world
+
+BLUE = 64
+MEAN, STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
+
+
+def world_of(image: np.ndarray) -> World | None:
+    """The world whose photo this is, at this size; None for any other photo."""
+    told = labels.read(image)
+    return None if told is None else build_world(*told, (image.shape[1], image.shape[0]))
+
+
+def coordinates(height: int, width: int) -> np.ndarray:
+    """The picture of coordinates (H, W, 3) uint8."""
+    picture = np.full((height, width, 3), BLUE, np.uint8)
+    picture[..., 0] = np.round(40 + 200 * np.arange(width) / width)
+    picture[..., 1] = np.round(40 + 200 * np.arange(height) / height)[:, None]
+    return picture
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a crop was taken.
+
+    Attributes:
+        origin: (2,) px of the photo at crop pixel (0, 0).
+        step: (2,) px of the photo from one crop pixel to the next; x is negative in a mirrored crop.
+        side: of the crop, px of the crop.
+    """
+
+    origin: np.ndarray
+    step: np.ndarray
+    side: int
+
+    @property
+    def mirrored(self) -> bool:
+        return bool(self.step[0] < 0)
+
+    def at(self, share: float) -> np.ndarray:
+        """(2,) px of the photo at the same share of both sides, 0.5 being crop pixel side / 2."""
+        return self.origin + self.step * share * self.side
+
+
+def place_of(crop: np.ndarray, height: int, width: int) -> Place:
+    """From a crop (S, S, 3) of the picture of coordinates of a photo, red, green, blue in grey levels.
+
+    Raises:
+        AssertionError: its channels come in another order.
+    """
+    inside = crop.min(axis=2) > 30
+    assert inside.sum() > 50, "a crop of nothing"
+    assert abs(np.median(crop[inside][:, 2]) - BLUE) < 4, f"blue is {np.median(crop[inside], axis=0)}"
+    rows, columns = np.nonzero(inside)
+    origin, step = np.zeros(2), np.zeros(2)
+    for axis, (places, size) in enumerate(((columns, width), (rows, height))):
+        values = (crop[inside][:, axis] - 40) / 200 * size
+        # Pixels at the border of the photo are mixed with what is outside, and count little in a robust fit.
+        step[axis], origin[axis] = np.polyfit(places, values, 1)
+        error = np.abs(values - origin[axis] - step[axis] * places)
+        near = error <= np.quantile(error, 0.8) + 1e-9
+        step[axis], origin[axis] = np.polyfit(places[near], values[near], 1)
+    return Place(origin, step, crop.shape[1])
+
+
+def normalised_back(planes: np.ndarray) -> np.ndarray:
+    """(3, S, S) of a network -> (S, S, 3) grey levels."""
+    return 255 * (planes.transpose(1, 2, 0) * STD + MEAN)
+
+
+def nearest(points: np.ndarray, place: np.ndarray) -> int:
+    """Row of the point (N, 2) that is nearest to a place (2,)."""
+    return int(np.linalg.norm(points - place, axis=1).argmin())
+
+
+def pixels(points: np.ndarray, world: World) -> np.ndarray:
+    """Points (..., 3) of the camera frame -> px (..., 2)."""
+    k = world.intrinsics
+    return points[..., :2] / points[..., 2:] * [k.fx, k.fy] + [k.cx, k.cy]
+
+
+@cache
+def smpl_arrays() -> dict[str, np.ndarray]:
+    """A made-up SMPL file: points on the embedded body's surface, its joints, its weights; no number is anybody's.
+
+    Its origin is not its pelvis, as in the true one.
+    """
+    rng = np.random.default_rng(0)
+    body = load_body("embedded")
+    rotations, betas, transl = body.zero_pose()
+    posed = body(rotations, betas, transl)
+    vertices, joints = posed.vertices[0].numpy().astype(float), posed.joints[0].numpy().astype(float)
+    weights = body.skin.weights.numpy().T
+    faces = body.faces.numpy()
+    outer = body.outer.numpy()
+    faces = faces[outer[faces].all(axis=1)]
+    corners = vertices[faces]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    chosen = rng.choice(len(faces), 6890, p=area / area.sum())
+    share = rng.dirichlet([2, 2, 2], 6890)
+    template = np.einsum("vk,vki->vi", share, corners[chosen])
+    skin = np.einsum("vk,vkj->vj", share, weights[faces[chosen]])
+    origin = np.array([0.01, 0.21, -0.02])
+    hands = [25 + 3, 40 + 3]
+    weights24 = np.zeros((6890, 24))
+    weights24[:, :22] = skin[:, :22]
+    weights24[:, 15] += skin[:, 22:25].sum(axis=1)
+    weights24[:, 22], weights24[:, 23] = skin[:, 25:40].sum(axis=1), skin[:, 40:].sum(axis=1)
+    joints24 = joints[[*range(22), *hands]]
+    # Rows of weights that sum to 1 and give the joints: the nearest points, moved by the least change.
+    regressor = np.zeros((24, 6890))
+    for j, joint in enumerate(joints24):
+        near = np.argsort(np.linalg.norm(template - joint, axis=1))[:200]
+        system = np.concatenate([template[near].T, np.ones((1, 200))])
+        wanted = np.concatenate([joint, [1.0]])
+        even = np.full(200, 1 / 200)
+        regressor[j, near] = even + np.linalg.pinv(system) @ (wanted - system @ even)
+    from scipy.spatial import cKDTree
+
+    _, around = cKDTree(template).query(template, 4)
+    triangles = np.concatenate([around[:, [0, 1, 2]], around[:, [0, 2, 3]]])[:13776]
+    shapedirs = np.zeros((6890, 3, 10))
+    shapedirs[:, 1, 0] = 0.05 * (template[:, 1] - template[:, 1].min())
+    return {
+        "v_template": template - origin,
+        "f": triangles.astype(np.uint32),
+        "shapedirs": shapedirs,
+        "posedirs": np.zeros((6890, 3, 207), np.float32),
+        "J_regressor": regressor,
+        "weights": weights24,
+        "kintree_table": np.stack(
+            [[-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21], range(24)]
+        ).astype(np.int64),
+    }
+
+
+def smpl_contact(world: World) -> np.ndarray:
+    """(N, 6890) bool: the world's contact on the made-up SMPL."""
+    from scipy.spatial import cKDTree
+
+    body = load_body("embedded")
+    rest = body(*body.zero_pose()).vertices[0].numpy()
+    template = smpl_arrays()["v_template"] + [0.01, 0.21, -0.02]
+    outer = np.flatnonzero(world.outer)
+    _, around = cKDTree(rest[outer]).query(template)
+    return world.contact[:, outer[around]]
+
+
+def smpl_pose(world: World) -> np.ndarray:
+    """(N, 24, 3) rotation vectors of the world's bodies."""
+    p = world.parameters
+    count = len(p.transl)
+    full = np.concatenate([p.global_orient, p.body_pose], axis=1).reshape(count, 22, 3)
+    return np.concatenate([full, np.zeros((count, 2, 3))], axis=1)

@@ -1,0 +1,311 @@
+"""WiLoR and HaMeR: what their networks are shown, how answers are read, and the whole kit with perfect networks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from physic_core.adapters.rotations import mirrored
+from physic_core.devices import check_device
+from physic_core.errors import BackendError, WeightsMissingError
+from physic_core.testing.conformance import parametrize_with_checks
+from physic_core.testing.conformance.hand_estimator import true_hands
+from physic_core.testing.worlds import World
+from physic_core.types import Hands, Keypoints, People
+from physic_human.hamer import Hamer, HamerOptions
+from physic_human.wilor import Wilor, WilorOptions
+
+from .seen import Place, coordinates, nearest, normalised_back, pixels, place_of, world_of
+
+WRISTS = (20, 21)
+
+WILOR = """
+import os
+import torch
+
+class WiLor(torch.nn.Module):
+    def __init__(self, **kwargs):
+        super().__init__()
+        assert os.path.exists(kwargs["mano_model_path"]) and os.path.exists(kwargs["mano_mean_path"])
+        assert kwargs["focal_length"] == 5000 and kwargs["image_size"] == 256
+        self.gain = torch.nn.Parameter(torch.zeros(1))
+        self.seen = []
+
+    def forward(self, x):
+        self.seen.append(x.numpy().copy())
+        x = x.flip(dims=[-1]) / 255.0
+        count = len(x)
+        pose = torch.zeros(count, 15, 3)
+        pose[:, 0] = self.gain * x[:, 128, 128]
+        turned = torch.full((count, 1, 3), 0.2)
+        return {"hand_pose": pose, "global_orient": turned, "betas": torch.zeros(count, 10),
+                "pred_cam": torch.ones(count, 3)}
+"""
+
+HAMER = """
+import torch
+from ..configs import NOTE
+
+class HAMER(torch.nn.Module):
+    def __init__(self, cfg, init_renderer=True):
+        super().__init__()
+        assert not init_renderer, "a renderer needs OpenGL"
+        self.cfg = cfg
+        self.gain = torch.nn.Parameter(torch.zeros(1))
+        self.seen = []
+
+    def forward(self, batch):
+        x = batch["img"]
+        self.seen.append(x.numpy().copy())
+        eye = torch.eye(3).expand(len(x), 15, 3, 3).clone()
+        return {"pred_cam": torch.ones(len(x), 3),
+                "pred_mano_params": {"hand_pose": eye, "global_orient": eye[:, :1], "betas": torch.zeros(len(x), 10)}}
+"""
+
+CONFIGS = """
+NOTE = "a module of its own"
+
+class Node(dict):
+    __getattr__ = dict.__getitem__
+    def __setattr__(self, key, value):
+        assert not self.get("frozen")
+        self[key] = value
+    def defrost(self): pass
+    def freeze(self): pass
+
+def get_config(config_file, merge=True, update_cachedir=False):
+    open(config_file).close()
+    return Node(MANO=Node(MODEL_PATH="./_DATA/data/mano", MEAN_PARAMS="./_DATA/mean"), MODEL=Node(IMAGE_SIZE=256))
+"""
+
+
+def keypoints(boxes: dict[str, list[float]]) -> tuple[People, Keypoints]:
+    """One person with the 21 points of one or both hands on the edges of boxes, whole-body skeleton."""
+    given = Keypoints(np.zeros((1, 133, 2)), np.zeros((1, 133)), "coco_wholebody133")
+    for side, box in boxes.items():
+        first = 91 if side == "left" else 112
+        given.points[0, first : first + 21] = np.linspace(box[:2], box[2:], 21)
+        given.confidence[0, first : first + 21] = 0.9
+    return People(np.zeros((1, 200, 300), bool), np.array([[0.0, 0, 300, 200]]), np.ones(1)), given
+
+
+def wilor_files(folder: Path) -> Path:
+    folder.mkdir()
+    torch.save(
+        {"state_dict": {"gain": torch.full((1,), 0.5), "mano.faces": torch.zeros(2)}}, folder / "wilor_final.ckpt"
+    )
+    (folder / "MANO_RIGHT.pkl").write_bytes(b"")
+    (folder / "mano_mean_params.npz").write_bytes(b"")
+    return folder
+
+
+@pytest.fixture
+def wilor(stub: Callable[..., Path], tmp_path: Path) -> Wilor:
+    checkout = stub("wilor", {"wilor_mini/__init__.py": "", "wilor_mini/models/wilor.py": WILOR})
+    backend = Wilor(WilorOptions(checkout=str(checkout), weights=str(wilor_files(tmp_path / "files"))))
+    backend.load()
+    return backend
+
+
+def test_wilor_sees_blue_first_since_it_exchanges_channels_itself(wilor: Wilor) -> None:
+    image = np.zeros((200, 300, 3), np.uint8)
+    image[:] = [200, 100, 10]
+    hands = wilor.infer(image, *keypoints({"right": [100, 80, 140, 120]}))
+    seen = wilor._host.network.seen[0]
+    assert seen.shape == (1, 256, 256, 3)
+    assert seen.dtype == np.float32
+    np.testing.assert_allclose(seen[0, 128, 128], [10, 100, 200], atol=1)
+    # What it calls x / 255 after its own exchange is red, green, blue.
+    np.testing.assert_allclose(hands.rotvecs[0, 1, 0], 0.5 * np.array([200, 100, 10]) / 255, atol=1e-3)
+
+
+def test_wilor_can_repeat_the_papers_exchange_of_channels(stub: Callable[..., Path], tmp_path: Path) -> None:
+    checkout = stub("w", {"wilor_mini/models/wilor.py": WILOR})
+    options = WilorOptions(checkout=str(checkout), weights=str(wilor_files(tmp_path / "f")), swap_channels=True)
+    backend = Wilor(options)
+    backend.load()
+    image = np.zeros((200, 300, 3), np.uint8)
+    image[:] = [200, 100, 10]
+    backend.infer(image, *keypoints({"right": [100, 80, 140, 120]}))
+    np.testing.assert_allclose(backend._host.network.seen[0][0, 128, 128], [200, 100, 10], atol=1)
+
+
+def test_left_hands_are_shown_in_a_mirror_and_read_in_it(wilor: Wilor) -> None:
+    picture = coordinates(200, 300)
+    hands = wilor.infer(picture, *keypoints({"left": [60, 80, 100, 110], "right": [180, 80, 220, 110]}))
+    left, right = (place_of(crop[..., ::-1], 200, 300) for crop in wilor._host.network.seen[0])
+    assert left.mirrored
+    assert not right.mirrored
+    for place, middle in ((left, [79.5, 94.5]), (right, [199.5, 94.5])):
+        np.testing.assert_allclose(place.at(0.5), middle, atol=0.8)
+        np.testing.assert_allclose(np.abs(place.step) * 256, 2.5 * 40, rtol=0.01)
+    assert hands.wrists is not None
+    np.testing.assert_allclose(hands.wrists[0], [[0.2, -0.2, -0.2], [0.2, 0.2, 0.2]], atol=1e-6)
+
+
+def test_photos_are_not_wilors_to_change_and_hands_come_in_batches(wilor: Wilor) -> None:
+    wilor.options = wilor.options.model_copy(update={"batch": 1})
+    image = np.random.default_rng(0).integers(0, 255, (200, 300, 3)).astype(np.uint8)
+    before = image.copy()
+    hands = wilor.infer(image, *keypoints({"left": [60, 80, 100, 110], "right": [180, 80, 220, 110]}))
+    np.testing.assert_array_equal(image, before)
+    assert [len(seen) for seen in wilor._host.network.seen] == [1, 1]
+    np.testing.assert_allclose(hands.confidence, 0.9, atol=1e-6)
+
+
+def test_what_wilor_lacks_is_said_before_it_is_loaded(tmp_path: Path) -> None:
+    backend = Wilor(WilorOptions(checkout=str(tmp_path), weights=str(tmp_path / "no")))
+    said = "\n".join(backend.missing())
+    assert "is no checkout of WiLoR-mini, for it has no wilor_mini/models/wilor.py" in said
+    assert "no" in said
+    with pytest.raises(WeightsMissingError):
+        backend.load()
+    with pytest.raises(BackendError, match=r"WiLoR-mini is not loaded: call load\(\) before infer\(\)"):
+        backend.infer(np.zeros((200, 300, 3), np.uint8), *keypoints({}))
+    assert any("MANO_RIGHT.pkl" in line for line in Wilor(WilorOptions(checkout=str(tmp_path))).missing())
+
+
+def test_another_wilor_is_told_by_its_answer(stub: Callable[..., Path], tmp_path: Path) -> None:
+    text = WILOR[: WILOR.index("        return {")] + "        return pose, turned, None\n"
+    checkout = stub("w", {"wilor_mini/models/wilor.py": text})
+    backend = Wilor(WilorOptions(checkout=str(checkout), weights=str(wilor_files(tmp_path / "f"))))
+    backend.load()
+    with pytest.raises(BackendError, match="WiLoR-mini's network answered tuple"):
+        backend.infer(np.zeros((200, 300, 3), np.uint8), *keypoints({"left": [60, 80, 100, 110]}))
+
+
+def test_a_checkpoint_of_another_network_is_refused(stub: Callable[..., Path], tmp_path: Path) -> None:
+    files = wilor_files(tmp_path / "f")
+    torch.save({"state_dict": {"other": torch.zeros(1)}}, files / "wilor_final.ckpt")
+    backend = Wilor(WilorOptions(checkout=str(stub("w", {"wilor_mini/models/wilor.py": WILOR})), weights=str(files)))
+    with pytest.raises(BackendError, match="lacks 1 of 1 parameters of the network, gain"):
+        backend.load()
+
+
+def test_a_checkpoint_with_objects_is_read_only_if_trusted(stub: Callable[..., Path], tmp_path: Path) -> None:
+    files, checkout = wilor_files(tmp_path / "f"), stub("w", {"wilor_mini/models/wilor.py": WILOR})
+    torch.save({"state_dict": {"gain": torch.ones(1)}, "hyper": Path("x")}, files / "wilor_final.ckpt")
+    with pytest.raises(BackendError, match="set the option trust_checkpoint = true"):
+        Wilor(WilorOptions(checkout=str(checkout), weights=str(files))).load()
+    Wilor(WilorOptions(checkout=str(checkout), weights=str(files), trust_checkpoint=True)).load()
+
+
+@pytest.fixture
+def hamer(stub: Callable[..., Path], tmp_path: Path) -> Hamer:
+    checkout = stub(
+        "hamer",
+        {
+            "hamer/__init__.py": "",
+            "hamer/configs/__init__.py": CONFIGS,
+            "hamer/models/__init__.py": "from .hamer import HAMER",
+            "hamer/models/hamer.py": HAMER,
+        },
+    )
+    files = tmp_path / "_DATA"
+    for name in ("hamer_ckpts/checkpoints/hamer.ckpt", "hamer_ckpts/model_config.yaml", "data/mano/MANO_RIGHT.pkl",
+                 "data/mano_mean_params.npz"):  # fmt: skip
+        (files / name).parent.mkdir(parents=True, exist_ok=True)
+        (files / name).write_bytes(b"")
+    torch.save({"state_dict": {"gain": torch.ones(1)}}, files / "hamer_ckpts/checkpoints/hamer.ckpt")
+    backend = Hamer(HamerOptions(checkout=str(checkout), weights=str(files)))
+    backend.load()
+    return backend
+
+
+def test_hamer_sees_red_first_and_normalised(hamer: Hamer) -> None:
+    image = np.zeros((200, 300, 3), np.uint8)
+    image[:] = [200, 100, 10]
+    hamer.infer(image, *keypoints({"right": [100, 80, 140, 120]}))
+    np.testing.assert_allclose(normalised_back(hamer._host.network.seen[0][0])[128, 128], [200, 100, 10], atol=0.6)
+
+
+def test_hamer_widens_boxes_to_what_it_looks_at(hamer: Hamer) -> None:
+    hamer.infer(coordinates(200, 300), *keypoints({"left": [120, 90, 180, 110]}))
+    place = place_of(normalised_back(hamer._host.network.seen[0][0]), 200, 300)
+    assert place.mirrored
+    np.testing.assert_allclose(place.at(0.5), [149.5, 99.5], atol=0.8)
+    # 60 px wide and looked at through a window of 192 x 256: 80 px high, and twice that.
+    np.testing.assert_allclose(np.abs(place.step) * 256, 160, rtol=0.02)
+
+
+def test_hamers_own_paths_are_those_of_its_files(hamer: Hamer) -> None:
+    settings = hamer._host.network.cfg
+    assert settings.MANO.MODEL_PATH.endswith("_DATA/data/mano")
+    assert Path(settings.MANO.MEAN_PARAMS).is_file()
+
+
+class PerfectHands:
+    """Answers the true hand at the place that a crop shows: right hands, and left ones as they look in a mirror."""
+
+    def __init__(self) -> None:
+        self.world: World | None = None
+        self.size = (1, 1)
+
+    def hand(self, place: Place) -> tuple[np.ndarray, np.ndarray]:
+        """Fingers (15, 3) and the wrist (3,)."""
+        if self.world is None:
+            return np.full((15, 3), 0.1), np.zeros(3)
+        side = 0 if place.mirrored else 1
+        wrists = pixels(self.world.joints[:, WRISTS[side]], self.world)
+        person = nearest(wrists, place.at(0.5))
+        fingers = true_hands(self.world)[person, side].astype(float)
+        turn = Rotation.from_rotvec(self.world.parameters.global_orient[person]).as_rotvec()
+        return (fingers, turn) if side else (mirrored(fingers), mirrored(turn))
+
+
+class PerfectWilor(PerfectHands):
+    def __call__(self, x: torch.Tensor) -> dict[str, torch.Tensor]:
+        told = [self.hand(place_of(crop[..., ::-1].copy(), *self.size)) for crop in x.numpy()]
+        fingers, wrists = (np.stack(part) for part in zip(*told, strict=True))
+        return {"hand_pose": torch.from_numpy(fingers), "global_orient": torch.from_numpy(wrists[:, None])}
+
+
+class PerfectHamer(PerfectHands):
+    def __call__(self, batch: dict[str, torch.Tensor]) -> dict[str, Any]:
+        told = [self.hand(place_of(normalised_back(crop), *self.size)) for crop in batch["img"].numpy()]
+        fingers, wrists = (np.stack(part) for part in zip(*told, strict=True))
+        matrices = Rotation.from_rotvec(fingers.reshape(-1, 3)).as_matrix().reshape(-1, 15, 3, 3)
+        whole = Rotation.from_rotvec(wrists).as_matrix()[:, None]
+        return {"pred_mano_params": {"hand_pose": torch.from_numpy(matrices), "global_orient": torch.from_numpy(whole)}}
+
+
+class _Told:
+    network: type[PerfectHands]
+
+    def missing(self) -> tuple[str, ...]:
+        return ()
+
+    def load(self, device: str = "cpu") -> None:
+        check_device(device)
+        self._host.network = self.network()  # type: ignore[attr-defined]
+
+    def infer(self, image: np.ndarray, people: People, keypoints: Keypoints) -> Hands:
+        if self._host.network is not None:  # type: ignore[attr-defined]
+            self._host.network.world = world_of(image)  # type: ignore[attr-defined]
+            self._host.network.size = image.shape[:2]  # type: ignore[attr-defined]
+        shown = coordinates(*image.shape[:2]) if image.shape[2:] == (3,) and image.dtype == np.uint8 else image
+        return super().infer(shown, people, keypoints)  # type: ignore[misc, no-any-return]
+
+
+class ToldWilor(_Told, Wilor):
+    network = PerfectWilor
+
+
+class ToldHamer(_Told, Hamer):
+    network = PerfectHamer
+
+
+@parametrize_with_checks("hand_estimator", ToldWilor, options={"least_size_px": 8})
+def test_wilor_conforms(check: Callable[[], None]) -> None:
+    check()
+
+
+@parametrize_with_checks("hand_estimator", ToldHamer, options={"least_size_px": 8})
+def test_hamer_conforms(check: Callable[[], None]) -> None:
+    check()
