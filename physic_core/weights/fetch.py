@@ -6,7 +6,7 @@ import os
 import re
 import shutil
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -94,13 +94,27 @@ def terms(weights: WeightSet) -> str:
 
 def _lacking(weights: WeightSet, to: Path | None) -> list[WeightFile]:
     if to is not None:
-        return [file for file in weights.files if not (to / weights.name / file.path).is_file()]
+        inside = {file.path: to / weights.name / file.path for file in weights.files}
+        _refuse_others(weights, {path: place for path, place in inside.items() if place.is_file()})
+        return [file for file in weights.files if not inside[file.path].is_file()]
     here = look(weights)
+    _refuse_others(weights, here.files)
     lacking = [file for file in weights.files if file.path not in here.files]
     if lacking or len(weights.files) == 1 or here.folder is not None:
         return lacking
     folder = _folder(None) / weights.name  # all are here, but in several places
     return [file for file in weights.files if not (folder / file.path).is_file()]
+
+
+def _refuse_others(weights: WeightSet, here: Mapping[str, Path]) -> None:
+    """What has another size than the published file is not fetched over, since it may be the user's own."""
+    for file in weights.files:
+        path = here.get(file.path)
+        if path is not None and file.bytes not in (None, size := path.stat().st_size):
+            raise DownloadError(
+                f"{path} has {size} bytes instead of {file.bytes}, so it is not the published file: move it away, and "
+                "fetch again"
+            )
 
 
 def _folder(to: Path | None) -> Path:
@@ -212,27 +226,32 @@ def _retrieve(url: str, target: Path, file: WeightFile, tell: Callable[[int, int
 
 def _take_out(archive: Path, origin: WebSource, file: WeightFile, target: Path) -> None:
     """One file out of a zip, under a name of our own; names inside the zip decide no place on this machine."""
-    part = target.with_name(f"{target.name}.part")
+    part = target.with_name(f"{target.name}.member")
     try:
         with zipfile.ZipFile(archive) as opened, writing(part):
-            names = [info.filename for info in opened.infolist() if not info.is_dir()]
-            if origin.member not in names:
-                some = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
-                raise DownloadError(f"{origin.url} has no {origin.member} in it, only {some}")
-            size = opened.getinfo(origin.member).file_size
-            if file.bytes is not None and size != file.bytes:
-                raise DownloadError(
-                    f"{origin.url}#{origin.member} has {size} bytes instead of {file.bytes}: it is another file by now"
-                )
-            with opened.open(origin.member) as inside, part.open("wb") as out:
-                shutil.copyfileobj(inside, out, 1 << 20)
+            wrong = _unlike(opened, origin, file)
+            if not wrong:
+                with opened.open(origin.member) as inside, part.open("wb") as out:
+                    shutil.copyfileobj(inside, out, 1 << 20)
+                if wrong := difference(part, file):
+                    wrong = f"{origin.url}#{origin.member} came, but {wrong}: removed"
     except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError) as error:
+        wrong = f"{origin.url} is no zip that can be read ({error}): removed"
+    if wrong:  # nothing that came with it is to be trusted
         part.unlink(missing_ok=True)
-        archive.unlink(missing_ok=True)
-        raise DownloadError(f"{origin.url} is no zip that can be read ({error}): removed") from error
-    if wrong := difference(part, file):
-        part.unlink()
-        archive.unlink(missing_ok=True)
-        raise DownloadError(f"{origin.url}#{origin.member} came, but {wrong}: removed")
+        shutil.rmtree(archive.parent, ignore_errors=True)
+        raise DownloadError(wrong)
     with writing(target):
         os.replace(part, target)
+
+
+def _unlike(opened: zipfile.ZipFile, origin: WebSource, file: WeightFile) -> str:
+    """How a zip differs from what the list says of it, in words."""
+    names = [info.filename for info in opened.infolist() if not info.is_dir()]
+    if origin.member not in names:
+        some = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
+        return f"{origin.url} has no {origin.member} in it, only {some}"
+    size = opened.getinfo(origin.member).file_size
+    if file.bytes not in (None, size):
+        return f"{origin.url}#{origin.member} has {size} bytes instead of {file.bytes}: it is another file by now"
+    return ""

@@ -40,8 +40,10 @@ def in_hub_cache(file: WeightFile) -> Path | None:
     origin = file.origin
     if not isinstance(origin, HubSource) or find_spec("huggingface_hub") is None:
         return None
-    from huggingface_hub import try_to_load_from_cache
-
+    try:
+        from huggingface_hub import try_to_load_from_cache
+    except ImportError:  # a broken one is as good as none: the message about what is missing says where it was sought
+        return None
     found = try_to_load_from_cache(origin.repository, origin.path, revision=origin.revision)
     return Path(found) if isinstance(found, str) else None
 

@@ -21,7 +21,7 @@ __all__ = ["Tell", "Transfer", "unwritable", "writing"]
 Tell = Callable[[int, int | None], None]
 """Called with the bytes that are here, and with how many there will be, where that is known."""
 
-_CHUNK = 1 << 18
+_CHUNK = 1 << 16  # what a broken connection may cost of what has come
 _CONNECT_SECONDS, _READ_SECONDS = 20.0, 60.0
 _TRIES = 5
 _RANGE = re.compile(r"bytes (\d+)-")
@@ -50,7 +50,6 @@ class Transfer:
         headers: sent along.
         advice: what to do where the server refuses, or has no such file.
         tell: told about each piece.
-        pause: waits some seconds.
     """
 
     part: Path
@@ -60,7 +59,6 @@ class Transfer:
     headers: Mapping[str, str] = field(default_factory=dict)
     advice: str = ""
     tell: Tell = lambda done, total: None
-    pause: Callable[[float], None] = time.sleep
 
     def __call__(self, url: str, output_file: str | os.PathLike[str], pooch: object = None) -> None:
         """Bring all of ``url`` to ``output_file``; pooch's own argument is not needed.
@@ -91,8 +89,8 @@ class Transfer:
             except _Broken as error:
                 tries += 1
                 if self._here() <= before or tries == _TRIES:
-                    raise DownloadError(f"{url}: {error}; {self._kept()}") from error
-                self.pause(1.0)
+                    raise DownloadError(f"{url}: {error}{self._kept()}") from error
+                time.sleep(1.0)  # a router that restarts, a server that moves on
 
     def place(self, output_file: str | os.PathLike[str]) -> None:
         """Move what has come to where it belongs."""
@@ -115,7 +113,7 @@ class Transfer:
 
     def _kept(self) -> str:
         here = self._here()
-        return f"{size_in_words(here)} of it are kept, and the next fetch goes on from there" if here else "try again"
+        return f"; {size_in_words(here)} of it are kept, and the next fetch goes on from there" if here else ""
 
     def _continue(self, url: str) -> None:
         """One connection."""
@@ -158,7 +156,6 @@ class Transfer:
         source, tag = [*lines, "", ""][:2]
         same = source == url and (not self.tag or tag == self.tag) and (self.size is None or have <= self.size)
         if not same or not (self.hashed or tag):
-            self.forget()
             return 0, ""
         return have, "" if self.tag else tag
 
@@ -170,16 +167,18 @@ class Transfer:
             raise DownloadError(f"{url} is not given to everybody (HTTP {code}){_then(self.advice)}")
         if code in (404, 410):
             raise DownloadError(f"{url} is not there (HTTP {code}){_then(self.advice)}")
-        raise DownloadError(f"{url} cannot be had now (HTTP {code} {answer.reason}): try again later; {self._kept()}")
+        raise DownloadError(f"{url} cannot be had now (HTTP {code} {answer.reason}): try again later{self._kept()}")
 
     def _write(self, url: str, answer: Any, have: int, total: int | None) -> None:
         tag = self.tag or _strong(answer.headers)
         with writing(self.part):
             self.part.parent.mkdir(parents=True, exist_ok=True)
-            # Unbuffered, so that what has come is on the disk whatever ends us.
-            file = self.part.open("ab" if have else "wb", buffering=0)
+            # Unbuffered, so that what has come is on the disk whatever ends us; not emptied before it is ours.
+            file = self.part.open("ab", buffering=0)
         with file, writing(self.part):
             _lock(file, self.part)
+            if not have:
+                file.truncate(0)
             _require_room(self.part.parent, None if total is None else total - have)
             self._of.write_text(f"{url}\n{tag}\n", "utf-8")
             done = have
@@ -221,7 +220,7 @@ def unwritable(folder: Path, error: OSError) -> DownloadError:
     if error.errno in (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)):
         return DownloadError(_no_room(folder))
     return DownloadError(
-        f"{folder} cannot be written ({error.strerror}): name another folder by XDG_CACHE_HOME or --to"
+        f"{folder} cannot be written ({error.strerror}): name another folder by --to, XDG_CACHE_HOME or HF_HOME"
     )
 
 
@@ -234,8 +233,8 @@ def _no_room(folder: Path, size: int | None = None) -> str:
     free = size_in_words(shutil.disk_usage(folder).free) if folder.exists() else "nothing"
     needed = "" if size is None else f", and {size_in_words(size)} are needed"
     return (
-        f"no room in {folder}: {free or 'nothing'} free{needed}; make room, or name another folder by XDG_CACHE_HOME "
-        "or --to; what has come is kept, and the next fetch goes on from there"
+        f"no room in {folder}: {free or 'nothing'} free{needed}; make room, or name another folder by --to, "
+        "XDG_CACHE_HOME or HF_HOME; what has come is kept, and the next fetch goes on from there"
     )
 
 

@@ -1,6 +1,12 @@
 from __future__ import annotations
 
 import hashlib
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
@@ -46,3 +52,126 @@ def _toml(value: Any) -> str:
 @pytest.fixture
 def lists(tmp_path: Path) -> Lists:
     return Lists(tmp_path / "lists")
+
+
+@dataclass
+class Page:
+    """One file of the server.
+
+    Attributes:
+        content: of the file.
+        etag: its tag; none where empty.
+        status: of every answer, where it is no file.
+        headers: more of them.
+        cut: bytes after which a connection is dropped, once for each number.
+        ranges: whether it answers parts.
+        length: whether it says how long the file is.
+        stall: bytes after which it falls silent, with the connection open.
+    """
+
+    content: bytes = b""
+    etag: str = ""
+    status: int = 200
+    headers: dict[str, str] = field(default_factory=dict)
+    cut: list[int] = field(default_factory=list)
+    ranges: bool = True
+    length: bool = True
+    stall: int | None = None
+
+
+class Server:
+    """A web server on this machine alone, that remembers what it was asked."""
+
+    def __init__(self) -> None:
+        self.pages: dict[str, Page] = {}
+        self.asked: list[tuple[str, str, dict[str, str]]] = []
+        self._http = ThreadingHTTPServer(("127.0.0.1", 0), self._handler())
+        self.address = f"http://127.0.0.1:{self._http.server_port}"
+        threading.Thread(target=self._http.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True).start()
+
+    def add(self, path: str, content: bytes = b"", **more: Any) -> str:
+        """Serve a file; return its address."""
+        self.pages[path] = Page(content, **more)
+        return self.address + path
+
+    def ranges(self, path: str) -> list[str]:
+        """What parts of a file were asked for, in turn; "" for the whole."""
+        return [headers.get("Range", "") for method, asked, headers in self.asked if (method, asked) == ("GET", path)]
+
+    def close(self) -> None:
+        self._http.shutdown()
+        self._http.server_close()
+
+    def _handler(self) -> type[BaseHTTPRequestHandler]:
+        server = self
+
+        class Handler(BaseHTTPRequestHandler):
+            protocol_version = "HTTP/1.1"
+
+            def log_message(self, *arguments: object) -> None:
+                pass
+
+            def do_HEAD(self) -> None:
+                self._answer(body=False)
+
+            def do_GET(self) -> None:
+                self._answer(body=True)
+
+            def _answer(self, body: bool) -> None:
+                path = self.path.partition("?")[0]
+                server.asked.append((self.command, path, dict(self.headers.items())))
+                page = server.pages.get(path, Page(status=404))
+                content, status, headers = page.content, page.status, dict(page.headers)
+                if page.etag:
+                    headers["ETag"] = page.etag
+                wanted = self.headers.get("Range")
+                fits = self.headers.get("If-Range") in (None, page.etag)
+                if status == 200 and wanted and page.ranges and fits:
+                    begin = int(wanted.removeprefix("bytes=").rstrip("-"))
+                    if begin >= len(content):
+                        status, headers["Content-Range"], content = 416, f"bytes */{len(content)}", b""
+                    else:
+                        status = 206
+                        headers["Content-Range"] = f"bytes {begin}-{len(content) - 1}/{len(content)}"
+                        content = content[begin:]
+                self.send_response(status)
+                for name, value in headers.items():
+                    self.send_header(name, value)
+                if page.length:
+                    self.send_header("Content-Length", str(len(content)))
+                else:
+                    self.send_header("Connection", "close")
+                    self.close_connection = True
+                self.end_headers()
+                if not body:
+                    return
+                with suppress(ConnectionError):  # who asked has gone
+                    if page.cut:
+                        self.wfile.write(content[: page.cut.pop(0)])
+                        self.wfile.flush()
+                        self.connection.shutdown(socket.SHUT_RDWR)
+                        self.close_connection = True
+                    elif page.stall is not None:
+                        self.wfile.write(content[: page.stall])
+                        self.wfile.flush()
+                        self.connection.recv(1)  # until who asked has gone
+                        self.close_connection = True
+                    else:
+                        self.wfile.write(content)
+
+        return Handler
+
+
+@pytest.fixture
+def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
+    monkeypatch.setenv("NO_PROXY", "127.0.0.1,localhost")
+    running = Server()
+    yield running
+    running.close()
+
+
+@pytest.fixture
+def no_pause(monkeypatch: pytest.MonkeyPatch) -> None:
+    from physic_core.weights import transfer
+
+    monkeypatch.setattr(transfer.time, "sleep", lambda seconds: None)

@@ -1,0 +1,351 @@
+"""The command ``physic weights``."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from physic_core.cli import main
+
+PLUGIN = """
+from pathlib import Path
+from physic_core import hookimpl
+
+@hookimpl
+def physic_backends():
+    return []
+
+@hookimpl
+def physic_weights():
+    return Path(__file__).parent / "{}"
+"""
+CONTENT = bytes(range(256)) * 4096
+HASH = hashlib.sha256(CONTENT).hexdigest()
+
+
+def physic(*arguments: str) -> Result:
+    return CliRunner().invoke(main, ["weights", *arguments])
+
+
+def manifest(url: str) -> str:
+    return f"""
+[free]
+summary = "A free network"
+license = "MIT"
+commercial = true
+homepage = "https://example.org/free"
+[[free.files]]
+path = "free.onnx"
+bytes = {len(CONTENT)}
+sha256 = "{HASH}"
+source = "{url}"
+
+[gated]
+summary = "A gated network"
+license = "Own licence: research only"
+commercial = false
+account = true
+homepage = "https://example.org/gated"
+[[gated.files]]
+path = "gated.onnx"
+source = "hf://owner/gated/gated.onnx"
+
+[own]
+summary = "A network of your own"
+license = "CC-BY-4.0"
+advice = "export it with tools/export_own.py"
+[[own.files]]
+path = "own.onnx"
+[[own.files]]
+path = "own.json"
+"""
+
+
+@pytest.fixture
+def plugin(site: Any, server: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """One plugin with three sets, one of which the server has."""
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-nets")
+    site.install("physic-nets", PLUGIN.format("nets.toml"))
+    (site.folder / "nets.toml").write_text(manifest(server.add("/free.onnx", CONTENT)))
+    return site
+
+
+def put(folder: Path, content: bytes = CONTENT) -> Path:
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    folder.write_bytes(content)
+    return folder
+
+
+def test_the_list(plugin: Any, own_cache: Path):
+    put(own_cache / "own" / "own.json", b"{}")
+    assert physic("list").stdout == (
+        "weights  plugin       size     commercial use  account  state    licence\n"
+        "free     physic-nets  1.05 MB  yes             -        missing  MIT\n"
+        "gated    physic-nets  -        NO              needed   missing  Own licence: research only\n"
+        "own      physic-nets  -        not said        -        in part  CC-BY-4.0\n"
+    )
+    put(own_cache / "free" / "free.onnx")
+    assert physic("list").stdout.splitlines()[1].split()[6] == "here"
+    assert [line.split()[0] for line in physic("list", "--missing").stdout.splitlines()[1:]] == ["gated", "own"]
+    put(own_cache / "free" / "free.onnx", b"cut off")
+    assert "here, DIFFERS  MIT" in physic("list").stdout
+
+
+def test_the_list_for_machines(plugin: Any, own_cache: Path):
+    there = put(own_cache / "free" / "free.onnx")
+    told = json.loads(physic("list", "--json").stdout)
+    assert told["broken"] == []
+    assert [(s["name"], s["state"], s["commercial"], s["account"]) for s in told["sets"]] == [
+        ("free", "here", True, False),
+        ("gated", "missing", False, True),
+        ("own", "missing", None, False),
+    ]
+    assert told["sets"][0]["files"][0]["here"] == str(there)
+    assert json.loads(physic("show", "free", "--json").stdout) == told["sets"][0]
+
+
+def test_a_broken_list_is_a_row(plugin: Any, site: Any, monkeypatch):
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-nets,physic-odd")
+    site.install("physic-odd", PLUGIN.format("odd.toml"))
+    path = site.folder / "odd.toml"
+    path.write_text("[odd]\nsummary = 'x'\nlicense = 'MIT'\nfiles = []\n")
+    done = physic("list")
+    assert done.exit_code == 0
+    assert done.stdout.splitlines()[-1].split(None, 6) == [
+        *("-", "physic-odd", "-", "-", "-", "BROKEN"),
+        f"this list of weights does not hold: {path}: [odd] has no files",
+    ]
+    done = physic("show", "nothing")
+    assert (done.exit_code, done.stderr) == (
+        1,
+        "Error: no weights are named 'nothing'; `physic weights list` names all\n"
+        f"physic-odd 1.0: this list of weights does not hold:\n{path}: [odd] has no files\n",
+    )
+
+
+def test_nothing_to_list(site: Any, monkeypatch):
+    monkeypatch.setenv("PHYSIC_PLUGINS", "")
+    assert physic("list").stdout == "no plugin lists weights\n"
+    assert physic("list", "--missing").stdout == "nothing is missing\n"
+
+
+def test_show_what_is_missing(plugin: Any, own_cache: Path):
+    assert physic("show", "gated").stdout == (
+        "weights 'gated'\n"
+        "  A gated network\n"
+        "  plugin      physic-nets 1.0\n"
+        "  licence     Own licence: research only\n"
+        "  commercial  use is NOT allowed\n"
+        "  account     needed: ask for access at https://huggingface.co/owner/gated, and log in with `hf auth login`, "
+        "or set HF_TOKEN\n"
+        "  homepage    https://example.org/gated\n"
+        "  state       missing\n"
+        "  to get it   `physic weights fetch gated --accept-licence` (an account with access, no commercial use)\n"
+        f"  sought in   {own_cache / 'gated'}, Hugging Face's cache\n"
+        "  file        gated.onnx\n"
+        "    source    hf://owner/gated/gated.onnx\n"
+    )
+
+
+def test_show_what_is_here(plugin: Any, own_cache: Path, server: Any):
+    there = put(own_cache / "free" / "free.onnx")
+    assert physic("show", "free").stdout == (
+        "weights 'free'\n"
+        "  A free network\n"
+        "  plugin      physic-nets 1.0\n"
+        "  licence     MIT\n"
+        "  commercial  use is allowed\n"
+        "  homepage    https://example.org/free\n"
+        "  state       here\n"
+        "  file        free.onnx (1.05 MB)\n"
+        f"    source    {server.address}/free.onnx\n"
+        f"    sha256    {HASH}\n"
+        f"    here      {there}\n"
+    )
+
+
+def test_fetch_where_and_verify(plugin: Any, own_cache: Path):
+    there = own_cache / "free" / "free.onnx"
+    done = physic("fetch", "free")
+    assert (done.exit_code, done.stdout) == (0, f"free: free.onnx fetched, in {there}\n")
+    assert done.stderr == "free: free.onnx (1.05 MB)\n"
+    done = physic("fetch", "free")
+    assert (done.exit_code, done.stdout, done.stderr) == (0, f"free: here, in {there}\n", "")
+    assert physic("where", "free").stdout == physic("where", "free", "free.onnx").stdout == f"{there}\n"
+    done = physic("verify", "free")
+    assert (done.exit_code, done.stdout) == (0, "ok       free free.onnx\n1 file: 1 ok, 0 differ, 0 missing\n")
+
+
+def test_fetch_goes_on_with_the_others(plugin: Any, own_cache: Path):
+    done = physic("fetch", "own", "gated", "free")
+    assert (done.exit_code, done.stdout) == (1, f"free: free.onnx fetched, in {own_cache / 'free' / 'free.onnx'}\n")
+    assert done.stderr.splitlines() == [
+        f"own: own.onnx, own.json of 'own' cannot be fetched: export it with tools/export_own.py; "
+        f"then put it into {own_cache / 'own'}",
+        "gated: 'gated' is not fetched without --accept-licence:",
+        "  licence     Own licence: research only",
+        "  commercial  use is NOT allowed",
+        "  account     needed: ask for access at https://huggingface.co/owner/gated, and log in with `hf auth login`, "
+        "or set HF_TOKEN",
+        "  homepage    https://example.org/gated",
+        "if that suits you: physic weights fetch gated --accept-licence",
+        "free: free.onnx (1.05 MB)",
+    ]
+
+
+def test_fetch_to_a_folder_that_another_machine_reads_offline(plugin: Any, tmp_path: Path, server: Any, monkeypatch):
+    stick = tmp_path / "stick"
+    done = physic("fetch", "free", "--to", str(stick))
+    assert (done.exit_code, done.stdout) == (0, f"free: free.onnx fetched, in {stick / 'free'}\n")
+    server.close()
+    monkeypatch.setenv("PHYSIC_WEIGHTS", str(stick))
+    assert physic("where", "free").stdout == f"{stick / 'free' / 'free.onnx'}\n"
+    assert physic("verify").exit_code == 0
+    assert physic("fetch", "free").stdout == f"free: here, in {stick / 'free' / 'free.onnx'}\n"
+
+
+def test_a_name_that_is_none(plugin: Any):
+    done = physic("fetch", "fre")
+    assert (done.exit_code, done.stderr) == (1, "Error: no weights are named 'fre'; did you mean 'free'?\n")
+
+
+def test_a_name_that_two_plugins_have(plugin: Any, site: Any, server: Any, monkeypatch, own_cache: Path):
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-nets,physic-more")
+    site.install("physic-more", PLUGIN.format("more.toml"))
+    (site.folder / "more.toml").write_text(manifest(f"{server.address}/gone"))
+    done = physic("where", "free")
+    assert (done.exit_code, done.stderr) == (
+        1,
+        "Error: several plugins list weights named 'free': write 'physic-more:free' or 'physic-nets:free'\n",
+    )
+    assert physic("fetch", "physic-nets:free").exit_code == 0
+
+
+def test_where_of_what_is_missing(plugin: Any, own_cache: Path):
+    done = physic("where", "free")
+    assert (done.exit_code, done.stdout) == (1, "")
+    assert done.stderr == (
+        "Error: weights 'free' (1.05 MB, MIT) are not here: `physic weights fetch free`\n"
+        f"sought in {own_cache / 'free'}, Hugging Face's cache\n"
+    )
+
+
+def test_verify_tells_what_differs_and_what_cannot_be_told(plugin: Any, own_cache: Path):
+    put(own_cache / "free" / "free.onnx", CONTENT[::-1])
+    put(own_cache / "own" / "own.json", b"{}")
+    done = physic("verify")
+    wrong = f"its SHA-256 is {hashlib.sha256(CONTENT[::-1]).hexdigest()} instead of {HASH}"
+    assert (done.exit_code, done.stdout) == (
+        1,
+        f"DIFFERS  free free.onnx: {wrong}\n"
+        "ok       own own.json: held against nothing: no more is published\n"
+        "2 files: 1 ok, 1 differ, 0 missing\n",
+    )
+    rows = json.loads(physic("verify", "own", "--json").stdout)
+    assert [(row["file"], row["state"]) for row in rows] == [("own.onnx", "missing"), ("own.json", "ok")]
+    assert physic("verify", "own").exit_code == 1
+    put(own_cache / "free" / "free.onnx", b"cut off")
+    assert physic("verify", "free").stdout.startswith(
+        f"DIFFERS  free free.onnx: it has 7 bytes instead of {len(CONTENT)}\n"
+    )
+
+
+def test_ctrl_c_ends_it_in_words_and_keeps_what_has_come(plugin: Any, server: Any, own_cache: Path, tmp_path: Path):
+    """The whole way: a process of its own, a server that falls silent halfway, and SIGINT."""
+    page = server.pages["/free.onnx"]
+    page.stall = 524_288
+    command = [
+        sys.executable,
+        "-W",
+        "error",
+        "-c",
+        "from physic_core.cli import main; main()",
+        "weights",
+        "fetch",
+        "free",
+    ]
+    environment = os.environ | {"PYTHONPATH": str(plugin.folder)}
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+    ) as running:
+        part = own_cache / "free" / "free.onnx.part"
+        for _ in range(600):
+            if part.is_file() and part.stat().st_size >= 262_144:
+                break
+            time.sleep(0.05)
+        running.send_signal(signal.SIGINT)
+        out, err = running.communicate(timeout=30)
+    assert (running.returncode, out) == (130, "")
+    assert err == (
+        "free: free.onnx (1.05 MB)\nfree: interrupted; what has come is kept, and the next fetch goes on from there\n"
+    )
+    here = part.stat().st_size
+    page.stall = None
+    assert physic("fetch", "free").exit_code == 0
+    assert server.ranges("/free.onnx") == ["", f"bytes={here}-"]
+    assert (own_cache / "free" / "free.onnx").read_bytes() == CONTENT
+
+
+def test_on_a_terminal_there_is_a_bar(plugin: Any, own_cache: Path):
+    """Only whether it draws: rich decides how."""
+    pty = pytest.importorskip("pty")
+    master, slave = pty.openpty()
+    command = [
+        sys.executable,
+        "-W",
+        "error",
+        "-c",
+        "from physic_core.cli import main; main()",
+        "weights",
+        "fetch",
+        "free",
+    ]
+    environment = os.environ | {"PYTHONPATH": str(plugin.folder), "TERM": "xterm", "COLUMNS": "120"}
+    done = subprocess.run(
+        command, stdout=subprocess.PIPE, stderr=slave, text=True, env=environment, timeout=60, check=False
+    )
+    os.close(slave)
+    drawn = os.read(master, 65536).decode()
+    os.close(master)
+    assert done.returncode == 0
+    assert "free: free.onnx" in drawn
+    assert "1.0/1.0 MB" in drawn
+
+
+def test_help_imports_nothing_heavy_and_no_library_that_fetches():
+    code = (
+        "import sys\n"
+        "from physic_core.cli import main\n"
+        "try: main(['weights', 'fetch', '--help'])\n"
+        "except SystemExit: pass\n"
+        "names = {'torch', 'numpy', 'requests', 'pooch', 'huggingface_hub', 'rich', 'tomllib', 'physic_core.weights'}\n"
+        "print(sorted(set(sys.modules) & names))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_listing_plugins_reads_no_list_of_weights():
+    code = (
+        "import sys\n"
+        "from physic_core.cli import main\n"
+        "try: main(['plugins'])\n"
+        "except SystemExit: pass\n"
+        "print(sorted(set(sys.modules) & {'tomllib', 'physic_core.weights', 'huggingface_hub', 'torch', 'numpy'}))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert done.stdout.splitlines()[-1] == "[]"

@@ -1,0 +1,326 @@
+"""Fetching from Hugging Face's hub, here a server on this machine that answers what the library asks of it."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from physic_core.errors import DownloadError
+from physic_core.weights import WeightFile, WeightSet, locate, read_manifest
+from physic_core.weights import fetch as fetching
+from physic_core.weights.fetch import fetch
+
+CONTENT = bytes(range(256)) * 4096
+HASH = hashlib.sha256(CONTENT).hexdigest()
+CONFIG = b'{"hidden_size": 8}'
+COMMIT = "c" * 40
+
+
+def git(content: bytes) -> str:
+    return hashlib.sha1(b"blob %d\0" % len(content) + content).hexdigest()
+
+
+class Hub:
+    """The pages of repositories."""
+
+    def __init__(self, server: Any) -> None:
+        self.server = server
+
+    def add(self, path: str, content: bytes, repository: str = "owner/net", revision: str = "main", **more: Any) -> str:
+        """Serve a file, large ones from another place as the hub does; return its source."""
+        etag = hashlib.sha256(content).hexdigest() if len(content) > 1000 else git(content)
+        address, headers = f"/{repository}/resolve/{revision}/{path}", {"X-Repo-Commit": COMMIT}
+        if len(content) > 1000:
+            there = f"/cdn/{etag}"
+            # Another host, since the library follows what stays on the same one.
+            elsewhere = self.server.add(there, content, etag='"of the cdn"', **more).replace("127.0.0.1", "localhost")
+            linked = {"X-Linked-Etag": f'"{etag}"', "X-Linked-Size": str(len(content)), "Location": elsewhere}
+            self.server.add(address, b"", status=302, headers=headers | linked)
+        else:
+            self.server.add(address, content, etag=f'"{etag}"', headers=headers, **more)
+        return f"hf://{repository}/{path}" + ("" if revision == "main" else f"@{revision}")
+
+    def refuse(self, path: str, status: int, code: str = "", message: str = "no") -> str:
+        headers = {"X-Error-Message": message} | ({"X-Error-Code": code} if code else {})
+        if code == "EntryNotFound":
+            headers["X-Repo-Commit"] = COMMIT
+        self.server.add(f"/owner/net/resolve/main/{path}", status=status, headers=headers)
+        return f"hf://owner/net/{path}"
+
+
+@pytest.fixture
+def hub(server: Any, monkeypatch: pytest.MonkeyPatch) -> Hub:
+    from huggingface_hub import constants
+
+    monkeypatch.setattr(constants, "ENDPOINT", server.address)
+    template = server.address + "/{repo_id}/resolve/{revision}/{filename}"
+    monkeypatch.setattr(constants, "HUGGINGFACE_CO_URL_TEMPLATE", template)
+    monkeypatch.setattr(constants, "HF_HUB_OFFLINE", False)
+    monkeypatch.delenv("HF_TOKEN", raising=False)
+    return Hub(server)
+
+
+def weights(*files: WeightFile, **keys: Any) -> WeightSet:
+    known = {"summary": "", "license": "MIT", "commercial": True, "account": False, "homepage": "", "advice": ""}
+    return WeightSet(name="net", files=files, **(known | keys))
+
+
+def refusal(source: str, file: dict[str, Any] | None = None, **settings: Any) -> str:
+    with pytest.raises(DownloadError) as caught:
+        fetch(weights(WeightFile("model.onnx", source=source, **(file or {}))), **settings)
+    return str(caught.value)
+
+
+def left(folder: Path) -> list[str]:
+    return sorted(
+        str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file() and ".locks" not in path.parts
+    )
+
+
+def test_a_set_of_one_repository_comes_into_the_librarys_cache(hub: Hub, lists: Any, own_cache: Path, tmp_path: Path):
+    large = {"path": "model.onnx", "bytes": len(CONTENT), "sha256": HASH, "source": hub.add("onnx/model.onnx", CONTENT)}
+    folder = lists.add("net", large, {"path": "config.json", "source": hub.add("onnx/config.json", CONFIG)})
+    told: list[tuple[str, int, int | None]] = []
+    chosen = read_manifest(folder)["net"]
+    assert fetch(chosen, progress=lambda *step: told.append(step)) == ("model.onnx", "config.json")
+    snapshot = tmp_path / "hub" / "models--owner--net" / "snapshots" / COMMIT / "onnx"
+    assert locate(folder, "net") == snapshot
+    assert (snapshot / "model.onnx").read_bytes() == CONTENT
+    assert (snapshot / "config.json").read_bytes() == CONFIG
+    assert ("model.onnx", len(CONTENT), len(CONTENT)) in told
+    assert not own_cache.exists()
+    assert [name for name in left(tmp_path / "hub") if ".part" in name] == []
+    asked = len(hub.server.asked)
+    assert fetch(chosen) == ()
+    assert len(hub.server.asked) == asked
+
+
+def test_what_lies_otherwise_in_its_repository_comes_into_our_folder(hub: Hub, own_cache: Path):
+    both = weights(
+        WeightFile("encoder.onnx", source=hub.add("v2/enc.onnx", CONTENT)),
+        WeightFile("decoder.onnx", source=hub.add("dec.onnx", CONFIG, repository="owner/other")),
+    )
+    assert fetch(both) == ("encoder.onnx", "decoder.onnx")
+    assert left(own_cache) == ["net/decoder.onnx", "net/encoder.onnx"]
+
+
+def test_a_folder_of_choice_gets_what_the_librarys_cache_has(hub: Hub, tmp_path: Path):
+    chosen = weights(WeightFile("model.onnx", source=hub.add("model.onnx", CONTENT)))
+    fetch(chosen)
+    asked = len(hub.server.asked)
+    assert fetch(chosen, to=tmp_path / "stick") == ("model.onnx",)
+    assert (tmp_path / "stick" / "net" / "model.onnx").read_bytes() == CONTENT
+    assert not (tmp_path / "stick" / "net" / "model.onnx").is_symlink()
+    assert len(hub.server.asked) == asked
+
+
+def test_a_revision_is_asked_for(hub: Hub, lists: Any, tmp_path: Path):
+    source = hub.add("model.onnx", CONTENT, revision="v1.0")
+    folder = lists.add("net", {"path": "model.onnx", "source": source})
+    fetch(read_manifest(folder)["net"])
+    assert locate(folder, "net").read_bytes() == CONTENT
+
+
+def test_an_interrupted_file_goes_on_where_it_stopped(hub: Hub, tmp_path: Path, no_pause: None):
+    """The library of today keeps nothing of what it was fetching when it was stopped."""
+    source = hub.add("model.onnx", CONTENT, cut=[262_144, 0])
+    address = f"{hub.server.address}/owner/net/resolve/main/model.onnx"
+    assert refusal(source) == (
+        f"{address}: the connection broke; 262 kB of it are kept, and the next fetch goes on from there"
+    )
+    assert left(tmp_path / "hub") == [
+        f"models--owner--net/blobs/{HASH}.part",
+        f"models--owner--net/blobs/{HASH}.part.of",
+    ]
+    fetch(weights(WeightFile("model.onnx", source=source)))
+    assert hub.server.ranges(f"/cdn/{HASH}") == ["", "bytes=262144-", "bytes=262144-"]
+    assert (tmp_path / "hub" / "models--owner--net" / "blobs" / HASH).read_bytes() == CONTENT
+
+
+def test_ctrl_c_keeps_what_has_come(hub: Hub, tmp_path: Path):
+    chosen = weights(WeightFile("model.onnx", source=hub.add("model.onnx", CONTENT)))
+
+    def interrupt(file: str, done: int, total: int | None) -> None:
+        if done > 400_000:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fetch(chosen, progress=interrupt)
+    here = (tmp_path / "hub" / "models--owner--net" / "blobs" / f"{HASH}.part").stat().st_size
+    fetch(chosen)
+    assert hub.server.ranges(f"/cdn/{HASH}") == ["", f"bytes={here}-"]
+
+
+@pytest.mark.parametrize("content", [CONTENT, CONFIG], ids=["sha256", "git"])
+def test_what_comes_spoilt_never_gets_into_the_cache(hub: Hub, tmp_path: Path, content: bytes):
+    source = hub.add("model.onnx", content)
+    page = hub.server.pages[f"/cdn/{HASH}" if content is CONTENT else "/owner/net/resolve/main/model.onnx"]
+    page.content = content[::-1]
+    if content is CONTENT:
+        wrong = f"its SHA-256 is {hashlib.sha256(content[::-1]).hexdigest()} instead of {HASH}"
+    else:
+        wrong = f"its git hash is {git(content[::-1])} instead of {git(content)}"
+    assert refusal(source) == f"{source} came, but {wrong}: removed"
+    assert left(tmp_path / "hub") == []
+
+
+def test_what_was_replaced_since_the_list_was_written_is_not_fetched(hub: Hub):
+    source = hub.add("model.onnx", CONTENT)
+    assert refusal(source, {"sha256": "ab" * 32}) == (
+        f"{source} is another file by now, its SHA-256 is {HASH} instead of {'ab' * 32}: not fetched"
+    )
+    assert refusal(source, {"bytes": 7}) == (
+        f"{source} is another file by now, it has {len(CONTENT)} bytes instead of 7: not fetched"
+    )
+    assert hub.server.ranges(f"/cdn/{HASH}") == []
+
+
+def test_a_token_goes_to_the_hub_and_not_to_where_it_sends_us(hub: Hub, server: Any, monkeypatch):
+    monkeypatch.setenv("HF_TOKEN", "hf_mine")
+    fetch(weights(WeightFile("model.onnx", source=hub.add("model.onnx", CONTENT))))
+    tokens = {path: headers.get("Authorization", headers.get("authorization")) for _, path, headers in server.asked}
+    assert tokens == {"/owner/net/resolve/main/model.onnx": "Bearer hf_mine", f"/cdn/{HASH}": None}
+
+
+# ---- refusals --------------------------------------------------------------------------------------------------------
+
+
+def access(server: Any) -> str:
+    return (
+        f"accept its terms at {server.address}/owner/net, log in with `hf auth login`, or set HF_TOKEN, and fetch again"
+    )
+
+
+def test_a_gated_repository_says_how_to_get_in(hub: Hub, server: Any):
+    source = hub.refuse("model.onnx", 403, "GatedRepo", "Access to model owner/net is restricted")
+    assert refusal(source) == f"hf://owner/net is gated, and your login has no access to it: {access(server)}"
+
+
+def test_a_repository_that_is_not_shown_may_be_private_or_gone(hub: Hub, server: Any):
+    source = hub.refuse("model.onnx", 401, "RepoNotFound", "Repository not found")
+    assert refusal(source) == (
+        f"hf://owner/net is not there, or not for you (HTTP 401): if it is private or gated, {access(server)}"
+    )
+
+
+def test_a_plain_refusal_is_about_the_login(hub: Hub, server: Any):
+    assert refusal(hub.refuse("model.onnx", 403)) == f"hf://owner/net is not given to you (HTTP 403): {access(server)}"
+
+
+def test_a_file_that_is_gone_names_the_homepage(hub: Hub):
+    source = hub.refuse("model.onnx", 404, "EntryNotFound")
+    with pytest.raises(DownloadError) as caught:
+        fetch(weights(WeightFile("model.onnx", source=source), homepage="https://example.org"))
+    assert str(caught.value) == "hf://owner/net has no file model.onnx (HTTP 404); see https://example.org"
+
+
+def test_a_revision_that_is_gone(hub: Hub):
+    source = hub.refuse("model.onnx", 404, "RevisionNotFound")
+    assert refusal(source) == "hf://owner/net has no revision main any more"
+
+
+def test_a_hub_in_trouble(hub: Hub):
+    assert refusal(hub.refuse("model.onnx", 500)) == "hf://owner/net cannot be had now (HTTP 500): try again later"
+
+
+def test_what_is_no_hub(hub: Hub, server: Any):
+    server.add("/owner/net/resolve/main/model.onnx", CONTENT)
+    assert refusal("hf://owner/net/model.onnx") == (
+        f"{server.address} answers, but not as Hugging Face's hub does: look at HF_ENDPOINT"
+    )
+
+
+def test_no_network(hub: Hub, server: Any):
+    source = hub.add("model.onnx", CONTENT)
+    server.close()
+    assert refusal(source) == f"hf://owner/net: {server.address} cannot be reached (ConnectError): is the network on?"
+
+
+def test_offline_by_the_librarys_own_switch(hub: Hub, server: Any, monkeypatch):
+    from huggingface_hub import constants
+
+    source = hub.add("model.onnx", CONTENT)
+    monkeypatch.setattr(constants, "HF_HUB_OFFLINE", True)
+    assert refusal(source) == (
+        f"{source}: HF_HUB_OFFLINE is set, so nothing is fetched: unset it, or bring the file in a folder of "
+        "PHYSIC_WEIGHTS"
+    )
+    assert server.asked == []
+
+
+def test_a_cache_that_may_not_be_written(hub: Hub, tmp_path: Path):
+    (tmp_path / "hub").write_text("")
+    assert refusal(hub.add("model.onnx", CONTENT)).startswith(
+        f"{tmp_path / 'hub' / 'models--owner--net' / 'blobs'} cannot be written ("
+    )
+
+
+def test_the_library_is_asked_for(hub: Hub, monkeypatch):
+    monkeypatch.setattr(fetching, "find_spec", lambda name: None if name == "huggingface_hub" else object())
+    assert refusal(hub.add("model.onnx", CONTENT)) == (
+        'fetching weights needs huggingface_hub: pip install "physic-core[weights]"'
+    )
+
+
+# ---- as the user runs it ---------------------------------------------------------------------------------------------
+
+
+def test_mirror_cache_token_and_offline_switch_are_those_of_the_environment(
+    server: Any, site: Any, tmp_path: Path, lists: Any
+):
+    source = Hub(server).add("model.onnx", CONTENT)
+    folder = lists.add("mirrored", {"path": "model.onnx", "bytes": len(CONTENT), "sha256": HASH, "source": source})
+    site.install(
+        "physic-mirror",
+        "from physic_core import hookimpl\n"
+        "@hookimpl\n"
+        "def physic_backends(): return []\n"
+        f"@hookimpl\ndef physic_weights(): return {str(folder)!r}\n",
+    )
+    home = tmp_path / "hf"
+    environment = os.environ | {
+        "PYTHONPATH": str(site.folder),
+        "PHYSIC_PLUGINS": "physic-mirror",
+        "HF_HOME": str(home),
+        "HF_ENDPOINT": server.address,
+        "HF_TOKEN": "hf_mine",
+    }
+
+    def physic(*arguments: str, **more: str) -> subprocess.CompletedProcess[str]:
+        command = [
+            sys.executable,
+            "-W",
+            "error",
+            "-c",
+            "from physic_core.cli import main; main()",
+            "weights",
+            *arguments,
+        ]
+        return subprocess.run(command, capture_output=True, text=True, timeout=60, env=environment | more, check=False)
+
+    offline = physic("fetch", "mirrored", HF_HUB_OFFLINE="1")
+    assert (offline.returncode, offline.stdout) == (1, "")
+    assert offline.stderr.startswith(f"mirrored: {source}: HF_HUB_OFFLINE is set")
+    assert server.asked == []
+    done = physic("fetch", "mirrored")
+    there = home / "hub" / "models--owner--net" / "snapshots" / COMMIT / "model.onnx"
+    assert (done.returncode, done.stdout) == (0, f"mirrored: model.onnx fetched, in {there}\n"), done.stderr
+    assert done.stderr == "mirrored: model.onnx (1.05 MB)\n"
+    tokens = {
+        headers.get("authorization", headers.get("Authorization"))
+        for _, path, headers in server.asked
+        if "resolve" in path
+    }
+    assert tokens == {"Bearer hf_mine"}
+    server.close()
+    assert physic("where", "mirrored", HF_HUB_OFFLINE="1").stdout == f"{there}\n"
+    assert (
+        physic("verify", HF_HUB_OFFLINE="1").stdout
+        == "ok       mirrored model.onnx\n1 file: 1 ok, 0 differ, 0 missing\n"
+    )

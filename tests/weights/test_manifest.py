@@ -1,0 +1,194 @@
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from physic_core.errors import BackendError
+from physic_core.plugins import discover
+from physic_core.weights import read_manifest
+from physic_core.weights.library import read_library
+from physic_core.weights.manifest import HubSource, WebSource, is_inside
+
+SIMPLE = '[net]\nsummary = "A network"\nlicense = "MIT"\n[[net.files]]\npath = "model.onnx"\n'
+SOURCE = 'source = "https://example.org/x"\n'
+
+
+def write(tmp_path: Path, text: str, name: str = "own.toml") -> Path:
+    path = tmp_path / name
+    path.write_text(text)
+    return path
+
+
+def faults(path: Path) -> list[str]:
+    with pytest.raises(BackendError) as caught:
+        read_manifest(path)
+    head, *lines = str(caught.value).splitlines()
+    assert head == "this list of weights does not hold:"
+    return [line.removeprefix(f"{path}: ") for line in lines]
+
+
+def test_a_set_is_read_with_all_that_it_says(tmp_path: Path):
+    path = write(
+        tmp_path,
+        '["net-1.5"]\nsummary = "A network"\nlicense = "CC-BY-NC-4.0"\ncommercial = false\naccount = true\n'
+        'homepage = "https://example.org"\nadvice = "export b"\n'
+        '[["net-1.5".files]]\npath = "deep/a.onnx"\nbytes = 7\n'
+        f'sha256 = "{"ab" * 32}"\nsource = "hf://owner/repo/x/a.onnx@refs/pr/1"\n'
+        '[["net-1.5".files]]\npath = "b.onnx"\n',
+    )
+    (found,) = read_manifest(path).values()
+    assert (
+        found.name,
+        found.summary,
+        found.license,
+        found.commercial,
+        found.account,
+        found.homepage,
+        found.advice,
+    ) == (*("net-1.5", "A network", "CC-BY-NC-4.0", False, True, "https://example.org", "export b"),)
+    first, second = found.files
+    assert (first.path, first.bytes, first.sha256) == ("deep/a.onnx", 7, "ab" * 32)
+    assert first.origin == HubSource("owner/repo", "x/a.onnx", "refs/pr/1")
+    assert (second.path, second.bytes, second.sha256, second.origin) == ("b.onnx", None, None, None)
+    assert (found.bytes, found.is_free) == (None, False)
+
+
+def test_what_is_left_out_is_not_known(tmp_path: Path):
+    (found,) = read_manifest(write(tmp_path, SIMPLE + SOURCE)).values()
+    assert (found.commercial, found.account, found.homepage, found.advice, found.is_free) == (
+        None,
+        False,
+        "",
+        "",
+        False,
+    )
+
+
+@pytest.mark.parametrize(
+    ("source", "origin"),
+    [
+        ("hf://owner/repo/model.onnx", HubSource("owner/repo", "model.onnx", "main")),
+        ("https://example.org/a%20b.onnx?download=1", WebSource("https://example.org/a%20b.onnx?download=1")),
+        ("https://example.org/all.zip#x/end2end.onnx", WebSource("https://example.org/all.zip", "x/end2end.onnx")),
+    ],
+)
+def test_sources(tmp_path: Path, source: str, origin: object):
+    (found,) = read_manifest(write(tmp_path, SIMPLE + f'source = "{source}"\n')).values()
+    assert found.files[0].origin == origin
+
+
+def test_a_folder_is_all_its_lists(tmp_path: Path):
+    write(tmp_path, SIMPLE + SOURCE, "a.toml")
+    write(tmp_path, (SIMPLE + SOURCE).replace("net", "other"), "b.toml")
+    write(tmp_path, "no list", "notes.txt")
+    assert sorted(read_manifest(tmp_path)) == ["net", "other"]
+    (tmp_path / "empty").mkdir()
+    assert read_manifest(tmp_path / "empty") == {}
+
+
+def test_a_list_is_read_again_only_when_it_has_changed(tmp_path: Path):
+    path = write(tmp_path, SIMPLE + SOURCE)
+    first = read_manifest(path)
+    assert read_manifest(path) is first
+    write(tmp_path, (SIMPLE + SOURCE).replace("net", "other"))
+    os.utime(path, (5, 5))
+    assert sorted(read_manifest(path)) == ["other"]
+
+
+def test_every_fault_is_told_at_once(tmp_path: Path):
+    path = write(
+        tmp_path,
+        """
+        simple = 3
+        [Net]
+        sumary = "A network"
+        license = ""
+        commercial = "yes"
+        files = []
+        [two]
+        summary = "Two"
+        license = "MIT"
+        [[two.files]]
+        path = "../up.onnx"
+        bytes = 0
+        sha256 = "AB12"
+        source = "ftp://example.org/x"
+        [[two.files]]
+        path = "same.onnx"
+        source = "http://example.org/x"
+        [[two.files]]
+        path = "same.onnx"
+        size = 3
+        [[two.files]]
+        path = "same.onnx"
+        [three]
+        summary = "Three"
+        license = "MIT"
+        files = ["model.onnx"]
+        """,
+    )
+    assert faults(path) == [
+        "[simple] should be a table, got 3",
+        "[Net] should be of a-z, 0-9, and single hyphens, dots or underscores between them",
+        "[Net] has an unknown key 'sumary'. Did you mean 'summary'?",
+        "[Net] has no summary",
+        "[Net] license should not be empty",
+        "[Net] commercial should be true or false, got 'yes'",
+        "[two] files[0] path should lie inside the folder of the set, got '../up.onnx'",
+        "[two] files[0] bytes should be > 0, got 0",
+        "[two] files[0] sha256 should be 64 digits of 0-9 and a-f, got 'AB12'",
+        "[two] files[0] source should be hf://owner/repository/path[@revision] or https://host/path[#member], "
+        "got 'ftp://example.org/x'",
+        "[two] files[1] source is http://, which anybody on the way can change: give its sha256, or use https://",
+        "[two] files[2] has an unknown key 'size'",
+        "[two] has the file same.onnx more than once",
+        "[two] has no source for same.onnx: say in 'advice' how to get that",
+        "[three] files[0] should be a table, got 'model.onnx'",
+    ]
+
+
+def test_a_missing_licence(tmp_path: Path):
+    assert faults(write(tmp_path, SIMPLE.replace('license = "MIT"\n', "") + SOURCE)) == ["[net] has no license"]
+
+
+def test_a_set_of_no_files(tmp_path: Path):
+    assert faults(write(tmp_path, '[net]\nsummary = "A"\nlicense = "MIT"\nfiles = []\n')) == ["[net] has no files"]
+
+
+def test_one_name_in_two_lists(tmp_path: Path):
+    write(tmp_path, SIMPLE + SOURCE, "a.toml")
+    write(tmp_path, SIMPLE + SOURCE, "b.toml")
+    assert faults(tmp_path) == [f"{tmp_path / 'b.toml'}: [net] is in a.toml already"]
+
+
+def test_what_is_no_toml(tmp_path: Path):
+    (fault,) = faults(write(tmp_path, "[net]\nsummary = A\n"))
+    assert fault == "Invalid value (at line 2, column 11)"
+
+
+def test_a_list_that_is_not_there(tmp_path: Path):
+    with pytest.raises(BackendError) as caught:
+        read_manifest(tmp_path / "no.toml")
+    assert str(caught.value) == f"the list of weights {tmp_path / 'no.toml'} cannot be read: No such file or directory"
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["../x", "a/../../x", "/etc/x", "C:/x", "C:\\x", "a\\..\\x", "..", "", ".", "a/", "\\\\host\\share\\x", "x:stream"],
+)
+def test_a_path_out_of_the_folder_is_refused_everywhere(tmp_path: Path, path: str):
+    assert not is_inside(path)
+    literal = f"'{path}'"
+    for text in (
+        SIMPLE.replace('"model.onnx"', literal) + SOURCE,
+        SIMPLE + f"source = 'https://example.org/all.zip#{path}'\n",
+        SIMPLE + f"source = 'hf://owner/repo/{path}'\n",
+    ):
+        assert len(faults(write(tmp_path, text))) == 1, text
+
+
+def test_every_installed_list_holds():
+    library = read_library(discover().manifests)
+    assert library.broken == ()
