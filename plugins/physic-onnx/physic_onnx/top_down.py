@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from .one_graph import Speaking
 
-__all__ = ["SKELETON_OF", "fixed_or", "pictures_of", "run_rows", "skeleton_of"]
+__all__ = ["SKELETON_OF", "fixed_or", "held", "pictures_of", "run_rows", "skeleton_of"]
 
 SKELETON_OF: dict[int, str] = {17: "coco17", 23: "coco23", 26: "halpe26", 133: "coco_wholebody133"}
 """How many joints a person's network answers -> their joint set."""
@@ -100,3 +100,16 @@ def run_rows(
                 )
         found.append([answer[:count] for answer in answers])
     return [np.concatenate(parts) for parts in zip(*found, strict=True)]
+
+
+def held(speaking: Speaking, feed: Mapping[str, NDArray[Any]], outputs: Sequence[str]) -> list[NDArray[Any]]:
+    """Outputs that are the same whatever is shown, as files exported here carry a mesh with them.
+
+    Nothing but these is computed.
+    """
+    import numpy as np
+
+    rows = {name: fixed_or((speaking.shape(name) or (1,))[0], 1) for name in feed}
+    return speaking.ports.run(
+        speaking.network, {name: np.repeat(value[:1], rows[name], axis=0) for name, value in feed.items()}, outputs
+    )

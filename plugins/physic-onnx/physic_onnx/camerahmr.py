@@ -1,0 +1,156 @@
+"""CameraHMR (Patel and Black 2025) as exported by its licensed user: SMPL bodies, one person at a time.
+
+``python -m physic_onnx.export camerahmr`` writes the file. The camera is the pipeline's, so the network that guesses
+one (FLNet) is not needed.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+from pydantic import Field
+
+from physic_core.errors import BackendError
+from physic_core.interfaces import BodyEstimator
+
+from .contract import Dialect, Wanted
+from .one_graph import WEIGHTS, OneGraph, OneGraphOptions
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.adapters.crops import Crop
+    from physic_core.types import Bodies, FloatArray, Hints, Intrinsics, Keypoints, Mesh, People, UInt8Array
+
+    from .one_graph import Speaking
+
+__all__ = ["CameraHmr", "CameraHmrOptions"]
+
+SIDE = 256
+"""px of the square crop; the network itself looks at its middle 192 columns."""
+
+
+class CameraHmrOptions(OneGraphOptions):
+    """Settings of CameraHMR."""
+
+    weights: str = Field("camerahmr-onnx", description=WEIGHTS)
+    margin: float = Field(
+        1.0, ge=0.5, le=3, description="side of the crop in longer sides of the person's box; 1 as in CameraHMR's demo"
+    )
+    channels: Literal["rgb", "bgr"] = Field(
+        "rgb",
+        description="order in which the network sees colours: it was trained on RGB; 'bgr' repeats a mistake of its "
+        "later demo, to compare",
+    )
+    batch: int = Field(4, ge=1, description="people a run, where the file leaves that free")
+
+
+class CameraHmr(OneGraph, BodyEstimator):
+    """SMPL bodies by CameraHMR (the paper's), with SMPL's joints and surface where the file has them."""
+
+    Options: ClassVar[type[OneGraphOptions]] = CameraHmrOptions
+    options: CameraHmrOptions
+    dialects: ClassVar = {
+        "physic_onnx.export camerahmr": Dialect(
+            (
+                Wanted("img", ("image", "input"), shape=(None, 3, SIDE, SIDE)),
+                Wanted("box_center", ("box_centre",), shape=(None, 2)),
+                Wanted("box_size", shape=(None,)),
+                Wanted("img_size", shape=(None, 2)),
+                Wanted("cam_int", shape=(None, 3, 3)),
+            ),
+            (
+                Wanted("global_orient", shape=(None, 1, 3, 3)),
+                Wanted("body_pose", shape=(None, 23, 3, 3)),
+                Wanted("betas", shape=(None, None)),
+                Wanted("pred_cam", shape=(None, 3)),
+                Wanted("joints", shape=(None, 24, 3)),
+                Wanted("vertices", shape=(None, None, 3), optional=True),
+                Wanted("faces", dtype=("int64", "int32"), shape=(None, 3), optional=True),
+                Wanted("rest", shape=(None, 3), optional=True),
+            ),
+        ),
+    }
+
+    def infer(
+        self, image: UInt8Array, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
+    ) -> Bodies:
+        """N people -> N bodies of SMPL, metres, in the frame of the camera ``intrinsics``.
+
+        Raises:
+            BackendError: it is not loaded, or the network fails.
+        """
+        import numpy as np
+
+        from physic_core.adapters.crop_camera import translation_of_crop
+        from physic_core.adapters.crops import crop_of
+        from physic_core.adapters.pictures import check_photo
+        from physic_core.adapters.smpl import bodies_from_smpl, no_bodies
+
+        from .top_down import pictures_of, run_rows
+
+        check_photo(image)
+        speaking = self.speaking()
+        if not len(people):
+            return no_bodies("smpl")
+        crops = [crop_of(box, SIDE, SIDE, padding=self.options.margin, grid="halves") for box in people.boxes]
+        centres, sides = _regions(crops)
+        feed = {
+            "img": pictures_of(image, crops, bgr=self.options.channels == "bgr"),
+            **_camera(centres, sides, intrinsics, image.shape[:2]),
+        }
+        surface = speaking.has("vertices") and speaking.has("faces")
+        names = ["global_orient", "body_pose", "betas", "pred_cam", "joints", *(["vertices"] if surface else [])]
+        orient, pose, betas, weak, joints, *vertices = run_rows(speaking, feed, names, self.options.batch)
+        if weak.shape != (len(people), 3) or joints.shape[1:] != (24, 3):
+            raise BackendError(
+                f"{speaking.network.name} answered pred_cam {weak.shape} and joints {joints.shape}: "
+                f"({len(people)}, 3) and ({len(people)}, 24, 3) were expected"
+            )
+        transl = translation_of_crop(weak, centres, sides, intrinsics)
+        mesh = _mesh(speaking, feed, vertices[0] + transl[:, None]) if vertices else None
+        rotations = np.concatenate([orient.reshape(-1, 1, 3, 3), pose], axis=1)
+        return bodies_from_smpl(rotations, betas, transl, joints=joints + transl[:, None], mesh=mesh)
+
+
+def _regions(crops: list[Crop]) -> tuple[FloatArray, FloatArray]:
+    """Middle (N, 2) and side (N,) of each crop, px of the photo."""
+    import numpy as np
+
+    middles = np.stack([crop.to_photo(np.array([SIDE / 2, SIDE / 2])) for crop in crops])
+    return middles, np.array([SIDE * crop.step[0] for crop in crops])
+
+
+def _camera(
+    centres: FloatArray, sides: FloatArray, camera: Intrinsics, size: tuple[int, ...]
+) -> dict[str, NDArray[Any]]:
+    """What the network is told of box and camera.
+
+    It takes the middle of the image for the principal point, so boxes are told as they lie about the true one.
+    """
+    import numpy as np
+
+    n, (height, width) = len(centres), size
+    middle = np.array([width / 2, height / 2])
+    matrix = np.zeros((3, 3))
+    matrix[0, 0] = matrix[1, 1] = np.sqrt(camera.fx * camera.fy)
+    matrix[:, 2] = [*middle, 1]
+    told = {
+        "box_center": centres - [camera.cx, camera.cy] + middle,
+        "box_size": sides,
+        "img_size": np.tile([float(height), float(width)], (n, 1)),
+        "cam_int": np.tile(matrix, (n, 1, 1)),
+    }
+    return {name: value.astype(np.float32) for name, value in told.items()}
+
+
+def _mesh(speaking: Speaking, feed: dict[str, NDArray[Any]], vertices: FloatArray) -> Mesh:
+    import numpy as np
+
+    from physic_core.types import Mesh
+
+    from .top_down import held
+
+    names = ["faces", *(["rest"] if speaking.has("rest") else [])]
+    faces, *rest = held(speaking, feed, names)
+    return Mesh("smpl", vertices.astype(np.float32), faces.astype(np.int64), rest[0] if rest else None)

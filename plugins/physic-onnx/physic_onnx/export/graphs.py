@@ -1,0 +1,124 @@
+"""Networks of checkouts with the inputs and outputs that the adapters expect."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import torch
+from torch import Tensor, nn
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["CAMERAHMR", "DECO", "WILOR", "CameraHmrGraph", "DecoGraph", "Ports", "WilorGraph", "example"]
+
+Ports = tuple[tuple[str, ...], tuple[str, ...]]
+"""Names of inputs and of outputs."""
+
+CAMERAHMR: Ports = (
+    ("img", "box_center", "box_size", "img_size", "cam_int"),
+    ("global_orient", "body_pose", "betas", "pred_cam", "joints", "vertices", "faces", "rest"),
+)
+WILOR: Ports = (("image",), ("hand_pose", "global_orient", "pred_cam", "joints"))
+DECO: Ports = (("image",), ("contact", "faces", "rest"))
+
+HELD = ("faces", "rest")
+"""Outputs without a batch."""
+
+
+class CameraHmrGraph(nn.Module):
+    """CameraHMR and SMPL in one: rotations, shape, weak camera, and the body that they pose about its own origin.
+
+    Args:
+        network: of the checkout; called with its batch, a dictionary, it answers parameters, camera, focal length.
+        smpl: an SMPL layer that takes rotation matrices.
+    """
+
+    def __init__(self, network: nn.Module, smpl: Any) -> None:
+        super().__init__()
+        self.network, self.smpl = network, smpl
+        self.register_buffer("faces", _faces(smpl.faces))
+        self.register_buffer("rest", smpl.v_template.detach().float().clone())
+
+    def forward(
+        self, img: Tensor, box_center: Tensor, box_size: Tensor, img_size: Tensor, cam_int: Tensor
+    ) -> tuple[Tensor, ...]:
+        """(B, 3, 256, 256), (B, 2), (B,), (B, 2), (B, 3, 3) -> the outputs of CAMERAHMR."""
+        batch = {"img": img, "box_center": box_center, "box_size": box_size, "img_size": img_size, "cam_int": cam_int}
+        parameters, camera, *_ = self.network(batch)
+        body = self.smpl(**parameters)
+        orient, pose, betas = (parameters[name] for name in ("global_orient", "body_pose", "betas"))
+        return (
+            orient.reshape(-1, 1, 3, 3),
+            pose.reshape(-1, 23, 3, 3),
+            betas,
+            camera,
+            body.joints[:, :24],
+            body.vertices,
+            *_held(self, img),
+        )
+
+
+class WilorGraph(nn.Module):
+    """WiLoR-mini's network.
+
+    Args:
+        network: of the checkout; shown (B, 256, 256, 3) it answers a dictionary.
+    """
+
+    def __init__(self, network: nn.Module) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, image: Tensor) -> tuple[Tensor, ...]:
+        """(B, 256, 256, 3) grey levels, BGR -> the outputs of WILOR."""
+        found = self.network(image)
+        return found["hand_pose"], found["global_orient"], found["pred_cam"], found["pred_keypoints_3d"]
+
+
+class DecoGraph(nn.Module):
+    """DECO's contact with the T-pose of the SMPL that it is on.
+
+    Args:
+        network: of the checkout; what it answers first is the contact.
+        rest: (6890, 3) metres.
+        faces: (F, 3).
+    """
+
+    def __init__(self, network: nn.Module, rest: NDArray[np.floating], faces: NDArray[np.integer]) -> None:
+        super().__init__()
+        self.network = network
+        self.register_buffer("faces", _faces(faces))
+        self.register_buffer("rest", torch.as_tensor(rest, dtype=torch.float32))
+
+    def forward(self, image: Tensor) -> tuple[Tensor, ...]:
+        """(B, 3, 256, 256) -> the outputs of DECO."""
+        found = self.network(image)
+        contact = found[0] if isinstance(found, (tuple, list)) else found
+        return contact, *_held(self, image)
+
+
+def example(name: str, rows: int = 2) -> tuple[Tensor, ...]:
+    """Inputs of a network, as it may be shown them."""
+    rng = torch.Generator().manual_seed(0)
+    if name == "wilor":
+        return (torch.rand(rows, 256, 256, 3, generator=rng) * 255,)
+    picture = torch.randn(rows, 3, 256, 256, generator=rng)
+    if name == "deco":
+        return (picture,)
+    camera = torch.tensor([[900.0, 0.0, 320.0], [0.0, 900.0, 240.0], [0.0, 0.0, 1.0]]).repeat(rows, 1, 1)
+    centre = torch.tensor([[300.0, 260.0]]).repeat(rows, 1) + 10 * torch.arange(rows)[:, None]
+    return picture, centre, torch.full((rows,), 220.0), torch.tensor([[480.0, 640.0]]).repeat(rows, 1), camera
+
+
+def _held(module: nn.Module, shown: Tensor) -> tuple[Tensor, Tensor]:
+    """Faces and rest; the exporter takes the names off outputs that depend on no input at all."""
+    nothing = shown.size(0) * 0
+    return module.faces + nothing, module.rest + nothing  # type: ignore[operator]
+
+
+def _faces(faces: Any) -> Tensor:
+    import numpy as np
+
+    return torch.from_numpy(np.asarray(faces).astype(np.int64))
