@@ -158,14 +158,10 @@ def perceive(
         Bodies,
         lambda a: border.bodies_faults(a, n),
     )
-    if bodies.body_model != model.name:
-        cure = "name = 'embedded'" if bodies.body_model == "embedded" else f"path = the file of a '{bodies.body_model}'"
-        raise BodyModelError(
-            f"{backends['body_estimator'].title} gives bodies for the body model '{bodies.body_model}', "
-            f"but the configuration loads '{model.name}': set [body_model] {cure}, "
-            f"or choose a body_estimator that gives '{model.name}'"
-        )
     bodies, lost["body_estimator"] = salvage.bodies_or_nan(bodies)
+    if bodies.body_model != model.name:
+        bodies = _carried(bodies, model, backends["body_estimator"].title, stages)
+        lost["body_estimator"] |= ~border.sound_bodies(bodies)
     embodied = ~lost["body_estimator"]
     if "hand_estimator" in backends:
         hands = stages.ask_if_it_can(
@@ -193,6 +189,8 @@ def perceive(
             lambda a: border.contact_faults(a, len(seen), model.num_vertices, model.topology),
             otherwise="contact is told from distances alone",
         )
+        if some is not None and some.topology != model.topology:
+            some = _carried_contact(some, model, backends["contact_prior"].title, stages)
         lost["contact_prior"] = np.ones(n, bool)
         if some is not None:
             contact, lost["contact_prior"] = salvage.contact_of_all(some, embodied)
@@ -251,6 +249,50 @@ def with_hands(bodies: Bodies, hands: Hands) -> Bodies:
     left = np.where(found[:, :1], flat[:, 0], p.left_hand_pose)
     right = np.where(found[:, 1:], flat[:, 1], p.right_hand_pose)
     return replace(bodies, parameters=replace(p, left_hand_pose=left, right_hand_pose=right))
+
+
+def _carried(bodies: Bodies, model: BodyModel, who: str, stages: Stages) -> Bodies:
+    """Bodies of another model than the configured one, as bodies of that; with a note that says how near they come.
+
+    Raises:
+        BodyModelError: nothing tells where they are but parameters of a model that is not there, or of nobody is
+            enough told.
+    """
+    from physic_core.body.conversion import can_carry, carry
+
+    if not can_carry(bodies, model):
+        cure = "name = 'embedded'" if bodies.body_model == "embedded" else f"path = the file of a '{bodies.body_model}'"
+        raise BodyModelError(
+            f"{who} gives bodies for the body model '{bodies.body_model}', "
+            f"but the configuration loads '{model.name}': set [body_model] {cure}, "
+            f"or choose a body_estimator that gives '{model.name}'"
+        )
+    try:
+        found = carry(bodies, model)
+    except BodyModelError as error:
+        raise BodyModelError(f"{who}: {error}") from error
+    if not border.sound_bodies(found.bodies).any():
+        raise BodyModelError(
+            f"{who} gives bodies for the body model '{bodies.body_model}' with too few joints to carry them over to "
+            f"'{model.name}': both hips, and both shoulders or the neck, are needed of at least one person"
+        )
+    stages.note(found.note(bodies.body_model))
+    return found.bodies
+
+
+def _carried_contact(
+    contact: ContactProbability, model: BodyModel, who: str, stages: Stages
+) -> ContactProbability | None:
+    """Contact on another mesh, on the model's own; None, with a warning, where the mesh is none of a body."""
+    from physic_core.body.conversion import contact_to_model
+
+    try:
+        carried = contact_to_model(contact, model)
+    except BodyModelError as error:
+        stages.warn(f"{who}: {error}; contact is told from distances alone")
+        return None
+    stages.note(f"contact carried over from the mesh '{contact.topology}' to '{model.topology}'")
+    return carried
 
 
 def _with_floor_if_it_can(people: People, segmenter: ResolvedBackend, stages: Stages) -> People:

@@ -1,0 +1,136 @@
+"""The skeleton of a body model alone, in numpy and float64: joints are linear in the shape once rotations are given."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physic_core.body.joints import NUM_JOINTS, PARENTS
+
+if TYPE_CHECKING:
+    from physic_core.body.model import BodyModel
+
+__all__ = ["FAMILY", "Bones", "fit_shape", "local_from_world", "solved", "world_from_local"]
+
+Array = NDArray[np.float64]
+
+_UP = np.array([0, *PARENTS[1:]])
+
+
+def _family() -> Array:
+    reach = np.eye(NUM_JOINTS)
+    for joint in range(1, NUM_JOINTS):
+        reach[joint] += reach[PARENTS[joint]]
+    return reach
+
+
+FAMILY = _family()
+"""(55, 55), 1 where the column is the row's joint or one of its ancestors."""
+
+
+@dataclass(frozen=True)
+class Bones:
+    """Bones of the T-pose, each from its parent's joint to its own; the root's is the place of the root.
+
+    Attributes:
+        template: (55, 3) metres, mean shape.
+        directions: (K, 55, 3) change with one unit of each shape component.
+    """
+
+    template: Array
+    directions: Array
+
+    @classmethod
+    def of(cls, model: BodyModel) -> Bones:
+        """Of a body model, expression left out."""
+        kinematics, count = model.kinematics, model.num_betas
+        rest = kinematics.template.double().cpu().numpy()
+        change = kinematics.directions[:count].double().cpu().numpy().reshape(count, NUM_JOINTS, 3)
+        both = np.concatenate([rest[None], change])
+        both[:, 1:] -= both[:, _UP[1:]]
+        if kinematics.bind_rot is not None:
+            turn = kinematics.bind_rot.double().cpu().numpy()[_UP[1:]]
+            both[:, 1:] = (turn @ both[:, 1:, :, None])[..., 0]
+        return cls(both[0], both[1:])
+
+    def at(self, betas: Array) -> Array:
+        """Bones (B, 55, 3) of shapes (B, K)."""
+        flat = betas @ self.directions.reshape(len(self.directions), -1)
+        return self.template + flat.reshape(-1, NUM_JOINTS, 3)
+
+    def rest(self, betas: Array) -> Array:
+        """Joints (B, 55, 3) of shapes (B, K) in the T-pose."""
+        joints: Array = FAMILY @ self.at(betas)
+        return joints
+
+    def pose(self, world: Array, betas: Array, transl: Array) -> Array:
+        """Joints (B, 55, 3) of bones turned by ``world`` (B, 55, 3, 3) against the T-pose, metres."""
+        carried = self.at(betas)
+        carried[:, 1:] = (world[:, _UP[1:]] @ carried[:, 1:, :, None])[..., 0]
+        joints: Array = FAMILY @ carried + transl[:, None]
+        return joints
+
+    def by_shape(self, world: Array) -> Array:
+        """(B, 55, 3, K) change of the posed joints with one unit of each shape component."""
+        batch, count = len(world), len(self.directions)
+        turns = world[:, _UP].copy()
+        turns[:, 0] = np.eye(3)
+        carried = turns @ self.directions.transpose(1, 2, 0)
+        return (FAMILY @ carried.reshape(batch, NUM_JOINTS, -1)).reshape(batch, NUM_JOINTS, 3, count)
+
+
+def fit_shape(slopes: Array, start: Array, targets: Array, weights: Array, ridge: float = 1.0) -> tuple[Array, Array]:
+    """Shape and place of bodies whose points are linear in both: ridge regression by normal equations in float64.
+
+    Minimises ``sum_i w_i |start_i + slopes_i betas + transl - target_i|^2 + ridge |betas|^2``.
+
+    Args:
+        slopes: (B, n, 3, K) of n points.
+        start: (B, n, 3) points of the mean shape, metres.
+        targets: (B, n, 3) metres; any number where the weight is 0.
+        weights: (B, n) one over squared metres.
+        ridge: one over the variance of each shape component.
+
+    Returns:
+        betas (B, K) and transl (B, 3).
+    """
+    batch, count, _, shapes = slopes.shape
+    total = np.maximum(weights.sum(1), 1e-12)[:, None]
+    share = weights / total
+    # Taken from their weighted means, the points know nothing of the translation.
+    mean_slope = np.einsum("bn,bnik->bik", share, slopes, optimize=True)
+    gap = np.where(weights[..., None] > 0, targets - start, 0.0)
+    mean_gap = np.einsum("bn,bni->bi", share, gap)
+    root = np.sqrt(weights)[..., None]
+    design = (root[..., None] * (slopes - mean_slope[:, None])).reshape(batch, 3 * count, shapes)
+    wanted = (root * (gap - mean_gap[:, None])).reshape(batch, 3 * count, 1)
+    across = np.swapaxes(design, 1, 2)
+    normal = across @ design + ridge * np.eye(shapes)
+    betas = solved(normal, (across @ wanted)[..., 0])
+    return betas, mean_gap - (mean_slope @ betas[..., None])[..., 0]
+
+
+def solved(normal: Array, pull: Array) -> Array:
+    """x (B, M) of ``normal x = pull``, (B, M, M) symmetric positive and (B, M), by Cholesky."""
+    factor = np.linalg.cholesky(normal)
+    half = np.linalg.solve(factor, pull[..., None])
+    solution: Array = np.linalg.solve(np.swapaxes(factor, -1, -2), half)[..., 0]
+    return solution
+
+
+def world_from_local(local: Array) -> Array:
+    """Rotations (B, 55, 3, 3) against the parents -> against the T-pose."""
+    world = local.copy()
+    for joint in range(1, NUM_JOINTS):
+        world[:, joint] = world[:, PARENTS[joint]] @ local[:, joint]
+    return world
+
+
+def local_from_world(world: Array) -> Array:
+    """Rotations (B, 55, 3, 3) against the T-pose -> against the parents."""
+    local = np.swapaxes(world[:, _UP], -1, -2) @ world
+    local[:, 0] = world[:, 0]
+    return local
