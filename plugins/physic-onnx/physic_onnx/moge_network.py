@@ -28,14 +28,14 @@ DIALECTS = {
     "MoGe-2": Dialect(
         inputs=(
             Wanted("image", dtype="float", shape=("batch", 3, "height", "width")),
-            Wanted("num_tokens", dtype="int64", shape=()),
+            Wanted("num_tokens", dtype=("int64", "int32")),
         ),
         outputs=(
             Wanted("points", shape=("batch", "height", "width", 3)),
             Wanted("normal", shape=("batch", "height", "width", 3), optional=True),
             Wanted("mask", shape=("batch", "height", "width")),
             # The published files say "scale", what upstream's instructions export says "metric_scale".
-            Wanted("metric_scale", ("scale",), shape=("batch",)),
+            Wanted("metric_scale", ("scale",)),
         ),
         by_position=True,
     )
@@ -171,7 +171,8 @@ def _run(network: Network, match: Match, image: UInt8Array, tokens: int) -> Affi
     seen = squash(image, *size_seen(*image.shape[:2], tokens), "bilinear-antialias")
     feed: dict[str, NDArray[np.generic]] = {
         "image": planes(seen),  # the graph subtracts mean and divides by deviation itself
-        "num_tokens": np.array(tokens, np.int64),  # without dimensions: one of shape (1,) is refused
+        # The published files take it without dimensions, and refuse one of shape (1,).
+        "num_tokens": np.full((1,) * len(match.inputs["num_tokens"].shape), tokens, np.int64),
     }
     points, confidence, scale = match.run(network, feed, ["points", "mask", "metric_scale"])
     if points.shape != (1, *seen.shape) or confidence.shape != points.shape[:3]:

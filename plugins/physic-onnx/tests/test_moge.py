@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from physic_core.testing.worlds import build_world
 from physic_core.types import Hints, Intrinsics
 from physic_onnx.moge import Moge2Depth, Moge2Pointmap, MogeOptions
 from physic_onnx.moge_network import size_seen
+from physic_onnx.options import OnnxOptions
+from physic_onnx.sessions import open_network
 
 IMAGE_IN = ("float32", ("batch_size", 3, "height", "width"))
 TOKENS_IN = ("int64", ())
@@ -81,9 +84,16 @@ class TestContract:
         image = np.full((20, 30, 3), 90, np.uint8)
         assert self.raw(contract_graph(outputs=outputs_called(scale)), image, tokens=1500).scale == 1500
 
-    def test_number_of_tokens_has_no_dimensions(self, contract_graph):
-        """onnxruntime refuses (1,) where the file says (), so that this graph runs at all is the fact."""
-        assert self.raw(contract_graph(), np.full((20, 30, 3), 90, np.uint8), tokens=1200).scale == 1200
+    @pytest.mark.parametrize(("dtype", "shape"), [("int64", ()), ("int64", (1,)), ("int32", ())])
+    def test_number_of_tokens_has_the_dimensions_that_the_file_says(self, contract_graph, dtype, shape):
+        path = contract_graph(inputs={"image": IMAGE_IN, "num_tokens": (dtype, shape)})
+        assert self.raw(path, np.full((20, 30, 3), 90, np.uint8), tokens=1200).scale == 1200
+
+    def test_one_number_of_tokens_is_not_a_list_of_one(self, contract_graph):
+        """Why the dimensions matter: onnxruntime refuses the other."""
+        network = open_network(Path(contract_graph()), OnnxOptions(), "cpu")
+        with pytest.raises(BackendError, match="num_tokens"):
+            network.run({"image": np.zeros((1, 3, 20, 30)), "num_tokens": np.array([1800])}, ["scale"])
 
     def test_surface_is_where_the_mask_is_above_one_half(self, contract_graph):
         image = np.full((20, 30, 3), 90, np.uint8)
@@ -117,9 +127,9 @@ class TestContract:
         assert str(refusal.value) == (
             "depth.onnx is not a network that this backend can run:\n"
             "expected of MoGe-2:\n"
-            "  inputs:  image float (batch, 3, height, width); num_tokens int64 ()\n"
+            "  inputs:  image float (batch, 3, height, width); num_tokens int64 or int32 any shape\n"
             "  outputs: points float (batch, height, width, 3); normal float (batch, height, width, 3), optional; "
-            "mask float (batch, height, width); metric_scale (or scale) float (batch)\n"
+            "mask float (batch, height, width); metric_scale (or scale) float any shape\n"
             "  but there is no input 'num_tokens'; there is no output 'points'; there is no output 'mask'; "
             "there is no output 'metric_scale'\n"
             "found:\n"
