@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,8 +14,6 @@ from physic_core.testing.worlds import build_world
 from physic_core.types import Hints, Intrinsics
 from physic_onnx.moge import Moge2Depth, Moge2Pointmap, MogeOptions
 from physic_onnx.moge_network import size_seen
-from physic_onnx.options import OnnxOptions
-from physic_onnx.sessions import open_network
 
 IMAGE_IN = ("float32", ("batch_size", 3, "height", "width"))
 TOKENS_IN = ("int64", ())
@@ -88,12 +85,6 @@ class TestContract:
     def test_number_of_tokens_has_the_dimensions_that_the_file_says(self, contract_graph, dtype, shape):
         path = contract_graph(inputs={"image": IMAGE_IN, "num_tokens": (dtype, shape)})
         assert self.raw(path, np.full((20, 30, 3), 90, np.uint8), tokens=1200).scale == 1200
-
-    def test_one_number_of_tokens_is_not_a_list_of_one(self, contract_graph):
-        """Why the dimensions matter: onnxruntime refuses the other."""
-        network = open_network(Path(contract_graph()), OnnxOptions(), "cpu")
-        with pytest.raises(BackendError, match="num_tokens"):
-            network.run({"image": np.zeros((1, 3, 20, 30)), "num_tokens": np.array([1800])}, ["scale"])
 
     def test_surface_is_where_the_mask_is_above_one_half(self, contract_graph):
         image = np.full((20, 30, 3), 90, np.uint8)
@@ -313,6 +304,13 @@ class TestWorld:
         assert (found.intrinsics.width, found.intrinsics.height) == (960, 720)
         off = np.abs(found.depth / world.empty_depth - 1)
         assert np.quantile(off, 0.9) < 1e-3
+
+    def test_published_form_is_fed_one_photo_and_a_number_without_dimensions(self, perfect, loaded):
+        """Inside the published graph a list of one number breaks."""
+        loaded(Moge2Depth, tokens=2000).infer(build_world("stand", 0, (320, 240)).empty_image, Hints())
+        fed = perfect.networks[0].fed
+        assert (fed["image"].shape, fed["image"].dtype) == ((1, 3, 240, 320), np.float32)
+        assert (fed["num_tokens"].shape, fed["num_tokens"].dtype, int(fed["num_tokens"])) == ((), np.int64, 2000)
 
     def test_given_camera_is_used_and_the_shift_found_for_it(self, loaded):
         world = build_world("stand", 0, (320, 240))
