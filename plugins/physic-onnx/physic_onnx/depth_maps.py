@@ -17,7 +17,7 @@ NEEDS_FOCAL = (
     "{name} gives metres only for a known focal length, and none is known: set focal_px in [photo], "
     "or choose a relative_pointmap that finds the camera"
 )
-_MOST_SQUASH = 1.25
+_MOST_SQUASH = 1.6
 _LEAST_SPREAD = 1e-6  # of the largest value; below it a map is a constant
 
 

@@ -1,0 +1,127 @@
+"""Finding, opening and closing the one file of an adapter, and what a map of depth must be."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from physic_core.errors import BackendError, DeviceError, WeightsMissingError
+from physic_core.types import Hints, Intrinsics
+from physic_core.weights import read_manifest
+from physic_onnx.depth_anything import DepthAnythingMetric, DepthAnythingRelative
+from physic_onnx.depth_anything_3 import DepthAnything3
+from physic_onnx.depth_maps import depth_at, fixed_size, known_camera, one_number, single_map
+from physic_onnx.depth_pro import DepthPro
+from physic_onnx.metric3d import Metric3d, Metric3dOptions
+from physic_onnx.one_graph import MANIFEST, graph_file
+
+ADAPTERS = (DepthPro, DepthAnythingMetric, DepthAnythingRelative, DepthAnything3, Metric3d)
+
+
+@pytest.fixture
+def depth_file(graph, node, tmp_path) -> Path:
+    return graph(
+        tmp_path / "own" / "mine.onnx",
+        {"image": ("float16", (1, 3, 56, 112))},
+        {"pred_depth": ("float16", (1, 1, 56, 112))},
+        [node("ReduceMax", ["image"], ["pred_depth"], axes=[1], keepdims=1)],
+    )
+
+
+class TestFile:
+    @pytest.mark.parametrize("adapter", ADAPTERS)
+    def test_default_weights_are_in_the_manifest(self, adapter):
+        assert adapter.Options().weights in read_manifest(MANIFEST)
+
+    def test_folder_with_one_graph_stands_for_it(self, depth_file):
+        (depth_file.parent / "notes.txt").write_text("mine")
+        assert graph_file(str(depth_file.parent)) == depth_file
+        assert graph_file(str(depth_file)) == depth_file
+
+    @pytest.mark.parametrize("count", [0, 2])
+    def test_folder_with_none_or_several_is_refused(self, tmp_path, count):
+        for i in range(count):
+            (tmp_path / f"{i}.onnx").write_bytes(b"0")
+        held = "0.onnx, 1.onnx" if count else "none"
+        with pytest.raises(BackendError, match=f"holds {held}: give the path of the file itself"):
+            graph_file(str(tmp_path))
+
+    def test_unknown_name_is_answered_with_a_known_one(self):
+        with pytest.raises(WeightsMissingError, match="Did you mean 'metric3d-v2-small'"):
+            graph_file("metric3d-v2-smal")
+
+    def test_fingerprint_is_of_the_file(self, depth_file):
+        first = Metric3d(Metric3dOptions(weights=str(depth_file))).fingerprint()
+        depth_file.write_bytes(depth_file.read_bytes() + b"\n")
+        assert first != Metric3d(Metric3dOptions(weights=str(depth_file))).fingerprint() != ""
+
+
+class TestLife:
+    def test_half_precision_is_fed_and_read(self, depth_file):
+        backend = Metric3d(Metric3dOptions(weights=str(depth_file)))
+        backend.load()
+        image = np.zeros((56, 112, 3), np.uint8)
+        image[..., 0] = np.arange(50, 162)[None, :]
+        depth = backend.infer(image, Hints(intrinsics=Intrinsics.from_focal(100.0, 112, 56))).depth
+        assert depth.dtype == np.float32
+        np.testing.assert_allclose(depth, np.arange(50, 162)[None, :] * np.ones((56, 1)) / 10, rtol=1e-3)
+
+    def test_may_be_loaded_and_closed_again(self, depth_file):
+        backend = Metric3d(Metric3dOptions(weights=str(depth_file)))
+        for step in (backend.close, backend.load, backend.load, backend.close, backend.close):
+            step()
+        with pytest.raises(BackendError, match=r"Metric3d was asked before its network was loaded: call load\(\)"):
+            backend.infer(np.zeros((56, 112, 3), np.uint8), Hints(intrinsics=Intrinsics.from_focal(100.0, 112, 56)))
+
+    def test_missing_device_is_refused(self, depth_file):
+        with pytest.raises(DeviceError):
+            Metric3d(Metric3dOptions(weights=str(depth_file))).load("cuda:99")
+
+
+class TestMaps:
+    @pytest.mark.parametrize("shape", [(2, 3), (1, 2, 3), (1, 1, 2, 3), (1, 2, 3, 1), (1, 1, 1, 2, 3)])
+    def test_spare_axes_are_dropped(self, shape):
+        values = np.arange(6.0).reshape(shape)
+        np.testing.assert_array_equal(single_map(values, "depth", "file"), np.arange(6.0).reshape(2, 3))
+
+    @pytest.mark.parametrize(
+        ("values", "words"),
+        [
+            (np.zeros((2, 3, 4)), r"depth of shape \(2, 3, 4\): one map"),
+            (np.full((2, 3), np.nan), "without one finite number"),
+            (np.full((2, 3), 0.9741), r"depth = 0\.9741 for every pixel"),
+        ],
+    )
+    def test_what_says_nothing_is_refused(self, values, words):
+        with pytest.raises(BackendError, match=words):
+            single_map(values, "depth", "file")
+
+    def test_flat_map_may_be_an_answer(self):
+        assert single_map(np.zeros((1, 2, 3)), "sky", "file", may_be_flat=True).shape == (2, 3)
+
+    @pytest.mark.parametrize("values", [np.array(3.0), np.array([3.0]), np.array([[3.0]])])
+    def test_number_comes_in_any_rank(self, values):
+        assert one_number(values, "focal", "file") == 3.0
+
+    @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
+    def test_number_is_above_0(self, value):
+        with pytest.raises(BackendError, match="a number above 0 was expected"):
+            one_number(np.array([value]), "focal", "file")
+
+    def test_depth_that_is_not_known_is_nan(self):
+        with np.errstate(invalid="raise"):
+            found = depth_at(np.array([[1.0, 0.0, -2.0], [np.nan, np.inf, 9.0]], np.float32), 5.0)
+        np.testing.assert_array_equal(found, np.array([[1, np.nan, np.nan], [np.nan, np.nan, np.nan]], np.float32))
+        with pytest.raises(BackendError, match="nothing in this photo nearer than 5 m"):
+            depth_at(np.array([[9.0]], np.float32), 5.0)
+
+    def test_fixed_and_free_sides(self):
+        assert fixed_size((1, 3, 518, 518)) == (518, 518)
+        assert fixed_size(("b", 3, "h", 504)) == (None, 504)
+
+    def test_camera_follows_the_photos_size(self):
+        image, camera = np.zeros((100, 200, 3), np.uint8), Intrinsics.from_focal(300.0, 400, 200)
+        assert known_camera(Hints(intrinsics=camera), image).fx == 150.0
+        assert known_camera(Hints(), image) is None
