@@ -86,6 +86,14 @@ class TestContract:
         path = contract_graph(inputs={"image": IMAGE_IN, "num_tokens": (dtype, shape)})
         assert self.raw(path, np.full((20, 30, 3), 90, np.uint8), tokens=1200).scale == 1200
 
+    def test_large_photo_is_reduced_with_all_of_its_pixels(self, contract_graph):
+        """The graph itself would pick some: stripes of one pixel have to become grey."""
+        stripes = np.zeros((1200, 1600, 3), np.uint8)
+        stripes[:, ::2] = 255
+        points = self.raw(contract_graph(), stripes, tokens=1200).points
+        assert points.shape == (420, 560, 3)
+        assert np.abs(points[:, 2:-2] - 0.5).max() < 0.1
+
     def test_surface_is_where_the_mask_is_above_one_half(self, contract_graph):
         image = np.full((20, 30, 3), 90, np.uint8)
         assert self.raw(contract_graph(mask=0.51), image).mask.all()
