@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,8 @@ from torch import Tensor
 
 from physic_core.body import JOINT_NAMES, PARENTS, load_body
 from physic_core.body.model import BodyModel
+
+sys.path.append(str(Path(__file__).parent))  # other_body.py, which tests of this folder share
 
 NUM_VERTICES, NUM_FACES, RINGS, SEGMENTS = 10475, 20908, 15, 12
 

@@ -1,0 +1,206 @@
+"""A user's SMPL file: agreement with the package that reads it too, pickles that do no harm, and what is refused."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from other_body import make, smpl_file_arrays
+from scipy.sparse import csc_matrix
+from scipy.spatial.transform import Rotation
+
+from physic_core.body.model import BodyModel
+from physic_core.body.smpl_file import load_smpl, read_smpl
+from physic_core.errors import BodyModelError
+
+ADVICE = (
+    "give the path of an official SMPL file, for example SMPL_NEUTRAL.npz or basicmodel_neutral_lbs_10_207_0_v1.1.0.pkl"
+)
+
+
+@pytest.fixture(scope="module")
+def arrays(embedded: BodyModel) -> dict[str, Any]:
+    rng = np.random.default_rng(0)
+    made = smpl_file_arrays(make(embedded, 6890))
+    return {**made, "posedirs": 1e-3 * rng.standard_normal((6890, 3, 207))}
+
+
+@pytest.fixture(scope="module")
+def light(arrays: dict[str, Any]) -> dict[str, Any]:
+    """The same in a small file."""
+    return {**arrays, "posedirs": np.zeros((6890, 3, 207), np.int8)}
+
+
+@pytest.fixture(scope="module")
+def npz(arrays: dict[str, Any], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    path = tmp_path_factory.mktemp("smpl") / "SMPL_NEUTRAL.npz"
+    np.savez(path, **arrays)
+    np.save(path.parent / "kid_template.npy", np.zeros((6890, 3)))
+    yield path
+    path.unlink()
+
+
+class Ch:
+    """What chumpy's arrays are in a pickle."""
+
+    def __init__(self, x: np.ndarray) -> None:
+        self.x = x
+
+
+class Select:
+    """What chumpy's choices are in a pickle."""
+
+    def __init__(self, a: Ch, idxs: np.ndarray, shape: tuple[int, ...]) -> None:
+        self.a, self.idxs, self.preferred_shape = a, idxs, shape
+
+
+@pytest.fixture
+def chumpy(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, kind in (("chumpy.ch", Ch), ("chumpy.reordering", Select)):
+        module = ModuleType(name)
+        setattr(module, kind.__name__, kind)
+        monkeypatch.setitem(sys.modules, name, module)
+        monkeypatch.setattr(kind, "__module__", name)
+    monkeypatch.setitem(sys.modules, "chumpy", ModuleType("chumpy"))
+
+
+def pickled(path: Path, thing: object, protocol: int = 2) -> Path:
+    path.write_bytes(pickle.dumps(thing, protocol=protocol))
+    return path
+
+
+@pytest.mark.parametrize("protocol", [0, 1, 2, 3, 4])
+def test_the_published_pickle_is_read(light: dict[str, Any], chumpy: None, tmp_path: Path, protocol: int) -> None:
+    """Sparse regressor, chumpy's shape directions, a dictionary and words that nobody needs."""
+    shapes = light["shapedirs"]
+    whole = np.concatenate([shapes, shapes + 1], 2)
+    chosen = np.arange(whole.size).reshape(whole.shape)[:, :, :10]
+    published = {
+        **light,
+        "J_regressor": csc_matrix(light["J_regressor"]),
+        "shapedirs": Select(Ch(whole), chosen.ravel(), chosen.shape),
+        "v_template": Ch(light["v_template"]),
+        "pose_training_info": {"gender": "neutral"},
+        "bs_type": "lrotmin",
+    }
+    found = read_smpl(pickled(tmp_path / "SMPL.pkl", published, protocol))
+    for name in ("v_template", "f", "shapedirs", "posedirs", "J_regressor", "weights"):
+        np.testing.assert_array_equal(found[name], light[name])
+    assert found["kintree_table"][0].tolist()[:4] == [-1, 0, 0, 0]
+
+
+def test_agrees_with_smplfitter(npz: Path, arrays: dict[str, Any]) -> None:
+    import torch
+    from smplfitter.pt import BodyModel as Peer
+
+    rng = np.random.default_rng(1)
+    rotvecs, betas, transl = 0.5 * rng.standard_normal((3, 24, 3)), rng.standard_normal((3, 10)), rng.random((3, 3))
+    published = {**arrays, "J_regressor": csc_matrix(arrays["J_regressor"])}
+    pickled(npz.parent / "basicmodel_neutral_lbs_10_207_0_v1.1.0.pkl", published)
+    peer = Peer("smpl", "neutral", model_root=str(npz.parent), num_betas=10)
+    given = (torch.from_numpy(value).float() for value in (rotvecs.reshape(3, 72), betas, transl))
+    theirs = peer(**dict(zip(("pose_rotvecs", "shape_betas", "trans"), given, strict=True)))
+    rotations = Rotation.from_rotvec(rotvecs.reshape(-1, 3)).as_matrix().reshape(3, 24, 3, 3)
+    own = load_smpl(npz)
+    np.testing.assert_allclose(own.vertices(rotations, betas, transl), theirs["vertices"], atol=2e-6)
+    np.testing.assert_allclose(own.smpl_joints(rotations, betas, transl), theirs["joints"], atol=2e-6)
+
+
+def test_zero_is_the_template(npz: Path, arrays: dict[str, Any]) -> None:
+    own, flat = load_smpl(npz), np.broadcast_to(np.eye(3), (1, 24, 3, 3))
+    np.testing.assert_allclose(own.vertices(flat, np.zeros((1, 10)))[0], arrays["v_template"], atol=1e-6)
+    joints = arrays["J_regressor"] @ arrays["v_template"]
+    np.testing.assert_allclose(own.smpl_joints(flat, np.zeros((1, 10)))[0], joints, atol=1e-12)
+    assert own.rest.topology == "smpl"
+
+
+class Harm:
+    """Runs a command when it is unpickled by anybody careless."""
+
+    def __init__(self, call: tuple[Any, ...]) -> None:
+        self.call = call
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return self.call[0], self.call[1:]
+
+
+@pytest.mark.parametrize(
+    ("call", "name"),
+    [
+        ((os.system, "exit 3"), f"{os.system.__module__}.system"),
+        ((eval, "1/0"), "builtins.eval"),
+        ((getattr, "text", "format"), "builtins.getattr"),
+        ((np.fromfile, "/etc/passwd"), "numpy.fromfile"),
+        ((np.load, "x.npy"), "numpy.load"),
+    ],
+)
+@pytest.mark.parametrize("protocol", [2, 4])
+def test_a_pickle_runs_nothing(
+    call: tuple[Any, ...], name: str, protocol: int, light: dict[str, Any], tmp_path: Path
+) -> None:
+    path = pickled(tmp_path / "SMPL.pkl", {**light, "bs_type": Harm(call)}, protocol)
+    with pytest.raises(BodyModelError) as caught:
+        read_smpl(path)
+    told = name.replace("builtins", "__builtin__") if protocol == 2 else name
+    assert str(caught.value) == (
+        f"{path} is a pickle that asks for '{told}', which no SMPL file holds and which could run code: "
+        f"it is not opened; {ADVICE}"
+    )
+
+
+def test_an_npz_runs_nothing(light: dict[str, Any], tmp_path: Path) -> None:
+    path = tmp_path / "SMPL.npz"
+    np.savez(path, **{**light, "weights": np.array(Harm((pytest.fail, "unpickled")), dtype=object)})
+    with pytest.raises(BodyModelError) as caught:
+        read_smpl(path)
+    assert str(caught.value) == f"{path} holds a pickled object where numbers belong: {ADVICE}"
+
+
+def test_refuses_a_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(BodyModelError) as caught:
+        read_smpl(tmp_path / "none.pkl")
+    assert str(caught.value) == f"there is no body model file {tmp_path / 'none.pkl'}: {ADVICE}"
+
+
+@pytest.mark.parametrize("content", [b"", b"not a pickle", b"\x80\x02}q\x00"])
+def test_refuses_what_is_no_pickle(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "SMPL.pkl"
+    path.write_bytes(content)
+    with pytest.raises(BodyModelError) as caught:
+        read_smpl(path)
+    assert str(caught.value) == f"{path} is neither an .npz archive nor a pickle of SMPL: {ADVICE}"
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"v_template": np.zeros((10475, 3))}, " is a SMPL-X file (10475 vertices), not SMPL"),
+        ({"v_template": np.zeros((778, 3))}, " is a MANO file (778 vertices), not SMPL"),
+        ({"weights": np.zeros((6890, 52))}, " is a SMPL+H file (52 joints), not SMPL"),
+        ({"posedirs": np.zeros((6890, 3, 9))}, ": posedirs must be (6890, 3, 207), got (6890, 3, 9)"),
+        ({"shapedirs": np.zeros((6890, 3))}, ": shapedirs must be (6890, 3, 10 or more), got (6890, 3)"),
+        ({"shapedirs": np.zeros((6890, 3, 4))}, ": shapedirs has 4 columns, where SMPL has 10"),
+        ({"kintree_table": np.zeros((2, 24), int)}, ": kintree_table is not the joint tree of SMPL"),
+        ({"f": np.full((13776, 3), "0")}, ": f holds <U1, not numbers"),
+        ({"J_regressor": "none", "weights": None}, " lacks the arrays J_regressor, weights"),
+    ],
+)
+def test_refuses_other_files(change: dict[str, Any], words: str, light: dict[str, Any], tmp_path: Path) -> None:
+    path = pickled(tmp_path / "SMPL.pkl", {**light, **change})
+    with pytest.raises(BodyModelError) as caught:
+        read_smpl(path)
+    assert str(caught.value) == f"{path}{words}: {ADVICE}"
+
+
+def test_refuses_a_list(tmp_path: Path) -> None:
+    path = pickled(tmp_path / "SMPL.pkl", [1, 2])
+    with pytest.raises(BodyModelError) as caught:
+        read_smpl(path)
+    assert str(caught.value) == f"{path} holds a list, not the arrays of a body: {ADVICE}"
