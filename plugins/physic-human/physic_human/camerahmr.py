@@ -21,9 +21,10 @@ from physic_core.devices import check_device
 from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator, Options
 from physic_human.hosting import CheckoutOptions, Host, batches, computing, fill, read_checkpoint, to_numpy
-from physic_human.smpl_rest import SmplBody, open_smpl, smpl_missing
+from physic_human.smpl_rest import open_smpl, posed_bodies, smpl_missing
 
 if TYPE_CHECKING:
+    from physic_core.body.smpl_file import SmplBody
     from physic_core.types import Bodies, FloatArray, Hints, Intrinsics, Keypoints, People, UInt8Array
 
 __all__ = ["CameraHmr", "CameraHmrOptions"]
@@ -153,7 +154,7 @@ class CameraHmr(BodyEstimator):
             for to, what in zip((rotations, betas, weak), one, strict=True):
                 to.append(what)
         place = translation_of_crop(np.concatenate(weak), centres, sides, intrinsics)
-        return body.bodies(np.concatenate(rotations), np.concatenate(betas), place)
+        return posed_bodies(body, np.concatenate(rotations), np.concatenate(betas), place)
 
     def _crop(self, image: UInt8Array, box: FloatArray) -> FloatArray:
         """(1, 3, 256, 256), black outside of the image."""

@@ -38,7 +38,7 @@ class HamerOptions(CheckoutOptions):
 
     weights: str = Field(
         default="hamer",
-        description="a name of `physic weights list`, or the folder _DATA of hamer_demo_data.tar.gz with your MANO file",
+        description="a name of `physic weights list`, or the folder _DATA of hamer_demo_data.tar.gz and MANO",
     )
     least_confidence: float = Field(default=0.5, ge=0, le=1, description="of a hand's keypoints")
     least_size_px: float = Field(default=24.0, ge=0, description="longer side of a hand; fingers below are a guess")

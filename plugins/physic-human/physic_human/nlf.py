@@ -7,6 +7,7 @@ is never called.
 from __future__ import annotations
 
 import logging
+import warnings
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
@@ -103,7 +104,9 @@ class Nlf(BodyEstimator):
         import torch
 
         try:
-            network = torch.jit.load(str(path), map_location=device)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", DeprecationWarning)  # of TorchScript as a whole: NLF is in nothing else
+                network = torch.jit.load(str(path), map_location=device)
         except Exception as error:  # whatever a file can be instead
             raise BackendError(
                 f"{path} cannot be read as TorchScript: {type(error).__name__}: {error}; "
@@ -194,7 +197,8 @@ class Nlf(BodyEstimator):
 
             rest = body.kinematics.rest_joints(tensor(np.concatenate([found["betas"], expression], axis=1)))
             transl = joints[:, 0] - rest[:, 0].numpy()
-            mesh = Mesh("smplx", found["vertices3d"] / _MM, body.faces.numpy().astype(np.int32))
+            faces, t_pose = body.faces.numpy().astype(np.int32), body(*body.zero_pose()).vertices[0].numpy()
+            mesh = Mesh("smplx", found["vertices3d"] / _MM, faces, t_pose)
         bodies = Bodies(parameters_of(rotvecs, found["betas"], transl, expression), "smplx", joints=joints, mesh=mesh)
         if body is not None and not self._checked:
             _check_rebuilt(body, bodies, found["vertices3d"] / _MM)

@@ -95,6 +95,13 @@ def test_unidepths_own_camera_comes_back_in_the_centres_of_pixels(unidepth: UniD
     assert found.intrinsics.source == "UniDepth V2"
 
 
+def test_a_camera_that_is_only_a_default_is_not_told(unidepth: UniDepth) -> None:
+    camera = Intrinsics(500.0, 500.0, 31.5, 23.5, 64, 48, "default: 60 degrees")
+    found = unidepth.infer(np.zeros((48, 64, 3), np.uint8), Hints(intrinsics=camera))
+    assert found.intrinsics is not None
+    assert found.intrinsics.fx == 400
+
+
 def test_the_given_camera_is_not_written_into(unidepth: UniDepth) -> None:
     camera = Intrinsics(500.0, 500.0, 31.5, 23.5, 64, 48)
     for _ in range(2):

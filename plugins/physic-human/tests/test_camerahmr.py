@@ -1,0 +1,269 @@
+"""CameraHMR: crops, channels, cameras, checkpoints, and the whole kit with a perfect network."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from physic_core.devices import check_device
+from physic_core.errors import BackendError
+from physic_core.testing.conformance import parametrize_with_checks
+from physic_core.testing.worlds import World, build_world
+from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People
+from physic_human.camerahmr import CameraHmr, CameraHmrOptions
+from physic_human.smpl_rest import open_smpl
+
+from .seen import coordinates, normalised_back, pixels, place_of, smpl_arrays, smpl_pose, world_of
+
+KEYPOINTS = Keypoints(np.zeros((2, 17, 2)), np.zeros((2, 17)), "coco17")
+CAMERA = Intrinsics(500.0, 500.0, 140.0, 105.0, 300, 200)
+
+CHECKOUT = {
+    "core/constants.py": "SMPL_MEAN_PARAMS_FILE = 'data/chmr/smpl_mean_params.npz'\nNUM_POSE_PARAMS = 23\n",
+    "core/heads/smpl_head_cliff.py": """
+import pathlib
+from ..constants import SMPL_MEAN_PARAMS_FILE
+assert pathlib.Path(SMPL_MEAN_PARAMS_FILE).is_file(), SMPL_MEAN_PARAMS_FILE
+""",
+    "core/camerahmr_model.py": """
+import torch
+from .heads import smpl_head_cliff
+
+class CameraHMR(torch.nn.Module):
+    def __init__(self):
+        super().__init__()
+        self.gain = torch.nn.Parameter(torch.zeros(1))
+        self.seen = []
+
+    def forward(self, batch):
+        self.seen.append({key: value.numpy().copy() for key, value in batch.items()})
+        count = len(batch["img"])
+        eye = torch.eye(3).expand(count, 24, 3, 3)
+        parameters = {"global_orient": eye[:, :1], "body_pose": eye[:, 1:], "betas": self.gain * torch.ones(count, 10)}
+        return parameters, torch.tensor([[0.9, 0.05, -0.1]]).expand(count, 3), batch["cam_int"][:, 0, 0]
+""",
+    "core/cam_model/fl_net.py": """
+import torch
+
+class FLNet(torch.nn.Module):
+    def __init__(self):
+        super().__init__()
+        self.gain = torch.nn.Parameter(torch.zeros(1))
+
+    def forward(self, images):
+        self.seen = images.numpy().copy()
+        return torch.tensor([[0.9, 0.8]]) * self.gain, torch.zeros(1, 720)
+""",
+}
+
+
+def people() -> People:
+    boxes = np.array([[100.0, 40, 140, 140], [200.0, 60, 260, 100]])
+    return People(np.zeros((2, 200, 300), bool), boxes, np.ones(2))
+
+
+@pytest.fixture
+def made(stub: Callable[..., Path], tmp_path: Path, smpl_file: Path) -> Callable[..., CameraHmr]:
+    checkout, files = stub("chmr", CHECKOUT), tmp_path / "files"
+    files.mkdir()
+    state = {"gain": torch.ones(1), "smpl.faces": torch.zeros(3)}
+    torch.save({"state_dict": state}, files / "camerahmr_checkpoint_cleaned.ckpt")
+    torch.save({"state_dict": {"gain": torch.ones(1)}}, files / "cam_model_cleaned.ckpt")
+    (files / "smpl_mean_params.npz").write_bytes(b"")
+
+    def make(**options: Any) -> CameraHmr:
+        given = {"checkout": str(checkout), "weights": str(files), "smpl_file": str(smpl_file)} | options
+        backend = CameraHmr(CameraHmrOptions(**given))
+        assert all("pip install" in line for line in backend.missing())
+        backend.load()
+        return backend
+
+    return make
+
+
+def ask(backend: CameraHmr, image: np.ndarray | None = None, camera: Intrinsics = CAMERA) -> Bodies:
+    shown = coordinates(200, 300) if image is None else image
+    return backend.infer(shown, people(), camera, KEYPOINTS, Hints())
+
+
+def test_crops_are_squares_of_the_longer_side_and_red_comes_first(made: Callable[..., CameraHmr]) -> None:
+    backend = made()
+    ask(backend)
+    seen = backend._host.network.seen[0]
+    for crop, middle, side in zip(seen["img"], [[119.5, 89.5], [229.5, 79.5]], [100, 60], strict=True):
+        place = place_of(normalised_back(crop), 200, 300)
+        assert not place.mirrored
+        np.testing.assert_allclose(place.at(0.5), middle, atol=0.8)
+        np.testing.assert_allclose(256 * place.step, side, rtol=0.02)
+    np.testing.assert_allclose(seen["box_size"], [100, 60])
+
+
+def test_channels_can_be_exchanged_to_compare(made: Callable[..., CameraHmr]) -> None:
+    backend = made(channels="bgr")
+    image = np.zeros((200, 300, 3), np.uint8)
+    image[:] = [200, 100, 10]
+    ask(backend, image)
+    crop = normalised_back(backend._host.network.seen[0]["img"][0])
+    np.testing.assert_allclose(crop[128, 128], [10, 100, 200], atol=0.6)
+
+
+def test_what_is_outside_of_the_photo_is_black(made: Callable[..., CameraHmr]) -> None:
+    backend = made()
+    who = People(np.zeros((1, 200, 300), bool), np.array([[0.0, 150, 60, 200]]), np.ones(1))
+    backend.infer(np.full((200, 300, 3), 255, np.uint8), who, CAMERA, KEYPOINTS, Hints())
+    crop = normalised_back(backend._host.network.seen[0]["img"][0])
+    np.testing.assert_allclose(crop[250, 128], 0, atol=0.6)
+    np.testing.assert_allclose(crop[128, 128], 255, atol=0.6)
+
+
+def test_it_is_told_the_given_camera_and_where_boxes_lie_about_its_principal_point(
+    made: Callable[..., CameraHmr],
+) -> None:
+    backend = made()
+    ask(backend)
+    seen = backend._host.network.seen[0]
+    np.testing.assert_allclose(seen["cam_int"][:, 0, 0], 500)
+    np.testing.assert_allclose(seen["img_size"], [[200, 300]] * 2)
+    # What it computes is box_center - img_size / 2.
+    np.testing.assert_allclose(seen["box_center"][0] - [150, 100], [119.5 - 140, 89.5 - 105], atol=1e-4)
+
+
+def test_bodies_are_seen_where_the_crop_has_them(made: Callable[..., CameraHmr], smpl_file: Path) -> None:
+    bodies = ask(made())
+    s, tx, ty = 0.9, 0.05, -0.1
+    place = bodies.parameters.transl[0]
+    np.testing.assert_allclose(place[2], 2 * 500 / (100 * s), rtol=1e-5)
+    seen = 500 * place[:2] / place[2] + [140, 105]
+    np.testing.assert_allclose(seen, [119.5 + 50 * s * tx, 89.5 + 50 * s * ty], rtol=1e-5)
+    assert bodies.body_model == "smpl"
+    assert bodies.joints is not None
+    assert bodies.mesh is not None
+    pelvis = smpl_arrays()["J_regressor"][0] @ smpl_arrays()["v_template"]
+    assert np.linalg.norm(bodies.joints[0, 0] - place - pelvis) < 0.06  # betas of 1 make the body 5 % larger
+    assert np.isnan(bodies.joints[:, 22:]).all()
+    assert bodies.mesh.rest is not None
+    np.testing.assert_allclose(bodies.mesh.rest, smpl_arrays()["v_template"], atol=1e-6)
+
+
+def test_its_own_focal_length_goes_to_the_network_and_not_to_the_place(made: Callable[..., CameraHmr]) -> None:
+    backend = made(focal="own", focal_channels="bgr")
+    image = np.zeros((200, 300, 3), np.uint8)
+    image[:] = [200, 100, 10]
+    bodies = ask(backend, image)
+    np.testing.assert_allclose(backend._host.network.seen[0]["cam_int"][0, 0, 0], 200 / (2 * np.tan(0.4)), rtol=1e-5)
+    np.testing.assert_allclose(bodies.parameters.transl[0, 2], 2 * 500 / (100 * 0.9), rtol=1e-5)
+    seen = normalised_back(backend._focal_network.seen[0])
+    np.testing.assert_allclose(seen[128, 128], [10, 100, 200], atol=0.6)
+    np.testing.assert_allclose(seen[10, 128], 255, atol=0.6)  # letterboxed on white
+    np.testing.assert_allclose(backend._host.network.seen[0]["img"][0], _rgb(image), atol=0.05)
+
+
+def _rgb(image: np.ndarray) -> np.ndarray:
+    from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, planes
+
+    return np.asarray(planes(np.full((256, 256, 3), image[0, 0], np.uint8), IMAGENET_MEAN, IMAGENET_STD)[0])
+
+
+def test_people_come_in_batches(made: Callable[..., CameraHmr]) -> None:
+    backend = made(batch=1)
+    bodies = ask(backend)
+    assert [len(seen["img"]) for seen in backend._host.network.seen] == [1, 1]
+    assert len(bodies.parameters) == 2
+
+
+def test_what_is_missing_is_said(tmp_path: Path) -> None:
+    lacking = "\n".join(CameraHmr(CameraHmrOptions(checkout=str(tmp_path))).missing())
+    assert "is no checkout of CameraHMR, for it has no core/camerahmr_model.py" in lacking
+    assert "register at https://camerahmr.is.tue.mpg.de" in lacking
+    assert "the SMPL model is not given: set smpl_file" in lacking
+
+
+def test_a_field_of_view_that_is_none_is_refused(made: Callable[..., CameraHmr]) -> None:
+    backend = made(focal="own")
+    with torch.no_grad():
+        backend._focal_network.gain.fill_(0)
+    with pytest.raises(BackendError, match="sees a vertical field of view of 0 rad"):
+        ask(backend)
+
+
+class PerfectHmr:
+    """Knows the body that a crop shows, and where it is in weak perspective of that crop."""
+
+    def __init__(self, pelvis: np.ndarray) -> None:
+        self.pelvis = pelvis
+        self.world: World | None = None
+        self.size = (1, 1)
+
+    def __call__(self, batch: dict[str, torch.Tensor]) -> tuple[Any, ...]:
+        focal = batch["cam_int"][:, 0, 0].numpy()
+        told = [self.one(crop, f) for crop, f in zip(batch["img"].numpy(), focal, strict=True)]
+        turns, weak = (torch.from_numpy(np.stack(part)).float() for part in zip(*told, strict=True))
+        parameters = {"global_orient": turns[:, :1], "body_pose": turns[:, 1:], "betas": torch.zeros(len(weak), 10)}
+        return parameters, weak, batch["cam_int"][:, 0, 0]
+
+    def one(self, crop: np.ndarray, focal: float) -> tuple[np.ndarray, np.ndarray]:
+        place = place_of(normalised_back(crop), *self.size)
+        if self.world is None:
+            return np.tile(np.diag([1.0, -1, -1]), (24, 1, 1)), np.array([0.9, 0, 0])
+        middles = (self.world.boxes[:, :2] + self.world.boxes[:, 2:]) / 2
+        row = int(np.linalg.norm(middles - place.at(0.5), axis=1).argmin())
+        side, middle = 256 * place.step[1], place.at(0.5)
+        origin = self.world.joints[row, 0].astype(float) - self.pelvis
+        scale = 2 * focal / (side * origin[2])
+        offset = (pixels(origin, self.world) - middle) / (side / 2) / scale
+        return Rotation.from_rotvec(smpl_pose(self.world)[row]).as_matrix(), np.array([scale, *offset])
+
+
+class ToldHmr(CameraHmr):
+    def missing(self) -> tuple[str, ...]:
+        return ()
+
+    def load(self, device: str = "cpu") -> None:
+        check_device(device)
+        self._body = open_smpl(self.options.smpl_file)
+        self._host.network = PerfectHmr(smpl_arrays()["J_regressor"][0] @ smpl_arrays()["v_template"])
+
+    def infer(
+        self, image: np.ndarray, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
+    ) -> Bodies:
+        if self._host.network is not None:
+            self._host.network.world = world_of(image)
+            self._host.network.size = image.shape[:2]
+        shown = coordinates(*image.shape[:2]) if image.shape[2:] == (3,) and image.dtype == np.uint8 else image
+        return super().infer(shown, people, intrinsics, keypoints, hints)
+
+
+OPTIONS: dict[str, str] = {}
+"""Filled by the fixture of the made-up file."""
+
+
+@parametrize_with_checks("body_estimator", ToldHmr, options=lambda world: OPTIONS)
+def test_camerahmr_conforms(check: Callable[[], None], smpl_file: Path) -> None:
+    OPTIONS["smpl_file"] = str(smpl_file)
+    check()
+
+
+def test_a_perfect_network_gives_the_bodies(smpl_file: Path) -> None:
+    from physic_core.body import load_body
+    from physic_core.body.conversion import to_model
+    from physic_core.body.parameters import rotations_from_parameters
+
+    world, model = build_world("walk"), load_body("embedded")
+    backend = ToldHmr(CameraHmrOptions(smpl_file=str(smpl_file)))
+    backend.load()
+    who = People(world.masks, world.boxes, np.ones(len(world.masks)))
+    given = backend.infer(world.image, who, world.intrinsics, KEYPOINTS, Hints())
+    assert given.joints is not None
+    assert 1000 * np.linalg.norm(given.joints - world.joints, axis=2)[:, :22].mean() < 40  # its shape is the mean one
+    found = to_model(given, model).parameters
+    rotations = rotations_from_parameters(found)
+    posed = model(rotations, torch.from_numpy(found.betas), torch.from_numpy(found.transl)).joints.numpy()
+    apart = 1000 * np.linalg.norm(posed - world.joints, axis=2)[:, :22].mean()
+    print(f"joints {apart:.0f} mm off")
+    assert apart < 45

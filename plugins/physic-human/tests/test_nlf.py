@@ -1,0 +1,298 @@
+"""NLF: a TorchScript file with its methods, run for real, and the whole kit with perfect networks."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from physic_core.devices import check_device
+from physic_core.errors import BackendError
+from physic_core.testing.conformance import parametrize_with_checks
+from physic_core.testing.worlds import build_world
+from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People
+from physic_human.nlf import Nlf, NlfOptions
+
+from .seen import smpl_pose, world_of
+
+CAMERA = Intrinsics(500.0, 510.0, 30.0, 20.0, 64, 48)
+BOXES = np.array([[10.0, 5, 30, 45], [40.0, 10, 60, 40]])
+KEYPOINTS = Keypoints(np.zeros((2, 17, 2)), np.zeros((2, 17)), "coco17")
+
+
+class TinyNlf(torch.nn.Module):
+    """The published signature; answers tell what came in, in their joints."""
+
+    def __init__(self, relative: bool, joints: int) -> None:
+        super().__init__()
+        self.relative, self.joints = relative, joints
+
+    @torch.jit.export
+    def estimate_smpl_batched(
+        self,
+        images: torch.Tensor,
+        boxes: list[torch.Tensor],
+        intrinsic_matrix: torch.Tensor | None = None,
+        distortion_coeffs: torch.Tensor | None = None,
+        extrinsic_matrix: torch.Tensor | None = None,
+        world_up_vector: torch.Tensor | None = None,
+        default_fov_degrees: float = 55.0,
+        internal_batch_size: int = 64,
+        antialias_factor: int = 1,
+        num_aug: int = 1,
+        rot_aug_max_degrees: float = 25.0,
+        beta_regularizer: float = 10.0,
+        beta_regularizer2: float = 0.0,
+        model_name: str = "smpl",
+    ) -> dict[str, list[torch.Tensor]]:
+        assert images.dtype == torch.uint8 and images.dim() == 4 and images.shape[1] == 3
+        assert model_name == ("smplx" if self.joints == 55 else "smpl")
+        assert intrinsic_matrix is not None
+        count = boxes[0].shape[0]
+        assert count > 0
+        joints = torch.zeros(count, self.joints, 3)
+        joints[:, 0] = torch.tensor([100.0, -250.0, 3000.0])
+        joints[:, 1] = boxes[0][:, :3]
+        joints[:, 2, 0] = boxes[0][:, 3]
+        joints[:, 2, 1] = intrinsic_matrix[0, 0, 0]
+        joints[:, 2, 2] = intrinsic_matrix[0, 0, 2]
+        joints[:, 3] = images[0].float().mean(dim=[1, 2])
+        joints[:, 4] = torch.tensor([beta_regularizer, beta_regularizer2, float(num_aug)])
+        joints[:, 5, 0] = float(internal_batch_size)
+        pose = torch.zeros(count, 3 * self.joints)
+        pose[:, 3] = 0.3
+        pose[:, 3 * self.joints - 1] = 0.7
+        points = torch.full((count, 1024, 3), 10.0) + torch.tensor([90.0, 0.0, 2900.0])
+        few = torch.full((count, self.joints, 3), 10.0) + torch.tensor([90.0, 0.0, 2900.0])
+        trans = torch.tensor([[0.1, 0.05, 3.0]]).expand(count, 3)
+        if self.relative:
+            trans = trans - torch.tensor([0.1, 0.01, 2.91])
+        return {
+            "boxes": [torch.cat([boxes[0], torch.ones(count, 1)], 1)],
+            "pose": [pose],
+            "betas": [torch.full((count, 10), 0.25)],
+            "trans": [trans],
+            "joints3d": [joints],
+            "vertices3d": [torch.zeros(count, 10475, 3)],
+            "joints3d_nonparam": [few],
+            "vertices3d_nonparam": [points],
+        }
+
+
+def script(folder: Path, relative: bool = False, joints: int = 55) -> str:
+    return save(TinyNlf(relative, joints), folder / "nlf.torchscript")
+
+
+def save(network: torch.nn.Module, path: Path) -> str:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of TorchScript as a whole
+        torch.jit.script(network).save(str(path))
+    return str(path)
+
+
+def people(boxes: np.ndarray = BOXES) -> People:
+    return People(np.zeros((len(boxes), 48, 64), bool), boxes, np.ones(len(boxes)))
+
+
+def ask(backend: Nlf, image: np.ndarray | None = None, who: People | None = None) -> Bodies:
+    shown = np.zeros((48, 64, 3), np.uint8) if image is None else image
+    return backend.infer(shown, people() if who is None else who, CAMERA, KEYPOINTS, Hints())
+
+
+@pytest.fixture
+def nlf(tmp_path: Path, torchvision: ModuleType) -> Nlf:
+    backend = Nlf(NlfOptions(weights=script(tmp_path), augmentations=3, beta_regularizer=1.5, batch=7))
+    backend.load()
+    return backend
+
+
+def test_boxes_go_in_as_left_top_width_height(nlf: Nlf) -> None:
+    joints = ask(nlf).joints
+    assert joints is not None
+    np.testing.assert_allclose(1000 * joints[:, 1], [[10, 5, 20], [40, 10, 20]], rtol=1e-5)
+    np.testing.assert_allclose(1000 * joints[:, 2, 0], [40, 30], rtol=1e-5)
+
+
+def test_the_camera_goes_in(nlf: Nlf) -> None:
+    joints = ask(nlf).joints
+    assert joints is not None
+    np.testing.assert_allclose(1000 * joints[0, 2, 1:], [500, 30], rtol=1e-5)
+
+
+def test_the_photo_goes_in_as_grey_levels_red_first(nlf: Nlf) -> None:
+    image = np.zeros((48, 64, 3), np.uint8)
+    image[:] = [200, 100, 10]
+    joints = ask(nlf, image).joints
+    assert joints is not None
+    np.testing.assert_allclose(1000 * joints[0, 3], [200, 100, 10], rtol=1e-5)
+
+
+def test_settings_go_in(nlf: Nlf) -> None:
+    joints = ask(nlf).joints
+    assert joints is not None
+    np.testing.assert_allclose(1000 * joints[0, 4], [1.5, 0, 3], rtol=1e-5)
+    np.testing.assert_allclose(1000 * joints[0, 5, 0], 7, rtol=1e-5)
+
+
+def test_millimetres_become_metres_and_poses_land_in_their_fields(nlf: Nlf) -> None:
+    bodies = ask(nlf)
+    assert bodies.body_model == "smplx"
+    assert bodies.joints is not None
+    np.testing.assert_allclose(bodies.joints[:, 0], [[0.1, -0.25, 3.0]] * 2, rtol=1e-5)
+    np.testing.assert_allclose(bodies.parameters.transl, [[0.1, 0.05, 3.0]] * 2, rtol=1e-5)
+    assert bodies.parameters.body_pose[0, 0] == pytest.approx(0.3)
+    assert bodies.parameters.right_hand_pose[0, 44] == pytest.approx(0.7)
+    assert bodies.parameters.betas.shape == (2, 10)
+    assert bodies.parameters.expression.shape == (2, 10)
+
+
+def test_translations_of_old_files_get_their_middle_back(tmp_path: Path, torchvision: ModuleType) -> None:
+    backend = Nlf(NlfOptions(weights=script(tmp_path, relative=True)))
+    backend.load()
+    np.testing.assert_allclose(ask(backend).parameters.transl, [[0.1, 0.05, 3.0]] * 2, rtol=1e-4)
+
+
+def test_smpl_drops_the_hands_and_keeps_the_joints(tmp_path: Path, torchvision: ModuleType) -> None:
+    backend = Nlf(NlfOptions(weights=script(tmp_path, joints=24), body="smpl"))
+    backend.load()
+    bodies = ask(backend)
+    assert bodies.body_model == "smpl"
+    assert bodies.joints is not None
+    np.testing.assert_allclose(bodies.joints[0, 0], [0.1, -0.25, 3.0], rtol=1e-5)
+    assert np.isnan(bodies.joints[:, 22:]).all()
+
+
+def test_nobody_is_not_asked_about(nlf: Nlf) -> None:
+    bodies = ask(nlf, who=people(np.zeros((0, 4))))
+    assert len(bodies.parameters) == 0
+    assert bodies.body_model == "smplx"
+
+
+def test_torchvision_comes_before_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Broken:
+        def find_spec(self, name: str, path: object = None, target: object = None) -> None:
+            if name == "torchvision":
+                raise RuntimeError("operator torchvision::nms does not exist")
+
+    monkeypatch.delitem(sys.modules, "torchvision", raising=False)
+    monkeypatch.setattr(sys, "meta_path", [Broken(), *sys.meta_path])
+    backend = Nlf(NlfOptions(weights=script(tmp_path)))
+    said = r"NLF needs torchvision.*the build that fits your torch \(RuntimeError: operator torchvision::nms"
+    with pytest.raises(BackendError, match=said):
+        backend.load()
+
+
+def test_what_is_missing_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    lacking = Nlf(NlfOptions(weights=str(tmp_path / "no.torchscript"), smplx_file="no.npz")).missing()
+    assert len(lacking) == 3
+    assert "no.torchscript" in lacking[0]
+    assert "pip install torchvision" in lacking[1]
+    assert "set smplx_file to your SMPLX_NEUTRAL.npz" in lacking[2]
+
+
+def test_other_files_are_refused(tmp_path: Path, torchvision: ModuleType) -> None:
+    (tmp_path / "junk.torchscript").write_bytes(b"no model")
+    with pytest.raises(BackendError, match="cannot be read as TorchScript"):
+        Nlf(NlfOptions(weights=str(tmp_path / "junk.torchscript"))).load()
+    save(torch.nn.Linear(1, 1), tmp_path / "other.torchscript")
+    with pytest.raises(BackendError, match="is no multi-person NLF"):
+        Nlf(NlfOptions(weights=str(tmp_path / "other.torchscript"))).load()
+    wrong = Nlf(NlfOptions(weights=script(tmp_path, joints=24), body="smplx"))
+    wrong.load()
+    with pytest.raises(Exception, match="AssertionError"):
+        ask(wrong)
+
+
+def test_only_numbers_are_no_answer(nlf: Nlf) -> None:
+    class Broken:
+        def estimate_smpl_batched(self, images: torch.Tensor, boxes: Any, **rest: Any) -> dict[str, Any]:
+            nan = float("nan")
+            return {
+                "pose": [torch.full((2, 165), nan)],
+                "betas": [torch.full((2, 10), nan)],
+                "trans": [torch.full((2, 3), nan)],
+                "joints3d": [torch.full((2, 55, 3), nan)],
+            }
+
+    nlf._network = Broken()
+    with pytest.raises(BackendError, match="float16, which some GPUs"):
+        ask(nlf)
+
+
+class PerfectNlf:
+    """Knows the bodies of the world in the picture; a longer lens than the true one puts them farther away."""
+
+    def estimate_parametric_batched(
+        self, images: torch.Tensor, boxes: list[torch.Tensor], intrinsic_matrix: torch.Tensor, **rest: Any
+    ) -> dict[str, list[torch.Tensor]]:
+        image = images[0].numpy().transpose(1, 2, 0)
+        world = world_of(image)
+        ltwh, smpl = boxes[0].numpy(), rest["model_name"] == "smpl"
+        count, joints = len(ltwh), 24 if smpl else 55
+        if world is None:
+            place = np.tile([0.0, 0.0, 4.0], (count, 1))
+            offsets = np.linspace([0, -0.7, 0], [0, 0.7, 0], joints)
+            return self._answer(np.zeros((count, joints, 3)), place, place[:, None] + offsets)
+        corners = np.concatenate([ltwh[:, :2], ltwh[:, :2] + ltwh[:, 2:]], axis=1)
+        rows = [int(np.abs(world.boxes - box).sum(axis=1).argmin()) for box in corners]
+        true = world.joints[rows].astype(float)
+        k = intrinsic_matrix[0].numpy()
+        moved = true[:, 0].copy()
+        moved[:, 2] *= k[0, 0] / world.intrinsics.fx
+        uv = true[:, 0, :2] / true[:, 0, 2:] * world.intrinsics.fx + [world.intrinsics.cx, world.intrinsics.cy]
+        moved[:, :2] = (uv - k[:2, 2]) * moved[:, 2:] / k[0, 0]
+        shown = true + (moved - true[:, 0])[:, None]
+        pose = np.zeros((count, joints, 3))
+        pose[:, :22] = smpl_pose(world)[rows][:, :22]
+        if not smpl:
+            p = world.parameters
+            pose[:, 25:] = np.concatenate([p.left_hand_pose, p.right_hand_pose], axis=1).reshape(-1, 30, 3)[rows]
+        given = np.concatenate([shown[:, :22], shown[:, [28, 43]]], axis=1) if smpl else shown
+        return self._answer(pose, moved + [0, 0.2, 0], given)
+
+    @staticmethod
+    def _answer(pose: np.ndarray, transl: np.ndarray, joints: np.ndarray) -> dict[str, list[torch.Tensor]]:
+        told = {
+            "pose": pose.reshape(len(pose), -1),
+            "betas": np.zeros((len(pose), 10)),
+            "trans": transl,
+            "joints3d": 1000 * joints,
+        }
+        return {key: [torch.from_numpy(value).float()] for key, value in told.items()}
+
+
+class ToldNlf(Nlf):
+    def missing(self) -> tuple[str, ...]:
+        return ()
+
+    def load(self, device: str = "cpu") -> None:
+        check_device(device)
+        self._network = PerfectNlf()
+
+
+@parametrize_with_checks("body_estimator", ToldNlf)
+def test_nlf_conforms(check: Callable[[], None]) -> None:
+    check()
+
+
+@parametrize_with_checks("body_estimator", ToldNlf, options={"body": "smpl"})
+def test_nlf_with_smpl_conforms(check: Callable[[], None]) -> None:
+    check()
+
+
+def test_a_perfect_network_puts_joints_where_they_are() -> None:
+    world = build_world("walk")
+    backend = ToldNlf()
+    backend.load()
+    who = People(world.masks, world.boxes, np.ones(len(world.masks)))
+    found = backend.infer(world.image, who, world.intrinsics, KEYPOINTS, Hints())
+    assert found.joints is not None
+    np.testing.assert_allclose(found.joints, world.joints, atol=1e-3)

@@ -1,0 +1,213 @@
+"""SAM 3D Body: what its estimator is given, which keypoint is which joint, and the whole kit with a perfect one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from physic_core.body.joints import JOINT_INDEX
+from physic_core.devices import check_device
+from physic_core.errors import BackendError, DeviceError
+from physic_core.testing.conformance import parametrize_with_checks
+from physic_core.testing.worlds import build_world
+from physic_core.types import Hints, Intrinsics, Keypoints, People
+from physic_human.sam3d_body import JOINTS_OF_KEYPOINTS, Sam3dBody, Sam3dBodyOptions, joints_of_keypoints
+
+from .seen import world_of
+
+CAMERA = Intrinsics(500.0, 510.0, 30.0, 20.0, 64, 48)
+KEYPOINTS = Keypoints(np.zeros((2, 17, 2)), np.zeros((2, 17)), "coco17")
+
+CHECKOUT = """
+import pathlib
+import numpy as np
+
+class Network:
+    pass
+
+def load_sam_3d_body(checkpoint_path="", device="cuda", mhr_path=""):
+    assert pathlib.Path(checkpoint_path).is_file() and pathlib.Path(mhr_path).is_file()
+    print("Loading SAM 3D Body model...")
+    network = Network()
+    network.device = device
+    return network, {"a": "config"}
+
+class SAM3DBodyEstimator:
+    def __init__(self, sam_3d_body_model, model_cfg, human_detector=None, human_segmentor=None, fov_estimator=None):
+        self.model, self.cfg = sam_3d_body_model, model_cfg
+        self.faces = np.array([[0, 1, 2]])
+        self.asked = []
+
+    def process_one_image(self, img, bboxes=None, masks=None, cam_int=None, det_cat_id=0, bbox_thr=0.5, nms_thr=0.3,
+                          use_mask=False):
+        print("####### Please make sure the input image is in RGB format")
+        height, width = img.shape[:2]
+        if masks is not None:
+            masks = masks.reshape(-1, height, width, 1).astype(np.uint8)
+        self.asked.append((img.copy(), bboxes.copy(), masks, cam_int.clone()))
+        return [
+            {
+                "pred_vertices": np.full((5, 3), 0.5, np.float32),
+                "pred_cam_t": np.array([box[0], box[1], 1000.0], np.float32) / 1000,
+                "pred_keypoints_3d": np.arange(210, dtype=np.float32).reshape(70, 3),
+                "pred_keypoints_2d": np.zeros((70, 2)),
+                "focal_length": 500.0,
+                "shape_params": np.zeros(45),
+            }
+            for box in bboxes
+        ]
+"""
+
+# Names of the 70 keypoints as the project lists them, and the joints of SMPL-X that mean the same.
+NAMES = {
+    1: "left_eye", 2: "right_eye", 5: "left_shoulder", 6: "right_shoulder", 7: "left_elbow", 8: "right_elbow",
+    9: "left_hip", 10: "right_hip", 11: "left_knee", 12: "right_knee", 13: "left_ankle", 14: "right_ankle",
+    22: "right_thumb3", 23: "right_thumb2", 24: "right_thumb1", 26: "right_index3", 27: "right_index2",
+    28: "right_index1", 30: "right_middle3", 31: "right_middle2", 32: "right_middle1", 34: "right_ring3",
+    35: "right_ring2", 36: "right_ring1", 38: "right_pinky3", 39: "right_pinky2", 40: "right_pinky1",
+    41: "right_wrist", 43: "left_thumb3", 44: "left_thumb2", 45: "left_thumb1", 47: "left_index3",
+    48: "left_index2", 49: "left_index1", 51: "left_middle3", 52: "left_middle2", 53: "left_middle1",
+    55: "left_ring3", 56: "left_ring2", 57: "left_ring1", 59: "left_pinky3", 60: "left_pinky2",
+    61: "left_pinky1", 62: "left_wrist",
+}  # fmt: skip
+
+
+def people(count: int = 2) -> People:
+    boxes = np.array([[10.0, 5, 30, 45], [40.0, 10, 60, 40]])[:count]
+    masks = np.zeros((count, 48, 64), bool)
+    masks[:1, 5:45, 10:30] = True
+    return People(masks, boxes, np.ones(count))
+
+
+@pytest.fixture
+def sam(stub: Callable[..., Path], tmp_path: Path) -> Sam3dBody:
+    files = tmp_path / "files"
+    for name in ("model.ckpt", "model_config.yaml", "assets/mhr_model.pt"):
+        (files / name).parent.mkdir(parents=True, exist_ok=True)
+        (files / name).write_bytes(b"")
+    checkout = stub("sam", {"sam_3d_body/__init__.py": CHECKOUT})
+    backend = Sam3dBody(Sam3dBodyOptions(checkout=str(checkout), weights=str(files), batch=1))
+    backend._build("cpu")
+    return backend
+
+
+def test_it_is_given_boxes_the_camera_and_red_first(sam: Sam3dBody, capsys: pytest.CaptureFixture[str]) -> None:
+    image = np.zeros((48, 64, 3), np.uint8)
+    image[:] = [200, 100, 10]
+    sam.infer(image, people(), CAMERA, KEYPOINTS, Hints())
+    asked = sam._host.network.asked
+    assert len(asked) == 2
+    np.testing.assert_array_equal(asked[0][0][0, 0], [200, 100, 10])
+    np.testing.assert_array_equal(asked[0][1], [[10, 5, 30, 45]])
+    assert asked[0][2] is None
+    np.testing.assert_allclose(asked[1][3], [[[500, 0, 30], [0, 510, 20], [0, 0, 1]]])
+    assert capsys.readouterr().out == ""
+
+
+def test_masks_are_given_where_asked_for(sam: Sam3dBody) -> None:
+    sam.options = sam.options.model_copy(update={"use_masks": True})
+    sam.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, KEYPOINTS, Hints())
+    mask = sam._host.network.asked[0][2]
+    assert mask.shape == (1, 48, 64, 1)
+    assert mask.sum() == 800
+
+
+def test_the_translation_is_added_to_surface_and_joints(sam: Sam3dBody) -> None:
+    bodies = sam.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, KEYPOINTS, Hints())
+    assert bodies.body_model == "mhr"
+    assert bodies.mesh is not None
+    assert bodies.joints is not None
+    np.testing.assert_allclose(bodies.mesh.vertices[1], np.tile([0.54, 0.51, 1.5], (5, 1)), rtol=1e-6)
+    np.testing.assert_allclose(bodies.joints[1, JOINT_INDEX["left_hip"]], np.array([27, 28, 29]) + [0.04, 0.01, 1])
+    assert not bodies.parameters.body_pose.any()
+
+
+def test_every_keypoint_is_the_joint_of_the_same_name() -> None:
+    assert {number: JOINT_INDEX[name] for number, name in NAMES.items()} == JOINTS_OF_KEYPOINTS
+
+
+def test_joints_without_a_keypoint_are_not_numbers() -> None:
+    joints = joints_of_keypoints(np.zeros((1, 70, 3), np.float32))[0]
+    unknown = np.flatnonzero(np.isnan(joints).all(axis=1)).tolist()
+    assert unknown == [JOINT_INDEX[n] for n in (
+        "pelvis", "spine1", "spine2", "spine3", "left_foot", "right_foot", "neck", "left_collar", "right_collar", "head",
+        "jaw",
+    )]  # fmt: skip
+
+
+def test_it_needs_a_gpu_and_says_so(sam: Sam3dBody) -> None:
+    with pytest.raises(DeviceError, match="SAM 3D Body's own code runs on a GPU only, and 'cpu' was asked for"):
+        sam.load("cpu")
+
+
+def test_nobody_is_not_asked_about(sam: Sam3dBody) -> None:
+    bodies = sam.infer(np.zeros((48, 64, 3), np.uint8), people(0), CAMERA, KEYPOINTS, Hints())
+    assert len(bodies.parameters) == 0
+    assert sam._host.network.asked == []
+
+
+def test_another_number_of_people_is_refused(sam: Sam3dBody) -> None:
+    sam._host.network.process_one_image = lambda *args, **rest: []
+    with pytest.raises(BackendError, match="answered 0 people for 1 boxes"):
+        sam.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, KEYPOINTS, Hints())
+
+
+class PerfectSam:
+    """Knows the joints of the world in the picture, in the camera that it is told."""
+
+    faces = np.array([[0, 1, 2]])
+
+    def process_one_image(
+        self, img: np.ndarray, bboxes: np.ndarray, masks: Any = None, cam_int: torch.Tensor | None = None
+    ) -> list[dict[str, Any]]:
+        world = world_of(img)
+        told = []
+        for box in bboxes:
+            points, place = np.random.default_rng(0).normal(0, 0.3, (70, 3)), np.array([0.0, 0.0, 4.0])
+            if world is not None:
+                assert cam_int is not None
+                np.testing.assert_allclose(cam_int[0, 0, 0], world.intrinsics.fx, rtol=1e-5)
+                joints = world.joints[int(np.abs(world.boxes - box).sum(axis=1).argmin())].astype(float)
+                place = joints[0] + [0.0, 1.0, 0.0]
+                points = np.tile(joints[15], (70, 1))
+                for number, name in NAMES.items():
+                    points[number] = joints[JOINT_INDEX[name]]
+                points = points - place
+            told.append({"pred_vertices": points[:50], "pred_cam_t": place, "pred_keypoints_3d": points})
+        return told
+
+
+class ToldSam(Sam3dBody):
+    def missing(self) -> tuple[str, ...]:
+        return ()
+
+    def load(self, device: str = "cpu") -> None:
+        check_device(device)
+        self._host.network = PerfectSam()
+
+
+@parametrize_with_checks("body_estimator", ToldSam, capabilities=())
+def test_sam_3d_body_conforms(check: Callable[[], None]) -> None:
+    check()
+
+
+def test_its_joints_are_enough_for_a_body() -> None:
+    from physic_core.body import load_body
+    from physic_core.body.conversion import to_model
+    from physic_core.body.parameters import rotations_from_parameters
+
+    world, model = build_world("walk"), load_body("embedded")
+    backend = ToldSam()
+    backend.load()
+    who = People(world.masks, world.boxes, np.ones(len(world.masks)))
+    found = to_model(backend.infer(world.image, who, world.intrinsics, KEYPOINTS, Hints()), model).parameters
+    rotations = rotations_from_parameters(found)
+    posed = model(rotations, torch.from_numpy(found.betas), torch.from_numpy(found.transl)).joints.numpy()
+    apart = 1000 * np.linalg.norm(posed - world.joints, axis=2)[:, :22].mean()
+    print(f"joints {apart:.0f} mm off")
+    assert apart < 40
