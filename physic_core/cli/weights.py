@@ -153,7 +153,8 @@ def verify(ctx: click.Context, names: tuple[str, ...], as_json: bool) -> None:
             if row["state"] == "missing":
                 _echo_row(row)
         count = {state: sum(row["state"] == state for row in rows) for state in ("ok", "DIFFERS", "missing")}
-        click.echo(f"{len(rows)} {'file' if len(rows) == 1 else 'files'}: {count['ok']} ok, {count['DIFFERS']} differ, {count['missing']} missing")
+        files = "1 file" if len(rows) == 1 else f"{len(rows)} files"
+        click.echo(f"{files}: {count['ok']} ok, {count['DIFFERS']} differ, {count['missing']} missing")
     ctx.exit(1 if any(row["state"] != "ok" for row in rows) else 0)
 
 

@@ -125,7 +125,7 @@ def _folder(to: Path | None) -> Path:
 
 
 def _by_hand(weights: WeightSet, to: Path | None) -> str:
-    return f"{weights.advice}; then put it into {_folder(to) / weights.name}"
+    return f"{weights.advice.rstrip('. ')}; then put it into {_folder(to) / weights.name}"
 
 
 def _names(files: list[WeightFile]) -> str:

@@ -86,6 +86,7 @@ class Server:
         self.pages: dict[str, Page] = {}
         self.asked: list[tuple[str, str, dict[str, str]]] = []
         self._http = ThreadingHTTPServer(("127.0.0.1", 0), self._handler())
+        self._http.handle_error = lambda request, address: None  # type: ignore[method-assign]  # who asked has gone
         self.address = f"http://127.0.0.1:{self._http.server_port}"
         threading.Thread(target=self._http.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True).start()
 
