@@ -212,7 +212,7 @@ def test_a_photo_finds_its_own_result_whatever_its_size(tmp_path: Path) -> None:
 
 def test_a_photo_without_a_result_is_said_or_gives_nothing(tmp_path: Path) -> None:
     result(tmp_path, "chair__a", photo(1), np.ones((1, 6890)))
-    with pytest.raises(BackendError, match="none of 1 results in .* belongs to this photo of 300 x 200 px"):
+    with pytest.raises(BackendError, match=r"none of 1 results in .* belongs to this photo of 300 x 200 px"):
         opened(tmp_path).infer(photo(2), people([[0, 0, 10, 10]]), NOBODY)
     with pytest.raises(BackendError, match="none of 1 results"):
         opened(tmp_path).infer(photo(1)[:, :150], people([[0, 0, 10, 10]]), NOBODY)

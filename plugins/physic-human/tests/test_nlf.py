@@ -52,7 +52,8 @@ class TinyNlf(torch.nn.Module):
         beta_regularizer2: float = 0.0,
         model_name: str = "smpl",
     ) -> dict[str, list[torch.Tensor]]:
-        assert images.dtype == torch.uint8 and images.dim() == 4 and images.shape[1] == 3
+        assert images.dtype == torch.uint8
+        assert images.dim() == 4
         assert model_name == ("smplx" if self.joints == 55 else "smpl")
         assert intrinsic_matrix is not None
         count = boxes[0].shape[0]
@@ -256,7 +257,7 @@ class PerfectNlf:
             p = world.parameters
             pose[:, 25:] = np.concatenate([p.left_hand_pose, p.right_hand_pose], axis=1).reshape(-1, 30, 3)[rows]
         given = np.concatenate([shown[:, :22], shown[:, [28, 43]]], axis=1) if smpl else shown
-        return self._answer(pose, moved + [0, 0.2, 0], given)
+        return self._answer(pose, moved + np.array([0, 0.2, 0]), given)
 
     @staticmethod
     def _answer(pose: np.ndarray, transl: np.ndarray, joints: np.ndarray) -> dict[str, list[torch.Tensor]]:

@@ -123,7 +123,7 @@ def test_the_translation_is_added_to_surface_and_joints(sam: Sam3dBody) -> None:
     assert bodies.mesh is not None
     assert bodies.joints is not None
     np.testing.assert_allclose(bodies.mesh.vertices[1], np.tile([0.54, 0.51, 1.5], (5, 1)), rtol=1e-6)
-    np.testing.assert_allclose(bodies.joints[1, JOINT_INDEX["left_hip"]], np.array([27, 28, 29]) + [0.04, 0.01, 1])
+    np.testing.assert_allclose(bodies.joints[1, JOINT_INDEX["left_hip"]], np.array([27.04, 28.01, 30]))
     assert not bodies.parameters.body_pose.any()
 
 
@@ -135,8 +135,8 @@ def test_joints_without_a_keypoint_are_not_numbers() -> None:
     joints = joints_of_keypoints(np.zeros((1, 70, 3), np.float32))[0]
     unknown = np.flatnonzero(np.isnan(joints).all(axis=1)).tolist()
     assert unknown == [JOINT_INDEX[n] for n in (
-        "pelvis", "spine1", "spine2", "spine3", "left_foot", "right_foot", "neck", "left_collar", "right_collar", "head",
-        "jaw",
+        "pelvis", "spine1", "spine2", "spine3", "left_foot", "right_foot", "neck", "left_collar", "right_collar",
+        "head", "jaw",
     )]  # fmt: skip
 
 
@@ -173,7 +173,7 @@ class PerfectSam:
                 assert cam_int is not None
                 np.testing.assert_allclose(cam_int[0, 0, 0], world.intrinsics.fx, rtol=1e-5)
                 joints = world.joints[int(np.abs(world.boxes - box).sum(axis=1).argmin())].astype(float)
-                place = joints[0] + [0.0, 1.0, 0.0]
+                place = joints[0] + np.array([0.0, 1.0, 0.0])
                 points = np.tile(joints[15], (70, 1))
                 for number, name in NAMES.items():
                     points[number] = joints[JOINT_INDEX[name]]
