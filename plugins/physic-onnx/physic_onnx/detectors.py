@@ -1,4 +1,4 @@
-"""People in boxes: YOLOX, RT-DETR (and v2, and D-FINE) and RTMO, recognised by the inputs and outputs of their files."""
+"""People in boxes: YOLOX, RT-DETR (v2 and D-FINE too) and RTMO, recognised by their files' inputs and outputs."""
 
 from __future__ import annotations
 

