@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import warnings
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
@@ -77,7 +78,6 @@ class Nlf(BodyEstimator):
     def missing(self) -> tuple[str, ...]:
         """The file, and torchvision, whose operators it uses."""
         from importlib.util import find_spec
-        from pathlib import Path
 
         lacking = list(weights.missing(MANIFEST, self.options.weights))
         if find_spec("torchvision") is None:
@@ -121,7 +121,7 @@ class Nlf(BodyEstimator):
         if self.options.smplx_file and self.options.body == "smplx":
             from physic_core.body import load_body
 
-            self._body = load_body(self.options.smplx_file)
+            self._body = load_body(Path(self.options.smplx_file).expanduser())
 
     def close(self) -> None:
         """Let go of the network."""

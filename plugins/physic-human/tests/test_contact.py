@@ -313,3 +313,20 @@ class ToldInteractVlm(InteractVlmResults):
 def test_interactvlm_conforms(check: Callable[[], None], smpl_file: Path) -> None:
     OPTIONS["smpl_file"] = str(smpl_file)
     check()
+
+
+def test_labels_on_smpl_reach_the_embedded_body(smpl_file: Path) -> None:
+    from physic_core.body import load_body
+    from physic_core.body.conversion import contact_to_model
+    from physic_core.testing.worlds import build_world
+
+    world = build_world("walk")
+    backend = ToldDeco(DecoOptions(smpl_file=str(smpl_file)))
+    backend.load()
+    who = People(world.masks, world.boxes, np.ones(len(world.masks)))
+    found = contact_to_model(backend.infer(world.image, who, NOBODY), load_body("embedded")).probability
+    told, true = found > 0.5, world.contact
+    both = (told & true).sum()
+    f1 = 2 * both / (told.sum() + true.sum())
+    print(f"F1 of carried contact {f1:.2f}")
+    assert f1 > 0.8

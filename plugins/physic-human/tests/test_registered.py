@@ -1,0 +1,58 @@
+"""The plugin as it is installed: nothing here, everything said, nothing fetched."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import physic_human
+from physic_core import BackendRecord
+from physic_core.plugins import discover
+from physic_core.testing.conformance import check_backend
+from physic_core.weights import read_manifest
+
+RECORDS = physic_human.physic_backends()
+
+
+@pytest.fixture(autouse=True)
+def _nothing_here(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("PHYSIC_WEIGHTS", "")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("HF_HOME", str(tmp_path))
+
+
+@pytest.mark.parametrize("record", RECORDS, ids=lambda r: r.name)
+def test_a_backend_without_its_files_says_what_it_lacks_and_fails_no_check(record: BackendRecord) -> None:
+    report = check_backend(record.name, record.interface, registry=discover())
+    assert not [r for r in report.results if r.outcome == "failed"], report.text
+
+
+@pytest.mark.parametrize("record", RECORDS, ids=lambda r: r.name)
+def test_what_is_lacking_names_a_place_to_get_it(record: BackendRecord) -> None:
+    registry = discover()
+    kind = registry.load_class(registry.get(record.interface, record.name))
+    lacking = kind().missing()
+    assert lacking
+    assert all("https://" in line or "pip install" in line or "physic weights" in line for line in lacking), lacking
+
+
+def test_modules_of_backends_are_light() -> None:
+    modules = sorted({str(record.target).partition(":")[0] for record in RECORDS})
+    heavy = {"torch", "cv2", "scipy", "torchvision", "transformers", "onnxruntime"}
+    code = f"import sys, {', '.join(modules)}; print(sorted({heavy!r} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_what_needs_an_account_or_forbids_commerce_says_so() -> None:
+    sets = read_manifest(physic_human.physic_weights())
+    for name in ("camerahmr", "wilor-mini", "hamer", "deco"):
+        assert sets[name].account, name
+        assert sets[name].commercial is False, name
+    for one in sets.values():
+        assert one.license, one.name
+        assert not one.account or not any(file.source for file in one.files), one.name
+        assert one.advice or all(file.source for file in one.files), one.name
