@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from physic_core import load_config, reconstruct
+from physic_core.body import load_body
 from physic_core.body.landmarks import DETECTED
 from physic_core.engine.limbs import placing_keypoints
+from physic_core.evaluation.consistency import consistency
 from physic_core.perception import feet_pixels
 from physic_core.testing.conformance.joint_sets import world_keypoints
 from physic_core.testing.worlds import World, build_world
@@ -28,6 +30,8 @@ def test_the_mock_world_is_reconstructed_from(skeleton: str, world: World) -> No
     person = found.people[0]
     apart = 1000 * np.linalg.norm(person.vertices - world.vertices[0], axis=1).mean()
     print(f"{skeleton}: vertices {apart:.0f} mm from the truth")
+    told = consistency(found, load_body("embedded"))
+    assert told[0].keypoint_error_share < 0.05
     assert found.skeleton == skeleton
     assert person.keypoints.shape == (len(DETECTED[skeleton]), 2)
     assert apart < 150

@@ -100,10 +100,11 @@ def consistency(reconstruction: Reconstruction, model: BodyModel) -> tuple[Perso
     answers = []
     for person in reconstruction.people:
         height, width = reconstruction.image.shape[:2]
+        known, columns = _known_part(reconstruction.skeleton, len(person.keypoints))
         error = keypoint_error_px(
-            _landmarks_px(person, reconstruction, model),
-            person.keypoints,
-            person.keypoint_confidence,
+            _landmarks_px(person, reconstruction, model, known),
+            person.keypoints[columns],
+            person.keypoint_confidence[columns],
             size=(width, height),
         )
         lean, to_camera = lean_deg(person.joints, floor) if floor and stands(person.joints) else (math.nan, math.nan)
@@ -194,8 +195,15 @@ def lean_deg(joints: Array, floor: Plane) -> tuple[float, float]:
     return _angle_deg(body, normal), part
 
 
-def _landmarks_px(person: Person, reconstruction: Reconstruction, model: BodyModel) -> Array:
-    """(J, 2) px: where the body of the parameters has the points that the keypoints name."""
+def _known_part(skeleton: str, count: int) -> tuple[str, list[int]]:
+    """The points of J keypoints that bodies have; all of them where nobody knows the joint set."""
+    from physic_core.body.landmarks import DETECTED, known_part
+
+    return known_part(skeleton) if skeleton in DETECTED else (skeleton, list(range(count)))
+
+
+def _landmarks_px(person: Person, reconstruction: Reconstruction, model: BodyModel, skeleton: str) -> Array:
+    """(J, 2) px: where the body of the parameters has the points of a joint set."""
     import torch
 
     from physic_core.body.parameters import rotations_from_parameters
@@ -207,7 +215,7 @@ def _landmarks_px(person: Person, reconstruction: Reconstruction, model: BodyMod
     )
     with torch.inference_mode():
         output = model(rotations_from_parameters(parameters, model.device, model.dtype), betas, transl, expression)
-        points = model.landmarks(output, reconstruction.skeleton)[0].cpu().numpy().astype(np.float64)
+        points = model.landmarks(output, skeleton)[0].cpu().numpy().astype(np.float64)
     spots = points @ reconstruction.intrinsics.matrix.T
     return np.asarray(spots[:, :2] / spots[:, 2:])
 
