@@ -175,7 +175,7 @@ def perceive(
         lost["hand_estimator"] = np.ones(n, bool)
         if hands is not None:
             hands, lost["hand_estimator"] = salvage.found_hands(hands)
-            bodies = with_hands(bodies, hands)
+            bodies = with_hands(bodies, hands, model)
     # Whoever has no body is not shown to those who build on bodies.
     seen, whole = salvage.rows_of(people, embodied), salvage.rows_of(bodies, embodied)
     hints = replace(hints, people=seen, keypoints=salvage.rows_of(keypoints, embodied), bodies=whole)
@@ -242,8 +242,16 @@ def feet_pixels(keypoints: Keypoints, height: int, width: int, confidence: float
     return chosen
 
 
-def with_hands(bodies: Bodies, hands: Hands) -> Bodies:
-    """The bodies with the finger rotations of every hand whose confidence is above zero."""
+def with_hands(bodies: Bodies, hands: Hands, model: BodyModel) -> Bodies:
+    """The bodies with the finger rotations of every hand whose confidence is above zero.
+
+    Hands that say how they lie as a whole are put onto the arms, as far as they are sure.
+    """
+    if hands.wrists is not None:
+        from physic_core.body.wrists import stitch
+        from physic_core.engine.anatomy import RANGES
+
+        return replace(bodies, parameters=stitch(bodies.parameters, hands, model, RANGES["wrist"]))
     p, found = bodies.parameters, hands.confidence > 0
     flat = hands.rotvecs.reshape(len(p), 2, 45).astype(p.left_hand_pose.dtype)
     left = np.where(found[:, :1], flat[:, 0], p.left_hand_pose)

@@ -216,8 +216,8 @@ class BodyParameters:
     def __len__(self) -> int:
         return len(self.transl)
 
-    def __getitem__(self, rows: slice | BoolArray) -> BodyParameters:
-        """The people that a slice or a mask (N,) picks."""
+    def __getitem__(self, rows: slice | BoolArray | IntArray) -> BodyParameters:
+        """The people that a slice, a mask (N,) or numbers pick."""
         return BodyParameters(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
 

@@ -200,7 +200,7 @@ def test_hands_replace_fingers_where_they_were_found(world: World) -> None:
     bodies = backends.MockBodyEstimator().infer(world.image, start, world.intrinsics, keypoints, Hints())
     n = len(start)
     hands = Hands(np.full((n, 2, 15, 3), 0.25, np.float32), np.tile([[1.0, 0.0]], (n, 1)))
-    merged = with_hands(bodies, hands)
+    merged = with_hands(bodies, hands, body.load_body("embedded"))
     assert isinstance(merged, Bodies)
     assert (merged.parameters.left_hand_pose == 0.25).all()
     assert (merged.parameters.right_hand_pose == bodies.parameters.right_hand_pose).all()

@@ -1,0 +1,206 @@
+"""Hands put onto arms: where they agree nothing happens, on the way nothing jumps, and the wrist stays where it is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.spatial.transform import Rotation
+
+from physic_core.body import JOINT_INDEX, load_body
+from physic_core.body.bones import local_from_world, world_from_local
+from physic_core.body.model import BodyOutput
+from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
+from physic_core.body.turning import exp, log, parted
+from physic_core.body.wrists import stitch, trust
+from physic_core.engine.anatomy import RANGES
+from physic_core.types import BodyParameters, Hands
+
+MODEL = load_body("embedded")
+ELBOWS, WRISTS = [18, 19], [20, 21]
+RANGE = RANGES["wrist"]
+AXES = np.array([[1.0, 0, 0], [-1.0, 0, 0]])
+"""Of the embedded body's forearms."""
+
+
+def body(seed: int = 0, bend: float = 0.4) -> BodyParameters:
+    rng = np.random.default_rng(seed)
+    rotvecs = bend * rng.standard_normal((1, 55, 3))
+    rotvecs[:, WRISTS] *= 0.3
+    shape, place = rng.standard_normal((1, MODEL.num_betas)), rng.standard_normal((1, 3))
+    numbers = (torch.from_numpy(value) for value in (shape, place))
+    betas, transl = numbers
+    return parameters_from_rotations(torch.from_numpy(exp(rotvecs)), betas, None, transl)
+
+
+def posed(parameters: BodyParameters) -> BodyOutput:
+    """With every fourth vertex of the hands."""
+    hands = [MODEL.part_names.index(f"{side}_hand") for side in ("left", "right")]
+    ids = torch.isin(MODEL.part_of_vertex, torch.tensor(hands)).nonzero()[::4, 0]
+    with torch.no_grad():
+        given = (torch.from_numpy(value) for value in (parameters.betas, parameters.transl))
+        return MODEL(rotations_from_parameters(parameters), *given, vertex_ids=ids)
+
+
+def world_of(parameters: BodyParameters) -> np.ndarray:
+    return world_from_local(rotations_from_parameters(parameters).double().numpy())
+
+
+def hands_of(parameters: BodyParameters, wrists: np.ndarray, confidence: float) -> Hands:
+    """The body's own fingers, on wrists (1, 2, 3) of somebody else."""
+    own = np.stack([parameters.left_hand_pose, parameters.right_hand_pose], 1).reshape(1, 2, 15, 3)
+    return Hands(own, np.full((1, 2), confidence), wrists)
+
+
+def test_a_hand_that_agrees_changes_nothing() -> None:
+    before = body()
+    wrists = log(world_of(before)[:, WRISTS])
+    after = stitch(before, hands_of(before, wrists, 1.0), MODEL, RANGE)
+    for name, value in vars(before).items():
+        np.testing.assert_allclose(getattr(after, name), value, atol=1e-5)
+
+
+def test_a_hand_of_no_confidence_changes_nothing_at_all() -> None:
+    before = body()
+    after = stitch(before, hands_of(before, np.full((1, 2, 3), 0.7), 0.0), MODEL, RANGE)
+    for name, value in vars(before).items():
+        np.testing.assert_array_equal(getattr(after, name), value)
+
+
+def test_only_the_arm_of_the_hand_that_was_found_is_touched() -> None:
+    before = body()
+    hands = replace(hands_of(before, np.full((1, 2, 3), np.nan), 0.9), confidence=np.array([[0.0, 0.9]]))
+    assert hands.wrists is not None
+    hands.wrists[:, 1] = [0.1, 0.2, 0.3]
+    after = stitch(before, hands, MODEL, RANGE)
+    changed = (before.body_pose != after.body_pose).reshape(21, 3).any(1)
+    assert {i + 1 for i in np.flatnonzero(changed)} <= {JOINT_INDEX["right_elbow"], JOINT_INDEX["right_wrist"]}
+    assert changed.any()
+    np.testing.assert_array_equal(before.left_hand_pose, after.left_hand_pose)
+
+
+def test_people_of_whom_nothing_is_known_stay_so() -> None:
+    one = body()
+    two = BodyParameters(**{name: np.concatenate([np.full_like(v, np.nan), v]) for name, v in vars(one).items()})
+    hands = Hands(np.zeros((2, 2, 15, 3)), np.full((2, 2), 0.9), np.zeros((2, 2, 3)))
+    after = stitch(two, hands, MODEL, RANGE)
+    assert np.isnan(after.body_pose[0]).all()
+    alone = stitch(one, Hands(hands.rotvecs[:1], hands.confidence[:1], np.zeros((1, 2, 3))), MODEL, RANGE)
+    np.testing.assert_allclose(after.body_pose[1:], alone.body_pose, atol=1e-6)
+
+
+@pytest.mark.parametrize("side", [0, 1], ids=["left", "right"])
+def test_a_hand_that_a_wrist_can_reach_is_reached(side: int) -> None:
+    """Known answer: bent up by 40 and turned over by 50 degrees."""
+    before = body(3)
+    turn = exp(np.radians([[50.0, 0, 0]])) @ exp(np.radians([[0, 0, 40.0]]))
+    wanted = world_of(before)[:, ELBOWS[side]] @ turn
+    wrists = log(world_of(before)[:, WRISTS])
+    wrists[:, side] = log(wanted)
+    after = stitch(before, hands_of(before, wrists, 1.0), MODEL, RANGE)
+    reached = world_of(after)[:, WRISTS[side]]
+    np.testing.assert_allclose(reached, wanted, atol=2e-6)
+    other = WRISTS[1 - side]
+    np.testing.assert_allclose(world_of(after)[:, other], world_of(before)[:, other], atol=2e-6)
+
+
+@pytest.mark.parametrize("side", [0, 1], ids=["left", "right"])
+def test_pronation_is_shared_by_forearm_and_wrist(side: int) -> None:
+    """Turned over by 80 degrees about the forearm: 48 of them by the forearm, 32 by the wrist."""
+    rest = MODEL.zero_pose()
+    before = parameters_from_rotations(rest[0], rest[1], None, rest[2])
+    wrists = np.zeros((1, 2, 3))
+    wrists[0, side] = np.radians(80) * AXES[side]
+    after = stitch(before, hands_of(before, wrists, 1.0), MODEL, RANGE)
+    world = world_of(after)
+    forearm = parted(world[0, ELBOWS[side]], AXES[side])[1]
+    wrist = parted(local_from_world(world)[0, WRISTS[side]], AXES[side])[1]
+    assert np.degrees([forearm, wrist]) == pytest.approx([48, 32], abs=1e-3)
+
+
+ROTVEC = arrays(np.float64, (1, 2, 3), elements=st.floats(-2.0, 2.0, width=32))
+
+
+@settings(max_examples=30, deadline=None)
+@given(ROTVEC, st.integers(0, 50))
+def test_nothing_jumps_on_the_way_and_the_wrist_stays(wrists: np.ndarray, seed: int) -> None:
+    before = body(seed)
+    start = posed(before)
+    steps = np.linspace(0, 1, 41)
+    flat = Rotation.from_rotvec(log(world_of(before)[0, WRISTS]))
+    turn = (Rotation.from_rotvec(wrists[0]) * flat.inv()).magnitude().max()
+    last = start.vertices
+    for confidence in steps[1:]:
+        after = posed(stitch(before, hands_of(before, wrists, float(confidence)), MODEL, RANGE))
+        # Elbows and wrists do not move at all.
+        arms = [*ELBOWS, *WRISTS]
+        assert (after.joints[:, arms] - start.joints[:, arms]).norm(dim=-1).max() < 1e-5
+        # A hand is 0.22 m long; the steepest of the smooth ramp is 1.5 / 0.4 of the way a unit of confidence.
+        moved = float((after.vertices - last).norm(dim=-1).max())
+        assert moved < 0.26 * turn * 1.5 / 0.4 / 40 * 1.3 + 1e-4
+        last = after.vertices
+
+
+@settings(max_examples=100, deadline=None)
+@given(ROTVEC, st.integers(0, 50))
+def test_a_wrist_stays_in_its_range(wrists: np.ndarray, seed: int) -> None:
+    before = body(seed)
+    after = stitch(before, hands_of(before, wrists, 1.0), MODEL, RANGE)
+    first, last = (local_from_world(world_of(p))[:, WRISTS] for p in (before, after))
+    low = np.array([[x[0], y[0], z[0]] for x, y, z in [RANGE]])
+    high = np.array([[x[1], y[1], z[1]] for x, y, z in [RANGE]])
+    lows = np.concatenate([low, [[low[0, 0], -high[0, 1], -high[0, 2]]]]) - 0.16
+    highs = np.concatenate([high, [[high[0, 0], -low[0, 1], -low[0, 2]]]]) + 0.16
+    assert (log(last) >= np.minimum(lows, log(first)) - 1e-5).all()
+    assert (log(last) <= np.maximum(highs, log(first)) + 1e-5).all()
+
+
+@settings(max_examples=50, deadline=None)
+@given(ROTVEC, st.integers(0, 20))
+def test_left_and_right_are_mirror_images(wrists: np.ndarray, seed: int) -> None:
+    def mirrored(vectors: np.ndarray) -> np.ndarray:
+        """Rotation vectors (..., 3) seen in a mirror in front of which x changes its sign."""
+        return vectors * [1, -1, -1]
+
+    # The same body, both of its arms in mirror images of one another.
+    base = body(seed)
+    pose = base.body_pose.reshape(1, 21, 3).copy()
+    pose[:, [2, 5, 8, 11, 14]] *= [1, 0, 0]
+    for left in ("hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", "wrist"):
+        a, b = JOINT_INDEX[f"left_{left}"] - 1, JOINT_INDEX[f"right_{left}"] - 1
+        pose[:, b] = mirrored(pose[:, a])
+    right = mirrored(base.left_hand_pose.reshape(1, 15, 3)).reshape(1, 45).astype(np.float32)
+    root = (base.global_orient * [1, 0, 0]).astype(np.float32)
+    even = replace(
+        base,
+        betas=0 * base.betas,
+        body_pose=pose.reshape(1, 63).astype(np.float32),
+        right_hand_pose=right,
+        global_orient=root,
+    )
+    both = np.stack([wrists[:, 0], mirrored(wrists[:, 0])], 1)
+    after = stitch(even, hands_of(even, both, 0.8), MODEL, RANGE).body_pose.reshape(1, 21, 3)
+    for name in ("elbow", "wrist"):
+        left, other = (exp(after[:, JOINT_INDEX[f"{side}_{name}"] - 1].astype(float)) for side in ("left", "right"))
+        np.testing.assert_allclose(exp(mirrored(log(left))), other, atol=3e-5)
+
+
+def test_trust_rises_smoothly_from_nothing_to_everything() -> None:
+    told = trust(np.linspace(0, 1, 101))
+    assert told[0] == 0
+    assert (told[50:] == 1).all()
+    assert (np.diff(told) >= 0).all()
+    assert np.diff(told).max() < 0.04
+
+
+def test_fingers_come_along_as_far_as_the_hand_is_trusted() -> None:
+    before = body()
+    wrists = log(world_of(before)[:, WRISTS])
+    hands = replace(hands_of(before, wrists, 0.3), rotvecs=np.zeros((1, 2, 15, 3)))
+    after = stitch(before, hands, MODEL, RANGE)
+    np.testing.assert_allclose(after.left_hand_pose, 0.5 * before.left_hand_pose, atol=1e-5)
