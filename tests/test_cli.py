@@ -394,7 +394,8 @@ def test_details_describe_the_kinds_of_options(site):
 
 
 def test_the_commands_print_them():
-    assert "inpainter          telea          physic-opencv" in physic("plugins").stdout
+    rows = [line.split()[:3] for line in physic("plugins").stdout.splitlines()]
+    assert ["inpainter", "telea", "physic-opencv"] in rows
     assert physic("plugins", "show", "telea").stdout.startswith("inpainter 'telea'\n")
 
 
@@ -402,9 +403,9 @@ def test_a_plugin_that_is_broken_never_breaks_a_command(site, monkeypatch):
     site.install("physic-bad", "import no_such_module\n", version="0.3")
     done = physic("plugins")
     assert done.exit_code == 0
-    assert done.stdout.splitlines()[-1].split(None, 5) == [
-        *("-", "-", "physic-bad", "0.3", "-"),
-        "-      BROKEN: ModuleNotFoundError: No module named 'no_such_module'",
+    assert done.stdout.splitlines()[-1].split(None, 6) == [
+        *("-", "-", "physic-bad", "0.3", "-", "-"),
+        "BROKEN: ModuleNotFoundError: No module named 'no_such_module'",
     ]
 
 
