@@ -159,7 +159,8 @@ class BodyModel:
 
         Args:
             output: with all vertices.
-            skeleton: "coco17", "coco23", "blazepose33", "openpose_hand21_left" or "openpose_hand21_right".
+            skeleton: "coco17", "coco23", "blazepose33", "wholebody69", "openpose_hand21_left" or
+                "openpose_hand21_right".
 
         Raises:
             BodyModelError: the joint set is not known, or the output lacks vertices.

@@ -193,3 +193,17 @@ def test_conformance(told: Any, told_network: Any) -> None:
     print(report.summary, report.accuracy)
     report.raise_if_failed()
     assert report.accuracy["degrees"] < 1
+
+
+def test_large_hands_are_smoothed_before_they_shrink(recorded: Any) -> None:
+    from scipy.ndimage import gaussian_filter
+
+    photo = np.random.default_rng(2).integers(0, 256, (1100, 1100, 3), np.uint8)
+    box = np.array([350.0, 350, 750, 750])
+    backend, fed = recorded()
+    backend.infer(photo, PEOPLE, hands_at(box, box))
+    sigma = (1000 / 256 / 2 - 1) / 2  # the checkout's: half of the shrinking, less one, halved
+    smooth = gaussian_filter(photo.astype(float), (sigma, sigma, 0), mode="nearest", truncate=4)
+    apart = [np.abs(fed[0][1, ..., ::-1] - crop_of_hand(p, box, mirrored=False)).mean() for p in (smooth, photo)]
+    print(f"grey levels from the smoothed photo {apart[0]:.1f}, from the photo {apart[1]:.1f}")
+    assert apart[0] < 0.2 * apart[1]
