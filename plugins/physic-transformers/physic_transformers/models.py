@@ -253,10 +253,13 @@ def open_network(part: Part, value: str, options: ModelOptions, device: str) -> 
     import torch
     import transformers
 
-    kind = getattr(transformers, part.kind, None)
-    if kind is None:
-        version = transformers.__version__
-        raise BackendError(f"transformers {version} has no {part.kind}: pip install --upgrade transformers")
+    try:
+        kind = getattr(transformers, part.kind)
+    except (AttributeError, ImportError) as cause:
+        raise BackendError(
+            f"transformers {transformers.__version__} has no {part.kind}, or needs more for it: "
+            f"pip install --upgrade transformers ({cause})"
+        ) from cause
     try:
         with _quiet():
             model, told = kind.from_pretrained(

@@ -99,8 +99,8 @@ def sam3_config() -> dict[str, Any]:
             "model_type": "sam3_vision_model",
             "backbone_config": {
                 "model_type": "sam3_vit_model", "hidden_size": 32, "intermediate_size": 32, "num_hidden_layers": 2,
-                "num_attention_heads": 2, "image_size": 112, "patch_size": 14, "window_size": 4, "global_attn_indexes": [1],
-                "pretrain_image_size": 56,
+                "num_attention_heads": 2, "image_size": 112, "patch_size": 14, "window_size": 4,
+                "global_attn_indexes": [1], "pretrain_image_size": 56,
             },
             "fpn_hidden_size": 32, "backbone_feature_sizes": [[32, 32], [16, 16], [8, 8]],
         },
