@@ -116,7 +116,8 @@ class Keypoints:
     Attributes:
         points: (N, J, 2) float px.
         confidence: (N, J) float in [0, 1].
-        skeleton: name of the joint set: "coco17", "coco23" (with feet), "blazepose33", "coco_wholebody133".
+        skeleton: name of the joint set: "coco17", "coco23" (with feet), "blazepose33", "halpe26",
+            "coco_wholebody133"; see :data:`physic_core.body.landmarks.DETECTED`.
         world: (N, J, 3) metres, or None. Axes of a camera that looks straight at the person (x right, y down, z away),
             origin between the hips: what single-person pose networks call world landmarks.
     """
