@@ -65,6 +65,8 @@ class Checkout:
         self.folder = Path(folder).expanduser() if folder else None
         self.name, self.package, self.homepage, self.option, self.needs = name, package, homepage, option, needs
         self._modules: dict[str, ModuleType] = {}
+        self._own: dict[str, Path | None] | None = None
+        self._is_inside = False
 
     def missing(self) -> tuple[str, ...]:
         """What is lacking before its code can be imported, in words; imports nothing of it."""
@@ -124,8 +126,13 @@ class Checkout:
             return
         root = self.folder.resolve()
         with _lock:
-            own = _top_names(root)
-            others = _taken(own)
+            if self._is_inside:
+                yield
+                return
+            if self._own is None:
+                self._own = _top_names(root)  # once: folders of data can be large
+            own = self._own
+            self._is_inside, others = True, _taken(own)
             sys.modules.update(self._modules)
             for package in own.values():
                 if package is not None and package.name not in sys.modules:
@@ -139,10 +146,11 @@ class Checkout:
                     sys.path.remove(str(root))
                 self._modules = _taken(own)
                 sys.modules.update(others)
+                self._is_inside = False
 
     def close(self) -> None:
         """Forget its modules."""
-        self._modules = {}
+        self._modules, self._own = {}, None
 
     def fingerprint(self) -> str:
         """A text that changes with its Python files, and not with the place of the folder; "" where it is not there."""

@@ -79,6 +79,16 @@ def test_modules_are_kept_between_uses(tmp_path: Path) -> None:
     assert side.attribute("Net") is not first
 
 
+def test_code_inside_may_import_more_of_it(tmp_path: Path) -> None:
+    side = checkout(tmp_path, {"core/net.py": "A = []", "core/more.py": "from core.net import A", "extra.py": "B = 2"})
+    net = side.load()
+    with side.inside():
+        assert side.load("core.more").A is net.A
+        assert side.attribute("B", "extra") == 2
+    assert side.load("core.more").A is net.A
+    assert "core" not in sys.modules
+
+
 def test_an_error_inside_leaves_everything_in_order(tmp_path: Path) -> None:
     path = list(sys.path)
     side = checkout(tmp_path, {"core/net.py": "raise RuntimeError('no such GPU')"})

@@ -297,3 +297,79 @@ def test_a_perfect_network_puts_joints_where_they_are() -> None:
     found = backend.infer(world.image, who, world.intrinsics, KEYPOINTS, Hints())
     assert found.joints is not None
     np.testing.assert_allclose(found.joints, world.joints, atol=1e-3)
+
+
+@pytest.fixture(scope="module")
+def smplx_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A made-up SMPL-X file whose pelvis is not at its origin and moves with the shape."""
+    from physic_core.body.joints import PARENTS
+
+    rng = np.random.default_rng(0)
+    template = rng.uniform([-0.8, -1.3, -0.1], [0.8, 0.4, 0.1], (10475, 3))
+    regressor = np.zeros((55, 10475))
+    for joint in range(55):
+        regressor[joint, rng.integers(0, 10475, 8)] = 1 / 8
+    regressor /= regressor.sum(1, keepdims=True)
+    weights = np.zeros((10475, 55))
+    weights[np.arange(10475), rng.integers(0, 55, 10475)] = 1
+    path = tmp_path_factory.mktemp("smplx") / "SMPLX_NEUTRAL.npz"
+    np.savez_compressed(
+        path,
+        v_template=template,
+        f=rng.integers(0, 10475, (20908, 3)).astype(np.uint32),
+        shapedirs=np.repeat(0.02 * template[:, :, None], 20, axis=2),
+        posedirs=np.zeros((10475, 3, 486), np.float16),
+        J_regressor=regressor,
+        weights=weights,
+        kintree_table=np.stack([PARENTS, np.arange(55)]).astype(np.int64),
+    )
+    return path
+
+
+class ExactNlf:
+    """Poses the user's own SMPL-X file; ``shift`` mm moves its vertices alone."""
+
+    def __init__(self, file: Path, shift: float) -> None:
+        from physic_core.body import load_body
+
+        self.body, self.shift = load_body(file), shift
+
+    def estimate_smpl_batched(self, images: torch.Tensor, boxes: Any, **rest: Any) -> dict[str, list[torch.Tensor]]:
+        import roma
+
+        pose = 0.2 * torch.randn(2, 55, 3, generator=torch.Generator().manual_seed(0))
+        betas, transl = torch.full((2, 10), 0.5), torch.tensor([[0.1, 0.2, 3.0], [-0.5, 0.1, 4.0]])
+        with torch.no_grad():
+            out = self.body(roma.rotvec_to_rotmat(pose), betas, transl)
+        return {
+            "pose": [pose.flatten(1)],
+            "betas": [betas],
+            "trans": [transl - 7.0],  # whatever: the pelvis tells
+            "joints3d": [1000 * out.joints],
+            "vertices3d": [1000 * out.vertices + self.shift],
+        }
+
+
+def test_the_users_file_gives_the_exact_place_and_the_surface(
+    smplx_file: Path, tmp_path: Path, torchvision: ModuleType
+) -> None:
+    backend = Nlf(NlfOptions(weights=script(tmp_path), smplx_file=str(smplx_file)))
+    backend.load()
+    backend._network = ExactNlf(smplx_file, 0.0)
+    bodies = ask(backend)
+    np.testing.assert_allclose(bodies.parameters.transl, [[0.1, 0.2, 3.0], [-0.5, 0.1, 4.0]], atol=1e-5)
+    assert bodies.mesh is not None
+    assert bodies.mesh.vertices.shape == (2, 10475, 3)
+    assert bodies.mesh.rest is not None
+
+
+def test_another_file_than_nlfs_is_told_by_the_vertices(
+    smplx_file: Path, tmp_path: Path, torchvision: ModuleType
+) -> None:
+    backend = Nlf(NlfOptions(weights=script(tmp_path), smplx_file=str(smplx_file)))
+    backend.load()
+    backend._network = ExactNlf(smplx_file, 30.0)
+    with pytest.raises(
+        BackendError, match=r"rebuilt from its parameters by smplx_file, NLF's first body is 5[0-9]\.\d mm"
+    ):
+        ask(backend)
