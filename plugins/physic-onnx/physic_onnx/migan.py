@@ -31,6 +31,9 @@ OUTPUTS = (Wanted("result", dtype="uint8", shape=(None, 3, None, None)),)
 NATIVE = 512
 """Side at which the network inside the pipeline works, px."""
 
+CONTEXT = 2.0
+"""Side of a crop of its own, in sides of its hole."""
+
 
 class MiGanOptions(OnnxOptions):
     """Settings of MiGan."""
@@ -43,16 +46,16 @@ class MiGanOptions(OnnxOptions):
         description="share of the long side by which the network's hole is wider than what is filled: at the edge its "
         "fill takes on the colours of what is removed; 0.004-0.012, more invites invented figures",
     )
-    context: float = Field(
-        2.0, gt=1, le=8, description="side of the crop that is shown about a hole, in sides of the hole; 1.5-3"
+    one_by_one: bool = Field(
+        False,
+        description="show each hole in a crop of its own: more detail where people are far apart, and more inventions",
     )
 
 
 class MiGan(Inpainter):
-    """MI-GAN for 512 px in the pipeline that takes photos of any size, one crop a hole.
+    """MI-GAN for 512 px in the pipeline that takes photos of any size, and crops them about all holes together.
 
-    Sharp for holes up to about 250 px across and softer above. It fills what the mask covers: shadows and mirror images
-    of who is removed stay.
+    It fills what the mask covers: shadows and mirror images of who is removed stay.
     """
 
     Options: ClassVar[type[Options]] = MiGanOptions
@@ -111,7 +114,10 @@ class MiGan(Inpainter):
         if not mask.any():
             return image.copy()
         hole = widened(mask, self.options.rim)
-        filled = fill_in_crops(image, hole, self._fill, self.options.context, NATIVE)
+        if self.options.one_by_one:
+            filled = fill_in_crops(image, hole, self._fill, CONTEXT, NATIVE)
+        else:
+            filled = self._fill(image, hole)
         return np.where(mask[..., None], filled, image)
 
     def _fill(self, image: UInt8Array, hole: BoolArray) -> UInt8Array:

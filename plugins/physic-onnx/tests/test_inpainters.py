@@ -105,9 +105,10 @@ def opened(kind, options):
     return backend
 
 
-def test_mi_gan_is_told_0_in_the_hole(pipeline, photo, mask):
+@pytest.mark.parametrize("one_by_one", [False, True])
+def test_mi_gan_is_told_0_in_the_hole(pipeline, photo, mask, one_by_one):
     """With the mask the other way round, the hole would be handed through and its fill be the old pixels."""
-    filled = opened(MiGan, MiGanOptions(weights=str(pipeline))).infer(photo, mask)
+    filled = opened(MiGan, MiGanOptions(weights=str(pipeline), one_by_one=one_by_one)).infer(photo, mask)
     assert (filled[mask] == FILL).all()
     assert (filled[~mask] == photo[~mask]).all()
 

@@ -1,0 +1,200 @@
+"""Taking people out of a photo with OmniEraser, as the released code of PhySIC does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+from pydantic import Field
+
+from physic_core.adapters.checkouts import Checkout
+from physic_core.errors import BackendError, DeviceError, WeightsMissingError
+from physic_core.interfaces import Inpainter, Options
+from physic_core.weights import fingerprint, locate, missing
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["OmniEraser", "OmniEraserOptions"]
+
+MANIFEST = Path(__file__).parent / "weights"
+HOMEPAGE = "https://github.com/PRIS-CV/Omnieraser"
+MODULE, PIPELINE = "pipeline_flux_control_removal", "FluxControlRemovalPipeline"
+WIDER = 4
+"""The pipeline shows the transformer four maps side by side: noise, the photo without and with its thing, the mask."""
+
+
+class OmniEraserOptions(Options):
+    """Settings of OmniEraser; the defaults are those of PhySIC's released code."""
+
+    checkout: str = Field("", description="folder of a checkout of OmniEraser, which has its pipeline")
+    base: str = Field(
+        "black-forest-labs/FLUX.1-dev", description="FLUX.1-dev: a name in Hugging Face's cache, or a folder"
+    )
+    weights: str = Field("omnieraser", description="a name of `physic weights list`, or the path of the LoRA's file")
+    offload: Literal["none", "model", "sequential"] = Field(
+        "model",
+        description="what waits in the machine's memory until its turn: nothing (60 GB of GPU memory), whole networks "
+        "(40 GB), or each layer (a few GB, slow)",
+    )
+    side: int = Field(1024, ge=256, multiple_of=16, description="side of the square that the photo is squashed to, px")
+    steps: int = Field(28, ge=1, description="of the diffusion; 20-50")
+    guidance: float = Field(3.5, ge=0, description="how much the prompt counts; 2-5")
+    seed: int = Field(42, ge=0, description="of the noise: another one, another fill")
+    prompt: str = Field("There is nothing here.", description="what is left when everything is gone")
+    allow_cpu: bool = Field(False, description="run without a GPU all the same, for hours a photo")
+
+
+class OmniEraser(Inpainter):
+    """FLUX.1-dev with OmniEraser's LoRA in the pipeline of its repository.
+
+    It takes shadows and mirror images of the removed out as far as the mask covers them: outside of the mask the photo
+    stays as it was.
+    """
+
+    Options: ClassVar[type[Options]] = OmniEraserOptions
+    options: OmniEraserOptions
+
+    def __init__(self, options: OmniEraserOptions | None = None) -> None:
+        super().__init__(options)
+        self._checkout = Checkout(
+            self.options.checkout,
+            name="OmniEraser",
+            package=MODULE,
+            homepage=HOMEPAGE,
+            needs=("torch", "diffusers", "transformers", "accelerate", "peft"),
+        )
+        self._pipeline: Any = None
+        self._device = "cpu"
+
+    def load(self, device: str = "cpu") -> None:
+        """Read FLUX.1-dev, widen its input, and put the LoRA on; nothing is fetched.
+
+        Raises:
+            WeightsMissingError: the checkout, FLUX.1-dev or the LoRA is not here.
+            DeviceError: there is no GPU.
+            BackendError: the checkout's pipeline is not the one that is known here.
+        """
+        from physic_core.devices import check_device
+
+        if device == "cpu" and not self.options.allow_cpu:
+            raise DeviceError("OmniEraser needs a GPU: choose device 'cuda', or allow_cpu if hours do not matter")
+        check_device(device)
+        if lack := self._base_missing():
+            raise WeightsMissingError(lack[0])
+        lora = locate(MANIFEST, self.options.weights)
+        lora = lora / "pytorch_lora_weights.safetensors" if lora.is_dir() else lora
+        kind = self._checkout.attribute(PIPELINE)
+        import torch
+        from diffusers import FluxTransformer2DModel
+
+        here = {"torch_dtype": torch.bfloat16, "local_files_only": True}
+        with self._checkout.inside():
+            transformer = FluxTransformer2DModel.from_pretrained(self.options.base, subfolder="transformer", **here)
+            widen(transformer)
+            pipeline = kind.from_pretrained(self.options.base, transformer=transformer, **here)
+            pipeline.load_lora_weights(str(lora.parent), weight_name=lora.name)
+            if self.options.offload == "model" and device != "cpu":
+                pipeline.enable_model_cpu_offload(device=device)
+            elif self.options.offload == "sequential" and device != "cpu":
+                pipeline.enable_sequential_cpu_offload(device=device)
+            else:
+                pipeline.to(device)
+        self._pipeline, self._device = pipeline, device
+
+    def close(self) -> None:
+        """Let go of the networks."""
+        self._pipeline = None
+        self._checkout.close()
+
+    def missing(self) -> tuple[str, ...]:
+        """What is not here of the checkout, its packages, FLUX.1-dev and the LoRA."""
+        return (*self._checkout.missing(), *self._base_missing(), *missing(MANIFEST, self.options.weights))
+
+    def fingerprint(self) -> str:
+        """What the LoRA and the checkout are."""
+        return f"{fingerprint(MANIFEST, self.options.weights)} {self._checkout.fingerprint()}"
+
+    def infer(self, image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
+        """Image (H, W, 3) and mask (H, W), True = remove -> image, the very same pixels where the mask is False.
+
+        Raises:
+            InputError: the image is no photo.
+            BackendError: the mask has another size or leaves nothing to go by, or load() was not called.
+        """
+        import numpy as np
+        import torch
+        from PIL import Image
+
+        from physic_core.adapters.pictures import check_photo
+
+        check_photo(image)
+        if self._pipeline is None:
+            raise BackendError("OmniEraser is not loaded: call load() before infer()")
+        mask = np.asarray(mask, bool)
+        if mask.shape != image.shape[:2]:
+            raise BackendError(f"the mask must have the image's size {image.shape[:2]}, got {mask.shape}: resize it")
+        if mask.all():
+            raise BackendError("the mask covers the whole image, which leaves nothing to go by: pass a smaller one")
+        if not mask.any():
+            return image.copy()
+        options, square = self.options, (self.options.side, self.options.side)
+        photo = Image.fromarray(np.ascontiguousarray(image)).resize(square, Image.Resampling.LANCZOS)
+        white = Image.fromarray(mask.astype(np.uint8) * 255).convert("RGB").resize(square, Image.Resampling.LANCZOS)
+        cuda = [torch.device(self._device)] if self._device != "cpu" else []
+        with self._checkout.inside(), torch.random.fork_rng(devices=cuda):
+            torch.manual_seed(options.seed)  # the pipeline also draws from the common generator
+            filled = self._pipeline(
+                prompt=options.prompt,
+                control_image=photo,
+                control_mask=white,
+                width=options.side,
+                height=options.side,
+                num_inference_steps=options.steps,
+                generator=torch.Generator(device=self._device).manual_seed(options.seed),
+                guidance_scale=options.guidance,
+                max_sequence_length=512,
+            ).images[0]
+        height, width = mask.shape
+        back = np.asarray(filled.convert("RGB").resize((width, height), Image.Resampling.LANCZOS))
+        return np.where(mask[..., None], back, image)
+
+    def _base_missing(self) -> tuple[str, ...]:
+        base = Path(self.options.base).expanduser()
+        if base.is_dir():
+            return () if (base / "model_index.json").is_file() else (f"{base} is no pipeline of diffusers",)
+        try:
+            from huggingface_hub import try_to_load_from_cache
+
+            if isinstance(try_to_load_from_cache(self.options.base, "model_index.json"), str):
+                return ()
+        except (ImportError, ValueError):
+            pass  # it is then sought by nobody, and missing all the same
+        return (
+            f"{self.options.base} is not here (about 34 GB, non-commercial, an account with access): "
+            f"accept its licence on huggingface.co, then `hf auth login` and `hf download {self.options.base}`; "
+            "or set base to a folder that has it",
+        )
+
+
+def widen(transformer: Any) -> None:
+    """Let a transformer of FLUX take four times as many channels, of which it heeds its own first ones alone."""
+    import torch
+
+    old = transformer.x_embedder
+    channels = transformer.config.in_channels
+    with torch.no_grad():
+        new = torch.nn.Linear(
+            WIDER * old.in_features,
+            old.out_features,
+            bias=old.bias is not None,
+            dtype=old.weight.dtype,
+            device=old.weight.device,
+        )
+        new.weight.zero_()
+        new.weight[:, : old.in_features] = old.weight
+        if old.bias is not None:
+            new.bias.copy_(old.bias)
+    transformer.x_embedder = new
+    transformer.register_to_config(in_channels=WIDER * channels)
