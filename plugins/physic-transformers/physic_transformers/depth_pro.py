@@ -9,7 +9,7 @@ from pydantic import Field
 
 from physic_core.adapters.canonical_depth import focal_from_fov, metres_from_inverse
 from physic_core.adapters.pictures import check_photo, planes, resample, squash
-from physic_core.errors import BackendError
+from physic_core.errors import BackendError, DeviceError
 from physic_core.interfaces import MetricDepth, Options
 from physic_core.types import DepthMap, Intrinsics
 from physic_transformers.models import WHERE, ModelOptions, Part, Pretrained, array
@@ -17,8 +17,9 @@ from physic_transformers.models import WHERE, ModelOptions, Part, Pretrained, ar
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Hints, UInt8Array
 
-__all__ = ["DepthPro", "DepthProOptions", "pixels"]
+__all__ = ["DepthPro", "DepthProOptions", "memory_gb", "pixels"]
 
+_LARGE = 1536  # px of the published input; 35 patches of it go through the network at once
 _TELLING = 0.1  # share by which two focal lengths differ before it is worth a note
 
 
@@ -34,6 +35,12 @@ class DepthProOptions(ModelOptions):
     farthest: float = Field(
         default=1000.0, gt=0, description="Metres; what is farther is not known: DepthPro puts the sky at 10 km."
     )
+    cpu_memory_gb: float = Field(
+        default=18.0,
+        ge=0,
+        description="Memory that a machine without a GPU must have, or loading is refused: with less, the system ends "
+        "the whole run. 0 refuses nothing.",
+    )
 
 
 class DepthPro(Pretrained, MetricDepth):
@@ -43,6 +50,23 @@ class DepthPro(Pretrained, MetricDepth):
     options: DepthProOptions
     capabilities: ClassVar[frozenset[str]] = frozenset({"returns_intrinsics"})
     parts: ClassVar[tuple[Part, ...]] = (Part("weights", "DepthProForDepthEstimation", ("depth_pro",)),)
+
+    def load(self, device: str = "cpu") -> None:
+        """Read the weights.
+
+        Raises:
+            WeightsMissingError: they are not on this machine.
+            DeviceError: the device is not there, or the machine has not enough memory to do without a GPU.
+            BackendError: they are another model's.
+        """
+        super().load(device)
+        there, needed = memory_gb(), self.options.cpu_memory_gb
+        if device == "cpu" and there is not None and there < needed and _side(self.network().config) >= _LARGE:
+            self.close()
+            raise DeviceError(
+                f"DepthPro needs about {needed:g} GB of memory on a CPU, this machine has {there:.0f} GB: use a GPU, "
+                "another metric_depth, or set cpu_memory_gb = 0 to try all the same"
+            )
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
         """Image (H, W, 3) -> z-depth in metres, and the camera that it is for.
@@ -90,6 +114,16 @@ def _degrees(angle: Any) -> float | None:
         return None
     degrees = float(array(angle).reshape(-1)[0])
     return degrees if math.isfinite(degrees) and 0 < degrees < 180 else None
+
+
+def memory_gb() -> float | None:
+    """Memory of this machine, or None where the system does not tell."""
+    import os
+
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
+    except (AttributeError, ValueError, OSError):
+        return None
 
 
 def pixels(image: UInt8Array, side: int) -> FloatArray:

@@ -12,7 +12,7 @@ import pytest
 import torch
 
 from physic_core.border import depth_faults, keypoints_faults, people_faults, pointmap_faults
-from physic_core.errors import BackendError, InputError
+from physic_core.errors import BackendError, DeviceError, InputError
 from physic_core.types import Hints, Intrinsics, People
 from physic_transformers.depth_anything import (
     DepthAnythingMetric,
@@ -164,6 +164,25 @@ class TestDepthPro:
     def test_the_camera_of_a_photo_of_another_size_is_resized(self) -> None:
         known = Intrinsics.from_focal(400.0, 200, 120)
         assert self.asked(0.5, 90.0, Hints(intrinsics=known)).intrinsics == known.resized(100, 60)
+
+    @pytest.mark.parametrize(
+        ("there", "side", "options", "refused"),
+        [(8.0, 384, {}, True), (8.0, 96, {}, False), (64.0, 384, {}, False), (8.0, 384, {"cpu_memory_gb": 0}, False)],
+    )
+    def test_a_small_machine_is_refused_before_it_is_out_of_memory(
+        self, monkeypatch: pytest.MonkeyPatch, there: float, side: int, options: dict[str, float], refused: bool
+    ) -> None:
+        config = SimpleNamespace(patch_size=side, scaled_images_ratios=[0.25, 0.5, 1])
+        monkeypatch.setattr("physic_transformers.models.open_network", lambda *_: Recorded(config))
+        monkeypatch.setattr("physic_transformers.depth_pro.memory_gb", lambda: there)
+        backend = DepthPro(DepthProOptions(**options))
+        if not refused:
+            backend.load()
+            return
+        with pytest.raises(DeviceError, match="needs about 18 GB of memory on a CPU, this machine has 8 GB"):
+            backend.load()
+        with pytest.raises(BackendError, match="call load"):
+            backend.network()
 
     def test_the_sky_is_not_known(self) -> None:
         assert np.isnan(self.asked(0.0, 90.0).depth).all()
