@@ -70,6 +70,13 @@ def rotations_of(joints: Array, rest: Array) -> Array:
     joints = np.where(known[..., None], joints, 0.0)
     world = np.broadcast_to(np.eye(3), (*joints.shape, 3)).copy()
     _turn_trunk(world, joints, rest, known)
+    neck = JOINT_INDEX["neck"]
+    for shoulder in _SHOULDERS:
+        # An unknown shoulder is where it would be on this chest.
+        guess = joints[:, neck] + turned(world[:, 9], rest[:, shoulder] - rest[:, neck])
+        fill = ~known[:, shoulder] & known[:, neck]
+        joints[:, shoulder] = np.where(fill[:, None], guess, joints[:, shoulder])
+        known[:, shoulder] |= fill
     _turn_head(world, joints, rest, known)
     _turn_limbs(world, joints, rest, known)
     _turn_hands(world, joints, rest, known)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from physic_core.body.bones import Bones, fit_shape
 from physic_core.body.from_joints import numbers, rotations_of
-from physic_core.body.joints import JOINT_NAMES
+from physic_core.body.joints import JOINT_NAMES, PARENTS
 from physic_core.body.turning import swing, turned
 
 __all__ = ["Fit", "fit_joints"]
@@ -27,6 +27,7 @@ Bools = NDArray[np.bool_]
 _ROUNDS = 3
 _LEAST_LEFT_OVER = 0.02
 """Of what two models may differ by: as well as a model is recovered from its own joints."""
+_HINGES = (4, 5, 7, 8, 18, 19, 20, 21)
 _LIMBS = (([1, 2, 16, 17], [4, 5, 18, 19]), ([4, 5, 18, 19], [7, 8, 20, 21]))
 """Bones that are pointed, and where they end: thighs and upper arms, then shins and forearms."""
 
@@ -84,19 +85,31 @@ def fit_joints(bones: Bones, joints: Array, world: Array | None, rounds: int = _
         rounds: how often shape and rotations are told from each other.
     """
     known = numbers(joints)
+    if world is None:
+        known = _reached(known)
+        joints = np.where(known[..., None], joints, np.nan)
     targets = np.where(known[..., None], joints, 0.0)
     weights = known * _WEIGHT
     betas = np.zeros((len(joints), len(bones.directions)))
     transl = np.zeros((len(joints), 3))
     bare = world is None
     turns = rotations_of(joints, bones.rest(betas)) if world is None else world
-    for _ in range(rounds):
+    for round_ in range(rounds):
         betas, transl = fit_shape(bones.by_shape(turns), bones.pose(turns, 0 * betas, 0 * transl), targets, weights)
         weights = known * _WEIGHT / _left_over(bones.pose(turns, betas, transl) - targets, known * _WEIGHT)
-        if bare:
+        if bare and not round_:
             turns = rotations_of(joints, bones.rest(betas))
         turns = _pointed(bones, turns, betas, transl, targets, known)
     return Fit(turns, betas, transl)
+
+
+def _reached(known: Bools) -> Bools:
+    """(B, 55) joints but those behind an unknown elbow, wrist, knee or ankle, to which no way is known."""
+    reached = known.copy()
+    for joint, parent in enumerate(PARENTS):
+        if parent in _HINGES or parent >= 25:
+            reached[:, joint] &= reached[:, parent]
+    return reached
 
 
 def _left_over(gap: Array, weights: Array) -> Array:

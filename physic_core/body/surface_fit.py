@@ -27,9 +27,11 @@ SIGMA_M = 0.03
 """How far a vertex may lie from that of another mesh, metres: what is left over is alike for all round it."""
 _A_BONE = 30
 """Vertices of each bone that are fitted."""
+_HELD = 0.1
+"""Of all that the vertices could say of a bone: below it, the bone is held by none."""
 _BESIDE = 0.05
 """How much the way along the surface counts, where points say little of it."""
-_STAY_M2 = 1e-5
+_STAY_M2 = 1e-4
 """Of levers: so that a part that too few points hold stays as it is."""
 
 
@@ -174,8 +176,9 @@ def fit_surface(
             of the way along the surface only a share of _BESIDE counts.
     """
     batch = len(points)
+    held = (patches.shares[None] * weights[:, None]).sum(-1) > _HELD
     if start is None:
-        world = _turned(patches, points, weights)
+        world = _following(_turned(patches, points, weights), held)
         at_rest, slopes = patches.linear(world)
         start = Fit(world, *fit_shape(slopes, at_rest, points, weights / sigma_m**2))
     world, betas, transl = start.world, start.betas, start.transl
@@ -194,7 +197,7 @@ def fit_surface(
             normal, pull = _BESIDE * normal + across, _BESIDE * pull + along
         pull[:, -shapes - 3 : -3] -= betas
         step = solved(normal + np.diag(stay), pull)
-        world = exp(step[:, : 3 * NUM_JOINTS].reshape(batch, NUM_JOINTS, 3)) @ world
+        world = _following(exp(step[:, : 3 * NUM_JOINTS].reshape(batch, NUM_JOINTS, 3)) @ world, held)
         betas, transl = betas + step[:, -shapes - 3 : -3], transl + step[:, -3:]
     return Fit(world, betas, transl)
 
@@ -209,12 +212,16 @@ def _turned(patches: Patches, points: Array, weights: Array) -> Array:
     # sum w (q - mean)(v - mean)^T
     moments = np.stack([(share * now[:, None, :, k]) @ points for k in range(3)], -1) / total[..., None]
     moments -= mean_there[..., :, None] * mean_now[..., None, :]
-    world = nearest_rotation(moments)
+    return nearest_rotation(moments)
+
+
+def _following(world: Array, held: NDArray[np.bool_]) -> Array:
+    """Rotations (B, 55, 3, 3) where bones that nothing holds, (B, 55), turn with their parents."""
+    turned = world.copy()
     for joint in range(1, NUM_JOINTS):
-        # A bone without points turns with its parent.
-        lost = total[:, joint, 0] < 1e-6
-        world[lost, joint] = world[lost, PARENTS[joint]]
-    return world
+        loose = ~held[:, joint]
+        turned[loose, joint] = turned[loose, PARENTS[joint]]
+    return turned
 
 
 def _normal_equations(levers: Array, slopes: Array, gap: Array) -> tuple[Array, Array]:

@@ -13,10 +13,14 @@ import roma
 import torch
 from torch import Tensor
 
-from physic_core.body import JOINT_NAMES, PARENTS, load_body
+from physic_core.body import JOINT_INDEX, JOINT_NAMES, PARENTS, load_body
+from physic_core.body.assembly import BodyArrays, assemble
 from physic_core.body.model import BodyModel
+from physic_core.body.turning import exp
 
 sys.path.append(str(Path(__file__).parent))  # other_body.py, which tests of this folder share
+
+from other_body import OtherBody, make
 
 NUM_VERTICES, NUM_FACES, RINGS, SEGMENTS = 10475, 20908, 15, 12
 
@@ -171,3 +175,63 @@ def smplx_v10(smplx_arrays: dict[str, Any], tmp_path_factory: pytest.TempPathFac
     path = _write(tmp_path_factory.mktemp("smplx_v10"), {**smplx_arrays, "shapedirs": shapedirs})
     yield path
     path.unlink()
+
+
+@pytest.fixture(scope="session")
+def other(embedded: BodyModel) -> OtherBody:
+    """The embedded body in another mesh of 10475 vertices, its joints elsewhere."""
+    return make(embedded, NUM_VERTICES)
+
+
+@pytest.fixture(scope="session")
+def other_model(other: OtherBody) -> BodyModel:
+    """The same as a model named "smplx"."""
+    return assemble(
+        BodyArrays(
+            name="smplx",
+            topology="smplx",
+            template=other.template,
+            directions=other.shapedirs.transpose(2, 0, 1),
+            joint_template=other.regressor @ other.template,
+            joint_directions=np.einsum("jv,vck->kjc", other.regressor, other.shapedirs, optimize=True),
+            bind_rot=None,
+            weights=other.weights,
+            faces=other.faces,
+            num_betas=10,
+            num_expression=0,
+            outer=other.from_embedded @ embedded_outer() > 0.5,
+        )
+    )
+
+
+def embedded_outer() -> np.ndarray:
+    """(V,) 1.0 where the embedded body is no cavity."""
+    return load_body("embedded").outer.double().numpy()
+
+
+@pytest.fixture(scope="session")
+def people(embedded: BodyModel) -> dict[str, np.ndarray]:
+    """Four people in everyday poses: local rotations, betas and transl, float64."""
+    rng = np.random.default_rng(0)
+    rotvecs = np.zeros((4, 55, 3))
+
+    def turn(name: str, x: float = 0.0, y: float = 0.0, z: float = 0.0, spread: float = 0.1) -> None:
+        for side, sign in (("left", 1), ("right", -1)):
+            mean = np.array([x, sign * y, sign * z])
+            rotvecs[:, JOINT_INDEX[f"{side}_{name}"]] = mean + spread * rng.standard_normal((4, 3))
+
+    turn("hip", -0.5, spread=0.3)
+    turn("knee", 0.6, spread=0.05)
+    turn("shoulder", 0.0, -0.3, -0.8, 0.3)
+    turn("elbow", 0.0, -0.6, 0.0, 0.1)
+    for name in ("ankle", "wrist"):
+        turn(name)
+    for finger in ("index", "middle", "pinky", "ring"):
+        for k in (1, 2, 3):
+            turn(f"{finger}{k}", 0.0, 0.0, -0.4)
+    for name in ("spine1", "spine2", "spine3", "neck", "head"):
+        rotvecs[:, JOINT_INDEX[name]] = 0.1 * rng.standard_normal((4, 3))
+    rotvecs[:, 0] = 0.3 * rng.standard_normal((4, 3))
+    rotvecs[:, 0, 1] += [0, 1.5, -2.5, 3.1]
+    place = rng.standard_normal((4, 3)) + np.array([0, 0, 4])
+    return {"rotations": exp(rotvecs), "betas": rng.standard_normal((4, embedded.num_betas)), "transl": place}

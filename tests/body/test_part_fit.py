@@ -1,0 +1,249 @@
+"""Closed-form fits: each piece against a slow twin in float64, bodies recovered from their own joints and surface."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+
+from physic_core.body import JOINT_INDEX, load_body
+from physic_core.body.bones import Bones, fit_shape, local_from_world, solved, world_from_local
+from physic_core.body.from_joints import enough, rotations_of
+from physic_core.body.model import BodyModel
+from physic_core.body.part_fit import Fit, fit_joints
+from physic_core.body.surface_fit import Patches, _normal_equations, fit_surface, spread
+from physic_core.body.turning import exp, log
+
+Array = NDArray[np.float64]
+People = dict[str, np.ndarray]
+LEFT_FINGERS = [f"left_{f}{k}" for f in ("index", "middle", "pinky", "ring", "thumb") for k in (1, 2, 3)]
+
+
+def as_fit(people: People) -> Fit:
+    return Fit(world_from_local(people["rotations"]), people["betas"], people["transl"])
+
+
+def posed(model: BodyModel, fit: Fit) -> tuple[Array, Array]:
+    """Vertices and joints, by the model itself."""
+    given = (torch.from_numpy(a).to(model.dtype) for a in (local_from_world(fit.world), fit.betas, fit.transl))
+    with torch.no_grad():
+        out = model(*given)
+    return out.vertices.double().numpy(), out.joints.double().numpy()
+
+
+def mm(first: Array, second: Array) -> float:
+    return 1000 * float(np.linalg.norm(first - second, axis=-1).mean())
+
+
+def test_bones_pose_as_the_model_does(embedded64: BodyModel, people: People) -> None:
+    fit, bones = as_fit(people), Bones.of(embedded64)
+    joints = posed(embedded64, fit)[1]
+    np.testing.assert_allclose(bones.pose(fit.world, fit.betas, fit.transl), joints, atol=1e-12)
+    flat = np.zeros_like(fit.betas)
+    linear = bones.pose(fit.world, flat, fit.transl) + np.einsum("bnik,bk->bni", bones.by_shape(fit.world), fit.betas)
+    np.testing.assert_allclose(linear, joints, atol=1e-12)
+
+
+def test_local_and_world_rotations_are_inverse(people: People) -> None:
+    world = world_from_local(people["rotations"])
+    np.testing.assert_allclose(local_from_world(world), people["rotations"], atol=1e-12)
+
+
+def test_shape_and_place_are_those_of_least_squares() -> None:
+    """The slow twin: one dense system with the translation as three more unknowns."""
+    rng = np.random.default_rng(0)
+    slopes, start, targets = rng.random((2, 9, 3, 4)), rng.random((2, 9, 3)), rng.random((2, 9, 3))
+    weights = rng.random((2, 9))
+    weights[1, :3] = 0
+    targets[1, :3] = np.nan
+    betas, transl = fit_shape(slopes, start, targets, weights, ridge=0.3)
+    for b in range(2):
+        seen = weights[b] > 0
+        root = np.sqrt(weights[b, seen])[:, None, None]
+        places = np.broadcast_to(np.eye(3), (int(seen.sum()), 3, 3))
+        design = (root * np.concatenate([slopes[b, seen], places], -1)).reshape(-1, 7)
+        wanted = (root[..., 0] * (targets[b, seen] - start[b, seen])).ravel()
+        prior = np.sqrt(0.3) * np.eye(7)[:4]
+        twin = np.linalg.lstsq(np.concatenate([design, prior]), np.concatenate([wanted, np.zeros(4)]), rcond=None)[0]
+        np.testing.assert_allclose(np.concatenate([betas[b], transl[b]]), twin, atol=1e-10)
+
+
+def test_systems_are_solved() -> None:
+    rng = np.random.default_rng(0)
+    root = rng.standard_normal((3, 8, 8))
+    normal, pull = root @ np.swapaxes(root, 1, 2) + np.eye(8), rng.standard_normal((3, 8))
+    np.testing.assert_allclose((normal @ solved(normal, pull)[..., None])[..., 0], pull, atol=1e-9)
+
+
+def test_a_body_is_recovered_from_its_joints_and_rotations(embedded: BodyModel, people: People) -> None:
+    truth = as_fit(people)
+    vertices, joints = posed(embedded, truth)
+    found = fit_joints(Bones.of(embedded), joints, truth.world)
+    again = posed(embedded, found)
+    print(f"joints {mm(again[1], joints):.2f} mm, vertices {mm(again[0], vertices):.2f} mm")
+    assert mm(again[1], joints) < 1.0
+    assert mm(again[0], vertices) < 5
+    # Only limbs were turned, and by little: what the shape leaves over.
+    turns = np.degrees(np.linalg.norm(log(np.swapaxes(found.world, -1, -2) @ truth.world), axis=-1))
+    assert turns.max() < 1.5
+    kept = [i for i in range(55) if i not in (1, 2, 4, 5, 16, 17, 18, 19)]
+    assert turns[:, kept].max() < 1e-5
+
+
+def test_a_body_is_recovered_from_its_joints_alone(embedded: BodyModel, people: People) -> None:
+    truth = as_fit(people)
+    vertices, joints = posed(embedded, truth)
+    found = fit_joints(Bones.of(embedded), joints, None)
+    again = posed(embedded, found)
+    turns = np.degrees(np.linalg.norm(log(np.swapaxes(found.world, -1, -2) @ truth.world), axis=-1))
+    print(
+        f"joints {mm(again[1], joints):.2f}, vertices {mm(again[0], vertices):.2f} mm, turns {turns.mean():.1f} degrees"
+    )
+    assert mm(again[1], joints) < 4
+    assert mm(again[0], vertices) < 9
+    assert turns[:, [0, 9, 15]].max() < 6
+    assert turns[:, :22].mean() < 6
+
+
+@pytest.mark.parametrize(
+    ("unknown", "most_mm"),
+    [
+        (["spine1", "spine2", "spine3"], 12),
+        (["left_foot", "right_foot", "left_eye", "right_eye", "jaw"], 12),
+        (
+            [*(f"{side}_{f}{k}" for side in ("left", "right") for f in ("index", "thumb", "ring") for k in (1, 2, 3))],
+            18,
+        ),
+        (["left_elbow", "left_wrist", "right_ankle", "right_foot", *LEFT_FINGERS], 120),
+        (["neck", "left_collar", "right_collar"], 16),
+        (["left_shoulder"], 30),
+    ],
+    ids=["spine", "ends", "fingers", "limbs", "neck", "shoulder"],
+)
+def test_joints_may_be_unknown(embedded: BodyModel, people: People, unknown: list[str], most_mm: float) -> None:
+    vertices, joints = posed(embedded, as_fit(people))
+    told = joints.copy()
+    told[:, [JOINT_INDEX[name] for name in unknown]] = np.nan
+    assert enough(np.isfinite(told).all(-1)).all()
+    again, there = posed(embedded, fit_joints(Bones.of(embedded), told, None))
+    known = np.isfinite(told).all(-1)
+    print(f"{mm(again, vertices):.1f} mm, known joints {mm(there[known], joints[known]):.1f} mm")
+    assert np.isfinite(again).all()
+    assert mm(there[known], joints[known]) < 10
+    assert mm(again, vertices) < most_mm
+
+
+def test_twelve_joints_and_a_neck_make_a_body(embedded: BodyModel, people: People) -> None:
+    """What any pose network sees: shoulders to wrists, hips to ankles."""
+    vertices, joints = posed(embedded, as_fit(people))
+    told = np.full_like(joints, np.nan)
+    seen = [12, 15, *range(16, 22), 1, 2, 4, 5, 7, 8]
+    told[:, seen] = joints[:, seen]
+    again, there = posed(embedded, fit_joints(Bones.of(embedded), told, None))
+    print(f"{mm(again, vertices):.1f} mm, known joints {mm(there[:, seen], joints[:, seen]):.1f} mm")
+    assert mm(there[:, seen], joints[:, seen]) < 12
+    assert mm(again, vertices) < 35
+
+
+def test_too_few_joints_are_told() -> None:
+    known = np.ones((5, 55), bool)
+    known[1, JOINT_INDEX["left_hip"]] = False
+    known[2, JOINT_INDEX["neck"]] = False
+    known[3, [JOINT_INDEX["neck"], JOINT_INDEX["right_shoulder"]]] = False
+    known[4, JOINT_INDEX["right_shoulder"]] = False
+    assert enough(known).tolist() == [True, False, True, False, True]
+
+
+@pytest.mark.parametrize(("side", "sign"), [("left", 1), ("right", -1)])
+def test_bent_limbs_tell_how_they_are_turned(embedded: BodyModel, side: str, sign: int) -> None:
+    """Known answer: a thigh turned about itself by 30 degrees shows in where the bent shin points; so does an arm."""
+    rotvecs = np.zeros((1, 55, 3))
+    rotvecs[0, JOINT_INDEX[f"{side}_hip"]] = [0, np.radians(30), 0]
+    rotvecs[0, JOINT_INDEX[f"{side}_knee"]] = [np.radians(80), 0, 0]
+    rotvecs[0, JOINT_INDEX[f"{side}_shoulder"]] = [np.radians(40), 0, 0]
+    rotvecs[0, JOINT_INDEX[f"{side}_elbow"]] = [0, -sign * np.radians(70), 0]
+    truth = Fit(world_from_local(exp(rotvecs)), np.zeros((1, embedded.num_betas)), np.zeros((1, 3)))
+    bones = Bones.of(embedded)
+    world = rotations_of(bones.pose(*vars(truth).values()), bones.rest(truth.betas))
+    turns = np.degrees(np.linalg.norm(log(np.swapaxes(world, -1, -2) @ truth.world), axis=-1))[0]
+    for name in ("hip", "knee", "shoulder", "elbow"):
+        assert turns[JOINT_INDEX[f"{side}_{name}"]] < 4, name
+
+
+def test_the_t_pose_is_the_t_pose(embedded: BodyModel) -> None:
+    rest = Bones.of(embedded).rest(np.zeros((1, embedded.num_betas)))
+    np.testing.assert_allclose(rotations_of(rest, rest), np.broadcast_to(np.eye(3), (1, 55, 3, 3)), atol=1e-6)
+
+
+@pytest.mark.parametrize("source", ["embedded", "smplx"])
+def test_vertices_are_linear_in_the_shape(source: str, people: People, request: pytest.FixtureRequest) -> None:
+    """With the pose correctives of a SMPL-X file, which do not depend on the shape."""
+    path: Path | str = request.getfixturevalue("smplx_v10") if source == "smplx" else "embedded"
+    model = load_body(path)
+    fit = as_fit({**people, "betas": people["betas"][:, : model.num_betas]})
+    ids = spread(model, 10)
+    start, slopes = Patches.of(model, ids).linear(fit.world)
+    own = start + (slopes @ fit.betas[:, None, :, None])[..., 0] + fit.transl[:, None]
+    np.testing.assert_allclose(own, posed(model, fit)[0][:, ids], atol=2e-6)
+
+
+def test_levers_are_the_derivative_by_small_turns(embedded: BodyModel, people: People) -> None:
+    """The slow twin: each bone turned by a hundred-thousandth, about each axis, by finite differences."""
+    fit, patches = as_fit({k: v[:1] for k, v in people.items()}), Patches.of(embedded, spread(embedded, 2))
+
+    def vertices(world: Array) -> Array:
+        start, slopes = patches.linear(world)
+        return start + (slopes @ fit.betas[:, None, :, None])[..., 0]
+
+    levers = patches.levers(fit.world, fit.betas)
+    for joint in (0, 3, 9, 14, 17, 19, 21, 44, 54):
+        for axis in np.eye(3):
+            moved = []
+            for sign in (1, -1):
+                world = fit.world.copy()
+                world[:, joint] = exp(sign * 1e-5 * axis) @ world[:, joint]
+                moved.append(vertices(world))
+            slope = (moved[0] - moved[1]) / 2e-5
+            np.testing.assert_allclose(np.cross(axis, levers[:, :, joint]), slope, atol=1e-8)
+
+
+def test_normal_equations_are_those_of_the_dense_system() -> None:
+    rng = np.random.default_rng(0)
+    levers, slopes, gap = rng.random((2, 6, 55, 3)), rng.random((2, 6, 3, 5)), rng.random((2, 6, 3))
+    normal, pull = _normal_equations(levers, slopes, gap)
+    for b in range(2):
+        turns = np.stack([np.cross(axis, levers[b]) for axis in np.eye(3)], -1)  # (n, 55, 3 coordinates, 3 axes)
+        design = np.concatenate([turns.transpose(0, 2, 1, 3).reshape(18, 165), slopes[b].reshape(18, 5)], 1)
+        np.testing.assert_allclose(normal[b], design.T @ design, rtol=1e-4, atol=1e-5)
+        np.testing.assert_allclose(pull[b], design.T @ gap[b].ravel(), atol=1e-12)
+
+
+def test_a_body_is_recovered_from_its_surface(embedded: BodyModel, people: People) -> None:
+    truth = as_fit(people)
+    vertices, joints = posed(embedded, truth)
+    patches = Patches.of(embedded, spread(embedded))
+    points = vertices[:, patches.ids]
+    errors = []
+    for rounds in (0, 1, 2, 3):
+        found = posed(embedded, fit_surface(patches, points, np.ones(points.shape[:2]), rounds, sigma_m=0.001))
+        errors.append((mm(found[0], vertices), mm(found[1], joints)))
+    print("rounds, vertices and joints in mm:", [tuple(round(e, 3) for e in pair) for pair in errors])
+    assert errors[2][0] < 0.1
+    assert errors[2][1] < 0.1
+    assert errors[3][0] < 0.05
+
+
+def test_bones_without_points_turn_with_their_parents(embedded: BodyModel, people: People) -> None:
+    truth = as_fit(people)
+    vertices = posed(embedded, truth)[0]
+    patches = Patches.of(embedded, spread(embedded))
+    owner = patches.weights.argmax(1)
+    weights = np.broadcast_to(~np.isin(owner, range(25, 55)), (4, len(owner))).astype(float)
+    points = np.where(weights[..., None] > 0, vertices[:, patches.ids], 0.0)
+    found = fit_surface(patches, points, weights)
+    bent = np.linalg.norm(log(local_from_world(found.world)[:, 28:31]), axis=-1)
+    assert np.isfinite(found.world).all()
+    assert bent.max() < 0.2

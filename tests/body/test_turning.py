@@ -1,0 +1,87 @@
+"""Rotations from directions: what each promises, over all directions."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.spatial.transform import Rotation
+
+from physic_core.body.turning import aligned, between, cross, exp, log, nearest_rotation, parted, swing, turned, unit
+
+VECTOR = arrays(np.float64, (3,), elements=st.floats(-2, 2)).filter(lambda v: np.linalg.norm(v) > 1e-2)
+TURN = arrays(np.float64, (3,), elements=st.floats(-1.7, 1.7))
+
+
+def is_rotation(matrix: np.ndarray) -> bool:
+    return bool(np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-9) and np.linalg.det(matrix) > 0)
+
+
+@settings(max_examples=200)
+@given(VECTOR, VECTOR)
+def test_swing_is_the_shortest_turn(first: np.ndarray, second: np.ndarray) -> None:
+    turn = swing(first, second)
+    assert is_rotation(turn)
+    np.testing.assert_allclose(turn @ unit(first), unit(second), atol=1e-9)
+    cosine = float(unit(first) @ unit(second))
+    assert abs(Rotation.from_matrix(turn).magnitude() - np.arccos(np.clip(cosine, -1, 1))) < 1e-6
+
+
+@given(VECTOR)
+def test_swing_to_the_opposite_is_half_a_turn(vector: np.ndarray) -> None:
+    turn = swing(vector, -vector)
+    assert is_rotation(turn)
+    np.testing.assert_allclose(turn @ vector, -vector, atol=1e-9)
+
+
+@given(TURN, TURN)
+def test_exp_and_log_are_scipys(first: np.ndarray, second: np.ndarray) -> None:
+    both = np.stack([first, second])
+    np.testing.assert_allclose(exp(both), Rotation.from_rotvec(both).as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(exp(log(exp(both))), exp(both), atol=1e-9)
+
+
+@given(TURN, TURN, st.floats(0, 1))
+def test_between_goes_a_share_of_the_way(first: np.ndarray, second: np.ndarray, share: float) -> None:
+    a, b = exp(first), exp(second)
+    whole = np.linalg.norm(log(a.T @ b))
+    np.testing.assert_allclose(np.linalg.norm(log(a.T @ between(a, b, share))), share * whole, atol=1e-7)
+
+
+@given(TURN, VECTOR)
+def test_a_rotation_is_its_swing_after_its_twist(rotvec: np.ndarray, axis: np.ndarray) -> None:
+    rotation = exp(rotvec)
+    tilt, angle = parted(rotation, axis)
+    np.testing.assert_allclose(tilt @ exp(angle * unit(axis)), rotation, atol=1e-8)
+
+
+def test_twist_alone_is_all_twist() -> None:
+    axis = np.array([0.0, 0.6, 0.8])
+    for angle in np.linspace(-3.1, 3.1, 15):
+        tilt, found = parted(exp(angle * axis), axis)
+        assert abs(found - angle) < 1e-12
+        np.testing.assert_allclose(tilt, np.eye(3), atol=1e-12)
+
+
+@given(TURN, st.integers(0, 100))
+def test_kabsch_finds_the_rotation_and_never_a_reflection(rotvec: np.ndarray, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    source = rng.standard_normal((7, 3))
+    target = source @ exp(rotvec).T
+    np.testing.assert_allclose(nearest_rotation(target.T @ source), exp(rotvec), atol=1e-9)
+    assert is_rotation(nearest_rotation((target * [1, 1, -1]).T @ source))
+    # In a plane one direction is left open, and is filled up to a rotation.
+    flat = source * [1, 1, 0]
+    np.testing.assert_allclose(nearest_rotation((flat @ exp(rotvec).T).T @ flat), exp(rotvec), atol=1e-6)
+
+
+@given(VECTOR, VECTOR.filter(lambda v: True))
+def test_aligned_is_along_and_beside(along: np.ndarray, beside: np.ndarray) -> None:
+    if np.linalg.norm(cross(unit(along), unit(beside))) < 1e-3:
+        return
+    frame = aligned(along, beside)
+    assert is_rotation(frame)
+    np.testing.assert_allclose(frame[:, 0], unit(along), atol=1e-12)
+    assert frame[:, 1] @ beside > 0
+    np.testing.assert_allclose(turned(frame, np.array([1.0, 0, 0])), unit(along), atol=1e-12)
