@@ -219,3 +219,29 @@ def test_conformance(told_vitpose: Any, skeleton: str, count: int) -> None:
     print(report.accuracy)
     report.raise_if_failed()
     assert report.accuracy["px"] < 1.0
+
+
+def test_the_huge_network_is_a_graph_with_its_tensors_beside_it(
+    vitpose: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import onnx
+
+    vitpose(count=133)
+    folder = tmp_path / "weights" / "vitpose-h-wholebody"
+    folder.mkdir(parents=True)
+    tensors = "vitpose_h_wholebody_data.bin"
+    onnx.save_model(
+        onnx.load(tmp_path / "net.onnx"),
+        folder / "vitpose_h_wholebody_model.onnx",
+        save_as_external_data=True,
+        location=tensors,
+        size_threshold=100,
+    )
+    monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path / "weights"))
+    backend = VitPose(VitPose.Options(weights="vitpose-h-wholebody"))
+    assert backend.missing() == ()
+    backend.load()
+    assert backend.infer(blobs((200, 260), PLACES), people(BOX)).skeleton == "coco_wholebody133"
+    (folder / tensors).unlink()
+    (told,) = backend.missing()
+    assert tensors in told
