@@ -94,15 +94,17 @@ def carry(bodies: Bodies, model: BodyModel) -> Carried:
         )
     joints, mesh = _whereabouts(bodies, model)
     known, sound = from_joints.numbers(joints), from_joints.numbers(_rotvecs(bodies.parameters))
-    if mesh is not None:
-        sound &= from_joints.numbers(mesh.vertices.reshape(len(sound), -1))
+    sound &= from_joints.enough(known) if mesh is None else from_joints.numbers(mesh.vertices.reshape(len(sound), -1))
+    surface_m = None
+    if not sound.any():
+        fit = Fit(np.zeros((0, 55, 3, 3)), np.zeros((0, model.num_betas)), np.zeros((0, 3)))
+    elif mesh is not None:
         fit, surface_m = _by_surface(model, replace(mesh, vertices=mesh.vertices[sound]))
     else:
-        sound &= from_joints.enough(known)
         world = None
         if bodies.body_model in _SHARED:
             world = world_from_local(rotations_from_parameters(bodies.parameters[sound], dtype=torch.float64).numpy())
-        fit, surface_m = fit_joints(Bones.of(model), joints[sound], world), None
+        fit = fit_joints(Bones.of(model), joints[sound], world)
     posed = Bones.of(model).pose(fit.world, fit.betas, fit.transl)[:, _BODY]
     apart = np.linalg.norm(posed - np.nan_to_num(joints[sound][:, _BODY]), axis=-1)
     seen = known[sound][:, _BODY]

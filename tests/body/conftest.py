@@ -204,6 +204,14 @@ def other_model(other: OtherBody) -> BodyModel:
     )
 
 
+@pytest.fixture(scope="module")
+def maps(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """A folder in which maps between meshes are kept, for all tests of a module."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PHYSIC_CACHE", str(tmp_path_factory.mktemp("maps")))
+        yield
+
+
 def embedded_outer() -> np.ndarray:
     """(V,) 1.0 where the embedded body is no cavity."""
     return load_body("embedded").outer.double().numpy()

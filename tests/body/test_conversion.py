@@ -1,0 +1,227 @@
+"""Bodies of other models carried over: there and back, by surface and by joints, with what is said of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+from other_body import OtherBody, make, smpl_file_arrays
+
+from physic_core.body.conversion import can_carry, carry, rest_mesh_of, to_model
+from physic_core.body.model import BodyModel
+from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
+from physic_core.body.smpl_file import SmplBody
+from physic_core.errors import BodyModelError
+from physic_core.types import Bodies, Mesh
+
+pytestmark = pytest.mark.usefixtures("maps")
+
+Array = NDArray[np.float64]
+
+
+def posed(model: BodyModel, bodies: Bodies) -> tuple[Array, Array]:
+    p = bodies.parameters
+    with torch.no_grad():
+        out = model(rotations_from_parameters(p), torch.from_numpy(p.betas), torch.from_numpy(p.transl))
+    return out.vertices.double().numpy(), out.joints.double().numpy()
+
+
+def mm(first: Array, second: Array) -> float:
+    return 1000 * float(np.linalg.norm(first - second, axis=-1).mean())
+
+
+@pytest.fixture(scope="module")
+def own(people: dict[str, np.ndarray]) -> Bodies:
+    """Four embedded bodies."""
+    tensors = [torch.from_numpy(people[name]) for name in ("rotations", "betas", "transl")]
+    return Bodies(
+        parameters_from_rotations(tensors[0], tensors[1], None, tensors[2]), "embedded", np.ones((4, 55), bool)
+    )
+
+
+@pytest.fixture(scope="module")
+def smpl(embedded: BodyModel) -> tuple[SmplBody, OtherBody]:
+    body = make(embedded, 6890)
+    arrays = smpl_file_arrays(body)
+    names = ("v_template", "f", "shapedirs", "posedirs", "J_regressor", "weights")
+    return SmplBody(*(arrays[name] for name in names)), body
+
+
+def with_mesh(bodies: Bodies, model: BodyModel) -> Bodies:
+    rest = rest_mesh_of(model)
+    return replace(bodies, mesh=Mesh(rest.topology, posed(model, bodies)[0], rest.faces, rest.vertices))
+
+
+def test_bodies_of_the_model_itself_are_left_alone(own: Bodies, embedded: BodyModel) -> None:
+    assert to_model(own, embedded) is own
+
+
+def test_by_surface_there_and_back(own: Bodies, embedded: BodyModel, other_model: BodyModel, other: OtherBody) -> None:
+    vertices, joints = posed(embedded, own)
+    there = carry(own, other_model)
+    assert there.bodies.body_model == "smplx"
+    assert there.bodies.parameters.betas.shape == (4, 10)
+    np.testing.assert_array_equal(there.bodies.observed, own.observed)
+    assert (there.bodies.joints, there.bodies.mesh) == (None, None)
+    truth = np.stack([other.from_embedded @ v for v in vertices])
+    found = posed(other_model, there.bodies)[0]
+    back = carry(with_mesh(there.bodies, other_model), embedded)
+    again, joints_again = posed(embedded, back.bodies)
+    print(
+        f"there {mm(found, truth):.2f} mm; back {mm(again, vertices):.2f} mm, joints {mm(joints_again, joints):.2f} mm"
+    )
+    assert mm(found, truth) < 4
+    assert mm(again, vertices) < 3
+    assert mm(joints_again[:, :22], joints[:, :22]) < 5
+    assert there.surface_m is not None
+    assert there.surface_m.max() < 4e-3
+
+
+def test_by_joints_there_and_back(own: Bodies, embedded: BodyModel, other_model: BodyModel) -> None:
+    """The other model has its joints up to 5 cm elsewhere: a surface that follows joints alone is off by as much."""
+    vertices, joints = posed(embedded, own)
+    there = carry(replace(own, body_model="smpl", joints=joints), other_model)
+    joints_there = posed(other_model, there.bodies)[1]
+    back = carry(replace(there.bodies, joints=joints_there), embedded)
+    again, joints_again = posed(embedded, back.bodies)
+    limbs = [4, 5, 7, 8, 18, 19, 20, 21]
+    print(
+        f"there: joints {mm(joints_there[:, :22], joints[:, :22]):.1f}, "
+        f"limbs {mm(joints_there[:, limbs], joints[:, limbs]):.1f}; back: "
+        f"joints {mm(joints_again[:, :22], joints[:, :22]):.1f}, vertices {mm(again, vertices):.1f} mm"
+    )
+    assert mm(joints_there[:, limbs], joints[:, limbs]) < 15
+    assert mm(joints_again[:, :22], joints[:, :22]) < 12
+    assert mm(again, vertices) < 14
+
+
+def test_own_surface_is_recovered(own: Bodies, embedded: BodyModel) -> None:
+    vertices, joints = posed(embedded, own)
+    mesh = Mesh("embedded", vertices, embedded.faces.numpy())
+    again, joints_again = posed(embedded, to_model(replace(own, body_model="bare", mesh=mesh), embedded))
+    print(f"vertices {mm(again, vertices):.3f} mm, joints {mm(joints_again, joints):.3f} mm")
+    assert mm(again, vertices) < 0.1
+    assert mm(joints_again, joints) < 0.1
+
+
+def test_smpl_reaches_the_embedded_body(own: Bodies, embedded: BodyModel, smpl: tuple[SmplBody, OtherBody]) -> None:
+    """With the user's file: surface and joints are there, hands are flat."""
+    body, other = smpl
+    p = own.parameters
+    rotations = rotations_from_parameters(p).double().numpy()
+    local = np.concatenate([rotations[:, :22], np.broadcast_to(np.eye(3), (4, 2, 3, 3))], 1)
+    betas, transl = p.betas[:, :10].astype(float), p.transl.astype(float)
+    vertices, joints = body.vertices(local, betas, transl), body.smpl_joints(local, betas, transl)
+    placed = np.full((4, 55, 3), np.nan)
+    placed[:, :22] = joints[:, :22]
+    flat = replace(p, left_hand_pose=0 * p.left_hand_pose, right_hand_pose=0 * p.right_hand_pose, betas=p.betas[:, :10])
+    told = Bodies(flat, "smpl", None, placed, Mesh("smpl", vertices, body.faces, body.template))
+    found = carry(told, embedded)
+    print(found.note("smpl"))
+    assert found.surface_m is not None
+    assert found.surface_m.max() < 6e-3
+    # Which vertex of the embedded body each vertex of the other is, is known.
+    surface = np.stack([other.from_embedded @ v for v in posed(embedded, found.bodies)[0]])
+    assert mm(surface, vertices) < 6
+    by_joints = posed(embedded, to_model(replace(told, mesh=None), embedded))[0]
+    assert mm(np.stack([other.from_embedded @ v for v in by_joints]), vertices) < 35
+
+
+def test_bare_joints_make_bodies(own: Bodies, embedded: BodyModel) -> None:
+    """Rotations that mean nothing are not looked at."""
+    vertices, joints = posed(embedded, own)
+    wild = replace(own.parameters, body_pose=own.parameters.body_pose + 1, betas=np.zeros((4, 45), np.float32))
+    again = posed(embedded, to_model(Bodies(wild, "mhr", None, joints), embedded))[0]
+    assert mm(again, vertices) < 9
+
+
+def test_those_of_whom_nothing_is_known_are_nan(own: Bodies, embedded: BodyModel) -> None:
+    joints = posed(embedded, own)[1]
+    joints[1] = np.nan
+    told = replace(own, body_model="smpl", joints=joints)
+    told.parameters.body_pose.setflags(write=False)
+    found = carry(told, embedded)
+    assert np.isnan(found.bodies.parameters.transl).all(1).tolist() == [False, True, False, False]
+    assert np.isnan(found.joints_m).tolist() == [False, True, False, False]
+    alone = carry(replace(told, parameters=told.parameters[2:], joints=joints[2:], observed=None), embedded)
+    np.testing.assert_allclose(found.bodies.parameters.transl[2:], alone.bodies.parameters.transl, atol=1e-6)
+
+
+def test_nobody_is_carried_too(own: Bodies, embedded: BodyModel) -> None:
+    none = Bodies(own.parameters[:0], "smpl", None, np.zeros((0, 55, 3)))
+    assert len(carry(none, embedded).bodies.parameters) == 0
+
+
+def test_a_person_does_not_depend_on_the_others(own: Bodies, embedded: BodyModel) -> None:
+    joints = posed(embedded, own)[1]
+    together = to_model(Bodies(own.parameters, "smpl", None, joints), embedded).parameters
+    for i in range(4):
+        alone = to_model(Bodies(own.parameters[i : i + 1], "smpl", None, joints[i : i + 1]), embedded).parameters
+        np.testing.assert_allclose(alone.body_pose, together.body_pose[i : i + 1], atol=1e-5)
+        np.testing.assert_allclose(alone.betas, together.betas[i : i + 1], atol=1e-5)
+
+
+def test_floats_of_any_width_and_views_are_taken(own: Bodies, embedded: BodyModel) -> None:
+    joints = posed(embedded, own)[1]
+    wide = type(own.parameters)(**{n: v.astype(np.float64) for n, v in vars(own.parameters).items()})
+    turned = np.ascontiguousarray(joints[..., ::-1])[..., ::-1]
+    turned.setflags(write=False)
+    first = to_model(Bodies(own.parameters, "smpl", None, joints), embedded).parameters
+    again = to_model(Bodies(wide, "smpl", None, turned), embedded).parameters
+    assert again.betas.dtype == np.float32
+    np.testing.assert_allclose(again.body_pose, first.body_pose, atol=1e-5)
+
+
+def test_parameters_alone_of_a_model_that_is_not_there_are_refused(own: Bodies, embedded: BodyModel) -> None:
+    told = replace(own, body_model="smplx")
+    assert not can_carry(told, embedded)
+    with pytest.raises(BodyModelError) as caught:
+        to_model(told, embedded)
+    assert str(caught.value) == (
+        "bodies for the body model 'smplx' cannot be carried over to 'embedded': give the joints of SMPL-X "
+        "(Bodies.joints), or a mesh with its T-pose (Bodies.mesh)"
+    )
+
+
+def test_the_note_says_how_near_it_came(own: Bodies, embedded: BodyModel) -> None:
+    joints = posed(embedded, own)[1]
+    found = carry(replace(own, body_model="smpl", joints=joints), embedded)
+    assert found.note("smpl") == (
+        f"bodies carried over from 'smpl' to 'embedded', joints within {1000 * found.joints_m.mean():.0f} mm on average"
+    )
+
+
+def test_a_surface_is_met_as_well_as_by_smplfitter(
+    people: dict[str, np.ndarray], request: pytest.FixtureRequest
+) -> None:
+    """The same posed bodies of the same file, fitted by both."""
+    from smplfitter.pt import BodyFitter
+    from smplfitter.pt import BodyModel as Peer
+
+    from physic_core.body import load_body
+
+    path = request.getfixturevalue("smplx_v10")
+    model = load_body(path)
+    given = [torch.from_numpy(people[n]).float() for n in ("rotations", "betas", "transl")]
+    with torch.no_grad():
+        out = model(given[0], given[1][:, :10], given[2])
+    vertices, joints = out.vertices.numpy(), out.joints.numpy()
+    zeros = parameters_from_rotations(*model.zero_pose(4)[:2], None, torch.zeros(4, 3))
+    told = Bodies(zeros, "bare", None, joints, Mesh("smplx", vertices, model.faces.numpy()))
+    ours = posed(model, to_model(told, model))
+    peer = Peer("smplx", "neutral", model_root=str(path.parent), num_betas=10)
+    fitter = BodyFitter(peer)
+    with torch.no_grad():
+        fitted = fitter.fit(
+            out.vertices, out.joints, num_iter=3, beta_regularizer=0.1, requested_keys=["pose_rotvecs", "shape_betas"]
+        )
+        again = peer(**{name: fitted[name] for name in ("pose_rotvecs", "shape_betas", "trans")})
+    theirs = again["vertices"].numpy(), again["joints"].numpy()
+    print(
+        f"ours {mm(ours[0], vertices):.2f} mm, joints {mm(ours[1], joints):.2f}; "
+        f"smplfitter {mm(theirs[0], vertices):.2f} mm, joints {mm(theirs[1], joints):.2f}"
+    )
+    assert mm(ours[0], vertices) <= mm(theirs[0], vertices)
