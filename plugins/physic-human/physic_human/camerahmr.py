@@ -7,6 +7,7 @@ so neither detectron2 nor smplx is needed.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
@@ -15,6 +16,7 @@ from pydantic import Field
 from physic_core.adapters.checkouts import Checkout
 from physic_core.adapters.crop_camera import translation_of_crop
 from physic_core.adapters.crops import crop_of, cut, padded
+from physic_core.adapters.observed import observed_joints
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, check_photo, letterbox, planes
 from physic_core.adapters.smpl import no_bodies
 from physic_core.devices import check_device
@@ -49,6 +51,12 @@ class CameraHmrOptions(CheckoutOptions):
     )
     smpl_file: str = Field(
         default="", description="your SMPL_NEUTRAL.npz or .pkl: says where the joints and the surface of a body are"
+    )
+    seen_confidence: float = Field(
+        default=0.5,
+        ge=0,
+        le=1,
+        description="of keypoints from which their joints count as seen in the photo; 0 takes all",
     )
     margin: float = Field(
         default=1.0, ge=1, le=2, description="side of the crop in the longer side of a person's box; 1.0 is CameraHMR's"
@@ -154,7 +162,8 @@ class CameraHmr(BodyEstimator):
             for to, what in zip((rotations, betas, weak), one, strict=True):
                 to.append(what)
         place = translation_of_crop(np.concatenate(weak), centres, sides, intrinsics)
-        return posed_bodies(body, np.concatenate(rotations), np.concatenate(betas), place)
+        bodies = posed_bodies(body, np.concatenate(rotations), np.concatenate(betas), place)
+        return replace(bodies, observed=observed_joints(keypoints, *image.shape[:2], self.options.seen_confidence))
 
     def _crop(self, image: UInt8Array, box: FloatArray) -> FloatArray:
         """(1, 3, 256, 256), black outside of the image."""

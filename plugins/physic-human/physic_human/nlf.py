@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -15,6 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from physic_core import weights
+from physic_core.adapters.observed import observed_joints
 from physic_core.adapters.pictures import check_photo
 from physic_core.adapters.smpl import bodies_from_smpl, no_bodies, parameters_of
 from physic_core.devices import check_device
@@ -60,6 +62,12 @@ class NlfOptions(Options):
         default=1, ge=1, le=32, description="turned and mirrored crops a person, averaged; 1 fast, 5 steadier"
     )
     batch: int = Field(default=16, ge=1, description="crops at once")
+    seen_confidence: float = Field(
+        default=0.5,
+        ge=0,
+        le=1,
+        description="of keypoints from which their joints count as seen in the photo; 0 takes all",
+    )
 
 
 class Nlf(BodyEstimator):
@@ -142,7 +150,8 @@ class Nlf(BodyEstimator):
             # Asked about nobody, the network answers keys and shapes of its own.
             return no_bodies(self.options.body)
         found = self._ask(image, people.boxes, intrinsics)
-        return self._as_smplx(found) if self.options.body == "smplx" else self._as_smpl(found)
+        bodies = self._as_smplx(found) if self.options.body == "smplx" else self._as_smpl(found)
+        return replace(bodies, observed=observed_joints(keypoints, *image.shape[:2], self.options.seen_confidence))
 
     def _ask(self, image: UInt8Array, boxes: FloatArray, intrinsics: Intrinsics) -> dict[str, FloatArray]:
         """What the network says of each person, lengths still in its own units."""

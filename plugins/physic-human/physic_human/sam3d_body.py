@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.checkouts import Checkout
+from physic_core.adapters.observed import observed_joints
 from physic_core.adapters.pictures import check_photo
 from physic_core.adapters.smpl import no_bodies, parameters_of
 from physic_core.body.joints import JOINT_INDEX, NUM_JOINTS
@@ -67,6 +68,12 @@ class Sam3dBodyOptions(CheckoutOptions):
         default="sam-3d-body-dinov3",
         description="a name of `physic weights list`, or a folder with model.ckpt, model_config.yaml and "
         "assets/mhr_model.pt",
+    )
+    seen_confidence: float = Field(
+        default=0.5,
+        ge=0,
+        le=1,
+        description="of keypoints from which their joints count as seen in the photo; 0 takes all",
     )
     use_masks: bool = Field(
         default=False, description="show the network the people's masks too; helps where people overlap"
@@ -148,7 +155,11 @@ class Sam3dBody(BodyEstimator):
         betas = np.stack([np.asarray(one.get("shape_params", ()), np.float32).reshape(-1) for one in found])
         mesh = Mesh("mhr", vertices, np.asarray(estimator.faces, np.int32))
         return Bodies(
-            parameters_of(zero, betas, place), "mhr", joints=joints_of_keypoints(points + place[:, None]), mesh=mesh
+            parameters_of(zero, betas, place),
+            "mhr",
+            observed=observed_joints(keypoints, *image.shape[:2], self.options.seen_confidence),
+            joints=joints_of_keypoints(points + place[:, None]),
+            mesh=mesh,
         )
 
     def _ask(

@@ -11,8 +11,11 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+import torch
+from scipy.spatial.transform import Rotation
 
 from physic_core.body import load_body
+from physic_core.body.parameters import rotations_from_parameters
 from physic_core.testing import labels
 from physic_core.testing.worlds import World, build_world
 
@@ -167,3 +170,13 @@ def smpl_pose(world: World) -> np.ndarray:
     count = len(p.transl)
     full = np.concatenate([p.global_orient, p.body_pose], axis=1).reshape(count, 22, 3)
     return np.concatenate([full, np.zeros((count, 2, 3))], axis=1)
+
+
+def wrist_turns(world: World) -> np.ndarray:
+    """(N, 2, 3) rotation of each whole hand from the T-pose to the camera frame, left then right."""
+    p = world.parameters
+    body = load_body("embedded")
+    given = (torch.from_numpy(np.array(value)) for value in (p.betas, p.transl))
+    with torch.no_grad():
+        turns = body(rotations_from_parameters(p), *given, joints_only=True).world[:, [20, 21]].double().numpy()
+    return Rotation.from_matrix(turns.reshape(-1, 3, 3)).as_rotvec().reshape(-1, 2, 3)

@@ -21,7 +21,7 @@ from physic_core.types import Hands, Keypoints, People
 from physic_human.hamer import Hamer, HamerOptions
 from physic_human.wilor import Wilor, WilorOptions
 
-from .seen import Place, coordinates, nearest, normalised_back, pixels, place_of, world_of
+from .seen import Place, coordinates, nearest, normalised_back, pixels, place_of, world_of, wrist_turns
 
 WRISTS = (20, 21)
 
@@ -255,7 +255,7 @@ class PerfectHands:
         wrists = pixels(self.world.joints[:, WRISTS[side]], self.world)
         person = nearest(wrists, place.at(0.5))
         fingers = true_hands(self.world)[person, side].astype(float)
-        turn = Rotation.from_rotvec(self.world.parameters.global_orient[person]).as_rotvec()
+        turn = wrist_turns(self.world)[person, side]
         return (fingers, turn) if side else (mirrored(fingers), mirrored(turn))
 
 

@@ -170,6 +170,15 @@ def test_smpl_drops_the_hands_and_keeps_the_joints(tmp_path: Path, torchvision: 
     assert np.isnan(bodies.joints[:, 22:]).all()
 
 
+def test_joints_are_seen_where_their_keypoints_are(nlf: Nlf) -> None:
+    sure = np.ones((2, 17))
+    sure[1, 13] = 0.4  # the left knee
+    shown = Keypoints(np.full((2, 17, 2), 20.0), sure, "coco17")
+    found = nlf.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, shown, Hints()).observed
+    assert found is not None
+    assert np.argwhere(~found).tolist() == [[1, 4]]
+
+
 def test_nobody_is_not_asked_about(nlf: Nlf) -> None:
     bodies = ask(nlf, who=people(np.zeros((0, 4))))
     assert len(bodies.parameters) == 0
