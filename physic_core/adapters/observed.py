@@ -57,9 +57,9 @@ _PELVIS, _LOWER_SPINE, _CHEST, _OF_FACE = 0, (3, 6), 9, (12, 15, 22, 23, 24)
 def observed_joints(keypoints: Keypoints, height: int, width: int, least: float = 0.5) -> BoolArray | None:
     """Joints of SMPL-X whose keypoints are seen inside the image.
 
-    Joints without a keypoint go with their neighbours: collars with shoulders, the foot's joint with heel or toes; neck,
-    head, jaw and eyes with any point of the face; the pelvis with a hip, the chest with a shoulder, the spine between
-    with both; fingers with half of the hand's points, or with the wrist.
+    Joints without a keypoint go with their neighbours: collars with shoulders, the foot's joint with heel or toes;
+    neck, head, jaw and eyes with any point of the face; the pelvis with a hip, the chest with a shoulder, the spine
+    between with both; fingers with half of the hand's points, or with the wrist.
 
     Args:
         keypoints: of N people.
@@ -77,7 +77,7 @@ def observed_joints(keypoints: Keypoints, height: int, width: int, least: float 
         return None
     inside = (keypoints.points > -0.5) & (keypoints.points < np.array([width, height]) - 0.5)
     seen: BoolArray = np.asarray(inside.all(axis=-1) & (keypoints.confidence >= least))
-    observed = np.zeros((len(seen), _JOINTS), bool)
+    observed: BoolArray = np.zeros((len(seen), _JOINTS), bool)
     for name, points in rows.limbs.items():
         observed[:, list(_OF_LIMB[name])] = seen[:, list(points)]
     for side in (0, 1):
@@ -86,9 +86,9 @@ def observed_joints(keypoints: Keypoints, height: int, width: int, least: float 
         observed[:, _FEET[side]] = seen[:, feet].any(axis=1) if feet else ankle
         observed[:, _COLLARS[side]] = observed[:, _OF_LIMB["shoulder"][side]]
         fingers = seen[:, hand].mean(axis=1) >= 0.5 if hand else wrist
-        observed[:, _HANDS[side]] = (fingers & wrist)[:, None]
+        observed[:, _HANDS[side]] = np.asarray(fingers & wrist)[:, None]
     shoulders, hips = (observed[:, list(_OF_LIMB[name])].any(axis=1) for name in ("shoulder", "hip"))
-    observed[:, list(_OF_FACE)] = seen[:, list(rows.face)].any(axis=1)[:, None]
+    observed[:, list(_OF_FACE)] = np.asarray(seen[:, list(rows.face)].any(axis=1))[:, None]
     observed[:, _PELVIS], observed[:, _CHEST] = hips, shoulders
-    observed[:, list(_LOWER_SPINE)] = (hips & shoulders)[:, None]
+    observed[:, list(_LOWER_SPINE)] = np.asarray(hips & shoulders)[:, None]
     return observed
