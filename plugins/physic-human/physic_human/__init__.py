@@ -28,7 +28,7 @@ def physic_backends() -> list[BackendRecord]:
             "physic_human.camerahmr:CameraHmr",
             summary="CameraHMR from its checkout: SMPL bodies: the paper's",
             weights_license="MPI: non-commercial (CameraHMR, SMPL)",
-            needs=("a checkout", "weights"),
+            needs=("a checkout", "weights", "a SMPL file"),
         ),
         BackendRecord(
             "body_estimator",
@@ -60,7 +60,7 @@ def physic_backends() -> list[BackendRecord]:
             "physic_human.deco:Deco",
             summary="DECO from its checkout: the paper's",
             weights_license="MPI: non-commercial (DECO)",
-            needs=("a checkout", "weights"),
+            needs=("a checkout", "weights", "a SMPL file"),
         ),
         BackendRecord(
             "contact_prior",
