@@ -149,6 +149,16 @@ def test_left_hands_are_shown_in_a_mirror_and_read_in_it(wilor: Wilor) -> None:
     np.testing.assert_allclose(hands.wrists[0], [[0.2, -0.2, -0.2], [0.2, 0.2, 0.2]], atol=1e-6)
 
 
+def test_large_hands_are_smoothed_before_they_are_made_small(wilor: Wilor) -> None:
+    stripes = np.zeros((900, 900, 3), np.uint8)
+    stripes[:, ::2] = 255
+    people, given = keypoints({"right": [250, 250, 650, 650]})
+    wilor.infer(stripes, people, given)
+    seen = wilor._host.network.seen[0][0, 100:150, 100:150]
+    assert seen.std() < 30  # stripes of one pixel are grey from afar
+    assert abs(seen.mean() - 127.5) < 3
+
+
 def test_photos_are_not_wilors_to_change_and_hands_come_in_batches(wilor: Wilor) -> None:
     wilor.options = wilor.options.model_copy(update={"batch": 1})
     image = np.random.default_rng(0).integers(0, 255, (200, 300, 3)).astype(np.uint8)
