@@ -1,7 +1,8 @@
 """The ground that people stand on: what SAM 2 takes for one thing about their feet.
 
 A point beside a foot may lie on a rug, on the floor or on a sofa, and the network's three answers are a part, a whole
-and what is about it. So an answer has to look like ground before it is believed.
+and what is about it. So an answer has to look like ground before it is believed. Asked for in a box from the people's
+chests down, the ground is answered whole, and without it often in pieces.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ def floor_mask(networks: Sam2Networks, photo: Encoded, people: People, *, border
     if not len(points):
         return None
     points = points[np.linspace(0, len(points) - 1, min(len(points), MOST_POINTS)).astype(int)]
-    logits, _ = networks.at_points(photo, points, _middles(people))
+    logits, _ = networks.at_points(photo, points, _middles(people), np.array([0, _chests(people), *photo.size[::-1]]))
     best, most = None, 0.0
     for answer in logits:
         mask = np.asarray(resample(_in_one_piece(answer, photo, points), *photo.size) > 0)
@@ -132,6 +133,13 @@ def _middles(people: People) -> FloatArray:
     return np.array(middles, float).reshape(-1, 2)
 
 
+def _chests(people: People) -> float:
+    """Row of the chests, above which there is hardly any ground; a third of the photo where nobody is."""
+    if not len(people):
+        return people.masks.shape[1] / 3
+    return float(np.median(people.boxes[:, 1] + 0.35 * (people.boxes[:, 3] - people.boxes[:, 1])))
+
+
 def _like_ground(ground: BoolArray, mask: BoolArray, points: FloatArray, people: People) -> float:
     """How much a mask looks like the ground, 0 for one that cannot be it.
 
@@ -144,9 +152,7 @@ def _like_ground(ground: BoolArray, mask: BoolArray, points: FloatArray, people:
     on_people = float((mask & anybody).sum() / max(1, anybody.sum()))
     if held < 0.6 or area < 0.01 * ground.size or on_people > 0.5:
         return 0.0
-    chests = people.boxes[:, 1] + 0.35 * (people.boxes[:, 3] - people.boxes[:, 1])
-    highest = int(np.median(chests)) if len(chests) else ground.shape[0] // 3
-    high = float(ground[: max(0, highest)].sum() / area)
+    high = float(ground[: max(0, int(_chests(people)))].sum() / area)
     # The ground that people stand on goes on towards the camera, or ends at something that stands before it.
     wide = float(ground[int(points[:, 1].min()) :].any(axis=0).mean())
     if high > 0.35 or wide < 0.35:

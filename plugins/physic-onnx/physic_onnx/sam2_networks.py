@@ -146,15 +146,19 @@ class Sam2Networks:
         """
         import numpy as np
 
-        # The network was trained with the first and the last pixel of what is meant.
-        corners = photo.to_frame(np.asarray(boxes, np.float64).reshape(-1, 2, 2) - [[0, 0], [1, 1]])
+        corners = self._corners(photo, boxes)
         at_once = self._at_once()
-        answers = [self._ask(photo, corners[i : i + at_once], None) for i in range(0, len(corners), at_once)]
+        answers = [self._ask(photo, corners[i : i + at_once]) for i in range(0, len(corners), at_once)]
         logits, fits = zip(*answers, strict=True)
         return np.concatenate(logits), np.concatenate(fits)
 
-    def at_points(self, photo: Encoded, inside: FloatArray, outside: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The one thing that holds (P, 2) points of the photo and not (Q, 2) others.
+    def at_points(
+        self, photo: Encoded, inside: FloatArray, outside: FloatArray, box: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """The one thing that holds (P, 2) points of the photo and not (Q, 2) others, in a box (4,).
+
+        Points without any box are not asked for. An export by which they can be asked joins them with an array of no
+        boxes, and onnxruntime leaves the place of three tokens as it finds it: with whatever was in memory.
 
         Returns:
             (3, h, w) logits of the squashed photo, and (3,) how well each fits.
@@ -163,11 +167,18 @@ class Sam2Networks:
 
         points = photo.to_frame(np.concatenate([inside, outside]))
         labels = np.array([INSIDE] * len(inside) + [OUTSIDE] * len(outside))
-        logits, fits = self._ask(photo, None, (points, labels))
+        logits, fits = self._ask(photo, self._corners(photo, box[None]), (points, labels))
         return logits[0], fits[0]
 
+    def _corners(self, photo: Encoded, boxes: FloatArray) -> FloatArray:
+        """(N, 4) boxes px of the photo -> (N, 2, 2) px of the square."""
+        import numpy as np
+
+        # The network was trained with the first and the last pixel of what is meant.
+        return photo.to_frame(np.asarray(boxes, np.float64).reshape(-1, 2, 2) - [[0, 0], [1, 1]])
+
     def _ask(
-        self, photo: Encoded, corners: FloatArray | None, points: tuple[FloatArray, NDArray[Any]] | None
+        self, photo: Encoded, corners: FloatArray, points: tuple[FloatArray, NDArray[Any]] | None = None
     ) -> tuple[FloatArray, FloatArray]:
         if self.dialect == "transformers.js":
             feed, names = self._with_boxes(corners, points), ["pred_masks", "iou_scores"]
@@ -180,16 +191,13 @@ class Sam2Networks:
         return logits, fits
 
     def _with_boxes(
-        self, corners: FloatArray | None, points: tuple[FloatArray, NDArray[Any]] | None
+        self, corners: FloatArray, points: tuple[FloatArray, NDArray[Any]] | None
     ) -> dict[str, NDArray[Any]]:
         import numpy as np
 
-        if corners is None:
-            assert points is not None
+        if points is not None:
             told, labels = points[0][None, None], points[1][None, None]
-            boxes = np.zeros((1, 0, 4))
         else:
-            boxes = corners.reshape(1, -1, 4)
             # Not every provider takes arrays without elements; a point that is none says nearly the same.
             none = 0 if self._decoder.provider in ("CPU", "CUDA") else 1
             told = np.zeros((1, len(corners), none, 2))
@@ -197,21 +205,18 @@ class Sam2Networks:
         return {
             "input_points": told.astype(np.float32),
             "input_labels": labels.astype(np.int64),
-            "input_boxes": boxes.astype(np.float32),
+            "input_boxes": corners.reshape(1, -1, 4).astype(np.float32),
         }
 
     def _with_corner_points(
-        self, corners: FloatArray | None, points: tuple[FloatArray, NDArray[Any]] | None
+        self, corners: FloatArray, points: tuple[FloatArray, NDArray[Any]] | None
     ) -> dict[str, NDArray[Any]]:
         import numpy as np
 
-        if corners is not None:
-            told, labels = corners, np.tile([FIRST_CORNER, LAST_CORNER], (len(corners), 1))
-        else:
-            assert points is not None
-            # Where no box is told, the network was trained with a point that is none at the end.
-            told = np.concatenate([points[0], np.zeros((1, 2))])[None]
-            labels = np.concatenate([points[1], [NOTHING]])[None]
+        told, labels = corners, np.tile([FIRST_CORNER, LAST_CORNER], (len(corners), 1))
+        if points is not None:
+            told = np.concatenate([told, points[0][None]], axis=1)
+            labels = np.concatenate([labels, points[1][None]], axis=1)
         side = self._decoding.inputs["mask_input"].shape[2]
         grid = side if isinstance(side, int) else self._side // 4
         return {

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import onnx
 import pytest
@@ -220,7 +222,7 @@ def test_sam3_s_tracker_sees_minus_1_to_1(told_network, shown):
 
 
 def test_prompts_of_transformers_js(told_network, shown):
-    """Boxes are boxes, beside no points at all; points come beside no boxes."""
+    """Boxes are boxes, beside no points at all; points come in a box, for without one the answer is left to chance."""
     asked = []
 
     def answer(shown, feed):
@@ -235,14 +237,14 @@ def test_prompts_of_transformers_js(told_network, shown):
     networks = Sam2Networks(encoder, decoder)
     encoded = networks.encode(photo)
     networks.in_boxes(encoded, np.array([[0.0, 0, 256, 512], [64, 128, 128, 256]]))
-    networks.at_points(encoded, np.array([[0.0, 0.0]]), np.array([[255.0, 511.0]]))
+    networks.at_points(encoded, np.array([[0.0, 0.0]]), np.array([[255.0, 511.0]]), np.array([0.0, 256, 256, 512]))
     box, point = asked
     assert box["input_points"].shape == (1, 2, 0, 2)
     assert box["input_labels"].shape == (1, 2, 0)
     assert box["input_labels"].dtype == np.int64
     # The centres of the first and of the last pixel: 4 px of the square a pixel across, 2 down.
     assert box["input_boxes"][0].tolist() == [[1.5, 0.5, 1021.5, 1022.5], [257.5, 256.5, 509.5, 510.5]]
-    assert point["input_boxes"].shape == (1, 0, 4)
+    assert point["input_boxes"].tolist() == [[[1.5, 512.5, 1021.5, 1022.5]]]
     assert point["input_points"].tolist() == [[[[1.5, 0.5], [1021.5, 1022.5]]]]
     assert point["input_labels"].tolist() == [[[1, 0]]]
 
@@ -264,7 +266,7 @@ def test_providers_that_take_no_empty_arrays_are_told_a_point_that_is_none(told_
 
 
 def test_prompts_of_samexporter(told_network, shown):
-    """A box is two points, labelled 2 and 3; labels are floats; points alone end with one that is none."""
+    """A box is two points, labelled 2 and 3, and others come after them; labels are floats."""
     asked = []
 
     def answer(shown, feed):
@@ -279,15 +281,15 @@ def test_prompts_of_samexporter(told_network, shown):
     networks = Sam2Networks(encoder, decoder)
     encoded = networks.encode(photo)
     networks.in_boxes(encoded, np.array([[0.0, 0, 256, 512], [64, 128, 128, 256]]))
-    networks.at_points(encoded, np.array([[0.0, 0.0]]), np.array([[255.0, 511.0]]))
+    networks.at_points(encoded, np.array([[0.0, 0.0]]), np.array([[255.0, 511.0]]), np.array([0.0, 256, 256, 512]))
     box, point = asked
     assert box["point_coords"][0].tolist() == [[1.5, 0.5], [1021.5, 1022.5]]
     assert box["point_labels"].tolist() == [[2, 3], [2, 3]]
     assert box["point_labels"].dtype == np.float32
     assert box["mask_input"].shape == (2, 1, 256, 256)
     assert box["has_mask_input"].tolist() == [0]
-    assert point["point_coords"].tolist() == [[[1.5, 0.5], [1021.5, 1022.5], [0, 0]]]
-    assert point["point_labels"].tolist() == [[1, 0, -1]]
+    assert point["point_coords"].tolist() == [[[1.5, 512.5], [1021.5, 1022.5], [1.5, 0.5], [1021.5, 1022.5]]]
+    assert point["point_labels"].tolist() == [[2, 3, 1, 0]]
 
 
 def test_halves_of_two_exports_are_refused(told_network):
@@ -446,11 +448,11 @@ def decode(dialect):
     def answer(shown, feed):
         if dialect == "transformers.js":
             prompts = [(box, None) for box in feed["input_boxes"][0]]
-            if not prompts:
+            if feed["input_points"].shape[2]:
                 prompts = [(None, (feed["input_points"][0, 0], feed["input_labels"][0, 0]))]
         else:
             prompts = [
-                (points[[0, 1]].ravel(), None) if (labels[:2] == [2, 3]).all() else (None, (points, labels))
+                (points.ravel(), None) if labels.tolist() == [2, 3] else (None, (points[2:], labels[2:]))
                 for points, labels in zip(feed["point_coords"], feed["point_labels"], strict=True)
             ]
         answers = [of_three(thing_in(shown, b) if b is not None else thing_at(shown, *p)) for b, p in prompts]
@@ -460,6 +462,92 @@ def decode(dialect):
         return {"masks": masks, "iou_predictions": fits}
 
     return answer
+
+
+@pytest.fixture(scope="module")
+def real(tmp_path_factory):
+    """The library's own class, small and random, exported as transformers.js's files are."""
+    transformers = pytest.importorskip("transformers")
+    torch.manual_seed(0)
+    backbone = {
+        "model_type": "sam2_hiera_det_model", "hidden_size": 16, "num_attention_heads": 1,
+        "blocks_per_stage": [1, 1, 2, 1], "embed_dim_per_stage": [16, 32, 64, 128],
+        "num_attention_heads_per_stage": [1, 2, 4, 8], "global_attention_blocks": [3],
+    }  # fmt: skip
+    vision = {"backbone_config": backbone, "backbone_channel_list": [128, 64, 32, 16]}
+    model = transformers.Sam2Model(transformers.Sam2Config(vision_config=vision)).eval()
+
+    class Encoder(torch.nn.Module):
+        def __init__(self):
+            super().__init__()
+            self.model = model
+
+        def forward(self, pixel_values):
+            return tuple(self.model.get_image_embeddings(pixel_values))
+
+    class Decoder(Encoder):
+        def forward(self, points, labels, boxes, *embeddings):
+            answer = self.model(
+                image_embeddings=list(embeddings), input_points=points, input_labels=labels, input_boxes=boxes,
+                multimask_output=True,
+            )  # fmt: skip
+            return answer.iou_scores, answer.pred_masks, answer.object_score_logits
+
+    folder = tmp_path_factory.mktemp("real")
+    inputs, outputs = DECODER["transformers.js"]
+    free = {"input_points": {1: "n", 2: "p"}, "input_labels": {1: "n", 2: "p"}, "input_boxes": {1: "boxes"}}
+    example = (torch.zeros(1, 2, 1, 2), -torch.ones(1, 2, 1, dtype=torch.int64), torch.ones(1, 2, 4))
+    with warnings.catch_warnings(), torch.no_grad():
+        warnings.simplefilter("ignore")
+        picture = torch.zeros(1, 3, 1024, 1024)
+        embeddings = tuple(model.get_image_embeddings(picture))
+        torch.onnx.export(
+            Encoder(), (picture,), str(folder / "vision_encoder.onnx"), input_names=["pixel_values"],
+            output_names=list(FEATURES["transformers.js"]), opset_version=17, dynamo=False,
+        )  # fmt: skip
+        torch.onnx.export(
+            Decoder(), (*example, *embeddings), str(folder / "prompt_encoder_mask_decoder.onnx"),
+            input_names=list(inputs), output_names=list(outputs), opset_version=17, dynamo=False,
+            dynamic_axes=free | {name: {1: "n"} for name in outputs},
+        )  # fmt: skip
+    return model, open_sam2(folder, OnnxOptions(threads=1), "cpu")
+
+
+def test_the_real_class_answers_boxes_the_same(real):
+    """The picture, the prompt and the network: against the library's class, asked with boxes as its users ask."""
+    model, networks = real
+    photo = np.random.default_rng(0).integers(0, 255, (48, 64, 3), np.uint8)
+    boxes = np.array([[4.0, 6, 30, 40], [20, 3, 60, 47]])
+    encoded = networks.encode(photo)
+    logits, fits = networks.in_boxes(encoded, boxes)
+    corners = np.stack([encoded.to_frame(boxes[:, :2]), encoded.to_frame(boxes[:, 2:] - 1)], 1).reshape(1, 2, 4)
+    with torch.no_grad():
+        theirs = model(
+            image_embeddings=[torch.tensor(f) for f in encoded.features],
+            input_boxes=torch.tensor(corners, dtype=torch.float32),
+            multimask_output=True,
+        )
+    assert logits == pytest.approx(theirs.pred_masks[0].numpy(), abs=1e-6)
+    assert fits == pytest.approx(theirs.iou_scores[0].numpy(), abs=1e-6)
+
+
+def test_the_real_class_answers_points_in_a_box_the_same(real):
+    model, networks = real
+    encoded = networks.encode(np.random.default_rng(0).integers(0, 255, (48, 64, 3), np.uint8))
+    inside, outside = np.array([[10.0, 20], [30, 40]]), np.array([[50.0, 5]])
+    logits, fits = networks.at_points(encoded, inside, outside, np.array([0.0, 10, 64, 48]))
+    points = encoded.to_frame(np.concatenate([inside, outside]))
+    corners = encoded.to_frame(np.array([[0.0, 10], [63, 47]])).reshape(1, 1, 4)
+    with torch.no_grad():
+        theirs = model(
+            image_embeddings=[torch.tensor(f) for f in encoded.features],
+            input_points=torch.tensor(points[None, None], dtype=torch.float32),
+            input_labels=torch.tensor([[[1, 1, 0]]]),
+            input_boxes=torch.tensor(corners, dtype=torch.float32),
+            multimask_output=True,
+        )
+    assert logits == pytest.approx(theirs.pred_masks[0, 0].numpy(), abs=1e-6)
+    assert fits == pytest.approx(theirs.iou_scores[0, 0].numpy(), abs=1e-6)
 
 
 @pytest.fixture(scope="module")
