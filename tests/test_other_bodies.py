@@ -7,12 +7,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
-from physic_core import border, salvage
+from physic_core import border, load_config, reconstruct, salvage
+from physic_core.body import load_body
+from physic_core.body.conversion import rest_mesh_of
+from physic_core.body.parameters import rotations_from_parameters
 from physic_core.cache.answers import settled
 from physic_core.cache.archive import pack, unpack
 from physic_core.cache.npz import read, write
-from physic_core.types import Bodies, BodyParameters, ContactProbability, Hands, Mesh, RestMesh
+from physic_core.errors import BodyModelError
+from physic_core.plugins import discover
+from physic_core.registry import BackendRecord
+from physic_core.testing.worlds import World, build_world
+from physic_core.types import Bodies, BodyParameters, ContactProbability, Hands, Mesh, Reconstruction, RestMesh
+from physic_mock import backends
 
 FACES = np.array([[0, 1, 2], [1, 2, 3]], np.int32)
 CLASSES = (Bodies, BodyParameters, ContactProbability, Hands, Mesh, RestMesh)
@@ -186,3 +195,129 @@ def test_answers_that_were_kept_before_these_fields_are_read() -> None:
             del document["fields"][field]
         found = unpack(arrays, document, CLASSES)
         assert [getattr(found, field) for field in fields] == [None] * len(fields)
+
+
+# ---- in the pipeline -------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return build_world("stand", 0, (160, 120))
+
+
+def run(world: World, kind: type, interface: str) -> Reconstruction:
+    registry = discover()
+    registry.register(BackendRecord(interface, "other", kind))
+    config = load_config(preset="mock", overrides=[f"{interface}.backend=other"])
+    return reconstruct(world.image, config, registry=registry)
+
+
+def joints_of(told: Bodies) -> np.ndarray:
+    model, p = load_body("embedded"), told.parameters
+    with torch.no_grad():
+        given = (torch.from_numpy(value) for value in (p.betas, p.transl))
+        return model(rotations_from_parameters(p), *given, joints_only=True).joints.numpy()
+
+
+class Smpl(backends.MockBodyEstimator):
+    """The mock's bodies, told as SMPL's."""
+
+    def infer(self, *arguments):
+        told = super().infer(*arguments)
+        return Bodies(told.parameters, "smpl", told.observed, joints_of(told))
+
+
+class TooFew(Smpl):
+    def infer(self, *arguments):
+        told = super().infer(*arguments)
+        assert told.joints is not None
+        told.joints[:, 1] = np.nan
+        return told
+
+
+class OddMesh(Smpl):
+    """With a mesh whose T-pose is none."""
+
+    def infer(self, *arguments):
+        told = super().infer(*arguments)
+        flat = np.zeros((len(told.parameters), 4, 3), np.float32)
+        return replace(told, mesh=Mesh("odd", flat, FACES, flat[0]))
+
+
+class OtherContact(backends.MockContactPrior):
+    """The mock's contact, on a mesh that has another name and another order of vertices."""
+
+    def infer(self, *arguments):
+        told = super().infer(*arguments)
+        rest = rest_mesh_of(load_body("embedded"))
+        order = np.random.default_rng(0).permutation(len(rest.vertices))
+        mesh = RestMesh("shuffled", rest.vertices[order], np.argsort(order)[rest.faces])
+        return ContactProbability(told.probability[:, order], "shuffled", mesh)
+
+
+class OddContact(OtherContact):
+    def infer(self, *arguments):
+        told = super().infer(*arguments)
+        assert told.rest is not None
+        return replace(told, rest=replace(told.rest, vertices=1000 * told.rest.vertices))
+
+
+class Wrists(backends.MockHandEstimator):
+    """Hands that lie as the T-pose's do, turned by half a radian."""
+
+    def infer(self, image, people, keypoints):
+        told = super().infer(image, people, keypoints)
+        return replace(told, confidence=np.full_like(told.confidence, 0.9), wrists=np.full((len(people), 2, 3), 0.3))
+
+
+def test_bodies_of_smpl_are_carried_over(world: World) -> None:
+    result = run(world, Smpl, "body_estimator")
+    plain = reconstruct(world.image, "mock")
+    assert result.body_model == "embedded"
+    assert "bodies carried over from 'smpl' to 'embedded', joints within 1 mm on average" in result.notes
+    apart = np.linalg.norm(result.people[0].joints[:22] - plain.people[0].joints[:22], axis=1)
+    assert apart.max() < 0.03
+
+
+def test_bodies_with_too_few_joints_are_refused(world: World) -> None:
+    with pytest.raises(BodyModelError) as error:
+        run(world, TooFew, "body_estimator")
+    assert str(error.value) == (
+        "body_estimator 'other' (registered by hand) gives bodies for the body model 'smpl' with too few joints to "
+        "carry them over to 'embedded': both hips, and both shoulders or the neck, are needed of at least one person"
+    )
+
+
+def test_a_mesh_that_is_no_body_is_refused(world: World) -> None:
+    with pytest.raises(BodyModelError) as error:
+        run(world, OddMesh, "body_estimator")
+    assert str(error.value) == (
+        "body_estimator 'other' (registered by hand): the mesh 'odd' is 0 wide, 0 high and 0 deep, which is no body in "
+        "a T-pose: give it in metres, y up, facing +z, arms stretched out sideways"
+    )
+
+
+def test_contact_on_another_mesh_is_carried_over(world: World) -> None:
+    result = run(world, OtherContact, "contact_prior")
+    plain = reconstruct(world.image, "mock")
+    assert "contact carried over from the mesh 'shuffled' to 'physic-embedded-1'" in result.notes
+    was, found = plain.people[0].contact, result.people[0].contact
+    assert 2 * (was & found).sum() >= 0.95 * (was.sum() + found.sum())
+
+
+def test_contact_on_a_mesh_that_is_no_body_is_left_out(world: World) -> None:
+    result = run(world, OddContact, "contact_prior")
+    warning = next(w for w in result.warnings if "contact_prior" in w)
+    assert warning.startswith("contact_prior 'other' (registered by hand): the mesh 'shuffled' is 1.7")
+    assert warning.endswith("arms stretched out sideways; contact is told from distances alone")
+
+
+def test_hands_that_say_how_they_lie_are_put_onto_the_arms(world: World) -> None:
+    result, plain = run(world, Wrists, "hand_estimator"), reconstruct(world.image, "mock")
+    turned = np.linalg.norm(
+        (result.people[0].parameters.body_pose - plain.people[0].parameters.body_pose).reshape(21, 3), axis=1
+    )
+    assert turned[[19, 20]].min() > 0.2  # both wrists
+    np.testing.assert_allclose(
+        result.people[0].parameters.left_hand_pose, plain.people[0].parameters.left_hand_pose, atol=0.05
+    )

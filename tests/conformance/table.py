@@ -10,6 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from unittest.mock import patch
 
+import wrong_bodies  # noqa: F401 - notes its own in WRONG
 from right_backends import SIZE
 from wrong_backends import WRONG, Wrong
 

@@ -9,6 +9,7 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
+import wrong_bodies
 from right_backends import RIGHT, SIZE
 from table import row, table
 from wrong_backends import WRONG, Wrong
@@ -19,7 +20,7 @@ from physic_core.testing import check_backend, conformance
 from physic_core.testing.conformance import checks_for
 
 
-@pytest.mark.parametrize("kind", RIGHT, ids=lambda kind: kind.interface)
+@pytest.mark.parametrize("kind", [*RIGHT, *wrong_bodies.RIGHT], ids=lambda kind: kind.__name__)
 def test_a_right_backend_passes_every_check_that_can_be_judged(kind: type[interfaces.Backend]):
     report = check_backend(kind, size=SIZE)
     assert report.ok, report.text

@@ -23,32 +23,43 @@ __all__ = ["CHECKS", "posed"]
 FACTOR = 3.0
 LEAST_INSIDE, MARGIN = 0.6, 0.25
 MOST_TURN_DEG = 60.0
+BESIDE_M = 0.1
 _KNOWN = ("embedded", "smplx")
 _ROTATIONS = ("global_orient", "body_pose", "left_hand_pose", "right_hand_pose", "jaw_pose", "leye_pose", "reye_pose")
 
 
 def posed(bodies: Bodies) -> tuple[FloatArray, FloatArray]:
-    """Vertices (N, V, 3) and joints (N, 55, 3) in metres.
+    """Vertices (N, V, 3) and joints (N, 55, 3) in metres; of other bodies, after they were carried over as in a run.
 
     Raises:
         NotJudged: they are of a body that has to be brought along.
     """
     import torch
 
+    from physic_core.body.conversion import to_model
     from physic_core.body.parameters import rotations_from_parameters
     from physic_core.tensors import tensor
 
     model = _model(bodies)
-    p = bodies.parameters
+    p = to_model(bodies, model).parameters
     with torch.no_grad():
         out = model(rotations_from_parameters(p), tensor(p.betas), tensor(p.transl))
     return out.vertices.double().numpy(), out.joints.double().numpy()
 
 
 def check_body_model_is_known(subject: Subject) -> None:
-    """`body_model` names a body, and shape and expression have its sizes."""
+    """`body_model` names a body, and shape and expression have its sizes; or joints or a surface say where it is."""
+    from physic_core.body.conversion import can_carry
+
     bodies = subject.answer()
-    expect(bodies.body_model in _KNOWN, f"the name of a body model: {', '.join(_KNOWN)}", f"{bodies.body_model!r}")
+    told = can_carry(bodies, _embedded())
+    expect(
+        told or bodies.body_model in _KNOWN,
+        f"the name of a body model, {', '.join(_KNOWN)}, or joints of SMPL-X, or a mesh with its T-pose",
+        f"{bodies.body_model!r} alone",
+    )
+    if told and bodies.body_model != "embedded":
+        return
     model, parameters = _model(bodies), bodies.parameters
     for name, wanted in (("betas", model.num_betas), ("expression", model.num_expression)):
         count = getattr(parameters, name).shape[1]
@@ -61,6 +72,37 @@ def check_angles_are_radians(subject: Subject) -> None:
     for name in _ROTATIONS:
         longest = _longest(getattr(parameters, name))
         expect(longest < 2 * np.pi + 0.01, f"rotation vectors in radians, up to 6.28, in {name}", f"{longest:.1f}")
+
+
+def check_enough_is_told_of_everybody(subject: Subject) -> None:
+    """Where joints say where a body of another model is, they include hips, and shoulders or neck."""
+    from physic_core.body.conversion import to_model
+
+    bodies = subject.answer()
+    carried = to_model(bodies, _model(bodies)).parameters.transl
+    lost = np.isnan(carried[:, 0]) & np.isfinite(bodies.parameters.transl[:, 0])
+    expect(
+        not lost.any(),
+        "known joints of both hips, and of both shoulders or the neck",
+        f"{int(lost.sum())} of {len(carried)} bodies without",
+        "Joints are in the order of SMPL-X, NaN where unknown.",
+    )
+
+
+def check_surface_is_where_the_joints_are(subject: Subject) -> None:
+    """A surface that comes with joints lies round them, in the same frame and unit."""
+    bodies = subject.answer()
+    if bodies.mesh is None or bodies.joints is None:
+        return
+    low, high = bodies.mesh.vertices.min(axis=1), bodies.mesh.vertices.max(axis=1)
+    beyond = np.maximum(low[:, None] - bodies.joints, bodies.joints - high[:, None]).max(axis=2)
+    worst = float(np.nanmax(beyond, initial=-np.inf))
+    expect(
+        worst < BESIDE_M,
+        f"joints within the surface, or {100 * BESIDE_M:.0f} cm beside it at most",
+        f"a joint {worst:.3g} m outside of all vertices",
+        "Are both in metres, and in the camera's frame?",
+    )
 
 
 def check_bodies_are_in_front(subject: Subject) -> None:
@@ -144,7 +186,9 @@ def _embedded() -> BodyModel:
 
 
 def _model(bodies: Bodies) -> BodyModel:
-    if bodies.body_model != "embedded":
+    from physic_core.body.conversion import can_carry
+
+    if not can_carry(bodies, _embedded()):
         raise NotJudged(f"the body {bodies.body_model!r} has to be brought along")
     return _embedded()
 
@@ -169,14 +213,23 @@ def _direction(pixels: FloatArray) -> FloatArray:
 
 _READ, _PARAMETERS = "physic_core.types.Bodies", "physic_core.types.BodyParameters"
 _FORM = ("body_model_is_known", "angles_are_radians")
-_PLACED = (*_FORM, "bodies_are_in_front", "bodies_are_in_metres", "bodies_are_seen_at_their_people")
+_PLACED = (
+    *_FORM,
+    "enough_is_told_of_everybody",
+    "surface_is_where_the_joints_are",
+    "bodies_are_in_front",
+    "bodies_are_in_metres",
+    "bodies_are_seen_at_their_people",
+)
 CHECKS: tuple[Check, ...] = (
     *CHECKS_OF_PEOPLE,
     *CHECKS_OF_HINTS,
     Check(check_body_model_is_known, _READ),
     Check(check_angles_are_radians, _PARAMETERS),
-    Check(check_bodies_are_in_front, _PARAMETERS, after=_FORM),
-    Check(check_bodies_are_in_metres, _PARAMETERS, after=(*_FORM, "bodies_are_in_front")),
+    Check(check_enough_is_told_of_everybody, _READ, after=_FORM),
+    Check(check_surface_is_where_the_joints_are, _READ, after=_FORM),
+    Check(check_bodies_are_in_front, _PARAMETERS, after=_PLACED[:4]),
+    Check(check_bodies_are_in_metres, _PARAMETERS, after=_PLACED[:5]),
     Check(check_bodies_are_seen_at_their_people, _PARAMETERS, after=_PLACED[:-1]),
     Check(check_bodies_are_upright, _PARAMETERS, after=_PLACED),
     Check(check_left_is_the_bodys_left, _PARAMETERS, after=(*_PLACED, "bodies_are_upright")),

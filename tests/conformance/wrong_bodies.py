@@ -1,0 +1,122 @@
+"""Bodies of other models, contact on other meshes and hands with wrists: right ones, and for each check a wrong one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import torch
+from right_backends import RightBodies, RightContact, RightHands
+from wrong_backends import altered
+
+from physic_core import interfaces
+from physic_core.body import load_body
+from physic_core.body.bones import world_from_local
+from physic_core.body.conversion import rest_mesh_of
+from physic_core.body.parameters import rotations_from_parameters
+from physic_core.body.turning import log
+from physic_core.types import Bodies, ContactProbability, Mesh, RestMesh
+
+
+@lru_cache(maxsize=1)
+def shuffled() -> tuple[RestMesh, np.ndarray]:
+    """The embedded body's mesh with another name and order of vertices, and the old number of each."""
+    rest = rest_mesh_of(load_body("embedded"))
+    order = np.random.default_rng(0).permutation(len(rest.vertices))
+    return RestMesh("shuffled", rest.vertices[order], np.argsort(order)[rest.faces]), order
+
+
+class OtherBodies(RightBodies):
+    """SMPL's parameters with 24 joints, as a network gives them that was trained on SMPL."""
+
+    def infer(self, image, people, intrinsics, keypoints, hints):
+        told = super().infer(image, people, intrinsics, keypoints, hints)
+        p = replace(told.parameters, betas=np.zeros((len(told.parameters), 10), np.float32))
+        with torch.no_grad():
+            given = (torch.from_numpy(v) for v in (told.parameters.betas, told.parameters.transl))
+            out = load_body("embedded")(rotations_from_parameters(told.parameters), *given)
+        joints = out.joints.numpy().copy()
+        joints[:, 22:] = np.nan
+        return Bodies(p, "smpl", told.observed, joints, self.mesh(out.vertices.numpy()))
+
+    def mesh(self, vertices: np.ndarray) -> Mesh | None:
+        return None
+
+
+class SurfaceBodies(OtherBodies):
+    """With a surface on a mesh of its own."""
+
+    def mesh(self, vertices):
+        rest, order = shuffled()
+        return Mesh("shuffled", vertices[:, order], rest.faces, rest.vertices)
+
+
+class OtherContact(RightContact):
+    def infer(self, image, people, bodies):
+        rest, order = shuffled()
+        told = super().infer(image, people, bodies)
+        return ContactProbability(told.probability[:, order], "shuffled", rest)
+
+
+class WristHands(RightHands):
+    def infer(self, image, people, keypoints):
+        case, _, _ = self.look_up(image)
+        world = world_from_local(rotations_from_parameters(case.bodies.parameters).double().numpy())
+        told = super().infer(image, people, keypoints)
+        return replace(told, wrists=log(world[:, [20, 21]]).astype(np.float32)[self.rows(case, people)])
+
+
+RIGHT: tuple[type[interfaces.Backend], ...] = (OtherBodies, SurfaceBodies, OtherContact, WristHands)
+
+
+def hipless(told, *_):
+    joints = told.joints.copy()
+    joints[:, 1] = np.nan
+    return replace(told, joints=joints)
+
+
+def against_the_forearm(told, image, people, keypoints):
+    """What stands in the body's own pose."""
+    return replace(told, wrists=0.1 * np.ones_like(told.wrists))
+
+
+altered(OtherBodies, "joints without hips", "enough_is_told_of_everybody", hipless)
+altered(OtherBodies, "joints in millimetres", "bodies_are_in_metres", lambda a, *_: replace(a, joints=1000 * a.joints))
+altered(
+    OtherBodies,
+    "joints about the pelvis",
+    "bodies_are_in_front",
+    lambda a, *_: replace(a, joints=a.joints - a.joints[:, :1]),
+)
+altered(
+    OtherBodies,
+    "joints of an OpenGL camera",
+    "bodies_are_in_front",
+    lambda a, *_: replace(a, joints=a.joints * np.float32([1, -1, -1])),
+)
+altered(
+    SurfaceBodies,
+    "a surface in millimetres",
+    "surface_is_where_the_joints_are",
+    lambda a, *_: replace(a, mesh=replace(a.mesh, vertices=1000 * a.mesh.vertices)),
+)
+altered(
+    OtherContact,
+    "a T-pose in millimetres",
+    "mesh_it_brings_is_a_t_pose",
+    lambda a, *_: replace(a, rest=replace(a.rest, vertices=1000 * a.rest.vertices)),
+)
+altered(
+    OtherContact,
+    "probabilities in another order than the mesh",
+    "contact_is_more_likely_where_bodies_touch",
+    lambda a, *_: replace(a, probability=a.probability[:, ::-1].copy()),
+)
+altered(WristHands, "wrists against the forearm", "wrists_are_in_the_cameras_frame", against_the_forearm)
+altered(
+    WristHands,
+    "wrists exchanged",
+    "left_wrist_comes_first",
+    lambda a, *_: replace(a, wrists=a.wrists[:, ::-1].copy()),
+)
