@@ -480,3 +480,67 @@ def test_what_is_no_photo_is_refused(bad: Any) -> None:
         GroundedSam2().infer(bad)
     with pytest.raises(InputError):
         DepthPro().infer(bad, Hints())
+
+
+class Looked(Exception):
+    """The network was shown something."""
+
+
+class Looking:
+    """A network that ends the call when it is shown a picture."""
+
+    def __init__(self, **config: Any) -> None:
+        self.config = SimpleNamespace(**config)
+        names = ("input_ids", "token_type_ids", "attention_mask")
+        self.tokenizer = lambda *_, **__: {name: [[1, 2, 3]] for name in names}
+
+    def run(self, _: str = "", /, **inputs: Any) -> Any:
+        self.pixels = inputs["pixel_values"]
+        raise Looked
+
+
+@pytest.mark.parametrize(
+    ("kind", "option", "config"),
+    [
+        (GroundedSam2, "detector", {}),
+        (Sam3, "weights", {"image_size": 112}),
+        (Eomt, "weights", {"image_size": 64}),
+        (DepthPro, "weights", {"patch_size": 24, "scaled_images_ratios": [0.25, 1]}),
+        (DepthAnythingMetric, "weights", {"patch_size": 14}),
+        (DepthAnythingRelative, "weights", {"patch_size": 14}),
+        (ZoeDepth, "weights", {}),
+        (VitPose, "weights", {"backbone_config": SimpleNamespace(image_size=[256, 192])}),
+    ],
+)
+def test_networks_are_shown_red_green_blue_the_right_way_round(kind: Any, option: str, config: dict[str, Any]) -> None:
+    # Red at the left, green at the right, and blue below.
+    image = np.zeros((60, 100, 3), np.uint8)
+    image[:40, :50, 0] = image[:40, 50:, 1] = image[40:, :, 2] = 255
+    people = People(np.ones((1, 60, 100), bool), np.array([[0.0, 0, 100, 60]]), np.ones(1))
+    network = Looking(**config)
+    backend = given(kind(), **{option: network})
+    rest = {"segmenter": (), "keypoint_detector": (people,)}.get(kind.interface, (Hints(),))
+    with pytest.raises(Looked):
+        backend.infer(image, *rest)
+    looks_as_it_should(network.pixels)
+
+
+def test_sam_2_is_shown_red_green_blue_the_right_way_round() -> None:
+    image = np.zeros((60, 100, 3), np.uint8)
+    image[:40, :50, 0] = image[:40, 50:, 1] = image[40:, :, 2] = 255
+    network = Looking(prompt_encoder_config=SimpleNamespace(image_size=128, patch_size=16))
+    backend = given(GroundedSam2(), masks=network)
+    with pytest.raises(Looked):
+        backend._masks(image, np.array([[1.0, 2, 30, 40]]))
+    looks_as_it_should(network.pixels)
+
+
+def looks_as_it_should(pixels: Any) -> None:
+    """Where each channel is bright: red above at the left, green above at the right, blue below."""
+    bright = pixels[0] > 0
+    centre = [np.argwhere(channel).mean(0) for channel in bright]
+    red, green, blue = centre
+    assert red[1] < green[1]
+    assert abs(red[0] - green[0]) < 2
+    assert blue[0] > max(red[0], green[0])
+    assert red[1] < blue[1] < green[1]
