@@ -15,6 +15,13 @@ CATALOG: dict[str, dict[str, tuple[str, ...]]] = {
         "relative_pointmap": ("embedded",),
         "segmenter": ("embedded",),
     },
+    "physic-human": {
+        "body_estimator": ("camerahmr", "nlf", "sam-3d-body"),
+        "contact_prior": ("deco", "interactvlm-results"),
+        "hand_estimator": ("hamer", "wilor"),
+        "metric_depth": ("unidepth-v2",),
+        "relative_pointmap": ("moge-1",),
+    },
     "physic-mock": {
         "body_estimator": ("mock",),
         "contact_prior": ("mock",),
@@ -25,9 +32,34 @@ CATALOG: dict[str, dict[str, tuple[str, ...]]] = {
         "relative_pointmap": ("mock",),
         "segmenter": ("mock",),
     },
+    "physic-omnieraser": {
+        "inpainter": ("omnieraser",),
+    },
+    "physic-onnx": {
+        "body_estimator": ("camerahmr-onnx",),
+        "contact_prior": ("deco-onnx",),
+        "hand_estimator": ("wilor-onnx",),
+        "inpainter": ("lama-onnx", "mi-gan-onnx"),
+        "keypoint_detector": ("rtmo-onnx", "rtmpose-onnx", "vitpose-onnx"),
+        "metric_depth": (
+            "depth-anything-3-metric-onnx",
+            "depth-anything-v2-metric-onnx",
+            "depth-pro-onnx",
+            "metric3d-v2-onnx",
+            "moge-2-onnx",
+        ),
+        "relative_pointmap": ("depth-anything-onnx", "moge-2-onnx"),
+        "segmenter": ("eomt-onnx", "sam2-onnx"),
+    },
     "physic-opencv": {
         "inpainter": ("navier-stokes", "patch-based", "telea"),
         "segmenter": ("grabcut",),
+    },
+    "physic-transformers": {
+        "keypoint_detector": ("vitpose-hf",),
+        "metric_depth": ("depth-anything-v2-metric-hf", "depth-pro-hf", "zoedepth-hf"),
+        "relative_pointmap": ("depth-anything-hf",),
+        "segmenter": ("eomt-hf", "grounded-sam2-hf", "sam3-hf"),
     },
 }
 """Distribution -> interface -> names; a test holds it to what the distributions register."""

@@ -137,7 +137,7 @@ def test_run_hands_every_flag_to_the_config(pipeline, tmp_path):
 def test_run_keeps_what_fails_cheaply_in_front_of_the_pipeline(pipeline):
     assert refusal(*run("--set", "photo.max_side=1")) == "--set: 1 error\nphoto.max_side   should be >= 128 (got 1)"
     assert refusal(*run("--device", "foo")) == "no device named 'foo': use 'cpu', 'cuda' or 'cuda:N'"
-    assert refusal("run", "photo.jpg", "--preset", "no") == "no preset named 'no'; there are: embedded, light-cpu, mock"
+    assert refusal("run", "photo.jpg", "--preset", "no") == "no preset named 'no'; there are: best, embedded, light-cpu, mock, paper"
     Path("taken").write_text("")
     assert refusal(*run("-o", "taken")) == (
         "cannot write results to taken: it is a file; name a folder, or move the file away"

@@ -43,7 +43,7 @@ def test_the_default_names_the_embedded_backend_everywhere():
 
 
 def test_the_presets_are_those_of_the_package():
-    assert preset_names() == ("embedded", "light-cpu", "mock")
+    assert preset_names() == ("best", "embedded", "light-cpu", "mock", "paper")
 
 
 @pytest.mark.parametrize("name", preset_names())
@@ -309,13 +309,13 @@ def test_a_value_that_does_not_hold_says_what_it_should_be(override: str, expect
 
 def test_a_preset_that_does_not_exist_says_which_do():
     assert refusal(preset="embeded") == (
-        "no preset named 'embeded'; there are: embedded, light-cpu, mock. Did you mean 'embedded'?"
+        "no preset named 'embeded'; there are: best, embedded, light-cpu, mock, paper. Did you mean 'embedded'?"
     )
 
 
 def test_an_extends_that_leads_nowhere_says_whose_it_is(write):
-    assert refusal(write('extends = "best"\n')) == (
-        "config.toml extends 'best': no preset named 'best'; there are: embedded, light-cpu, mock"
+    assert refusal(write('extends = "splendid"\n')) == (
+        "config.toml extends 'splendid': no preset named 'splendid'; there are: best, embedded, light-cpu, mock, paper"
     )
     assert (
         refusal(write('extends = "other.toml"\n'))

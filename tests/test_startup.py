@@ -43,7 +43,7 @@ def test_a_command_that_looks_around_imports_nothing_heavy(arguments: list[str])
     assert imports(arguments, HEAVY) == "heavy: []"
 
 
-@pytest.mark.parametrize("preset", ["embedded", "light-cpu", "mock"])
+@pytest.mark.parametrize("preset", ["best", "embedded", "light-cpu", "mock", "paper"])
 def test_a_config_is_checked_without_torch_and_without_a_runtime(preset: str):
     assert imports(["config", "check", "--preset", preset], {"torch", "onnxruntime"}) == "heavy: []"
 
