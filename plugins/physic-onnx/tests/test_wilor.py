@@ -133,20 +133,31 @@ def test_another_number_of_joints_is_refused(told_network: Any) -> None:
         backend.infer(IMAGE, PEOPLE, hands_at(LEFT, RIGHT))
 
 
+def turned_wrist(parameters: Any, row: int, side: int) -> np.ndarray:
+    """(3,) rotation vector of a hand from the T-pose to the camera: all joints from the pelvis to the wrist."""
+    vectors = np.concatenate([parameters.global_orient[row], parameters.body_pose[row]]).reshape(22, 3)
+    chain = (0, 3, 6, 9, 13 + side, 16 + side, 18 + side, 20 + side)  # spine, collar, shoulder, elbow, wrist
+    whole = Rotation.identity()
+    for joint in chain:
+        whole = whole * Rotation.from_rotvec(vectors[joint])
+    return whole.as_rotvec()
+
+
 def told_wilor(told: Any, told_network: Any) -> type:
     """The adapter over a network that knows the fingers of the world's people, and right hands only."""
 
     def attach(backend: Any) -> list[Any]:
         def answer(shown: Any, feed: Any) -> dict[str, np.ndarray]:
-            fingers = np.zeros((len(feed["image"]), 15, 3))
+            fingers, wrists = np.zeros((len(feed["image"]), 15, 3)), np.zeros((len(feed["image"]), 1, 3))
             for i, picture in enumerate(feed["image"]):
                 if shown.world is None:
                     continue
                 row, side = _recognised(shown, picture[..., ::-1])
                 p = shown.world.parameters
                 own = (p.left_hand_pose, p.right_hand_pose)[side][row].reshape(15, 3)
-                fingers[i] = own if side else own * [1, -1, -1]
-            return {"hand_pose": fingers, "global_orient": np.zeros((len(fingers), 1, 3))}
+                mirror = [1, 1, 1] if side else [1, -1, -1]
+                fingers[i], wrists[i] = own * mirror, turned_wrist(p, row, side) * mirror
+            return {"hand_pose": fingers, "global_orient": wrists}
 
         def _recognised(shown: Any, picture: np.ndarray) -> tuple[int, int]:
             """Whose hand a picture shows, and which: the one around whose wrist the photo looks like this."""
