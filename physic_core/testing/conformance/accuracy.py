@@ -45,6 +45,7 @@ BETTER: dict[str, str] = {
     "MPJPE, mm": "lower",
     "PA-MPJPE, mm": "lower",
     "degrees": "lower",
+    "wrist degrees": "lower",
     "hands found": "higher",
     "F1": "higher",
     "precision": "higher",
@@ -141,17 +142,21 @@ def _body_estimator(answer: Bodies, case: Case) -> dict[str, float]:
 
 
 def _hand_estimator(answer: Hands, case: Case) -> dict[str, float]:
-    from physic_core.testing.conformance.hand_estimator import finger_errors, true_hands
+    from physic_core.testing.conformance.hand_estimator import finger_errors, true_hands, true_wrists
 
     shown = answer.confidence > 0
     found = {"hands found": float(shown.mean())}
     if shown.any():
         found["degrees"] = float(finger_errors(answer.rotvecs, true_hands(case.truth))[shown].mean())
+        if answer.wrists is not None:
+            found["wrist degrees"] = float(finger_errors(answer.wrists, true_wrists(case.truth))[shown].mean())
     return found
 
 
 def _contact_prior(answer: ContactProbability, case: Case) -> dict[str, float]:
-    scores = contact_scores(answer.probability > _SURE, case.truth.contact)
+    from physic_core.testing.conformance.contact_prior import on_the_bodies
+
+    scores = contact_scores(on_the_bodies(answer).probability > _SURE, case.truth.contact)
     return {"F1": scores.f1_mean, "precision": scores.precision_mean, "recall": scores.recall_mean}
 
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from physic_core.testing.conformance.subject import Subject
     from physic_core.types import ContactProbability
 
-__all__ = ["CHECKS"]
+__all__ = ["CHECKS", "on_the_bodies"]
 
 
 def check_mesh_is_the_bodies_own(subject: Subject) -> None:
@@ -34,7 +34,7 @@ def check_mesh_it_brings_is_a_t_pose(subject: Subject) -> None:
     from physic_core.errors import BodyModelError
 
     try:
-        _on_the_bodies(answer)
+        on_the_bodies(answer)
     except BodyModelError as error:
         raise NotMet("a mesh in the T-pose: metres, y up, facing +z, its left on +x", str(error)) from error
 
@@ -46,7 +46,7 @@ def check_contact_is_more_likely_where_bodies_touch(subject: Subject) -> None:
         raise NotJudged("nobody touches anything")
     if not answer.probability.any():
         raise NotJudged("it says nothing of this photo")
-    probability = _on_the_bodies(answer).probability
+    probability = on_the_bodies(answer).probability
     touching = float(probability[truth.contact].mean())
     others = float(probability[~truth.contact & truth.outer].mean())
     expect(
@@ -57,7 +57,7 @@ def check_contact_is_more_likely_where_bodies_touch(subject: Subject) -> None:
     )
 
 
-def _on_the_bodies(answer: ContactProbability) -> ContactProbability:
+def on_the_bodies(answer: ContactProbability) -> ContactProbability:
     """Contact on the mesh of the worlds' bodies."""
     from physic_core.body import load_body
     from physic_core.body.conversion import contact_to_model
