@@ -14,8 +14,6 @@ from physic_onnx import holes
 from physic_onnx.lama import Lama, LamaOptions
 from physic_onnx.migan import MiGan, MiGanOptions
 
-FILL = (10, 200, 30)
-
 
 @pytest.fixture(scope="module")
 def photo():
@@ -32,13 +30,16 @@ def mask():
 
 @pytest.fixture(scope="module")
 def pipeline(graph, node, tmp_path_factory):
-    """MI-GAN's contract: paints FILL where its mask is 0, and hands through what is known."""
+    """MI-GAN's contract: paints the largest value of each channel where its mask is 0, and hands through the rest."""
     nodes = [
+        node("Cast", ["image"], ["image_float"], to=1),
+        node("ReduceMax", ["image_float"], ["most"], axes=[2, 3]),
+        node("Cast", ["most"], ["fill"], to=2),
         node("Cast", ["mask"], ["mask_float"], to=1),
         node("Equal", ["mask_float", "nought"], ["hole"]),
         node("Where", ["hole", "fill", "image"], ["result"]),
     ]
-    constants = {"nought": np.float32(0), "fill": np.array(FILL, np.uint8).reshape(1, 3, 1, 1)}
+    constants = {"nought": np.float32(0)}
     return graph(
         tmp_path_factory.mktemp("migan") / "pipeline.onnx",
         {"image": ("uint8", ("b", 3, "h", "w")), "mask": ("uint8", ("b", 1, "h", "w"))},
@@ -107,10 +108,12 @@ def opened(kind, options):
 
 @pytest.mark.parametrize("one_by_one", [False, True])
 def test_mi_gan_is_told_0_in_the_hole(pipeline, photo, mask, one_by_one):
-    """With the mask the other way round, the hole would be handed through and its fill be the old pixels."""
-    filled = opened(MiGan, MiGanOptions(weights=str(pipeline), one_by_one=one_by_one)).infer(photo, mask)
-    assert (filled[mask] == FILL).all()
-    assert (filled[~mask] == photo[~mask]).all()
+    """With the mask the other way round, the hole would be handed through and its fill be the old pixels; and with red
+    and blue exchanged, the largest red were the largest blue."""
+    bright = photo // 2 + np.array([100, 60, 20], np.uint8)
+    filled = opened(MiGan, MiGanOptions(weights=str(pipeline), one_by_one=one_by_one)).infer(bright, mask)
+    assert (filled[mask] == bright.max((0, 1))).all()
+    assert (filled[~mask] == bright[~mask]).all()
 
 
 @pytest.mark.parametrize("gain", [255.0, 1.0], ids=["grey levels", "from 0 to 1"])
