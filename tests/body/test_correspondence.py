@@ -7,9 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import roma
 import torch
 from other_body import OtherBody
 
+from physic_core.body import JOINT_INDEX
 from physic_core.body import correspondence as module
 from physic_core.body.conversion import contact_to_model, rest_mesh_of
 from physic_core.body.correspondence import Correspondence, correspondence
@@ -221,3 +223,25 @@ def test_normals_of_both_face_the_same_way(
     own = vertex_normals(mine.vertices.astype(float), mine.faces)
     facing = (theirs * own).sum(1)[onto_other.sure]
     assert np.percentile(facing, 1) > 0.7
+
+
+@pytest.mark.parametrize(("arm", "leg", "curl"), [(15, 6, 10), (30, 10, 15), (45, 12, 15)])
+def test_arms_may_hang_and_legs_be_apart(
+    arm: float, leg: float, curl: float, embedded: BodyModel, other: OtherBody, other_model: BodyModel
+) -> None:
+    """T-poses of published bodies are no perfect ones, and some are nearly A-poses."""
+    rotvecs = torch.zeros(1, 55, 3)
+    for side, sign in (("left", 1), ("right", -1)):
+        rotvecs[0, JOINT_INDEX[f"{side}_shoulder"], 2] = -sign * np.radians(arm)
+        rotvecs[0, JOINT_INDEX[f"{side}_hip"], 2] = sign * np.radians(leg)
+        for finger in ("index", "middle", "pinky", "ring"):
+            for k in (1, 2, 3):
+                rotvecs[0, JOINT_INDEX[f"{side}_{finger}{k}"], 2] = -sign * np.radians(curl)
+    with torch.no_grad():
+        mesh = embedded(roma.rotvec_to_rotmat(rotvecs), *embedded.zero_pose()[1:]).vertices[0].numpy()
+    found = correspondence(RestMesh(f"hanging {arm}", mesh, embedded.faces.numpy()), other_model)
+    straight = rest_mesh_of(embedded).vertices.astype(float)
+    apart = np.linalg.norm(found.carry(straight) - other.from_embedded @ straight, axis=1)[other_model.outer.numpy()]
+    print(f"{arm} degrees: mean {1000 * apart.mean():.1f}, 95% {1000 * np.percentile(apart, 95):.1f} mm")
+    assert apart.mean() < 4e-3
+    assert np.percentile(apart, 95) < 12e-3
