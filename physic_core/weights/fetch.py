@@ -229,9 +229,9 @@ def _take_out(archive: Path, origin: WebSource, file: WeightFile, target: Path) 
     part = target.with_name(f"{target.name}.member")
     try:
         with zipfile.ZipFile(archive) as opened, writing(part):
-            wrong = _unlike(opened, origin, file)
+            member, wrong = _member(opened, origin, file)
             if not wrong:
-                with opened.open(origin.member) as inside, part.open("wb") as out:
+                with opened.open(member) as inside, part.open("wb") as out:
                     shutil.copyfileobj(inside, out, 1 << 20)
                 if wrong := difference(part, file):
                     wrong = f"{origin.url}#{origin.member} came, but {wrong}: removed"
@@ -245,13 +245,23 @@ def _take_out(archive: Path, origin: WebSource, file: WeightFile, target: Path) 
         os.replace(part, target)
 
 
-def _unlike(opened: zipfile.ZipFile, origin: WebSource, file: WeightFile) -> str:
-    """How a zip differs from what the list says of it, in words."""
+def _member(opened: zipfile.ZipFile, origin: WebSource, file: WeightFile) -> tuple[str, str]:
+    """The name inside a zip of what the list means, or how the zip differs from what the list says of it, in words.
+
+    The list may leave out the folders inside the zip, as long as one file alone is meant.
+    """
     names = [info.filename for info in opened.infolist() if not info.is_dir()]
-    if origin.member not in names:
-        some = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
-        return f"{origin.url} has no {origin.member} in it, only {some}"
-    size = opened.getinfo(origin.member).file_size
+    found = [origin.member] if origin.member in names else [n for n in names if n.endswith(f"/{origin.member}")]
+    if not found:
+        return "", f"{origin.url} has no {origin.member} in it, only {_some(names)}"
+    if len(found) > 1:
+        return "", f"{origin.url} has several {origin.member} in it, and the list should say which: {_some(found)}"
+    size = opened.getinfo(found[0]).file_size
     if file.bytes not in (None, size):
-        return f"{origin.url}#{origin.member} has {size} bytes instead of {file.bytes}: it is another file by now"
-    return ""
+        wrong = f"{origin.url}#{origin.member} has {size} bytes instead of {file.bytes}: it is another file by now"
+        return "", wrong
+    return found[0], ""
+
+
+def _some(names: list[str]) -> str:
+    return ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")

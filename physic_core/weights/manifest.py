@@ -16,7 +16,8 @@
     source = "hf://Ruicheng/moge-2-vits-normal-onnx/model.onnx"
 
 A source is ``hf://owner/repository/path``, with ``@revision`` at its end if need be, or a web address, with ``#member``
-at its end where the file lies inside a zip; a file without one is brought by the user.
+at its end where the file lies inside a zip (its path there, or the end of it if no other file ends so); a file without
+a source is brought by the user.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ class WebSource:
 
     Attributes:
         url: of the file, or of the zip that holds it.
-        member: name inside that zip; empty where the file is no member of one.
+        member: name inside that zip, or its end; empty where the file is no member of one.
     """
 
     url: str

@@ -459,6 +459,36 @@ def test_a_member_that_is_not_there_names_those_that_are(server: Any, own_cache:
     assert fetch(weights(WeightFile("a", source=f"{url}#a"))) == ("a",)
 
 
+def test_folders_inside_a_zip_may_be_left_out(server: Any, own_cache: Path):
+    url = server.add(
+        "/all.zip", zipped(**{"20230831__pose__m__end2end.onnx": b"deep", "20230831__pose__m__a.json": b""})
+    )
+    fetch(weights(WeightFile("model.onnx", 4, None, f"{url}#end2end.onnx"), WeightFile("a", source=f"{url}#m/a.json")))
+    assert (own_cache / "net" / "model.onnx").read_bytes() == b"deep"
+    assert left(own_cache) == ["net/a", "net/model.onnx"]
+
+
+def test_a_whole_name_goes_before_the_end_of_another(server: Any, own_cache: Path):
+    url = server.add("/all.zip", zipped(x__a=b"deep", a=b"top"))
+    fetch(weights(WeightFile("a", source=f"{url}#a")))
+    assert (own_cache / "net" / "a").read_bytes() == b"top"
+
+
+def test_the_end_of_a_name_is_no_part_of_a_word(server: Any, own_cache: Path):
+    url = server.add("/all.zip", zipped(x__banana=b"b"))
+    assert refusal(weights(WeightFile("a", source=f"{url}#a"))) == f"{url} has no a in it, only x/banana"
+
+
+def test_the_end_of_several_names_is_refused(server: Any, own_cache: Path):
+    url = server.add("/all.zip", zipped(x__a=b"1", y__a=b"2", z=b"3"))
+    assert refusal(weights(WeightFile("a", source=f"{url}#a"))) == (
+        f"{url} has several a in it, and the list should say which: x/a, y/a"
+    )
+    assert left(own_cache) == []
+    fetch(weights(WeightFile("a", source=f"{url}#y/a")))
+    assert (own_cache / "net" / "a").read_bytes() == b"2"
+
+
 def test_a_member_of_another_size_or_hash_is_refused(server: Any, own_cache: Path):
     url = server.add("/all.zip", zipped(a=b"other"))
     assert refusal(weights(WeightFile("a", 7, None, f"{url}#a"))) == (
