@@ -25,7 +25,8 @@ from physic_core.body.part_fit import Fit
 from physic_core.body.rest_mesh import vertex_normals
 from physic_core.body.surface_fit import Patches, fit_surface, spread
 from physic_core.body.turning import swing
-from physic_core.cache.places import SWITCH, place
+from physic_core.cache.places import maps_folder
+from physic_core.cache.shelf import MAP_SUFFIX
 from physic_core.errors import BodyModelError
 
 if TYPE_CHECKING:
@@ -40,7 +41,6 @@ Array = NDArray[np.float64]
 
 _VERSION = 1
 """To be raised when the same two meshes would give another map."""
-_SUFFIX = ".map.npz"
 _ROUNDS = 14
 _REACH_M = (0.25, 0.02)
 """Farther points pull at nothing: at first, and in the end."""
@@ -86,10 +86,8 @@ def correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
     Raises:
         BodyModelError: the mesh is no body in a T-pose, or the model cannot be laid onto it.
     """
-    folder = place("maps", SWITCH)
-    path = (
-        None if folder is None else folder / f"{_plain(rest.topology)}-{model.topology}-{_digest(rest, model)}{_SUFFIX}"
-    )
+    folder, name = maps_folder(), f"{_plain(rest.topology)}-{model.topology}-{_digest(rest, model)}{MAP_SUFFIX}"
+    path = None if folder is None else folder / name
     found = None if path is None else _read(path, model.num_vertices, len(rest.vertices))
     if found is None:
         found = _tell(rest, model)
@@ -206,7 +204,9 @@ def _write(path: Path, found: Correspondence) -> None:
     """A disk that cannot be written costs the seconds of the next time, no more."""
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as stream:
+        with tempfile.NamedTemporaryFile(
+            dir=path.parent, prefix=f".{path.name}.", suffix=".part", delete=False
+        ) as stream:
             np.savez(
                 stream,
                 corners=found.corners.astype(np.int32),

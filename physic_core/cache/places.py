@@ -6,10 +6,10 @@ import os
 import sys
 from pathlib import Path
 
-__all__ = ["SWITCH", "answers_folder", "place"]
+__all__ = ["SWITCH", "answers_folder", "maps_folder", "place"]
 
 SWITCH = "PHYSIC_CACHE"
-"""Environment variable of the backends' answers: a folder, or "off"."""
+"""Environment variable of the backends' answers, and of maps between bodies: a folder, or "off"."""
 
 
 def place(name: str, switch: str = "") -> Path | None:
@@ -40,3 +40,8 @@ def place(name: str, switch: str = "") -> Path | None:
 def answers_folder() -> Path | None:
     """Where answers of backends are kept, or None if they are not."""
     return place("answers", SWITCH)
+
+
+def maps_folder() -> Path | None:
+    """Where maps between the meshes of bodies are kept, or None if they are not."""
+    return place("maps", SWITCH)

@@ -1,4 +1,4 @@
-"""``physic cache``: what is kept of the backends' answers, and how to be rid of it."""
+"""``physic cache``: what is kept of backends' answers and of maps between bodies, and how to be rid of it."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from physic_core.cache.places import maps_folder
 from physic_core.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,24 +19,28 @@ __all__ = ["cache"]
 
 @click.group()
 def cache() -> None:
-    """Look at the backends' kept answers, or remove them."""
+    """Look at what is kept between runs, or remove it: backends' answers, and maps between bodies."""
 
 
 @cache.command()
 def info() -> None:
-    """Print where answers are kept, how many of which backend, and what they take."""
-    from physic_core.cache.shelf import kept
+    """Print where answers are kept, how many of which backend, and what they take; and the maps, if there are any."""
+    from physic_core.cache.shelf import MAP_SUFFIX, kept
 
     folder = _folder()
     files = kept(folder)
     click.echo(f"{folder}: {_sum(files)}")
     for line in _by_backend(files):
         click.echo(line)
+    maps = maps_folder()
+    if maps is not None and (files := kept(maps, MAP_SUFFIX)):
+        click.echo(f"{maps}: {_sum_of_maps(files)}")
 
 
 @cache.command()
 def clear() -> None:
-    """Remove every kept answer, and print what was removed; results of runs stay."""
+    """Remove every kept answer and map, and print what was removed; results of runs stay."""
+    from physic_core.cache.shelf import MAP_SUFFIX
     from physic_core.cache.shelf import clear as remove
 
     folder = _folder()
@@ -43,6 +48,9 @@ def clear() -> None:
     for line in _by_backend(files):
         click.echo(line)
     click.echo(f"removed {_sum(files)} from {folder}")
+    maps = maps_folder()
+    if maps is not None and (files := remove(maps, MAP_SUFFIX)):
+        click.echo(f"removed {_sum_of_maps(files)} from {maps}")
 
 
 def _folder() -> Path:
@@ -69,6 +77,10 @@ def _by_backend(files: Iterable[Kept]) -> list[str]:
 
 def _sum(files: list[Kept]) -> str:
     return f"{len(files)} {'answer' if len(files) == 1 else 'answers'}, {_size(files)}"
+
+
+def _sum_of_maps(files: list[Kept]) -> str:
+    return f"{len(files)} {'map' if len(files) == 1 else 'maps'} between bodies, {_size(files)}"
 
 
 def _size(files: Iterable[Kept]) -> str:
