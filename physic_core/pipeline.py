@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from physic_core.config import Config, PhotoSettings
     from physic_core.perception import Evidence
     from physic_core.registry import Registry
+    from physic_core.resolve import ResolvedPipeline
     from physic_core.solution import Solution
     from physic_core.stages import Progress
     from physic_core.types import Diagnostic, UInt8Array
@@ -62,7 +63,8 @@ def reconstruct(
         NoPersonError: nobody was found.
         BackendError: a backend failed, or answered what its interface does not allow.
     """
-    return _reconstruct(Photo(check_image(image), intrinsics), as_config(config), registry, progress)
+    photo = Photo(check_image(image), intrinsics)
+    return _reconstruct(photo, _plan(as_config(config), registry), progress)
 
 
 def reconstruct_photo(
@@ -72,15 +74,22 @@ def reconstruct_photo(
     registry: Registry | None = None,
     progress: Progress | None = None,
 ) -> Reconstruction:
-    """:func:`reconstruct` for a photo file, which may know its camera (EXIF) and its orientation."""
-    return _reconstruct(read_photo(path), as_config(config), registry, progress)
+    """:func:`reconstruct` for a photo file, which may know its camera (EXIF) and its orientation.
+
+    The file is read once config, device and backends have held.
+    """
+    plan = _plan(as_config(config), registry)
+    return _reconstruct(read_photo(path), plan, progress)
 
 
-def _reconstruct(photo: Photo, config: Config, registry: Registry | None, progress: Progress | None) -> Reconstruction:
+def _plan(config: Config, registry: Registry | None) -> ResolvedPipeline:
     plan = resolve(config, discover() if registry is None else registry)
     check_device(plan.device)
     require_whole(plan)
+    return plan
 
+
+def _reconstruct(photo: Photo, plan: ResolvedPipeline, progress: Progress | None) -> Reconstruction:
     from physic_core.body import load_body
     from physic_core.cache.answers import Answers
     from physic_core.diagnosis import diagnose
@@ -88,7 +97,7 @@ def _reconstruct(photo: Photo, config: Config, registry: Registry | None, progre
     from physic_core.solution import solve
 
     photo = prepare(_with_camera(photo, plan.photo), plan.photo.max_side)
-    run = config.run
+    run = plan.config.run
     stages = Stages(
         plan.device,
         len(plan.backends) + _OWN_STAGES,
@@ -105,7 +114,7 @@ def _reconstruct(photo: Photo, config: Config, registry: Registry | None, progre
             stages.close()
         solution = solve(evidence, plan.engine, model, stages)
     checks = diagnose(evidence, solution, plan.engine)
-    return _result(evidence, solution, checks, model.faces.int().numpy(), model.name, config, stages)
+    return _result(evidence, solution, checks, model.faces.int().numpy(), model.name, plan.config, stages)
 
 
 _OWN_STAGES = 6

@@ -15,6 +15,7 @@ from physic_core.cli import main
 from physic_core.cli.doctor import examine
 from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.interfaces import INTERFACES
+from physic_core.pipeline import reconstruct_photo
 from physic_core.plugins import discover
 from physic_core.readiness import lacks
 from physic_core.registry import BackendRecord, Registry
@@ -62,6 +63,11 @@ def physic_backends():
 def physic_weights():
     return MANIFEST
 """
+PLUGIN_WITH_SEED = (
+    PLUGIN.replace("physic_heavy", "physic_slow")
+    .replace('"heavy', '"slow')
+    .replace("class Shared", "    noise_seed: int = Field(default=0, description='draws errors')\n\nclass Shared")
+)
 MANIFEST = """
 [net]
 summary = "A network"
@@ -127,6 +133,29 @@ def test_the_command_says_it_too_and_leaves_no_folder(heavy: Path, repository: P
     assert (done.exit_code, done.stdout) == (1, "")
     assert done.stderr.startswith("Error: 2 things are missing, and nothing was computed:\n  metric_depth 'heavy'")
     assert not (tmp_path / "out").exists()
+
+
+def test_it_is_said_before_the_photo_is_read(heavy: Path):
+    with pytest.raises(WeightsMissingError, match="2 things are missing"):
+        reconstruct_photo("no-such-photo.png", load_config("my.toml"))
+    done = physic("run", "no-such-photo.png", "--config", "my.toml")
+    assert done.stderr.startswith("Error: 2 things are missing, and nothing was computed:\n")
+    bring(heavy)
+    done = physic("run", "no-such-photo.png", "--config", "my.toml", "--set", "hand_estimator.backend=none")
+    assert "no-such-photo.png" in done.stderr
+
+
+def test_the_benchmark_says_it_before_it_builds_a_world(site, heavy: Path, tmp_path: Path):
+    choice = "metric_depth={backend='slow', options={noise_seed=0}}"
+    site.install("physic-slow", PLUGIN_WITH_SEED)
+    (site.folder / "physic_slow.toml").write_text(MANIFEST)
+    done = physic("bench", "accuracy", "--worlds", "1", "--set", choice, "--no-cache", "-o", "bench")
+    assert (done.exit_code, done.stdout, done.stderr) == (
+        1,
+        "",
+        f"Error: 1 thing is missing, and nothing was computed:\n  metric_depth 'slow' (physic-slow 1.0): {NET}\n",
+    )
+    assert not (tmp_path / "bench").exists()
 
 
 def test_config_check_says_that_the_config_holds_and_what_a_run_would_lack(heavy: Path):

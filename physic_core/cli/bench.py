@@ -87,9 +87,11 @@ def accuracy(
 
     from physic_core.io.atomic import check_writable
     from physic_core.plugins import discover
-    from physic_core.resolve import check
+    from physic_core.resolve import check, require_whole, resolve
 
-    check(config, discover())
+    registry = discover()
+    check(config, registry)
+    require_whole(resolve(noisy, registry))
     check_writable(out)
 
     from physic_core.bench.accuracy import Work
