@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Intrinsics
 
-__all__ = ["crop_of_translation", "translation_of_crop"]
+__all__ = ["crop_of_translation", "told_of_crops", "translation_of_crop"]
 
 _SMALLEST = 1e-6  # of |s|: what a network answers for nobody must not become an infinite depth
 
@@ -39,6 +39,30 @@ def translation_of_crop(weak: FloatArray, centres: FloatArray, sides: FloatArray
     pixels = centres + per_metre[:, None] * shift
     across = (pixels - centre) / focal * depth[:, None]
     return np.concatenate([across, depth[:, None]], axis=1)
+
+
+def told_of_crops(centres: FloatArray, sides: FloatArray, focal: float, camera: Intrinsics) -> dict[str, FloatArray]:
+    """What CameraHMR's network is told of boxes and camera, by its own names, float32.
+
+    It takes the middle of the image for the principal point, so boxes are told as they lie about the true one.
+
+    Args:
+        centres: (N, 2) px of the photo.
+        sides: (N,) px of the photo.
+        focal: px, the one that the network is to believe.
+        camera: of the photo.
+    """
+    import numpy as np
+
+    middle = np.array([camera.width, camera.height]) / 2
+    matrix = np.array([[focal, 0.0, middle[0]], [0.0, focal, middle[1]], [0.0, 0.0, 1.0]])
+    told = {
+        "box_center": centres - [camera.cx, camera.cy] + middle,
+        "box_size": sides,
+        "img_size": np.tile([float(camera.height), float(camera.width)], (len(centres), 1)),
+        "cam_int": np.tile(matrix, (len(centres), 1, 1)),
+    }
+    return {name: np.asarray(value, np.float32) for name, value in told.items()}
 
 
 def crop_of_translation(

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Literal
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, UInt8Array
 
-__all__ = ["Crop", "Grid", "crop_of", "cut", "padded"]
+__all__ = ["Crop", "Grid", "blur_before_shrinking", "crop_of", "cut", "padded"]
 
 Grid = Literal["corners", "halves", "areas"]
 
@@ -106,6 +106,12 @@ def crop_of(
         step = step * np.array([-1.0, 1.0])
     origin = middle - step * centre
     return Crop((float(origin[0]), float(origin[1])), (float(step[0]), float(step[1])), width, height)
+
+
+def blur_before_shrinking(crop: Crop) -> float:
+    """Standard deviation, px of the photo, of the blur that HMR 2.0 and WiLoR give a region before they shrink it."""
+    half = abs(crop.step[0]) / 2
+    return (half - 1) / 2 if half > 1.1 else 0.0
 
 
 def cut(image: UInt8Array, crop: Crop, *, fill: int = 0, sigma: float = 0.0) -> UInt8Array:

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.checkouts import Checkout
-from physic_core.adapters.crop_camera import translation_of_crop
+from physic_core.adapters.crop_camera import told_of_crops, translation_of_crop
 from physic_core.adapters.crops import crop_of, cut, padded
 from physic_core.adapters.observed import observed_joints
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, check_photo, letterbox, planes
@@ -22,7 +21,7 @@ from physic_core.adapters.smpl import no_bodies
 from physic_core.devices import check_device
 from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator, Options
-from physic_human.hosting import CheckoutOptions, Host, batches, computing, fill, read_checkpoint, to_numpy
+from physic_human.hosting import CheckoutOptions, Hosted, Project, SeenConfidence, batches, computing, to_numpy
 from physic_human.smpl_rest import open_smpl, posed_bodies, smpl_missing
 
 if TYPE_CHECKING:
@@ -52,12 +51,7 @@ class CameraHmrOptions(CheckoutOptions):
     smpl_file: str = Field(
         default="", description="your SMPL_NEUTRAL.npz or .pkl: says where the joints and the surface of a body are"
     )
-    seen_confidence: float = Field(
-        default=0.5,
-        ge=0,
-        le=1,
-        description="of keypoints from which their joints count as seen in the photo; 0 takes all",
-    )
+    seen_confidence: SeenConfidence = 0.5
     margin: float = Field(
         default=1.0, ge=1, le=2, description="side of the crop in the longer side of a person's box; 1.0 is CameraHMR's"
     )
@@ -76,34 +70,26 @@ class CameraHmrOptions(CheckoutOptions):
     )
 
 
-class CameraHmr(BodyEstimator):
+class CameraHmr(Hosted, BodyEstimator):
     """SMPL bodies with joints and surface, in the given camera."""
 
     Options: ClassVar[type[Options]] = CameraHmrOptions
     options: CameraHmrOptions
+    project: ClassVar[Project] = Project(
+        "CameraHMR",
+        "core.camerahmr_model",
+        "https://github.com/pixelite1201/CameraHMR",
+        ("pytorch_lightning", "einops", "timm"),
+    )
 
     def __init__(self, options: CameraHmrOptions | None = None) -> None:
         super().__init__(options)
-        self._host = Host(
-            Checkout(
-                self.options.checkout,
-                name="CameraHMR",
-                package="core.camerahmr_model",
-                homepage="https://github.com/pixelite1201/CameraHMR",
-                needs=("pytorch_lightning", "einops", "timm"),
-            ),
-            self.options.weights,
-        )
         self._focal_network: Any = None
         self._body: SmplBody | None = None
 
     def missing(self) -> tuple[str, ...]:
         """Of checkout, packages, weights and the SMPL file."""
-        return self._host.missing(*smpl_missing(self.options.smpl_file))
-
-    def fingerprint(self) -> str:
-        """Changes with weights and code."""
-        return self._host.fingerprint()
+        return (*super().missing(), *smpl_missing(self.options.smpl_file))
 
     def load(self, device: str = "cpu") -> None:
         """Build the networks and fill them.
@@ -122,22 +108,16 @@ class CameraHmr(BodyEstimator):
         constants.SMPL_MEAN_PARAMS_FILE = str(mean)  # its own path begins at the folder that Python was started in
         kind = checkout.attribute("CameraHMR")
         with computing(checkout, device):
-            network = kind()
-            state = read_checkpoint(checkpoint, trusted=self.options.trust_checkpoint)
-            fill(network, state.get("state_dict", state), checkpoint)
-            self._host.network, self._host.device = network.eval().to(device), device
+            self._host.keep(self._filled(kind(), checkpoint), device)
         if self.options.focal == "own":
             path = self._host.file(_CAMERA_CHECKPOINT)
             kind = checkout.attribute("FLNet", "core.cam_model.fl_net")
             with computing(checkout, device):
-                network = kind()
-                state = read_checkpoint(path, trusted=self.options.trust_checkpoint)
-                fill(network, state.get("state_dict", state), path)
-                self._focal_network = network.eval().to(device)
+                self._focal_network = self._filled(kind(), path).eval().to(device)
 
     def close(self) -> None:
         """Let go of the networks and of SMPL."""
-        self._host.close()
+        super().close()
         self._focal_network, self._body = None, None
 
     def infer(
@@ -197,20 +177,8 @@ class CameraHmr(BodyEstimator):
         import torch
 
         count = len(crops)
-        size = np.array([camera.height, camera.width], np.float32)
-        matrix = np.array([[focal, 0, size[1] / 2], [0, focal, size[0] / 2], [0, 0, 1]], np.float32)
-        # It asks how far a box is from the middle of the image, and means the principal point.
-        middles = centres - [camera.cx, camera.cy] + size[::-1] / 2
-        given = {
-            "img": crops,
-            "box_center": middles,
-            "box_size": sides,
-            "img_size": np.tile(size, (count, 1)),
-            "cam_int": np.tile(matrix, (count, 1, 1)),
-        }
-        batch = {
-            key: torch.from_numpy(np.asarray(value, np.float32)).to(self._host.device) for key, value in given.items()
-        }
+        given = {"img": crops, **told_of_crops(centres, sides, focal, camera)}
+        batch = {name: torch.from_numpy(value).to(self._host.device) for name, value in given.items()}
         with computing(self._host.checkout, self._host.device, half=self.options.half):
             answer = network(batch)
         try:

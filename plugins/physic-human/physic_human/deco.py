@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.checkouts import Checkout
 from physic_core.adapters.contact_crop import GROWTH, contact_crop
 from physic_core.adapters.pictures import check_photo
 from physic_core.devices import check_device
 from physic_core.errors import BackendError
 from physic_core.interfaces import ContactPrior, Options
 from physic_core.types import ContactProbability
-from physic_human.hosting import CheckoutOptions, Host, batches, computing, fill, read_checkpoint, to_numpy
+from physic_human.hosting import CheckoutOptions, Hosted, Project, batches, computing, to_numpy
 from physic_human.smpl_rest import rest_of_smpl, smpl_missing
 
 if TYPE_CHECKING:
@@ -42,33 +41,25 @@ class DecoOptions(CheckoutOptions):
     )
 
 
-class Deco(ContactPrior):
+class Deco(Hosted, ContactPrior):
     """Contact of any kind, whatever is touched: above 0.5 it touches."""
 
     Options: ClassVar[type[Options]] = DecoOptions
     options: DecoOptions
+    project: ClassVar[Project] = Project(
+        "DECO",
+        "models.deco",
+        "https://github.com/sha2nkt/deco",
+        ("torchvision", "yacs", "loguru"),
+    )
 
     def __init__(self, options: DecoOptions | None = None) -> None:
         super().__init__(options)
-        self._host = Host(
-            Checkout(
-                self.options.checkout,
-                name="DECO",
-                package="models.deco",
-                homepage="https://github.com/sha2nkt/deco",
-                needs=("torchvision", "yacs", "loguru"),
-            ),
-            self.options.weights,
-        )
         self._rest: RestMesh | None = None
 
     def missing(self) -> tuple[str, ...]:
         """Of checkout, packages, weights and the SMPL file."""
-        return self._host.missing(*smpl_missing(self.options.smpl_file))
-
-    def fingerprint(self) -> str:
-        """Changes with weights and code."""
-        return self._host.fingerprint()
+        return (*super().missing(), *smpl_missing(self.options.smpl_file))
 
     def load(self, device: str = "cpu") -> None:
         """Build the network and fill it.
@@ -87,13 +78,11 @@ class Deco(ContactPrior):
             # Encoder, whether it looks at the context too, device; older versions always do, and are not asked.
             asked = "context" in inspect.signature(kind).parameters
             network = kind("hrnet", True, device) if asked else kind("hrnet", device)
-            state = read_checkpoint(path, trusted=self.options.trust_checkpoint)
-            fill(network, state.get("deco", state), path)
-            self._host.network, self._host.device = network.eval().to(device), device
+            self._host.keep(self._filled(network, path, "deco"), device)
 
     def close(self) -> None:
         """Let go of the network."""
-        self._host.close()
+        super().close()
         self._rest = None
 
     def infer(self, image: UInt8Array, people: People, bodies: Bodies) -> ContactProbability:

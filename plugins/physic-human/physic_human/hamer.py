@@ -10,67 +10,45 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.checkouts import Checkout
-from physic_core.adapters.crops import crop_of, cut
-from physic_core.adapters.hand_boxes import hand_boxes
-from physic_core.adapters.mano import hands_from_mano, no_hands
-from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, check_photo, planes
+from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, planes
 from physic_core.devices import check_device
 from physic_core.errors import BackendError
-from physic_core.interfaces import HandEstimator, Options
-from physic_human.hosting import CheckoutOptions, Host, batches, computing, fill, read_checkpoint, to_numpy
+from physic_core.interfaces import Options
+from physic_human.hosting import Project, computing, to_numpy
+from physic_human.mano_hands import ManoHands, ManoOptions
 
 if TYPE_CHECKING:
-    from physic_core.types import FloatArray, Hands, Keypoints, People, UInt8Array
+    from physic_core.types import FloatArray, UInt8Array
 
 __all__ = ["Hamer", "HamerOptions"]
 
-SIDE = 256
-"""px of the network's square input."""
 ASPECT = 192 / 256
 """Width over height of the part of its input that the network looks at: boxes are widened to it before they grow."""
 _CHECKPOINT, _CONFIG = "hamer_ckpts/checkpoints/hamer.ckpt", "hamer_ckpts/model_config.yaml"
 _MANO, _MEAN = "data/mano/MANO_RIGHT.pkl", "data/mano_mean_params.npz"
 
 
-class HamerOptions(CheckoutOptions):
+class HamerOptions(ManoOptions):
     """Settings of HaMeR."""
 
     weights: str = Field(
         default="hamer",
         description="a name of `physic weights list`, or the folder _DATA of hamer_demo_data.tar.gz and MANO",
     )
-    least_confidence: float = Field(default=0.5, ge=0, le=1, description="of a hand's keypoints")
-    least_size_px: float = Field(default=24.0, ge=0, description="longer side of a hand; fingers below are a guess")
     margin: float = Field(default=2.0, ge=1, le=4, description="side of the crop in sizes of the hand; 2.0 is HaMeR's")
 
 
-class Hamer(HandEstimator):
+class Hamer(ManoHands):
     """MANO rotations of every hand that the keypoints show; left hands are shown to the network in a mirror."""
 
     Options: ClassVar[type[Options]] = HamerOptions
     options: HamerOptions
-
-    def __init__(self, options: HamerOptions | None = None) -> None:
-        super().__init__(options)
-        self._host = Host(
-            Checkout(
-                self.options.checkout,
-                name="HaMeR",
-                package="hamer.models",
-                homepage="https://github.com/geopavlakos/hamer",
-                needs=("pytorch_lightning", "yacs", "smplx", "timm", "einops"),
-            ),
-            self.options.weights,
-        )
-
-    def missing(self) -> tuple[str, ...]:
-        """Of checkout, packages and weights."""
-        return self._host.missing()
-
-    def fingerprint(self) -> str:
-        """Changes with weights and code."""
-        return self._host.fingerprint()
+    project: ClassVar[Project] = Project(
+        "HaMeR",
+        "hamer.models",
+        "https://github.com/geopavlakos/hamer",
+        ("pytorch_lightning", "yacs", "smplx", "timm", "einops"),
+    )
 
     def load(self, device: str = "cpu") -> None:
         """Build the network and fill it.
@@ -92,47 +70,15 @@ class Hamer(HandEstimator):
             settings.MODEL.BBOX_SHAPE = [192, 256]
             settings.freeze()
             network = kind(settings, init_renderer=False)
-            state = read_checkpoint(checkpoint, trusted=self.options.trust_checkpoint)
-            fill(network, state.get("state_dict", state), checkpoint)
-            self._host.network, self._host.device = network.eval().to(device), device
+            self._host.keep(self._filled(network, checkpoint), device)
 
-    def close(self) -> None:
-        """Let go of the network."""
-        self._host.close()
-
-    def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
-        """Image (H, W, 3) and N people with keypoints -> finger rotations; confidence is that of the keypoints.
-
-        Raises:
-            BackendError: it is not loaded, or the network answers something else.
-        """
-        check_photo(image)
-        network = self._host.loaded()
-        options = self.options
-        found = hand_boxes(keypoints, least_confidence=options.least_confidence, least_size_px=options.least_size_px)
-        if not len(found):
-            return no_hands(len(people))
-        fingers, wrists = [], []
-        for rows in batches(len(found), options.batch):
-            crops = np.concatenate(
-                [
-                    self._crop(image, box, mirrored=not right)
-                    for box, right in zip(found.boxes[rows], found.right[rows], strict=True)
-                ]
-            )
-            answer = self._run(network, crops)
-            fingers.append(answer[0])
-            wrists.append(answer[1])
-        return hands_from_mano(
-            len(people), found.person, found.right, np.concatenate(fingers), found.confidence, np.concatenate(wrists)
-        )
-
-    def _crop(self, image: UInt8Array, box: FloatArray, *, mirrored: bool) -> FloatArray:
-        """(1, 3, 256, 256), red, green, blue."""
+    def _region(self, box: FloatArray) -> FloatArray:
         taller = max((box[2] - box[0]) / ASPECT - (box[3] - box[1]), 0.0)
-        grown = box + np.array([0.0, -taller / 2, 0.0, taller / 2])
-        crop = crop_of(grown, SIDE, SIDE, padding=self.options.margin, grid="halves", mirrored=mirrored)
-        return planes(cut(image, crop), IMAGENET_MEAN, IMAGENET_STD)
+        return box + np.array([0.0, -taller / 2, 0.0, taller / 2])
+
+    def _fed(self, crop: UInt8Array) -> FloatArray:
+        """(3, 256, 256), red, green, blue."""
+        return planes(crop, IMAGENET_MEAN, IMAGENET_STD)[0]
 
     def _run(self, network: object, crops: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Fingers (M, 15, 3, 3) and wrists (M, 1, 3, 3), as of right hands."""

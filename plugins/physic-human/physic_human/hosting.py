@@ -6,30 +6,49 @@ import contextlib
 import io
 import logging
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from physic_core import weights
+from physic_core.adapters.checkouts import Checkout
 from physic_core.errors import BackendError
-from physic_core.interfaces import Options
+from physic_core.interfaces import Backend, Options
 
 if TYPE_CHECKING:
     import torch
 
-    from physic_core.adapters.checkouts import Checkout
-
-__all__ = ["MANIFEST", "CheckoutOptions", "Host", "batches", "computing", "fill", "read_checkpoint", "to_numpy"]
+__all__ = [
+    "MANIFEST",
+    "CheckoutOptions",
+    "Host",
+    "Hosted",
+    "Project",
+    "SeenConfidence",
+    "batches",
+    "computing",
+    "fill",
+    "read_checkpoint",
+    "to_numpy",
+]
 
 MANIFEST = Path(__file__).parent / "weights"
 _LOG = logging.getLogger(__name__)
+
+SeenConfidence = Annotated[
+    float,
+    Field(ge=0, le=1, description="of keypoints from which their joints count as seen in the photo; 0 takes all"),
+]
+"""Option of backends that say which joints the photo shows."""
 
 
 class CheckoutOptions(Options):
     """Settings that all backends around a checkout share."""
 
+    weights: str = Field(default="", description="a name of `physic weights list`, or a path of your own")
     checkout: str = Field(
         default="", description="folder of your checkout of the project, its root; empty where it is installed"
     )
@@ -48,7 +67,6 @@ class Host:
     Args:
         checkout: the code.
         weights_value: the option that names the weights.
-        option: its name, for messages.
     """
 
     def __init__(self, checkout: Checkout, weights_value: str) -> None:
@@ -56,9 +74,9 @@ class Host:
         self.network: Any = None
         self.device = "cpu"
 
-    def missing(self, *further: str) -> tuple[str, ...]:
-        """What is lacking of code and weights, then what else is."""
-        return (*self.checkout.missing(), *weights.missing(MANIFEST, self.weights_value), *further)
+    def missing(self) -> tuple[str, ...]:
+        """What is lacking of code and weights."""
+        return (*self.checkout.missing(), *weights.missing(MANIFEST, self.weights_value))
 
     def fingerprint(self) -> str:
         """Changes with weights and code."""
@@ -82,10 +100,57 @@ class Host:
             raise BackendError(f"{self.checkout.name} is not loaded: call load() before infer()")
         return self.network
 
+    def keep(self, network: Any, device: str) -> None:
+        """Hold a network of torch, moved to its device."""
+        self.network, self.device = network.eval().to(device), device
+
     def close(self) -> None:
         """Let go of network and code."""
         self.network = None
         self.checkout.close()
+
+
+@dataclass(frozen=True)
+class Project:
+    """Somebody's repository, as :class:`physic_core.adapters.checkouts.Checkout` has it, wherever it lies."""
+
+    name: str
+    package: str
+    homepage: str
+    needs: tuple[str, ...]
+
+
+class Hosted(Backend):
+    """A backend around one checkout, before the interface among its bases.
+
+    Attributes:
+        project: whose code it runs.
+    """
+
+    project: ClassVar[Project]
+    options: CheckoutOptions
+
+    def __init__(self, options: Any = None) -> None:
+        super().__init__(options)
+        self._host = Host(Checkout(self.options.checkout, **vars(self.project)), self.options.weights)
+
+    def missing(self) -> tuple[str, ...]:
+        """Of checkout, packages and weights."""
+        return self._host.missing()
+
+    def fingerprint(self) -> str:
+        """Changes with weights and code."""
+        return self._host.fingerprint()
+
+    def close(self) -> None:
+        """Let go of network and code."""
+        self._host.close()
+
+    def _filled(self, network: torch.nn.Module, path: Path, key: str = "state_dict") -> torch.nn.Module:
+        """The network with the tensors of a checkpoint, which may hold them under a key."""
+        state = read_checkpoint(path, trusted=self.options.trust_checkpoint)
+        fill(network, state.get(key, state), path)
+        return network
 
 
 def read_checkpoint(path: Path, *, trusted: bool) -> Any:

@@ -11,13 +11,12 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.affine_pointmap import recover_camera, settle
-from physic_core.adapters.checkouts import Checkout
 from physic_core.adapters.pictures import check_photo, planes
 from physic_core.devices import check_device
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options, RelativePointmap
 from physic_core.types import Pointmap
-from physic_human.hosting import CheckoutOptions, Host, computing, to_numpy
+from physic_human.hosting import CheckoutOptions, Hosted, Project, computing, to_numpy
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Hints, UInt8Array
@@ -36,33 +35,18 @@ class Moge1Options(CheckoutOptions):
     resolution_level: int = Field(default=9, ge=0, le=9, description="9 sees the finest details, 0 is fastest")
 
 
-class Moge1(RelativePointmap):
+class Moge1(Hosted, RelativePointmap):
     """Points up to a scale, on the rays of the given camera or of the one that fits them."""
 
     Options: ClassVar[type[Options]] = Moge1Options
     options: Moge1Options
     capabilities = frozenset({"returns_intrinsics"})
-
-    def __init__(self, options: Moge1Options | None = None) -> None:
-        super().__init__(options)
-        self._host = Host(
-            Checkout(
-                self.options.checkout,
-                name="MoGe",
-                package="moge.model.v1",
-                homepage="https://github.com/microsoft/MoGe",
-                needs=("utils3d", "huggingface_hub"),
-            ),
-            self.options.weights,
-        )
-
-    def missing(self) -> tuple[str, ...]:
-        """Of checkout, packages and weights."""
-        return self._host.missing()
-
-    def fingerprint(self) -> str:
-        """Changes with weights and code."""
-        return self._host.fingerprint()
+    project: ClassVar[Project] = Project(
+        "MoGe",
+        "moge.model.v1",
+        "https://github.com/microsoft/MoGe",
+        ("utils3d", "huggingface_hub"),
+    )
 
     def load(self, device: str = "cpu") -> None:
         """Build the network and fill it.
@@ -77,11 +61,7 @@ class Moge1(RelativePointmap):
         kind = self._host.checkout.attribute("MoGeModel")
         with computing(self._host.checkout, device):
             network = kind.from_pretrained(str(path))  # an existing path: nothing is fetched
-            self._host.network, self._host.device = network.eval().to(device), device
-
-    def close(self) -> None:
-        """Let go of the network."""
-        self._host.close()
+            self._host.keep(network, device)
 
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
         """Image (H, W, 3) -> point map up to a scale.

@@ -23,7 +23,7 @@ from physic_core.devices import check_device
 from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator, Options
 from physic_core.types import Bodies, Mesh
-from physic_human.hosting import MANIFEST, to_numpy
+from physic_human.hosting import MANIFEST, SeenConfidence, to_numpy
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
@@ -62,12 +62,7 @@ class NlfOptions(Options):
         default=1, ge=1, le=32, description="turned and mirrored crops a person, averaged; 1 fast, 5 steadier"
     )
     batch: int = Field(default=16, ge=1, description="crops at once")
-    seen_confidence: float = Field(
-        default=0.5,
-        ge=0,
-        le=1,
-        description="of keypoints from which their joints count as seen in the photo; 0 takes all",
-    )
+    seen_confidence: SeenConfidence = 0.5
 
 
 class Nlf(BodyEstimator):

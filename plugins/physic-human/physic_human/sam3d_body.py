@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.checkouts import Checkout
 from physic_core.adapters.observed import observed_joints
 from physic_core.adapters.pictures import check_photo
 from physic_core.adapters.smpl import no_bodies, parameters_of
@@ -16,7 +15,7 @@ from physic_core.devices import check_device
 from physic_core.errors import BackendError, DeviceError
 from physic_core.interfaces import BodyEstimator, Options
 from physic_core.types import Bodies, Mesh
-from physic_human.hosting import CheckoutOptions, Host, batches, computing
+from physic_human.hosting import CheckoutOptions, Hosted, Project, SeenConfidence, batches, computing
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Hints, Intrinsics, Keypoints, People, UInt8Array
@@ -69,44 +68,24 @@ class Sam3dBodyOptions(CheckoutOptions):
         description="a name of `physic weights list`, or a folder with model.ckpt, model_config.yaml and "
         "assets/mhr_model.pt",
     )
-    seen_confidence: float = Field(
-        default=0.5,
-        ge=0,
-        le=1,
-        description="of keypoints from which their joints count as seen in the photo; 0 takes all",
-    )
+    seen_confidence: SeenConfidence = 0.5
     use_masks: bool = Field(
         default=False, description="show the network the people's masks too; helps where people overlap"
     )
 
 
-class Sam3dBody(BodyEstimator):
+class Sam3dBody(Hosted, BodyEstimator):
     """MHR bodies: surface and joints say everything, the rotations are zero. Needs a GPU, for its code does."""
 
     Options: ClassVar[type[Options]] = Sam3dBodyOptions
     options: Sam3dBodyOptions
     capabilities = frozenset({"needs_cuda"})
-
-    def __init__(self, options: Sam3dBodyOptions | None = None) -> None:
-        super().__init__(options)
-        self._host = Host(
-            Checkout(
-                self.options.checkout,
-                name="SAM 3D Body",
-                package="sam_3d_body",
-                homepage="https://github.com/facebookresearch/sam-3d-body",
-                needs=("torchvision", "pytorch_lightning", "yacs", "roma", "einops", "timm"),
-            ),
-            self.options.weights,
-        )
-
-    def missing(self) -> tuple[str, ...]:
-        """Of checkout, packages and weights."""
-        return self._host.missing()
-
-    def fingerprint(self) -> str:
-        """Changes with weights and code."""
-        return self._host.fingerprint()
+    project: ClassVar[Project] = Project(
+        "SAM 3D Body",
+        "sam_3d_body",
+        "https://github.com/facebookresearch/sam-3d-body",
+        ("torchvision", "pytorch_lightning", "yacs", "roma", "einops", "timm"),
+    )
 
     def load(self, device: str = "cpu") -> None:
         """Build the estimator and fill it.
@@ -128,10 +107,6 @@ class Sam3dBody(BodyEstimator):
         with computing(self._host.checkout, device):
             network, settings = build(str(checkpoint), device=device, mhr_path=str(mhr))
             self._host.network, self._host.device = kind(network, settings), device
-
-    def close(self) -> None:
-        """Let go of the estimator."""
-        self._host.close()
 
     def infer(
         self, image: UInt8Array, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints

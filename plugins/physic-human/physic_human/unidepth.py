@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.checkouts import Checkout
 from physic_core.adapters.pictures import check_photo
 from physic_core.devices import check_device
 from physic_core.errors import BackendError
 from physic_core.interfaces import MetricDepth, Options
 from physic_core.types import DepthMap, Intrinsics
-from physic_human.hosting import CheckoutOptions, Host, computing, to_numpy
+from physic_human.hosting import CheckoutOptions, Hosted, Project, computing, to_numpy
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Hints, UInt8Array
@@ -36,33 +35,18 @@ class UniDepthOptions(CheckoutOptions):
     use_camera: bool = Field(default=True, description="tell the network the camera where it is known")
 
 
-class UniDepth(MetricDepth):
+class UniDepth(Hosted, MetricDepth):
     """Depth along z, and the camera that it was seen with."""
 
     Options: ClassVar[type[Options]] = UniDepthOptions
     options: UniDepthOptions
     capabilities = frozenset({"returns_intrinsics"})
-
-    def __init__(self, options: UniDepthOptions | None = None) -> None:
-        super().__init__(options)
-        self._host = Host(
-            Checkout(
-                self.options.checkout,
-                name="UniDepth",
-                package="unidepth.models",
-                homepage="https://github.com/lpiccinelli-eth/UniDepth",
-                needs=("torchvision", "einops", "timm", "huggingface_hub"),
-            ),
-            self.options.weights,
-        )
-
-    def missing(self) -> tuple[str, ...]:
-        """Of checkout, packages and weights."""
-        return self._host.missing()
-
-    def fingerprint(self) -> str:
-        """Changes with weights and code."""
-        return self._host.fingerprint()
+    project: ClassVar[Project] = Project(
+        "UniDepth",
+        "unidepth.models",
+        "https://github.com/lpiccinelli-eth/UniDepth",
+        ("torchvision", "einops", "timm", "huggingface_hub"),
+    )
 
     def load(self, device: str = "cpu") -> None:
         """Build the network and fill it, from a folder and never from the network.
@@ -79,11 +63,7 @@ class UniDepth(MetricDepth):
             network = kind.from_pretrained(str(folder))
             network.resolution_level = self.options.resolution_level
             network.interpolation_mode = "bilinear"
-            self._host.network, self._host.device = network.eval().to(device), device
-
-    def close(self) -> None:
-        """Let go of the network."""
-        self._host.close()
+            self._host.keep(network, device)
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
         """Image (H, W, 3) -> z-depth in metres.

@@ -11,28 +11,22 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.checkouts import Checkout
-from physic_core.adapters.crops import crop_of, cut
-from physic_core.adapters.hand_boxes import hand_boxes
-from physic_core.adapters.mano import hands_from_mano, no_hands
-from physic_core.adapters.pictures import check_photo
 from physic_core.devices import check_device
 from physic_core.errors import BackendError
-from physic_core.interfaces import HandEstimator, Options
-from physic_human.hosting import CheckoutOptions, Host, batches, computing, fill, read_checkpoint, to_numpy
+from physic_core.interfaces import Options
+from physic_human.hosting import Project, computing, to_numpy
+from physic_human.mano_hands import SIDE, ManoHands, ManoOptions
 
 if TYPE_CHECKING:
-    from physic_core.types import FloatArray, Hands, Keypoints, People, UInt8Array
+    from physic_core.types import FloatArray, UInt8Array
 
 __all__ = ["Wilor", "WilorOptions"]
 
-SIDE = 256
-"""px of the network's square input."""
 _FILES = ("wilor_final.ckpt", "MANO_RIGHT.pkl", "mano_mean_params.npz")
 _FOCAL = 5000
 
 
-class WilorOptions(CheckoutOptions):
+class WilorOptions(ManoOptions):
     """Settings of WiLoR."""
 
     weights: str = Field(
@@ -40,10 +34,6 @@ class WilorOptions(CheckoutOptions):
         description="a name of `physic weights list`, or a folder with wilor_final.ckpt, MANO_RIGHT.pkl and "
         "mano_mean_params.npz",
     )
-    least_confidence: float = Field(
-        default=0.5, ge=0, le=1, description="of a hand's keypoints; 0.7 in the code of the PhySIC paper"
-    )
-    least_size_px: float = Field(default=24.0, ge=0, description="longer side of a hand; fingers below are a guess")
     margin: float = Field(
         default=2.5, ge=1, le=4, description="side of the crop in sizes of the hand; 2.5 in WiLoR-mini, 2.0 in WiLoR"
     )
@@ -53,32 +43,18 @@ class WilorOptions(CheckoutOptions):
     )
 
 
-class Wilor(HandEstimator):
+class Wilor(ManoHands):
     """MANO rotations of every hand that the keypoints show; left hands are shown to the network in a mirror."""
 
     Options: ClassVar[type[Options]] = WilorOptions
     options: WilorOptions
-
-    def __init__(self, options: WilorOptions | None = None) -> None:
-        super().__init__(options)
-        self._host = Host(
-            Checkout(
-                self.options.checkout,
-                name="WiLoR-mini",
-                package="wilor_mini.models.wilor",
-                homepage="https://github.com/warmshao/WiLoR-mini",
-                needs=("smplx", "timm"),
-            ),
-            self.options.weights,
-        )
-
-    def missing(self) -> tuple[str, ...]:
-        """Of checkout, packages and weights."""
-        return self._host.missing()
-
-    def fingerprint(self) -> str:
-        """Changes with weights and code."""
-        return self._host.fingerprint()
+    smooths = True
+    project: ClassVar[Project] = Project(
+        "WiLoR-mini",
+        "wilor_mini.models.wilor",
+        "https://github.com/warmshao/WiLoR-mini",
+        ("smplx", "timm"),
+    )
 
     def load(self, device: str = "cpu") -> None:
         """Build the network and fill it.
@@ -93,47 +69,11 @@ class Wilor(HandEstimator):
         kind = self._host.checkout.attribute("WiLor")
         with computing(self._host.checkout, device):
             network = kind(mano_model_path=str(mano), mano_mean_path=str(mean), focal_length=_FOCAL, image_size=SIDE)
-            state = read_checkpoint(checkpoint, trusted=self.options.trust_checkpoint)
-            fill(network, state.get("state_dict", state), checkpoint)
-            self._host.network, self._host.device = network.eval().to(device), device
+            self._host.keep(self._filled(network, checkpoint), device)
 
-    def close(self) -> None:
-        """Let go of the network."""
-        self._host.close()
-
-    def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
-        """Image (H, W, 3) and N people with keypoints -> finger rotations; confidence is that of the keypoints.
-
-        Raises:
-            BackendError: it is not loaded, or the network answers something else.
-        """
-        check_photo(image)
-        network = self._host.loaded()
-        options = self.options
-        found = hand_boxes(keypoints, least_confidence=options.least_confidence, least_size_px=options.least_size_px)
-        if not len(found):
-            return no_hands(len(people))
-        fingers, wrists = [], []
-        for rows in batches(len(found), options.batch):
-            crops = np.stack(
-                [
-                    self._crop(image, box, mirrored=not right)
-                    for box, right in zip(found.boxes[rows], found.right[rows], strict=True)
-                ]
-            )
-            answer = self._run(network, crops)
-            fingers.append(answer[0])
-            wrists.append(answer[1])
-        return hands_from_mano(
-            len(people), found.person, found.right, np.concatenate(fingers), found.confidence, np.concatenate(wrists)
-        )
-
-    def _crop(self, image: UInt8Array, box: FloatArray, *, mirrored: bool) -> FloatArray:
+    def _fed(self, crop: UInt8Array) -> FloatArray:
         """(256, 256, 3) grey levels in the order blue, green, red: the network exchanges them itself."""
-        crop = crop_of(box, SIDE, SIDE, padding=self.options.margin, grid="halves", mirrored=mirrored)
-        shrink = abs(crop.step[0]) / 2
-        seen = cut(image, crop, sigma=(shrink - 1) / 2 if shrink > 1.1 else 0.0)
-        return np.asarray(seen if self.options.swap_channels else seen[..., ::-1], np.float32)
+        return np.asarray(crop if self.options.swap_channels else crop[..., ::-1], np.float32)
 
     def _run(self, network: object, crops: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Fingers (M, 15, 3) and wrists (M, 1, 3), as of right hands."""

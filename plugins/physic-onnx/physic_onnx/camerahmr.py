@@ -6,6 +6,7 @@ one (FLNet) is not needed.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import Field
@@ -82,7 +83,7 @@ class CameraHmr(OneGraph, BodyEstimator):
         """
         import numpy as np
 
-        from physic_core.adapters.crop_camera import translation_of_crop
+        from physic_core.adapters.crop_camera import told_of_crops, translation_of_crop
         from physic_core.adapters.crops import crop_of
         from physic_core.adapters.pictures import check_photo
         from physic_core.adapters.smpl import bodies_from_smpl, no_bodies
@@ -97,7 +98,7 @@ class CameraHmr(OneGraph, BodyEstimator):
         centres, sides = _regions(crops)
         feed = {
             "img": pictures_of(image, crops, bgr=self.options.channels == "bgr"),
-            **_camera(centres, sides, intrinsics, image.shape[:2]),
+            **told_of_crops(centres, sides, math.sqrt(intrinsics.fx * intrinsics.fy), intrinsics),
         }
         surface = speaking.has("vertices") and speaking.has("faces")
         names = ["global_orient", "body_pose", "betas", "pred_cam", "joints", *(["vertices"] if surface else [])]
@@ -119,29 +120,6 @@ def _regions(crops: list[Crop]) -> tuple[FloatArray, FloatArray]:
 
     middles = np.stack([crop.to_photo(np.array([SIDE / 2, SIDE / 2])) for crop in crops])
     return middles, np.array([SIDE * crop.step[0] for crop in crops])
-
-
-def _camera(
-    centres: FloatArray, sides: FloatArray, camera: Intrinsics, size: tuple[int, ...]
-) -> dict[str, NDArray[Any]]:
-    """What the network is told of box and camera.
-
-    It takes the middle of the image for the principal point, so boxes are told as they lie about the true one.
-    """
-    import numpy as np
-
-    n, (height, width) = len(centres), size
-    middle = np.array([width / 2, height / 2])
-    matrix = np.zeros((3, 3))
-    matrix[0, 0] = matrix[1, 1] = np.sqrt(camera.fx * camera.fy)
-    matrix[:, 2] = [*middle, 1]
-    told = {
-        "box_center": centres - [camera.cx, camera.cy] + middle,
-        "box_size": sides,
-        "img_size": np.tile([float(height), float(width)], (n, 1)),
-        "cam_int": np.tile(matrix, (n, 1, 1)),
-    }
-    return {name: value.astype(np.float32) for name, value in told.items()}
 
 
 def _mesh(speaking: Speaking, feed: dict[str, NDArray[Any]], vertices: FloatArray) -> Mesh:

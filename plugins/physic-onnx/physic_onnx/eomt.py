@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from pydantic import Field
 
-from physic_core.errors import BackendError
 from physic_core.interfaces import Options, Segmenter
-from physic_core.weights import fingerprint, locate, missing
 
-from .contract import Match, Wanted, match
-from .options import OnnxOptions
+from .contract import Dialect, Wanted
+from .one_graph import OneGraph, OneGraphOptions
 
 if TYPE_CHECKING:
     from physic_core.types import People, UInt8Array
 
-    from .sessions import Network
-
 __all__ = ["Eomt", "EomtOptions"]
 
-MANIFEST = Path(__file__).parent / "weights"
 INPUTS = (Wanted("pixel_values", shape=(None, 3, None, None)),)
 OUTPUTS = (
     Wanted("class_queries_logits", shape=(None, None, 134)),
@@ -31,7 +25,7 @@ USUAL_SIDE = 640
 """Side of the picture for files that leave it free, px."""
 
 
-class EomtOptions(OnnxOptions):
+class EomtOptions(OneGraphOptions):
     """Settings of Eomt."""
 
     weights: str = Field(
@@ -47,44 +41,12 @@ class EomtOptions(OnnxOptions):
     )
 
 
-class Eomt(Segmenter):
+class Eomt(OneGraph, Segmenter):
     """EoMT trained on COCO panoptic: classes of queries say who is a person and what is ground."""
 
     Options: ClassVar[type[Options]] = EomtOptions
     options: EomtOptions
-
-    def __init__(self, options: EomtOptions | None = None) -> None:
-        super().__init__(options)
-        self._network: Network | None = None
-        self._match: Match | None = None
-
-    def load(self, device: str = "cpu") -> None:
-        """Open the network.
-
-        Raises:
-            WeightsMissingError: the file is not here; the message says how to get it.
-            BackendError: the file is not EoMT for COCO panoptic.
-            DeviceError: the device is not there.
-        """
-        from .sessions import open_network
-
-        self._attach(open_network(locate(MANIFEST, self.options.weights), self.options, device))
-
-    def _attach(self, network: Network) -> None:
-        self._match = match(network, INPUTS, OUTPUTS)
-        self._network = network
-
-    def close(self) -> None:
-        """Let go of the network."""
-        self._network = self._match = None
-
-    def missing(self) -> tuple[str, ...]:
-        """The file, if it is not here."""
-        return missing(MANIFEST, self.options.weights)
-
-    def fingerprint(self) -> str:
-        """What the file is."""
-        return fingerprint(MANIFEST, self.options.weights)
+    dialects: ClassVar = {"EoMT of COCO panoptic": Dialect(INPUTS, OUTPUTS)}
 
     def infer(self, image: UInt8Array) -> People:
         """Image (H, W, 3) -> people, best score first, and the floor.
@@ -100,18 +62,16 @@ class Eomt(Segmenter):
         from physic_core.adapters.panoptic import Padded, people_and_floor
         from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, check_photo, planes, squash
 
+        from .top_down import fixed_or
+
         check_photo(image)
-        if self._network is None or self._match is None:
-            raise BackendError("EoMT is not loaded: call load() before infer()")
+        speaking = self.speaking()
         size = (image.shape[0], image.shape[1])
-        side = self._match.inputs["pixel_values"].shape[2]
-        padded = Padded(*size, side if isinstance(side, int) else USUAL_SIDE)
+        padded = Padded(*size, fixed_or(speaking.shape("pixel_values")[2], USUAL_SIDE))
         frame = np.zeros((padded.frame, padded.frame, 3), np.uint8)  # black before it is normalised, not after
         frame[: padded.inner[0], : padded.inner[1]] = squash(image, *padded.inner, "bilinear-antialias")
-        classes, masks = self._match.run(
-            self._network,
-            {"pixel_values": planes(frame, IMAGENET_MEAN, IMAGENET_STD)},
-            ["class_queries_logits", "masks_queries_logits"],
+        classes, masks = speaking.ask(
+            "pixel_values", planes(frame, IMAGENET_MEAN, IMAGENET_STD), "class_queries_logits", "masks_queries_logits"
         )
         people = people_and_floor(
             classes[0],

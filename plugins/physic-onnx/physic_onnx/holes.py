@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, UInt8Array
 
-__all__ = ["check_mask", "crops_of", "fill_in_crops", "widened"]
+__all__ = ["check_mask", "crops_of", "fill_in_crops", "fill_within", "widened"]
 
 Box = tuple[int, int, int, int]
 """y0, y1, x0, x1 px."""
@@ -44,6 +44,28 @@ def check_mask(image: UInt8Array, mask: BoolArray) -> BoolArray:
     if mask.all():
         raise BackendError("the mask covers the whole image, which leaves nothing to fill it from: pass a smaller one")
     return mask
+
+
+def fill_within(
+    image: UInt8Array, mask: BoolArray, rim: float, fill: Callable[[UInt8Array, BoolArray], UInt8Array]
+) -> UInt8Array:
+    """Fill the mask, and leave the very same pixels outside of it.
+
+    Args:
+        image: (H, W, 3).
+        mask: (H, W), True = fill.
+        rim: share of the long side by which the hole that is shown is wider.
+        fill: of the image and the wider hole; called only where there is a hole.
+
+    Raises:
+        InputError: the image is no photo.
+        BackendError: the mask has another size or leaves nothing to go by.
+    """
+    from physic_core.adapters.pictures import check_photo
+
+    check_photo(image)
+    mask = check_mask(image, mask)
+    return np.where(mask[..., None], fill(image, widened(mask, rim)), image) if mask.any() else image.copy()
 
 
 def widened(mask: BoolArray, share: float) -> BoolArray:

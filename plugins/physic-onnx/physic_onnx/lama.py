@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field
 
 from physic_core.errors import BackendError
 from physic_core.interfaces import Inpainter, Options
-from physic_core.weights import fingerprint, locate, missing
 
-from .contract import Match, Wanted, match
-from .options import OnnxOptions
+from .contract import Dialect, Wanted
+from .one_graph import OneGraph, OneGraphOptions, graph_file
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
     from physic_core.types import BoolArray, FloatArray, UInt8Array
 
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Lama", "LamaOptions"]
 
-MANIFEST = Path(__file__).parent / "weights"
 INPUTS = (Wanted("image", shape=(None, 3, None, None)), Wanted("mask", shape=(None, 1, None, None)))
 OUTPUTS = (Wanted("output", ("result",), shape=(None, 3, None, None)),)
 
@@ -31,7 +29,7 @@ MULTIPLE = 8
 """Height and width that LaMa takes are multiples of this, px."""
 
 
-class LamaOptions(OnnxOptions):
+class LamaOptions(OneGraphOptions):
     """Settings of Lama."""
 
     weights: str = Field(
@@ -54,7 +52,7 @@ class LamaOptions(OnnxOptions):
     )
 
 
-class Lama(Inpainter):
+class Lama(OneGraph, Inpainter):
     """LaMa: sees RGB from 0 to 1 and a mask that is 1 in the hole.
 
     ONNX files of a fixed size (512 px) fill one crop a hole; files of any size, as TorchScript's, see the whole photo.
@@ -63,6 +61,7 @@ class Lama(Inpainter):
 
     Options: ClassVar[type[Options]] = LamaOptions
     options: LamaOptions
+    dialects: ClassVar = {"LaMa": Dialect(INPUTS, OUTPUTS)}
 
     def __init__(self, options: LamaOptions | None = None) -> None:
         super().__init__(options)
@@ -77,34 +76,30 @@ class Lama(Inpainter):
             BackendError: it is not LaMa.
             DeviceError: the device is not there.
         """
-        path = locate(MANIFEST, self.options.weights)
+        path = graph_file(self.options.weights)
         if path.suffix in (".pt", ".pth", ".ts"):
             self._run, self._side = _torchscript(path, device), None
         else:
-            from .sessions import open_network
+            super().load(device)
 
-            self._attach(open_network(path, self.options, device))
+    def attach(self, network: Network) -> None:
+        """Take an open network.
 
-    def _attach(self, network: Network) -> None:
-        found = match(network, INPUTS, OUTPUTS)
-        side = found.inputs["image"].shape[2:]
+        Raises:
+            BackendError: it is not LaMa, or its pictures are no squares.
+        """
+        super().attach(network)
+        side = self.speaking().shape("image")[2:]
         fixed = [n for n in side if isinstance(n, int)]
         if len(fixed) == 1 or len(set(fixed)) == 2:
             raise BackendError(f"{network.name} takes pictures of {side} px: a square or any size is expected")
         self._side = fixed[0] if fixed else None
-        self._run = _onnx(network, found)
+        self._run = self._ask
 
     def close(self) -> None:
         """Let go of the network."""
+        super().close()
         self._run = None
-
-    def missing(self) -> tuple[str, ...]:
-        """The file, if it is not here."""
-        return missing(MANIFEST, self.options.weights)
-
-    def fingerprint(self) -> str:
-        """What the file is."""
-        return fingerprint(MANIFEST, self.options.weights)
 
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
         """Image (H, W, 3) and mask (H, W), True = remove -> image, the very same pixels where the mask is False.
@@ -113,24 +108,24 @@ class Lama(Inpainter):
             InputError: the image is no photo.
             BackendError: the mask has another size or leaves nothing to go by, or load() was not called.
         """
-        import numpy as np
+        from .holes import fill_in_crops, fill_within
 
-        from physic_core.adapters.pictures import check_photo
-
-        from .holes import check_mask, fill_in_crops, widened
-
-        check_photo(image)
         if self._run is None:
             raise BackendError("LaMa is not loaded: call load() before infer()")
-        mask = check_mask(image, mask)
-        if not mask.any():
-            return image.copy()
-        hole = widened(mask, self.options.rim)
-        if self._side is None:
-            filled = self._fill_whole(image, hole)
-        else:
-            filled = fill_in_crops(image, hole, self._fill_crop, self.options.context, self._side)
-        return np.where(mask[..., None], filled, image)
+        side = self._side
+        if side is None:
+            return fill_within(image, mask, self.options.rim, self._fill_whole)
+
+        def in_crops(image: UInt8Array, hole: BoolArray) -> UInt8Array:
+            return fill_in_crops(image, hole, self._fill_crop, self.options.context, side)
+
+        return fill_within(image, mask, self.options.rim, in_crops)
+
+    def _ask(self, image: FloatArray, mask: FloatArray) -> FloatArray:
+        """What an ONNX file answers."""
+        speaking = self.speaking()
+        (output,) = speaking.ports.run(speaking.network, {"image": image, "mask": mask}, ["output"])
+        return output
 
     def _fill_crop(self, image: UInt8Array, hole: BoolArray) -> UInt8Array:
         """A crop at the size of the network: its long side resized, its short side continued as in a mirror."""
@@ -179,14 +174,6 @@ def _to_grey_levels(answer: FloatArray, shown: FloatArray) -> float:
         return 1.0 if float(np.max(answer, initial=0.0)) > 2 else 255.0
     ratio = float(np.abs(answer).mean()) / max(float(shown.mean()), 1e-3)
     return 1.0 if ratio > 16 else 255.0
-
-
-def _onnx(network: Network, found: Match) -> Callable[[FloatArray, FloatArray], FloatArray]:
-    def run(image: FloatArray, mask: FloatArray) -> FloatArray:
-        (output,) = found.run(network, {"image": image, "mask": mask}, ["output"])
-        return output
-
-    return run
 
 
 def _torchscript(path: Path, device: str) -> Callable[[FloatArray, FloatArray], FloatArray]:

@@ -99,12 +99,11 @@ class Wilor(OneGraph, HandEstimator):
     def _pictures(self, image: UInt8Array, crops: list[Crop]) -> FloatArray:
         import numpy as np
 
-        from physic_core.adapters.crops import cut
+        from physic_core.adapters.crops import blur_before_shrinking, cut
 
         from .top_down import pictures_of
 
-        shrinks = [abs(crop.step[0]) / 2 for crop in crops]
-        sigmas = [(shrink - 1) / 2 if shrink > 1.1 else 0.0 for shrink in shrinks]
+        sigmas = [blur_before_shrinking(crop) for crop in crops]
         if self.speaking().dialect == WHOLE:
             return pictures_of(image, crops, bgr=self.options.swap_channels, sigmas=sigmas)
         seen = np.stack([cut(image, crop, sigma=sigma) for crop, sigma in zip(crops, sigmas, strict=True)])

@@ -268,13 +268,13 @@ class Ready:
 class ToldMiGan(Ready, MiGan):
     def load(self, device="cpu"):
         image = {"image": ("uint8", ("b", 3, "h", "w")), "mask": ("uint8", ("b", 1, "h", "w"))}
-        self._attach(Painter(ports(image), ports({"result": ("uint8", ("b", 3, "h", "w"))}), "0 is hole"))
+        self.attach(Painter(ports(image), ports({"result": ("uint8", ("b", 3, "h", "w"))}), "0 is hole"))
 
 
 class ToldLama(Ready, Lama):
     def load(self, device="cpu"):
         shapes = {"image": ("float32", ("b", 3, 512, 512)), "mask": ("float32", ("b", 1, 512, 512))}
-        self._attach(Painter(ports(shapes), ports({"output": ("float32", ("b", 3, 512, 512))}), "1 is hole"))
+        self.attach(Painter(ports(shapes), ports({"output": ("float32", ("b", 3, 512, 512))}), "1 is hole"))
 
 
 @parametrize_with_checks("inpainter", ToldMiGan)
