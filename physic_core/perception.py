@@ -177,7 +177,7 @@ def perceive(
             hands, lost["hand_estimator"] = salvage.found_hands(hands)
             bodies = with_hands(bodies, hands, model)
     # Whoever has no body is not shown to those who build on bodies.
-    seen, whole = salvage.rows_of(people, embodied), salvage.rows_of(bodies, embodied)
+    seen, whole = salvage.rows_of(people, embodied), _shown(salvage.rows_of(bodies, embodied), model)
     hints = replace(hints, people=seen, keypoints=salvage.rows_of(keypoints, embodied), bodies=whole)
     contact = ContactProbability(np.zeros((n, model.num_vertices), np.float32), model.topology)
     if "contact_prior" in backends:
@@ -301,6 +301,13 @@ def _carried_contact(
         return None
     stages.note(f"contact carried over from the mesh '{contact.topology}' to '{model.topology}'")
     return carried
+
+
+def _shown(bodies: Bodies, model: BodyModel) -> Bodies:
+    """Bodies for those who build on them: with joints where nobody but us can load the model."""
+    from physic_core.body.conversion import with_joints
+
+    return bodies if model.name == "embedded" else with_joints(bodies, model)
 
 
 def _with_floor_if_it_can(people: People, segmenter: ResolvedBackend, stages: Stages) -> People:

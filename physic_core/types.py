@@ -322,7 +322,8 @@ class Hints:
         scene: relative point map of the inpainted photo.
         original: relative point map of the original photo, aligned to ``scene`` outside the people.
         floor: floor plane in the units of ``scene``.
-        bodies: in metres, not yet placed in the scene.
+        bodies: in metres, not yet placed in the scene, of the configured model; with ``joints`` where that is a file of
+            the user's, which no backend can load.
     """
 
     intrinsics: Intrinsics | None = None

@@ -135,6 +135,15 @@ def contact_to_model(contact: ContactProbability, model: BodyModel) -> ContactPr
     return ContactProbability(carried.astype(contact.probability.dtype), model.topology)
 
 
+def with_joints(bodies: Bodies, model: BodyModel) -> Bodies:
+    """Bodies of a model with the joints where it puts them, and without a mesh: for those who cannot load the model."""
+    p = bodies.parameters
+    given = (torch.from_numpy(np.array(value, np.float32)) for value in (p.betas, p.transl, p.expression))
+    with torch.no_grad():
+        joints = model(rotations_from_parameters(p), *given, joints_only=True).joints.cpu().numpy()
+    return replace(bodies, joints=joints, mesh=None)
+
+
 def rest_mesh_of(model: BodyModel) -> RestMesh:
     """The mean body of a model in its T-pose, without what lies in its cavities."""
     with torch.no_grad():

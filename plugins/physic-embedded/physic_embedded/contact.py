@@ -74,14 +74,15 @@ class StaticContact(ContactPrior):
         self._model = None
 
     def infer(self, image: NDArray[np.uint8], people: People, bodies: Bodies) -> ContactProbability:
-        """N people with bodies -> probability (N, V) on the embedded body.
+        """N people with bodies -> probability (N, V) on the embedded body, with its mesh if the bodies are others.
 
         Raises:
-            BackendError: it is not loaded, or the bodies are of another model.
+            BackendError: it is not loaded, or the bodies are of another model and without joints.
         """
         import numpy as np
 
         from physic_core.body import JOINT_INDEX
+        from physic_core.body.conversion import rest_mesh_of
         from physic_core.types import ContactProbability
 
         from .photo import check_photo
@@ -89,11 +90,6 @@ class StaticContact(ContactPrior):
         check_photo(image)
         if self._model is None:
             raise BackendError("the static contact prior was asked before it was loaded: call load() first")
-        if bodies.body_model != self._model.name:
-            raise BackendError(
-                f"the static contact prior knows the embedded body, and {bodies.body_model!r} bodies came: "
-                "choose the embedded body estimator, or no contact prior"
-            )
         joints = self._joints(bodies)
         count = len(joints)
         observed = bodies.observed
@@ -113,15 +109,24 @@ class StaticContact(ContactPrior):
             ids = self._model.contact_sets[name].cpu().numpy()
             given = np.where(seen, np.float32(value), np.float32(0))[:, None]
             probability[:, ids] = np.maximum(probability[:, ids], given)
-        return ContactProbability(probability, self._model.topology)
+        rest = None if bodies.body_model == self._model.name else rest_mesh_of(self._model)
+        return ContactProbability(probability, self._model.topology, rest)
 
     def _joints(self, bodies: Bodies) -> FloatArray:
+        import numpy as np
         import torch
 
         from physic_core.body.parameters import rotations_from_parameters
         from physic_core.tensors import tensor
 
         assert self._model is not None
+        if bodies.body_model != self._model.name:
+            if bodies.joints is None:
+                raise BackendError(
+                    f"the static contact prior knows the embedded body, and {bodies.body_model!r} bodies came without "
+                    "joints: use it in the pipeline, or choose no contact prior"
+                )
+            return bodies.joints.astype(np.float64)
         p = bodies.parameters
         with torch.no_grad():
             betas, transl = tensor(p.betas), tensor(p.transl)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 from pydantic import Field
@@ -109,16 +109,20 @@ class HumanRuler(MetricDepth):
         import torch
 
         from physic_core.body import load_body
+        from physic_core.body.conversion import to_model
         from physic_core.body.parameters import rotations_from_parameters
         from physic_core.tensors import tensor
 
-        if bodies.body_model != "embedded":
-            raise BackendError(
-                f"the human ruler measures by the embedded body, and the people came as {bodies.body_model!r} bodies: "
-                "choose the embedded body estimator, or a metric depth network"
-            )
         if self._model is None:
             self._model = load_body("embedded")
+        if bodies.body_model != "embedded":
+            if bodies.joints is None:
+                raise BackendError(
+                    f"the human ruler knows the embedded body, and the people came as {bodies.body_model!r} bodies "
+                    "without joints: use it in the pipeline, or choose a metric depth network"
+                )
+            # A body of the same joints is as high as the one whose file is not ours.
+            bodies = to_model(replace(bodies, mesh=None), self._model)
         with torch.no_grad():
             p = bodies.parameters
             rotations = rotations_from_parameters(p)

@@ -1,10 +1,13 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
 from physic_core.body import JOINT_INDEX, load_body
+from physic_core.body.conversion import with_joints
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.errors import BackendError
 from physic_core.types import Bodies, People
@@ -96,13 +99,24 @@ def test_sitting_is_told_from_the_hips() -> None:
     assert sits(joints, 140.0).tolist() == [False, True, False]
 
 
-def test_bodies_of_another_model_are_refused() -> None:
+def test_bodies_of_another_model_are_told_by_their_joints() -> None:
+    made = bodies("sits")
+    told = prior().infer(IMAGE, people(1), made)
+    other = replace(with_joints(made, load_body("embedded")), body_model="smplx")
+    found = prior().infer(IMAGE, people(1), other)
+    np.testing.assert_array_equal(found.probability, told.probability)
+    assert (told.rest, found.topology) == (None, told.topology)
+    assert found.rest is not None
+    assert (found.rest.topology, len(found.rest.vertices)) == (found.topology, found.probability.shape[1])
+
+
+def test_bodies_of_another_model_without_joints_are_refused() -> None:
     made = bodies("stands")
     with pytest.raises(BackendError) as error:
         prior().infer(IMAGE, people(1), Bodies(made.parameters, "smplx"))
     assert str(error.value) == (
-        "the static contact prior knows the embedded body, and 'smplx' bodies came: "
-        "choose the embedded body estimator, or no contact prior"
+        "the static contact prior knows the embedded body, and 'smplx' bodies came without joints: "
+        "use it in the pipeline, or choose no contact prior"
     )
     with pytest.raises(BackendError, match="asked before it was loaded"):
         StaticContact().infer(IMAGE, people(1), made)

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -8,9 +8,10 @@ import torch
 import trimesh
 
 from physic_core.body import JOINT_INDEX, load_body
+from physic_core.body.conversion import with_joints
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.errors import BackendError
-from physic_core.types import Bodies, Hints, Intrinsics, People, Plane, Pointmap
+from physic_core.types import Bodies, BodyParameters, Hints, Intrinsics, People, Plane, Pointmap
 from physic_embedded.metric import HumanRuler
 
 HEIGHT, WIDTH = 180, 160
@@ -157,5 +158,16 @@ def test_nobody_and_nothing_to_measure_by_is_said(world: World) -> None:
         "the human ruler found no soles on a floor and no torso in the relative depth: "
         "give hints.floor or hints.original, or choose a metric depth network"
     )
-    with pytest.raises(BackendError, match="came as 'smplx' bodies"):
+    with pytest.raises(BackendError, match="came as 'smplx' bodies without joints: use it in the pipeline, or choose"):
         HumanRuler().infer(IMAGE, replace(world.hints, bodies=Bodies(world.bodies.parameters, "smplx")))
+
+
+def test_bodies_of_another_model_measure_by_their_joints(world: World) -> None:
+    given = with_joints(world.bodies, load_body("embedded"))
+    nothing = {f.name: np.zeros_like(getattr(given.parameters, f.name)) for f in fields(given.parameters)}
+    bodies = replace(given, parameters=BodyParameters(**nothing), body_model="mhr")
+    for floor, most in ((world.hints.floor, 0.01), (None, 0.02)):
+        answer = HumanRuler().infer(IMAGE, replace(world.hints, bodies=bodies, floor=floor))
+        ratio = float(np.median(answer.depth / world.depth))
+        print(f"scale is off by {100 * (ratio - 1):+.2f} %")
+        assert ratio == pytest.approx(1, abs=most)

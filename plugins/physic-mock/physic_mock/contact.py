@@ -9,7 +9,6 @@ import numpy as np
 from pydantic import Field
 
 from physic_core import interfaces
-from physic_core.errors import BackendError
 from physic_core.types import Bodies, ContactProbability
 from physic_mock.noise import generator, smooth_field
 from physic_mock.recognition import MockOptions, match_people, recognise
@@ -58,19 +57,20 @@ class MockContactPrior(interfaces.ContactPrior):
     def infer(self, image: UInt8Array, people: People, bodies: Bodies) -> ContactProbability:
         """Image (H, W, 3) of a world and people of it -> probability (N, V), above 0.5 where contact is found.
 
+        It is on the mesh of the world, and brings that along for bodies of another model.
+
         Raises:
-            BackendError: the image shows no world, a person is nobody of it, or the bodies are of another body model.
+            BackendError: the image shows no world, or a person is nobody of it.
         """
         assert isinstance(self.options, ContactOptions)
+        from physic_core.body import load_body
+        from physic_core.body.conversion import rest_mesh_of
+
         found = recognise(image)
         rows = match_people(found, people)
-        if bodies.body_model != found.world.body_model:
-            raise BackendError(
-                f"The mock world's contact is for the body model {found.world.body_model!r}, got bodies of "
-                f"{bodies.body_model!r}: use the mock body estimator, or another contact prior."
-            )
         every = np.stack([_probability(found.world, i, self.options) for i in range(len(found.world.vertices))])
-        return ContactProbability(probability=every[rows], topology=found.world.topology)
+        rest = None if bodies.body_model == found.world.body_model else rest_mesh_of(load_body(found.world.body_model))
+        return ContactProbability(every[rows], found.world.topology, rest)
 
 
 def _probability(world: World, person: int, options: ContactOptions) -> FloatArray:

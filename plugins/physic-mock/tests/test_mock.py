@@ -355,16 +355,15 @@ def test_somebody_else_is_refused(two):
     )
 
 
-def test_contact_of_another_body_is_refused(two):
+def test_contact_for_another_body_brings_the_worlds_mesh(two):
     from dataclasses import replace
 
-    bodies = replace(pose(two), body_model="smplx")
-    with pytest.raises(BackendError) as caught:
-        MockContactPrior().infer(two.image, everyone(two), bodies)
-    assert str(caught.value) == (
-        "The mock world's contact is for the body model 'embedded', got bodies of 'smplx': use the mock body "
-        "estimator, or another contact prior."
-    )
+    told = MockContactPrior().infer(two.image, everyone(two), pose(two))
+    found = MockContactPrior().infer(two.image, everyone(two), replace(pose(two), body_model="smplx"))
+    assert told.rest is None
+    np.testing.assert_array_equal(found.probability, told.probability)
+    assert found.rest.topology == found.topology == two.topology
+    assert found.rest.vertices.shape == two.vertices[0].shape
 
 
 @pytest.mark.parametrize("unlike", [0, 1])
