@@ -7,6 +7,7 @@ one (FLNet) is not needed.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import Field
@@ -44,6 +45,12 @@ class CameraHmrOptions(OneGraphOptions):
         "later demo, to compare",
     )
     batch: int = Field(4, ge=1, description="people a run, where the file leaves that free")
+    seen_confidence: float = Field(
+        0.5,
+        ge=0,
+        le=1,
+        description="confidence of keypoints from which their joints are seen in the photo; 0 takes all",
+    )
 
 
 class CameraHmr(OneGraph, BodyEstimator):
@@ -85,6 +92,7 @@ class CameraHmr(OneGraph, BodyEstimator):
 
         from physic_core.adapters.crop_camera import told_of_crops, translation_of_crop
         from physic_core.adapters.crops import crop_of
+        from physic_core.adapters.observed import observed_joints
         from physic_core.adapters.pictures import check_photo
         from physic_core.adapters.smpl import bodies_from_smpl, no_bodies
 
@@ -111,7 +119,8 @@ class CameraHmr(OneGraph, BodyEstimator):
         transl = translation_of_crop(weak, centres, sides, intrinsics)
         mesh = _mesh(speaking, feed, vertices[0] + transl[:, None]) if vertices else None
         rotations = np.concatenate([orient.reshape(-1, 1, 3, 3), pose], axis=1)
-        return bodies_from_smpl(rotations, betas, transl, joints=joints + transl[:, None], mesh=mesh)
+        bodies = bodies_from_smpl(rotations, betas, transl, joints=joints + transl[:, None], mesh=mesh)
+        return replace(bodies, observed=observed_joints(keypoints, *image.shape[:2], self.options.seen_confidence))
 
 
 def _regions(crops: list[Crop]) -> tuple[FloatArray, FloatArray]:

@@ -142,6 +142,24 @@ def test_smpls_joints_0_to_21_are_told_and_its_hands_are_left_out(recorded: Any)
     assert np.isnan(found.joints[:, 22:]).all()
 
 
+def test_keypoints_tell_which_joints_are_seen(recorded: Any) -> None:
+    backend, _ = recorded()
+    odd = Keypoints(np.zeros((2, 4, 2)), np.ones((2, 4)), "odd")
+    assert backend.infer(IMAGE, PEOPLE, CAMERA, odd, Hints()).observed is None
+    points, confidence = np.full((2, 17, 2), 50.0), np.full((2, 17), 0.9)
+    confidence[1, 13] = 0.45  # the left knee
+    points[1, 16] = [400.0, 50.0]  # the right ankle, outside
+    seen = Keypoints(points, confidence, "coco17")
+    observed = backend.infer(IMAGE, PEOPLE, CAMERA, seen, Hints()).observed
+    assert observed is not None
+    assert observed[0, :22].all()
+    assert np.flatnonzero(~observed[1, :22]).tolist() == [4, 8, 11]  # knee, ankle, and the foot that goes with it
+    eager, _ = recorded(seen_confidence=0.4)
+    observed = eager.infer(IMAGE, PEOPLE, CAMERA, seen, Hints()).observed
+    assert observed is not None
+    assert np.flatnonzero(~observed[1, :22]).tolist() == [8, 11]
+
+
 def test_a_camera_that_sees_nothing_is_no_number(recorded: Any) -> None:
     found = ask(recorded(weak=(-0.1, 0.0, 0.0))[0])
     assert np.isnan(found.parameters.transl).all()
