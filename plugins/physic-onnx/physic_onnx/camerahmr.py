@@ -49,7 +49,7 @@ class CameraHmrOptions(OneGraphOptions):
         0.5,
         ge=0,
         le=1,
-        description="confidence of keypoints from which their joints are seen in the photo; 0 takes all",
+        description="confidence of keypoints from which their joints count as seen; 0 takes all",
     )
 
 
