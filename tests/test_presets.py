@@ -1,0 +1,335 @@
+"""The presets paper and best: what they lack is said, each with how to get it; with stand-ins for all of it they run.
+
+Stand-ins have the names, types and shapes of what is published, and answer from the truth of one world; what they
+answer goes through the adapters as a published network's answer would.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from PIL import Image
+
+from physic_core import Reconstruction
+from physic_core.adapters import checkouts
+from physic_core.cli import main
+from physic_core.plugins import discover
+from physic_core.testing.worlds import World, build_world
+
+from .standins.checkouts import write_checkouts, write_checkpoints
+from .standins.files import write_lama, write_moge_2, write_vitpose
+from .standins.library import save_flux, save_networks, tell
+
+# ---- what is missing -------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Lacking:
+    """What a preset lacks where nothing is here.
+
+    Attributes:
+        weights: by the name of the set, what its licence says, and how to get it.
+        checkouts: project -> its page.
+        others: what begins a line -> how to get that.
+    """
+
+    weights: dict[str, tuple[str, str]]
+    checkouts: dict[str, str]
+    others: dict[str, str]
+
+
+FETCH = "`physic weights fetch {}`"
+ACCEPT = "`physic weights fetch {} --accept-licence` ("
+VITPOSE = {"vitpose-h-wholebody": ("Apache-2.0", FETCH)}
+WILOR = {"wilor-mini": ("CC-BY-NC-ND-4.0 (WiLoR); MPI: non-commercial (MANO)", "https://mano.is.tue.mpg.de")}
+LACKING = {
+    "paper": Lacking(
+        {
+            "grounding-dino-base-hf": ("Apache-2.0", FETCH),
+            "sam2.1-hiera-large-hf": ("Apache-2.0", FETCH),
+            "omnieraser": ("FLUX.1-dev only, which is non-commercial", ACCEPT),
+            "depth-pro-hf": ("Apple AMLR: research only", ACCEPT),
+            "moge-1-vitl": ("MIT", FETCH),
+            "camerahmr": ("MPI: non-commercial", "register at https://camerahmr.is.tue.mpg.de"),
+            "deco": ("MPI: non-commercial", "register at https://deco.is.tue.mpg.de"),
+        }
+        | VITPOSE
+        | WILOR,
+        {
+            "OmniEraser": "https://github.com/PRIS-CV/Omnieraser",
+            "MoGe": "https://github.com/microsoft/MoGe",
+            "CameraHMR": "https://github.com/pixelite1201/CameraHMR",
+            "DECO": "https://github.com/sha2nkt/deco",
+            "WiLoR-mini": "https://github.com/warmshao/WiLoR-mini",
+        },
+        {
+            "black-forest-labs/FLUX.1-dev is not here (about 34 GB, non-commercial, an account with access)": (
+                "`hf download black-forest-labs/FLUX.1-dev`"
+            ),
+            "the SMPL model is not given": "register at https://smpl.is.tue.mpg.de",
+        },
+    ),
+    "best": Lacking(
+        {
+            "sam3-hf": ("SAM License: commercial use with conditions", ACCEPT),
+            "big-lama": ("Apache-2.0", "github.com/Sanster/models"),
+            "moge-2-vitl-normal": ("1.32 GB, MIT (MoGe-2), Apache-2.0 (DINOv2)", FETCH),
+            "sam-3d-body-dinov3": ("SAM License", "ask for access on https://huggingface.co/facebook/sam-3d-body-dinov3"),
+        }
+        | VITPOSE
+        | WILOR,
+        {
+            "SAM 3D Body": "https://github.com/facebookresearch/sam-3d-body",
+            "WiLoR-mini": "https://github.com/warmshao/WiLoR-mini",
+        },
+        {},
+    ),
+}
+
+
+@pytest.fixture
+def bare(tmp_path: Path) -> dict[str, str]:
+    """The variables of a shell in which no cache and no folder has any file."""
+    kept = {k: v for k, v in os.environ.items() if not k.startswith(("PHYSIC", "HF_", "HUGGINGFACE", "XDG_"))}
+    places = {name: tmp_path / name.lower() for name in ("PHYSIC_WEIGHTS", "PHYSIC_CACHE", "HF_HOME", "XDG_CACHE_HOME")}
+    return kept | {name: str(place) for name, place in places.items()}
+
+
+def physic(bare: dict[str, str], cwd: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", "from physic_core.cli import main; main()", *arguments]
+    return subprocess.run(command, cwd=cwd, env=bare, capture_output=True, text=True, timeout=120, check=False)
+
+
+def listed(text: str) -> list[str]:
+    """The lines below the head, each without whose lack it is."""
+    head, *lines = text.rstrip("\n").split("\n")
+    assert head.startswith(f"{len(lines)} things are missing"), head
+    whose = re.compile(r"  \w+ '[\w-]+' \(physic-\w+ [\d.]+\)(?: and \w+ '[\w-]+' \(physic-\w+ [\d.]+\))*: ")
+    assert all(whose.match(line) for line in lines), lines
+    return [whose.sub("", line) for line in lines]
+
+
+@pytest.mark.parametrize("preset", LACKING)
+def test_all_that_a_preset_lacks_is_listed_with_how_to_get_it(preset: str, bare: dict[str, str], tmp_path: Path) -> None:
+    done = physic(bare, tmp_path, "config", "check", "--preset", preset)
+    assert (done.returncode, done.stderr) == (0, "")
+    first, _, rest = done.stdout.partition("\n")
+    assert first == f"preset {preset}: no errors"
+    assert rest.partition("\n")[0].endswith(" things are missing; a run would stop:")
+    lines, wanted = listed(rest), LACKING[preset]
+    for name, (licence, way) in wanted.weights.items():
+        (line,) = [line for line in lines if line.startswith(f"weights '{name}' (")]
+        facts, _, advice = line.partition(") are not here: ")
+        assert licence in facts
+        assert way.format(name) in advice
+        lines.remove(line)
+    for project, page in wanted.checkouts.items():
+        lines.remove(
+            f"{project} is neither installed nor given: set checkout to a checkout of {page} (git clone {page})"
+        )
+    for what, way in wanted.others.items():
+        (line,) = [line for line in lines if line.startswith(what)]
+        assert way in line
+        lines.remove(line)
+    # What is left are Python packages, of which this environment may have any.
+    for line in lines:
+        assert re.fullmatch(r"[\w -]+ needs the packages? [\w, ]+ of the environment: pip install [\w +:/.-]+", line)
+        assert line.partition(" needs ")[0] in wanted.checkouts
+
+
+@pytest.mark.parametrize("preset", LACKING)
+def test_a_run_refuses_at_once_with_the_same_list(
+    preset: str, bare: dict[str, str], tmp_path: Path, repository: Path
+) -> None:
+    photo = str(repository / "examples" / "basketball.png")
+    checked = physic(bare, tmp_path, "config", "check", "--preset", preset)
+    done = physic(bare, tmp_path, "run", photo, "--preset", preset, "-o", "out")
+    assert (done.returncode, done.stdout) == (1, "")
+    head, _, lines = done.stderr.partition("\n")
+    assert re.fullmatch(r"Error: \d+ things are missing, and nothing was computed:", head)
+    assert lines == checked.stdout.split("\n", 2)[2]
+    assert list(tmp_path.iterdir()) == [], "nothing is computed, kept or made"
+
+
+def test_without_omnieraser_the_paper_says_what_to_install(bare: dict[str, str], tmp_path: Path) -> None:
+    only = bare | {"PHYSIC_PLUGINS": "physic-transformers,physic-human,physic-onnx"}
+    done = physic(only, tmp_path, "config", "check", "--preset", "paper")
+    assert (done.returncode, done.stdout) == (1, "")
+    assert "inpainter.backend" in done.stderr
+    assert "'omnieraser' comes with physic-omnieraser" in done.stderr
+
+
+# ---- the whole pipeline over stand-ins -------------------------------------------------------------------------------
+
+PACKAGES = {
+    "accelerate", "diffusers", "einops", "loguru", "peft", "pytorch_lightning", "roma", "smplx", "timm", "torchvision",
+    "utils3d", "yacs",
+}  # fmt: skip
+"""What the repositories import, and their stand-ins do not."""
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return build_world("sit_on_chair")
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where stand-ins for everything lie."""
+
+    checkouts: dict[str, Path]
+    smpl: Path
+
+
+@pytest.fixture(scope="module")
+def written(world: World, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Place]:
+    folder = tmp_path_factory.mktemp("standins")
+    weights, smpl = folder / "weights", folder / "SMPL_NEUTRAL.npz"
+    save_networks(weights)
+    write_checkpoints(weights, smpl)
+    write_vitpose(weights / "vitpose-h-wholebody", world)
+    write_moge_2(weights / "moge-2-vitl-normal", world)
+    write_lama(weights / "big-lama", world)
+    return weights, Place(write_checkouts(folder / "checkouts", world), smpl)
+
+
+@pytest.fixture
+def place(written: tuple[Path, Place], world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Place:
+    """A folder with the world's photo, and stand-ins where a user would have the files."""
+    exists = checkouts._exists
+    monkeypatch.setattr(checkouts, "_exists", lambda module: module in PACKAGES or exists(module))
+    monkeypatch.setenv("PHYSIC_WEIGHTS", str(written[0]))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+    Image.fromarray(world.image).save("photo.png")
+    return written[1]
+
+
+def run(*arguments: str) -> Result:
+    done = CliRunner().invoke(main, ["run", "photo.png", "-o", "out", *arguments])
+    assert done.exit_code == 0, done.output
+    return done
+
+
+def backends_of(found: Reconstruction) -> dict[str, tuple[str, str, str]]:
+    """Interface -> backend, distribution and licence of its weights, as the results say."""
+    who = [stage.provenance for stage in found.stages if stage.provenance is not None]
+    assert not any(stage.failed for stage in found.stages)
+    return {p.interface: (p.backend, p.distribution, p.weights_license) for p in who}
+
+
+def claimed(preset: str) -> dict[str, tuple[str, str, str]]:
+    """The same, as the preset and the plugins say."""
+    from physic_core import load_config
+    from physic_core.interfaces import INTERFACES
+
+    registry, config = discover(), load_config(preset=preset)
+    claims = {name: registry.get(name, config.choice(name).backend) for name in INTERFACES}
+    return {
+        name: (claim.record.name, claim.origin.distribution, claim.record.weights_license)
+        for name, claim in claims.items()
+    }
+
+
+@dataclass(frozen=True)
+class Score:
+    """How near a run comes to the world: joints in mm as they are and moved onto the pelvis, contact's F1, depth."""
+
+    joints: float
+    pose: float
+    contact: float
+    depth: float
+
+
+def judged(found: Reconstruction, world: World) -> Score:
+    assert len(found.people) == len(world.vertices) == 1
+    person = found.people[0]
+    off = person.joints[:22] - world.joints[0, :22]
+    touch = person.contact & world.contact[0]
+    valid = found.scene.valid & np.isfinite(world.empty_depth)
+    return Score(
+        joints=1000 * float(np.linalg.norm(off, axis=1).mean()),
+        pose=1000 * float(np.linalg.norm(off - off[0], axis=1).mean()),
+        contact=2 * float(touch.sum()) / float(person.contact.sum() + world.contact.sum()),
+        depth=float(np.median(np.abs(found.scene.points[valid][:, 2] / world.empty_depth[valid] - 1))),
+    )
+
+
+def require_files(folder: Path) -> None:
+    names = {"reconstruction.json", "reconstruction.npz", "scene.glb", "combined.glb", "person_0.glb", "preview.png"}
+    assert {path.name for path in folder.iterdir()} == names
+    for name in ("scene.glb", "combined.glb", "person_0.glb"):
+        assert (folder / name).read_bytes()[:4] == b"glTF"
+
+
+def test_the_papers_pipeline_runs_from_photo_to_files(
+    place: Place, world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save_flux(tmp_path / "flux", monkeypatch)
+    asked = tell(monkeypatch, world)
+    at = place.checkouts
+    Path("my.toml").write_text(f"""
+extends = "paper"
+[inpainter.options]
+checkout = "{at["Omnieraser"]}"
+base = "{tmp_path / "flux"}"
+allow_cpu = true
+[relative_pointmap.options]
+checkout = "{at["MoGe"]}"
+[body_estimator.options]
+checkout = "{at["CameraHMR"]}"
+smpl_file = "{place.smpl}"
+[hand_estimator.options]
+checkout = "{at["WiLoR-mini"]}"
+least_size_px = 5
+[contact_prior.options]
+checkout = "{at["deco"]}"
+smpl_file = "{place.smpl}"
+""")
+    checked = CliRunner().invoke(main, ["config", "check", "my.toml"])
+    assert checked.output == "my.toml: no errors\n"
+    done = run("--config", "my.toml")
+    found = Reconstruction.load("out")
+    score = judged(found, world)
+    print(f"{score}\n{done.stdout}")
+    require_files(Path("out"))
+    assert backends_of(found) == claimed("paper")
+    assert asked == {"GroundingDinoForObjectDetection": 2, "Sam2Model": 1, "DepthProForDepthEstimation": 1}
+    assert found.body_model == "embedded"
+    assert any(note.startswith("bodies carried over from 'smpl' to 'embedded'") for note in found.notes)
+    assert f"contact carried over from the mesh 'smpl' to '{world.topology}'" in found.notes
+
+
+def test_the_best_pipeline_runs_from_photo_to_files(
+    place: Place, world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from physic_human.sam3d_body import Sam3dBody
+
+    # Its own code wants a GPU, of which the adapter makes sure; its stand-in does not.
+    monkeypatch.setattr(Sam3dBody, "load", Sam3dBody._build)
+    asked = tell(monkeypatch, world)
+    options = {
+        "body_estimator.options.checkout": str(place.checkouts["sam-3d-body"]),
+        "hand_estimator.options.checkout": str(place.checkouts["WiLoR-mini"]),
+        "hand_estimator.options.least_size_px": "5",
+    }
+    chosen = [part for key, value in options.items() for part in ("--set", f"{key}={value}")]
+    checked = CliRunner().invoke(main, ["config", "check", "--preset", "best", *chosen])
+    assert checked.output == "preset best: no errors\n"
+    done = run("--preset", "best", *chosen)
+    found = Reconstruction.load("out")
+    score = judged(found, world)
+    print(f"{score}\n{done.stdout}")
+    require_files(Path("out"))
+    assert backends_of(found) == claimed("best")
+    assert asked == {"Sam3Model": 2}
+    assert found.body_model == "embedded"
+    assert any(note.startswith("bodies carried over from 'mhr' to 'embedded'") for note in found.notes)
