@@ -8,13 +8,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from physic_core.adapters.people import people_from_masks
+from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, planes, squash
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from physic_core.types import BoolArray, FloatArray, People
+    from physic_core.types import BoolArray, FloatArray, People, UInt8Array
 
-__all__ = ["COCO_PANOPTIC", "FLOOR", "Padded", "people_and_floor"]
+__all__ = ["COCO_PANOPTIC", "FLOOR", "Padded", "framed", "people_and_floor"]
 
 COCO_PANOPTIC: tuple[str, ...] = (
     "person", "bicycle", "car", "motorcycle", "airplane", "bus", "train", "truck", "boat", "traffic light",
@@ -71,6 +72,15 @@ class Padded:
         inner = np.ascontiguousarray(full[: self.inner[0], : self.inner[1]])
         photo: FloatArray = cv2.resize(inner, (self.width, self.height), interpolation=cv2.INTER_LINEAR)
         return photo
+
+
+def framed(image: UInt8Array, padded: Padded) -> FloatArray:
+    """A photo as the network sees it, (1, 3, S, S); the frame is black before it is normalised, not grey."""
+    import numpy as np
+
+    square = np.zeros((padded.frame, padded.frame, 3), np.uint8)
+    square[: padded.inner[0], : padded.inner[1]] = squash(image, *padded.inner, "bilinear-antialias")
+    return planes(square, IMAGENET_MEAN, IMAGENET_STD)
 
 
 def people_and_floor(

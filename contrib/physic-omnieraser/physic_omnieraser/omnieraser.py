@@ -123,22 +123,18 @@ class OmniEraser(Inpainter):
             InputError: the image is no photo.
             BackendError: the mask has another size or leaves nothing to go by, or load() was not called.
         """
+        from physic_core.adapters.inpainting import fill_within
+
+        if self._pipeline is None:
+            raise BackendError("OmniEraser is not loaded: call load() before infer()")
+        return fill_within(image, mask, 0.0, self._fill)
+
+    def _fill(self, image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
+        """The whole photo, squashed to the network's square and back."""
         import numpy as np
         import torch
         from PIL import Image
 
-        from physic_core.adapters.pictures import check_photo
-
-        check_photo(image)
-        if self._pipeline is None:
-            raise BackendError("OmniEraser is not loaded: call load() before infer()")
-        mask = np.asarray(mask, bool)
-        if mask.shape != image.shape[:2]:
-            raise BackendError(f"the mask must have the image's size {image.shape[:2]}, got {mask.shape}: resize it")
-        if mask.all():
-            raise BackendError("the mask covers the whole image, which leaves nothing to go by: pass a smaller one")
-        if not mask.any():
-            return image.copy()
         options, square = self.options, (self.options.side, self.options.side)
         photo = Image.fromarray(np.ascontiguousarray(image)).resize(square, Image.Resampling.LANCZOS)
         white = Image.fromarray(mask.astype(np.uint8) * 255).convert("RGB").resize(square, Image.Resampling.LANCZOS)
@@ -157,8 +153,7 @@ class OmniEraser(Inpainter):
                 max_sequence_length=512,
             ).images[0]
         height, width = mask.shape
-        back = np.asarray(filled.convert("RGB").resize((width, height), Image.Resampling.LANCZOS))
-        return np.where(mask[..., None], back, image)
+        return np.asarray(filled.convert("RGB").resize((width, height), Image.Resampling.LANCZOS))
 
     def _base_missing(self) -> tuple[str, ...]:
         base = Path(self.options.base).expanduser()

@@ -34,8 +34,6 @@ __all__ = [
 ]
 
 PATCH = 14  # px
-_LEAST_GAP = 0.002  # ranges of the disparity between infinity and the farthest point, so that depth stays finite
-_SKY = 0.004  # ranges: V2 answers 0 for the sky
 _SKY_SCORE = 0.3  # of Depth Anything 3, from here on it is sky
 _SATURATED = 0.98  # of the largest depth that a metric network can say
 _LARGEST = {"indoor": 20.0, "hypersim": 20.0, "outdoor": 80.0, "vkitti": 80.0}
@@ -167,32 +165,26 @@ class DepthAnythingRelative(OneGraph, RelativePointmap):
         """
         import numpy as np
 
-        from physic_core.adapters.pictures import check_photo, resample
+        from physic_core.adapters.disparity import gap_of_disparity, points_of_gap
+        from physic_core.adapters.pictures import check_photo
         from physic_core.types import Pointmap
 
         from .depth_maps import single_map
 
         check_photo(image)
         speaking = self.speaking()
-        height, width = image.shape[:2]
         third = self._answers_depth(speaking)
         rows, columns = self._size(speaking, image, third)
         extras = tuple(name for name in ("sky", "intrinsics") if speaking.has(name))
         (values, *more), notes = _ask(speaking, image, rows, columns, self.options.pixels, *extras)
         told = dict(zip(extras, more, strict=True))
-        gap, lost = _inverse_depth(values) if third else _disparity_gap(values)
+        gap, lost = _inverse_depth(values) if third else gap_of_disparity(values)
         if "sky" in told:
             lost |= single_map(told["sky"], "sky", speaking.network.name, may_be_flat=True) >= _SKY_SCORE
         if lost.all():
             raise BackendError(f"{speaking.network.name} saw no structure in the photo: no pixel has a depth")
-        gap = np.where(lost, gap[~lost].min(), gap) / np.median(gap[~lost])
-        depth = 1 / resample(gap, height, width)
-        valid = resample(lost, height, width) < 0.5
         camera, said = self._camera(hints, image, told.get("intrinsics"), values.shape)
-        points = np.empty((height, width, 3), np.float32)
-        points[..., 0] = depth * ((np.arange(width, dtype=np.float32) - camera.cx) / camera.fx)[None, :]
-        points[..., 1] = depth * ((np.arange(height, dtype=np.float32) - camera.cy) / camera.fy)[:, None]
-        points[..., 2] = depth
+        points, valid = points_of_gap(np.where(lost, gap[~lost].min(), gap), lost, camera)
         return Pointmap(points, valid, _open(speaking, third), camera, (*said, *notes))
 
     def _answers_depth(self, speaking: Speaking) -> bool:
@@ -214,21 +206,16 @@ class DepthAnythingRelative(OneGraph, RelativePointmap):
         self, hints: Hints, image: UInt8Array, matrix: FloatArray | None, seen: tuple[int, ...]
     ) -> tuple[Intrinsics, tuple[str, ...]]:
         """The camera that is known, else the network's, else a default; and notes."""
-        from physic_core.adapters.canonical_depth import focal_from_fov
-        from physic_core.types import Intrinsics
-
-        from .depth_maps import known_camera
+        from physic_core.adapters.cameras import guessed_camera, known_camera
 
         known = known_camera(hints, image)
         if known is not None:
             return known, ()
-        height, width = image.shape[:2]
         if matrix is not None:
+            height, width = image.shape[:2]
             own = _camera_of(matrix, seen).resized(width, height)
             return own, (f"focal length {own.fx:.0f} px from Depth Anything 3",)
-        focal = focal_from_fov(self.options.default_fov, max(height, width))
-        source = f"default (field of view {self.options.default_fov:g} degrees along the long side)"
-        return Intrinsics.from_focal(focal, width, height, source), (f"focal length is a {source}",)
+        return guessed_camera(self.options.default_fov, image)
 
 
 def has_sigmoid(path: Path) -> bool:
@@ -298,18 +285,6 @@ def _last_part(weights: str) -> str:
 
 def _names_version_3(names: str) -> bool:
     return any(word in names.lower() for word in ("anything-3", "anything_3", "anything-v3", "anything_v3", "da3"))
-
-
-def _disparity_gap(disparity: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Disparity over that of infinity, at least a little, and where it is the sky; both (h, w).
-
-    The network was trained with 0 for infinity, and answers it for the sky.
-    """
-    import numpy as np
-
-    low, high = np.percentile(disparity, [1, 99])
-    span = max(float(high - low), 1e-6)
-    return np.maximum(disparity, _LEAST_GAP * span), disparity < _SKY * span
 
 
 def _inverse_depth(depth: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -73,13 +73,11 @@ class DepthAnything3(OneGraph, MetricDepth):
         from physic_core.adapters.pictures import check_photo, resample
         from physic_core.types import DepthMap
 
-        from .depth_maps import NEEDS_FOCAL, depth_at, known_camera, single_map, squash_note
+        from .depth_maps import depth_at, required_camera, single_map, squash_note
 
         check_photo(image)
         speaking = self.speaking()
-        camera = known_camera(hints, image)
-        if camera is None:
-            raise BackendError(NEEDS_FOCAL.format(name="Depth Anything 3 metric"))
+        camera = required_camera(hints, image, "Depth Anything 3 metric")
         rows, columns = self._size(image)
         file = speaking.network.name
         raw, score = speaking.ask("image", prepare(image, rows, columns), "depth", "sky")

@@ -11,12 +11,8 @@ if TYPE_CHECKING:
 
     from physic_core.types import FloatArray, Hints, Intrinsics
 
-__all__ = ["NEEDS_FOCAL", "depth_at", "fixed_size", "known_camera", "one_number", "single_map", "squash_note"]
+__all__ = ["depth_at", "fixed_size", "one_number", "required_camera", "single_map", "squash_note"]
 
-NEEDS_FOCAL = (
-    "{name} gives metres only for a known focal length, and none is known: set focal_px in [photo], "
-    "or choose a relative_pointmap that finds the camera"
-)
 _MOST_SQUASH = 1.6
 _LEAST_SPREAD = 1e-6  # of the largest value; below it a map is a constant
 
@@ -90,12 +86,21 @@ def squash_note(image: NDArray[Any], rows: int, columns: int, file: str) -> tupl
     )
 
 
-def known_camera(hints: Hints, image: NDArray[Any]) -> Intrinsics | None:
-    """The camera of the hints for this image, whatever size it was given for."""
-    camera, (height, width) = hints.intrinsics, image.shape[:2]
-    if camera is None or (camera.width, camera.height) == (width, height):
-        return camera
-    return camera.resized(width, height)
+def required_camera(hints: Hints, image: NDArray[Any], name: str) -> Intrinsics:
+    """The camera of the hints for this image.
+
+    Raises:
+        BackendError: none is known, and the network called ``name`` gives no metres without.
+    """
+    from physic_core.adapters.cameras import known_camera
+
+    camera = known_camera(hints, image)
+    if camera is None:
+        raise BackendError(
+            f"{name} gives metres only for a known focal length, and none is known: set focal_px in [photo], "
+            "or choose a relative_pointmap that finds the camera"
+        )
+    return camera
 
 
 def depth_at(depth: FloatArray, farthest: float | None) -> FloatArray:

@@ -57,11 +57,12 @@ class DepthPro(OneGraph, MetricDepth):
         Depth is proportional to the focal length: a camera of ``hints``, unless it is a default, replaces the one that
         the network found.
         """
+        from physic_core.adapters.cameras import known_camera
         from physic_core.adapters.canonical_depth import metres_of_focal
         from physic_core.adapters.pictures import check_photo
         from physic_core.types import DepthMap, Intrinsics
 
-        from .depth_maps import depth_at, known_camera
+        from .depth_maps import depth_at
 
         check_photo(image)
         speaking = self.speaking()

@@ -57,10 +57,8 @@ class Eomt(OneGraph, Segmenter):
         """
         from dataclasses import replace
 
-        import numpy as np
-
-        from physic_core.adapters.panoptic import Padded, people_and_floor
-        from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, check_photo, planes, squash
+        from physic_core.adapters.panoptic import Padded, framed, people_and_floor
+        from physic_core.adapters.pictures import check_photo
 
         from .top_down import fixed_or
 
@@ -68,10 +66,8 @@ class Eomt(OneGraph, Segmenter):
         speaking = self.speaking()
         size = (image.shape[0], image.shape[1])
         padded = Padded(*size, fixed_or(speaking.shape("pixel_values")[2], USUAL_SIDE))
-        frame = np.zeros((padded.frame, padded.frame, 3), np.uint8)  # black before it is normalised, not after
-        frame[: padded.inner[0], : padded.inner[1]] = squash(image, *padded.inner, "bilinear-antialias")
         classes, masks = speaking.ask(
-            "pixel_values", planes(frame, IMAGENET_MEAN, IMAGENET_STD), "class_queries_logits", "masks_queries_logits"
+            "pixel_values", framed(image, padded), "class_queries_logits", "masks_queries_logits"
         )
         people = people_and_floor(
             classes[0],

@@ -108,7 +108,9 @@ class Lama(OneGraph, Inpainter):
             InputError: the image is no photo.
             BackendError: the mask has another size or leaves nothing to go by, or load() was not called.
         """
-        from .holes import fill_in_crops, fill_within
+        from physic_core.adapters.inpainting import fill_within
+
+        from .holes import fill_in_crops
 
         if self._run is None:
             raise BackendError("LaMa is not loaded: call load() before infer()")

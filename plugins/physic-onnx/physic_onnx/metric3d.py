@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, ClassVar
 
 from pydantic import Field
 
-from physic_core.errors import BackendError
 from physic_core.interfaces import MetricDepth
 
 from .contract import Dialect, Wanted
@@ -58,13 +57,11 @@ class Metric3d(OneGraph, MetricDepth):
         from physic_core.adapters.pictures import check_photo, resample
         from physic_core.types import DepthMap
 
-        from .depth_maps import NEEDS_FOCAL, depth_at, fixed_size, known_camera, single_map
+        from .depth_maps import depth_at, fixed_size, required_camera, single_map
 
         check_photo(image)
         speaking = self.speaking()
-        camera = known_camera(hints, image)
-        if camera is None:
-            raise BackendError(NEEDS_FOCAL.format(name="Metric3D"))
+        camera = required_camera(hints, image, "Metric3D")
         rows, columns = fixed_size(speaking.shape("pixel_values"))
         size = rows or self.options.height, columns or self.options.width
         fed, box = prepare(image, *size)

@@ -12,7 +12,7 @@ from physic_core.types import Hints, Intrinsics
 from physic_core.weights import read_manifest
 from physic_onnx.depth_anything import DepthAnythingMetric, DepthAnythingRelative
 from physic_onnx.depth_anything_3 import DepthAnything3
-from physic_onnx.depth_maps import depth_at, fixed_size, known_camera, one_number, single_map
+from physic_onnx.depth_maps import depth_at, fixed_size, one_number, single_map
 from physic_onnx.depth_pro import DepthPro
 from physic_onnx.metric3d import Metric3d, Metric3dOptions
 from physic_onnx.one_graph import MANIFEST, graph_file
@@ -120,8 +120,3 @@ class TestMaps:
     def test_fixed_and_free_sides(self):
         assert fixed_size((1, 3, 518, 518)) == (518, 518)
         assert fixed_size(("b", 3, "h", 504)) == (None, 504)
-
-    def test_camera_follows_the_photos_size(self):
-        image, camera = np.zeros((100, 200, 3), np.uint8), Intrinsics.from_focal(300.0, 400, 200)
-        assert known_camera(Hints(intrinsics=camera), image).fx == 150.0
-        assert known_camera(Hints(), image) is None

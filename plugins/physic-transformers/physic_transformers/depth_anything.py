@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from pydantic import Field
 
-from physic_core.adapters.canonical_depth import focal_from_fov
+from physic_core.adapters.cameras import guessed_camera, known_camera
+from physic_core.adapters.disparity import gap_of_disparity, points_of_gap
 from physic_core.adapters.patch_grid import capped, least_scaled
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, check_photo, planes, resample, squash
 from physic_core.errors import BackendError
 from physic_core.interfaces import MetricDepth, Options, RelativePointmap
-from physic_core.types import DepthMap, Intrinsics, Pointmap
+from physic_core.types import DepthMap, Pointmap
 from physic_transformers.models import WHERE, ModelOptions, Network, Part, Pretrained, array
 
 if TYPE_CHECKING:
@@ -19,9 +20,6 @@ if TYPE_CHECKING:
 
 __all__ = ["DepthAnythingMetric", "DepthAnythingOptions", "DepthAnythingRelative", "MetricOptions", "RelativeOptions"]
 
-_KIND = "DepthAnythingForDepthEstimation"
-_LEAST_GAP = 0.002  # ranges of the disparity, so that depth stays finite
-_SKY = 0.004  # ranges of the disparity: the network was trained with 0 for infinity, and answers it for the sky
 _SATURATED = 0.98  # of the largest depth that a metric network can say
 
 
@@ -65,12 +63,17 @@ class RelativeOptions(DepthAnythingOptions):
     )
 
 
-class DepthAnythingMetric(Pretrained, MetricDepth):
-    """Depth Anything V2 metric. It gives no focal length, and needs none."""
+class _DepthAnything(Pretrained):
+    """What both backends share: a network that answers either metres or disparity, as its config says.
 
-    Options: ClassVar[type[Options]] = MetricOptions
-    options: MetricOptions
-    parts: ClassVar[tuple[Part, ...]] = (Part("weights", _KIND, ("depth_anything",)),)
+    Attributes:
+        answers: "metric" or "relative": one grows with distance, the other falls.
+        otherwise: what weights of the other kind are for.
+    """
+
+    parts: ClassVar[tuple[Part, ...]] = (Part("weights", "DepthAnythingForDepthEstimation", ("depth_anything",)),)
+    answers: ClassVar[str]
+    otherwise: ClassVar[str]
 
     def load(self, device: str = "cpu") -> None:
         """Read the weights.
@@ -78,10 +81,23 @@ class DepthAnythingMetric(Pretrained, MetricDepth):
         Raises:
             WeightsMissingError: they are not on this machine.
             DeviceError: the device is not there.
-            BackendError: they are another model's, or of a relative one.
+            BackendError: they are another model's, or answer the other thing.
         """
         super().load(device)
-        _require(self.network().config, "metric", "the relative_pointmap 'depth-anything-hf'")
+        found = self.network().config.depth_estimation_type
+        if found != self.answers:
+            raise BackendError(
+                f"these weights of Depth Anything are {found}, expected {self.answers} ones: "
+                f"they are for {self.otherwise}"
+            )
+
+
+class DepthAnythingMetric(_DepthAnything, MetricDepth):
+    """Depth Anything V2 metric. It gives no focal length, and needs none."""
+
+    Options: ClassVar[type[Options]] = MetricOptions
+    options: MetricOptions
+    answers, otherwise = "metric", "the relative_pointmap 'depth-anything-hf'"
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
         """Image (H, W, 3) -> z-depth in metres.
@@ -98,23 +114,12 @@ class DepthAnythingMetric(Pretrained, MetricDepth):
         return DepthMap(np.where((depth > 0) & (depth < most), depth, np.nan).astype(np.float32))
 
 
-class DepthAnythingRelative(Pretrained, RelativePointmap):
+class DepthAnythingRelative(_DepthAnything, RelativePointmap):
     """Depth Anything relative: disparity up to scale and shift, as points of a camera."""
 
     Options: ClassVar[type[Options]] = RelativeOptions
     options: RelativeOptions
-    parts: ClassVar[tuple[Part, ...]] = (Part("weights", _KIND, ("depth_anything",)),)
-
-    def load(self, device: str = "cpu") -> None:
-        """Read the weights.
-
-        Raises:
-            WeightsMissingError: they are not on this machine.
-            DeviceError: the device is not there.
-            BackendError: they are another model's, or of a metric one.
-        """
-        super().load(device)
-        _require(self.network().config, "relative", "the metric_depth 'depth-anything-v2-metric-hf'")
+    answers, otherwise = "relative", "the metric_depth 'depth-anything-v2-metric-hf'"
 
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
         """Image (H, W, 3) -> point map whose inverse depth is open up to scale and shift.
@@ -124,17 +129,15 @@ class DepthAnythingRelative(Pretrained, RelativePointmap):
             BackendError: ``load`` was not called, or the network saw nothing.
         """
         check_photo(image)
-        disparity = _answer(self.network(), image, self.options)
-        camera, notes = self._camera(hints.intrinsics, *image.shape[:2])
-        return _points(disparity, camera, notes)
-
-    def _camera(self, given: Intrinsics | None, height: int, width: int) -> tuple[Intrinsics, tuple[str, ...]]:
-        if given is not None:
-            return (given if (given.width, given.height) == (width, height) else given.resized(width, height)), ()
-        degrees = self.options.default_fov
-        source = f"default (field of view {degrees:g} degrees along the long side)"
-        focal = focal_from_fov(degrees, max(height, width))
-        return Intrinsics.from_focal(focal, width, height, source), (f"focal length is a {source}",)
+        gap, lost = gap_of_disparity(_answer(self.network(), image, self.options))
+        if lost.all():
+            raise BackendError(
+                "Depth Anything saw no structure in the photo, its disparity is 0 everywhere: choose another "
+                "relative_pointmap, or another photo"
+            )
+        known = known_camera(hints, image)
+        camera, notes = guessed_camera(self.options.default_fov, image) if known is None else (known, ())
+        return Pointmap(*points_of_gap(gap, lost, camera), "inverse_scale_shift", camera, notes)
 
 
 def _answer(network: Network, image: UInt8Array, options: DepthAnythingOptions) -> FloatArray:
@@ -143,35 +146,3 @@ def _answer(network: Network, image: UInt8Array, options: DepthAnythingOptions) 
     size = capped(*least_scaled(*image.shape[:2], options.side, patch), options.max_patches, patch)
     pixels = planes(squash(image, *size, "bicubic-antialias"), IMAGENET_MEAN, IMAGENET_STD)
     return array(network.run(pixel_values=pixels).predicted_depth)[0]
-
-
-def _points(disparity: FloatArray, camera: Intrinsics, notes: tuple[str, ...]) -> Pointmap:
-    """Points with z = 1 / disparity, in units of the median distance.
-
-    Args:
-        disparity: (h, w), larger is nearer, at any size.
-        camera: of the photo.
-        notes: of the answer.
-    """
-    import numpy as np
-
-    low, high = np.percentile(disparity, [1, 99])
-    span = max(float(high - low), 1e-6)
-    lost = ~(disparity >= _SKY * span)
-    if lost.all():
-        raise BackendError("Depth Anything saw no structure in the photo: its disparity is 0 everywhere")
-    gap = np.maximum(np.where(lost, 0.0, disparity), _LEAST_GAP * span)
-    # Between a near and a far surface the inverse is what may be averaged.
-    z = 1 / resample(gap / np.median(gap[~lost]), camera.height, camera.width)
-    valid = resample(lost, camera.height, camera.width) < 0.5
-    u = ((np.arange(camera.width) - camera.cx) / camera.fx).astype(np.float32)
-    v = ((np.arange(camera.height) - camera.cy) / camera.fy).astype(np.float32)
-    points = np.stack([z * u[None], z * v[:, None], z], axis=-1).astype(np.float32)
-    return Pointmap(points, valid, "inverse_scale_shift", camera, notes)
-
-
-def _require(config: Any, kind: str, other: str) -> None:
-    """Refuse metric weights where relative ones are wanted, and the other way: one grows with distance, one falls."""
-    found = config.depth_estimation_type
-    if found != kind:
-        raise BackendError(f"these weights of Depth Anything are {found}, expected {kind} ones: they are for {other}")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field
 
+from physic_core.adapters.cameras import known_camera
 from physic_core.adapters.canonical_depth import focal_from_fov, metres_from_inverse
 from physic_core.adapters.pictures import check_photo, planes, resample, squash
 from physic_core.errors import BackendError, DeviceError
@@ -81,7 +82,7 @@ class DepthPro(Pretrained, MetricDepth):
         height, width = image.shape[:2]
         network = self.network()
         out = network.run(pixel_values=pixels(image, _side(network.config)))
-        camera, notes = self._camera(_degrees(out.field_of_view), hints.intrinsics, width, height)
+        camera, notes = self._camera(_degrees(out.field_of_view), known_camera(hints, image), width, height)
         inverse = resample(array(out.predicted_depth)[0], height, width)
         depth = metres_from_inverse(inverse, camera.fx, width)
         near = np.where(depth < self.options.farthest, depth, np.nan)
@@ -93,8 +94,6 @@ class DepthPro(Pretrained, MetricDepth):
         """The camera that scales the depth, and notes."""
         own = None if degrees is None else focal_from_fov(degrees, width)
         if self.options.use_known_focal and given is not None and not given.source.startswith("default"):
-            if (given.width, given.height) != (width, height):
-                given = given.resized(width, height)
             if own is None or abs(given.fx / own - 1) <= _TELLING:
                 return given, ()
             note = f"DepthPro took the focal length for {own:.0f} px; its depth is scaled to {given.fx:.0f} px"

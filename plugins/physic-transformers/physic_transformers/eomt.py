@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field
 
-from physic_core.adapters.panoptic import COCO_PANOPTIC, Padded, people_and_floor
-from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, check_photo, planes, squash
+from physic_core.adapters.panoptic import COCO_PANOPTIC, Padded, framed, people_and_floor
+from physic_core.adapters.pictures import check_photo
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options, Segmenter
 from physic_transformers.models import WHERE, ModelOptions, Part, Pretrained, array
@@ -15,9 +15,9 @@ from physic_transformers.models import WHERE, ModelOptions, Part, Pretrained, ar
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from physic_core.types import FloatArray, People, UInt8Array
+    from physic_core.types import People, UInt8Array
 
-__all__ = ["Eomt", "EomtOptions", "class_names", "framed"]
+__all__ = ["Eomt", "EomtOptions", "class_names"]
 
 
 class EomtOptions(ModelOptions):
@@ -71,15 +71,6 @@ class Eomt(Pretrained, Segmenter):
             threshold=self.options.threshold,
             held=self.options.held,
         )
-
-
-def framed(image: UInt8Array, padded: Padded) -> FloatArray:
-    """A photo in the top left corner of a black square, (1, 3, S, S); black before it is normalised, not grey."""
-    import numpy as np
-
-    square = np.zeros((padded.frame, padded.frame, 3), np.uint8)
-    square[: padded.inner[0], : padded.inner[1]] = squash(image, *padded.inner, "bilinear-antialias")
-    return planes(square, IMAGENET_MEAN, IMAGENET_STD)
 
 
 def class_names(labels: Mapping[Any, str]) -> tuple[str, ...]:

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.adapters.panoptic import COCO_PANOPTIC, FLOOR, Padded, people_and_floor
+from physic_core.adapters.panoptic import COCO_PANOPTIC, FLOOR, Padded, framed, people_and_floor
 from physic_core.adapters.patch_grid import least_scaled
 from physic_core.adapters.pictures import planes, squash
 from physic_core.testing import build_world
 from physic_core.types import Hints, People
-from physic_transformers import depth_pro, eomt, grounded_sam2, zoedepth
+from physic_transformers import depth_pro, grounded_sam2, zoedepth
 from physic_transformers.depth_anything import DepthAnythingMetric, MetricOptions
 from physic_transformers.sizes import between_edges, least_change
 from physic_transformers.vitpose import VitPose, VitPoseOptions
@@ -206,7 +206,7 @@ class TestEomt:
 
         image = photo(height, width)
         theirs = EomtImageProcessorPil(do_pad=True)(images=image, return_tensors="np")["pixel_values"]
-        ours = eomt.framed(image, Padded(height, width, 640))
+        ours = framed(image, Padded(height, width, 640))
         np.testing.assert_allclose(ours, theirs, atol=2e-6)
 
     def test_people_and_floor_are_those_of_the_library(self) -> None:

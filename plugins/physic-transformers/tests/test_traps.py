@@ -21,7 +21,7 @@ from physic_transformers.depth_anything import (
     RelativeOptions,
 )
 from physic_transformers.depth_pro import DepthPro, DepthProOptions
-from physic_transformers.eomt import Eomt, EomtOptions, class_names, framed
+from physic_transformers.eomt import Eomt, EomtOptions, class_names
 from physic_transformers.grounded_sam2 import GroundedSam2, GroundedSam2Options, named_boxes, prompt_of
 from physic_transformers.models import Network
 from physic_transformers.sam3 import Sam3, Sam3Options
@@ -408,7 +408,7 @@ class TestSam3:
 
 class TestEomt:
     def test_the_frame_is_black_before_it_is_normalised(self) -> None:
-        from physic_core.adapters.panoptic import Padded
+        from physic_core.adapters.panoptic import Padded, framed
 
         shown = framed(np.full((30, 60, 3), 255, np.uint8), Padded(30, 60, 64))
         assert shown.shape == (1, 3, 64, 64)

@@ -1,0 +1,31 @@
+"""The camera that a photo's depth is told for: the one that is known, or a guess that says so."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from physic_core.adapters.canonical_depth import focal_from_fov
+from physic_core.types import Intrinsics
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.types import Hints
+
+__all__ = ["guessed_camera", "known_camera"]
+
+
+def known_camera(hints: Hints, image: NDArray[Any]) -> Intrinsics | None:
+    """The camera of the hints for this image, whatever size it was given for."""
+    camera, (height, width) = hints.intrinsics, image.shape[:2]
+    if camera is None or (camera.width, camera.height) == (width, height):
+        return camera
+    return camera.resized(width, height)
+
+
+def guessed_camera(fov_deg: float, image: NDArray[Any]) -> tuple[Intrinsics, tuple[str, ...]]:
+    """A camera of this field of view along the long side of the image, where no other is known; and a note."""
+    height, width = image.shape[:2]
+    source = f"default (field of view {fov_deg:g} degrees along the long side)"
+    focal = focal_from_fov(fov_deg, max(height, width))
+    return Intrinsics.from_focal(focal, width, height, source), (f"focal length is a {source}",)

@@ -1,0 +1,50 @@
+"""From disparity, as relative depth networks answer it, to points.
+
+Disparity is inverse depth up to scale and shift; networks are trained with 0 for infinity, and answer it for the sky.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from physic_core.adapters.pictures import resample
+
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray, FloatArray, Intrinsics
+
+__all__ = ["gap_of_disparity", "points_of_gap"]
+
+_LEAST_GAP = 0.002  # ranges of the disparity between infinity and the farthest point, so that depth stays finite
+_SKY = 0.004  # ranges of the disparity
+
+
+def gap_of_disparity(disparity: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Disparity over that of infinity, at least a little, and where it is the sky or no number; both (h, w)."""
+    import numpy as np
+
+    low, high = np.percentile(disparity, [1, 99])
+    span = max(float(high - low), 1e-6)
+    lost: BoolArray = np.asarray(~(disparity >= _SKY * span))
+    gap: FloatArray = np.maximum(np.where(lost, 0.0, disparity), _LEAST_GAP * span)
+    return gap, lost
+
+
+def points_of_gap(gap: FloatArray, lost: BoolArray, camera: Intrinsics) -> tuple[FloatArray, BoolArray]:
+    """Points on the rays of a camera with z = 1 / gap, in units of the median distance.
+
+    Args:
+        gap: (h, w) inverse depth above 0, at any size.
+        lost: (h, w) where it says nothing; not everywhere.
+        camera: of the photo.
+
+    Returns:
+        (H, W, 3) float32 and (H, W), which of them count.
+    """
+    import numpy as np
+
+    # Between a near and a far surface the inverse is what may be averaged.
+    z = 1 / resample(gap / np.median(gap[~lost]), camera.height, camera.width)
+    valid = resample(lost, camera.height, camera.width) < 0.5
+    u = ((np.arange(camera.width) - camera.cx) / camera.fx).astype(np.float32)
+    v = ((np.arange(camera.height) - camera.cy) / camera.fy).astype(np.float32)
+    return np.stack([z * u[None], z * v[:, None], z], axis=-1).astype(np.float32), valid
