@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physic_core.body.joints import NUM_JOINTS, PARENTS
+from physic_core.body.products import product, solved
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
 
-__all__ = ["FAMILY", "Bones", "fit_shape", "local_from_world", "solved", "world_from_local"]
+__all__ = ["FAMILY", "Bones", "fit_shape", "local_from_world", "world_from_local"]
 
 Array = NDArray[np.float64]
 
@@ -108,17 +109,9 @@ def fit_shape(slopes: Array, start: Array, targets: Array, weights: Array, ridge
     design = (root[..., None] * (slopes - mean_slope[:, None])).reshape(batch, 3 * count, shapes)
     wanted = (root * (gap - mean_gap[:, None])).reshape(batch, 3 * count, 1)
     across = np.swapaxes(design, 1, 2)
-    normal = across @ design + ridge * np.eye(shapes)
-    betas = solved(normal, (across @ wanted)[..., 0])
+    normal = product(across, design) + ridge * np.eye(shapes)
+    betas = solved(normal, product(across, wanted)[..., 0])
     return betas, mean_gap - (mean_slope @ betas[..., None])[..., 0]
-
-
-def solved(normal: Array, pull: Array) -> Array:
-    """x (B, M) of ``normal x = pull``, (B, M, M) symmetric positive and (B, M), by Cholesky."""
-    factor = np.linalg.cholesky(normal)
-    half = np.linalg.solve(factor, pull[..., None])
-    solution: Array = np.linalg.solve(np.swapaxes(factor, -1, -2), half)[..., 0]
-    return solution
 
 
 def world_from_local(local: Array) -> Array:
