@@ -5,6 +5,9 @@ in metres; integer pixel coordinates are pixel centres. A backend never edits it
 :class:`physic_core.errors.PhysicError`, and answers the same for the same input and options.
 
 Constructing a backend is cheap and offline. ``load`` reads weights, ``close`` drops them; both may be called twice.
+
+A plugin whose weights are to be fetched lists them in TOML files, and names their folder by the hook ``physic_weights``
+(:mod:`physic_core.hookspecs`); :mod:`physic_core.weights` finds them and answers ``missing`` and ``fingerprint``.
 """
 
 from __future__ import annotations
@@ -76,14 +79,17 @@ class Backend(ABC):
     def missing(self) -> tuple[str, ...]:
         """What this backend with its options lacks on this machine, one line each that says how to get it.
 
-        Cheap and offline, and asked before ``load``: a run in which anything is missing stops before it begins.
+        Cheap and offline, the same however often it is asked, and asked before ``load``: a run in which anything is
+        missing stops before it begins, and lists what all backends lack.
         """
         return ()
 
     def fingerprint(self) -> str:
         """What else an answer depends on, such as the revision of weights in a folder; asked before ``load``.
 
-        Kept answers are given again only while this stays the same. Files that options name are looked at without it.
+        A short text, cheaply told, the same for the same weights wherever they lie; empty where there is nothing to
+        say. Kept answers are given again only while it stays the same. Files that options name are looked at without
+        it.
         """
         return ""
 
@@ -150,7 +156,11 @@ class BodyEstimator(Backend):
     def infer(
         self, image: UInt8Array, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
     ) -> Bodies:
-        """N people -> N bodies in metres in the camera frame; ``hints.floor`` tells which way is up where known."""
+        """N people -> N bodies in metres in the camera frame; ``hints.floor`` tells which way is up where known.
+
+        Bodies may be of any model: those of another than the configured one are carried over by their ``joints``, and
+        closer by their ``mesh``; give at least one of both unless the model is the embedded one.
+        """
 
 
 class HandEstimator(Backend):
@@ -160,7 +170,11 @@ class HandEstimator(Backend):
 
     @abstractmethod
     def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
-        """N people -> 15 rotations a hand with a confidence; confidence 0 where there is no hand to see."""
+        """N people -> 15 rotations a hand with a confidence; confidence 0 where there is no hand to see.
+
+        With ``wrists``, how each hand is turned in the camera frame, hands are put onto the arms, as far as they are
+        sure.
+        """
 
 
 class ContactPrior(Backend):
@@ -170,7 +184,11 @@ class ContactPrior(Backend):
 
     @abstractmethod
     def infer(self, image: UInt8Array, people: People, bodies: Bodies) -> ContactProbability:
-        """N people with their bodies -> a probability a vertex."""
+        """N people with their bodies -> a probability a vertex.
+
+        On any mesh: where it is not that of the bodies, ``rest`` brings its T-pose, by which the core carries it over.
+        ``bodies`` are of the configured model, with ``joints`` where that is a file of the user's.
+        """
 
 
 INTERFACES: dict[str, type[Backend]] = {

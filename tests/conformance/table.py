@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 from unittest.mock import patch
 
 import wrong_bodies  # noqa: F401 - notes its own in WRONG
+import wrong_sayings  # noqa: F401
 from right_backends import SIZE
 from wrong_backends import WRONG, Wrong
 

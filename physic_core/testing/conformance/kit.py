@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from physic_core.interfaces import INTERFACES, Backend
 from physic_core.testing.conformance import (
     answering,
+    before_load,
     body_estimator,
     colours,
     contact_prior,
@@ -46,7 +47,14 @@ _OWN: dict[str, tuple[Check, ...]] = {
 
 def checks_for(interface: str) -> tuple[Check, ...]:
     """All checks of an interface, in the order in which they make sense."""
-    return registration.CHECKS + lifecycle.BEFORE + answering.CHECKS + _OWN[interface] + lifecycle.AFTER
+    return (
+        registration.CHECKS
+        + lifecycle.BEFORE
+        + before_load.SAYINGS
+        + answering.CHECKS
+        + _OWN[interface]
+        + lifecycle.AFTER
+    )
 
 
 def check_backend(
