@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import gaussian_filter, map_coordinates
 
 from physic_core.testing.conformance.joint_sets import world_keypoints
 from physic_core.testing.worlds import World
@@ -18,13 +18,15 @@ from physic_human.sam3d_body import JOINTS_OF_KEYPOINTS, KEYPOINTS
 
 from .files import relative_points
 from .neighbours import neighbour
+from .pictures import on_grid
 
 TRUTH = """
 import pathlib
 import numpy as np
 import torch
 
-TRUTH = {key: torch.from_numpy(value) for key, value in np.load(pathlib.Path(__file__).parents[DEPTH] / "truth.npz").items()}
+FILE = pathlib.Path(__file__).parents[DEPTH] / "truth.npz"
+TRUTH = {key: torch.from_numpy(value) for key, value in np.load(FILE).items()}
 """
 
 MOGE = """
@@ -45,7 +47,13 @@ class MoGeModel(torch.nn.Module):
         return {"points": TRUTH[f"{which}_points"][None], "mask": TRUTH[f"{which}_mask"][None]}
 """
 
-CAMERAHMR = """
+IMAGENET = """
+MEAN, STD = (torch.tensor(row)[:, None, None] for row in ((0.485, 0.456, 0.406), (0.229, 0.224, 0.225)))
+
+"""
+CAMERAHMR = (
+    IMAGENET
+    + """
 class CameraHMR(torch.nn.Module):
     def __init__(self):
         super().__init__()
@@ -54,6 +62,8 @@ class CameraHMR(torch.nn.Module):
     def forward(self, batch):
         count = len(batch["img"])
         assert batch["img"].shape == (count, 3, 256, 256) and batch["cam_int"].shape == (count, 3, 3)
+        shown = torch.nn.functional.avg_pool2d(batch["img"] * STD + MEAN, 8).permute(0, 2, 3, 1) * 255
+        assert (shown - TRUTH["body_seen"]).abs().mean() < 6, "another crop than that of the body, in red, green, blue"
         focal, side = batch["cam_int"][:, 0, 0], batch["box_size"]
         height, width = batch["img_size"].T
         x, y, z = TRUTH["smpl_origin"]
@@ -64,6 +74,7 @@ class CameraHMR(torch.nn.Module):
         parameters = {"global_orient": turns[:, :1], "body_pose": turns[:, 1:], "betas": torch.zeros(count, 10)}
         return parameters, torch.stack([s, across, down], -1) * self.gain, focal
 """
+)
 
 WILOR = """
 class WiLor(torch.nn.Module):
@@ -79,13 +90,15 @@ class WiLor(torch.nn.Module):
         x = x.flip(dims=[-1])
         small = torch.nn.functional.avg_pool2d(x.permute(0, 3, 1, 2), 8)
         apart = (small[:, None] - TRUTH["hands_seen"].permute(0, 3, 1, 2)[None]).abs().mean((2, 3, 4))
-        assert apart.min(1).values.max() < 15, "another crop than that of a hand, in blue, green, red"
+        assert apart.min(1).values.max() < 4, "another crop than that of a hand, in blue, green, red"
         hand = apart.argmin(1)
         return {"hand_pose": TRUTH["fingers"][hand] * self.gain, "global_orient": TRUTH["wrists"][hand][:, None],
                 "betas": torch.zeros(len(x), 10), "pred_cam": torch.ones(len(x), 3)}
 """
 
-DECO = """
+DECO = (
+    IMAGENET
+    + """
 class DECO(torch.nn.Module):
     def __init__(self, encoder, context, device):
         super().__init__()
@@ -94,9 +107,12 @@ class DECO(torch.nn.Module):
 
     def forward(self, img):
         assert img.shape[1:] == (3, 256, 256)
+        shown = torch.nn.functional.avg_pool2d(img * STD + MEAN, 8).permute(0, 2, 3, 1).flip(-1) * 255
+        assert (shown - TRUTH["contact_seen"]).abs().mean() < 3, "another crop than that of the person, in blue first"
         contact = TRUTH["smpl_contact"].expand(len(img), 6890) * self.gain
         return contact, torch.zeros(len(img), 133, 256, 256), torch.zeros(len(img), 26, 256, 256)
 """
+)
 
 OMNIERASER = """
 from PIL import Image
@@ -198,6 +214,7 @@ def truth_of(world: World) -> dict[str, np.ndarray]:
     known["fingers"] = fingers.astype(np.float32)
     known["wrists"] = (seen.wrist_turns(world)[0] * as_right[:, 0]).astype(np.float32)
     known["hands_seen"] = hands_seen(world).astype(np.float32)
+    known["body_seen"], known["contact_seen"] = body_seen(world), contact_seen(world)
     known["faces"] = np.asarray(world.faces).copy()
     known["vertices"] = world.vertices[0].copy()
     keypoints = np.tile(world.joints[0, 15], (KEYPOINTS, 1))
@@ -206,18 +223,44 @@ def truth_of(world: World) -> dict[str, np.ndarray]:
     return known
 
 
-def hands_seen(world: World, side: int = 32, margin: float = 2.5) -> np.ndarray:
-    """(2, side, side, 3) grey levels: the left hand in a mirror, and the right one, in squares about them."""
+SIDE = 32
+"""px of the crops that the stand-ins compare with what they are shown."""
+
+
+def hands_seen(world: World, margin: float = 2.5) -> np.ndarray:
+    """(2, 32, 32, 3) grey levels: the left hand in a mirror, and the right one, in squares about them."""
     points, _ = world_keypoints(world, "coco_wholebody133")
-    crops = []
-    for first, mirror in ((91, True), (112, False)):
-        hand = points[0, first : first + 21]
-        low, high = hand.min(0), hand.max(0)
-        middle, step = (low + high - 1) / 2, margin * (high - low).max() / side
-        across = (np.arange(side) + 0.5 - side / 2) * step
-        grid = np.meshgrid(middle[1] + across, middle[0] + (-across if mirror else across), indexing="ij")
-        crops.append([map_coordinates(world.image[..., c].astype(float), grid, order=1) for c in range(3)])
-    return np.array(crops).transpose(0, 2, 3, 1)
+    hands = [points[0, first : first + 21] for first in (91, 112)]
+    boxes = [np.concatenate([hand.min(0), hand.max(0)]) for hand in hands]
+    return np.stack([_square(world.image, box, margin, mirror=i == 0) for i, box in enumerate(boxes)])
+
+
+def body_seen(world: World) -> np.ndarray:
+    """(32, 32, 3) float32 grey levels: the square of the longer side of the person's box."""
+    return _square(world.image, world.boxes[0], 1.0).astype(np.float32)
+
+
+def contact_seen(world: World, growth: float = 0.1, white: float = 255) -> np.ndarray:
+    """(32, 32, 3) float32 grey levels: a tenth more than the person's box, in the middle of a white square."""
+    x0, y0, x1, y1 = world.boxes[0]
+    dx, dy = growth * (x1 - x0), growth * (y1 - y0)
+    left, top, right, bottom = (max(int(v), 0) for v in (x0 - dx, y0 - dy, x1 + dx, y1 + dy))
+    cut = world.image[top:bottom, left:right].astype(float)
+    rows, columns = (int(256 * n / max(cut.shape[:2])) for n in cut.shape[:2])
+    square = np.full((256, 256, 3), white)
+    first, second = (256 - rows) // 2, (256 - columns) // 2
+    square[first : first + rows, second : second + columns] = on_grid(cut, rows, columns)
+    return square.reshape(SIDE, 256 // SIDE, SIDE, 256 // SIDE, 3).mean((1, 3)).astype(np.float32)
+
+
+def _square(image: np.ndarray, box: np.ndarray, margin: float, *, mirror: bool = False) -> np.ndarray:
+    """(32, 32, 3) about a box, black outside of the photo."""
+    step = margin * (box[2:] - box[:2]).max() / SIDE
+    middle = (box[:2] + box[2:] - 1) / 2
+    across = (np.arange(SIDE) + 0.5 - SIDE / 2) * step
+    grid = np.meshgrid(middle[1] + across, middle[0] + (-across if mirror else across), indexing="ij")
+    smooth = gaussian_filter(image.astype(float), (max(0.0, 0.4 * (step - 1)),) * 2 + (0,))
+    return np.stack([map_coordinates(smooth[..., c], grid, order=1) for c in range(3)], -1)
 
 
 def _matrices(rotvecs: np.ndarray) -> np.ndarray:

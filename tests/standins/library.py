@@ -92,7 +92,8 @@ def tell(monkeypatch: pytest.MonkeyPatch, world: World) -> dict[str, int]:
         for row, box in enumerate(inputs["input_boxes"][0].numpy()):
             apart = np.abs(boxes - box).max(1)
             assert apart.min() < 8, "nothing of the world is in this box"
-            _fill(out.pred_masks[0, row, 0], lambda h, w, i=apart.argmin(): logits(known[i], h, w))
+            mask = known[int(apart.argmin())]
+            _fill(out.pred_masks[0, row, 0], lambda h, w, m=mask: logits(m, h, w))
 
     def sam3(out: Any, inputs: dict[str, Any]) -> None:
         out.pred_logits[:], out.presence_logits[:], out.pred_masks[:] = -6, 5, -9
