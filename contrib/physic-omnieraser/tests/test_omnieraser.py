@@ -136,6 +136,18 @@ def test_the_pipeline_is_asked_as_the_released_code_asks(told):
     assert OmniEraserOptions().seed == 42
 
 
+@pytest.mark.parametrize(
+    ("offload", "call"),
+    [("none", ("to", "cuda")), ("model", ("model", "cuda")), ("sequential", ("sequential", "cuda"))],
+)
+def test_memory_is_spared_as_asked(told, offload, call, monkeypatch):
+    """Cards of 24 GB hold FLUX only in parts."""
+    monkeypatch.setattr("physic_core.devices.check_device", lambda device: None)
+    backend = OmniEraser(OmniEraserOptions(**told, offload=offload))
+    backend.load("cuda")
+    assert [one for one in backend._pipeline.calls if one[0] in ("to", "model", "sequential")] == [call]
+
+
 def test_the_same_seed_paints_the_same(told):
     photo = np.random.default_rng(0).integers(0, 255, (60, 90, 3), np.uint8)
     backends = [loaded(told, seed=seed) for seed in (7, 7, 8)]

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 from scipy.ndimage import map_coordinates
 
 from physic_core.errors import BackendError, WeightsMissingError
@@ -429,3 +430,11 @@ class TestOddAnswers:
 )
 def test_photo_is_reduced_to_the_pixels_of_its_patches_and_never_enlarged(size, tokens, seen):
     assert size_seen(*size, tokens) == seen
+
+
+def test_tokens_are_those_of_the_training():
+    """Of other numbers the network knows nothing, and answers all the same."""
+    for tokens in (1199, 3601):
+        with pytest.raises(ValidationError, match=r"1200|3600"):
+            MogeOptions(tokens=tokens)
+    assert [MogeOptions(tokens=n).tokens for n in (1200, 3600)] == [1200, 3600]

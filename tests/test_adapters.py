@@ -1,0 +1,103 @@
+"""What is written of the adapters of published estimators: one row each, as they are registered; tests that exist."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import re
+import sys
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from physic_core.testing.conformance.kit import checks_for
+from physic_core.weights import read_manifest
+
+ROOT = Path(__file__).parents[1]
+TABLE = ROOT / "plugins" / "ADAPTERS.md"
+TRAPS = ROOT / "plugins" / "TRAPS.md"
+CHECKED = ("real weights", "real class with random weights", "exact-contract graph", "stub")
+"""Ways in which an adapter's contract was checked; a row names one or more, and may add of what."""
+FORBIDS = ("non-commercial", "research only", "CC-BY-NC", "no commercial use")
+
+
+@pytest.fixture(scope="module")
+def tool() -> ModuleType:
+    script = ROOT / "tools" / "adapters_table.py"
+    spec = importlib.util.spec_from_file_location("adapters_table", script)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture
+def records(tool: ModuleType, monkeypatch: pytest.MonkeyPatch) -> list:
+    for package, folder in tool.PLUGINS.items():
+        monkeypatch.syspath_prepend(str(folder))
+        monkeypatch.delitem(sys.modules, package, raising=False)
+    return tool.records()
+
+
+def rows() -> list[list[str]]:
+    """interface, backend, how it was checked, the kit, licence."""
+    lines = [line for line in TABLE.read_text("utf-8").splitlines() if line.startswith("| ")]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[1:]]
+
+
+def test_every_backend_has_one_row_with_its_licence(records: list) -> None:
+    told = [(interface, name.strip("`"), licence) for interface, name, _, _, licence in rows()]
+    assert sorted(told) == sorted((r.interface, r.name, r.weights_license) for r in records)
+
+
+def test_every_row_says_how_its_contract_was_checked() -> None:
+    for interface, name, how, _, _ in rows():
+        parts = how.split("; ")
+        assert all(part.startswith(CHECKED) for part in parts), f"{interface} {name}: {how}"
+
+
+def test_the_runs_are_of_the_kit_as_it_is() -> None:
+    """After a change of the kit: ``python tools/adapters_table.py --write``."""
+    for interface, name, _, kit, _ in rows():
+        counted = re.fullmatch(r"(\d+) runs?: (\d+) passed(?:, (\d+) skipped)?(?:, (\d+) xfailed)?, 0 failed", kit)
+        assert counted, f"{interface} {name}: {kit}"
+        runs, *outcomes = (int(number or 0) for number in counted.groups())
+        assert sum(outcomes) == runs * len(checks_for(interface)), f"{interface} {name}: {kit} is of another kit"
+
+
+def test_every_trap_names_tests_that_exist() -> None:
+    text = TRAPS.read_text("utf-8")
+    traps = re.split(r"\n- ", text)[1:]
+    assert len(traps) > 90
+    for trap in traps:
+        named = re.findall(r"`([\w/.-]+\.py(?:::\w+)+)`", trap)
+        assert named, f"no test guards: {trap}"
+        for one in named:
+            path, _, name = one.partition("::")
+            assert name in _tests_of(ROOT / path), one
+
+
+@cache
+def _tests_of(path: Path) -> frozenset[str]:
+    """Names of the tests of a file, "test_x" or "TestX::test_y"; nothing of it is run."""
+    tree = ast.parse(path.read_text("utf-8"))
+    found = set()
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef):
+            found.add(node.name)
+        if isinstance(node, ast.ClassDef):
+            found |= {f"{node.name}::{own.name}" for own in node.body if isinstance(own, ast.FunctionDef)}
+    return frozenset(name for name in found if name.rpartition("::")[2].startswith("test_"))
+
+
+def test_weights_that_forbid_commerce_say_so(tool: ModuleType) -> None:
+    """Words and mark of a licence do not contradict each other, in any list of weights."""
+    for package, folder in tool.PLUGINS.items():
+        for name, group in read_manifest(folder / package / "weights").items():
+            if any(words.lower() in group.license.lower() for words in FORBIDS):
+                assert group.commercial is False, name
+            elif group.commercial is False:
+                pytest.fail(f"{name} is marked as not commercial, and its licence does not say why: {group.license}")

@@ -1,0 +1,95 @@
+"""Run the conformance kit on every adapter and print a Markdown table of what came of it.
+
+    python tools/adapters_table.py [--write] [more arguments of pytest]
+
+The runs are those of the plugins' own tests: adapters whose networks answer what perfect ones would, and, with
+published weights in $PHYSIC_WEIGHTS, the real ones. An adapter that is shown in several forms (dialects of its file,
+sets of keypoints) has several runs. --write puts what was counted into plugins/ADAPTERS.md. The exit status is
+pytest's, and 1 where an adapter has no run.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter, defaultdict
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from physic_core.registry import BackendRecord
+from physic_core.testing.conformance.run import Run
+
+ROOT = Path(__file__).parents[1]
+PLUGINS = {
+    "physic_onnx": ROOT / "plugins" / "physic-onnx",
+    "physic_transformers": ROOT / "plugins" / "physic-transformers",
+    "physic_human": ROOT / "plugins" / "physic-human",
+    "physic_omnieraser": ROOT / "contrib" / "physic-omnieraser",
+}
+"""Package -> folder of its distribution."""
+DOCUMENT = ROOT / "plugins" / "ADAPTERS.md"
+TESTS = "conform or holds_its_contract"
+"""Names of the tests that run the whole kit."""
+NONE = "NO RUN"
+
+
+def main() -> int:
+    sys.path[:0] = map(str, PLUGINS.values())  # what is in contrib need not be installed
+    write, further = "--write" in sys.argv, [word for word in sys.argv[1:] if word != "--write"]
+    runs: list[Run] = []
+    first = Run.__init__
+
+    def remembered(self: Run, *arguments: object, **named: object) -> None:
+        first(self, *arguments, **named)  # type: ignore[arg-type]
+        runs.append(self)
+
+    Run.__init__ = remembered  # type: ignore[method-assign,assignment]
+    tests = [str(folder / "tests") for folder in PLUGINS.values()]
+    status = int(pytest.main([*tests, "-k", TESTS, "-q", "--no-header", "-p", "no:cacheprovider", *further]))
+    rows = table(runs)
+    print("\n| interface | backend | the kit |\n|---|---|---|")
+    for (interface, name), told in rows.items():
+        print(f"| {interface} | {name} | {told or NONE} |")
+    if write:
+        DOCUMENT.write_text(with_runs(DOCUMENT.read_text("utf-8"), rows), "utf-8")
+    return status or int(not all(rows.values()))
+
+
+def table(runs: list[Run]) -> dict[tuple[str, str], str]:
+    """(interface, name) of every record -> what came of its runs in words, empty where there is none."""
+    counts: dict[str, Counter[str]] = defaultdict(Counter)
+    for run in runs:
+        outcomes = Counter(run.result(name).outcome for name in run.checks)
+        for kind in run.subject.kind.__mro__:
+            counts[f"{kind.__module__}:{kind.__qualname__}"] += Counter(runs=1) + outcomes
+    return {(r.interface, r.name): words(counts[str(r.target)]) for r in records()}
+
+
+def with_runs(text: str, rows: dict[tuple[str, str], str]) -> str:
+    """The document with another fourth column."""
+    lines = []
+    for line in text.splitlines():
+        cells = line.split(" | ")
+        key = (cells[0].removeprefix("| "), cells[1].strip("`")) if len(cells) == 5 else None
+        if key in rows:
+            cells[3] = rows[key] or NONE
+        lines.append(" | ".join(cells))
+    return "\n".join(lines) + "\n"
+
+
+def words(found: Counter[str]) -> str:
+    if not found:
+        return ""
+    told = [f"{found[outcome]} {outcome}" for outcome in ("passed", "skipped", "xfailed") if found[outcome]]
+    bad = found["failed"] + found["xpassed"]
+    return f"{found['runs']} run{'s' if found['runs'] > 1 else ''}: {', '.join(told)}, {bad} failed"
+
+
+def records() -> list[BackendRecord]:
+    """Of all four plugins, in the order in which they list them."""
+    return [record for package in PLUGINS for record in import_module(package).physic_backends()]
+
+
+if __name__ == "__main__":
+    sys.exit(main())
