@@ -14,7 +14,7 @@ from physic_core.body.joints import JOINT_INDEX
 from physic_core.devices import check_device
 from physic_core.errors import BackendError, DeviceError
 from physic_core.testing.conformance import parametrize_with_checks
-from physic_core.testing.worlds import build_world
+from physic_core.testing.worlds import World, build_world
 from physic_core.types import Hints, Intrinsics, Keypoints, People
 from physic_human.sam3d_body import JOINTS_OF_KEYPOINTS, Sam3dBody, Sam3dBodyOptions, joints_of_keypoints
 
@@ -135,9 +135,35 @@ def test_joints_without_a_keypoint_are_not_numbers() -> None:
     joints = joints_of_keypoints(np.zeros((1, 70, 3), np.float32))[0]
     unknown = np.flatnonzero(np.isnan(joints).all(axis=1)).tolist()
     assert unknown == [JOINT_INDEX[n] for n in (
-        "pelvis", "spine1", "spine2", "spine3", "left_foot", "right_foot", "neck", "left_collar", "right_collar",
+        "pelvis", "spine1", "spine2", "spine3", "neck", "left_collar", "right_collar",
         "head", "jaw",
     )]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "most_mm"), [("stand", 12), ("sit_on_chair", 12), ("walk", 15), ("kneel", 35)])
+def test_feet_are_turned_as_their_toes_say(name: str, most_mm: float) -> None:
+    """The true tips of the toes, on the skin, give the joint that toes bend at; who kneels has bent them."""
+    world = build_world(name)
+    ankles, feet = world.joints[:, [7, 8]], world.joints[:, [10, 11]]
+    points = np.zeros((len(ankles), 70, 3), np.float32)
+    points[:, [13, 14]] = ankles
+    points[:, [15, 16, 18, 19]] = toes_of(world)
+    found = joints_of_keypoints(points)[:, [JOINT_INDEX["left_foot"], JOINT_INDEX["right_foot"]]]
+    apart = 1000 * np.linalg.norm(found - feet, axis=2).mean()
+    print(f"{apart:.1f} mm")
+    assert apart < most_mm
+
+
+def toes_of(world: World) -> np.ndarray:
+    """(N, 4, 3) tips of the big and the small toe, of the left foot and of the right."""
+    from physic_core.body import load_body
+    from physic_core.body.landmarks import SKELETONS
+
+    regressor = load_body("embedded").regressors["coco23"]
+    given = torch.from_numpy(world.vertices.copy()).index_select(1, regressor.vertex_ids)
+    points = regressor(torch.from_numpy(world.joints.copy()), given).numpy()
+    names = ("left_big_toe", "left_small_toe", "right_big_toe", "right_small_toe")
+    return points[:, [SKELETONS["coco23"].index(name) for name in names]]
 
 
 def test_it_needs_a_gpu_and_says_so(sam: Sam3dBody) -> None:
@@ -172,11 +198,13 @@ class PerfectSam:
             if world is not None:
                 assert cam_int is not None
                 np.testing.assert_allclose(cam_int[0, 0, 0], world.intrinsics.fx, rtol=1e-5)
-                joints = world.joints[int(np.abs(world.boxes - box).sum(axis=1).argmin())].astype(float)
+                row = int(np.abs(world.boxes - box).sum(axis=1).argmin())
+                joints = world.joints[row].astype(float)
                 place = joints[0] + np.array([0.0, 1.0, 0.0])
                 points = np.tile(joints[15], (70, 1))
                 for number, name in NAMES.items():
                     points[number] = joints[JOINT_INDEX[name]]
+                points[[15, 16, 18, 19]] = toes_of(world)[row]
                 points = points - place
             told.append({"pred_vertices": points[:50], "pred_cam_t": place, "pred_keypoints_3d": points})
         return told
