@@ -12,6 +12,8 @@ import numpy as np
 import torch
 from scipy.ndimage import gaussian_filter, map_coordinates
 
+from physic_core.body import load_body
+from physic_core.body.landmarks import SKELETONS
 from physic_core.testing.conformance.joint_sets import world_keypoints
 from physic_core.testing.worlds import World
 from physic_human.sam3d_body import JOINTS_OF_KEYPOINTS, KEYPOINTS
@@ -219,8 +221,18 @@ def truth_of(world: World) -> dict[str, np.ndarray]:
     known["vertices"] = world.vertices[0].copy()
     keypoints = np.tile(world.joints[0, 15], (KEYPOINTS, 1))
     keypoints[list(JOINTS_OF_KEYPOINTS)] = world.joints[0, list(JOINTS_OF_KEYPOINTS.values())]
+    keypoints[[15, 16, 18, 19]] = toes(world)
     known["keypoints"] = keypoints.astype(np.float32)
     return known
+
+
+def toes(world: World) -> np.ndarray:
+    """(4, 3) tips of the big and the small toe, of the left foot and of the right."""
+    regressor = load_body("embedded").regressors["coco23"]
+    given = torch.from_numpy(world.vertices.copy()).index_select(1, regressor.vertex_ids)
+    points = regressor(torch.from_numpy(world.joints.copy()), given)[0].numpy()
+    names = ("left_big_toe", "left_small_toe", "right_big_toe", "right_small_toe")
+    return np.asarray(points[[SKELETONS["coco23"].index(name) for name in names]])
 
 
 SIDE = 32
