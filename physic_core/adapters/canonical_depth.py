@@ -18,7 +18,6 @@ __all__ = [
     "focal_from_fov",
     "focal_in_frame",
     "focal_px_of",
-    "fov_from_focal",
     "metres_from_canonical",
     "metres_from_inverse",
     "metres_of_focal",
@@ -36,11 +35,6 @@ def focal_from_fov(fov_deg: float, width: float) -> float:
     if not 0 < fov_deg < 180:
         raise ValueError(f"a field of view lies between 0 and 180 degrees, got {fov_deg:g}")
     return 0.5 * width / math.tan(0.5 * math.radians(fov_deg))
-
-
-def fov_from_focal(focal_px: float, width: float) -> float:
-    """Horizontal field of view in degrees; :func:`focal_from_fov` goes back."""
-    return 2 * math.degrees(math.atan2(0.5 * width, focal_px))
 
 
 def focal_px_of(fx: float, fy: float) -> float:

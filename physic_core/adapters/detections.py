@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from physic_core.types import FloatArray, Keypoints
 
-__all__ = ["Detections", "box_iou", "boxes_in_photo", "corners_of_centred", "corners_of_ltwh", "nms"]
+__all__ = ["Detections", "box_iou", "boxes_in_photo", "corners_of_centred", "nms"]
 
 
 @dataclass(frozen=True)
@@ -56,14 +56,6 @@ def corners_of_centred(boxes: FloatArray) -> FloatArray:
 
     centre, half = boxes[..., :2], boxes[..., 2:] / 2
     corners: FloatArray = np.concatenate([centre - half, centre + half], axis=-1)
-    return corners
-
-
-def corners_of_ltwh(boxes: FloatArray) -> FloatArray:
-    """(..., 4) left, top, width, height -> x0 y0 x1 y1, in the same unit."""
-    import numpy as np
-
-    corners: FloatArray = np.concatenate([boxes[..., :2], boxes[..., :2] + boxes[..., 2:]], axis=-1)
     return corners
 
 

@@ -12,7 +12,6 @@ from physic_core.adapters.detections import (
     box_iou,
     boxes_in_photo,
     corners_of_centred,
-    corners_of_ltwh,
     nms,
 )
 from physic_core.types import Keypoints
@@ -20,10 +19,6 @@ from physic_core.types import Keypoints
 
 def test_a_centred_box_has_its_corners_half_its_size_away():
     assert corners_of_centred(np.array([[10.0, 20.0, 4.0, 6.0]])).tolist() == [[8, 17, 12, 23]]
-
-
-def test_a_box_with_a_size_ends_where_it_began_plus_its_size():
-    assert corners_of_ltwh(np.array([[10.0, 20.0, 4.0, 6.0]])).tolist() == [[10, 20, 14, 26]]
 
 
 def test_iou_of_known_boxes():
@@ -35,7 +30,7 @@ def test_iou_of_known_boxes():
 @given(st.lists(st.tuples(*[st.floats(0, 50)] * 4, st.floats(0, 1)), max_size=12), st.floats(0.05, 0.95))
 def test_nms_keeps_what_a_plain_loop_keeps(rows, overlap):
     table = np.array(rows, float).reshape(-1, 5)
-    boxes, scores = corners_of_ltwh(table[:, :4]), table[:, 4]
+    boxes, scores = corners_of_centred(table[:, :4]), table[:, 4]
     kept: list[int] = []
     for i in sorted(range(len(rows)), key=lambda i: (-scores[i], i)):
         if all(box_iou(boxes[i : i + 1], boxes[k : k + 1])[0, 0] <= overlap for k in kept):

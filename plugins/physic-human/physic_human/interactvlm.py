@@ -195,7 +195,7 @@ def _upright(path: Path) -> UInt8Array:
 
     image = cv2.imread(str(path), cv2.IMREAD_COLOR)
     if image is None:
-        raise BackendError(f"{path} cannot be read as a photo")
+        raise BackendError(f"{path} cannot be read as a photo: keep the photo that InteractVLM saw beside its result")
     return np.ascontiguousarray(image[..., ::-1], np.uint8)
 
 
@@ -221,7 +221,7 @@ def _read(path: Path, wanted: str) -> tuple[str, FloatArray]:
     try:
         arrays = _arrays(path)
     except (OSError, ValueError, KeyError) as error:
-        raise BackendError(f"{path} cannot be read: {error}") from error
+        raise BackendError(f"{path} cannot be read, run InteractVLM on its photo again: {error}") from error
     known = {_TOPOLOGIES[a.shape[-1]]: a for a in arrays if a.ndim and a.shape[-1] in _TOPOLOGIES}
     if not known:
         shapes = ", ".join(str(a.shape) for a in arrays) or "nothing"
@@ -229,7 +229,7 @@ def _read(path: Path, wanted: str) -> tuple[str, FloatArray]:
     name = wanted if wanted in known else next(iter(known))
     values = np.asarray(known[name], np.float32)
     if not np.isfinite(values).all():
-        raise BackendError(f"{path} holds values that are no numbers")
+        raise BackendError(f"{path} holds values that are no numbers: run InteractVLM on its photo again")
     return name, values.reshape(-1, values.shape[-1])
 
 

@@ -15,6 +15,7 @@ from physic_core.errors import BackendError
 from physic_core.interfaces import MetricDepth, RelativePointmap
 
 from .contract import Dialect, Wanted
+from .depth_anything_forms import has_sigmoid, last_part, names_version_3, normalises_itself
 from .one_graph import WEIGHTS, OneGraph, OneGraphOptions
 
 if TYPE_CHECKING:
@@ -29,7 +30,6 @@ __all__ = [
     "DepthAnythingMetricOptions",
     "DepthAnythingRelative",
     "DepthAnythingRelativeOptions",
-    "has_sigmoid",
     "prepare",
 ]
 
@@ -129,7 +129,7 @@ class DepthAnythingMetric(OneGraph, MetricDepth):
     def _farthest(self) -> float | None:
         if self.options.farthest is not None:
             return self.options.farthest
-        names = f"{_last_part(self.options.weights)} {self.speaking().network.name}".lower()
+        names = f"{last_part(self.options.weights)} {self.speaking().network.name}".lower()
         return next((_SATURATED * most for word, most in _LARGEST.items() if word in names), None)
 
 
@@ -150,7 +150,7 @@ class DepthAnythingRelative(OneGraph, RelativePointmap):
         Raises:
             BackendError: its graph ends in a sigmoid.
         """
-        if not self.options.trust and not _names_version_3(path.name) and has_sigmoid(path):
+        if not self.options.trust and not names_version_3(path.name) and has_sigmoid(path):
             raise BackendError(
                 f"{path.name} holds a sigmoid, as the metric networks of Depth Anything V2 do: it answers metres, and "
                 "not disparity. Use it as metric_depth 'depth-anything-v2-metric-onnx', or name relative weights; "
@@ -190,9 +190,9 @@ class DepthAnythingRelative(OneGraph, RelativePointmap):
     def _answers_depth(self, speaking: Speaking) -> bool:
         if self.options.answers != "auto":
             return self.options.answers == "depth"
-        names = f"{_last_part(self.options.weights)} {speaking.network.name}"
+        names = f"{last_part(self.options.weights)} {speaking.network.name}"
         third = speaking.dialect == VIEWS or any(speaking.has(extra.name) for extra in _EXTRAS)
-        return third or _names_version_3(names)
+        return third or names_version_3(names)
 
     def _size(self, speaking: Speaking, image: UInt8Array, third: bool) -> tuple[int, int]:
         from physic_core.adapters.patch_grid import capped, longest_side
@@ -216,15 +216,6 @@ class DepthAnythingRelative(OneGraph, RelativePointmap):
             own = _camera_of(matrix, seen).resized(width, height)
             return own, (f"focal length {own.fx:.0f} px from Depth Anything 3",)
         return guessed_camera(self.options.default_fov, image)
-
-
-def has_sigmoid(path: Path) -> bool:
-    """Whether an ONNX file has a node of this kind, read off its bytes: a node's type is its field 4, a text."""
-    import mmap
-    import re
-
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        return re.search(rb"\x22\x07Sigmoid|\x22\x0eQLinearSigmoid", data) is not None
 
 
 def prepare(image: UInt8Array, rows: int, columns: int, *, normalised: bool = True) -> FloatArray:
@@ -262,29 +253,12 @@ def _ask(
     """The map of depth or disparity (h, w), further outputs as they come, and notes."""
     from .depth_maps import single_map, squash_note
 
-    normalised = pixels == "imagenet" or (pixels == "auto" and not _normalises_itself(speaking))
+    normalised = pixels == "imagenet" or (pixels == "auto" and not normalises_itself(speaking))
     fed = prepare(image, rows, columns, normalised=normalised)
     raw, *more = speaking.ask("pixel_values", fed, "predicted_depth", *extras)
     values = single_map(raw, "predicted_depth", speaking.network.name)
     fixed = speaking.ports.inputs["pixel_values"].shape[-2:] == (rows, columns)
     return [values, *more], squash_note(image, rows, columns, speaking.network.name) if fixed else ()
-
-
-def _normalises_itself(speaking: Speaking) -> bool:
-    """The exports that do call their input 'image', its sides 'H' and 'W', and take one photo."""
-    port = speaking.ports.inputs["pixel_values"]
-    return port.name == "image" and port.shape == (1, 3, "H", "W")
-
-
-def _last_part(weights: str) -> str:
-    """Of a path, or the whole name of a set: what folders are called tells nothing."""
-    from pathlib import PurePath
-
-    return PurePath(weights).name
-
-
-def _names_version_3(names: str) -> bool:
-    return any(word in names.lower() for word in ("anything-3", "anything_3", "anything-v3", "anything_v3", "da3"))
 
 
 def _inverse_depth(depth: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -112,11 +112,9 @@ def assigned(people: FloatArray, poses: FloatArray, least_iou: float) -> IntArra
     import numpy as np
     from scipy.optimize import linear_sum_assignment
 
-    left_top = np.maximum(people[:, None, :2], poses[None, :, :2])
-    right_bottom = np.minimum(people[:, None, 2:], poses[None, :, 2:])
-    common = np.prod(np.maximum(right_bottom - left_top, 0), axis=-1)
-    areas = [np.prod(np.maximum(b[:, 2:] - b[:, :2], 0), axis=-1) for b in (people, poses)]
-    iou = common / np.maximum(areas[0][:, None] + areas[1][None] - common, 1e-9)
+    from physic_core.adapters.detections import box_iou
+
+    iou = box_iou(people, poses)
     iou[iou < least_iou] = 0.0
     whose = np.full(len(people), -1)
     for person, pose in zip(*linear_sum_assignment(-iou), strict=True):

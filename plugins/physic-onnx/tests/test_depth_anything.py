@@ -23,9 +23,9 @@ from physic_onnx.depth_anything import (
     DepthAnythingMetricOptions,
     DepthAnythingRelative,
     DepthAnythingRelativeOptions,
-    has_sigmoid,
     prepare,
 )
+from physic_onnx.depth_anything_forms import has_sigmoid
 
 IMAGENET_MEAN, IMAGENET_STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
 FREE = ("batch_size", 3, "height", "width")

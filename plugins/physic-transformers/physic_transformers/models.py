@@ -6,51 +6,26 @@ little. Nothing is fetched from here; ``physic weights fetch NAME`` does that.
 
 from __future__ import annotations
 
-import json
-import re
 from contextlib import contextmanager
-from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from physic_core import weights
 from physic_core.devices import check_device
 from physic_core.errors import BackendError, DeviceError, WeightsMissingError
 from physic_core.interfaces import Backend, Options
+from physic_transformers.folders import WHERE, Part, check_type, find_folder, fingerprint_of, lacks
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = [
-    "MANIFEST",
-    "ModelOptions",
-    "Network",
-    "Part",
-    "Pretrained",
-    "array",
-    "find_folder",
-    "fingerprint_of",
-    "lacks",
-    "open_network",
-]
+__all__ = ["WHERE", "ModelOptions", "Network", "Part", "Pretrained", "array", "open_network"]
 
-MANIFEST = Path(__file__).parent / "weights"
-"""What ``physic weights`` knows of this plugin's files."""
-
-_HUB_ID = re.compile(r"[A-Za-z0-9][\w.-]*/[A-Za-z0-9][\w.-]*")
-_CONFIG = "config.json"
-_WEIGHTS = ("model.safetensors", "model.safetensors.index.json", "pytorch_model.bin", "pytorch_model.bin.index.json")
-_TOKENS = ("tokenizer.json", "vocab.txt", "vocab.json")
 _TOLD = 4  # names of weights in a message
-WHERE = (
-    "a name of `physic weights list`, a folder of your own, or owner/repository of what lies in Hugging Face's cache"
-)
-"""What the option that names weights takes, in words."""
 
 
 class ModelOptions(Options):
@@ -67,23 +42,6 @@ class ModelOptions(Options):
         description="Threads of torch on a CPU while this network runs; 0 leaves them as they are. As many as cores "
         "that are idle: more are far slower beside a busy process.",
     )
-
-
-@dataclass(frozen=True)
-class Part:
-    """One network of a backend.
-
-    Attributes:
-        option: name of the option that says where its weights are.
-        kind: class in transformers.
-        types: values of ``model_type`` in config.json that the class can read.
-        tokens: whether words are asked for, and a tokenizer is needed.
-    """
-
-    option: str
-    kind: str
-    types: tuple[str, ...]
-    tokens: bool = False
 
 
 class Network:
@@ -182,55 +140,6 @@ def array(tensor: Any) -> NDArray[np.float32]:
     return np.asarray(plain, np.float32)
 
 
-def find_folder(value: str) -> Path:
-    """The folder of a model.
-
-    Args:
-        value: a name in the manifest, a folder, or owner/repository of a model in Hugging Face's cache.
-
-    Raises:
-        WeightsMissingError: there is no such folder on this machine.
-    """
-    known = weights.read_manifest(MANIFEST)
-    if value not in known and _HUB_ID.fullmatch(value) and not Path(value).exists():
-        cached = _cached(value)
-        if cached is not None:
-            return cached
-        same = [name for name, group in known.items() if any(f"://{value}/" in file.source for file in group.files)]
-        advice = f"physic weights fetch {same[0]}" if same else f"hf download {value}"
-        raise WeightsMissingError(
-            f"'{value}' is no folder here, and Hugging Face's cache does not hold it; nothing is fetched while a photo "
-            f"is reconstructed: run `{advice}` first, or give a folder"
-        )
-    folder = weights.locate(MANIFEST, value)
-    return folder if folder.is_dir() else folder.parent
-
-
-def lacks(part: Part, value: str) -> tuple[str, ...]:
-    """What a network's folder lacks, each in words; cheap and offline."""
-    known = weights.read_manifest(MANIFEST)
-    if value in known:
-        return weights.missing(MANIFEST, value)
-    try:
-        folder = find_folder(value)
-    except WeightsMissingError as error:
-        return (str(error),)
-    wanted = [(_CONFIG,), _WEIGHTS, *([_TOKENS] if part.tokens else [])]
-    return tuple(
-        f"{folder} has no {' or '.join(names[:2])}: it must be a folder as save_pretrained of transformers writes it"
-        for names in wanted
-        if not any((folder / name).is_file() for name in names)
-    )
-
-
-def fingerprint_of(value: str) -> str:
-    """Identity of a model's files, without their path; empty where they are missing."""
-    if value in weights.read_manifest(MANIFEST) or not _HUB_ID.fullmatch(value) or Path(value).exists():
-        return weights.fingerprint(MANIFEST, value)
-    cached = _cached(value)
-    return "" if cached is None else f"{value}@{cached.name}"  # a snapshot's folder is named after its commit
-
-
 def open_network(part: Part, value: str, options: ModelOptions, device: str) -> Network:
     """Read a model, and its tokenizer if it takes words.
 
@@ -249,7 +158,7 @@ def open_network(part: Part, value: str, options: ModelOptions, device: str) -> 
     if absent := lacks(part, value):
         raise WeightsMissingError("; ".join(absent))
     folder = find_folder(value)
-    _check_type(folder, part)
+    check_type(folder, part)
     import torch
     import transformers
 
@@ -284,16 +193,6 @@ def _check_numbers(dtype: str, device: str) -> None:
             raise DeviceError(f"device '{device}' cannot compute with 'bfloat16': take 'float16' or 'float32'")
 
 
-def _check_type(folder: Path, part: Part) -> None:
-    try:
-        found = json.loads((folder / _CONFIG).read_text("utf-8")).get("model_type")
-    except (OSError, ValueError, AttributeError) as cause:
-        raise BackendError(f"{folder / _CONFIG} cannot be read: {cause}") from cause
-    if found not in part.types:
-        wanted = " or ".join(f"'{name}'" for name in part.types)
-        raise BackendError(f"{folder} holds a model of the type '{found}', expected {wanted} for {part.kind}")
-
-
 def _check_whole(folder: Path, part: Part, told: Any) -> None:
     """Refuse a file from which weights are missing: the library would fill in random numbers."""
     absent = sorted(map(str, told.get("missing_keys", ())))
@@ -303,14 +202,6 @@ def _check_whole(folder: Path, part: Part, told: Any) -> None:
             f"{folder} has not all weights of {part.kind}: {len(absent)} are expected and not found ({names}); "
             "it is another model, or of another version"
         )
-
-
-def _cached(repository: str) -> Path | None:
-    """The newest snapshot of a repository in Hugging Face's cache."""
-    from huggingface_hub import try_to_load_from_cache
-
-    found = try_to_load_from_cache(repository, _CONFIG)
-    return Path(found).parent if isinstance(found, str) else None
 
 
 @contextmanager

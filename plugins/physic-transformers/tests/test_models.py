@@ -22,6 +22,7 @@ from physic_transformers.depth_anything import (
 )
 from physic_transformers.depth_pro import DepthPro, DepthProOptions
 from physic_transformers.eomt import Eomt, EomtOptions
+from physic_transformers.folders import MANIFEST
 from physic_transformers.grounded_sam2 import GroundedSam2, GroundedSam2Options
 from physic_transformers.sam3 import Sam3, Sam3Options
 from physic_transformers.vitpose import VitPose
@@ -125,7 +126,7 @@ def test_a_folder_without_the_files_is_missing_them(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", BACKENDS)
 def test_every_default_is_in_the_list_of_weights(kind: Any) -> None:
-    known = weights.read_manifest(models.MANIFEST)
+    known = weights.read_manifest(MANIFEST)
     backend = kind()
     for part in kind.parts:
         files = {file.path for file in known[getattr(backend.options, part.option)].files}
