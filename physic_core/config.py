@@ -29,6 +29,7 @@ from pydantic import (
     model_validator,
 )
 
+from physic_core.devices import DEVICE
 from physic_core.engine.presets import PRESETS as ENGINE_PRESETS
 from physic_core.engine.settings import EngineSettings
 from physic_core.faults import Fault, Findings, closest, config_error, from_pydantic
@@ -147,11 +148,20 @@ class RunSettings(_Table):
     """``[run]``: where it runs, and what it spends."""
 
     device: str = Field(
-        default="cpu", description="where the networks run: 'cpu', 'cuda' or 'cuda:N'; the engine stays on the CPU"
+        default="cpu",
+        description="where the networks run: 'cpu', 'cuda' or 'cuda:N'; the engine stays on the CPU",
+        json_schema_extra={"pattern": f"^({DEVICE.pattern})$"},
     )
     low_memory: bool = Field(default=False, description="close each backend right after its last use")
     cache: bool = Field(default=True, description="keep the backends' answers, and use those of earlier runs")
     cache_mb: int = Field(default=2000, ge=0, description="what all kept answers may take together, megabytes")
+
+    @field_validator("device")
+    @classmethod
+    def _known_device(cls, device: str) -> str:
+        if not DEVICE.fullmatch(device):
+            raise ValueError(f"should be 'cpu', 'cuda' or 'cuda:N' (got '{device}')")
+        return device
 
 
 class Config(_Table):

@@ -6,7 +6,10 @@ import re
 
 from physic_core.errors import DeviceError
 
-__all__ = ["check_device"]
+__all__ = ["DEVICE", "check_device"]
+
+DEVICE = re.compile(r"cpu|cuda(?::([0-9]+))?")
+"""What a device is called; whether it is there is another question."""
 
 
 def check_device(device: str) -> None:
@@ -18,7 +21,7 @@ def check_device(device: str) -> None:
     Raises:
         DeviceError: no such kind of device, no GPU, or no GPU of that number.
     """
-    found = re.fullmatch(r"cpu|cuda(?::(\d+))?", device)
+    found = DEVICE.fullmatch(device)
     if not found:
         raise DeviceError(f"no device named '{device}': use 'cpu', 'cuda' or 'cuda:N'")
     if device == "cpu":

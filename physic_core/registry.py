@@ -89,6 +89,7 @@ class Origin:
 
 BY_HAND = Origin("", "registered by hand")
 IN_CONFIG = Origin("", "named in the config")
+BY_CLASS = Origin("", "a class that no plugin registers")
 
 
 @dataclass(frozen=True)
@@ -215,12 +216,17 @@ class Registry:
     def called(self, name: str) -> tuple[Claim, ...]:
         """Every claim to a name, or to "distribution:name", whatever its interface; at least one.
 
+        "package.module:Class" is a class that no plugin registers, and is imported to see what it is.
+
         Raises:
             BackendNotFoundError: there is none.
+            BackendError: the class cannot be imported, or is of no interface.
         """
         distribution, _, bare = name.rpartition(":")
         asked = normal_name(distribution)
         found = [c for c in self if c.record.name == bare and asked in ("", normal_name(c.origin.distribution))]
+        if not found and TARGET.fullmatch(name) and not self._knows(distribution):
+            return (_claim_of_class(name),)
         if not found:
             says = self._explain("backend", name, tuple(sorted({str(c.record.name) for c in self})), None)
             raise self._not_found_error(says)
@@ -237,16 +243,7 @@ class Registry:
         record, wanted = claim.record, INTERFACES[claim.record.interface]
         found: object = record.target
         if isinstance(record.target, str):
-            module, _, path = record.target.partition(":")
-            try:
-                found = importlib.import_module(module)
-                for part in path.split("."):
-                    found = getattr(found, part)
-            except (Exception, SystemExit) as cause:  # a plugin's door: whatever its module does wrong, say whose it is
-                raise BackendError(
-                    f"{claim} cannot be imported from {record.target}: {type(cause).__name__}: {cause}"
-                    f"{_where_to_run(claim, module, cause)}"
-                ) from cause
+            found = _imported(record.target, f"{claim} cannot be imported from {record.target}", claim.origin)
         if not (isinstance(found, type) and issubclass(found, wanted)):
             raise BackendError(f"{claim}: {record.target} is no subclass of physic_core.interfaces.{wanted.__name__}")
         return found
@@ -319,10 +316,35 @@ class Registry:
         return any(normal_name(c.origin.distribution) == normal_name(distribution) for c in self._claims)
 
 
-def _where_to_run(claim: Claim, module: str, cause: BaseException) -> str:
-    """What to do where a config names a module that Python does not find; nothing where it is another's fault."""
+def _claim_of_class(target: str) -> Claim:
+    """A class named as "package.module:Class", as a backend of the interface that it derives from."""
+    from physic_core.interfaces import INTERFACES
+
+    kind = _imported(target, f"'{target}' cannot be imported", IN_CONFIG)
+    own = [name for name, wanted in INTERFACES.items() if isinstance(kind, type) and issubclass(kind, wanted)]
+    if len(own) != 1:
+        names = ", ".join(wanted.__name__ for wanted in INTERFACES.values())
+        raise BackendError(f"'{target}' should be a subclass of one class of physic_core.interfaces: {names}")
+    return Claim(BackendRecord(own[0], target, target), BY_CLASS)
+
+
+def _imported(target: str, title: str, origin: Origin) -> object:
+    """What "package.module:Class" names."""
+    module, _, path = target.partition(":")
+    try:
+        found: object = importlib.import_module(module)
+        for part in path.split("."):
+            found = getattr(found, part)
+    except (Exception, SystemExit) as cause:  # a plugin's door: whatever its module does wrong, say whose it is
+        where = _where_to_run(origin, module, cause)
+        raise BackendError(f"{title}: {type(cause).__name__}: {cause}{where}") from cause
+    return found
+
+
+def _where_to_run(origin: Origin, module: str, cause: BaseException) -> str:
+    """What to do where a user names a module that Python does not find; nothing where it is another's fault."""
     missing = cause.name if isinstance(cause, ModuleNotFoundError) else None
-    if claim.origin != IN_CONFIG or missing is None or missing != module.partition(".")[0]:
+    if origin not in (IN_CONFIG, BY_CLASS) or missing is None or missing != module.partition(".")[0]:
         return ""
     return f"; run in the folder of {missing}.py, or put that folder into PYTHONPATH"
 

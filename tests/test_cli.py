@@ -136,8 +136,13 @@ def test_run_hands_every_flag_to_the_config(pipeline, tmp_path):
 
 def test_run_keeps_what_fails_cheaply_in_front_of_the_pipeline(pipeline):
     assert refusal(*run("--set", "photo.max_side=1")) == "--set: 1 error\nphoto.max_side   should be >= 128 (got 1)"
-    assert refusal(*run("--device", "foo")) == "no device named 'foo': use 'cpu', 'cuda' or 'cuda:N'"
-    assert refusal("run", "photo.jpg", "--preset", "no") == "no preset named 'no'; there are: best, embedded, light-cpu, mock, paper"
+    assert refusal(*run("--device", "foo")) == (
+        "--device: 1 error\nrun.device   should be 'cpu', 'cuda' or 'cuda:N' (got 'foo')"
+    )
+    assert (
+        refusal("run", "photo.jpg", "--preset", "no")
+        == "no preset named 'no'; there are: best, embedded, light-cpu, mock, paper"
+    )
     Path("taken").write_text("")
     assert refusal(*run("-o", "taken")) == (
         "cannot write results to taken: it is a file; name a folder, or move the file away"
@@ -318,7 +323,7 @@ def test_the_listing_of_an_unknown_interface_is_refused(command: tuple[str, ...]
 
 
 def test_an_empty_listing_says_so():
-    assert listing(Registry()) == "no backend is installed"
+    assert listing(Registry()) == "no backend is installed: pip install physic-embedded"
     assert listing(Registry(restriction="")) == "no backend is installed (PHYSIC_PLUGINS='')"
 
 
@@ -460,6 +465,24 @@ def test_the_doctor_is_content_with_what_only_lacks_a_file(site, monkeypatch):
     assert done.exit_code == 0
     (finding,) = json.loads(done.stdout)
     assert (finding["state"], finding["message"]) == ("missing", "no checkpoint at /x: get it from /y")
+
+
+def test_a_class_that_no_plugin_registers_is_shown_and_looked_at(monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "own_fill.py").write_text(
+        "from physic_core.interfaces import Inpainter\n"
+        "class Fill(Inpainter):\n"
+        "    def infer(self, image, mask): return image\n"
+    )
+    shown = physic("plugins", "show", "own_fill:Fill").stdout.splitlines()
+    assert shown[:3] == [
+        "inpainter 'own_fill:Fill'",
+        "  plugin    a class that no plugin registers",
+        "  class     own_fill:Fill",
+    ]
+    done = physic("plugins", "doctor", "own_fill:Fill")
+    assert done.exit_code == 0
+    assert done.stdout.startswith("ok       inpainter 'own_fill:Fill' (named in the config): ")
 
 
 def test_the_doctor_tells_what_is_refused_or_cannot_be_imported_without_loading(site):

@@ -259,6 +259,14 @@ def test_every_fault_is_told_at_once_with_path_source_and_suggestion(write):
     )
 
 
+@pytest.mark.parametrize("device", ["gpu", "tpu", "cuda:", "cuda:x", "CPU", "cuda:1 ", ""])
+def test_a_device_is_called_as_torch_calls_it(device: str):
+    assert refusal(overrides=[f"run.device='{device}'"]) == (
+        f"--set: 1 error\nrun.device   should be 'cpu', 'cuda' or 'cuda:N' (got '{device}')"
+    )
+    assert load_config(overrides=["run.device=cuda:12"]).run.device == "cuda:12"
+
+
 @pytest.mark.parametrize(
     ("override", "expected"),
     [

@@ -146,6 +146,29 @@ def test_a_target_in_a_config_works_without_packaging(site):
     assert str(claim) == "inpainter 'my_fill:Fill' (named in the config)"
 
 
+def test_a_class_is_called_by_its_target_and_says_its_interface(site):
+    (site.folder / "my_other_fill.py").write_text(
+        "from physic_core.interfaces import Inpainter\n"
+        "class Fill(Inpainter):\n"
+        "    def infer(self, image, mask): return image\n"
+    )
+    (claim,) = registry(("telea", A)).called("my_other_fill:Fill")
+    assert str(claim) == "inpainter 'my_other_fill:Fill' (a class that no plugin registers)"
+    assert Registry().load_whole_class(claim).__name__ == "Fill"
+
+
+def test_a_class_that_is_called_but_is_no_backend_is_refused():
+    assert message(BackendError, Registry().called, "no_such_module:C") == (
+        "'no_such_module:C' cannot be imported: ModuleNotFoundError: No module named 'no_such_module'; "
+        "run in the folder of no_such_module.py, or put that folder into PYTHONPATH"
+    )
+    for no_backend in ("json:dumps", "physic_core.interfaces:Backend"):
+        assert message(BackendError, Registry().called, no_backend) == (
+            f"'{no_backend}' should be a subclass of one class of physic_core.interfaces: Segmenter, Inpainter, "
+            "MetricDepth, RelativePointmap, KeypointDetector, BodyEstimator, HandEstimator, ContactPrior"
+        )
+
+
 @pytest.mark.parametrize(
     ("target", "expected"),
     [

@@ -66,6 +66,7 @@ def test_a_file_that_holds_passes(schema, text: str):
         ("[engine.scene]\nfar_m = 'x'", "engine.scene.far_m"),
         ("[engine.scene]\nfar = 3", "engine.scene"),
         ('extends = "embeded"', "extends"),
+        ("[run]\ndevice = 'gpu'", "run.device"),
         ("colour = 3", ""),
     ],
 )

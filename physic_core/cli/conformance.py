@@ -27,8 +27,8 @@ def check(
 ) -> None:
     """Try the backends called NAME on photos of synthetic worlds, and say what they do wrong.
 
-    NAME is a backend, DISTRIBUTION:BACKEND, or PACKAGE.MODULE:CLASS together with --interface. Ends with code 1 if a
-    check fails, or if nothing could be asked.
+    NAME is a backend, DISTRIBUTION:BACKEND, or PACKAGE.MODULE:CLASS. Ends with code 1 if a check fails, or if nothing
+    could be asked.
     """
     import json
 

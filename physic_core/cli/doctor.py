@@ -141,7 +141,9 @@ def in_its_own_process(claim: Claim, device: str, timeout: float) -> Finding:
     """The same in a process of its own, that sees the same modules."""
     record = claim.record
     look = f"import sys; from {__name__} import _main; _main(*sys.argv[1:])"
-    command = [sys.executable, "-c", look, record.interface, claim.origin.distribution, record.name, device]
+    # A name with a colon is that of a class.
+    name = record.name if ":" in record.name else f"{claim.origin.distribution}:{record.name}"
+    command = [sys.executable, "-c", look, record.interface, name, device]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     try:
         done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=timeout, check=False)
@@ -159,9 +161,9 @@ def _finding(claim: Claim, state: Literal["ok", "missing", "broken"], message: s
     return Finding(record.interface, record.name, str(claim.origin), state, message, round(seconds, 2))
 
 
-def _main(interface: str, distribution: str, name: str, device: str) -> None:
+def _main(interface: str, name: str, device: str) -> None:
     from physic_core.plugins import discover
 
     registry = discover()
-    claim = registry.get(interface, f"{distribution}:{name}")
+    claim = registry.get(interface, name)
     click.echo(f"\n{_MARK}{json.dumps(asdict(examine(registry, claim, device)))}")

@@ -35,8 +35,9 @@ def listing(registry: Registry, interface: str | None = None) -> str:
         rows.append(("-", "-", origin.distribution, origin.version or "-", "-", "-", f"BROKEN: {lost.cause}"))
     if len(rows) == 1:
         what = "no backend is installed" if interface is None else f"no backend for '{interface}' is installed"
-        hidden = "" if registry.restriction is None else f" (PHYSIC_PLUGINS='{registry.restriction}')"
-        return f"{what}{hidden}"
+        if registry.restriction is not None:
+            return f"{what} (PHYSIC_PLUGINS='{registry.restriction}')"
+        return f"{what}: pip install physic-embedded"
     return columns(rows)
 
 
