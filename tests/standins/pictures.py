@@ -40,5 +40,5 @@ def shows_people(world: World, picture: np.ndarray) -> bool:
     apart = [
         np.abs(picture - on_grid(seen / 255, *picture.shape[:2])).mean() for seen in (world.image, world.empty_image)
     ]
-    assert min(apart) < 0.05, f"another picture than that of the world: {min(apart):.2f} off"
+    assert min(apart) < 0.025, f"another picture than that of the world: {min(apart):.3f} off"
     return bool(apart[0] < apart[1])
