@@ -388,6 +388,7 @@ def test_the_best_estimators_lose_nothing_on_the_way_to_the_engine(
     print(score)
     assert score.joints < 30
     assert max(score.fingers) < 3
+    assert score.contact > 0.7
     assert score.depth < 0.01
 
 
