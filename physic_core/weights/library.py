@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 from physic_core.errors import InputError, PhysicError
 from physic_core.registry import normal_name
 from physic_core.weights.manifest import WeightSet, read_manifest
+from physic_core.weights.near import in_words, near
 
 if TYPE_CHECKING:
     from physic_core.registry import Manifest, Origin
@@ -59,8 +59,8 @@ class Library:
             choices = " or ".join(f"'{one.origin.distribution}:{bare}'" for one in found)
             raise InputError(f"several plugins list weights named '{bare}': write {choices}")
         names = sorted({one.weights.name for one in self.sets})
-        close = get_close_matches(bare, names, n=1)
-        hint = f"did you mean '{close[0]}'?" if close else "`physic weights list` names all"
+        close = near(bare, names)
+        hint = f"did you mean {in_words(close)}?" if close else "`physic weights list` names all"
         broken = "".join(f"\n{origin}: {why}" for origin, why in self.broken)
         raise InputError(f"no weights are named '{name}'; {hint}{broken}")
 

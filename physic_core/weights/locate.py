@@ -6,12 +6,12 @@ import hashlib
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 
 from physic_core.errors import WeightsMissingError
 from physic_core.weights.folders import in_hub_cache, loose, own_folder, places_in_words, user_folders
 from physic_core.weights.manifest import WeightFile, WeightSet, read_manifest
+from physic_core.weights.near import in_words, near
 
 __all__ = ["Found", "fingerprint", "locate", "look", "missing", "size_in_words", "way_to_get"]
 
@@ -185,8 +185,8 @@ def _own_path(manifest: Path, value: str, file: str | None) -> Path:
     if path.suffix or any(mark in value for mark in ("/", os.sep)):
         raise WeightsMissingError(f"no file or folder {value}")
     names = sorted(read_manifest(manifest))
-    close = get_close_matches(value, names, n=1)
-    hint = f" Did you mean '{close[0]}'?" if close else f" There are: {', '.join(names) or 'none'}."
+    close = near(value, names)
+    hint = f" Did you mean {in_words(close)}?" if close else f" There are: {', '.join(names) or 'none'}."
     raise WeightsMissingError(f"no weights are named '{value}', and no file or folder is.{hint}")
 
 

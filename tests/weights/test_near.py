@@ -1,0 +1,42 @@
+"""What is suggested for a name of weights that there is not."""
+
+from __future__ import annotations
+
+import pytest
+
+from physic_core.weights.near import in_words, near
+
+NAMES = (
+    *("big-lama", "camerahmr-onnx", "deco-onnx", "lama-carve", "moge-1-vitl"),
+    *("moge-2-vitb-normal", "moge-2-vitl-normal", "moge-2-vits-normal", "sam2.1-hiera-tiny", "sam3-hf"),
+    *("vitpose-b-coco", "vitpose-h-wholebody", "vitpose-l-coco", "vitpose-l-wholebody", "vitpose-s-coco"),
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("moge-2-vits-norml", ["moge-2-vits-normal"]),
+        ("oge-2-vits-normal", ["moge-2-vits-normal"]),
+        ("moge-2", ["moge-2-vitb-normal", "moge-2-vitl-normal", "moge-2-vits-normal"]),
+        ("moge-2-onnx", ["moge-2-vitb-normal", "moge-2-vitl-normal", "moge-2-vits-normal"]),
+        ("sam2-onnx", ["sam2.1-hiera-tiny"]),
+        ("lama", ["lama-carve"]),
+        ("vitpose", ["vitpose-b-coco", "vitpose-h-wholebody", "vitpose-l-coco", "vitpose-l-wholebody"]),
+        ("yolo", []),
+    ],
+)
+def test_what_begins_alike_is_nearer_than_what_ends_alike(name: str, expected: list[str]):
+    assert near(name, NAMES) == expected
+
+
+def test_nothing_is_near_where_there_is_nothing():
+    assert near("net", ()) == []
+
+
+def test_a_choice_in_words():
+    assert [in_words(NAMES[:n]) for n in (1, 2, 3)] == [
+        "'big-lama'",
+        "'big-lama' or 'camerahmr-onnx'",
+        "'big-lama', 'camerahmr-onnx' or 'deco-onnx'",
+    ]
