@@ -32,7 +32,7 @@ def blocks() -> list[Block]:
 
 
 def spaced(text: str) -> str:
-    """A line without what differs from machine to machine: numbers, counts of checks aside, and the width of columns."""
+    """A line without what differs from machine to machine: numbers, except counts of checks, and widths of columns."""
     return re.sub(r"\s+", " ", text if " checks: " in text else NUMBER.sub("N", text)).strip()
 
 
