@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 from physic_core.cache.code import Code  # at once, before any backend: it notices code that is edited from then on
 from physic_core.config import as_config
-from physic_core.devices import check_device
 from physic_core.io.photo import Photo, check_image, prepare, read_photo
 from physic_core.plugins import discover
 from physic_core.resolve import require_whole, resolve
@@ -60,6 +59,7 @@ def reconstruct(
         InputError: the image cannot be used.
         ConfigError: the configuration does not hold.
         WeightsMissingError: backends lack files, all of which it lists; nothing was computed.
+        DeviceError: the device is not there.
         NoPersonError: nobody was found.
         BackendError: a backend failed, or answered what its interface does not allow.
     """
@@ -84,7 +84,6 @@ def reconstruct_photo(
 
 def _plan(config: Config, registry: Registry | None) -> ResolvedPipeline:
     plan = resolve(config, discover() if registry is None else registry)
-    check_device(plan.device)
     require_whole(plan)
     return plan
 

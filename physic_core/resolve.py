@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any
 from pydantic import BaseModel, ValidationError
 
 from physic_core.config import load_config
+from physic_core.devices import check_device
 from physic_core.errors import BackendError, BackendNotFoundError, PhysicError, WeightsMissingError
 from physic_core.faults import Fault, Findings, config_error, from_pydantic
 from physic_core.interfaces import INTERFACES
-from physic_core.readiness import lacks
+from physic_core.readiness import gpu_is_seen, lacks
 from physic_core.types import Provenance
 
 if TYPE_CHECKING:
@@ -103,11 +104,18 @@ def resolve(config: Config, registry: Registry) -> ResolvedPipeline:
 
 
 def missing(plan: ResolvedPipeline) -> tuple[str, ...]:
-    """What the chosen backends lack on this machine, one text each with whose lack it is; asked offline.
+    """What a run lacks on this machine, one text each with whose lack it is; asked offline.
+
+    That is what the chosen backends lack, and a GPU where the config asks for one and none is seen; whether torch can
+    use one that is seen is told by :func:`physic_core.devices.check_device` alone.
 
     Raises:
         BackendError: a backend cannot say.
     """
+    return (*_missing_files(plan), *_missing_gpu(plan))
+
+
+def _missing_files(plan: ResolvedPipeline) -> tuple[str, ...]:
     found: dict[str, list[str]] = {}
     for resolved in plan.backends.values():
         try:
@@ -119,15 +127,28 @@ def missing(plan: ResolvedPipeline) -> tuple[str, ...]:
     return tuple(f"{' and '.join(titles)}: {text}" for text, titles in found.items())
 
 
+def _missing_gpu(plan: ResolvedPipeline) -> tuple[str, ...]:
+    if plan.device == "cpu" or gpu_is_seen():
+        return ()
+    return (
+        f"run.device '{plan.device}': no GPU is seen: run it where there is one, or set run.device to 'cpu' for "
+        "backends that can do without",
+    )
+
+
 def require_whole(plan: ResolvedPipeline) -> None:
     """Refuse a run in which a chosen backend lacks anything, optional ones included: the user asked for them.
 
+    A GPU that lacks too is told along with it.
+
     Raises:
         WeightsMissingError: all that is missing, and how to get each.
+        DeviceError: nothing else is missing, and torch does not find the device.
         BackendError: a backend cannot say.
     """
-    if texts := missing(plan):
-        raise WeightsMissingError(list_of_missing(texts, ", and nothing was computed"))
+    if files := _missing_files(plan):
+        raise WeightsMissingError(list_of_missing((*files, *_missing_gpu(plan)), ", and nothing was computed"))
+    check_device(plan.device)
 
 
 def list_of_missing(texts: Sequence[str], end: str) -> str:

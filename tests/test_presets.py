@@ -23,6 +23,7 @@ from physic_core import Reconstruction
 from physic_core.adapters import checkouts
 from physic_core.cli import main
 from physic_core.plugins import discover
+from physic_core.readiness import gpu_is_seen
 from physic_core.testing.worlds import World, build_world
 
 from .standins.checkouts import write_checkouts, write_checkpoints
@@ -112,10 +113,18 @@ def physic(bare: dict[str, str], cwd: Path, *arguments: str) -> subprocess.Compl
     return subprocess.run(command, cwd=cwd, env=bare, capture_output=True, text=True, timeout=120, check=False)
 
 
+GPU = (
+    "run.device 'cuda': no GPU is seen: run it where there is one, or set run.device to 'cpu' for backends that can do "
+    "without"
+)
+
+
 def listed(text: str) -> list[str]:
-    """The lines below the head, each without whose lack it is."""
+    """The lines below the head, each without whose lack it is; the last line is about a GPU where none is seen."""
     head, *lines = text.rstrip("\n").split("\n")
     assert head.startswith(f"{len(lines)} things are missing"), head
+    if not gpu_is_seen():
+        assert lines.pop() == f"  {GPU}"
     whose = re.compile(r"  \w+ '[\w-]+' \(physic-\w+ [\d.]+\)(?: and \w+ '[\w-]+' \(physic-\w+ [\d.]+\))*: ")
     assert all(whose.match(line) for line in lines), lines
     return [whose.sub("", line) for line in lines]
@@ -300,6 +309,8 @@ def test_the_papers_pipeline_runs_from_photo_to_files(
     at = place.checkouts
     Path("my.toml").write_text(f"""
 extends = "paper"
+[run]
+device = "cpu"
 [inpainter.options]
 checkout = "{at["Omnieraser"]}"
 base = "{tmp_path / "flux"}"
@@ -338,11 +349,12 @@ smpl_file = "{place.smpl}"
 
 @pytest.fixture
 def best(place: Place) -> list[str]:
-    """Flags of the preset, with the stand-ins' checkouts."""
+    """Flags of the preset, with the stand-ins' checkouts, on a CPU."""
     options = {
         "body_estimator.options.checkout": str(place.checkouts["sam-3d-body"]),
         "hand_estimator.options.checkout": str(place.checkouts["WiLoR-mini"]),
         "hand_estimator.options.least_size_px": "5",
+        "run.device": "cpu",
     }
     return ["--preset", "best", *(part for key, value in options.items() for part in ("--set", f"{key}={value}"))]
 
@@ -396,7 +408,27 @@ def test_without_a_gpu_the_best_bodies_are_refused_in_words(
     best: list[str], world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tell(monkeypatch, world)
-    done = CliRunner().invoke(main, ["run", "photo.png", "-o", "out", "--device", "cpu", *best])
+    done = CliRunner().invoke(main, ["run", "photo.png", "-o", "out", *best])
     assert (done.exit_code, done.stdout) == (1, "")
     assert "SAM 3D Body's own code runs on a GPU only, and 'cpu' was asked for: use 'cuda'" in done.stderr
     assert not Path("out").exists()
+
+
+def test_with_all_files_a_gpu_is_still_asked_for_before_the_photo_is_read(
+    best: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("physic_core.resolve.gpu_is_seen", lambda: False)
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    wanted = [*best, "--set", "run.device=cuda"]
+    checked = CliRunner().invoke(main, ["config", "check", *wanted])
+    assert checked.output == f"preset best: no errors\n1 thing is missing; a run would stop:\n  {GPU}\n"
+    done = CliRunner().invoke(main, ["run", "no-such-photo.png", "-o", "out", *wanted])
+    assert (done.exit_code, done.stdout) == (1, "")
+    assert done.stderr.startswith("Error: device 'cuda' is not there: torch ")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_gpu_that_is_seen_is_left_to_torch(best: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("physic_core.resolve.gpu_is_seen", lambda: True)
+    wanted = [*best, "--set", "run.device=cuda"]
+    assert CliRunner().invoke(main, ["config", "check", *wanted]).output == "preset best: no errors\n"

@@ -74,9 +74,8 @@ def run(
     if file is not None and preset is not None:
         raise click.UsageError('--config names its preset itself, with extends = "NAME": leave --preset out')
 
-    from physic_core.devices import check_device
     from physic_core.plugins import discover
-    from physic_core.resolve import load_checked
+    from physic_core.resolve import load_checked, require_whole, resolve
 
     flags: dict[str, dict[str, Any]] = {}
     if focal_px is not None:
@@ -90,10 +89,10 @@ def run(
     if no_cache:
         flags["--no-cache"] = {"run": {"cache": False}}
 
-    # What fails cheaply fails first: nothing is loaded before config, device and output folder have held.
+    # What fails cheaply fails first: nothing is loaded before config, files, device and output folder have held.
     registry = discover()
     config = load_checked(registry, file, preset=preset, overrides=overrides, flags=flags)
-    check_device(config.run.device)
+    require_whole(resolve(config, registry))
     folder = out if out is not None else Path(f"{photo.stem}-physic")
     with _terminable(), _reserved(folder):
         from physic_core.pipeline import reconstruct_photo
