@@ -171,8 +171,23 @@ def test_config_check_says_that_the_config_holds_and_what_a_run_would_lack(heavy
 
 def test_config_check_says_no_more_than_before_where_all_is_here(heavy: Path):
     bring(heavy)
+    with (heavy / "model.onnx").open("r+b") as file:
+        file.truncate(140852051)
     done = physic("config", "check", "my.toml", "--set", "hand_estimator.backend=none")
     assert (done.exit_code, done.stdout) == (0, "my.toml: no errors\n")
+
+
+def test_a_file_of_another_size_is_remarked_once_and_stops_nothing(heavy: Path):
+    bring(heavy)
+    done = physic("config", "check", "my.toml")
+    assert (done.exit_code, done.stdout) == (
+        0,
+        "my.toml: no errors\n"
+        "1 thing is missing; a run would stop:\n"
+        f"  hand_estimator 'heavy-hands' (physic-heavy 1.0): {HANDS}\n"
+        "remark: weights 'net' are here, but model.onnx of 3 bytes where 140852051 are published: "
+        "`physic weights verify net`\n",
+    )
 
 
 def test_resolving_alone_asks_for_no_file(heavy: Path):

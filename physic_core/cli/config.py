@@ -35,15 +35,18 @@ def _arguments(command: Callable[..., None]) -> Callable[..., None]:
 def check(file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> None:
     """Check FILE as a whole, options of backends included, and say what a run would lack; nothing is loaded."""
     from physic_core.plugins import discover
-    from physic_core.resolve import list_of_missing, load_checked, missing, resolve
+    from physic_core.resolve import list_of_missing, load_checked, missing, remarks, resolve
 
     _refuse_both(file, preset)
     registry = discover()
     found = load_checked(registry, file, preset=preset, overrides=overrides)
-    lacking = missing(resolve(found, registry))
+    plan = resolve(found, registry)
+    lacking, further = missing(plan), remarks(plan, registry)
     click.echo(f"{file or f'preset {preset}' if file or preset else 'preset embedded'}: no errors")
     if lacking:
         click.echo(list_of_missing(lacking, "; a run would stop"))
+    for text in further:
+        click.echo(f"remark: {text}")
 
 
 @config.command()

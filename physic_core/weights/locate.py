@@ -13,7 +13,7 @@ from physic_core.weights.folders import in_hub_cache, loose, own_folder, places_
 from physic_core.weights.manifest import WeightFile, WeightSet, read_manifest
 from physic_core.weights.near import in_words, near
 
-__all__ = ["Found", "fingerprint", "locate", "look", "missing", "size_in_words", "way_to_get"]
+__all__ = ["Found", "fingerprint", "locate", "look", "missing", "other_sizes", "size_in_words", "way_to_get"]
 
 
 @dataclass(frozen=True)
@@ -104,6 +104,21 @@ def look(weights: WeightSet) -> Found:
         for path, place in found.items():
             pieces.setdefault(path, place)
     return Found(None, pieces)
+
+
+def other_sizes(weights: WeightSet) -> str:
+    """Which files are here, but of other sizes than the published ones, in one line; empty where none is.
+
+    They may be the user's own, and are taken as they are.
+    """
+    here = look(weights).files
+    sizes = [(file, here[file.path].stat().st_size) for file in weights.files if file.path in here]
+    told = [
+        f"{file.path} of {size} bytes where {file.bytes} are published"
+        for file, size in sizes
+        if file.bytes not in (None, size)
+    ]
+    return f"{', '.join(told)}: `physic weights verify {weights.name}`" if told else ""
 
 
 def way_to_get(weights: WeightSet) -> str:
