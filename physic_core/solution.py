@@ -16,6 +16,8 @@ from physic_core.engine.joint import optimize
 from physic_core.engine.limbs import confirmed_joints, observed_parts, placing_keypoints
 from physic_core.engine.problem import JointProblem
 from physic_core.engine.scene import alignment_diagnostics, build_scene
+from physic_core.engine.sides import tell_sides
+from physic_core.geometry.camera import project
 from physic_core.geometry.neighbors import NearestScene, near_boxes
 from physic_core.geometry.visibility import vertex_normals
 from physic_core.measures import depth_ratio, seen_share, support_gap
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from physic_core.body.model import BodyModel
+    from physic_core.engine.placement import Placement
     from physic_core.engine.problem import JointResult
     from physic_core.engine.scene import SceneState
     from physic_core.engine.settings import EngineSettings
@@ -132,28 +135,41 @@ def _stage_placement(
     told = known_keypoints(evidence.keypoints)
     keypoints = tensor(told.points).to(device, dtype)
     confidence = tensor(told.confidence).to(device, dtype)
-    observed = _observed(evidence, device) | confirmed_joints(
-        told.skeleton, keypoints, confidence, masks.to(device), settings.human.seen_confidence
-    )
     body = model(rotations, betas, transl, expression)
+    landmarks = model.landmarks(body, told.skeleton)
     placing = placing_keypoints(told.skeleton, keypoints.shape[1])
-    placed = place(
-        body.vertices,
-        vertex_normals(body.vertices, model.faces),
-        model.landmarks(body, told.skeleton)[:, placing],
-        transl,
-        keypoints[:, placing],
-        confidence[:, placing],
-        scene.K.to(device, dtype),
-        points,
-        masks,
-        settings.human,
-        outer=model.outer,
-        floor_normal=scene.floor_normal,
-        floor_offset=scene.floor_offset,
-        soles=torch.cat([model.contact_sets["left_sole"], model.contact_sets["right_sole"]]),
-        feet_seen=observed[:, _ANKLES].any(1),
-    )
+    K = scene.K.to(device, dtype)
+
+    def placed_by(keypoints: Tensor, confidence: Tensor) -> tuple[Placement, Tensor]:
+        observed = _observed(evidence, device) | confirmed_joints(
+            told.skeleton, keypoints, confidence, masks.to(device), settings.human.seen_confidence
+        )
+        placement = place(
+            body.vertices,
+            vertex_normals(body.vertices, model.faces),
+            landmarks[:, placing],
+            transl,
+            keypoints[:, placing],
+            confidence[:, placing],
+            K,
+            points,
+            masks,
+            settings.human,
+            outer=model.outer,
+            floor_normal=scene.floor_normal,
+            floor_offset=scene.floor_offset,
+            soles=torch.cat([model.contact_sets["left_sole"], model.contact_sets["right_sole"]]),
+            feet_seen=observed[:, _ANKLES].any(1),
+        )
+        return placement, observed
+
+    placed, observed = placed_by(keypoints, confidence)
+    moved = landmarks + (placed.transl.to(device, dtype) - transl)[:, None]
+    sides = tell_sides(told.skeleton, keypoints, confidence, project(moved, K), settings.human.mixed_sides_ratio)
+    if any(sides.exchanged):
+        keypoints = keypoints.take_along_dim(sides.order[..., None], 1)
+        confidence = confidence.take_along_dim(sides.order, 1)
+        placed, observed = placed_by(keypoints, confidence)
     agree = alignment.inlier_share > 0
     depth = torch.where(known & torch.isfinite(aligned).all(-1), aligned[..., 2], torch.nan)
     problem = JointProblem(
@@ -165,7 +181,7 @@ def _stage_placement(
         keypoints=keypoints,
         keypoint_confidence=confidence,
         skeleton=told.skeleton,
-        K=scene.K.to(device, dtype),
+        K=K,
         masks=masks.to(device),
         scene_points=scene.points[scene.valid].to(device, dtype),
         scene_normals=scene.normals[scene.valid].to(device, dtype),
@@ -178,7 +194,8 @@ def _stage_placement(
         human_points=tuple(p.to(device, dtype) for p in points) if agree else None,
         scale_sigma=evidence.depth.scale_sigma,
     )
-    diagnostics = {"alignment": alignment_diagnostics(alignment), "people": [dict(d) for d in placed.diagnostics]}
+    people = [{**d, "exchanged": list(x)} for d, x in zip(placed.diagnostics, sides.exchanged, strict=True)]
+    diagnostics = {"alignment": alignment_diagnostics(alignment), "people": people}
     return problem, diagnostics
 
 

@@ -160,8 +160,8 @@ class JointSettings:
     learning_rate: Positive = 1e-2
     tolerance: NotNegative = 1e-3
     scene_after: Share = 0.0
-    starts: Literal[1, 3, 5] = 1
-    start_doubt: NotNegative = 0.02
+    starts: Literal[1, 3, 5] = 3
+    start_doubt: NotNegative = 0.04
     nearest: NearestStrategy = "kdtree"
     nearest_every_step: bool = False
     reduction: Literal["area", "sum"] = "area"
@@ -232,14 +232,14 @@ class JointSettings:
     lower_sole_reach_m: Positive = 0.4
     regularisation_weight: NotNegative = 1.0
     regularisation_sigma_m: Positive = 0.06
-    visible_weight: NotNegative = 0.05
+    visible_weight: NotNegative = 0.01
     occluded_weight: NotNegative = 0.1
     root_weight: NotNegative = 0.3
     pose_weight: NotNegative = 1.0
     hands_weight: NotNegative = 1.0
     shape_weight: NotNegative = 1.0
     translation_weight: NotNegative = 0.05
-    scale_weight: NotNegative = 4.0
+    scale_weight: NotNegative = 1.5
     scale_sigma: Positive = 0.1
     limit_weight: NotNegative = 1.0
     balance_weight: NotNegative = 16.0
@@ -251,6 +251,6 @@ class JointSettings:
     people_penetration_weight: NotNegative = 0.0
     people_penetration_slack_m: NotNegative = 0.02
     people_penetration_sigma_m: Positive = 0.02
-    stature_weight: NotNegative = 0.0
+    stature_weight: NotNegative = 1.0
     stature_sigma: Positive = 0.06
     stature_m: NotNegative = 0.0

@@ -54,6 +54,7 @@ _PAPER = EngineSettings(
         reprojection_weight=5000.0,
         min_confidence=0.5,
         seen_confidence=1.0,
+        mixed_sides_ratio=0.0,
         robust_px_share=math.inf,
         robust_m=math.inf,
         depth_offset_sigma=0.0,
@@ -61,6 +62,8 @@ _PAPER = EngineSettings(
     ),
     joint=JointSettings(
         parameters="raw",
+        starts=1,
+        stature_weight=0.0,
         optimiser="adam",
         steps=100,
         refresh_steps=30,
@@ -157,9 +160,13 @@ _PROX = EngineSettings(
         outliers="off",
         floor="off",
     ),
-    human=HumanSettings(seen_confidence=1.0, chamfer_weight=0.0, depth_offset_sigma=0.0, floor_weight=0.0),
+    human=HumanSettings(
+        seen_confidence=1.0, mixed_sides_ratio=0.0, chamfer_weight=0.0, depth_offset_sigma=0.0, floor_weight=0.0
+    ),
     joint=JointSettings(
         parameters="raw",
+        starts=1,
+        stature_weight=0.0,
         frozen=("scale", "offset"),
         steps=120,
         refresh_steps=30,

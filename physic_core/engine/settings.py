@@ -51,7 +51,7 @@ class SceneSettings:
         far_m: points beyond are invalid, metres.
         floor: "disparity" fits a plane in 1 / Z, "metric" is the paper's RANSAC on points of the floor mask, "off".
         floor_hypotheses: RANSAC draws.
-        floor_tolerance: how far an inlier may be off, as a share of the range of 1 / Z ("disparity"); 0.008-0.02.
+        floor_tolerance: how far an inlier may be off, as a share of the range of 1 / Z ("disparity"); 0.008-0.03.
         floor_mask_slack: where no plane holds on the floor mask it is tried again with this many tolerances
             ("disparity"); 2-3, 1 does not.
         floor_tolerance_m: how far an inlier may be off, metres ("metric").
@@ -84,7 +84,7 @@ class SceneSettings:
     far_m: PositiveOrInfinite = 50.0
     floor: Literal["disparity", "metric", "off"] = "disparity"
     floor_hypotheses: PositiveCount = 1000
-    floor_tolerance: Positive = 0.012
+    floor_tolerance: Positive = 0.02
     floor_mask_slack: Positive = 2.5
     floor_tolerance_m: Positive = 0.01
     floor_min_share: Share = 0.3
@@ -135,6 +135,8 @@ class HumanSettings:
         min_confidence: keypoints below count nothing.
         seen_confidence: a joint whose keypoint is this sure and lies on the person's own mask is seen, whatever the
             body estimator says; 1 believes the body estimator alone.
+        mixed_sides_ratio: left and right of a person's arms, or legs, are exchanged among the keypoints where that
+            lowers their error against the placed body to this share; 0 believes the keypoints.
         robust_px_share: scale of the robust reprojection error, as a share of the normalising length; "inf" is plain
             least squares.
         robust_m: scale of the robust Chamfer distance, metres, wider where most points are farther off; "inf" is plain
@@ -176,6 +178,7 @@ class HumanSettings:
     facing_deg: Degrees = 70.0
     min_confidence: Share = 0.3
     seen_confidence: Share = 0.7
+    mixed_sides_ratio: Share = 0.6
     robust_px_share: PositiveOrInfinite = 0.05
     robust_m: PositiveOrInfinite = 0.15
     depth_offset_sigma: NotNegative = 0.2

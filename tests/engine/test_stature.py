@@ -77,7 +77,7 @@ def test_scene_and_stature_share_a_disagreement_as_two_measurements_do(standing,
         regularisation_sigma_m=10.0, balance_weight=0.0, steps=120, stature_weight=stature_weight, scale_weight=1.0,
     )  # fmt: skip
     result = optimize(large, settings)
-    precision = 1 / spread_of_stature(body) ** 2 + stature_weight / settings.stature_sigma**2
+    precision = settings.shape_weight / spread_of_stature(body) ** 2 + stature_weight / settings.stature_sigma**2
     expected = -math.log(too_large) * scale_sigma**2 / (scale_sigma**2 + 1 / precision)
     grown = math.log(float(body.stature(result.betas)) / float(body.stature(problem.betas0)))
     print(
