@@ -99,4 +99,4 @@ def test_a_stature_that_is_expected_is_pulled_to(standing):
 
 
 def test_no_weight_no_term(standing):
-    assert "stature" not in JointEnergy(standing.problem, JOINT)()
+    assert "stature" not in JointEnergy(standing.problem, replace(JOINT, stature_weight=0.0))()
