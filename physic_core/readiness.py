@@ -22,6 +22,7 @@ __all__ = ["Readiness", "gpu_is_seen", "lacks", "readiness"]
 Word = Literal["ready", "unsure", "not ready", "ambiguous", "refused", "broken"]
 
 _GPU = ("gpu", "cuda")
+_WEIGHTS = "weights"
 _TRACES = ("/proc/driver/nvidia/version", "/dev/nvidiactl", "/dev/dxg")
 
 
@@ -43,13 +44,16 @@ class Readiness:
         return f"{word}: {self.why}" if self.why else word
 
 
-def readiness(registry: Registry, claim: Claim, gpu: Callable[[], bool] | None = None) -> Readiness:
-    """Look whether a backend's module, the packages that it names and a GPU, if it needs one, are there.
+def readiness(
+    registry: Registry, claim: Claim, gpu: Callable[[], bool] | None = None, *, weights: bool = True
+) -> Readiness:
+    """Look whether a backend's module, and the packages, the GPU and the weights that its record names, are there.
 
     Args:
         registry: that the claim is from.
         claim: the backend.
         gpu: whether there is a GPU; None for :func:`gpu_is_seen`.
+        weights: whether to look for weights; False for who asks the backend itself.
     """
     if claim.problem:
         return Readiness("refused", claim.problem)
@@ -60,12 +64,19 @@ def readiness(registry: Registry, claim: Claim, gpu: Callable[[], bool] | None =
         module = record.target.partition(":")[0]
         if not _is_there(module):
             return Readiness("broken", f"there is no module '{module}' for its target {record.target}")
-    missing = [package for package in record.packages if not _is_there(package)]
-    if missing:
-        return Readiness("not ready", f"not installed: {', '.join(missing)}")
+    faults = []
+    if absent := [package for package in record.packages if not _is_there(package)]:
+        faults.append(f"not installed: {', '.join(absent)}")
     further = [need for need in record.needs if need.lower() not in _GPU]
     if len(further) < len(record.needs) and not (gpu or gpu_is_seen)():
-        return Readiness("not ready", "no GPU is seen")
+        faults.append("no GPU is seen")
+    sets = _missing_sets(registry, claim) if weights else None
+    if sets:
+        faults.append(f"missing: {', '.join(sets)}")
+    if faults:
+        return Readiness("not ready", "; ".join(faults))
+    if sets is not None:
+        further = [need for need in further if need != _WEIGHTS]
     if further:
         return Readiness("unsure", f"needs {', '.join(further)}; `physic plugins doctor {record.name}` tells")
     return Readiness("ready")
@@ -94,6 +105,24 @@ def lacks(backend: Backend) -> tuple[str, ...]:
 def gpu_is_seen() -> bool:
     """Whether an NVIDIA driver is at work here; torch would know better, and takes seconds to say so."""
     return shutil.which("nvidia-smi") is not None or any(Path(trace).exists() for trace in _TRACES)
+
+
+def _missing_sets(registry: Registry, claim: Claim) -> tuple[str, ...] | None:
+    """Which of the sets of weights that a record names are not here; None where that cannot be told."""
+    from physic_core.weights import missing, read_manifest
+
+    lists = [manifest.path for manifest in registry.manifests if manifest.origin == claim.origin]
+    found = []
+    try:
+        for name in claim.record.weights:
+            path = next((path for path in lists if name in read_manifest(path)), None)
+            if path is None:
+                return None
+            if missing(path, name):
+                found.append(name)
+    except PhysicError:  # a list that does not hold, which `physic weights list` tells
+        return None
+    return tuple(found) if claim.record.weights else None
 
 
 def _is_there(module: str) -> bool:

@@ -54,6 +54,8 @@ class BackendRecord:
         homepage: where to read more.
         packages: import names of what else has to be installed, such as that of an extra; ``physic plugins`` looks for
             them without importing them.
+        weights: names of the sets of its plugin's list of weights that it reads where no option says otherwise;
+            ``physic plugins`` looks for their files, which answers the need "weights".
     """
 
     interface: str
@@ -65,6 +67,7 @@ class BackendRecord:
     needs: tuple[str, ...] = ()
     homepage: str = ""
     packages: tuple[str, ...] = ()
+    weights: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import importlib.util
 import re
 import sys
@@ -51,6 +52,20 @@ def rows() -> list[list[str]]:
 def test_every_backend_has_one_row_with_its_licence(records: list) -> None:
     told = [(interface, name.strip("`"), licence) for interface, name, _, _, licence in rows()]
     assert sorted(told) == sorted((r.interface, r.name, r.weights_license) for r in records)
+
+
+def test_records_name_the_weights_that_their_defaults_read(
+    records: list, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("PHYSIC_WEIGHTS", "XDG_CACHE_HOME", "HF_HOME", "HF_HUB_CACHE"):
+        monkeypatch.setenv(name, str(tmp_path / name.lower()))
+    monkeypatch.setattr(importlib.import_module("physic_core.weights.locate"), "in_hub_cache", lambda file: None)
+    for record in records:
+        module, _, kind = record.target.partition(":")
+        lacks = " ".join(getattr(importlib.import_module(module), kind)().missing())
+        asked = tuple(re.findall(r"weights '([\w.-]+)' \(", lacks))
+        assert record.weights == asked, f"{record.interface} {record.name}"
+        assert ("weights" in record.needs) == bool(asked), f"{record.interface} {record.name}"
 
 
 def test_every_row_says_how_its_contract_was_checked() -> None:

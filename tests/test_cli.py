@@ -268,6 +268,18 @@ def test_the_listing_tells_ready_refused_ambiguous_slow_and_broken_apart():
     ]
 
 
+def test_long_licences_and_needs_are_cut_in_the_table_and_nowhere_else():
+    licence = "SAM License: commercial use with conditions, gated"
+    packages = ("accelerate", "diffusers", "peft", "torch", "transformers")
+    registry = Registry([Claim(BackendRecord("segmenter", "x", "m:C", weights_license=licence, packages=packages), A)])
+    head, row = listing(registry).splitlines()
+    assert row[head.index("weights") : head.index("status")] == (
+        "SAM License: commercial use with condit…  accelerate, diffusers, peft, torch, tra…  "
+    )
+    assert as_dicts(registry)["backends"][0]["weights_license"] == licence
+    assert f"  weights   {licence}\n  needs     {', '.join(packages)}\n" in details(registry, "x")
+
+
 def test_a_gpu_that_is_needed_is_looked_for():
     registry = Registry([Claim(BackendRecord("segmenter", "big", "json:C", needs=("GPU",)), A)])
     (claim,) = registry
@@ -294,6 +306,7 @@ def test_the_listing_is_there_for_machines_too():
         "weights_license": "",
         "needs": ["a checkpoint"],
         "packages": ["no_package"],
+        "weights": [],
         "homepage": "",
         "target": "json:dumps",
         "status": "not ready",

@@ -231,6 +231,34 @@ def test_the_listing_imports_nothing_and_is_unsure(heavy: Path):
     assert row.endswith("unsure: needs weights; `physic plugins doctor heavy` tells")
 
 
+NAMED = PLUGIN.replace('needs=("weights",)', 'needs=("weights",), weights=("net",)')
+
+
+def statuses() -> dict[str, str]:
+    """The status of what the plugin offers, by interface, as the listing tells it."""
+    return {
+        one["interface"]: ": ".join(filter(None, (one["status"], one["why"])))
+        for one in json.loads(physic("plugins", "--json").stdout)["backends"]
+        if one["distribution"] == "physic-heavy"
+    }
+
+
+def test_the_listing_looks_for_the_weights_that_a_record_names(heavy: Path, site):
+    (site.folder / "physic_heavy.py").write_text(NAMED)
+    assert statuses()["metric_depth"] == "not ready: missing: net"
+    bring(heavy)
+    assert statuses()["metric_depth"] == "ready"
+
+
+@pytest.mark.parametrize(
+    ("record", "list_of_sets"), [('weights=("nut",)', MANIFEST), ('weights=("net",)', "no TOML")], ids=["name", "list"]
+)
+def test_the_listing_is_unsure_of_weights_that_no_list_has(heavy: Path, site, record: str, list_of_sets: str):
+    (site.folder / "physic_heavy.py").write_text(NAMED.replace('weights=("net",)', record))
+    (site.folder / "physic_heavy.toml").write_text(list_of_sets)
+    assert statuses()["metric_depth"] == "unsure: needs weights; `physic plugins doctor heavy` tells"
+
+
 def test_the_kit_asks_nothing_and_fails_nothing(heavy: Path):
     report = check_backend("heavy", "metric_depth", size=(96, 72))
     assert report.failures == ()

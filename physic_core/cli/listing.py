@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
 __all__ = ["as_dicts", "columns", "detail", "listing"]
 
+WIDEST = 40
+"""Characters of a licence or of needs in the table; ``physic plugins show`` and JSON have them whole."""
+
 SLOW_SECONDS = 0.5
 """A plugin that takes longer to say what it offers is named: its registration module imports too much."""
 
@@ -29,7 +32,7 @@ def listing(registry: Registry, interface: str | None = None) -> str:
             # Names of the networks in brackets are for `show`.
             weights = re.sub(r"\s*\([^)]*\)", "", record.weights_license) or "-"
             who = (str(record.interface), str(record.name), origin.distribution, origin.version or "-")
-            rows.append((*who, weights, _needs(claim) or "-", _status(registry, claim)))
+            rows.append((*who, _cut(weights), _cut(_needs(claim)) or "-", _status(registry, claim)))
     for lost in registry.broken:
         origin = lost.origin
         rows.append(("-", "-", origin.distribution, origin.version or "-", "-", "-", f"BROKEN: {lost.cause}"))
@@ -62,7 +65,7 @@ def detail(registry: Registry, claim: Claim) -> str:
             kind = registry.load_class(claim)
             source, options = inspect.getsourcefile(kind), _options(kind.Options)
             files = _files(registry, claim, kind)
-            found = readiness(registry, claim)
+            found = readiness(registry, claim, weights=False)
             if found.word in ("ready", "unsure", "not ready") and (lacking := _lacks(kind)):
                 known = (found.why,) if found.word == "not ready" else ()
                 status = str(Readiness("not ready", "; ".join((*known, *lacking))))
@@ -134,6 +137,7 @@ def _as_dict(registry: Registry, claim: Claim) -> dict[str, Any]:
         "weights_license": record.weights_license,
         "needs": list(record.needs),
         "packages": list(record.packages),
+        "weights": list(record.weights),
         "homepage": record.homepage,
         "target": str(record.target),
         "status": found.word,
@@ -144,6 +148,10 @@ def _as_dict(registry: Registry, claim: Claim) -> dict[str, Any]:
 
 def _owner(origin: Any) -> dict[str, str]:
     return {"plugin": origin.plugin, "distribution": origin.distribution, "version": origin.version}
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= WIDEST else f"{text[: WIDEST - 1].rstrip(' ,;:')}…"
 
 
 def _needs(claim: Claim) -> str:

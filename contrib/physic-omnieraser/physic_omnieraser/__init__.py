@@ -23,6 +23,7 @@ def physic_backends() -> list[BackendRecord]:
             needs=("GPU", "weights", "a checkout"),
             homepage="https://github.com/PRIS-CV/Omnieraser",
             packages=("accelerate", "diffusers", "peft", "torch", "transformers"),
+            weights=("omnieraser",),
         ),
     ]
 

@@ -21,6 +21,7 @@ def physic_backends() -> list[BackendRecord]:
             weights_license="non-commercial research (NLF)",
             needs=("weights",),
             packages=("torchvision",),
+            weights=("nlf-l",),
         ),
         BackendRecord(
             "body_estimator",
@@ -29,6 +30,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="CameraHMR from its checkout: SMPL bodies: the paper's",
             weights_license="MPI: non-commercial (CameraHMR, SMPL)",
             needs=("a checkout", "weights", "a SMPL file"),
+            weights=("camerahmr",),
         ),
         BackendRecord(
             "body_estimator",
@@ -37,6 +39,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="SAM 3D Body from its checkout: MHR bodies",
             weights_license="SAM License: commercial use with conditions, gated",
             needs=("GPU", "a checkout", "weights"),
+            weights=("sam-3d-body-dinov3",),
         ),
         BackendRecord(
             "hand_estimator",
@@ -45,6 +48,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="WiLoR from its checkout: the paper's",
             weights_license="CC-BY-NC-ND-4.0 (WiLoR), MPI: non-commercial (MANO)",
             needs=("a checkout", "weights"),
+            weights=("wilor-mini",),
         ),
         BackendRecord(
             "hand_estimator",
@@ -53,6 +57,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="HaMeR from its checkout",
             weights_license="MIT (HaMeR), MPI: non-commercial (MANO)",
             needs=("a checkout", "weights"),
+            weights=("hamer",),
         ),
         BackendRecord(
             "contact_prior",
@@ -61,6 +66,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="DECO from its checkout: the paper's",
             weights_license="MPI: non-commercial (DECO)",
             needs=("a checkout", "weights", "a SMPL file"),
+            weights=("deco",),
         ),
         BackendRecord(
             "contact_prior",
@@ -77,6 +83,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="UniDepth V2 from its checkout: depth in metres and the camera",
             weights_license="CC-BY-NC-4.0 (UniDepth V2)",
             needs=("a checkout", "weights"),
+            weights=("unidepth-v2-vitl14",),
         ),
         BackendRecord(
             "relative_pointmap",
@@ -85,6 +92,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="MoGe 1 from its checkout: points and the focal length: the paper's",
             weights_license="MIT (MoGe)",
             needs=("a checkout", "weights"),
+            weights=("moge-1-vitl",),
         ),
     ]
 

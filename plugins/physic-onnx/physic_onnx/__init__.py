@@ -20,6 +20,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="SAM 2.1 masks in boxes of YOLOX, RT-DETR or RTMO; floor from points under the feet",
             weights_license="Apache-2.0 (SAM 2, YOLOX, RT-DETR, RTMO)",
             needs=("weights",),
+            weights=("sam2.1-hiera-tiny", "rtdetr-r50"),
         ),
         BackendRecord(
             "segmenter",
@@ -28,6 +29,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="EoMT panoptic masks of people and floor, one network",
             weights_license="MIT (EoMT)",
             needs=("weights",),
+            weights=("eomt-base",),
         ),
         BackendRecord(
             "inpainter",
@@ -36,6 +38,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="MI-GAN pipeline: any size, the hole and its surroundings at 512 px",
             weights_license="MIT (MI-GAN)",
             needs=("weights",),
+            weights=("mi-gan",),
         ),
         BackendRecord(
             "inpainter",
@@ -44,6 +47,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="LaMa: ONNX files of two origins, or TorchScript",
             weights_license="Apache-2.0 (LaMa)",
             needs=("weights",),
+            weights=("lama-carve",),
         ),
         BackendRecord(
             "metric_depth",
@@ -52,6 +56,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="MoGe-2: depth in metres and the focal length",
             weights_license="MIT (MoGe-2), Apache-2.0 (DINOv2)",
             needs=("weights",),
+            weights=("moge-2-vits-normal",),
         ),
         BackendRecord(
             "metric_depth",
@@ -60,6 +65,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="DepthPro: depth in metres and the focal length",
             weights_license="Apple AMLR: research only (DepthPro)",
             needs=("weights",),
+            weights=("depth-pro-fp16",),
         ),
         BackendRecord(
             "metric_depth",
@@ -68,6 +74,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="Depth Anything V2 metric, indoors or outdoors",
             weights_license="Apache-2.0 (small); CC-BY-NC-4.0 (base, large)",
             needs=("weights",),
+            weights=("depth-anything-v2-metric-indoor-small",),
         ),
         BackendRecord(
             "metric_depth",
@@ -76,6 +83,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="Depth Anything 3 metric; needs the focal length",
             weights_license="Apache-2.0 (DA3METRIC-LARGE)",
             needs=("weights",),
+            weights=("depth-anything-3-metric-large",),
         ),
         BackendRecord(
             "metric_depth",
@@ -84,6 +92,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="Metric3D v2; needs the focal length",
             weights_license="BSD-2-Clause (Metric3D v2)",
             needs=("weights",),
+            weights=("metric3d-v2-small",),
         ),
         BackendRecord(
             "relative_pointmap",
@@ -92,6 +101,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="MoGe-2 without its scale: points and the focal length",
             weights_license="MIT (MoGe-2), Apache-2.0 (DINOv2)",
             needs=("weights",),
+            weights=("moge-2-vits-normal",),
         ),
         BackendRecord(
             "relative_pointmap",
@@ -100,6 +110,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="Depth Anything V2 or 3 relative: disparity up to scale and shift",
             weights_license="Apache-2.0 (small); CC-BY-NC-4.0 (base, large)",
             needs=("weights",),
+            weights=("depth-anything-v2-small",),
         ),
         BackendRecord(
             "keypoint_detector",
@@ -108,6 +119,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="ViTPose: 133 whole-body keypoints, or 17",
             weights_license="Apache-2.0 (ViTPose, easy_ViTPose)",
             needs=("weights",),
+            weights=("vitpose-b-wholebody",),
         ),
         BackendRecord(
             "keypoint_detector",
@@ -116,6 +128,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="RTMPose, RTMW or DWPose: 133, 26 or 17 keypoints",
             weights_license="Apache-2.0 (MMPose)",
             needs=("weights",),
+            weights=("rtmw-l-384x288",),
         ),
         BackendRecord(
             "keypoint_detector",
@@ -124,6 +137,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="RTMO: 17 keypoints of all people at once",
             weights_license="Apache-2.0 (MMPose)",
             needs=("weights",),
+            weights=("rtmo-l",),
         ),
         BackendRecord(
             "body_estimator",
@@ -132,6 +146,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="CameraHMR, exported by yourself",
             weights_license="MPI: non-commercial (CameraHMR)",
             needs=("weights",),
+            weights=("camerahmr-onnx",),
         ),
         BackendRecord(
             "hand_estimator",
@@ -140,6 +155,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="WiLoR, exported by yourself",
             weights_license="CC-BY-NC-ND-4.0 (WiLoR), MPI: non-commercial (MANO)",
             needs=("weights",),
+            weights=("wilor-onnx",),
         ),
         BackendRecord(
             "contact_prior",
@@ -148,6 +164,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="DECO, exported by yourself",
             weights_license="MPI: non-commercial (DECO)",
             needs=("weights",),
+            weights=("deco-onnx",),
         ),
     ]
 

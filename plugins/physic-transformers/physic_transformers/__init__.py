@@ -20,6 +20,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="GroundingDINO finds people and floor by words, SAM 2.1 masks them: the paper's",
             weights_license="Apache-2.0 (GroundingDINO, SAM 2.1)",
             needs=("weights",),
+            weights=("grounding-dino-base-hf", "sam2.1-hiera-large-hf"),
         ),
         BackendRecord(
             "segmenter",
@@ -28,6 +29,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="SAM 3 finds people and floor by words",
             weights_license="SAM License: commercial use with conditions, gated (SAM 3)",
             needs=("weights",),
+            weights=("sam3-hf",),
         ),
         BackendRecord(
             "segmenter",
@@ -36,6 +38,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="EoMT panoptic masks of people and floor, one network",
             weights_license="MIT (EoMT)",
             needs=("weights",),
+            weights=("eomt-large-640-hf",),
         ),
         BackendRecord(
             "metric_depth",
@@ -44,6 +47,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="DepthPro: depth in metres and the focal length: the paper's",
             weights_license="Apple AMLR: research only (DepthPro)",
             needs=("weights",),
+            weights=("depth-pro-hf",),
         ),
         BackendRecord(
             "metric_depth",
@@ -52,6 +56,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="Depth Anything V2 metric, indoors or outdoors",
             weights_license="Apache-2.0 (small); CC-BY-NC-4.0 (base, large)",
             needs=("weights",),
+            weights=("depth-anything-v2-metric-indoor-small-hf",),
         ),
         BackendRecord(
             "metric_depth",
@@ -60,6 +65,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="ZoeDepth",
             weights_license="MIT (ZoeDepth)",
             needs=("weights",),
+            weights=("zoedepth-nyu-kitti-hf",),
         ),
         BackendRecord(
             "relative_pointmap",
@@ -68,6 +74,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="Depth Anything V2 relative: disparity up to scale and shift",
             weights_license="Apache-2.0 (small); CC-BY-NC-4.0 (base, large)",
             needs=("weights",),
+            weights=("depth-anything-v2-small-hf",),
         ),
         BackendRecord(
             "keypoint_detector",
@@ -76,6 +83,7 @@ def physic_backends() -> list[BackendRecord]:
             summary="ViTPose and ViTPose+: 17 keypoints",
             weights_license="Apache-2.0 (ViTPose)",
             needs=("weights",),
+            weights=("vitpose-plus-base-hf",),
         ),
     ]
 
