@@ -18,7 +18,7 @@ from physic_core.geometry.alignment import Alignment, align, apply_alignment
 from physic_core.geometry.pointmap import depth_edges, depth_to_pointmap
 from physic_core.types import Unknown
 
-__all__ = ["Placement", "align_original", "alignment_notes", "human_points", "place", "placed_original"]
+__all__ = ["Placement", "align_original", "human_points", "place", "placed_original"]
 
 _MARGIN_PX = 8
 _FAR_WEIGHT = 0.05
@@ -69,19 +69,6 @@ def align_original(
         max_pixels=settings.align_max_pixels,
         seed=settings.seed,
     )
-
-
-def alignment_notes(alignment: Alignment, settings: HumanSettings | None = None) -> tuple[str, ...]:
-    """What the user should know of :func:`align_original`'s answer, in plain words; nothing where all is well."""
-    settings = settings or HumanSettings()
-    if alignment.inlier_share == 0:
-        return ("the photo and its inpainted picture have no background in common: people are placed by size alone",)
-    if alignment.inlier_share < settings.align_min_share:
-        return (
-            f"people's distance to the scene is doubtful: the photo and its inpainted picture agree on "
-            f"{alignment.inlier_share:.0%} of the background within {settings.align_tolerance:.0%}",
-        )
-    return ()
 
 
 def placed_original(points: Tensor, alignment: Alignment, K: Tensor | None) -> Tensor:

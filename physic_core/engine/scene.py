@@ -42,12 +42,6 @@ __all__ = [
 
 _REFERENCE_SIDE = 1024
 _FLOOR_THICKNESS = 0.01
-_NO_FLOOR = {
-    "no_pixels": "too few pixels to look at",
-    "no_consensus": "no level plane that enough pixels lie on",
-    "below_plane": "the best plane has too much below it to be the floor",
-    "switched_off": "the search is switched off",
-}
 
 
 @dataclass(frozen=True)
@@ -66,7 +60,6 @@ class SceneState:
         alignment: of the relative point map to the metric depth.
         floor: the fit behind the floor, or None.
         diagnostics: numbers for the result, by topic.
-        notes: what the user should know, in plain words.
     """
 
     points: Tensor
@@ -80,7 +73,6 @@ class SceneState:
     alignment: Alignment
     floor: PlaneFit | None = None
     diagnostics: Mapping[str, Any] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
 
 
 def build_scene(
@@ -114,7 +106,6 @@ def build_scene(
         BackendOutputError: the metric depth knows no pixel, or there is no camera to be had.
     """
     settings = settings or SceneSettings()
-    notes: list[str] = []
     metric_valid = torch.isfinite(metric_depth) & (metric_depth > 0)
     if not bool(metric_valid.any()):
         raise BackendOutputError(
@@ -126,14 +117,7 @@ def build_scene(
     if alignment.inlier_share > 0 and not depth_alone:
         placed = apply_alignment(points, alignment)
         known = valid
-        if alignment.inlier_share < settings.align_min_share:
-            notes.append(
-                f"the scene's scale is doubtful: point map and metric depth agree on {alignment.inlier_share:.0%} of "
-                f"the pixels within {settings.align_tolerance:.0%}"
-            )
     else:
-        if not depth_alone:
-            notes.append("point map and metric depth agree nowhere: the scene is the metric depth alone")
         placed = depth_to_pointmap(metric_depth, _camera(None, K, K_metric, points, valid, settings))
         known = metric_valid
     known = known & torch.isfinite(placed).all(-1) & (placed[..., 2] > 0)
@@ -157,10 +141,6 @@ def build_scene(
         bare = on_floor & (surface == 0).all(-1)
         surface = torch.where(bare[..., None], floor.normal.to(surface), surface)
     clean = known & ~edges & ~drop
-    if floor is None and search.reason != "switched_off":
-        notes.append(f"no floor was found: {_NO_FLOOR[search.reason]}")
-    if search.mask_reason is not None and floor is not None:
-        notes.append("the floor mask was not followed, since " + _NO_FLOOR[search.mask_reason])
     return SceneState(
         points=placed,
         normals=surface,
@@ -181,7 +161,6 @@ def build_scene(
             "fx_px": float(camera[0, 0]),
             "fy_px": float(camera[1, 1]),
         },
-        notes=tuple(notes),
     )
 
 

@@ -16,7 +16,6 @@ from torch import Tensor
 from physic_core.engine.human import (
     Placement,
     align_original,
-    alignment_notes,
     human_points,
     place,
     placed_original,
@@ -25,7 +24,6 @@ from physic_core.engine.placement_solvers import closed_form, descend
 from physic_core.engine.placement_terms import Chamfer, Reprojection, Rows, Standing, Subject
 from physic_core.engine.presets import PRESETS
 from physic_core.engine.settings import HumanSettings
-from physic_core.geometry.alignment import Alignment
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays, project
 
 DEFAULT, PAPER = PRESETS["default"].human, PRESETS["paper"].human
@@ -377,21 +375,6 @@ def test_without_a_common_background_nobody_has_points() -> None:
     found = align_original(scene, EVERYWHERE, "scale", scene, EVERYWHERE, EVERYWHERE)
     assert found.inlier_share == 0
     assert len(human_points(placed_original(scene, found, None), EVERYWHERE, PERSON)) == 0
-
-
-@pytest.mark.parametrize(
-    ("share", "notes"),
-    [
-        (0.9, ()),
-        (0.4, (
-            "people's distance to the scene is doubtful: the photo and its inpainted picture agree on 40% of the "
-            "background within 15%",
-        )),
-        (0.0, ("the photo and its inpainted picture have no background in common: people are placed by size alone",)),
-    ],
-)  # fmt: skip
-def test_doubt_is_told(share: float, notes: tuple[str, ...]) -> None:
-    assert alignment_notes(Alignment(1.0, 0.0, "scale", share, 0.1)) == notes
 
 
 def test_points_that_float_at_the_rim_are_no_human_points() -> None:

@@ -72,7 +72,6 @@ def test_metres_come_back_whatever_was_unknown(unknown: Unknown, preset: str) ->
     assert state.floor_offset == pytest.approx(HEIGHT_M, abs=0.02)
     assert state.K[0, 0] == pytest.approx(140.0, rel=0.01)
     assert height(state.floor_points, state.floor_normal, state.floor_offset).abs().max() < 1e-4
-    assert state.notes == ()
 
 
 def scene(**options: object) -> SceneState:
@@ -145,21 +144,19 @@ def test_no_floor_is_told_and_nothing_else_changes() -> None:
     assert state.floor_points.shape == (0, 3)
     assert state.valid.all()
     assert state.diagnostics["floor"]["reason"] == "no_consensus"
-    assert state.notes == ("no floor was found: no level plane that enough pixels lie on",)
 
 
 def test_a_floor_that_nobody_asked_for_is_not_missed() -> None:
     state = scene(settings=SceneSettings(floor="off"))
     assert state.floor_normal is None
     assert state.diagnostics["floor"]["reason"] == "switched_off"
-    assert state.notes == ()
 
 
 def test_a_mask_that_is_no_floor_is_told() -> None:
     state = scene(floor_mask=BOX)
     assert state.floor_normal is not None
     assert angle_deg(state.floor_normal, UP) < 0.5
-    assert state.notes == ("the floor mask was not followed, since no level plane that enough pixels lie on",)
+    assert state.diagnostics["floor"]["mask_reason"] == "no_consensus"
 
 
 def test_disagreement_with_the_metric_depth_is_told() -> None:
@@ -168,9 +165,7 @@ def test_disagreement_with_the_metric_depth_is_told() -> None:
     state = build_scene(RAYS * DEPTH[..., None], ALL, "scale", wrong, K=K)
     share = state.alignment.inlier_share
     assert share < 0.5
-    assert state.notes[0] == (
-        f"the scene's scale is doubtful: point map and metric depth agree on {share:.0%} of the pixels within 10%"
-    )
+    assert state.diagnostics["alignment"]["inlier_share"] == pytest.approx(share)
 
 
 def test_no_common_pixel_leaves_the_metric_depth() -> None:
@@ -180,7 +175,6 @@ def test_no_common_pixel_leaves_the_metric_depth() -> None:
     valid[:, :80] = False
     state = build_scene(RAYS * DEPTH[..., None] / 2, valid, "scale", half, K=K)
     assert state.alignment.inlier_share == 0
-    assert state.notes[0] == "point map and metric depth agree nowhere: the scene is the metric depth alone"
     torch.testing.assert_close(state.points[:, :80, 2], DEPTH[:, :80])
     assert not state.valid[:, 80:].any()
 
@@ -191,7 +185,6 @@ def test_the_metric_depth_alone_can_be_the_scene() -> None:
     settings = replace(PAPER, source="metric_depth", intrinsics="metric")
     state = build_scene(relative("scale"), ALL, "scale", bent, K=K, settings=settings)
     torch.testing.assert_close(state.points, RAYS * bent[..., None])
-    assert not any("scale is doubtful" in note or "agree nowhere" in note for note in state.notes)
 
 
 def test_metric_depth_that_knows_nothing_is_an_error() -> None:
