@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 from physic_core.errors import BackendError, PhysicError, WeightsMissingError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from physic_core.interfaces import Backend
     from physic_core.registry import Claim, Registry
@@ -45,7 +45,10 @@ class Readiness:
 
 
 def readiness(
-    registry: Registry, claim: Claim, gpu: Callable[[], bool] | None = None, *, weights: bool = True
+    registry: Registry,
+    claim: Claim,
+    gpu: Callable[[], bool] | None = None,
+    missing_sets: Callable[[Registry, Claim], Sequence[str] | None] | None = None,
 ) -> Readiness:
     """Look whether a backend's module, and the packages, the GPU and the weights that its record names, are there.
 
@@ -53,7 +56,8 @@ def readiness(
         registry: that the claim is from.
         claim: the backend.
         gpu: whether there is a GPU; None for :func:`gpu_is_seen`.
-        weights: whether to look for weights; False for who asks the backend itself.
+        missing_sets: looks for weights, as :func:`physic_core.weights.wanted.missing_sets`; None for who does not care,
+            or asks the backend itself.
     """
     if claim.problem:
         return Readiness("refused", claim.problem)
@@ -70,7 +74,7 @@ def readiness(
     further = [need for need in record.needs if need.lower() not in _GPU]
     if len(further) < len(record.needs) and not (gpu or gpu_is_seen)():
         faults.append("no GPU is seen")
-    sets = _missing_sets(registry, claim) if weights else None
+    sets = missing_sets(registry, claim) if missing_sets is not None else None
     if sets:
         faults.append(f"missing: {', '.join(sets)}")
     if faults:
@@ -105,24 +109,6 @@ def lacks(backend: Backend) -> tuple[str, ...]:
 def gpu_is_seen() -> bool:
     """Whether an NVIDIA driver is at work here; torch would know better, and takes seconds to say so."""
     return shutil.which("nvidia-smi") is not None or any(Path(trace).exists() for trace in _TRACES)
-
-
-def _missing_sets(registry: Registry, claim: Claim) -> tuple[str, ...] | None:
-    """Which of the sets of weights that a record names are not here; None where that cannot be told."""
-    from physic_core.weights import missing, read_manifest
-
-    lists = [manifest.path for manifest in registry.manifests if manifest.origin == claim.origin]
-    found = []
-    try:
-        for name in claim.record.weights:
-            path = next((path for path in lists if name in read_manifest(path)), None)
-            if path is None:
-                return None
-            if missing(path, name):
-                found.append(name)
-    except PhysicError:  # a list that does not hold, which `physic weights list` tells
-        return None
-    return tuple(found) if claim.record.weights else None
 
 
 def _is_there(module: str) -> bool:

@@ -33,7 +33,6 @@ __all__ = [
     "list_of_missing",
     "load_checked",
     "missing",
-    "remarks",
     "require_whole",
     "resolve",
 ]
@@ -126,29 +125,6 @@ def _missing_files(plan: ResolvedPipeline) -> tuple[str, ...]:
             raise BackendError(f"{resolved.title}: {error}") from error
     # Two backends may lack the same file, and are to say so once.
     return tuple(f"{' and '.join(titles)}: {text}" for text, titles in found.items())
-
-
-def remarks(plan: ResolvedPipeline, registry: Registry) -> tuple[str, ...]:
-    """What stops no run, and may not be what the user wants: files of other sizes than the published ones.
-
-    Raises:
-        BackendError: a plugin's list of weights does not hold.
-    """
-    from physic_core.weights.locate import other_sizes
-    from physic_core.weights.manifest import read_manifest
-
-    found: dict[str, None] = {}
-    for resolved in plan.backends.values():
-        who = resolved.provenance
-        for manifest in registry.manifests:
-            if (manifest.origin.plugin, manifest.origin.distribution) != (who.plugin, who.distribution):
-                continue
-            sets = read_manifest(manifest.path)
-            named = (sets.get(value) for value in who.options.values() if isinstance(value, str))
-            for weights in named:
-                if weights is not None and (told := other_sizes(weights)):
-                    found[f"weights '{weights.name}' are here, but {told}"] = None
-    return tuple(found)
 
 
 def _missing_gpu(plan: ResolvedPipeline) -> tuple[str, ...]:

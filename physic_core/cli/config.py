@@ -35,7 +35,8 @@ def _arguments(command: Callable[..., None]) -> Callable[..., None]:
 def check(file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> None:
     """Check FILE as a whole, options of backends included, and say what a run would lack; nothing is loaded."""
     from physic_core.plugins import discover
-    from physic_core.resolve import list_of_missing, load_checked, missing, remarks, resolve
+    from physic_core.resolve import list_of_missing, load_checked, missing, resolve
+    from physic_core.weights.wanted import remarks
 
     _refuse_both(file, preset)
     registry = discover()

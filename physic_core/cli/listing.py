@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import BackendError, PhysicError
 from physic_core.readiness import Readiness, lacks, readiness
+from physic_core.weights.wanted import missing_sets
 
 if TYPE_CHECKING:
     from physic_core.interfaces import Backend
@@ -65,7 +66,7 @@ def detail(registry: Registry, claim: Claim) -> str:
             kind = registry.load_class(claim)
             source, options = inspect.getsourcefile(kind), _options(kind.Options)
             files = _files(registry, claim, kind)
-            found = readiness(registry, claim, weights=False)
+            found = readiness(registry, claim)
             if found.word in ("ready", "unsure", "not ready") and (lacking := _lacks(kind)):
                 known = (found.why,) if found.word == "not ready" else ()
                 status = str(Readiness("not ready", "; ".join((*known, *lacking))))
@@ -127,7 +128,7 @@ def columns(rows: Sequence[tuple[str, ...]]) -> str:
 
 
 def _as_dict(registry: Registry, claim: Claim) -> dict[str, Any]:
-    record, found = claim.record, readiness(registry, claim)
+    record, found = claim.record, readiness(registry, claim, missing_sets=missing_sets)
     return {
         "interface": record.interface,
         "backend": record.name,
@@ -159,7 +160,7 @@ def _needs(claim: Claim) -> str:
 
 
 def _status(registry: Registry, claim: Claim) -> str:
-    found = readiness(registry, claim)
+    found = readiness(registry, claim, missing_sets=missing_sets)
     if claim.origin.seconds > SLOW_SECONDS and found.word in ("ready", "unsure", "not ready"):
         return f"{found}, slow: {claim.origin.seconds:.1f} s to register"
     return str(found)
