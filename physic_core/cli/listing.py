@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import BackendError, PhysicError
 from physic_core.readiness import Readiness, lacks, readiness
-from physic_core.weights.wanted import missing_sets
 
 if TYPE_CHECKING:
     from physic_core.interfaces import Backend
@@ -128,7 +127,7 @@ def columns(rows: Sequence[tuple[str, ...]]) -> str:
 
 
 def _as_dict(registry: Registry, claim: Claim) -> dict[str, Any]:
-    record, found = claim.record, readiness(registry, claim, missing_sets=missing_sets)
+    record, found = claim.record, _readiness(registry, claim)
     return {
         "interface": record.interface,
         "backend": record.name,
@@ -159,8 +158,14 @@ def _needs(claim: Claim) -> str:
     return ", ".join((*claim.record.needs, *claim.record.packages))
 
 
+def _readiness(registry: Registry, claim: Claim) -> Readiness:
+    from physic_core.weights.wanted import missing_sets
+
+    return readiness(registry, claim, missing_sets=missing_sets)
+
+
 def _status(registry: Registry, claim: Claim) -> str:
-    found = readiness(registry, claim, missing_sets=missing_sets)
+    found = _readiness(registry, claim)
     if claim.origin.seconds > SLOW_SECONDS and found.word in ("ready", "unsure", "not ready"):
         return f"{found}, slow: {claim.origin.seconds:.1f} s to register"
     return str(found)

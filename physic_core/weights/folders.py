@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -40,12 +41,22 @@ def in_hub_cache(file: WeightFile) -> Path | None:
     origin = file.origin
     if not isinstance(origin, HubSource) or find_spec("huggingface_hub") is None:
         return None
+    if "huggingface_hub" not in sys.modules and not _hub_folder(origin.repository).is_dir():
+        return None  # without the library, whose import takes time
     try:
         from huggingface_hub import try_to_load_from_cache
     except ImportError:  # a broken one is as good as none: the message about what is missing says where it was sought
         return None
     found = try_to_load_from_cache(origin.repository, origin.path, revision=origin.revision)
     return Path(found) if isinstance(found, str) else None
+
+
+def _hub_folder(repository: str) -> Path:
+    """Where Hugging Face's library keeps a repository, by the variables that it reads."""
+    home = os.environ.get("HF_HOME") or os.path.join(os.environ.get("XDG_CACHE_HOME") or "~/.cache", "huggingface")
+    old = os.environ.get("HUGGINGFACE_HUB_CACHE") or os.path.join(home, "hub")
+    cache = os.path.expandvars(os.path.expanduser(os.environ.get("HF_HUB_CACHE") or old))
+    return Path(cache, f"models--{repository.replace('/', '--')}")
 
 
 def places_in_words(name: str) -> str:

@@ -337,13 +337,13 @@ def test_help_imports_nothing_heavy_and_no_library_that_fetches():
     assert done.stdout.splitlines()[-1] == "[]"
 
 
-def test_listing_plugins_reads_no_list_of_weights():
+def test_listing_plugins_looks_for_weights_without_a_library():
     code = (
         "import sys\n"
         "from physic_core.cli import main\n"
         "try: main(['plugins'])\n"
         "except SystemExit: pass\n"
-        "print(sorted(set(sys.modules) & {'tomllib', 'physic_core.weights', 'huggingface_hub', 'torch', 'numpy'}))\n"
+        "print(sorted(set(sys.modules) & {'huggingface_hub', 'requests', 'pooch', 'torch', 'numpy'}))\n"
     )
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, timeout=60, check=True
