@@ -349,3 +349,29 @@ def test_listing_plugins_looks_for_weights_without_a_library():
         [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, timeout=60, check=True
     )
     assert done.stdout.splitlines()[-1] == "[]"
+
+
+@pytest.mark.parametrize(
+    "variables",
+    [
+        {},
+        {"XDG_CACHE_HOME": "/x"},
+        {"XDG_CACHE_HOME": "/x", "HF_HOME": "~/h"},
+        {"HF_HOME": "/h", "HUGGINGFACE_HUB_CACHE": "/old"},
+        {"HUGGINGFACE_HUB_CACHE": "/old", "HF_HUB_CACHE": "$HOME/new"},
+    ],
+    ids=lambda v: " ".join(v) or "none",
+)
+def test_the_hubs_cache_is_where_its_library_has_it(variables: dict[str, str]) -> None:
+    code = (
+        "import sys\n"
+        "from physic_core.weights.folders import _hub_folder\n"
+        "ours = _hub_folder('owner/name')\n"
+        "assert 'huggingface_hub' not in sys.modules\n"
+        "from pathlib import Path\n"
+        "from huggingface_hub.constants import HF_HUB_CACHE\n"
+        "assert ours == Path(HF_HUB_CACHE, 'models--owner--name'), (ours, HF_HUB_CACHE)\n"
+    )
+    names = ("XDG_CACHE_HOME", "HF_HOME", "HUGGINGFACE_HUB_CACHE", "HF_HUB_CACHE")
+    kept = {name: value for name, value in os.environ.items() if name not in names}
+    subprocess.run([sys.executable, "-c", code], env=kept | variables, timeout=60, check=True)
