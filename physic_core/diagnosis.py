@@ -94,7 +94,7 @@ def _person(
 
 _SHARE, _YES = "share", "1: yes"
 
-# "Photos" below are 13 of all kinds with 26 people, run with the embedded backends; "worlds" are those of the mocks.
+# "Photos" below are of all kinds, run with the embedded backends; "worlds" are those of the mocks.
 _ALL = (
     _photo("scene_alignment", "least", 0.5, _SHARE, "of the pixels, on which point map and metric depth agree"),
     _photo(
