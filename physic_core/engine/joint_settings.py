@@ -42,8 +42,8 @@ class JointSettings:
         starts: of each person's pose and place, the best of which is kept: 1 is the body estimator's alone, 3 adds
             the body tilted by 15 degrees to either side about the camera's horizontal axis, 5 adds it 10 % nearer and
             farther as well. Whitened parameters only.
-        start_doubt: other starts are tried for people whose keypoints are then still off by this share of the person;
-            0 tries them for everybody.
+        start_doubt: other starts are tried for people whose keypoints are still off at the end, by this share of the
+            person; 0 tries them for everybody.
         nearest: nearest-point strategy, "kdtree" (exact), "grid" (the paper's 128^3 cells) or "brute".
         nearest_every_step: look up nearest points at every evaluation and not only at a refresh.
         reduction: "area" weighs each vertex by the surface that it stands for, in units of a square decimetre, so that
@@ -158,7 +158,7 @@ class JointSettings:
     steps: Count = 80
     refresh_steps: PositiveCount = 20
     learning_rate: Positive = 1e-2
-    tolerance: NotNegative = 1e-3
+    tolerance: NotNegative = 5e-3
     scene_after: Share = 0.0
     starts: Literal[1, 3, 5] = 3
     start_doubt: NotNegative = 0.04

@@ -34,33 +34,55 @@ def run(energy: JointEnergy, settings: JointSettings, progress: Progress | None 
         progress: told the share of steps that are done.
     """
     origin = energy.state.pack()
-    evaluations = steps = 0
-    if settings.starts > 1 and settings.parameters == "whitened":
-        evaluations = pick_starts(energy, settings)
+    first = _follow(energy, settings, progress)
+    if settings.starts == 1 or settings.parameters != "whitened":
+        return first
+    if not bool((_reprojection_share(energy) >= settings.start_doubt).any()):
+        return first
+    reached = energy.state.pack()
+    energy.state.load(origin)
+    energy.refresh()
+    spent = pick_starts(energy, settings)
+    second = _follow(energy, settings, None)
+    if not sum(second.end.values()) < sum(first.end.values()):
+        energy.state.load(reached)
+        energy.refresh()
+        second = replace(second, end=first.end)
+    return replace(
+        second,
+        start=first.start,
+        evaluations=first.evaluations + spent + second.evaluations,
+        steps=first.steps + second.steps,
+    )
+
+
+def _follow(energy: JointEnergy, settings: JointSettings, progress: Progress | None) -> Trace:
+    """Minimise from the present state: at first without the scene, where the settings say so."""
     alone = round(settings.scene_after * settings.steps)
-    if alone:
-        energy.settings = replace(
-            settings,
-            contact_weight=0.0,
-            penetration_weight=0.0,
-            floor_weight=0.0,
-            sole_weight=0.0,
-            lower_sole_weight=0.0,
-        )
-        energy.refresh()
-        first = minimise(energy, replace(energy.settings, steps=alone), _part(progress, 0.0, alone / settings.steps))
-        evaluations, steps = evaluations + first.evaluations, first.steps
-        energy.settings = settings
-        energy.refresh()
-    if not evaluations:
+    if not alone:
         return minimise(energy, settings, progress)
+    origin = energy.state.pack()
+    energy.settings = replace(
+        settings,
+        contact_weight=0.0,
+        penetration_weight=0.0,
+        floor_weight=0.0,
+        sole_weight=0.0,
+        lower_sole_weight=0.0,
+    )
+    energy.refresh()
+    first = minimise(energy, replace(energy.settings, steps=alone), _part(progress, 0.0, alone / settings.steps))
+    energy.settings = settings
+    energy.refresh()
     rest = replace(settings, steps=settings.steps - alone)
     trace = minimise(energy, rest, _part(progress, settings.scene_after, 1.0))
     final = energy.state.pack()
     energy.state.load(origin)
     start = _values(energy)
     energy.state.load(final)
-    return replace(trace, start=start, evaluations=trace.evaluations + evaluations, steps=trace.steps + steps)
+    return replace(
+        trace, start=start, evaluations=trace.evaluations + first.evaluations, steps=trace.steps + first.steps
+    )
 
 
 def pick_starts(energy: JointEnergy, settings: JointSettings) -> int:
