@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import signal
 import subprocess
@@ -11,6 +12,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -20,6 +22,7 @@ from PIL import Image
 
 from physic_core.cli import main
 from physic_core.testing.worlds import World, build_world
+from physic_mock.pixels import MockInpainter
 
 
 @pytest.fixture(autouse=True)
@@ -207,3 +210,23 @@ def test_a_run_in_a_thread_leaves_the_signals_alone():
 def test_a_run_gives_the_signals_back():
     assert run("missing.png").exit_code == 1
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+def test_what_plugins_log_of_their_networks_is_told_once(world: World, monkeypatch: pytest.MonkeyPatch):
+    plain, root = MockInpainter.infer, logging.getLogger()
+    before = root.level, list(root.handlers)
+
+    def infer(self: MockInpainter, *asked: Any) -> Any:
+        for _ in range(2):
+            logging.getLogger("physic_mock.pixels").info("net.onnx runs on CPU")
+        logging.getLogger("somebody_else").info("net.onnx was read")
+        return plain(self, *asked)
+
+    monkeypatch.setattr(MockInpainter, "infer", infer)
+    Image.fromarray(world.image).save("a.png")
+    done = run("a.png", "--no-cache")
+    assert done.exit_code == 0
+    assert done.stderr.splitlines()[-1] == "net.onnx runs on CPU"
+    assert done.stderr.count("net.onnx") == 1
+    assert "net.onnx" not in done.stdout
+    assert (root.level, list(root.handlers)) == before

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import os
 import signal
@@ -97,9 +98,11 @@ def run(
     with _terminable(), _reserved(folder):
         from physic_core.pipeline import reconstruct_photo
 
-        with _progress() as progress:
+        with _said_by_plugins() as said, _progress() as progress:
             result = reconstruct_photo(photo, config, registry=registry, progress=progress)
             result.save(str(folder))
+    for line in said:
+        click.echo(line, err=True)
     click.echo(_summary(result, folder))
 
 
@@ -148,6 +151,30 @@ def _remove(folders: list[Path]) -> None:
     for folder in reversed(folders):
         with suppress(OSError):  # the deepest may never have been made
             folder.rmdir()
+
+
+@contextmanager
+def _said_by_plugins() -> Iterator[list[str]]:
+    """What plugins named ``physic_*`` log at level INFO, each line once, such as what their networks run on."""
+    said: list[str] = []
+
+    class Listener(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            if record.name.startswith("physic_") and record.levelno == logging.INFO:
+                if record.getMessage() not in said:
+                    said.append(record.getMessage())
+            elif record.levelno >= logging.WARNING and len(root.handlers) == 1 and logging.lastResort:
+                logging.lastResort.handle(record)  # which would print it if nobody listened
+
+    root, listener = logging.getLogger(), Listener(logging.INFO)
+    level = root.level
+    root.addHandler(listener)
+    root.setLevel(min(level, logging.INFO))
+    try:
+        yield said
+    finally:
+        root.removeHandler(listener)
+        root.setLevel(level)
 
 
 @contextmanager
