@@ -267,6 +267,7 @@ def _carried(bodies: Bodies, model: BodyModel, who: str, stages: Stages) -> Bodi
             enough told.
     """
     from physic_core.body.conversion import can_carry, carry
+    from physic_core.cache.maps import kept_correspondence
 
     if not can_carry(bodies, model):
         cure = "name = 'embedded'" if bodies.body_model == "embedded" else f"path = the file of a '{bodies.body_model}'"
@@ -276,7 +277,7 @@ def _carried(bodies: Bodies, model: BodyModel, who: str, stages: Stages) -> Bodi
             f"or choose a body_estimator that gives '{model.name}'"
         )
     try:
-        found = carry(bodies, model)
+        found = carry(bodies, model, kept_correspondence)
     except BodyModelError as error:
         raise BodyModelError(f"{who}: {error}") from error
     if not border.sound_bodies(found.bodies).any():
@@ -293,9 +294,10 @@ def _carried_contact(
 ) -> ContactProbability | None:
     """Contact on another mesh, on the model's own; None, with a warning, where the mesh is none of a body."""
     from physic_core.body.conversion import contact_to_model
+    from physic_core.cache.maps import kept_correspondence
 
     try:
-        carried = contact_to_model(contact, model)
+        carried = contact_to_model(contact, model, kept_correspondence)
     except BodyModelError as error:
         stages.warn(f"{who}: {error}; contact is told from distances alone")
         return None

@@ -7,6 +7,7 @@ is fitted by that; any other by its joints, with its rotations where both models
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from physic_core.body import from_joints
 from physic_core.body.bones import Bones, local_from_world, world_from_local
-from physic_core.body.correspondence import correspondence
+from physic_core.body.correspondence import Correspondence, correspondence
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
 from physic_core.body.part_fit import Fit, fit_joints
 from physic_core.body.surface_fit import SIGMA_M, Patches, fit_surface, spread
@@ -25,6 +26,9 @@ from physic_core.types import Bodies, BodyParameters, ContactProbability, Mesh, 
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
+
+Find = Callable[[RestMesh, "BodyModel"], Correspondence]
+"""Where each vertex of a model lies on another mesh; one that keeps what was found will do."""
 
 __all__ = ["Carried", "can_carry", "carry", "contact_to_model", "rest_mesh_of", "to_model"]
 
@@ -75,7 +79,7 @@ def to_model(bodies: Bodies, model: BodyModel) -> Bodies:
     return carry(bodies, model).bodies
 
 
-def carry(bodies: Bodies, model: BodyModel) -> Carried:
+def carry(bodies: Bodies, model: BodyModel, find: Find = correspondence) -> Carried:
     """Bodies of any model as bodies of this one.
 
     Args:
@@ -99,7 +103,7 @@ def carry(bodies: Bodies, model: BodyModel) -> Carried:
     if not sound.any():
         fit = Fit(np.zeros((0, 55, 3, 3)), np.zeros((0, model.num_betas)), np.zeros((0, 3)))
     elif mesh is not None:
-        fit, surface_m = _by_surface(model, replace(mesh, vertices=mesh.vertices[sound]))
+        fit, surface_m = _by_surface(model, replace(mesh, vertices=mesh.vertices[sound]), find)
     else:
         world = None
         if bodies.body_model in _SHARED:
@@ -116,7 +120,7 @@ def carry(bodies: Bodies, model: BodyModel) -> Carried:
     )
 
 
-def contact_to_model(contact: ContactProbability, model: BodyModel) -> ContactProbability:
+def contact_to_model(contact: ContactProbability, model: BodyModel, find: Find = correspondence) -> ContactProbability:
     """Probabilities of the vertices of any mesh as those of the vertices of a model; none in its cavities.
 
     Raises:
@@ -129,7 +133,7 @@ def contact_to_model(contact: ContactProbability, model: BodyModel) -> ContactPr
             f"contact on the mesh '{contact.topology}' cannot be carried over to '{model.topology}': give the mesh in "
             "the T-pose (ContactProbability.rest)"
         )
-    carried = correspondence(contact.rest, model).carry(contact.probability[..., None])[..., 0]
+    carried = find(contact.rest, model).carry(contact.probability[..., None])[..., 0]
     inner = ~model.outer.cpu().numpy()
     carried = np.where(inner & np.isfinite(carried), 0.0, carried)
     return ContactProbability(carried.astype(contact.probability.dtype), model.topology)
@@ -182,14 +186,14 @@ def _whereabouts(bodies: Bodies, model: BodyModel) -> tuple[Array, Mesh | None]:
     return joints.astype(np.float64), mesh
 
 
-def _by_surface(model: BodyModel, mesh: Mesh) -> tuple[Fit, Array]:
+def _by_surface(model: BodyModel, mesh: Mesh, find: Find) -> tuple[Fit, Array]:
     ids = spread(model)
     patches = Patches.of(model, ids)
     if _own(mesh, model):
         points, weights, sigma = mesh.vertices[:, ids].astype(np.float64), np.ones(len(ids)), _OWN_SIGMA_M
     else:
         assert mesh.rest is not None
-        map_ = correspondence(RestMesh(mesh.name, mesh.rest, mesh.faces), model).rows(ids)
+        map_ = find(RestMesh(mesh.name, mesh.rest, mesh.faces), model).rows(ids)
         points, weights, sigma = map_.carry(mesh.vertices.astype(np.float64)), map_.sure.astype(np.float64), SIGMA_M
     fit = fit_surface(patches, points, np.broadcast_to(weights, points.shape[:2]), sigma_m=sigma)
     start, slopes = patches.linear(fit.world)

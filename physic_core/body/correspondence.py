@@ -1,17 +1,11 @@
 """Which point of another body's mesh each vertex of a model is: told on the user's machine, from two T-poses.
 
 Nobody's published map is needed: the model is first laid onto the other mesh, part by part, by the same fit that
-follows posed surfaces; then every vertex takes the nearest point that faces the same way. The maps are kept beside the
-backends' answers, in the user's cache folder.
+follows posed surfaces; then every vertex takes the nearest point that faces the same way.
 """
 
 from __future__ import annotations
 
-import hashlib
-import os
-import tempfile
-import zipfile
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -25,21 +19,17 @@ from physic_core.body.part_fit import Fit
 from physic_core.body.rest_mesh import vertex_normals
 from physic_core.body.surface_fit import Patches, fit_surface, spread
 from physic_core.body.turning import swing
-from physic_core.cache.places import maps_folder
-from physic_core.cache.shelf import MAP_SUFFIX
 from physic_core.errors import BodyModelError
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from physic_core.body.model import BodyModel
     from physic_core.types import RestMesh
 
-__all__ = ["Correspondence", "correspondence", "register"]
+__all__ = ["VERSION", "Correspondence", "correspondence", "register"]
 
 Array = NDArray[np.float64]
 
-_VERSION = 1
+VERSION = 1
 """To be raised when the same two meshes would give another map."""
 _ROUNDS = 14
 _REACH_M = (0.25, 0.02)
@@ -80,22 +70,6 @@ class Correspondence:
         return Correspondence(self.corners[ids], self.shares[ids], self.sure[ids])
 
 
-def correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
-    """Where each vertex of a model lies on the mesh ``rest``; kept for the next time.
-
-    Raises:
-        BodyModelError: the mesh is no body in a T-pose, or the model cannot be laid onto it.
-    """
-    folder, name = maps_folder(), f"{_plain(rest.topology)}-{model.topology}-{_digest(rest, model)}{MAP_SUFFIX}"
-    path = None if folder is None else folder / name
-    found = None if path is None else _read(path, model.num_vertices, len(rest.vertices))
-    if found is None:
-        found = _tell(rest, model)
-        if path is not None:
-            _write(path, found)
-    return found
-
-
 def register(rest: RestMesh, model: BodyModel, patches: Patches, normals: Array) -> Fit:
     """The model laid onto a mesh in the T-pose.
 
@@ -122,7 +96,12 @@ def register(rest: RestMesh, model: BodyModel, patches: Patches, normals: Array)
     return fit
 
 
-def _tell(rest: RestMesh, model: BodyModel) -> Correspondence:
+def correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
+    """Where each vertex of a model lies on the mesh ``rest``; half a second.
+
+    Raises:
+        BodyModelError: the mesh is no body in a T-pose, or the model cannot be laid onto it.
+    """
     _refuse_other_things(rest)
     with torch.no_grad():
         mean = model(*model.zero_pose()).vertices[0].double().cpu().numpy()
@@ -180,41 +159,3 @@ def _refuse_other_things(rest: RestMesh) -> None:
             f"the mesh '{rest.topology}' is {wide:.3g} wide, {tall:.3g} high and {deep:.3g} deep, which is no body in "
             "a T-pose: give it in metres, y up, facing +z, arms stretched out sideways"
         )
-
-
-def _digest(rest: RestMesh, model: BodyModel) -> str:
-    told = hashlib.blake2b(f"{_VERSION} {model.topology}".encode(), digest_size=12)
-    for array in (rest.vertices.astype(np.float32), rest.faces.astype(np.int64), model.skin.template.cpu().numpy()):
-        told.update(str(array.shape).encode() + np.ascontiguousarray(array).tobytes())
-    return told.hexdigest()
-
-
-def _read(path: Path, vertices: int, others: int) -> Correspondence | None:
-    try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-            found = Correspondence(file["corners"].astype(np.int64), file["shares"].astype(np.float64), file["sure"])
-    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile):
-        return None  # not there, or damaged: it is told again
-    shapes = [found.corners.shape, found.shares.shape, found.sure.shape]
-    whole = shapes == [(vertices, 3), (vertices, 3), (vertices,)] and found.corners.max(initial=0) < others
-    return found if whole else None
-
-
-def _write(path: Path, found: Correspondence) -> None:
-    """A disk that cannot be written costs the seconds of the next time, no more."""
-    with suppress(OSError):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(
-            dir=path.parent, prefix=f".{path.name}.", suffix=".part", delete=False
-        ) as stream:
-            np.savez(
-                stream,
-                corners=found.corners.astype(np.int32),
-                shares=found.shares.astype(np.float32),
-                sure=found.sure,
-            )
-        os.replace(stream.name, path)
-
-
-def _plain(name: str) -> str:
-    return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)[:40]

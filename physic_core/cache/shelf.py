@@ -13,7 +13,7 @@ __all__ = ["MAP_SUFFIX", "SUFFIX", "Kept", "clear", "kept", "shrink", "touch"]
 SUFFIX = ".answer.npz"
 """Of the files that keep backends' answers. A cache touches no file without its suffix, wherever its folder is."""
 MAP_SUFFIX = ".map.npz"
-"""Of those that keep maps between the meshes of bodies (:mod:`physic_core.body.correspondence`)."""
+"""Of those that keep maps between the meshes of bodies (:mod:`physic_core.cache.maps`)."""
 
 _LEFT_OVER_S = 3600.0
 """A half-written file of this age, s, has no writer any more."""

@@ -12,13 +12,14 @@ import torch
 from other_body import OtherBody
 
 from physic_core.body import JOINT_INDEX
-from physic_core.body import correspondence as module
 from physic_core.body.conversion import contact_to_model, rest_mesh_of
 from physic_core.body.correspondence import Correspondence, correspondence
 from physic_core.body.model import BodyModel
 from physic_core.body.nearest_surface import Surface, closest_shares
 from physic_core.body.rest_mesh import vertex_normals
 from physic_core.body.turning import unit
+from physic_core.cache import maps as module
+from physic_core.cache.maps import kept_correspondence
 from physic_core.errors import BodyModelError
 from physic_core.types import ContactProbability, RestMesh
 
@@ -183,9 +184,9 @@ def test_a_map_is_kept_and_found_again(
     embedded: BodyModel, onto_other: Correspondence, other_model: BodyModel, tmp_path: Path, monkeypatch
 ) -> None:
     monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path))
-    monkeypatch.setattr(module, "_tell", lambda rest, model: onto_other)
+    monkeypatch.setattr(module, "correspondence", lambda rest, model: onto_other)
     rest = rest_mesh_of(other_model)
-    correspondence(rest, embedded)
+    kept_correspondence(rest, embedded)
     (file,) = tmp_path.iterdir()
     assert file.name.startswith("smplx-physic-embedded-1-")
     assert file.name.endswith(".map.npz")
@@ -193,17 +194,17 @@ def test_a_map_is_kept_and_found_again(
     def never(rest: RestMesh, model: BodyModel) -> Correspondence:
         raise AssertionError("it is told again")
 
-    monkeypatch.setattr(module, "_tell", never)
-    found = correspondence(rest, embedded)
+    monkeypatch.setattr(module, "correspondence", never)
+    found = kept_correspondence(rest, embedded)
     np.testing.assert_array_equal(found.corners, onto_other.corners)
     np.testing.assert_allclose(found.shares, onto_other.shares, atol=1e-6)
     np.testing.assert_array_equal(found.sure, onto_other.sure)
     with pytest.raises(AssertionError, match="told again"):
-        correspondence(replace(rest, vertices=rest.vertices + np.float32(1e-4)), embedded)
+        kept_correspondence(replace(rest, vertices=rest.vertices + np.float32(1e-4)), embedded)
 
     file.write_bytes(file.read_bytes()[:1000])
-    monkeypatch.setattr(module, "_tell", lambda rest, model: onto_other)
-    assert correspondence(rest, embedded) is onto_other
+    monkeypatch.setattr(module, "correspondence", lambda rest, model: onto_other)
+    assert kept_correspondence(rest, embedded) is onto_other
 
 
 def test_a_disk_that_cannot_be_written_costs_nothing_but_time(
@@ -211,8 +212,8 @@ def test_a_disk_that_cannot_be_written_costs_nothing_but_time(
 ) -> None:
     (tmp_path / "file").write_text("no folder")
     monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path / "file" / "folder"))
-    monkeypatch.setattr(module, "_tell", lambda rest, model: onto_other)
-    assert correspondence(rest_mesh_of(other_model), embedded) is onto_other
+    monkeypatch.setattr(module, "correspondence", lambda rest, model: onto_other)
+    assert kept_correspondence(rest_mesh_of(other_model), embedded) is onto_other
 
 
 def test_normals_of_both_face_the_same_way(

@@ -1,0 +1,78 @@
+"""Maps between the meshes of bodies, kept beside the backends' answers in the user's cache folder."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+import zipfile
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.body.correspondence import VERSION, Correspondence, correspondence
+from physic_core.cache.places import maps_folder
+from physic_core.cache.shelf import MAP_SUFFIX
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from physic_core.body.model import BodyModel
+    from physic_core.types import RestMesh
+
+__all__ = ["kept_correspondence"]
+
+
+def kept_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
+    """:func:`physic_core.body.correspondence.correspondence`, kept for the next time.
+
+    Raises:
+        BodyModelError: as there.
+    """
+    folder, name = maps_folder(), f"{_plain(rest.topology)}-{model.topology}-{_digest(rest, model)}{MAP_SUFFIX}"
+    path = None if folder is None else folder / name
+    found = None if path is None else _read(path, model.num_vertices, len(rest.vertices))
+    if found is None:
+        found = correspondence(rest, model)
+        if path is not None:
+            _write(path, found)
+    return found
+
+
+def _digest(rest: RestMesh, model: BodyModel) -> str:
+    told = hashlib.blake2b(f"{VERSION} {model.topology}".encode(), digest_size=12)
+    for array in (rest.vertices.astype(np.float32), rest.faces.astype(np.int64), model.skin.template.cpu().numpy()):
+        told.update(str(array.shape).encode() + np.ascontiguousarray(array).tobytes())
+    return told.hexdigest()
+
+
+def _read(path: Path, vertices: int, others: int) -> Correspondence | None:
+    try:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+            found = Correspondence(file["corners"].astype(np.int64), file["shares"].astype(np.float64), file["sure"])
+    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile):
+        return None  # not there, or damaged: it is told again
+    shapes = [found.corners.shape, found.shares.shape, found.sure.shape]
+    whole = shapes == [(vertices, 3), (vertices, 3), (vertices,)] and found.corners.max(initial=0) < others
+    return found if whole else None
+
+
+def _write(path: Path, found: Correspondence) -> None:
+    """A disk that cannot be written costs the seconds of the next time, no more."""
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(
+            dir=path.parent, prefix=f".{path.name}.", suffix=".part", delete=False
+        ) as stream:
+            np.savez(
+                stream,
+                corners=found.corners.astype(np.int32),
+                shares=found.shares.astype(np.float32),
+                sure=found.sure,
+            )
+        os.replace(stream.name, path)
+
+
+def _plain(name: str) -> str:
+    return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)[:40]
