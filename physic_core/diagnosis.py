@@ -139,6 +139,7 @@ _NO_FLOOR = {
     "no_pixels": "too few pixels to look at",
     "no_consensus": "no level plane that enough pixels lie on",
     "below_plane": "the best plane has too much below it to be the floor",
+    "through_people": "the only level plane goes through the people, as tables and seats do",
 }
 
 
@@ -211,10 +212,13 @@ def _of_photo(evidence: Evidence, solution: Solution, settings: EngineSettings) 
 def _floor(told: Mapping[str, Any], settings: EngineSettings) -> Iterator[Diagnostic]:
     scene, reason = settings.scene, told["reason"]
     searched = reason != "switched_off"
+    instead = "nobody is held to the ground, and heights are unknown"
+    if told.get("source") == "people":
+        instead = "it was put under the people's soles, and is as wrong as they are"
     yield _judged(
         "floor",
         (told["inlier_share"] if reason == "found" else 0.0) if searched else None,
-        f"no floor was found: {_NO_FLOOR.get(reason, reason)}; nobody is held to the ground, and heights are unknown: "
+        f"no floor was found: {_NO_FLOOR.get(reason, reason)}; {instead}: "
         "use a photo that shows the ground at the feet",
         ok=reason == "found" or not searched,
         threshold=min(scene.floor_min_share, scene.floor_mask_min_share, scene.floor_feet_min_share),

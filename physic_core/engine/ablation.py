@@ -62,12 +62,17 @@ def _without(*parts: Overrides) -> dict[str, dict[str, Any]]:
 
 _CONTACT: Overrides = {"joint": {"contact_weight": 0.0}}
 _PENETRATION: Overrides = {
-    "joint": {"penetration_weight": 0.0, "self_penetration_weight": 0.0, "people_penetration_weight": 0.0}
+    "scene": {"carve_m": 0.0},
+    "joint": {"penetration_weight": 0.0, "self_penetration_weight": 0.0, "people_penetration_weight": 0.0},
 }
 # The paper's MPJPE falls by half where depth joins: before, stage 2 has not seen it either.
 _DEPTH: Overrides = {"human": {"chamfer_weight": 0.0}, "joint": {"depth_weight": 0.0, "depth_relief_weight": 0.0}}
 _OCCLUSION: Overrides = {"joint": {"occlusion_aware": False}}
-_FLOOR: Overrides = {"scene": {"floor": "off"}, "human": {"floor_weight": 0.0}, "joint": {"floor": "off"}}
+_FLOOR: Overrides = {
+    "scene": {"floor": "off", "floor_under_people": False},
+    "human": {"floor_weight": 0.0},
+    "joint": {"floor": "off"},
+}
 
 ABLATION: tuple[Row, ...] = (
     Row("L_reg + L_j2d", _without(_CONTACT, _PENETRATION, _DEPTH, _OCCLUSION, _FLOOR)),

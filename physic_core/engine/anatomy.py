@@ -14,7 +14,7 @@ from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX
 
-__all__ = ["FINGER_RANGES", "RANGES", "Limits", "Ranges", "beyond_limits", "limits_of"]
+__all__ = ["FINGER_RANGES", "RANGES", "Limits", "Ranges", "beyond_limits", "leg_asymmetry", "limits_of"]
 
 Ranges = dict[str, tuple[tuple[float, float], tuple[float, float], tuple[float, float]]]
 """Joint of the middle or of the left side -> lowest and highest turn about x, y and z, radians."""
@@ -51,6 +51,10 @@ FINGER_RANGES: Ranges = {
 }
 """Finger joints."""
 
+_LEFT_LEG, _RIGHT_LEG = (
+    [JOINT_INDEX[f"{side}_{name}"] for name in ("hip", "knee", "ankle")] for side in ("left", "right")
+)
+_ALIKE_SIGMA = 0.25  # radians that legs of people are apart
 _SIGMA = 1.0 / 12.0  # radians, about 5 degrees
 
 
@@ -97,3 +101,11 @@ def beyond_limits(rotations: Tensor, limits: Limits) -> Tensor:
     turned: Tensor = roma.rotmat_to_rotvec(rotations[:, limits.joints])
     beyond = torch.relu(limits.low - turned) + torch.relu(turned - limits.high)
     return (beyond / _SIGMA).square().sum((-2, -1))
+
+
+def leg_asymmetry(rotations: Tensor) -> Tensor:
+    """How unlike the legs are bent: ``sum_j 2 (1 - cos a_j) / sigma^2`` over hips, knees and ankles, where a_j is the
+    angle from the mirrored right joint to the left one: (B, 55, 3, 3) -> (B,)."""
+    flip = rotations.new_tensor([1.0, -1.0, -1.0])
+    mirrored = rotations[:, _RIGHT_LEG] * flip[:, None] * flip
+    return (rotations[:, _LEFT_LEG] - mirrored).square().sum((-1, -2, -3)) / (2 * _ALIKE_SIGMA**2)

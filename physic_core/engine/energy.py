@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine import terms
-from physic_core.engine.anatomy import FINGER_RANGES, RANGES, beyond_limits, limits_of
+from physic_core.engine.anatomy import FINGER_RANGES, RANGES, beyond_limits, leg_asymmetry, limits_of
 from physic_core.engine.capsules import between_people, fit_capsules, within_bodies
 from physic_core.engine.clouds import HumanCloud
 from physic_core.engine.fixed import prepare
@@ -18,6 +18,7 @@ from physic_core.engine.state import Estimate, State
 from physic_core.engine.stature import stature_of, stature_prior
 from physic_core.engine.touch import WANDER_M, Touch, feel, scene_near
 from physic_core.engine.visible import Shadows, Visible, look
+from physic_core.engine.warp import warp_share
 from physic_core.errors import PhysicError
 from physic_core.geometry.camera import project
 from physic_core.geometry.robust import robust
@@ -60,6 +61,7 @@ class JointEnergy:
         self._ranges, self._fingers = (limits_of(table, problem.transl0) for table in (RANGES, FINGER_RANGES))
         limbs = settings.self_penetration_weight or settings.people_penetration_weight
         self._capsules = fit_capsules(problem.model, problem.betas0, start.joints) if limbs else None
+        self._legs_unseen = bool(self.fixed.legs_unseen.any())
         self._stature = stature_of(problem.model, problem.betas0) if settings.stature_weight else None
         self._gathered = start.vertices
         self.scene = scene_near(self.fixed, settings, start.vertices, 1.0)
@@ -68,6 +70,7 @@ class JointEnergy:
         self.touch: Touch
         self._normals: Tensor  # (B, n, 3) of the nearest scene points
         self._along: Tensor  # (B, n) distance of their planes from the camera, unscaled
+        self._warped: Tensor  # (B, n) how much of their person's warp they take
         self.refresh()
 
     @torch.no_grad()
@@ -82,13 +85,16 @@ class JointEnergy:
             self._gathered = unscaled
             self.scene = scene_near(self.fixed, settings, output.vertices, scale)
         self.visible = look(problem, settings, self.fixed, output, self._shadows)
-        self._feel(output.vertices[:, self.fixed.ids], scale)
+        self._feel(output.vertices[:, self.fixed.ids], scale, estimate.warp)
 
-    def _feel(self, vertices: Tensor, scale: float) -> None:
-        self.touch = feel(self.problem, self.settings, self.fixed, self.visible, self.scene, vertices, scale)
+    def _feel(self, vertices: Tensor, scale: float, warp: Tensor) -> None:
+        problem, self._scale = self.problem, scale
+        self.touch = feel(problem, self.settings, self.fixed, self.visible, self.scene, vertices, scale, warp)
         if len(self.scene.points):
+            points = self.scene.points[self.touch.near]
             self._normals = self.scene.normals[self.touch.near]
-            self._along = (self._normals * self.scene.points[self.touch.near]).sum(-1)
+            self._along = (self._normals * points).sum(-1)
+            self._warped = warp_share(points, problem.floor_normal, problem.floor_offset)
 
     def __call__(self) -> dict[str, Tensor]:
         """Weighted terms at the present state: name -> (B,), and "scale" -> (1,). Differentiable."""
@@ -98,13 +104,13 @@ class JointEnergy:
         posed = fixed.pose(estimate.rotations, estimate.betas, estimate.transl, problem.expression0)
         vertices, joints = posed["vertices"], posed["joints"]
         if settings.nearest_every_step and (settings.contact_weight or settings.penetration_weight):
-            self._feel(vertices.detach(), float(estimate.log_scale.detach().exp()))
+            self._feel(vertices.detach(), float(estimate.log_scale.detach().exp()), estimate.warp.detach())
         energies: dict[str, Tensor] = {}
         if settings.reprojection_weight:
             energies["reprojection"] = self._reprojection(posed[problem.skeleton])
         if settings.depth_weight:
             energies["depth"] = self._depth(vertices, estimate)
-        energies.update(self._contact_and_penetration(vertices, estimate.log_scale.exp()))
+        energies.update(self._contact_and_penetration(vertices, estimate))
         energies.update(self._regularisation(vertices, joints, estimate))
         if settings.limit_weight:
             energies["limits"] = settings.limit_weight * terms.joint_limits(estimate.rotations)
@@ -147,16 +153,20 @@ class JointEnergy:
             rho,
         )
 
-    def _contact_and_penetration(self, vertices: Tensor, scale: Tensor) -> dict[str, Tensor]:
+    def _contact_and_penetration(self, vertices: Tensor, estimate: Estimate) -> dict[str, Tensor]:
         problem, settings, touch, scene = self.problem, self.settings, self.touch, self.scene
+        scale = estimate.log_scale.exp()
         energies: dict[str, Tensor] = {}
         to_floor = vertices.new_zeros(vertices.shape[:2])
         signed = squared = to_floor
         if len(scene.points):
             # n . (v - s p), with what stays as it is between two looks gathered once.
-            signed = (self._normals * vertices).sum(-1) - scale * self._along
+            factor = scale
+            if "warp" in self.state.free:
+                factor = scale * torch.exp(estimate.warp[:, None] * self._warped)
+            signed = (self._normals * vertices).sum(-1) - factor * self._along
             if "point" in (settings.contact_metric, settings.penetration_metric):
-                squared = (vertices - scene.points[touch.near] * scale).square().sum(-1)
+                squared = (vertices - scene.points[touch.near] * factor[..., None]).square().sum(-1)
         has_plane = problem.floor_normal is not None and settings.floor == "plane"
         if has_plane:
             assert problem.floor_normal is not None
@@ -177,7 +187,10 @@ class JointEnergy:
             )
             energies["penetration"] = settings.penetration_weight * inside
         if has_plane and settings.floor_weight:
-            under = terms.penetration(to_floor, touch.floor_weight, settings.floor_slack_m, settings.floor_sigma_m, rho)
+            # Legs that nobody sees may be pushed up, but are no ruler: the scale of the last look stands.
+            guessed = to_floor + problem.floor_offset * (self._scale - scale)
+            height = torch.where(self.visible.in_play, to_floor, guessed)
+            under = terms.penetration(height, touch.floor_weight, settings.floor_slack_m, settings.floor_sigma_m, rho)
             energies["floor"] = settings.floor_weight * under
         if has_plane and (settings.sole_weight or settings.lower_sole_weight or settings.unseen_sole_weight):
             energies["soles"] = self._soles(to_floor)
@@ -215,6 +228,9 @@ class JointEnergy:
         energies: dict[str, Tensor] = {}
         if settings.range_weight:
             energies["ranges"] = settings.range_weight * beyond_limits(estimate.rotations, self._ranges)
+        if settings.unseen_symmetry_weight and self._legs_unseen:
+            unlike = self.fixed.legs_unseen.to(joints.dtype) * leg_asymmetry(estimate.rotations)
+            energies["symmetry"] = settings.unseen_symmetry_weight * unlike
         if settings.finger_weight:
             energies["fingers"] = settings.finger_weight * beyond_limits(estimate.rotations, self._fingers)
         if capsules is not None and settings.self_penetration_weight:
@@ -250,6 +266,7 @@ class JointEnergy:
             "betas": settings.shape_weight,
             "translation": settings.translation_weight,
             "offset": 1.0,
+            "warp": 1.0,
         }
         return {
             "regularisation": weight * (mesh + terms.prior(moved, weights)),
@@ -264,13 +281,16 @@ def _offset_sigma(problem: JointProblem, settings: JointSettings, feet_seen: Ten
         return torch.zeros_like(alone)
     if problem.floor_normal is None or settings.floor != "plane":
         return alone
-    return torch.where(feet_seen.any(1), settings.depth_offset_sigma, alone)
+    stands = feet_seen.any(1) if problem.grounded is None else feet_seen.any(1) & problem.grounded
+    return torch.where(stands, settings.depth_offset_sigma, alone)
 
 
 def _state(problem: JointProblem, settings: JointSettings, pelvis: Tensor, offset_sigma: Tensor, surface: int) -> State:
     frozen = set(settings.frozen)
     if not offset_sigma.any():
         frozen.add("offset")
+    if surface == 0 or not settings.warp_sigma:
+        frozen.add("warp")
     if surface == 0 and problem.floor_normal is None:
         frozen.add("scale")  # nothing is left that shows the scale
     return State(
@@ -283,6 +303,7 @@ def _state(problem: JointProblem, settings: JointSettings, pelvis: Tensor, offse
         scale_sigma=settings.scale_sigma if problem.scale_sigma is None else problem.scale_sigma,
         offset_sigma=offset_sigma,
         offset_free=offset_sigma > 0,
+        warp_sigma=settings.warp_sigma,
     )
 
 

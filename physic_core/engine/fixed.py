@@ -23,6 +23,7 @@ STATIC_CONTACTS = ("left_foot", "right_foot", "left_hand", "right_hand", "thighs
 """What usually touches the world, after PROX."""
 
 _FULL_HD_PX = 1920
+_LEGS = [JOINT_INDEX[f"{side}_{name}"] for side in ("left", "right") for name in ("knee", "ankle")]
 _AREA_UNIT_M2 = 0.01  # a square decimetre, half a sole: the surface that counts once
 
 
@@ -44,6 +45,7 @@ class Fixed:
         person_px: (B,) stature in px at the person's depth.
         relative: (B, n, 3) tracked vertices at the start in the root's frame, metres.
         stands: (B,) bool.
+        legs_unseen: (B,) bool, neither knees nor ankles are shown.
         feet_seen: (B, 2) bool.
         log_depth: (H, W) logarithm of the original photo's depth, NaN where unknown; or None.
         surface: scene points that count as surface, (M, 3) metres.
@@ -63,6 +65,7 @@ class Fixed:
     person_px: Tensor
     relative: Tensor
     stands: Tensor
+    legs_unseen: Tensor
     feet_seen: Tensor
     log_depth: Tensor | None
     surface: Tensor
@@ -116,6 +119,7 @@ def prepare(problem: JointProblem, settings: JointSettings, start: BodyOutput) -
         person_px=person_px,
         relative=root_relative(start.vertices[:, ids], start.joints[:, 0], problem.rotations0[:, 0]),
         stands=stands(problem.rotations0, start.joints, observed),
+        legs_unseen=~observed[:, _LEGS].any(1),
         feet_seen=observed[:, ankles] & inside_image(project(start.joints[:, ankles], problem.K), height, width),
         log_depth=_log_depth(problem.human_depth),
         surface=surface,

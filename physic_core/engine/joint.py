@@ -15,6 +15,7 @@ from physic_core.engine.schedule import run
 from physic_core.engine.settings import JointSettings
 from physic_core.engine.state import Estimate
 from physic_core.engine.terms import lowest_height, plane_height, signed_distance
+from physic_core.engine.warp import warp_share
 from physic_core.geometry.camera import project
 from physic_core.geometry.visibility import depth_order_violations
 
@@ -86,6 +87,7 @@ def _untouched(problem: JointProblem, failures: tuple[str, ...]) -> JointResult:
         betas=problem.betas0,
         transl=problem.transl0,
         scene_scale=1.0,
+        warp=torch.zeros_like(problem.transl0[:, 0]),
         vertices=output.vertices,
         joints=output.joints,
         occluded=torch.zeros(output.vertices.shape[:2], dtype=torch.bool, device=output.vertices.device),
@@ -123,6 +125,7 @@ def _result(
         betas=betas,
         transl=transl,
         scene_scale=float(estimate.log_scale.exp()),
+        warp=start.warp.index_copy(0, rows, estimate.warp),
         vertices=output.vertices,
         joints=output.joints,
         occluded=start.occluded.index_copy(0, rows, energy.visible.occluded),
@@ -141,6 +144,7 @@ def _diagnostics(energy: JointEnergy, estimate: Estimate, vertices: Tensor, join
     penetration_share: surface more than 3 cm inside the scene or under the floor, of what the photo shows.
     floating_m: gap between the body and whatever it is nearest to; 0 where it touches.
     depth_offset: log of how much farther the depth map saw the person than they are.
+    warp: log of the factor on the depth of what is round them, beside the scene's.
     occluded_share: vertices that objects, others or the own body hide.
     depth_order_share: vertices in front of a person who hides them in the photo.
     """
@@ -151,10 +155,13 @@ def _diagnostics(energy: JointEnergy, estimate: Estimate, vertices: Tensor, join
     confident = fixed.keypoint_weight >= settings.min_confidence
     scale = float(estimate.log_scale.exp())
     scene, touch = energy.scene, energy.touch
-    near = scene.query(tracked, scale)
+    warp = estimate.warp[:, None]
+    near = scene.query(tracked / warp.exp()[..., None], scale)
     distance = torch.full_like(fixed.area, torch.inf)
     if len(scene.points):
-        signed = signed_distance(tracked, scene.points[near.index] * scale, scene.normals[near.index])
+        points = scene.points[near.index]
+        factor = scale * torch.exp(warp * warp_share(points, problem.floor_normal, problem.floor_offset))
+        signed = signed_distance(tracked, points * factor[..., None], scene.normals[near.index])
         distance = torch.where(near.found, signed, distance)
     height: Tensor | None = None
     if problem.floor_normal is not None and settings.floor != "off":
@@ -172,6 +179,7 @@ def _diagnostics(energy: JointEnergy, estimate: Estimate, vertices: Tensor, join
             "occluded_share": float(energy.visible.occluded[i].float().mean()),
             "depth_order_share": float(behind[:, i].max()),
             "depth_offset": float(estimate.offset[i]),
+            "warp": float(estimate.warp[i]),
         }
         if confident[i].any():
             numbers["reprojection_px"] = float(error[i][confident[i]].mean())

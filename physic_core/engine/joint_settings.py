@@ -32,7 +32,7 @@ class JointSettings:
 
     Attributes:
         parameters: "whitened" deviations in units of their expected size, or the "raw" numbers themselves.
-        frozen: groups that stay as they are: root, pose, hands, betas, translation, scale, offset.
+        frozen: groups that stay as they are: root, pose, hands, betas, translation, scale, offset, warp.
         optimiser: "lbfgs" with a strong-Wolfe line search, or "adam".
         steps: at most; 40-100.
         refresh_steps: steps between two looks at visibility and, with "lbfgs", nearest points; 10-30.
@@ -114,6 +114,7 @@ class JointSettings:
             none.
         floor_band_m: scene points this near to the plane are the floor, and left to the plane ("plane").
         floor_weight: of vertices under the plane ("plane").
+        floor_unseen_share: of it, for limbs that the photo does not show.
         floor_slack_m: depth under it that is not punished, metres.
         floor_sigma_m: expected error of the plane, metres.
         sole_weight: of each foot near the floor; the lowest twentieth of the sole is its height.
@@ -135,9 +136,13 @@ class JointSettings:
         translation_weight: of the change of place.
         scale_weight: of the change of the scene's scale.
         scale_sigma: expected error of log(scale); the metric depth's own, where it states one, goes first.
+        warp_sigma: expected error of the logarithm of the depth of what is round a person, beside that of the whole
+            scene; 0 leaves the scene as it is.
         limit_weight: of knees and elbows bent the wrong way or too far.
         balance_weight: of the centre of mass over the feet, along the viewing direction, of people who stand.
         range_weight: of hips, ankles, feet, spine, neck, shoulders and wrists turned farther than people can.
+        unseen_symmetry_weight: of unlike legs, where the photo shows neither knees nor ankles: left and right are more
+            likely alike than an estimator guesses.
         finger_weight: of fingers bent backwards, sideways or too far.
         self_penetration_weight: of limbs inside the own body, deeper than at the start and than at rest.
         self_penetration_slack_m: further depth that is not punished, metres.
@@ -191,9 +196,9 @@ class JointSettings:
     facing_deg: Degrees = 70.0
     max_human_points: Count = 3000
     vertex_confidence: NotNegative = 0.0
-    contact_weight: NotNegative = 1.0
+    contact_weight: NotNegative = 1.25
     contact_source: Literal["prior", "static"] = "prior"
-    contact_static_weight: NotNegative = 0.3
+    contact_static_weight: NotNegative = 0.4
     contact_probability: Share = 0.5
     contact_reach_m: Positive = 0.15
     contact_metric: Literal["plane", "point"] = "plane"
@@ -220,6 +225,7 @@ class JointSettings:
     floor: Literal["plane", "points", "off"] = "plane"
     floor_band_m: NotNegative = 0.05
     floor_weight: NotNegative = 6.0
+    floor_unseen_share: Share = 0.3
     floor_slack_m: NotNegative = 0.0
     floor_sigma_m: Positive = 0.015
     sole_weight: NotNegative = 2.0
@@ -241,9 +247,11 @@ class JointSettings:
     translation_weight: NotNegative = 0.05
     scale_weight: NotNegative = 1.5
     scale_sigma: Positive = 0.1
+    warp_sigma: NotNegative = 0.1
     limit_weight: NotNegative = 1.0
     balance_weight: NotNegative = 16.0
     range_weight: NotNegative = 0.0
+    unseen_symmetry_weight: NotNegative = 2.0
     finger_weight: NotNegative = 0.0
     self_penetration_weight: NotNegative = 0.0
     self_penetration_slack_m: NotNegative = 0.005

@@ -7,9 +7,9 @@ Preset "default" minimises, for each person alone and by Gauss-Newton steps with
     + floor_weight rho(h(t)^2) + offset cost (g / sigma)^2
 
 over the translation t and, where the person's feet are seen and stand on a known floor, the depth offset g: monocular
-depth sees people farther away than the floor under their feet, and without g that pulls the body off its floor. Means
-and shares make all terms independent of the picture's resolution. Preset "paper" is plain squares and sums with Adam
-and L-BFGS.
+depth sees people farther away than the floor under their feet, and without g that pulls the body off its floor. Who
+without g has both feet well above the floor stands on steps or lies on a bed, and has none. Means and shares make all
+terms independent of the picture's resolution. Preset "paper" is plain squares and sums with Adam and L-BFGS.
 
 Works on the CPU in float64: a few thousand points and k-d trees are faster there than anywhere else.
 """
@@ -53,14 +53,16 @@ class Placement:
         transl: (B, 3) metres.
         depth_offset: (B,) factor on the depth of a person's points that makes them agree with the body; 1 where they
             were tied to the scene.
+        grounded: (B,) bool, False for who stands, sits or lies with both feet well above the floor.
         diagnostics: one mapping a person: "keypoints" and "facing_vertices" and "points" used, "reprojection_px" and
             "chamfer_m" (medians) at start and end, "losses" (term of Eq. 3 -> its energy at "start" and "end"),
-            "moved_m", "depth_offset", "foot_height_m" over the floor (None without one), and "problem" in plain words
-            or None.
+            "moved_m", "depth_offset", "grounded", "foot_height_m" over the floor (None without one, and for who is
+            elsewhere), and "problem" in plain words or None.
     """
 
     transl: Tensor
     depth_offset: Tensor
+    grounded: Tensor
     diagnostics: tuple[Mapping[str, Any], ...]
 
 
@@ -108,18 +110,15 @@ def place(
         vertices, normals, landmarks, keypoints, confidence, K, points, masks, settings, outer, floor_normal,
         floor_offset, soles, feet_seen,
     )  # fmt: skip
-    moves, offsets, told = [], [], []
-    for person in people:
-        move, offset, diagnostics = _place_one(person, settings)
-        moves.append(move)
-        offsets.append(offset)
-        told.append(diagnostics)
-    if not people:
-        return Placement(transl, transl.new_ones((0,)), ())
+    placed = [_place_one(person, settings) for person in people]
+    if not placed:
+        return Placement(transl, transl.new_ones((0,)), torch.ones_like(transl[:, 0], dtype=torch.bool), ())
+    moves, offsets, grounded, told = zip(*placed, strict=True)
     return Placement(
         transl=transl + torch.stack(moves).to(transl),
         depth_offset=torch.tensor(offsets, dtype=transl.dtype, device=transl.device),
-        diagnostics=tuple(told),
+        grounded=torch.tensor(grounded, device=transl.device),
+        diagnostics=told,
     )
 
 
@@ -191,16 +190,20 @@ def _extent(keypoints: Tensor, mask: Tensor) -> Tensor:
     return diagonal.expand(2)
 
 
-def _place_one(person: Subject, settings: HumanSettings) -> tuple[Tensor, float, dict[str, Any]]:
-    """Translation to add (3,), depth offset, diagnostics."""
+def _place_one(person: Subject, settings: HumanSettings) -> tuple[Tensor, float, bool, dict[str, Any]]:
+    """Translation to add (3,), depth offset, whether grounded, diagnostics."""
     start = torch.zeros(4, dtype=torch.float64)
     x, problem, chamfer = start, None, None
+    grounded = True
     seen = torch.zeros(len(person.vertices), dtype=torch.bool)
     if not bool(torch.isfinite(person.vertices).all()):
         problem = "the body is not finite, it was left where it is"
     else:
         x, problem = _fit_keypoints(person, settings)
         if settings.chamfer_weight > 0:
+            grounded = not _is_elsewhere(person, x, settings)
+            if not grounded:
+                person = person._replace(soles=person.soles[:0])
             x, seen, chamfer = _fit_points(person, x, settings)
             if chamfer is None and problem is None:
                 problem = (
@@ -221,9 +224,10 @@ def _place_one(person: Subject, settings: HumanSettings) -> tuple[Tensor, float,
         "moved_m": float(torch.linalg.vector_norm(x[:3])),
         "depth_offset": offset,
         "foot_height_m": foot,
+        "grounded": grounded,
         "problem": problem,
     }
-    return x[:3], offset, diagnostics
+    return x[:3], offset, grounded, diagnostics
 
 
 def _losses(person: Subject, x: Tensor, seen: Tensor | None, settings: HumanSettings) -> dict[str, dict[str, float]]:
@@ -270,6 +274,22 @@ def _camera_facing(person: Subject, x: Tensor, settings: HumanSettings) -> Tenso
     moved = person.vertices + x[:3]
     turned = facing(person.normals, moved, settings.facing_deg) & (moved[:, 2] > NEAREST_M)
     return turned & person.outer & inside_mask(project(moved, person.K), person.mask)
+
+
+def _is_elsewhere(person: Subject, x: Tensor, settings: HumanSettings) -> bool:
+    """Whether the person's points, tied to the scene, put both feet well above the floor."""
+    if not settings.stand_reach_m or not _is_free(person, settings):
+        return False
+    seen = _camera_facing(person, x, settings)
+    if len(person.points) < settings.min_points or int(seen.sum()) < settings.min_points:
+        return False
+    terms: list[Term] = [Chamfer(person, seen, settings)]
+    if len(person.keypoints) >= FEWEST_KEYPOINTS:
+        terms.append(Reprojection(person, settings))
+    tied = descend(terms, x, (0, 1, 2), settings.iterations)
+    lower = float(height(person.soles + tied[:3], person.plane[:3], person.plane[3]).min())
+    away = float((person.vertices[:, 2] + tied[2]).median())
+    return lower > min(settings.stand_reach_m, settings.stand_reach_share * away)
 
 
 def _fit_points(

@@ -23,6 +23,7 @@ _PER_PERSON = (
     "masks",
     "contact_probability",
     "observed",
+    "grounded",
 )
 
 
@@ -51,6 +52,7 @@ class JointProblem:
         human_depth: (H, W) metres along z of the original photo, aligned to the scene, NaN where unknown; or None.
         human_points: per person (M_i, 3) metres, aligned to the scene; or None.
         scale_sigma: standard deviation of log(scale) that the metric depth states, or None.
+        grounded: (B,) bool, people who may stand on the floor, and not on or in something else; None is everybody.
     """
 
     model: BodyModel
@@ -73,6 +75,7 @@ class JointProblem:
     human_depth: Tensor | None = None
     human_points: tuple[Tensor, ...] | None = None
     scale_sigma: float | None = None
+    grounded: Tensor | None = None
 
     def __len__(self) -> int:
         return len(self.transl0)
@@ -103,6 +106,8 @@ class JointProblem:
             wanted["floor_normal"] = (3,)
         if self.human_depth is not None:
             wanted["human_depth"] = (height, width)
+        if self.grounded is not None:
+            wanted["grounded"] = (b,)
         faults = [
             f"{name} must be {shape}, got {tuple(getattr(self, name).shape)}"
             for name, shape in wanted.items()
@@ -128,7 +133,7 @@ class JointProblem:
 
     def pick(self, rows: Tensor) -> JointProblem:
         """The same scene with some of its people, (n,) int64."""
-        changed = {name: getattr(self, name)[rows] for name in _PER_PERSON}
+        changed = {name: getattr(self, name)[rows] for name in _PER_PERSON if getattr(self, name) is not None}
         if self.human_points is not None:
             changed["human_points"] = tuple(self.human_points[i] for i in rows.tolist())
         return replace(self, **changed)
@@ -145,6 +150,7 @@ class JointResult:
         scene_scale: factor on all scene points, human points and on the floor's offset.
         vertices: (B, V, 3) metres.
         joints: (B, 55, 3) metres.
+        warp: (B,) logarithm of a further factor on what is round each person, see :mod:`physic_core.engine.warp`.
         occluded: (B, V) bool, hidden by objects, by other people or by the person themself, at the end.
         losses: term -> its weighted value at the start and at the end, both under what was visible at the end.
         diagnostics: per person, name -> number; what could not be measured is left out.
@@ -157,6 +163,7 @@ class JointResult:
     betas: Tensor
     transl: Tensor
     scene_scale: float
+    warp: Tensor
     vertices: Tensor
     joints: Tensor
     occluded: Tensor

@@ -18,7 +18,8 @@ from physic_core.engine.settings import HumanSettings, SceneSettings
 from physic_core.errors import BackendOutputError
 from physic_core.geometry.alignment import Alignment, align, apply_alignment
 from physic_core.geometry.camera import intrinsics_matrix, unproject
-from physic_core.geometry.floor import FloorSearch, PlaneFit, fit_floor, fit_floor_metric
+from physic_core.geometry.floor import FloorSearch, PlaneFit, fit_floor
+from physic_core.geometry.floor_metric import fit_floor_metric
 from physic_core.geometry.plane import height, sample_plane
 from physic_core.geometry.pointmap import (
     depth_edges,
@@ -180,7 +181,7 @@ def fit_relative_floor(
     settings = settings or SceneSettings()
     if settings.floor == "off":
         return None
-    return _inverse_depth_search(points, valid, floor_mask, hole, feet_px, settings).plane
+    return _inverse_depth_search(points, valid, None, floor_mask, hole, feet_px, settings).plane
 
 
 def search_floor(
@@ -207,12 +208,13 @@ def search_floor(
             max_below=settings.floor_max_below,
             seed=settings.seed,
         )
-    return _inverse_depth_search(points, valid, floor_mask, hole, feet_px, settings)
+    return _inverse_depth_search(points, valid, surface, floor_mask, hole, feet_px, settings)
 
 
 def _inverse_depth_search(
     points: Tensor,
     valid: Tensor,
+    surface: Tensor | None,
     floor_mask: Tensor | None,
     hole: Tensor | None,
     feet_px: Tensor | None,
@@ -235,6 +237,9 @@ def _inverse_depth_search(
         max_roll_deg=settings.floor_max_roll_deg,
         hole_weight=settings.floor_hole_weight,
         lower_share=settings.floor_lower_share,
+        normals=surface,
+        firmness=settings.floor_firmness,
+        feet_window=settings.floor_feet_window,
         seed=settings.seed,
     )
 

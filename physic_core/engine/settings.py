@@ -62,11 +62,17 @@ class SceneSettings:
         floor_max_roll_deg: how far the floor may tilt sideways in the picture, degrees.
         floor_hole_weight: weight of inpainted pixels in the fit, 0-1.
         floor_lower_share: part of the picture, from below, that is searched where there is no floor mask.
-        floor_reanchor: move an accepted floor, its horizon kept, to the depth seen at the feet.
+        floor_firmness: how clearly the surfaces must tell which way is up for the floor to be square to it; 0.1-0.2,
+            1 does not ask them ("disparity").
+        floor_reanchor: move an accepted floor, its horizon kept, to the depth seen round the feet.
+        floor_feet_window: how far round the feet, as a share of the long image side; 0.02-0.15.
+        floor_under_people: where no floor is seen, put one under the soles of people who stand or sit upright.
         floor_spacing_m: distance of floor points near the people, metres; 0.02-0.05.
         floor_near_m: how far "near the people" reaches, metres.
         floor_max_points: floor points at most; 0 makes none.
         floor_grid: a plain grid of this many points a side instead (released code: 100); 0 switches it off.
+        carve_m: scene that an inpainter made up and that ends inside a body moves behind it, by this much at most,
+            metres; 0 leaves it where it is.
         seed: of every random draw in this stage.
     """
 
@@ -94,11 +100,15 @@ class SceneSettings:
     floor_max_roll_deg: Degrees = 25.0
     floor_hole_weight: Share = 0.3
     floor_lower_share: Share = 0.6
+    floor_firmness: Share = 0.11
     floor_reanchor: bool = True
+    floor_feet_window: Share = 0.08
+    floor_under_people: bool = True
     floor_spacing_m: Positive = 0.025
     floor_near_m: NotNegative = 1.5
     floor_max_points: Count = 40_000
     floor_grid: Count = 0
+    carve_m: NotNegative = 0.5
     seed: Count = 0
 
 
@@ -145,6 +155,9 @@ class HumanSettings:
             points to the scene.
         floor_weight: pull of the lower foot onto the floor, for the same people; 0 switches it off.
         floor_robust_m: scale of the robust pull, metres: a foot that is much farther off is not on the floor.
+        stand_reach_m: who, tied to the scene, has the lower foot higher over the floor than this stands or lies on
+            something else, and stays tied; 0 lets everybody stand.
+        stand_reach_share: the same as a share of the distance from the camera; the smaller of the two counts.
         iterations: Gauss-Newton steps at most, or Adam's steps on Eq. 2.
         learning_rate: Adam's.
         lbfgs_steps: L-BFGS steps on Eq. 3 ("adam_lbfgs").
@@ -184,6 +197,8 @@ class HumanSettings:
     depth_offset_sigma: NotNegative = 0.2
     floor_weight: NotNegative = 1.0
     floor_robust_m: PositiveOrInfinite = 0.3
+    stand_reach_m: NotNegative = 0.45
+    stand_reach_share: NotNegative = 0.15
     iterations: PositiveCount = 30
     learning_rate: Positive = 1e-2
     lbfgs_steps: PositiveCount = 2

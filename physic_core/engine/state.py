@@ -1,4 +1,5 @@
-"""What the joint optimisation moves: bodies, one scene scale, one depth offset a person; and how they are written.
+"""What the joint optimisation moves: bodies, one scene scale, a depth offset and a warp a person; and how they are
+written.
 
 Whitened, every free number is a deviation from the start in units of how far it may be expected to move, so that one
 step length suits them all and their sum of squares is a prior. Raw, they are the quantities themselves, with rotations
@@ -19,8 +20,9 @@ from physic_core.geometry.rotations import rotvec_to_rotmat
 
 __all__ = ["GROUPS", "Estimate", "State"]
 
-GROUPS: tuple[str, ...] = ("root", "pose", "hands", "betas", "translation", "scale", "offset")
-"""Groups that can be frozen: root rotation, joints 1-21, both hands, shape, translation, scene scale, depth offset."""
+GROUPS: tuple[str, ...] = ("root", "pose", "hands", "betas", "translation", "scale", "offset", "warp")
+"""Groups that can be frozen: root rotation, joints 1-21, both hands, shape, translation, scene scale, depth
+offset, warp."""
 
 _BODY = slice(1, 22)
 _HANDS = slice(25, 55)
@@ -56,6 +58,7 @@ class Estimate:
         transl: (B, 3) metres.
         log_scale: () logarithm of the factor on the scene.
         offset: (B,) logarithm of how much farther than the scene the depth map sees each person.
+        warp: (B,) logarithm of the factor on what is round each person, beside that of the scene.
     """
 
     rotations: Tensor
@@ -63,6 +66,7 @@ class Estimate:
     transl: Tensor
     log_scale: Tensor
     offset: Tensor
+    warp: Tensor
 
 
 class State:
@@ -78,6 +82,7 @@ class State:
         scale_sigma: expected spread of log(scale).
         offset_sigma: expected spread of the depth offset, or (B,) that of each person.
         offset_free: (B,) bool, people whose offset may move at all; None is everybody.
+        warp_sigma: expected spread of the warps.
 
     Raises:
         PhysicError: an unknown group.
@@ -95,6 +100,7 @@ class State:
         scale_sigma: float = 0.1,
         offset_sigma: float | Tensor = 0.2,
         offset_free: Tensor | None = None,
+        warp_sigma: float = 0.06,
     ) -> None:
         unknown = sorted(set(frozen) - set(GROUPS))
         if unknown:
@@ -107,6 +113,7 @@ class State:
             transl.detach(),
             torch.zeros((), device=device, dtype=dtype),
             torch.zeros(people, device=device, dtype=dtype),
+            torch.zeros(people, device=device, dtype=dtype),
         )
         self._pelvis = pelvis.detach()
         sigmas = torch.tensor([_POSE_SIGMAS[j] for j in range(1, 22)], device=device, dtype=dtype)
@@ -118,6 +125,7 @@ class State:
             "translation": torch.tensor([_RAY_SIGMA, _RAY_SIGMA, _DEPTH_SIGMA], device=device, dtype=dtype),
             "scale": scale_sigma,
             "offset": offset_sigma,
+            "warp": warp_sigma,
         }
         self._offset_free = (
             torch.ones(people, device=device, dtype=dtype) if offset_free is None else offset_free.to(dtype)
@@ -141,6 +149,7 @@ class State:
                 "translation": zeros(people, 3),
                 "scale": zeros(()),
                 "offset": zeros(people),
+                "warp": zeros(people),
             }
         columns = start.rotations[..., :2]
         return {
@@ -151,6 +160,7 @@ class State:
             "translation": start.transl.clone(),
             "scale": torch.ones_like(start.log_scale),
             "offset": start.offset.clone(),
+            "warp": start.warp.clone(),
         }
 
     def unpack(self) -> Estimate:
@@ -184,6 +194,7 @@ class State:
             start.transl + (pelvis - self._pelvis),
             values["scale"] * sigmas["scale"],
             values["offset"] * sigmas["offset"] * self._offset_free,
+            values["warp"] * sigmas["warp"],
         )
 
     def _unpack_raw(self) -> Estimate:
@@ -196,6 +207,7 @@ class State:
             values["translation"],
             values["scale"].clamp(min=1e-3).log(),
             values["offset"] * self._offset_free,
+            values["warp"],
         )
 
     def deviations(self) -> dict[str, Tensor]:

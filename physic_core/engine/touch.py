@@ -13,6 +13,7 @@ from physic_core.engine.problem import JointProblem
 from physic_core.engine.settings import JointSettings
 from physic_core.engine.terms import lowest_height, plane_height, signed_distance
 from physic_core.engine.visible import Visible
+from physic_core.engine.warp import warp_share
 from physic_core.geometry.neighbors import NearestScene, near_boxes
 
 __all__ = ["WANDER_M", "Touch", "feel", "scene_near"]
@@ -20,6 +21,7 @@ __all__ = ["WANDER_M", "Touch", "feel", "scene_near"]
 WANDER_M = 0.6  # how far people may move before the scene round them has to be gathered anew
 _LEVEL = 0.7  # cosine: a surface that one can stand on
 _UNSEEN = 4.0  # sigmas: a foot that should be so far off is not the floor's to mend
+_SUNK_M = 0.2
 _STEP_SHARE = 0.3  # of a sole's vertices that must be over a raised surface
 
 
@@ -64,6 +66,7 @@ def feel(
     scene: NearestScene,
     vertices: Tensor,
     scale: float,
+    warp: Tensor,
 ) -> Touch:
     """Look up nearest points and decide who counts.
 
@@ -75,8 +78,9 @@ def feel(
         scene: from :func:`scene_near`.
         vertices: (B, n, 3) tracked vertices now, metres.
         scale: of the scene, now.
+        warp: (B,) of what is round each person, now.
     """
-    nearest = scene.query(vertices, scale)
+    nearest = scene.query(vertices / warp.exp()[:, None, None], scale)
     far = torch.full_like(fixed.area, torch.inf)
     zeros = torch.zeros_like(fixed.area)
     nobody = torch.zeros_like(visible.in_play)
@@ -85,9 +89,9 @@ def feel(
     plane = problem.floor_normal if settings.floor == "plane" else None
     if len(scene.points):
         normals = scene.normals[nearest.index]
-        signed = torch.where(
-            nearest.found, signed_distance(vertices, scene.points[nearest.index] * scale, normals), far
-        )
+        share = warp_share(scene.points[nearest.index], problem.floor_normal, problem.floor_offset)
+        points = scene.points[nearest.index] * (scale * torch.exp(warp[:, None] * share))[..., None]
+        signed = torch.where(nearest.found, signed_distance(vertices, points, normals), far)
         against_scene = -(visible.normals * normals).sum(-1)
         lined = against_scene.abs() >= oblique
         if plane is not None:
@@ -125,6 +129,10 @@ def feel(
         inside = inside & ~(fixed.prior > 0)
     solid = fixed.area * fixed.trust
 
+    # Whose unseen legs would stand deep in the floor has other legs, or another floor.
+    shallow = above.amin(1, keepdim=True) > -_SUNK_M
+    guessed = torch.where(shallow, settings.floor_unseen_share * solid, zeros)
+
     heights = [above[:, rows] for rows in fixed.soles]
     lowest = torch.stack([lowest_height(h) if h.shape[1] else far[:, 0] for h in heights], 1)
     # A foot on a step or a stool stands on that, which contact sees to.
@@ -134,12 +142,14 @@ def feel(
     likely = torch.stack([_share(expected[:, rows]) > 0 for rows in fixed.soles], 1)
     lower = torch.where(on_floor, lowest, torch.full_like(lowest, torch.inf)).amin(1)
     pulled = (on_floor & likely).any(1) & ~stepped.any(1) & (lower.abs() < settings.lower_sole_reach_m)
+    if problem.grounded is not None:
+        pulled = pulled & problem.grounded
     return Touch(
         near=nearest.index,
         on_scene=on_scene,
         contact_weight=contact_weight,
         penetration_weight=torch.where(inside, solid, zeros),
-        floor_weight=zeros if plane is None else torch.where(visible.in_play, solid, zeros),
+        floor_weight=zeros if plane is None else torch.where(visible.in_play, solid, guessed),
         sole_weight=on_floor.to(zeros.dtype),
         lower_sole_weight=pulled.to(zeros.dtype),
         unseen_sole_weight=(~fixed.feet_seen & (lowest.abs() < _UNSEEN * settings.unseen_sole_sigma_m) & ~stepped).to(

@@ -15,9 +15,9 @@ from typing import Literal, NamedTuple
 import torch
 from torch import Tensor
 
-from physic_core.geometry.plane import height
+from physic_core.geometry.gravity import gravity
 
-__all__ = ["FloorReason", "FloorSearch", "PlaneFit", "fit_floor", "fit_floor_metric"]
+__all__ = ["FloorReason", "FloorSearch", "PlaneFit", "fit_floor"]
 
 FloorReason = Literal["found", "no_pixels", "no_consensus", "below_plane", "switched_off"]
 """Why a search ended: "found"; too few pixels to look at; too small a share on any level plane; too many valid pixels
@@ -32,6 +32,15 @@ _LEAST_RISE = 0.05
 _FEET_WINDOW = 0.006
 _FEET_AGREE = 0.1
 _REANCHOR_RANGE = (0.5, 2.0)
+_REANCHOR_BANDS = 4.0  # farther than this from the plane, pixels round the feet show something else
+_UP_COSINE = math.cos(math.radians(15.0))  # of a floor with the up that the surfaces tell
+_UP_SIGMA = math.radians(3.0)  # how far off that up may be expected to be
+_UP_SHARE = 0.05  # what it weighs, as a share of the floor's own pixels: their errors are those of a few bends
+_TWO_WITNESSES = 0.9  # of the pixels that a mask needs alone, where the surfaces agree
+_LEVEL_COSINE = math.cos(math.radians(25.0))
+_LEVELS = 3  # level surfaces that are looked at before there is no floor
+_LEAST_LEVEL = 0.01  # of the picture
+_LEVEL_BELOW = 0.04
 
 
 @dataclass(frozen=True)
@@ -104,15 +113,19 @@ def fit_floor(
     max_roll_deg: float = 25.0,
     hole_weight: float = 0.3,
     lower_share: float = 0.6,
+    normals: Tensor | None = None,
+    firmness: float = 0.11,
+    feet_window: float = 0.08,
     seed: int = 0,
 ) -> FloorSearch:
     """Find the floor of a point map in inverse depth.
 
     First among the pixels of ``floor_mask``, where given; if nothing there passes the checks, among the lower part of
-    the picture. The plane must be seen from above (not from straight above: that could be a wall) and be level within
-    ``max_roll_deg``. The feet do not draw
+    the picture, and at last among its level surfaces, of which tables and beds have others below them. The plane must
+    be seen from above (not from straight above: that could be a wall) and be level within ``max_roll_deg``; where
+    surfaces tell which way is up it must agree, and leans on that where it is small. The feet do not draw
     hypotheses (they would make the slope a local one): they vouch for the plane found, and then move it, its horizon
-    kept.
+    kept, to the floor round them.
 
     Args:
         points: (H, W, 3), any unit, preferably of the photo without its people.
@@ -132,6 +145,9 @@ def fit_floor(
         max_roll_deg: largest sideways tilt.
         hole_weight: weight of the pixels of ``hole``.
         lower_share: the lower part of the picture.
+        normals: (H, W, 3) unit, of the surfaces, zero where unknown, or None: they tell which way is up.
+        firmness: how clearly they must, see :class:`physic_core.geometry.gravity.Gravity`.
+        feet_window: how far round the feet the floor is looked at, as a share of the longer side.
         seed: of the draws.
 
     Returns:
@@ -148,33 +164,77 @@ def fit_floor(
     if not band > 0:
         return FloorSearch(None, "no_consensus")
 
+    told = None if normals is None else gravity(normals[valid])
+    up = told.up if told is not None and told.firmness >= firmness else None
+
+    def fitted(samples: _Samples, band: float) -> Tensor | FloorReason:
+        generator = torch.Generator().manual_seed(seed)
+        return _fit_samples(samples, band, _LEAST_RISE * spread, hypotheses, max_roll_deg, generator, up)
+
+    def accepted(
+        plane: Tensor, on: float, below: float, source: Literal["floor mask", "lower image"], band: float, floor: Tensor
+    ) -> FloorSearch:
+        expected = rays @ plane.to(rays)
+        length = float(torch.linalg.vector_norm(plane))
+        inliers = valid & ((inverse - expected).abs() < band) & (expected > 2 * band)
+        fit = PlaneFit(-(plane / length).to(points), 1 / length, inliers, on, below, source)
+        if reanchor:
+            fit = _reanchored(fit, _feet_factors(plane, rays, inverse, floor, feet_px, band, feet_window))
+        return FloorSearch(fit, "found", on, below)
+
     def search(mask: Tensor | None, share: float, band: float = band) -> FloorSearch:
         samples = _sample(rays, inverse, valid, mask, hole, hole_weight, lower_share)
-        generator = torch.Generator().manual_seed(seed)
-        plane = _fit_samples(samples, band, _LEAST_RISE * spread, hypotheses, max_roll_deg, generator)
+        plane = fitted(samples, band)
         if isinstance(plane, str):
             return FloorSearch(None, plane)
         on, below = _shares(samples, plane, band)
-        factors = _feet_factors(plane, rays, inverse, valid, feet_px, band)
-        if mask is None and len(factors) and float((factors - 1).abs().median()) < _FEET_AGREE:
-            share = min(share, feet_min_share)
+        if mask is None:
+            factors = _feet_factors(plane, rays, inverse, valid, feet_px, band, _FEET_WINDOW)
+            if len(factors) and float((factors - 1).abs().median()) < _FEET_AGREE:
+                share = min(share, feet_min_share)
+        elif up is not None:
+            share *= _TWO_WITNESSES
         if on <= share:
             return FloorSearch(None, "no_consensus", on, below)
         if below > max_below:
             return FloorSearch(None, "below_plane", on, below)
-        expected = rays @ plane.to(rays)
-        inliers = valid & ((inverse - expected).abs() < band) & (expected > 2 * band)
-        source: Literal["floor mask", "lower image"] = "lower image" if mask is None else "floor mask"
-        length = float(torch.linalg.vector_norm(plane))
-        fit = PlaneFit(-(plane / length).to(points), 1 / length, inliers, on, below, source)
-        return FloorSearch(_reanchored(fit, factors) if reanchor else fit, "found", on, below)
+        if mask is None:
+            return accepted(plane, on, below, "lower image", band, valid)
+        floor = valid & mask & ((inverse - rays @ plane.to(rays)).abs() < _REANCHOR_BANDS * band)
+        return accepted(plane, on, below, "floor mask", band, floor)
+
+    def search_levels() -> FloorSearch | None:
+        """The largest level surface with hardly anything below it, among those of the lower part."""
+        if up is None or normals is None:
+            return None
+        down = torch.arange(len(valid), device=valid.device)[:, None] >= (1 - lower_share) * len(valid)
+        level = valid & down & (normals.double() @ up > _LEVEL_COSINE)
+        for wide in (band, mask_slack * band):
+            left = level
+            for _ in range(_LEVELS):
+                if float(left.double().mean()) < _LEAST_LEVEL:
+                    break
+                samples = _sample(rays, inverse, valid, left, hole, hole_weight, lower_share)
+                plane = fitted(samples, wide)
+                if isinstance(plane, str):
+                    break
+                on, below = _shares(samples, plane, wide)[0], _shares(samples, plane, band)[1]
+                near = (inverse - rays @ plane.to(rays)).abs() < wide
+                if on > min_share and below <= _LEVEL_BELOW:
+                    return accepted(plane, on, below, "lower image", wide, level & near)
+                left = left & ~near
+        return None
+
+    def search_picture() -> FloorSearch:
+        first = search(None, min_share)
+        return first if first.plane is not None else search_levels() or first
 
     if floor_mask is None or not bool(floor_mask.any()):
-        return search(None, min_share)
+        return search_picture()
     masked = search(floor_mask, mask_min_share)
     if masked.reason == "no_consensus" and mask_slack > 1:
         masked = search(floor_mask, mask_min_share, mask_slack * band)
-    return masked if masked.plane is not None else replace(search(None, min_share), mask_reason=masked.reason)
+    return masked if masked.plane is not None else replace(search_picture(), mask_reason=masked.reason)
 
 
 def _range(values: Tensor) -> float:
@@ -237,8 +297,9 @@ def _fit_samples(
     hypotheses: int,
     max_roll_deg: float,
     generator: torch.Generator,
+    up: Tensor | None,
 ) -> Tensor | FloorReason:
-    """RANSAC, then least squares on the consensus: (3,) plane a, b, c."""
+    """RANSAC, then least squares on the consensus: (3,) plane a, b, c, which points against up."""
     index = samples.candidate.nonzero()[:, 0]
     if len(index) < _FEWEST_SAMPLES:
         return "no_pixels"
@@ -247,6 +308,8 @@ def _fit_samples(
     def plausible(planes: Tensor) -> Tensor:
         # Nearer towards the bottom of the picture is seen from above; a / b is the tangent of the camera's roll.
         level: Tensor = planes[..., 0].abs() <= math.tan(math.radians(max_roll_deg)) * planes[..., 1]
+        if up is not None:
+            level = level & (-(planes @ up.to(planes)) > _UP_COSINE * torch.linalg.vector_norm(planes, dim=-1))
         return level & (planes[..., 1] > slope)
 
     odds = samples.weight[index].float().cpu()
@@ -268,7 +331,13 @@ def _fit_samples(
         error = (samples.inverse - samples.rays @ plane) / band
         weight = samples.weight * samples.candidate * (1 - error.square()).clamp(min=0).square()
         weighted = samples.rays * weight[:, None]
-        refit, singular = torch.linalg.solve_ex(weighted.T @ samples.rays, weighted.T @ samples.inverse)
+        moments = weighted.T @ samples.rays
+        if up is not None:
+            # The part of the plane across up is an angle times its length: as if seen with an error of that angle.
+            across = torch.eye(3, dtype=plane.dtype, device=plane.device) - torch.outer(up, up).to(plane)
+            angle = float(torch.linalg.vector_norm(plane)) * _UP_SIGMA
+            moments = moments + _UP_SHARE * weight.sum() * (band / angle) ** 2 * across
+        refit, singular = torch.linalg.solve_ex(moments, weighted.T @ samples.inverse)
         if int(singular) != 0 or not bool(plausible(refit)):
             break
         plane = refit
@@ -297,11 +366,14 @@ def _shares(samples: _Samples, plane: Tensor, band: float) -> tuple[float, float
 
 
 def _feet_factors(
-    plane: Tensor, rays: Tensor, inverse: Tensor, valid: Tensor, feet_px: Tensor | None, band: float
+    plane: Tensor, rays: Tensor, inverse: Tensor, valid: Tensor, feet_px: Tensor | None, band: float, share: float
 ) -> Tensor:
-    """Inverse depth seen over inverse depth of the plane, for each foot that the plane can be compared with."""
+    """Inverse depth seen over inverse depth of the plane, for each foot that the plane can be compared with.
+
+    ``share`` of the longer side is how far round a foot valid pixels are looked at.
+    """
     rows, columns = valid.shape
-    reach = max(2, round(_FEET_WINDOW * max(rows, columns)))
+    reach = max(2, round(share * max(rows, columns)))
     factors = []
     for u, v in [] if feet_px is None else feet_px.round().long().tolist():
         window = (slice(max(0, v - reach), max(0, v + reach + 1)), slice(max(0, u - reach), max(0, u + reach + 1)))
@@ -321,86 +393,3 @@ def _reanchored(fit: PlaneFit, factors: Tensor) -> PlaneFit:
     if not _REANCHOR_RANGE[0] < factor < _REANCHOR_RANGE[1]:
         return fit
     return replace(fit, offset=fit.offset / factor, reanchored=factor)
-
-
-def fit_floor_metric(
-    points: Tensor,
-    normals: Tensor,
-    valid: Tensor,
-    floor_mask: Tensor | None,
-    *,
-    tolerance_m: float = 0.01,
-    max_angle_deg: float = 30.0,
-    hypotheses: int = 200,
-    min_share: float = 0.0,
-    max_below: float = 1.0,
-    seed: int = 0,
-) -> FloorSearch:
-    """Find the floor among the points of a floor mask, by positions and normals (paper Sec. 3.1).
-
-    Args:
-        points: (H, W, 3) metres.
-        normals: (H, W, 3) unit, zero where unreliable.
-        valid: (H, W) bool.
-        floor_mask: (H, W) bool; without one there is no floor, as in the paper.
-        tolerance_m: of an inlier, metres.
-        max_angle_deg: between an inlier's normal and the plane's.
-        hypotheses: planes drawn.
-        min_share: share of the mask's points that must lie on the plane.
-        max_below: largest share of valid points that may lie more than ten tolerances below it.
-        seed: of the draws.
-    """
-    if floor_mask is None:
-        return FloorSearch(None, "no_pixels")
-    candidate = floor_mask & valid & (normals != 0).any(-1)
-    cloud, directions = points[candidate].double(), normals[candidate].double()
-    if len(cloud) < _FEWEST_SAMPLES:
-        return FloorSearch(None, "no_pixels")
-    generator = torch.Generator().manual_seed(seed)
-    triples = torch.randint(len(cloud), (hypotheses, 3), generator=generator).to(cloud.device)
-    corner = cloud[triples]
-    raw = torch.linalg.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    length = torch.linalg.vector_norm(raw, dim=-1)
-    flat = length > 1e-12
-    normal = raw[flat] / length[flat, None]
-    offset = -(normal * corner[flat, 0]).sum(-1)
-    if not len(normal):
-        return FloorSearch(None, "no_consensus")
-    some = torch.randperm(len(cloud), generator=generator)[:_SAMPLES].to(cloud.device)
-    aligned = math.cos(math.radians(max_angle_deg))
-
-    def on_plane(n: Tensor, o: Tensor, p: Tensor, d: Tensor) -> Tensor:
-        return ((n @ p.T + o[..., None]).abs() < tolerance_m) & ((n @ d.T).abs() > aligned)
-
-    votes = torch.cat(
-        [
-            on_plane(n, o, cloud[some], directions[some]).sum(-1)
-            for n, o in zip(normal.split(64), offset.split(64), strict=True)
-        ]
-    )
-    best = int(votes.argmax())
-    n, o = normal[best], offset[best]
-    for _ in range(_REFITS):
-        inlier = on_plane(n, o, cloud, directions)
-        if int(inlier.sum()) < 3:
-            return FloorSearch(None, "no_consensus")
-        n, o = _principal_plane(cloud[inlier])
-    if float(o) < 0:
-        n, o = -n, -o
-    share = float(on_plane(n, o, cloud, directions).double().mean())
-    below = float((height(points[valid].double(), n, o) < -10 * tolerance_m).double().mean())
-    if share <= min_share:
-        return FloorSearch(None, "no_consensus", share, below)
-    if below > max_below:
-        return FloorSearch(None, "below_plane", share, below)
-    inliers = valid & (height(points, n, float(o)).abs() < tolerance_m)
-    fit = PlaneFit(n.to(points), float(o), inliers, share, below, "floor mask")
-    return FloorSearch(fit, "found", share, below)
-
-
-def _principal_plane(cloud: Tensor) -> tuple[Tensor, Tensor]:
-    """The plane of smallest squared distance to (M, 3) points."""
-    centre = cloud.mean(0)
-    spread = cloud - centre
-    normal = torch.linalg.eigh(spread.T @ spread).eigenvectors[:, 0]
-    return normal, -(normal @ centre)

@@ -25,6 +25,7 @@ __all__ = [
     "SelfOcclusion",
     "behind_others",
     "depth_order_violations",
+    "embree_device",
     "faces_around",
     "facing",
     "hidden_from_camera",
@@ -172,7 +173,7 @@ def _cast(points: NDArray[np.float64], triangles: NDArray[np.int32]) -> tuple[ND
     start = points[triangles[:, 0]]
     normals = np.cross(points[triangles[:, 1]] - start, points[triangles[:, 2]] - start)
     front = np.flatnonzero((normals * start).sum(1) < 0)
-    scene = EmbreeScene(_embree())
+    scene = EmbreeScene(embree_device())
     TriangleMesh(scene, points.astype(np.float32), triangles[front])
     hit = scene.run(np.zeros(points.shape, np.float32), rays.astype(np.float32))
     face = front[np.maximum(hit, 0)] if len(front) else np.zeros(len(points), np.int64)
@@ -186,7 +187,7 @@ def _cast(points: NDArray[np.float64], triangles: NDArray[np.int32]) -> tuple[ND
 
 
 @functools.cache
-def _embree() -> Any:
+def embree_device() -> Any:
     """Embree's workers, which take longer to start than a body takes to search."""
     from embreex.rtcore import EmbreeDevice
 

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES
-from physic_core.engine.anatomy import FINGER_RANGES, RANGES, beyond_limits, limits_of
+from physic_core.engine.anatomy import FINGER_RANGES, RANGES, beyond_limits, leg_asymmetry, limits_of
 from physic_core.engine.joint import optimize
 from physic_core.engine.presets import PRESETS
 
@@ -133,3 +133,22 @@ def test_fingers_that_start_backwards_come_back(make_stage):
     assert knuckle(free) > 1.2
     assert knuckle(held) < 1.0
     assert held.losses["fingers"][1] < 0.3 * held.losses["fingers"][0]
+
+
+def test_mirrored_legs_are_alike_and_others_cost_the_square_of_their_angle():
+    turns = 0.5 * torch.randn(3, 55, 3, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
+    for name in ("hip", "knee", "ankle"):
+        left, right = JOINT_INDEX[f"left_{name}"], JOINT_INDEX[f"right_{name}"]
+        turns[:, right] = turns[:, left] * torch.tensor([1.0, -1.0, -1.0])
+    assert leg_asymmetry(roma.rotvec_to_rotmat(turns)).abs().max() < 1e-12
+    bent = torch.zeros(1, 55, 3, dtype=torch.float64)
+    bent[0, JOINT_INDEX["left_knee"], 0] = 0.1
+    assert leg_asymmetry(roma.rotvec_to_rotmat(bent)).item() == pytest.approx((0.1 / 0.25) ** 2, rel=1e-2)
+    arms = torch.zeros(1, 55, 3, dtype=torch.float64)
+    arms[0, JOINT_INDEX["left_elbow"], 1] = 1.0
+    assert leg_asymmetry(roma.rotvec_to_rotmat(arms)).item() == 0.0
+
+
+def test_gradient_of_unlike_legs_is_exact():
+    turns = torch.randn(2, 55, 3, generator=torch.Generator().manual_seed(2), dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradcheck(lambda x: leg_asymmetry(roma.rotvec_to_rotmat(x)), turns)

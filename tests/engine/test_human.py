@@ -404,3 +404,66 @@ def test_no_more_points_than_asked_for_spread_over_the_person() -> None:
 def test_an_empty_mask_has_no_points() -> None:
     assert human_points(RAYS * 2.0, EVERYWHERE, torch.zeros_like(PERSON)).shape == (0, 3)
     assert human_points(RAYS * 2.0, torch.zeros_like(PERSON), PERSON).shape == (0, 3)
+
+
+BOTH = torch.tensor([True, True])
+
+
+def over_floor(metres: float) -> dict[str, object]:
+    """A floor so far below the feet, which the photo shows."""
+    return FLOOR | {"floor_offset": 0.45 + 0.85 + metres, "feet_seen": BOTH}
+
+
+def test_who_stands_on_a_platform_keeps_their_place_and_their_depth() -> None:
+    placed = Picture().place(**over_floor(0.6))
+    print(f"off by {error_cm(placed).tolist()} cm")
+    assert placed.grounded.tolist() == [False, False]
+    assert placed.depth_offset.tolist() == [1.0, 1.0]
+    assert error_cm(placed).max() < 1
+    for told in placed.diagnostics:
+        assert told["grounded"] is False
+        assert told["foot_height_m"] is None
+        assert "floor" not in told["losses"]
+
+
+def test_who_stands_on_the_floor_is_grounded() -> None:
+    for farther in (0.9, 1.0, 1.15):
+        placed = Picture(farther=farther).place(**over_floor(0.0))
+        assert placed.grounded.tolist() == [True, True]
+        assert placed.diagnostics[0]["grounded"] is True
+        assert placed.diagnostics[0]["foot_height_m"] == pytest.approx(0.0, abs=0.01)
+
+
+def test_near_the_camera_less_is_well_above_the_floor() -> None:
+    """One is 4 m away, the other 5 m, and the floor 40 cm below both."""
+    placed = Picture().place(replace(DEFAULT, stand_reach_share=0.09), **over_floor(0.4))
+    assert placed.grounded.tolist() == [False, True]
+    assert placed.diagnostics[0]["foot_height_m"] is None
+    assert placed.diagnostics[1]["foot_height_m"] is not None
+    assert Picture().place(**over_floor(0.4)).grounded.tolist() == [True, True]
+
+
+def test_without_a_reach_everybody_stands() -> None:
+    placed = Picture().place(replace(DEFAULT, stand_reach_m=0.0), **over_floor(0.6))
+    assert placed.grounded.tolist() == [True, True]
+    assert all(told["foot_height_m"] is not None for told in placed.diagnostics)
+
+
+def test_who_has_no_points_or_shows_no_feet_or_has_no_floor_counts_as_grounded() -> None:
+    picture = Picture()
+    picture.points[0] = picture.points[0][:0]
+    placed = picture.place(**over_floor(0.6))
+    assert placed.grounded.tolist() == [True, False]
+    assert error_cm(placed).max() < 1
+    assert Picture().place(**over_floor(0.6) | {"feet_seen": ~BOTH}).grounded.tolist() == [True, True]
+    assert Picture().place().grounded.tolist() == [True, True]
+
+
+def test_nobody_is_grounded_where_nobody_is() -> None:
+    picture = Picture()
+    none = place(
+        VERTICES[None][:0], NORMALS[None][:0], LANDMARKS[None][:0], START[:0], picture.keypoints[:0],
+        picture.confidence[:0], picture.K, [], picture.masks[:0], **over_floor(0.6) | {"feet_seen": BOTH[:0]},
+    )  # fmt: skip
+    assert none.grounded.shape == (0,)
+    assert none.grounded.dtype == torch.bool

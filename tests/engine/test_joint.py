@@ -159,6 +159,24 @@ def test_legs_that_the_photo_does_not_show_feel_no_floor(standing):
     assert "lowest_sole_m" not in result.diagnostics[0]
 
 
+def test_unseen_feet_a_little_under_the_floor_are_pushed_out_and_leave_the_scene_its_scale(standing):
+    """A floor that is 10 cm too high, and a person who is cut at the hips."""
+    model, problem = standing.problem.model, standing.problem
+    observed = problem.observed.clone()
+    for name in ("knee", "ankle", "foot"):
+        observed[:, [JOINT_INDEX[f"left_{name}"], JOINT_INDEX[f"right_{name}"]]] = False
+    shown = replace(problem, floor_offset=problem.floor_offset - 0.1)
+    sunk = JointEnergy(replace(shown, observed=observed), SETTINGS)
+    legs = torch.tensor([name.endswith(("upper_leg", "lower_leg", "foot")) for name in model.part_names])
+    on_legs = legs[model.part_of_vertex[sunk.fixed.ids]]
+    share = SETTINGS.floor_unseen_share * JointEnergy(shown, SETTINGS).touch.floor_weight
+    torch.testing.assert_close(sunk.touch.floor_weight[0, on_legs], share[0, on_legs])
+    floor = sunk()["floor"]
+    assert floor.item() > 0
+    (slope,) = torch.autograd.grad(floor.sum(), [sunk.state.values["scale"]], allow_unused=True)
+    assert slope is None or slope.item() == 0.0
+
+
 def test_depth_that_disagrees_with_the_floor_goes_into_the_offset(standing):
     problem = replace(standing.problem, human_depth=1.15 * standing.problem.human_depth)
     result = optimize(problem, SETTINGS)
@@ -401,3 +419,59 @@ def test_depth_without_its_data_is_refused(standing, form, message):
         optimize(problem, replace(SETTINGS, depth_form=form))
     assert str(caught.value) == message
     optimize(problem, replace(SETTINGS, depth_form=form, depth_weight=0.0, steps=2))
+
+
+def test_who_is_elsewhere_is_not_pulled_to_the_floor_from_afar(two):
+    problem = moved(two.problem, by=(0.0, -0.15, 0.0))
+    everybody = JointEnergy(problem, SETTINGS)
+    one = JointEnergy(replace(problem, grounded=torch.tensor([False, True])), SETTINGS)
+    assert everybody.touch.lower_sole_weight.tolist() == [1, 1]
+    assert one.touch.lower_sole_weight.tolist() == [0, 1]
+    assert torch.equal(one.touch.sole_weight, everybody.touch.sole_weight)
+    told, of_all = one()["soles"].tolist(), everybody()["soles"].tolist()
+    assert told[0] < of_all[0] - 1
+    assert told[1] == of_all[1]
+
+
+def test_who_is_elsewhere_has_the_depth_offset_of_those_without_a_floor(two):
+    grounded = torch.tensor([False, True])
+    state = JointEnergy(replace(two.problem, grounded=grounded), SETTINGS).state
+    with torch.no_grad():
+        state.values["offset"].fill_(1.0)
+    sigmas = [SETTINGS.depth_offset_alone_sigma, SETTINGS.depth_offset_sigma]
+    assert state.unpack().offset.tolist() == pytest.approx(sigmas)
+    tied = replace(SETTINGS, depth_offset_alone_sigma=0.0, steps=10)
+    farther = replace(two.problem, human_depth=1.15 * two.problem.human_depth)
+    result = optimize(replace(farther, grounded=grounded), tied)
+    assert result.diagnostics[0]["depth_offset"] == 0.0
+    assert result.diagnostics[1]["depth_offset"] < -0.05
+    assert "offset" not in JointEnergy(replace(farther, grounded=~grounded & grounded), tied).state.free
+
+
+def test_who_is_picked_stays_where_they_stand(two):
+    grounded = torch.tensor([False, True])
+    told = replace(two.problem, grounded=grounded)
+    assert told.pick(torch.tensor([1])).grounded.tolist() == [True]
+    assert told.pick(torch.tensor([1, 0])).grounded.tolist() == [True, False]
+    assert two.problem.pick(torch.tensor([1])).grounded is None
+    rotations = two.problem.rotations0.clone()
+    rotations[0, 3] = torch.nan
+    result = optimize(replace(told, rotations0=rotations), replace(SETTINGS, steps=2))
+    assert result.failures[1] == ""
+    with pytest.raises(PhysicError) as caught:
+        optimize(replace(told, grounded=grounded[:1]), SETTINGS)
+    assert str(caught.value) == "joint optimisation: grounded must be (2,), got (1,)"
+
+
+def test_legs_are_alike_only_where_nobody_sees_them(two):
+    observed = two.problem.observed.clone()
+    for name in ("knee", "ankle"):
+        observed[0, [JOINT_INDEX[f"left_{name}"], JOINT_INDEX[f"right_{name}"]]] = False
+    observed[1, JOINT_INDEX["left_knee"]] = False
+    turns = torch.zeros(2, 55, 3)
+    turns[:, JOINT_INDEX["left_hip"], 0] = -0.3
+    rotations = two.problem.rotations0 @ roma.rotvec_to_rotmat(turns)
+    energy = JointEnergy(replace(two.problem, observed=observed, rotations0=rotations), SETTINGS)
+    unlike = energy()["symmetry"].tolist()
+    assert unlike[0] > 0.5
+    assert unlike[1] == 0.0

@@ -57,7 +57,7 @@ def test_a_frozen_group_has_no_gradient_and_the_others_do(whitened, group):
     assert group not in state.free
     estimate = state.unpack()
     weighted = (estimate.rotations * torch.randn(2, 55, 3, 3).double()).sum() + (estimate.transl**2).sum()
-    (weighted + (estimate.betas**2).sum() + estimate.log_scale + estimate.offset.sum()).backward()
+    (weighted + (estimate.betas**2).sum() + estimate.log_scale + (estimate.offset + estimate.warp).sum()).backward()
     for name in GROUPS:
         assert (state.values[name].grad is None) == (name == group)
 
@@ -70,13 +70,14 @@ def test_the_face_is_kept():
 
 def test_one_unit_is_the_expected_move():
     rotations, betas, transl, pelvis = start()
-    state = State(rotations, betas, transl, pelvis, scale_sigma=0.1, offset_sigma=0.2)
+    state = State(rotations, betas, transl, pelvis, scale_sigma=0.1, offset_sigma=0.2, warp_sigma=0.06)
     with torch.no_grad():
         for group in GROUPS:
             state.values[group].zero_()
         state.values["translation"][0, 2] = 1.0
         state.values["scale"].fill_(1.0)
         state.values["offset"][1] = 1.0
+        state.values["warp"][1] = 1.0
         state.values["root"][0, 0] = 1.0
         state.values["pose"][0, 3, 0] = 1.0  # left knee
     estimate = state.unpack()
@@ -86,6 +87,7 @@ def test_one_unit_is_the_expected_move():
     torch.testing.assert_close(estimate.transl[1], transl[1])
     assert estimate.log_scale.item() == pytest.approx(0.1)
     assert estimate.offset.tolist() == pytest.approx([0, 0.2])
+    assert estimate.warp.tolist() == pytest.approx([0, 0.06])
     angle = roma.rotmat_geodesic_distance(estimate.rotations[0, [0, 4]], rotations[0, [0, 4]])
     assert angle.tolist() == pytest.approx([0.3, 0.3])
 
@@ -109,6 +111,7 @@ def test_deviations_are_zero_at_the_start_and_count_from_there(whitened):
         "translation": (2, 3),
         "scale": (),
         "offset": (2, 1),
+        "warp": (2, 1),
     }
     assert all(torch.allclose(value, torch.full_like(value, 0.5)) for value in state.deviations().values())
 
@@ -123,7 +126,8 @@ def test_gradient_through_unpacking(whitened):
         for name, value in zip(names, values, strict=True):
             state.values[name] = value
         estimate = state.unpack()
-        return estimate.rotations[:, :22], estimate.betas, estimate.transl, estimate.log_scale, estimate.offset
+        moved = (estimate.transl, estimate.log_scale, estimate.offset, estimate.warp)
+        return estimate.rotations[:, :22], estimate.betas, *moved
 
     assert torch.autograd.gradcheck(f, [state.values[n].detach().clone().requires_grad_() for n in names])
 
@@ -132,7 +136,7 @@ def test_bad_input_says_what_to_do():
     with pytest.raises(PhysicError) as group:
         State(*start(), frozen=["scale", "shape"])
     assert str(group.value) == (
-        "cannot freeze shape: the groups are root, pose, hands, betas, translation, scale, offset"
+        "cannot freeze shape: the groups are root, pose, hands, betas, translation, scale, offset, warp"
     )
     state = State(*start())
     with pytest.raises(PhysicError) as packed:

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
-from physic_core.geometry.floor import PlaneFit, fit_floor, fit_floor_metric
+from physic_core.geometry.floor import PlaneFit, fit_floor
+from physic_core.geometry.floor_metric import fit_floor_metric
 from physic_core.geometry.pointmap import normals
 
 ROWS, COLUMNS = 180, 240
@@ -140,7 +141,7 @@ def test_feet_keep_the_horizon_and_set_the_height() -> None:
 def test_feet_that_contradict_the_floor_by_far_do_not_move_it() -> None:
     normal = up(12)
     seen = meet(normal, 1.5).clamp(max=20)
-    seen[135:150, 100:125] = 0.3
+    seen[120:165, 90:135] = 0.3  # all that lies round the foot
     plane = fit_floor(RAYS * seen[..., None], ALL, feet_px=torch.tensor([[112.0, 142.0], [-50.0, 900.0]])).plane
     assert plane is not None
     assert plane.reanchored == 1.0
@@ -250,3 +251,139 @@ def test_the_papers_search_refuses_points_without_a_plane() -> None:
     points = RAYS * (1 + 5 * torch.rand(ROWS, COLUMNS, 1, generator=torch.Generator().manual_seed(0)))
     found = fit_floor_metric(points, normals(points, ALL, math.inf), ALL, ALL, min_share=0.3)
     assert (found.plane, found.reason) == (None, "no_consensus")
+
+
+def walled(normal: Tensor, camera_height: float = 1.5, askew_deg: float = 20.0) -> tuple[Tensor, Tensor]:
+    """Depth (H, W) of a floor between two upright walls that stand square to each other, and where the floor is."""
+    askew, floor = math.radians(askew_deg), meet(normal, camera_height)
+    ahead = torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64)
+    ahead = torch.nn.functional.normalize(ahead - (ahead @ normal) * normal, dim=0)
+    right = torch.linalg.cross(ahead, normal)
+    back = meet(-(math.cos(askew) * ahead + math.sin(askew) * right), 6.0)
+    side = meet(math.sin(askew) * ahead - math.cos(askew) * right, 3.0)
+    depth = torch.minimum(floor, torch.minimum(back, side))
+    return depth, floor <= depth
+
+
+def fitted(depth: Tensor, floor_mask: Tensor | None = None, surfaces: Tensor | None = None) -> PlaneFit:
+    plane = fit_floor(RAYS * depth[..., None], ALL, floor_mask=floor_mask, normals=surfaces).plane
+    assert plane is not None
+    return plane
+
+
+@pytest.mark.parametrize("spills", [False, True])
+def test_feet_on_the_front_of_a_counter_do_not_move_a_masked_floor(spills: bool) -> None:
+    normal = up(12)
+    depth = meet(normal, 1.5).clamp(max=20)
+    on_floor, counter = depth < 20, NONE.clone()
+    counter[100:, :110] = True
+    depth[counter] *= 0.6
+    mask = on_floor & ~counter
+    if spills:
+        mask[150:] = True  # the mask covers the foot of the counter, too
+    feet = torch.tensor([[50.0, 150.0], [70.0, 152.0]])
+    plane = fit_floor(RAYS * depth[..., None], ALL, floor_mask=mask, feet_px=feet).plane
+    assert plane is not None
+    assert (plane.source, plane.reanchored) == ("floor mask", 1.0)
+    assert plane.offset == pytest.approx(1.5, abs=0.01)
+    assert angle_deg(plane.normal, normal) < 0.1
+
+
+def test_feet_beside_the_mask_move_the_floor_to_the_ground_round_them() -> None:
+    normal = up(12)
+    depth = meet(normal, 1.5).clamp(max=20)
+    mask = depth < 20
+    depth[120:160, 130:190] *= 0.9  # the ground that the people stand on lies nearer
+    depth[60:, :30] = 0.7  # something near, so that this is a small part of the range
+    mask[:, :30] = False
+    mask[60:150, 150:172] = False  # the people themselves
+    feet = torch.tensor([[158.0, 142.0], [164.0, 143.0]])
+    points = RAYS * depth[..., None]
+    plain = fit_floor(points, ALL, floor_mask=mask, feet_px=feet, reanchor=False).plane
+    moved = fit_floor(points, ALL, floor_mask=mask, feet_px=feet).plane
+    assert plain is not None
+    assert moved is not None
+    assert (plain.offset, plain.reanchored) == (pytest.approx(1.5, abs=0.01), 1.0)
+    assert (moved.offset, moved.reanchored) == (pytest.approx(1.35, abs=0.01), pytest.approx(1 / 0.9, abs=0.005))
+    assert moved.source == "floor mask"
+    assert torch.equal(plain.normal, moved.normal)
+
+
+def test_how_far_round_the_feet_the_floor_is_looked_at_can_be_set() -> None:
+    normal = up(12)
+    depth = meet(normal, 1.5).clamp(max=20)
+    mask = depth < 20
+    mask[100:, 90:150] = False  # 30 pixels to either side of the foot
+    depth[100:, 60:180] *= 0.95
+    points, feet = RAYS * depth[..., None], torch.tensor([[120.0, 145.0]])
+    near = fit_floor(points, ALL, floor_mask=mask, feet_px=feet).plane
+    wide = fit_floor(points, ALL, floor_mask=mask, feet_px=feet, feet_window=0.2).plane
+    assert near is not None
+    assert wide is not None
+    assert near.reanchored == 1.0
+    assert wide.reanchored == pytest.approx(1 / 0.95, abs=0.005)
+
+
+@pytest.mark.parametrize("pitch", [15.0, 25.0])
+def test_surfaces_tell_a_small_floor_from_a_big_table_beside_it(pitch: float) -> None:
+    normal = up(pitch)
+    depth, on_floor = walled(normal)
+    on_table = NONE.clone()
+    on_table[95:, 36:] = True
+    depth = torch.where(on_table, torch.minimum(depth, meet(normal, 0.7)), depth)
+    points = RAYS * depth[..., None]
+    alone = fit_floor(points, ALL)
+    told = fit_floor(points, ALL, normals=normals(points, ALL))
+    assert (alone.plane, alone.reason) == (None, "below_plane")
+    assert told.plane is not None
+    print(f"pitch {pitch}: {told.plane.offset:.3f} m of 1.5, the table is at 0.7; {told.inlier_share:.2f} of the rest")
+    assert told.reason == "found"
+    assert told.plane.source == "lower image"
+    assert told.plane.offset == pytest.approx(1.5, abs=0.02)
+    assert angle_deg(told.plane.normal, normal) < 0.3
+    assert not told.plane.inliers[120:, 40:].any()
+    assert float((on_floor & ~on_table)[72:].double().mean()) < 0.4
+
+
+@pytest.mark.parametrize("pitch", [10.0, 15.0, 25.0])
+@pytest.mark.parametrize(("amount", "phase"), [(0.02, 0.0), (0.02, 1.5), (0.03, 0.0), (0.03, 1.5)])
+def test_a_small_bent_floor_leans_on_what_the_room_tells(pitch: float, amount: float, phase: float) -> None:
+    normal = up(pitch, 5.0)
+    depth, on_floor = walled(normal)
+    down = torch.linspace(-1, 1, ROWS, dtype=torch.float64)[:, None]
+    across = torch.linspace(-1, 1, COLUMNS, dtype=torch.float64)
+    bent = depth * (1 + amount * torch.sin(4 * down + 2 * across + phase * math.pi))
+    mask = NONE.clone()
+    mask[150:159, 60:156] = True
+    assert on_floor[mask].all()
+    assert float(mask.double().mean()) == pytest.approx(0.02)
+    alone, told = fitted(bent, mask), fitted(bent, mask, normals(RAYS * bent[..., None], ALL))
+    off_alone, off_told = angle_deg(alone.normal, normal), angle_deg(told.normal, normal)
+    print(f"pitch {pitch} bent by {amount}: normal off {off_alone:.2f} degrees alone, {off_told:.2f} told")
+    assert alone.source == "floor mask"
+    assert off_told < 0.95 * off_alone
+
+
+@pytest.mark.parametrize("masked", [False, True])
+def test_surfaces_that_tell_nothing_change_nothing(masked: bool) -> None:
+    depth, on_floor = walled(up(15, 5))
+    points = RAYS * (depth * (1 + 0.01 * noise()))[..., None]
+    mask = on_floor if masked else None
+    plain = fit_floor(points, ALL, floor_mask=mask)
+    unknown = fit_floor(points, ALL, floor_mask=mask, normals=torch.zeros_like(points))
+    vague = fit_floor(points, ALL, floor_mask=mask, normals=normals(points, ALL), firmness=1.0)
+    assert plain.plane is not None
+    for other in (unknown, vague):
+        assert other.plane is not None
+        assert torch.equal(other.plane.normal, plain.plane.normal)
+        assert torch.equal(other.plane.inliers, plain.plane.inliers)
+        assert (other.plane.offset, other.inlier_share) == (plain.plane.offset, plain.inlier_share)
+        assert (other.reason, other.below_share) == (plain.reason, plain.below_share)
+
+
+def test_surfaces_that_tell_nothing_find_no_floor_that_was_not_there() -> None:
+    depth, _ = walled(up(25))
+    depth[95:, 36:] = torch.minimum(depth, meet(up(25), 0.7))[95:, 36:]
+    found = fit_floor(RAYS * depth[..., None], ALL, normals=torch.zeros_like(RAYS))
+    assert found == fit_floor(RAYS * depth[..., None], ALL)
+    assert (found.plane, found.reason) == (None, "below_plane")

@@ -1,0 +1,72 @@
+"""Surfaces that nobody saw give way to the bodies that hid them: points inside a body move behind it, along their rays.
+
+Metres, camera frame.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from physic_core.geometry.visibility import embree_device
+
+__all__ = ["carved"]
+
+_ROUNDS = 3  # limbs that touch: out of one may be into the next
+_STEP_M = 1e-4  # beyond a face, so that the next ray does not meet it again
+
+
+def carved(points: Tensor, bodies: Tensor, faces: Tensor, reach: float) -> tuple[Tensor, Tensor]:
+    """Points (N, 3) outside all bodies, and which of them moved (N,) bool.
+
+    A ray from an inside point, away from the camera, meets the surface from within. Points that would have to move
+    farther than ``reach`` stay: there body or scene is wrong, and a hole would hide it.
+
+    Args:
+        points: (N, 3).
+        bodies: (B, V, 3), finite.
+        faces: (F, 3) int64, of a closed surface, counter-clockwise seen from outside.
+        reach: metres.
+    """
+    start: NDArray[np.float64] = points.detach().cpu().double().numpy()
+    rays = start / np.maximum(np.linalg.norm(start, axis=1), 1e-9)[:, None]
+    along = np.zeros(len(start))
+    triangles = faces.cpu().numpy().astype(np.int32)
+    for _ in range(_ROUNDS if len(start) else 0):
+        before = along.copy()
+        for body in bodies.detach().cpu().double().numpy():
+            along = along + _way_out(start + along[:, None] * rays, rays, body, triangles)
+        if np.array_equal(along, before):
+            break
+    along = np.where(along <= reach, along, 0.0)
+    moved = torch.from_numpy(start + along[:, None] * rays).to(points)
+    out = torch.from_numpy(along > 0).to(points.device)
+    return torch.where(out[:, None], moved, points), out
+
+
+def _way_out(
+    points: NDArray[np.float64], rays: NDArray[np.float64], body: NDArray[np.float64], triangles: NDArray[np.int32]
+) -> NDArray[np.float64]:
+    """How far along its ray each point is inside a body; 0 outside."""
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
+    low, high = body.min(0), body.max(0)
+    near = np.flatnonzero(((points > low) & (points < high)).all(1))
+    way = np.zeros(len(points))
+    if not len(near):
+        return way
+    scene = EmbreeScene(embree_device())
+    TriangleMesh(scene, body.astype(np.float32), triangles)
+    face = scene.run(points[near].astype(np.float32), rays[near].astype(np.float32))
+    near, face = near[face >= 0], face[face >= 0]
+    corner = body[triangles[face, 0]]
+    normal = np.cross(body[triangles[face, 1]] - corner, body[triangles[face, 2]] - corner)
+    slope = (normal * rays[near]).sum(1)
+    # In float64, on the plane of the face: embree's own distances are float32.
+    distance = (normal * (corner - points[near])).sum(1) / np.where(np.abs(slope) > 1e-15, slope, np.inf)
+    from_within = (slope > 0) & (distance > 0)
+    way[near[from_within]] = distance[from_within] + _STEP_M
+    return way

@@ -1,0 +1,146 @@
+"""A floor that nobody sees is put under the people who stand on it, or nowhere."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import roma
+import torch
+
+from physic_core.body.joints import JOINT_INDEX
+from physic_core.engine.ground import floor_under_people
+from physic_core.engine.presets import PRESETS
+from physic_core.geometry.rotations import rotvec_to_rotmat
+
+FLOOR_Y = 1.3  # of the stage
+FIRMNESS = PRESETS["default"].scene.floor_firmness
+TURN = rotvec_to_rotmat(torch.tensor([math.radians(12.0), 0.0, math.radians(-4.0)]))
+"""The camera looks down by 12 degrees and is held a little askew."""
+UP = TURN @ torch.tensor([0.0, -1.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def people(make_stage):
+    """Two who stand on one floor: vertices, joints, soles."""
+    stage = make_stage([({}, (-0.5, 0.0, 3.0)), ({}, (0.5, 0.0, 3.5))])
+    sets = stage.problem.model.contact_sets
+    return stage.vertices @ TURN.T, stage.joints @ TURN.T, torch.cat([sets["left_sole"], sets["right_sole"]])
+
+
+def room(tables=300, wall=1200):
+    """A wall and a table top in front of the people, normals off by 3 degrees: points, normals."""
+    generator = torch.Generator().manual_seed(0)
+
+    def spread(count, low, high):
+        low, high = torch.tensor(low), torch.tensor(high)
+        return low + torch.rand(count, 3, generator=generator) * (high - low)
+
+    points = torch.cat([spread(wall, (-3.0, -1.0, 6.0), (3.0, 1.0, 6.0)), spread(tables, (-1, 0.6, 2), (1, 0.6, 2.4))])
+    normals = torch.tensor([[0.0, 0.0, -1.0]] * wall + [[0.0, -1.0, 0.0]] * tables)
+    noise = rotvec_to_rotmat(math.radians(3.0) * torch.randn(wall + tables, 3, generator=generator))
+    return points @ TURN.T, (noise @ normals[..., None])[..., 0] @ TURN.T
+
+
+def ground(people, *, points=None, normals=None, firmness=FIRMNESS):
+    told = room()
+    points, normals = told[0] if points is None else points, told[1] if normals is None else normals
+    return floor_under_people(*people, points, normals, firmness)
+
+
+def shifted(people, who, by):
+    """One of them, by so many metres upwards."""
+    vertices, joints, soles = people
+    up = torch.zeros(len(vertices), 1, 1)
+    up[who] = by
+    return vertices + up * UP, joints + up * UP, soles
+
+
+def lying(people, who):
+    """One of them turned on their side, about the pelvis."""
+    vertices, joints, soles = people
+    side = roma.rotvec_to_rotmat(torch.tensor([0.0, 0.0, math.pi / 2]))
+    vertices, joints = vertices.clone(), joints.clone()
+    pelvis = joints[who, 0].clone()
+    vertices[who] = (vertices[who] - pelvis) @ side.T + pelvis
+    joints[who] = (joints[who] - pelvis) @ side.T + pelvis
+    return vertices, joints, soles
+
+
+def test_who_stands_behind_a_table_has_a_floor_under_the_soles(people):
+    up, offset = ground(people)
+    assert up.dtype == people[0].dtype
+    degrees = math.degrees(math.acos(min(1.0, float(up @ UP))))
+    print(f"up is off by {degrees:.2f} degrees, the floor by {100 * (offset - FLOOR_Y):.1f} cm")
+    assert degrees < 1
+    height = people[0] @ up + offset
+    assert height.amin(1).tolist() == pytest.approx([0, 0], abs=0.01)
+    # Where the people stand the true floor is as high.
+    feet = people[1][:, [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]]].flatten(0, 1)
+    assert (feet @ up + offset).tolist() == pytest.approx((feet @ UP + FLOOR_Y).tolist(), abs=0.01)
+
+
+def test_exact_normals_give_the_exact_up(people):
+    _, normals = room()
+    wall = normals @ UP < 0.5
+    exact = torch.where(wall[:, None], TURN @ torch.tensor([0.0, 0.0, -1.0]), UP)
+    up, offset = ground(people, normals=exact)
+    torch.testing.assert_close(up, UP, atol=1e-5, rtol=0)
+    assert offset == pytest.approx(FLOOR_Y, abs=0.01)
+
+
+def test_who_lies_tells_no_floor(people):
+    assert ground(lying(lying(people, 0), 1)) is None
+    _, offset = ground(lying(people, 0))  # the other one stands
+    assert offset == pytest.approx(FLOOR_Y, abs=0.02)
+
+
+def test_people_on_two_heights_have_no_floor_in_common(people):
+    assert ground(shifted(people, 1, 0.5)) is None
+    _, offset = ground(shifted(people, 1, 0.1))
+    assert offset == pytest.approx(FLOOR_Y - 0.05, abs=0.02)
+    # Who lies half a metre higher does not object.
+    assert ground(shifted(lying(people, 1), 1, 0.5)) is not None
+
+
+def test_a_scene_that_goes_on_below_denies_the_floor(people):
+    points, _ = room()
+    deep = points - (0.3 + points @ UP + FLOOR_Y)[:, None] * UP  # 0.3 m below
+    few = torch.arange(len(points)) % 100 == 0
+    many = torch.arange(len(points)) % 20 == 0
+    assert ground(people, points=torch.where(few[:, None], deep, points)) is not None
+    assert ground(people, points=torch.where(many[:, None], deep, points)) is None
+
+
+def test_a_floor_above_the_camera_is_none(people):
+    vertices, joints, soles = people
+    assert ground((vertices + 1.5 * UP, joints + 1.5 * UP, soles)) is None
+
+
+def test_surfaces_must_tell_which_way_is_up(people):
+    points, normals = room()
+    unknown = torch.where((torch.arange(len(points)) % 10 == 0)[:, None], normals, torch.zeros_like(normals))
+    assert int(unknown.any(1).sum()) == 150
+    assert ground(people, normals=unknown) is None
+    assert ground(people, points=points[:0], normals=normals[:0]) is None
+    points, normals = room(tables=0)  # a wall alone does not say how it is turned
+    assert ground(people, points=points, normals=normals) is None
+    assert ground(people, firmness=1.0) is None
+
+
+def test_who_is_not_a_number_does_not_count(people):
+    vertices, joints, soles = people
+    first = ground((vertices[:1], joints[:1], soles))
+    for broken in (vertices, joints):
+        broken = broken.clone()
+        broken[1, 0] = torch.nan
+        given = (broken, joints, soles) if broken.shape == vertices.shape else (vertices, broken, soles)
+        up, offset = ground(given)
+        assert torch.equal(up, first[0])
+        assert offset == first[1]
+    assert ground((torch.full_like(vertices, torch.nan), torch.full_like(joints, torch.nan), soles)) is None
+
+
+def test_nobody_has_no_floor(people):
+    vertices, joints, soles = people
+    assert ground((vertices[:0], joints[:0], soles)) is None

@@ -1,0 +1,67 @@
+"""Points inside a body move behind it along their rays; all others stay."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch import Tensor
+
+from physic_core.geometry.carving import carved
+
+RADIUS = 0.25
+_BALL = trimesh.creation.icosphere(subdivisions=4, radius=RADIUS)
+FACES = torch.from_numpy(_BALL.faces.copy()).long()
+
+
+def ball(*centre: float) -> Tensor:
+    return torch.from_numpy(_BALL.vertices.copy()) + torch.tensor(centre, dtype=torch.float64)
+
+
+def points(seed: int, count: int = 400) -> Tensor:
+    """Round a ball at (0.1, 0, 3), within and without."""
+    generator = torch.Generator().manual_seed(seed)
+    spread = 2 * torch.rand(count, 3, generator=generator, dtype=torch.float64) - 1
+    return torch.tensor([0.1, 0.0, 3.0]) + 0.4 * spread
+
+
+@given(st.integers(0, 1000))
+@settings(max_examples=20, deadline=None)
+def test_what_is_inside_comes_out_on_the_far_side_of_its_ray_and_the_rest_stays(seed: int) -> None:
+    centre = torch.tensor([0.1, 0.0, 3.0], dtype=torch.float64)
+    before = points(seed)
+    after, moved = carved(before, ball(*centre.tolist())[None], FACES, 1.0)
+    off = (before - centre).norm(dim=-1)
+    sure = (off - RADIUS).abs() > 1e-3  # the mesh is a millimetre off the ball
+    assert torch.equal(moved[sure], (off < RADIUS)[sure])
+    assert torch.equal(after[~moved], before[~moved])
+    assert ((after[moved] - centre).norm(dim=-1) - RADIUS).abs().max() < 1.5e-3
+    farther = after[moved].norm(dim=-1) / before[moved].norm(dim=-1)
+    assert (farther > 1).all()
+    torch.testing.assert_close(after[moved], before[moved] * farther[:, None])
+
+
+def test_out_of_one_body_and_into_the_next_is_out_of_both() -> None:
+    both = torch.stack([ball(0.0, 0.0, 3.3), ball(0.0, 0.0, 3.0)])
+    after, moved = carved(torch.tensor([[0.0, 0.0, 2.9]], dtype=torch.float64), both, FACES, 1.0)
+    assert moved.all()
+    assert after[0, 2].item() == pytest.approx(3.3 + RADIUS, abs=2e-3)
+
+
+def test_what_would_have_to_move_too_far_stays() -> None:
+    front = torch.tensor([[0.0, 0.0, 2.8]], dtype=torch.float64)
+    assert carved(front, ball(0.0, 0.0, 3.0)[None], FACES, 0.5)[1].all()
+    after, moved = carved(front, ball(0.0, 0.0, 3.0)[None], FACES, 0.4)
+    assert not moved.any()
+    assert torch.equal(after, front)
+
+
+def test_nobody_and_nothing_are_results() -> None:
+    some = points(0).float()
+    after, moved = carved(some, ball(0, 0, 3)[None][:0].float(), FACES, 1.0)
+    assert torch.equal(after, some)
+    assert not moved.any()
+    assert after.dtype == torch.float32
+    assert carved(some[:0], ball(0, 0, 3)[None].float(), FACES, 1.0)[0].shape == (0, 3)

@@ -1,0 +1,166 @@
+"""Up from surface normals: found for any camera in a room; not told where the surfaces do not tell it."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch import Tensor
+
+from physic_core.geometry.gravity import Gravity, gravity
+
+
+def camera(pitch_deg: float, roll_deg: float = 0.0) -> Tensor:
+    """(3, 3), turns room axes (x right, y down, z forward) into those of a camera that looks down and is rolled."""
+    pitch, roll = math.radians(pitch_deg), math.radians(roll_deg)
+    down = [[1, 0, 0], [0, math.cos(pitch), -math.sin(pitch)], [0, math.sin(pitch), math.cos(pitch)]]
+    rolled = [[math.cos(roll), -math.sin(roll), 0], [math.sin(roll), math.cos(roll), 0], [0, 0, 1]]
+    return torch.tensor(rolled, dtype=torch.float64) @ torch.tensor(down, dtype=torch.float64)
+
+
+def up(pitch_deg: float, roll_deg: float = 0.0) -> Tensor:
+    return camera(pitch_deg, roll_deg) @ torch.tensor([0.0, -1.0, 0.0], dtype=torch.float64)
+
+
+def surfaces(
+    turned: Tensor,
+    floor: int = 2000,
+    ceiling: int = 600,
+    facing: int = 1500,
+    side: int = 1200,
+    clutter: int = 1200,
+    noise_deg: float = 4.0,
+    seed: int = 0,
+) -> Tensor:
+    """(M, 3) normals of as many pixels of floor, ceiling, two walls that stand askew and clutter, camera frame."""
+    generator = torch.Generator().manual_seed(seed)
+    askew = math.radians(20.0)
+    directions = [
+        ([0.0, -1.0, 0.0], floor),
+        ([0.0, 1.0, 0.0], ceiling),
+        ([math.sin(askew), 0.0, -math.cos(askew)], facing),
+        ([math.cos(askew), 0.0, math.sin(askew)], side),
+    ]
+    flat = torch.cat([torch.tensor(d, dtype=torch.float64).expand(n, 3) for d, n in directions])
+    flat = flat + math.radians(noise_deg) * torch.randn(flat.shape, dtype=torch.float64, generator=generator)
+    random = torch.randn(clutter, 3, dtype=torch.float64, generator=generator)
+    return torch.nn.functional.normalize(torch.cat([flat, random]) @ turned.T, dim=-1)
+
+
+def found(normals: Tensor, start: Tensor | None = None) -> Gravity:
+    told = gravity(normals, start)
+    assert told is not None
+    return told
+
+
+def angle_deg(a: Tensor, b: Tensor) -> float:
+    return math.degrees(math.acos(min(1.0, float(a.double() @ b.double()))))
+
+
+@pytest.mark.parametrize("pitch", [-10.0, 0.0, 10.0, 20.0, 35.0])
+@pytest.mark.parametrize("roll", [-15.0, 0.0, 8.0, 15.0])
+def test_up_is_found_in_a_cluttered_room(pitch: float, roll: float) -> None:
+    told = found(surfaces(camera(pitch, roll)))
+    off = angle_deg(told.up, up(pitch, roll))
+    print(f"pitch {pitch} roll {roll}: up off {off:.2f} degrees, {told}")
+    assert off < 1.0
+    assert told.up.dtype == torch.float64
+    assert float(torch.linalg.vector_norm(told.up)) == pytest.approx(1.0)
+    assert 0.35 < told.level_share < 0.5
+    assert 0 < told.firmness < 1
+
+
+@given(st.floats(-10, 35), st.floats(-15, 15), st.integers(0, 1000))
+@settings(max_examples=20, deadline=None)
+def test_up_is_found_for_any_camera_held_by_hand(pitch: float, roll: float, seed: int) -> None:
+    told = found(surfaces(camera(pitch, roll), seed=seed))
+    assert angle_deg(told.up, up(pitch, roll)) < 1.0
+
+
+def test_the_floor_alone_tells_up() -> None:
+    told = found(surfaces(camera(20.0), ceiling=0, facing=0, side=0, clutter=0))
+    assert angle_deg(told.up, up(20.0)) < 0.5
+    assert told.level_share > 0.9
+
+
+def test_walls_alone_tell_up() -> None:
+    told = found(surfaces(camera(20.0, -10.0), floor=0, ceiling=0, clutter=0))
+    assert angle_deg(told.up, up(20.0, -10.0)) < 0.5
+    assert told.level_share == 0.0
+    assert told.firmness > 0.2
+
+
+def test_a_ceiling_counts_as_a_floor_does() -> None:
+    normals = surfaces(camera(10.0))
+    level = (normals @ up(10.0)).abs() > 0.9
+    turned = torch.where(level[:, None], -normals, normals)
+    assert angle_deg(found(turned).up, found(normals).up) < 1e-3
+
+
+def test_too_few_normals_tell_nothing() -> None:
+    normals = surfaces(camera(10.0), floor=199, ceiling=0, facing=0, side=0, clutter=0)
+    assert gravity(normals) is None
+    assert gravity(torch.cat([normals, normals[:1]])) is not None
+    assert gravity(normals[:0]) is None
+
+
+def test_zero_normals_do_not_count() -> None:
+    normals = surfaces(camera(10.0, 5.0))
+    zeros = torch.zeros_like(normals)
+    between = torch.stack([zeros, normals, zeros], 1).flatten(0, 1)
+    plain, filled = found(normals), found(between)
+    assert torch.equal(plain.up, filled.up)
+    assert plain[1:] == filled[1:]
+    assert gravity(zeros) is None
+    assert gravity(torch.cat([normals[:199], zeros])) is None
+
+
+def test_one_wall_with_hardly_anything_level_is_far_less_firm_than_a_room() -> None:
+    room = found(surfaces(camera(10.0)))
+    wall = found(surfaces(camera(10.0), floor=60, ceiling=0, facing=5000, side=0))
+    print(f"firmness: room {room.firmness:.3f}, wall {wall.firmness:.3f}")
+    assert wall.firmness < 0.25 * room.firmness
+    assert wall.level_share < 0.25 * room.level_share
+
+
+def test_more_clutter_makes_up_less_firm() -> None:
+    tidy, messy = found(surfaces(camera(10.0))), found(surfaces(camera(10.0), clutter=12_000))
+    assert messy.firmness < 0.6 * tidy.firmness
+
+
+@pytest.mark.parametrize("pitch", [60.0, 80.0])
+def test_a_better_start_helps_where_the_camera_looks_far_down(pitch: float) -> None:
+    normals = surfaces(camera(pitch))
+    assert angle_deg(found(normals).up, up(pitch)) > 30.0
+    assert angle_deg(found(normals, up(pitch - 30.0)).up, up(pitch)) < 1.0
+
+
+def test_a_start_that_is_turned_a_little_changes_nothing() -> None:
+    normals = surfaces(camera(15.0))
+    assert angle_deg(found(normals, up(30.0, 10.0)).up, found(normals).up) < 0.01
+
+
+def test_single_precision_is_enough() -> None:
+    normals = surfaces(camera(15.0, -7.0))
+    told = found(normals.float(), up(10.0).float())
+    assert told.up.dtype == torch.float64
+    assert angle_deg(told.up, found(normals).up) < 0.01
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=10, deadline=None)
+def test_the_order_of_the_normals_does_not_matter(seed: int) -> None:
+    normals = surfaces(camera(15.0, -7.0))
+    order = torch.randperm(len(normals), generator=torch.Generator().manual_seed(seed))
+    plain, mixed = found(normals), found(normals[order])
+    assert torch.allclose(plain.up, mixed.up, rtol=0, atol=1e-9)
+    assert plain.level_share == mixed.level_share
+    assert plain.firmness == pytest.approx(mixed.firmness, abs=1e-9)
+
+
+def test_a_part_of_very_many_normals_is_enough() -> None:
+    normals = surfaces(camera(15.0, -7.0), floor=60_000, ceiling=20_000, facing=50_000, side=30_000, clutter=30_000)
+    assert angle_deg(found(normals).up, up(15.0, -7.0)) < 0.5
