@@ -11,7 +11,7 @@ import torch
 from physic_core.body.landmarks import known_keypoints
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
 from physic_core.engine.contact import contact_map
-from physic_core.engine.ground import floor_under_people
+from physic_core.engine.ground import cuts_people, floor_under_people
 from physic_core.engine.human import align_original, human_points, place, placed_original
 from physic_core.engine.joint import optimize
 from physic_core.engine.limbs import confirmed_joints, observed_parts, placing_keypoints
@@ -22,7 +22,7 @@ from physic_core.engine.warp import log_factor
 from physic_core.geometry.camera import project
 from physic_core.geometry.carving import carved
 from physic_core.geometry.neighbors import NearestScene, near_boxes
-from physic_core.geometry.plane import height, sample_plane
+from physic_core.geometry.plane import sample_plane
 from physic_core.geometry.pointmap import normals
 from physic_core.geometry.visibility import vertex_normals
 from physic_core.measures import depth_ratio, seen_share, support_gap
@@ -45,7 +45,6 @@ if TYPE_CHECKING:
 __all__ = ["Solution", "solve"]
 
 _ANKLES = [7, 8]  # joints, left and right
-_CUT_M, _CUT_SHARE = 0.15, 0.1  # so deep under a floor, and so much of a body
 
 
 @dataclass(frozen=True)
@@ -86,7 +85,7 @@ def solve(evidence: Evidence, settings: EngineSettings, model: BodyModel, stages
         scene = _stage_scene(evidence, settings)
     with stages.engine("placement"):
         problem, placement = _stage_placement(evidence, scene, settings, model)
-        if _cuts_people(scene, problem):
+        if _is_furniture(scene, problem):
             scene = _without_floor(scene)
             problem, placement = _stage_placement(evidence, scene, settings, model)
     with stages.engine("joint optimisation"):
@@ -210,13 +209,12 @@ def _stage_placement(
     return problem, diagnostics
 
 
-def _cuts_people(scene: SceneState, problem: JointProblem) -> bool:
-    """Whether a floor that no segmenter called one goes through everybody: it is a table or a seat."""
-    if scene.floor is None or scene.floor.source == "floor mask" or not len(problem):
+def _is_furniture(scene: SceneState, problem: JointProblem) -> bool:
+    """Whether the floor is one that no segmenter called so, and goes through the people."""
+    if scene.floor is None or scene.floor.source == "floor mask":
         return False
     body = problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0)
-    heights = height(body.vertices, scene.floor.normal.to(body.vertices), scene.floor.offset)
-    return bool(((heights < -_CUT_M).float().mean(1) > _CUT_SHARE).all())
+    return cuts_people(body.vertices, scene.floor.normal, scene.floor.offset)
 
 
 def _without_floor(scene: SceneState) -> SceneState:

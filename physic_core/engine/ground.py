@@ -15,12 +15,13 @@ from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.terms import lowest_height, plane_height
 from physic_core.geometry.gravity import gravity
 
-__all__ = ["floor_under_people"]
+__all__ = ["cuts_people", "floor_under_people"]
 
 _UPRIGHT = math.cos(math.radians(50.0))  # of pelvis to neck with up: who lies has no soles on the floor
 _APART_M = 0.2  # people whose soles differ by more do not stand on one floor
 _BELOW_M, _BELOW_SHARE = 0.05, 0.02  # metres, and of the distance: a point so far below the floor denies it
 _MOST_BELOW = 0.02  # of the points
+_CUT_M, _CUT_SHARE = 0.15, 0.1  # so deep under a plane, and so much of a body
 
 
 def floor_under_people(
@@ -53,3 +54,9 @@ def floor_under_people(
     if float(lowest.max() - lowest.min()) > _APART_M or offset <= 0 or float(below.double().mean()) > _MOST_BELOW:
         return None
     return up, offset
+
+
+def cuts_people(vertices: Tensor, normal: Tensor, offset: float) -> bool:
+    """Whether a plane goes through everybody (B, V, 3), as that of a table or a seat does; False for nobody."""
+    under = plane_height(vertices, normal.to(vertices), vertices.new_tensor(offset)) < -_CUT_M
+    return len(vertices) > 0 and bool((under.to(vertices.dtype).mean(1) > _CUT_SHARE).all())

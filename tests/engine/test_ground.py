@@ -9,7 +9,7 @@ import roma
 import torch
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.ground import floor_under_people
+from physic_core.engine.ground import cuts_people, floor_under_people
 from physic_core.engine.presets import PRESETS
 from physic_core.geometry.rotations import rotvec_to_rotmat
 
@@ -144,3 +144,14 @@ def test_who_is_not_a_number_does_not_count(people):
 def test_nobody_has_no_floor(people):
     vertices, joints, soles = people
     assert ground((vertices[:0], joints[:0], soles)) is None
+
+
+def test_a_plane_through_everybody_is_a_table_and_one_through_some_is_not(people):
+    vertices, _, soles = people
+    floor = -float((vertices[:, soles] @ UP).min())
+    assert not cuts_people(vertices, UP, floor)
+    assert not cuts_people(vertices, UP, floor - 0.1)
+    assert cuts_people(vertices, UP, floor - 0.8)
+    raised = shifted(people, 1, 1.0)[0]
+    assert not cuts_people(raised, UP, floor - 0.8)
+    assert not cuts_people(vertices[:0], UP, floor - 0.8)

@@ -1,0 +1,76 @@
+"""The scene of a result: with a floor under people where none is seen, and where it is made up in nobody."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from physic_core import Reconstruction, load_config, reconstruct
+from physic_core.body import load_body
+from physic_core.geometry.carving import carved
+from physic_core.testing.worlds import World, build_world
+
+SIZE = (320, 240)
+
+
+@pytest.fixture(scope="module")
+def counter() -> World:
+    """Somebody behind a counter that hides all of the floor."""
+    return build_world("stand_behind_counter", 840995399, SIZE)
+
+
+def solved(world: World, *overrides: str) -> Reconstruction:
+    return reconstruct(world.image, load_config(preset="mock", overrides=list(overrides)))
+
+
+def message(result: Reconstruction) -> str:
+    (check,) = [c for c in result.checks if c.name == "floor"]
+    assert not check.ok
+    return str(check.message)
+
+
+def test_a_floor_that_no_photo_shows_is_put_under_the_soles_and_named_so(counter: World) -> None:
+    bare = solved(counter, "engine.scene.floor_under_people=false")
+    assert bare.scene.floor is None
+    assert "nobody is held to the ground, and heights are unknown" in message(bare)
+    result = solved(counter)
+    floor = result.scene.floor
+    assert floor is not None
+    assert "it was put under the people's soles, and is as wrong as they are" in message(result)
+    true = counter.floor
+    assert true is not None
+    assert float(np.asarray(floor.normal) @ np.asarray(true.normal)) > np.cos(np.radians(6))
+    body = load_body("embedded")
+    soles = torch.cat([body.contact_sets["left_sole"], body.contact_sets["right_sole"]]).numpy()
+    heights = result.people[0].vertices[soles] @ np.asarray(floor.normal) + floor.offset
+    assert abs(float(np.sort(heights)[: len(heights) // 20].mean())) < 0.01
+    assert len(result.scene.floor_points) > 100
+    on_plane = result.scene.floor_points @ np.asarray(floor.normal) + floor.offset
+    assert np.abs(on_plane).max() < 1e-3
+    np.testing.assert_array_equal(result.people[0].vertices, bare.people[0].vertices)
+
+
+def test_made_up_scene_lies_in_nobody_and_all_that_was_seen_stays() -> None:
+    world = build_world("sit_on_sofa", 579362556, SIZE)
+    plain, result = solved(world, "engine.scene.carve_m=0"), solved(world)
+    np.testing.assert_array_equal(result.people[0].vertices, plain.people[0].vertices)
+    body = load_body("embedded")
+    bodies = torch.from_numpy(np.stack([p.vertices for p in result.people]))
+
+    def inside(scene_of: Reconstruction) -> np.ndarray:
+        valid = scene_of.scene.valid
+        flags = np.zeros(valid.shape, bool)
+        points = torch.from_numpy(scene_of.scene.points[valid])
+        flags[valid] = carved(points, bodies, body.faces, 0.4)[1].numpy()
+        return flags
+
+    moved = (result.scene.points != plain.scene.points).any(-1)
+    assert inside(plain).sum() > 100
+    assert not (inside(result) & moved).any()
+    assert inside(result).sum() < 0.2 * inside(plain).sum()
+    people = np.logical_or.reduce([p.mask for p in result.people])
+    assert moved.sum() < 1.3 * people.sum()
+    assert (moved & ~people).sum() < 0.1 * people.sum() + 200
+    farther = np.linalg.norm(result.scene.points, axis=-1) - np.linalg.norm(plain.scene.points, axis=-1)
+    assert farther[moved].min() > 0
