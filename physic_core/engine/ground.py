@@ -18,10 +18,11 @@ from physic_core.geometry.gravity import gravity
 __all__ = ["cuts_people", "floor_under_people"]
 
 _UPRIGHT = math.cos(math.radians(50.0))  # of pelvis to neck with up: who lies has no soles on the floor
+_FIRMNESS_SHARE = 0.5  # of what a search for the floor asks for: under the feet themselves a tilt hardly matters
 _APART_M = 0.2  # people whose soles differ by more do not stand on one floor
 _BELOW_M, _BELOW_SHARE = 0.05, 0.02  # metres, and of the distance: a point so far below the floor denies it
-_MOST_BELOW = 0.02  # of the points
-_CUT_M, _CUT_SHARE = 0.15, 0.1  # so deep under a plane, and so much of a body
+_MOST_BELOW = 0.05  # of the points
+_CUT_M, _CUT_SHARE = 0.25, 0.1  # so deep under a plane, and so much of a body
 
 
 def floor_under_people(
@@ -41,7 +42,7 @@ def floor_under_people(
         Unit normal (3,), up, and offset: the height of X is ``normal . X + offset``.
     """
     told = gravity(normals)
-    if told is None or told.firmness < firmness:
+    if told is None or told.firmness < _FIRMNESS_SHARE * firmness:
         return None
     up = told.up.to(vertices)
     trunk = torch.nn.functional.normalize(joints[:, JOINT_INDEX["neck"]] - joints[:, 0], dim=-1) @ up
