@@ -11,19 +11,15 @@ import torch
 from physic_core.body.landmarks import known_keypoints
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
 from physic_core.engine.contact import contact_map
-from physic_core.engine.ground import cuts_people, floor_under_people
 from physic_core.engine.human import align_original, human_points, place, placed_original
 from physic_core.engine.joint import optimize
 from physic_core.engine.limbs import confirmed_joints, observed_parts, placing_keypoints
 from physic_core.engine.problem import JointProblem
-from physic_core.engine.scene import alignment_diagnostics, build_scene, edge_ratio_at
+from physic_core.engine.scene import alignment_diagnostics, build_scene
+from physic_core.engine.settled import is_furniture, settled, without_floor
 from physic_core.engine.sides import tell_sides
-from physic_core.engine.warp import log_factor
 from physic_core.geometry.camera import project
-from physic_core.geometry.carving import carved
 from physic_core.geometry.neighbors import NearestScene, near_boxes
-from physic_core.geometry.plane import sample_plane
-from physic_core.geometry.pointmap import normals
 from physic_core.geometry.visibility import vertex_normals
 from physic_core.measures import depth_ratio, seen_share, support_gap
 from physic_core.perception import feet_pixels
@@ -37,7 +33,7 @@ if TYPE_CHECKING:
     from physic_core.engine.placement import Placement
     from physic_core.engine.problem import JointResult
     from physic_core.engine.scene import SceneState
-    from physic_core.engine.settings import EngineSettings, SceneSettings
+    from physic_core.engine.settings import EngineSettings
     from physic_core.perception import Evidence
     from physic_core.stages import Stages
     from physic_core.types import BoolArray, FloatArray
@@ -85,15 +81,15 @@ def solve(evidence: Evidence, settings: EngineSettings, model: BodyModel, stages
         scene = _stage_scene(evidence, settings)
     with stages.engine("placement"):
         problem, placement = _stage_placement(evidence, scene, settings, model)
-        if _is_furniture(scene, problem):
-            scene = _without_floor(scene)
+        if is_furniture(scene, problem):
+            scene = without_floor(scene)
             problem, placement = _stage_placement(evidence, scene, settings, model)
     with stages.engine("joint optimisation"):
         # Where nothing of the background agrees, nobody's own depth is known, and the warning says so.
         blind = problem.human_depth is None
         result = optimize(problem, replace(settings.joint, depth_weight=0.0) if blind else settings.joint)
     with stages.engine("contact"):
-        scene, problem = _settled(scene, problem, result, tensor(evidence.hole), settings)
+        scene, problem = settled(scene, problem, result, tensor(evidence.hole), settings.scene)
         return _describe(evidence, scene, problem, placement, result, settings)
 
 
@@ -209,95 +205,10 @@ def _stage_placement(
     return problem, diagnostics
 
 
-def _is_furniture(scene: SceneState, problem: JointProblem) -> bool:
-    """Whether the floor is one that no segmenter called so, and goes through the people."""
-    if scene.floor is None or scene.floor.source == "floor mask":
-        return False
-    body = problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0)
-    return cuts_people(body.vertices, scene.floor.normal, scene.floor.offset)
-
-
-def _without_floor(scene: SceneState) -> SceneState:
-    told = {**scene.diagnostics, "floor": {**scene.diagnostics["floor"], "reason": "through_people"}}
-    none = scene.floor_points[:0]
-    return replace(scene, floor=None, floor_normal=None, floor_offset=0.0, floor_points=none, diagnostics=told)
-
-
 def _observed(evidence: Evidence, device: torch.device) -> Tensor:
     if evidence.bodies.observed is None:
         return torch.ones((len(evidence.people), 55), dtype=torch.bool, device=device)
     return tensor(evidence.bodies.observed).to(device)
-
-
-def _settled(
-    scene: SceneState, problem: JointProblem, result: JointResult, hole: Tensor, settings: EngineSettings
-) -> tuple[SceneState, JointProblem]:
-    """The scene as stage 3 leaves it, but for its scale: warped round the people, made up nowhere inside them, and with
-    a floor under them.
-
-    A warp leaves normals as they are: it turns them by few degrees, half a metre and more from a person.
-    """
-    s = result.scene_scale
-    whole = torch.isfinite(result.vertices).flatten(1).all(1)
-    if bool(result.warp.any()):
-        bodies, warps = (x[whole].to(scene.points) for x in (result.vertices / s, result.warp))
-        log = log_factor(scene.points, bodies, warps, scene.floor_normal, scene.floor_offset)
-        scene = replace(scene, points=scene.points * log.exp()[..., None])
-    if settings.scene.carve_m and bool(whole.any()):
-        scene = _carved(scene, result.vertices[whole] / s, problem.model.faces, hole, settings.scene)
-    problem = replace(
-        problem,
-        scene_points=scene.points[scene.valid].to(problem.scene_points),
-        scene_normals=scene.normals[scene.valid].to(problem.scene_normals),
-    )
-    if scene.floor_normal is None and settings.scene.floor_under_people and bool(whole.any()):
-        under = floor_under_people(
-            result.vertices / s,
-            result.joints / s,
-            torch.cat([problem.model.contact_sets[f"{side}_sole"] for side in ("left", "right")]),
-            problem.scene_points,
-            problem.scene_normals,
-            settings.scene.floor_firmness,
-        )
-        if under is not None:
-            scene = _with_floor(scene, *under, result.joints[whole][:, _ANKLES].flatten(0, 1) / s, settings)
-            problem = replace(
-                problem,
-                floor_normal=under[0],
-                floor_offset=under[1],
-                floor_points=scene.floor_points.to(problem.scene_points),
-            )
-    return scene, problem
-
-
-def _carved(scene: SceneState, bodies: Tensor, faces: Tensor, hole: Tensor, settings: SceneSettings) -> SceneState:
-    """Without scene inside the bodies that hid it."""
-    unseen = hole & scene.valid
-    moved, out = carved(scene.points[unseen], bodies, faces, settings.carve_m)
-    points = scene.points.clone()
-    points[unseen] = moved
-    changed = unseen.clone()
-    changed[unseen] = out
-    fresh = normals(points, scene.valid, edge_ratio_at(settings.edge_ratio, *hole.shape))
-    changed &= fresh.square().sum(-1) > 0
-    return replace(scene, points=points, normals=torch.where(changed[..., None], fresh, scene.normals))
-
-
-def _with_floor(
-    scene: SceneState, normal: Tensor, offset: float, ankles: Tensor, settings: EngineSettings
-) -> SceneState:
-    up = normal.to(scene.points)
-    points = sample_plane(
-        up,
-        offset,
-        scene.points[scene.valid],
-        centres=ankles.to(up) - (ankles.to(up) @ up + offset)[:, None] * up,
-        spacing=settings.scene.floor_spacing_m,
-        near=settings.scene.floor_near_m,
-        max_points=settings.scene.floor_max_points,
-    )
-    told = {**scene.diagnostics, "floor": {**scene.diagnostics["floor"], "source": "people"}}
-    return replace(scene, floor_normal=up, floor_offset=offset, floor_points=points, diagnostics=told)
 
 
 def _describe(
