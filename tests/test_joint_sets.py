@@ -10,6 +10,7 @@ from physic_core.body import load_body
 from physic_core.body.landmarks import DETECTED
 from physic_core.engine.limbs import placing_keypoints
 from physic_core.evaluation.consistency import consistency
+from physic_core.evaluation.pose import pa_mpjpe_mm
 from physic_core.perception import feet_pixels
 from physic_core.testing.conformance.joint_sets import world_keypoints
 from physic_core.testing.worlds import World, build_world
@@ -29,12 +30,14 @@ def test_the_mock_world_is_reconstructed_from(skeleton: str, world: World) -> No
     found = reconstruct(world.image, config)
     person = found.people[0]
     apart = 1000 * np.linalg.norm(person.vertices - world.vertices[0], axis=1).mean()
-    print(f"{skeleton}: vertices {apart:.0f} mm from the truth")
+    aligned = pa_mpjpe_mm(person.joints[None, :22].astype(float), world.joints[:1, :22])
+    print(f"{skeleton}: vertices {apart:.0f} mm from the truth, joints {aligned[0]:.0f} mm once aligned")
     told = consistency(found, load_body("embedded"))
     assert told[0].keypoint_error_share < 0.05
     assert found.skeleton == skeleton
     assert person.keypoints.shape == (len(DETECTED[skeleton]), 2)
-    assert apart < 150
+    assert aligned[0] < 40
+    assert apart < 0.05 * 1000 * world.joints[0, 0, 2]  # 5 % of the distance, which is the scale's
 
 
 @pytest.mark.parametrize("skeleton", SETS)

@@ -205,10 +205,10 @@ def world() -> World:
     return build_world("stand", 0, (160, 120))
 
 
-def run(world: World, kind: type, interface: str) -> Reconstruction:
+def run(world: World, kind: type, interface: str, *overrides: str) -> Reconstruction:
     registry = discover()
     registry.register(BackendRecord(interface, "other", kind))
-    config = load_config(preset="mock", overrides=[f"{interface}.backend=other"])
+    config = load_config(preset="mock", overrides=[f"{interface}.backend=other", *overrides])
     return reconstruct(world.image, config, registry=registry)
 
 
@@ -271,8 +271,10 @@ class Wrists(backends.MockHandEstimator):
 
 
 def test_bodies_of_smpl_are_carried_over(world: World) -> None:
-    result = run(world, Smpl, "body_estimator")
-    plain = reconstruct(world.image, "mock")
+    # In so small a photo a bent point map leaves the left foot two places, 6 cm apart, that explain it alike.
+    sure = "relative_pointmap.options.noise=0"
+    result = run(world, Smpl, "body_estimator", sure)
+    plain = reconstruct(world.image, load_config(preset="mock", overrides=[sure]))
     assert result.body_model == "embedded"
     assert "bodies carried over from 'smpl' to 'embedded', joints within 1 mm on average" in result.notes
     apart = np.linalg.norm(result.people[0].joints[:22] - plain.people[0].joints[:22], axis=1)
