@@ -295,15 +295,15 @@ def _meet_scene(
     plane = None if problem.floor_normal is None else (problem.floor_normal, problem.floor_offset * s)
     contact[rows], distance[rows] = contact_map(vertices, scene, plane, may_touch, settings.contact, outward)
     up, height = plane or (vertices.new_tensor([0.0, -1.0, 0.0]), None)
-    for row, (i, body, skin) in enumerate(zip(rows.tolist(), vertices, outward, strict=True)):
+    for row, (i, body, normals) in enumerate(zip(rows.tolist(), vertices, outward, strict=True)):
         seen = problem.masks[i]
         measured[i] = {
-            "seen_share": seen_share(body, skin, model.faces, model.outer, seen, problem.K),
+            "seen_share": seen_share(body, normals, model.faces, model.outer, seen, problem.K),
             "support_gap_m": support_gap(
-                body, result.joints[i], skin, may_touch[row], distance[i], up.to(body), height, reach
+                body, result.joints[i], normals, may_touch[row], distance[i], up.to(body), height, reach
             ),
         }
         if problem.human_depth is not None:
             depth = problem.human_depth * s
-            measured[i]["depth_ratio"] = depth_ratio(body, skin, model.outer, seen, problem.K, depth)
+            measured[i]["depth_ratio"] = depth_ratio(body, normals, model.outer, seen, problem.K, depth)
     return contact, distance, measured

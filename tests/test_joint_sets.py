@@ -26,7 +26,9 @@ def world() -> World:
 
 @pytest.mark.parametrize("skeleton", ["coco17", "halpe26", "coco_wholebody133"])
 def test_the_mock_world_is_reconstructed_from(skeleton: str, world: World) -> None:
-    config = load_config(preset="mock", overrides=[f"keypoint_detector.options.skeleton={skeleton}"])
+    # A sure metric depth: otherwise the distance is mostly its scale's.
+    sure = "metric_depth.options.noise=0"
+    config = load_config(preset="mock", overrides=[f"keypoint_detector.options.skeleton={skeleton}", sure])
     found = reconstruct(world.image, config)
     person = found.people[0]
     apart = 1000 * np.linalg.norm(person.vertices - world.vertices[0], axis=1).mean()
@@ -37,7 +39,7 @@ def test_the_mock_world_is_reconstructed_from(skeleton: str, world: World) -> No
     assert found.skeleton == skeleton
     assert person.keypoints.shape == (len(DETECTED[skeleton]), 2)
     assert aligned[0] < 40
-    assert apart < 0.05 * 1000 * world.joints[0, 0, 2]  # 5 % of the distance, which is the scale's
+    assert apart < 150
 
 
 @pytest.mark.parametrize("skeleton", SETS)

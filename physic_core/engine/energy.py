@@ -18,7 +18,6 @@ from physic_core.engine.state import Estimate, State
 from physic_core.engine.stature import stature_of, stature_prior
 from physic_core.engine.touch import WANDER_M, Touch, feel, scene_near
 from physic_core.engine.visible import Shadows, Visible, look
-from physic_core.engine.warp import warp_share
 from physic_core.errors import PhysicError
 from physic_core.geometry.camera import project
 from physic_core.geometry.robust import robust
@@ -70,7 +69,7 @@ class JointEnergy:
         self.touch: Touch
         self._normals: Tensor  # (B, n, 3) of the nearest scene points
         self._along: Tensor  # (B, n) distance of their planes from the camera, unscaled
-        self._warped: Tensor  # (B, n) how much of their person's warp they take
+        self._scale: float  # of the scene, at the last look
         self.refresh()
 
     @torch.no_grad()
@@ -88,13 +87,11 @@ class JointEnergy:
         self._feel(output.vertices[:, self.fixed.ids], scale, estimate.warp)
 
     def _feel(self, vertices: Tensor, scale: float, warp: Tensor) -> None:
-        problem, self._scale = self.problem, scale
-        self.touch = feel(problem, self.settings, self.fixed, self.visible, self.scene, vertices, scale, warp)
+        self._scale = scale
+        self.touch = feel(self.problem, self.settings, self.fixed, self.visible, self.scene, vertices, scale, warp)
         if len(self.scene.points):
-            points = self.scene.points[self.touch.near]
             self._normals = self.scene.normals[self.touch.near]
-            self._along = (self._normals * points).sum(-1)
-            self._warped = warp_share(points, problem.floor_normal, problem.floor_offset)
+            self._along = (self._normals * self.scene.points[self.touch.near]).sum(-1)
 
     def __call__(self) -> dict[str, Tensor]:
         """Weighted terms at the present state: name -> (B,), and "scale" -> (1,). Differentiable."""
@@ -163,7 +160,7 @@ class JointEnergy:
             # n . (v - s p), with what stays as it is between two looks gathered once.
             factor = scale
             if "warp" in self.state.free:
-                factor = scale * torch.exp(estimate.warp[:, None] * self._warped)
+                factor = scale * torch.exp(estimate.warp[:, None] * touch.warp_share)
             signed = (self._normals * vertices).sum(-1) - factor * self._along
             if "point" in (settings.contact_metric, settings.penetration_metric):
                 squared = (vertices - scene.points[touch.near] * factor[..., None]).square().sum(-1)

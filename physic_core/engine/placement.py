@@ -201,10 +201,9 @@ def _place_one(person: Subject, settings: HumanSettings) -> tuple[Tensor, float,
     else:
         x, problem = _fit_keypoints(person, settings)
         if settings.chamfer_weight > 0:
-            grounded = not _is_elsewhere(person, x, settings)
+            x, seen, chamfer, grounded = _fit_points(person, x, settings)
             if not grounded:
                 person = person._replace(soles=person.soles[:0])
-            x, seen, chamfer = _fit_points(person, x, settings)
             if chamfer is None and problem is None:
                 problem = (
                     f"{len(person.points)} points and {int(seen.sum())} camera-facing vertices of the person, "
@@ -276,16 +275,10 @@ def _camera_facing(person: Subject, x: Tensor, settings: HumanSettings) -> Tenso
     return turned & person.outer & inside_mask(project(moved, person.K), person.mask)
 
 
-def _is_elsewhere(person: Subject, x: Tensor, settings: HumanSettings) -> bool:
-    """Whether the person's points, tied to the scene, put both feet well above the floor."""
+def _is_elsewhere(person: Subject, x: Tensor, terms: list[Term], settings: HumanSettings) -> bool:
+    """Whether the person's points and keypoints, tied to the scene, put both feet well above the floor."""
     if not settings.stand_reach_m or not _is_free(person, settings):
         return False
-    seen = _camera_facing(person, x, settings)
-    if len(person.points) < settings.min_points or int(seen.sum()) < settings.min_points:
-        return False
-    terms: list[Term] = [Chamfer(person, seen, settings)]
-    if len(person.keypoints) >= FEWEST_KEYPOINTS:
-        terms.append(Reprojection(person, settings))
     tied = descend(terms, x, (0, 1, 2), settings.iterations)
     lower = float(height(person.soles + tied[:3], person.plane[:3], person.plane[3]).min())
     away = float((person.vertices[:, 2] + tied[2]).median())
@@ -294,23 +287,25 @@ def _is_elsewhere(person: Subject, x: Tensor, settings: HumanSettings) -> bool:
 
 def _fit_points(
     person: Subject, x: Tensor, settings: HumanSettings
-) -> tuple[Tensor, Tensor, tuple[float, float] | None]:
-    """Eq. 3-4: x, the camera-facing vertices, and the median distance before and after; None where it was not done.
+) -> tuple[Tensor, Tensor, tuple[float, float] | None, bool]:
+    """Eq. 3-4: x, the camera-facing vertices, the median distance before and after, None where it was not done, and
+    whether grounded.
 
     The camera-facing vertices are picked again once, where the body has moved.
     """
     seen = _camera_facing(person, x, settings)
     if len(person.points) < settings.min_points or int(seen.sum()) < settings.min_points:
-        return x, seen, None
+        return x, seen, None, True
     chamfer = Chamfer(person, seen, settings)
     before = chamfer.median(x)
     if settings.solver == "adam_lbfgs":
         x = lbfgs(person, x, chamfer, settings)
-        return x, seen, (before, chamfer.median(x))
-    free = _is_free(person, settings)
-    others: list[Term] = [Standing(person, settings)] if free else []
-    if len(person.keypoints) >= FEWEST_KEYPOINTS:
-        others.append(Reprojection(person, settings))
+        return x, seen, (before, chamfer.median(x)), True
+    others: list[Term] = [Reprojection(person, settings)] if len(person.keypoints) >= FEWEST_KEYPOINTS else []
+    grounded = not _is_elsewhere(person, x, [chamfer, *others], settings)
+    free = grounded and _is_free(person, settings)
+    if free:
+        others.insert(0, Standing(person, settings))
     for _ in range(_ROUNDS):
         last = x
         x = descend([chamfer, *others], x, (0, 1, 2, 3) if free else (0, 1, 2), settings.iterations)
@@ -318,4 +313,4 @@ def _fit_points(
         if float((x - last).abs().max()) < _MOVED_M or int(again.sum()) < settings.min_points:
             break
         seen, chamfer = again, Chamfer(person, again, settings)
-    return x, seen, (before, chamfer.median(x))
+    return x, seen, (before, chamfer.median(x)), grounded

@@ -7,6 +7,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
+from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.ground import cuts_people, floor_under_people
 from physic_core.engine.problem import JointProblem, JointResult
 from physic_core.engine.scene import SceneState, edge_ratio_at
@@ -18,7 +19,7 @@ from physic_core.geometry.pointmap import normals
 
 __all__ = ["is_furniture", "settled", "without_floor"]
 
-_ANKLES = [7, 8]  # joints, left and right
+_ANKLES = [JOINT_INDEX[f"{side}_ankle"] for side in ("left", "right")]
 
 
 def is_furniture(scene: SceneState, problem: JointProblem) -> bool:

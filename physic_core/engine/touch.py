@@ -21,7 +21,7 @@ __all__ = ["WANDER_M", "Touch", "feel", "scene_near"]
 WANDER_M = 0.6  # how far people may move before the scene round them has to be gathered anew
 _LEVEL = 0.7  # cosine: a surface that one can stand on
 _UNSEEN = 4.0  # sigmas: a foot that should be so far off is not the floor's to mend
-_SUNK_M = 0.2
+_SUNK_M = 0.2  # metres under the floor from which on unseen limbs are left alone
 _STEP_SHARE = 0.3  # of a sole's vertices that must be over a raised surface
 
 
@@ -31,6 +31,7 @@ class Touch:
 
     Attributes:
         near: (B, n) int64, nearest scene point.
+        warp_share: (B, n) how much of their person's warp those points take.
         on_scene: (B, n) bool, contact is with the scene; else with the floor's plane.
         contact_weight: (B, n).
         penetration_weight: (B, n), against the scene.
@@ -41,6 +42,7 @@ class Touch:
     """
 
     near: Tensor
+    warp_share: Tensor
     on_scene: Tensor
     contact_weight: Tensor
     penetration_weight: Tensor
@@ -84,7 +86,7 @@ def feel(
     far = torch.full_like(fixed.area, torch.inf)
     zeros = torch.zeros_like(fixed.area)
     nobody = torch.zeros_like(visible.in_play)
-    signed, against_scene, level, lined = far, zeros, nobody, ~nobody
+    signed, against_scene, level, lined, share = far, zeros, nobody, ~nobody, zeros
     oblique = math.cos(math.radians(settings.contact_angle_deg)) if settings.contact_angle_deg < 90 else 0.0
     plane = problem.floor_normal if settings.floor == "plane" else None
     if len(scene.points):
@@ -146,6 +148,7 @@ def feel(
         pulled = pulled & problem.grounded
     return Touch(
         near=nearest.index,
+        warp_share=share,
         on_scene=on_scene,
         contact_weight=contact_weight,
         penetration_weight=torch.where(inside, solid, zeros),

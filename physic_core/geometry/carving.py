@@ -33,11 +33,12 @@ def carved(points: Tensor, bodies: Tensor, faces: Tensor, reach: float) -> tuple
     start: NDArray[np.float64] = points.detach().cpu().double().numpy()
     rays = start / np.maximum(np.linalg.norm(start, axis=1), 1e-9)[:, None]
     along = np.zeros(len(start))
-    triangles = faces.cpu().numpy().astype(np.int32)
-    for _ in range(_ROUNDS if len(start) else 0):
+    triangles = faces.cpu().numpy()
+    solids = [_Solid(body, triangles) for body in bodies.detach().cpu().double().numpy()] if len(start) else []
+    for _ in range(_ROUNDS):
         before = along.copy()
-        for body in bodies.detach().cpu().double().numpy():
-            along = along + _way_out(start + along[:, None] * rays, rays, body, triangles)
+        for solid in solids:
+            along = along + solid.way_out(start + along[:, None] * rays, rays)
         if np.array_equal(along, before):
             break
     along = np.where(along <= reach, along, 0.0)
@@ -46,27 +47,32 @@ def carved(points: Tensor, bodies: Tensor, faces: Tensor, reach: float) -> tuple
     return torch.where(out[:, None], moved, points), out
 
 
-def _way_out(
-    points: NDArray[np.float64], rays: NDArray[np.float64], body: NDArray[np.float64], triangles: NDArray[np.int32]
-) -> NDArray[np.float64]:
-    """How far along its ray each point is inside a body; 0 outside."""
-    from embreex.mesh_construction import TriangleMesh
-    from embreex.rtcore_scene import EmbreeScene
+class _Solid:
+    """A body that rays can be cast at from within."""
 
-    low, high = body.min(0), body.max(0)
-    near = np.flatnonzero(((points > low) & (points < high)).all(1))
-    way = np.zeros(len(points))
-    if not len(near):
+    def __init__(self, body: NDArray[np.float64], faces: NDArray[np.int64]) -> None:
+        from embreex.mesh_construction import TriangleMesh
+        from embreex.rtcore_scene import EmbreeScene
+
+        self._low, self._high = body.min(0), body.max(0)
+        self._corner, second, third = (body[faces[:, k]] for k in range(3))
+        self._normal = np.cross(second - self._corner, third - self._corner)
+        self._scene = EmbreeScene(embree_device())
+        TriangleMesh(self._scene, body.astype(np.float32), faces.astype(np.int32))
+
+    def way_out(self, points: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How far along its ray each point is inside; 0 outside."""
+        way = np.zeros(len(points))
+        near = np.flatnonzero(((points > self._low) & (points < self._high)).all(1))
+        if not len(near):
+            return way
+        face = self._scene.run(points[near].astype(np.float32), rays[near].astype(np.float32))
+        near, face = near[face >= 0], face[face >= 0]
+        normal = self._normal[face]
+        slope = (normal * rays[near]).sum(1)
+        # In float64, on the plane of the face: embree's own distances are float32.
+        ahead = (normal * (self._corner[face] - points[near])).sum(1)
+        distance = ahead / np.where(np.abs(slope) > 1e-15, slope, np.inf)
+        from_within = (slope > 0) & (distance > 0)
+        way[near[from_within]] = distance[from_within] + _STEP_M
         return way
-    scene = EmbreeScene(embree_device())
-    TriangleMesh(scene, body.astype(np.float32), triangles)
-    face = scene.run(points[near].astype(np.float32), rays[near].astype(np.float32))
-    near, face = near[face >= 0], face[face >= 0]
-    corner = body[triangles[face, 0]]
-    normal = np.cross(body[triangles[face, 1]] - corner, body[triangles[face, 2]] - corner)
-    slope = (normal * rays[near]).sum(1)
-    # In float64, on the plane of the face: embree's own distances are float32.
-    distance = (normal * (corner - points[near])).sum(1) / np.where(np.abs(slope) > 1e-15, slope, np.inf)
-    from_within = (slope > 0) & (distance > 0)
-    way[near[from_within]] = distance[from_within] + _STEP_M
-    return way

@@ -37,10 +37,10 @@ _UP_COSINE = math.cos(math.radians(15.0))  # of a floor with the up that the sur
 _UP_SIGMA = math.radians(3.0)  # how far off that up may be expected to be
 _UP_SHARE = 0.05  # what it weighs, as a share of the floor's own pixels: their errors are those of a few bends
 _TWO_WITNESSES = 0.9  # of the pixels that a mask needs alone, where the surfaces agree
-_LEVEL_COSINE = math.cos(math.radians(25.0))
+_LEVEL_COSINE = math.cos(math.radians(25.0))  # of a level pixel's normal with up
 _LEVELS = 3  # level surfaces that are looked at before there is no floor
 _LEAST_LEVEL = 0.01  # of the picture
-_LEVEL_BELOW = 0.04
+_LEVEL_BELOW = 0.04  # as ``max_below``, of a surface that neither mask nor size vouches for
 
 
 @dataclass(frozen=True)

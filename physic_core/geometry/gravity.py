@@ -24,29 +24,24 @@ class Gravity(NamedTuple):
 
     Attributes:
         up: (3,) unit, float64, camera frame.
-        level_share: of the normals that are level or nearly so.
         firmness: how much worse the surfaces agree with a direction that is turned about the worst axis, 0-1.
     """
 
     up: Tensor
-    level_share: float
     firmness: float
 
 
-def gravity(normals: Tensor, start: Tensor | None = None) -> Gravity | None:
-    """Up, from surface normals (M, 3), zero where unknown; None where too few are known.
+def gravity(normals: Tensor) -> Gravity | None:
+    """Up, from unit surface normals (M, 3), camera frame (y down), zero where unknown; None where too few are known.
 
-    Args:
-        normals: unit, camera frame (y down).
-        start: (3,) a first guess, within 45 degrees of the truth; the camera's own up where None.
+    The search begins at the camera's own up, which may be 45 degrees off.
     """
     known = normals[normals.square().sum(-1) > 0.5].double()
     if len(known) < _FEWEST:
         return None
     known = known[:: max(1, len(known) // _SAMPLES)]
-    up = known.new_tensor([0.0, -1.0, 0.0]) if start is None else start.double()
+    up = known.new_tensor([0.0, -1.0, 0.0])
     values = known.new_ones(3)
-    level = torch.zeros_like(known[:, 0], dtype=torch.bool)
     for degrees, times in _ROUNDS:
         reach = math.radians(degrees)
         for _ in range(times):
@@ -55,4 +50,4 @@ def gravity(normals: Tensor, start: Tensor | None = None) -> Gravity | None:
             spread = known[upright].T @ known[upright] - known[level].T @ known[level]
             values, directions = torch.linalg.eigh(spread)
             up = -directions[:, 0] if float(directions[:, 0] @ up) < 0 else directions[:, 0]
-    return Gravity(up, float(level.double().mean()), float(values[1] - values[0]) / len(known))
+    return Gravity(up, float(values[1] - values[0]) / len(known))

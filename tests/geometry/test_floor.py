@@ -141,8 +141,13 @@ def test_feet_keep_the_horizon_and_set_the_height() -> None:
 def test_feet_that_contradict_the_floor_by_far_do_not_move_it() -> None:
     normal = up(12)
     seen = meet(normal, 1.5).clamp(max=20)
+    feet = torch.tensor([[112.0, 142.0], [-50.0, 900.0]])
+    seen[135:150, 100:125] = 0.3
+    plane = fit_floor(RAYS * seen[..., None], ALL, feet_px=feet).plane
+    assert plane is not None
+    assert plane.reanchored == pytest.approx(1.0, abs=1e-9)
     seen[120:165, 90:135] = 0.3  # all that lies round the foot
-    plane = fit_floor(RAYS * seen[..., None], ALL, feet_px=torch.tensor([[112.0, 142.0], [-50.0, 900.0]])).plane
+    plane = fit_floor(RAYS * seen[..., None], ALL, feet_px=feet).plane
     assert plane is not None
     assert plane.reanchored == 1.0
 

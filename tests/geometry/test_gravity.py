@@ -50,8 +50,8 @@ def surfaces(
     return torch.nn.functional.normalize(torch.cat([flat, random]) @ turned.T, dim=-1)
 
 
-def found(normals: Tensor, start: Tensor | None = None) -> Gravity:
-    told = gravity(normals, start)
+def found(normals: Tensor) -> Gravity:
+    told = gravity(normals)
     assert told is not None
     return told
 
@@ -69,7 +69,6 @@ def test_up_is_found_in_a_cluttered_room(pitch: float, roll: float) -> None:
     assert off < 1.0
     assert told.up.dtype == torch.float64
     assert float(torch.linalg.vector_norm(told.up)) == pytest.approx(1.0)
-    assert 0.35 < told.level_share < 0.5
     assert 0 < told.firmness < 1
 
 
@@ -83,13 +82,11 @@ def test_up_is_found_for_any_camera_held_by_hand(pitch: float, roll: float, seed
 def test_the_floor_alone_tells_up() -> None:
     told = found(surfaces(camera(20.0), ceiling=0, facing=0, side=0, clutter=0))
     assert angle_deg(told.up, up(20.0)) < 0.5
-    assert told.level_share > 0.9
 
 
 def test_walls_alone_tell_up() -> None:
     told = found(surfaces(camera(20.0, -10.0), floor=0, ceiling=0, clutter=0))
     assert angle_deg(told.up, up(20.0, -10.0)) < 0.5
-    assert told.level_share == 0.0
     assert told.firmness > 0.2
 
 
@@ -123,7 +120,6 @@ def test_one_wall_with_hardly_anything_level_is_far_less_firm_than_a_room() -> N
     wall = found(surfaces(camera(10.0), floor=60, ceiling=0, facing=5000, side=0))
     print(f"firmness: room {room.firmness:.3f}, wall {wall.firmness:.3f}")
     assert wall.firmness < 0.25 * room.firmness
-    assert wall.level_share < 0.25 * room.level_share
 
 
 def test_more_clutter_makes_up_less_firm() -> None:
@@ -131,21 +127,19 @@ def test_more_clutter_makes_up_less_firm() -> None:
     assert messy.firmness < 0.6 * tidy.firmness
 
 
-@pytest.mark.parametrize("pitch", [60.0, 80.0])
-def test_a_better_start_helps_where_the_camera_looks_far_down(pitch: float) -> None:
-    normals = surfaces(camera(pitch))
-    assert angle_deg(found(normals).up, up(pitch)) > 30.0
-    assert angle_deg(found(normals, up(pitch - 30.0)).up, up(pitch)) < 1.0
+def test_a_camera_that_looks_far_down_is_told_wrong() -> None:
+    assert angle_deg(found(surfaces(camera(60.0))).up, up(60.0)) > 30.0
 
 
-def test_a_start_that_is_turned_a_little_changes_nothing() -> None:
-    normals = surfaces(camera(15.0))
-    assert angle_deg(found(normals, up(30.0, 10.0)).up, found(normals).up) < 0.01
+def test_a_wall_seen_from_straight_ahead_leaves_up_a_direction_that_nothing_makes_firm() -> None:
+    told = found(torch.tensor([[0.0, 0.0, -1.0]]).expand(1000, 3))
+    assert float(torch.linalg.vector_norm(told.up)) == pytest.approx(1.0)
+    assert told.firmness == 0.0
 
 
 def test_single_precision_is_enough() -> None:
     normals = surfaces(camera(15.0, -7.0))
-    told = found(normals.float(), up(10.0).float())
+    told = found(normals.float())
     assert told.up.dtype == torch.float64
     assert angle_deg(told.up, found(normals).up) < 0.01
 
@@ -157,7 +151,6 @@ def test_the_order_of_the_normals_does_not_matter(seed: int) -> None:
     order = torch.randperm(len(normals), generator=torch.Generator().manual_seed(seed))
     plain, mixed = found(normals), found(normals[order])
     assert torch.allclose(plain.up, mixed.up, rtol=0, atol=1e-9)
-    assert plain.level_share == mixed.level_share
     assert plain.firmness == pytest.approx(mixed.firmness, abs=1e-9)
 
 
