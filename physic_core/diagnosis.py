@@ -261,7 +261,7 @@ def _focal(evidence: Evidence, solution: Solution) -> Iterator[Diagnostic]:
     camera = solution.intrinsics
     yield _judged(
         "focal_known",
-        float(not camera.source.startswith("default")),
+        float(not camera.guessed),
         "the focal length is a guess, and all distances along the view are off by its error: give it with --focal-px",
     )
     witnesses = [evidence.scene.intrinsics, evidence.original.intrinsics, evidence.depth.intrinsics]

@@ -95,9 +95,11 @@ def solve(evidence: Evidence, settings: EngineSettings, model: BodyModel, stages
 
 def _stage_scene(evidence: Evidence, settings: EngineSettings) -> SceneState:
     height, width = evidence.hole.shape
-    # A camera that nobody vouches for gives way to the metric depth's own.
-    keep = evidence.camera_given or (evidence.scene.intrinsics is not None and evidence.depth.intrinsics is None)
-    metric = evidence.depth.intrinsics
+    metric, pointmap = evidence.depth.intrinsics, evidence.scene.intrinsics
+    # Whoever only guesses the camera gives way to whoever saw it.
+    keep = evidence.camera_given or (pointmap is not None and (metric is None or metric.guessed > pointmap.guessed))
+    if pointmap is not None and metric is not None and pointmap.guessed > metric.guessed:
+        pointmap = None
     return build_scene(
         tensor(evidence.scene.points),
         tensor(evidence.scene.valid),
@@ -105,11 +107,19 @@ def _stage_scene(evidence: Evidence, settings: EngineSettings) -> SceneState:
         tensor(evidence.depth.depth),
         K=torch.from_numpy(evidence.intrinsics.matrix) if keep else None,
         K_metric=None if metric is None else torch.from_numpy(metric.matrix),
+        K_pointmap=None if pointmap is None else torch.from_numpy(pointmap.matrix),
         floor_mask=None if evidence.people.floor is None else tensor(evidence.people.floor),
         hole=tensor(evidence.hole),
         feet_px=tensor(feet_pixels(evidence.keypoints, height, width)),
         settings=settings.scene,
     )
+
+
+def _camera_source(K: Tensor, evidence: Evidence) -> str:
+    for camera in (evidence.intrinsics, evidence.depth.intrinsics):
+        if camera is not None and torch.equal(K, torch.from_numpy(camera.matrix)):
+            return camera.source
+    return "point map and metric depth"
 
 
 def _stage_placement(
@@ -237,7 +247,7 @@ def _describe(
             float(K[1, 2]),
             width,
             height,
-            evidence.intrinsics.source if torch.equal(K, torch.from_numpy(evidence.intrinsics.matrix)) else "scene",
+            _camera_source(K, evidence),
         ),
         scene=Scene(
             points=(scene.points * s).float().numpy(),

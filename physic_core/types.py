@@ -76,6 +76,11 @@ class Intrinsics:
         return cls(focal_px, focal_px, (width - 1) / 2, (height - 1) / 2, width, height, source)
 
     @property
+    def guessed(self) -> bool:
+        """Whether neither the photo nor its file says anything of these numbers."""
+        return self.source.startswith("default")
+
+    @property
     def matrix(self) -> FloatArray:
         """The (3, 3) float64 camera matrix, px."""
         import numpy as np

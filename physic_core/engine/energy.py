@@ -168,6 +168,8 @@ class JointEnergy:
         if has_plane:
             assert problem.floor_normal is not None
             to_floor = terms.plane_height(vertices, problem.floor_normal, problem.floor_offset * scale)
+        unit = scale if settings.scene_unit == "scene" else torch.ones_like(scale)
+        signed, squared, to_floor = signed / unit, squared / unit.square(), to_floor / unit
         if settings.contact_weight:
             to_scene = squared if settings.contact_metric == "point" else signed.square()
             nearest = torch.where(touch.on_scene, to_scene, to_floor.square()) / settings.contact_sigma_m**2
@@ -185,7 +187,7 @@ class JointEnergy:
             energies["penetration"] = settings.penetration_weight * inside
         if has_plane and settings.floor_weight:
             # Legs that nobody sees may be pushed up, but are no ruler: the scale of the last look stands.
-            guessed = to_floor + problem.floor_offset * (self._scale - scale)
+            guessed = to_floor + problem.floor_offset * (self._scale - scale) / unit
             height = torch.where(self.visible.in_play, to_floor, guessed)
             under = terms.penetration(height, touch.floor_weight, settings.floor_slack_m, settings.floor_sigma_m, rho)
             energies["floor"] = settings.floor_weight * under

@@ -80,6 +80,8 @@ class JointSettings:
         max_human_points: of one person, "chamfer"; more are picked evenly, each standing for several. 0 keeps all.
         vertex_confidence: depth, contact and penetration count by this power of how confident the keypoints of the
             limb are; 0 takes all limbs alike.
+        scene_unit: distances to scene and floor count in "metres", which makes a smaller scene with smaller people a
+            better one, since all that is off is less off in it, or in the "scene"'s own unit, which scales with it.
         contact_weight: lambda_c of Eq. 5.
         contact_source: who may touch: the contact "prior", or "static" parts of every body: feet, hands, thighs, seat
             and back.
@@ -196,6 +198,7 @@ class JointSettings:
     facing_deg: Degrees = 70.0
     max_human_points: Count = 3000
     vertex_confidence: NotNegative = 0.0
+    scene_unit: Literal["metres", "scene"] = "scene"
     contact_weight: NotNegative = 1.25
     contact_source: Literal["prior", "static"] = "prior"
     contact_static_weight: NotNegative = 0.4

@@ -17,7 +17,7 @@ from torch import Tensor
 from physic_core.engine.settings import HumanSettings, SceneSettings
 from physic_core.errors import BackendOutputError
 from physic_core.geometry.alignment import Alignment, align, apply_alignment
-from physic_core.geometry.camera import intrinsics_matrix, unproject
+from physic_core.geometry.camera import focal_px, intrinsics_matrix, mean_camera, unproject
 from physic_core.geometry.floor import FloorSearch, PlaneFit, fit_floor
 from physic_core.geometry.floor_metric import fit_floor_metric
 from physic_core.geometry.plane import height, sample_plane
@@ -84,6 +84,7 @@ def build_scene(
     *,
     K: Tensor | None = None,
     K_metric: Tensor | None = None,
+    K_pointmap: Tensor | None = None,
     floor_mask: Tensor | None = None,
     hole: Tensor | None = None,
     feet_px: Tensor | None = None,
@@ -98,6 +99,7 @@ def build_scene(
         metric_depth: (H, W) metres along z, NaN where unknown.
         K: (3, 3) px, the camera where it is known: it wins over all others, and every point is put on its ray.
         K_metric: (3, 3) px, the camera that the metric depth was made for, or None.
+        K_pointmap: (3, 3) px, the camera that the point map saw, or None; of "both" only.
         floor_mask: (H, W) bool, pixels that a segmenter calls floor, or None.
         hole: (H, W) bool, inpainted pixels, or None.
         feet_px: (F, 2) px, floor pixels at people's soles, or None.
@@ -107,6 +109,8 @@ def build_scene(
         BackendOutputError: the metric depth knows no pixel, or there is no camera to be had.
     """
     settings = settings or SceneSettings()
+    if settings.intrinsics == "both":
+        metric_depth, K_metric = _of_one_camera(metric_depth, K, K_metric, K_pointmap)
     metric_valid = torch.isfinite(metric_depth) & (metric_depth > 0)
     if not bool(metric_valid.any()):
         raise BackendOutputError(
@@ -123,7 +127,7 @@ def build_scene(
         known = metric_valid
     known = known & torch.isfinite(placed).all(-1) & (placed[..., 2] > 0)
     camera = _camera(placed, K, K_metric, points, known, settings)
-    if K is not None or settings.intrinsics == "metric":
+    if K is not None or settings.intrinsics != "pointmap":
         placed = depth_to_pointmap(placed[..., 2], camera)
     placed = torch.where(known[..., None], placed, 0.0)
     known = known & (placed[..., 2] <= settings.far_m)
@@ -313,6 +317,21 @@ def _align_to_metric(
     )
 
 
+def _of_one_camera(
+    depth: Tensor, K: Tensor | None, K_metric: Tensor | None, K_pointmap: Tensor | None
+) -> tuple[Tensor, Tensor | None]:
+    """The metric depth for the camera that is used, and that camera; None where none is known.
+
+    What a network sees is the size of things, pixels times Z / f: with a longer focal length they are farther away.
+    """
+    used = K
+    if used is None and K_metric is not None and K_pointmap is not None:
+        used = mean_camera(K_metric.to(torch.float64), K_pointmap.to(K_metric.device, torch.float64))
+    if used is None or K_metric is None:
+        return depth, K_metric if K_metric is not None else K_pointmap
+    return depth * (focal_px(used) / focal_px(K_metric)), used
+
+
 def _camera(
     placed: Tensor | None,
     K: Tensor | None,
@@ -324,7 +343,7 @@ def _camera(
     """(3, 3) float64: the given camera, else what the settings prefer, else whatever there is."""
     if K is not None:
         return K.to(points.device, torch.float64)
-    if K_metric is not None and (settings.intrinsics == "metric" or placed is None):
+    if K_metric is not None and (settings.intrinsics != "pointmap" or placed is None):
         return K_metric.to(points.device, torch.float64)
     fx, fy, cx, cy = intrinsics_from_pointmap(points if placed is None else placed, valid)
     return intrinsics_matrix(fx, fy, cx, cy, torch.zeros((), dtype=torch.float64, device=points.device))

@@ -40,8 +40,9 @@ class SceneSettings:
         align_residual: "relative" weighs each pixel by its depth; "metric" is the plain metres of Eq. 1.
         align_max_pixels: pixels that Eq. 1 looks at; more changes little beyond 10,000.
         align_min_share: below this share of agreeing pixels the alignment is reported as doubtful.
-        intrinsics: camera where none is given: "metric" takes that of the metric depth (else the point map's) and
-            puts every point on its ray; "pointmap" is the paper's median, points left as they are.
+        intrinsics: camera where none is given: "both" is the mean of what metric depth and point map see, and the
+            metric depth keeps the sizes that it saw with its own; "metric" takes that of the metric depth (else the
+            point map's). Both put every point on its ray; "pointmap" is the paper's median, points left as they are.
         edge_ratio: farthest / nearest depth among 3 x 3 pixels beyond which a pixel is a depth edge; 1.03-1.10,
             "inf" keeps all.
         outliers: "grid" compares each point with its neighbours in the image (fast), "knn" is the paper's mean
@@ -82,7 +83,7 @@ class SceneSettings:
     align_residual: Literal["relative", "metric"] = "relative"
     align_max_pixels: PositiveCount = 20_000
     align_min_share: Share = 0.5
-    intrinsics: Literal["metric", "pointmap"] = "metric"
+    intrinsics: Literal["both", "metric", "pointmap"] = "both"
     edge_ratio: Ratio = 1.05
     outliers: Literal["grid", "knn", "off"] = "grid"
     outlier_neighbors: Positive = 0.05

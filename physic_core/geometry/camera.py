@@ -10,7 +10,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-__all__ = ["intrinsics_matrix", "pixel_grid", "pixel_rays", "project", "unproject"]
+__all__ = ["focal_px", "intrinsics_matrix", "mean_camera", "pixel_grid", "pixel_rays", "project", "unproject"]
 
 _NEAREST = 1e-3
 
@@ -61,6 +61,19 @@ def pixel_rays(height: int, width: int, K: Tensor) -> Tensor:
     """(H, W, 3) direction through each pixel's centre, scaled so that z = 1."""
     ones = K.new_ones((height, width))
     return unproject(pixel_grid(height, width, K), ones, K)
+
+
+def focal_px(K: Tensor) -> float:
+    """Focal length of a camera (3, 3), px: the geometric mean of both axes."""
+    return float((K[0, 0] * K[1, 1]).sqrt())
+
+
+def mean_camera(first: Tensor, second: Tensor) -> Tensor:
+    """Two estimates of one camera, (3, 3) px each, as one: focal lengths err by factors, the centre by pixels."""
+    mean = (first + second) / 2
+    for axis in (0, 1):
+        mean[axis, axis] = (first[axis, axis] * second[axis, axis]).sqrt()
+    return mean
 
 
 def intrinsics_matrix(fx: float, fy: float, cx: float, cy: float, like: Tensor) -> Tensor:
