@@ -16,9 +16,10 @@ from physic_core.engine.joint import optimize
 from physic_core.engine.limbs import confirmed_joints, observed_parts, placing_keypoints
 from physic_core.engine.problem import JointProblem
 from physic_core.engine.scene import alignment_diagnostics, build_scene
-from physic_core.engine.settled import is_furniture, settled, without_floor
+from physic_core.engine.settled import depth_of, is_furniture, settled, without_floor
 from physic_core.engine.sides import tell_sides
 from physic_core.geometry.camera import project
+from physic_core.geometry.free_space import fronts, in_free_space
 from physic_core.geometry.neighbors import NearestScene, near_boxes
 from physic_core.geometry.visibility import vertex_normals
 from physic_core.measures import depth_ratio, seen_share, support_gap
@@ -202,6 +203,7 @@ def _stage_placement(
         scene_normals=scene.normals[scene.valid].to(device, dtype),
         contact_probability=tensor(evidence.contact.probability).to(device, dtype),
         observed=observed,
+        scene_depth=depth_of(scene).to(device, dtype),
         floor_normal=None if scene.floor_normal is None else scene.floor_normal.to(device, dtype),
         floor_offset=scene.floor_offset,
         floor_points=scene.floor_points.to(device, dtype),
@@ -303,7 +305,10 @@ def _meet_scene(
     near = near_boxes(points, vertices, reach)
     scene = NearestScene(points[near], problem.scene_normals[near], reach, settings.contact.nearest)
     plane = None if problem.floor_normal is None else (problem.floor_normal, problem.floor_offset * s)
-    contact[rows], distance[rows] = contact_map(vertices, scene, plane, may_touch, settings.contact, outward)
+    free = None
+    if settings.joint.free_space and problem.scene_depth is not None:
+        free = in_free_space(vertices / s, fronts(problem.scene_depth), problem.K)
+    contact[rows], distance[rows] = contact_map(vertices, scene, plane, may_touch, settings.contact, outward, free)
     up, height = plane or (vertices.new_tensor([0.0, -1.0, 0.0]), None)
     for row, (i, body, normals) in enumerate(zip(rows.tolist(), vertices, outward, strict=True)):
         seen = problem.masks[i]

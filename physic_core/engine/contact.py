@@ -21,6 +21,7 @@ def contact_map(
     outer: Tensor,
     settings: ContactSettings,
     normals: Tensor | None = None,
+    free: Tensor | None = None,
 ) -> tuple[Tensor, Tensor]:
     """Contact and signed distance of every vertex.
 
@@ -31,12 +32,13 @@ def contact_map(
         outer: (V,) or (..., V) bool, vertices that may touch anything: not those of cavities.
         settings: of the contact map.
         normals: (..., V, 3) unit, out of the body; without them ``settings.facing`` asks nothing.
+        free: (..., V) bool, as in :func:`surface_distance`.
 
     Returns:
         contact: (..., V) bool.
         distance: (..., V) metres, negative inside; inf where neither scene nor floor is within reach.
     """
-    distance, against = surface_distance(vertices, scene, settings)
+    distance, against = surface_distance(vertices, scene, settings, free)
     if floor is not None:
         normal, offset = floor
         normal = normal.to(vertices)
@@ -51,12 +53,15 @@ def contact_map(
     return contact, distance
 
 
-def surface_distance(vertices: Tensor, scene: NearestScene, settings: ContactSettings) -> tuple[Tensor, Tensor]:
+def surface_distance(
+    vertices: Tensor, scene: NearestScene, settings: ContactSettings, free: Tensor | None = None
+) -> tuple[Tensor, Tensor]:
     """Signed distance (..., V) of each vertex to the surface that the scene samples, and its normals (..., V, 3).
 
     "plane" measures along the normal of the nearest point, so that gaps between points do not count as distance; past
     the rim of a surface, where the nearest point lies far to the side, the way to the rim is added. A point without a
-    normal has no inside: its distance is positive. Beyond reach the distance is inf and the normal means nothing.
+    normal has no inside: its distance is positive, and so is that of vertices which are ``free`` (..., V), see
+    :mod:`physic_core.geometry.free_space`. Beyond reach the distance is inf and the normal means nothing.
     """
     nearest = scene.query(vertices, radius=settings.reach_m)
     far = torch.full_like(nearest.distance, torch.inf)
@@ -65,7 +70,7 @@ def surface_distance(vertices: Tensor, scene: NearestScene, settings: ContactSet
     normals = scene.normals[nearest.index].to(vertices)
     way = vertices - scene.points[nearest.index]
     along = (normals * way).sum(-1)
-    inside = along < 0
+    inside = along < 0 if free is None else (along < 0) & ~free
     magnitude = nearest.distance
     if settings.metric == "plane":
         beside = (way - along[..., None] * normals).norm(dim=-1)

@@ -15,6 +15,7 @@ from physic_core.engine.problem import JointProblem
 from physic_core.engine.settings import JointSettings
 from physic_core.engine.terms import plane_height, root_relative
 from physic_core.geometry.camera import project
+from physic_core.geometry.free_space import fronts
 from physic_core.geometry.visibility import inside_image, vertex_areas
 
 __all__ = ["STATIC_CONTACTS", "Fixed", "prepare", "representatives", "seen_joints"]
@@ -48,6 +49,7 @@ class Fixed:
         legs_unseen: (B,) bool, neither knees nor ankles are shown.
         feet_seen: (B, 2) bool.
         log_depth: (H, W) logarithm of the original photo's depth, NaN where unknown; or None.
+        fronts: of the scene, see :mod:`physic_core.geometry.free_space`; None where free space is not told.
         surface: scene points that count as surface, (M, 3) metres.
         surface_normals: (M, 3).
     """
@@ -68,6 +70,7 @@ class Fixed:
     legs_unseen: Tensor
     feet_seen: Tensor
     log_depth: Tensor | None
+    fronts: Tensor | None
     surface: Tensor
     surface_normals: Tensor
 
@@ -122,6 +125,7 @@ def prepare(problem: JointProblem, settings: JointSettings, start: BodyOutput) -
         legs_unseen=~observed[:, _LEGS].any(1),
         feet_seen=observed[:, ankles] & inside_image(project(start.joints[:, ankles], problem.K), height, width),
         log_depth=_log_depth(problem.human_depth),
+        fronts=fronts(problem.scene_depth) if settings.free_space and problem.scene_depth is not None else None,
         surface=surface,
         surface_normals=surface_normals,
     )

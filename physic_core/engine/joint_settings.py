@@ -100,6 +100,8 @@ class JointSettings:
         contact_outside: only vertices over the surface are pulled to it, those inside are not (released code).
         contact_mean: over the vertices that touch, instead of the sum.
         contact_occluded: vertices hidden behind objects also touch the scene (they always may touch the floor).
+        free_space: what lies before all that the depth map shows is inside nothing, whatever the nearest point's normal
+            says.
         penetration_weight: lambda_i of Eq. 5.
         penetration_metric: as ``contact_metric``.
         penetration_reach_m: vertices deeper inside are left alone, metres.
@@ -213,6 +215,7 @@ class JointSettings:
     contact_outside: bool = False
     contact_mean: bool = False
     contact_occluded: bool = True
+    free_space: bool = True
     penetration_weight: NotNegative = 0.3
     penetration_metric: Literal["plane", "point"] = "plane"
     penetration_reach_m: Positive = 0.15

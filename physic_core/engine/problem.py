@@ -46,6 +46,7 @@ class JointProblem:
         scene_normals: (M, 3) unit towards the camera, zero where unreliable.
         contact_probability: (B, V) in [0, 1].
         observed: (B, 55) bool, joints that the photo shows.
+        scene_depth: (H, W) metres along z of the same points, NaN where there is none; None does not tell free space.
         floor_normal: (3,) unit, up; None where no floor was found.
         floor_offset: metres of the camera over the floor: the height of X is ``floor_normal . X + floor_offset``.
         floor_points: (F, 3) samples of the plane, or None.
@@ -69,6 +70,7 @@ class JointProblem:
     scene_normals: Tensor
     contact_probability: Tensor
     observed: Tensor
+    scene_depth: Tensor | None = None
     floor_normal: Tensor | None = None
     floor_offset: float = 0.0
     floor_points: Tensor | None = None
@@ -104,8 +106,9 @@ class JointProblem:
         }
         if self.floor_normal is not None:
             wanted["floor_normal"] = (3,)
-        if self.human_depth is not None:
-            wanted["human_depth"] = (height, width)
+        for name in ("scene_depth", "human_depth"):
+            if getattr(self, name) is not None:
+                wanted[name] = (height, width)
         if self.grounded is not None:
             wanted["grounded"] = (b,)
         faults = [

@@ -14,6 +14,7 @@ from physic_core.engine.settings import JointSettings
 from physic_core.engine.terms import lowest_height, plane_height, signed_distance
 from physic_core.engine.visible import Visible
 from physic_core.engine.warp import warp_share
+from physic_core.geometry.free_space import in_free_space
 from physic_core.geometry.neighbors import NearestScene, near_boxes
 
 __all__ = ["WANDER_M", "Touch", "feel", "scene_near"]
@@ -82,11 +83,13 @@ def feel(
         scale: of the scene, now.
         warp: (B,) of what is round each person, now.
     """
-    nearest = scene.query(vertices / warp.exp()[:, None, None], scale)
+    warped = vertices / warp.exp()[:, None, None]
+    nearest = scene.query(warped, scale)
     far = torch.full_like(fixed.area, torch.inf)
     zeros = torch.zeros_like(fixed.area)
     nobody = torch.zeros_like(visible.in_play)
     signed, against_scene, level, lined, share = far, zeros, nobody, ~nobody, zeros
+    free = nobody if fixed.fronts is None else in_free_space(warped / scale, fixed.fronts, problem.K)
     oblique = math.cos(math.radians(settings.contact_angle_deg)) if settings.contact_angle_deg < 90 else 0.0
     plane = problem.floor_normal if settings.floor == "plane" else None
     if len(scene.points):
@@ -121,7 +124,7 @@ def feel(
         # Only what faces a surface can lie on it: the rim of a foot is over the floor, and does not touch it.
         contact_weight = contact_weight * torch.where(on_scene, against_scene, against_floor).clamp(min=0.0)
 
-    inside = nearest.found & (nearest.distance < settings.penetration_reach_m) & visible.in_play
+    inside = nearest.found & (nearest.distance < settings.penetration_reach_m) & visible.in_play & ~free
     contact_weight = torch.where(touching, contact_weight, zeros)
     if settings.contact_mean:
         contact_weight = contact_weight / contact_weight.sum(1, keepdim=True).clamp(min=1e-9)
