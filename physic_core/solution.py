@@ -97,10 +97,11 @@ def solve(evidence: Evidence, settings: EngineSettings, model: BodyModel, stages
 def _stage_scene(evidence: Evidence, settings: EngineSettings) -> SceneState:
     height, width = evidence.hole.shape
     metric, pointmap = evidence.depth.intrinsics, evidence.scene.intrinsics
-    # Whoever only guesses the camera gives way to whoever saw it.
-    keep = evidence.camera_given or (pointmap is not None and (metric is None or metric.guessed > pointmap.guessed))
-    if pointmap is not None and metric is not None and pointmap.guessed > metric.guessed:
+    keep = evidence.camera_given or (pointmap is not None and (metric is None or _trust(pointmap) > _trust(metric)))
+    if pointmap is not None and metric is not None and _trust(pointmap) < _trust(metric):
         pointmap = None
+    if keep and metric is not None and metric.known:
+        metric = None  # its depth is what it is, whatever camera it is used with
     return build_scene(
         tensor(evidence.scene.points),
         tensor(evidence.scene.valid),
@@ -114,6 +115,11 @@ def _stage_scene(evidence: Evidence, settings: EngineSettings) -> SceneState:
         feet_px=tensor(feet_pixels(evidence.keypoints, height, width)),
         settings=settings.scene,
     )
+
+
+def _trust(camera: Intrinsics) -> int:
+    """Who measured a camera goes before who estimated it, and both before who only guesses."""
+    return int(camera.known) - int(camera.guessed)
 
 
 def _camera_source(K: Tensor, evidence: Evidence) -> str:

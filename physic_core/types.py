@@ -58,8 +58,9 @@ class Intrinsics:
         cy: principal point, px.
         width: image width, px.
         height: image height, px.
-        source: where the numbers come from, in words ("EXIF", "given", "vanishing points", ...); it begins with
-            "default" where neither the photo nor its file says anything of them.
+        source: where the numbers come from, in words: beginning with "given", "EXIF" or "measured" where they are
+            known, with "default" where neither the photo nor its file says anything of them, and else whoever
+            estimated them ("vanishing points", a network, ...).
     """
 
     fx: float
@@ -74,6 +75,11 @@ class Intrinsics:
     def from_focal(cls, focal_px: float, width: int, height: int, source: str = "given") -> Intrinsics:
         """Square pixels and a centred principal point."""
         return cls(focal_px, focal_px, (width - 1) / 2, (height - 1) / 2, width, height, source)
+
+    @property
+    def known(self) -> bool:
+        """Whether a user, a file or a sensor vouches for these numbers."""
+        return self.source.startswith(("given", "EXIF", "measured"))
 
     @property
     def guessed(self) -> bool:

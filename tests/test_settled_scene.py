@@ -62,7 +62,8 @@ def test_made_up_scene_lies_in_nobody_and_all_that_was_seen_stays() -> None:
         valid = scene_of.scene.valid
         flags = np.zeros(valid.shape, bool)
         points = torch.from_numpy(scene_of.scene.points[valid])
-        flags[valid] = carved(points, bodies, body.faces, 0.4)[1].numpy()
+        masks = torch.from_numpy(np.stack([p.mask[valid] for p in result.people]))
+        flags[valid] = carved(points, bodies, body.faces, masks, 0.4)[1].numpy()
         return flags
 
     moved = (result.scene.points != plain.scene.points).any(-1)

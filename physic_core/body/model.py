@@ -15,9 +15,12 @@ from physic_core.body.landmarks import PointRegressor
 from physic_core.body.posing import Tree, pose_points
 from physic_core.body.skinning import Skin
 from physic_core.errors import BodyModelError
+from physic_core.geometry.coarse_mesh import CoarseMesh, coarse_mesh
 from physic_core.geometry.visibility import faces_around
 
 __all__ = ["BodyModel", "BodyOutput", "LandmarkModel"]
+
+_COARSE_M = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +107,11 @@ class BodyModel:
     def faces_around(self) -> Tensor:
         """(V, most) int64, the faces that meet at each vertex, filled up with F."""
         return faces_around(self.faces, self.num_vertices)
+
+    @cached_property
+    def coarse(self) -> CoarseMesh:
+        """A quarter of the vertices, 2 cm apart: for what hides what."""
+        return coarse_mesh(self.skin.template.reshape(3, -1).T, self.faces, self.part_of_vertex, _COARSE_M)
 
     def to(self, device: torch.device | str | None = None, dtype: torch.dtype | None = None) -> BodyModel:
         """The same body on another device, or in another float type."""

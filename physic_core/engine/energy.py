@@ -187,7 +187,7 @@ class JointEnergy:
             energies["penetration"] = settings.penetration_weight * inside
         if has_plane and settings.floor_weight:
             # Legs that nobody sees may be pushed up, but are no ruler: the scale of the last look stands.
-            guessed = to_floor + problem.floor_offset * (self._scale - scale) / unit
+            guessed = (to_floor * unit + problem.floor_offset * (self._scale - scale)) / unit.detach()
             height = torch.where(self.visible.in_play, to_floor, guessed)
             under = terms.penetration(height, touch.floor_weight, settings.floor_slack_m, settings.floor_sigma_m, rho)
             energies["floor"] = settings.floor_weight * under

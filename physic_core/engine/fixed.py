@@ -15,6 +15,7 @@ from physic_core.engine.problem import JointProblem
 from physic_core.engine.settings import JointSettings
 from physic_core.engine.terms import plane_height, root_relative
 from physic_core.geometry.camera import project
+from physic_core.geometry.coarse_mesh import clusters
 from physic_core.geometry.free_space import fronts
 from physic_core.geometry.visibility import inside_image, vertex_areas
 
@@ -154,20 +155,8 @@ def representatives(model: BodyModel, keep: Tensor, spacing: float, area: Tensor
         return ids, area[:, ids]
     rest = (model.outer & ~keep).nonzero(as_tuple=True)[0]
     at = model(*model.zero_pose(1)).vertices[0, rest]
-    cell = (at / spacing).floor().long()
-    # One number a cell and part: sorting rows of four takes ten times as long.
-    x, y, z = (cell - cell.amin(0)).unbind(1) if len(rest) else cell.unbind(1)
-    wide = int(cell.amax() - cell.amin()) + 1 if len(rest) else 1
-    key = ((x * wide + y) * wide + z) * len(model.part_names) + model.part_of_vertex[rest]
-    _, group = torch.unique(key, return_inverse=True)
-    count = int(group.max()) + 1 if len(group) else 0
-    centre = at.new_zeros(count, 3).index_add(0, group, at) / torch.bincount(group, minlength=count)[:, None]
-    off = (at - centre[group]).norm(dim=-1)
-    least = off.new_full((count,), torch.inf).scatter_reduce(0, group, off, "amin")
-    best = (off <= least[group]).nonzero(as_tuple=True)[0]
-    # Of several vertices that are equally near to the centre the first represents the cell, on every device.
-    chosen = best.new_full((count,), len(rest)).scatter_reduce(0, group[best], best, "amin")
-    summed = area.new_zeros(len(area), count).index_add(1, group, area[:, rest])
+    group, chosen = clusters(at, model.part_of_vertex[rest], spacing)
+    summed = area.new_zeros(len(area), len(chosen)).index_add(1, group, area[:, rest])
     kept = keep.nonzero(as_tuple=True)[0]
     ids = torch.cat([kept, rest[chosen]])
     order = ids.argsort()

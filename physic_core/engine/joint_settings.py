@@ -113,6 +113,7 @@ class JointSettings:
         penetration_spares_contact: contact vertices may penetrate (released code).
         occlusion_aware: hidden vertices are left out of penetration and regularised more.
         self_occlusion_share: a limb segment is hidden when this share of its vertices lies behind other parts.
+        self_occlusion_mesh: "full", or "coarse": vertices 2 cm apart, each for those round it.
         mask_tolerance: vertices this share of the person outside their mask still count as visible.
         floor: "plane" measures against the fitted plane itself, "points" adds samples of it to the scene, "off" has
             none.
@@ -227,6 +228,7 @@ class JointSettings:
     penetration_spares_contact: bool = False
     occlusion_aware: bool = True
     self_occlusion_share: Share = 0.3
+    self_occlusion_mesh: Literal["coarse", "full"] = "coarse"
     mask_tolerance: NotNegative = 0.01
     floor: Literal["plane", "points", "off"] = "plane"
     floor_band_m: NotNegative = 0.05

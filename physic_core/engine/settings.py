@@ -72,8 +72,8 @@ class SceneSettings:
         floor_near_m: how far "near the people" reaches, metres.
         floor_max_points: floor points at most; 0 makes none.
         floor_grid: a plain grid of this many points a side instead (released code: 100); 0 switches it off.
-        carve_m: scene that an inpainter made up and that ends inside a body moves behind it, by this much at most,
-            metres; 0 leaves it where it is.
+        carve_m: scene that an inpainter made up and that ends inside a body, or before one where the photo shows it,
+            moves behind it, by this much at most, metres; 0 leaves it where it is.
         seed: of every random draw in this stage.
     """
 

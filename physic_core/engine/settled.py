@@ -52,7 +52,7 @@ def settled(
         log = log_factor(scene.points, bodies, warps, scene.floor_normal, scene.floor_offset)
         scene = replace(scene, points=scene.points * log.exp()[..., None])
     if settings.carve_m and bool(whole.any()):
-        scene = _carved(scene, result.vertices[whole] / s, problem.model.faces, hole, settings)
+        scene = _carved(scene, result.vertices[whole] / s, problem.model.faces, problem.masks[whole], hole, settings)
     problem = replace(
         problem,
         scene_points=scene.points[scene.valid].to(problem.scene_points),
@@ -84,10 +84,12 @@ def depth_of(scene: SceneState) -> Tensor:
     return torch.where(scene.valid, scene.points[..., 2], torch.nan)
 
 
-def _carved(scene: SceneState, bodies: Tensor, faces: Tensor, hole: Tensor, settings: SceneSettings) -> SceneState:
+def _carved(
+    scene: SceneState, bodies: Tensor, faces: Tensor, masks: Tensor, hole: Tensor, settings: SceneSettings
+) -> SceneState:
     """Without scene inside the bodies that hid it."""
     unseen = hole & scene.valid
-    moved, out = carved(scene.points[unseen], bodies, faces, settings.carve_m)
+    moved, out = carved(scene.points[unseen], bodies, faces, masks[:, unseen], settings.carve_m)
     points = scene.points.clone()
     points[unseen] = moved
     changed = unseen.clone()

@@ -72,6 +72,7 @@ class Shadows:
             part_of_vertex=model.part_of_vertex,
             parts=limb_parts(model.part_names),
             share=settings.self_occlusion_share,
+            coarse=model.coarse if settings.self_occlusion_mesh == "coarse" else None,
         )
         self._seen: Tensor | None = None
         self._hidden = self._lost = torch.zeros(0)

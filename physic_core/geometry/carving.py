@@ -1,4 +1,5 @@
-"""Surfaces that nobody saw give way to the bodies that hid them: points inside a body move behind it, along their rays.
+"""Surfaces that nobody saw give way to the bodies that hid them: points in a body move behind it, along their rays, and
+so do points before a body where the photo shows it.
 
 Metres, camera frame.
 """
@@ -18,7 +19,7 @@ _ROUNDS = 3  # limbs that touch: out of one may be into the next
 _STEP_M = 1e-4  # beyond a face, so that the next ray does not meet it again
 
 
-def carved(points: Tensor, bodies: Tensor, faces: Tensor, reach: float) -> tuple[Tensor, Tensor]:
+def carved(points: Tensor, bodies: Tensor, faces: Tensor, shown: Tensor, reach: float) -> tuple[Tensor, Tensor]:
     """Points (N, 3) outside all bodies, and which of them moved (N,) bool.
 
     A ray from an inside point, away from the camera, meets the surface from within. Points that would have to move
@@ -28,6 +29,7 @@ def carved(points: Tensor, bodies: Tensor, faces: Tensor, reach: float) -> tuple
         points: (N, 3).
         bodies: (B, V, 3), finite.
         faces: (F, 3) int64, of a closed surface, counter-clockwise seen from outside.
+        shown: (B, N) bool, the photo shows this body at the point's pixel.
         reach: metres.
     """
     start: NDArray[np.float64] = points.detach().cpu().double().numpy()
@@ -35,6 +37,8 @@ def carved(points: Tensor, bodies: Tensor, faces: Tensor, reach: float) -> tuple
     along = np.zeros(len(start))
     triangles = faces.cpu().numpy()
     solids = [_Solid(body, triangles) for body in bodies.detach().cpu().double().numpy()] if len(start) else []
+    for solid, here in zip(solids, shown.cpu().numpy(), strict=False):
+        along[here] = np.maximum(along[here], solid.way_in(start[here], rays[here], reach))
     for _ in range(_ROUNDS):
         before = along.copy()
         for solid in solids:
@@ -59,6 +63,16 @@ class _Solid:
         self._normal = np.cross(second - self._corner, third - self._corner)
         self._scene = EmbreeScene(embree_device())
         TriangleMesh(self._scene, body.astype(np.float32), faces.astype(np.int32))
+
+    def way_in(self, points: NDArray[np.float64], rays: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
+        """How far along its ray each point is before the front that the camera sees, and a little more; 0 behind it."""
+        face = self._scene.run(np.zeros_like(points, np.float32), rays.astype(np.float32))
+        hit = face >= 0
+        normal = self._normal[face]
+        slope = (normal * rays).sum(1)
+        front = (normal * self._corner[face]).sum(1) / np.where(hit & (slope < 0), slope, np.inf)
+        way = front - np.linalg.norm(points, axis=1)
+        return np.where((way > 0) & (way <= reach), way + _STEP_M, 0.0)
 
     def way_out(self, points: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[np.float64]:
         """How far along its ray each point is inside; 0 outside."""

@@ -109,7 +109,7 @@ def test_two_people_do_not_disturb_each_other(two):
 
 def test_legs_hidden_by_a_box_are_not_pushed_out_of_it(make_stage):
     """The box's front is all that the camera knows of it, and the legs are right behind."""
-    stage = make_stage([({}, (0.0, 0.0, 3.2))], boxes=[((-0.6, 0.55, 2.9), (0.6, 1.3, 3.1))])
+    stage = make_stage([({}, (0.0, 0.0, 3.2))], boxes=[((-0.6, 0.55, 2.9), (0.6, 1.3, 3.12))])
     aware = optimize(stage.problem, SHORT)
     blind = optimize(stage.problem, replace(SHORT, occlusion_aware=False))
     print(f"aware {error_mm(aware, stage).item():.1f} mm, blind {error_mm(blind, stage).item():.1f} mm")

@@ -84,7 +84,35 @@ def test_every_valid_point_lies_on_its_pixels_ray_of_the_given_camera() -> None:
     state = scene(K=mine)
     assert torch.equal(state.K, mine)
     torch.testing.assert_close(project(state.points, mine), pixel_grid(ROWS, COLUMNS, state.points))
+
+
+@pytest.mark.parametrize("focal", [100.0, 140.0, 200.0])
+def test_a_scene_keeps_the_sizes_that_its_depth_network_saw(focal: float) -> None:
+    """Pixels times Z / f: with a longer focal length the same things are farther away."""
+    state = scene(K=camera(focal))
+    torch.testing.assert_close(state.points[..., 2], DEPTH * focal / 140.0)
+    torch.testing.assert_close(state.points[..., :2], (RAYS * DEPTH[..., None])[..., :2])
+
+
+def test_a_depth_whose_camera_nobody_knows_stays_as_it_is() -> None:
+    state = scene(K=camera(200.0), K_metric=None)
     torch.testing.assert_close(state.points[..., 2], DEPTH)
+
+
+@pytest.mark.parametrize("seen", [100.0, 196.0])
+def test_of_two_estimated_cameras_the_mean_is_taken(seen: float) -> None:
+    state = scene(K_pointmap=camera(seen))
+    mean = (140.0 * seen) ** 0.5
+    assert state.K[0, 0] == state.K[1, 1] == pytest.approx(mean)
+    assert state.K[:2, 2].tolist() == [(COLUMNS - 1) / 2, (ROWS - 1) / 2]
+    torch.testing.assert_close(project(state.points, state.K), pixel_grid(ROWS, COLUMNS, state.points))
+    assert float((state.points[..., 2] / DEPTH).median()) == pytest.approx(mean / 140.0, rel=0.01)
+
+
+@pytest.mark.parametrize(("preset", "focal"), [("metric", 140.0), ("pointmap", 140.0)])
+def test_the_mean_is_a_setting(preset: str, focal: float) -> None:
+    alone = replace(PRESETS["default"].scene, intrinsics=preset)  # type: ignore[arg-type]
+    assert scene(K_pointmap=camera(196.0), settings=alone).K[0, 0] == pytest.approx(focal)
 
 
 def test_a_given_camera_wins_in_the_papers_preset_too() -> None:

@@ -1,0 +1,68 @@
+"""Fewer vertices that stand for all: one for each cell of space and body part, and the faces between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+__all__ = ["CoarseMesh", "clusters", "coarse_mesh"]
+
+
+@dataclass(frozen=True)
+class CoarseMesh:
+    """A mesh of a few of another one's vertices.
+
+    Attributes:
+        ids: (v,) int64, which vertices of the fine mesh.
+        faces: (F, 3) int64 into ``ids``, turned as in the fine mesh.
+        of_vertex: (V,) int64 into ``ids``, who stands for each vertex of the fine mesh.
+    """
+
+    ids: Tensor
+    faces: Tensor
+    of_vertex: Tensor
+
+
+def coarse_mesh(vertices: Tensor, faces: Tensor, part_of_vertex: Tensor, spacing: float) -> CoarseMesh:
+    """Merge the vertices of each cell; faces that keep three corners are kept.
+
+    Args:
+        vertices: (V, 3) metres.
+        faces: (F, 3) int64.
+        part_of_vertex: (V,) int64: vertices of two parts are never merged.
+        spacing: side of a cell, metres.
+    """
+    group, ids = clusters(vertices, part_of_vertex, spacing)
+    a, b, c = group[faces].unbind(1)
+    kept = (a != b) & (b != c) & (c != a)
+    return CoarseMesh(ids, group[faces[kept]], group)
+
+
+def clusters(points: Tensor, part_of_point: Tensor, spacing: float) -> tuple[Tensor, Tensor]:
+    """Cells of one side length in each part.
+
+    Args:
+        points: (N, 3) metres.
+        part_of_point: (N,) int64.
+        spacing: side of a cell, metres.
+
+    Returns:
+        group: (N,) int64, the cell of each point.
+        chosen: (G,) int64, the point next to each cell's centre of gravity.
+    """
+    cell = (points / spacing).floor().long()
+    # One number a cell and part: sorting rows of four takes ten times as long.
+    x, y, z = (cell - cell.amin(0)).unbind(1) if len(points) else cell.unbind(1)
+    wide = int(cell.amax() - cell.amin()) + 1 if len(points) else 1
+    parts = int(part_of_point.max()) + 1 if len(points) else 1
+    _, group = torch.unique(((x * wide + y) * wide + z) * parts + part_of_point, return_inverse=True)
+    count = int(group.max()) + 1 if len(group) else 0
+    centre = points.new_zeros(count, 3).index_add(0, group, points) / torch.bincount(group, minlength=count)[:, None]
+    off = (points - centre[group]).norm(dim=-1)
+    least = off.new_full((count,), torch.inf).scatter_reduce(0, group, off, "amin")
+    best = (off <= least[group]).nonzero(as_tuple=True)[0]
+    # Of several points that are equally near to the centre the first stands for the cell, on every device.
+    chosen = best.new_full((count,), len(points)).scatter_reduce(0, group[best], best, "amin")
+    return group, chosen

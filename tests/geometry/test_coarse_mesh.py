@@ -1,0 +1,63 @@
+"""A coarse mesh: who stands for whom, and that it hides what the fine one hides."""
+
+from __future__ import annotations
+
+import pytest
+import roma
+import torch
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from physic_core.body import load_body
+from physic_core.geometry.coarse_mesh import clusters, coarse_mesh
+from physic_core.geometry.visibility import self_occlusion
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.5), st.integers(1, 3))
+@settings(max_examples=25, deadline=None)
+def test_each_cell_of_a_part_has_one_that_stands_for_it(seed: int, spacing: float, parts: int) -> None:
+    generator = torch.Generator().manual_seed(seed)
+    points = torch.randn(200, 3, generator=generator)
+    part = torch.randint(parts, (200,), generator=generator)
+    group, chosen = clusters(points, part, spacing)
+    assert torch.equal(group[chosen], torch.arange(len(chosen)))
+    assert torch.equal(part[chosen][group], part)
+    assert ((points[chosen][group] / spacing).floor() == (points / spacing).floor()).all()
+    plain = {(int(p), *c) for p, c in zip(part, (points / spacing).floor().int().tolist(), strict=True)}
+    assert len(chosen) == len(plain)
+
+
+def test_no_points_make_no_cells() -> None:
+    group, chosen = clusters(torch.zeros(0, 3), torch.zeros(0, dtype=torch.int64), 0.1)
+    assert (len(group), len(chosen)) == (0, 0)
+
+
+def test_a_sphere_keeps_its_surface_and_its_outside() -> None:
+    ball = trimesh.creation.icosphere(5, 1.0)
+    vertices, faces = torch.from_numpy(ball.vertices.copy()), torch.from_numpy(ball.faces.copy())
+    coarse = coarse_mesh(vertices, faces, torch.zeros(len(vertices), dtype=torch.int64), 0.15)
+    assert len(coarse.ids) < len(vertices) / 8
+    few = trimesh.Trimesh(vertices[coarse.ids], coarse.faces, process=False)
+    assert few.is_watertight
+    assert few.volume == pytest.approx(ball.volume, rel=0.02)
+
+
+def test_it_hides_the_limbs_that_the_whole_mesh_hides() -> None:
+    model = load_body("embedded")
+    generator = torch.Generator().manual_seed(3)
+    turns = 0.5 * torch.randn(12, 55, 3, generator=generator)
+    turns[:, 0] = 2 * torch.randn(12, 3, generator=generator)
+    places = torch.tensor([0.0, 0.0, 3.5]).expand(12, 3)
+    bodies = model(roma.rotvec_to_rotmat(turns), torch.zeros(12, model.num_betas), places).vertices
+    every = range(len(model.part_names))
+    fine = self_occlusion(bodies, model.faces, model.part_of_vertex, every)
+    coarse = self_occlusion(bodies, model.faces, model.part_of_vertex, every, coarse=model.coarse)
+    flags = (fine.by_other_part != coarse.by_other_part).float().mean().item()
+    parts = (fine.parts != coarse.parts).float().mean().item()
+    print(
+        f"{len(model.coarse.ids)} of {model.num_vertices} vertices: {flags:.1%} of flags, {parts:.1%} of parts differ"
+    )
+    assert len(model.coarse.ids) < 0.3 * model.num_vertices
+    assert flags < 0.03
+    assert parts < 0.03
