@@ -186,7 +186,8 @@ class DepthMap:
 
     Attributes:
         depth: (H, W) float32 metres along z (not along the ray), NaN where unknown.
-        intrinsics: the camera that the backend saw, if it knows it.
+        intrinsics: the camera that the backend saw, if it knows it. One that was measured, and says so in its source,
+            is kept; with an estimate the point map's is averaged, and depths follow the focal length.
         scale_sigma: standard deviation of log(scale) as the backend judges it, or None.
         notes: plain words for the user ("scale from the soles of 2 people").
     """

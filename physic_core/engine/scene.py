@@ -110,7 +110,7 @@ def build_scene(
     """
     settings = settings or SceneSettings()
     if settings.intrinsics == "both":
-        metric_depth, K_metric = _of_one_camera(metric_depth, K, K_metric, K_pointmap)
+        points, metric_depth, K_metric = _of_one_camera(points, metric_depth, K, K_metric, K_pointmap)
     metric_valid = torch.isfinite(metric_depth) & (metric_depth > 0)
     if not bool(metric_valid.any()):
         raise BackendOutputError(
@@ -318,18 +318,24 @@ def _align_to_metric(
 
 
 def _of_one_camera(
-    depth: Tensor, K: Tensor | None, K_metric: Tensor | None, K_pointmap: Tensor | None
-) -> tuple[Tensor, Tensor | None]:
-    """The metric depth for the camera that is used, and that camera; None where none is known.
+    points: Tensor, depth: Tensor, K: Tensor | None, K_metric: Tensor | None, K_pointmap: Tensor | None
+) -> tuple[Tensor, Tensor, Tensor | None]:
+    """Point map and metric depth for the camera that is used, and that camera; None where none is known.
 
-    What a network sees is the size of things, pixels times Z / f: with a longer focal length they are farther away.
+    What a depth network sees is the size of things, pixels times Z / f: with a longer focal length they are farther
+    away. A point map's depths, whose unit is open, stay.
     """
     used = K
     if used is None and K_metric is not None and K_pointmap is not None:
         used = mean_camera(K_metric.to(torch.float64), K_pointmap.to(K_metric.device, torch.float64))
-    if used is None or K_metric is None:
-        return depth, K_metric if K_metric is not None else K_pointmap
-    return depth * (focal_px(used) / focal_px(K_metric)), used
+    if used is None:
+        return points, depth, K_metric if K_metric is not None else K_pointmap
+    if K_pointmap is not None:
+        shrunk = torch.diagonal(K_pointmap)[:2].to(points) / torch.diagonal(used)[:2].to(points)
+        points = torch.cat((points[..., :2] * shrunk, points[..., 2:]), -1)
+    if K_metric is not None:
+        depth = depth * (focal_px(used) / focal_px(K_metric))
+    return points, depth, used
 
 
 def _camera(

@@ -35,7 +35,7 @@ TOLD: dict[str, dict[str, type[Any]]] = {
 
 
 MOST_MM = {"told-camerahmr": 180, "told-nlf": 110, "told-sam-3d-body": 130}
-"""Errors of joints after the whole pipeline, with the mocks' noise; the first network is told a mean shape only."""
+"""Mean errors of joints of two worlds after the whole pipeline, with the mocks' noise; the first network is told a mean shape only."""
 
 
 @pytest.mark.parametrize("body", TOLD["body_estimator"])
@@ -53,15 +53,17 @@ def test_bodies_of_other_models_go_through_the_whole_pipeline(body: str, smpl_fi
         "relative_pointmap": {"backend": "told-moge-1"},
         "metric_depth": {"backend": "told-unidepth"},
     }
-    world = build_world("sit_on_chair")
-    found = reconstruct(world.image, load_config(preset="mock", flags={"test": config}), registry=registry)
-    assert found.body_model == "embedded"
-    assert len(found.people) == len(world.vertices)
-    joints = np.stack([person.joints for person in found.people])
-    apart = 1000 * np.linalg.norm(joints - world.joints, axis=2)[:, :22].mean()
-    touching = np.stack([person.contact for person in found.people])
-    precision = (touching & world.contact).sum() / max(touching.sum(), 1)
-    recall = (touching & world.contact).sum() / world.contact.sum()
-    print(f"{body}: joints {apart:.0f} mm, contact precision {precision:.2f} recall {recall:.2f}; {found.warnings}")
-    assert any("carried over from" in note for note in found.notes), found.notes
-    assert apart < MOST_MM[body]
+    apart = []
+    for seed in (0, 1):
+        world = build_world("sit_on_chair", seed)
+        found = reconstruct(world.image, load_config(preset="mock", flags={"test": config}), registry=registry)
+        assert found.body_model == "embedded"
+        assert len(found.people) == len(world.vertices)
+        joints = np.stack([person.joints for person in found.people])
+        apart.append(1000 * np.linalg.norm(joints - world.joints, axis=2)[:, :22].mean())
+        touching = np.stack([person.contact for person in found.people])
+        precision = (touching & world.contact).sum() / max(touching.sum(), 1)
+        recall = (touching & world.contact).sum() / world.contact.sum()
+        print(f"{body}: {apart[-1]:.0f} mm, contact precision {precision:.2f} recall {recall:.2f}; {found.warnings}")
+        assert any("carried over from" in note for note in found.notes), found.notes
+    assert np.mean(apart) < MOST_MM[body]

@@ -1,0 +1,78 @@
+"""Whose camera a scene is put into: the one that is known, else the mean of the estimated ones, else a guess."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from physic_core.body import load_body
+from physic_core.config import load_config
+from physic_core.engine.presets import PRESETS
+from physic_core.perception import Evidence, perceive
+from physic_core.plugins import discover
+from physic_core.resolve import resolve
+from physic_core.solution import Solution, solve
+from physic_core.stages import Stages
+from physic_core.testing.worlds import build_world
+from physic_core.types import Intrinsics
+
+SIZE = (160, 120)
+QUICK = replace(PRESETS["default"], joint=replace(PRESETS["default"].joint, steps=1, starts=1, frozen=("scale",)))
+SEES_150, SEES_200 = (Intrinsics.from_focal(f, *SIZE, source="a network") for f in (150.0, 200.0))
+
+
+@pytest.fixture(scope="module")
+def evidence() -> Evidence:
+    world = build_world("stand", 0, SIZE)
+    plan = resolve(load_config(preset="mock"), discover())
+    return perceive(world.image, None, plan, load_body("embedded"), Stages("cpu", 8))
+
+
+def with_cameras(evidence: Evidence, pointmap: Intrinsics | None, metric: Intrinsics | None) -> Solution:
+    seen = replace(
+        evidence,
+        intrinsics=pointmap or evidence.intrinsics,
+        scene=replace(evidence.scene, intrinsics=pointmap),
+        depth=replace(evidence.depth, intrinsics=metric),
+    )
+    return solve(seen, QUICK, load_body("embedded"), Stages("cpu", 8))
+
+
+def from_(source: str, camera: Intrinsics) -> Intrinsics:
+    return replace(camera, source=source)
+
+
+@pytest.mark.parametrize(
+    ("pointmap", "metric", "focal", "source"),
+    [
+        (SEES_150, SEES_200, 30000**0.5, "point map and metric depth"),
+        (SEES_150, None, 150.0, "a network"),
+        (SEES_150, from_("default: 1.2 sides", SEES_200), 150.0, "a network"),
+        (from_("default: 1.2 sides", SEES_150), SEES_200, 200.0, "a network"),
+        (SEES_150, from_("measured by the phone", SEES_200), 200.0, "measured by the phone"),
+        (from_("EXIF", SEES_150), SEES_200, 150.0, "EXIF"),
+    ],
+)
+def test_who_knows_goes_before_who_estimates_and_who_guesses(
+    evidence: Evidence, pointmap: Intrinsics, metric: Intrinsics | None, focal: float, source: str
+) -> None:
+    camera = with_cameras(evidence, pointmap, metric).intrinsics
+    assert (camera.fx, camera.fy) == pytest.approx((focal, focal))
+    assert camera.source == source
+
+
+def test_depths_follow_the_focal_length_unless_they_were_measured(evidence: Evidence) -> None:
+    own = evidence.scene.intrinsics
+    assert own is not None
+    longer = Intrinsics.from_focal(1.3 * own.fx, *SIZE, source="a network")
+    agreed = with_cameras(evidence, own, from_("a network", own)).scene
+
+    def ratio(metric: Intrinsics) -> float:
+        scene = with_cameras(evidence, own, metric).scene
+        both = agreed.valid & scene.valid
+        return float(np.median(scene.points[both][:, 2] / agreed.points[both][:, 2]))
+
+    assert ratio(longer) == pytest.approx(1.3**-0.5, rel=2e-3)
+    assert ratio(from_("measured by the phone", longer)) == pytest.approx(1.0, rel=0.05)
