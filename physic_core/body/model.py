@@ -111,7 +111,9 @@ class BodyModel:
     @cached_property
     def coarse(self) -> CoarseMesh:
         """A quarter of the vertices, 2 cm apart: for what hides what."""
-        return coarse_mesh(self.skin.template.reshape(3, -1).T, self.faces, self.part_of_vertex, _COARSE_M)
+        # On the CPU sums have one order, so that the same vertices are taken every time.
+        template, faces, part = (t.cpu() for t in (self.skin.template.T, self.faces, self.part_of_vertex))
+        return coarse_mesh(template, faces, part, _COARSE_M).to(self.device)
 
     def to(self, device: torch.device | str | None = None, dtype: torch.dtype | None = None) -> BodyModel:
         """The same body on another device, or in another float type."""

@@ -14,17 +14,17 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from physic_core.engine.one_camera import camera_of, of_one_camera
 from physic_core.engine.settings import HumanSettings, SceneSettings
 from physic_core.errors import BackendOutputError
 from physic_core.geometry.alignment import Alignment, align, apply_alignment
-from physic_core.geometry.camera import focal_px, intrinsics_matrix, mean_camera, unproject
+from physic_core.geometry.camera import unproject
 from physic_core.geometry.floor import FloorSearch, PlaneFit, fit_floor
 from physic_core.geometry.floor_metric import fit_floor_metric
 from physic_core.geometry.plane import height, sample_plane
 from physic_core.geometry.pointmap import (
     depth_edges,
     depth_to_pointmap,
-    intrinsics_from_pointmap,
     knn_outliers,
     normals,
     unsupported,
@@ -110,7 +110,7 @@ def build_scene(
     """
     settings = settings or SceneSettings()
     if settings.intrinsics == "both":
-        points, metric_depth, K_metric = _of_one_camera(points, metric_depth, K, K_metric, K_pointmap)
+        points, metric_depth, K_metric = of_one_camera(points, metric_depth, K, K_metric, K_pointmap)
     metric_valid = torch.isfinite(metric_depth) & (metric_depth > 0)
     if not bool(metric_valid.any()):
         raise BackendOutputError(
@@ -123,10 +123,10 @@ def build_scene(
         placed = apply_alignment(points, alignment)
         known = valid
     else:
-        placed = depth_to_pointmap(metric_depth, _camera(None, K, K_metric, points, valid, settings))
+        placed = depth_to_pointmap(metric_depth, camera_of(None, K, K_metric, points, valid, settings))
         known = metric_valid
     known = known & torch.isfinite(placed).all(-1) & (placed[..., 2] > 0)
-    camera = _camera(placed, K, K_metric, points, known, settings)
+    camera = camera_of(placed, K, K_metric, points, known, settings)
     if K is not None or settings.intrinsics != "pointmap":
         placed = depth_to_pointmap(placed[..., 2], camera)
     placed = torch.where(known[..., None], placed, 0.0)
@@ -315,44 +315,6 @@ def _align_to_metric(
         max_pixels=settings.align_max_pixels,
         seed=settings.seed,
     )
-
-
-def _of_one_camera(
-    points: Tensor, depth: Tensor, K: Tensor | None, K_metric: Tensor | None, K_pointmap: Tensor | None
-) -> tuple[Tensor, Tensor, Tensor | None]:
-    """Point map and metric depth for the camera that is used, and that camera; None where none is known.
-
-    What a depth network sees is the size of things, pixels times Z / f: with a longer focal length they are farther
-    away. A point map's depths, whose unit is open, stay.
-    """
-    used = K
-    if used is None and K_metric is not None and K_pointmap is not None:
-        used = mean_camera(K_metric.to(torch.float64), K_pointmap.to(K_metric.device, torch.float64))
-    if used is None:
-        return points, depth, K_metric if K_metric is not None else K_pointmap
-    if K_pointmap is not None:
-        shrunk = torch.diagonal(K_pointmap)[:2].to(points) / torch.diagonal(used)[:2].to(points)
-        points = torch.cat((points[..., :2] * shrunk, points[..., 2:]), -1)
-    if K_metric is not None:
-        depth = depth * (focal_px(used) / focal_px(K_metric))
-    return points, depth, used
-
-
-def _camera(
-    placed: Tensor | None,
-    K: Tensor | None,
-    K_metric: Tensor | None,
-    points: Tensor,
-    valid: Tensor,
-    settings: SceneSettings,
-) -> Tensor:
-    """(3, 3) float64: the given camera, else what the settings prefer, else whatever there is."""
-    if K is not None:
-        return K.to(points.device, torch.float64)
-    if K_metric is not None and (settings.intrinsics != "pointmap" or placed is None):
-        return K_metric.to(points.device, torch.float64)
-    fx, fy, cx, cy = intrinsics_from_pointmap(points if placed is None else placed, valid)
-    return intrinsics_matrix(fx, fy, cx, cy, torch.zeros((), dtype=torch.float64, device=points.device))
 
 
 def _floor_points(

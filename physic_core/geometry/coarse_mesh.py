@@ -24,6 +24,10 @@ class CoarseMesh:
     faces: Tensor
     of_vertex: Tensor
 
+    def to(self, device: torch.device) -> CoarseMesh:
+        """The same on another device."""
+        return CoarseMesh(self.ids.to(device), self.faces.to(device), self.of_vertex.to(device))
+
 
 def coarse_mesh(vertices: Tensor, faces: Tensor, part_of_vertex: Tensor, spacing: float) -> CoarseMesh:
     """Merge the vertices of each cell; faces that keep three corners are kept.
