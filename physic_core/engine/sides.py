@@ -22,6 +22,8 @@ PAIRS: dict[str, tuple[str, ...]] = {
 }
 """Pair of limbs -> points that are mixed up together: shoulders and hips keep their sides."""
 
+_ROOTS = {"arms": "shoulder", "legs": "hip"}
+
 _FARTHEST = 0.3  # of the person: an error counts as no larger than this
 _LEAST = 0.05  # of the person: a smaller mean error is no reason to exchange anything
 
@@ -41,6 +43,9 @@ class Sides:
 
 def tell_sides(skeleton: str, keypoints: Tensor, confidence: Tensor, expected: Tensor, ratio: float) -> Sides:
     """Exchange left and right of a pair of limbs where the body then fits much better.
+
+    Keypoints that are mixed up have drawn the body aside: limbs are held against it from where they begin, with the
+    body's shoulders or hips on those of the keypoints.
 
     A person whose arms and legs would both be exchanged keeps them as they are: their body is turned the other way,
     and who of the two is right cannot be told from here.
@@ -69,8 +74,12 @@ def tell_sides(skeleton: str, keypoints: Tensor, confidence: Tensor, expected: T
             if ratio <= 0 or not bool(known.any()) or not bool(size > 0):
                 continue
             found, sure = keypoints[person, here][known], confidence[person, here][known]
+            roots = [row[name] for side in SIDES if (name := f"{side}_{_ROOTS[pair]}") in row]
+            trust = (confidence[person, roots] * usable[person, roots])[:, None]
+            away = torch.nan_to_num(keypoints[person, roots] - expected[person, roots], posinf=0.0, neginf=0.0)
+            moved = expected[person] + (trust * away).sum(0) / trust.sum().clamp(min=1e-9)
             kept, other = (
-                (sure * ((found - expected[person, to][known]).norm(dim=-1) / size).clamp(max=_FARTHEST)).sum()
+                (sure * ((found - moved[to][known]).norm(dim=-1) / size).clamp(max=_FARTHEST)).sum()
                 / sure.sum()
                 for to in (here, there)
             )

@@ -40,6 +40,15 @@ def test_a_mixed_up_pair_gets_its_points_back(pair: str, noise: float, seed: int
     assert torch.equal(found.take_along_dim(sides.order[..., None], 1), shaken)
 
 
+@given(pair=st.sampled_from(sorted(PAIRS)), x=st.floats(-40, 40), y=st.floats(-40, 40))
+def test_a_body_that_was_drawn_aside_tells_the_sides_as_well(pair: str, x: float, y: float):
+    truth = standing()
+    aside = truth + torch.tensor([x, y])
+    sure = torch.ones(1, len(NAMES))
+    assert tell_sides("coco23", exchanged(truth, (pair,)), sure, aside, 0.6).exchanged == ((pair,),)
+    assert tell_sides("coco23", truth, sure, aside, 0.6).exchanged == ((),)
+
+
 @given(noise=st.floats(0, 8), seed=st.integers(0, 2**16))
 def test_points_on_their_own_side_stay(noise: float, seed: int):
     truth = standing()
