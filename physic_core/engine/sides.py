@@ -79,8 +79,7 @@ def tell_sides(skeleton: str, keypoints: Tensor, confidence: Tensor, expected: T
             away = torch.nan_to_num(keypoints[person, roots] - expected[person, roots], posinf=0.0, neginf=0.0)
             moved = expected[person] + (trust * away).sum(0) / trust.sum().clamp(min=1e-9)
             kept, other = (
-                (sure * ((found - moved[to][known]).norm(dim=-1) / size).clamp(max=_FARTHEST)).sum()
-                / sure.sum()
+                (sure * ((found - moved[to][known]).norm(dim=-1) / size).clamp(max=_FARTHEST)).sum() / sure.sum()
                 for to in (here, there)
             )
             if bool(kept > _LEAST) and bool(other < ratio * kept):
