@@ -16,7 +16,7 @@ from physic_core.engine.joint import optimize
 from physic_core.engine.limbs import confirmed_joints, observed_parts, placing_keypoints
 from physic_core.engine.problem import JointProblem
 from physic_core.engine.scene import alignment_diagnostics, build_scene
-from physic_core.engine.settled import depth_of, is_furniture, settled, without_floor
+from physic_core.engine.settled import is_furniture, settled, without_floor
 from physic_core.engine.sides import tell_sides
 from physic_core.geometry.camera import project
 from physic_core.geometry.free_space import fronts, in_free_space
@@ -209,7 +209,7 @@ def _stage_placement(
         scene_normals=scene.normals[scene.valid].to(device, dtype),
         contact_probability=tensor(evidence.contact.probability).to(device, dtype),
         observed=observed,
-        scene_depth=depth_of(scene).to(device, dtype),
+        scene_depth=scene.depth.to(device, dtype),
         floor_normal=None if scene.floor_normal is None else scene.floor_normal.to(device, dtype),
         floor_offset=scene.floor_offset,
         floor_points=scene.floor_points.to(device, dtype),

@@ -75,6 +75,11 @@ class SceneState:
     floor: PlaneFit | None = None
     diagnostics: Mapping[str, Any] = field(default_factory=dict)
 
+    @property
+    def depth(self) -> Tensor:
+        """(H, W) metres along z, NaN where no point is valid."""
+        return torch.where(self.valid, self.points[..., 2], torch.nan)
+
 
 def build_scene(
     points: Tensor,

@@ -17,7 +17,7 @@ from physic_core.geometry.carving import carved
 from physic_core.geometry.plane import sample_plane
 from physic_core.geometry.pointmap import normals
 
-__all__ = ["depth_of", "is_furniture", "settled", "without_floor"]
+__all__ = ["is_furniture", "settled", "without_floor"]
 
 _ANKLES = [JOINT_INDEX[f"{side}_ankle"] for side in ("left", "right")]
 
@@ -57,7 +57,7 @@ def settled(
         problem,
         scene_points=scene.points[scene.valid].to(problem.scene_points),
         scene_normals=scene.normals[scene.valid].to(problem.scene_normals),
-        scene_depth=None if problem.scene_depth is None else depth_of(scene).to(problem.scene_depth),
+        scene_depth=None if problem.scene_depth is None else scene.depth.to(problem.scene_depth),
     )
     if scene.floor_normal is None and settings.floor_under_people and bool(whole.any()):
         under = floor_under_people(
@@ -77,11 +77,6 @@ def settled(
                 floor_points=scene.floor_points.to(problem.scene_points),
             )
     return scene, problem
-
-
-def depth_of(scene: SceneState) -> Tensor:
-    """(H, W) metres along z, NaN where no point is valid."""
-    return torch.where(scene.valid, scene.points[..., 2], torch.nan)
 
 
 def _carved(

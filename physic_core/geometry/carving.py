@@ -35,9 +35,11 @@ def carved(points: Tensor, bodies: Tensor, faces: Tensor, shown: Tensor, reach: 
     start: NDArray[np.float64] = points.detach().cpu().double().numpy()
     rays = start / np.maximum(np.linalg.norm(start, axis=1), 1e-9)[:, None]
     along = np.zeros(len(start))
+    if not len(start):
+        return points, torch.zeros(0, dtype=torch.bool, device=points.device)
     triangles = faces.cpu().numpy()
-    solids = [_Solid(body, triangles) for body in bodies.detach().cpu().double().numpy()] if len(start) else []
-    for solid, here in zip(solids, shown.cpu().numpy(), strict=False):
+    solids = [_Solid(body, triangles) for body in bodies.detach().cpu().double().numpy()]
+    for solid, here in zip(solids, shown.cpu().numpy(), strict=True):
         along[here] = np.maximum(along[here], solid.way_in(start[here], rays[here], reach))
     for _ in range(_ROUNDS):
         before = along.copy()
