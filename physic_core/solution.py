@@ -187,7 +187,7 @@ def _stage_placement(
 
     placed, observed = placed_by(keypoints, confidence)
     moved = landmarks + (placed.transl.to(device, dtype) - transl)[:, None]
-    sides = tell_sides(told.skeleton, keypoints, confidence, project(moved, K), settings.human.mixed_sides_ratio)
+    sides = tell_sides(told.skeleton, keypoints, confidence, project(moved, K), settings.human.mixed_sides_deg)
     if any(sides.exchanged):
         keypoints = keypoints.take_along_dim(sides.order[..., None], 1)
         confidence = confidence.take_along_dim(sides.order, 1)

@@ -56,7 +56,7 @@ _PAPER = EngineSettings(
         reprojection_weight=5000.0,
         min_confidence=0.5,
         seen_confidence=1.0,
-        mixed_sides_ratio=0.0,
+        mixed_sides_deg=180.0,
         robust_px_share=math.inf,
         robust_m=math.inf,
         depth_offset_sigma=0.0,
@@ -172,7 +172,7 @@ _PROX = EngineSettings(
     ),
     human=HumanSettings(
         seen_confidence=1.0,
-        mixed_sides_ratio=0.0,
+        mixed_sides_deg=180.0,
         chamfer_weight=0.0,
         depth_offset_sigma=0.0,
         floor_weight=0.0,

@@ -146,8 +146,8 @@ class HumanSettings:
         min_confidence: keypoints below count nothing.
         seen_confidence: a joint whose keypoint is this sure and lies on the person's own mask is seen, whatever the
             body estimator says; 1 believes the body estimator alone.
-        mixed_sides_ratio: left and right of a person's arms, or legs, are exchanged among the keypoints where that
-            lowers their error against the placed body to this share; 0 believes the keypoints.
+        mixed_sides_deg: left and right of a person's arms, or legs, are exchanged among the keypoints whose ways from
+            left to right point farther than this from the placed body's; 180 believes the keypoints.
         robust_px_share: scale of the robust reprojection error, as a share of the normalising length; "inf" is plain
             least squares.
         robust_m: scale of the robust Chamfer distance, metres, wider where most points are farther off; "inf" is plain
@@ -192,7 +192,7 @@ class HumanSettings:
     facing_deg: Degrees = 70.0
     min_confidence: Share = 0.3
     seen_confidence: Share = 0.7
-    mixed_sides_ratio: Share = 0.6
+    mixed_sides_deg: Degrees = 125.0
     robust_px_share: PositiveOrInfinite = 0.05
     robust_m: PositiveOrInfinite = 0.15
     depth_offset_sigma: NotNegative = 0.2

@@ -5,6 +5,7 @@ Detectors mix up the arms or the legs of a person now and then, and a body that 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import torch
@@ -22,10 +23,7 @@ PAIRS: dict[str, tuple[str, ...]] = {
 }
 """Pair of limbs -> points that are mixed up together: shoulders and hips keep their sides."""
 
-_ROOTS = {"arms": "shoulder", "legs": "hip"}
-
-_FARTHEST = 0.3  # of the person: an error counts as no larger than this
-_LEAST = 0.05  # of the person: a smaller mean error is no reason to exchange anything
+_LEAST = 0.1  # of the person: a smaller mean difference is no reason to exchange anything
 
 
 @dataclass(frozen=True)
@@ -41,11 +39,11 @@ class Sides:
     exchanged: tuple[tuple[str, ...], ...]
 
 
-def tell_sides(skeleton: str, keypoints: Tensor, confidence: Tensor, expected: Tensor, ratio: float) -> Sides:
-    """Exchange left and right of a pair of limbs where the body then fits much better.
+def tell_sides(skeleton: str, keypoints: Tensor, confidence: Tensor, expected: Tensor, most_deg: float) -> Sides:
+    """Exchange left and right of a pair of limbs whose keypoints lie the other way round than the body's.
 
-    Keypoints that are mixed up have drawn the body aside: limbs are held against it from where they begin, with the
-    body's shoulders or hips on those of the keypoints.
+    What counts is the way from each left point to its right one: keypoints that are mixed up have drawn the body aside
+    and have changed its size, but not which way it goes from its left to its right.
 
     A person whose arms and legs would both be exchanged keeps them as they are: their body is turned the other way,
     and who of the two is right cannot be told from here.
@@ -55,38 +53,45 @@ def tell_sides(skeleton: str, keypoints: Tensor, confidence: Tensor, expected: T
         keypoints: (B, J, 2) px.
         confidence: (B, J).
         expected: (B, J, 2) px, where the body's points are seen.
-        ratio: a pair is exchanged where that lowers its error to this share of what it was; 0 exchanges nothing.
+        most_deg: a pair is exchanged where these ways differ by more in the mean, longer ones counting more; 180
+            exchanges nothing.
     """
     people, count = confidence.shape
     order = torch.arange(count, device=keypoints.device).expand(people, -1).clone()
+    row = {name: j for j, name in enumerate(SKELETONS.get(skeleton, ()))}
+    limbs = {
+        pair: tuple([row[f"{side}_{p}"] for p in points if f"{side}_{p}" in row] for side in SIDES)
+        for pair, points in PAIRS.items()
+    }
     exchanged: list[tuple[str, ...]] = []
-    names = SKELETONS.get(skeleton, ())
-    row = {name: j for j, name in enumerate(names)}
-    usable = torch.isfinite(keypoints).all(-1) & torch.isfinite(expected).all(-1) & (confidence > 0)
-    for person in range(people):
-        seen = expected[person][torch.isfinite(expected[person]).all(-1)]
-        size = (seen.amax(0) - seen.amin(0)).max() if len(seen) else keypoints.new_tensor(0.0)
-        mixed: dict[str, tuple[list[int], list[int]]] = {}
-        for pair, points in PAIRS.items():
-            left, right = ([row[f"{side}_{p}"] for p in points if f"{side}_{p}" in row] for side in SIDES)
-            here, there = [*left, *right], [*right, *left]
-            known = usable[person, here] & usable[person, there]
-            if ratio <= 0 or not bool(known.any()) or not bool(size > 0):
-                continue
-            found, sure = keypoints[person, here][known], confidence[person, here][known]
-            roots = [row[name] for side in SIDES if (name := f"{side}_{_ROOTS[pair]}") in row]
-            trust = (confidence[person, roots] * usable[person, roots])[:, None]
-            away = torch.nan_to_num(keypoints[person, roots] - expected[person, roots], posinf=0.0, neginf=0.0)
-            moved = expected[person] + (trust * away).sum(0) / trust.sum().clamp(min=1e-9)
-            kept, other = (
-                (sure * ((found - moved[to][known]).norm(dim=-1) / size).clamp(max=_FARTHEST)).sum() / sure.sum()
-                for to in (here, there)
+    for person, (found, body, sure) in enumerate(zip(keypoints, expected, confidence, strict=True)):
+        whole = torch.isfinite(body).all(-1)
+        sure = torch.where(whole & torch.isfinite(found).all(-1), sure, 0.0)
+        size = (body[whole].amax(0) - body[whole].amin(0)).max() if bool(whole.any()) else body.new_zeros(())
+        mixed = tuple(
+            pair
+            for pair, (left, right) in limbs.items()
+            if most_deg < 180
+            and _mixed(
+                found[right] - found[left],
+                body[right] - body[left],
+                torch.minimum(sure[left], sure[right]),
+                size,
+                most_deg,
             )
-            if bool(kept > _LEAST) and bool(other < ratio * kept):
-                mixed[pair] = here, there
+        )
         if len(mixed) == len(PAIRS):
-            mixed = {}
-        for here, there in mixed.values():
-            order[person, here] = torch.as_tensor(there, device=order.device)
-        exchanged.append(tuple(mixed))
+            mixed = ()
+        for left, right in (limbs[pair] for pair in mixed):
+            order[person, [*left, *right]] = torch.as_tensor([*right, *left], device=order.device)
+        exchanged.append(mixed)
     return Sides(order, tuple(exchanged))
+
+
+def _mixed(found: Tensor, body: Tensor, weight: Tensor, size: Tensor, most_deg: float) -> bool:
+    """Whether ways (n, 2) that were found lead away from the body's, by weights (n,), 0 where one is not known."""
+    found, body = (torch.where(weight[:, None] > 0, ways, 0.0) for ways in (found, body))
+    along = (weight * (found * body).sum(-1)).sum()
+    lengths = (weight * found.norm(dim=-1) * body.norm(dim=-1)).sum()
+    away = (weight * (found - body).norm(dim=-1)).sum()
+    return bool(along < math.cos(math.radians(most_deg)) * lengths) and bool(away > _LEAST * size * weight.sum())
