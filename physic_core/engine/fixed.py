@@ -122,7 +122,7 @@ def prepare(problem: JointProblem, settings: JointSettings, start: BodyOutput) -
         unit=unit * settings.reprojection_sigma,
         person_px=person_px,
         relative=root_relative(start.vertices[:, ids], start.joints[:, 0], problem.rotations0[:, 0]),
-        stands=stands(problem.rotations0, start.joints, observed),
+        stands=stands(problem.rotations0, start.joints, observed, problem.floor_normal),
         legs_unseen=~observed[:, _LEGS].any(1),
         feet_seen=observed[:, ankles] & inside_image(project(start.joints[:, ankles], problem.K), height, width),
         log_depth=_log_depth(problem.human_depth),

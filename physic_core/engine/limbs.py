@@ -170,13 +170,14 @@ def _joint_of(landmark: str) -> str | None:
     return landmark if landmark in JOINT_INDEX and landmark != "head" else None
 
 
-def stands(rotations: Tensor, joints: Tensor, observed: Tensor) -> Tensor:
-    """Who stands: at least one knee nearly straight, trunk in line with the legs, both ankles seen.
+def stands(rotations: Tensor, joints: Tensor, observed: Tensor, up: Tensor | None = None) -> Tensor:
+    """Who stands: at least one knee nearly straight, trunk in line with the legs, both ankles seen, and not lying.
 
     Args:
         rotations: (B, 55, 3, 3).
         joints: (B, 55, 3) metres.
         observed: (B, 55) bool.
+        up: (3,) unit normal of the floor; without it who lies straight stands too.
 
     Returns:
         (B,) bool.
@@ -188,6 +189,8 @@ def stands(rotations: Tensor, joints: Tensor, observed: Tensor) -> Tensor:
     ankles = [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]]
     trunk = torch.nn.functional.normalize(at("neck") - at("pelvis"), dim=-1)
     leg = torch.nn.functional.normalize(at("pelvis") - joints[:, ankles].mean(1), dim=-1)
-    upright = (trunk * leg).sum(-1) > 0.82  # 35 degrees
+    in_line = (trunk * leg).sum(-1) > 0.82  # 35 degrees
+    if up is not None:
+        in_line = in_line & (((trunk + leg) / 2) @ up > 0.5)  # 60 degrees, estimators err by 20
     straight = hinge_angles(rotations)[:, :2].amin(-1) < 0.7  # 40 degrees
-    return upright & straight & observed[:, ankles].all(1)
+    return in_line & straight & observed[:, ankles].all(1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -102,6 +103,14 @@ def test_who_stands_and_who_does_not(make_stage):
     problem = stage.problem
     assert stands(problem.rotations0, stage.joints, problem.observed).tolist() == [True, False]
     assert not stands(problem.rotations0, stage.joints, torch.zeros_like(problem.observed)).any()
+
+
+@pytest.mark.parametrize(("degrees", "expected"), [(0, True), (40, True), (80, False), (180, False)])
+def test_who_lies_straight_does_not_stand(standing, degrees, expected):
+    problem, joints = standing.problem, standing.joints
+    up = torch.tensor([0.0, -math.cos(math.radians(degrees)), math.sin(math.radians(degrees))])
+    assert stands(problem.rotations0, joints, problem.observed, up).tolist() == [expected]
+    assert stands(problem.rotations0, joints, problem.observed).tolist() == [True]
 
 
 def test_chamfer_equals_its_plain_twin_under_a_scale(standing):
