@@ -24,6 +24,7 @@ _LEVEL = 0.7  # cosine: a surface that one can stand on
 _UNSEEN = 4.0  # sigmas: a foot that should be so far off is not the floor's to mend
 _SUNK_M = 0.2  # metres under the floor from which on unseen limbs are left alone
 _STEP_SHARE = 0.3  # of a sole's vertices that must be over a raised surface
+_STEP_M = 0.1  # metres over the floor: what is lower is the floor, as the point map bends it
 
 
 @dataclass(frozen=True)
@@ -92,6 +93,7 @@ def feel(
     free = nobody if fixed.fronts is None else in_free_space(warped / scale, fixed.fronts, problem.K)
     oblique = math.cos(math.radians(settings.contact_angle_deg)) if settings.contact_angle_deg < 90 else 0.0
     plane = problem.floor_normal if settings.floor == "plane" else None
+    floor_offset = vertices.new_tensor(problem.floor_offset * scale)
     if len(scene.points):
         normals = scene.normals[nearest.index]
         share = warp_share(scene.points[nearest.index], problem.floor_normal, problem.floor_offset)
@@ -100,10 +102,11 @@ def feel(
         against_scene = -(visible.normals * normals).sum(-1)
         lined = against_scene.abs() >= oblique
         if plane is not None:
-            level = nearest.found & ((normals @ plane) > _LEVEL)
+            raised = plane_height(points, plane, floor_offset) > _STEP_M
+            level = nearest.found & raised & ((normals @ plane) > _LEVEL)
     above, against_floor = far, zeros
     if plane is not None:
-        above = plane_height(vertices, plane, vertices.new_tensor(problem.floor_offset * scale))
+        above = plane_height(vertices, plane, floor_offset)
         against_floor = -(visible.normals @ plane)
 
     # Contact: the nearer of scene and floor. Behind an object only the floor is known.
