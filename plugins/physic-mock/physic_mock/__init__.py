@@ -6,7 +6,7 @@ from physic_core import BackendRecord, hookimpl
 
 __all__ = ["NOISE_VERSION", "physic_backends"]
 
-NOISE_VERSION = "1"
+NOISE_VERSION = "2"
 """Names the error models and their defaults; figures measured under different versions do not compare."""
 
 _CLASSES = {

@@ -48,7 +48,7 @@ class MetricDepthOptions(DepthOptions):
 
     scale: float = Field(1.0, gt=0, description="Factor on the true depth besides the drawn one.")
     scale_sigma: float = Field(
-        0.08, ge=0, le=1, description="Standard deviation of the logarithm of that factor, drawn once a world."
+        0.05, ge=0, le=1, description="Standard deviation of the logarithm of that factor, drawn once a world."
     )
     stated_sigma: float | None = Field(
         None, ge=0, description="What is answered as standard deviation of log scale; None: the true one of the draws."

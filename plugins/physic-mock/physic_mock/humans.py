@@ -50,7 +50,7 @@ class BodyOptions(MockOptions):
     )
     stature_noise: float = Field(0.04, ge=0, le=0.5, description="Standard deviation of the logarithm of stature.")
     depth_noise: float = Field(
-        0.3,
+        0.34,
         ge=0,
         le=1,
         description="Standard deviation of the logarithm of distance: people come out too near or too far.",
