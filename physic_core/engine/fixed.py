@@ -228,9 +228,11 @@ def _surface(problem: JointProblem, settings: JointSettings) -> tuple[Tensor, Te
     """Scene points to measure against. Without a reliable normal a point has no inside: it is left out where
     distances are taken along normals; and where the floor is a plane, its points are left to the plane."""
     points, normals = problem.scene_points, problem.scene_normals
-    finite = torch.isfinite(points.sum(-1) + normals.sum(-1))  # in one pass over a whole photo's points
+    ones = points.new_ones(3)  # a product sums three columns several times faster than a sum does
+    length = normals.square() @ ones
+    finite = torch.isfinite(points @ ones + length)
     if settings.contact_metric == "plane":
-        finite = finite & (normals.square().sum(-1) > 0.5)
+        finite = finite & (length > 0.5)
     if problem.floor_normal is not None and settings.floor == "plane":
         offset = points.new_tensor(problem.floor_offset)
         finite = finite & (plane_height(points, problem.floor_normal, offset).abs() > settings.floor_band_m)

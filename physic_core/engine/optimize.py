@@ -62,7 +62,7 @@ class Trace:
 
 def total_of(energies: Mapping[str, Tensor]) -> Tensor:
     """Sum of all terms: ()."""
-    return torch.stack([value.sum() for value in energies.values()]).sum()
+    return torch.cat([value.reshape(-1) for value in energies.values()]).sum()
 
 
 def minimise(energy: Energy, settings: JointSettings, progress: Callable[[float], None] | None = None) -> Trace:

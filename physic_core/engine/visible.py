@@ -18,12 +18,11 @@ from physic_core.geometry.visibility import (
     behind_others,
     facing,
     inside_image,
-    inside_mask,
     self_occlusion,
     vertex_normals,
 )
 
-__all__ = ["Shadows", "Visible", "look"]
+__all__ = ["Shadows", "Visible", "around", "look"]
 
 _STILL_M = 0.01  # who has moved less than this in the mean, across their rays, looks as they did
 _EDGE_SHARE = 0.005  # of the person: nearer to the silhouette, depth is as often the background's
@@ -113,7 +112,7 @@ def look(problem: JointProblem, settings: JointSettings, fixed: Fixed, output: B
     uv = project(vertices, problem.K)
     # Behind the camera nothing is seen, whatever the clamped division says.
     in_image = inside_image(uv, *masks.shape[-2:]) & (vertices[..., 2] > 0)
-    in_mask = in_image & _around(uv, masks, fixed.person_px * settings.mask_tolerance).any(0)
+    in_mask = in_image & around(uv, masks, fixed.person_px * settings.mask_tolerance).any(0)
     behind_self, lost = shadows(vertices)
     occluded = ~in_mask | lost
 
@@ -121,7 +120,7 @@ def look(problem: JointProblem, settings: JointSettings, fixed: Fixed, output: B
     toward = facing(normals, vertices, settings.facing_deg)
     in_play = fixed.seen_part & in_image[:, ids]
     log_seen, known = _sample(fixed.log_depth, uv[:, ids])
-    well_inside = _around(uv[:, ids], masks, fixed.person_px * _EDGE_SHARE).all(0)
+    well_inside = around(uv[:, ids], masks, fixed.person_px * _EDGE_SHARE).all(0)
     first = ~behind_self[:, ids]
     shown = toward[:, ids] & first
     # Seen at a slant, a surface fills fewer pixels: weigh by what it fills.
@@ -142,11 +141,17 @@ def look(problem: JointProblem, settings: JointSettings, fixed: Fixed, output: B
     )
 
 
-def _around(uv: Tensor, masks: Tensor, reach: Tensor) -> Tensor:
+def around(uv: Tensor, masks: Tensor, reach: Tensor) -> Tensor:
     """Whether the pixels at and round each coordinate are on the mask: (B, V, 2), (B, H, W), (B,) px -> (9, B, V)."""
-    steps = torch.tensor([-1.0, 0.0, 1.0], device=uv.device, dtype=uv.dtype)
-    offsets = torch.cartesian_prod(steps, steps)
-    return torch.stack([inside_mask(uv + offset * reach[:, None, None], masks) for offset in offsets])
+    height, width = masks.shape[-2:]
+    steps = torch.tensor([-1.0, 0.0, 1.0], device=uv.device, dtype=uv.dtype) * reach[:, None]
+    u, v = ((uv[..., None, :, axis] + steps[..., None]) for axis in (0, 1))  # (B, 3, V): three columns and three rows
+    in_u, in_v = (u >= -0.5) & (u < width - 0.5), (v >= -0.5) & (v < height - 0.5)
+    column, row = (torch.where(inside, x, 0.0).round().long() for inside, x in ((in_u, u), (in_v, v)))
+    pixel = (row[:, :, None] * width + column[:, None]).flatten(1)
+    inside = (in_v[:, :, None] & in_u[:, None]).flatten(1)
+    found = masks.flatten(1).gather(1, pixel) & inside
+    return found.reshape(len(uv), 9, -1).transpose(0, 1)
 
 
 def _sample(log_depth: Tensor | None, uv: Tensor) -> tuple[Tensor, Tensor]:

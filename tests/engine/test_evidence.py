@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import pytest
 import torch
+from hypothesis import given
+from hypothesis import strategies as st
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.landmarks import SKELETONS
@@ -15,7 +17,8 @@ from physic_core.engine.energy import JointEnergy
 from physic_core.engine.fixed import representatives
 from physic_core.engine.limbs import keypoint_weights, limb_parts, observed_parts, stands
 from physic_core.engine.presets import PRESETS
-from physic_core.geometry.visibility import vertex_areas
+from physic_core.engine.visible import around
+from physic_core.geometry.visibility import inside_mask, vertex_areas
 
 SETTINGS = PRESETS["default"].joint
 
@@ -170,3 +173,15 @@ def test_points_without_a_normal_are_no_surface(standing):
     problem = replace(standing.problem, scene_normals=normals)
     half = JointEnergy(problem, replace(SETTINGS, floor="off"))
     assert len(half.fixed.surface) == pytest.approx(len(normals) / 2, abs=1)
+
+
+@given(seed=st.integers(0, 2**16), reach=st.floats(0, 30))
+def test_round_a_pixel_lie_nine_pixels(seed, reach):
+    g = torch.Generator().manual_seed(seed)
+    uv = torch.rand(2, 50, 2, generator=g) * torch.tensor([60.0, 50.0]) - 10
+    uv[0, 0] = torch.nan
+    masks = torch.rand(2, 30, 40, generator=g) > 0.5
+    reaches = reach * torch.rand(2, generator=g)
+    steps = [torch.tensor([x, y]) for y in (-1.0, 0.0, 1.0) for x in (-1.0, 0.0, 1.0)]
+    plain = torch.stack([inside_mask(uv + step * reaches[:, None, None], masks) for step in steps])
+    assert torch.equal(around(uv, masks, reaches), plain)
