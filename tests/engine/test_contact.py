@@ -69,8 +69,15 @@ def test_past_the_rim_of_a_surface_nothing_touches():
 def test_far_inside_is_not_contact():
     vertex = torch.tensor([[0.0, 1.12, 2.0]])
     outer = torch.ones(1, dtype=torch.bool)
-    assert contact_map(vertex, plane(), None, outer, PRESETS["paper"].contact)[0].item()
+    assert contact_map(vertex, plane(), None, outer, PRESETS["release"].contact)[0].item()
     assert not contact_map(vertex, plane(), None, outer, SETTINGS)[0].item()
+
+
+@pytest.mark.parametrize("height", [-0.05, -0.03, 0.03, 0.05])
+def test_as_printed_contact_is_a_distance_on_either_side(height):
+    vertex = torch.tensor([[0.0, 1.0 - height, 2.0]])
+    contact, _ = contact_map(vertex, plane(), None, torch.ones(1, dtype=torch.bool), PRESETS["paper"].contact)
+    assert contact.item() == (abs(height) < 0.04)
 
 
 @pytest.mark.parametrize("surface", ["scene", "floor"])
