@@ -16,6 +16,7 @@ from physic_core.engine.problem import JointProblem
 from physic_core.engine.settings import JointSettings
 from physic_core.engine.state import Estimate, State
 from physic_core.engine.stature import stature_of, stature_prior
+from physic_core.engine.surface_terms import SURFACE_TERMS, RobustSum, Surface, surface_terms
 from physic_core.engine.touch import WANDER_M, Touch, feel, scene_near
 from physic_core.engine.visible import Shadows, Visible, look
 from physic_core.errors import PhysicError
@@ -56,11 +57,22 @@ class JointEnergy:
         offset_sigma = _offset_sigma(problem, settings, self.fixed.feet_seen)
         self._offset_free = offset_sigma > 0
         self.state = _state(problem, settings, start.joints[:, 0], offset_sigma, len(self.fixed.surface))
+        self._prior_weights = self.state.per_number(
+            {
+                "root": settings.root_weight,
+                "pose": settings.pose_weight,
+                "hands": settings.hands_weight,
+                "betas": settings.shape_weight,
+                "translation": settings.translation_weight,
+                "offset": 1.0,
+                "warp": 1.0,
+            }
+        )
         self._cloud = _cloud(problem, settings)
         self._ranges, self._fingers = (limits_of(table, problem.transl0) for table in (RANGES, FINGER_RANGES))
         limbs = settings.self_penetration_weight or settings.people_penetration_weight
         self._capsules = fit_capsules(problem.model, problem.betas0, start.joints) if limbs else None
-        self._legs_unseen = bool(self.fixed.legs_unseen.any())
+        self._legs_unseen, self._feet_unseen = bool(self.fixed.legs_unseen.any()), not bool(self.fixed.feet_seen.all())
         self._stature = stature_of(problem.model, problem.betas0) if settings.stature_weight else None
         self._gathered = start.vertices
         self.scene = scene_near(self.fixed, settings, start.vertices, 1.0)
@@ -70,6 +82,9 @@ class JointEnergy:
         self._normals: Tensor  # (B, n, 3) of the nearest scene points
         self._along: Tensor  # (B, n) distance of their planes from the camera, unscaled
         self._scale: float  # of the scene, at the last look
+        plain = "point" in (settings.contact_metric, settings.penetration_metric) or settings.depth_form != "pixels"
+        self._written_out = not plain
+        self._surface: Surface
         self.refresh()
 
     @torch.no_grad()
@@ -92,6 +107,55 @@ class JointEnergy:
         if len(self.scene.points):
             self._normals = self.scene.normals[self.touch.near]
             self._along = (self._normals * self.scene.points[self.touch.near]).sum(-1)
+        if self._written_out:
+            self._surface = self._gather()
+
+    def _gather(self) -> Surface:
+        """What the terms of vertices take from the last look."""
+        problem, settings, fixed, visible, touch = self.problem, self.settings, self.fixed, self.visible, self.touch
+        has_scene, has_plane = len(self.scene.points) > 0, self._has_plane
+        depth_weight = visible.depth_weight / visible.depth_weight.sum(1, keepdim=True).clamp(min=1e-9)
+        depth = partial(RobustSum.of, settings.depth_loss, settings.depth_scale, settings.depth_sigma)
+        contact = partial(RobustSum.of, settings.contact_loss, settings.contact_scale, settings.contact_sigma_m)
+        solid = partial(RobustSum.of, settings.penetration_loss, settings.penetration_scale)
+        inside = settings.penetration_weight * touch.penetration_weight
+        under = settings.floor_weight * touch.floor_weight
+        return Surface(
+            depth=depth(self._depth_weight()[:, None] * depth_weight) if settings.depth_weight else None,
+            contact=contact(settings.contact_weight * touch.contact_weight) if settings.contact_weight else None,
+            penetration=solid(settings.penetration_sigma_m, inside) if settings.penetration_weight else None,
+            floor=solid(settings.floor_sigma_m, under) if has_plane and settings.floor_weight else None,
+            mesh_weight=self._mesh_weight() if settings.regularisation_weight else None,
+            log_seen=visible.log_seen,
+            on_scene=touch.on_scene,
+            penetration_slack=settings.penetration_slack_m,
+            floor_slack=settings.floor_slack_m,
+            ruler=visible.in_play,
+            relative=fixed.relative.transpose(1, 2).contiguous(),
+            normals=self._normals.transpose(1, 2).contiguous() if has_scene else None,
+            along=self._along if has_scene else torch.zeros_like(fixed.area),
+            warp_share=touch.warp_share if "warp" in self.state.free else None,
+            plane=problem.floor_normal if has_plane else None,
+            offset=problem.floor_offset,
+            last_scale=self._scale,
+            in_scene_units=settings.scene_unit == "scene",
+            soles=fixed.soles,
+        )
+
+    def _depth_weight(self) -> Tensor:
+        """(B,) of the depth term: of those whose depth offset is free only the relief counts."""
+        settings = self.settings
+        weight = torch.where(self._offset_free, settings.depth_relief_weight, settings.depth_weight)
+        return weight.to(self.fixed.area.dtype)
+
+    def _mesh_weight(self) -> Tensor:
+        """(B, n) of the mesh's deviation, more where the photo does not show it."""
+        settings = self.settings
+        strong = ~self.visible.in_play
+        if settings.occlusion_aware:
+            strong = strong | self.visible.hidden
+        share = torch.where(strong, settings.occluded_weight, settings.visible_weight).to(self.fixed.area.dtype)
+        return share * self.fixed.area / settings.regularisation_sigma_m**2
 
     def __call__(self) -> dict[str, Tensor]:
         """Weighted terms at the present state: name -> (B,), and "scale" -> (1,). Differentiable."""
@@ -105,14 +169,21 @@ class JointEnergy:
         energies: dict[str, Tensor] = {}
         if settings.reprojection_weight:
             energies["reprojection"] = self._reprojection(posed[problem.skeleton])
-        if settings.depth_weight:
-            energies["depth"] = self._depth(vertices, estimate)
-        energies.update(self._contact_and_penetration(vertices, estimate))
-        energies.update(self._regularisation(vertices, joints, estimate))
+        if self._written_out:
+            energies.update(self._on_the_surface(vertices, joints, estimate))
+        else:
+            if settings.depth_weight:
+                energies["depth"] = self._depth(vertices, estimate)
+            energies.update(self._contact_and_penetration(vertices, estimate))
+            if settings.regularisation_weight:
+                relative = terms.root_relative(vertices, joints[:, 0], estimate.rotations[:, 0])
+                energies["mesh"] = terms.mesh_deviation(relative, fixed.relative, self._mesh_weight())
+        energies.update(self._regularisation(energies.pop("mesh", None)))
         if settings.limit_weight:
             energies["limits"] = settings.limit_weight * terms.joint_limits(estimate.rotations)
         energies.update(self._anatomy(joints, estimate))
-        if settings.balance_weight and problem.floor_normal is not None and settings.floor == "plane":
+        if settings.balance_weight and self._has_plane:
+            assert problem.floor_normal is not None
             rho = partial(robust, "cauchy", c=1.0)
             stands = fixed.stands.to(joints.dtype)
             mass = (fixed.area[:, None] @ vertices)[:, 0] / fixed.area.sum(1, keepdim=True)
@@ -134,13 +205,30 @@ class JointEnergy:
             per_axis=settings.reprojection_per_axis,
         )
 
+    def _on_the_surface(self, vertices: Tensor, joints: Tensor, estimate: Estimate) -> dict[str, Tensor]:
+        """The terms of vertices where all distances are along normals, faster."""
+        settings, surface = self.settings, self._surface
+        values, lowest = surface_terms(
+            surface,
+            vertices,
+            joints[:, 0],
+            estimate.rotations[:, 0],
+            estimate.log_scale,
+            estimate.offset,
+            estimate.warp,
+        )
+        there = (surface.depth, surface.contact, surface.penetration, surface.floor, surface.mesh_weight)
+        energies = {n: v for n, v, on in zip(SURFACE_TERMS, values, there, strict=True) if on is not None}
+        if self._has_plane and (settings.sole_weight or settings.lower_sole_weight or settings.unseen_sole_weight):
+            energies["soles"] = self._soles(lowest)
+        return energies
+
     def _depth(self, vertices: Tensor, estimate: Estimate) -> Tensor:
         settings = self.settings
         if self._cloud is not None:
             return settings.depth_weight * self._cloud(vertices, self.visible.facing, estimate.log_scale)
         rho = partial(robust, settings.depth_loss, c=settings.depth_scale)
-        weight = torch.where(self._offset_free, settings.depth_relief_weight, settings.depth_weight)
-        return weight.to(vertices.dtype) * terms.depth_at_pixels(
+        return self._depth_weight() * terms.depth_at_pixels(
             vertices[..., 2],
             self.visible.log_seen,
             self.visible.depth_weight,
@@ -164,7 +252,7 @@ class JointEnergy:
             signed = (self._normals * vertices).sum(-1) - factor * self._along
             if "point" in (settings.contact_metric, settings.penetration_metric):
                 squared = (vertices - scene.points[touch.near] * factor[..., None]).square().sum(-1)
-        has_plane = problem.floor_normal is not None and settings.floor == "plane"
+        has_plane = self._has_plane
         if has_plane:
             assert problem.floor_normal is not None
             to_floor = terms.plane_height(vertices, problem.floor_normal, problem.floor_offset * scale)
@@ -192,18 +280,16 @@ class JointEnergy:
             under = terms.penetration(height, touch.floor_weight, settings.floor_slack_m, settings.floor_sigma_m, rho)
             energies["floor"] = settings.floor_weight * under
         if has_plane and (settings.sole_weight or settings.lower_sole_weight or settings.unseen_sole_weight):
-            energies["soles"] = self._soles(to_floor)
+            lowest = [
+                terms.lowest_height(to_floor.index_select(1, rows)) if len(rows) else torch.zeros_like(to_floor[:, 0])
+                for rows in self.fixed.soles
+            ]
+            energies["soles"] = self._soles(torch.stack(lowest, 1))
         return energies
 
-    def _soles(self, height: Tensor) -> Tensor:
+    def _soles(self, lowest: Tensor) -> Tensor:
+        """Of the heights (B, 2) of both soles."""
         settings, touch = self.settings, self.touch
-        lowest = torch.stack(
-            [
-                terms.lowest_height(height.index_select(1, rows)) if len(rows) else height.new_zeros(len(height))
-                for rows in self.fixed.soles
-            ],
-            1,
-        )
 
         def near(squared: Tensor) -> Tensor:
             return robust("geman_mcclure", squared / settings.sole_sigma_m**2, settings.sole_scale)
@@ -218,6 +304,8 @@ class JointEnergy:
             near,
             far,
         )
+        if not self._feet_unseen:
+            return seen
         unseen = robust("geman_mcclure", (lowest / settings.unseen_sole_sigma_m).square(), 3.0)
         return seen + settings.unseen_sole_weight * (touch.unseen_sole_weight * unseen).sum(1)
 
@@ -246,31 +334,20 @@ class JointEnergy:
             energies["stature"] = settings.stature_weight * stature_prior(height, expected, settings.stature_sigma)
         return energies
 
-    def _regularisation(self, vertices: Tensor, joints: Tensor, estimate: Estimate) -> dict[str, Tensor]:
-        settings, fixed = self.settings, self.fixed
+    def _regularisation(self, mesh: Tensor | None) -> dict[str, Tensor]:
+        """Of the mesh's deviation (B,) and of the parameters."""
+        settings = self.settings
         weight = settings.regularisation_weight
-        if not weight:
+        if mesh is None:
             return {}
-        strong = ~self.visible.in_play
-        if settings.occlusion_aware:
-            strong = strong | self.visible.hidden
-        share = torch.where(strong, settings.occluded_weight, settings.visible_weight).to(vertices.dtype)
-        relative = terms.root_relative(vertices, joints[:, 0], estimate.rotations[:, 0])
-        mesh = terms.mesh_deviation(relative, fixed.relative, share * fixed.area / settings.regularisation_sigma_m**2)
-        moved = self.state.deviations()
-        weights = {
-            "root": settings.root_weight,
-            "pose": settings.pose_weight,
-            "hands": settings.hands_weight,
-            "betas": settings.shape_weight,
-            "translation": settings.translation_weight,
-            "offset": 1.0,
-            "warp": 1.0,
-        }
         return {
-            "regularisation": weight * (mesh + terms.prior(moved, weights)),
-            "scale": weight * settings.scale_weight * moved["scale"].square().reshape(1),
+            "regularisation": weight * (mesh + terms.prior(self.state.strayed(), self._prior_weights)),
+            "scale": weight * settings.scale_weight * self.state.deviations()["scale"].square().reshape(1),
         }
+
+    @property
+    def _has_plane(self) -> bool:
+        return self.problem.floor_normal is not None and self.settings.floor == "plane"
 
 
 def _offset_sigma(problem: JointProblem, settings: JointSettings, feet_seen: Tensor) -> Tensor:

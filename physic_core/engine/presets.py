@@ -23,8 +23,8 @@ from physic_core.engine.settings import ContactSettings, EngineSettings, HumanSe
 __all__ = ["PRESETS"]
 
 _RELEASED_CONTACT = ContactSettings(inside_m=0.15, metric="point", observed=False, nearest="grid")
-# As printed, a vertex touches what is nearer than eps_c, inside or outside; eps_c is not printed. Of 2, 4 and 5 cm it is
-# 4 whose precision and recall on the benchmark are those of the paper (benchmarks/README.md).
+# As printed, a vertex touches what is nearer than eps_c, inside or outside; eps_c itself is not printed. Of 2, 4 and
+# 5 cm it is 4 whose precision and recall on the benchmark are those of the paper (benchmarks/README.md).
 _PRINTED_CONTACT_M = 0.04
 _WHOLEBODY = 133  # keypoints that the published code's reprojection is a mean over; ours are about 23 of the body
 _BODY = 23

@@ -8,7 +8,7 @@ as their first two columns, as the paper's gradient descent takes them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import roma
@@ -23,6 +23,8 @@ __all__ = ["GROUPS", "Estimate", "State"]
 GROUPS: tuple[str, ...] = ("root", "pose", "hands", "betas", "translation", "scale", "offset", "warp")
 """Groups that can be frozen: root rotation, joints 1-21, both hands, shape, translation, scene scale, depth
 offset, warp."""
+
+_OF_PEOPLE = tuple(group for group in GROUPS if group != "scale")
 
 _BODY = slice(1, 22)
 _HANDS = slice(25, 55)
@@ -135,6 +137,8 @@ class State:
         for group in self.free:
             self.values[group].requires_grad_()
         self._origin = {group: value.detach().clone() for group, value in self.values.items()}
+        self._started = self._side_by_side(self._origin)
+        self._sizes = [self._origin[group][0].numel() if people else 0 for group in _OF_PEOPLE]
 
     def _initial(self) -> dict[str, Tensor]:
         start = self._start
@@ -215,8 +219,23 @@ class State:
 
         In units of the expected spread where whitened, else in the units of the raw numbers.
         """
-        moved = {group: self.values[group] - self._origin[group] for group in GROUPS}
-        return {g: value if g == "scale" else value.reshape(len(value), -1) for g, value in moved.items()}
+        parts = torch.split(self.strayed(), self._sizes, dim=1)
+        return {**dict(zip(_OF_PEOPLE, parts, strict=True)), "scale": self.values["scale"] - self._origin["scale"]}
+
+    def strayed(self) -> Tensor:
+        """The same of all groups but the scale side by side, in the order of :data:`GROUPS`: (B, P)."""
+        return self._side_by_side(self.values) - self._started
+
+    def per_number(self, of_group: Mapping[str, float]) -> Tensor:
+        """A number for each group, as (P,) for the columns of :meth:`strayed`."""
+        numbers = [of_group[group] for group in _OF_PEOPLE for _ in range(self._sizes[_OF_PEOPLE.index(group)])]
+        return self._started.new_tensor(numbers)
+
+    @staticmethod
+    def _side_by_side(values: Mapping[str, Tensor]) -> Tensor:
+        return torch.cat(
+            [values[group].flatten(1) if values[group].ndim > 1 else values[group][:, None] for group in _OF_PEOPLE], 1
+        )
 
     @torch.no_grad()
     def displace(self, who: Tensor, tilt: float, farther: float) -> None:

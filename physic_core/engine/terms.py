@@ -7,7 +7,7 @@ is smooth in what it is given. ``rho`` maps squared residuals to a robust loss.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import torch
 from torch import Tensor
@@ -15,6 +15,7 @@ from torch import Tensor
 from physic_core.body.joints import JOINT_INDEX
 
 __all__ = [
+    "LEAST_DEPTH_M",
     "Rho",
     "balance",
     "chamfer",
@@ -23,6 +24,7 @@ __all__ = [
     "hinge_angles",
     "joint_limits",
     "lowest_height",
+    "lowest_rows",
     "mesh_deviation",
     "penetration",
     "penetration_by_points",
@@ -41,6 +43,7 @@ _KNEES, _ANKLES, _TOES, _ELBOWS = (
     slice(JOINT_INDEX[f"left_{name}"], JOINT_INDEX[f"right_{name}"] + 1) for name in ("knee", "ankle", "foot", "elbow")
 )
 
+LEAST_DEPTH_M = 0.01  # of a vertex before the camera
 _LOWEST_SHARE = 0.05  # of a sole's vertices: on tiptoe no more than this touches
 _MAX_FLEXION = 2.7  # radians; a knee or an elbow bends no further
 _LIMIT_SIGMA = 1.0 / 12.0  # radians, about 5 degrees
@@ -97,7 +100,7 @@ def depth_at_pixels(
     Returns:
         (B,); 0 for a person without such vertices.
     """
-    residual = (z.clamp(min=1e-2).log() - log_seen - log_scale - offset[:, None]) / sigma
+    residual = (z.clamp(min=LEAST_DEPTH_M).log() - log_seen - log_scale - offset[:, None]) / sigma
     total = (weight * rho(residual.square())).sum(-1)
     return total / weight.sum(-1).clamp(min=1e-9)
 
@@ -174,10 +177,15 @@ def penetration_by_points(squared: Tensor, signed: Tensor, weight: Tensor, rho: 
     return (weight * (signed < 0) * rho(squared)).sum(-1)
 
 
-def lowest_height(height: Tensor) -> Tensor:
-    """Height of the lowest twentieth of a sole's vertices: (B, n) -> (B,) metres."""
+def lowest_rows(height: Tensor) -> Tensor:
+    """The lowest twentieth of a sole's vertices: (B, n) metres -> (B, n / 20) int64."""
     count = max(1, round(_LOWEST_SHARE * height.shape[-1]))
-    return height.topk(count, dim=-1, largest=False).values.mean(-1)
+    return height.topk(count, dim=-1, largest=False).indices
+
+
+def lowest_height(height: Tensor) -> Tensor:
+    """Their mean height: (B, n) -> (B,) metres."""
+    return height.gather(-1, lowest_rows(height)).mean(-1)
 
 
 def soles(lowest: Tensor, weight: Tensor, lower_weight: Tensor, near: Rho, far: Rho) -> Tensor:
@@ -229,10 +237,9 @@ def mesh_deviation(relative: Tensor, start: Tensor, weight: Tensor) -> Tensor:
     return (weight * (relative - start).square().sum(-1)).sum(-1)
 
 
-def prior(deviations: Mapping[str, Tensor], weights: Mapping[str, float]) -> Tensor:
-    """L_reg of the parameters: ``sum_g w_g |x_g|^2`` over groups (B, n), whitened or raw. (B,)."""
-    total = sum(weights[group] * deviations[group].square().sum(-1) for group in sorted(weights))
-    return torch.as_tensor(total)
+def prior(deviation: Tensor, weight: Tensor) -> Tensor:
+    """L_reg of the parameters, whitened or raw: ``sum_i w_i x_i^2``, (B, P) and (P,) -> (B,)."""
+    return deviation.square() @ weight
 
 
 def hinge_angles(rotations: Tensor) -> Tensor:

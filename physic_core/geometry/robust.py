@@ -16,7 +16,7 @@ from physic_core.errors import PhysicError
 if TYPE_CHECKING:
     from torch import Tensor
 
-__all__ = ["absolute", "barron", "cauchy", "geman_mcclure", "pseudo_huber", "robust"]
+__all__ = ["absolute", "barron", "cauchy", "geman_mcclure", "pseudo_huber", "robust", "unit_robust"]
 
 
 def geman_mcclure(squared: Tensor, c: float) -> Tensor:
@@ -104,6 +104,36 @@ def robust(kind: str, squared: Tensor, c: float) -> Tensor:
             f"no robust loss is named {kind!r}: use square, absolute, barron, {', '.join(sorted(_BY_NAME))}"
         )
     return _BY_NAME[kind](squared, c)
+
+
+def unit_robust(kind: str, q: Tensor, c: float) -> tuple[Tensor, Tensor]:
+    """The loss that a setting names, with its derivative, of residuals in the unit of ``c``.
+
+    Args:
+        kind: as of :func:`robust`.
+        q: (...) squared residuals over ``c^2``.
+        c: scale.
+
+    Returns:
+        loss: (...) ``rho(c^2 q) / c^2``.
+        slope: (...) its derivative by ``q``, which is that of ``rho`` by the squared residual.
+
+    Raises:
+        PhysicError: no loss has that name.
+    """
+    if kind == "square":
+        return q, torch.ones_like(q)
+    if kind == "cauchy":
+        return torch.log1p(q), 1.0 / (1.0 + q)
+    if kind == "geman_mcclure":
+        share = 1.0 / (1.0 + q)
+        return q * share, share.square()
+    if kind in ("pseudo_huber", "barron"):
+        root = torch.sqrt(1.0 + q)
+        loss, slope = 2.0 * q / (root + 1.0), 1.0 / root
+        return (loss, slope) if kind == "pseudo_huber" else (loss / (2.0 * c**2), slope / (2.0 * c**2))
+    loss = robust(kind, q * c**2, c) / c**2
+    return loss, torch.where(q > 0, 0.5 / (c**2 * loss), torch.zeros_like(loss))
 
 
 _BY_NAME = {"pseudo_huber": pseudo_huber, "cauchy": cauchy, "geman_mcclure": geman_mcclure}

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from functools import partial
+from typing import get_args
 
 import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
+from physic_core.engine.setting_types import RobustKind
 from physic_core.errors import PhysicError
-from physic_core.geometry.robust import barron, cauchy, geman_mcclure, pseudo_huber, robust
+from physic_core.geometry.robust import barron, cauchy, geman_mcclure, pseudo_huber, robust, unit_robust
 
 LOSSES = {
     "geman_mcclure": geman_mcclure,
@@ -38,6 +40,19 @@ def test_keeps_its_digits_in_float32(name):
 def test_gradient_is_right(name):
     squared = torch.tensor([0.0, 1e-6, 0.3, 4.0, 900.0], dtype=torch.float64, requires_grad=True)
     assert torch.autograd.gradcheck(partial(LOSSES[name], c=1.3), (squared,))
+
+
+@pytest.mark.parametrize("kind", get_args(RobustKind))
+@pytest.mark.parametrize("c", [0.5, 3.0])
+def test_with_its_derivative_in_units_of_its_scale(kind, c):
+    squared = torch.tensor([1e-6, 0.3, 4.0, 900.0], dtype=torch.float64, requires_grad=True)
+    loss = robust(kind, squared, c)
+    (slope,) = torch.autograd.grad(loss.sum(), squared)
+    unit, derivative = unit_robust(kind, squared.detach() / c**2, c)
+    torch.testing.assert_close(c**2 * unit, loss.detach())
+    torch.testing.assert_close(derivative, slope)
+    assert unit_robust(kind, torch.zeros(1), c)[0].item() == 0
+    assert torch.isfinite(unit_robust(kind, torch.zeros(1), c)[1])
 
 
 def test_hand_worked_values():
