@@ -18,7 +18,7 @@ from torch import Tensor
 from physic_core.engine.settings import JointSettings
 from physic_core.engine.state import State
 
-__all__ = ["Energy", "Trace", "minimise", "total_of"]
+__all__ = ["Energy", "Trace", "minimise", "total_of", "values_of"]
 
 _HISTORY = 40  # pairs that L-BFGS remembers: vectors of some hundred numbers cost nothing beside one evaluation
 _FIRST = 0.5  # length of the very first step, in units of the state
@@ -65,6 +65,14 @@ def total_of(energies: Mapping[str, Tensor]) -> Tensor:
     return torch.cat([value.reshape(-1) for value in energies.values()]).sum()
 
 
+@torch.no_grad()
+def values_of(energy: Energy) -> dict[str, float]:
+    """Each term's sum at the present state."""
+    energies = energy()
+    sums = torch.stack([value.sum() for value in energies.values()]) if energies else torch.zeros(0)
+    return dict(zip(energies, sums.tolist(), strict=True))
+
+
 def minimise(energy: Energy, settings: JointSettings, progress: Callable[[float], None] | None = None) -> Trace:
     """Lower ``energy`` by moving its state in place.
 
@@ -96,10 +104,10 @@ def minimise(energy: Energy, settings: JointSettings, progress: Callable[[float]
             break
     if not settled:  # else nobody has moved enough since the last look to be seen otherwise
         energy.refresh()
-    end = _values(energy)
+    end = values_of(energy)
     final = state.pack()
     state.load(origin)
-    start = _values(energy)
+    start = values_of(energy)
     if _sum(end) <= _sum(start):
         state.load(final)
     else:
@@ -144,8 +152,8 @@ def _lbfgs_block(energy: Energy, settings: JointSettings, steps: int, memory: Me
         gradients = torch.autograd.grad(total, parameters, allow_unused=True)
         flat = [torch.zeros_like(p) if g is None else g for p, g in zip(parameters, gradients, strict=True)]
         gradient = torch.cat([g.reshape(-1) for g in flat])
-        value, finite = float(total.detach()), bool(torch.isfinite(gradient.sum()))
-        return (value if math.isfinite(value) and finite else math.inf), gradient
+        value, whole = torch.stack([total.detach(), gradient.sum()]).tolist()  # one wait for the device
+        return (value if math.isfinite(value) and math.isfinite(whole) else math.inf), gradient
 
     here = state.pack()
     value, gradient = evaluate(here)
@@ -208,7 +216,8 @@ class _Curvature:
     def learn(self, step: Tensor, change: Tensor) -> None:
         """Keep a pair, unless it says that the energy bends downwards there."""
         s, y = step.double(), change.double()
-        if float(s @ y) > _BEND * float(s.norm() * y.norm()):
+        bend, most = torch.stack([s @ y, s.norm() * y.norm()]).tolist()
+        if bend > _BEND * most:
             self._steps = [*self._steps[1 - _HISTORY :], s]
             self._changes = [*self._changes[1 - _HISTORY :], y]
 
@@ -279,11 +288,6 @@ def _differentiate(total: Tensor, parameters: list[Tensor]) -> bool:
     for p, gradient in zip(parameters, gradients, strict=True):
         p.grad = torch.zeros_like(p) if gradient is None else gradient
     return bool(torch.isfinite(torch.stack([p.grad.sum() for p in parameters if p.grad is not None])).all())
-
-
-@torch.no_grad()
-def _values(energy: Energy) -> dict[str, float]:
-    return {name: float(value.sum()) for name, value in energy().items()}
 
 
 def _sum(values: Mapping[str, float]) -> float:

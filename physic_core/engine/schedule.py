@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.energy import JointEnergy
-from physic_core.engine.optimize import Trace, minimise
+from physic_core.engine.optimize import Trace, minimise, values_of
 from physic_core.engine.settings import JointSettings
 from physic_core.geometry.camera import project
 
@@ -78,7 +78,7 @@ def _follow(energy: JointEnergy, settings: JointSettings, progress: Progress | N
     trace = minimise(energy, rest, _part(progress, settings.scene_after, 1.0))
     final = energy.state.pack()
     energy.state.load(origin)
-    start = _values(energy)
+    start = values_of(energy)
     energy.state.load(final)
     return replace(
         trace, start=start, evaluations=trace.evaluations + first.evaluations, steps=trace.steps + first.steps
@@ -135,11 +135,6 @@ def _reprojection_share(energy: JointEnergy) -> Tensor:
     confident = (fixed.keypoint_weight >= energy.settings.min_confidence).to(error.dtype)
     mean = (confident * error).sum(1) / confident.sum(1).clamp(min=1.0) / fixed.person_px
     return torch.where(confident.any(1), mean, torch.inf)
-
-
-@torch.no_grad()
-def _values(energy: JointEnergy) -> dict[str, float]:
-    return {name: float(value.sum()) for name, value in energy().items()}
 
 
 def _part(progress: Progress | None, begin: float, end: float) -> Progress | None:
