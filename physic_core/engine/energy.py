@@ -340,9 +340,10 @@ class JointEnergy:
         weight = settings.regularisation_weight
         if mesh is None:
             return {}
+        people, scale = self.state.strayed()
         return {
-            "regularisation": weight * (mesh + terms.prior(self.state.strayed(), self._prior_weights)),
-            "scale": weight * settings.scale_weight * self.state.deviations()["scale"].square().reshape(1),
+            "regularisation": weight * (mesh + terms.prior(people, self._prior_weights)),
+            "scale": weight * settings.scale_weight * scale.square().reshape(1),
         }
 
     @property

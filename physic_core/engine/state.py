@@ -219,17 +219,17 @@ class State:
 
         In units of the expected spread where whitened, else in the units of the raw numbers.
         """
-        parts = torch.split(self.strayed(), self._sizes, dim=1)
-        return {**dict(zip(_OF_PEOPLE, parts, strict=True)), "scale": self.values["scale"] - self._origin["scale"]}
+        people, scale = self.strayed()
+        return {**dict(zip(_OF_PEOPLE, torch.split(people, self._sizes, dim=1), strict=True)), "scale": scale}
 
-    def strayed(self) -> Tensor:
-        """The same of all groups but the scale side by side, in the order of :data:`GROUPS`: (B, P)."""
-        return self._side_by_side(self.values) - self._started
+    def strayed(self) -> tuple[Tensor, Tensor]:
+        """The same with all groups but the scale side by side, in the order of :data:`GROUPS`: (B, P); and ()."""
+        return self._side_by_side(self.values) - self._started, self.values["scale"] - self._origin["scale"]
 
     def per_number(self, of_group: Mapping[str, float]) -> Tensor:
         """A number for each group, as (P,) for the columns of :meth:`strayed`."""
-        numbers = [of_group[group] for group in _OF_PEOPLE for _ in range(self._sizes[_OF_PEOPLE.index(group)])]
-        return self._started.new_tensor(numbers)
+        sizes = zip(_OF_PEOPLE, self._sizes, strict=True)
+        return self._started.new_tensor([of_group[group] for group, size in sizes for _ in range(size)])
 
     @staticmethod
     def _side_by_side(values: Mapping[str, Tensor]) -> Tensor:
