@@ -18,7 +18,7 @@ from physic_core.engine.state import Estimate, State
 from physic_core.engine.stature import stature_of, stature_prior
 from physic_core.engine.surface_terms import SURFACE_TERMS, RobustSum, Surface, surface_terms
 from physic_core.engine.touch import WANDER_M, Touch, feel, scene_near
-from physic_core.engine.visible import Shadows, Visible, look
+from physic_core.engine.visible import Shadows, Visible, look, occluded
 from physic_core.errors import PhysicError
 from physic_core.geometry.camera import project
 from physic_core.geometry.robust import robust
@@ -100,6 +100,10 @@ class JointEnergy:
             self.scene = scene_near(self.fixed, settings, output.vertices, scale)
         self.visible = look(problem, settings, self.fixed, output, self._shadows)
         self._feel(output.vertices[:, self.fixed.ids], scale, estimate.warp)
+
+    def occluded(self, vertices: Tensor) -> Tensor:
+        """(B, V) bool, what hides from the camera of all vertices (B, V, 3)."""
+        return occluded(self.problem, self.settings, self.fixed, vertices, self._shadows)
 
     def _feel(self, vertices: Tensor, scale: float, warp: Tensor) -> None:
         self._scale = scale

@@ -35,6 +35,7 @@ class Fixed:
 
     Attributes:
         ids: (n,) int64 of the tracked vertices.
+        faces_around: their rows of the body's.
         pose: poses keypoints, joints and tracked vertices alone.
         area: (B, n) surface that each tracked vertex stands for, square decimetres; ones where vertices are counted.
         trust: (B, n) how much depth, contact and penetration of each tracked vertex count.
@@ -56,6 +57,7 @@ class Fixed:
     """
 
     ids: Tensor
+    faces_around: Tensor
     pose: LandmarkModel
     area: Tensor
     trust: Tensor
@@ -111,6 +113,7 @@ def prepare(problem: JointProblem, settings: JointSettings, start: BodyOutput) -
     surface, surface_normals = _surface(problem, settings)
     return Fixed(
         ids=ids,
+        faces_around=model.faces_around[ids],
         pose=model.landmarks_only([problem.skeleton], ids),
         area=area,
         trust=_trust(problem, settings)[:, model.part_of_vertex[ids]],

@@ -115,7 +115,8 @@ def _result(
         )
     )
     output = problem.model(rotations, betas, transl, problem.expression0)
-    told = _diagnostics(energy, estimate, output.vertices[rows], output.joints[rows])
+    hidden = energy.occluded(output.vertices[rows])
+    told = _diagnostics(energy, estimate, output.vertices[rows], hidden)
     diagnostics: list[Mapping[str, float]] = [{} for _ in failures]
     for i, numbers in zip(rows.tolist(), told, strict=True):
         diagnostics[i] = numbers
@@ -128,7 +129,7 @@ def _result(
         warp=start.warp.index_copy(0, rows, estimate.warp),
         vertices=output.vertices,
         joints=output.joints,
-        occluded=start.occluded.index_copy(0, rows, energy.visible.occluded),
+        occluded=start.occluded.index_copy(0, rows, hidden),
         losses={name: (trace.start[name], trace.end[name]) for name in trace.end},
         diagnostics=tuple(diagnostics),
         evaluations=trace.evaluations,
@@ -136,7 +137,7 @@ def _result(
     )
 
 
-def _diagnostics(energy: JointEnergy, estimate: Estimate, vertices: Tensor, joints: Tensor) -> list[dict[str, float]]:
+def _diagnostics(energy: JointEnergy, estimate: Estimate, vertices: Tensor, hidden: Tensor) -> list[dict[str, float]]:
     """One dict of numbers per optimised person; what could not be measured is left out.
 
     reprojection_px, reprojection_share: mean 2D error of confident keypoints, px and share of the stature in px.
@@ -176,7 +177,7 @@ def _diagnostics(energy: JointEnergy, estimate: Estimate, vertices: Tensor, join
     told = []
     for i in range(len(problem)):
         numbers = {
-            "occluded_share": float(energy.visible.occluded[i].float().mean()),
+            "occluded_share": float(hidden[i].float().mean()),
             "depth_order_share": float(behind[:, i].max()),
             "depth_offset": float(estimate.offset[i]),
             "warp": float(estimate.warp[i]),

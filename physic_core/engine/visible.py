@@ -15,14 +15,13 @@ from physic_core.engine.problem import JointProblem
 from physic_core.engine.settings import JointSettings
 from physic_core.geometry.camera import project
 from physic_core.geometry.visibility import (
-    behind_others,
     facing,
     inside_image,
     self_occlusion,
     vertex_normals,
 )
 
-__all__ = ["Shadows", "Visible", "around", "look"]
+__all__ = ["Shadows", "Visible", "around", "look", "occluded"]
 
 _STILL_M = 0.01  # who has moved less than this in the mean, across their rays, looks as they did
 _EDGE_SHARE = 0.005  # of the person: nearer to the silhouette, depth is as often the background's
@@ -30,7 +29,7 @@ _EDGE_SHARE = 0.005  # of the person: nearer to the silhouette, depth is as ofte
 
 @dataclass(frozen=True)
 class Visible:
-    """See the module. n are the tracked vertices, V all.
+    """See the module. n are the tracked vertices.
 
     Attributes:
         normals: (B, n, 3) of the body.
@@ -40,8 +39,6 @@ class Visible:
         facing: (B, n) bool, camera-facing and on the own mask.
         depth_weight: (B, n), 0 but for vertices that the depth map shows.
         log_seen: (B, n) logarithm of the depth map at their pixels, finite.
-        occluded: (B, V) bool, as ``hidden``.
-        behind_people: (B, V) bool, hidden by other people.
     """
 
     normals: Tensor
@@ -51,8 +48,6 @@ class Visible:
     facing: Tensor
     depth_weight: Tensor
     log_seen: Tensor
-    occluded: Tensor
-    behind_people: Tensor
 
 
 class Shadows:
@@ -97,7 +92,7 @@ class Shadows:
 
 @torch.no_grad()
 def look(problem: JointProblem, settings: JointSettings, fixed: Fixed, output: BodyOutput, shadows: Shadows) -> Visible:
-    """Project all vertices and cast a ray at each.
+    """Project the tracked vertices and cast a ray at each.
 
     Args:
         problem: with finite people only.
@@ -106,39 +101,54 @@ def look(problem: JointProblem, settings: JointSettings, fixed: Fixed, output: B
         output: the posed bodies now, all vertices.
         shadows: of these people.
     """
-    model, ids, vertices, masks = problem.model, fixed.ids, output.vertices, problem.masks
-    if settings.masks == "union":
-        masks = masks.any(0, keepdim=True).expand_as(masks)
+    model, ids, vertices = problem.model, fixed.ids, output.vertices[:, fixed.ids]
+    masks = _masks(problem, settings)
     uv = project(vertices, problem.K)
-    # Behind the camera nothing is seen, whatever the clamped division says.
-    in_image = inside_image(uv, *masks.shape[-2:]) & (vertices[..., 2] > 0)
+    in_image = _in_image(uv, vertices, masks)
     in_mask = in_image & around(uv, masks, fixed.person_px * settings.mask_tolerance).any(0)
-    behind_self, lost = shadows(vertices)
-    occluded = ~in_mask | lost
+    behind_self, lost = (flags[:, ids] for flags in shadows(output.vertices))
 
-    normals = vertex_normals(vertices, model.faces, model.faces_around)
+    normals = vertex_normals(output.vertices, model.faces, fixed.faces_around)
     toward = facing(normals, vertices, settings.facing_deg)
-    in_play = fixed.seen_part & in_image[:, ids]
-    log_seen, known = _sample(fixed.log_depth, uv[:, ids])
-    well_inside = around(uv[:, ids], masks, fixed.person_px * _EDGE_SHARE).all(0)
-    first = ~behind_self[:, ids]
-    shown = toward[:, ids] & first
+    in_play = fixed.seen_part & in_image
+    log_seen, known = _sample(fixed.log_depth, uv)
+    well_inside = around(uv, masks, fixed.person_px * _EDGE_SHARE).all(0)
+    shown = toward & ~behind_self
     # Seen at a slant, a surface fills fewer pixels: weigh by what it fills.
-    slope = -(normals * torch.nn.functional.normalize(vertices, dim=-1)).sum(-1)[:, ids]
+    slope = -(normals * torch.nn.functional.normalize(vertices, dim=-1)).sum(-1)
     weight = torch.where(
         shown & known & well_inside & in_play, fixed.area * fixed.trust * slope, torch.zeros_like(fixed.area)
     )
     return Visible(
-        normals=normals[:, ids],
+        normals=normals,
         in_play=in_play,
-        in_mask=in_mask[:, ids],
-        hidden=occluded[:, ids],
-        facing=(toward & in_mask)[:, ids],
+        in_mask=in_mask,
+        hidden=~in_mask | lost,
+        facing=toward & in_mask,
         depth_weight=weight,
         log_seen=log_seen,
-        occluded=occluded,
-        behind_people=behind_others(uv, masks) & ~in_mask,
     )
+
+
+@torch.no_grad()
+def occluded(
+    problem: JointProblem, settings: JointSettings, fixed: Fixed, vertices: Tensor, shadows: Shadows
+) -> Tensor:
+    """Which of all vertices (B, V, 3) objects, other people or the own body hide, as in :attr:`Visible.hidden`."""
+    masks = _masks(problem, settings)
+    uv = project(vertices, problem.K)
+    near = around(uv, masks, fixed.person_px * settings.mask_tolerance).any(0)
+    return ~(near & _in_image(uv, vertices, masks)) | shadows(vertices)[1]
+
+
+def _masks(problem: JointProblem, settings: JointSettings) -> Tensor:
+    masks = problem.masks
+    return masks.any(0, keepdim=True).expand_as(masks) if settings.masks == "union" else masks
+
+
+def _in_image(uv: Tensor, vertices: Tensor, masks: Tensor) -> Tensor:
+    # Behind the camera nothing is seen, whatever the clamped division says.
+    return inside_image(uv, *masks.shape[-2:]) & (vertices[..., 2] > 0)
 
 
 def around(uv: Tensor, masks: Tensor, reach: Tensor) -> Tensor:

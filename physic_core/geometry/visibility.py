@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "SelfOcclusion",
-    "behind_others",
     "depth_order_violations",
     "embree_device",
     "faces_around",
@@ -47,17 +46,18 @@ def vertex_normals(vertices: Tensor, faces: Tensor, around: Tensor | None = None
     Args:
         vertices: (..., V, 3) metres.
         faces: (F, 3) int64.
-        around: from :func:`faces_around`, for a mesh that is asked often: several times as fast.
+        around: from :func:`faces_around`, for a mesh that is asked often: several times as fast. Some rows of it alone
+            ask for those vertices alone.
 
     Returns:
-        (..., V, 3); zero at a vertex without a face.
+        (..., V, 3), or as many as ``around`` has rows; zero at a vertex without a face.
     """
     doubled = _doubled_areas(vertices, faces)
     if around is None:
         return F.normalize(_sum_at_corners(doubled, faces, vertices), dim=-1)
     padded = F.pad(doubled.reshape(-1, *doubled.shape[-2:]), (0, 0, 0, 1))
     total = [F.embedding_bag(around, body, mode="sum") for body in padded]
-    return F.normalize(torch.stack(total).reshape(vertices.shape), dim=-1)
+    return F.normalize(torch.stack(total).reshape(*vertices.shape[:-2], len(around), 3), dim=-1)
 
 
 def faces_around(faces: Tensor, count: int) -> Tensor:
@@ -122,25 +122,6 @@ def inside_mask(uv: Tensor, mask: Tensor) -> Tensor:
     safe = torch.where(inside[..., None], uv, torch.zeros_like(uv)).round().long()
     flat = safe[..., 1] * width + safe[..., 0]
     return torch.gather(mask.flatten(-2), -1, flat) & inside
-
-
-def behind_others(uv: Tensor, masks: Tensor) -> Tensor:
-    """Whether each vertex projects onto visible pixels of another person, and not onto its own.
-
-    Masks hold visible pixels only, so whoever owns the pixel stands in front.
-
-    Args:
-        uv: (B, V, 2) px.
-        masks: (B, H, W) bool, one per person.
-
-    Returns:
-        (B, V) bool.
-    """
-    if len(masks) == 1:
-        return torch.zeros(uv.shape[:-1], dtype=torch.bool, device=uv.device)
-    owned = torch.stack([inside_mask(uv, mask.expand_as(masks)) for mask in masks])  # (owner, B, V)
-    mine = torch.eye(len(masks), dtype=torch.bool, device=uv.device)[..., None]
-    return (owned & ~mine).any(0) & ~(owned & mine).any(0)
 
 
 def hidden_from_camera(vertices: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:

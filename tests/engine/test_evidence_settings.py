@@ -110,8 +110,6 @@ def test_static_contacts_need_no_prior(standing):
 
 def test_the_union_of_masks_takes_who_is_hidden_for_visible(behind):
     own, union = (JointEnergy(behind.problem, replace(JOINT, masks=m)).visible for m in ("own", "union"))
-    assert own.behind_people[1].float().mean() > 0.15
-    assert not union.behind_people.any()
     assert union.in_mask[1].float().mean() > own.in_mask[1].float().mean() + 0.1
 
 

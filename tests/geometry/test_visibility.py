@@ -9,7 +9,6 @@ import torch
 import trimesh
 
 from physic_core.geometry.visibility import (
-    behind_others,
     depth_order_violations,
     faces_around,
     facing,
@@ -113,12 +112,6 @@ def test_masks_are_per_person():
     masks[1, :, 2:] = True
     uv = torch.tensor([[1.0, 1.0], [3.0, 1.0], [9.0, 1.0]]).expand(2, 3, 2)
     assert inside_mask(uv, masks).tolist() == [[True, False, False], [False, True, False]]
-    assert behind_others(uv, masks).tolist() == [[False, True, False], [True, False, False]]
-
-
-def test_a_pixel_of_both_people_hides_neither():
-    masks = torch.ones(2, 4, 4, dtype=torch.bool)
-    assert not behind_others(torch.tensor([[[1.0, 1.0]], [[1.0, 1.0]]]), masks).any()
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.25, 0.55])
