@@ -102,7 +102,7 @@ class JointEnergy:
         self._feel(output.vertices[:, self.fixed.ids], scale, estimate.warp)
 
     def occluded(self, vertices: Tensor) -> Tensor:
-        """(B, V) bool, what hides from the camera of all vertices (B, V, 3)."""
+        """(B, V) bool, which of all vertices (B, V, 3) the camera does not see."""
         return occluded(self.problem, self.settings, self.fixed, vertices, self._shadows)
 
     def _feel(self, vertices: Tensor, scale: float, warp: Tensor) -> None:

@@ -214,16 +214,12 @@ class State:
             values["warp"],
         )
 
-    def deviations(self) -> dict[str, Tensor]:
-        """How far each group has left the start: (B, n) per group, () for the scale.
-
-        In units of the expected spread where whitened, else in the units of the raw numbers.
-        """
-        people, scale = self.strayed()
-        return {**dict(zip(_OF_PEOPLE, torch.split(people, self._sizes, dim=1), strict=True)), "scale": scale}
-
     def strayed(self) -> tuple[Tensor, Tensor]:
-        """The same with all groups but the scale side by side, in the order of :data:`GROUPS`: (B, P); and ()."""
+        """How far people (B, P) and the scene's scale () have left the start.
+
+        All groups but the scale stand side by side in the order of :data:`GROUPS`, in units of the expected spread
+        where whitened, else in the units of the raw numbers.
+        """
         return self._side_by_side(self.values) - self._started, self.values["scale"] - self._origin["scale"]
 
     def per_number(self, of_group: Mapping[str, float]) -> Tensor:

@@ -99,21 +99,37 @@ def test_who_may_not_have_an_offset_has_none():
 
 
 @pytest.mark.parametrize("whitened", [True, False])
-def test_deviations_are_zero_at_the_start_and_count_from_there(whitened):
+def test_all_stray_from_zero_at_the_start(whitened):
     state = State(*start(), whitened=whitened)
-    assert all((value == 0).all() for value in state.deviations().values())
+    assert all((value == 0).all() for value in state.strayed())
     state.load(state.pack() + 0.5)
-    assert {g: tuple(v.shape) for g, v in state.deviations().items()} == {
-        "root": (2, 3 if whitened else 6),
-        "pose": (2, 63 if whitened else 126),
-        "hands": (2, 90 if whitened else 180),
-        "betas": (2, K),
-        "translation": (2, 3),
-        "scale": (),
-        "offset": (2, 1),
-        "warp": (2, 1),
+    people, scale = state.strayed()
+    assert scale.shape == ()
+    sizes = {
+        "root": 3 if whitened else 6,
+        "pose": 63 if whitened else 126,
+        "hands": 90 if whitened else 180,
+        "betas": K,
+        "translation": 3,
+        "offset": 1,
+        "warp": 1,
     }
-    assert all(torch.allclose(value, torch.full_like(value, 0.5)) for value in state.deviations().values())
+    numbers = {group: float(i) for i, group in enumerate(sizes)}
+    assert state.per_number(numbers).tolist() == [numbers[group] for group, size in sizes.items() for _ in range(size)]
+    assert people.shape == (2, sum(sizes.values()))
+    assert all(torch.allclose(value, torch.full_like(value, 0.5)) for value in (people, scale))
+
+
+@pytest.mark.parametrize("whitened", [True, False])
+def test_each_group_strays_in_its_own_columns(whitened):
+    state = State(*start(), whitened=whitened)
+    for group in (g for g in GROUPS if g != "scale"):
+        with torch.no_grad():
+            state.values[group] += 1.0
+        own = state.per_number({g: float(g == group) for g in GROUPS if g != "scale"})
+        torch.testing.assert_close(state.strayed()[0], own.expand(2, -1), atol=1e-6, rtol=0)
+        with torch.no_grad():
+            state.values[group] -= 1.0
 
 
 @pytest.mark.parametrize("whitened", [True, False])
