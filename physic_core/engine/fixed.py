@@ -10,7 +10,7 @@ from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.model import BodyModel, BodyOutput, LandmarkModel
-from physic_core.engine.limbs import keypoint_weights, observed_parts, part_confidence, stands
+from physic_core.engine.limbs import keypoint_weights, observed_parts, part_confidence, seen_keypoints, stands
 from physic_core.engine.problem import JointProblem
 from physic_core.engine.settings import JointSettings
 from physic_core.engine.terms import plane_height, root_relative
@@ -26,6 +26,7 @@ STATIC_CONTACTS = ("left_foot", "right_foot", "left_hand", "right_hand", "thighs
 
 _FULL_HD_PX = 1920
 _LEGS = [JOINT_INDEX[f"{side}_{name}"] for side in ("left", "right") for name in ("knee", "ankle")]
+_BORDER_SHARE = 0.05  # of the person
 _AREA_UNIT_M2 = 0.01  # a square decimetre, half a sole: the surface that counts once
 
 
@@ -44,6 +45,7 @@ class Fixed:
         soles: rows of ``ids`` of the left and of the right sole; empty where the body has none.
         keypoints: (B, J, 2) px, finite.
         keypoint_weight: (B, J).
+        confident: (B, J) bool, sure keypoints on limbs that the photo shows.
         unit: (B, 1 or 2) px of a 2D error of one sigma.
         person_px: (B,) stature in px at the person's depth.
         relative: (B, n, 3) tracked vertices at the start in the root's frame, metres.
@@ -66,6 +68,7 @@ class Fixed:
     soles: tuple[Tensor, Tensor]
     keypoints: Tensor
     keypoint_weight: Tensor
+    confident: Tensor
     unit: Tensor
     person_px: Tensor
     relative: Tensor
@@ -103,8 +106,8 @@ def prepare(problem: JointProblem, settings: JointSettings, start: BodyOutput) -
     ids, area = representatives(model, expected.any(0), settings.vertex_spacing_m, area)
     area = area / _AREA_UNIT_M2 if settings.reduction == "area" else torch.ones_like(area)
     ankles = [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]]
-    keypoints, keypoint_weight = _keypoints(problem, settings)
     person_px = problem.K[1, 1] * model.stature(problem.betas0) / start.joints[:, 0, 2].clamp(min=0.1)
+    keypoints, keypoint_weight, confident = _keypoints(problem, settings, person_px)
     unit = person_px[:, None]
     if settings.reprojection_unit == "image":
         unit = person_px.new_tensor([[width, height]]).expand(len(problem), 2)
@@ -122,6 +125,7 @@ def prepare(problem: JointProblem, settings: JointSettings, start: BodyOutput) -
         soles=_sole_rows(model, ids),
         keypoints=keypoints,
         keypoint_weight=keypoint_weight,
+        confident=confident,
         unit=unit * settings.reprojection_sigma,
         person_px=person_px,
         relative=root_relative(start.vertices[:, ids], start.joints[:, 0], problem.rotations0[:, 0]),
@@ -174,15 +178,21 @@ def _sole_rows(model: BodyModel, ids: Tensor) -> tuple[Tensor, Tensor]:
     return left[left >= 0], right[right >= 0]
 
 
-def _keypoints(problem: JointProblem, settings: JointSettings) -> tuple[Tensor, Tensor]:
-    """(B, J, 2) px without anything that is not a number, and how much each counts (B, J)."""
+def _keypoints(problem: JointProblem, settings: JointSettings, person_px: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """(B, J, 2) px without anything that is not a number, how much each counts (B, J), and which are sure (B, J)."""
     points, confidence = problem.keypoints, problem.keypoint_confidence
     height, width = problem.masks.shape[-2:]
     finite = torch.isfinite(points).all(-1) & torch.isfinite(confidence)
     points = torch.where(finite[..., None], points, torch.zeros_like(points))
     confidence = torch.where(finite, confidence, torch.zeros_like(confidence))
-    low = confidence < settings.min_confidence
-    weight = torch.where(low, settings.low_confidence_weight * confidence, confidence)
+    seen = seen_keypoints(problem.skeleton, seen_joints(problem, settings), points.shape[1])
+    weight = torch.where(confidence < settings.min_confidence, settings.low_confidence_weight * confidence, confidence)
+    # A guess is never sure. What is cut off at the border, some detectors put just inside.
+    border = (_BORDER_SHARE * person_px)[:, None]
+    off_border = ((points > border[..., None]) & (points < points.new_tensor([width, height]) - border[..., None])).all(
+        -1
+    )
+    weight = torch.where(seen, weight, settings.unseen_keypoint_weight * confidence * off_border)
     if settings.confidence_power != 1:
         weight = weight**settings.confidence_power
     # What a network puts outside the picture it has made up.
@@ -190,10 +200,10 @@ def _keypoints(problem: JointProblem, settings: JointSettings) -> tuple[Tensor, 
     if math.isfinite(settings.keypoint_mask_growth):
         reach = round(settings.keypoint_mask_growth * max(height, width))
         weight = weight * _near_mask(points, problem.masks.any(0), reach)
-    limbs = keypoint_weights(
-        problem.skeleton, seen_joints(problem, settings), points.shape[1], settings.body_keypoint_weight
+    weight = weight * weight.new_tensor(
+        keypoint_weights(problem.skeleton, points.shape[1], settings.body_keypoint_weight)
     )
-    return points, weight * limbs.to(weight)
+    return points, weight, seen & (weight >= settings.min_confidence)
 
 
 def seen_joints(problem: JointProblem, settings: JointSettings) -> Tensor:

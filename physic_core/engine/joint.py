@@ -153,7 +153,7 @@ def _diagnostics(energy: JointEnergy, estimate: Estimate, vertices: Tensor, hidd
     tracked = vertices[:, fixed.ids]
     posed = fixed.pose(estimate.rotations, estimate.betas, estimate.transl, problem.expression0)
     error = (project(posed[problem.skeleton], problem.K) - fixed.keypoints).norm(dim=-1)
-    confident = fixed.keypoint_weight >= settings.min_confidence
+    confident = fixed.confident
     scale = float(estimate.log_scale.exp())
     scene, touch = energy.scene, energy.touch
     warp = estimate.warp[:, None]

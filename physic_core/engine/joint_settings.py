@@ -49,7 +49,8 @@ class JointSettings:
         reduction: "area" weighs each vertex by the surface that it stands for, in units of a square decimetre, so that
             every mesh gives the same energy; "sum" counts vertices, as printed.
         vertex_spacing_m: vertices that touch nothing are thinned to this spacing, metres; 0 keeps all.
-        observed: what happens on limbs that the photo does not show is left to the start; False takes all as shown.
+        observed: limbs that the photo does not show take no part in depth, contact and penetration; False takes all as
+            shown.
         masks: what hides a person: all that lies outside their "own" mask, or outside the "union" of all people's
             (released code).
         reprojection_weight: lambda_j2d of Eq. 5.
@@ -66,6 +67,8 @@ class JointSettings:
             count nothing; "inf" asks nothing.
         min_confidence: keypoints below count ``low_confidence_weight`` times as much.
         low_confidence_weight: 0 drops them.
+        unseen_keypoint_weight: keypoints on limbs that the photo does not show count so much, by their confidence:
+            detectors put them where the rest of the body lets expect them; 0 leaves such limbs to the start.
         depth_weight: lambda_d of Eq. 5.
         depth_relief_weight: instead of it, for people whose depth offset is free: what is then left of their depth is
             its relief, which a network makes up more freely than the distance.
@@ -190,6 +193,7 @@ class JointSettings:
     keypoint_mask_growth: PositiveOrInfinite = math.inf
     min_confidence: Share = 0.3
     low_confidence_weight: NotNegative = 0.1
+    unseen_keypoint_weight: NotNegative = 0.4
     depth_weight: NotNegative = 15.0
     depth_relief_weight: NotNegative = 2.0
     depth_form: Literal["pixels", "chamfer"] = "pixels"
@@ -247,7 +251,7 @@ class JointSettings:
     regularisation_weight: NotNegative = 1.0
     regularisation_sigma_m: Positive = 0.06
     visible_weight: NotNegative = 0.01
-    occluded_weight: NotNegative = 0.1
+    occluded_weight: NotNegative = 0.05
     root_weight: NotNegative = 0.3
     pose_weight: NotNegative = 1.0
     hands_weight: NotNegative = 1.0

@@ -19,6 +19,7 @@ __all__ = [
     "observed_parts",
     "part_confidence",
     "placing_keypoints",
+    "seen_keypoints",
     "stands",
 ]
 
@@ -106,26 +107,31 @@ def observed_parts(part_names: Sequence[str], observed: Tensor) -> Tensor:
     return torch.stack(columns, 1)
 
 
-def keypoint_weights(skeleton: str, observed: Tensor, count: int, body: float = 1.0) -> Tensor:
-    """How much the keypoints of a joint set count before their confidence does: 0 on limbs that were not seen.
+def keypoint_weights(skeleton: str, count: int, body: float = 1.0) -> list[float]:
+    """How much each of J keypoints of a joint set counts before its confidence does.
 
     Args:
         skeleton: name of the joint set; one that no body knows gets ones.
-        observed: (B, 55) bool.
         count: J.
         body: of all that are not on a finger.
-
-    Returns:
-        (B, J) float.
     """
-    weights = torch.ones(len(observed), count, device=observed.device)
+    weights = [1.0] * count
+    for j, name in enumerate(SKELETONS.get(skeleton, ())):
+        weights[j] = _LANDMARK_WEIGHTS.get((skeleton, name), 1.0) * (1.0 if _is_finger(name) else body)
+    return weights
+
+
+def seen_keypoints(skeleton: str, observed: Tensor, count: int) -> Tensor:
+    """Keypoints of limbs that the photo shows: (B, 55) bool -> (B, J) bool.
+
+    Those of the face, and those of a joint set that no body knows, always count as seen.
+    """
+    seen = torch.ones(len(observed), count, dtype=torch.bool, device=observed.device)
     for j, name in enumerate(SKELETONS.get(skeleton, ())):
         joint = _joint_of(name)
         if joint is not None:
-            weights[:, j] = observed[:, JOINT_INDEX[joint]] * _LANDMARK_WEIGHTS.get((skeleton, name), 1.0)
-        if not _is_finger(name):
-            weights[:, j] *= body
-    return weights
+            seen[:, j] = observed[:, JOINT_INDEX[joint]]
+    return seen
 
 
 def placing_keypoints(skeleton: str, count: int) -> list[int]:

@@ -132,7 +132,7 @@ def _reprojection_share(energy: JointEnergy) -> Tensor:
     estimate = energy.state.unpack()
     posed = fixed.pose(estimate.rotations, estimate.betas, estimate.transl, problem.expression0)
     error = (project(posed[problem.skeleton], problem.K) - fixed.keypoints).norm(dim=-1)
-    confident = (fixed.keypoint_weight >= energy.settings.min_confidence).to(error.dtype)
+    confident = fixed.confident.to(error.dtype)
     mean = (confident * error).sum(1) / confident.sum(1).clamp(min=1.0) / fixed.person_px
     return torch.where(confident.any(1), mean, torch.inf)
 

@@ -15,7 +15,7 @@ from physic_core.body.landmarks import SKELETONS
 from physic_core.engine.clouds import HumanCloud
 from physic_core.engine.energy import JointEnergy
 from physic_core.engine.fixed import representatives
-from physic_core.engine.limbs import keypoint_weights, limb_parts, observed_parts, stands
+from physic_core.engine.limbs import keypoint_weights, limb_parts, observed_parts, seen_keypoints, stands
 from physic_core.engine.presets import PRESETS
 from physic_core.engine.visible import around
 from physic_core.geometry.visibility import inside_mask, vertex_areas
@@ -77,16 +77,17 @@ def test_keypoints_go_with_their_limb(skeleton):
     observed = torch.ones(1, 55, dtype=torch.bool)
     observed[0, [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_wrist"]]] = False
     names = SKELETONS[skeleton]
-    weights = keypoint_weights(skeleton, observed, len(names))[0]
-    dropped = {name for name, w in zip(names, weights.tolist(), strict=True) if w == 0}
-    assert {"left_ankle", "right_wrist"} <= dropped
+    seen = seen_keypoints(skeleton, observed, len(names))[0]
+    unseen = {name for name, s in zip(names, seen.tolist(), strict=True) if not s}
+    assert {"left_ankle", "right_wrist"} <= unseen
     feet = {n for n in names if n.startswith("left_") and n.endswith(("toe", "heel", "foot_tip"))}
-    assert feet <= dropped
-    assert not any("knee" in n or "left_elbow" in n or "eye" in n for n in dropped)
+    assert feet <= unseen
+    assert not any("knee" in n or "left_elbow" in n or "eye" in n for n in unseen)
 
 
 def test_a_joint_set_that_no_body_knows_counts_whole():
-    assert keypoint_weights("custom", torch.zeros(2, 55, dtype=torch.bool), 7).tolist() == [[1.0] * 7] * 2
+    assert keypoint_weights("custom", 7) == [1.0] * 7
+    assert seen_keypoints("custom", torch.zeros(2, 55, dtype=torch.bool), 7).all()
 
 
 def test_keypoints_outside_the_image_count_nothing(standing):

@@ -12,8 +12,9 @@ from physic_core.body.landmarks import SKELETONS
 from physic_core.engine.energy import JointEnergy
 from physic_core.engine.fixed import STATIC_CONTACTS
 from physic_core.engine.joint import optimize
-from physic_core.engine.limbs import confirmed_joints
+from physic_core.engine.limbs import confirmed_joints, keypoint_weights, seen_keypoints
 from physic_core.engine.presets import PRESETS
+from physic_core.geometry.rotations import rotvec_to_rotmat
 
 SETTINGS = PRESETS["default"].joint
 NAMES = SKELETONS["blazepose33"]
@@ -93,15 +94,46 @@ def sole_height(problem, vertices):
 
 
 def test_an_unseen_foot_that_hovers_comes_down(standing):
-    problem = lifted(standing, 0.06)
+    problem, settings = lifted(standing, 0.06), replace(SETTINGS, unseen_keypoint_weight=0.0)
     start = problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0).vertices
     assert 0.03 < sole_height(problem, start) < 0.1
     pulled, left = (
-        sole_height(problem, optimize(problem, replace(SETTINGS, unseen_sole_weight=weight)).vertices)
+        sole_height(problem, optimize(problem, replace(settings, unseen_sole_weight=weight)).vertices)
         for weight in (SETTINGS.unseen_sole_weight, 0.0)
     )
     assert pulled < left - 0.02
     assert left > 0.03
+
+
+def test_guessed_keypoints_count_by_their_own_weight_and_not_at_the_border_of_the_photo(standing):
+    problem = lifted(standing, 0.06)
+    hidden = ~seen_keypoints(problem.skeleton, problem.observed, problem.keypoints.shape[1])
+    assert hidden.sum() >= 2
+    keypoints, confidence = problem.keypoints.clone(), torch.where(hidden, 0.1, 1.0)
+    first = int(hidden[0].nonzero()[0])
+    keypoints[0, first, 1] = problem.masks.shape[-2] - 2
+    guessed = replace(problem, keypoints=keypoints, keypoint_confidence=confidence)
+    fixed = JointEnergy(guessed, replace(SETTINGS, unseen_keypoint_weight=0.5)).fixed
+    expected = torch.where(hidden, 0.05, 1.0) * torch.tensor(keypoint_weights("blazepose33", 33))
+    expected[0, first] = 0.0
+    torch.testing.assert_close(fixed.keypoint_weight.to(expected), expected)
+    assert (fixed.confident == ~hidden).all()
+
+
+def test_guessed_keypoints_bring_a_hidden_foot_back(standing):
+    """A leg that nobody sees is 7 degrees too far to the side, its ankle 10 cm."""
+    problem, hip, ankle = lifted(standing, 0.0), JOINT_INDEX["left_hip"], JOINT_INDEX["left_ankle"]
+    posed = problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0)
+    aside = problem.rotations0.clone()
+    aside[:, hip] = aside[:, hip] @ rotvec_to_rotmat(torch.tensor([0.0, 0.0, 0.12]))
+
+    def off(weight):
+        settings = replace(SETTINGS, unseen_keypoint_weight=weight)
+        end = optimize(replace(problem, rotations0=aside), settings).joints
+        return float((end - posed.joints)[0, ankle].norm())
+
+    assert off(0.0) > 0.08
+    assert off(0.4) < 0.03
 
 
 def test_an_unseen_foot_high_up_is_let_go(standing):
