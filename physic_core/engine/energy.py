@@ -189,9 +189,8 @@ class JointEnergy:
         if settings.balance_weight and self._has_plane:
             assert problem.floor_normal is not None
             rho = partial(robust, "cauchy", c=1.0)
-            stands = fixed.stands.to(joints.dtype)
             mass = (fixed.area[:, None] @ vertices)[:, 0] / fixed.area.sum(1, keepdim=True)
-            lean = terms.balance(mass, joints, problem.floor_normal, stands, rho)
+            lean = terms.balance(mass, joints, problem.floor_normal, self.touch.balanced, rho)
             energies["balance"] = settings.balance_weight * lean
         return energies
 

@@ -42,6 +42,7 @@ class Fixed:
         trust: (B, n) how much depth, contact and penetration of each tracked vertex count.
         prior: (B, n) contact probability, 0 below the threshold.
         seen_part: (B, n) bool, on a limb that the photo shows.
+        over_knees: (n,) bool, on neither a lower leg nor a foot.
         soles: rows of ``ids`` of the left and of the right sole; empty where the body has none.
         keypoints: (B, J, 2) px, finite.
         keypoint_weight: (B, J).
@@ -65,6 +66,7 @@ class Fixed:
     trust: Tensor
     prior: Tensor
     seen_part: Tensor
+    over_knees: Tensor
     soles: tuple[Tensor, Tensor]
     keypoints: Tensor
     keypoint_weight: Tensor
@@ -122,6 +124,7 @@ def prepare(problem: JointProblem, settings: JointSettings, start: BodyOutput) -
         trust=_trust(problem, settings)[:, model.part_of_vertex[ids]],
         prior=prior[:, ids],
         seen_part=observed_parts(model.part_names, observed)[:, model.part_of_vertex[ids]],
+        over_knees=_over_knees(model)[ids],
         soles=_sole_rows(model, ids),
         keypoints=keypoints,
         keypoint_weight=keypoint_weight,
@@ -168,6 +171,12 @@ def representatives(model: BodyModel, keep: Tensor, spacing: float, area: Tensor
     ids = torch.cat([kept, rest[chosen]])
     order = ids.argsort()
     return ids[order], torch.cat([area[:, kept], summed], 1)[:, order]
+
+
+def _over_knees(model: BodyModel) -> Tensor:
+    """(V,) bool."""
+    high = [not name.endswith(("lower_leg", "foot")) for name in model.part_names]
+    return torch.tensor(high, device=model.part_of_vertex.device)[model.part_of_vertex]
 
 
 def _sole_rows(model: BodyModel, ids: Tensor) -> tuple[Tensor, Tensor]:

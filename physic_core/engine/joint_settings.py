@@ -147,7 +147,8 @@ class JointSettings:
         warp_sigma: expected error of the logarithm of the depth of what is round a person, beside that of the whole
             scene; 0 leaves the scene as it is.
         limit_weight: of knees and elbows bent the wrong way or too far.
-        balance_weight: of the centre of mass over the feet, along the viewing direction, of people who stand.
+        balance_weight: of the centre of mass over the feet, along the viewing direction, of people who stand and lean
+            on nothing.
         range_weight: of hips, ankles, feet, spine, neck, shoulders and wrists turned farther than people can.
         unseen_symmetry_weight: of unlike legs, where the photo shows neither knees nor ankles: left and right are more
             likely alike than an estimator guesses.

@@ -24,6 +24,7 @@ _LEVEL = 0.7  # cosine: a surface that one can stand on
 _UNSEEN = 4.0  # sigmas: a foot that should be so far off is not the floor's to mend
 _SUNK_M = 0.2  # metres under the floor from which on unseen limbs are left alone
 _STEP_SHARE = 0.3  # of a sole's vertices that must be over a raised surface
+_LEAN_SHARE = 0.006  # of the skin, over the knees, that touches the scene, about a palm: who leans on it is not balanced
 _STEP_M = 0.1  # metres over the floor: what is lower is the floor, as the point map bends it
 
 
@@ -41,6 +42,7 @@ class Touch:
         sole_weight: (B, 2).
         lower_sole_weight: (B,).
         unseen_sole_weight: (B, 2).
+        balanced: (B,) 1 for who stands on their feet alone.
     """
 
     near: Tensor
@@ -52,6 +54,7 @@ class Touch:
     sole_weight: Tensor
     lower_sole_weight: Tensor
     unseen_sole_weight: Tensor
+    balanced: Tensor
 
 
 def scene_near(fixed: Fixed, settings: JointSettings, vertices: Tensor, scale: float) -> NearestScene:
@@ -148,6 +151,8 @@ def feel(
     on_floor = fixed.feet_seen & torch.isfinite(lowest) & ~stepped
     expected = fixed.prior >= settings.contact_probability
     likely = torch.stack([_share(expected[:, rows]) > 0 for rows in fixed.soles], 1)
+    rests = expected & fixed.over_knees & touching & on_scene
+    leans = (fixed.area * rests).sum(1) > _LEAN_SHARE * fixed.area.sum(1)
     lower = torch.where(on_floor, lowest, torch.full_like(lowest, torch.inf)).amin(1)
     pulled = (on_floor & likely).any(1) & ~stepped.any(1) & (lower.abs() < settings.lower_sole_reach_m)
     if problem.grounded is not None:
@@ -164,6 +169,7 @@ def feel(
         unseen_sole_weight=(~fixed.feet_seen & (lowest.abs() < _UNSEEN * settings.unseen_sole_sigma_m) & ~stepped).to(
             zeros.dtype
         ),
+        balanced=(fixed.stands & ~leans).to(zeros.dtype),
     )
 
 
