@@ -209,6 +209,7 @@ def _action_table(actions: Mapping[str, Mapping[str, Mapping[str, Any]]], labels
     head = ["action", "people", "missed", "with hidden limbs"]
     for title, _, _ in pairs:
         head += [f"start {title}", title] if start else [title]
+    head += ["hidden change mm"] if start else []
     head += [title for title, _, _ in singles]
     body = []
     for action, found in sorted(actions.items()):
@@ -216,8 +217,12 @@ def _action_table(actions: Mapping[str, Mapping[str, Mapping[str, Any]]], labels
         line = [action, str(row["people"]), str(row["missed"]), str(row["hidden_limbs_people"])]
         for _, name, digits in pairs:
             line += [_number(found[key][name], digits) for key in (["start"] if start else []) + [chosen]]
+        if start:
+            change, half = row["hidden_limbs_change_mm"], row["hidden_limbs_change_half_mm"]
+            line.append(_number(change, 1, signed=True) + (f" ±{half:.1f}" if math.isfinite(half) else ""))
         body.append((*line, *(_number(row[name], digits) for _, name, digits in singles)))
-    return [Table(f"By action: {labels[chosen]}", tuple(head), tuple(body))]
+    notes = ("hidden change: mean over those people ± half the 95 % interval; none for a single one",) if start else ()
+    return [Table(f"By action: {labels[chosen]}", tuple(head), tuple(body), notes)]
 
 
 def _text(figure: Figure | None, column: Column) -> str:

@@ -128,20 +128,25 @@ def difference(row: Figures, base: Figures, name: str) -> Figure:
 
 
 def by_action(records: Sequence[Mapping[str, Any]], rows: Sequence[str]) -> dict[str, dict[str, dict[str, Any]]]:
-    """Action -> row -> means over the people who do it; no intervals, for they are few.
+    """Action -> row -> means over the people who do it; no intervals, for they are few, but of one figure.
 
     "people", "missed" and "hidden_limbs_people" are counts. Two rows are comparable where they miss nobody.
+    "hidden_limbs_change_mm" is how much farther off hidden limbs are than in the row "start", the same people taken
+    together, and "hidden_limbs_change_half_mm" half its 95 % interval after Student, NaN for a single person.
     """
     answer: dict[str, dict[str, dict[str, Any]]] = {}
     for action in dict.fromkeys(person["action"] for record in records for person in record["people"]):
         answer[action] = {}
-        for row in rows:
-            those = [
+        of_row = {
+            row: [
                 found
                 for record in records
                 for true, found in zip(record["people"], record["rows"][row]["people"], strict=True)
                 if true["action"] == action
             ]
+            for row in rows
+        }
+        for row, those in of_row.items():
             ratios = {name: _ratio([those], name) for name in PERSON_METRICS}
             once = np.ones((1, 1))
             answer[action][row] = {
@@ -151,7 +156,24 @@ def by_action(records: Sequence[Mapping[str, Any]], rows: Sequence[str]) -> dict
                 **{name: float(ratio.value(once)[0]) for name, ratio in ratios.items()},
                 "f1_of_means": _harmonic(*(float(ratios[n].value(once)[0]) for n in ("precision", "recall"))),
             }
+            if "start" in of_row:
+                change, half = _change(of_row["start"], those, "hidden_limbs_pa_mm")
+                answer[action][row] |= {"hidden_limbs_change_mm": change, "hidden_limbs_change_half_mm": half}
     return answer
+
+
+def _change(before: Sequence[Mapping[str, Any]], after: Sequence[Mapping[str, Any]], name: str) -> tuple[float, float]:
+    """Mean change of those who have a number in both, and half its 95 % interval after Student."""
+    from scipy.stats import t
+
+    pairs = [(a.get(name), b.get(name)) for a, b in zip(before, after, strict=True)]
+    moved = np.array([b - a for a, b in pairs if isinstance(a, (int, float)) and isinstance(b, (int, float))])
+    if not len(moved):
+        return float("nan"), float("nan")
+    if len(moved) == 1:
+        return float(moved[0]), float("nan")
+    quantile = t.ppf((100 + _LEVEL) / 200, len(moved) - 1)
+    return float(moved.mean()), float(quantile * moved.std(ddof=1) / np.sqrt(len(moved)))
 
 
 def _with_intervals(ratios: Mapping[str, _Ratio]) -> tuple[dict[str, Figure], dict[str, FloatArray]]:

@@ -122,3 +122,24 @@ def test_actions_are_told_apart():
     assert found["lie"]["full"]["hidden_limbs_pa_mm"] == 40
     assert found["stand"]["full"]["hidden_limbs_people"] == 0
     assert np.isnan(found["stand"]["full"]["hidden_limbs_pa_mm"])
+
+
+def test_hidden_limbs_are_compared_person_by_person():
+    """Changes of -10 and -4 mm: their mean's standard error is 3 mm, and Student's factor for two people 12.706."""
+    records = [
+        record(person(hidden_limbs_pa_mm=end), action=action, start=[person(hidden_limbs_pa_mm=begin)])
+        for action, begin, end in (
+            ("lie", 50.0, 40.0),
+            ("lie", 70.0, 66.0),
+            ("lie", None, None),
+            ("walk", 14.0, 38.0),
+            ("stand", None, None),
+        )
+    ]
+    found = {action: rows["full"] for action, rows in by_action(records, ["start", "full"]).items()}
+    change = {a: (r["hidden_limbs_change_mm"], r["hidden_limbs_change_half_mm"]) for a, r in found.items()}
+    assert change["lie"] == pytest.approx((-7.0, 3 * 12.7062), abs=1e-3)
+    assert change["walk"] == pytest.approx((24.0, np.nan), nan_ok=True)
+    assert np.isnan(change["stand"]).all()
+    alone = by_action(records, ["full"])
+    assert "hidden_limbs_change_mm" not in alone["lie"]["full"]
