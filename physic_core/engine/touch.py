@@ -24,9 +24,7 @@ _LEVEL = 0.7  # cosine: a surface that one can stand on
 _UNSEEN = 4.0  # sigmas: a foot that should be so far off is not the floor's to mend
 _SUNK_M = 0.2  # metres under the floor from which on unseen limbs are left alone
 _STEP_SHARE = 0.3  # of a sole's vertices that must be over a raised surface
-_LEAN_SHARE = (
-    0.006  # of the skin, over the knees, that touches the scene, about a palm: who leans on it is not balanced
-)
+_LEAN_SHARE = 0.006  # of the skin, a palm over the knees on the scene: who leans so is not balanced over their feet
 _STEP_M = 0.1  # metres over the floor: what is lower is the floor, as the point map bends it
 
 
