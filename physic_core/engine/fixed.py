@@ -197,10 +197,8 @@ def _keypoints(problem: JointProblem, settings: JointSettings, person_px: Tensor
     seen = seen_keypoints(problem.skeleton, seen_joints(problem, settings), points.shape[1])
     weight = torch.where(confidence < settings.min_confidence, settings.low_confidence_weight * confidence, confidence)
     # A guess is never sure. What is cut off at the border, some detectors put just inside.
-    border = (_BORDER_SHARE * person_px)[:, None]
-    off_border = ((points > border[..., None]) & (points < points.new_tensor([width, height]) - border[..., None])).all(
-        -1
-    )
+    from_border = torch.minimum(points, points.new_tensor([width, height]) - points).amin(-1)
+    off_border = from_border > _BORDER_SHARE * person_px[:, None]
     weight = torch.where(seen, weight, settings.unseen_keypoint_weight * confidence * off_border)
     if settings.confidence_power != 1:
         weight = weight**settings.confidence_power

@@ -154,17 +154,18 @@ def test_legs_that_the_photo_does_not_show_feel_no_floor(standing):
     for name in ("knee", "ankle", "foot"):
         observed[:, [JOINT_INDEX[f"left_{name}"], JOINT_INDEX[f"right_{name}"]]] = False
     cut = replace(problem, observed=observed, floor_offset=0.9)
-    settings = replace(SETTINGS, unseen_keypoint_weight=0.0)
-    energy = JointEnergy(cut, settings)
+    energy = JointEnergy(cut, SETTINGS)
     legs = torch.tensor([name.endswith(("upper_leg", "lower_leg", "foot")) for name in model.part_names])
     on_legs = legs[model.part_of_vertex[energy.fixed.ids]]
     for weight in (energy.touch.contact_weight, energy.touch.floor_weight, energy.touch.penetration_weight):
         assert (weight[0, on_legs] == 0).all()
     assert (energy.touch.sole_weight == 0).all()
-    assert (energy.fixed.keypoint_weight[0, 25:] == 0).all()  # knees, ankles, heels, toes
-    result = optimize(cut, settings)
-    assert error_mm(result, standing) < 10
-    assert "lowest_sole_m" not in result.diagnostics[0]
+    unguessed = replace(SETTINGS, unseen_keypoint_weight=0.0)
+    assert (JointEnergy(cut, unguessed).fixed.keypoint_weight[0, 25:] == 0).all()  # knees, ankles, heels, toes
+    for settings in (SETTINGS, unguessed):
+        result = optimize(cut, settings)
+        assert error_mm(result, standing) < 10
+        assert "lowest_sole_m" not in result.diagnostics[0]
 
 
 def test_unseen_feet_a_little_under_the_floor_are_pushed_out_and_leave_the_scene_its_scale(standing):
