@@ -13,6 +13,7 @@ import numpy as np
 
 from physic_core import border, salvage
 from physic_core.errors import BodyModelError, NoPersonError
+from physic_core.short_repr import ShortRepr
 from physic_core.types import (
     Bodies,
     ContactProbability,
@@ -37,7 +38,7 @@ __all__ = ["Evidence", "dilate", "feet_pixels", "perceive", "with_hands"]
 
 
 @dataclass(frozen=True)
-class Evidence:
+class Evidence(ShortRepr):
     """What the estimators said, in the camera frame of ``intrinsics``.
 
     Attributes:

@@ -10,20 +10,22 @@ import torch
 
 from physic_core.body.landmarks import known_keypoints
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
-from physic_core.engine.contact import contact_map
+from physic_core.engine.contact import contact_map, contact_surface
 from physic_core.engine.human import align_original, human_points, place, placed_original
 from physic_core.engine.joint import optimize
 from physic_core.engine.limbs import confirmed_joints, observed_parts, placing_keypoints
 from physic_core.engine.problem import JointProblem
+from physic_core.engine.released_reprojection import released_keypoint_weights
+from physic_core.engine.released_visibility import mean_face_normals
 from physic_core.engine.scene import alignment_diagnostics, build_scene
 from physic_core.engine.settled import is_furniture, settled, without_floor
 from physic_core.engine.sides import tell_sides
 from physic_core.geometry.camera import project
 from physic_core.geometry.free_space import fronts, in_free_space
-from physic_core.geometry.neighbors import NearestScene, near_boxes
 from physic_core.geometry.visibility import vertex_normals
 from physic_core.measures import depth_ratio, seen_share, support_gap
 from physic_core.perception import feet_pixels
+from physic_core.short_repr import ShortRepr
 from physic_core.tensors import tensor
 from physic_core.types import BodyParameters, Intrinsics, Plane, Scene
 
@@ -45,7 +47,7 @@ _ANKLES = [7, 8]  # joints, left and right
 
 
 @dataclass(frozen=True)
-class Solution:
+class Solution(ShortRepr):
     """What the engine found, metres, camera frame of ``intrinsics``; N people.
 
     Attributes:
@@ -78,6 +80,8 @@ def solve(evidence: Evidence, settings: EngineSettings, model: BodyModel, stages
 
     The pipeline keeps that on the CPU, where nearest points and ray casts run in any case.
     """
+    # Eighty steps of L-BFGS multiply a rounding error by millions: float32 would show each CPU's kernels in the result.
+    model = model.to(dtype=torch.float64)
     with stages.engine("scene"):
         scene = _stage_scene(evidence, settings)
     with stages.engine("placement"):
@@ -159,20 +163,26 @@ def _stage_placement(
     confidence = tensor(told.confidence).to(device, dtype)
     body = model(rotations, betas, transl, expression)
     landmarks = model.landmarks(body, told.skeleton)
-    placing = placing_keypoints(told.skeleton, keypoints.shape[1])
+    is_released = settings.human.reprojection_loss == "released"
+    placing = list(range(keypoints.shape[1])) if is_released else placing_keypoints(told.skeleton, keypoints.shape[1])
+    normals_of = mean_face_normals if settings.human.visibility == "released" else vertex_normals
+    outward = normals_of(body.vertices, model.faces)
     K = scene.K.to(device, dtype)
 
     def placed_by(keypoints: Tensor, confidence: Tensor) -> tuple[Placement, Tensor]:
         observed = _observed(evidence, device) | confirmed_joints(
             told.skeleton, keypoints, confidence, masks.to(device), settings.human.seen_confidence
         )
+        weight = confidence
+        if is_released:
+            weight = released_keypoint_weights(told.skeleton, keypoints, confidence, masks.to(device))
         placement = place(
             body.vertices,
-            vertex_normals(body.vertices, model.faces),
+            outward,
             landmarks[:, placing],
             transl,
             keypoints[:, placing],
-            confidence[:, placing],
+            weight[:, placing],
             K,
             points,
             masks,
@@ -217,6 +227,8 @@ def _stage_placement(
         human_points=tuple(p.to(device, dtype) for p in points) if agree else None,
         scale_sigma=evidence.depth.scale_sigma,
         grounded=placed.grounded.to(device),
+        estimated_transl=transl,
+        keypoint_transl=placed.keypoint_transl.to(device, dtype),
     )
     people = [{**d, "exchanged": list(x)} for d, x in zip(placed.diagnostics, sides.exchanged, strict=True)]
     diagnostics = {"alignment": alignment_diagnostics(alignment), "people": people}
@@ -307,14 +319,12 @@ def _meet_scene(
     may_touch = model.outer.expand(len(rows), -1)
     if settings.contact.observed:
         may_touch = may_touch & observed_parts(model.part_names, problem.observed[rows])[:, model.part_of_vertex]
-    points = problem.scene_points * s
-    near = near_boxes(points, vertices, reach)
-    scene = NearestScene(points[near], problem.scene_normals[near], reach, settings.contact.nearest)
     plane = None if problem.floor_normal is None else (problem.floor_normal, problem.floor_offset * s)
+    scene, ground = contact_surface(problem, vertices, s, settings)
     free = None
     if settings.joint.free_space and problem.scene_depth is not None:
         free = in_free_space(vertices / s, fronts(problem.scene_depth), problem.K)
-    contact[rows], distance[rows] = contact_map(vertices, scene, plane, may_touch, settings.contact, outward, free)
+    contact[rows], distance[rows] = contact_map(vertices, scene, ground, may_touch, settings.contact, outward, free)
     up, height = plane or (vertices.new_tensor([0.0, -1.0, 0.0]), None)
     for row, (i, body, normals) in enumerate(zip(rows.tolist(), vertices, outward, strict=True)):
         seen = problem.masks[i]

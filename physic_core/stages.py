@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import gc
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from physic_core import errors
+from physic_core.border import tensor_advice
+from physic_core.calls import check_photo, infer
+from physic_core.error_text import describe, traceback_text
 from physic_core.errors import BackendError, BackendOutputError, PhysicError
 from physic_core.types import StageRecord
 
 if TYPE_CHECKING:
     from physic_core.cache.answers import Answers, Question
-    from physic_core.interfaces import Backend
     from physic_core.resolve import ResolvedBackend
 
 __all__ = ["Progress", "Stages"]
@@ -98,10 +101,12 @@ class Stages:
             again: whether the backend will be asked once more.
 
         Raises:
+            InputError: the first of ``inputs`` is no photo; the backend is not loaded.
             BackendError: the backend failed, with something that is not a PhysicError of ours.
             PhysicError: the backend refused; the class is its own, and the message names it.
             BackendOutputError: it answered what its interface does not allow.
         """
+        check_photo(inputs[0])
         self._begin(name)
         title = f"{resolved.title}, stage '{name}'"
         start, loading, cached, failed = time.perf_counter(), 0.0, False, True
@@ -110,10 +115,10 @@ class Stages:
             answer = self._remembered(question, expect, faults)
             cached = answer is not None
             if answer is None:
-                with _door(title):
+                with _door(title, resolved):
                     loading = self._load(resolved)
                     start = time.perf_counter()
-                    given = _infer(resolved.backend, inputs)
+                    given = infer(resolved.backend, inputs)
                 answer = self._accepted(title, given, expect, faults)
             seconds, failed = time.perf_counter() - start, False
             if question is not None and not cached:
@@ -147,6 +152,7 @@ class Stages:
             return self.ask(name, resolved, inputs, expect, faults)
         except PhysicError as error:
             self.warn(f"{_one_line(error)}; {otherwise}")
+            _print_traceback(error)
             return None
 
     def close(self) -> None:
@@ -173,15 +179,16 @@ class Stages:
         if self._loaded.pop(id(resolved.backend), None) is None:
             return
         try:
-            with _door(f"{resolved.title} cannot be closed"):
+            with _door(f"{resolved.title} cannot be closed", resolved):
                 resolved.backend.close()
         except PhysicError as error:
             self.warn(f"{_one_line(error)}; the result is whole, but memory may be lost")
+            _print_traceback(error)
 
     def _question(self, title: str, resolved: ResolvedBackend, inputs: tuple[object, ...]) -> Question | None:
         if self._answers is None:
             return None
-        with _door(title):
+        with _door(title, resolved):
             return self._answers.question(resolved.backend, resolved.provenance, self._device, inputs)
 
     def _remembered(self, question: Question | None, expect: type[Answer], faults: Faults[Answer]) -> Answer | None:
@@ -208,7 +215,7 @@ class Stages:
 
 
 @contextmanager
-def _door(title: str) -> Iterator[None]:
+def _door(title: str, resolved: ResolvedBackend) -> Iterator[None]:
     """A plugin's door: whatever comes out of it says who failed where."""
     try:
         yield
@@ -217,22 +224,22 @@ def _door(title: str) -> Iterator[None]:
         known = kind if kind.__module__ == errors.__name__ else BackendError  # another class may want other arguments
         raise known(f"{title}: {error}") from error
     except (Exception, SystemExit) as cause:
-        raise BackendError(f"{title}: {type(cause).__name__}: {cause}") from cause
-
-
-def _infer(backend: Backend, inputs: tuple[object, ...]) -> object:
-    ask: Any = backend
-    answer: object = ask.infer(*inputs)
-    return answer
+        raise BackendError(f"{title}: {describe(cause, type(resolved.backend))}") from cause
 
 
 def _wrong(answer: object, expect: type[Answer], faults: Faults[Answer]) -> list[str]:
     if not isinstance(answer, expect):
-        return [f"expected {expect.__name__}, got {type(answer).__name__}"]
+        return [f"expected {expect.__name__}, got {type(answer).__name__}{tensor_advice(answer)}"]
     try:
         return faults(answer)
     except Exception as cause:  # fields of kinds that nobody thought of
         return [f"{expect.__name__} cannot be read: {type(cause).__name__}: {cause}"]
+
+
+def _print_traceback(error: Exception) -> None:
+    """On stderr, where ``PHYSIC_DEBUG`` asks for it: the run goes on, so that nobody else shows it."""
+    if trace := traceback_text(error):
+        sys.stderr.write(trace)
 
 
 def _one_line(error: Exception) -> str:

@@ -12,12 +12,13 @@ from physic_core.engine.problem import JointProblem
 from physic_core.engine.terms import chamfer
 from physic_core.errors import PhysicError
 from physic_core.geometry.camera import pixel_grid, unproject
+from physic_core.short_repr import ShortRepr
 
 __all__ = ["HumanCloud"]
 
 
 @dataclass(frozen=True)
-class HumanCloud:
+class HumanCloud(ShortRepr):
     """Human points of each person, in the unscaled scene, with their search trees.
 
     Attributes:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from physic_core.engine.settings import ContactSettings
+from physic_core.engine.problem import JointProblem
+from physic_core.engine.settings import ContactSettings, EngineSettings
 from physic_core.engine.terms import plane_height
-from physic_core.geometry.neighbors import NearestScene
+from physic_core.geometry.neighbors import NearestScene, near_boxes
 
-__all__ = ["contact_map", "surface_distance"]
+__all__ = ["contact_map", "contact_surface", "surface_distance"]
 
 _SPREAD_M = 0.02  # scene points lie this dense: a vertex between four of them is on the surface, not 1 cm off it
 
@@ -51,6 +52,30 @@ def contact_map(
     if settings.facing and normals is not None:
         contact = contact & ((normals * against).sum(-1) <= 0)
     return contact, distance
+
+
+def contact_surface(
+    problem: JointProblem, vertices: Tensor, scale: float, settings: EngineSettings
+) -> tuple[NearestScene, tuple[Tensor, float] | None]:
+    """What bodies can touch, as stage 3 had it: the scaled scene round them, and the floor's plane.
+
+    Where stage 3 takes the floor by samples of it, they are among the scene's points, and there is no plane.
+
+    Args:
+        problem: of stage 3.
+        vertices: (B, V, 3) metres.
+        scale: of the scene.
+        settings: of the engine.
+    """
+    points, normals = problem.scene_points * scale, problem.scene_normals
+    plane = None if problem.floor_normal is None else (problem.floor_normal, problem.floor_offset * scale)
+    if plane is not None and problem.floor_points is not None and settings.joint.floor == "points":
+        points = torch.cat([points, problem.floor_points * scale])
+        normals = torch.cat([normals, plane[0].expand_as(problem.floor_points)])
+        plane = None
+    reach = settings.contact.reach_m
+    near = near_boxes(points, vertices, reach)
+    return NearestScene(points[near], normals[near], reach), plane
 
 
 def surface_distance(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import torch
@@ -13,6 +14,9 @@ from physic_core.engine.capsules import between_people, fit_capsules, within_bod
 from physic_core.engine.clouds import HumanCloud
 from physic_core.engine.fixed import prepare
 from physic_core.engine.problem import JointProblem
+from physic_core.engine.released_regularisation import without_root
+from physic_core.engine.released_reprojection import released_reprojection
+from physic_core.engine.released_visibility import look_once
 from physic_core.engine.settings import JointSettings
 from physic_core.engine.state import Estimate, State
 from physic_core.engine.stature import stature_of, stature_prior
@@ -63,7 +67,7 @@ class JointEnergy:
                 "pose": settings.pose_weight,
                 "hands": settings.hands_weight,
                 "betas": settings.shape_weight,
-                "translation": settings.translation_weight,
+                "translation": 0.0 if self._is_released else settings.translation_weight,
                 "offset": 1.0,
                 "warp": 1.0,
             }
@@ -74,16 +78,22 @@ class JointEnergy:
         self._capsules = fit_capsules(problem.model, problem.betas0, start.joints) if limbs else None
         self._legs_unseen, self._feet_unseen = bool(self.fixed.legs_unseen.any()), not bool(self.fixed.feet_seen.all())
         self._stature = stature_of(problem.model, problem.betas0) if settings.stature_weight else None
+        self._unturned: Tensor  # (B, n, 3) the tracked vertices at the start, without root rotation
+        if self._is_released:
+            with torch.no_grad():
+                at = self.state.unpack()
+                self._unturned = without_root(self.fixed.pose, at.rotations, at.betas, problem.expression0)
         self._gathered = start.vertices
         self.scene = scene_near(self.fixed, settings, start.vertices, 1.0)
         self._shadows = Shadows(problem, settings)
         self.visible: Visible
+        self._has_looked = False
         self.touch: Touch
         self._normals: Tensor  # (B, n, 3) of the nearest scene points
         self._along: Tensor  # (B, n) distance of their planes from the camera, unscaled
         self._scale: float  # of the scene, at the last look
-        plain = "point" in (settings.contact_metric, settings.penetration_metric) or settings.depth_form != "pixels"
-        self._written_out = not plain
+        plane = settings.contact_metric == settings.penetration_metric == "plane"
+        self._written_out = plane and settings.depth_form == "pixels" and not self._is_released
         self._surface: Surface
         self.refresh()
 
@@ -98,7 +108,15 @@ class JointEnergy:
         if not (unscaled - self._gathered).abs().amax() < WANDER_M - 0.1:
             self._gathered = unscaled
             self.scene = scene_near(self.fixed, settings, output.vertices, scale)
-        self.visible = look(problem, settings, self.fixed, output, self._shadows)
+        if settings.visibility == "released":
+            before = self.visible if self._has_looked else None
+            self.visible = look_once(problem, settings, self.fixed, output, self._shadows, before)
+        else:
+            seen = look(problem, settings, self.fixed, output, self._shadows)
+            # "The camera-facing mask remains stable throughout optimization" (sec. 4.1).
+            stable = settings.depth_form == "chamfer" and self._has_looked
+            self.visible = replace(seen, facing=self.visible.facing) if stable else seen
+        self._has_looked = True
         self._feel(output.vertices[:, self.fixed.ids], scale, estimate.warp)
 
     def occluded(self, vertices: Tensor) -> Tensor:
@@ -180,9 +198,8 @@ class JointEnergy:
                 energies["depth"] = self._depth(vertices, estimate)
             energies.update(self._contact_and_penetration(vertices, estimate))
             if settings.regularisation_weight:
-                relative = terms.root_relative(vertices, joints[:, 0], estimate.rotations[:, 0])
-                energies["mesh"] = terms.mesh_deviation(relative, fixed.relative, self._mesh_weight())
-        energies.update(self._regularisation(energies.pop("mesh", None)))
+                energies["mesh"] = self._mesh(vertices, joints, estimate)
+        energies.update(self._regularisation(energies.pop("mesh", None), estimate.transl))
         if settings.limit_weight:
             energies["limits"] = settings.limit_weight * terms.joint_limits(estimate.rotations)
         energies.update(self._anatomy(joints, estimate))
@@ -196,15 +213,19 @@ class JointEnergy:
 
     def _reprojection(self, landmarks: Tensor) -> Tensor:
         settings, fixed = self.settings, self.fixed
-        rho = partial(robust, settings.reprojection_loss, c=settings.reprojection_scale)
         seen = project(landmarks, self.problem.K)
+        if settings.reprojection_form == "released":
+            size = fixed.unit[0]
+            return settings.reprojection_weight * released_reprojection(
+                seen, fixed.keypoints, fixed.keypoint_weight, size, len(seen)
+            )
+        rho = partial(robust, settings.reprojection_loss, c=settings.reprojection_scale)
         return settings.reprojection_weight * terms.reprojection(
             seen,
             fixed.keypoints,
             fixed.keypoint_weight,
             fixed.unit,
             rho,
-            mean=settings.reprojection_mean,
             per_axis=settings.reprojection_per_axis,
         )
 
@@ -246,30 +267,33 @@ class JointEnergy:
         scale = estimate.log_scale.exp()
         energies: dict[str, Tensor] = {}
         to_floor = vertices.new_zeros(vertices.shape[:2])
-        signed = squared = to_floor
+        signed, axes = to_floor, vertices.new_zeros(vertices.shape)
         if len(scene.points):
             # n . (v - s p), with what stays as it is between two looks gathered once.
             factor = scale
             if "warp" in self.state.free:
                 factor = scale * torch.exp(estimate.warp[:, None] * touch.warp_share)
             signed = (self._normals * vertices).sum(-1) - factor * self._along
-            if "point" in (settings.contact_metric, settings.penetration_metric):
-                squared = (vertices - scene.points[touch.near] * factor[..., None]).square().sum(-1)
+            if not settings.contact_metric == settings.penetration_metric == "plane":
+                axes = (vertices - scene.points[touch.near] * factor[..., None]).square()
         has_plane = self._has_plane
         if has_plane:
             assert problem.floor_normal is not None
             to_floor = terms.plane_height(vertices, problem.floor_normal, problem.floor_offset * scale)
         unit = scale if settings.scene_unit == "scene" else torch.ones_like(scale)
-        signed, squared, to_floor = signed / unit, squared / unit.square(), to_floor / unit
+        signed, axes, to_floor = signed / unit, axes / unit.square(), to_floor / unit
         if settings.contact_weight:
-            to_scene = squared if settings.contact_metric == "point" else signed.square()
-            nearest = torch.where(touch.on_scene, to_scene, to_floor.square()) / settings.contact_sigma_m**2
             rho = partial(robust, settings.contact_loss, c=settings.contact_scale)
-            energies["contact"] = settings.contact_weight * terms.contact(nearest, touch.contact_weight, rho)
+            to_scene = _components(settings.contact_metric, signed, axes)
+            to_plane = torch.nn.functional.pad(to_floor.square()[..., None], (0, to_scene.shape[-1] - 1))
+            nearest = torch.where(touch.on_scene[..., None], to_scene, to_plane) / settings.contact_sigma_m**2
+            touching = terms.contact(nearest, touch.contact_weight, partial(terms.sum_of_axes, rho))
+            energies["contact"] = settings.contact_weight * touching
         rho = partial(robust, settings.penetration_loss, c=settings.penetration_scale)
-        if settings.penetration_weight and settings.penetration_metric == "point":
-            distance = squared / settings.penetration_sigma_m**2
-            inside = terms.penetration_by_points(distance, signed, touch.penetration_weight, rho)
+        if settings.penetration_weight and settings.penetration_metric != "plane":
+            way = _components(settings.penetration_metric, signed, axes) / settings.penetration_sigma_m**2
+            over_axes = partial(terms.sum_of_axes, rho)
+            inside = terms.penetration_by_points(way, signed, touch.penetration_weight, over_axes)
             energies["penetration"] = settings.penetration_weight * inside
         elif settings.penetration_weight:
             inside = terms.penetration(
@@ -337,21 +361,52 @@ class JointEnergy:
             energies["stature"] = settings.stature_weight * stature_prior(height, expected, settings.stature_sigma)
         return energies
 
-    def _regularisation(self, mesh: Tensor | None) -> dict[str, Tensor]:
+    def _mesh(self, vertices: Tensor, joints: Tensor, estimate: Estimate) -> Tensor:
+        """(B,) how far the mesh has left its start."""
+        fixed = self.fixed
+        if self._is_released:
+            unturned = without_root(fixed.pose, estimate.rotations, estimate.betas, self.problem.expression0)
+            return terms.mesh_deviation(unturned, self._unturned, self._mesh_weight())
+        relative = terms.root_relative(vertices, joints[:, 0], estimate.rotations[:, 0])
+        return terms.mesh_deviation(relative, fixed.relative, self._mesh_weight())
+
+    def _regularisation(self, mesh: Tensor | None, transl: Tensor) -> dict[str, Tensor]:
         """Of the mesh's deviation (B,) and of the parameters."""
         settings = self.settings
         weight = settings.regularisation_weight
         if mesh is None:
             return {}
         people, scale = self.state.strayed()
+        mesh = mesh + terms.prior(people, self._prior_weights)
+        if self._is_released:
+            problem = self.problem
+            expected = problem.transl0 if problem.estimated_transl is None else problem.estimated_transl
+            mesh = mesh + settings.translation_weight * (transl - expected).square().sum(-1)
         return {
-            "regularisation": weight * (mesh + terms.prior(people, self._prior_weights)),
+            "regularisation": weight * mesh,
             "scale": weight * settings.scale_weight * scale.square().reshape(1),
         }
 
     @property
+    def _is_released(self) -> bool:
+        return self.settings.regularisation_form == "released"
+
+    @property
     def _has_plane(self) -> bool:
         return self.problem.floor_normal is not None and self.settings.floor == "plane"
+
+
+def _components(metric: str, signed: Tensor, axes: Tensor) -> Tensor:
+    """(B, V, 1 or 3) squared parts of the way to the nearest point, each of which the robust loss takes by itself.
+
+    Args:
+        metric: of the settings.
+        signed: (B, V) along the normal.
+        axes: (B, V, 3) squared, along the axes.
+    """
+    if metric == "plane":
+        return signed.square()[..., None]
+    return axes if metric == "axes" else axes.sum(-1, keepdim=True)
 
 
 def _offset_sigma(problem: JointProblem, settings: JointSettings, feet_seen: Tensor) -> Tensor:

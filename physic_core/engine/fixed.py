@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import torch
@@ -12,6 +11,7 @@ from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.model import BodyModel, BodyOutput, LandmarkModel
 from physic_core.engine.limbs import keypoint_weights, observed_parts, part_confidence, seen_keypoints, stands
 from physic_core.engine.problem import JointProblem
+from physic_core.engine.released_reprojection import released_keypoint_weights
 from physic_core.engine.settings import JointSettings
 from physic_core.engine.terms import plane_height, root_relative
 from physic_core.geometry.camera import project
@@ -27,6 +27,7 @@ STATIC_CONTACTS = ("left_foot", "right_foot", "left_hand", "right_hand", "thighs
 _FULL_HD_PX = 1920
 _LEGS = [JOINT_INDEX[f"{side}_{name}"] for side in ("left", "right") for name in ("knee", "ankle")]
 _BORDER_SHARE = 0.05  # of the person
+_GRID = float(1 << 20)  # steps a metre
 _AREA_UNIT_M2 = 0.01  # a square decimetre, half a sole: the surface that counts once
 
 
@@ -40,7 +41,7 @@ class Fixed:
         pose: poses keypoints, joints and tracked vertices alone.
         area: (B, n) surface that each tracked vertex stands for, square decimetres; ones where vertices are counted.
         trust: (B, n) how much depth, contact and penetration of each tracked vertex count.
-        prior: (B, n) contact probability, 0 below the threshold.
+        prior: (B, n) contact probability, or 1 where vertices are counted; 0 below the threshold.
         seen_part: (B, n) bool, on a limb that the photo shows.
         over_knees: (n,) bool, on neither a lower leg nor a foot.
         soles: rows of ``ids`` of the left and of the right sole; empty where the body has none.
@@ -99,7 +100,9 @@ def prepare(problem: JointProblem, settings: JointSettings, start: BodyOutput) -
         for name in STATIC_CONTACTS:
             probability[:, model.contact_sets[name]] = 1.0
     expected = probability >= settings.contact_probability
-    prior = torch.where(expected, probability, torch.zeros_like(probability))
+    # Where vertices are counted, a contact vertex counts 1 whatever its probability (Eq. 6).
+    count = torch.ones_like(probability) if settings.reduction == "sum" else probability
+    prior = torch.where(expected, count, torch.zeros_like(probability))
     if settings.contact_static_weight:
         for name in STATIC_CONTACTS:
             rows = model.contact_sets[name]
@@ -164,7 +167,9 @@ def representatives(model: BodyModel, keep: Tensor, spacing: float, area: Tensor
         ids = model.outer.nonzero(as_tuple=True)[0]
         return ids, area[:, ids]
     rest = (model.outer & ~keep).nonzero(as_tuple=True)[0]
-    at = model(*model.zero_pose(1)).vertices[0, rest]
+    # Vertices of the midline lie on the side of a cell: rounded, they fall into the same one on every CPU.
+    exact = model.to(dtype=torch.float64)
+    at = torch.round(exact(*exact.zero_pose(1)).vertices[0, rest] * _GRID) / _GRID
     group, chosen = clusters(at, model.part_of_vertex[rest], spacing)
     summed = area.new_zeros(len(area), len(chosen)).index_add(1, group, area[:, rest])
     kept = keep.nonzero(as_tuple=True)[0]
@@ -195,6 +200,9 @@ def _keypoints(problem: JointProblem, settings: JointSettings, person_px: Tensor
     points = torch.where(finite[..., None], points, torch.zeros_like(points))
     confidence = torch.where(finite, confidence, torch.zeros_like(confidence))
     seen = seen_keypoints(problem.skeleton, seen_joints(problem, settings), points.shape[1])
+    if settings.reprojection_form == "released":
+        weight = released_keypoint_weights(problem.skeleton, points, confidence, problem.masks)
+        return points, weight, seen & (weight > 0)
     weight = torch.where(confidence < settings.min_confidence, settings.low_confidence_weight * confidence, confidence)
     # A guess is never sure. What is cut off at the border, some detectors put just inside.
     from_border = torch.minimum(points, points.new_tensor([width, height]) - points).amin(-1)
@@ -204,12 +212,7 @@ def _keypoints(problem: JointProblem, settings: JointSettings, person_px: Tensor
         weight = weight**settings.confidence_power
     # What a network puts outside the picture it has made up.
     weight = weight * inside_image(points, height, width)
-    if math.isfinite(settings.keypoint_mask_growth):
-        reach = round(settings.keypoint_mask_growth * max(height, width))
-        weight = weight * _near_mask(points, problem.masks.any(0), reach)
-    weight = weight * weight.new_tensor(
-        keypoint_weights(problem.skeleton, points.shape[1], settings.body_keypoint_weight)
-    )
+    weight = weight * weight.new_tensor(keypoint_weights(problem.skeleton, points.shape[1]))
     return points, weight, seen & (weight >= settings.min_confidence)
 
 
@@ -223,19 +226,6 @@ def _trust(problem: JointProblem, settings: JointSettings) -> Tensor:
     confidence = torch.nan_to_num(problem.keypoint_confidence, nan=0.0, posinf=0.0, neginf=0.0).clamp(0.0, 1.0)
     parts = part_confidence(problem.skeleton, problem.model.part_names, confidence)
     return parts**settings.vertex_confidence if settings.vertex_confidence > 0 else torch.ones_like(parts)
-
-
-def _near_mask(uv: Tensor, mask: Tensor, reach: int) -> Tensor:
-    """Whether any pixel of a mask (H, W) lies within a square of ``reach`` px round each coordinate: (..., 2) -> (...).
-
-    By the mask's integral image: four look-ups a coordinate whatever the reach.
-    """
-    height, width = mask.shape
-    sums = torch.nn.functional.pad(mask.long().cumsum(0).cumsum(1), (1, 0, 1, 0))
-    u, v = uv.round().long().unbind(-1)
-    left, right = (u - reach).clamp(0, width), (u + reach + 1).clamp(0, width)
-    top, bottom = (v - reach).clamp(0, height), (v + reach + 1).clamp(0, height)
-    return (sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]) > 0
 
 
 def _log_depth(depth: Tensor | None) -> Tensor | None:

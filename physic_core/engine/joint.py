@@ -71,7 +71,7 @@ def _sound(energy: JointEnergy) -> Tensor:
     people = len(energy.problem)
     per_person = torch.stack([v for v in energy().values() if v.shape == (people,)])
     parameters = [energy.state.values[g] for g in energy.state.free if g != "scale"]
-    gradients = torch.autograd.grad(per_person.sum(), parameters, allow_unused=True)
+    gradients = torch.autograd.grad(per_person.sum(), parameters, allow_unused=True) if parameters else ()
     fine = torch.isfinite(per_person).all(0)
     for gradient in gradients:
         if gradient is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -13,7 +12,6 @@ from physic_core.engine.setting_types import (
     NotNegative,
     Positive,
     PositiveCount,
-    PositiveOrInfinite,
     RobustKind,
     Share,
 )
@@ -33,7 +31,7 @@ class JointSettings:
     Attributes:
         parameters: "whitened" deviations in units of their expected size, or the "raw" numbers themselves.
         frozen: groups that stay as they are: root, pose, hands, betas, translation, scale, offset, warp.
-        optimiser: "lbfgs" with a strong-Wolfe line search, or "adam".
+        optimiser: "lbfgs" with a backtracking (Armijo) line search, or "adam".
         steps: at most; 40-100.
         refresh_steps: steps between two looks at visibility and, with "lbfgs", nearest points; 10-30.
         learning_rate: Adam's.
@@ -47,24 +45,23 @@ class JointSettings:
         nearest: nearest-point strategy, "kdtree" (exact), "grid" (the paper's 128^3 cells) or "brute".
         nearest_every_step: look up nearest points at every evaluation and not only at a refresh.
         reduction: "area" weighs each vertex by the surface that it stands for, in units of a square decimetre, so that
-            every mesh gives the same energy; "sum" counts vertices, as printed.
+            every mesh gives the same energy; "sum" counts vertices, as printed, contact vertices too whatever their
+            probability.
         vertex_spacing_m: vertices that touch nothing are thinned to this spacing, metres; 0 keeps all.
         observed: limbs that the photo does not show take no part in depth, contact and penetration; False takes all as
             shown.
-        masks: what hides a person: all that lies outside their "own" mask, or outside the "union" of all people's
-            (released code).
+        visibility: "own" looks at each person's own mask, at every refresh. "released" takes all masks as one, looks at
+            masks and camera-facing vertices once, and has rules of its own for normals and hidden limbs.
         reprojection_weight: lambda_j2d of Eq. 5.
+        reprojection_form: "robust", as the settings that follow say, or "released": weights of keypoints, absolute
+            errors and their mean as in the released code.
         reprojection_unit: 2D errors are shares of the "person" (stature in px) or of the "image" (width and height),
             or pixels of a picture that is 1920 px long ("full_hd").
         reprojection_sigma: expected error in that unit; 0.01 of a person.
         reprojection_loss: robust loss.
         reprojection_scale: its scale, sigmas.
-        reprojection_mean: over keypoints and axes, instead of the sum.
         reprojection_per_axis: the robust loss takes each axis by itself, instead of their distance.
-        body_keypoint_weight: of all keypoints but those of the fingers.
         confidence_power: keypoints count by this power of their confidence; 1, or 2 as in PROX.
-        keypoint_mask_growth: keypoints farther outside of all people's masks than this share of the long image side
-            count nothing; "inf" asks nothing.
         min_confidence: keypoints below count ``low_confidence_weight`` times as much.
         low_confidence_weight: 0 drops them.
         unseen_keypoint_weight: keypoints on limbs that the photo does not show count so much, by their confidence:
@@ -92,7 +89,8 @@ class JointSettings:
             to the prior.
         contact_probability: a vertex is a contact vertex from this prior probability on.
         contact_reach_m: contact vertices farther from scene and floor are left alone, metres.
-        contact_metric: "plane" measures along the surface's normal, "point" to the nearest point.
+        contact_metric: "plane" measures along the surface's normal, "point" to the nearest point; "axes" takes the
+            robust loss of each axis of the way to it by itself (released code).
         contact_sigma_m: expected error of the surface, metres.
         contact_loss: robust loss.
         contact_scale: its scale, sigmas.
@@ -134,6 +132,9 @@ class JointSettings:
         unseen_sole_sigma_m: how far they may be off, metres; feet four times as far are left alone.
         lower_sole_reach_m: farther than this from the floor, and the lower foot is left alone too, metres.
         regularisation_weight: lambda_reg of Eq. 5, over all that follows.
+        regularisation_form: "own" takes the mesh relative to its pelvis, and translation from the start. "released"
+            takes the mesh without root rotation, its pelvis moving with the shape, and translation from where the body
+            estimator put it.
         regularisation_sigma_m: expected error of a visible vertex, root-relative, metres.
         visible_weight: of visible vertices in the mesh's regularisation.
         occluded_weight: of hidden and unobserved ones.
@@ -181,17 +182,15 @@ class JointSettings:
     reduction: Literal["area", "sum"] = "area"
     vertex_spacing_m: NotNegative = 0.02
     observed: bool = True
-    masks: Literal["own", "union"] = "own"
+    visibility: Literal["own", "released"] = "own"
     reprojection_weight: NotNegative = 1.0
+    reprojection_form: Literal["robust", "released"] = "robust"
     reprojection_unit: Literal["person", "image", "full_hd"] = "person"
     reprojection_sigma: Positive = 0.01
     reprojection_loss: RobustKind = "cauchy"
     reprojection_scale: Positive = 5.0
-    reprojection_mean: bool = False
     reprojection_per_axis: bool = False
-    body_keypoint_weight: NotNegative = 1.0
     confidence_power: Positive = 1.0
-    keypoint_mask_growth: PositiveOrInfinite = math.inf
     min_confidence: Share = 0.3
     low_confidence_weight: NotNegative = 0.1
     unseen_keypoint_weight: NotNegative = 0.4
@@ -212,7 +211,7 @@ class JointSettings:
     contact_static_weight: NotNegative = 0.4
     contact_probability: Share = 0.5
     contact_reach_m: Positive = 0.15
-    contact_metric: Literal["plane", "point"] = "plane"
+    contact_metric: Literal["plane", "point", "axes"] = "plane"
     contact_sigma_m: Positive = 0.02
     contact_loss: RobustKind = "geman_mcclure"
     contact_scale: Positive = 3.5
@@ -223,7 +222,7 @@ class JointSettings:
     contact_occluded: bool = True
     free_space: bool = True
     penetration_weight: NotNegative = 0.3
-    penetration_metric: Literal["plane", "point"] = "plane"
+    penetration_metric: Literal["plane", "point", "axes"] = "plane"
     penetration_reach_m: Positive = 0.15
     penetration_slack_m: NotNegative = 0.005
     penetration_sigma_m: Positive = 0.02
@@ -250,6 +249,7 @@ class JointSettings:
     unseen_sole_sigma_m: Positive = 0.05
     lower_sole_reach_m: Positive = 0.4
     regularisation_weight: NotNegative = 1.0
+    regularisation_form: Literal["own", "released"] = "own"
     regularisation_sigma_m: Positive = 0.06
     visible_weight: NotNegative = 0.01
     occluded_weight: NotNegative = 0.05

@@ -14,6 +14,7 @@ from physic_core.geometry.visibility import inside_mask
 
 __all__ = [
     "confirmed_joints",
+    "is_finger",
     "keypoint_weights",
     "limb_parts",
     "observed_parts",
@@ -107,17 +108,16 @@ def observed_parts(part_names: Sequence[str], observed: Tensor) -> Tensor:
     return torch.stack(columns, 1)
 
 
-def keypoint_weights(skeleton: str, count: int, body: float = 1.0) -> list[float]:
+def keypoint_weights(skeleton: str, count: int) -> list[float]:
     """How much each of J keypoints of a joint set counts before its confidence does.
 
     Args:
         skeleton: name of the joint set; one that no body knows gets ones.
         count: J.
-        body: of all that are not on a finger.
     """
     weights = [1.0] * count
     for j, name in enumerate(SKELETONS.get(skeleton, ())):
-        weights[j] = _LANDMARK_WEIGHTS.get((skeleton, name), 1.0) * (1.0 if _is_finger(name) else body)
+        weights[j] = _LANDMARK_WEIGHTS.get((skeleton, name), 1.0)
     return weights
 
 
@@ -141,7 +141,7 @@ def placing_keypoints(skeleton: str, count: int) -> list[int]:
     outvote the body.
     """
     names = SKELETONS.get(skeleton, ())
-    fingers = {j for j, name in enumerate(names) if _is_finger(name)}
+    fingers = {j for j, name in enumerate(names) if is_finger(name)}
     return [j for j in range(count) if len(fingers) <= _MOST_FINGERS or j not in fingers]
 
 
@@ -160,7 +160,8 @@ def part_confidence(skeleton: str, part_names: Sequence[str], confidence: Tensor
     return torch.stack(columns, 1)
 
 
-def _is_finger(landmark: str) -> bool:
+def is_finger(landmark: str) -> bool:
+    """Whether a point of a joint set is a finger's joint or tip."""
     return landmark.endswith(("thumb_tip", "index_tip", "middle_tip", "ring_tip", "pinky_tip")) or (
         landmark[-1:].isdigit()
     )
@@ -171,7 +172,7 @@ def _joint_of(landmark: str) -> str | None:
     side, _, rest = landmark.partition("_")
     if rest.endswith(("toe", "heel", "foot_tip")):
         return f"{side}_ankle"
-    if _is_finger(rest):
+    if is_finger(rest):
         return f"{side}_wrist"
     return landmark if landmark in JOINT_INDEX and landmark != "head" else None
 

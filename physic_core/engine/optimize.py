@@ -1,8 +1,9 @@
 """Minimise an energy over a state: whitened L-BFGS with a backtracking line search, or plain Adam.
 
-Both look at visibility anew every few steps, keep the best state, never end worse than they began, and leave out steps
-that are not a number. The scene's scale ties all people together, so one L-BFGS moves them all: with a curvature of
-their own for each person and one for the scale it took twice as long and stopped centimetres short.
+Both update visibility every few steps and leave out steps that are not a number. Nobody ends worse than they began,
+which is decided person by person, see :mod:`physic_core.engine.acceptance`. The scene's scale ties all people together,
+so one L-BFGS moves them all: with a curvature of their own for each person and one for the scale it took twice as long
+and stopped centimetres short.
 """
 
 from __future__ import annotations
@@ -10,15 +11,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 import torch
 from torch import Tensor
 
+from physic_core.engine.acceptance import Energy, accept, per_person, total_of
 from physic_core.engine.settings import JointSettings
-from physic_core.engine.state import State
 
-__all__ = ["Energy", "Trace", "minimise", "total_of", "values_of"]
+__all__ = ["Trace", "minimise"]
 
 _HISTORY = 40  # pairs that L-BFGS remembers: vectors of some hundred numbers cost nothing beside one evaluation
 _FIRST = 0.5  # length of the very first step, in units of the state
@@ -27,18 +27,6 @@ _TRIALS = 10  # lengths at most that a line search tries
 _BEND = 1e-8  # least cosine between a step and its change of the gradient
 _FLAT = 1e-9  # a slope below this share of the energy cannot be seen in float32
 _PATIENCE = 5  # steps that together have to lower the energy by the tolerance
-
-
-class Energy(Protocol):
-    """What can be minimised."""
-
-    state: State
-
-    def __call__(self) -> Mapping[str, Tensor]:
-        """Weighted terms at the present state, each of any shape; differentiable."""
-
-    def refresh(self) -> None:
-        """Look at visibility and nearest points as the state is now."""
 
 
 @dataclass(frozen=True)
@@ -60,19 +48,6 @@ class Trace:
     totals: tuple[float, ...]
 
 
-def total_of(energies: Mapping[str, Tensor]) -> Tensor:
-    """Sum of all terms: ()."""
-    return torch.cat([value.reshape(-1) for value in energies.values()]).sum()
-
-
-@torch.no_grad()
-def values_of(energy: Energy) -> dict[str, float]:
-    """Each term's sum at the present state."""
-    energies = energy()
-    sums = torch.stack([value.sum() for value in energies.values()]) if energies else torch.zeros(0)
-    return dict(zip(energies, sums.tolist(), strict=True))
-
-
 def minimise(energy: Energy, settings: JointSettings, progress: Callable[[float], None] | None = None) -> Trace:
     """Lower ``energy`` by moving its state in place.
 
@@ -92,7 +67,7 @@ def minimise(energy: Energy, settings: JointSettings, progress: Callable[[float]
         if done:
             energy.refresh()
         steps = min(settings.refresh_steps, settings.steps - done)
-        block = run(energy, settings, steps, memory, done + steps >= settings.steps)
+        block = run(energy, settings, steps, memory)
         totals.append(block.before)
         evaluations += block.evaluations
         taken += block.steps
@@ -102,18 +77,10 @@ def minimise(energy: Energy, settings: JointSettings, progress: Callable[[float]
         settled = settings.tolerance > 0 and block.before - block.after < settings.tolerance * abs(block.before)
         if settled:
             break
-    if not settled:  # else nobody has moved enough since the last look to be seen otherwise
+    if not settled:  # else nobody has moved enough since the last update to be seen otherwise
         energy.refresh()
-    end = values_of(energy)
-    final = state.pack()
-    state.load(origin)
-    start = values_of(energy)
-    if _sum(end) <= _sum(start):
-        state.load(final)
-    else:
-        end = start
-        energy.refresh()
-    totals.append(_sum(end))
+    start, end = accept(energy, state.pack(), origin)
+    totals.append(math.fsum(end.values()))
     if progress is not None:
         progress(1.0)
     return Trace(start, end, evaluations, taken, tuple(totals))
@@ -137,7 +104,7 @@ class Memory:
         self.adam: torch.optim.Adam | None = None
 
 
-def _lbfgs_block(energy: Energy, settings: JointSettings, steps: int, memory: Memory, last: bool) -> Block:
+def _lbfgs_block(energy: Energy, settings: JointSettings, steps: int, memory: Memory) -> Block:
     """L-BFGS on one view. What it has learnt of the curvature it keeps: the next view is nearly the same energy."""
     state = energy.state
     parameters = state.parameters()
@@ -237,58 +204,47 @@ class _Curvature:
         return way.to(gradient.dtype)
 
 
-def _adam_block(energy: Energy, settings: JointSettings, steps: int, memory: Memory, last: bool) -> Block:
-    """Adam on one view. Its path goes on over refreshes, uphill too; the last view's best state is kept."""
+def _adam_block(energy: Energy, settings: JointSettings, steps: int, memory: Memory) -> Block:
+    """Adam on one view: its path goes on over refreshes, uphill too, and ends where it ends.
+
+    People whose gradients are not numbers are put back to the step before and held there until the next view.
+    """
     state = energy.state
     parameters = state.parameters()
     if memory.adam is None:
         memory.adam = torch.optim.Adam(parameters, lr=settings.learning_rate)
     optimiser = memory.adam
-    best = _Best(state)
+    held: Tensor | None = None
+    good = state.pack()
+    totals: list[float] = []
     for _ in range(steps):
-        total = total_of(energy())
-        best.offer(float(total.detach()))
-        if not _differentiate(total, parameters):
-            last = True  # one more step would spread what is not a number
-            break
+        total, broken = _differentiate(energy, parameters)
+        if bool(broken.any()):
+            state.put(good, broken)
+            held = broken if held is None else held | broken
+            total, broken = _differentiate(energy, parameters)
+            if bool(broken.any()):
+                break
+        totals.append(total)
+        good = state.pack()
         optimiser.step()
-    with torch.no_grad():
-        best.offer(float(total_of(energy())))
-    if last:
-        best.restore()
-    return Block(best.first, best.value, best.offers, steps)
+        if held is not None:
+            state.put(good, held)
+    total, broken = _differentiate(energy, parameters)
+    if bool(broken.any()):
+        state.put(good, broken)
+    return Block(totals[0] if totals else total, total, len(totals) + 1, len(totals))
 
 
-class _Best:
-    """The best state so far in one view."""
-
-    def __init__(self, state: State) -> None:
-        self._state = state
-        self._packed = state.pack()
-        self.first = self.value = math.inf
-        self.offers = 0
-
-    def offer(self, value: float) -> None:
-        """Say what the energy of the present state is."""
-        if not self.offers:
-            self.first = value
-        self.offers += 1
-        if value < self.value:
-            self.value = value
-            self._packed = self._state.pack()
-
-    def restore(self) -> None:
-        """Put the best state back."""
-        self._state.load(self._packed)
-
-
-def _differentiate(total: Tensor, parameters: list[Tensor]) -> bool:
-    """Fill in the gradients; whether all of them are numbers."""
+def _differentiate(energy: Energy, parameters: list[Tensor]) -> tuple[float, Tensor]:
+    """Fill in the gradients; the energy, and (B,) bool whose energy or gradients are not numbers."""
+    energies = energy()
+    total = total_of(energies)
     gradients = torch.autograd.grad(total, parameters, allow_unused=True)
+    broken = ~torch.isfinite(per_person(energies))
     for p, gradient in zip(parameters, gradients, strict=True):
         p.grad = torch.zeros_like(p) if gradient is None else gradient
-    return bool(torch.isfinite(torch.stack([p.grad.sum() for p in parameters if p.grad is not None])).all())
-
-
-def _sum(values: Mapping[str, float]) -> float:
-    return math.fsum(values.values()) if all(map(math.isfinite, values.values())) else math.inf
+        # What is shared is nobody's own: without its gradient nobody can go on.
+        fine = torch.isfinite(p.grad)
+        broken = broken | ~(fine.reshape(len(p), -1).all(1) if p.ndim else fine | broken.any())
+    return float(total.detach()), broken

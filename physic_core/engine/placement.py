@@ -9,7 +9,8 @@ Preset "default" minimises, for each person alone and by Gauss-Newton steps with
 over the translation t and, where the person's feet are seen and stand on a known floor, the depth offset g: monocular
 depth sees people farther away than the floor under their feet, and without g that pulls the body off its floor. Who
 without g has both feet well above the floor stands on steps or lies on a bed, and has none. Means and shares make all
-terms independent of the picture's resolution. Preset "paper" is plain squares and sums with Adam and L-BFGS.
+terms independent of the picture's resolution. Preset "paper" is plain squares and sums with Adam and L-BFGS, and no
+body ends farther off its keypoints than it came.
 
 Works on the CPU in float64: a few thousand points and k-d trees are faster there than anywhere else.
 """
@@ -19,12 +20,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
 
-from physic_core.engine.placement_solvers import adam, closed_form, descend, lbfgs, loss
+from physic_core.engine.placement_solvers import (
+    adam,
+    closed_form,
+    descend,
+    lbfgs,
+    loss,
+    reprojection_loss,
+    within_keypoints,
+)
 from physic_core.engine.placement_terms import (
     FEWEST_KEYPOINTS,
     NEAREST_M,
@@ -34,10 +43,12 @@ from physic_core.engine.placement_terms import (
     Subject,
     Term,
 )
+from physic_core.engine.released_visibility import faces_optical_axis
 from physic_core.engine.settings import HumanSettings
 from physic_core.geometry.camera import project
 from physic_core.geometry.plane import height
 from physic_core.geometry.visibility import facing, inside_mask
+from physic_core.short_repr import ShortRepr
 
 __all__ = ["Placement", "place"]
 
@@ -46,7 +57,7 @@ _MOVED_M = 1e-3
 
 
 @dataclass(frozen=True)
-class Placement:
+class Placement(ShortRepr):
     """Where the bodies are.
 
     Attributes:
@@ -58,12 +69,24 @@ class Placement:
             "chamfer_m" (medians) at start and end, "losses" (term of Eq. 3 -> its energy at "start" and "end"),
             "moved_m", "depth_offset", "grounded", "foot_height_m" over the floor (None without one, and for who is
             elsewhere), and "problem" in plain words or None.
+        keypoint_transl: (B, 3) metres, where the keypoints alone (Eq. 2) put them.
     """
 
     transl: Tensor
     depth_offset: Tensor
     grounded: Tensor
     diagnostics: tuple[Mapping[str, Any], ...]
+    keypoint_transl: Tensor
+
+
+class _Placed(NamedTuple):
+    """One person: translation to add (3,), depth offset, whether grounded, diagnostics, and Eq. 2's translation."""
+
+    move: Tensor
+    offset: float
+    grounded: bool
+    diagnostics: dict[str, Any]
+    by_keypoints: Tensor
 
 
 def place(
@@ -104,7 +127,7 @@ def place(
         feet_seen: (B,) bool, whose feet the photo shows; without it nobody stands.
     """
     settings = settings or HumanSettings()
-    if settings.masks == "union":
+    if settings.visibility == "released":
         masks = masks.any(0, keepdim=True).expand_as(masks)
     people = _people(
         vertices, normals, landmarks, keypoints, confidence, K, points, masks, settings, outer, floor_normal,
@@ -112,13 +135,13 @@ def place(
     )  # fmt: skip
     placed = [_place_one(person, settings) for person in people]
     if not placed:
-        return Placement(transl, transl.new_ones((0,)), torch.ones_like(transl[:, 0], dtype=torch.bool), ())
-    moves, offsets, grounded, told = zip(*placed, strict=True)
+        return Placement(transl, transl.new_ones((0,)), torch.ones_like(transl[:, 0], dtype=torch.bool), (), transl)
     return Placement(
-        transl=transl + torch.stack(moves).to(transl),
-        depth_offset=torch.tensor(offsets, dtype=transl.dtype, device=transl.device),
-        grounded=torch.tensor(grounded, device=transl.device),
-        diagnostics=told,
+        transl=transl + torch.stack([p.move for p in placed]).to(transl),
+        depth_offset=torch.tensor([p.offset for p in placed], dtype=transl.dtype, device=transl.device),
+        grounded=torch.tensor([p.grounded for p in placed], device=transl.device),
+        diagnostics=tuple(p.diagnostics for p in placed),
+        keypoint_transl=transl + torch.stack([p.by_keypoints for p in placed]).to(transl),
     )
 
 
@@ -172,6 +195,7 @@ def _people(
                 soles=feet,
                 plane=plane,
                 K=plain(K),
+                people=len(vertices),
             )
         )
     return people
@@ -190,16 +214,16 @@ def _extent(keypoints: Tensor, mask: Tensor) -> Tensor:
     return diagonal.expand(2)
 
 
-def _place_one(person: Subject, settings: HumanSettings) -> tuple[Tensor, float, bool, dict[str, Any]]:
-    """Translation to add (3,), depth offset, whether grounded, diagnostics."""
+def _place_one(person: Subject, settings: HumanSettings) -> _Placed:
     start = torch.zeros(4, dtype=torch.float64)
-    x, problem, chamfer = start, None, None
+    x, by_keypoints, problem, chamfer = start, start, None, None
     grounded = True
     seen = torch.zeros(len(person.vertices), dtype=torch.bool)
     if not bool(torch.isfinite(person.vertices).all()):
         problem = "the body is not finite, it was left where it is"
     else:
         x, problem = _fit_keypoints(person, settings)
+        by_keypoints = x
         if settings.chamfer_weight > 0:
             x, seen, chamfer, grounded = _fit_points(person, x, settings)
             if not grounded:
@@ -209,8 +233,10 @@ def _place_one(person: Subject, settings: HumanSettings) -> tuple[Tensor, float,
                     f"{len(person.points)} points and {int(seen.sum())} camera-facing vertices of the person, "
                     f"{settings.min_points} of each are needed: placed by keypoints alone"
                 )
+        x = _bounded(person, x, seen if chamfer is not None else None, settings)
         if not bool(torch.isfinite(x).all()) or float((person.vertices[:, 2] + x[2]).median()) < NEAREST_M:
-            x, problem = start, "no translation in front of the camera fits, the body was left where it is"
+            x = by_keypoints = start
+            problem = "no translation in front of the camera fits, the body was left where it is"
     foot = float(height(person.soles + x[:3], person.plane[:3], person.plane[3]).min()) if person.stands else None
     offset = math.exp(float(x[3]))
     diagnostics = {
@@ -226,7 +252,7 @@ def _place_one(person: Subject, settings: HumanSettings) -> tuple[Tensor, float,
         "grounded": grounded,
         "problem": problem,
     }
-    return x[:3], offset, grounded, diagnostics
+    return _Placed(x[:3], offset, grounded, diagnostics, by_keypoints[:3])
 
 
 def _losses(person: Subject, x: Tensor, seen: Tensor | None, settings: HumanSettings) -> dict[str, dict[str, float]]:
@@ -240,7 +266,14 @@ def _losses(person: Subject, x: Tensor, seen: Tensor | None, settings: HumanSett
         terms["chamfer"] = Chamfer(person, seen, settings)
         if _is_free(person, settings):
             terms["floor"] = Standing(person, settings)
-    return {name: {"start": loss(term, torch.zeros_like(x)), "end": loss(term, x)} for name, term in terms.items()}
+    ends = {"start": torch.zeros_like(x), "end": x}
+    told = {name: {end: loss(term, at) for end, at in ends.items()} for name, term in terms.items()}
+    if "reprojection" in told and settings.reprojection_loss == "released":
+        weight = settings.reprojection_weight
+        told["reprojection"] = {
+            e: weight * float(reprojection_loss(person, at[:3], settings)) for e, at in ends.items()
+        }
+    return told
 
 
 def _is_free(person: Subject, settings: HumanSettings) -> bool:
@@ -260,6 +293,21 @@ def _fit_keypoints(person: Subject, settings: HumanSettings) -> tuple[Tensor, st
     return descend([Reprojection(person, settings)], closed_form(person), (0, 1, 2), settings.iterations), None
 
 
+def _bounded(person: Subject, x: Tensor, seen: Tensor | None, settings: HumanSettings) -> Tensor:
+    """x, or a place near it where the keypoints fit no worse than they came, if the settings want it."""
+    if not settings.keypoint_bound or len(person.keypoints) < FEWEST_KEYPOINTS:
+        return x
+    came, term = torch.zeros_like(x), Reprojection(person, settings)
+    most = loss(term, came), _reprojection_px(person, came) or 0.0
+
+    def fits(at: Tensor) -> bool:
+        return loss(term, at) <= most[0] and (_reprojection_px(person, at) or 0.0) <= most[1]
+
+    # Of as many pairs as Eq. 4 has; without points any number leads to the keypoints alone.
+    pairs = 1 if seen is None else int(seen.sum()) + len(person.points)
+    return within_keypoints(person, x, settings.chamfer_weight * pairs, settings, fits)
+
+
 def _reprojection_px(person: Subject, x: Tensor) -> float | None:
     """Median distance of the used keypoints, px."""
     if not len(person.keypoints):
@@ -271,7 +319,11 @@ def _reprojection_px(person: Subject, x: Tensor) -> float | None:
 def _camera_facing(person: Subject, x: Tensor, settings: HumanSettings) -> Tensor:
     """(V,) bool: V_cf of Eq. 4, turned to the camera and projected into the person's own mask."""
     moved = person.vertices + x[:3]
-    turned = facing(person.normals, moved, settings.facing_deg) & (moved[:, 2] > NEAREST_M)
+    if settings.visibility == "released":
+        turned = faces_optical_axis(person.normals, settings.facing_deg)
+    else:
+        turned = facing(person.normals, moved, settings.facing_deg)
+    turned = turned & (moved[:, 2] > NEAREST_M)
     return turned & person.outer & inside_mask(project(moved, person.K), person.mask)
 
 

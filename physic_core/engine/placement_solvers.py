@@ -3,20 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import torch
 from torch import Tensor
 
-from physic_core.engine.placement_terms import FEWEST_KEYPOINTS, NEAREST_M, Chamfer, Rows, Subject, Term
+from physic_core.engine.placement_terms import (
+    FEWEST_KEYPOINTS,
+    NEAREST_M,
+    Chamfer,
+    Reprojection,
+    Rows,
+    Subject,
+    Term,
+    Tied,
+)
+from physic_core.engine.released_reprojection import released_reprojection
 from physic_core.engine.settings import HumanSettings
 from physic_core.geometry.camera import project
 from physic_core.geometry.robust import cauchy
 
-__all__ = ["adam", "closed_form", "descend", "lbfgs", "loss"]
+__all__ = ["adam", "closed_form", "descend", "lbfgs", "loss", "reprojection_loss", "within_keypoints"]
 
 _SETTLED_M = 1e-5
 _HALVINGS = 6
+_MOST_OFFSET = math.log(1e3)  # of depth, either way
+_DOUBLINGS = 40
 
 
 def closed_form(person: Subject) -> Tensor:
@@ -58,10 +70,12 @@ def descend(terms: Sequence[Term], x: Tensor, free: Sequence[int], iterations: i
         step = torch.zeros_like(x)
         step[index] = torch.linalg.solve(A, -b)
         for _ in range(_HALVINGS):
-            tried = [r for term in terms for r in term.rows(x + step)]
-            if _energy(tried, scales) <= energy:
-                x, rows = x + step, tried
-                break
+            # The exponential of a larger offset, which only bodies beyond all measure ask for, may be no number.
+            if abs(float(x[3] + step[3])) <= _MOST_OFFSET:
+                tried = [r for term in terms for r in term.rows(x + step)]
+                if _energy(tried, scales) <= energy:
+                    x, rows = x + step, tried
+                    break
             step = step / 2
         else:
             break
@@ -97,7 +111,7 @@ def adam(person: Subject, settings: HumanSettings) -> Tensor:
     optimizer = torch.optim.Adam([move], lr=settings.learning_rate)
     for _ in range(settings.iterations):
         optimizer.zero_grad()
-        _reprojection_loss(person, move, settings).backward()  # type: ignore[no-untyped-call]
+        reprojection_loss(person, move, settings).backward()  # type: ignore[no-untyped-call]
         optimizer.step()
     return torch.cat((move.detach(), torch.zeros(1, dtype=torch.float64)))
 
@@ -114,7 +128,7 @@ def lbfgs(person: Subject, x: Tensor, chamfer: Chamfer, settings: HumanSettings)
         total = chamfer.weights[0] * (chamfer.vertices + move - of_vertex).square().sum()
         total = total + chamfer.weights[1] * (of_point + move - chamfer.points).square().sum()
         if len(person.keypoints) >= FEWEST_KEYPOINTS:
-            total = total + settings.reprojection_weight * _reprojection_loss(person, move, settings)
+            total = total + settings.reprojection_weight * reprojection_loss(person, move, settings)
         total.backward()  # type: ignore[no-untyped-call]
         return total
 
@@ -123,7 +137,35 @@ def lbfgs(person: Subject, x: Tensor, chamfer: Chamfer, settings: HumanSettings)
     return torch.cat((move.detach(), x[3:]))
 
 
-def _reprojection_loss(person: Subject, move: Tensor, settings: HumanSettings) -> Tensor:
-    error = (project(person.landmarks + move, person.K) - person.keypoints) / person.size
-    size = error.abs() if settings.reprojection_loss == "absolute" else error.square()
-    return (person.confidence * size.sum(-1)).sum() / person.confidence.sum()
+def within_keypoints(
+    person: Subject, x: Tensor, stiffness: float, settings: HumanSettings, fits: Callable[[Tensor], bool]
+) -> Tensor:
+    """The place nearest to x, by Eq. 3 with its pairs kept, whose keypoints fit; where the body came from if none does.
+
+    Squared distances to kept partners are, but for a constant, ``stiffness |t - x|^2``.
+
+    Args:
+        person: with enough keypoints.
+        x: the minimum of Eq. 3.
+        stiffness: weight of the squared distance from there.
+        settings: of stage 2.
+        fits: whether the keypoints fit at a place.
+    """
+    tied, reprojection = Tied(x, stiffness), Reprojection(person, settings)
+    for _ in range(_DOUBLINGS):
+        if fits(x):
+            return x
+        reprojection.weight = 2 * reprojection.weight
+        x = descend([tied, reprojection], x, (0, 1, 2), settings.iterations)
+    return torch.zeros_like(x)
+
+
+def reprojection_loss(person: Subject, move: Tensor, settings: HumanSettings) -> Tensor:
+    """L_j2d after a move (3,), unweighted: ()."""
+    seen = project(person.landmarks + move, person.K)
+    if settings.reprojection_loss == "released":
+        one = (seen[None], person.keypoints[None], person.confidence[None])
+        return released_reprojection(*one, person.size, person.people).sum()
+    error = (seen - person.keypoints) / person.size
+    total = (person.confidence * error.square().sum(-1)).sum()
+    return total / person.confidence.sum() if settings.reprojection_mean else total

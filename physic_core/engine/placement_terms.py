@@ -16,7 +16,7 @@ from physic_core.engine.settings import HumanSettings
 from physic_core.geometry.camera import project
 from physic_core.geometry.plane import height
 
-__all__ = ["FEWEST_KEYPOINTS", "NEAREST_M", "Chamfer", "Reprojection", "Rows", "Standing", "Subject", "Term"]
+__all__ = ["FEWEST_KEYPOINTS", "NEAREST_M", "Chamfer", "Reprojection", "Rows", "Standing", "Subject", "Term", "Tied"]
 
 FEWEST_KEYPOINTS = 3
 """Fewer confident keypoints than this leave a translation open."""
@@ -42,6 +42,7 @@ class Subject(NamedTuple):
     soles: Tensor  # (S, 3), empty where the feet are not seen or there is no floor
     plane: Tensor  # (4,) normal and offset of the floor
     K: Tensor  # (3, 3)
+    people: int = 1  # in the picture
 
     @property
     def stands(self) -> bool:
@@ -58,11 +59,12 @@ class Rows(NamedTuple):
 
 
 class Reprojection:
-    """lambda_j2d times the confidence-weighted mean of Eq. 2, in shares of the person's (or the image's) size."""
+    """lambda_j2d times Eq. 2, a confidence-weighted mean or sum, in shares of the person's (or the image's) size."""
 
     def __init__(self, person: Subject, settings: HumanSettings) -> None:
         self.person = person
-        self.weight = settings.reprojection_weight * person.confidence / person.confidence.sum()
+        total = person.confidence.sum() if settings.reprojection_mean else 1.0
+        self.weight = settings.reprojection_weight * person.confidence / total
         self.scale = settings.robust_px_share
 
     def rows(self, x: Tensor) -> list[Rows]:
@@ -135,7 +137,19 @@ class Standing:
         ]
 
 
-Term = Reprojection | Chamfer | Standing
+class Tied:
+    """Translation held to a place: ``weight |t - place|^2``."""
+
+    def __init__(self, place: Tensor, weight: float) -> None:
+        self.place, self.weight = place, weight
+
+    def rows(self, x: Tensor) -> list[Rows]:
+        slope = torch.eye(4, dtype=torch.float64)[:3][None]
+        weight = x.new_tensor([self.weight])
+        return [Rows((x - self.place)[None, :3], slope, weight, math.inf)]
+
+
+Term = Reprojection | Chamfer | Standing | Tied
 
 
 def _thinned(points: Tensor, most: int) -> Tensor:

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from physic_core.body.model import BodyModel
 from physic_core.errors import PhysicError
+from physic_core.short_repr import ShortRepr
 
 __all__ = ["JointProblem", "JointResult"]
 
@@ -24,11 +25,13 @@ _PER_PERSON = (
     "contact_probability",
     "observed",
     "grounded",
+    "estimated_transl",
+    "keypoint_transl",
 )
 
 
 @dataclass(frozen=True)
-class JointProblem:
+class JointProblem(ShortRepr):
     """One photo with B people, placed in their scene by stages 1 and 2.
 
     Attributes:
@@ -54,6 +57,9 @@ class JointProblem:
         human_points: per person (M_i, 3) metres, aligned to the scene; or None.
         scale_sigma: standard deviation of log(scale) that the metric depth states, or None.
         grounded: (B,) bool, people who may stand on the floor, and not on or in something else; None is everybody.
+        estimated_transl: (B, 3) metres, where the body estimator put them; None is ``transl0``. For preset "release",
+            as what follows.
+        keypoint_transl: (B, 3) metres, where the keypoints alone (Eq. 2) put them; None is ``transl0``.
     """
 
     model: BodyModel
@@ -78,6 +84,8 @@ class JointProblem:
     human_points: tuple[Tensor, ...] | None = None
     scale_sigma: float | None = None
     grounded: Tensor | None = None
+    estimated_transl: Tensor | None = None
+    keypoint_transl: Tensor | None = None
 
     def __len__(self) -> int:
         return len(self.transl0)
@@ -111,6 +119,9 @@ class JointProblem:
                 wanted[name] = (height, width)
         if self.grounded is not None:
             wanted["grounded"] = (b,)
+        for name in ("estimated_transl", "keypoint_transl"):
+            if getattr(self, name) is not None:
+                wanted[name] = (b, 3)
         faults = [
             f"{name} must be {shape}, got {tuple(getattr(self, name).shape)}"
             for name, shape in wanted.items()
@@ -143,7 +154,7 @@ class JointProblem:
 
 
 @dataclass(frozen=True)
-class JointResult:
+class JointResult(ShortRepr):
     """People and scene after the joint optimisation.
 
     Attributes:

@@ -29,6 +29,8 @@ from physic_core.geometry.pointmap import (
     normals,
     unsupported,
 )
+from physic_core.geometry.released_pointmap import floor_lattice, four_neighbour_normals, normal_outliers
+from physic_core.short_repr import ShortRepr
 from physic_core.types import Unknown
 
 __all__ = [
@@ -46,7 +48,7 @@ _FLOOR_THICKNESS = 0.01
 
 
 @dataclass(frozen=True)
-class SceneState:
+class SceneState(ShortRepr):
     """The scene without its people, metres, camera frame.
 
     Attributes:
@@ -138,9 +140,13 @@ def build_scene(
     known = known & (placed[..., 2] <= settings.far_m)
 
     ratio = edge_ratio_at(settings.edge_ratio, *valid.shape)
-    surface = normals(placed, known, ratio)
+    released = settings.normals == "released"
+    surface = four_neighbour_normals(placed, known) if released else normals(placed, known, ratio)
     edges = depth_edges(placed[..., 2], known, ratio)
     drop = outlier_mask(placed, known & ~edges, settings)
+    if released:
+        kept = known & ~edges & ~drop
+        drop[kept] = normal_outliers(placed[kept], surface[kept], int(settings.outlier_neighbors * min(valid.shape)))
     search = search_floor(placed, known & ~drop, surface, floor_mask, hole, feet_px, settings)
     floor = search.plane
     if floor is not None:
@@ -157,7 +163,7 @@ def build_scene(
         valid=clean,
         floor_normal=None if floor is None else floor.normal,
         floor_offset=0.0 if floor is None else floor.offset,
-        floor_points=_floor_points(floor, placed, clean, feet_px, camera, settings),
+        floor_points=_floor_points(floor, placed, known if settings.floor_grid else clean, feet_px, camera, settings),
         floor_inlier_share=search.inlier_share,
         K=camera,
         alignment=alignment,
@@ -274,7 +280,8 @@ def outlier_mask(
     if settings.outliers == "grid":
         return unsupported(points[..., 2], valid, edge_ratio_at(settings.edge_ratio, rows, columns))
     drop = torch.zeros_like(valid)
-    neighbors = max(1, int(settings.outlier_neighbors * min(rows, columns)))
+    # The released code counts the point itself among its neighbours.
+    neighbors = max(1, int(settings.outlier_neighbors * min(rows, columns)) - 1)
     drop[valid] = knn_outliers(points[valid], neighbors, settings.outlier_sigma)
     return drop
 
@@ -332,6 +339,8 @@ def _floor_points(
 ) -> Tensor:
     if floor is None:
         return points.new_zeros((0, 3))
+    if settings.floor_grid:
+        return floor_lattice(floor.normal, floor.offset, points[valid], settings.floor_grid)
     centres = None
     if feet_px is not None and len(feet_px):
         rays = unproject(feet_px.to(points), points.new_ones(len(feet_px)), camera)
@@ -347,7 +356,6 @@ def _floor_points(
         spacing=settings.floor_spacing_m,
         near=settings.floor_near_m,
         max_points=settings.floor_max_points,
-        grid=settings.floor_grid,
     )
 
 

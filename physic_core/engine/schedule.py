@@ -9,8 +9,9 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
+from physic_core.engine.acceptance import best_of, per_person, values_of
 from physic_core.engine.energy import JointEnergy
-from physic_core.engine.optimize import Trace, minimise, values_of
+from physic_core.engine.optimize import Trace, minimise
 from physic_core.engine.settings import JointSettings
 from physic_core.geometry.camera import project
 
@@ -44,13 +45,13 @@ def run(energy: JointEnergy, settings: JointSettings, progress: Progress | None 
     energy.refresh()
     spent = pick_starts(energy, settings)
     second = _follow(energy, settings, None)
-    if not sum(second.end.values()) < sum(first.end.values()):
-        energy.state.load(reached)
-        energy.refresh()
-        second = replace(second, end=first.end)
+    best_of(energy, (reached, energy.state.pack()), refresh=True)
+    with torch.no_grad():
+        end = values_of(energy())
     return replace(
         second,
         start=first.start,
+        end=end,
         evaluations=first.evaluations + spent + second.evaluations,
         steps=first.steps + second.steps,
     )
@@ -78,7 +79,8 @@ def _follow(energy: JointEnergy, settings: JointSettings, progress: Progress | N
     trace = minimise(energy, rest, _part(progress, settings.scene_after, 1.0))
     final = energy.state.pack()
     energy.state.load(origin)
-    start = values_of(energy)
+    with torch.no_grad():
+        start = values_of(energy())
     energy.state.load(final)
     return replace(
         trace, start=start, evaluations=trace.evaluations + first.evaluations, steps=trace.steps + first.steps
@@ -121,7 +123,7 @@ def pick_starts(energy: JointEnergy, settings: JointSettings) -> int:
 @torch.no_grad()
 def _of_each(energy: JointEnergy) -> Tensor:
     """(B,) the energy of each person; infinite where it is not a number."""
-    total = torch.stack([value for name, value in energy().items() if name != "scale"]).sum(0)
+    total = per_person(energy())
     return torch.where(torch.isfinite(total), total, torch.inf)
 
 

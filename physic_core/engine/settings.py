@@ -15,7 +15,6 @@ from physic_core.engine.joint_settings import JointSettings
 from physic_core.engine.setting_types import (
     Count,
     Degrees,
-    NearestStrategy,
     NotNegative,
     Positive,
     PositiveCount,
@@ -47,9 +46,11 @@ class SceneSettings:
             "inf" keeps all.
         outliers: "grid" compares each point with its neighbours in the image (fast), "knn" is the paper's mean
             distance to the k nearest points, "off" keeps all.
-        outlier_neighbors: k as a share of the short image side ("knn").
+        outlier_neighbors: k as a share of the short image side, the point itself among them ("knn").
         outlier_sigma: a point is dropped beyond mean + this many standard deviations ("knn").
         far_m: points beyond are invalid, metres.
+        normals: "own" leaves neighbours across a depth edge out; "released" takes means of four cross products, and
+            drops points whose normal is turned away from their neighbours'.
         floor: "disparity" fits a plane in 1 / Z, "metric" is the paper's RANSAC on points of the floor mask, "off".
         floor_hypotheses: RANSAC draws.
         floor_tolerance: how far an inlier may be off, as a share of the range of 1 / Z ("disparity"); 0.008-0.03.
@@ -89,6 +90,7 @@ class SceneSettings:
     outlier_neighbors: Positive = 0.05
     outlier_sigma: PositiveOrInfinite = 1.45
     far_m: PositiveOrInfinite = 50.0
+    normals: Literal["own", "released"] = "own"
     floor: Literal["disparity", "metric", "off"] = "disparity"
     floor_hypotheses: PositiveCount = 1000
     floor_tolerance: Positive = 0.02
@@ -136,10 +138,13 @@ class HumanSettings:
         min_points: fewer human points than this and the body is placed by reprojection alone.
         solver: "gauss_newton" to convergence, or "adam_lbfgs" as the paper says.
         reduction: of the Chamfer distance: "mean" does not depend on the resolution, "sum" is Eq. 4 as printed.
-        masks: a vertex is on the photo within the person's "own" mask, or within the "union" of all people's, which
-            takes who is hidden behind another for visible (released code).
-        reprojection_loss: "square", or "absolute" pixels as released; of "adam_lbfgs" only.
+        visibility: a vertex is on the photo within the person's "own" mask, and faces the camera along its ray.
+            "released" takes all people's masks as one, by which who is hidden behind another is visible, and the
+            optical axis.
+        reprojection_loss: "square", or "released": absolute errors, weights and mean as in the released code; of
+            "adam_lbfgs" only.
         normalisation: 2D errors are shares of the "person" in the picture (same at every size) or of the "image".
+        reprojection_mean: over keypoints, weighted by their confidence, instead of the sum that Eq. 2 prints.
         reprojection_weight: lambda_j2d of Eq. 3.
         chamfer_weight: lambda_d of Eq. 3; 0 stops after Eq. 2.
         facing_deg: a vertex faces the camera when its normal is within this angle of the direction to the camera.
@@ -163,8 +168,11 @@ class HumanSettings:
         learning_rate: Adam's.
         lbfgs_steps: L-BFGS steps on Eq. 3 ("adam_lbfgs").
         lbfgs_inner: iterations inside each of them.
+        keypoint_bound: nobody ends farther off their keypoints than the body estimator put them, neither by L_j2d nor
+            by the median distance: lambda_j2d of Eq. 3 is doubled, its pairs of vertices and points kept, until that
+            holds ("adam_lbfgs").
         lbfgs_line_search: each of them looks how far to go (strong Wolfe), instead of a unit step as printed, which
-            with "absolute" pixels leads away from the minimum.
+            with "released" pixels leads away from the minimum.
         seed: of every random draw in this stage.
     """
 
@@ -184,9 +192,10 @@ class HumanSettings:
     min_points: Count = 50
     solver: Literal["gauss_newton", "adam_lbfgs"] = "gauss_newton"
     reduction: Literal["mean", "sum"] = "mean"
-    masks: Literal["own", "union"] = "own"
-    reprojection_loss: Literal["square", "absolute"] = "square"
+    visibility: Literal["own", "released"] = "own"
+    reprojection_loss: Literal["square", "released"] = "square"
     normalisation: Literal["person", "image"] = "person"
+    reprojection_mean: bool = True
     reprojection_weight: NotNegative = 1000.0
     chamfer_weight: NotNegative = 0.6
     facing_deg: Degrees = 70.0
@@ -204,6 +213,7 @@ class HumanSettings:
     learning_rate: Positive = 1e-2
     lbfgs_steps: PositiveCount = 2
     lbfgs_inner: PositiveCount = 15
+    keypoint_bound: bool = False
     lbfgs_line_search: bool = False
     seed: Count = 0
 
@@ -221,7 +231,6 @@ class ContactSettings:
         facing: only where the body's surface faces the scene's, so that the upper side of a foot does not touch the
             floor. Datasets label by distance alone, and so does the default.
         observed: only on limbs that the photo shows.
-        nearest: nearest-point strategy, as in :class:`JointSettings`.
     """
 
     distance_m: NotNegative = 0.02
@@ -230,7 +239,6 @@ class ContactSettings:
     metric: Literal["plane", "point"] = "plane"
     facing: bool = False
     observed: bool = True
-    nearest: NearestStrategy = "kdtree"
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from torch import Tensor
 
 from physic_core.errors import PhysicError
 from physic_core.geometry.rotations import rotvec_to_rotmat
+from physic_core.short_repr import ShortRepr
 
 __all__ = ["GROUPS", "Estimate", "State"]
 
@@ -51,7 +52,7 @@ _DEPTH_SIGMA = 0.05  # of log z
 
 
 @dataclass(frozen=True)
-class Estimate:
+class Estimate(ShortRepr):
     """Bodies and scene at one moment.
 
     Attributes:
@@ -264,8 +265,25 @@ class State:
         Raises:
             PhysicError: a vector of another length.
         """
+        for value, part in zip(self.parameters(), self._parts(packed), strict=True):
+            value.copy_(part.view_as(value))
+
+    @property
+    def people(self) -> int:
+        """How many."""
+        return len(self._start.transl)
+
+    @torch.no_grad()
+    def put(self, packed: Tensor, who: Tensor) -> None:
+        """Put some people, (B,) bool, where a vector of :meth:`pack` has them; the others and the scale stay."""
+        for group, part in zip(self.free, self._parts(packed), strict=True):
+            value = self.values[group]
+            if group != "scale":
+                rows = who.reshape(-1, *[1] * (value.ndim - 1))
+                value.copy_(torch.where(rows, part.view_as(value), value))
+
+    def _parts(self, packed: Tensor) -> tuple[Tensor, ...]:
         sizes = [v.numel() for v in self.parameters()]
         if packed.shape != (sum(sizes),):
             raise PhysicError(f"the packed state must be ({sum(sizes)},), got {tuple(packed.shape)}")
-        for value, part in zip(self.parameters(), torch.split(packed, sizes), strict=True):
-            value.copy_(part.view_as(value))
+        return torch.split(packed, sizes)

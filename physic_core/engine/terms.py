@@ -34,6 +34,7 @@ __all__ = [
     "root_relative",
     "signed_distance",
     "soles",
+    "sum_of_axes",
 ]
 
 Rho = Callable[[Tensor], Tensor]
@@ -59,7 +60,6 @@ def reprojection(
     unit: Tensor,
     rho: Rho,
     *,
-    mean: bool = False,
     per_axis: bool = False,
 ) -> Tensor:
     """L_j2d (Eq. 2): ``sum_j w_j rho(|(pi(J_j) - J^_j) / unit|^2)``.
@@ -70,7 +70,6 @@ def reprojection(
         weight: (B, J) confidence, 0 for what was not seen.
         unit: (B, 1 or 2) px that an error of 1 stands for: a share of the person, or the image's width and height.
         rho: robust loss.
-        mean: over keypoints and axes, as the released code has it, instead of the sum.
         per_axis: the robust loss takes each axis by itself.
 
     Returns:
@@ -79,8 +78,7 @@ def reprojection(
     error = (projected - observed) / unit[:, None]
     squared = error.square()
     loss = rho(squared).sum(-1) if per_axis else rho(squared.sum(-1))
-    total = (weight * loss).sum(-1)
-    return total / (2 * projected.shape[1]) if mean else total
+    return (weight * loss).sum(-1)
 
 
 def depth_at_pixels(
@@ -175,6 +173,11 @@ def penetration(signed: Tensor, weight: Tensor, slack: float, sigma: float, rho:
 def penetration_by_points(squared: Tensor, signed: Tensor, weight: Tensor, rho: Rho) -> Tensor:
     """L_i (Eq. 7) as printed: ``sum_v w_v rho(|v - p|^2) [n_p . (v - p) < 0]``, (B, V) each -> (B,)."""
     return (weight * (signed < 0) * rho(squared)).sum(-1)
+
+
+def sum_of_axes(rho: Rho, squared: Tensor) -> Tensor:
+    """``rho`` of each axis by itself, summed: (..., A) -> (...)."""
+    return rho(squared).sum(-1)
 
 
 def lowest_rows(height: Tensor) -> Tensor:

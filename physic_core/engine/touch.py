@@ -60,6 +60,8 @@ class Touch:
 def scene_near(fixed: Fixed, settings: JointSettings, vertices: Tensor, scale: float) -> NearestScene:
     """The surface round the people (B, V, 3), wide enough for them to move, as a search structure."""
     reach = max(settings.contact_reach_m, settings.penetration_reach_m)
+    if settings.nearest == "grid":  # whose nodes depend on the extent of the scene
+        return NearestScene(fixed.surface, fixed.surface_normals, reach, "grid")
     keep = near_boxes(fixed.surface, vertices / scale, (reach + WANDER_M) / scale)
     return NearestScene(fixed.surface[keep], fixed.surface_normals[keep], reach, settings.nearest)
 
@@ -124,7 +126,9 @@ def feel(
     if not settings.contact_occluded:
         can_scene = can_scene & visible.in_mask
     on_scene = can_scene & (~can_floor | (to_scene <= above.abs()))
-    touching = (can_scene | can_floor) & visible.in_play
+    touching = can_scene | can_floor
+    if settings.observed:
+        touching = touching & visible.in_play
     contact_weight = fixed.area * fixed.trust * fixed.prior
     if settings.contact_facing:
         # Only what faces a surface can lie on it: the rim of a foot is over the floor, and does not touch it.

@@ -143,7 +143,7 @@ def occluded(
 
 def _masks(problem: JointProblem, settings: JointSettings) -> Tensor:
     masks = problem.masks
-    return masks.any(0, keepdim=True).expand_as(masks) if settings.masks == "union" else masks
+    return masks.any(0, keepdim=True).expand_as(masks) if settings.visibility == "released" else masks
 
 
 def _in_image(uv: Tensor, vertices: Tensor, masks: Tensor) -> Tensor:

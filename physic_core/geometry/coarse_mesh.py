@@ -9,6 +9,8 @@ from torch import Tensor
 
 __all__ = ["CoarseMesh", "clusters", "coarse_mesh"]
 
+_EQUAL_M = 1e-9  # rounding does not tell such distances apart
+
 
 @dataclass(frozen=True)
 class CoarseMesh:
@@ -56,6 +58,7 @@ def clusters(points: Tensor, part_of_point: Tensor, spacing: float) -> tuple[Ten
         group: (N,) int64, the cell of each point.
         chosen: (G,) int64, the point next to each cell's centre of gravity.
     """
+    points = points.double()
     cell = (points / spacing).floor().long()
     # One number a cell and part: sorting rows of four takes ten times as long.
     x, y, z = (cell - cell.amin(0)).unbind(1) if len(points) else cell.unbind(1)
@@ -66,7 +69,7 @@ def clusters(points: Tensor, part_of_point: Tensor, spacing: float) -> tuple[Ten
     centre = points.new_zeros(count, 3).index_add(0, group, points) / torch.bincount(group, minlength=count)[:, None]
     off = (points - centre[group]).norm(dim=-1)
     least = off.new_full((count,), torch.inf).scatter_reduce(0, group, off, "amin")
-    best = (off <= least[group]).nonzero(as_tuple=True)[0]
-    # Of several points that are equally near to the centre the first stands for the cell, on every device.
+    best = (off <= least[group] + _EQUAL_M).nonzero(as_tuple=True)[0]
+    # Of several points that are equally near to the centre, as two alone always are, the first stands for the cell.
     chosen = best.new_full((count,), len(points)).scatter_reduce(0, group[best], best, "amin")
     return group, chosen

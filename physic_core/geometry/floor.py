@@ -2,8 +2,8 @@
 
 A plane n . X + o = 0 is linear in inverse depth: with the ray (x, y, 1) = X / Z of a pixel, 1 / Z = a x + b y + c,
 where n = -(a, b, c) / |(a, b, c)| and o = 1 / |(a, b, c)|. Fitting there needs no scale and no metres, and gives what
-is far away, and badly known, the small weight it deserves: :func:`fit_floor`. :func:`fit_floor_metric` is the
-paper's way.
+is far away, and badly known, the small weight it deserves: :func:`fit_floor`. The paper's way is
+:func:`physic_core.geometry.floor_metric.fit_floor_metric`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The nearest scene point of every body vertex, found only as far as contact and penetration look.
 
 Three strategies give one answer: ``kdtree`` (exact, the default), ``brute`` (exact, plain, the others' slow twin) and
-``grid`` (the paper's precomputed 128^3 lookup, sec. 4.1: approximate, and constant in time on any device).
+``grid`` (the paper's 128^3 lookup, sec. 4.1: approximate; held to the released code's).
 
 The scene is searched in its own units. Where the optimisation has scaled it by ``s``, the vertices are divided by ``s``
 instead, since scaling all points keeps who is nearest to whom: no structure is ever rebuilt for a new scale.
@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import torch
-from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
 from physic_core.errors import PhysicError
@@ -27,6 +26,7 @@ __all__ = ["Nearest", "NearestScene", "Strategy", "near_boxes"]
 Strategy = Literal["kdtree", "grid", "brute"]
 
 _LEAF = 32  # points of a leaf of the tree, searched one by one
+_LEAST_MARGIN_M = 1e-3  # of the grid's box, where all points lie in one plane
 _BRUTE_PAIRS = 4_000_000  # distances held at once by the plain search: 32 MB in float64
 
 
@@ -53,7 +53,7 @@ class NearestScene:
         normals: (M, 3) unit, or zero where unknown; kept for the caller.
         radius: metres; nothing farther is ever reported.
         strategy: "kdtree", "grid" or "brute".
-        cells: cells along each axis of the grid.
+        cells: nodes of the grid along each axis.
 
     Raises:
         PhysicError: an unknown strategy, or shapes that do not fit.
@@ -81,7 +81,7 @@ class NearestScene:
             exact = self.points.cpu().double().numpy()
             self._tree = cKDTree(exact, leafsize=_LEAF, balanced_tree=False, compact_nodes=False)
         elif strategy == "grid" and len(points):
-            self._grid = _Grid(self.points, cells, pad=1.5 * radius)
+            self._grid = _Grid(self.points, cells)
 
     def query(self, vertices: Tensor, scale: float = 1.0, radius: float | None = None) -> Nearest:
         """Find the nearest scene point of each vertex. Not differentiable: gather the points and subtract.
@@ -159,34 +159,37 @@ def _query_brute(points: Tensor, flat: Tensor) -> tuple[Tensor, Tensor]:
 
 
 class _Grid:
-    """For each cell of a box round the points, the point that stands for the nearest occupied cell.
+    """The paper's lookup: every vertex takes the point that is nearest to the closest node of a regular lattice.
 
-    Filled by one exact Euclidean feature transform over occupied cells instead of a tree query per cell. A vertex
-    outside the box is looked up in the border cell next to it: its distance stays exact, only its choice is rougher.
+    The lattice spans the box round the points and a tenth of its extent on every side, as in the released code. Nodes
+    are searched exactly, each when a vertex first comes to it: a run visits a few thousand of two million. A vertex
+    outside the box is searched exactly by itself.
     """
 
-    def __init__(self, points: Tensor, cells: int, pad: float) -> None:
-        xyz = points.cpu().double().numpy()
-        extent = xyz.max(0) - xyz.min(0)
-        # The paper's tenth of the extent on every side, and never less than a search reaches.
-        margin = np.maximum(0.1 * extent, pad)
-        low = xyz.min(0) - margin
-        size = (extent + 2 * margin) / cells
-        cell = np.minimum(((xyz - low) / size).astype(np.int64), cells - 1)
-        flat = (cell[:, 0] * cells + cell[:, 1]) * cells + cell[:, 2]
-        off_centre = np.square(xyz - (low + (cell + 0.5) * size)).sum(-1)
-        table = np.full(cells**3, -1, dtype=np.int64)
-        farthest_first = np.argsort(-off_centre, kind="stable")
-        table[flat[farthest_first]] = farthest_first  # the last write wins: the point nearest to the cell's centre
-        _, nearest = distance_transform_edt(
-            (table < 0).reshape(cells, cells, cells), sampling=tuple(size), return_indices=True
-        )
-        nearest_flat = (nearest[0].astype(np.int64) * cells + nearest[1]) * cells + nearest[2]
-        self._table = torch.from_numpy(table[nearest_flat.reshape(-1)]).to(points.device)
-        self._low = torch.from_numpy(low).to(points)
-        self._size = torch.from_numpy(size).to(points)
-        self._cells = cells
+    def __init__(self, points: Tensor, cells: int) -> None:
+        low, high = points.amin(0), points.amax(0)
+        margin = (0.1 * (high - low)).clamp(min=_LEAST_MARGIN_M)
+        self._low, self._high = low - margin, high + margin
+        self._last = cells - 1
+        self._table = torch.full((cells**3,), -1, dtype=torch.int64, device=points.device)
+        self._tree = cKDTree(points.cpu().double().numpy(), balanced_tree=False, compact_nodes=False)
 
     def lookup(self, flat: Tensor) -> Tensor:
-        cell = ((flat - self._low.to(flat)) / self._size.to(flat)).long().clamp(0, self._cells - 1)
-        return self._table[(cell[:, 0] * self._cells + cell[:, 1]) * self._cells + cell[:, 2]]
+        flat = flat.to(self._low)
+        extent = self._high - self._low
+        inside = ((flat >= self._low) & (flat <= self._high)).all(-1)
+        node = ((flat - self._low) / extent * self._last).round().long().clamp(0, self._last)
+        row = (node[:, 0] * (self._last + 1) + node[:, 1]) * (self._last + 1) + node[:, 2]
+        new = torch.unique(row[inside & (self._table[row] < 0)])
+        if len(new):
+            count = self._last + 1
+            at = torch.stack([new // count**2, new // count % count, new % count], -1).double()
+            self._table[new] = self._nearest(self._low.double() + at / self._last * extent.double())
+        index = self._table[row]
+        if not bool(inside.all()):
+            index[~inside] = self._nearest(flat[~inside])
+        return index
+
+    def _nearest(self, places: Tensor) -> Tensor:
+        _, index = self._tree.query(places.cpu().double().numpy())
+        return torch.from_numpy(np.asarray(index, dtype=np.int64)).to(places.device)

@@ -38,7 +38,6 @@ def sample_plane(
     spacing: float = 0.025,
     near: float = 1.5,
     max_points: int = 40_000,
-    grid: int = 0,
 ) -> Tensor:
     """Points on a plane over the extent of a scene, in the plane's own coordinates, so that any plane will do.
 
@@ -53,20 +52,16 @@ def sample_plane(
         spacing: metres, near the centres.
         near: metres.
         max_points: points at most.
-        grid: a plain grid of ``grid`` x ``grid`` points over the extent instead (paper; 100 in the released code).
 
     Returns:
         (N, 3) metres; N = 0 where there is no scene.
     """
-    if not len(points) or (max_points < 1 and not grid):
+    if not len(points) or max_points < 1:
         return points.new_zeros((0, 3))
     axes = torch.stack(plane_basis(normal))
     origin = -offset * normal
     flat = (points[:: max(1, len(points) // 100_000)] - origin) @ axes.T
     low, high = (_percentile(flat, q) for q in (0.02, 0.98))
-    if grid:
-        lines = [torch.linspace(float(low[i]), float(high[i]), grid, dtype=flat.dtype) for i in (0, 1)]
-        return _lift(torch.cartesian_prod(*lines).to(flat), origin, axes)
     if centres is None or not len(centres):
         centres = points[torch.linalg.vector_norm(points, dim=-1).argmin()][None]
     middles = (centres - origin) @ axes.T

@@ -87,6 +87,7 @@ def normals(points: Tensor, valid: Tensor, ratio: float = 1.05) -> Tensor:
     Returns:
         (H, W, 3), zero where a pixel has no usable neighbour along both image axes.
     """
+    dtype, points = points.dtype, points.double()  # the last digits of float32 differ from CPU to CPU
     # Two steps of one pixel span the 3 x 3 window.
     limit = math.sqrt(ratio)
     across, has_across = _tangent(points, valid, 1, limit)
@@ -96,7 +97,7 @@ def normals(points: Tensor, valid: Tensor, ratio: float = 1.05) -> Tensor:
     facing = -torch.sign((normal * points).sum(dim=-1))
     reliable = has_across & has_down & (length > 0) & (facing != 0)
     factor = torch.where(reliable, facing / length.clamp(min=torch.finfo(length.dtype).tiny), 0.0)
-    return torch.where(reliable[..., None], normal * factor[..., None], 0.0)
+    return torch.where(reliable[..., None], normal * factor[..., None], 0.0).to(dtype)
 
 
 def _tangent(points: Tensor, valid: Tensor, dim: int, limit: float) -> tuple[Tensor, Tensor]:
@@ -161,7 +162,7 @@ def knn_outliers(points: Tensor, neighbors: int, sigma: float = 1.45) -> Tensor:
 
     Args:
         points: (M, 3), any unit, finite.
-        neighbors: k, the point itself not counted; the released code takes 5 % of the shorter image side.
+        neighbors: k, the point itself not counted.
         sigma: outliers lie beyond mean + sigma standard deviations of that mean squared distance.
 
     Returns:

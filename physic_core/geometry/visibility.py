@@ -32,6 +32,7 @@ __all__ = [
     "hidden_from_camera",
     "inside_image",
     "inside_mask",
+    "near_mask",
     "self_occlusion",
     "vertex_areas",
     "vertex_normals",
@@ -122,6 +123,19 @@ def inside_mask(uv: Tensor, mask: Tensor) -> Tensor:
     safe = torch.where(inside[..., None], uv, torch.zeros_like(uv)).round().long()
     flat = safe[..., 1] * width + safe[..., 0]
     return torch.gather(mask.flatten(-2), -1, flat) & inside
+
+
+def near_mask(uv: Tensor, mask: Tensor, reach: int) -> Tensor:
+    """Whether any pixel of a mask (H, W) lies within a square of ``reach`` px round each coordinate: (..., 2) -> (...).
+
+    By the mask's integral image: four look-ups a coordinate whatever the reach.
+    """
+    height, width = mask.shape
+    sums = F.pad(mask.long().cumsum(0).cumsum(1), (1, 0, 1, 0))
+    u, v = uv.round().long().unbind(-1)
+    left, right = (u - reach).clamp(0, width), (u + reach + 1).clamp(0, width)
+    top, bottom = (v - reach).clamp(0, height), (v + reach + 1).clamp(0, height)
+    return (sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]) > 0
 
 
 def hidden_from_camera(vertices: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:

@@ -9,6 +9,7 @@ import torch
 
 from physic_core.engine.joint import optimize
 from physic_core.engine.presets import PRESETS
+from physic_core.engine.state import GROUPS
 
 # The scene's one scale is all that joins people who stand apart: held, each must end as alone.
 DEFAULT = replace(PRESETS["default"].joint, steps=30, refresh_steps=15, frozen=("scale",))
@@ -19,6 +20,15 @@ NAN, INF = float("nan"), float("inf")
 @pytest.fixture(scope="module")
 def two(make_stage):
     return make_stage([({}, (-0.7, 0.0, 3.5)), ({}, (0.7, 0.0, 4.0))])
+
+
+@pytest.mark.parametrize("free", [(), ("scale",)])
+def test_held_people_stay_where_they_were_placed(two, free):
+    held = replace(DEFAULT, frozen=tuple(group for group in GROUPS if group not in free))
+    result = optimize(two.problem, held)
+    assert result.failures == ("", "")
+    assert torch.equal(result.transl, two.problem.transl0)
+    assert (result.scene_scale == 1.0) == (free == ())
 
 
 @pytest.fixture(scope="module")

@@ -15,6 +15,8 @@ from physic_core.engine.joint import optimize
 from physic_core.engine.presets import PRESETS
 from physic_core.errors import PhysicError
 
+pytestmark = pytest.mark.kernels
+
 SETTINGS = PRESETS["default"].joint
 SHORT = replace(SETTINGS, steps=20)
 ALONE = [({}, (0.0, 0.0, 3.5))]

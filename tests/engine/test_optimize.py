@@ -7,7 +7,8 @@ from dataclasses import replace
 import pytest
 import torch
 
-from physic_core.engine.optimize import _Curvature, minimise, total_of
+from physic_core.engine.acceptance import total_of
+from physic_core.engine.optimize import _Curvature, minimise
 from physic_core.engine.presets import PRESETS
 from physic_core.engine.state import State
 

@@ -9,9 +9,9 @@ import pytest
 import roma
 import torch
 
+from physic_core.engine.acceptance import total_of
 from physic_core.engine.energy import JointEnergy
 from physic_core.engine.joint import optimize
-from physic_core.engine.optimize import total_of
 from physic_core.engine.presets import PRESETS
 from physic_core.engine.schedule import pick_starts, run
 

@@ -64,6 +64,14 @@ def test_a_near_wall_straight_ahead_has_normals_in_float32() -> None:
     torch.testing.assert_close(found, torch.tensor([0.0, 0.0, -1.0]).expand(ROWS, COLUMNS, 3), atol=1e-4, rtol=0)
 
 
+def test_normals_of_float32_points_are_right_to_the_last_digit() -> None:
+    # Then all CPUs agree about them, whatever the order of their sums.
+    points = depth_to_pointmap(1 + random(ROWS, COLUMNS), K).float()
+    found = normals(points, ALL)
+    assert found.dtype == torch.float32
+    assert torch.equal(found, normals(points.double(), ALL).float())
+
+
 def test_beside_a_depth_edge_each_surface_keeps_its_own_normal() -> None:
     left = torch.nn.functional.normalize(torch.tensor([0.3, 0.0, -1.0], dtype=torch.float64), dim=0)
     right = torch.tensor([0.0, 0.0, -1.0], dtype=torch.float64)

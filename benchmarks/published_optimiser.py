@@ -1,0 +1,66 @@
+"""What the authors' published optimiser made of a problem, beside the engine's presets on the same inputs.
+
+    python benchmarks/published_optimiser.py problem_one.npz
+
+The file holds numbers only: the inputs of a synthetic problem (depth maps, masks, keypoints, contact probabilities, a
+body of 2570 vertices at a wrong start), its truth, and each stage of the published code run on it. It is not part of
+this project. Every preset runs all three stages of its own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import torch
+
+from physic_core.engine.presets import PRESETS
+from physic_core.evaluation.pose import PoseErrors, pose_errors
+from physic_core.solution import solve
+from physic_core.stages import Stages
+
+sys.path.append(str(Path(__file__).parents[1] / "tests" / "engine"))
+from published import Published
+
+
+def main() -> None:
+    """Run and print."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("problem", type=Path, help="problem_one.npz, the published optimiser's numbers")
+    parser.add_argument("--presets", default="release,paper,default", help="comma-separated")
+    given = parser.parse_args()
+    names = given.presets.split(",")
+    unknown = [name for name in names if name not in PRESETS]
+    if unknown:
+        parser.error(f"no engine preset named {', '.join(unknown)}; there are: {', '.join(PRESETS)}")
+    if not given.problem.is_file():
+        parser.error(f"there is no file {given.problem}: give the path of the published optimiser's numbers")
+    torch.set_num_threads(1)
+    published = Published(given.problem)
+    rotations, betas, transl = published.given("truth")
+    truth = published.body(rotations[0])(rotations, betas, transl)
+
+    def show(name: str, joints: torch.Tensor, vertices: torch.Tensor, seconds: float | None = None) -> None:
+        errors: PoseErrors = pose_errors(joints.numpy(), truth.joints.numpy(), vertices.numpy(), truth.vertices.numpy())
+        numbers = (errors.mpjpe_mm, errors.pa_mpjpe_mm, errors.mpvpe_mm)
+        cells = " | ".join(f"{float(value.mean()):.1f}" for value in numbers)
+        print(f"| {name} | {cells} |" + (f"  {seconds:.0f} s" if seconds is not None else ""), flush=True)
+
+    print("| | MPJPE mm | PA-MPJPE mm | MPVPE mm |\n|---|---:|---:|---:|")
+    rotations, betas, transl = published.given("init")
+    start = published.body(rotations[0])(rotations, betas, transl)
+    show("start", start.joints, start.vertices)
+    end = published["one/out/s3_end/joints3d"][:, :55], published["one/out/s3_end/vertices"]
+    show("published optimiser", *end)
+    evidence, model = published.evidence(), published.body(rotations[0])
+    for name in names:
+        began = time.perf_counter()
+        solution = solve(evidence, PRESETS[name], model, Stages("cpu", 4))
+        seconds = time.perf_counter() - began
+        show(f'preset "{name}"', torch.from_numpy(solution.joints), torch.from_numpy(solution.vertices), seconds)
+
+
+if __name__ == "__main__":
+    main()

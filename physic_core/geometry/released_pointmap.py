@@ -1,0 +1,86 @@
+"""The released code's normals of a point map, its outliers by them, and its samples of a floor."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+__all__ = ["floor_lattice", "four_neighbour_normals", "normal_outliers"]
+
+_LEAST_CROSS = 1e-6  # square metres; below, no normal
+
+
+def four_neighbour_normals(points: Tensor, valid: Tensor) -> Tensor:
+    """Unit normals towards the camera: means of the unit cross products of the ways to adjacent neighbours.
+
+    Args:
+        points: (H, W, 3) metres.
+        valid: (H, W) bool; the others count as the origin.
+
+    Returns:
+        (H, W, 3), zero where there is none.
+    """
+    points = torch.where(valid[..., None], points, 0.0)
+    down, right = points.diff(dim=0), points.diff(dim=1)
+    above, below = F.pad(-down, (0, 0, 0, 0, 1, 0)), F.pad(down, (0, 0, 0, 0, 0, 1))
+    before, after = F.pad(-right, (0, 0, 1, 0)), F.pad(right, (0, 0, 0, 1))
+    total = torch.zeros_like(points)
+    for one, other in ((above, before), (before, below), (below, after), (after, above)):
+        cross = torch.linalg.cross(one, other)
+        length = torch.linalg.vector_norm(cross, dim=-1, keepdim=True)
+        unit = torch.where(length > _LEAST_CROSS, cross / length.clamp(min=_LEAST_CROSS), 0.0)
+        total = total - unit * torch.sign((unit * points).sum(-1, keepdim=True))
+    return F.normalize(total, dim=-1) * valid[..., None]
+
+
+def normal_outliers(points: Tensor, normals: Tensor, neighbors: int, max_angle_deg: float = 50.0) -> Tensor:
+    """Points whose normal is turned away from the mean normal of their nearest points, or that have none.
+
+    Args:
+        points: (M, 3), finite.
+        normals: (M, 3) unit or zero.
+        neighbors: k, the point itself not counted.
+        max_angle_deg: largest angle to the mean.
+
+    Returns:
+        (M,) bool.
+    """
+    from scipy.spatial import cKDTree
+
+    k = min(neighbors, len(points) - 1)
+    if k < 1:
+        return torch.zeros(len(points), dtype=torch.bool, device=points.device)
+    cloud = points.detach().cpu().double().numpy()
+    _, index = cKDTree(cloud, balanced_tree=False, compact_nodes=False).query(cloud, k=k + 1, workers=-1)
+    mean = torch.zeros_like(normals)
+    for column in torch.from_numpy(index[:, 1:]).to(points.device).T:
+        mean = mean + normals[column]
+    alike = (normals * F.normalize(mean, dim=-1)).sum(-1)
+    return alike < math.cos(math.radians(max_angle_deg))
+
+
+def floor_lattice(normal: Tensor, offset: float, points: Tensor, count: int) -> Tensor:
+    """Points of a floor over the 2nd to 98th percentile of a scene in x and z, x first.
+
+    Args:
+        normal: (3,) unit, not level.
+        offset: of the plane.
+        points: (M, 3) of the scene, metres.
+        count: along each axis.
+
+    Returns:
+        (count * count, 3) metres; none without a scene, or for a plane that stands upright.
+    """
+    if not len(points) or float(normal[1].abs()) < 1e-3:
+        return points.new_zeros((0, 3))
+    lines = []
+    for axis in (0, 2):
+        ordered = points[:, axis].sort().values
+        low, high = (float(ordered[int(share * len(ordered))]) for share in (0.02, 0.98))
+        lines.append(torch.linspace(low, high, count, dtype=torch.float64, device=points.device))
+    x, z = torch.cartesian_prod(*lines).unbind(-1)
+    a, b, c = normal.double().tolist()
+    return torch.stack([x, -(a * x + c * z + offset) / b, z], -1).to(points)

@@ -1,0 +1,122 @@
+"""Whoever ends worse than they began goes back to their own start, and nobody else goes with them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from physic_core.engine.acceptance import accept, best_of, per_person, total_of, values_of
+from physic_core.engine.optimize import minimise
+from physic_core.engine.presets import PRESETS
+from physic_core.engine.state import State
+
+LBFGS = replace(PRESETS["default"].joint, steps=40, refresh_steps=20, tolerance=0.0)
+ADAM = replace(LBFGS, optimiser="adam", learning_rate=0.5, steps=200, refresh_steps=50)
+STARTS = torch.tensor([[0.0, 0.0, 2.0], [1.0, 0.0, 3.0]]).double()
+GOALS = torch.tensor([[0.3, -0.2, 2.5], [0.8, 0.1, 3.4]]).double()
+
+
+class Two:
+    """Pulls each of two people to a goal, in units of the scene's scale, which has a goal of its own."""
+
+    def __init__(self, *, scale=None, wall=None, after_refresh=None):
+        eye = torch.eye(3).double().expand(2, 55, 3, 3)
+        frozen = ["root", "pose", "hands", "betas", "offset", "warp", *([] if scale else ["scale"])]
+        self.state = State(eye, torch.zeros(2, 2).double(), STARTS, STARTS, frozen=frozen)
+        self.goals, self.wall, self.after_refresh, self.scale = GOALS.clone(), wall, after_refresh, scale
+
+    def refresh(self):
+        if self.after_refresh is not None:
+            self.goals[0] = self.after_refresh
+
+    def __call__(self):
+        estimate = self.state.unpack()
+        own = 100 * (estimate.transl - self.goals * estimate.log_scale.exp()).square().sum(-1)
+        if self.wall is not None:
+            beyond = torch.stack([estimate.transl[0, 0] > self.wall, torch.tensor(False)])
+            own = own * torch.where(beyond, torch.nan, 1.0)
+        energies = {"own": own}
+        if self.scale:
+            energies["scale"] = 1e4 * (estimate.log_scale - self.scale).square().reshape(1)
+        return energies
+
+    def places(self):
+        return self.state.unpack().transl.detach()
+
+
+@pytest.mark.parametrize("settings", [LBFGS, ADAM], ids=["lbfgs", "adam"])
+def test_who_ends_worse_goes_back_alone(settings):
+    """The last update of the first person's view makes their start better than what they have reached."""
+    energy = Two(after_refresh=STARTS[0])
+    trace = minimise(energy, replace(settings, refresh_steps=settings.steps))
+    places = energy.places()
+    torch.testing.assert_close(places[0], STARTS[0])
+    torch.testing.assert_close(places[1], GOALS[1], atol=0.01, rtol=0)
+    assert trace.end["own"] < trace.start["own"]
+
+
+def test_who_leaves_the_numbers_is_held_and_the_other_arrives():
+    """Beyond the wall the first person's energy is not a number."""
+    energy = Two(wall=1.0)
+    energy.goals[0] = torch.tensor([1.5, 0.0, 2.0])
+    minimise(energy, ADAM)
+    places = energy.places()
+    assert 0.5 < places[0, 0] <= 1.0
+    torch.testing.assert_close(places[1], GOALS[1], atol=0.01, rtol=0)
+
+
+def test_a_person_without_an_energy_keeps_nobody_at_a_worse_end():
+    """The first person's energy is no number at either state; the second one's end is worse than their start."""
+    energy = Two(wall=-1.0)
+    start = energy.state.pack()
+    with torch.no_grad():
+        energy.state.values["translation"][1] += 5.0
+    end = energy.state.pack()
+    accept(energy, end, start)
+    torch.testing.assert_close(energy.places()[1], STARTS[1])
+
+
+@pytest.mark.parametrize("settings", [LBFGS, ADAM], ids=["lbfgs", "adam"])
+def test_where_all_end_better_the_end_stays(settings):
+    energy = Two(scale=0.1)
+    trace = minimise(energy, replace(settings, steps=200))
+    torch.testing.assert_close(energy.places(), GOALS * torch.exp(torch.tensor(0.1)), atol=0.02, rtol=0)
+    assert sum(trace.end.values()) < 0.01 * sum(trace.start.values())
+
+
+def test_the_one_scale_is_the_one_with_the_lowest_total():
+    energy = Two(scale=0.1)
+    start = energy.state.pack()
+    with torch.no_grad():
+        energy.state.values["scale"].fill_(1.0)  # log(scale) 0.1, as it should be
+        energy.state.put(start, torch.ones(2, dtype=torch.bool))
+    end = energy.state.pack()
+    best_of(energy, (start, end))
+    torch.testing.assert_close(energy.state.pack(), end)
+
+
+def test_the_total_never_rises_even_where_people_are_bound_to_each_other():
+    """The first gains and the second loses by their common way, and to part would cost more than either."""
+
+    class Bound(Two):
+        def __call__(self):
+            moved = self.state.values["translation"][:, 0]
+            parted = 100 * (moved[0] - moved[1]).square()
+            return {"own": moved * torch.tensor([-1.0, 2.0]), "between": parted.expand(2)}
+
+    energy = Bound()
+    start = energy.state.pack()
+    with torch.no_grad():
+        energy.state.values["translation"][:, 0] += 1.0
+    before, after = accept(energy, energy.state.pack(), start)
+    assert before == after == {"own": 0.0, "between": 0.0}
+    torch.testing.assert_close(energy.state.pack(), start)
+
+
+def test_sums_of_people_and_of_all():
+    energies = {"a": torch.tensor([1.0, 2.0]), "b": torch.tensor([3.0, 4.0]), "scale": torch.tensor([5.0])}
+    assert per_person(energies).tolist() == [4.0, 6.0]
+    assert total_of(energies).item() == 15.0
+    assert values_of(energies) == {"a": 3.0, "b": 7.0, "scale": 5.0}

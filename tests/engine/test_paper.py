@@ -1,0 +1,146 @@
+"""Preset "paper" does what the paper prints: stage 3 moves, and its terms are the printed ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import roma
+import torch
+
+from physic_core import load_config, reconstruct
+from physic_core.engine.energy import JointEnergy
+from physic_core.engine.joint import optimize
+from physic_core.engine.presets import PRESETS
+from physic_core.geometry.camera import project
+from physic_core.testing.worlds import build_world
+
+PAPER = PRESETS["paper"].joint
+SHORT = replace(PAPER, steps=20, refresh_steps=10, learning_rate=2e-3)
+
+
+def floor_grid(problem):
+    x, z = torch.meshgrid(torch.linspace(-2, 2, 81), torch.linspace(0.3, 6, 115), indexing="ij")
+    points = torch.stack([x, torch.full_like(x, problem.floor_offset), z], -1).reshape(-1, 3)
+    return replace(problem, floor_points=points)
+
+
+@pytest.fixture(scope="module")
+def two(make_stage):
+    return make_stage([({}, (-0.6, 0.0, 3.5)), ({}, (0.5, 0.0, 4.2))])
+
+
+@pytest.fixture(scope="module")
+def start(two):
+    """Two people whose joints and places are off, and whose keypoints have errors of two pixels."""
+    draws = torch.Generator().manual_seed(0)
+    turns = 0.05 * torch.randn(2, 55, 3, generator=draws)
+    problem = floor_grid(two.problem)
+    return replace(
+        problem,
+        rotations0=problem.rotations0 @ roma.rotvec_to_rotmat(turns),
+        transl0=problem.transl0 + torch.tensor([[0.03, -0.04, 0.1], [-0.02, 0.03, -0.1]]),
+        keypoints=problem.keypoints + 2 * torch.randn(problem.keypoints.shape, generator=draws),
+    )
+
+
+def test_the_energy_falls_and_everybody_moves(start):
+    result = optimize(start, PAPER)
+    before, after = (sum(pair[k] for pair in result.losses.values()) for k in (0, 1))
+    moved = (result.transl - start.transl0).norm(dim=-1)
+    print(f"energy {before:.1f} -> {after:.1f}, scale {result.scene_scale:.4f}, moved {moved.tolist()} m")
+    assert after < 0.9 * before
+    assert (moved > 0.01).all()
+    assert result.scene_scale != 1.0
+
+
+@pytest.mark.parametrize("name", ["stand", "sit_on_chair", "hug"])
+def test_stage_three_moves_in_a_world(name):
+    world = build_world(name, seed=3, size=(128, 96))
+    told = reconstruct(
+        world.image,
+        load_config(preset="mock", overrides=["engine.preset=paper", "run.cache=false"]),
+    ).diagnostics
+    losses, scale = told["joint"]["losses"], told["joint"]["scene_scale"]
+    before, after = (sum(value[when] for value in losses.values()) for when in ("start", "end"))
+    print(f"{name}: energy {before:.1f} -> {after:.1f}, scale {scale:.4f}")
+    assert after < before
+    assert abs(scale - 1) > 1e-4
+    for person in told["people"]:
+        came, left = person["placement_reprojection_px"]
+        assert left <= came
+
+
+def test_one_person_who_diverges_takes_nothing_from_the_other(start):
+    """Pulled at by keypoints a million pixels away, the first person ends anywhere, and the second as alone."""
+    settings = replace(SHORT, frozen=("scale",))
+    keypoints = start.keypoints.clone()
+    keypoints[0, ::2] = 1e6 * start.K[0, 2]
+    alone = optimize(start.pick(torch.tensor([1])), settings)
+    both = optimize(replace(start, keypoints=keypoints), settings)
+    torch.testing.assert_close(both.vertices[1], alone.vertices[0], atol=1e-3, rtol=0)
+    assert (both.transl[1] - start.transl0[1]).norm() > 0.01
+
+
+def test_reprojection_is_the_sum_over_keypoints(start):
+    energy = JointEnergy(start, PAPER)
+    with torch.no_grad():
+        posed = start.model(start.rotations0, start.betas0, start.transl0, start.expression0)
+        seen = project(start.model.landmarks(posed, start.skeleton), start.K)
+        height, width = start.masks.shape[-2:]
+        inside = ((start.keypoints >= 0) & (start.keypoints < torch.tensor([width, height]))).all(-1)
+        off = ((seen - start.keypoints) / torch.tensor([width, height])).square().sum(-1)
+        want = 10_000 * (inside * energy.fixed.keypoint_weight * off).sum(-1)
+        torch.testing.assert_close(energy()["reprojection"], want, rtol=1e-4, atol=1e-4)
+
+
+def test_visible_vertices_are_regularised_and_hidden_ones_more(make_stage):
+    stage = make_stage([({}, (0.0, 0.0, 3.2))], boxes=[((-0.6, 0.55, 2.9), (0.6, 1.3, 3.12))])
+    energy = JointEnergy(floor_grid(stage.problem), PAPER)
+    weight = energy._mesh_weight()
+    hidden = energy.visible.hidden | ~energy.visible.in_play
+    assert 0.2 < hidden.float().mean() < 0.95
+    assert weight[~hidden].unique().tolist() == [1.0]
+    assert weight[hidden].unique().tolist() == [12.0]
+
+
+def test_the_root_turns_for_nothing(start):
+    """The text regularises in root-relative space: how the whole body is turned costs nothing."""
+    energy = JointEnergy(start, PAPER)
+    with torch.no_grad():
+        energy.state.values["root"] += 0.1
+        assert energy()["regularisation"].abs().max() < 1e-3
+
+
+def test_camera_facing_vertices_are_picked_once_and_hidden_ones_again(start):
+    energy = JointEnergy(start, PAPER)
+    facing, hidden = energy.visible.facing, energy.visible.hidden
+    with torch.no_grad():
+        energy.state.values["translation"][:, 0] += 0.3
+    energy.refresh()
+    assert torch.equal(energy.visible.facing, facing)
+    assert not torch.equal(energy.visible.hidden, hidden)
+
+
+def test_contact_outside_the_picture_counts(make_stage):
+    """So near that the picture cuts the feet off, which stand on the samples of the floor."""
+    stage = make_stage([({}, (0.0, 0.0, 1.8))])
+    energy = JointEnergy(floor_grid(stage.problem), PAPER)
+    soles = torch.cat(energy.fixed.soles)
+    assert not energy.visible.in_play[0, soles].any()
+    assert (energy.touch.contact_weight[0, soles] > 0).float().mean() > 0.9
+
+
+def test_penetration_looks_as_far_as_a_metre(make_stage):
+    """A wall 40 cm before the person, of whom all is shown: they are inside of it, as printed."""
+    stage = make_stage([({}, (0.0, 0.0, 3.5))])
+    v, u = torch.meshgrid(torch.linspace(-1.2, 1.2, 60), torch.linspace(-1.2, 1.2, 60), indexing="ij")
+    wall = torch.stack([u, v, torch.full_like(u, 3.1)], -1).reshape(-1, 3)
+    normals = torch.tensor([0.0, 0.0, -1.0]).expand_as(wall)
+    problem = replace(floor_grid(stage.problem), scene_points=wall, scene_normals=normals, floor_normal=None)
+    with torch.no_grad():
+        far, near = (
+            JointEnergy(problem, replace(PAPER, penetration_reach_m=reach))()["penetration"] for reach in (1.0, 0.15)
+        )
+    assert far > 10
+    assert near == 0

@@ -1,0 +1,283 @@
+"""Rules of the released code, one by one, on small examples with a known answer."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+import torch
+
+from physic_core.body.landmarks import DETECTED, SKELETONS
+from physic_core.engine.contact import contact_map, contact_surface
+from physic_core.engine.energy import JointEnergy
+from physic_core.engine.joint import optimize
+from physic_core.engine.presets import PRESETS
+from physic_core.engine.released_reprojection import released_keypoint_weights, released_reprojection
+from physic_core.engine.released_visibility import faces_optical_axis, mean_face_normals, visible_part_shares
+from physic_core.engine.scene import outlier_mask
+from physic_core.geometry.camera import project
+from physic_core.geometry.neighbors import NearestScene
+from physic_core.geometry.released_pointmap import floor_lattice, four_neighbour_normals, normal_outliers
+
+RELEASE, PAPER = PRESETS["release"], PRESETS["paper"]
+
+
+@pytest.fixture(scope="module")
+def standing(make_stage):
+    return make_stage([({}, (0.0, 0.0, 3.5))])
+
+
+@pytest.fixture(scope="module")
+def pair(make_stage):
+    return make_stage([({}, (-0.5, 0.0, 3.0)), ({}, (0.5, 0.0, 3.4))])
+
+
+def released(problem, **changed):
+    """A problem with the points that the preset asks for."""
+    x, z = torch.meshgrid(torch.linspace(-2, 2, 41), torch.linspace(2, 6, 41), indexing="ij")
+    floor = torch.stack([x, torch.full_like(x, problem.floor_offset), z], -1).reshape(-1, 3)
+    body = problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0)
+    points = tuple(v[::40] for v in body.vertices)
+    return replace(problem, **{"human_points": points, "floor_points": floor} | changed)
+
+
+def weights(skeleton, confidence, points=None):
+    """Of one person whose mask is a square in the middle, all keypoints inside."""
+    mask = torch.zeros(1, 100, 200, dtype=torch.bool)
+    mask[0, 40:60, 90:110] = True
+    inside = torch.full((1, len(confidence), 2), 50.0) + torch.tensor([50.0, 0.0])
+    return released_keypoint_weights(skeleton, inside if points is None else points, torch.tensor([confidence]), mask)[
+        0
+    ].tolist()
+
+
+def test_body_and_feet_count_ten_times_their_confidence_and_unsure_keypoints_nothing() -> None:
+    names = DETECTED["coco_wholebody133"]
+    confidence = [0.9] * len(names)
+    confidence[3], confidence[40] = 0.49, 0.5
+    got = weights("coco_wholebody133", confidence)
+    assert got[:23] == pytest.approx([9.0] * 3 + [0.0] + [9.0] * 19)
+    assert got[40] == pytest.approx(0.5)
+    assert got[91:] == pytest.approx([0.9] * 42)
+    face = [
+        j for j, name in enumerate(SKELETONS["wholebody69"]) if "inner" in name or "outer" in name or "mouth" in name
+    ]
+    assert [weights("wholebody69", [0.9] * 69)[j] for j in face] == pytest.approx([0.9] * 6)
+
+
+@pytest.mark.parametrize("skeleton", ["coco_wholebody133", "wholebody69"])
+def test_a_hand_that_is_unsure_in_the_mean_counts_nothing(skeleton: str) -> None:
+    names = DETECTED[skeleton]
+    left = [j for j, n in enumerate(names) if n.startswith("left_") and (n[-1].isdigit() or n.endswith("_root") or
+            n.split("_")[1] in ("thumb", "index", "middle", "ring", "pinky"))]  # fmt: skip
+    assert len(left) == (21 if skeleton == "coco_wholebody133" else 20)
+    confidence = [0.9] * len(names)
+    for j in left:
+        confidence[j] = 0.69
+    got = weights(skeleton, confidence)
+    assert {got[j] for j in left} == {0.0}
+    assert all(w > 0 for j, w in enumerate(got) if j not in left)
+
+
+def test_keypoints_count_up_to_16_px_round_all_masks() -> None:
+    points = torch.tensor([[[73.0, 50.0], [74.0, 50.0], [125.0, 75.0], [126.0, 50.0], [math.nan, 50.0]]])
+    assert weights("custom", [1.0] * 5, points) == [0.0, 10.0, 10.0, 0.0, 0.0]
+
+
+def test_a_keypoint_pulls_alike_in_every_joint_set(standing) -> None:
+    problem, found = standing.problem, {}
+    body = problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0)
+    for skeleton in ("coco17", "coco23", "blazepose33", "wholebody69"):
+        keypoints = project(problem.model.landmarks(body, skeleton), problem.K)
+        confidence = torch.ones(keypoints.shape[:2])
+        row = SKELETONS[skeleton].index("left_knee")
+        keypoints[0, row] += torch.tensor([16.0, -6.0])
+        given = released(problem, keypoints=keypoints, keypoint_confidence=confidence, skeleton=skeleton)
+        found[skeleton] = float(JointEnergy(given, RELEASE.joint)()["reprojection"].detach())
+    width, height = 320, 240
+    assert list(found.values()) == pytest.approx([1e4 * 10 * (16 / width + 6 / height) / (2 * 133)] * 4, rel=1e-4)
+
+
+def test_reprojection_is_a_mean_over_people() -> None:
+    error = torch.full((1, 5, 2), 3.2)
+    size, weight = torch.tensor([320.0, 240.0]), torch.full((1, 5), 2.0)
+    alone = released_reprojection(error, torch.zeros_like(error), weight, size, 1)
+    assert float(alone) == pytest.approx(5 * 2 * (0.01 + 3.2 / 240) / 266)
+    both = released_reprojection(error.repeat(2, 1, 1), torch.zeros(2, 5, 2), weight.repeat(2, 1), size, 2)
+    assert float(both.sum()) == pytest.approx(float(alone))
+
+
+def test_two_people_share_the_mean_and_keep_their_own_points(pair) -> None:
+    problem = pair.problem
+    moved = replace(problem, transl0=problem.transl0 + torch.tensor([0.02, 0.0, 0.05]))
+    energies = JointEnergy(released(moved), RELEASE.joint)()
+    for i in (0, 1):
+        alone = JointEnergy(released(moved).pick(torch.tensor([i])), RELEASE.joint)()
+        assert float(energies["reprojection"][i].detach()) == pytest.approx(float(alone["reprojection"].detach()) / 2)
+        assert float(energies["contact"][i].detach()) == pytest.approx(float(alone["contact"].detach()), rel=1e-4)
+    result = optimize(released(moved), replace(RELEASE.joint, steps=40))
+    assert result.failures == ("", "")
+    off = [(v - pair.vertices).norm(dim=-1).mean(1) for v in (started(moved), result.vertices)]
+    assert (off[1] < off[0]).all()
+
+
+def started(problem):
+    """Vertices at the start."""
+    return problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0).vertices
+
+
+@pytest.mark.parametrize("preset", ["paper", "release"])
+def test_a_contact_vertex_counts_one_whatever_its_probability(standing, preset: str) -> None:
+    problem = released(standing.problem, transl0=standing.problem.transl0 - torch.tensor([0.0, 0.03, 0.0]))
+    sure, less = (
+        replace(problem, contact_probability=share * problem.contact_probability.clamp(max=1.0)) for share in (1.0, 0.6)
+    )
+    values = [float(JointEnergy(p, PRESETS[preset].joint)()["contact"].detach()) for p in (sure, less)]
+    assert values[0] > 0
+    assert values[0] == values[1]
+
+
+def test_the_robust_loss_takes_each_axis_by_itself(standing) -> None:
+    problem = released(standing.problem, transl0=standing.problem.transl0 - torch.tensor([0.0, 0.05, 0.0]))
+    energy = JointEnergy(problem, RELEASE.joint)
+    value = float(energy()["contact"].detach())
+    vertices = problem.model(problem.rotations0, problem.betas0, problem.transl0).vertices[:, energy.fixed.ids]
+    way = (vertices - energy.scene.points[energy.touch.near]).double()
+    active = energy.touch.contact_weight > 0
+    assert active.any()
+    by_hand = (torch.sqrt(way[active].square() + 1) - 1).sum()
+    assert value == pytest.approx(0.7 * float(by_hand), rel=1e-5)
+    by_distance = (torch.sqrt(way[active].square().sum(-1) + 1) - 1).sum()
+    assert float(by_hand) > float(by_distance)
+
+
+def test_the_mesh_is_held_without_its_root_and_with_its_pelvis(standing) -> None:
+    problem = released(standing.problem)
+    energy = JointEnergy(problem, RELEASE.joint)
+    weight = energy._mesh_weight()
+    assert set(weight.unique().tolist()) == {0.0, 12.0}
+    before = float(energy()["regularisation"].detach())
+    with torch.no_grad():
+        energy.state.values["betas"][0, 0] += 1.0
+    after = float(energy()["regularisation"].detach())
+    model, rotations = problem.model, problem.rotations0.clone()
+    rotations[:, 0] = torch.eye(3)
+    betas = problem.betas0.clone()
+    betas[0, 0] += 1.0
+    zero = torch.zeros_like(problem.transl0)
+    moved = (model(rotations, betas, zero).vertices - model(rotations, problem.betas0, zero).vertices)[
+        :, energy.fixed.ids
+    ]
+    assert before == 0
+    assert after == pytest.approx(45 * float((weight * moved.square().sum(-1)).sum()), rel=1e-4)
+
+
+def test_translation_is_held_to_the_body_estimators(standing) -> None:
+    problem = released(standing.problem)
+    away = problem.transl0 + torch.tensor([0.0, 0.0, 0.3])
+    energy = JointEnergy(replace(problem, estimated_transl=away), RELEASE.joint)
+    assert float(energy()["regularisation"].detach()) == pytest.approx(45 * 0.3**2, rel=1e-5)
+    assert float(JointEnergy(problem, RELEASE.joint)()["regularisation"].detach()) == 0
+
+
+def test_masks_and_facing_are_looked_at_once_where_the_keypoints_put_the_body(standing) -> None:
+    problem = released(standing.problem)
+    there = JointEnergy(problem, RELEASE.joint).visible
+    beside = problem.transl0 + torch.tensor([0.4, 0.0, 0.0])
+    energy = JointEnergy(replace(problem, transl0=beside, keypoint_transl=problem.transl0), RELEASE.joint)
+    assert not torch.equal(JointEnergy(replace(problem, transl0=beside), RELEASE.joint).visible.in_mask, there.in_mask)
+    for _ in range(2):
+        assert torch.equal(energy.visible.in_mask, there.in_mask)
+        assert torch.equal(energy.visible.facing, there.facing)
+        energy.refresh()
+
+
+def test_a_part_is_seen_where_rays_meet_it_first() -> None:
+    """A square of four vertices before another of the same outline, and one vertex beside both."""
+    square = torch.tensor([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    near, far = 0.6 * square + torch.tensor([0.0, 0, 2]), 0.4 * square + torch.tensor([0.0, 0, 4])
+    beside = torch.tensor([[3.0, 0, 4]])
+    vertices = torch.cat([near, far, beside])
+    faces = torch.tensor([[0, 2, 1], [0, 3, 2], [4, 6, 5], [4, 7, 6], [4, 5, 8]])
+    part = torch.tensor([0, 0, 0, 0, 1, 1, 1, 1, 1])
+    shares = visible_part_shares(vertices, faces, part, [0, 1, 2])
+    assert float(shares[2]) == 1.0
+    assert float(shares[1]) <= 0.2  # the four behind are hidden; the one beside is on the silhouette
+
+
+def test_normals_are_means_of_faces_whatever_their_size_and_face_the_axis() -> None:
+    """A small face that looks at the camera and a large one that looks sideways."""
+    vertices = torch.tensor([[0.0, 0, 2], [0, 0.1, 2], [0.1, 0, 2], [0, 3.0, 2], [0, 0, 5.0]])
+    faces = torch.tensor([[0, 1, 2], [0, 4, 3]])
+    normal = mean_face_normals(vertices, faces)[0]
+    torch.testing.assert_close(normal, torch.tensor([-1.0, 0.0, -1.0]) / math.sqrt(2))
+    assert faces_optical_axis(normal, 46.0)
+    assert not faces_optical_axis(normal, 44.0)
+
+
+def test_a_floor_of_samples_is_touched_where_its_samples_are(standing) -> None:
+    problem = released(standing.problem, scene_points=torch.zeros(0, 3), scene_normals=torch.zeros(0, 3))
+    over = torch.tensor([[[0.0, problem.floor_offset - 0.01, 3.0], [30.0, problem.floor_offset - 0.01, 3.0]]])
+    outer = torch.ones(2, dtype=torch.bool)
+    for preset, expected in (("release", [True, False]), ("default", [True, True])):
+        settings = PRESETS[preset]
+        scene, plane = contact_surface(problem, over, 1.0, settings)
+        assert contact_map(over, scene, plane, outer, settings.contact)[0][0].tolist() == expected
+
+
+def test_the_grid_takes_the_point_nearest_to_the_closest_node() -> None:
+    """Nodes at -0.2, 0.4, 1.0, 1.6, 2.2: a vertex at 0.3 takes the point that is nearest to 0.4."""
+    points = torch.tensor([[0.0, 0, 0], [0.7, 0, 0], [2.0, 2, 2]])
+    grid = NearestScene(points, torch.zeros_like(points), radius=9.0, strategy="grid", cells=5)
+    exact = NearestScene(points, torch.zeros_like(points), radius=9.0)
+    vertices = torch.tensor([[0.3, 0.0, 0.0], [-5.0, 0.0, 0.0]])
+    assert exact.query(vertices).index.tolist() == [0, 0]
+    found = grid.query(vertices)
+    assert found.index.tolist() == [1, 0]  # outside of the box the search is exact
+    assert found.distance.tolist() == pytest.approx([0.4, 5.0], abs=1e-6)
+
+
+def test_floor_samples_span_the_scene_in_x_and_z() -> None:
+    normal = torch.tensor([0.0, -0.8, -0.6])
+    x = torch.arange(100.0)
+    points = torch.stack([x, torch.zeros(100), 2 * x], -1)
+    floor = floor_lattice(normal, 1.5, points, 3)
+    assert floor[:, 0].tolist() == pytest.approx([2.0] * 3 + [50.0] * 3 + [98.0] * 3)
+    assert floor[:3, 2].tolist() == pytest.approx([4.0, 100.0, 196.0])
+    assert (floor @ normal + 1.5).abs().max() < 1e-4
+    assert not len(floor_lattice(torch.tensor([1.0, 0.0, 0.0]), 1.5, points, 3))
+    assert not len(floor_lattice(normal, 1.5, points[:0], 3))
+
+
+def test_normals_are_those_of_four_crosses_and_look_at_the_camera() -> None:
+    """A plane that falls off to the right by 45 degrees, and one pixel of it that is not valid."""
+    v, u = torch.meshgrid(torch.arange(7.0), torch.arange(9.0), indexing="ij")
+    points = torch.stack([u, v, 20 + u], -1)
+    valid = torch.ones(7, 9, dtype=torch.bool)
+    normals = four_neighbour_normals(points, valid)
+    slope = torch.tensor([1.0, 0.0, -1.0]) / math.sqrt(2)
+    torch.testing.assert_close(normals, slope.expand(7, 9, 3))
+    valid[3, 4] = False
+    assert four_neighbour_normals(points, valid)[3, 4].eq(0).all()
+    assert four_neighbour_normals(1e-4 * points, torch.ones_like(valid)).eq(0).all()  # too near for its threshold
+
+
+def test_points_whose_normal_is_turned_from_their_neighbours_go() -> None:
+    points = torch.rand(50, 3, generator=torch.Generator().manual_seed(0))
+    normals = torch.tensor([0.0, 0.0, -1.0]).repeat(50, 1)
+    normals[7], normals[9] = torch.tensor([0.8, 0.0, -0.6]), torch.tensor([0.7, 0.0, -0.714])
+    normals[11] = 0.0
+    assert normal_outliers(points, normals, 20).nonzero().flatten().tolist() == [7, 11]
+    assert not normal_outliers(points[:1], normals[:1], 20).any()
+
+
+def test_outliers_count_the_point_itself_among_its_neighbours() -> None:
+    """Of 40 rows k is 2, the point and one neighbour: two points far from all others keep each other."""
+    rows, columns = torch.meshgrid(torch.arange(40.0), torch.arange(60.0), indexing="ij")
+    points = torch.stack([columns, rows, torch.full_like(rows, 50.0)], -1)
+    points[0, :2] += torch.tensor([0.0, 0.0, 40.0])
+    points[-1, -1] += torch.tensor([0.0, 0.0, 30.0])
+    drop = outlier_mask(points, torch.ones(40, 60, dtype=torch.bool), RELEASE.scene)
+    assert drop.sum() == 1
+    assert drop[-1, -1]
