@@ -17,6 +17,7 @@ from physic_core.body.skinning import Skin
 from physic_core.errors import BodyModelError
 from physic_core.geometry.coarse_mesh import CoarseMesh, coarse_mesh
 from physic_core.geometry.visibility import faces_around
+from physic_core.short_repr import ShortRepr
 
 __all__ = ["BodyModel", "BodyOutput", "LandmarkModel"]
 
@@ -24,7 +25,7 @@ _COARSE_M = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class BodyOutput:
+class BodyOutput(ShortRepr):
     """Posed bodies, metres, in the frame of the root rotation and the translation.
 
     Attributes:

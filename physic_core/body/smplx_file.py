@@ -7,18 +7,19 @@ and are left alone: the names of the joints are fixed.
 from __future__ import annotations
 
 import zipfile
-import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from physic_core.body.array_archive import Header, archived_header, archived_numbers
 from physic_core.body.assembly import BodyArrays, assemble
 from physic_core.body.joints import JOINT_INDEX, NUM_JOINTS, PARENTS
 from physic_core.body.model import BodyModel
+from physic_core.body.model_file import check_numbers
 from physic_core.errors import BodyModelError
 
 __all__ = ["load_smplx"]
@@ -40,6 +41,7 @@ _SHAPES: dict[str, tuple[int | None, ...]] = {
 _ADVICE = "give the path of an official SMPL-X file, for example SMPLX_NEUTRAL.npz"
 
 _Array = NDArray[Any]
+_Part = TypeVar("_Part")
 
 
 def load_smplx(
@@ -61,8 +63,6 @@ def load_smplx(
     """
     arrays = _read(Path(path))
     columns = arrays["shapedirs"].shape[2]
-    if columns not in _COLUMNS:
-        raise BodyModelError(f"{path}: shapedirs has {columns} columns, where SMPL-X has 20 or 400: {_ADVICE}")
     num_shape, num_faces = _COLUMNS[columns]
     for name, wanted, there in (
         ("num_betas", num_betas, num_shape),
@@ -103,38 +103,51 @@ def _read(path: Path) -> dict[str, _Array]:
             f"{path} is not an .npz archive (an old .pkl file, perhaps; pickles are never opened, they can run code):"
             f" {_ADVICE}"
         )
-    with np.load(path, allow_pickle=False) as file:
-        missing = [name for name in _SHAPES if name not in file.files]
-        if "v_template" not in missing:
-            _refuse_other_bodies(path, file)
-        if missing:
-            raise BodyModelError(f"{path} lacks the arrays {', '.join(missing)}: {_ADVICE}")
-        arrays = {name: _numeric(path, file, name) for name in _SHAPES}
-    for name, shape in _SHAPES.items():
-        found = arrays[name].shape
-        if len(found) != len(shape) or any(s is not None and s != n for s, n in zip(shape, found, strict=True)):
-            wanted = str(shape).replace("None", "20 or 400")
-            raise BodyModelError(f"{path}: {name} must be {wanted}, got {found}: {_ADVICE}")
+    try:
+        archive = zipfile.ZipFile(path)
+    except (OSError, ValueError, zipfile.BadZipFile) as error:
+        raise BodyModelError(f"{path} cannot be read, the file is damaged: copy or download it again") from error
+    with archive:
+        there = set(archive.namelist())
+        headers = {n: _read_part(path, archive, n, archived_header) for n in _SHAPES if f"{n}.npy" in there}
+        _check(path, headers)
+        arrays = {name: _read_part(path, archive, name, archived_numbers) for name in _SHAPES}
+    check_numbers(path, arrays, _NUM_VERTICES, NUM_JOINTS, _ADVICE)
     parents = arrays["kintree_table"][0].astype(np.int64)
     if tuple(parents[1:]) != PARENTS[1:]:
         raise BodyModelError(f"{path}: kintree_table is not the joint tree of SMPL-X: {_ADVICE}")
     return arrays
 
 
-def _refuse_other_bodies(path: Path, file: Mapping[str, _Array]) -> None:
-    vertices = len(_numeric(path, file, "v_template"))
+def _check(path: Path, headers: Mapping[str, Header]) -> None:
+    """Before memory is taken for the numbers."""
+    template = headers.get("v_template")
+    vertices = template.shape[0] if template is not None and template.shape else _NUM_VERTICES
     if vertices in _FAMILY:
         raise BodyModelError(f"{path} is {_FAMILY[vertices]} file ({vertices} vertices), not SMPL-X: {_ADVICE}")
+    if missing := [name for name in _SHAPES if name not in headers]:
+        raise BodyModelError(f"{path} lacks the arrays {', '.join(missing)}: {_ADVICE}")
+    for name, shape in _SHAPES.items():
+        found, dtype = headers[name].shape, headers[name].dtype
+        if dtype.hasobject:
+            raise BodyModelError(
+                f"{path}: {name} is a pickled object, not numbers (pickles are never opened, they can run code): "
+                f"{_ADVICE}"
+            )
+        if dtype.kind not in "fiu":
+            raise BodyModelError(f"{path}: {name} holds {dtype}, not numbers: {_ADVICE}")
+        if len(found) != len(shape) or any(s is not None and s != n for s, n in zip(shape, found, strict=True)):
+            wanted = str(shape).replace("None", "20 or 400")
+            raise BodyModelError(f"{path}: {name} must be {wanted}, got {found}: {_ADVICE}")
+    columns = headers["shapedirs"].shape[2]
+    if columns not in _COLUMNS:
+        raise BodyModelError(f"{path}: shapedirs has {columns} columns, where SMPL-X has 20 or 400: {_ADVICE}")
 
 
-def _numeric(path: Path, file: Mapping[str, _Array], name: str) -> _Array:
+def _read_part(path: Path, archive: zipfile.ZipFile, name: str, read: Callable[[zipfile.ZipFile, str], _Part]) -> _Part:
     try:
-        return file[name]
-    except ValueError as error:  # what numpy raises for a pickled array
-        raise BodyModelError(
-            f"{path}: {name} is a pickled object, not numbers (pickles are never opened, they can run code): {_ADVICE}"
-        ) from error
-    except (OSError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        return read(archive, name)
+    except Exception as error:  # of zipfile, its compressors and numpy, which have many
         raise BodyModelError(
             f"{path}: {name} cannot be read, the file is damaged: copy or download it again"
         ) from error

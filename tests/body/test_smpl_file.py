@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -204,3 +205,24 @@ def test_refuses_a_list(tmp_path: Path) -> None:
     with pytest.raises(BodyModelError) as caught:
         read_smpl(path)
     assert str(caught.value) == f"{path} holds a list, not the arrays of a body: {ADVICE}"
+
+
+def test_indices_outside_of_the_regressor_end_in_words_and_not_in_a_crash(
+    light: dict[str, Any], tmp_path: Path
+) -> None:
+    """In a process of its own, which scipy would end: it writes where such an index points."""
+    regressor = csc_matrix(light["J_regressor"])
+    regressor.indices = regressor.indices + 10**8
+    path = pickled(tmp_path / "SMPL.pkl", {**light, "J_regressor": regressor})
+    code = (
+        "import sys\n"
+        "from physic_core.body.smpl_file import load_smpl\n"
+        "from physic_core.errors import BodyModelError\n"
+        "try:\n    load_smpl(sys.argv[1])\nexcept BodyModelError as error:\n    print(error)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, timeout=300)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == (
+        f"{path}: J_regressor is a sparse matrix of 24 x 6890 with a number at {int(regressor.indices.max())}, "
+        f"outside of it: {ADVICE}\n"
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -177,6 +178,8 @@ def test_refuses_missing_arrays(tmp_path: Path, smplx_arrays: dict[str, Any]) ->
         ("f", np.zeros((7, 3), int), "f must be (20908, 3), got (7, 3)"),
         ("shapedirs", np.zeros((10475, 3)), "shapedirs must be (10475, 3, 20 or 400), got (10475, 3)"),
         ("shapedirs", np.zeros((10475, 3, 11)), "shapedirs has 11 columns, where SMPL-X has 20 or 400"),
+        ("f", np.full((20908, 3), 10475), "f holds 10475, not an index below 10475"),
+        ("weights", np.full((10475, 55), np.nan), "weights holds numbers that are not finite"),
         ("kintree_table", np.zeros((2, 55), int), "kintree_table is not the joint tree of SMPL-X"),
     ],
 )
@@ -195,6 +198,40 @@ def test_refuses_more_components_than_there_are(smplx_v10: Path) -> None:
     with pytest.raises(BodyModelError) as caught:
         load_smplx(smplx_v10, num_betas=16)
     assert str(caught.value) == f"{smplx_v10}: num_betas is 16, but the file has 10: ask for 0 to 10"
+
+
+@pytest.mark.parametrize(
+    ("shape", "kind", "message"),
+    [
+        ("(1000000000000, 55)", "'<f8'", "weights must be (10475, 55), got (1000000000000, 55): " + ADVICE),
+        ("(10475, 55)", "'<U9'", "weights holds <U9, not numbers: " + ADVICE),
+        ("(10475, -55)", "'<f8'", "weights cannot be read, the file is damaged: copy or download it again"),
+        ("(10475, 55)", "'<f8'", "weights cannot be read, the file is damaged: copy or download it again"),
+    ],
+)
+def test_refuses_what_an_array_says_of_itself_before_taking_memory(
+    tmp_path: Path, smplx_arrays: dict[str, Any], shape: str, kind: str, message: str
+) -> None:
+    path = tmp_path / "model.npz"
+    flat = {"posedirs": np.zeros((10475, 3, 486), np.float16), "shapedirs": np.zeros((10475, 3, 20), np.float16)}
+    np.savez(path, **{name: array for name, array in {**smplx_arrays, **flat}.items() if name != "weights"})
+    text = f"{{'descr': {kind}, 'fortran_order': False, 'shape': {shape}, }}\n"
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("weights.npy", b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text.encode())
+    with pytest.raises(BodyModelError) as caught:
+        load_body(path)
+    assert str(caught.value) == f"{path}: {message}"
+
+
+def test_refuses_an_archive_whose_list_is_damaged(tmp_path: Path) -> None:
+    path = tmp_path / "model.npz"
+    np.savez(path, v_template=np.zeros(3))
+    data = bytearray(path.read_bytes())
+    data[data.rindex(b"PK\x01\x02")] = 0
+    path.write_bytes(data)
+    with pytest.raises(BodyModelError) as caught:
+        load_body(path)
+    assert str(caught.value) == f"{path} cannot be read, the file is damaged: copy or download it again"
 
 
 def test_refuses_a_damaged_file(tmp_path: Path, smplx_arrays: dict[str, Any]) -> None:

@@ -1,0 +1,180 @@
+"""Reads a user's own SMPL or MANO file, ``.npz`` or the ``.pkl`` that it is published as, without running it.
+
+Shapes and types are compared with the layout before memory is taken for the numbers.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physic_core.body.array_archive import Header, archived_header, archived_numbers
+from physic_core.body.array_pickle import ArrayError, RefusedError, StandIn, as_array, read_pickle, shown
+from physic_core.errors import BodyModelError
+
+__all__ = ["MANO", "SMPL", "Layout", "check_numbers", "read_model"]
+
+_MOST_BETAS = 300
+_NAMES = {10475: "a SMPL-X", 6890: "a SMPL", 778: "a MANO", 5023: "a FLAME"}
+"""Vertices -> whose file it is."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What is in the files of one family of body models.
+
+    Attributes:
+        name: of the family, "SMPL".
+        vertices: how many.
+        faces: how many.
+        joints: how many.
+        others: further arrays and their shapes.
+        advice: which file to give.
+    """
+
+    name: str
+    vertices: int
+    faces: int
+    joints: int
+    others: Mapping[str, tuple[int, ...]]
+    advice: str
+
+    @property
+    def shapes(self) -> dict[str, tuple[int | None, ...]]:
+        """Array -> its shape; None are the shape components, of which files have 10 to 300."""
+        return {
+            "v_template": (self.vertices, 3),
+            "f": (self.faces, 3),
+            "shapedirs": (self.vertices, 3, None),
+            "posedirs": (self.vertices, 3, 9 * (self.joints - 1)),
+            "J_regressor": (self.joints, self.vertices),
+            "weights": (self.vertices, self.joints),
+            "kintree_table": (2, self.joints),
+            **self.others,
+        }
+
+
+SMPL = Layout(
+    "SMPL",
+    6890,
+    13776,
+    24,
+    {},
+    "give the path of an official SMPL file, for example SMPL_NEUTRAL.npz or "
+    "basicmodel_neutral_lbs_10_207_0_v1.1.0.pkl",
+)
+MANO = Layout(
+    "MANO",
+    778,
+    1538,
+    16,
+    {"hands_components": (45, 45), "hands_mean": (45,)},
+    "give the path of an official MANO file, MANO_RIGHT.pkl",
+)
+
+
+def read_model(path: Path, layout: Layout) -> dict[str, NDArray[Any]]:
+    """The arrays of a file, of the types that it holds them in.
+
+    Raises:
+        BodyModelError: there is no such file, it is none of this layout, or what it holds does not fit together.
+    """
+    if not path.is_file():
+        raise BodyModelError(f"there is no body model file {path}: {layout.advice}")
+    arrays = _from_npz(path, layout) if zipfile.is_zipfile(path) else _from_pickle(path, layout)
+    check_numbers(path, arrays, layout.vertices, layout.joints, layout.advice)
+    return arrays
+
+
+def check_numbers(path: Path, arrays: Mapping[str, NDArray[Any]], vertices: int, joints: int, advice: str) -> None:
+    """Of finite numbers, faces of vertices that there are, and joints whose parents are joints.
+
+    Raises:
+        BodyModelError: the file at ``path`` holds others.
+    """
+    for name, array in arrays.items():
+        if not np.isfinite(array).all():
+            raise BodyModelError(f"{path}: {name} holds numbers that are not finite: {advice}")
+    parents = arrays["kintree_table"][0, 1:]  # the root has none: -1, or 4294967295 in old files
+    for name, indices, end in (("f", arrays["f"], vertices), ("kintree_table", parents, joints)):
+        wrong = indices[(indices < 0) | (indices >= end) | (indices != np.floor(indices))]
+        if wrong.size:
+            raise BodyModelError(f"{path}: {name} holds {wrong.flat[0]}, not an index below {end}: {advice}")
+
+
+def _check(path: Path, layout: Layout, found: Mapping[str, Header | NDArray[Any]]) -> None:
+    """Of shapes and types.
+
+    Raises:
+        BodyModelError: the file has others.
+    """
+    advice, template = layout.advice, found.get("v_template")
+    count = template.shape[0] if template is not None and template.shape else layout.vertices
+    if count in _NAMES and count != layout.vertices:
+        raise BodyModelError(f"{path} is {_NAMES[count]} file ({count} vertices), not {layout.name}: {advice}")
+    if missing := [name for name in layout.shapes if name not in found]:
+        raise BodyModelError(f"{path} lacks the arrays {', '.join(missing)}: {advice}")
+    if layout is SMPL and found["weights"].shape == (layout.vertices, 52):
+        raise BodyModelError(f"{path} is a SMPL+H file (52 joints), not SMPL: {advice}")
+    for name, shape in layout.shapes.items():
+        array = found[name]
+        if array.dtype.kind not in "fiu":
+            raise BodyModelError(f"{path}: {name} holds {shown(str(array.dtype))}, not numbers: {advice}")
+        fits = len(array.shape) == len(shape)
+        if not fits or any(s is not None and s != n for s, n in zip(shape, array.shape, strict=True)):
+            wanted = str(shape).replace("None", "10 or more")
+            raise BodyModelError(f"{path}: {name} must be {wanted}, got {shown(str(array.shape))}: {advice}")
+    columns = found["shapedirs"].shape[2]
+    if columns < 10:
+        raise BodyModelError(f"{path}: shapedirs has {columns} columns, where {layout.name} has 10: {advice}")
+    if columns > _MOST_BETAS:
+        raise BodyModelError(
+            f"{path}: shapedirs has {columns} columns, where {layout.name} has {_MOST_BETAS} at most: {advice}"
+        )
+
+
+def _from_npz(path: Path, layout: Layout) -> dict[str, NDArray[Any]]:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            there = set(archive.namelist())
+            names = [name for name in layout.shapes if f"{name}.npy" in there]
+            headers = {name: archived_header(archive, name) for name in names}
+            if any(header.dtype.hasobject for header in headers.values()):
+                raise BodyModelError(f"{path} holds a pickled object where numbers belong: {layout.advice}")
+            _check(path, layout, headers)
+            return {name: archived_numbers(archive, name) for name in names}
+    except BodyModelError:
+        raise
+    except Exception as error:  # of zipfile, its compressors and numpy, which have many
+        raise BodyModelError(f"{path} cannot be read, the file is damaged: copy or download it again") from error
+
+
+def _from_pickle(path: Path, layout: Layout) -> dict[str, NDArray[Any]]:
+    try:
+        found = read_pickle(path)
+    except RefusedError as error:
+        raise BodyModelError(
+            f"{path} is a pickle that asks for '{error}', which no {layout.name} file holds and which could run code: "
+            f"it is not opened; {layout.advice}"
+        ) from error
+    except ArrayError as error:
+        raise BodyModelError(f"{path} {error}: {layout.advice}") from error
+    except Exception as error:  # a pickle that is none can fail in any way
+        raise BodyModelError(
+            f"{path} is neither an .npz archive nor a pickle of {layout.name}: {layout.advice}"
+        ) from error
+    arrays = {}
+    for name in layout.shapes:
+        if isinstance(found.get(name), StandIn):
+            try:
+                arrays[name] = as_array(found[name])
+            except ArrayError as error:
+                raise BodyModelError(f"{path}: {name} {error}: {layout.advice}") from error
+    _check(path, layout, arrays)
+    return arrays

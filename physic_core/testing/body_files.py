@@ -1,0 +1,71 @@
+"""Made-up files of SMPL and MANO in the form of the published ones; no number is anybody's."""
+
+from __future__ import annotations
+
+import pickle
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physic_core.body.model_file import MANO, SMPL, Layout
+from physic_core.body.smpl_file import SMPL_PARENTS
+
+__all__ = ["mano_arrays", "smpl_arrays", "write_published"]
+
+_ROOT = 2**32 - 1
+_MANO_PARENTS = (_ROOT, 0, 1, 2, 0, 4, 5, 0, 7, 8, 0, 10, 11, 0, 13, 14)
+
+
+def mano_arrays() -> dict[str, NDArray[Any]]:
+    """The arrays of ``MANO_RIGHT.pkl``."""
+    return _arrays(MANO, _MANO_PARENTS)
+
+
+def smpl_arrays() -> dict[str, NDArray[Any]]:
+    """The arrays of ``SMPL_NEUTRAL.pkl``."""
+    return _arrays(SMPL, (_ROOT, *SMPL_PARENTS[1:]))
+
+
+def write_published(path: Path, arrays: dict[str, Any]) -> Path:
+    """Pickle arrays as they are published: by Python 2, with a sparse regressor and objects of chumpy."""
+    from scipy.sparse import csc_matrix
+
+    module = ModuleType("chumpy.ch")
+    module.Ch = _Ch  # type: ignore[attr-defined]
+    published = arrays | {
+        "J_regressor": csc_matrix(arrays["J_regressor"]),
+        "shapedirs": _Ch(arrays["shapedirs"]),
+        "J": _Ch(None),
+        "bs_style": "lbs",
+        "bs_type": "lrotmin",
+    }
+    with patch.dict(sys.modules, {"chumpy": ModuleType("chumpy"), "chumpy.ch": module}):
+        path.write_bytes(pickle.dumps(published, protocol=2))
+    return path
+
+
+class _Ch:
+    """What chumpy's arrays are in a pickle."""
+
+    __module__ = "chumpy.ch"
+    __qualname__ = "Ch"
+
+    def __init__(self, x: NDArray[Any] | None) -> None:
+        if x is not None:
+            self.x = x
+
+
+def _arrays(layout: Layout, parents: tuple[int, ...]) -> dict[str, NDArray[Any]]:
+    rng = np.random.default_rng(0)
+    shapes = {name: tuple(10 if size is None else size for size in shape) for name, shape in layout.shapes.items()}
+    made: dict[str, NDArray[Any]] = {name: rng.standard_normal(shape) for name, shape in shapes.items()}
+    made["f"] = rng.integers(0, layout.vertices, shapes["f"]).astype(np.uint32)
+    made["J_regressor"] = np.eye(layout.joints, layout.vertices)
+    made["weights"] = rng.dirichlet(np.ones(layout.joints), layout.vertices)
+    made["kintree_table"] = np.array([parents, range(layout.joints)], np.uint32)
+    return made

@@ -1,0 +1,340 @@
+"""Files of SMPL and MANO that are damaged or made to do harm: each ends in BodyModelError, and none in a crash."""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.sparse import csc_matrix, csr_matrix
+
+from physic_core.body.model_file import MANO, SMPL, read_model
+from physic_core.errors import BodyModelError
+
+NAMES = ("v_template", "f", "shapedirs", "posedirs", "J_regressor", "weights", "kintree_table")
+
+
+def mano_arrays() -> dict[str, np.ndarray]:
+    """A made-up MANO file; no number is anybody's."""
+    rng = np.random.default_rng(0)
+    parents = [2**32 - 1, 0, 1, 2, 0, 4, 5, 0, 7, 8, 0, 10, 11, 0, 13, 14]
+    return {
+        "v_template": rng.standard_normal((778, 3)),
+        "f": rng.integers(0, 778, (1538, 3)).astype(np.uint32),
+        "shapedirs": rng.standard_normal((778, 3, 10)),
+        "posedirs": rng.standard_normal((778, 3, 135)),
+        "J_regressor": np.eye(16, 778),
+        "weights": rng.random((778, 16)),
+        "kintree_table": np.array([parents, range(16)], np.uint32),
+        "hands_components": np.eye(45),
+        "hands_mean": rng.standard_normal(45),
+    }
+
+
+@pytest.mark.parametrize("protocol", [2, 3, 4, 5])
+@pytest.mark.parametrize("sparse", [csc_matrix, csr_matrix])
+def test_a_mano_file_is_read_in_its_own_types(tmp_path: Path, protocol: int, sparse: Any) -> None:
+    arrays, path = mano_arrays(), tmp_path / "MANO_RIGHT.pkl"
+    columns_first = np.asfortranarray(arrays["posedirs"])
+    other_end = arrays["weights"].astype(">f8")
+    published = {
+        **arrays,
+        "J_regressor": sparse(arrays["J_regressor"]),
+        "posedirs": columns_first,
+        "bs_type": "lrotmin",
+    }
+    path.write_bytes(pickle.dumps({**published, "weights": other_end, "one": np.float64(1)}, protocol=protocol))
+    found = read_model(path, MANO)
+    assert found.keys() == arrays.keys()
+    for name, array in arrays.items():
+        np.testing.assert_array_equal(found[name], array)
+    assert found["f"].dtype == np.uint32
+    np.savez_compressed(tmp_path / "MANO_RIGHT.npz", **arrays)
+    np.testing.assert_array_equal(read_model(tmp_path / "MANO_RIGHT.npz", MANO)["weights"], arrays["weights"])
+
+
+class _As:
+    """Is pickled as a call of somebody else's function, or as their class with a state."""
+
+    def __init__(self, module: str, name: str, arguments: tuple[Any, ...], state: Any = None) -> None:
+        self.called = (_Name(module, name), arguments, *(() if state is None else (state,)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return self.called
+
+
+class _Name:
+    """Stands for a function while it is pickled."""
+
+    def __init__(self, module: str, name: str) -> None:
+        self.__module__, self.__qualname__ = module, name
+
+    def __call__(self, *_: Any) -> None:
+        raise AssertionError
+
+
+class _Pickler(pickle._Pickler):
+    """Writes names that nothing here needs to have."""
+
+    def save(self, obj: Any, save_persistent_id: bool = True) -> None:
+        if isinstance(obj, _Name):
+            self.write(b"c" + obj.__module__.encode() + b"\n" + obj.__qualname__.encode() + b"\n")
+        else:
+            super().save(obj, save_persistent_id)
+
+
+def pickled(path: Path, thing: object) -> Path:
+    with path.open("wb") as stream:
+        _Pickler(stream, 2).dump(thing)
+    return path
+
+
+def array(shape: Any, code: str, data: Any) -> _As:
+    """An array of numpy that says what it likes about itself."""
+    kind = _As("numpy", "dtype", (code, False, True), (3, "<", None, None, None, -1, -1, 0))
+    made = ("numpy.core.multiarray", "_reconstruct", (_Name("numpy", "ndarray"), (0,), b"b"))
+    return _As(*made, (1, shape, kind, False, data))
+
+
+def sparse(**changes: Any) -> _As:
+    whole = csc_matrix(np.eye(16, 778))
+    state = {"_shape": whole.shape, "data": whole.data, "indices": whole.indices, "indptr": whole.indptr} | changes
+    kind = _Name("scipy.sparse.csc", "csc_matrix")
+    return _As("copy_reg", "_reconstructor", (kind, _Name("__builtin__", "object"), None), state)
+
+
+def chosen(idxs: Any, shape: Any = (778, 3, 10), a: Any = None) -> _As:
+    kind = _Name("chumpy.reordering", "Select")
+    whole = _As("copy_reg", "_reconstructor", (_Name("chumpy.ch", "Ch"), _Name("__builtin__", "object"), None), {
+        "x": np.zeros(778 * 30)
+    })  # fmt: skip
+    state = {"a": whole if a is None else a, "idxs": idxs, "preferred_shape": shape}
+    return _As("copy_reg", "_reconstructor", (kind, _Name("__builtin__", "object"), None), state)
+
+
+def endless() -> _As:
+    found = chosen(np.zeros(3, int))
+    found.called[2]["a"] = found
+    return found
+
+
+FULL = np.arange(778 * 30).reshape(778, 3, 10)
+HARM: dict[str, tuple[str, Callable[[], Any], str]] = {
+    "row outside": ("J_regressor", lambda: sparse(indices=np.arange(16) + 10**9), "at 1000000015, outside"),
+    "row below": ("J_regressor", lambda: sparse(indices=np.arange(16) - 5), "with a number at -5, outside of it"),
+    "rows of 64 bits": ("J_regressor", lambda: sparse(indices=np.full(16, 2**62)), f"a number at {2**62}, outside"),
+    "fractions for rows": ("J_regressor", lambda: sparse(indices=np.full(16, 0.5)), "of float64 by float64 and int32"),
+    "too few rows": ("J_regressor", lambda: sparse(indices=np.zeros(3, np.int32)), "(16,) numbers at (3,) places"),
+    "ends that fall": ("J_regressor", lambda: sparse(indptr=np.r_[0, 9, 3, np.full(776, 16)]), "do not end where"),
+    "ends below": ("J_regressor", lambda: sparse(indptr=np.r_[-9, np.full(778, 16)]), "do not end where"),
+    "ends outside": ("J_regressor", lambda: sparse(indptr=np.r_[np.zeros(778, int), 10**12]), "do not end where"),
+    "too few ends": ("J_regressor", lambda: sparse(indptr=np.zeros(3, int)), "and (3,) ends"),
+    "a huge matrix": ("J_regressor", lambda: sparse(_shape=(10**6, 10**6)), "of 1000000 x 1000000, larger than any"),
+    "a negative matrix": ("J_regressor", lambda: sparse(_shape=(-16, -778)), "has a shape that none can have"),
+    "no matrix": ("J_regressor", lambda: sparse(_shape="16"), "has no shape"),
+    "text in a matrix": ("J_regressor", lambda: sparse(data="text"), "is a str, not an array"),
+    "a huge array": ("weights", lambda: array((10**12,), "f8", b"12345678"), "is said to be 1000000000000 of float64"),
+    "a hidden axis": ("weights", lambda: array((0, 2**61), "f8", ""), "weights has a shape that none can have"),
+    "hidden axes": ("weights", lambda: array((2**40, 0, 2**40), "f8", ""), "weights has a shape that none can have"),
+    "a hidden column": ("J_regressor", lambda: sparse(_shape=(0, 2**61)), "has a shape that none can have"),
+    "wide letters": ("weights", lambda: array((0, 2**50), "U999999", ""), "is an array whose parts do not fit"),
+    "letters as bytes": ("weights", lambda: array((1,), "f8", "\u20ac" * 8), "is an array whose parts do not fit"),
+    "no bytes": ("weights", lambda: array((778, 16), "f8", 10**12), "and has no bytes"),
+    "a negative array": ("weights", lambda: array((-1,), "f8", b"12345678"), "has a shape that none can have"),
+    "many axes": ("weights", lambda: array((1,) * 99, "f8", b"12345678"), "has no shape"),
+    "objects": ("weights", lambda: array((10**6,), "O8", []), "holds objects, not numbers"),
+    "fields": ("weights", lambda: array((1,), "V999", b"1" * 999), "holds no numbers, not numbers"),
+    "no type": ("weights", lambda: array((1,), "f3", b"123"), "is of a type 'f3', which numpy does not have"),
+    "truths": ("weights", lambda: np.zeros((778, 16), bool), "weights holds bool, not numbers"),
+    "complex numbers": ("weights", lambda: np.zeros((778, 16), complex), "weights holds complex128, not numbers"),
+    "no numbers": ("weights", lambda: np.full((778, 16), np.nan), "weights holds numbers that are not finite"),
+    "a choice outside": ("shapedirs", lambda: chosen(FULL.ravel() + 1), "is a choice of number 23340 among 23340"),
+    "a choice below": ("shapedirs", lambda: chosen(FULL.ravel() - 1), "is a choice of number -1 among 23340"),
+    "a choice of fractions": ("shapedirs", lambda: chosen(FULL.ravel() / 2), "is a choice by float64, not by whole"),
+    "a huge choice": ("shapedirs", lambda: chosen(FULL.ravel(), (10**9, 10**9)), "to be 1000000000 x 1000000000"),
+    "a choice of itself": ("shapedirs", endless, "is a choice of a choice without end"),
+    "many columns": ("shapedirs", lambda: np.zeros((778, 3, 301)), "shapedirs has 301 columns, where MANO has 300"),
+    "vertex outside": ("f", lambda: np.full((1538, 3), 778), "f holds 778, not an index below 778"),
+    "vertex below": ("f", lambda: np.full((1538, 3), -1), "f holds -1, not an index below 778"),
+    "half a vertex": ("f", lambda: np.full((1538, 3), 0.5), "f holds 0.5, not an index below 778"),
+    "parent outside": ("kintree_table", lambda: np.full((2, 16), 16), "kintree_table holds 16, not an index below 16"),
+}  # fmt: skip
+
+
+def test_harmful_pickles_end_in_words_and_take_no_memory(tmp_path: Path) -> None:
+    """In a process of its own: scipy writes beside a matrix whose indices lie outside of it, and that may crash."""
+    for name, (where, make, _) in HARM.items():
+        pickled(tmp_path / f"{name}.pkl", {**mano_arrays(), where: make()})
+    for (name, words), (path, faults) in zip(refused(tmp_path, list(HARM)), HARM.items(), strict=True):
+        assert name == path
+        assert faults[2] in words, f"{name}: {words}"
+        assert words.endswith(MANO.advice), f"{name}: {words}"
+
+
+NEITHER = "is neither an .npz archive nor a pickle of MANO"
+CLAIMS: dict[str, tuple[bytes, str]] = {
+    "BYTEARRAY8": (b"\x80\x05\x96" + (3 * 2**30).to_bytes(8, "little") + b"abc.", NEITHER),
+    "BYTEARRAY8 in a frame": (
+        b"\x80\x05\x95" + (13).to_bytes(8, "little") + b"\x96" + (3 * 2**30).to_bytes(8, "little") + b"abc.",
+        NEITHER,
+    ),
+    "BINBYTES8": (b"\x80\x04\x8e" + (3 * 2**30).to_bytes(8, "little") + b"abc.", NEITHER),
+    "BINUNICODE8": (b"\x80\x04\x8d" + (3 * 2**30).to_bytes(8, "little") + b"abc.", NEITHER),
+    "FRAME": (b"\x80\x04\x95" + (2**62).to_bytes(8, "little") + b"}.", NEITHER),
+    "LONG4": (b"\x80\x02\x8b" + (2**31 - 1).to_bytes(4, "little") + b"abc.", NEITHER),
+    "BINBYTES8 that is short": (b"\x80\x04}\x8e" + (4).to_bytes(8, "little") + b"0.", NEITHER),
+    "a deep key": (b"\x80\x02})" + b"\x85" * 400_000 + b"K\x01s.", NEITHER),
+    "deep keys": (b"\x80\x02}()" + b"\x85" * 400_000 + b"K\x01u.", NEITHER),
+    "a deep dictionary": (b"\x80\x02()" + b"\x85" * 400_000 + b"K\x01d.", NEITHER),
+    "a deep set": (b"\x80\x04\x8f()" + b"\x85" * 400_000 + b"\x90.", NEITHER),
+    "a deep frozen set": (b"\x80\x04()" + b"\x85" * 400_000 + b"\x91.", NEITHER),
+    "escapes": (b"\x80\x02cevil\x1b[2J\nred\x1b[31m\n)R.", r"asks for 'evil\x1b[2J.red\x1b[31m', which"),
+    "a long name": (b"\x80\x02c" + b"A" * 5_000_000 + b"\nx\n)R.", f"asks for '{'A' * 77}...', which"),
+    "a long kind": (
+        b"\x80\x02ccopy_reg\n_reconstructor\n(X" + (3_000_000).to_bytes(4, "little") + b"z" * 3_000_000 + b"tR.",
+        f"asks for 'the making of {'z' * 77}...', which",
+    ),
+    "a kind of many": (
+        b"\x80\x02ccopy_reg\n_reconstructor\n()" + b"2\x86" * 40 + b"tR.",
+        "asks for 'the making of a tuple', which",
+    ),
+    "a long encoding": (
+        b"\x80\x02c_codecs\nencode\n(X\x01\x00\x00\x00aX\x05\x00\x00\x00\x1b[31mtR.",
+        r"asks for 'bytes in \x1b[31m', which",
+    ),
+}  # opcode or fault -> pickle, words
+
+
+def test_lengths_depths_and_names_of_a_pickle_take_no_memory_and_no_screen(tmp_path: Path) -> None:
+    for name, (content, _) in CLAIMS.items():
+        (tmp_path / f"{name}.pkl").write_bytes(content)
+    most = 80 + len(str(tmp_path)) + 250  # a text of the file's, its path, our own words
+    for name, words in refused(tmp_path, list(CLAIMS)):
+        assert CLAIMS[name][1] in words, f"{name}: {words[:500]}"
+        assert words.isprintable(), f"{name}: {words[:500]!r}"
+        assert len(words) < most, f"{name}: {len(words)} characters"
+
+
+def test_arrays_of_bytes_that_may_change_are_read(tmp_path: Path) -> None:
+    """Of protocol 5, as numpy writes them: their BYTEARRAY8 is read here, not by Python."""
+    (tmp_path / "MODEL.pkl").write_bytes(pickle.dumps({**mano_arrays(), "more": bytearray(b"abc" * 99)}, protocol=5))
+    np.testing.assert_array_equal(read_model(tmp_path / "MODEL.pkl", MANO)["weights"], mano_arrays()["weights"])
+
+
+def refused(folder: Path, names: list[str], suffix: str = ".pkl") -> list[tuple[str, str]]:
+    """What each file is refused with, in another process whose arrays take less than 64 MB."""
+    code = """
+import sys, tracemalloc
+from pathlib import Path
+from physic_core.body.model_file import MANO, read_model
+from physic_core.errors import BodyModelError
+for path in sys.argv[1:]:
+    tracemalloc.start()
+    try:
+        read_model(Path(path), MANO)
+        print("read")
+    except BodyModelError as error:
+        print(str(error).replace(chr(10), " "))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 64e6, f"{path} takes {peak / 1e6:.0f} MB"
+"""
+    paths = [str(folder / f"{name}{suffix}") for name in names]
+    done = subprocess.run([sys.executable, "-c", code, *paths], capture_output=True, text=True, timeout=300)
+    assert (done.returncode, done.stderr) == (0, "")
+    return list(zip(names, done.stdout.splitlines(), strict=True))
+
+
+def npy(shape: str, kind: str, data: bytes = b"") -> bytes:
+    text = f"{{'descr': {kind}, 'fortran_order': False, 'shape': {shape}, }}".ljust(117) + "\n"
+    return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text.encode() + data
+
+
+ARCHIVES: dict[str, tuple[bytes, str]] = {
+    "huge": (npy("(1000000000000, 16)", "'<f8'"), ": weights must be (778, 16), got (1000000000000, 16)"),
+    "negative": (npy("(-778, 16)", "'<f8'"), "cannot be read, the file is damaged"),
+    "short": (npy("(778, 16)", "'<f8'", b"1234"), "cannot be read, the file is damaged: copy or download it again"),
+    "objects": (npy("(778, 16)", "'|O'"), "holds a pickled object where numbers belong"),
+    "fields": (npy("(778, 16)", "[('a', '|O'), ('b', '<f8')]"), "holds a pickled object where numbers belong"),
+    "text": (npy("(778, 16)", "'<U9999'"), "weights holds <U9999, not numbers"),
+    "no header": (b"nothing", "cannot be read, the file is damaged"),
+    "no shape": (npy("'x'", "'<f8'"), "cannot be read, the file is damaged"),
+    "zeros": (npy("(9999999, 16)", "'<f8'", bytes(10**8)), ": weights must be (778, 16), got (9999999, 16)"),
+}
+
+
+def test_harmful_archives_end_in_words_and_take_no_memory(tmp_path: Path) -> None:
+    np.savez(tmp_path / "whole.npz", **{k: v for k, v in mano_arrays().items() if k != "weights"})
+    for name, (content, _) in ARCHIVES.items():
+        (tmp_path / f"{name}.npz").write_bytes((tmp_path / "whole.npz").read_bytes())
+        with zipfile.ZipFile(tmp_path / f"{name}.npz", "a", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr("weights.npy", content)
+    for name, words in refused(tmp_path, list(ARCHIVES), ".npz"):
+        assert ARCHIVES[name][1] in words, f"{name}: {words}"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_damaged_files_are_read_or_refused(tmp_path: Path, seed: int) -> None:
+    """One byte changed, anywhere: the file is read, or refused with a BodyModelError and nothing else."""
+    rng = np.random.default_rng(seed)
+    arrays = mano_arrays() | {"J_regressor": csc_matrix(np.eye(16, 778))}
+    whole = pickle.dumps(arrays, protocol=2 + seed)
+    path = tmp_path / "MANO_RIGHT.pkl"
+    places = [i for i in range(len(whole)) if i < 400 or i % 997 == 0]
+    for place in rng.permutation(places)[:80]:
+        broken = bytearray(whole)
+        broken[place] = rng.integers(256)
+        path.write_bytes(broken)
+        with suppress(BodyModelError):
+            assert read_model(path, MANO).keys() >= set(NAMES)
+
+
+class _Runs:
+    def __reduce__(self) -> tuple[Any, ...]:
+        return pytest.fail, ("the pickle was run",)
+
+
+@pytest.mark.parametrize("layout", [SMPL, MANO])
+def test_nothing_is_run(tmp_path: Path, layout: Any) -> None:
+    path = tmp_path / "MODEL.pkl"
+    path.write_bytes(pickle.dumps({**mano_arrays(), "bs_type": _Runs()}))
+    with pytest.raises(BodyModelError, match="which could run code: it is not opened"):
+        read_model(path, layout)
+
+
+@pytest.mark.parametrize(
+    "state",
+    [
+        b"ccopy_reg\n_reconstructor\n(N}(X\x05\x00\x00\x00denseX\x01\x00\x00\x00xutb.",
+        b"c_codecs\nencode\n(N}(X\x0c\x00\x00\x00__defaults__)utb.",
+    ],
+)
+def test_a_pickle_cannot_change_what_reads_it(tmp_path: Path, state: bytes) -> None:
+    before = read_model_of(tmp_path / "before.pkl")
+    (tmp_path / "MODEL.pkl").write_bytes(state)
+    with pytest.raises(BodyModelError, match=r"is neither an \.npz archive nor a pickle of MANO"):
+        read_model(tmp_path / "MODEL.pkl", MANO)
+    assert read_model_of(tmp_path / "after.pkl").keys() == before.keys()
+
+
+def read_model_of(path: Path) -> dict[str, np.ndarray]:
+    path.write_bytes(pickle.dumps(mano_arrays() | {"J_regressor": csc_matrix(np.eye(16, 778))}, protocol=2))
+    return read_model(path, MANO)
+
+
+@pytest.mark.parametrize(
+    ("vertices", "words"), [(6890, "a SMPL file (6890 vertices), not MANO"), (10475, "a SMPL-X file (10475 vertices)")]
+)
+def test_other_bodies_are_named(tmp_path: Path, vertices: int, words: str) -> None:
+    path = tmp_path / "MANO_RIGHT.npz"
+    np.savez(path, **{**mano_arrays(), "v_template": np.zeros((vertices, 3))})
+    with pytest.raises(BodyModelError) as caught:
+        read_model(path, MANO)
+    assert words in str(caught.value)
