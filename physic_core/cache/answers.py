@@ -2,8 +2,8 @@
 
 What an answer is kept under is a digest of all that it can depend on: what the backend is given, which backend it is
 (interface, name, distribution, version, code, the libraries that it and the core require, options, device, the files
-that options name, and what the backend itself states with ``fingerprint``), and the plugin API. So a run that swaps one
-backend asks that one, and further only those that are given something else because of it.
+that options name, and what the backend itself states with ``fingerprint``), and the version of its interface. So a run
+that swaps one backend asks that one, and further only those that are given something else because of it.
 
 Answers lie in ``$XDG_CACHE_HOME/physic/answers``, or in the system's own place for caches. Set ``PHYSIC_CACHE`` to
 another folder, or to "off".
@@ -29,8 +29,9 @@ from physic_core.cache.npz import Damaged, read, write
 from physic_core.cache.places import answers_folder
 from physic_core.cache.shelf import SUFFIX, shrink, touch
 from physic_core.errors import OutputError
+from physic_core.interfaces import INTERFACES
+from physic_core.io.npz import MOST_BYTES
 from physic_core.plugins import required_versions
-from physic_core.registry import PLUGIN_API
 
 if TYPE_CHECKING:
     from physic_core.interfaces import Backend
@@ -40,7 +41,7 @@ __all__ = ["Answers", "settled"]
 
 T = TypeVar("T")
 
-_VERSION = 1
+_VERSION = 2
 """To be raised when a kept answer would be read as something else, or a border lets less pass."""
 
 _CLASSES = (
@@ -110,6 +111,7 @@ class Answers:
             return None
         told = {
             **asdict(who),
+            "api": INTERFACES[who.interface].api,
             "class": f"{kind.__module__}.{kind.__qualname__}",
             "code": code,
             "device": device,
@@ -118,20 +120,22 @@ class Answers:
             "libraries": self._libraries("physic-core") | self._libraries(who.distribution),
         }
         try:
-            name = self._digester.digest(_VERSION, PLUGIN_API, told, inputs)
+            name = self._digester.digest(_VERSION, told, inputs)
         except TypeError:
             return None
         return Question(f"{who.interface}-{_plain(who.backend)}-{name}{SUFFIX}", told)
 
     def find(self, question: Question) -> object | None:
-        """The answer, if it is kept; a file that cannot be read is dropped."""
+        """The answer, if it is kept; a damaged file is dropped, and so is one that keeps another question's answer."""
         path = self._folder / question.name
         try:
             arrays, document = read(path)
+            if document["name"] != question.name:
+                raise Damaged(f"it is a copy of {document['name']}")
             answer: object = _opened(arrays, document["answer"])
         except OSError:
             return None
-        except (Damaged, KeyError, TypeError) as error:
+        except Exception as error:  # whatever a class of ours says to fields that are not its own
             self.drop(question, str(error))
             return None
         touch(path)
@@ -140,9 +144,12 @@ class Answers:
     def drop(self, question: Question, why: str) -> None:
         """Forget an answer that is not what it should be."""
         path = self._folder / question.name
-        self.notes.append(f"a damaged file of the cache was dropped and its answer computed again: {path} ({why})")
-        with suppress(OSError):
-            path.unlink()
+        try:
+            path.rmdir() if path.is_dir() and not path.is_symlink() else path.unlink(missing_ok=True)
+            self.notes.append(f"a damaged file of the cache was dropped and its answer computed again: {path} ({why})")
+        except OSError as error:
+            end = f"remove it yourself, for it cannot be removed from here: {error.strerror}"
+            self.notes.append(f"the cache holds what is not its own: {path} ({why}); {end}")
 
     def keep(self, question: Question, answer: object) -> None:
         """Keep an answer, if it is made of what can be kept; a disk that cannot be written costs a note, no more."""
@@ -150,13 +157,18 @@ class Answers:
             arrays, document = _packed(answer)
         except TypeError:
             return
-        if sum(array.nbytes for array in arrays.values()) > self._limit:
+        if sum(array.nbytes for array in arrays.values()) > min(self._limit, MOST_BYTES // 2):
             return
+        document = {"name": question.name, "answer": document, "backend": question.who}
         try:
-            write(self._folder, question.name, arrays, {"answer": document, "backend": question.who}, squeeze=False)
+            write(self._folder, question.name, arrays, document, squeeze=False)
             self._written = True
         except (OSError, OutputError) as error:
-            note = f"answers of backends cannot be kept: {error}; name another folder in PHYSIC_CACHE, or switch it off"
+            if (self._folder / question.name).is_dir():  # in the way of one answer, not of all
+                note = f"an answer of a backend cannot be kept: {error}"
+            else:
+                cure = "name another folder in PHYSIC_CACHE, or switch it off"
+                note = f"answers of backends cannot be kept: {error}; {cure}"
             self.notes += [note] * (note not in self.notes)
 
     def tidy(self) -> None:

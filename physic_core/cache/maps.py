@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import hashlib
-import os
-import tempfile
-import zipfile
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from physic_core.body.correspondence import VERSION, Correspondence, correspondence
+from physic_core.cache.npz import Damaged, read, write
 from physic_core.cache.places import maps_folder
 from physic_core.cache.shelf import MAP_SUFFIX
+from physic_core.errors import OutputError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -49,29 +48,24 @@ def _digest(rest: RestMesh, model: BodyModel) -> str:
 
 def _read(path: Path, vertices: int, others: int) -> Correspondence | None:
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-            found = Correspondence(file["corners"].astype(np.int64), file["shares"].astype(np.float64), file["sure"])
-    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile):
-        return None  # not there, or damaged: it is told again
+        file, name = read(path)
+        found = Correspondence(file["corners"].astype(np.int64), file["shares"].astype(np.float64), file["sure"])
+    except (OSError, Damaged, KeyError, ValueError):
+        return None  # not there, or damaged: it is made anew
     shapes = [found.corners.shape, found.shares.shape, found.sure.shape]
-    whole = shapes == [(vertices, 3), (vertices, 3), (vertices,)] and found.corners.max(initial=0) < others
-    return found if whole else None
+    fits = shapes == [(vertices, 3), (vertices, 3), (vertices,)] and found.corners.min(initial=0) >= 0
+    return found if name == path.name and fits and found.corners.max(initial=0) < others else None
 
 
 def _write(path: Path, found: Correspondence) -> None:
     """A disk that cannot be written costs the seconds of the next time, no more."""
-    with suppress(OSError):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(
-            dir=path.parent, prefix=f".{path.name}.", suffix=".part", delete=False
-        ) as stream:
-            np.savez(
-                stream,
-                corners=found.corners.astype(np.int32),
-                shares=found.shares.astype(np.float32),
-                sure=found.sure,
-            )
-        os.replace(stream.name, path)
+    arrays = {
+        "corners": found.corners.astype(np.int32),
+        "shares": found.shares.astype(np.float32),
+        "sure": found.sure,
+    }
+    with suppress(OSError, OutputError):
+        write(path.parent, path.name, arrays, path.name, squeeze=False)
 
 
 def _plain(name: str) -> str:

@@ -6,10 +6,10 @@ import os
 import sys
 from pathlib import Path
 
-__all__ = ["SWITCH", "answers_folder", "maps_folder", "place"]
+__all__ = ["SWITCH", "answers_folder", "maps_folder", "models_folder", "place"]
 
 SWITCH = "PHYSIC_CACHE"
-"""Environment variable of the backends' answers, and of maps between bodies: a folder, or "off"."""
+"""Environment variable of the backends' answers, of maps between bodies and of plain copies: a folder, or "off"."""
 
 
 def place(name: str, switch: str = "") -> Path | None:
@@ -45,3 +45,8 @@ def answers_folder() -> Path | None:
 def maps_folder() -> Path | None:
     """Where maps between the meshes of bodies are kept, or None if they are not."""
     return place("maps", SWITCH)
+
+
+def models_folder() -> Path | None:
+    """Where plain copies of the user's body models are kept, or None if they are not."""
+    return place("models", SWITCH)

@@ -8,12 +8,14 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-__all__ = ["MAP_SUFFIX", "SUFFIX", "Kept", "clear", "kept", "shrink", "touch"]
+__all__ = ["MAP_SUFFIX", "MODEL_SUFFIX", "SUFFIX", "Kept", "clear", "kept", "shrink", "touch"]
 
 SUFFIX = ".answer.npz"
 """Of the files that keep backends' answers. A cache touches no file without its suffix, wherever its folder is."""
 MAP_SUFFIX = ".map.npz"
 """Of those that keep maps between the meshes of bodies (:mod:`physic_core.cache.maps`)."""
+MODEL_SUFFIX = ".model.pkl"
+"""Of plain copies of the user's body models (:mod:`physic_core.adapters.plain_models`)."""
 
 _LEFT_OVER_S = 3600.0
 """A half-written file of this age, s, has no writer any more."""

@@ -18,7 +18,7 @@ def replacing(folder: Path) -> Iterator[Callable[[str], Path]]:
     """Gives out temporary paths for named files of ``folder``, and renames them all once the block ends well.
 
     Raises:
-        OutputError: the folder cannot be written, or its disk is full.
+        OutputError: the folder cannot be written, its disk is full, or a folder has the name of a file.
     """
     paths: dict[str, Path] = {}
     token = secrets.token_hex(4)
@@ -29,6 +29,9 @@ def replacing(folder: Path) -> Iterator[Callable[[str], Path]]:
 
     try:
         yield temporary
+        for name in paths:
+            if os.path.isdir(folder / name) and not os.path.islink(folder / name):
+                raise OutputError(f"cannot write {folder / name}: a folder has this name; remove it, or move it away")
         for name, path in paths.items():
             os.replace(path, folder / name)
     except OSError as error:

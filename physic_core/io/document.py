@@ -13,6 +13,7 @@ import numpy as np
 
 from physic_core.errors import InputError
 from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS
+from physic_core.io.output import SCHEMA
 from physic_core.io.upright import gltf_from_camera
 from physic_core.types import Diagnostic, Provenance, StageRecord
 
@@ -21,20 +22,25 @@ if TYPE_CHECKING:
 
 __all__ = ["SCHEMA", "SCHEMA_VERSION", "checks_from", "from_text", "restored", "stages_from", "to_document", "to_text"]
 
-SCHEMA = "physic-reconstruction"
 SCHEMA_VERSION = 1
 
 _NON_FINITE = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
 _NUMBERS = re.compile(r"\[\n\s*((?:[-+.\deE]+,\n\s*)*[-+.\deE]+)\n\s*\]")
 
 
-def to_document(reconstruction: Reconstruction, files: Sequence[str], arrays_checksum: str) -> dict[str, Any]:
+def to_document(
+    reconstruction: Reconstruction,
+    files: Sequence[str],
+    arrays_checksum: str,
+    digests: Mapping[str, str] | None = None,
+) -> dict[str, Any]:
     """Reconstruction -> JSON-ready dictionary.
 
     Args:
         reconstruction: what to describe.
         files: names of the files that lie beside the document.
         arrays_checksum: of ``reconstruction.npz``.
+        digests: of the files beside the document, by name, as far as they are written.
     """
     camera, scene = reconstruction.intrinsics, reconstruction.scene
     floor = scene.floor
@@ -48,6 +54,7 @@ def to_document(reconstruction: Reconstruction, files: Sequence[str], arrays_che
             "gltf": "the GLB files have y up: their points are gltf_from_camera times the camera frame's",
             "gltf_from_camera": gltf_from_camera(floor).tolist(),
         },
+        "photo": reconstruction.photo,
         "image": {"width": reconstruction.image.shape[1], "height": reconstruction.image.shape[0]},
         "intrinsics": {
             "fx": camera.fx,
@@ -74,6 +81,7 @@ def to_document(reconstruction: Reconstruction, files: Sequence[str], arrays_che
         "diagnostics": reconstruction.diagnostics,
         "config": reconstruction.config,
         "files": list(files),
+        "digests": dict(digests or {}),
         "arrays": {
             "checksum": arrays_checksum,
             "shared": [_spec(spec.name, spec.dtype, spec.shape, spec.meaning) for spec in SHARED_ARRAYS],

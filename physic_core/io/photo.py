@@ -17,6 +17,7 @@ from PIL import Image, ImageOps, UnidentifiedImageError
 
 from physic_core.errors import InputError
 from physic_core.io.exif import EXIF_IFD, ORIENTATION, intrinsics_from_exif, is_turned
+from physic_core.short_repr import ShortRepr
 
 if TYPE_CHECKING:
     from physic_core.types import Intrinsics, UInt8Array
@@ -30,14 +31,13 @@ MAX_PIXELS = 150_000_000
 """Photos above this are refused; decoding one takes up to 12 bytes a pixel."""
 
 _FOCAL_RANGE = (0.1, 100.0)  # of the long side; wider than any lens, narrower than a slip of the unit
-_MOST_OFFSET = 10.0  # of the principal point from the centre, in long sides
 _KEEP_PIXELS = 24_000_000  # larger photos are read at a half, a third, ... of their size
 _REDUCIBLE = ("L", "RGB", "RGBA", "CMYK")
 _PILLOW_DAMAGE = (OSError, SyntaxError, ValueError, EOFError, KeyError, IndexError, TypeError, struct.error)
 
 
 @dataclass(frozen=True)
-class Photo:
+class Photo(ShortRepr):
     """One photo, ready for reconstruction.
 
     Attributes:
@@ -110,12 +110,11 @@ def _check_camera(camera: Intrinsics, width: int, height: int) -> None:
                 f"the focal length is {focal / side:.2g} times the long side of the photo, and a camera's is "
                 f"{least:g} to {most:g} times: give it in px of the photo file"
             )
-    for name, offset in (("cx", camera.cx - (width - 1) / 2), ("cy", camera.cy - (height - 1) / 2)):
-        if not abs(offset) <= _MOST_OFFSET * side:
-            raise InputError(
-                f"the principal point's {name} lies {abs(offset) / side:.2g} times the long side of the photo beside "
-                f"its centre, and even a cropped photo's lies within {_MOST_OFFSET:g}: give it in px of the photo file"
-            )
+    if not (-0.5 <= camera.cx <= width - 0.5 and -0.5 <= camera.cy <= height - 0.5):
+        raise InputError(
+            f"the principal point ({camera.cx:g}, {camera.cy:g}) lies outside the photo of {width} x {height} px: "
+            "give it in px of the photo file, or give the focal length alone"
+        )
 
 
 def check_image(image: Any) -> UInt8Array:

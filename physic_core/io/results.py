@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import os
-import re
 import zipfile
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from physic_core.errors import InputError
 from physic_core.io.arrays import (
@@ -21,7 +18,16 @@ from physic_core.io.arrays import (
     write_npz,
 )
 from physic_core.io.atomic import check_writable, replacing
-from physic_core.io.document import SCHEMA, checks_from, from_text, restored, stages_from, to_document, to_text
+from physic_core.io.document import checks_from, from_text, restored, stages_from, to_document, to_text
+from physic_core.io.npz import read_arrays
+from physic_core.io.output import (
+    ARRAYS_FILE,
+    DOCUMENT_FILE,
+    PREVIEW_FILE,
+    check_folder,
+    file_digest,
+    own_files,
+)
 from physic_core.types import BodyParameters, Intrinsics, Person, Plane, Reconstruction, Scene
 
 if TYPE_CHECKING:
@@ -31,43 +37,59 @@ if TYPE_CHECKING:
 
 __all__ = ["ARRAYS_FILE", "DOCUMENT_FILE", "PREVIEW_FILE", "check_writable", "load", "save"]
 
-DOCUMENT_FILE = "reconstruction.json"
-ARRAYS_FILE = "reconstruction.npz"
-PREVIEW_FILE = "preview.png"
-_PERSON_GLB = re.compile(r"person_\d+\.glb")
 
-
-def save(reconstruction: Reconstruction, folder: str | os.PathLike[str], *, preview: bool = True) -> tuple[Path, ...]:
-    """Writes ``reconstruction.npz`` and ``.json``, then the GLB files and ``preview.png``, and says where they lie.
+def save(
+    reconstruction: Reconstruction,
+    folder: str | os.PathLike[str],
+    *,
+    preview: bool = True,
+    overwrite: bool = False,
+) -> tuple[Path, ...]:
+    """Writes ``reconstruction.json`` and ``.npz``, then the GLB files and ``preview.png``, and says where they lie.
 
     Every file is written beside its place and renamed. Numbers are stored with the dtypes of
-    :mod:`physic_core.io.arrays`. GLB files and the preview that an earlier, larger result left in the folder go.
+    :mod:`physic_core.io.arrays`. An earlier result of the same photo is replaced, that of another photo and files
+    that were changed since, with ``overwrite`` alone; files that no run wrote, and the photo itself, never are.
 
     Raises:
-        OutputError: the folder cannot be written.
+        OutputError: the folder cannot be written, or something would be lost.
     """
     from physic_core.io.glb import glb_files
 
-    folder = check_writable(folder)
     names = [DOCUMENT_FILE, ARRAYS_FILE, "scene.glb", "combined.glb"]
     names += [f"person_{index}.glb" for index in range(len(reconstruction.people))]
     names += [PREVIEW_FILE] if preview else []
-    stale = _stale(folder, names)
+    check_folder(folder, reconstruction.photo, overwrite=overwrite, names=names)
+    folder = check_writable(folder)
+    earlier = own_files(folder)
+    stale = [folder / name for name in earlier.difference(names)]
+    # Of earlier pictures, which lie there until the new ones do.
+    digests = {name: file_digest(folder / name) for name in earlier.intersection(names) if name != DOCUMENT_FILE}
     with replacing(folder) as temporary:
-        write_npz(temporary(ARRAYS_FILE), to_arrays(reconstruction))
-        document = to_document(reconstruction, names, checksum(temporary(ARRAYS_FILE)))
-        temporary(DOCUMENT_FILE).write_bytes(to_text(document))
+        # The document first: should the process end between the two, the folder is known to hold a result.
+        document_file, arrays_file = temporary(DOCUMENT_FILE), temporary(ARRAYS_FILE)
+        write_npz(arrays_file, to_arrays(reconstruction))
+        arrays_checksum = checksum(arrays_file)
+        digests[ARRAYS_FILE] = file_digest(arrays_file)
+        document_file.write_bytes(to_text(to_document(reconstruction, names, arrays_checksum, digests)))
+        for path in stale:
+            with suppress(OSError):
+                path.unlink()
     # The numbers are safe by now, whatever becomes of the pictures.
-    for path in stale:
-        with suppress(OSError):
-            path.unlink()
     with replacing(folder) as temporary:
-        for name, content in glb_files(reconstruction):
+
+        def write(name: str, content: bytes) -> None:
             temporary(name).write_bytes(content)
+            digests[name] = file_digest(temporary(name))
+
+        document_file = temporary(DOCUMENT_FILE)
+        for name, content in glb_files(reconstruction):
+            write(name, content)
         if preview:
             from physic_core.io.preview import preview_png
 
-            temporary(PREVIEW_FILE).write_bytes(preview_png(reconstruction))
+            write(PREVIEW_FILE, preview_png(reconstruction))
+        document_file.write_bytes(to_text(to_document(reconstruction, names, arrays_checksum, digests)))
     return tuple(folder / name for name in names)
 
 
@@ -89,15 +111,6 @@ def load(folder: str | os.PathLike[str]) -> Reconstruction:
         ) from error
 
 
-def _stale(folder: Path, names: list[str]) -> list[Path]:
-    """Files that an earlier save left and this one does not write."""
-    with suppress(OSError):
-        if SCHEMA.encode() in (folder / DOCUMENT_FILE).read_bytes()[:200]:
-            left = (entry.name for entry in folder.iterdir() if entry.name not in names)
-            return [folder / name for name in left if name == PREVIEW_FILE or _PERSON_GLB.fullmatch(name)]
-    return []
-
-
 def _content(path: Path) -> bytes:
     try:
         return path.read_bytes()
@@ -113,14 +126,16 @@ def _arrays(path: Path, document: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
     wanted += [f"person_{index}_{spec.name}" for index in range(people) for spec in PERSON_ARRAYS]
     try:
         found = checksum(path)
-        with np.load(path, allow_pickle=False) as archive:
-            missing = [name for name in wanted if name not in archive]
-            if missing:
+        with path.open("rb") as stream:
+            names = zipfile.ZipFile(stream).namelist()
+            if missing := [name for name in wanted if f"{name}.npy" not in names]:
                 raise InputError(f"cannot read {path}: it lacks {', '.join(missing)}; run the reconstruction again")
-            arrays = {name: archive[name] for name in wanted}
+            arrays = read_arrays(stream, wanted)
+    except InputError:
+        raise
     except FileNotFoundError:
         raise InputError(f"cannot read {path}: there is no such file; name the folder of a finished run") from None
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zipfile.LargeZipFile) as error:
+    except Exception as error:  # zipfile, zlib and numpy raise a dozen classes for flipped and missing bytes
         raise InputError(f"cannot read {path}: it is damaged ({error}); run the reconstruction again") from error
     if found != document.get("arrays", {}).get("checksum"):
         raise InputError(
@@ -163,6 +178,7 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
         notes=tuple(document["notes"]),
         config=restored(document["config"]),
         checks=checks_from(document.get("checks", ())),  # results of before they were written have none
+        photo=document.get("photo", ""),
     )
 
 

@@ -98,9 +98,9 @@ def test_another_question_is_another(cache: Answers, other: dict[str, object]):
     assert ask(cache, **other).name != ask(cache).name  # type: ignore[arg-type]
 
 
-def test_another_plugin_api_is_another_question(cache: Answers, monkeypatch: pytest.MonkeyPatch):
+def test_another_version_of_the_interface_is_another_question(cache: Answers, monkeypatch: pytest.MonkeyPatch):
     before = ask(cache).name
-    monkeypatch.setattr(module, "PLUGIN_API", 99)
+    monkeypatch.setattr(interfaces.INTERFACES["metric_depth"], "api", 99)
     assert ask(cache).name != before
 
 

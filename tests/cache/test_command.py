@@ -68,6 +68,16 @@ def test_clear_removes_all_answers_and_tells_which(folder: Path):
     assert physic("clear").output == f"removed 0 answers, 0.0 MB from {folder}\n"
 
 
+def test_copies_of_body_models_are_told_and_removed_too(folder: Path):
+    folder.mkdir()
+    (folder / "MANO_RIGHT-00.model.pkl").write_bytes(bytes(3_000_000))
+    (folder / "MANO_RIGHT.pkl").write_text("not theirs")
+    empty = f"{folder}: 0 answers, 0.0 MB\n"
+    assert physic("info").output == f"{empty}{folder}: 1 copy of a body model, 3.0 MB\n"
+    assert physic("clear").output.endswith(f"removed 1 copy of a body model, 3.0 MB from {folder}\n")
+    assert [path.name for path in folder.iterdir()] == ["MANO_RIGHT.pkl"]
+
+
 def test_maps_between_bodies_are_told_and_removed_too(folder: Path):
     fill(folder)
     for name in ("smpl-embedded-00", "mhr-embedded-01"):
@@ -96,7 +106,7 @@ def test_a_cache_that_is_switched_off_is_an_error(command: str, monkeypatch: pyt
     monkeypatch.setenv("PHYSIC_CACHE", "off")
     done = physic(command)
     assert (done.exit_code, done.output) == (
-        1,
+        2,
         "Error: the cache is switched off by the environment variable PHYSIC_CACHE: unset it to see the cache\n",
     )
 

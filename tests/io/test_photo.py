@@ -527,8 +527,13 @@ def test_a_strip_is_refused():
         ),
         (
             Intrinsics(200.0, 200.0, 99.5, -5000.0, 200, 100),
-            "the principal point's cy lies 25 times the long side of the photo beside its centre, and even a cropped "
-            "photo's lies within 10: give it in px of the photo file",
+            "the principal point (99.5, -5000) lies outside the photo of 200 x 100 px: give it in px of the photo "
+            "file, or give the focal length alone",
+        ),
+        (
+            Intrinsics(200.0, 200.0, 199.6, 49.5, 200, 100),
+            "the principal point (199.6, 49.5) lies outside the photo of 200 x 100 px: give it in px of the photo "
+            "file, or give the focal length alone",
         ),
         (
             Intrinsics(float("nan"), 200.0, 99.5, 49.5, 200, 100),

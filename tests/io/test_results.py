@@ -435,4 +435,4 @@ def test_a_pickle_in_the_arrays_is_not_opened(tmp_path, reconstruction):
         kept = dict(arrays)
     kept["faces"] = np.array([{"code": "here"}], dtype=object)
     np.savez(path, **kept)
-    assert message_of(tmp_path).startswith(f"cannot read {path}: it is damaged (Object arrays cannot be loaded")
+    assert message_of(tmp_path).startswith(f"cannot read {path}: it is damaged (an array holds Python objects)")

@@ -1,0 +1,172 @@
+"""Where results may be written: never over the photo, nor over a file that no earlier run wrote."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import stat
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from physic_core.errors import OutputError
+
+if TYPE_CHECKING:
+    from physic_core.types import UInt8Array
+
+__all__ = [
+    "ARRAYS_FILE",
+    "DOCUMENT_FILE",
+    "PREVIEW_FILE",
+    "SCHEMA",
+    "check_folder",
+    "file_digest",
+    "files_of_result",
+    "image_digest",
+    "own_files",
+    "photo_digest",
+    "photo_of_result",
+    "same_photo",
+]
+
+SCHEMA = "physic-reconstruction"
+DOCUMENT_FILE = "reconstruction.json"
+ARRAYS_FILE = "reconstruction.npz"
+PREVIEW_FILE = "preview.png"
+_FIXED = (DOCUMENT_FILE, ARRAYS_FILE, PREVIEW_FILE, "scene.glb", "combined.glb")
+_PERSON = re.compile(r"person_\d+\.glb")
+
+
+def file_digest(path: str | os.PathLike[str]) -> str:
+    """What tells a file from others, whatever it is called; "" where there is no file that can be read."""
+    with suppress(OSError, ValueError):
+        if os.path.isfile(path):  # a pipe would wait for ever
+            with open(path, "rb") as file:
+                return f"sha256:{hashlib.file_digest(file, 'sha256').hexdigest()}"
+    return ""
+
+
+def image_digest(image: UInt8Array) -> str:
+    """What tells an array of pixels from others."""
+    shape = "x".join(map(str, image.shape))
+    return f"pixels-sha256:{hashlib.sha256(shape.encode() + image.tobytes()).hexdigest()}"
+
+
+def photo_digest(path: str | os.PathLike[str], image: UInt8Array) -> str:
+    """Both digests of a photo file, so that a result of the file is known to be one of its pixels."""
+    return " ".join(filter(None, (file_digest(path), image_digest(image))))
+
+
+def same_photo(one: str, other: str) -> bool:
+    """Whether two photos have a digest in common, of the file or of the pixels."""
+    return one == other or not set(one.split()).isdisjoint(other.split())
+
+
+def photo_of_result(folder: str | os.PathLike[str]) -> str | None:
+    """Digests of the photo whose result lies in a folder; "" where that does not state it, None without a result."""
+    document = _document(Path(folder))
+    return None if document is None else str(document.get("photo", ""))
+
+
+def files_of_result(folder: str | os.PathLike[str]) -> frozenset[str]:
+    """Names of the files of the result that lies in a folder, as far as they are names that results have."""
+    document = _document(Path(folder))
+    files = None if document is None else document.get("files")
+    named = [str(name) for name in files] if isinstance(files, list) else []
+    return frozenset(name for name in named if name in _FIXED or _PERSON.fullmatch(name))
+
+
+def _digests_of_result(folder: str | os.PathLike[str]) -> dict[str, str] | None:
+    """File digests by name, as the result in a folder states them; None where it was written before they were."""
+    document = _document(Path(folder))
+    digests = None if document is None else document.get("digests")
+    return {name: str(digest) for name, digest in digests.items()} if isinstance(digests, dict) else None
+
+
+def own_files(folder: str | os.PathLike[str]) -> frozenset[str]:
+    """Names of the files in a folder that an earlier run wrote and that are as it left them.
+
+    A link is the user's, and so is a file with another digest. The document cannot state its own digest and is known
+    by its content.
+    """
+    folder = Path(folder)
+    digests = _digests_of_result(folder)
+
+    def own(name: str) -> bool:
+        try:
+            status = os.lstat(folder / name)
+        except OSError:
+            return False
+        if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
+            return False
+        return digests is None or name == DOCUMENT_FILE or file_digest(folder / name) == digests.get(name, "missing")
+
+    return frozenset(filter(own, files_of_result(folder)))
+
+
+def check_folder(
+    folder: str | os.PathLike[str], photo: str, *, overwrite: bool = False, names: Iterable[str] | None = None
+) -> None:
+    """See that writing a result loses nothing of the user's; the folder need not exist.
+
+    Args:
+        folder: where the result goes.
+        photo: digests of its photo.
+        overwrite: whether the result of another photo may be replaced, and files of a result that were changed since.
+        names: of the files that will be written; None for all that a result may have.
+
+    Raises:
+        OutputError: the photo itself, files that no run wrote, or changed ones have these names, or another photo's
+            result is there.
+    """
+    folder = Path(folder)
+    present = [name for name in (_names_in(folder) if names is None else names) if os.path.lexists(folder / name)]
+    listed, own = files_of_result(folder), own_files(folder)
+    photos = [name for name in present if file_digest(folder / name) in photo.split()]
+    others = [name for name in present if name not in photos and name not in own]
+    changed = [name for name in others if name in listed and os.path.isfile(folder / name)]
+    foreign = [name for name in others if name not in changed]
+    whose = photo_of_result(folder)
+    faults = [f"{_listed(photos)} there is the photo itself"] if photos else []
+    if foreign:
+        faults.append(f"{_listed(foreign)} there {'is' if len(foreign) == 1 else 'are'} not of an earlier run")
+    if changed and not overwrite:
+        faults.append(f"{_listed(changed)} there {'was' if len(changed) == 1 else 'were'} changed since an earlier run")
+    lost = [*photos, *foreign, *([] if overwrite else changed)]
+    cure = f"move {'it' if len(lost) == 1 else 'them'} away"
+    if lost and lost == changed:
+        cure += f", or replace {'it' if len(lost) == 1 else 'them'} with --overwrite (overwrite=True in Python)"
+    if whose is not None and not same_photo(whose, photo) and not overwrite:
+        comparable = not _kinds(whose).isdisjoint(_kinds(photo))
+        faults.append(f"it holds {'the result of another' if comparable else 'a result of an unknown'} photo")
+        cure = cure if lost else "replace that result with --overwrite (overwrite=True in Python)"
+    if faults:
+        raise OutputError(f"cannot write results to {folder}: {'; '.join(faults)}: name another folder, or {cure}")
+
+
+def _names_in(folder: Path) -> list[str]:
+    people: list[str] = []
+    with suppress(OSError):
+        people = sorted(entry.name for entry in folder.iterdir() if _PERSON.fullmatch(entry.name))
+    return [*_FIXED, *people]
+
+
+def _document(folder: Path) -> dict[str, Any] | None:
+    """The document of a result; None where there is none, or something else."""
+    path = folder / DOCUMENT_FILE
+    try:
+        document = json.loads(path.read_bytes()) if path.is_file() else None
+    except (OSError, ValueError, RecursionError):
+        return None
+    return document if isinstance(document, dict) and document.get("schema") == SCHEMA else None
+
+
+def _kinds(photo: str) -> set[str]:
+    return {digest.partition(":")[0] for digest in photo.split()}
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names)

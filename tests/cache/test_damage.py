@@ -1,0 +1,179 @@
+"""Whatever happens to a file of the cache, its answer is computed again and kept again, and no other is given."""
+
+from __future__ import annotations
+
+import importlib.util
+import io
+import os
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from physic_core.body.correspondence import Correspondence
+from physic_core.cache import maps, npz
+from physic_core.cache.answers import Answers
+from physic_core.cache.digest import Digester
+
+TOOL = Path(__file__).parents[2] / "tools" / "flip_cache_bits.py"
+
+
+@pytest.fixture(scope="module")
+def tool() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("flip_cache_bits", TOOL)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_no_flipped_bit_changes_an_answer_or_ends_in_an_error(tool: ModuleType, tmp_path: Path):
+    outcomes, faults = tool.flip(tmp_path, 800)
+    assert faults == []
+    assert sum(outcomes.values()) == 800
+    assert outcomes["dropped"] > 600
+
+
+def rewritten(path: Path, change: Callable[[str, bytes], bytes]) -> None:
+    """Write an archive again with changed members, whose checksums are right."""
+    with zipfile.ZipFile(path) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in members.items():
+            archive.writestr(name, change(name, content))
+
+
+def header(content: bytes, old: bytes, new: bytes) -> bytes:
+    assert content.count(old) == 1
+    assert len(old) == len(new)
+    return content.replace(old, new)
+
+
+def truncated(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-30])
+
+
+def empty(path: Path) -> None:
+    path.write_bytes(b"")
+
+
+def a_folder(path: Path) -> None:
+    path.unlink()
+    path.mkdir()
+
+
+def a_pipe(path: Path) -> None:
+    path.unlink()
+    os.mkfifo(path)
+
+
+def of_another_question(path: Path) -> None:
+    arrays, document = npz.read(path)
+    npz.write(path.parent, path.name, arrays, document | {"name": path.name.replace("flipped-0", "flipped-1")})
+
+
+def fewer_rows_in_a_header(path: Path) -> None:
+    rewritten(path, lambda name, data: header(data, b"(18, 24)", b"( 8, 24)") if "depth" in name else data)
+
+
+def a_giant_in_a_header(path: Path) -> None:
+    def giant(name: str, data: bytes) -> bytes:
+        return header(data, b"(18, 24), } " + b" " * 8, b"(99999999999, 99), }") if "depth" in name else data
+
+    rewritten(path, giant)
+
+
+def a_giant_in_the_archive(path: Path) -> None:
+    """A member that claims 4 GB."""
+    content = path.read_bytes()
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        entry = archive.infolist()[0]
+    at = content.index(b"PK\x01\x02")
+    size = at + 24
+    assert int.from_bytes(content[size : size + 4], "little") == entry.file_size
+    path.write_bytes(content[:size] + (0xFFFFFF00).to_bytes(4, "little") + content[size + 4 :])
+
+
+def fields_of_another_class(path: Path) -> None:
+    arrays, document = npz.read(path)
+    document["answer"]["class"] = "Hands"
+    npz.write(path.parent, path.name, arrays, document)
+
+
+def a_list_for_a_document(path: Path) -> None:
+    npz.write(path.parent, path.name, {}, [1])
+
+
+DAMAGES = [
+    *(truncated, empty, a_folder, of_another_question, fewer_rows_in_a_header, a_giant_in_a_header),
+    *(a_giant_in_the_archive, fields_of_another_class, a_list_for_a_document),
+    *([a_pipe] if hasattr(os, "mkfifo") else []),
+]
+
+
+@pytest.mark.parametrize("damage", DAMAGES, ids=lambda damage: damage.__name__)
+def test_a_damaged_file_is_dropped_and_made_anew(tool: ModuleType, tmp_path: Path, damage: Callable[[Path], None]):
+    cache, asked, answer = Answers(tmp_path, 1 << 30), tool.question("metric_depth"), tool.one_of_each()["metric_depth"]
+    cache.keep(asked, answer)
+    path = tmp_path / asked.name
+    damage(path)
+    assert cache.find(asked) is None
+    (note,) = cache.notes
+    assert note.startswith(f"a damaged file of the cache was dropped and its answer computed again: {path} (")
+    assert list(tmp_path.iterdir()) == []
+    cache.keep(asked, answer)
+    assert Digester().digest(cache.find(asked)) == Digester().digest(answer)
+
+
+def test_a_file_that_may_not_be_read_is_made_anew(tool: ModuleType, tmp_path: Path):
+    cache, asked, answer = Answers(tmp_path, 1 << 30), tool.question("metric_depth"), tool.one_of_each()["metric_depth"]
+    cache.keep(asked, answer)
+    (tmp_path / asked.name).chmod(0)
+    if os.access(tmp_path / asked.name, os.R_OK):
+        pytest.skip("root may read everything")
+    assert cache.find(asked) is None
+    cache.keep(asked, answer)
+    assert cache.find(asked) is not None
+
+
+def test_a_folder_with_files_in_it_is_left_alone_and_named(tool: ModuleType, tmp_path: Path):
+    cache, asked = Answers(tmp_path, 1 << 30), tool.question("metric_depth")
+    path = tmp_path / asked.name
+    path.mkdir()
+    (path / "mine.txt").write_text("mine")
+    assert cache.find(asked) is None
+    (note,) = cache.notes
+    assert note.startswith(f"the cache holds what is not its own: {path} (it is no file); remove it yourself")
+    cache.keep(asked, tool.one_of_each()["metric_depth"])
+    assert cache.notes[1:] == [
+        f"an answer of a backend cannot be kept: cannot write {path}: a folder has this name; "
+        "remove it, or move it away"
+    ]
+    assert (path / "mine.txt").read_text() == "mine"
+
+
+def test_an_archive_that_claims_more_than_memory_is_not_unpacked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    npz.write(tmp_path, "a.npz", {"zeros": np.zeros(100_000)}, None)
+    monkeypatch.setattr("physic_core.io.npz.MOST_BYTES", 99_999)
+    with pytest.raises(npz.Damaged, match="its arrays claim"):
+        npz.read(tmp_path / "a.npz")
+
+
+def test_no_flipped_bit_changes_a_map_between_bodies(tmp_path: Path):
+    random = np.random.default_rng(0)
+    found = Correspondence(random.integers(0, 9, (7, 3)), random.random((7, 3)).astype(np.float32), np.ones(7, bool))
+    path = tmp_path / "a.map.npz"
+    maps._write(path, found)
+    whole, digest = path.read_bytes(), Digester().digest(maps._read(path, 7, 9))
+    for bit in random.integers(0, 8 * len(whole), 500):
+        flipped = bytearray(whole)
+        flipped[bit // 8] ^= 1 << (bit % 8)
+        path.write_bytes(flipped)
+        read = maps._read(path, 7, 9)
+        assert read is None or Digester().digest(read) == digest
+    maps._write(path, Correspondence(found.corners - 1, found.shares, found.sure))
+    assert maps._read(path, 7, 9) is None

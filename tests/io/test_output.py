@@ -1,0 +1,258 @@
+"""What writing a result replaces: an earlier result of its photo, and nothing of the user's."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from physic_core import Reconstruction
+from physic_core.errors import OutputError
+from physic_core.io.output import (
+    check_folder,
+    file_digest,
+    files_of_result,
+    image_digest,
+    photo_digest,
+    photo_of_result,
+)
+
+FILES = ("reconstruction.json", "reconstruction.npz", "preview.png", "scene.glb", "combined.glb")
+
+
+@pytest.fixture
+def photo(tmp_path: Path) -> Path:
+    path = tmp_path / "photo.png"
+    path.write_bytes(b"a photo")
+    return path
+
+
+@pytest.fixture
+def out(tmp_path: Path) -> Path:
+    folder = tmp_path / "out"
+    folder.mkdir()
+    return folder
+
+
+def refusal(folder: Path, photo: str, **settings: bool) -> str:
+    with pytest.raises(OutputError) as caught:
+        check_folder(folder, photo, **settings)
+    start = f"cannot write results to {folder}: "
+    assert str(caught.value).startswith(start)
+    return str(caught.value).removeprefix(start)
+
+
+def result(folder: Path, photo: str, files: tuple[str, ...] = FILES) -> None:
+    folder.mkdir(exist_ok=True)
+    for name in files:
+        (folder / name).write_text("ours")
+    document = {"schema": "physic-reconstruction", "photo": photo, "files": list(files)}
+    (folder / "reconstruction.json").write_text(json.dumps(document))
+
+
+def copied(photo: Path, path: Path) -> None:
+    shutil.copy(photo, path)
+
+
+def linked(photo: Path, path: Path) -> None:
+    path.hardlink_to(photo)
+
+
+def pointed_at(photo: Path, path: Path) -> None:
+    path.symlink_to(photo)
+
+
+def test_a_new_folder_an_empty_one_and_one_with_other_files_will_do(out: Path, photo: Path):
+    check_folder(out / "new", file_digest(photo))
+    check_folder(out, file_digest(photo))
+    (out / "notes.txt").write_text("mine")
+    (out / "photo.png").write_bytes(photo.read_bytes())
+    check_folder(out, file_digest(photo))
+
+
+@pytest.mark.parametrize("link", [copied, linked, pointed_at], ids=lambda link: link.__name__)
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_the_photo_is_never_overwritten(out: Path, photo: Path, link, overwrite: bool):
+    link(photo, out / "preview.png")
+    assert refusal(out, file_digest(photo), overwrite=overwrite) == (
+        "preview.png there is the photo itself: name another folder, or move it away"
+    )
+
+
+def test_a_photo_that_is_a_file_of_its_folders_result_is_never_overwritten(out: Path):
+    result(out, "sha256:0")
+    (out / "preview.png").write_text("a picture that is used as a photo now")
+    assert refusal(out, file_digest(out / "preview.png"), overwrite=True) == (
+        "preview.png there is the photo itself: name another folder, or move it away"
+    )
+
+
+def test_every_foreign_file_is_named_at_once(out: Path, photo: Path):
+    shutil.copy(photo, out / "preview.png")
+    (out / "scene.glb").write_text("mine")
+    (out / "person_12.glb").mkdir()
+    assert refusal(out, file_digest(photo), overwrite=True) == (
+        "preview.png there is the photo itself; scene.glb, person_12.glb there are not of an earlier run: "
+        "name another folder, or move them away"
+    )
+
+
+def test_a_link_to_nowhere_is_a_file_of_the_users(out: Path, photo: Path):
+    (out / "scene.glb").symlink_to(out / "unplugged")
+    assert "scene.glb there is not of an earlier run" in refusal(out, file_digest(photo))
+
+
+@pytest.mark.parametrize("text", ["{}", "a letter", "[" * 100_000, '{"schema": "other", "files": ["scene.glb"]}'])
+def test_another_document_makes_no_result(out: Path, photo: Path, text: str):
+    (out / "reconstruction.json").write_text(text)
+    (out / "scene.glb").write_text("mine")
+    assert photo_of_result(out) is None
+    assert refusal(out, file_digest(photo), overwrite=True).startswith(
+        "reconstruction.json, scene.glb there are not of an earlier run: "
+    )
+
+
+def test_the_result_of_the_same_photo_is_replaced_whatever_the_photo_is_called(out: Path, photo: Path):
+    result(out, file_digest(photo))
+    check_folder(out, file_digest(photo.rename(photo.with_name("other.png"))))
+
+
+def test_the_result_of_another_photo_is_replaced_if_asked_alone(out: Path, photo: Path):
+    result(out, "sha256:0")
+    assert refusal(out, file_digest(photo)) == (
+        "it holds the result of another photo: name another folder, or replace that result with --overwrite "
+        "(overwrite=True in Python)"
+    )
+    check_folder(out, file_digest(photo), overwrite=True)
+    (out / "person_0.glb").write_text("mine")  # the result has none
+    assert refusal(out, file_digest(photo), overwrite=True) == (
+        "person_0.glb there is not of an earlier run: name another folder, or move it away"
+    )
+
+
+def test_a_document_claims_no_file_but_a_results(out: Path):
+    result(out, "sha256:0")
+    document = json.loads((out / "reconstruction.json").read_text())
+    document["files"] += ["../photo.png", "notes.txt", 7, "person_3.glb"]
+    (out / "reconstruction.json").write_text(json.dumps(document))
+    assert files_of_result(out) == {*FILES, "person_3.glb"}
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
+def test_a_pipe_is_not_waited_for(out: Path, photo: Path):
+    os.mkfifo(out / "scene.glb")
+    assert "scene.glb there is not of an earlier run" in refusal(out, file_digest(photo))
+    assert file_digest(out / "scene.glb") == file_digest(out) == file_digest(out / "nothing") == ""
+
+
+def test_arrays_have_digests_too():
+    image = np.zeros((4, 6, 3), np.uint8)
+    assert image_digest(image) == image_digest(image.copy())
+    assert len({image_digest(image), image_digest(image.reshape(6, 4, 3)), image_digest(image + 1)}) == 3
+
+
+def test_saving_replaces_the_same_photos_result_alone(tmp_path: Path, reconstruction: Reconstruction):
+    first = replace(reconstruction, photo="sha256:1")
+    first.save(str(tmp_path / "out"), preview=False)
+    first.save(str(tmp_path / "out"), preview=False)
+    assert Reconstruction.load(str(tmp_path / "out")).photo == "sha256:1"
+    other = replace(reconstruction, photo="sha256:2")
+    with pytest.raises(OutputError, match="it holds the result of another photo"):
+        other.save(str(tmp_path / "out"), preview=False)
+    assert photo_of_result(tmp_path / "out") == "sha256:1"
+    other.save(str(tmp_path / "out"), preview=False, overwrite=True)
+    assert photo_of_result(tmp_path / "out") == "sha256:2"
+    (tmp_path / "out" / "preview.png").write_text("mine")
+    with pytest.raises(OutputError, match=r"preview\.png there is not of an earlier run"):
+        other.save(str(tmp_path / "out"), overwrite=True)
+    assert (tmp_path / "out" / "preview.png").read_text() == "mine"
+    other.save(str(tmp_path / "out"), preview=False)
+    assert (tmp_path / "out" / "preview.png").read_text() == "mine"
+
+
+REPLACE = "move it away, or replace it with --overwrite (overwrite=True in Python)"
+
+
+def edited(path: Path) -> None:
+    path.write_text("mine")
+
+
+def to_a_file(path: Path) -> None:
+    other = path.with_name("mine.png")
+    path.rename(other)
+    path.symlink_to(other)
+
+
+def with_a_second_name(path: Path) -> None:
+    path.with_name("mine.png").hardlink_to(path)
+
+
+@pytest.mark.parametrize("change", [edited, to_a_file, with_a_second_name], ids=lambda change: change.__name__)
+def test_a_file_that_was_changed_since_is_replaced_if_asked_alone(
+    out: Path, reconstruction: Reconstruction, change: Callable[[Path], None]
+):
+    reconstruction.save(str(out))
+    change(out / "preview.png")
+    before = (out / "preview.png").read_bytes()
+    assert refusal(out, reconstruction.photo) == (
+        f"preview.png there was changed since an earlier run: name another folder, or {REPLACE}"
+    )
+    with pytest.raises(OutputError, match=r"preview\.png there was changed since an earlier run"):
+        reconstruction.save(str(out))
+    assert (out / "preview.png").read_bytes() == before
+    reconstruction.save(str(out), overwrite=True)
+    assert (out / "preview.png").read_bytes().startswith(b"\x89PNG")
+    assert not (out / "preview.png").is_symlink()
+    reconstruction.save(str(out))
+
+
+def test_a_result_states_the_digest_of_each_file_but_its_own(out: Path, reconstruction: Reconstruction):
+    reconstruction.save(str(out))
+    document = json.loads((out / "reconstruction.json").read_text())
+    names = [name for name in document["files"] if name != "reconstruction.json"]
+    assert document["digests"] == {name: file_digest(out / name) for name in names}
+
+
+def test_a_changed_file_that_the_next_result_has_not_is_left_alone(out: Path, make: Callable[..., Reconstruction]):
+    make(people=2).save(str(out), preview=False)
+    (out / "person_1.glb").write_text("mine")
+    make(people=1).save(str(out), preview=False)
+    assert (out / "person_1.glb").read_text() == "mine"
+    assert files_of_result(out) == {
+        "reconstruction.json",
+        "reconstruction.npz",
+        "scene.glb",
+        "combined.glb",
+        "person_0.glb",
+    }
+
+
+def test_earlier_pictures_are_known_where_the_new_ones_fail(
+    out: Path, reconstruction: Reconstruction, monkeypatch: pytest.MonkeyPatch
+):
+    def fail(reconstruction: Reconstruction) -> bytes:
+        raise MemoryError
+
+    reconstruction.save(str(out))
+    with monkeypatch.context() as patch:
+        patch.setattr("physic_core.io.preview.preview_png", fail)
+        with pytest.raises(MemoryError):
+            reconstruction.save(str(out))
+    reconstruction.save(str(out))
+
+
+def test_a_photo_is_the_same_by_its_file_or_by_its_pixels(out: Path, photo: Path):
+    pixels, others = np.zeros((4, 6, 3), np.uint8), np.ones((4, 6, 3), np.uint8)
+    result(out, photo_digest(photo, pixels))
+    for same in (photo_digest(photo, pixels), file_digest(photo), image_digest(pixels)):
+        check_folder(out, same)
+    assert refusal(out, image_digest(others)).startswith("it holds the result of another photo: ")
+    result(out, file_digest(photo))  # as results were written before pixels had a digest
+    check_folder(out, photo_digest(photo, pixels))
+    assert refusal(out, image_digest(pixels)).startswith("it holds a result of an unknown photo: ")
