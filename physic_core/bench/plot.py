@@ -36,7 +36,9 @@ def draw(results: Results, path: Path) -> Path:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise PhysicError(f"the plot needs {error.name}: pip install 'physic-core[bench]'") from error
+        raise PhysicError(
+            f"the plot needs {error.name}: `pip install -e '.[bench]'` in a checkout of PhySIC"
+        ) from error
 
     labels = {key: row["label"] for key, row in results.document["settings"]["rows"].items()}
     actions = results.document["actions"]

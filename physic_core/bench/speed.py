@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from physic_core.errors import InputError
+from physic_core.errors import ConfigError
 
 if TYPE_CHECKING:
     from physic_core.engine.problem import JointProblem
@@ -114,7 +114,7 @@ def measure_speed(
         progress: told each section before it is measured.
 
     Raises:
-        InputError: a section, size or preset that does not exist, or no rounds.
+        ConfigError: a section, size or preset that does not exist, or no rounds.
     """
     import torch
 
@@ -123,7 +123,7 @@ def measure_speed(
 
     _check(repeats, sections, sizes, people)
     if preset not in PRESETS:
-        raise InputError(f"no engine preset named {preset!r}: there are {', '.join(sorted(PRESETS))}")
+        raise ConfigError(f"no engine preset named {preset!r}: there are {', '.join(sorted(PRESETS))}")
     bench = _Bench(load_body("embedded"), PRESETS[preset].joint, repeats, size, seed)
     measures: dict[str, Callable[[], tuple[list[SpeedRow], list[str]]]] = {
         "floor": bench.floor,
@@ -297,13 +297,13 @@ def _rounds(runs: Mapping[str, Callable[[], None]], repeats: int) -> dict[str, t
 
 def _check(repeats: int, sections: Sequence[str], sizes: Sequence[str], people: Sequence[int]) -> None:
     if repeats < 1:
-        raise InputError(f"at least one round is needed, got {repeats}")
+        raise ConfigError(f"at least one round is needed, got {repeats}")
     for what, given, known in (("section", sections, SECTIONS), ("size", sizes, _SIZES)):
         unknown = [name for name in given if name not in known]
         if unknown:
-            raise InputError(f"no {what} named {unknown[0]!r}: choose among {', '.join(known)}")
+            raise ConfigError(f"no {what} named {unknown[0]!r}: choose among {', '.join(known)}")
     if not people or not sizes or not all(1 <= n <= 8 for n in people):
-        raise InputError("people must be numbers from 1 to 8 and sizes names, at least one of each")
+        raise ConfigError("people must be numbers from 1 to 8 and sizes names, at least one of each")
 
 
 def _machine() -> dict[str, str | int]:

@@ -40,7 +40,7 @@ def nearest_rows(
     whole = NearestScene(points, normals, _RADIUS_M, "brute")
     names: dict[str, Strategy] = {
         "k-d tree, bounded (default)": "kdtree",
-        "grid of 128^3 cells, filled by a feature transform": "grid",
+        "grid of 128^3 nodes, each searched when first met": "grid",
     }
 
     def search(strategy: Strategy) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from physic_core.testing import furniture
+from physic_core.testing.arithmetic import apply, norm
 from physic_core.testing.poses import Posture
 from physic_core.testing.settling import Plan, Reach, Touch, pose_body
 from physic_core.testing.solids import Block, yaw_matrix
@@ -88,11 +89,11 @@ def measured(model: BodyModel, betas: FloatArray) -> Person:
     return Person(
         betas=betas,
         stature=stature,
-        thigh=float(np.linalg.norm(joints[1] - joints[4])),
+        thigh=float(norm(joints[1] - joints[4])),
         shank=float(joints[4, 1]) - sole,
         leg=float(joints[0, 1]) - sole,
         seat=0.075 * stature / 1.7 + 0.02,
-        arm=float(np.linalg.norm(joints[16] - joints[18]) + np.linalg.norm(joints[18] - joints[20])),
+        arm=float(norm(joints[16] - joints[18]) + norm(joints[18] - joints[20])),
         shoulder=float(joints[16, 1] - joints[0, 1]),
         behind=float(joints[0, 2] - torso[:, 2].min()),
     )
@@ -103,7 +104,7 @@ def turned(plan: Plan, place: tuple[float, float], yaw: float, lift: float = 0.0
     turn = yaw_matrix(yaw)
 
     def carried(point: tuple[float, float, float]) -> tuple[float, float, float]:
-        x, y, z = turn @ np.array(point) + np.array([place[0], lift, place[1]])
+        x, y, z = apply(turn, np.array(point)) + np.array([place[0], lift, place[1]])
         return float(x), float(y), float(z)
 
     pose = plan.pose.copy()

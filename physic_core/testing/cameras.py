@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.testing.arithmetic import apply, arctan2, norm, sine_cosine
 from physic_core.testing.casting import Caster
 from physic_core.testing.rendering import pixel_rays
 from physic_core.testing.solids import blocks_mesh, signed_distance
@@ -56,13 +57,11 @@ class Camera:
 
     def to_camera(self, points: FloatArray) -> FloatArray:
         """Points (..., 3) of the room -> camera frame."""
-        moved: FloatArray = (points - self.position) @ self.rotation.T
-        return moved
+        return apply(self.rotation, points - self.position)
 
     def to_room(self, points: FloatArray) -> FloatArray:
         """Points (..., 3) of the camera frame -> room."""
-        moved: FloatArray = points @ self.rotation + self.position
-        return moved
+        return apply(self.rotation.T, points) + self.position
 
 
 @dataclass(frozen=True)
@@ -110,7 +109,7 @@ class Subject:
         small = shot.intrinsics.resized(
             max(8, round(scale * shot.intrinsics.width)), max(8, round(scale * shot.intrinsics.height))
         )
-        rays = pixel_rays(small) @ shot.camera.rotation
+        rays = apply(shot.camera.rotation.T, pixel_rays(small))
         face = self._everything.first(shot.camera.position, rays).face
         owner = np.where(face >= 0, self._owner[np.maximum(face, 0)], -1)
         whole = [caster.first(shot.camera.position, rays).face >= 0 for caster in self._alone]
@@ -178,8 +177,7 @@ def _drawn(
 ) -> Shot | None:
     width, height = size
     field = np.radians(rng.uniform(*_FIELD))
-    focal = width / 2 / np.tan(field / 2)
-    focal = max(focal, max(size) / 2 / np.tan(np.radians(_FIELD[1]) / 2))
+    focal = max(width / 2 / _tangent(field / 2), max(size) / 2 / _tangent(np.radians(_FIELD[1]) / 2))
     intrinsics = Intrinsics.from_focal(float(focal), width, height, source="world")
     cut = bool(may_cut and rng.random() < _CUT)
     fill = rng.uniform(*(_CUT_FILL if cut else _FILL))
@@ -193,9 +191,10 @@ def _drawn(
     points = subject.sparse.reshape(-1, 3)
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     near, far, found = 0.5, farthest, None
+    sine, cosine = sine_cosine(side)
     for _ in range(14):
         distance = (near + far) / 2
-        x, z = middle[0] + distance * np.sin(side), middle[2] + distance * np.cos(side)
+        x, z = middle[0] + distance * sine, middle[2] + distance * cosine
         position = np.array([x, subject.ground.height_at(x, z) + over, z])
         shot = Shot(_turned_to(points, position, middle, roll, intrinsics, place, cut=cut), intrinsics, cut)
         filled = _filled(points, shot)
@@ -206,11 +205,11 @@ def _drawn(
 
 def _good(subject: Subject, shot: Shot) -> bool:
     position = shot.camera.position
-    if abs(np.arcsin(np.clip(shot.camera.rotation[2, 1], -1, 1))) > _TILT:
+    if abs(shot.camera.rotation[2, 1]) > sine_cosine(_TILT)[0]:
         return False
     if signed_distance(position[None], subject.blocks, subject.ground)[0] < _CLEARANCE:
         return False
-    if np.linalg.norm(subject.sparse - position, axis=2).min() < _NEAREST:
+    if norm(subject.sparse - position).min() < _NEAREST:
         return False
     inside = in_frame(subject.sparse, shot).mean(axis=1)
     whole = in_frame(subject.vertices, shot, margin=0.01 * max(shot.intrinsics.width, shot.intrinsics.height)).all()
@@ -232,7 +231,8 @@ def _turned_to(
 ) -> Camera:
     """Look at the target, then turn until the points' box lies at its place in the frame."""
     away = target - position
-    pan, tilt = np.arctan2(-away[0], -away[2]), np.arctan2(away[1], np.hypot(away[0], away[2]))
+    level = np.sqrt(away[0] * away[0] + away[2] * away[2])
+    pan, tilt = float(arctan2(-away[0], -away[2])), float(arctan2(away[1], level))
     size = np.array([intrinsics.width, intrinsics.height], np.float64)
     camera = Camera(_rotation(pan, tilt, roll), position)
     for _ in range(4):
@@ -245,19 +245,23 @@ def _turned_to(
         free = (size - (high - low)) / 2 - 0.02 * size
         wanted = (size - 1) / 2 + place * (np.where(free > 0, free, [0, 0]) if not cut else np.abs(free))
         shift = (low + high) / 2 - wanted
-        pan -= np.arctan(shift[0] / intrinsics.fx)
-        tilt -= np.arctan(shift[1] / intrinsics.fy)
+        pan -= float(arctan2(shift[0], intrinsics.fx))
+        tilt -= float(arctan2(shift[1], intrinsics.fy))
         camera = Camera(_rotation(pan, tilt, roll), position)
     return camera
 
 
+def _tangent(angle: float) -> float:
+    sine, cosine = sine_cosine(angle)
+    return float(sine / cosine)
+
+
 def _rotation(pan: float, tilt: float, roll: float) -> FloatArray:
     """Room to camera: ``pan`` about the vertical from looking along -z, ``tilt`` upwards, ``roll`` about the axis."""
-    cosine, sine = np.cos(tilt), np.sin(tilt)
-    forward = np.array([-np.sin(pan) * cosine, sine, -np.cos(pan) * cosine])
-    right = np.array([np.cos(pan), 0.0, -np.sin(pan)])
+    (sine, cosine), (s_pan, c_pan), (s, c) = (sine_cosine(angle) for angle in (tilt, pan, roll))
+    forward = np.array([-s_pan * cosine, sine, -c_pan * cosine])
+    right = np.array([c_pan, np.float64(0.0), -s_pan])
     down = np.cross(forward, right)
-    c, s = np.cos(roll), np.sin(roll)
     return np.stack([c * right + s * down, c * down - s * right, forward])
 
 

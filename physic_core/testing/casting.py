@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.testing.arithmetic import dot
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -76,8 +78,8 @@ class Caster:
         self, face: NDArray[np.int64], coarse: NDArray[np.float32], origins: FloatArray, directions: FloatArray
     ) -> FloatArray:
         normal, corner = self._normal[face], self._corner[face]
-        slope = np.einsum("ij,ij->i", normal, directions)
-        height = np.einsum("ij,ij->i", normal, corner - origins)
+        slope = dot(normal, directions)
+        height = dot(normal, corner - origins)
         # Along a face, and past a tiny one, the plane tells less than embree does.
         exact = np.divide(height, slope, out=np.full(len(slope), np.inf), where=slope != 0)
         close: FloatArray = np.where(np.abs(exact - coarse) <= 1e-3 * (1e-2 + np.abs(coarse)), exact, coarse)

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.testing.arithmetic import apply, norm
+from physic_core.testing.settling import pose_body
 from physic_core.testing.textures import noise
 
 if TYPE_CHECKING:
@@ -41,9 +43,7 @@ class Clothes:
     """
 
     def __init__(self, model: BodyModel, rng: np.random.Generator) -> None:
-        rotations, betas, transl = model.zero_pose()
-        output = model(rotations, betas, transl)
-        rest, joints = output.vertices[0].numpy().astype(np.float64), output.joints[0].numpy()
+        rest, joints = pose_body(model, np.zeros((55, 3)), np.zeros(model.num_betas), np.zeros(3))
         self._faces, self._rest = model.faces.numpy(), rest
         kind = _kinds(model, rest, joints, rng)
         palette = np.array([_pick(rng, p) for p in (_SKIN, _TOPS, _BOTTOMS)] + [_shoes(rng), _pick(rng, _HAIR)])
@@ -57,8 +57,8 @@ class Clothes:
     def albedo(self, face: NDArray[np.int64], corners: FloatArray, blur: FloatArray) -> FloatArray:
         """Colours (n, 3) on faces (n,) at barycentric corners (n, 3), of which a pixel covers ``blur`` (n,) metres."""
         rng, ends = np.random.default_rng(self._seed), self._faces[face]
-        kind, place = self._kind[face], np.einsum("ijk,ij->ik", self._rest[ends], corners)
-        own, blended = self._colour[ends[:, 0]], np.einsum("ijk,ij->ik", self._colour[ends], corners)
+        kind, place = self._kind[face], _blend(self._rest[ends], corners)
+        own, blended = self._colour[ends[:, 0]], _blend(self._colour[ends], corners)
         colour = np.where((kind == _SKIN_PART)[:, None], blended, own)
         pattern, period, second = self._stripes
         if pattern:
@@ -70,6 +70,11 @@ class Clothes:
         amount = np.array([[0.08, 0.06], [0.22, 0.16], [0.22, 0.20], [0.10, 0.10], [0.30, 0.50]])[kind]
         shaded: FloatArray = np.clip(colour * (1 + amount[:, 0] * folds + amount[:, 1] * thread)[:, None], 0, 1)
         return shaded
+
+
+def _blend(ends: FloatArray, corners: FloatArray) -> FloatArray:
+    """Values (n, 3, 3) at a face's corners, in the mean (n, 3) of barycentric weights (n, 3)."""
+    return apply(np.swapaxes(ends, 1, 2), corners)
 
 
 def _pick(rng: np.random.Generator, palette: tuple[tuple[float, float, float], ...]) -> FloatArray:
@@ -112,10 +117,10 @@ def _paint_face(
 ) -> None:
     """Eyes, brows and lips, at their usual places round the eyes' centres."""
     for eye in joints[23:25]:
-        radius = np.linalg.norm(rest - eye, axis=1)
+        radius = norm(rest - eye)
         ball = (radius < 0.0135) & (rest[:, 2] > eye[2])
         colour[ball] = 0.82
-        colour[ball & (np.hypot(*(rest - eye)[:, :2].T) < 0.006)] = (0.10, 0.07, 0.05)
+        colour[ball & (norm((rest - eye) * (1, 1, 0)) < 0.006)] = (0.10, 0.07, 0.05)
         away = np.abs(rest - eye)
         brow = (away[:, 0] < 0.022) & (np.abs(rest[:, 1] - eye[1] - 0.022) < 0.005) & (rest[:, 2] > eye[2])
         colour[brow & (kind == _SKIN_PART)] = 0.35 * skin

@@ -13,6 +13,7 @@ import numpy as np
 
 from physic_core.testing import actions, furniture
 from physic_core.testing.actions import SOLO, Person, draw_person, turned
+from physic_core.testing.arithmetic import sine_cosine
 from physic_core.testing.poses import Posture
 from physic_core.testing.settling import Neighbour, Plan, Settled, Touch, pose_body, settle
 from physic_core.testing.solids import FLAT, Block, Ground
@@ -148,7 +149,8 @@ def group(model: BodyModel, rng: np.random.Generator) -> Cast:
 def on_slope(model: BodyModel, rng: np.random.Generator) -> Cast:
     """One or two people who stand or walk on ground that slopes by 4 to 13 degrees."""
     tilt, towards = np.radians(rng.uniform(4, 13)), rng.uniform(-np.pi, np.pi)
-    normal = (float(np.sin(tilt) * np.cos(towards)), float(np.cos(tilt)), float(np.sin(tilt) * np.sin(towards)))
+    (sine, cosine), (aside, ahead) = sine_cosine(tilt), sine_cosine(towards)
+    normal = (float(sine * ahead), float(cosine), float(sine * aside))
     ground = Ground(normal, str(rng.choice(["grass", "paving"])))
     plans = []
     for x in (0.0,) if rng.random() < 0.6 else (-0.5, 0.5):

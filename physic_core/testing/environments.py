@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.testing import furniture
+from physic_core.testing.arithmetic import apply, norm
 from physic_core.testing.rooms import Room, Walls
 from physic_core.testing.solids import Block, Ground, yaw_matrix
 from physic_core.testing.textures import Decoration, Patch
@@ -123,7 +124,7 @@ def outdoors(
 def distance_to(block: Block, points: FloatArray) -> FloatArray:
     """Points (..., 3) -> (...) metres to the block, negative inside."""
     outside = np.abs(block.to_local(points)) - np.array(block.half)
-    distance: FloatArray = np.linalg.norm(np.maximum(outside, 0), axis=-1) + np.minimum(outside.max(axis=-1), 0)
+    distance: FloatArray = norm(np.maximum(outside, 0)) + np.minimum(outside.max(axis=-1), 0)
     return distance
 
 
@@ -146,8 +147,8 @@ def _walls(people: FloatArray, blocks: Blocks, shot: Shot, rng: np.random.Genera
     yaw = tall[0].yaw if tall else rng.uniform(-0.5, 0.5)
     turn = yaw_matrix(yaw)
     corners = [_shrunk(block).corners() if block in tall else block.corners() for block in blocks]
-    things = np.concatenate([people.reshape(-1, 3), *corners]) @ turn
-    camera = shot.camera.position @ turn
+    things = apply(turn.T, np.concatenate([people.reshape(-1, 3), *corners]))
+    camera = apply(turn.T, shot.camera.position)
     low, high = things.min(axis=0), things.max(axis=0)
     border = np.zeros((2, 2))
     for k, axis in enumerate((0, 2)):
@@ -172,7 +173,7 @@ def _shrunk(block: Block) -> Block:
 
 def _stops(tall: Sequence[Block], turn: FloatArray, axis: int, side: int) -> bool:
     """Whether a tall block has its back to this side of the room."""
-    return any(bool((turn.T @ block.rotation[:, 2])[axis] * side < -0.9) for block in tall)
+    return any(bool(apply(turn.T, block.rotation[:, 2])[axis] * side < -0.9) for block in tall)
 
 
 def _decorations(walls: Walls, rng: np.random.Generator) -> tuple[tuple[Decoration, ...], ...]:
@@ -237,7 +238,7 @@ def _against_a_wall(walls: Walls, rng: np.random.Generator) -> Blocks | None:
         2: (high[0] - along, high[1] - back),
         3: (high[0] - back, low[1] + along),
     }[side]
-    x, _, z = yaw_matrix(walls.yaw) @ np.array([local[0], 0.0, local[1]])
+    x, _, z = apply(yaw_matrix(walls.yaw), np.array([local[0], 0.0, local[1]]))
     return make(np.random.default_rng(own), (float(x), float(z)), walls.yaw + turn)
 
 
@@ -338,9 +339,9 @@ def _extent(blocks: Blocks) -> FloatArray:
 def _footprint(blocks: Blocks) -> FloatArray:
     """(4, 2) corners, x and z in order round it, of the rectangle along the first block's axes that holds the piece."""
     turn = yaw_matrix(blocks[0].yaw)
-    local = np.concatenate([block.corners() for block in blocks]) @ turn
+    local = apply(turn.T, np.concatenate([block.corners() for block in blocks]))
     (x0, _, z0), (x1, _, z1) = local.min(axis=0), local.max(axis=0)
-    corners: FloatArray = (np.array([[x0, 0, z0], [x1, 0, z0], [x1, 0, z1], [x0, 0, z1]]) @ turn.T)[:, [0, 2]]
+    corners: FloatArray = apply(turn, np.array([[x0, 0, z0], [x1, 0, z0], [x1, 0, z1], [x0, 0, z1]]))[:, [0, 2]]
     return corners
 
 
@@ -348,7 +349,7 @@ def _overlap(one: FloatArray, two: FloatArray) -> bool:
     """Whether two rectangles (4, 2) overlap: no edge's line parts them."""
     for corners in (one, two):
         for edge in (corners[1] - corners[0], corners[2] - corners[1]):
-            a, b = one @ edge, two @ edge
+            a, b = (corner[:, 0] * edge[0] + corner[:, 1] * edge[1] for corner in (one, two))
             if a.max() <= b.min() or b.max() <= a.min():
                 return False
     return True

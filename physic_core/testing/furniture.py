@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.testing.arithmetic import apply
 from physic_core.testing.solids import Block, yaw_matrix
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def moved(blocks: Iterable[Block], place: Place, yaw: float, lift: float = 0.0) 
     turn = yaw_matrix(yaw)
 
     def carried(block: Block) -> Block:
-        x, y, z = turn @ np.array(block.centre) + np.array([place[0], lift, place[1]])
+        x, y, z = apply(turn, np.array(block.centre)) + np.array([place[0], lift, place[1]])
         return replace(block, centre=(float(x), float(y), float(z)), yaw=block.yaw + yaw)
 
     return tuple(carried(block) for block in blocks)

@@ -5,13 +5,11 @@ The room's frame (x right, y up, z towards the camera's side, ground through the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 
 from physic_core.errors import InputError
 from physic_core.testing import company
@@ -85,13 +83,12 @@ def perform(name: str, model: BodyModel, rng: np.random.Generator) -> Performanc
         raise InputError(f"There is no action named {name!r}: choose one of {', '.join(ACTIONS)}.")
     best: tuple[float, Performance] | None = None
     seeds = rng.integers(2**63, size=_TRIES)
-    with _one_thread():
-        for seed in seeds:
-            drawn = ACTIONS[name](model, np.random.default_rng(seed))
-            if best is None or drawn.badness < best[0]:
-                best = drawn.badness, drawn.performance
-            if best[0] <= 1:
-                break
+    for seed in seeds:
+        drawn = ACTIONS[name](model, np.random.default_rng(seed))
+        if best is None or drawn.badness < best[0]:
+            best = drawn.badness, drawn.performance
+        if best[0] <= 1:
+            break
     assert best is not None
     return best[1]
 
@@ -102,17 +99,6 @@ class _Draw:
 
     performance: Performance
     badness: float
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Small fits are fastest on one thread, and sums then do not depend on how many there are."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)
 
 
 def _badness(settled: Sequence[Settled]) -> float:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.testing.arithmetic import apply, dot
 from physic_core.testing.casting import Caster, Hits
 
 if TYPE_CHECKING:
@@ -157,7 +158,7 @@ def photograph(
         flat = _face_normals(mesh, hits, rays)
         normals = _shading_normals(mesh, hits, flat)
         length = np.linalg.norm(rays, axis=1)
-        head_on = np.clip(-np.einsum("ij,ij->i", normals, rays) / length, 0, None)
+        head_on = np.clip(-dot(normals, rays) / length, 0, None)
         strength = np.repeat((lighting.ambient * openness[there] + lighting.fill * head_on)[:, None], 3, axis=1)
         for lamp in lighting.lamps:
             strength += _lit(caster, points, flat, normals, lamp, np.pi * (k + 0.5) / 2)[:, None] * lamp.colour
@@ -187,8 +188,8 @@ def _lit(
     source = lamp.position + lamp.radius * np.array([np.cos(angle), 0.0, np.sin(angle)])
     away = source - points
     distance = np.linalg.norm(away, axis=1)
-    cosine = np.einsum("ij,ij->i", normals, away) / distance
-    facing = (cosine > 0) & (np.einsum("ij,ij->i", flat, away) > 0)
+    cosine = dot(normals, away) / distance
+    facing = (cosine > 0) & (dot(flat, away) > 0)
     # Lifted off the surface, so that a face does not shade itself.
     facing[facing] = ~caster.blocked((points + 2e-3 * flat)[facing], (away - 2e-3 * flat)[facing])
     falloff = 1.0 if lamp.distant else np.minimum(1 / distance**2, 1.0)
@@ -233,7 +234,7 @@ def _smoothed(values: FloatArray, seen: View) -> FloatArray:
         for j in range(4):
             value, far, normal = (x[i : i + height, j : j + width] for x in padded)
             far = np.where(np.isfinite(far), far, -1.0)
-            like = (np.abs(far - depth) < 0.03 * depth) & (np.einsum("ijk,ijk->ij", normal, seen.normals) > 0.8)
+            like = (np.abs(far - depth) < 0.03 * depth) & (dot(normal, seen.normals) > 0.8)
             total += value * like
             weight += like
     return np.where(weight > 0.5, total / weight, values)
@@ -242,12 +243,12 @@ def _smoothed(values: FloatArray, seen: View) -> FloatArray:
 def _face_normals(mesh: Mesh, hits: Hits, rays: FloatArray) -> FloatArray:
     """(n, 3) unit, turned towards where the ray comes from; zero where nothing is hit."""
     normals = mesh.flat[np.maximum(hits.face, 0)]
-    towards = np.where(np.einsum("ij,ij->i", normals, rays)[:, None] > 0, -normals, normals)
+    towards = np.where(dot(normals, rays)[:, None] > 0, -normals, normals)
     return np.where((hits.face >= 0)[:, None], towards, 0.0)
 
 
 def _shading_normals(mesh: Mesh, hits: Hits, flat: FloatArray) -> FloatArray:
     corner_normals = mesh.smooth[mesh.faces[np.maximum(hits.face, 0)]]
-    blended = np.einsum("ijk,ij->ik", corner_normals, hits.corners)
+    blended = apply(np.swapaxes(corner_normals, 1, 2), hits.corners)
     length = np.linalg.norm(blended, axis=1, keepdims=True)
     return np.where(length > 1e-6, blended / np.maximum(length, 1e-6), flat)

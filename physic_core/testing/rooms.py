@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.testing.arithmetic import apply
 from physic_core.testing.solids import QUADS, Block, Ground, blocks_mesh, box_corners, signed_distance, yaw_matrix
 from physic_core.testing.textures import Decoration, Patch, albedo
 
@@ -43,8 +44,7 @@ class Walls:
 
     def to_local(self, points: FloatArray) -> FloatArray:
         """Points (..., 3) of the room in the walls' axes, y staying y."""
-        local: FloatArray = points @ yaw_matrix(self.yaw)
-        return local
+        return apply(yaw_matrix(self.yaw).T, points)
 
     def signed_distance(self, points: FloatArray) -> FloatArray:
         """Points (..., 3) -> (...) metres to the nearest wall or ceiling, negative outside."""
@@ -74,8 +74,7 @@ class Room:
 
     def signed_distance(self, points: FloatArray) -> FloatArray:
         """Points (..., 3) -> (...) metres to the nearest surface, exact in the air, negative inside anything solid."""
-        # A copy: torch takes no read-only arrays, and what belongs to a world is read-only.
-        distance = signed_distance(np.array(points, np.float64), self.blocks, self.ground)
+        distance = signed_distance(points, self.blocks, self.ground)
         return distance if self.walls is None else np.minimum(distance, self.walls.signed_distance(points))
 
     def mesh(self) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]:
@@ -94,7 +93,7 @@ class Room:
                 np.array([walls.low[0], 0.0, walls.low[1]]),
                 np.array([walls.high[0], walls.height, walls.high[1]]),
             )
-            shell = box_corners(low, high) @ yaw_matrix(walls.yaw).T
+            shell = apply(yaw_matrix(walls.yaw), box_corners(low, high))
             quads, outer = QUADS[:, ::-1], np.array([1, 2, 0, 5, 3, 4])  # seen from inside
         inner = np.stack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]], axis=1).reshape(-1, 3)
         return (

@@ -1,7 +1,8 @@
 """Settles a posed body into true contact: patches of skin on the surfaces that carry them, nothing inside anything.
 
 A fit over place, turn and the joints of trunk and limbs (L-BFGS on a thinned skin), in rounds: after each the whole
-skin is measured, and what still lies inside joins the fit. The room's frame (y up), metres.
+skin is measured, and what still lies inside joins the fit. It has kinks and ends before it has converged, so that one
+bit would grow to a centimetre: it uses ``physic_core.testing.arithmetic`` alone. The room's frame (y up), metres.
 """
 
 from __future__ import annotations
@@ -10,14 +11,20 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import roma
-import torch
-from scipy.optimize import minimize
 from scipy.spatial import cKDTree
-from torch import Tensor
+from scipy.spatial.transform import Rotation
 
 from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES
-from physic_core.engine.terms import joint_limits
+from physic_core.testing.arithmetic import (
+    arctan2,
+    dot,
+    matmul,
+    on_grid,
+    rotation,
+    rotation_gradient,
+)
+from physic_core.testing.minimizing import minimize
+from physic_core.testing.posing import Poser
 from physic_core.testing.solids import FLAT, Block, Ground, Solid, signed_distance
 from physic_core.testing.touching import Skin, crossing_allowed, folding_parts, skin_of, vertex_normals
 
@@ -93,6 +100,11 @@ class Reach:
     point: tuple[float, float, float]
     sigma: float = 0.05
 
+    def __post_init__(self) -> None:
+        """Puts the point on a grid."""
+        x, y, z = on_grid(np.array(self.point)).tolist()
+        object.__setattr__(self, "point", (x, y, z))
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -121,6 +133,12 @@ class Plan:
     balanced: bool = False
     drift: float = 0.10
     azimuth: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        """Puts pose and place on a grid."""
+        x, y, z = on_grid(np.array(self.pelvis)).tolist()
+        object.__setattr__(self, "pose", on_grid(self.pose))
+        object.__setattr__(self, "pelvis", (x, y, z))
 
 
 @dataclass(frozen=True)
@@ -162,13 +180,7 @@ def pose_body(
     model: BodyModel, pose: FloatArray, betas: FloatArray, transl: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Pose (55, 3), betas (K,), transl (3,) -> vertices (V, 3) and joints (55, 3), in the frame of the root's turn."""
-
-    def tensor(x: FloatArray) -> Tensor:
-        return torch.as_tensor(np.ascontiguousarray(x)[None], dtype=model.dtype)
-
-    with torch.no_grad():
-        output = model(roma.rotvec_to_rotmat(tensor(pose)), tensor(betas), tensor(transl))
-    return output.vertices[0].numpy(), output.joints[0].numpy()
+    return Poser(model, betas)(rotation(np.asarray(pose, np.float64)), np.asarray(transl, np.float64))
 
 
 def settle(
@@ -190,11 +202,10 @@ def settle(
     """
     near = [block for block in around if _within_reach(plan, block)]
     fit = _Fit(model, plan, (*plan.blocks, *near), ground, neighbours)
-    x = np.zeros(fit.size)
+    x: FloatArray = np.zeros(fit.size)
     for number, (gap, depth, steps) in enumerate(_ROUNDS):
         fit.look_around(x, gap, depth)
-        result = minimize(fit, x, jac=True, method="L-BFGS-B", options={"maxiter": steps, "maxcor": 20})
-        x = result.x
+        x = minimize(fit, x, steps)
         settled = fit.measure(x)
         if number >= 2 and settled.depth < _GOOD_DEPTH and settled.gap < _GOOD_GAP and settled.crossing < 0.008:
             break
@@ -211,27 +222,35 @@ def _within_reach(plan: Plan, block: Block) -> bool:
 class _Pairs:
     """Points of the posed vertices (rows) and the planes of what lies nearest: n . (v - p), row or fixed point."""
 
-    rows: Tensor
-    points: Tensor  # fixed points, or rows of the own body
-    normals: Tensor
+    rows: NDArray[Any]
+    points: NDArray[Any]  # fixed points, or rows of the own body
+    normals: FloatArray
     own: bool
 
-    @classmethod
-    def of(cls, rows: NDArray[Any], points: NDArray[Any], normals: FloatArray, *, own: bool) -> _Pairs:
-        """From arrays."""
-        return cls(torch.as_tensor(rows), torch.as_tensor(points), torch.as_tensor(normals), own)
+    def apart(self, vertices: FloatArray) -> FloatArray:
+        """(n, 3) from the points to the rows."""
+        away: FloatArray = vertices[self.rows] - (vertices[self.points] if self.own else self.points)
+        return away
 
-    def signed(self, vertices: Tensor) -> Tensor:
-        points = vertices[self.points] if self.own else self.points
-        return ((vertices[self.rows] - points) * self.normals).sum(-1)
+    def signed(self, vertices: FloatArray) -> FloatArray:
+        """(n,) over the planes."""
+        return dot(self.apart(vertices), self.normals)
 
-    def distance(self, vertices: Tensor) -> Tensor:
-        """Beside the plane only what exceeds the spacing of vertices counts."""
-        points = vertices[self.points] if self.own else self.points
-        apart = vertices[self.rows] - points
-        signed = (apart * self.normals).sum(-1)
-        aside = (apart.square().sum(-1) - signed.square()).clamp(min=1e-12).sqrt()
-        return (signed.square() + torch.relu(aside - 0.02).square()).clamp(min=1e-14).sqrt()
+    def distance(self, vertices: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(n,) to the planes, beside which only what exceeds the spacing of vertices counts; its gradient (n, 3)."""
+        apart = self.apart(vertices)
+        signed = dot(apart, self.normals)
+        aside = np.sqrt(np.maximum(dot(apart, apart) - signed * signed, 1e-12))
+        beyond = np.maximum(aside - 0.02, 0)
+        distance = np.sqrt(np.maximum(signed * signed + beyond * beyond, 1e-14))
+        sideways = (apart - signed[:, None] * self.normals) * (beyond / aside)[:, None]
+        return distance, (signed[:, None] * self.normals + sideways) / distance[:, None]
+
+    def pull(self, by_vertices: FloatArray, chosen: NDArray[Any], by_apart: FloatArray) -> None:
+        """Add the gradient (m, 3) by some pairs' way apart to that by the vertices."""
+        np.add.at(by_vertices, self.rows[chosen], by_apart)
+        if self.own:
+            np.subtract.at(by_vertices, self.points[chosen], by_apart)
 
 
 class _Fit:
@@ -247,14 +266,13 @@ class _Fit:
     ) -> None:
         self.model, self.plan, self.blocks, self.ground = model, plan, blocks, ground
         self.skin: Skin = skin_of(model)
-        like = torch.zeros(0, dtype=torch.float64)
-        self.solid = Solid(blocks, ground, like)
+        self.solid = Solid(blocks, ground)
         self.columns = [self._columns(touch) for touch in plan.touches]
-        self.start = roma.rotvec_to_rotmat(torch.as_tensor(plan.pose, dtype=torch.float64))
-        self.betas = torch.as_tensor(plan.betas, dtype=torch.float64)[None]
-        _, joints = pose_body(model, plan.pose, plan.betas, np.zeros(3))
-        self.transl = torch.as_tensor(np.array(plan.pelvis) - joints[0], dtype=torch.float64)
-        self.sigma = torch.as_tensor(_sigmas(plan), dtype=torch.float64)
+        self.start = rotation(plan.pose)
+        self.whole = Poser(model, plan.betas)
+        _, joints = self.whole(self.start, np.zeros(3))
+        self.transl = np.array(plan.pelvis) - joints[0]
+        self.sigma = _sigmas(plan)
         self.size = len(self.sigma)
         self.others = [(n.vertices, vertex_normals(n.vertices, self.skin.faces)) for n in neighbours]
         wanted = [self.skin.patches[t.patch] for t in plan.touches] + [self.skin.patches[r.patch] for r in plan.reaches]
@@ -263,62 +281,117 @@ class _Fit:
         self.gap = self.depth = 0.01
         self._gather()
 
-    def _columns(self, touch: Touch) -> list[int]:
+    def _columns(self, touch: Touch) -> NDArray[np.int64]:
         """Which of the distances to all blocks and to the ground a touch is about."""
         if touch.blocks is None:
-            return list(range(len(self.blocks) + 1))
-        return list(touch.blocks) or [len(self.blocks)]
+            return np.arange(len(self.blocks) + 1)
+        return np.array(list(touch.blocks) or [len(self.blocks)])
 
     def _gather(self) -> None:
         """Pose only what is looked at."""
-        self.posed = self.model.landmarks_only([], torch.as_tensor(self.ids))
+        self.posed = Poser(self.model, self.plan.betas, self.ids)
         self.row = np.full(self.model.num_vertices, -1)
         self.row[self.ids] = np.arange(len(self.ids))
-        self.touch_rows = [torch.as_tensor(self.row[self.skin.patches[t.patch]]) for t in self.plan.touches]
-        self.reach_rows = [torch.as_tensor(self.row[self.skin.patches[r.patch]]) for r in self.plan.reaches]
+        self.touch_rows = [self.row[self.skin.patches[t.patch]] for t in self.plan.touches]
+        self.reach_rows = [self.row[self.skin.patches[r.patch]] for r in self.plan.reaches]
 
-    def _parameters(self, x: Tensor) -> tuple[Tensor, Tensor]:
+    def _parameters(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         moved = x * self.sigma
-        turn = roma.rotvec_to_rotmat(moved[3:].reshape(_FREE, 3))
-        root = turn[:1] @ self.start[:1]
-        rotations = torch.cat([root, self.start[1:_FREE] @ turn[1:], self.start[_FREE:]])
+        turn = rotation(moved[3:].reshape(_FREE, 3))
+        rotations = self.start.copy()
+        rotations[0] = matmul(turn[0], self.start[0])
+        rotations[1:_FREE] = matmul(self.start[1:_FREE], turn[1:])
         return rotations, self.transl + moved[:3]
 
     def __call__(self, x: FloatArray) -> tuple[float, FloatArray]:
-        free = torch.as_tensor(x).requires_grad_()
-        energy = self.energy(free)
-        (gradient,) = torch.autograd.grad(energy, free)
-        return float(energy.detach()), gradient.numpy()
-
-    def energy(self, free: Tensor) -> Tensor:
-        """() of the whitened parameters (n,)."""
-        rotations, transl = self._parameters(free)
-        posed = self.posed(rotations[None], self.betas, transl[None])
-        vertices, joints = posed["vertices"][0], posed["joints"][0]
-        total = free.square().sum() + joint_limits(rotations[None]).sum()
+        """The energy of whitened parameters (n,), and its gradient (n,)."""
+        rotations, transl = self._parameters(x)
+        vertices, joints = self.posed(rotations, transl)
+        limits, by_limits = _joint_limits(rotations)
+        imbalance, by_joints = self._balance(joints)
+        by_vertices = np.zeros_like(vertices)
         distances = self.solid.distances(vertices)
-        total = total + (torch.relu(-distances.amin(-1) - _SLACK) / self.depth).square().sum()
+        total = float((x * x).sum()) + limits + imbalance
+        total += self._crossings(vertices, distances, by_vertices)
+        total += self._missed(vertices, distances, by_vertices)
+        by_rotations, by_transl = self.posed.gradient(by_vertices, by_joints)
+        by_rotations += by_limits
+        by_turn = matmul(np.swapaxes(self.start[:_FREE], 1, 2), by_rotations[:_FREE])
+        by_turn[0] = matmul(by_rotations[0], self.start[0].T)
+        by_moved = rotation_gradient((x * self.sigma)[3:].reshape(_FREE, 3), by_turn)
+        return total, 2 * x + np.concatenate([by_transl, by_moved.reshape(-1)]) * self.sigma
+
+    def _crossings(self, vertices: FloatArray, distances: FloatArray, by_vertices: FloatArray) -> float:
+        """What lies inside the scene, the own body and others; adds its gradient."""
+        nearest = distances.argmin(axis=0)
+        inside = -distances[nearest, np.arange(len(vertices))] - _SLACK
+        deep = np.flatnonzero(inside > 0)
+        amount = inside[deep] / self.depth
+        by_vertices[deep] -= (2 * amount / self.depth)[:, None] * self.solid.normals(vertices[deep], nearest[deep])
+        total = float((amount * amount).sum())
         for pairs, slack in ((self.near_self, 0.002), (self.near_people, _SLACK)):
             if pairs is not None:
-                total = total + (torch.relu(-pairs.signed(vertices) - slack) / self.depth).square().sum()
-        for k, touch in enumerate(self.plan.touches):
-            near = self._nearest(k, touch, vertices, distances)
-            total = total + _bowl((near / self.gap).square()).mean() * 4
-        for reach, rows in zip(self.plan.reaches, self.reach_rows, strict=True):
-            away = vertices[rows].mean(0) - torch.as_tensor(reach.point, dtype=torch.float64)
-            total = total + (away / reach.sigma).square().sum()
-        if self.plan.balanced:
-            total = total + (torch.relu(_imbalance(joints) - 0.02) / 0.015).square()
+                inside = -pairs.signed(vertices) - slack
+                deep = np.flatnonzero(inside > 0)
+                amount = inside[deep] / self.depth
+                pairs.pull(by_vertices, deep, -(2 * amount / self.depth)[:, None] * pairs.normals[deep])
+                total += float((amount * amount).sum())
         return total
 
-    def _nearest(self, k: int, touch: Touch, vertices: Tensor, distances: Tensor) -> Tensor:
-        """Distances of the nearest share of a patch to what it shall touch."""
+    def _missed(self, vertices: FloatArray, distances: FloatArray, by_vertices: FloatArray) -> float:
+        """What does not touch or reach what it shall; adds its gradient."""
+        total = 0.0
+        for k, touch in enumerate(self.plan.touches):
+            near, chosen, normals = self._nearest(k, touch, vertices, distances)
+            squared = (near / self.gap) * (near / self.gap)
+            bowl, slope = _bowl(squared)
+            total += 4 * float(bowl.sum()) / len(near)
+            by_near = (8 / len(near) * slope * near / self.gap / self.gap)[:, None] * normals
+            if touch.on == "scene":
+                np.add.at(by_vertices, self.touch_rows[k][chosen], by_near)
+            else:
+                self.touch_pairs[k].pull(by_vertices, chosen, by_near)
+        for reach, rows in zip(self.plan.reaches, self.reach_rows, strict=True):
+            away = (vertices[rows].sum(axis=0) / len(rows) - np.array(reach.point)) / reach.sigma
+            total += float(dot(away, away))
+            by_vertices[rows] += 2 * away / reach.sigma / len(rows)
+        return total
+
+    def _nearest(
+        self, k: int, touch: Touch, vertices: FloatArray, distances: FloatArray
+    ) -> tuple[FloatArray, NDArray[Any], FloatArray]:
+        """Of the nearest share of a patch: distances (m,) to what it shall touch, which, and the gradient (m, 3)."""
+        rows, columns = self.touch_rows[k], self.columns[k]
         if touch.on == "scene":
-            distance = distances[self.touch_rows[k]][:, self.columns[k]].amin(-1).abs()
+            among = distances[columns][:, rows]
+            which = among.argmin(axis=0)
+            signed = among[which, np.arange(len(rows))]
+            distance = np.abs(signed)
         else:
-            distance = self.touch_pairs[k].distance(vertices)
-        count = max(3, round(touch.share * len(distance)))
-        return distance.topk(min(count, len(distance)), largest=False).values
+            distance, normals = self.touch_pairs[k].distance(vertices)
+        count = min(max(3, round(touch.share * len(distance))), len(distance))
+        chosen = np.argsort(distance, kind="stable")[:count]
+        if touch.on == "scene":
+            outwards = self.solid.normals(vertices[rows[chosen]], columns[which[chosen]])
+            return distance[chosen], chosen, np.where(signed[chosen, None] < 0, -outwards, outwards)
+        return distance[chosen], chosen, normals[chosen]
+
+    def _balance(self, joints: FloatArray) -> tuple[float, FloatArray]:
+        """The cost of standing out of balance, and its gradient (55, 3)."""
+        gradient = np.zeros_like(joints)
+        if not self.plan.balanced:
+            return 0.0, gradient
+        mass, left, right = (_seen_from_above(weights, joints) for weights in (_MASS, *_FEET))
+        line = right - left
+        square = max(float(line[0] * line[0] + line[1] * line[1]), 1e-6)
+        share = min(max(float((mass - left)[0] * line[0] + (mass - left)[1] * line[1]) / square, 0.1), 0.9)
+        off = mass - left - share * line
+        length = float(np.sqrt(max(float(off[0] * off[0] + off[1] * off[1]), 1e-12)))
+        amount = max(length - 0.02, 0.0) / 0.015
+        # Along the line the foot of the perpendicular follows, so that only what is across it counts.
+        weights = _MASS - (1 - share) * _FEET[0] - share * _FEET[1]
+        gradient[:, [0, 2]] = (2 * amount / 0.015 / length) * weights[:, None] * off
+        return amount * amount, gradient
 
     def look_around(self, x: FloatArray, gap: float, depth: float) -> None:
         """Set the scale of the terms; add vertices that lie inside; find anew what is near to what."""
@@ -339,15 +412,13 @@ class _Fit:
         self.touch_pairs = [self._touch_pairs(touch, vertices, normals) for touch in self.plan.touches]
 
     def _whole(self, x: FloatArray) -> FloatArray:
-        rotations, transl = self._parameters(torch.as_tensor(x))
-        with torch.no_grad():
-            return self.model(rotations[None], self.betas, transl[None]).vertices[0].numpy()
+        return self.whole(*self._parameters(x))[0]
 
     def _self_pairs(self, vertices: FloatArray, normals: FloatArray, ids: NDArray[Any]) -> _Pairs | None:
         first, second = _own_pairs(self.skin, vertices, ids)
         if not len(first):
             return None
-        return _Pairs.of(self.row[first], self.row[second], normals[second], own=True)
+        return _Pairs(self.row[first], self.row[second], normals[second], own=True)
 
     def _people_pairs(self, vertices: FloatArray) -> _Pairs | None:
         rows, points, normals = [], [], []
@@ -360,7 +431,7 @@ class _Fit:
             normals.append(directions[chosen])
         if not rows or not sum(len(r) for r in rows):
             return None
-        return _Pairs.of(*(np.concatenate(a) for a in (rows, points, normals)), own=False)
+        return _Pairs(np.concatenate(rows), np.concatenate(points), np.concatenate(normals), own=False)
 
     def _touch_pairs(self, touch: Touch, vertices: FloatArray, normals: FloatArray) -> Any:
         if touch.on == "scene":
@@ -370,34 +441,34 @@ class _Fit:
             target = self.skin.patches[touch.target]
             _, index = cKDTree(vertices[target]).query(vertices[patch])
             chosen = target[index]
-            return _Pairs.of(self.row[patch], self.row[chosen], normals[chosen], own=True)
+            return _Pairs(self.row[patch], self.row[chosen], normals[chosen], own=True)
         best: tuple[FloatArray, FloatArray, FloatArray] | None = None
         for other, directions in self.others:
             target = self.skin.patches[touch.target] if touch.target else self.skin.outer
             distance, index = cKDTree(other[target]).query(vertices[patch])
-            if best is None or distance.mean() < best[0].mean():
+            if best is None or distance.sum() < best[0].sum():
                 best = distance, other[target[index]], directions[target[index]]
         assert best is not None, "a touch on people needs a neighbour"
-        return _Pairs.of(self.row[patch], best[1], best[2], own=False)
+        return _Pairs(self.row[patch], best[1], best[2], own=False)
 
     def measure(self, x: FloatArray) -> Settled:
         """What the parameters make, measured on all outer vertices."""
-        rotations, transl = self._parameters(torch.as_tensor(x))
-        vertices = self._whole(x)
+        rotations, transl = self._parameters(x)
+        pose, transl = on_grid(Rotation.from_matrix(rotations).as_rotvec()), on_grid(transl)
+        vertices, _ = self.whole(rotation(pose), transl)
         outer = vertices[self.skin.outer]
         depth = float((-signed_distance(outer, self.blocks, self.ground)).max())
         for other, _ in self.others:
             depth = max(depth, depth_inside(outer, other, self.skin.faces))
         normals = vertex_normals(vertices, self.skin.faces)
         first, second = _own_pairs(self.skin, vertices, self.skin.outer)
-        behind = -((vertices[first] - vertices[second]) * normals[second]).sum(1)
-        crossing = float(np.maximum(behind, 0).max(initial=0.0))
-        thin = torch.as_tensor(vertices[self.ids])
+        crossing = float(np.maximum(-dot(vertices[first] - vertices[second], normals[second]), 0).max(initial=0.0))
+        thin = vertices[self.ids]
         distances = self.solid.distances(thin)
-        gaps = [float(self._nearest(k, touch, thin, distances).mean()) for k, touch in enumerate(self.plan.touches)]
+        gaps = [float(self._nearest(k, touch, thin, distances)[0].mean()) for k, touch in enumerate(self.plan.touches)]
         return Settled(
-            pose=roma.rotmat_to_rotvec(rotations).numpy(),
-            transl=transl.numpy(),
+            pose=pose,
+            transl=transl,
             depth=max(depth, 0.0),
             gap=max(gaps, default=0.0),
             crossing=crossing,
@@ -459,23 +530,51 @@ def _sigmas(plan: Plan) -> FloatArray:
     return np.array(rows).reshape(-1)
 
 
-def _bowl(squared: Tensor) -> Tensor:
-    """Square near zero, straight farther out, so that a far patch does not outweigh all else."""
-    return torch.where(squared < 25, squared, 10 * squared.clamp(min=1.0).sqrt() - 25)
+def _bowl(squared: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Square near zero, straight farther out, so that a far patch does not outweigh all else; and its slope."""
+    root = np.sqrt(np.maximum(squared, 1.0))
+    near = squared < 25
+    return np.where(near, squared, 10 * root - 25), np.where(near, 1.0, 5 / root)
 
 
-def _imbalance(joints: Tensor) -> Tensor:
-    """Metres of the centre of mass, seen from above, off the line between the middles of the feet."""
+_KNEES, _ELBOWS = ([JOINT_INDEX[f"{side}_{name}"] for side in ("left", "right")] for name in ("knee", "elbow"))
+# Of each hinge: the joint, the entries of its matrix that are sine and cosine of its flexion, and the sine's sign.
+_HINGES = tuple(
+    (joint, sine, cosine, sign)
+    for joints, sine, cosine, signs in ((_KNEES, (2, 1), (1, 1), (1, 1)), (_ELBOWS, (2, 0), (0, 0), (1, -1)))
+    for joint, sign in zip(joints, signs, strict=True)
+)
+_MOST_FLEXION, _LIMIT_SIGMA = 2.7, 0.05  # radians
 
-    def at(name: str) -> Tensor:
-        return joints[JOINT_INDEX[name]]
 
-    weights = sum(weight for *_, weight in _MASSES)
-    mass = sum((w * (at(a) + s * (at(b) - at(a))) for a, b, s, w in _MASSES), torch.zeros(3, dtype=joints.dtype))
-    mass = (mass / weights)[[0, 2]]
-    left, right = (
-        (at(f"{side}_ankle") + 0.4 * (at(f"{side}_foot") - at(f"{side}_ankle")))[[0, 2]] for side in ("left", "right")
-    )
-    line = right - left
-    share = ((mass - left) @ line / line.square().sum().clamp(min=1e-6)).clamp(0.1, 0.9)
-    return (mass - left - share * line).square().sum().clamp(min=1e-12).sqrt()
+def _joint_limits(rotations: FloatArray) -> tuple[float, FloatArray]:
+    """What knees and elbows bend backwards or too far, squared; and its gradient (55, 3, 3)."""
+    total, gradient = 0.0, np.zeros_like(rotations)
+    for joint, sine, cosine, sign in _HINGES:
+        y, x = sign * float(rotations[joint][sine]), float(rotations[joint][cosine])
+        angle = float(arctan2(y, x))
+        beyond = max(-angle, 0.0) + max(angle - _MOST_FLEXION, 0.0)
+        total += (beyond / _LIMIT_SIGMA) * (beyond / _LIMIT_SIGMA)
+        slope = (-2 if angle < 0 else 2) * beyond / _LIMIT_SIGMA / _LIMIT_SIGMA / (x * x + y * y)
+        gradient[joint][sine] += slope * sign * x
+        gradient[joint][cosine] -= slope * y
+    return total, gradient
+
+
+def _between(shares: Sequence[tuple[str, str, float, float]]) -> FloatArray:
+    """(55,) weights of the joints in a sum of points: each a share of the way from one joint to another, weighted."""
+    weights = np.zeros(len(JOINT_NAMES))
+    for first, second, share, weight in shares:
+        weights[JOINT_INDEX[first]] += weight * (1 - share)
+        weights[JOINT_INDEX[second]] += weight * share
+    return weights
+
+
+_MASS = _between(_MASSES) / sum(weight for *_, weight in _MASSES)
+_FEET = tuple(_between([(f"{side}_ankle", f"{side}_foot", 0.4, 1.0)]) for side in ("left", "right"))
+
+
+def _seen_from_above(weights: FloatArray, joints: FloatArray) -> FloatArray:
+    """(2,) x and z of a weighted sum of joints (55, 3)."""
+    place: FloatArray = (weights[:, None] * joints[:, [0, 2]]).sum(axis=0)
+    return place

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
-from torch import Tensor
+
+from physic_core.testing.arithmetic import apply, dot, matmul, norm, on_grid, sine_cosine
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -49,7 +49,7 @@ _CHUNK = 1 << 20  # points times blocks at once
 
 @dataclass(frozen=True)
 class Block:
-    """A box that stands anywhere, turned about the vertical and tipped about its own width.
+    """A box that stands anywhere, turned about the vertical and tipped about its own width. Its numbers lie on a grid.
 
     Attributes:
         centre: x, y, z of its middle.
@@ -65,23 +65,29 @@ class Block:
     material: str = "wood"
     pitch: float = 0.0
 
+    def __post_init__(self) -> None:
+        """Puts its numbers on a grid."""
+        for name in ("centre", "half"):
+            x, y, z = on_grid(np.array(getattr(self, name))).tolist()
+            object.__setattr__(self, name, (x, y, z))
+        for name in ("yaw", "pitch"):
+            object.__setattr__(self, name, float(on_grid(getattr(self, name))))
+
     @property
     def rotation(self) -> FloatArray:
         """(3, 3), the block's axes to the room's."""
-        c, s = np.cos(self.pitch), np.sin(self.pitch)
-        turned: FloatArray = yaw_matrix(self.yaw) @ np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
-        return turned
+        s, c = (float(part) for part in sine_cosine(self.pitch))
+        return matmul(yaw_matrix(self.yaw), np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]]))
 
     def to_local(self, points: FloatArray) -> FloatArray:
         """Points (..., 3) of the room in the block's own axes, origin in its middle."""
-        local: FloatArray = (points - np.array(self.centre)) @ self.rotation
-        return local
+        return apply(self.rotation.T, points - np.array(self.centre))
 
     def corners(self) -> FloatArray:
         """(8, 3) in the room."""
         half = np.array(self.half)
-        turned: FloatArray = box_corners(-half, half) @ self.rotation.T + np.array(self.centre)
-        return turned
+        corners: FloatArray = apply(self.rotation, box_corners(-half, half)) + np.array(self.centre)
+        return corners
 
 
 @dataclass(frozen=True)
@@ -106,70 +112,71 @@ FLAT = Ground()
 
 
 class Solid:
-    """Blocks on the ground as tensors, for many evaluations of their signed distance.
+    """Blocks on the ground, for many evaluations of their signed distance.
 
     Args:
         blocks: may touch and overlap.
         ground: the ground.
-        like: gives the float type and the device.
     """
 
-    def __init__(self, blocks: Sequence[Block], ground: Ground, like: Tensor) -> None:
-        def tensor(rows: Sequence[object], *shape: int) -> Tensor:
-            return torch.as_tensor(np.array(rows, np.float64).reshape(shape), dtype=like.dtype, device=like.device)
-
+    def __init__(self, blocks: Sequence[Block], ground: Ground) -> None:
         count = len(blocks)
-        rotation = tensor([block.rotation for block in blocks], count, 3, 3)
-        centre = tensor([block.centre for block in blocks], count, 1, 3)
-        self._turns = rotation.permute(1, 0, 2).reshape(3, 3 * count)
-        self._shift = (centre @ rotation).reshape(3 * count)
-        self._half = tensor([block.half for block in blocks], count, 3)
-        self._normal = tensor(ground.normal, 3)
+        self._rotation = np.array([block.rotation for block in blocks]).reshape(count, 3, 3)
+        self._centre = np.array([block.centre for block in blocks], np.float64).reshape(count, 3)
+        self._half = np.array([block.half for block in blocks], np.float64).reshape(count, 3)
+        self._normal = np.array(ground.normal, np.float64)
 
-    def distance(self, points: Tensor) -> Tensor:
-        """Points (..., 3) -> (...) metres to the nearest surface, exact in the air, negative inside anything."""
-        return self.distances(points).amin(-1)
+    def distances(self, points: FloatArray) -> FloatArray:
+        """Points (n, 3) -> (b + 1, n) metres to each of the b blocks, and to the ground last; negative inside."""
+        found = np.empty((len(self._half) + 1, len(points)))
+        found[-1] = dot(points, self._normal)
+        if len(self._half):
+            shifted = [points[:, i] - self._centre[:, i, None] for i in range(3)]
+            turn = self._rotation[..., None]
+            local = [
+                shifted[0] * turn[:, 0, j] + shifted[1] * turn[:, 1, j] + shifted[2] * turn[:, 2, j] for j in range(3)
+            ]
+            x, y, z = (np.abs(local[j]) - self._half[:, j, None] for j in range(3))
+            inside = np.minimum(np.maximum(np.maximum(x, y), z), 0)
+            x, y, z = (np.maximum(beyond, 0) for beyond in (x, y, z))
+            found[:-1] = np.sqrt(x * x + y * y + z * z) + inside
+        return found
 
-    def distances(self, points: Tensor) -> Tensor:
-        """Points (..., 3) -> (..., n + 1) metres to each of the n blocks, and to the ground last; negative inside."""
-        height = (points @ self._normal)[..., None]
-        if not len(self._half):
-            return height
-        # One matrix product turns all points into the axes of all blocks.
-        local = (points @ self._turns - self._shift).reshape(*points.shape[:-1], len(self._half), 3)
-        beyond = local.abs() - self._half
-        squared = beyond.clamp(min=0).square().sum(-1)
-        outside = squared > 0
-        # The root is taken of positive numbers alone: inside, its gradient would not be a number.
-        root = torch.where(outside, squared, torch.ones_like(squared)).sqrt()
-        boxes = torch.where(outside, root, beyond.amax(-1).clamp(max=0))
-        return torch.cat([boxes, height], -1)
+    def normals(self, points: FloatArray, which: NDArray[np.int64]) -> FloatArray:
+        """Gradient (n, 3) of the distances of points (n, 3) to one row (n,) each of :meth:`distances`."""
+        normals = np.repeat(self._normal[None], len(points), axis=0)
+        boxes = np.flatnonzero(which < len(self._half))
+        if len(boxes):
+            block = which[boxes]
+            turn = self._rotation[block]
+            local = apply(np.swapaxes(turn, 1, 2), points[boxes] - self._centre[block])
+            beyond = np.abs(local) - self._half[block]
+            away: FloatArray = np.maximum(beyond, 0)
+            outside = away.max(axis=1) > 0
+            deepest = np.eye(3)[beyond.argmax(axis=1)]
+            direction = np.where(outside[:, None], away / np.maximum(norm(away), 1e-300)[:, None], deepest)
+            normals[boxes] = apply(turn, np.where(local < 0, -direction, direction))
+        return normals
 
 
-@overload
-def signed_distance(points: Tensor, blocks: Sequence[Block], ground: Ground) -> Tensor: ...
-@overload
-def signed_distance(points: FloatArray, blocks: Sequence[Block], ground: Ground) -> FloatArray: ...
-def signed_distance(points: Tensor | FloatArray, blocks: Sequence[Block], ground: Ground) -> Tensor | FloatArray:
+def signed_distance(points: FloatArray, blocks: Sequence[Block], ground: Ground) -> FloatArray:
     """Distance to the union of blocks and ground: exact in the air, negative inside.
 
     Inside it is the depth below the surface of the one thing in which the point lies deepest.
 
     Args:
-        points: (..., 3) tensor (differentiable) or array, metres.
+        points: (..., 3), metres.
         blocks: may touch and overlap.
         ground: the ground.
 
     Returns:
-        (...) of the same kind.
+        (...).
     """
-    if isinstance(points, Tensor):
-        return Solid(blocks, ground, points).distance(points)
-    flat = torch.from_numpy(np.ascontiguousarray(points, np.float64).reshape(-1, 3))
-    solid = Solid(blocks, ground, flat)
+    flat = np.asarray(points, np.float64).reshape(-1, 3)
+    solid = Solid(blocks, ground)
     step = max(1, _CHUNK // (len(blocks) + 1))
-    found = [solid.distance(part) for part in (flat[i : i + step] for i in range(0, len(flat), step))]
-    distance: FloatArray = torch.cat([*found, flat.new_zeros(0)]).numpy().reshape(np.shape(points)[:-1])
+    found = [solid.distances(flat[i : i + step]).min(axis=0) for i in range(0, len(flat), step)]
+    distance: FloatArray = np.concatenate([*found, np.zeros(0)]).reshape(np.shape(points)[:-1])
     return distance
 
 
@@ -184,7 +191,7 @@ def blocks_mesh(blocks: Sequence[Block]) -> tuple[FloatArray, NDArray[np.int64],
 
 def yaw_matrix(yaw: float) -> FloatArray:
     """The (3, 3) rotation by ``yaw`` radians about +y."""
-    c, s = np.cos(yaw), np.sin(yaw)
+    s, c = (float(part) for part in sine_cosine(yaw))
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 

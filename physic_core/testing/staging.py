@@ -15,6 +15,7 @@ from physic_core.testing import storage
 from physic_core.testing.cameras import Camera, Shot, Subject, aim
 from physic_core.testing.environments import indoors, outdoors
 from physic_core.testing.performance import Actor, Performance, perform
+from physic_core.testing.settling import pose_body
 from physic_core.testing.solids import Block, Ground
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from physic_core.testing.rooms import Room
     from physic_core.types import FloatArray, Intrinsics
 
-__all__ = ["Stage", "pose_vertices", "set_stage"]
+__all__ = ["Stage", "set_stage"]
 
 _TAKES = 12
 _SCENERY = (
@@ -53,21 +54,6 @@ class Stage:
     intrinsics: Intrinsics
 
 
-def pose_vertices(
-    model: BodyModel, pose: FloatArray, betas: FloatArray, transl: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Pose (55, 3), betas (K,), transl (3,) -> vertices (V, 3) and joints (55, 3), in the frame of the root's turn."""
-    import roma
-    import torch
-
-    def tensor(x: FloatArray) -> torch.Tensor:
-        return torch.as_tensor(np.ascontiguousarray(x)[None], dtype=model.dtype)
-
-    with torch.no_grad():
-        output = model(roma.rotvec_to_rotmat(tensor(pose)), tensor(betas), tensor(transl))
-    return output.vertices[0].numpy(), output.joints[0].numpy()
-
-
 def set_stage(model: BodyModel, name: str, seed: int, size: tuple[int, int]) -> Stage:
     """Perform an action until a camera finds everybody, and furnish the place.
 
@@ -91,7 +77,7 @@ def set_stage(model: BodyModel, name: str, seed: int, size: tuple[int, int]) -> 
             (Actor, Block, Ground),
             lambda act=act: perform(name, model, act),  # type: ignore[misc]
         )
-        posed = [pose_vertices(model, a.pose, a.betas, a.transl) for a in performance.actors]
+        posed = [pose_body(model, a.pose, a.betas, a.transl) for a in performance.actors]
         vertices, joints = (np.stack(part) for part in zip(*posed, strict=True))
         subject = Subject(vertices, joints, model.faces.numpy(), performance.blocks, performance.ground)
         shot = aim(

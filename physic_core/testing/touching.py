@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body.joints import JOINT_INDEX, SIDES
+from physic_core.testing.arithmetic import norm
+from physic_core.testing.posing import Poser
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -56,11 +58,7 @@ class Skin:
 @lru_cache(maxsize=4)
 def skin_of(model: BodyModel) -> Skin:
     """The skin of a body; the last few are kept."""
-    import torch
-
-    with torch.no_grad():
-        output = model(*model.zero_pose())
-    rest, joints = output.vertices[0].double().numpy(), output.joints[0].double().numpy()
+    rest, joints = Poser(model, np.zeros(model.num_betas))(np.tile(np.eye(3), (55, 1, 1)), np.zeros(3))
     faces, outer = model.faces.numpy(), model.outer.numpy()
     part = model.part_of_vertex.numpy()
     patches = _patches(model, rest, joints, vertex_normals(rest, faces), part)
@@ -86,7 +84,7 @@ def crossing_allowed(skin: Skin, first: Ids, second: Ids) -> NDArray[np.bool_]:
     They may where flesh folds: within one part, at neighbouring spots, and between trunk, thighs and shanks of one
     side, which press into each other in a deep bend.
     """
-    near = np.linalg.norm(skin.rest[first] - skin.rest[second], axis=1) < _NEIGHBOURS
+    near = norm(skin.rest[first] - skin.rest[second]) < _NEIGHBOURS
     allowed: NDArray[np.bool_] = folding_parts(skin.part_names)[skin.part[first], skin.part[second]] | near
     return allowed
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.testing.arithmetic import apply, norm
 from physic_core.testing.casting import Caster, Hits
 from physic_core.testing.clothes import Clothes
 from physic_core.testing.rendering import (
@@ -21,9 +22,11 @@ from physic_core.testing.rendering import (
     view,
 )
 from physic_core.testing.rooms import Surfaces
+from physic_core.testing.settling import pose_body
 from physic_core.testing.solids import yaw_matrix
-from physic_core.testing.staging import Stage, pose_vertices
+from physic_core.testing.staging import Stage
 from physic_core.testing.textures import sky
+from physic_core.testing.touching import vertex_normals
 from physic_core.types import BodyParameters
 
 if TYPE_CHECKING:
@@ -75,10 +78,7 @@ class Pictures:
 
 def place_bodies(model: BodyModel, stage: Stage, skeletons: tuple[str, ...]) -> BodiesTruth:
     """The stage's people as float32 parameters in the camera's frame, and the bodies that exactly these pose."""
-    import torch
     from scipy.spatial.transform import Rotation
-
-    from physic_core.body.model import BodyOutput
 
     turn = Rotation.from_matrix(stage.camera.rotation)
     poses, transl = [], []
@@ -86,15 +86,14 @@ def place_bodies(model: BodyModel, stage: Stage, skeletons: tuple[str, ...]) -> 
         pose = actor.pose.copy()
         pose[0] = (turn * Rotation.from_rotvec(pose[0])).as_rotvec()
         # The root turns about the pelvis, so the pelvis goes where the camera sees it, whatever the turn.
-        _, joints = pose_vertices(model, actor.pose, actor.betas, actor.transl)
+        _, joints = pose_body(model, actor.pose, actor.betas, actor.transl)
         rest_pelvis = joints[0] - actor.transl
         poses.append(pose.astype(np.float32))
         transl.append((stage.camera.to_camera(joints[0]) - rest_pelvis).astype(np.float32))
     rows = np.stack(poses)
     betas = np.stack([actor.betas for actor in stage.actors]).astype(np.float32)
-    posed = [pose_vertices(model, *row) for row in zip(rows, betas, transl, strict=True)]
+    posed = [pose_body(model, *row) for row in zip(rows, betas, transl, strict=True)]
     vertices, joints = (np.stack(part) for part in zip(*posed, strict=True))
-    output = BodyOutput(torch.as_tensor(vertices), torch.as_tensor(joints), torch.zeros(len(rows), 55, 3, 3))
     flat = rows.reshape(len(rows), -1)
     parameters = BodyParameters(
         global_orient=flat[:, 0:3],
@@ -108,8 +107,16 @@ def place_bodies(model: BodyModel, stage: Stage, skeletons: tuple[str, ...]) -> 
         expression=np.zeros((len(rows), model.num_expression), np.float32),
         transl=np.stack(transl),
     )
-    landmarks = {name: model.landmarks(output, name).numpy() for name in skeletons}
+    landmarks = {name: _landmarks(model, vertices, joints, name) for name in skeletons}
     return BodiesTruth(parameters, vertices, joints, landmarks)
+
+
+def _landmarks(model: BodyModel, vertices: FloatArray, joints: FloatArray, skeleton: str) -> FloatArray:
+    """(N, J, 3) of vertices (N, V, 3) and joints (N, 55, 3): the joint set's regressor with its sum in one order."""
+    regressor = model.regressors[skeleton]
+    ends = np.concatenate([joints, vertices[:, regressor.vertex_ids.numpy()]], axis=1)
+    points: FloatArray = (regressor.matrix.numpy()[:, :, None] * ends[:, None]).sum(axis=2)
+    return points
 
 
 def take_pictures(
@@ -144,7 +151,7 @@ def take_pictures(
         return colour
 
     def overhead(rays: FloatArray) -> FloatArray:
-        x, y, z = (rays @ stage.camera.rotation / np.linalg.norm(rays, axis=1, keepdims=True)).T
+        x, y, z = (apply(stage.camera.rotation.T, rays) / norm(rays)[:, None]).T
         # The picture's own brightness is not yet set: the sky is as light as a white wall in the sun.
         light = _OVERCAST * sky(np.arcsin(np.clip(y, -1, 1)), np.arctan2(x, z), np.random.default_rng(sky_seed))
         return light
@@ -212,7 +219,7 @@ def _lighting(stage: Stage, vertices: FloatArray, rng: np.random.Generator) -> L
     for power in (1.5, 1.0):
         x, _, z = walls.to_local(middle) + rng.uniform(-1.6, 1.6, 3)
         local = np.array([np.clip(x, low[0], high[0]), walls.height - 0.25, np.clip(z, low[1], high[1])])
-        position = stage.camera.to_camera(local @ yaw_matrix(walls.yaw).T)
+        position = stage.camera.to_camera(apply(yaw_matrix(walls.yaw), local))
         warm = np.array([1.0, rng.uniform(0.88, 1.0), rng.uniform(0.76, 1.0)])
         lamps.append(Lamp(position, 0.25, power * float(rng.uniform(0.7, 1.3)), warm))
     return Lighting(tuple(lamps), ambient=float(rng.uniform(0.30, 0.42)), fill=0.10)
@@ -254,7 +261,7 @@ def seen_by_camera(
         depth, _ = KDTree(vertices[i]).query(person)
         hits = pictures.caster.first(np.zeros(3), person)
         face = np.maximum(hits.face, 0)
-        in_front = (1 - np.minimum(hits.distance, 1)) * np.linalg.norm(person, axis=1)
+        in_front = (1 - np.minimum(hits.distance, 1)) * norm(person)
         own = pictures.mesh.thing[face] == i
         corner = np.where(own, pictures.mesh.faces[face, 0] - first_person - i * vertices.shape[1], 0)
         own_limb = (limb != "") & (limb_of_part[model.part_of_vertex.numpy()[corner]] == limb)
@@ -294,19 +301,15 @@ def _scene_mesh(vertices: FloatArray, faces: NDArray[np.int64]) -> Mesh:
 
 
 def _with_people(scene: Mesh, model: BodyModel, vertices: FloatArray) -> Mesh:
-    import torch
-
-    from physic_core.geometry.visibility import vertex_normals
-
     people, count, _ = vertices.shape
     faces = model.faces.numpy()
     offsets = len(scene.vertices) + count * np.arange(people)
-    smooth = vertex_normals(torch.as_tensor(vertices), model.faces).numpy()
+    smooth = [vertex_normals(person, faces) for person in vertices]
     return Mesh(
         vertices=np.concatenate([scene.vertices, vertices.reshape(-1, 3)]),
         faces=np.concatenate([scene.faces, *(faces + offset for offset in offsets)]),
         thing=np.concatenate([scene.thing, np.repeat(np.arange(people), len(faces))]),
-        smooth=np.concatenate([scene.smooth, smooth.reshape(-1, 3)]),
+        smooth=np.concatenate([scene.smooth, *smooth]),
     )
 
 

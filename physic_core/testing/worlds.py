@@ -191,6 +191,7 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
 
     from physic_core.body import load_body
     from physic_core.body.landmarks import SKELETONS as LANDMARKS
+    from physic_core.testing.arithmetic import apply, dot
     from physic_core.testing.staging import set_stage
     from physic_core.testing.truth import place_bodies, project, seen_by_camera, take_pictures
 
@@ -223,7 +224,7 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
         boxes=np.stack([_box(mask) for mask in pictures.masks]),
         floor_mask=pictures.floor_mask,
         empty_floor_mask=pictures.empty_floor_mask,
-        floor=Plane(stage.camera.rotation @ up, float(stage.camera.position @ up)),
+        floor=Plane(apply(stage.camera.rotation, up), float(dot(stage.camera.position, up))),
         keypoints={name: project(points, intrinsics) for name, points in bodies.landmarks.items()},
         visible={name: seen(points, LANDMARKS[name]) for name, points in bodies.landmarks.items()},
         joints_visible=seen(bodies.joints, model.joint_names),

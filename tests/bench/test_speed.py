@@ -14,7 +14,7 @@ from physic_core.bench.speed_problems import crowd
 from physic_core.body import load_body
 from physic_core.engine.joint import optimize
 from physic_core.engine.presets import PRESETS
-from physic_core.errors import InputError
+from physic_core.errors import ConfigError
 from physic_core.geometry.neighbors import NearestScene
 
 SMALL = (160, 120)
@@ -108,12 +108,12 @@ def test_a_report_holds_what_was_asked_for(report):
         "plain search in chunks",
         "plain search, only of points near the people",
         "k-d tree, bounded (default)",
-        "grid of 128^3 cells, filled by a feature transform",
+        "grid of 128^3 nodes, each searched when first met",
     ]
     exact = report.row("nearest", "k-d tree, bounded (default)").numbers
     assert exact["largest mm"] < 1e-3
     assert exact["missed %"] == 0
-    rough = report.row("nearest", "grid of 128^3 cells, filled by a feature transform").numbers
+    rough = report.row("nearest", "grid of 128^3 nodes, each searched when first met").numbers
     assert exact["largest mm"] < rough["largest mm"] < 60
     assert report.row("size", "240p").numbers["evaluations"] > 0
     if not torch.cuda.is_available():
@@ -171,6 +171,6 @@ def test_a_report_as_text():
     ],
 )
 def test_what_cannot_be_measured_is_refused(asked, message):
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(ConfigError) as caught:
         measure_speed(**asked)
     assert str(caught.value) == message

@@ -57,8 +57,8 @@ def outcome(report: Report, check: str) -> Result:
 
 
 def test_a_name_a_target_a_class_and_an_instance_are_the_same_backend():
-    registry = Registry()
-    registry.register(BackendRecord("metric_depth", "right", RightMetricDepth))
+    registry = Registry(installed=False)
+    registry.register(BackendRecord("metric_depth", "right", RightMetricDepth, api=1))
     for backend, interface in (
         ("right", None),
         ("right", "metric_depth"),
@@ -72,9 +72,9 @@ def test_a_name_a_target_a_class_and_an_instance_are_the_same_backend():
 
 
 def test_a_name_of_several_interfaces_asks_which():
-    registry = Registry()
-    registry.register(BackendRecord("metric_depth", "right", RightMetricDepth))
-    registry.register(BackendRecord("segmenter", "right", RightSegmenter))
+    registry = Registry(installed=False)
+    registry.register(BackendRecord("metric_depth", "right", RightMetricDepth, api=1))
+    registry.register(BackendRecord("segmenter", "right", RightSegmenter, api=1))
     with pytest.raises(BackendError, match=r"^name the interface of the backend 'right': metric_depth, segmenter of"):
         check_backend("right", registry=registry)
     with pytest.raises(BackendError, match=r"^no interface named 'depth'; there are: segmenter, "):

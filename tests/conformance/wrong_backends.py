@@ -89,7 +89,7 @@ WRONG.append(
         "from physic_core import BackendRecord, hookimpl\n"
         "@hookimpl\n"
         "def physic_backends():\n"
-        "    return [BackendRecord('metric_depth', 'heavy', 'right_backends:RightMetricDepth')]\n",
+        "    return [BackendRecord('metric_depth', 'heavy', 'right_backends:RightMetricDepth', api=1)]\n",
     )
 )
 
@@ -340,16 +340,6 @@ restless(
     lambda image, *_: min(image.strides) < 0,
     ValueError("tensors with negative strides are not currently supported"),
 )
-
-
-@wrong("any image at all", "refuses_what_is_no_photo")
-class Undemanding(RightMetricDepth):
-    def infer(self, image, hints):
-        if image.ndim == 2:
-            image = np.repeat(image[..., None], 3, axis=2)
-        if image.dtype != np.uint8:
-            image = np.round(image * 255).astype(np.uint8)
-        return super().infer(image, hints)
 
 
 # ---- depth -----------------------------------------------------------------------------------------------------------

@@ -14,6 +14,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from physic_core.body import load_body
 from physic_core.body.landmarks import SKELETONS
+from physic_core.testing.body_files import mano_arrays, write_published
 from physic_core.testing.conformance.joint_sets import world_keypoints
 from physic_core.testing.worlds import World
 from physic_human.sam3d_body import JOINTS_OF_KEYPOINTS, KEYPOINTS
@@ -67,6 +68,9 @@ class CameraHMR(torch.nn.Module):
         shown = torch.nn.functional.avg_pool2d(batch["img"] * STD + MEAN, 8).permute(0, 2, 3, 1) * 255
         assert (shown - TRUTH["body_seen"]).abs().mean() < 6, "another crop than that of the body, in red, green, blue"
         focal, side = batch["cam_int"][:, 0, 0], batch["box_size"]
+        own = TRUTH["own_focal"]
+        assert (focal / own - 1).abs().max() < 1e-3, "another focal length than FLNet's"
+        focal = TRUTH["focal"]
         height, width = batch["img_size"].T
         x, y, z = TRUTH["smpl_origin"]
         s = 2 * focal / (side * z)
@@ -78,12 +82,34 @@ class CameraHMR(torch.nn.Module):
 """
 )
 
+FLNET = (
+    IMAGENET
+    + """
+class FLNet(torch.nn.Module):
+    def __init__(self):
+        super().__init__()
+        self.gain = torch.nn.Parameter(torch.zeros(1))
+
+    def forward(self, images):
+        assert images.shape[1:] == (3, 256, 256)
+        shown = torch.nn.functional.avg_pool2d(images * STD + MEAN, 8).permute(0, 2, 3, 1).flip(-1) * 255
+        assert (shown - TRUTH["photo_seen"]).abs().mean() < 3, "another photo than the world's, in blue first"
+        vertical = 2 * torch.atan(TRUTH["full"].shape[0] / (2 * TRUTH["own_focal"]))
+        fields = torch.stack([vertical * 0, vertical])[None] * self.gain
+        return fields, torch.zeros(1, 720)
+"""
+)
+
 WILOR = """
+import pickle
+
 class WiLor(torch.nn.Module):
     def __init__(self, **kwargs):
         super().__init__()
-        for name in ("mano_model_path", "mano_mean_path"):
-            assert pathlib.Path(kwargs[name]).is_file()
+        assert pathlib.Path(kwargs["mano_mean_path"]).is_file()
+        with open(kwargs["mano_model_path"], "rb") as file:  # as smplx does
+            mano = pickle.load(file, encoding="latin1")
+        assert mano["shapedirs"].shape == (778, 3, 10) and "RIGHT" in pathlib.Path(kwargs["mano_model_path"]).name
         assert kwargs["focal_length"] == 5000 and kwargs["image_size"] == 256
         self.gain = torch.nn.Parameter(torch.zeros(1))
 
@@ -147,12 +173,14 @@ class FluxControlRemovalPipeline:
 
 SAM_3D_BODY = """
 def load_sam_3d_body(checkpoint_path="", device="cuda", mhr_path=""):
-    assert pathlib.Path(checkpoint_path).is_file() and pathlib.Path(mhr_path).is_file()
-    return object(), {}
+    assert pathlib.Path(mhr_path).is_file()
+    assert "state_dict" in torch.load(checkpoint_path, map_location="cpu", weights_only=False)
+    # Bodies are placed about the principal point that is given.
+    return torch.nn.Module(), {"MODEL": {"DECODER": {"USE_INTRIN_CENTER": True}}}
 
 class SAM3DBodyEstimator:
     def __init__(self, sam_3d_body_model, model_cfg, human_detector=None, human_segmentor=None, fov_estimator=None):
-        self.faces = TRUTH["faces"].numpy()
+        self.cfg, self.faces = model_cfg, TRUTH["faces"].numpy()
 
     def process_one_image(self, img, bboxes=None, masks=None, cam_int=None, det_cat_id=0, bbox_thr=0.5, nms_thr=0.3,
                           use_mask=False):
@@ -174,6 +202,7 @@ CHECKOUTS: dict[str, dict[str, str]] = {
     "CameraHMR": {
         "core/constants.py": "SMPL_MEAN_PARAMS_FILE = 'data/smpl_mean_params.npz'\n",
         "core/camerahmr_model.py": CAMERAHMR,
+        "core/cam_model/fl_net.py": FLNET,
     },
     "WiLoR-mini": {"wilor_mini/__init__.py": "", "wilor_mini/models/wilor.py": WILOR},
     "deco": {"models/deco.py": DECO},
@@ -199,6 +228,10 @@ def write_checkouts(folder: Path, world: World) -> dict[str, Path]:
     return found
 
 
+OWN_FOCAL = 1.05
+"""The focal length that CameraHMR's FLNet sees, in the world's."""
+
+
 def truth_of(world: World) -> dict[str, np.ndarray]:
     """What they know of the world's one person, its two photos and its scene."""
     seen = neighbour("physic-human", "seen")
@@ -216,6 +249,9 @@ def truth_of(world: World) -> dict[str, np.ndarray]:
     known["fingers"] = fingers.astype(np.float32)
     known["wrists"] = (seen.wrist_turns(world)[0] * as_right[:, 0]).astype(np.float32)
     known["hands_seen"] = hands_seen(world).astype(np.float32)
+    known["focal"] = np.float32(world.intrinsics.fx)
+    known["own_focal"] = np.float32(OWN_FOCAL * world.intrinsics.fx)
+    known["photo_seen"] = photo_seen(world)
     known["body_seen"], known["contact_seen"] = body_seen(world), contact_seen(world)
     known["faces"] = np.asarray(world.faces).copy()
     known["vertices"] = world.vertices[0].copy()
@@ -243,7 +279,7 @@ def hands_seen(world: World, margin: float = 2.5) -> np.ndarray:
     """(2, 32, 32, 3) grey levels: the left hand in a mirror, and the right one, in squares about them."""
     points, _ = world_keypoints(world, "coco_wholebody133")
     hands = [points[0, first : first + 21] for first in (91, 112)]
-    boxes = [np.concatenate([hand.min(0), hand.max(0)]) for hand in hands]
+    boxes = [np.concatenate([hand.min(0), hand.max(0)]) + 0.5 for hand in hands]  # half open, from edges of pixels
     return np.stack([_square(world.image, box, margin, mirror=i == 0) for i, box in enumerate(boxes)])
 
 
@@ -262,6 +298,16 @@ def contact_seen(world: World, growth: float = 0.1, white: float = 255) -> np.nd
     square = np.full((256, 256, 3), white)
     first, second = (256 - rows) // 2, (256 - columns) // 2
     square[first : first + rows, second : second + columns] = on_grid(cut, rows, columns)
+    return square.reshape(SIDE, 256 // SIDE, SIDE, 256 // SIDE, 3).mean((1, 3)).astype(np.float32)
+
+
+def photo_seen(world: World, white: float = 255) -> np.ndarray:
+    """(32, 32, 3) float32 grey levels: the whole photo in the middle of a white square."""
+    height, width = world.image.shape[:2]
+    rows, columns = (int(256 * n / max(height, width)) for n in (height, width))
+    square = np.full((256, 256, 3), white)
+    first, second = (256 - rows) // 2, (256 - columns) // 2
+    square[first : first + rows, second : second + columns] = on_grid(world.image.astype(float), rows, columns)
     return square.reshape(SIDE, 256 // SIDE, SIDE, 256 // SIDE, 3).mean((1, 3)).astype(np.float32)
 
 
@@ -290,18 +336,18 @@ def write_checkpoints(weights: Path, smpl: Path) -> None:
         "camerahmr/cam_model_cleaned.ckpt": state,
         "wilor-mini/wilor_final.ckpt": state,
         "deco/deco_best.pth": {"deco": {"gain": torch.ones(1)}},
-        "sam-3d-body-dinov3/model.ckpt": state,
+        "sam-3d-body-vith/model.ckpt": state,
     }.items():
         (weights / name).parent.mkdir(parents=True, exist_ok=True)
         torch.save(content, weights / name)
     for name in (
         "camerahmr/smpl_mean_params.npz",
-        "wilor-mini/MANO_RIGHT.pkl",
         "wilor-mini/mano_mean_params.npz",
-        "sam-3d-body-dinov3/model_config.yaml",
-        "sam-3d-body-dinov3/assets/mhr_model.pt",
+        "sam-3d-body-vith/model_config.yaml",
+        "sam-3d-body-vith/assets/mhr_model.pt",
         "omnieraser/pytorch_lora_weights.safetensors",
     ):
         (weights / name).parent.mkdir(parents=True, exist_ok=True)
         (weights / name).write_bytes(b"stand-in")
+    write_published(weights / "wilor-mini/MANO_RIGHT.pkl", mano_arrays())
     np.savez(smpl, **neighbour("physic-human", "seen").smpl_arrays())

@@ -44,13 +44,13 @@ def write_vitpose(folder: Path, world: World) -> None:
 
 
 def heat_maps(world: World) -> np.ndarray:
-    """(1, 133, 64, 48) float32 of the first person, in the frame of MMPose's unbiased data processing."""
+    """(1, 133, 64, 48) float32 of the first person; cell q is pixel 4 q of the crop, as its training had it."""
     points, seen = world_keypoints(world, "coco_wholebody133")
     box = world.boxes[0]
     wide, high = box[2:] - box[:2]
     size = PADDING * np.array([max(wide, high * WIDTH / HEIGHT), max(high, wide * HEIGHT / WIDTH)])
     corner = (box[:2] + box[2:] - 1 - size) / 2
-    cells = (points[0] - corner) / size * [COLUMNS - 1, ROWS - 1]
+    cells = (points[0] - corner) / size * [COLUMNS, ROWS]
     y, x = np.mgrid[:ROWS, :COLUMNS]
     apart = (x - cells[:, 0, None, None]) ** 2 + (y - cells[:, 1, None, None]) ** 2
     sure = np.where(seen[0], 0.9, 0.3)[:, None, None]

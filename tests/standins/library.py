@@ -56,8 +56,14 @@ def save_networks(weights: Path) -> None:
     tiny.write_clip_tokenizer(weights / "sam3-hf")
 
 
-def tell(monkeypatch: pytest.MonkeyPatch, world: World) -> dict[str, int]:
-    """Replace the answers of the four classes; returns how often each was asked, counted on."""
+def tell(monkeypatch: pytest.MonkeyPatch, world: World, own_focal: float = 1.0) -> dict[str, int]:
+    """Replace the answers of the four classes; returns how often each was asked, counted on.
+
+    Args:
+        monkeypatch: pytest's.
+        world: what they know.
+        own_focal: the focal length that DepthPro sees, in the world's; its depth in metres is as much larger.
+    """
     import transformers
 
     asked: dict[str, int] = {}
@@ -108,7 +114,7 @@ def tell(monkeypatch: pytest.MonkeyPatch, world: World) -> dict[str, int]:
         depth = world.depth if people else world.empty_depth
         focal = world.intrinsics.fx
         _fill(out.predicted_depth[0], lambda h, w: on_grid(focal / width / depth, h, w))
-        out.field_of_view[:] = float(np.degrees(2 * np.arctan(width / 2 / focal)))
+        out.field_of_view[:] = float(np.degrees(2 * np.arctan(width / 2 / (own_focal * focal))))
 
     def look(kind: str, method: str, normal: Normal) -> None:
         network = getattr(transformers, kind)

@@ -24,6 +24,8 @@ from physic_core.testing.touching import skin_of
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
 
+pytestmark = pytest.mark.kernels
+
 _ALONE = ("stand", "walk", "sit_on_chair", "sit_on_sofa", "sit_on_stool", "sit_on_floor", "lie", "lean_on_wall")
 _MORE = ("lean_on_table", "kneel", "squat", "climb_step", "sit_behind_table", "stand_behind_counter")
 _NAMES = (*_ALONE, *_MORE, "hug", "sit_side_by_side", "group", "slope", "outdoor_steps")

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import FloatArray
 
+pytestmark = pytest.mark.kernels
+
 
 @lru_cache(maxsize=1)
 def _model() -> BodyModel:

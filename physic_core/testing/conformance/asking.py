@@ -71,7 +71,7 @@ def form_faults(interface: str, answer: Any, case: Case) -> list[str]:
     """What is wrong with an answer's type, shapes, dtypes and ranges; nothing about its truth."""
     expected = ANSWERS[interface]
     if not isinstance(answer, expected):
-        return [f"infer must return a {_name(expected)}, got {_name(type(answer))}"]
+        return [f"infer must return a {_name(expected)}, got {_name(type(answer))}{border.tensor_advice(answer)}"]
     height, width = case.photo.shape[:2]
     count = len(case.people)
     faults: dict[str, Callable[[Any], list[str]]] = {

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from physic_core.error_text import describe
 from physic_core.readiness import lacks
 from physic_core.testing.conformance.expect import NotJudged, NotMet, expect
 from physic_core.testing.conformance.guard import no_network
@@ -23,7 +24,7 @@ MOST_SECONDS = 0.25
 def check_says_quickly_and_twice_what_is_missing(subject: Subject) -> None:
     """`missing` reads no weights, and says the same when it is asked again."""
     backend = _fresh(subject)
-    first, again, seconds = _asked("missing()", lambda: lacks(backend))
+    first, again, seconds = _asked(subject, "missing()", lambda: lacks(backend))
     expect(first == again, "missing() to say the same twice", f"{first!r}, then {again!r}")
     _expect_quick("missing()", seconds, "Look whether files are there; open them in load().")
 
@@ -31,11 +32,11 @@ def check_says_quickly_and_twice_what_is_missing(subject: Subject) -> None:
 def check_fingerprint_is_told_before_load(subject: Subject) -> None:
     """`fingerprint` is a text, quickly told without a network or `load`, and the same for the same weights."""
     backend, other = _fresh(subject), _fresh(subject)
-    first, again, seconds = _asked("fingerprint()", backend.fingerprint)
+    first, again, seconds = _asked(subject, "fingerprint()", backend.fingerprint)
     for told in (first, again):
         expect(isinstance(told, str), "fingerprint() to return a text, empty where there is nothing to say", repr(told))
     expect(
-        first == again == (further := _asked("fingerprint()", other.fingerprint)[0]),
+        first == again == (further := _asked(subject, "fingerprint()", other.fingerprint)[0]),
         "the same fingerprint() each time, as long as the weights are the same",
         f"{first!r}, then {again!r}, and {further!r} of another backend with the same options",
         "With a text that changes, no answer is ever found in the cache.",
@@ -43,7 +44,7 @@ def check_fingerprint_is_told_before_load(subject: Subject) -> None:
     _expect_quick("fingerprint()", seconds, "Names, sizes and times of files tell enough; physic_core.weights does it.")
 
 
-def _asked(name: str, ask: Callable[[], Any]) -> tuple[Any, Any, float]:
+def _asked(subject: Subject, name: str, ask: Callable[[], Any]) -> tuple[Any, Any, float]:
     """Two answers, and the processor time of the quicker of up to three."""
     answers, best = [], float("inf")
     with no_network() as places:
@@ -52,7 +53,7 @@ def _asked(name: str, ask: Callable[[], Any]) -> tuple[Any, Any, float]:
             try:
                 answers.append(ask())
             except Exception as error:
-                raise NotMet(f"{name} to answer before load()", f"{type(error).__name__}: {error}") from error
+                raise NotMet(f"{name} to answer before load()", describe(error, subject.kind)) from error
             best = min(best, time.process_time() - start)
             if len(answers) > 1 and best < MOST_SECONDS:
                 break

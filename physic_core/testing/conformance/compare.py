@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from physic_core.error_text import describe, traceback_text
 from physic_core.errors import PhysicError
 from physic_core.testing.conformance.accuracy import BETTER, mean_of, measure
 from physic_core.testing.conformance.asking import form_faults, inputs
@@ -37,6 +38,7 @@ class Row:
         answered: how many worlds it answered in the right form.
         seconds: median time of an answer, weights loaded.
         problem: why it did not answer the others; empty where it answered all.
+        traceback: of what it raised, where ``PHYSIC_DEBUG`` asks for it; else empty.
     """
 
     backend: str
@@ -44,6 +46,7 @@ class Row:
     answered: int
     seconds: float
     problem: str = ""
+    traceback: str = ""
 
 
 @dataclass(frozen=True)
@@ -81,6 +84,7 @@ class Comparison:
         widths = [max(len(line[i]) for line in lines) for i in range(len(head))]
         table = ["  ".join(f"{cell:<{w}}" for cell, w in zip(line, widths, strict=True)).rstrip() for line in lines]
         notes = [f"{row.backend}: {row.problem}" for row in self.rows if row.problem]
+        notes += [row.traceback.rstrip("\n") for row in self.rows if row.traceback]
         width, height = self.size
         worlds = ", ".join(f"{name} {seed}" for name, seed in self.worlds)
         about = (
@@ -152,7 +156,7 @@ def compare(
 
 
 def _row(subject: Subject, worlds: Sequence[tuple[str, int]], size: tuple[int, int]) -> Row:
-    errors, times, problems = [], [], []
+    errors, times, problems, tracebacks = [], [], [], []
     for name, seed in worlds:
         case = case_of_world(f"{name} {seed}", build_world(name, seed, size))
         try:
@@ -165,10 +169,18 @@ def _row(subject: Subject, worlds: Sequence[tuple[str, int]], size: tuple[int, i
                 problems.append(faults[0])
             else:
                 errors.append(measure(subject.interface, answer, case))
-        except (NotJudged, PhysicError) as error:
-            problems.append(str(error))
-        except Exception as error:  # a plugin's door
-            problems.append(f"{type(error).__name__}: {error}")
+        except (Exception, SystemExit) as error:  # a plugin's door
+            cause = error.__cause__ if isinstance(error, NotJudged) and error.__cause__ is not None else error
+            said = isinstance(cause, (NotJudged, PhysicError))
+            problems.append(str(error) if said else describe(cause, subject.kind))
+            tracebacks.append(traceback_text(cause))
     subject.close()
     median = sorted(times)[len(times) // 2] if times else float("nan")
-    return Row(subject.name, mean_of(errors), len(errors), median, "; ".join(dict.fromkeys(problems)))
+    return Row(
+        subject.name,
+        mean_of(errors),
+        len(errors),
+        median,
+        "; ".join(dict.fromkeys(problems)),
+        "\n".join(filter(None, tracebacks)),
+    )

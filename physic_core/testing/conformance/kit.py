@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping
 from typing import TYPE_CHECKING, Any
 
+from physic_core.error_text import debugging
 from physic_core.interfaces import INTERFACES, Backend
 from physic_core.testing.conformance import (
     answering,
@@ -154,6 +155,8 @@ class BoundCheck:
         import pytest
 
         result = self._shared.run().result(self._name)
+        if result.outcome == "failed" and result.error is not None and debugging():
+            raise pytest.fail.Exception(result.message) from result.error
         if result.outcome == "failed":
             pytest.fail(result.message, pytrace=False)
         if result.outcome == "skipped":

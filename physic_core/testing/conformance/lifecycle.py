@@ -7,6 +7,7 @@ import time
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+from physic_core.error_text import describe
 from physic_core.errors import PhysicError
 from physic_core.readiness import lacks
 from physic_core.testing.conformance.asking import difference
@@ -31,7 +32,7 @@ def check_constructs_with_its_defaults(subject: Subject) -> None:
     try:
         subject.construct()
     except Exception as error:
-        raise NotMet("a backend from its options", f"{type(error).__name__}: {error}") from error
+        raise NotMet("a backend from its options", describe(error, subject.kind)) from error
 
 
 def check_constructs_offline(subject: Subject) -> None:
@@ -87,7 +88,7 @@ def check_loads_or_says_what_is_missing(subject: Subject) -> None:
     except Exception as error:
         raise NotMet(
             "load() to work, or a physic_core.errors.BackendError that says which file is missing and where to get it",
-            f"{type(error).__name__}: {error}",
+            describe(error, subject.kind),
         ) from error
     _quietly_closed(backend)
 
@@ -106,7 +107,7 @@ def check_refuses_a_missing_device(subject: Subject) -> None:
     except Exception as error:
         raise NotMet(
             f"load({MISSING_DEVICE!r}) to raise a physic_core.errors.DeviceError, or to do without a device",
-            f"{type(error).__name__}: {error}",
+            describe(error, subject.kind),
             "physic_core.devices.check_device(device) says it in words.",
         ) from error
     _quietly_closed(backend)
@@ -122,7 +123,7 @@ def check_says_so_if_it_is_not_loaded(subject: Subject) -> None:
     except Exception as error:
         raise NotMet(
             "infer() before load() to work, or to raise a physic_core.errors.BackendError",
-            f"{type(error).__name__}: {error}",
+            describe(error, subject.kind),
         ) from error
 
 
@@ -143,7 +144,7 @@ def check_load_and_close_may_be_repeated(subject: Subject) -> None:
             call()
         except Exception as error:
             before = "" if i else ", on a fresh backend"
-            raise NotMet(f"{step} to do no harm{before}", f"{type(error).__name__}: {error}") from error
+            raise NotMet(f"{step} to do no harm{before}", describe(error, subject.kind)) from error
 
 
 def check_answers_again_after_close(subject: Subject) -> None:
@@ -157,7 +158,7 @@ def check_answers_again_after_close(subject: Subject) -> None:
         backend.load(subject.device)
         again = subject.ask(backend, case)
     except Exception as error:
-        raise NotMet("an answer after load(), close(), load()", f"{type(error).__name__}: {error}") from error
+        raise NotMet("an answer after load(), close(), load()", describe(error, subject.kind)) from error
     finally:
         _quietly_closed(backend)
     if "stochastic" not in subject.capabilities:

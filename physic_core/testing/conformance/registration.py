@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING, Any
 from pydantic import BaseModel, ValidationError
 from pydantic.json_schema import PydanticJsonSchemaWarning
 
+from physic_core.error_text import describe
 from physic_core.interfaces import INTERFACES
+from physic_core.registry import call_fault
 from physic_core.testing.conformance.expect import NotJudged, NotMet, expect
 from physic_core.testing.conformance.run import Check
 
@@ -75,12 +77,9 @@ def check_target_is_a_whole_class(subject: Subject) -> None:
 
 def check_infer_takes_what_is_given(subject: Subject) -> None:
     """`infer` takes the arguments of its interface, in their order."""
-    wanted = list(inspect.signature(INTERFACES[subject.interface].infer).parameters)[1:]  # type: ignore[attr-defined]
-    signature = inspect.signature(subject.kind.infer)  # type: ignore[attr-defined]
-    try:
-        signature.bind(None, *wanted)
-    except TypeError as error:
-        raise NotMet(f"infer(self, {', '.join(wanted)})", f"infer{signature}: {error}") from error
+    wanted = list(inspect.signature(INTERFACES[subject.interface].infer).parameters)  # type: ignore[attr-defined]
+    fault = call_fault(subject.kind, subject.interface)
+    expect(not fault, f"infer({', '.join(wanted)})", fault)
 
 
 def check_options_are_a_closed_model(subject: Subject) -> None:
@@ -127,7 +126,7 @@ def check_options_go_through_json(subject: Subject) -> None:
         options = subject.options()
         back = kind.model_validate(json.loads(json.dumps(options.model_dump(mode="json"))))
     except Exception as error:  # pydantic raises many kinds
-        raise NotMet("options that can be written as JSON", f"{type(error).__name__}: {error}") from error
+        raise NotMet("options that can be written as JSON", describe(error, subject.kind)) from error
     expect(back == options, "options that come back from JSON as they were", f"{back!r} instead of {options!r}")
 
 
@@ -136,7 +135,7 @@ def _registration(plugin: str, path: tuple[str, ...]) -> dict[str, Any]:
     import os
 
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in path if p)}
-    command = [sys.executable, "-c", _LOOK, plugin]
+    command = [sys.executable, "-P", "-c", _LOOK, plugin]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=120, check=False)
     if done.returncode:
         return {"seconds": 0.0, "new": [], "broken": [done.stderr.strip().rpartition("\n")[2]]}

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
+from physic_core.error_text import describe
 from physic_core.errors import PhysicError
 from physic_core.testing.conformance.answering import check_needs_no_hints
 from physic_core.testing.conformance.asking import form_faults, inputs
@@ -108,7 +109,7 @@ def check_camera_may_be_unknown(subject: Subject) -> None:
     try:
         answer = subject.ask(subject.loaded(case), case, (image, replace(hints, intrinsics=None)))
     except Exception as error:
-        raise NotMet("points for a photo whose camera is not known", f"{type(error).__name__}: {error}") from error
+        raise NotMet("points for a photo whose camera is not known", describe(error, subject.kind)) from error
     faults = form_faults(subject.interface, answer, case)
     expect(not faults, "points for a photo whose camera is not known", "; ".join(faults))
 
@@ -123,11 +124,11 @@ def check_photo_after_scene(subject: Subject) -> None:
             subject.loaded(case), case, (case.photo.copy(), replace(hints, hole=None, scene=case.scene))
         )
     except PhysicError as error:
-        raise NotMet("points of the photo with its people", f"{type(error).__name__}: {error}") from error
+        raise NotMet("points of the photo with its people", describe(error, subject.kind)) from error
     except Exception as error:
         raise NotMet(
             "points of the photo with its people, hints.scene given and hints.hole None",
-            f"{type(error).__name__}: {error}",
+            describe(error, subject.kind),
         ) from error
     faults = form_faults(subject.interface, answer, case)
     expect(not faults, "points of the photo with its people", "; ".join(faults))

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field, fields
 from textwrap import shorten
 from typing import Any, Literal
+
+from physic_core.error_text import traceback_text
 
 __all__ = ["OUTCOMES", "Outcome", "Report", "Result"]
 
@@ -34,6 +36,7 @@ class Result:
         reason: why it was skipped, or expected to fail.
         read: where to read more.
         seconds: time that it took, photos that it was the first to show included.
+        error: what the backend raised, of a failure that comes of an exception.
     """
 
     check: str
@@ -44,6 +47,12 @@ class Result:
     reason: str = ""
     read: str = ""
     seconds: float = 0.0
+    error: BaseException | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def traceback(self) -> str:
+        """Of what the backend raised, where ``PHYSIC_DEBUG`` asks for it; else empty."""
+        return traceback_text(self.error).rstrip("\n")
 
     @property
     def message(self) -> str:
@@ -55,6 +64,12 @@ class Result:
         if self.outcome == "xpassed":
             return f"{self.check}\n  expected: a failure ({self.reason})\n  got:      it passes: expect it no longer"
         return f"{self.check}: {self.reason}" if self.reason else self.check
+
+
+def _plain(result: Result) -> dict[str, Any]:
+    """A result for JSON, with the traceback in place of the error."""
+    values = {f.name: getattr(result, f.name) for f in fields(result) if f.name != "error"}
+    return values | ({"traceback": result.traceback} if result.traceback else {})
 
 
 @dataclass(frozen=True)
@@ -116,7 +131,7 @@ class Report:
     @property
     def text(self) -> str:
         """Every failure, the accuracy, and the summary."""
-        blocks = [r.message for r in self.results if r.outcome in ("failed", "xpassed")]
+        blocks = [text for r in self.failures for text in (r.message, r.traceback) if text]
         if self.accuracy:
             numbers = ", ".join(f"{name} {value:.3g}" for name, value in self.accuracy.items())
             blocks.append(f"accuracy on worlds (not judged): {numbers}")
@@ -132,7 +147,7 @@ class Report:
             "ok": self.ok,
             "not_asked": self.not_asked,
             "counts": self.counts,
-            "results": [asdict(result) for result in self.results],
+            "results": [_plain(result) for result in self.results],
             "accuracy": numbers,
         }
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.error_text import describe
 from physic_core.testing.conformance.asking import inputs
 from physic_core.testing.conformance.expect import NotJudged, NotMet, expect
 
@@ -25,7 +26,7 @@ def check_rows_follow_the_people(subject: Subject) -> None:
     try:
         again = subject.ask(subject.loaded(case), case, turned)
     except Exception as error:
-        raise NotMet("an answer about the same people in reverse order", f"{type(error).__name__}: {error}") from error
+        raise NotMet("an answer about the same people in reverse order", describe(error, subject.kind)) from error
     first, second = _rows(answer, count), _rows(again, count)
     apart = np.abs(first[:, None] - second[None]).mean(axis=2)
     if not apart.any():

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
+from physic_core.error_text import describe
 from physic_core.errors import PhysicError
 from physic_core.testing.conformance.expect import NotJudged, NotMet
 from physic_core.testing.conformance.report import Report, Result
@@ -112,12 +113,21 @@ class Run:
                 warnings.simplefilter("ignore")
                 check.function(self.subject)
         except NotMet as failure:
-            return Result(name, "failed", failure.expected, failure.got, failure.hint, read=check.read)
+            return Result(
+                name,
+                "failed",
+                failure.expected,
+                failure.got,
+                failure.hint,
+                read=check.read,
+                error=failure.__cause__,
+            )
         except NotJudged as reason:
             return Result(name, "skipped", reason=str(reason))
         except Exception as error:
-            got = f"{type(error).__name__}: {error}"
-            return Result(name, "failed", check.summary.rstrip("."), got, "The check itself stumbled.", read=check.read)
+            got = describe(error, self.subject.kind)
+            hint = "The check itself stumbled."
+            return Result(name, "failed", check.summary.rstrip("."), got, hint, read=check.read, error=error)
         return Result(name, "passed")
 
     def _as_expected(self, result: Result) -> Result:

@@ -9,9 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
+from physic_core.calls import infer
+from physic_core.error_text import describe
 from physic_core.errors import BackendError, ConfigError, PhysicError
 from physic_core.faults import from_pydantic
 from physic_core.interfaces import INTERFACES, Backend
+from physic_core.local_modules import split
 from physic_core.readiness import lacks
 from physic_core.testing.conformance.asking import changed, form_faults, inputs
 from physic_core.testing.conformance.cases import SIZE, build_case
@@ -55,7 +58,7 @@ class Attempt:
 
     answer: Any
     returned: Any
-    error: Exception | None
+    error: BaseException | None
     faults: tuple[str, ...]
     edited: tuple[str, ...]
 
@@ -162,7 +165,7 @@ class Subject:
     def ask(self, backend: Backend, case: Case, arguments: tuple[Any, ...] | None = None) -> Any:
         """What a backend answers to a case, or to other arguments in its place; errors go through."""
         given = inputs(self.interface, case) if arguments is None else arguments
-        return backend.infer(*given)  # type: ignore[attr-defined]
+        return infer(backend, given)
 
     def attempt(self, name: str) -> Attempt:
         """What came of showing the photo; shown once only, and always FIRST before any other.
@@ -187,7 +190,7 @@ class Subject:
         if isinstance(attempt.error, ConfigError):
             raise NotJudged(f"not ready: {attempt.error}")
         if attempt.error is not None:
-            raise NotJudged(f"it did not answer the photo '{name}': {type(attempt.error).__name__}: {attempt.error}")
+            raise NotJudged(f"it did not answer the photo '{name}': {describe(attempt.error, self.kind)}")
         if attempt.faults:
             raise NotJudged(f"its answer to the photo '{name}' has the wrong form")
         return attempt.answer
@@ -218,7 +221,7 @@ class Subject:
         given, before = inputs(self.interface, case), inputs(self.interface, case)
         try:
             answer = self.ask(backend, case, given)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             return Attempt(None, None, error, (), tuple(changed(before, given)))
         faults = tuple(form_faults(self.interface, answer, case))
         return Attempt(deepcopy(answer), answer, None, faults, tuple(changed(before, given)))
@@ -253,7 +256,7 @@ def find_subject(
         interface = _only_interface(backend, registry)
     _known(interface)
     claim = registry.get(interface, backend)
-    return Subject(registry.load_class(claim), interface, backend, claim=claim, **settings)
+    return Subject(registry.load_class(claim), interface, split(backend)[1], claim=claim, **settings)
 
 
 def _only_interface(name: str, registry: Registry) -> str:
