@@ -16,7 +16,7 @@ from pydantic import Field
 from physic_core.adapters.crop_camera import told_of_crops, translation_of_crop
 from physic_core.adapters.crops import crop_of, cut, padded
 from physic_core.adapters.observed import observed_joints
-from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, check_photo, letterbox, planes
+from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, letterbox, planes
 from physic_core.adapters.smpl import no_bodies
 from physic_core.devices import check_device
 from physic_core.errors import BackendError
@@ -37,6 +37,7 @@ _CHECKPOINT, _CAMERA_CHECKPOINT, _MEAN = (
     "cam_model_cleaned.ckpt",
     "smpl_mean_params.npz",
 )
+_FLNET_NEEDS = ("loguru", "yacs")
 _WHITE = 255
 
 
@@ -79,13 +80,17 @@ class CameraHmr(Hosted, BodyEstimator):
         "CameraHMR",
         "core.camerahmr_model",
         "https://github.com/pixelite1201/CameraHMR",
-        ("pytorch_lightning", "einops", "timm"),
+        ("pytorch_lightning", "einops", "timm", "torchvision"),
     )
 
     def __init__(self, options: CameraHmrOptions | None = None) -> None:
         super().__init__(options)
         self._focal_network: Any = None
         self._body: SmplBody | None = None
+
+    def needs(self) -> tuple[str, ...]:
+        """FLNet's code imports more than the network's."""
+        return (*super().needs(), *(_FLNET_NEEDS if self.options.focal == "own" else ()))
 
     def missing(self) -> tuple[str, ...]:
         """Of checkout, packages, weights and the SMPL file."""
@@ -128,7 +133,6 @@ class CameraHmr(Hosted, BodyEstimator):
         Raises:
             BackendError: it is not loaded, or the network answers something else.
         """
-        check_photo(image)
         network, body = self._host.loaded(), self._body
         if not len(people) or body is None:
             return no_bodies("smpl")

@@ -9,7 +9,6 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.contact_crop import GROWTH, contact_crop
-from physic_core.adapters.pictures import check_photo
 from physic_core.devices import check_device
 from physic_core.errors import BackendError
 from physic_core.interfaces import ContactPrior, Options
@@ -91,7 +90,6 @@ class Deco(Hosted, ContactPrior):
         Raises:
             BackendError: it is not loaded, or the network answers something else.
         """
-        check_photo(image)
         network = self._host.loaded()
         found = np.zeros((len(people), SMPL_VERTICES), np.float32)
         for rows in batches(len(people), self.options.batch):

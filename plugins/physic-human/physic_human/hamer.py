@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, planes
+from physic_core.adapters.plain_models import plain_model
 from physic_core.devices import check_device
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options
@@ -25,6 +26,8 @@ __all__ = ["Hamer", "HamerOptions"]
 ASPECT = 192 / 256
 """Width over height of the part of its input that the network looks at: boxes are widened to it before they grow."""
 _CHECKPOINT, _CONFIG = "hamer_ckpts/checkpoints/hamer.ckpt", "hamer_ckpts/model_config.yaml"
+_TRAINING = "discriminator."
+"""Parameters that only its training uses; not every checkpoint holds them."""
 _MANO, _MEAN = "data/mano/MANO_RIGHT.pkl", "data/mano_mean_params.npz"
 
 
@@ -47,7 +50,7 @@ class Hamer(ManoHands):
         "HaMeR",
         "hamer.models",
         "https://github.com/geopavlakos/hamer",
-        ("pytorch_lightning", "yacs", "smplx", "timm", "einops"),
+        ("pytorch_lightning", "yacs", "smplx", "timm", "einops", "torchvision", "pyrender", "trimesh"),
     )
 
     def load(self, device: str = "cpu") -> None:
@@ -57,20 +60,24 @@ class Hamer(ManoHands):
             DeviceError: the device is not there.
             WeightsMissingError: code or weights are missing.
             BackendError: they are not HaMeR's.
+            BodyModelError: the MANO file cannot be used.
         """
         check_device(device)
         checkpoint, config, mano, mean = (self._host.file(name) for name in (_CHECKPOINT, _CONFIG, _MANO, _MEAN))
         read = self._host.checkout.attribute("get_config", "hamer.configs")
         kind = self._host.checkout.attribute("HAMER")
-        with computing(self._host.checkout, device):
+        with plain_model(mano, "mano") as plain, computing(self._host.checkout, device):
             settings = read(str(config))
             settings.defrost()
             # Its own paths begin at the folder that Python was started in.
-            settings.MANO.MODEL_PATH, settings.MANO.MEAN_PARAMS = str(mano.parent), str(mean)
+            settings.MANO.MODEL_PATH, settings.MANO.MEAN_PARAMS = str(plain), str(mean)
             settings.MODEL.BBOX_SHAPE = [192, 256]
+            settings.MODEL.BACKBONE.pop(
+                "PRETRAINED_WEIGHTS", None
+            )  # of its training; the checkpoint holds the backbone
             settings.freeze()
             network = kind(settings, init_renderer=False)
-            self._host.keep(self._filled(network, checkpoint), device)
+            self._host.keep(self._filled(network, checkpoint, besides=_TRAINING), device)
 
     def _region(self, box: FloatArray) -> FloatArray:
         taller = max((box[2] - box[0]) / ASPECT - (box[3] - box[1]), 0.0)

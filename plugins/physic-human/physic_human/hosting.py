@@ -32,6 +32,7 @@ __all__ = [
     "computing",
     "fill",
     "read_checkpoint",
+    "refused_checkpoint",
     "to_numpy",
 ]
 
@@ -132,7 +133,12 @@ class Hosted(Backend):
 
     def __init__(self, options: Any = None) -> None:
         super().__init__(options)
-        self._host = Host(Checkout(self.options.checkout, **vars(self.project)), self.options.weights)
+        described = vars(self.project) | {"needs": self.needs()}
+        self._host = Host(Checkout(self.options.checkout, **described), self.options.weights)
+
+    def needs(self) -> tuple[str, ...]:
+        """Packages of the environment that its code imports with these options."""
+        return self.project.needs
 
     def missing(self) -> tuple[str, ...]:
         """Of checkout, packages and weights."""
@@ -146,10 +152,12 @@ class Hosted(Backend):
         """Let go of network and code."""
         self._host.close()
 
-    def _filled(self, network: torch.nn.Module, path: Path, key: str = "state_dict") -> torch.nn.Module:
-        """The network with the tensors of a checkpoint, which may hold them under a key."""
+    def _filled(
+        self, network: torch.nn.Module, path: Path, key: str = "state_dict", besides: str | None = None
+    ) -> torch.nn.Module:
+        """The network with the tensors of a checkpoint, which may hold them under a key; ``besides`` as of `fill`."""
         state = read_checkpoint(path, trusted=self.options.trust_checkpoint)
-        fill(network, state.get(key, state), path)
+        fill(network, state.get(key, state), path, besides=besides)
         return network
 
 
@@ -170,18 +178,32 @@ def read_checkpoint(path: Path, *, trusted: bool) -> Any:
     try:
         return torch.load(path, map_location="cpu", weights_only=not trusted)
     except pickle.UnpicklingError as error:
-        if trusted:
-            raise BackendError(f"{path} is no checkpoint of torch: {error}") from error
-        raise BackendError(
-            f"{path} holds Python objects beside its tensors, and reading those can run code: if you trust its origin, "
-            "set the option trust_checkpoint = true"
-        ) from error
+        raise refused_checkpoint(path, error, trusted=trusted) from error
     except Exception as error:  # zip files that end too early, files of something else
         raise BackendError(f"{path} is no whole checkpoint of torch: {type(error).__name__}: {error}") from error
 
 
-def fill(network: torch.nn.Module, state: Mapping[str, Any], path: Path, prefix: str = "") -> None:
+def refused_checkpoint(path: Path, error: Exception, *, trusted: bool) -> BackendError:
+    """What to say of a file that torch could not unpickle."""
+    if trusted:
+        return BackendError(f"{path} is no checkpoint of torch: {error}")
+    return BackendError(
+        f"{path} holds Python objects beside its tensors, and reading those can run code: if you trust its origin, "
+        "set the option trust_checkpoint = true"
+    )
+
+
+def fill(
+    network: torch.nn.Module, state: Mapping[str, Any], path: Path, prefix: str = "", besides: str | None = None
+) -> None:
     """Put a checkpoint's tensors into a network; those that it does not know are left out.
+
+    Args:
+        network: gets them.
+        state: tensors by name.
+        path: where they are from, for messages.
+        prefix: with which their names begin, and the network's do not.
+        besides: with this begin names of parameters that the checkpoint need not have.
 
     Raises:
         BackendError: a parameter of the network is not in the checkpoint, or has another shape.
@@ -192,7 +214,7 @@ def fill(network: torch.nn.Module, state: Mapping[str, Any], path: Path, prefix:
     except RuntimeError as error:
         raise BackendError(f"{path} does not fit the network of the checkout: {error}") from error
     parameters = {name for name, _ in network.named_parameters()}
-    absent = [key for key in result.missing_keys if key in parameters]
+    absent = [key for key in result.missing_keys if key in parameters and not (besides and key.startswith(besides))]
     if absent:
         raise BackendError(
             f"{path} lacks {len(absent)} of {len(parameters)} parameters of the network, {', '.join(absent[:3])}, ...: "
@@ -208,13 +230,17 @@ def batches(count: int, size: int) -> Iterator[slice]:
 
 @contextlib.contextmanager
 def computing(checkout: Checkout, device: str, *, half: bool = False) -> Iterator[None]:
-    """While a checkout's network runs: no gradients, float16 if asked for on a GPU, and its prints go to the log."""
+    """While a checkout's network runs: no gradients, float16 if asked for on a GPU, and its prints go to the log.
+
+    What its code sends to "cuda", without a number, goes to the device that is asked for.
+    """
     import torch
 
     said = io.StringIO()
     kind = "cuda" if device.startswith("cuda") else "cpu"
     with (
         checkout.inside(),
+        torch.cuda.device(device) if kind == "cuda" else contextlib.nullcontext(),
         torch.no_grad(),
         torch.autocast(kind, dtype=torch.float16, enabled=half and kind == "cuda"),
         contextlib.redirect_stdout(said),

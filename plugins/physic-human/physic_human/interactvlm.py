@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.pictures import check_photo
 from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.interfaces import ContactPrior, Options
 from physic_core.types import ContactProbability
@@ -133,7 +132,6 @@ class InteractVlmResults(ContactPrior):
         Raises:
             BackendError: it is not loaded, the photo has no result, or a file holds something else.
         """
-        check_photo(image)
         if self._results is None:
             raise BackendError("InteractVLM's results are not loaded: call load() before infer()")
         found = [result for result in self._results if _same_photo(result, image)]

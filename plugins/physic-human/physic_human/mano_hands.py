@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import Field
@@ -11,7 +11,6 @@ from pydantic import Field
 from physic_core.adapters.crops import blur_before_shrinking, crop_of, cut
 from physic_core.adapters.hand_boxes import hand_boxes
 from physic_core.adapters.mano import hands_from_mano, no_hands
-from physic_core.adapters.pictures import check_photo
 from physic_core.interfaces import HandEstimator
 from physic_human.hosting import CheckoutOptions, Hosted, batches
 
@@ -35,14 +34,9 @@ class ManoOptions(CheckoutOptions):
 
 
 class ManoHands(Hosted, HandEstimator):
-    """MANO rotations of every hand that the keypoints show; left hands are shown to the network in a mirror.
-
-    Attributes:
-        smooths: whether a hand that shrinks is blurred first, as the network's authors do.
-    """
+    """MANO rotations of every hand that the keypoints show; left hands are shown to the network in a mirror."""
 
     options: ManoOptions
-    smooths: ClassVar[bool] = False
 
     def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
         """Image (H, W, 3) and N people with keypoints -> finger rotations; confidence is that of the keypoints.
@@ -50,7 +44,6 @@ class ManoHands(Hosted, HandEstimator):
         Raises:
             BackendError: it is not loaded, or the network answers something else.
         """
-        check_photo(image)
         network, options = self._host.loaded(), self.options
         found = hand_boxes(keypoints, least_confidence=options.least_confidence, least_size_px=options.least_size_px)
         if not len(found):
@@ -67,7 +60,7 @@ class ManoHands(Hosted, HandEstimator):
 
     def _seen(self, image: UInt8Array, box: FloatArray, *, mirrored: bool) -> FloatArray:
         crop = crop_of(self._region(box), SIDE, SIDE, padding=self.options.margin, grid="halves", mirrored=mirrored)
-        return self._fed(cut(image, crop, sigma=blur_before_shrinking(crop) if self.smooths else 0.0))
+        return self._fed(cut(image, crop, sigma=blur_before_shrinking(crop)))
 
     def _region(self, box: FloatArray) -> FloatArray:
         """The box (4,) that grows by the margin."""

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.affine_pointmap import recover_camera, settle
-from physic_core.adapters.pictures import check_photo, planes
+from physic_core.adapters.pictures import planes
 from physic_core.devices import check_device
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options, RelativePointmap
@@ -69,7 +69,6 @@ class Moge1(Hosted, RelativePointmap):
         Raises:
             BackendError: it is not loaded, or no camera fits what the network answers.
         """
-        check_photo(image)
         points, mask = self._run(self._host.loaded(), image)
         height, width = mask.shape
         told = hints.intrinsics

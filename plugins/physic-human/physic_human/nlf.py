@@ -17,7 +17,6 @@ from pydantic import Field
 
 from physic_core import weights
 from physic_core.adapters.observed import observed_joints
-from physic_core.adapters.pictures import check_photo
 from physic_core.adapters.smpl import bodies_from_smpl, no_bodies, parameters_of
 from physic_core.devices import check_device
 from physic_core.errors import BackendError
@@ -138,7 +137,6 @@ class Nlf(BodyEstimator):
         Raises:
             BackendError: it is not loaded, or the network answers something else.
         """
-        check_photo(image)
         if self._network is None:
             raise BackendError("NLF is not loaded: call load() before infer()")
         if not len(people):

@@ -1,29 +1,55 @@
-"""SAM 3D Body (Meta 2025) from its checkout: surfaces and keypoints of the MHR body, in metres, in the given camera."""
+"""SAM 3D Body (Meta 2025) from its checkout: surfaces and keypoints of the MHR body, in metres, in the given camera.
+
+Its code fetches DINOv3's main branch while it is built, and reads checkpoints with all that they hold. Here it gets the
+folder that the option ``dinov3_checkout`` names, and tensors alone; the ViT-H weights need no DINOv3.
+"""
 
 from __future__ import annotations
 
+import pickle
+import re
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
+from physic_core.adapters.checkouts import Checkout
 from physic_core.adapters.observed import observed_joints
-from physic_core.adapters.pictures import check_photo
 from physic_core.adapters.smpl import no_bodies, parameters_of
 from physic_core.body.joints import JOINT_INDEX, NUM_JOINTS
 from physic_core.devices import check_device
-from physic_core.errors import BackendError, DeviceError
+from physic_core.errors import BackendError, DeviceError, WeightsMissingError
 from physic_core.interfaces import BodyEstimator, Options
 from physic_core.types import Bodies, Mesh
-from physic_human.hosting import CheckoutOptions, Hosted, Project, SeenConfidence, batches, computing
+from physic_human.hosting import (
+    CheckoutOptions,
+    Hosted,
+    Project,
+    SeenConfidence,
+    batches,
+    computing,
+    refused_checkpoint,
+)
+from physic_human.torch_guard import guarded_torch
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    import torch
+
     from physic_core.types import FloatArray, Hints, Intrinsics, Keypoints, People, UInt8Array
 
 __all__ = ["JOINTS_OF_KEYPOINTS", "KEYPOINTS", "Sam3dBody", "Sam3dBodyOptions", "joints_of_keypoints"]
 
 KEYPOINTS = 70
-_CHECKPOINT, _MHR = "model.ckpt", "assets/mhr_model.pt"
+_CHECKPOINT, _CONFIG, _MHR = "model.ckpt", "model_config.yaml", "assets/mhr_model.pt"
+_DINOV3 = "facebookresearch/dinov3"
+_DINOV3_BACKBONE = re.compile(r"^\s*TYPE:\s*['\"]?dinov3", re.MULTILINE)
+_MADE_OTHERWISE = re.compile(r"\.mhr\.|\.hand_pose_comps_ori$|\.mask_token$")
+"""Parameters that the published checkpoint lacks: those of MHR's own file, a copy of another, and an unused one."""
+_OF_THE_HUB = ("source", "trust_repo", "force_reload", "verbose", "skip_validation")
+"""Options of ``torch.hub.load`` itself."""
 _BODY = {"shoulder": 5, "elbow": 7, "hip": 9, "knee": 11, "ankle": 13}
 """First of the two keypoints, left then right, of what both bodies have."""
 _EYES = {"left_eye": 1, "right_eye": 2}
@@ -70,9 +96,13 @@ class Sam3dBodyOptions(CheckoutOptions):
     """Settings of SAM 3D Body."""
 
     weights: str = Field(
-        default="sam-3d-body-dinov3",
+        default="sam-3d-body-vith",
         description="a name of `physic weights list`, or a folder with model.ckpt, model_config.yaml and "
         "assets/mhr_model.pt",
+    )
+    dinov3_checkout: str = Field(
+        default="",
+        description="folder of your checkout of DINOv3, its root, for sam-3d-body-dinov3; empty where it is installed",
     )
     seen_confidence: SeenConfidence = 0.5
     use_masks: bool = Field(
@@ -90,8 +120,40 @@ class Sam3dBody(Hosted, BodyEstimator):
         "SAM 3D Body",
         "sam_3d_body",
         "https://github.com/facebookresearch/sam-3d-body",
-        ("torchvision", "pytorch_lightning", "yacs", "roma", "einops", "timm"),
+        ("torchvision", "pytorch_lightning", "yacs", "omegaconf", "braceexpand", "roma", "einops", "timm"),
     )
+
+    def __init__(self, options: Sam3dBodyOptions | None = None) -> None:
+        super().__init__(options)
+        # Its hubconf.py imports all of its evaluation too; the networks alone need nothing but torch.
+        self._dinov3 = Checkout(
+            self.options.dinov3_checkout,
+            name="DINOv3",
+            package="dinov3.hub.backbones",
+            homepage=f"https://github.com/{_DINOV3}",
+            option="dinov3_checkout",
+        )
+
+    def missing(self) -> tuple[str, ...]:
+        """Of checkouts, packages and weights."""
+        return (*super().missing(), *(self._dinov3.missing() if self._needs_dinov3() else ()))
+
+    def fingerprint(self) -> str:
+        """Changes with weights and code."""
+        return f"{super().fingerprint()} {self._dinov3.fingerprint()}"
+
+    def close(self) -> None:
+        """Let go of network and code."""
+        super().close()
+        self._dinov3.close()
+
+    def _needs_dinov3(self) -> bool:
+        """By the config beside the weights; by their name where they are not here yet."""
+        try:
+            text = self._host.file(_CONFIG).read_text("utf-8", errors="replace")
+        except (WeightsMissingError, OSError):
+            return "dinov3" in self.options.weights
+        return _DINOV3_BACKBONE.search(text) is not None
 
     def load(self, device: str = "cpu") -> None:
         """Build the estimator and fill it.
@@ -110,9 +172,26 @@ class Sam3dBody(Hosted, BodyEstimator):
         checkpoint, mhr = self._host.file(_CHECKPOINT), self._host.file(_MHR)
         build = self._host.checkout.attribute("load_sam_3d_body")
         kind = self._host.checkout.attribute("SAM3DBodyEstimator")
-        with computing(self._host.checkout, device):
-            network, settings = build(str(checkpoint), device=device, mhr_path=str(mhr))
+        trusted = self.options.trust_checkpoint
+        with computing(self._host.checkout, device), guarded_torch(self._from_hub, trusted=trusted) as read:
+            try:
+                network, settings = build(str(checkpoint), device=device, mhr_path=str(mhr))
+            except pickle.UnpicklingError as error:
+                raise refused_checkpoint(checkpoint, error, trusted=trusted) from error
+            _check_filled(network, read, checkpoint)
             self._host.network, self._host.device = kind(network, settings), device
+
+    def _from_hub(self, repo: str, name: str, *args: Any, **options: Any) -> Any:
+        """In place of ``torch.hub.load``: a network of the user's DINOv3; its weights are in the checkpoint."""
+        if str(repo).partition(":")[0] != _DINOV3:
+            raise BackendError(
+                f"SAM 3D Body wants to run code of {repo}, which is not fetched: this backend knows the checkout of "
+                f"{self.project.homepage} that uses {_DINOV3} alone"
+            )
+        make = self._dinov3.attribute(name)
+        given = {key: value for key, value in options.items() if key not in _OF_THE_HUB}
+        with self._dinov3.inside():
+            return make(*args, **(given | {"pretrained": False}))
 
     def infer(
         self, image: UInt8Array, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
@@ -122,7 +201,6 @@ class Sam3dBody(Hosted, BodyEstimator):
         Raises:
             BackendError: it is not loaded, or it answers something else.
         """
-        check_photo(image)
         estimator = self._host.loaded()
         if not len(people):
             return no_bodies("mhr", num_betas=0)
@@ -130,6 +208,8 @@ class Sam3dBody(Hosted, BodyEstimator):
         for rows in batches(len(people), self.options.batch):
             found += self._ask(estimator, image, people, rows, intrinsics)
         place = np.stack([np.asarray(one["pred_cam_t"], np.float32) for one in found])
+        if not uses_principal_point(estimator.cfg):
+            place[:, :2] += _from_middle(image, intrinsics) * place[:, 2:]
         vertices = np.stack([np.asarray(one["pred_vertices"], np.float32) for one in found]) + place[:, None]
         points = np.stack([np.asarray(one["pred_keypoints_3d"], np.float32)[:KEYPOINTS] for one in found])
         zero = np.zeros((len(people), 22, 3), np.float32)
@@ -149,12 +229,17 @@ class Sam3dBody(Hosted, BodyEstimator):
         import torch
 
         boxes = np.asarray(people.boxes[rows], np.float32)
-        with computing(self._host.checkout, self._host.device, half=self.options.half):
+        camera = intrinsics.matrix.astype(np.float32)
+        if uses_principal_point(estimator.cfg):
+            camera[:2, 2] += 0.5  # it counts pixels from their edges
+        else:
+            camera[:2, 2] = image.shape[1] / 2, image.shape[0] / 2  # where it takes it to be
+        with self._dinov3.inside(), computing(self._host.checkout, self._host.device, half=self.options.half):
             answer = estimator.process_one_image(
                 np.ascontiguousarray(image),  # RGB, as it wants arrays; only files it reads as BGR
                 bboxes=boxes,
                 masks=np.ascontiguousarray(people.masks[rows]) if self.options.use_masks else None,
-                cam_int=torch.from_numpy(intrinsics.matrix.astype(np.float32))[None],
+                cam_int=torch.from_numpy(camera)[None],
             )
         wanted = {"pred_vertices", "pred_cam_t", "pred_keypoints_3d"}
         if len(answer) != len(boxes) or not all(wanted <= one.keys() for one in answer):
@@ -163,3 +248,40 @@ class Sam3dBody(Hosted, BodyEstimator):
                 f"{', '.join(sorted(wanted))}: take the checkout of https://github.com/facebookresearch/sam-3d-body"
             )
         return list(answer)
+
+
+def uses_principal_point(config: Any) -> bool:
+    """Whether the network places bodies about the principal point that it is given, by its ``model_config.yaml``.
+
+    Otherwise, as its code has it where the config says nothing, it places them about the middle of the photo.
+    """
+    for name in ("MODEL", "DECODER", "USE_INTRIN_CENTER"):
+        config = config.get(name) if isinstance(config, Mapping) else None
+    return bool(config)
+
+
+def _check_filled(network: torch.nn.Module, read: list[Any], path: Path) -> None:
+    """Its code leaves random numbers where a checkpoint, or another version of DINOv3, has other parameters.
+
+    Raises:
+        BackendError: a parameter of the network is not in what was read from ``path``, or has another shape.
+    """
+    state = {name: value for held in read for name, value in held.get("state_dict", held).items()}
+    own = dict(network.named_parameters())
+    absent = [
+        name
+        for name, value in own.items()
+        if not _MADE_OTHERWISE.search(name) and getattr(state.get(name), "shape", None) != value.shape
+    ]
+    if absent:
+        raise BackendError(
+            f"{path} lacks {len(absent)} of {len(own)} parameters of the network, {', '.join(absent[:3])}, ...: it is "
+            "the checkpoint of another network, or of another version of SAM 3D Body or of DINOv3"
+        )
+
+
+def _from_middle(image: UInt8Array, intrinsics: Intrinsics) -> FloatArray:
+    """(2,) by how much bodies move in x and y, in units of their z, from the middle to the principal point."""
+    height, width = image.shape[:2]
+    apart = np.array([width / 2 - intrinsics.cx, height / 2 - intrinsics.cy]) - 0.5
+    return np.asarray(apart / intrinsics.fx, np.float32)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import inspect
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.pictures import check_photo
 from physic_core.devices import check_device
 from physic_core.errors import BackendError
 from physic_core.interfaces import MetricDepth, Options
@@ -45,7 +45,7 @@ class UniDepth(Hosted, MetricDepth):
         "UniDepth",
         "unidepth.models",
         "https://github.com/lpiccinelli-eth/UniDepth",
-        ("torchvision", "einops", "timm", "huggingface_hub"),
+        ("torchvision", "einops", "timm", "huggingface_hub", "wandb", "matplotlib"),
     )
 
     def load(self, device: str = "cpu") -> None:
@@ -71,7 +71,6 @@ class UniDepth(Hosted, MetricDepth):
         Raises:
             BackendError: it is not loaded, or the network answers something else.
         """
-        check_photo(image)
         network = self._host.loaded()
         height, width = image.shape[:2]
         told = hints.intrinsics if self.options.use_camera else None
@@ -95,8 +94,10 @@ class UniDepth(Hosted, MetricDepth):
             matrix = told.matrix.astype(np.float32)
             matrix[:2, 2] += _HALF_PIXEL
             camera = torch.from_numpy(matrix)[None]  # its own: the network's code writes into it
-        with computing(self._host.checkout, self._host.device):
-            answer = network.infer(rgb, camera)
+        # Its own decorators would compute in float16 on every GPU, whatever is asked for.
+        infer = inspect.unwrap(type(network).infer)
+        with computing(self._host.checkout, self._host.device, half=self.options.half):
+            answer = infer(network, rgb, camera)
         if not isinstance(answer, dict) or not {"depth", "intrinsics"} <= answer.keys():
             raise BackendError(
                 f"UniDepth answered {type(answer).__name__} without depth and intrinsics: "

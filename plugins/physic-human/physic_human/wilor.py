@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
+from physic_core.adapters.plain_models import plain_model
 from physic_core.devices import check_device
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options
@@ -48,12 +49,11 @@ class Wilor(ManoHands):
 
     Options: ClassVar[type[Options]] = WilorOptions
     options: WilorOptions
-    smooths = True
     project: ClassVar[Project] = Project(
         "WiLoR-mini",
         "wilor_mini.models.wilor",
         "https://github.com/warmshao/WiLoR-mini",
-        ("smplx", "timm"),
+        ("smplx", "timm", "torchvision", "roma"),
     )
 
     def load(self, device: str = "cpu") -> None:
@@ -63,12 +63,13 @@ class Wilor(ManoHands):
             DeviceError: the device is not there.
             WeightsMissingError: code or weights are missing.
             BackendError: they are not WiLoR-mini's.
+            BodyModelError: the MANO file cannot be used.
         """
         check_device(device)
         checkpoint, mano, mean = (self._host.file(name) for name in _FILES)
         kind = self._host.checkout.attribute("WiLor")
-        with computing(self._host.checkout, device):
-            network = kind(mano_model_path=str(mano), mano_mean_path=str(mean), focal_length=_FOCAL, image_size=SIDE)
+        with plain_model(mano, "mano") as plain, computing(self._host.checkout, device):
+            network = kind(mano_model_path=str(plain), mano_mean_path=str(mean), focal_length=_FOCAL, image_size=SIDE)
             self._host.keep(self._filled(network, checkpoint), device)
 
     def _fed(self, crop: UInt8Array) -> FloatArray:

@@ -125,7 +125,7 @@ def test_two_checkouts_with_packages_of_one_name_load_side_by_side(
 def test_what_deco_lacks_is_said(tmp_path: Path) -> None:
     lacking = "\n".join(Deco(DecoOptions(checkout=str(tmp_path))).missing())
     assert "is no checkout of DECO, for it has no models/deco.py" in lacking
-    assert "register at https://deco.is.tue.mpg.de" in lacking
+    assert "run fetch_data.sh of https://github.com/sha2nkt/deco, which asks for no account" in lacking
     assert "the SMPL model is not given" in lacking
 
 

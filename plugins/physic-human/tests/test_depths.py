@@ -30,7 +30,11 @@ class UniDepthV2(torch.nn.Module):
         assert pathlib.Path(place, "config.json").read_text() == "{}"
         return cls()
 
+    # As in its own code, but for the kind of device: there is "cuda", and float16.
+    @torch.no_grad()
+    @torch.autocast("cpu", dtype=torch.bfloat16)
     def infer(self, rgb, camera=None, normalize=True):
+        assert not torch.is_autocast_enabled("cpu") and not torch.is_grad_enabled()
         assert rgb.dtype == torch.uint8 and rgb.ndim == 3 and rgb.shape[0] == 3
         self.seen = (rgb.numpy().copy(), None if camera is None else camera.numpy().copy())
         if camera is not None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import pickle
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.adapters.rotations import mirrored
 from physic_core.devices import check_device
-from physic_core.errors import BackendError, WeightsMissingError
+from physic_core.errors import BackendError, BodyModelError, WeightsMissingError
+from physic_core.testing.body_files import mano_arrays, write_published
 from physic_core.testing.conformance import parametrize_with_checks
 from physic_core.testing.conformance.hand_estimator import true_hands
 from physic_core.testing.worlds import World
@@ -25,14 +28,36 @@ from .seen import Place, coordinates, nearest, normalised_back, pixels, place_of
 
 WRISTS = (20, 21)
 
+# smplx.MANOLayer, as far as both projects hand it their file.
+MANO = """
+import os
+import pickle
+import numpy as np
+import torch
+
+class MANOLayer(torch.nn.Module):
+    def __init__(self, model_path, **kwargs):
+        super().__init__()
+        if os.path.isdir(model_path):
+            model_path = os.path.join(model_path, "MANO_RIGHT.pkl")
+        assert "RIGHT" in os.path.basename(model_path), "a left hand"
+        with open(model_path, "rb") as file:
+            self.data = pickle.load(file, encoding="latin1")
+        for name in ("shapedirs", "J_regressor", "hands_mean", "weights"):
+            self.register_buffer(name, torch.tensor(np.array(self.data[name], dtype=np.float32)))
+        assert self.J_regressor.shape == (16, 778) and self.shapedirs.shape == (778, 3, 10)
+"""
+
 WILOR = """
 import os
 import torch
+from .mano import MANOLayer
 
 class WiLor(torch.nn.Module):
     def __init__(self, **kwargs):
         super().__init__()
-        assert os.path.exists(kwargs["mano_model_path"]) and os.path.exists(kwargs["mano_mean_path"])
+        assert os.path.exists(kwargs["mano_mean_path"])
+        self.mano = MANOLayer(kwargs["mano_model_path"])
         assert kwargs["focal_length"] == 5000 and kwargs["image_size"] == 256
         self.gain = torch.nn.Parameter(torch.zeros(1))
         self.seen = []
@@ -48,9 +73,12 @@ class WiLor(torch.nn.Module):
                 "pred_cam": torch.ones(count, 3)}
 """
 
+WILOR_FILES = {"wilor_mini/__init__.py": "", "wilor_mini/models/mano.py": MANO, "wilor_mini/models/wilor.py": WILOR}
+
 HAMER = """
 import torch
 from ..configs import NOTE
+from .mano import MANOLayer
 
 class HAMER(torch.nn.Module):
     def __init__(self, cfg, init_renderer=True):
@@ -58,6 +86,11 @@ class HAMER(torch.nn.Module):
         assert not init_renderer, "a renderer needs OpenGL"
         self.cfg = cfg
         self.gain = torch.nn.Parameter(torch.zeros(1))
+        if cfg.MODEL.BACKBONE.get("PRETRAINED_WEIGHTS", None):
+            torch.load(cfg.MODEL.BACKBONE.PRETRAINED_WEIGHTS, map_location="cpu")
+        if cfg.LOSS_WEIGHTS.ADVERSARIAL > 0:
+            self.discriminator = torch.nn.Linear(2, 3)
+        self.mano = MANOLayer(**{key.lower(): value for key, value in dict(cfg.MANO).items()})
         self.seen = []
 
     def forward(self, batch):
@@ -81,7 +114,15 @@ class Node(dict):
 
 def get_config(config_file, merge=True, update_cachedir=False):
     open(config_file).close()
-    return Node(MANO=Node(MODEL_PATH="./_DATA/data/mano", MEAN_PARAMS="./_DATA/mean"), MODEL=Node(IMAGE_SIZE=256))
+    # What the published model_config.yaml says.
+    return Node(
+        MANO=Node(DATA_DIR="_DATA/data/", MODEL_PATH="./_DATA/data/mano", MEAN_PARAMS="./_DATA/mean", GENDER="neutral"),
+        MODEL=Node(
+            IMAGE_SIZE=256,
+            BACKBONE=Node(TYPE="vit", PRETRAINED_WEIGHTS="hamer_training_data/vitpose_backbone.pth"),
+        ),
+        LOSS_WEIGHTS=Node(ADVERSARIAL=0.0005),
+    )
 """
 
 
@@ -100,14 +141,14 @@ def wilor_files(folder: Path) -> Path:
     torch.save(
         {"state_dict": {"gain": torch.full((1,), 0.5), "mano.faces": torch.zeros(2)}}, folder / "wilor_final.ckpt"
     )
-    (folder / "MANO_RIGHT.pkl").write_bytes(b"")
+    write_published(folder / "MANO_RIGHT.pkl", mano_arrays())
     (folder / "mano_mean_params.npz").write_bytes(b"")
     return folder
 
 
 @pytest.fixture
 def wilor(stub: Callable[..., Path], tmp_path: Path) -> Wilor:
-    checkout = stub("wilor", {"wilor_mini/__init__.py": "", "wilor_mini/models/wilor.py": WILOR})
+    checkout = stub("wilor", WILOR_FILES)
     backend = Wilor(WilorOptions(checkout=str(checkout), weights=str(wilor_files(tmp_path / "files"))))
     backend.load()
     return backend
@@ -126,7 +167,7 @@ def test_wilor_sees_blue_first_since_it_exchanges_channels_itself(wilor: Wilor) 
 
 
 def test_wilor_can_repeat_the_papers_exchange_of_channels(stub: Callable[..., Path], tmp_path: Path) -> None:
-    checkout = stub("w", {"wilor_mini/models/wilor.py": WILOR})
+    checkout = stub("w", WILOR_FILES)
     options = WilorOptions(checkout=str(checkout), weights=str(wilor_files(tmp_path / "f")), swap_channels=True)
     backend = Wilor(options)
     backend.load()
@@ -149,11 +190,15 @@ def test_left_hands_are_shown_in_a_mirror_and_read_in_it(wilor: Wilor) -> None:
     np.testing.assert_allclose(hands.wrists[0], [[0.2, -0.2, -0.2], [0.2, 0.2, 0.2]], atol=1e-6)
 
 
-def test_large_hands_are_smoothed_before_they_are_made_small(wilor: Wilor) -> None:
+@pytest.mark.parametrize("network", ["wilor", "hamer"])
+def test_large_hands_are_smoothed_before_they_are_made_small(network: str, request: pytest.FixtureRequest) -> None:
+    backend = request.getfixturevalue(network)
+    backend.options = backend.options.model_copy(update={"margin": 2.5 if network == "wilor" else 1.875})
     stripes = np.zeros((1300, 1300, 3), np.uint8)
     stripes[:, ::2] = 255
-    wilor.infer(stripes, *keypoints({"right": [350, 350, 950, 950]}))
-    seen = wilor._host.network.seen[0][0, 60:200, 60:200]
+    backend.infer(stripes, *keypoints({"right": [350, 350, 950, 950]}))
+    seen = backend._host.network.seen[0][0]
+    seen = (seen if network == "wilor" else normalised_back(seen))[60:200, 60:200]
     # 1500 px become 256: a blur of 0.96 px beforehand leaves next to nothing of stripes of one pixel.
     assert seen.std() < 6
     assert abs(seen.mean() - 127.5) < 2
@@ -183,7 +228,7 @@ def test_what_wilor_lacks_is_said_before_it_is_loaded(tmp_path: Path) -> None:
 
 def test_another_wilor_is_told_by_its_answer(stub: Callable[..., Path], tmp_path: Path) -> None:
     text = WILOR[: WILOR.index("        return {")] + "        return pose, turned, None\n"
-    checkout = stub("w", {"wilor_mini/models/wilor.py": text})
+    checkout = stub("w", WILOR_FILES | {"wilor_mini/models/wilor.py": text})
     backend = Wilor(WilorOptions(checkout=str(checkout), weights=str(wilor_files(tmp_path / "f"))))
     backend.load()
     with pytest.raises(BackendError, match="WiLoR-mini's network answered tuple"):
@@ -193,13 +238,13 @@ def test_another_wilor_is_told_by_its_answer(stub: Callable[..., Path], tmp_path
 def test_a_checkpoint_of_another_network_is_refused(stub: Callable[..., Path], tmp_path: Path) -> None:
     files = wilor_files(tmp_path / "f")
     torch.save({"state_dict": {"other": torch.zeros(1)}}, files / "wilor_final.ckpt")
-    backend = Wilor(WilorOptions(checkout=str(stub("w", {"wilor_mini/models/wilor.py": WILOR})), weights=str(files)))
+    backend = Wilor(WilorOptions(checkout=str(stub("w", WILOR_FILES)), weights=str(files)))
     with pytest.raises(BackendError, match="lacks 1 of 1 parameters of the network, gain"):
         backend.load()
 
 
 def test_a_checkpoint_with_objects_is_read_only_if_trusted(stub: Callable[..., Path], tmp_path: Path) -> None:
-    files, checkout = wilor_files(tmp_path / "f"), stub("w", {"wilor_mini/models/wilor.py": WILOR})
+    files, checkout = wilor_files(tmp_path / "f"), stub("w", WILOR_FILES)
     torch.save({"state_dict": {"gain": torch.ones(1)}, "hyper": Path("x")}, files / "wilor_final.ckpt")
     with pytest.raises(BackendError, match="set the option trust_checkpoint = true"):
         Wilor(WilorOptions(checkout=str(checkout), weights=str(files))).load()
@@ -207,13 +252,14 @@ def test_a_checkpoint_with_objects_is_read_only_if_trusted(stub: Callable[..., P
 
 
 @pytest.fixture
-def hamer(stub: Callable[..., Path], tmp_path: Path) -> Hamer:
+def make_hamer(stub: Callable[..., Path], tmp_path: Path) -> Callable[[dict[str, torch.Tensor]], Hamer]:
     checkout = stub(
         "hamer",
         {
             "hamer/__init__.py": "",
             "hamer/configs/__init__.py": CONFIGS,
             "hamer/models/__init__.py": "from .hamer import HAMER",
+            "hamer/models/mano.py": MANO,
             "hamer/models/hamer.py": HAMER,
         },
     )
@@ -222,10 +268,51 @@ def hamer(stub: Callable[..., Path], tmp_path: Path) -> Hamer:
                  "data/mano_mean_params.npz"):  # fmt: skip
         (files / name).parent.mkdir(parents=True, exist_ok=True)
         (files / name).write_bytes(b"")
-    torch.save({"state_dict": {"gain": torch.ones(1)}}, files / "hamer_ckpts/checkpoints/hamer.ckpt")
-    backend = Hamer(HamerOptions(checkout=str(checkout), weights=str(files)))
-    backend.load()
-    return backend
+    write_published(files / "data/mano/MANO_RIGHT.pkl", mano_arrays())
+
+    def make(state: dict[str, torch.Tensor]) -> Hamer:
+        torch.save({"state_dict": state}, files / "hamer_ckpts/checkpoints/hamer.ckpt")
+        backend = Hamer(HamerOptions(checkout=str(checkout), weights=str(files)))
+        backend.load()
+        return backend
+
+    return make
+
+
+@pytest.fixture
+def hamer(make_hamer: Callable[[dict[str, torch.Tensor]], Hamer]) -> Hamer:
+    return make_hamer({"gain": torch.ones(1)})
+
+
+def test_the_published_config_of_hamer_loads_without_the_files_of_its_training(hamer: Hamer) -> None:
+    settings = hamer._host.network.cfg
+    assert settings.MODEL.BACKBONE == {"TYPE": "vit"}
+    assert settings.MODEL.BBOX_SHAPE == [192, 256]
+
+
+def test_hamer_needs_no_discriminator_and_all_else(make_hamer: Callable[[dict[str, torch.Tensor]], Hamer]) -> None:
+    discriminator = {"discriminator.weight": torch.zeros(3, 2), "discriminator.bias": torch.zeros(3)}
+    assert make_hamer({"gain": torch.ones(1), **discriminator})._host.network.gain == 1
+    with pytest.raises(BackendError, match=r"lacks 1 of 3 parameters of the network, gain, \.\.\."):
+        make_hamer(discriminator)
+
+
+@pytest.mark.parametrize("network", ["wilor", "hamer"])
+def test_mano_that_names_chumpy_is_read_without_it(network: str, request: pytest.FixtureRequest) -> None:
+    """Both read it by ``pickle.load``, as smplx does, and chumpy is not installed."""
+    with pytest.raises(ModuleNotFoundError):
+        importlib.import_module("chumpy")
+    layer = request.getfixturevalue(network)._host.network.mano
+    np.testing.assert_array_equal(layer.shapedirs, mano_arrays()["shapedirs"].astype(np.float32))
+    np.testing.assert_array_equal(layer.J_regressor, mano_arrays()["J_regressor"])
+
+
+def test_mano_that_would_run_code_is_refused(stub: Callable[..., Path], tmp_path: Path) -> None:
+    files = wilor_files(tmp_path / "f")
+    (files / "MANO_RIGHT.pkl").write_bytes(pickle.dumps({**mano_arrays(), "bs_type": print}))
+    backend = Wilor(WilorOptions(checkout=str(stub("w", WILOR_FILES)), weights=str(files)))
+    with pytest.raises(BodyModelError, match=r"is a pickle that asks for .builtins\.print."):
+        backend.load()
 
 
 def test_hamer_sees_red_first_and_normalised(hamer: Hamer) -> None:
@@ -246,7 +333,7 @@ def test_hamer_widens_boxes_to_what_it_looks_at(hamer: Hamer) -> None:
 
 def test_hamers_own_paths_are_those_of_its_files(hamer: Hamer) -> None:
     settings = hamer._host.network.cfg
-    assert settings.MANO.MODEL_PATH.endswith("_DATA/data/mano")
+    assert Path(settings.MANO.MODEL_PATH).name.startswith("MANO_RIGHT-")
     assert Path(settings.MANO.MEAN_PARAMS).is_file()
 
 

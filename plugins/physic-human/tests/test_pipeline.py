@@ -43,7 +43,7 @@ def test_bodies_of_other_models_go_through_the_whole_pipeline(body: str, smpl_fi
     registry = discover()
     for interface, kinds in TOLD.items():
         for name, kind in kinds.items():
-            registry.register(BackendRecord(interface, name, kind))
+            registry.register(BackendRecord(interface, name, kind, api=1))
     smpl = {"smpl_file": str(smpl_file)}
     config = {
         "run": {"cache": False},

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+import pickle
+import sys
+import threading
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -12,30 +16,48 @@ import torch
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.devices import check_device
-from physic_core.errors import BackendError, DeviceError
+from physic_core.errors import BackendError, DeviceError, WeightsMissingError
 from physic_core.testing.conformance import parametrize_with_checks
 from physic_core.testing.worlds import World, build_world
 from physic_core.types import Hints, Intrinsics, Keypoints, People
 from physic_human.sam3d_body import JOINTS_OF_KEYPOINTS, Sam3dBody, Sam3dBodyOptions, joints_of_keypoints
+from physic_human.torch_guard import guarded_torch
 
 from .seen import world_of
 
 CAMERA = Intrinsics(500.0, 510.0, 30.0, 20.0, 64, 48)
 KEYPOINTS = Keypoints(np.zeros((2, 17, 2)), np.zeros((2, 17)), "coco17")
 
+# As the published code is in what it fetches, reads, sends to which device, and where it puts bodies.
 CHECKOUT = """
 import pathlib
+import re
 import numpy as np
+import torch
 
-class Network:
-    pass
+class Network(torch.nn.Module):
+    def __init__(self):
+        super().__init__()
+        self.gain = torch.nn.Parameter(torch.zeros(1))
+        self.head_pose = torch.nn.ModuleDict({"mhr": torch.nn.Linear(2, 2)})  # of its own file
 
 def load_sam_3d_body(checkpoint_path="", device="cuda", mhr_path=""):
-    assert pathlib.Path(checkpoint_path).is_file() and pathlib.Path(mhr_path).is_file()
+    assert pathlib.Path(mhr_path).is_file()
     print("Loading SAM 3D Body model...")
-    network = Network()
+    network, text = Network(), (pathlib.Path(checkpoint_path).parent / "model_config.yaml").read_text()
+    backbone = re.search("TYPE: (.*)", text)[1]
+    decoder = {name: value == "true" for name, value in re.findall("(USE_INTRIN_CENTER): (.*)", text)}
+    config = {"MODEL": {"BACKBONE": {"TYPE": backbone}, "DECODER": decoder}}
+    if backbone.startswith("dinov3"):
+        network.encoder = torch.hub.load(
+            "facebookresearch/dinov3", backbone, source="github", pretrained=False, drop_path=0.1
+        )
+    network.held = torch.load(checkpoint_path, map_location="cpu", weights_only=False)
+    own = network.state_dict()  # numbers of other shapes are left out too, with a warning in a log
+    fits = {name: value for name, value in network.held["state_dict"].items() if own[name].shape == value.shape}
+    network.load_state_dict(fits, strict=False)
     network.device = device
-    return network, {"a": "config"}
+    return network, config
 
 class SAM3DBodyEstimator:
     def __init__(self, sam_3d_body_model, model_cfg, human_detector=None, human_segmentor=None, fov_estimator=None):
@@ -50,10 +72,13 @@ class SAM3DBodyEstimator:
         if masks is not None:
             masks = masks.reshape(-1, height, width, 1).astype(np.uint8)
         self.asked.append((img.copy(), bboxes.copy(), masks, cam_int.clone()))
+        focal, middle = cam_int[0, 0, 0].item(), np.array([width, height]) / 2
+        if self.cfg["MODEL"]["DECODER"].get("USE_INTRIN_CENTER", False):
+            middle = cam_int[0, :2, 2].numpy()
         return [
             {
                 "pred_vertices": np.full((5, 3), 0.5, np.float32),
-                "pred_cam_t": np.array([box[0], box[1], 1000.0], np.float32) / 1000,
+                "pred_cam_t": np.array([*(((box[:2] + box[2:]) / 2 - middle) / focal * 3), 3], np.float32),
                 "pred_keypoints_3d": np.arange(210, dtype=np.float32).reshape(70, 3),
                 "pred_keypoints_2d": np.zeros((70, 2)),
                 "focal_length": 500.0,
@@ -62,6 +87,31 @@ class SAM3DBodyEstimator:
             for box in bboxes
         ]
 """
+
+DINOV3 = {
+    "hubconf.py": "import omegaconf_of_its_evaluation",
+    "dinov3/__init__.py": "",
+    "dinov3/hub/__init__.py": "",
+    "dinov3/hub/backbones.py": """
+from dinov3.models import Transformer
+
+def dinov3_vith16plus(*, pretrained=True, **kwargs):
+    assert not pretrained, "that would download"
+    return Transformer(**kwargs)
+""",
+    "dinov3/models.py": """
+import torch
+
+class Transformer(torch.nn.Module):
+    patch_size, embed_dim = 16, 1280
+
+    def __init__(self, drop_path):
+        super().__init__()
+        self.drop_path = drop_path
+        self.cls_token = torch.nn.Parameter(torch.empty(1, 1, 2))
+        self.mask_token = torch.nn.Parameter(torch.zeros(1, 2))  # the published checkpoint lacks it
+""",
+}
 
 # Names of the 70 keypoints as the project lists them, and the joints of SMPL-X that mean the same.
 NAMES = {
@@ -85,13 +135,26 @@ def people(count: int = 2) -> People:
 
 
 @pytest.fixture
-def sam(stub: Callable[..., Path], tmp_path: Path) -> Sam3dBody:
+def make_sam(stub: Callable[..., Path], tmp_path: Path) -> Callable[..., Sam3dBody]:
+    """A backend on files of its own; ``held`` is what its checkpoint holds."""
     files = tmp_path / "files"
-    for name in ("model.ckpt", "model_config.yaml", "assets/mhr_model.pt"):
-        (files / name).parent.mkdir(parents=True, exist_ok=True)
-        (files / name).write_bytes(b"")
     checkout = stub("sam", {"sam_3d_body/__init__.py": CHECKOUT})
-    backend = Sam3dBody(Sam3dBodyOptions(checkout=str(checkout), weights=str(files), batch=1))
+
+    def make(
+        backbone: str = "vit_hmr_512_384", decoder: str = "    TYPE: sam\n", held: Any = None, **options: Any
+    ) -> Sam3dBody:
+        (files / "assets").mkdir(parents=True, exist_ok=True)
+        (files / "assets/mhr_model.pt").write_bytes(b"")
+        torch.save({"state_dict": {"gain": torch.ones(1)}} if held is None else held, files / "model.ckpt")
+        (files / "model_config.yaml").write_text(f"MODEL:\n  BACKBONE:\n    TYPE: {backbone}\n  DECODER:\n{decoder}")
+        return Sam3dBody(Sam3dBodyOptions(checkout=str(checkout), weights=str(files), batch=1, **options))
+
+    return make
+
+
+@pytest.fixture
+def sam(make_sam: Callable[..., Sam3dBody]) -> Sam3dBody:
+    backend = make_sam()
     backend._build("cpu")
     return backend
 
@@ -105,7 +168,7 @@ def test_it_is_given_boxes_the_camera_and_red_first(sam: Sam3dBody, capsys: pyte
     np.testing.assert_array_equal(asked[0][0][0, 0], [200, 100, 10])
     np.testing.assert_array_equal(asked[0][1], [[10, 5, 30, 45]])
     assert asked[0][2] is None
-    np.testing.assert_allclose(asked[1][3], [[[500, 0, 30], [0, 510, 20], [0, 0, 1]]])
+    np.testing.assert_allclose(asked[1][3], [[[500, 0, 32], [0, 510, 24], [0, 0, 1]]])
     assert capsys.readouterr().out == ""
 
 
@@ -122,9 +185,148 @@ def test_the_translation_is_added_to_surface_and_joints(sam: Sam3dBody) -> None:
     assert bodies.body_model == "mhr"
     assert bodies.mesh is not None
     assert bodies.joints is not None
-    np.testing.assert_allclose(bodies.mesh.vertices[1], np.tile([0.54, 0.51, 1.5], (5, 1)), rtol=1e-6)
-    np.testing.assert_allclose(bodies.joints[1, JOINT_INDEX["left_hip"]], np.array([27.04, 28.01, 30]))
+    place = np.array([(49.5 - 30) / 500 * 3, (24.5 - 20) / 500 * 3, 3])
+    np.testing.assert_allclose(bodies.mesh.vertices[1], np.tile(place + 0.5, (5, 1)), rtol=1e-6)
+    np.testing.assert_allclose(bodies.joints[1, JOINT_INDEX["left_hip"]], place + np.array([27, 28, 29]), rtol=1e-6)
     assert not bodies.parameters.body_pose.any()
+
+
+@pytest.mark.parametrize("decoder", ["", "    USE_INTRIN_CENTER: false\n", "    USE_INTRIN_CENTER: true\n"])
+@pytest.mark.parametrize("centre", [(31.5, 23.5), (12.0, 40.25)])
+def test_bodies_lie_where_the_given_camera_sees_their_boxes(
+    decoder: str, centre: tuple[float, float], make_sam: Callable[..., Sam3dBody]
+) -> None:
+    """Unless its config says otherwise, the network takes the middle of the photo for the principal point."""
+    sam = make_sam(decoder="    TYPE: sam\n" + decoder)
+    sam._build("cpu")
+    camera = Intrinsics(500.0, 500.0, *centre, 64, 48)
+    bodies = sam.infer(np.zeros((48, 64, 3), np.uint8), people(), camera, KEYPOINTS, Hints())
+    place = bodies.parameters.transl
+    seen = 500 * place[:, :2] / place[:, 2:] + np.array(centre)
+    middles = (people().boxes[:, :2] + people().boxes[:, 2:] - 1) / 2
+    np.testing.assert_allclose(seen, middles, atol=1e-4)
+
+
+def test_dinov3_comes_from_the_named_folder_and_nothing_is_fetched(
+    make_sam: Callable[..., Sam3dBody], stub: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(torch.hub, "load", lambda *_, **__: pytest.fail("it asks the hub"))
+    before = torch.hub.load, torch.load
+    held = {"state_dict": {"gain": torch.ones(1), "encoder.cls_token": torch.full((1, 1, 2), 0.5)}}
+    sam = make_sam("dinov3_vith16plus", held=held, dinov3_checkout=str(stub("dinov3", DINOV3)))
+    assert not any("DINOv3" in line for line in sam.missing())
+    sam._build("cpu")
+    assert sam._host.network.model.encoder.cls_token.tolist() == [[[0.5, 0.5]]]
+    assert sam._host.network.model.encoder.drop_path == 0.1
+    assert (torch.hub.load, torch.load) == before
+    assert "dinov3" not in sys.modules
+    assert sam.fingerprint() != make_sam("dinov3_vith16plus").fingerprint()
+
+
+def test_without_a_folder_for_dinov3_nothing_is_loaded(
+    make_sam: Callable[..., Sam3dBody], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(torch.hub, "load", lambda *_, **__: pytest.fail("it asks the hub"))
+    before = torch.hub.load, torch.load
+    words = (
+        "DINOv3 is neither installed nor given: set dinov3_checkout to a checkout of "
+        "https://github.com/facebookresearch/dinov3 (git clone https://github.com/facebookresearch/dinov3)"
+    )
+    sam = make_sam("dinov3_vith16plus")
+    assert words in sam.missing()
+    with pytest.raises(WeightsMissingError) as caught:
+        sam._build("cpu")
+    assert str(caught.value) == words
+    assert (torch.hub.load, torch.load) == before
+    other = make_sam("dinov3_vith16plus", dinov3_checkout=str(tmp_path))
+    assert any("is no checkout of DINOv3, for it has no dinov3/hub/backbones.py" in line for line in other.missing())
+
+
+def test_which_weights_need_dinov3_is_told_before_they_are_here(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("PHYSIC_WEIGHTS", "XDG_CACHE_HOME", "HF_HOME", "HF_HUB_CACHE"):
+        monkeypatch.setenv(name, str(tmp_path))
+    for name, needs in (("sam-3d-body-dinov3", True), ("sam-3d-body-vith", False)):
+        lacking = Sam3dBody(Sam3dBodyOptions(weights=name)).missing()
+        assert any("set dinov3_checkout" in line for line in lacking) is needs, name
+    assert Sam3dBodyOptions().weights == "sam-3d-body-vith"
+
+
+@pytest.mark.parametrize(
+    ("state", "absent"),
+    [
+        ({"gain": torch.ones(1)}, "encoder.cls_token"),
+        ({"gain": torch.ones(1), "encoder.cls_token": torch.zeros(1, 1, 3)}, "encoder.cls_token"),
+        ({"encoder.cls_token": torch.zeros(1, 1, 2)}, "gain"),
+    ],
+)
+def test_numbers_that_the_checkpoint_lacks_are_not_made_up(
+    state: dict[str, torch.Tensor], absent: str, make_sam: Callable[..., Sam3dBody], stub: Callable[..., Path]
+) -> None:
+    """Its code goes on with random ones, and another version of DINOv3 has other names."""
+    sam = make_sam("dinov3_vith16plus", held={"state_dict": state}, dinov3_checkout=str(stub("dinov3", DINOV3)))
+    with pytest.raises(BackendError, match=rf"lacks 1 of 5 parameters of the network, {absent}, \.\.\."):
+        sam._build("cpu")
+
+
+def test_other_code_is_not_fetched_either(
+    stub: Callable[..., Path], make_sam: Callable[..., Sam3dBody], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(torch.hub, "load", lambda *_, **__: pytest.fail("it asks the hub"))
+    stub("sam", {"sam_3d_body/__init__.py": CHECKOUT.replace("facebookresearch/dinov3", "somebody/else")})
+    with pytest.raises(BackendError, match="wants to run code of somebody/else, which is not fetched"):
+        make_sam("dinov3_vith16plus")._build("cpu")
+
+
+def test_a_checkpoint_with_objects_is_read_only_if_trusted(make_sam: Callable[..., Sam3dBody]) -> None:
+    """Its code reads them whatever they hold."""
+    held = {"state_dict": {"gain": torch.ones(1)}, "hyper_parameters": Path("x")}
+    with pytest.raises(BackendError, match="set the option trust_checkpoint = true"):
+        make_sam(held=held)._build("cpu")
+    trusting = make_sam(held=held, trust_checkpoint=True)
+    trusting._build("cpu")
+    assert trusting._host.network.model.held["hyper_parameters"] == Path("x")
+
+
+def test_other_threads_load_as_ever_while_one_is_guarded(tmp_path: Path) -> None:
+    torch.save({"a": Path("x")}, tmp_path / "objects.pt")
+    found: list[Any] = []
+    with guarded_torch(lambda *_: "guarded", trusted=False):
+        assert torch.hub.load("any", "thing") == "guarded"
+        with pytest.raises(pickle.UnpicklingError):
+            torch.load(tmp_path / "objects.pt", weights_only=False)
+        other = threading.Thread(target=lambda: found.append(torch.load(tmp_path / "objects.pt", weights_only=False)))
+        other.start()
+        other.join()
+    assert found == [{"a": Path("x")}]
+    assert torch.load(tmp_path / "objects.pt", weights_only=False) == {"a": Path("x")}
+
+
+@pytest.mark.parametrize("device", ["cuda", "cuda:1"])
+def test_what_its_code_sends_to_cuda_goes_to_the_device_of_the_config(
+    device: str, make_sam: Callable[..., Sam3dBody], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its batches go to "cuda", which is whatever device torch holds for the current one."""
+    current = ["none"]
+
+    @contextlib.contextmanager
+    def entered(name: str) -> Iterator[None]:
+        current.append(name)
+        yield
+        current.pop()
+
+    monkeypatch.setattr(torch.cuda, "device", entered)
+    monkeypatch.setattr("physic_human.sam3d_body.check_device", lambda name: None)
+    sam = make_sam()
+    sam.load(device)
+    estimator = sam._host.network
+    assert estimator.model.device == device
+    process, at = estimator.process_one_image, []
+    estimator.process_one_image = lambda *args, **rest: (at.append(current[-1]), process(*args, **rest))[1]
+    sam.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, KEYPOINTS, Hints())
+    assert at == [device, device]
+    assert current == ["none"]
 
 
 def test_every_keypoint_is_the_joint_of_the_same_name() -> None:
@@ -187,6 +389,7 @@ class PerfectSam:
     """Knows the joints of the world in the picture, in the camera that it is told."""
 
     faces = np.array([[0, 1, 2]])
+    cfg: ClassVar[dict[str, Any]] = {"MODEL": {"DECODER": {"USE_INTRIN_CENTER": True}}}
 
     def process_one_image(
         self, img: np.ndarray, bboxes: np.ndarray, masks: Any = None, cam_int: torch.Tensor | None = None
