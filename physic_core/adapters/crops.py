@@ -3,8 +3,10 @@
 Boxes are half open, integer coordinates are pixel centres (:mod:`physic_core.types`). Networks differ in where they put
 the box on the grid of their input, and what is told in one grid and read in the other is off by half a pixel:
 
-- "corners": the middles of first and last pixel lie on the edges of the box (unbiased data processing, ViTPose);
-- "halves": the middle of the box is pixel coordinate width / 2, height / 2 (MMPose's affine, RTMPose; HMR 2.0, WiLoR);
+- "corners": the middles of first and last pixel lie on the edges of the box (unbiased data processing, ViTPose with 17
+  joints);
+- "halves": the middle of the box is pixel coordinate width / 2, height / 2 (MMPose's affine, RTMPose, ViTPose with 133
+  joints; HMR 2.0, WiLoR);
 - "areas": pixels are cells that tile the box (what resampling a cut-out with half-pixel centres does).
 """
 

@@ -30,6 +30,8 @@ _ARMS: Mapping[str, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
 _BEYOND, _LENGTH, _UPPER_ARM = 0.33, 0.75, 0.9
 """Middle of a hand beyond its wrist, and its size, in lengths of the forearm; a forearm that points at the camera looks
 short, and is then taken to be 0.9 of the upper arm."""
+_EDGE = 0.5
+"""Points count from the centre of the first pixel, half-open boxes from its edge."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,7 @@ class HandBoxes:
     Attributes:
         person: (M,) row of the person.
         right: (M,) whether it is the right hand.
-        boxes: (M, 4) px, x0 y0 x1 y1, around the hand without any margin.
+        boxes: (M, 4) px, x0 y0 x1 y1, half open, around the hand without any margin.
         confidence: (M,) in [0, 1], of the keypoints that it was told from.
     """
 
@@ -70,7 +72,7 @@ def hand_boxes(keypoints: Keypoints, *, least_confidence: float = 0.5, least_siz
                 continue
             box, confidence = told
             if confidence >= least_confidence and float((box[2:] - box[:2]).max()) >= least_size_px:
-                found.append((person, side == 1, box, min(confidence, 1.0)))
+                found.append((person, side == 1, box + _EDGE, min(confidence, 1.0)))
     return HandBoxes(
         np.array([f[0] for f in found], np.int64),
         np.array([f[1] for f in found], bool),
@@ -80,7 +82,7 @@ def hand_boxes(keypoints: Keypoints, *, least_confidence: float = 0.5, least_siz
 
 
 def _of_points(points: FloatArray, sure: FloatArray, skeleton: str, side: int) -> tuple[FloatArray, float] | None:
-    """The box of the 21 points and their mean confidence."""
+    """Least and greatest coordinates of the 21 points, and their mean confidence."""
     import numpy as np
 
     if skeleton not in _HANDS:
@@ -90,7 +92,7 @@ def _of_points(points: FloatArray, sure: FloatArray, skeleton: str, side: int) -
 
 
 def _of_arm(points: FloatArray, sure: FloatArray, skeleton: str, side: int) -> tuple[FloatArray, float] | None:
-    """A square beyond the wrist, and the confidence of wrist and elbow."""
+    """Least and greatest coordinates of a square beyond the wrist, and the confidence of wrist and elbow."""
     import numpy as np
 
     if skeleton not in _ARMS:

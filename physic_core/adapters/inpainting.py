@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from physic_core.adapters.pictures import check_photo
 from physic_core.errors import BackendError
 
 if TYPE_CHECKING:
@@ -45,12 +44,10 @@ def fill_within(
         fill: of the image and the wider hole; called only where there is a hole.
 
     Raises:
-        InputError: the image is no photo.
         BackendError: the mask has another size or leaves nothing to go by.
     """
     import numpy as np
 
-    check_photo(image)
     mask = check_mask(image, mask)
     return np.where(mask[..., None], fill(image, widened(mask, rim)), image) if mask.any() else image.copy()
 

@@ -22,7 +22,6 @@ __all__ = [
     "IMAGENET_STD",
     "Letterbox",
     "Resampling",
-    "check_photo",
     "letterbox",
     "planes",
     "resample",
@@ -36,17 +35,6 @@ Resampling = Literal[
     "nearest", "bilinear", "bicubic", "area", "bilinear-antialias", "bicubic-antialias", "lanczos-antialias"
 ]
 """Without "antialias" as OpenCV and torch do it, with it as Pillow does; they differ where an image becomes smaller."""
-
-
-def check_photo(image: Any) -> None:
-    """Refuse what is no photo.
-
-    Raises:
-        InputError: it is not (H, W, 3) uint8 with at least one pixel.
-    """
-    shape, dtype = getattr(image, "shape", None), getattr(image, "dtype", type(image).__name__)
-    if shape is None or len(shape) != 3 or shape[2] != 3 or dtype != "uint8" or not min(shape):
-        raise InputError(f"the image must be (H, W, 3) uint8 RGB, got {dtype} {shape if shape is not None else ''}")
 
 
 def planes(

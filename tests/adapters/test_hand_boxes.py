@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from physic_core.adapters.crops import crop_of
 from physic_core.adapters.hand_boxes import hand_boxes
 from physic_core.types import Keypoints
 
@@ -18,10 +19,28 @@ def test_the_21_points_of_a_hand_give_its_box() -> None:
     given.points[0, 91], given.points[0, 92] = [50, 80], [90, 140]
     given.confidence[0, 91:112] = 0.8
     found = hand_boxes(given)
-    np.testing.assert_allclose(found.boxes, [[50, 80, 90, 140]])
+    np.testing.assert_allclose(found.boxes, [[50.5, 80.5, 90.5, 140.5]])  # half open: counted from edges of pixels
     np.testing.assert_allclose(found.confidence, [0.8])
     assert found.right.tolist() == [False]
     assert not len(hand_boxes(given, least_confidence=0.9))
+
+
+def test_a_crop_is_that_of_wilors_own_code() -> None:
+    """About the middle of least and greatest coordinates, 2.5 times their difference wide."""
+    given = keypoints("coco_wholebody133", 133)
+    given.points[0, 112:133] = np.linspace([50, 80], [90, 140], 21)
+    given.confidence[0, 112:133] = 1.0
+    crop = crop_of(hand_boxes(given).boxes[0], 256, 256, padding=2.5, grid="halves")
+    np.testing.assert_allclose(crop.to_photo(np.array([128.0, 128.0])), [70, 110])  # not half a pixel beside
+    np.testing.assert_allclose(256 * np.array(crop.step), 2.5 * 60)
+
+
+def test_all_confidences_of_a_hand_count_in_its_mean() -> None:
+    """As in the code of the PhySIC paper, which lowers no confidence before it chooses hands."""
+    given = keypoints("coco_wholebody133", 133)
+    given.points[0, 91:112] = np.linspace([50, 80], [90, 140], 21)
+    given.confidence[0, 91:112] = [0.95] * 15 + [0.3] * 6  # without those below 0.5 the mean is 0.68
+    np.testing.assert_allclose(hand_boxes(given, least_confidence=0.7).confidence, [0.764], atol=1e-3)
 
 
 def test_left_is_the_persons_left() -> None:
@@ -40,7 +59,7 @@ def test_a_hand_is_beyond_the_wrist_where_only_arms_are_known() -> None:
         given.confidence[0, list(arm)] = [1.0, 0.7, 0.9]
         found = hand_boxes(given)
         assert found.right.tolist() == [True]
-        np.testing.assert_allclose(found.boxes[0], [233 - 37.5, -37.5, 233 + 37.5, 37.5])
+        np.testing.assert_allclose(found.boxes[0], [233.5 - 37.5, 0.5 - 37.5, 233.5 + 37.5, 0.5 + 37.5])
         np.testing.assert_allclose(found.confidence, [0.7])
 
 

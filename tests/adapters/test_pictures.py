@@ -12,7 +12,6 @@ from PIL import Image
 from physic_core.adapters.pictures import (
     IMAGENET_MEAN,
     IMAGENET_STD,
-    check_photo,
     letterbox,
     planes,
     resample,
@@ -147,18 +146,3 @@ class TestLetterbox:
         assert back.shape == (60, 100)
         rows, columns = np.nonzero(back > 0.5)
         assert (rows.mean(), columns.mean()) == pytest.approx((24.5, 74.5), abs=0.1)
-
-
-@pytest.mark.parametrize(
-    "image",
-    [
-        np.zeros((5, 5), np.uint8),
-        np.zeros((5, 5, 4), np.uint8),
-        np.zeros((5, 5, 3), np.float32),
-        np.zeros((0, 5, 3), np.uint8),
-        [[1]],
-    ],
-)
-def test_what_is_no_photo_is_refused(image):
-    with pytest.raises(InputError, match=r"must be \(H, W, 3\) uint8 RGB"):
-        check_photo(image)

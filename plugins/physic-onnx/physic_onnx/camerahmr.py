@@ -93,12 +93,10 @@ class CameraHmr(OneGraph, BodyEstimator):
         from physic_core.adapters.crop_camera import told_of_crops, translation_of_crop
         from physic_core.adapters.crops import crop_of
         from physic_core.adapters.observed import observed_joints
-        from physic_core.adapters.pictures import check_photo
         from physic_core.adapters.smpl import bodies_from_smpl, no_bodies
 
         from .top_down import pictures_of, run_rows
 
-        check_photo(image)
         speaking = self.speaking()
         if not len(people):
             return no_bodies("smpl")

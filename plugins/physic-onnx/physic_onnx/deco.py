@@ -60,12 +60,10 @@ class Deco(OneGraph, ContactPrior):
         import numpy as np
 
         from physic_core.adapters.contact_crop import contact_crop
-        from physic_core.adapters.pictures import check_photo
         from physic_core.types import ContactProbability, RestMesh
 
         from .top_down import held, run_rows
 
-        check_photo(image)
         speaking = self.speaking()
         options = self.options
         crops = [contact_crop(image, box, growth=options.growth, fit=options.fit) for box in people.boxes]

@@ -114,12 +114,11 @@ class DepthAnythingMetric(OneGraph, MetricDepth):
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
         """Image (H, W, 3) -> metres along z, NaN where the network is at its end."""
-        from physic_core.adapters.pictures import check_photo, resample
+        from physic_core.adapters.pictures import resample
         from physic_core.types import DepthMap
 
         from .depth_maps import depth_at
 
-        check_photo(image)
         speaking = self.speaking()
         rows, columns = _size(speaking, image, self.options.side, self.options.max_patches)
         (values, *_), notes = _ask(speaking, image, rows, columns, self.options.pixels)
@@ -166,12 +165,10 @@ class DepthAnythingRelative(OneGraph, RelativePointmap):
         import numpy as np
 
         from physic_core.adapters.disparity import gap_of_disparity, points_of_gap
-        from physic_core.adapters.pictures import check_photo
         from physic_core.types import Pointmap
 
         from .depth_maps import single_map
 
-        check_photo(image)
         speaking = self.speaking()
         third = self._answers_depth(speaking)
         rows, columns = self._size(speaking, image, third)

@@ -70,12 +70,11 @@ class DepthAnything3(OneGraph, MetricDepth):
         import numpy as np
 
         from physic_core.adapters.canonical_depth import focal_px_of, metres_from_canonical
-        from physic_core.adapters.pictures import check_photo, resample
+        from physic_core.adapters.pictures import resample
         from physic_core.types import DepthMap
 
         from .depth_maps import depth_at, required_camera, single_map, squash_note
 
-        check_photo(image)
         speaking = self.speaking()
         camera = required_camera(hints, image, "Depth Anything 3 metric")
         rows, columns = self._size(image)

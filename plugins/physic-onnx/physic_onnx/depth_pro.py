@@ -59,12 +59,10 @@ class DepthPro(OneGraph, MetricDepth):
         """
         from physic_core.adapters.cameras import known_camera
         from physic_core.adapters.canonical_depth import metres_of_focal
-        from physic_core.adapters.pictures import check_photo
         from physic_core.types import DepthMap, Intrinsics
 
         from .depth_maps import depth_at
 
-        check_photo(image)
         speaking = self.speaking()
         height, width = image.shape[:2]
         depth, own = self._metres(speaking, image)

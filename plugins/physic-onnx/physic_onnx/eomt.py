@@ -58,11 +58,9 @@ class Eomt(OneGraph, Segmenter):
         from dataclasses import replace
 
         from physic_core.adapters.panoptic import Padded, framed, people_and_floor
-        from physic_core.adapters.pictures import check_photo
 
         from .top_down import fixed_or
 
-        check_photo(image)
         speaking = self.speaking()
         size = (image.shape[0], image.shape[1])
         padded = Padded(*size, fixed_or(speaking.shape("pixel_values")[2], USUAL_SIDE))

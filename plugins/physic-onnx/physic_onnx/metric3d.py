@@ -54,12 +54,11 @@ class Metric3d(OneGraph, MetricDepth):
             BackendError: no camera is known, or the network is not loaded.
         """
         from physic_core.adapters.canonical_depth import focal_px_of, metres_from_canonical
-        from physic_core.adapters.pictures import check_photo, resample
+        from physic_core.adapters.pictures import resample
         from physic_core.types import DepthMap
 
         from .depth_maps import depth_at, fixed_size, required_camera, single_map
 
-        check_photo(image)
         speaking = self.speaking()
         camera = required_camera(hints, image, "Metric3D")
         rows, columns = fixed_size(speaking.shape("pixel_values"))

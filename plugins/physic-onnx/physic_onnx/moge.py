@@ -15,7 +15,7 @@ from pydantic import Field
 
 from physic_core import weights
 from physic_core.adapters.affine_pointmap import half_diagonal, recover_camera, settle
-from physic_core.adapters.pictures import check_photo, resample
+from physic_core.adapters.pictures import resample
 from physic_core.interfaces import Backend, MetricDepth, Options, RelativePointmap
 from physic_core.types import DepthMap, Intrinsics, Pointmap
 
@@ -92,7 +92,6 @@ class _Moge(Backend):
         Raises:
             BackendError: the backend is not loaded, or the network answers nothing that can be used.
         """
-        check_photo(image)
         height, width = image.shape[:2]
         raw = self.runner.run(self, image, self.options.tokens)
         seen_height, seen_width = raw.mask.shape

@@ -66,12 +66,11 @@ class Rtmo(OneGraph, KeypointDetector):
         import numpy as np
 
         from physic_core.adapters.heatmaps import as_confidence
-        from physic_core.adapters.pictures import check_photo, letterbox, planes
+        from physic_core.adapters.pictures import letterbox, planes
         from physic_core.types import Keypoints
 
         from .top_down import fixed_or
 
-        check_photo(image)
         speaking = self.speaking()
         middles = (people.boxes[:, :2] + people.boxes[:, 2:] - 1) / 2
         points = np.repeat(middles[:, None], _JOINTS, axis=1)

@@ -75,12 +75,10 @@ class RtmPose(OneGraph, KeypointDetector):
 
         from physic_core.adapters.crops import crop_of
         from physic_core.adapters.heatmaps import as_confidence, simcc_peaks
-        from physic_core.adapters.pictures import check_photo
         from physic_core.types import Keypoints
 
         from .top_down import SKELETON_OF, fixed_or, pictures_of, run_rows, skeleton_of
 
-        check_photo(image)
         speaking = self.speaking()
         file = speaking.network.name
         if not len(people):

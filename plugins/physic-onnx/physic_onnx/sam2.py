@@ -106,11 +106,10 @@ class Sam2(Segmenter):
         from dataclasses import replace
 
         from physic_core.adapters.people import people_from_masks
-        from physic_core.adapters.pictures import check_photo, resample
+        from physic_core.adapters.pictures import resample
 
         from .sam2_floor import floor_mask
 
-        check_photo(image)
         if self._networks is None or self._detector is None:
             raise BackendError("SAM 2 is not loaded: call load() before infer()")
         size = (image.shape[0], image.shape[1])

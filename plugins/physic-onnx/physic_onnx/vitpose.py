@@ -2,6 +2,9 @@
 
 Two forms are about: the exports of easy_ViTPose (``input_0`` -> ``output_0``) and those of the class in transformers
 (``pixel_values`` -> ``heatmaps``), whose "plus" models ask which of their data sets' experts is to answer.
+
+Only the networks of COCO's 17 joints were trained with unbiased data processing. Those of 133 joints were trained with
+MMPose's plain affine; read as the others are, they move a person's feet by 1.2 % of the crop.
 """
 
 from __future__ import annotations
@@ -19,14 +22,17 @@ from .one_graph import WEIGHTS, OneGraph, OneGraphOptions
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.types import Keypoints, People, UInt8Array
+    from physic_core.adapters.crops import Grid
+    from physic_core.types import FloatArray, Keypoints, People, UInt8Array
 
     from .sessions import Network
 
 __all__ = ["VitPose", "VitPoseOptions"]
 
 HEIGHT, WIDTH = 256, 192
-COCO = 0  # the expert of COCO's 17 joints in the plus models
+COCO = 0
+EXPERT_OF = {17: COCO, 133: 5}
+"""Joints -> the data set whose expert a "plus" model is asked for."""
 EASY, HUB, PLUS = "easy_ViTPose", "transformers", "transformers, plus"
 _PICTURE = (None, 3, None, None)
 _MAPS = (None, None, None, None)
@@ -45,6 +51,7 @@ class VitPose(OneGraph, KeypointDetector):
 
     Options: ClassVar[type[OneGraphOptions]] = VitPoseOptions
     options: VitPoseOptions
+    _joints: int
     dialects: ClassVar = {
         PLUS: Dialect(
             (Wanted("pixel_values", shape=_PICTURE), Wanted("dataset_index", dtype=("int64", "int32"), shape=(None,))),
@@ -59,14 +66,14 @@ class VitPose(OneGraph, KeypointDetector):
     }
 
     def attach(self, network: Network) -> None:
-        """Take an open network; one whose joints are of no person is refused at once if it tells their number."""
+        """Take an open network, and find out how many joints it has; a file that does not state it is run once."""
         from .top_down import skeleton_of
 
         super().attach(network)
-        speaking = self.speaking()
-        told = speaking.ports.outputs[self._maps()].shape
-        if len(told) == 4 and isinstance(told[1], int):
-            skeleton_of(told[1], network.name)
+        shape = self.speaking().ports.outputs[self._maps()].shape
+        stated = shape[1] if len(shape) == 4 else ""
+        self._joints = stated if isinstance(stated, int) else self._count()
+        skeleton_of(self._joints, network.name)
 
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
         """Image (H, W, 3) and N people -> keypoints; the confidence of one is the height of its heat map's peak."""
@@ -74,36 +81,64 @@ class VitPose(OneGraph, KeypointDetector):
 
         from physic_core.adapters.crops import crop_of
         from physic_core.adapters.heatmaps import as_confidence, refined_peaks
-        from physic_core.adapters.pictures import check_photo
         from physic_core.types import Keypoints
 
-        from .top_down import SKELETON_OF, fixed_or, pictures_of, run_rows, skeleton_of
+        from .top_down import pictures_of, skeleton_of
 
-        check_photo(image)
-        speaking = self.speaking()
-        picture, maps = next(iter(speaking.ports.inputs)), self._maps()
+        network = self.speaking().network
+        joints, skeleton = self._joints, skeleton_of(self._joints, network.name)
         if not len(people):
-            told = speaking.ports.outputs[maps].shape
-            count = told[1] if len(told) == 4 and isinstance(told[1], int) else 133
-            return Keypoints(np.zeros((0, count, 2)), np.zeros((0, count)), SKELETON_OF[count])
-        height, width = (fixed_or(s, d) for s, d in zip(speaking.shape(picture)[2:], (HEIGHT, WIDTH), strict=True))
-        padding = self.options.padding
-        crops = [crop_of(box, width, height, padding=padding, grid="corners") for box in people.boxes]
-        feed: dict[str, NDArray[Any]] = {picture: pictures_of(image, crops)}
+            return Keypoints(np.zeros((0, joints, 2)), np.zeros((0, joints)), skeleton)
+        height, width = self._size()
+        padding, grid = self.options.padding, grid_of(joints)
+        crops = [crop_of(box, width, height, padding=padding, grid=grid) for box in people.boxes]
+        heatmaps = self._heatmaps(pictures_of(image, crops), EXPERT_OF.get(joints, COCO))
+        if heatmaps.shape[1] != joints:
+            raise BackendError(f"{network.name} states {joints} joints and returned {heatmaps.shape[1]} heat maps")
+        cells, height_of_peak = refined_peaks(heatmaps)
+        rows, columns = heatmaps.shape[2:]
+        grids = [crop_of(box, columns, rows, padding=padding, grid=grid) for box in people.boxes]
+        points = np.stack([own.to_photo(peaks) for own, peaks in zip(grids, cells, strict=True)])
+        return Keypoints(points, as_confidence(height_of_peak), skeleton)
+
+    def _count(self) -> int:
+        """Joints of a file that does not state them: it is shown one black crop."""
+        import numpy as np
+
+        return int(self._heatmaps(np.zeros((1, 3, *self._size()), np.float32), COCO).shape[1])
+
+    def _size(self) -> tuple[int, int]:
+        """Height and width of a crop, px."""
+        from .top_down import fixed_or
+
+        shape = self.speaking().shape(self._picture())
+        return fixed_or(shape[2], HEIGHT), fixed_or(shape[3], WIDTH)
+
+    def _heatmaps(self, pictures: FloatArray, expert: int) -> FloatArray:
+        """Crops (N, 3, h, w) -> (N, J, rows, columns)."""
+        import numpy as np
+
+        from .top_down import run_rows
+
+        speaking, maps = self.speaking(), self._maps()
+        feed: dict[str, NDArray[Any]] = {self._picture(): pictures}
         if speaking.dialect == PLUS:
-            feed["dataset_index"] = np.full(len(crops), COCO, np.int64)
+            feed["dataset_index"] = np.full(len(pictures), expert, np.int64)
         (heatmaps,) = run_rows(speaking, feed, [maps], self.options.batch)
         if heatmaps.ndim != 4:
             raise BackendError(
                 f"{speaking.network.name} answered {maps} {heatmaps.shape}: heat maps (N, joints, rows, columns) "
                 "were expected"
             )
-        skeleton = skeleton_of(heatmaps.shape[1], speaking.network.name)
-        cells, height_of_peak = refined_peaks(heatmaps)
-        rows, columns = heatmaps.shape[2:]
-        grids = [crop_of(box, columns, rows, padding=padding, grid="corners") for box in people.boxes]
-        points = np.stack([grid.to_photo(own) for grid, own in zip(grids, cells, strict=True)])
-        return Keypoints(points, as_confidence(height_of_peak), skeleton)
+        return heatmaps
+
+    def _picture(self) -> str:
+        return next(iter(self.speaking().ports.inputs))
 
     def _maps(self) -> str:
         return next(iter(self.speaking().ports.outputs))
+
+
+def grid_of(joints: int) -> Grid:
+    """Where the network of so many joints has the box, on its crops and on its heat maps."""
+    return "corners" if joints == 17 else "halves"

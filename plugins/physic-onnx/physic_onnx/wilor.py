@@ -70,12 +70,10 @@ class Wilor(OneGraph, HandEstimator):
         from physic_core.adapters.crops import crop_of
         from physic_core.adapters.hand_boxes import hand_boxes
         from physic_core.adapters.mano import FINGER_JOINTS, hands_from_mano, no_hands
-        from physic_core.adapters.pictures import check_photo
         from physic_core.errors import BackendError
 
         from .top_down import run_rows
 
-        check_photo(image)
         speaking, options = self.speaking(), self.options
         found = hand_boxes(keypoints, least_confidence=options.least_confidence, least_size_px=options.least_size_px)
         if not len(found):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 import torch
 
 from physic_core.body import load_body
+from physic_core.testing.body_files import mano_arrays, smpl_arrays, write_published
 from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People
 from physic_onnx.camerahmr import CameraHmr
 from physic_onnx.deco import Deco
@@ -44,6 +46,7 @@ class CameraHMR(nn.Module):
         return params, torch.cat([out[:, 226:227].exp(), out[:, 227:229]], 1), fl_h
 """
 SMPLX = """
+import pickle
 import numpy as np
 import torch
 from torch import nn
@@ -55,15 +58,18 @@ class Output:
 class SMPLLayer(nn.Module):
     def __init__(self, model_path, num_betas=10):
         super().__init__()
-        open(model_path, "rb").close()
-        self.register_buffer("v_template", torch.linspace(-1, 1, 90).reshape(30, 3))
-        self.faces = np.arange(30).reshape(10, 3).astype(np.uint32)
+        with open(model_path, "rb") as file:
+            data = pickle.load(file, encoding="latin1")
+        self.register_buffer("v_template", torch.tensor(np.array(data["v_template"], dtype=np.float32)))
+        self.faces = data["f"]
 
     def forward(self, betas, body_pose, global_orient):
         vertices = torch.einsum("bij,vj->bvi", global_orient[:, 0], self.v_template) * (1 + betas[:, :1, None])
         return Output(torch.cat([vertices, vertices[:, :15]], 1), vertices)  # SMPLLayer has 45 joints, 24 first
 """
 WILOR = """
+import os
+import pickle
 import numpy as np
 import torch
 from torch import nn
@@ -71,8 +77,10 @@ from torch import nn
 class WiLor(nn.Module):
     def __init__(self, **kwargs):
         super().__init__()
-        for name in ("mano_model_path", "mano_mean_path"):
-            open(kwargs[name], "rb").close()
+        open(kwargs["mano_mean_path"], "rb").close()
+        with open(kwargs["mano_model_path"], "rb") as file:
+            assert pickle.load(file, encoding="latin1")["shapedirs"].shape == (778, 3, 10)
+        assert "RIGHT" in os.path.basename(kwargs["mano_model_path"])  # by which smplx tells hands
         self.head = nn.Linear(3, 15 * 3 + 3 + 3)
         self.mean = torch.tensor([0.485, 0.456, 0.406]).reshape(1, 1, 1, 3)
         self.std = torch.tensor([0.229, 0.224, 0.225]).reshape(1, 1, 1, 3)
@@ -133,10 +141,11 @@ def camerahmr(tmp_path: Path) -> Path:
             "core/camerahmr_model.py": CAMERAHMR,
             "smplx.py": SMPLX,
             "data/smpl_mean_params.npz": "",
-            "data/models/SMPL/SMPL_NEUTRAL.pkl": "",
+            "data/models/SMPL/x": "",
             "data/pretrained-models/other": "",
         },
     )
+    write_published(root / "data/models/SMPL/SMPL_NEUTRAL.pkl", smpl_arrays())
     network = noise(backbone__weight=(4, 3, 64, 64), backbone__bias=(4,), head__weight=(229, 7), head__bias=(229,))
     path = root / "data/pretrained-models/camerahmr_checkpoint_cleaned.ckpt"
     torch.save({"state_dict": network}, path)
@@ -152,10 +161,10 @@ def test_camerahmr_runs_as_it_was_exported(camerahmr: Path, tmp_path: Path, caps
     found = backend.infer(IMAGE, PEOPLE, CAMERA, NO_KEYPOINTS, Hints())
     assert found.body_model == "smpl"
     assert found.mesh is not None
-    assert found.mesh.vertices.shape == (3, 30, 3)
-    assert found.mesh.faces.shape == (10, 3)
+    assert found.mesh.vertices.shape == (3, 6890, 3)
+    assert found.mesh.faces.shape == (13776, 3)
     assert found.mesh.rest is not None
-    assert np.allclose(found.mesh.rest, np.linspace(-1, 1, 90).reshape(30, 3), atol=1e-6)
+    assert np.allclose(found.mesh.rest, smpl_arrays()["v_template"], atol=1e-6)
     assert found.joints is not None
     # the stub's joints are its first vertices
     assert np.allclose(found.joints[:, :22], found.mesh.vertices[:, :22], atol=1e-5)
@@ -169,10 +178,10 @@ def test_wilor_runs_as_it_was_exported(tmp_path: Path, capsys: Any) -> None:
             "wilor_mini/__init__.py": "",
             "wilor_mini/models/__init__.py": "",
             "wilor_mini/models/wilor.py": WILOR,
-            "files/MANO_RIGHT.pkl": "",
             "files/mano_mean_params.npz": "",
         },
     )
+    write_published(root / "files/MANO_RIGHT.pkl", mano_arrays())
     torch.save({"state_dict": noise(head__weight=(51, 3), head__bias=(51,))}, root / "files/wilor_final.ckpt")
     file = tmp_path / "model.onnx"
     command = ["wilor", "--checkout", str(root), "--files", str(root / "files"), "--output", str(file)]
@@ -226,6 +235,13 @@ def test_what_is_missing_is_told(tmp_path: Path, capsys: Any, camerahmr: Path) -
     (camerahmr / "data/models/SMPL/SMPL_NEUTRAL.pkl").unlink()
     assert main(["camerahmr", "--checkout", str(camerahmr), "--output", str(tmp_path / "x.onnx")]) == 1
     assert "there is no file" in capsys.readouterr().err
+
+
+def test_a_file_of_smpl_that_would_run_code_is_refused(tmp_path: Path, capsys: Any, camerahmr: Path) -> None:
+    harm = pickle.dumps({**smpl_arrays(), "bs_type": print})
+    (camerahmr / "data/models/SMPL/SMPL_NEUTRAL.pkl").write_bytes(harm)
+    assert main(["camerahmr", "--checkout", str(camerahmr), "--output", str(tmp_path / "x.onnx")]) == 1
+    assert "is a pickle that asks for 'builtins.print'" in capsys.readouterr().err
 
 
 def test_another_checkpoint_is_refused(tmp_path: Path, capsys: Any, camerahmr: Path) -> None:

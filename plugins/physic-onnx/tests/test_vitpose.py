@@ -26,9 +26,14 @@ PORTS = {
 
 @pytest.fixture
 def vitpose(tmp_path: Path, graph: Any, node: Any) -> Any:
-    """A file whose joint j is the colour j mod 3 of what it is shown, on the grid of heat maps."""
+    """A file whose joint j is the colour j mod 3 of what it is shown, on the grid that such a network is trained on.
 
-    def make(kind: str = "easy", count: int = 17, batch: int | str = "batch", **options: Any) -> VitPose:
+    COCO's 17 joints: first and last cell are first and last pixel (UDP). All others: cell q is pixel 4 q.
+    """
+
+    def make(
+        kind: str = "easy", count: int = 17, batch: int | str = "batch", stated: bool = True, **options: Any
+    ) -> VitPose:
         picture, maps, plus = PORTS[kind]
         inputs: dict[str, Any] = {picture: ("float32", (batch, 3, HEIGHT, WIDTH))}
         nodes = [
@@ -38,7 +43,7 @@ def vitpose(tmp_path: Path, graph: Any, node: Any) -> Any:
                 ["gathered", "", "", "size"],
                 ["small"],
                 mode="linear",
-                coordinate_transformation_mode="align_corners",
+                coordinate_transformation_mode="align_corners" if count == 17 else "asymmetric",
             ),
         ]
         if plus:
@@ -65,7 +70,8 @@ def vitpose(tmp_path: Path, graph: Any, node: Any) -> Any:
                 node("Concat", ["rows", "rest"], ["size"], axis=0),
                 *nodes,
             ]
-        path = graph(tmp_path / "net.onnx", inputs, {maps: ("float32", (batch, count, *size))}, nodes, constants)
+        joints = count if stated else "joints"
+        path = graph(tmp_path / "net.onnx", inputs, {maps: ("float32", (batch, joints, *size))}, nodes, constants)
         backend = VitPose(VitPose.Options(weights=str(path), **options))
         backend.load()
         return backend
@@ -99,6 +105,19 @@ def test_colours_are_found_where_they_are_and_in_their_order(vitpose: Any, kind:
     assert apart.max() < 0.35  # half a pixel of the input would be 0.4 px, red for blue 90 px
 
 
+@pytest.mark.parametrize("stated", [True, False])
+@pytest.mark.parametrize("count", [17, 26, 133])
+def test_each_joint_set_is_read_on_the_grid_that_it_was_trained_on(vitpose: Any, count: int, stated: bool) -> None:
+    box = (300.0, 60.0, 560.0, 700.0)
+    backend = vitpose(count=count, stated=stated)
+    worst = 0.0
+    for places in ([(430.0, 80.0), (320.0, 250.0), (540.0, 690.0)], [(540.0, 380.0), (430.0, 360.0), (320.0, 640.0)]):
+        found = backend.infer(blobs((760, 900), places, sigma=30.0), people(box, size=(760, 900)))
+        worst = max(worst, float(np.linalg.norm(found.points[0, :3] - places, axis=1).max()))
+    print(f"{count} joints: {worst:.2f} px on a person of 640 px")
+    assert worst < 1.0  # read on the other grid, a foot is 10 px off
+
+
 def test_people_of_all_shapes_at_the_edge_too(vitpose: Any) -> None:
     seen = blobs((200, 260), PLACES)
     boxes = [(60.0, 40.0, 140.0, 170.0), (20.0, 30.0, 220.0, 160.0), (-20.0, 10.0, 140.0, 199.0)]
@@ -119,9 +138,18 @@ def test_the_number_of_joints_decides_the_joint_set(vitpose: Any, count: int, sk
     assert nobody.points.shape == (0, count, 2)
 
 
+@pytest.mark.parametrize(("count", "expert"), [(17, 0), (133, 5)])
+def test_plus_models_are_asked_for_the_expert_of_their_joints(vitpose: Any, count: int, expert: int) -> None:
+    """The fake network adds the number of its expert to its heat maps."""
+    black = np.zeros((200, 260, 3), np.uint8)  # -2.1 to -1.8 after the normalisation
+    assert (vitpose("plus", count).infer(black, people(BOX)).confidence == min(expert, 1)).all()
+
+
 def test_a_hand_is_refused(vitpose: Any) -> None:
     with pytest.raises(BackendError, match=r"answers 21 keypoints a person.*those of one hand"):
         vitpose(count=21)
+    with pytest.raises(BackendError, match=r"answers 21 keypoints a person.*those of one hand"):
+        vitpose(count=21, stated=False)
 
 
 @pytest.mark.parametrize("batch", [1, "batch"])
@@ -181,15 +209,16 @@ def told_vitpose(told: Any, told_network: Any) -> Any:
         def attach(backend: Any) -> list[Any]:
             def answer(shown: Any, feed: Any) -> dict[str, np.ndarray]:
                 maps = []
+                ends = 1 if count == 17 else 0  # UDP counts from the first pixel to the last, the others pixels
                 boxes = backend.boxes[backend.asked : backend.asked + len(feed["input_0"])]
                 backend.asked += len(boxes)
                 for picture, box in zip(feed["input_0"], boxes, strict=True):
                     centre, size = region(box, WIDTH, HEIGHT)
-                    corner, step = centre - size / 2, size / [WIDTH - 1, HEIGHT - 1]
+                    corner, step = centre - size / 2, size / [WIDTH - ends, HEIGHT - ends]
                     expected = normalised(sampled(shown.photo, corner, step, WIDTH, HEIGHT))
                     assert np.abs(picture - expected).mean() < 0.05, "another picture than the network learned from"
                     points, sure = joints(shown.world, box, skeleton)
-                    cells = (points - corner) / size * [47, 63]
+                    cells = (points - corner) / size * [48 - ends, 64 - ends]
                     y, x = np.mgrid[:64, :48]
                     apart = (x - cells[:, 0, None, None]) ** 2 + (y - cells[:, 1, None, None]) ** 2
                     maps.append(sure[:, None, None] * np.exp(-apart / 8))

@@ -69,9 +69,9 @@ def recorded(told_network: Any) -> Any:
 
 
 def crop_of_hand(photo: np.ndarray, box: np.ndarray, mirrored: bool, margin: float = 2.5) -> np.ndarray:
-    """(256, 256, 3) RGB as the checkout crops: the photo is mirrored, then the box in it."""
+    """(256, 256, 3) RGB as the checkout crops: the photo is mirrored, then the box (4,) of the hand's points in it."""
     side = margin * (box[2:] - box[:2]).max()
-    centre = (box[:2] + box[2:] - 1) / 2
+    centre = (box[:2] + box[2:]) / 2
     if mirrored:
         photo, centre = photo[:, ::-1], np.array([photo.shape[1] - 1 - centre[0], centre[1]])
     step = side / 256
@@ -183,7 +183,7 @@ def told_wilor(told: Any, told_network: Any) -> type:
 
             found = hand_boxes(keypoints, least_confidence=0.0, least_size_px=0.0)
             self.places = [
-                [b for p, b in zip(found.person, found.boxes, strict=True) if p == i] for i in range(len(people))
+                [b - 0.5 for p, b in zip(found.person, found.boxes, strict=True) if p == i] for i in range(len(people))
             ]
             self.rows = list(range(len(people)))
             from physic_core.testing import labels

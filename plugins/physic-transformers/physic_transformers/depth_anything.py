@@ -9,7 +9,7 @@ from pydantic import Field
 from physic_core.adapters.cameras import guessed_camera, known_camera
 from physic_core.adapters.disparity import gap_of_disparity, points_of_gap
 from physic_core.adapters.patch_grid import capped, least_scaled
-from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, check_photo, planes, resample, squash
+from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, planes, resample, squash
 from physic_core.errors import BackendError
 from physic_core.interfaces import MetricDepth, Options, RelativePointmap
 from physic_core.types import DepthMap, Pointmap
@@ -108,7 +108,6 @@ class DepthAnythingMetric(_DepthAnything, MetricDepth):
         """
         import numpy as np
 
-        check_photo(image)
         depth = resample(_answer(self.network(), image, self.options), *image.shape[:2])
         most = self.options.farthest or _SATURATED * float(self.network().config.max_depth)
         return DepthMap(np.where((depth > 0) & (depth < most), depth, np.nan).astype(np.float32))
@@ -128,7 +127,6 @@ class DepthAnythingRelative(_DepthAnything, RelativePointmap):
             InputError: it is no photo.
             BackendError: ``load`` was not called, or the network saw nothing.
         """
-        check_photo(image)
         gap, lost = gap_of_disparity(_answer(self.network(), image, self.options))
         if lost.all():
             raise BackendError(

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from physic_core.adapters.cameras import known_camera
 from physic_core.adapters.canonical_depth import focal_from_fov, metres_from_inverse
-from physic_core.adapters.pictures import check_photo, planes, resample, squash
+from physic_core.adapters.pictures import planes, resample, squash
 from physic_core.errors import BackendError, DeviceError
 from physic_core.interfaces import MetricDepth, Options
 from physic_core.types import DepthMap, Intrinsics
@@ -78,7 +78,6 @@ class DepthPro(Pretrained, MetricDepth):
         """
         import numpy as np
 
-        check_photo(image)
         height, width = image.shape[:2]
         network = self.network()
         out = network.run(pixel_values=pixels(image, _side(network.config)))

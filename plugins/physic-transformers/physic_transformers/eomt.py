@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from pydantic import Field
 
 from physic_core.adapters.panoptic import COCO_PANOPTIC, Padded, framed, people_and_floor
-from physic_core.adapters.pictures import check_photo
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options, Segmenter
 from physic_transformers.models import WHERE, ModelOptions, Part, Pretrained, array
@@ -57,7 +56,6 @@ class Eomt(Pretrained, Segmenter):
             InputError: it is no photo.
             BackendError: ``load`` was not called.
         """
-        check_photo(image)
         network, size = self.network(), (image.shape[0], image.shape[1])
         frame = _side(network.config.image_size)
         padded = Padded(*size, frame)

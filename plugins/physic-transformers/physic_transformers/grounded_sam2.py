@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from pydantic import Field
 
 from physic_core.adapters.detections import boxes_in_photo, corners_of_centred
-from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, check_photo, planes, squash
+from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, planes, squash
 from physic_core.interfaces import Options, Segmenter
 from physic_transformers.models import WHERE, ModelOptions, Part, Pretrained, array
 from physic_transformers.sam_masks import most_likely, people_of, union
@@ -89,7 +89,6 @@ class GroundedSam2(Pretrained, Segmenter):
         """
         import numpy as np
 
-        check_photo(image)
         options, size = self.options, (image.shape[0], image.shape[1])
         pixels = _detector_pixels(image)
         boxes, scores = self._boxes(pixels, options.people_words, options.person_score, size)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from pydantic import Field
 
 from physic_core.adapters.detections import boxes_in_photo
-from physic_core.adapters.pictures import check_photo, planes, resample, squash
+from physic_core.adapters.pictures import planes, resample, squash
 from physic_core.interfaces import Options, Segmenter
 from physic_transformers.models import WHERE, ModelOptions, Part, Pretrained, array
 from physic_transformers.sam_masks import most_likely, people_of
@@ -26,11 +26,20 @@ class Sam3Options(ModelOptions):
 
     weights: str = Field(default="sam3-hf", description=f"SAM 3: {WHERE}.")
     people_words: str = Field(default="person", min_length=1, description="What a person is called.")
-    floor_words: str = Field(default="floor", description="What the floor is called. Empty: do not look for it.")
+    floor_words: str = Field(
+        default="ground, floor, carpet.",
+        description="What the floor is called. Words between commas are looked for one by one, and all that is found "
+        "is the floor. Empty: do not look for it.",
+    )
     person_score: float = Field(
         default=0.5, ge=0, le=1, description="Score from which something is a person; 0.3 finds more."
     )
-    floor_score: float = Field(default=0.5, ge=0, le=1, description="Chance from which a pixel is the floor.")
+    floor_score: float = Field(
+        default=0.5,
+        ge=0,
+        le=1,
+        description="Chance from which a pixel is the floor: that of the pixel times that of there being such a thing.",
+    )
     max_people: int = Field(default=20, ge=1, description="At most so many people, best first.")
     same_person: float = Field(
         default=0.8, ge=0, le=1, description="Masks that share more of their union than this are one person."
@@ -54,12 +63,11 @@ class Sam3(Pretrained, Segmenter):
         """
         import numpy as np
 
-        check_photo(image)
         options, size = self.options, (image.shape[0], image.shape[1])
         side = int(_vision(self.network().config).image_size)
         pixels = planes(squash(image, side, side, "bilinear-antialias"), _MEAN, _STD)
         seen = self.network().run("get_vision_features", pixel_values=pixels)
-        floor = self._floor(seen, size) if options.floor_words else None
+        floor = self._floor(seen, size)
         out = self._asked(seen, options.people_words)
         # How well a query fits the text, if there is such a thing in the photo at all.
         scores = _chance(array(out.pred_logits)[0]) * _chance(array(out.presence_logits)[0])
@@ -71,10 +79,18 @@ class Sam3(Pretrained, Segmenter):
         masks = array(out.pred_masks)[0, rows]
         return people_of(masks[inside], boxes[inside], scores[rows][inside], floor, size, same=options.same_person)
 
-    def _floor(self, seen: Any, size: tuple[int, int]) -> BoolArray:
-        out = self._asked(seen, self.options.floor_words)
-        chance = resample(_chance(array(out.semantic_seg)[0, 0]), *size)
-        floor: BoolArray = chance > self.options.floor_score
+    def _floor(self, seen: Any, size: tuple[int, int]) -> BoolArray | None:
+        """Union of what is found by each word: SAM 3 was trained on one short noun phrase at a time."""
+        import numpy as np
+
+        words = [word for part in self.options.floor_words.split(",") if (word := part.strip(" ."))]
+        if not words:
+            return None
+        floor: BoolArray = np.zeros(size, bool)
+        for word in words:
+            out = self._asked(seen, word)
+            chance = _chance(array(out.semantic_seg)[0, 0]) * _chance(array(out.presence_logits)[0]).item()
+            floor |= resample(chance, *size) > self.options.floor_score
         return floor
 
     def _asked(self, seen: Any, words: str) -> Any:

@@ -1,4 +1,8 @@
-"""The 17 keypoints of COCO from ViTPose and ViTPose+."""
+"""ViTPose and ViTPose+: the 17 keypoints of COCO, or 133 of the whole body.
+
+Only COCO and MPII were trained with unbiased data processing. The other data sets have MMPose's plain affine, and their
+crops and heat maps lie on another grid.
+"""
 
 from __future__ import annotations
 
@@ -8,29 +12,35 @@ from pydantic import Field
 
 from physic_core.adapters.crops import crop_of, cut
 from physic_core.adapters.heatmaps import as_confidence, refined_peaks
-from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, check_photo, planes
+from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, planes
 from physic_core.errors import BackendError
 from physic_core.interfaces import KeypointDetector, Options
 from physic_core.types import Keypoints
 from physic_transformers.models import WHERE, ModelOptions, Part, Pretrained, array
 
 if TYPE_CHECKING:
+    from physic_core.adapters.crops import Crop, Grid
     from physic_core.types import FloatArray, People, UInt8Array
 
 __all__ = ["VitPose", "VitPoseOptions"]
 
 _SKELETONS = {17: "coco17", 133: "coco_wholebody133"}
+_EXPERTS = {17: 0, 133: 5}
+"""Joints -> the data set of a ViTPose+ that has them."""
+_UNBIASED = (0, 2)
+"""Data sets with unbiased data processing: COCO and MPII."""
 
 
 class VitPoseOptions(ModelOptions):
     """Settings of :class:`VitPose`."""
 
     weights: str = Field(default="vitpose-plus-base-hf", description=f"ViTPose or ViTPose+: {WHERE}.")
-    dataset_index: int = Field(
-        default=0,
+    dataset_index: int | None = Field(
+        default=None,
         ge=0,
         description="Which of its experts a ViTPose+ asks: 0 COCO, 1 AI Challenger, 2 MPII, 3 AP-10K, 4 APT-36K, "
-        "5 COCO whole-body; the published heads are for 0. Others than ViTPose+ have no experts.",
+        "5 COCO whole-body. By default the one of its joints: 0 with 17, as the published heads have, 5 with 133. "
+        "Others than ViTPose+ have no experts.",
     )
     batch: int = Field(default=8, ge=1, description="People that are shown to the network at once.")
 
@@ -43,47 +53,55 @@ class VitPose(Pretrained, KeypointDetector):
     parts: ClassVar[tuple[Part, ...]] = (Part("weights", "VitPoseForPoseEstimation", ("vitpose",)),)
 
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
-        """Image (H, W, 3) and N people -> (N, 17) points, px of the photo.
+        """Image (H, W, 3) and N people -> (N, 17) or (N, 133) points, px of the photo.
 
         Raises:
             InputError: it is no photo.
-            BackendError: ``load`` was not called, or the network has other joints.
+            BackendError: ``load`` was not called, or the network has other joints or experts.
         """
         import numpy as np
 
-        check_photo(image)
-        network = self.network()
-        if not len(people):
-            return Keypoints(np.zeros((0, 17, 2)), np.zeros((0, 17)), "coco17")
-        height, width = (int(side) for side in network.config.backbone_config.image_size)
-        answers = [
-            self._heatmaps(image, people.boxes[i : i + self.options.batch], height, width)
-            for i in range(0, len(people), self.options.batch)
-        ]
-        heatmaps = np.concatenate(answers)
-        joints, rows, columns = heatmaps.shape[1:]
+        config = self.network().config
+        joints = int(config.num_labels)
         if joints not in _SKELETONS:
-            raise BackendError(f"these weights of ViTPose tell {joints} joints, expected 17 of COCO: take others")
+            raise BackendError(f"these weights of ViTPose have {joints} joints, expected 17 or 133 of COCO")
+        if not len(people):
+            return Keypoints(np.zeros((0, joints, 2)), np.zeros((0, joints)), _SKELETONS[joints])
+        expert = self._expert(int(getattr(config.backbone_config, "num_experts", 1)), joints)
+        unbiased = joints == 17 if expert is None else expert in _UNBIASED
+        grid: Grid = "corners" if unbiased else "halves"
+        height, width = (int(side) for side in config.backbone_config.image_size)
+        crops = [crop_of(box, width, height, grid=grid) for box in people.boxes]
+        heatmaps = np.concatenate(
+            [
+                self._heatmaps(image, crops[i : i + self.options.batch], expert)
+                for i in range(0, len(crops), self.options.batch)
+            ]
+        )
+        rows, columns = heatmaps.shape[2:]
         cells, scores = refined_peaks(heatmaps)
-        crops = [crop_of(box, columns, rows, grid="corners") for box in people.boxes]
-        points = np.stack([crop.to_photo(cell) for crop, cell in zip(crops, cells, strict=True)])
+        grids = [crop_of(box, columns, rows, grid=grid) for box in people.boxes]
+        points = np.stack([own.to_photo(cell) for own, cell in zip(grids, cells, strict=True)])
         return Keypoints(points, as_confidence(scores), _SKELETONS[joints])
 
-    def _heatmaps(self, image: UInt8Array, boxes: FloatArray, height: int, width: int) -> FloatArray:
-        """(n, J, h, w) of the people in these boxes."""
+    def _expert(self, experts: int, joints: int) -> int | None:
+        """The data set whose expert is asked; None where the network has no experts."""
+        if experts <= 1:
+            return None
+        chosen = _EXPERTS[joints] if self.options.dataset_index is None else self.options.dataset_index
+        if chosen >= experts:
+            raise BackendError(
+                f"dataset_index {chosen} is not there: these weights have {experts} experts, 0 to {experts - 1}"
+            )
+        return chosen
+
+    def _heatmaps(self, image: UInt8Array, crops: list[Crop], expert: int | None) -> FloatArray:
+        """(n, J, h, w) of what these crops show."""
         import numpy as np
 
-        network = self.network()
-        cuts = [cut(image, crop_of(box, width, height, grid="corners")) for box in boxes]
         inputs: dict[str, Any] = {
-            "pixel_values": np.concatenate([planes(one, IMAGENET_MEAN, IMAGENET_STD) for one in cuts])
+            "pixel_values": np.concatenate([planes(cut(image, crop), IMAGENET_MEAN, IMAGENET_STD) for crop in crops])
         }
-        experts = int(getattr(network.config.backbone_config, "num_experts", 1))
-        if experts > 1:
-            if self.options.dataset_index >= experts:
-                raise BackendError(
-                    f"dataset_index {self.options.dataset_index} is not there: these weights have {experts} experts, "
-                    f"0 to {experts - 1}"
-                )
-            inputs["dataset_index"] = np.full(len(boxes), self.options.dataset_index, np.int64)
-        return array(network.run(**inputs).heatmaps)
+        if expert is not None:
+            inputs["dataset_index"] = np.full(len(crops), expert, np.int64)
+        return array(self.network().run(**inputs).heatmaps)

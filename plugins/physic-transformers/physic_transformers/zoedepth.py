@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from pydantic import Field
 
-from physic_core.adapters.pictures import check_photo, planes, resample
+from physic_core.adapters.pictures import planes, resample
 from physic_core.interfaces import MetricDepth, Options
 from physic_core.types import DepthMap
 from physic_transformers.models import WHERE, ModelOptions, Part, Pretrained, array
@@ -46,7 +46,6 @@ class ZoeDepth(Pretrained, MetricDepth):
         """
         import numpy as np
 
-        check_photo(image)
         shown = pixels(image)
         depth = array(self.network().run(pixel_values=shown).predicted_depth)[0]
         if self.options.mirror:

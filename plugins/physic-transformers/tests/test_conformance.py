@@ -149,7 +149,7 @@ class ToldZoeDepth(Told):
 
 
 class ToldVitPose(Told):
-    config = SimpleNamespace(backbone_config=SimpleNamespace(image_size=[256, 192], num_experts=6))
+    config = SimpleNamespace(backbone_config=SimpleNamespace(image_size=[256, 192], num_experts=6), num_labels=17)
 
     def show_people(self, boxes: np.ndarray) -> None:
         self.boxes = list(boxes)
@@ -266,7 +266,7 @@ class ToldSam2(Told):
 
 class ToldSam3(Told):
     config = SimpleNamespace(image_size=1008)
-    tokenizer = Words("person", "floor")
+    tokenizer = Words("person", "ground", "floor", "carpet")
 
     def run(self, method: str = "", /, **inputs: Any) -> Any:
         if method:

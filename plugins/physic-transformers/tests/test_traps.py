@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 import torch
+from scipy.ndimage import map_coordinates
 
 from physic_core.border import depth_faults, keypoints_faults, people_faults, pointmap_faults
-from physic_core.errors import BackendError, DeviceError, InputError
+from physic_core.errors import BackendError, DeviceError
 from physic_core.types import Hints, Intrinsics, People
 from physic_transformers.depth_anything import (
     DepthAnythingMetric,
@@ -374,14 +375,15 @@ class TestSam3:
         )
 
     def run(self, people: Any, **options: Any) -> tuple[People, Recorded]:
-        network = Recorded(self.CONFIG, "seen", self.out(9.0, (3.0, (0, 0, 1, 1))), people, None, tokenizer=self.words)
+        floors = [self.out(9.0, (3.0, (0, 0, 1, 1)))] * 3
+        network = Recorded(self.CONFIG, "seen", *floors, people, None, tokenizer=self.words)
         return given(Sam3(Sam3Options(**options)), weights=network).infer(WIDE), network
 
     def test_boxes_are_corners_in_shares_of_the_photo_and_masks_are_squashed(self) -> None:
         answer, network = self.run(self.out(9.0, (3.0, (0.1, 0.2, 0.4, 0.6))))
         np.testing.assert_allclose(answer.boxes, [[10, 12, 40, 36]], atol=1)
         assert answer.scores[0] == pytest.approx(1 / (1 + np.exp(-3)), abs=1e-3)
-        assert [method for method, _ in network.asked] == ["get_vision_features", "", ""], "encoded once"
+        assert [method for method, _ in network.asked] == ["get_vision_features", *[""] * 4], "encoded once"
 
     def test_pixels_go_from_minus_one_to_one_channels_first(self) -> None:
         _, network = self.run(self.out(9.0, (3.0, (0.1, 0.2, 0.4, 0.6))))
@@ -397,13 +399,33 @@ class TestSam3:
     def test_a_query_that_fits_counts_for_nothing_where_there_is_no_such_thing(self) -> None:
         assert len(self.run(self.out(-3.0, (3.0, (0.1, 0.2, 0.4, 0.6))))[0]) == 0
 
+    def test_each_word_for_the_floor_is_looked_for_alone(self) -> None:
+        """Ground is at the left, floor at the right, and there is no carpet, wherever the network would see it."""
+        left, right, everywhere = (self.out(presence, (3.0, (0, 0, 1, 1))) for presence in (9.0, 9.0, -3.0))
+        left.semantic_seg[..., 144:] = -5
+        right.semantic_seg[..., :144] = -5
+        everywhere.semantic_seg[:] = 5
+        texts: list[str] = []
+
+        def words(text: str, **options: Any) -> dict[str, Any]:
+            texts.append(text)
+            return self.words(text, **options)
+
+        person = self.out(9.0, (3.0, (0.1, 0.2, 0.4, 0.6)))
+        network = Recorded(self.CONFIG, "seen", left, right, everywhere, person, None, tokenizer=words)
+        floor = given(Sam3(), weights=network).infer(WIDE).floor
+        assert texts == ["ground", "floor", "carpet", "person"]
+        assert floor[45:, :48].all()
+        assert floor[45:, 52:].all()
+        assert not floor[:38].any()
+
     def test_the_floor_is_the_pixels_of_its_word(self) -> None:
         answer, _ = self.run(self.out(9.0, (3.0, (0.1, 0.2, 0.4, 0.9))))
         assert answer.floor is not None
         assert answer.floor[50, 80]
         assert not answer.floor[30, 80]
         assert not (answer.floor & answer.masks.any(0)).any()
-        assert self.run(self.out(9.0, (3.0, (0.1, 0.2, 0.4, 0.9))), floor_words="")[0].floor is None
+        assert self.run(self.out(9.0, (3.0, (0.1, 0.2, 0.4, 0.9))), floor_words=" , .")[0].floor is None
 
 
 class TestEomt:
@@ -432,18 +454,23 @@ class TestEomt:
 class TestVitPose:
     PEOPLE = People(np.ones((3, 60, 100), bool), np.array([[10.0, 5, 30, 55]] * 3), np.ones(3))
 
-    def run(self, experts: int, **options: Any) -> Recorded:
-        config = SimpleNamespace(backbone_config=SimpleNamespace(image_size=[256, 192], num_experts=experts))
-        answers = [tensors(heatmaps=np.zeros((n, 17, 64, 48), np.float32)) for n in (2, 1)]
+    def run(self, experts: int, joints: int = 17, **options: Any) -> Recorded:
+        config = SimpleNamespace(
+            backbone_config=SimpleNamespace(image_size=[256, 192], num_experts=experts), num_labels=joints
+        )
+        answers = [tensors(heatmaps=np.zeros((n, joints, 64, 48), np.float32)) for n in (2, 1)]
         network = Recorded(config, *answers, None)
         given(VitPose(VitPoseOptions(batch=2, **options)), weights=network).infer(WIDE, self.PEOPLE)
         return network
 
-    def test_models_with_experts_are_told_which_to_ask(self) -> None:
-        network = self.run(6)
+    @pytest.mark.parametrize(
+        ("joints", "options", "expert"), [(17, {}, 0), (133, {}, 5), (17, {"dataset_index": 3}, 3)]
+    )
+    def test_models_with_experts_are_told_which_to_ask(self, joints: int, options: dict[str, int], expert: int) -> None:
+        network = self.run(6, joints, **options)
         for (_, inputs), count in zip(network.asked, (2, 1), strict=True):
             assert inputs["dataset_index"].dtype == np.int64
-            assert inputs["dataset_index"].tolist() == [0] * count
+            assert inputs["dataset_index"].tolist() == [expert] * count
 
     def test_models_without_experts_are_not(self) -> None:
         assert all("dataset_index" not in inputs for _, inputs in self.run(1).asked)
@@ -456,7 +483,7 @@ class TestVitPose:
         # A box of 30 x 40 px at its middle pixel: 1.25 x 40 px make 256 rows, first to last.
         bright = np.zeros((100, 100, 3), np.uint8)
         bright[30:70, 35:65] = 255
-        config = SimpleNamespace(backbone_config=SimpleNamespace(image_size=[256, 192]))
+        config = SimpleNamespace(backbone_config=SimpleNamespace(image_size=[256, 192]), num_labels=17)
         network = Recorded(config, tensors(heatmaps=np.zeros((1, 17, 64, 48), np.float32)))
         people = People(np.ones((1, 100, 100), bool), np.array([[35.0, 30, 65, 70]]), np.ones(1))
         given(VitPose(), weights=network).infer(bright, people)
@@ -467,19 +494,47 @@ class TestVitPose:
         assert rows[0] + rows[-1] == pytest.approx(255, abs=1)
         assert columns[0] + columns[-1] == pytest.approx(191, abs=1)
 
+    @pytest.mark.parametrize(
+        ("joints", "experts", "dataset", "ends"),
+        [
+            (17, 1, None, 1),
+            (133, 1, None, 0),
+            (17, 6, None, 1),
+            (133, 6, None, 0),
+            *((17, 6, dataset, int(dataset in (0, 2))) for dataset in range(6)),
+        ],
+    )
+    def test_each_data_set_is_read_on_the_grid_that_it_was_trained_on(
+        self, joints: int, experts: int, dataset: int | None, ends: int
+    ) -> None:
+        """``ends`` is 1 where first and last cell are first and last pixel (UDP), 0 where cell q is pixel 4 q."""
+        places = np.array([[430.0, 80.0], [320.0, 250.0], [540.0, 690.0]])
+        v, u = np.mgrid[:760, :900]
+        spots = np.stack([255 * np.exp(-((u - x) ** 2 + (v - y) ** 2) / 1800) for x, y in places], -1).astype(np.uint8)
+        people = People(np.ones((1, 760, 900), bool), np.array([[300.0, 60, 560, 700]]), np.ones(1))
+        backbone = SimpleNamespace(image_size=[256, 192], num_experts=experts)
+
+        class Reading:
+            """Heat map j is the colour j mod 3 of the crop."""
+
+            config = SimpleNamespace(backbone_config=backbone, num_labels=joints)
+
+            def run(self, *, pixel_values: np.ndarray, **_: np.ndarray) -> Any:
+                rows = np.arange(64) * (256 - ends) / (64 - ends)
+                columns = np.arange(48) * (192 - ends) / (48 - ends)
+                at = np.meshgrid(rows, columns, indexing="ij")
+                maps = np.stack([map_coordinates(plane, at, order=1) for plane in pixel_values[0]])
+                return tensors(heatmaps=maps[np.arange(joints) % 3][None].astype(np.float32))
+
+        found = given(VitPose(VitPoseOptions(dataset_index=dataset)), weights=Reading()).infer(spots, people)
+        assert found.points.shape == (1, joints, 2)
+        assert np.linalg.norm(found.points[0, :3] - places, axis=1).max() < 1  # on the other grid up to 11
+
     def test_joints_of_another_set_are_refused(self) -> None:
-        config = SimpleNamespace(backbone_config=SimpleNamespace(image_size=[256, 192]))
-        network = Recorded(config, tensors(heatmaps=np.zeros((3, 52, 64, 48), np.float32)))
-        with pytest.raises(BackendError, match="tell 52 joints, expected 17 of COCO"):
+        config = SimpleNamespace(backbone_config=SimpleNamespace(image_size=[256, 192]), num_labels=52)
+        network = Recorded(config)
+        with pytest.raises(BackendError, match="have 52 joints, expected 17 or 133 of COCO"):
             given(VitPose(), weights=network).infer(WIDE, self.PEOPLE)
-
-
-@pytest.mark.parametrize("bad", [np.zeros((60, 100), np.uint8), np.zeros((60, 100, 3)), np.zeros((0, 9, 3), np.uint8)])
-def test_what_is_no_photo_is_refused(bad: Any) -> None:
-    with pytest.raises(InputError):
-        GroundedSam2().infer(bad)
-    with pytest.raises(InputError):
-        DepthPro().infer(bad, Hints())
 
 
 class Looked(Exception):
@@ -509,7 +564,7 @@ class Looking:
         (DepthAnythingMetric, "weights", {"patch_size": 14}),
         (DepthAnythingRelative, "weights", {"patch_size": 14}),
         (ZoeDepth, "weights", {}),
-        (VitPose, "weights", {"backbone_config": SimpleNamespace(image_size=[256, 192])}),
+        (VitPose, "weights", {"backbone_config": SimpleNamespace(image_size=[256, 192]), "num_labels": 17}),
     ],
 )
 def test_networks_are_shown_red_green_blue_the_right_way_round(kind: Any, option: str, config: dict[str, Any]) -> None:

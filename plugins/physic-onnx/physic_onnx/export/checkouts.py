@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import torch
 
 from physic_core.adapters.checkouts import Checkout
+from physic_core.adapters.plain_models import plain_model
 from physic_core.errors import BackendError, WeightsMissingError
 
 from .graphs import CameraHmrGraph, DecoGraph, WilorGraph
@@ -27,20 +28,21 @@ def camerahmr(folder: Path, checkpoint: Path | None = None, smpl: Path | None = 
     Args:
         folder: of the checkout; its ``data`` holds the files that its scripts fetch.
         checkpoint: ``camerahmr_checkpoint_cleaned.ckpt``; in the checkout's data where None.
-        smpl: ``SMPL_NEUTRAL.pkl``; in the checkout's data where None.
+        smpl: ``SMPL_NEUTRAL.pkl`` or ``.npz``; in the checkout's data where None.
         trusted: whether the checkpoint may hold Python objects, and run code by them.
 
     Raises:
         WeightsMissingError: something is not there.
         BackendError: it does not fit.
+        BodyModelError: the SMPL file cannot be used.
     """
     checkout = _checkout(folder, "CameraHMR", "core.camerahmr_model", "https://github.com/pixelite1201/CameraHMR")
     checkpoint = _file(checkpoint or folder / "data/pretrained-models/camerahmr_checkpoint_cleaned.ckpt")
     smpl = _file(smpl or folder / "data/models/SMPL/SMPL_NEUTRAL.pkl")
-    with _working_in(checkout, folder):
+    with plain_model(smpl, "smpl") as plain, _working_in(checkout, folder):
         network = checkout.attribute("CameraHMR")()
         _fill(network, _read(checkpoint, trusted), "state_dict", checkpoint)
-        layer = checkout.attribute("SMPLLayer", "smplx")(model_path=str(smpl), num_betas=10)
+        layer = checkout.attribute("SMPLLayer", "smplx")(model_path=str(plain), num_betas=10)
     return CameraHmrGraph(network, layer).eval()
 
 
@@ -55,14 +57,15 @@ def wilor(folder: Path, files: Path, *, trusted: bool) -> nn.Module:
     Raises:
         WeightsMissingError: something is not there.
         BackendError: it does not fit.
+        BodyModelError: the MANO file cannot be used.
     """
     checkout = _checkout(folder, "WiLoR-mini", "wilor_mini.models.wilor", "https://github.com/warmshao/WiLoR-mini")
     checkpoint, mano, mean = (
         _file(files / name) for name in ("wilor_final.ckpt", "MANO_RIGHT.pkl", "mano_mean_params.npz")
     )
-    with _working_in(checkout, folder):
+    with plain_model(mano, "mano") as plain, _working_in(checkout, folder):
         network = checkout.attribute("WiLor")(
-            mano_model_path=str(mano), mano_mean_path=str(mean), focal_length=5000, image_size=256
+            mano_model_path=str(plain), mano_mean_path=str(mean), focal_length=5000, image_size=256
         )
         _fill(network, _read(checkpoint, trusted), "state_dict", checkpoint)
     return WilorGraph(network).eval()
@@ -109,7 +112,7 @@ def _checkout(folder: Path, name: str, package: str, homepage: str) -> Checkout:
 def _file(path: Path) -> Path:
     if not path.is_file():
         raise WeightsMissingError(f"there is no file {path}: get it as the checkout's own instructions say")
-    return path.resolve()
+    return path.absolute()  # a link keeps its name, by which smplx tells right hands
 
 
 @contextmanager

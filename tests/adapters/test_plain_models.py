@@ -1,0 +1,176 @@
+"""Copies of body models: what a careless reader finds in them, where they are kept, and that none is used damaged."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from physic_core.adapters.plain_models import plain_model
+from physic_core.errors import BodyModelError
+from physic_core.testing.body_files import mano_arrays, smpl_arrays, write_published
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path / "kept"))
+    return tmp_path / "kept"
+
+
+@pytest.fixture
+def mano(tmp_path: Path) -> Path:
+    return write_published(tmp_path / "MANO_RIGHT.pkl", mano_arrays())
+
+
+def unpickled(path: Path) -> dict[str, Any]:
+    """As smplx reads it."""
+    with path.open("rb") as stream:
+        found: dict[str, Any] = pickle.load(stream, encoding="latin1")
+    return found
+
+
+def require_same(found: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    assert found.keys() == arrays.keys()
+    for name, array in arrays.items():
+        assert type(found[name]) is np.ndarray
+        assert found[name].dtype == array.dtype
+        np.testing.assert_array_equal(found[name], array)
+
+
+def test_the_published_file_cannot_be_unpickled_here_and_its_copy_can(mano: Path, cache: Path) -> None:
+    with pytest.raises(ModuleNotFoundError, match="No module named 'chumpy'"):
+        unpickled(mano)
+    with plain_model(mano, "mano") as copy:
+        require_same(unpickled(copy), mano_arrays())
+        assert copy.name.startswith("MANO_RIGHT-"), "smplx tells right hands by this name"
+    assert copy.parent == cache
+    assert copy.is_file()
+
+
+def test_smpl_is_copied_from_either_form(tmp_path: Path, cache: Path) -> None:
+    np.savez(tmp_path / "SMPL.npz", **smpl_arrays())
+    for path in (tmp_path / "SMPL.npz", write_published(tmp_path / "SMPL.pkl", smpl_arrays())):
+        with plain_model(path, "smpl") as copy:
+            require_same(unpickled(copy), smpl_arrays())
+
+
+def test_a_plain_file_is_copied_as_any_other(tmp_path: Path, cache: Path) -> None:
+    path = tmp_path / "MANO_RIGHT.pkl"
+    path.write_bytes(pickle.dumps(mano_arrays(), protocol=2))
+    with plain_model(path, "mano") as copy:
+        require_same(unpickled(copy), mano_arrays())
+
+
+class Runs:
+    def __reduce__(self) -> tuple[Any, ...]:
+        return pytest.fail, ("the pickle was run",)
+
+
+def test_a_file_that_would_run_code_is_refused(tmp_path: Path, cache: Path) -> None:
+    path = tmp_path / "MANO_RIGHT.pkl"
+    path.write_bytes(pickle.dumps({**mano_arrays(), "bs_type": Runs()}))
+    with pytest.raises(BodyModelError, match="could run code: it is not opened"), plain_model(path, "mano"):
+        pass
+    assert not cache.exists()
+
+
+def test_a_copy_is_made_once(mano: Path, cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with plain_model(mano, "mano") as first:
+        pass
+    monkeypatch.setattr("physic_core.body.model_file.read_model", lambda *_: pytest.fail("it was read again"))
+    with plain_model(str(mano), "mano") as second:
+        assert second == first
+    assert [path.name for path in cache.iterdir()] == [first.name]
+
+
+def test_another_file_has_another_copy(mano: Path, cache: Path) -> None:
+    with plain_model(mano, "mano") as first:
+        pass
+    write_published(mano, {**mano_arrays(), "hands_mean": np.ones(45)})
+    with plain_model(mano, "mano") as second:
+        assert second != first
+        np.testing.assert_array_equal(unpickled(second)["hands_mean"], np.ones(45))
+
+
+@pytest.mark.parametrize("damage", ["a bit", "cut", "empty", "another"])
+def test_a_damaged_copy_is_made_anew(damage: str, mano: Path, cache: Path) -> None:
+    with plain_model(mano, "mano") as copy:
+        whole = copy.read_bytes()
+    if damage == "another":  # whole in itself, and of another file
+        write_published(mano.with_name("other.pkl"), {**mano_arrays(), "hands_mean": np.ones(45)})
+        with plain_model(mano.with_name("other.pkl"), "mano") as other:
+            broken = other.read_bytes()
+    else:
+        broken = {"a bit": bytes([*whole[:5000], whole[5000] ^ 1, *whole[5001:]]), "cut": whole[:-1], "empty": b""}[
+            damage
+        ]
+    copy.write_bytes(broken)
+    with plain_model(mano, "mano") as again:
+        assert again == copy
+        assert again.read_bytes() == whole
+
+
+@pytest.mark.parametrize("why", ["off", "a file"])
+def test_where_nothing_can_be_kept_the_copy_lives_for_the_block(
+    why: str, mano: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = tmp_path / "kept"
+    monkeypatch.setenv("PHYSIC_CACHE", "off" if why == "off" else str(place))
+    if why == "a file":
+        place.write_text("mine")
+    with plain_model(mano, "mano") as copy:
+        require_same(unpickled(copy), mano_arrays())
+        assert copy.name.startswith("MANO_RIGHT-")
+    assert not copy.exists()
+
+
+def test_a_relative_cache_is_found_from_anywhere(mano: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Some published code is run from the root of its checkout."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PHYSIC_CACHE", "kept")
+    with plain_model("MANO_RIGHT.pkl", "mano") as copy:
+        monkeypatch.chdir("/")
+        assert copy.is_file()
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "MANO_RIGHT.pkl"
+    with pytest.raises(BodyModelError) as caught, plain_model(path, "mano"):
+        pass
+    assert str(caught.value) == (
+        f"the body model file {path} cannot be read (No such file or directory): "
+        "give the path of an official MANO file, MANO_RIGHT.pkl"
+    )
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
+@pytest.mark.parametrize("kind", ["pipe", "device", "folder"])
+def test_what_is_no_file_is_refused_at_once(tmp_path: Path, kind: str) -> None:
+    """In a process of its own: opening a pipe waits for ever, and /dev/zero never ends."""
+    path = Path("/dev/zero") if kind == "device" else tmp_path / "MANO_RIGHT.pkl"
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "folder":
+        path.mkdir()
+    code = """
+import sys
+from physic_core.adapters.plain_models import plain_model
+from physic_core.errors import BodyModelError
+try:
+    with plain_model(sys.argv[1], "mano"):
+        pass
+except BodyModelError as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, timeout=60)
+    assert (done.stdout.strip(), done.stderr) == (
+        f"the body model file {path} cannot be read (it is not a regular file): "
+        "give the path of an official MANO file, MANO_RIGHT.pkl",
+        "",
+    )
