@@ -31,6 +31,7 @@ __all__ = ["EmbeddedBodies"]
 _SLIGHT_BEND = 0.7  # radians that a knee of somebody who stands may seem to bend
 _TRUE_BEND = 0.35  # share of it that is taken to be true
 _MOST_LEAN = 0.44  # radians; a larger lean is a misread floor or no stance
+_START_STEP = 1e-4  # radians and metres
 
 
 class EmbeddedBodiesOptions(Options):
@@ -59,10 +60,13 @@ class EmbeddedBodies(BodyEstimator):
 
     def load(self, device: str = "cpu") -> None:
         """Load the body; the fit runs on the CPU whatever the device, where one person takes a fraction of a second."""
+        import torch
+
         from physic_core.body import load_body
 
         if self._model is None:
-            self._model = load_body("embedded")
+            # The fit amplifies rounding errors: those of float32 would turn limbs by degrees from CPU to CPU.
+            self._model = load_body("embedded").to(dtype=torch.float64)
 
     def close(self) -> None:
         """Drop the body."""
@@ -87,11 +91,9 @@ class EmbeddedBodies(BodyEstimator):
         from .bodyfit_blind import fit_without_landmarks
         from .bodyfit_problem import FitSettings
         from .observed import observed_joints
-        from .photo import check_photo
         from .skeleton import fitted_keypoints
         from .views import people_views
 
-        check_photo(image)
         if self._model is None:
             raise BackendError("the embedded body was asked for before it was loaded: call load() first")
         keypoints = fitted_keypoints(keypoints)
@@ -133,7 +135,7 @@ class EmbeddedBodies(BodyEstimator):
         stands = standing(joints, views.confidence[:, legs].min(1)) & (np.abs(lean) < 2 * _MOST_LEAN)
         if not self.options.cure_lean:
             stands = np.zeros_like(stands)
-        turn = np.clip(np.where(stands, -lean, 0.0), -_MOST_LEAN, _MOST_LEAN)
+        turn = np.clip(np.where(stands, -_rounded(lean), 0.0), -_MOST_LEAN, _MOST_LEAN)
         again = fit
         for _ in range(2):
             again = fit_bodies(
@@ -205,8 +207,16 @@ def _turned_start(fit: BodyFit, views: Views, turn: FloatArray, stands: BoolArra
 
     about_x = Rotation.from_rotvec(np.stack([turn, 0 * turn, 0 * turn], -1)).as_matrix()
     root = views.turn @ about_x @ views.turn.transpose(0, 2, 1) @ fit.rotations[:, 0].double().numpy()
+    root = Rotation.from_rotvec(_rounded(Rotation.from_matrix(root).as_rotvec())).as_matrix()
     pose = roma.rotmat_to_rotvec(fit.rotations[:, 1:22].double()).numpy()
     for knee in (JOINT_INDEX["left_knee"] - 1, JOINT_INDEX["right_knee"] - 1):
         bend = pose[:, knee, 0]
         pose[:, knee, 0] = np.where(stands & (np.abs(bend) < _SLIGHT_BEND), _TRUE_BEND * bend, bend)
-    return Start(root, pose, fit.transl.double().numpy())
+    return Start(root, _rounded(pose), _rounded(fit.transl.double().numpy()))
+
+
+def _rounded(values: FloatArray) -> FloatArray:
+    """To steps far coarser than what rounding errors become in a fit, and too fine to matter to the next one."""
+    import numpy as np
+
+    return np.round(values / _START_STEP) * _START_STEP

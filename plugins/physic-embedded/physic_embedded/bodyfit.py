@@ -29,7 +29,7 @@ __all__ = ["BodyFit", "fit_bodies"]
 
 @dataclass(frozen=True)
 class BodyFit:
-    """Fitted bodies, torch float32, camera frame, metres.
+    """Fitted bodies, torch tensors of the model's float type, camera frame, metres.
 
     Attributes:
         rotations: (N, 55, 3, 3).
@@ -83,7 +83,7 @@ def fit_bodies(
     import torch
 
     problem = fit_problem(model, views, camera, skeleton, start, settings, floor_up, stands, lean)
-    unknowns = torch.zeros(len(views.points), problem.width, requires_grad=True)
+    unknowns = torch.zeros(len(views.points), problem.width, dtype=model.dtype, requires_grad=True)
     optimiser = torch.optim.LBFGS(
         [unknowns],
         max_iter=settings.iterations,
@@ -104,7 +104,7 @@ def fit_bodies(
     with torch.no_grad():
         loss, _, projected = problem.terms(unknowns)
         body = problem.body(unknowns)
-        seen = (problem.confidence > 0.5).float()
+        seen = (problem.confidence > 0.5).to(model.dtype)
         miss = (projected - problem.points).norm(dim=-1) * seen
         joints = model(body.rotations, body.betas, body.transl, joints_only=True).joints
         return BodyFit(

@@ -51,10 +51,9 @@ def fit_without_landmarks(
         for yaw, pose in starts:
             root = views.turn @ facing @ Rotation.from_euler("y", yaw).as_matrix()
             rotations, betas, transl = model.zero_pose(count)
-            rotvecs = torch.as_tensor(np.concatenate([np.zeros((1, 3)), pose]).reshape(-1), dtype=torch.float32)
-            turns = torch.as_tensor(Rotation.from_rotvec(rotvecs.view(22, 3).numpy()).as_matrix(), dtype=torch.float32)
-            rotations[:, :22] = turns
-            rotations[:, 0] = torch.as_tensor(root, dtype=torch.float32)
+            rotvecs = np.concatenate([np.zeros((1, 3)), pose])
+            rotations[:, :22] = torch.from_numpy(Rotation.from_rotvec(rotvecs).as_matrix())
+            rotations[:, 0] = torch.from_numpy(root)
             points = model.landmarks_only([skeleton])(rotations, betas, transl)[skeleton].double().numpy()
             roots.append(root)
             poses.append(np.broadcast_to(pose, (count, 21, 3)))

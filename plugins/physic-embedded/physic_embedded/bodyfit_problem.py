@@ -93,7 +93,7 @@ class FittedBody:
 
 @dataclass(frozen=True)
 class FitProblem:
-    """Everything that stays fixed during a fit, as float32 tensors."""
+    """Everything that stays fixed during a fit, as tensors of the model's float type."""
 
     landmarks: LandmarkModel
     skeleton: str
@@ -212,7 +212,8 @@ def fit_problem(
     from physic_core.body import JOINT_INDEX
 
     def tensor(array: object) -> Tensor:
-        return torch.as_tensor(np.asarray(array, dtype=np.float32))
+        # A copy: torch takes neither read-only arrays nor negative strides.
+        return torch.as_tensor(np.array(array, order="C"), dtype=model.dtype)
 
     count = len(views.points)
     index = point_rows(skeleton)
@@ -265,5 +266,5 @@ def _stature_per_component(model: BodyModel) -> Tensor:
     import torch
 
     with torch.no_grad():
-        units = torch.eye(model.num_betas)
+        units = torch.eye(model.num_betas, dtype=model.dtype)
         return (model.stature(units) - model.stature(-units)) / 2

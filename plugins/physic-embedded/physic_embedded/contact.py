@@ -85,9 +85,6 @@ class StaticContact(ContactPrior):
         from physic_core.body.conversion import rest_mesh_of
         from physic_core.types import ContactProbability
 
-        from .photo import check_photo
-
-        check_photo(image)
         if self._model is None:
             raise BackendError("the static contact prior was asked before it was loaded: call load() first")
         joints = self._joints(bodies)

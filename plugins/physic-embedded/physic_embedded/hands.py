@@ -11,7 +11,6 @@ from physic_core.interfaces import HandEstimator, Options
 from physic_core.types import Hands
 from physic_embedded.fingers import HandRest, fit_fingers
 from physic_embedded.palm import arm_square, find_hand
-from physic_embedded.photo import check_photo
 from physic_embedded.picture import Picture
 from physic_embedded.sessions import Networks
 
@@ -86,7 +85,6 @@ class EmbeddedHands(HandEstimator):
 
     def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
         """Image (H, W, 3) and N people with keypoints -> finger rotations, confidence 0 where no hand is clear."""
-        check_photo(image)
         rotvecs = np.zeros((len(people), 2, 15, 3), np.float32)
         confidence = np.zeros((len(people), 2), np.float32)
         detector, landmarker = self._networks["palm_detection_full"], self._networks["hand_landmark_full"]

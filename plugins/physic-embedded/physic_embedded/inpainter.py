@@ -9,7 +9,6 @@ from pydantic import Field
 
 from physic_core.errors import BackendError
 from physic_core.interfaces import Inpainter, Options
-from physic_embedded.photo import check_photo
 from physic_embedded.sessions import Networks
 
 if TYPE_CHECKING:
@@ -64,7 +63,6 @@ class MiGan(Inpainter):
         Raises:
             BackendError: the mask has another size, or leaves nothing to go by.
         """
-        check_photo(image)
         session = self._networks["migan_512_places2"]
         mask = np.asarray(mask, bool)
         if mask.shape != image.shape[:2]:

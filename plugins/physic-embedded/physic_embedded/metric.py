@@ -83,9 +83,6 @@ class HumanRuler(MetricDepth):
 
         from physic_core.types import DepthMap
 
-        from .photo import check_photo
-
-        check_photo(image)
         if hints.scene is None or hints.bodies is None:
             missing = "scene" if hints.scene is None else "bodies"
             raise BackendError(

@@ -89,9 +89,7 @@ class EmbeddedPointmap(RelativePointmap):
 
         from .depth import disparity, resample
         from .edges import flying_pixels
-        from .photo import check_photo
 
-        check_photo(image)
         if self._depth is None:
             raise BackendError("the embedded point map was asked before its networks were loaded: call load() first")
         height, width = image.shape[:2]
@@ -172,7 +170,7 @@ class EmbeddedPointmap(RelativePointmap):
         infinity = disparity_of_infinity(
             raw, floor, camera.fx * columns / camera.width, gravity=edges.gravity, frame=edges.frame, standing=people
         )
-        return infinity.disparity, f"depth is open up to a shift: {infinity.rule}"
+        return infinity.disparity, f"depth is ambiguous up to an offset: {infinity.rule}"
 
 
 @dataclass(frozen=True)

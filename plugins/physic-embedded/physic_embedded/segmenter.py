@@ -13,7 +13,6 @@ from physic_embedded.floor import floor_mask
 from physic_embedded.keypoints import keypoints_of
 from physic_embedded.masks import mask_boxes, person_mask, separate
 from physic_embedded.people import find_poses
-from physic_embedded.photo import check_photo
 from physic_embedded.sam import embed
 from physic_embedded.sessions import Networks
 
@@ -76,7 +75,6 @@ class EmbeddedSegmenter(Segmenter):
 
     def infer(self, image: UInt8Array) -> People:
         """Image (H, W, 3) -> people, best score first."""
-        check_photo(image)
         networks, options = self._networks, self.options
         found = find_poses(
             networks["pose_detection"],

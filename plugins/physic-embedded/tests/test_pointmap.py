@@ -209,7 +209,7 @@ def test_points_lie_on_their_pixels_rays_at_a_median_depth_of_one(scene: Pointma
     assert camera.fx * points[:, 0] / points[:, 2] + camera.cx == pytest.approx(columns, abs=1e-2)
     assert camera.fy * points[:, 1] / points[:, 2] + camera.cy == pytest.approx(rows, abs=1e-2)
     assert scene.notes[0] == "focal length is a default (0.95 x the long side)"
-    assert scene.notes[1].startswith("depth is open up to a shift: the farthest pixels are taken as a wall")
+    assert scene.notes[1].startswith("depth is ambiguous up to an offset: the farthest pixels are taken as a wall")
 
 
 def test_a_given_camera_is_respected(backend: EmbeddedPointmap, image: NDArray[np.uint8]) -> None:
