@@ -42,6 +42,7 @@ __all__ = [
     "sound_contact",
     "sound_hands",
     "sound_keypoints",
+    "tensor_advice",
 ]
 
 _PARAMETER_WIDTH = {
@@ -251,11 +252,17 @@ def _looked_at(sound: BoolArray) -> BoolArray:
     return sound if sound.any() else ~sound
 
 
+def tensor_advice(value: object) -> str:
+    """What makes a numpy array of a torch tensor, in words; empty for anything else."""
+    return ": write .detach().cpu().numpy()" if type(value).__module__.partition(".")[0] == "torch" else ""
+
+
 def _array(name: str, value: Any, shape: tuple[int, ...], kind: str) -> list[str]:
-    dtype = getattr(value, "dtype", None)
-    if dtype is None:
-        return [f"{name} must be a numpy array {_shape(shape)}, got {type(value).__name__}"]
-    faults = []
+    import numpy as np
+
+    if not isinstance(value, np.ndarray):
+        return [f"{name} must be a numpy array {_shape(shape)}, got {type(value).__name__}{tensor_advice(value)}"]
+    dtype, faults = value.dtype, []
     if tuple(value.shape) != shape:
         faults.append(f"{name} must be {_shape(shape)}, got {_shape(tuple(value.shape))}")
     right = dtype.kind == "f" if kind == "float" else dtype == kind

@@ -1,8 +1,8 @@
-"""Which known distribution offers which backend: only for the hint that says what to install."""
+"""Which known distribution offers which backend, and how to install it: only for hints in messages."""
 
 from __future__ import annotations
 
-__all__ = ["CATALOG", "distribution_for", "known_names"]
+__all__ = ["CATALOG", "distribution_for", "how_to_install", "known_names"]
 
 CATALOG: dict[str, dict[str, tuple[str, ...]]] = {
     "physic-embedded": {
@@ -82,3 +82,11 @@ def _names(offers: dict[str, tuple[str, ...]], interface: str | None) -> tuple[s
     if interface is not None:
         return offers.get(interface, ())
     return tuple(name for names in offers.values() for name in names)
+
+
+def how_to_install(distribution: str) -> str:
+    """What to run; our own distributions come from a checkout, as there is no release of them yet."""
+    if distribution not in CATALOG:
+        return f"`pip install {distribution}`"
+    folder = "contrib" if distribution == "physic-omnieraser" else "plugins"
+    return f"`pip install -e {folder}/{distribution}` in a checkout of PhySIC"

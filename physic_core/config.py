@@ -69,7 +69,8 @@ class BackendChoice(_Table):
 
     backend: str = Field(
         min_length=1,
-        description="name of a backend, 'distribution:name', 'package.module:Class', or 'none' where it is optional",
+        description="name of a backend, 'distribution:name', 'package.module:Class' (a module beside the config, "
+        "or an installed one), or 'none' where it is optional",
     )
     options: dict[str, Any] = Field(default_factory=dict, description="the backend's own options")
 

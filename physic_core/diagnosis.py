@@ -13,6 +13,7 @@ scale_sigma      <= 0.15  log     standard deviation of log(scale), as the metri
 scale_change     <= 0.25  share   by which the joint optimisation rescaled the scene
 ruler            <= 0.5   share   by which the metric depth and the sizes of the people differ, median over them
 focal_known      >= 1     1: yes  whether anything in the photo or its file tells the focal length
+principal_point  <= 0.15  share   of the photo's width or height, by which it lies off the photo's centre
 focal_agreement  <= 0.2   share   by which backends' focal lengths differ from the one that was used, at most
 ===============  =======  ======  ====================================================================================
 
@@ -109,6 +110,7 @@ _ALL = (
     # Networks see people farther than the floor they stand on: 0 to 0.4 in photos, 0.56 where the depth is wrong.
     _photo("ruler", "most", 0.5, _SHARE, "by which the metric depth and the sizes of the people differ"),
     _photo("focal_known", "least", 1, _YES, "whether the photo or its file tells the focal length"),
+    _photo("principal_point", "most", 0.15, _SHARE, "of the photo's width or height, by which it lies off the centre"),
     # Straight edges are right to about a tenth; distances are off by the same share as the focal length.
     _photo("focal_agreement", "most", 0.2, _SHARE, "by which the backends' focal lengths differ from the one used"),
     _person("answered", "most", 0, "count", "backends that answered no numbers for this person", warns=True),
@@ -136,10 +138,10 @@ CHECKS: Mapping[str, Check] = {check.name: check for check in _ALL}
 
 _KNEES, _ANKLES = [4, 5], [7, 8]  # left and right
 _NO_FLOOR = {
-    "no_pixels": "too few pixels to look at",
-    "no_consensus": "no level plane that enough pixels lie on",
-    "below_plane": "the best plane has too much below it to be the floor",
-    "through_people": "the only level plane goes through the people, as tables and seats do",
+    "no_pixels": "too few pixels to search",
+    "no_consensus": "no horizontal plane has enough pixels",
+    "below_plane": "too many pixels lie below the best plane",
+    "through_people": "the only horizontal plane cuts through the people, as tables and seats do",
 }
 
 
@@ -212,9 +214,9 @@ def _of_photo(evidence: Evidence, solution: Solution, settings: EngineSettings) 
 def _floor(told: Mapping[str, Any], settings: EngineSettings) -> Iterator[Diagnostic]:
     scene, reason = settings.scene, told["reason"]
     searched = reason != "switched_off"
-    instead = "nobody is held to the ground, and heights are unknown"
+    instead = "people are not held to the ground, and heights are unknown"
     if told.get("source") == "people":
-        instead = "it was put under the people's soles, and is as wrong as they are"
+        instead = "it is assumed at the people's feet, and its height is only as accurate as their pose"
     yield _judged(
         "floor",
         (told["inlier_share"] if reason == "found" else 0.0) if searched else None,
@@ -264,6 +266,14 @@ def _focal(evidence: Evidence, solution: Solution) -> Iterator[Diagnostic]:
         float(not camera.guessed),
         "the focal length is a guess, and all distances along the view are off by its error: give it with --focal-px",
     )
+    off_x, off_y = camera.cx - (camera.width - 1) / 2, camera.cy - (camera.height - 1) / 2
+    offset = max(abs(off_x) / camera.width, abs(off_y) / camera.height)
+    yield _judged(
+        "principal_point",
+        offset,
+        f"the principal point ({camera.cx:.0f}, {camera.cy:.0f}) lies {offset:.0%} of the photo's size off its centre "
+        f"({camera.source}), as in a cropped photo only: check --intrinsics",
+    )
     witnesses = [evidence.scene.intrinsics, evidence.original.intrinsics, evidence.depth.intrinsics]
     used = math.sqrt(camera.fx * camera.fy)
     ratios = [math.sqrt(w.fx * w.fy) * camera.width / w.width / used for w in witnesses if w is not None]
@@ -301,7 +311,7 @@ def _of_person(evidence: Evidence, solution: Solution, person: int) -> Iterator[
     yield _judged(
         "legs_seen",
         None if legs is None else float(legs),
-        "of a leg neither knee nor ankle is seen: that leg is a guess and touches nothing",
+        "neither knee nor ankle of one leg is visible: its pose is a guess, and it gets no contact",
     )
     yield _judged(
         "penetration",

@@ -7,7 +7,7 @@ what it offers::
 
     @hookimpl
     def physic_backends():
-        return [BackendRecord("metric_depth", "my-depth", "my_pkg.depth:MyDepth", summary="Depth from ...")]
+        return [BackendRecord("metric_depth", "my-depth", "my_pkg.depth:MyDepth", api=1, summary="Depth from ...")]
 
 The module holds nothing else and imports nothing heavy: it runs whenever somebody lists the installed backends.
 
@@ -26,7 +26,7 @@ from pathlib import Path
 
 import pluggy
 
-from physic_core.registry import BackendRecord
+from physic_core.records import BackendRecord
 
 __all__ = ["PROJECT", "hookimpl", "physic_backends", "physic_weights"]
 

@@ -1,8 +1,12 @@
 """The eight interfaces that a plugin can implement.
 
 Images are (H, W, 3) uint8 RGB numpy arrays, upright. The frame is the OpenCV camera's (x right, y down, z forward),
-in metres; integer pixel coordinates are pixel centres. A backend never edits its input, reports bad input with a
-:class:`physic_core.errors.PhysicError`, and answers the same for the same input and options.
+in metres; integer pixel coordinates are pixel centres. The core checks the image before it calls a backend, which need
+not look again. A backend never edits its input, reports other bad input with a :class:`physic_core.errors.PhysicError`,
+and returns the same for the same input and options.
+
+Each interface has a version, ``api``. It rises when a backend that was written for it would no longer do; then the
+backends of that interface, and of no other, are refused until their records state the new version.
 
 Constructing a backend is cheap and offline. ``load`` reads weights, ``close`` drops them; both may be called twice.
 
@@ -58,12 +62,14 @@ class Backend(ABC):
 
     Attributes:
         interface: the interface's name in configs.
+        api: version of the interface; the record of a backend states the version that it was written for.
         Options: pydantic model of this backend's settings.
-        cacheable: whether an answer may be kept and given again to the same question. False where answers depend on
-            more than input, options, files that options name, and ``fingerprint``; or come faster than from a disk.
+        cacheable: whether the output may be cached. Set it to False if the output depends on anything but the input,
+            options, files that options name and ``fingerprint()``, or if computing it is faster than reading it.
     """
 
     interface: ClassVar[str]
+    api: ClassVar[int]
     Options: ClassVar[type[Options]] = Options
     cacheable: ClassVar[bool] = True
 
@@ -98,6 +104,7 @@ class Segmenter(Backend):
     """Finds people and, where it can, the ground that they stand on (paper: GroundingDINO + SAM2)."""
 
     interface = "segmenter"
+    api = 1
 
     @abstractmethod
     def infer(self, image: UInt8Array) -> People:
@@ -108,6 +115,7 @@ class Inpainter(Backend):
     """Takes people out of a photo (paper: OmniEraser)."""
 
     interface = "inpainter"
+    api = 1
 
     @abstractmethod
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
@@ -118,6 +126,7 @@ class MetricDepth(Backend):
     """Depth in metres (paper: DepthPro)."""
 
     interface = "metric_depth"
+    api = 1
 
     @abstractmethod
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
@@ -131,6 +140,7 @@ class RelativePointmap(Backend):
     """
 
     interface = "relative_pointmap"
+    api = 1
 
     @abstractmethod
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
@@ -141,6 +151,7 @@ class KeypointDetector(Backend):
     """2D joints of known people (paper: ViTPose whole-body)."""
 
     interface = "keypoint_detector"
+    api = 1
 
     @abstractmethod
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
@@ -151,6 +162,7 @@ class BodyEstimator(Backend):
     """Posed and shaped bodies (paper: CameraHMR)."""
 
     interface = "body_estimator"
+    api = 1
 
     @abstractmethod
     def infer(
@@ -167,6 +179,7 @@ class HandEstimator(Backend):
     """Finger poses (paper: WiLoR)."""
 
     interface = "hand_estimator"
+    api = 1
 
     @abstractmethod
     def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
@@ -181,6 +194,7 @@ class ContactPrior(Backend):
     """Which vertices are likely to touch the scene (paper: DECO)."""
 
     interface = "contact_prior"
+    api = 1
 
     @abstractmethod
     def infer(self, image: UInt8Array, people: People, bodies: Bodies) -> ContactProbability:

@@ -18,6 +18,8 @@ from typing import Any
 from physic_core.errors import ConfigError
 from physic_core.faults import closest
 from physic_core.interfaces import INTERFACES
+from physic_core.local_modules import in_folder
+from physic_core.records import normal_name
 
 __all__ = ["Layer", "environment_layers", "is_path", "merge", "override_layers", "preset_names", "read", "source_of"]
 
@@ -76,7 +78,7 @@ def override_layers(overrides: Sequence[str]) -> list[Layer]:
     Raises:
         ConfigError: one is no assignment.
     """
-    return [("--set", _parse_override(text)) for text in overrides]
+    return [("--set", _with_folder(_parse_override(text), Path())) for text in overrides]
 
 
 def merge(layers: Iterable[Layer]) -> tuple[dict[str, Any], dict[str, str]]:
@@ -118,8 +120,8 @@ def _read_file(path: Path, base: str, seen: tuple[Path, ...] = ()) -> list[Layer
         chain = " -> ".join(str(p) for p in (*seen, path.resolve()))
         raise ConfigError(f"{path} extends itself: {chain}")
     if path.suffix == ".json":
-        return [(str(path), _read_result(path))]
-    table = _read_toml(path)
+        return [(str(path), _with_folder(_read_result(path), path.parent))]
+    table = _with_folder(_read_toml(path), path.parent)
     base = table.pop("extends", base)
     if not isinstance(base, str):
         raise ConfigError(f"{path}: 1 error\nextends   should be the name of a preset or a path (got {base!r})")
@@ -136,6 +138,14 @@ def _read_file(path: Path, base: str, seen: tuple[Path, ...] = ()) -> list[Layer
     except ConfigError as error:
         raise ConfigError(f"{path} extends '{base}': {error}") from error
     return [*below, (str(path), table)]
+
+
+def _with_folder(table: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The table, in which each class of a file in ``folder`` is named with its folder, so that it is found later."""
+    for choice in (table.get(interface) for interface in INTERFACES):
+        if isinstance(choice, dict) and isinstance(choice.get("backend"), str):
+            choice["backend"] = in_folder(choice["backend"], folder)
+    return table
 
 
 def _read_toml(path: Path) -> dict[str, Any]:
@@ -169,6 +179,8 @@ def _with_numbers(value: Any) -> Any:
 
 
 def _read_text(path: Path, cure: str) -> str:
+    if path.exists() and not path.is_file() and not path.is_dir():  # a pipe would wait for ever
+        raise ConfigError(f"cannot read the config {path}: it is not a regular file; {cure}")
     try:
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
@@ -213,9 +225,17 @@ def _merge(base: dict[str, Any], layer: Mapping[str, Any], label: str, sources: 
             sources[path] = label
 
 
+def _same_backend(one: Any, other: Any) -> bool:
+    """Whether two names may mean one backend, as "embedded" and "physic-embedded:embedded" do."""
+    if not (isinstance(one, str) and isinstance(other, str)):
+        return bool(one == other)
+    (owner, colon, name), (other_owner, other_colon, other_name) = one.rpartition(":"), other.rpartition(":")
+    return name == other_name and (not (colon and other_colon) or normal_name(owner) == normal_name(other_owner))
+
+
 def _silence(path: str, below: dict[str, Any], layer: Mapping[str, Any]) -> None:
     """Drop what a layer makes meaningless: another backend's options, the other way to say the same."""
-    if path in INTERFACES and "backend" in layer and layer["backend"] != below.get("backend"):
+    if path in INTERFACES and "backend" in layer and not _same_backend(layer["backend"], below.get("backend")):
         below.pop("options", None)
     for table, keys in _EXCLUSIVE:
         if path == table and any(k in layer for k in keys):

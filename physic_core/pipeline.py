@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 from physic_core.cache.code import Code  # at once, before any backend: it notices code that is edited from then on
 from physic_core.config import as_config
+from physic_core.errors import InputError
+from physic_core.io.output import image_digest, photo_digest
 from physic_core.io.photo import Photo, check_image, prepare, read_photo
 from physic_core.plugins import discover
 from physic_core.resolve import require_whole, resolve
@@ -56,15 +58,21 @@ def reconstruct(
         Everything in metres in the OpenCV camera frame (x right, y down, z forward).
 
     Raises:
-        InputError: the image cannot be used.
+        InputError: the image or its intrinsics cannot be used.
         ConfigError: the configuration does not hold.
         WeightsMissingError: backends lack files, all of which it lists; nothing was computed.
         DeviceError: the device is not there.
         NoPersonError: nobody was found.
         BackendError: a backend failed, or answered what its interface does not allow.
     """
+    if intrinsics is not None and not isinstance(intrinsics, Intrinsics):
+        raise InputError(
+            f"intrinsics must be physic_core.types.Intrinsics, got {type(intrinsics).__name__}: "
+            "pass Intrinsics(fx, fy, cx, cy, width, height) in px of the image"
+        )
     photo = Photo(check_image(image), intrinsics)
-    return _reconstruct(photo, _plan(as_config(config), registry), progress)
+    found = _reconstruct(photo, _plan(as_config(config), registry), progress)
+    return replace(found, photo=image_digest(photo.image))
 
 
 def reconstruct_photo(
@@ -79,7 +87,8 @@ def reconstruct_photo(
     The file is read once config, device and backends have held.
     """
     plan = _plan(as_config(config), registry)
-    return _reconstruct(read_photo(path), plan, progress)
+    photo = read_photo(path)
+    return replace(_reconstruct(photo, plan, progress), photo=photo_digest(path, photo.image))
 
 
 def _plan(config: Config, registry: Registry | None) -> ResolvedPipeline:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import shutil
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from physic_core.error_text import describe
 from physic_core.errors import BackendError, PhysicError, WeightsMissingError
+from physic_core.local_modules import split
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -32,8 +34,9 @@ class Readiness:
 
     Attributes:
         word: "ready"; "unsure" where it needs what only loading it can tell; "not ready" where something is missing on
-            this machine; "ambiguous", "refused" and "broken" where no config can choose it as it is.
-        why: in words; empty where it is ready.
+            this machine; "ambiguous" where its own distribution offers the name twice; "refused" and "broken" where
+            no config can choose it as it is.
+        why: in words; may be empty where it is ready.
     """
 
     word: Word
@@ -61,11 +64,27 @@ def readiness(
     """
     if claim.problem:
         return Readiness("refused", claim.problem)
-    if rivals := registry.rivals(claim):
-        return Readiness("ambiguous", registry.explain_rivals((claim, *rivals)))
+    rivals = registry.rivals(claim)
+    if twins := [rival for rival in rivals if rival.origin.distribution == claim.origin.distribution]:
+        return Readiness("ambiguous", registry.explain_rivals((claim, *twins)))
+    found = _readiness(registry, claim, gpu, missing_sets)
+    if not rivals:
+        return found
+    others = " and ".join(dict.fromkeys(rival.origin.distribution for rival in rivals))
+    name = f"{claim.origin.distribution}:{claim.record.name}"
+    return replace(found, why="; ".join(filter(None, (found.why, f"{others} offers this name too: write '{name}'"))))
+
+
+def _readiness(
+    registry: Registry,
+    claim: Claim,
+    gpu: Callable[[], bool] | None,
+    missing_sets: Callable[[Registry, Claim], Sequence[str] | None] | None,
+) -> Readiness:
+    """The readiness of a backend that a config can choose."""
     record = claim.record
     if isinstance(record.target, str):
-        module = record.target.partition(":")[0]
+        module = split(record.target)[1].partition(":")[0]
         if not _is_there(module):
             return Readiness("broken", f"there is no module '{module}' for its target {record.target}")
     faults = []
@@ -100,7 +119,7 @@ def lacks(backend: Backend) -> tuple[str, ...]:
     except PhysicError:
         raise
     except (Exception, SystemExit) as error:
-        raise BackendError(f"missing() fails: {type(error).__name__}: {error}") from error
+        raise BackendError(f"missing() fails: {describe(error, type(backend))}") from error
     if not isinstance(answer, (tuple, list)) or not all(isinstance(text, str) for text in answer):
         raise BackendError(f"missing() must return a tuple of texts, got {answer!r}")
     return tuple(answer)

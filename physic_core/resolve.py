@@ -14,6 +14,7 @@ from pydantic import BaseModel, ValidationError
 
 from physic_core.config import load_config
 from physic_core.devices import check_device
+from physic_core.error_text import describe
 from physic_core.errors import BackendError, BackendNotFoundError, PhysicError, WeightsMissingError
 from physic_core.faults import Fault, Findings, config_error, from_pydantic
 from physic_core.interfaces import INTERFACES
@@ -33,6 +34,8 @@ __all__ = [
     "list_of_missing",
     "load_checked",
     "missing",
+    "missing_device",
+    "missing_files",
     "require_whole",
     "resolve",
 ]
@@ -112,10 +115,15 @@ def missing(plan: ResolvedPipeline) -> tuple[str, ...]:
     Raises:
         BackendError: a backend cannot say.
     """
-    return (*_missing_files(plan), *_missing_gpu(plan))
+    return (*missing_files(plan), *missing_device(plan))
 
 
-def _missing_files(plan: ResolvedPipeline) -> tuple[str, ...]:
+def missing_files(plan: ResolvedPipeline) -> tuple[str, ...]:
+    """The part of :func:`missing` that the backends report, a text for each file.
+
+    Raises:
+        BackendError: a backend cannot say.
+    """
     found: dict[str, list[str]] = {}
     for resolved in plan.backends.values():
         try:
@@ -127,7 +135,8 @@ def _missing_files(plan: ResolvedPipeline) -> tuple[str, ...]:
     return tuple(f"{' and '.join(titles)}: {text}" for text, titles in found.items())
 
 
-def _missing_gpu(plan: ResolvedPipeline) -> tuple[str, ...]:
+def missing_device(plan: ResolvedPipeline) -> tuple[str, ...]:
+    """The part of :func:`missing` about the GPU: one text if the configuration needs one and none is seen."""
     if plan.device == "cpu" or gpu_is_seen():
         return ()
     return (
@@ -146,8 +155,8 @@ def require_whole(plan: ResolvedPipeline) -> None:
         DeviceError: nothing else is missing, and torch does not find the device.
         BackendError: a backend cannot say.
     """
-    if files := _missing_files(plan):
-        raise WeightsMissingError(list_of_missing((*files, *_missing_gpu(plan)), ", and nothing was computed"))
+    if files := missing_files(plan):
+        raise WeightsMissingError(list_of_missing((*files, *missing_device(plan)), ", and nothing was computed"))
     check_device(plan.device)
 
 
@@ -245,7 +254,7 @@ def _construct(interface: str, choice: _Choice) -> ResolvedBackend:
     except PhysicError:
         raise
     except (Exception, SystemExit) as cause:  # a plugin's door
-        raise BackendError(f"{choice.claim} cannot be constructed: {type(cause).__name__}: {cause}") from cause
+        raise BackendError(f"{choice.claim} cannot be constructed: {describe(cause, choice.kind)}") from cause
     return ResolvedBackend(
         backend,
         Provenance(

@@ -38,7 +38,8 @@ def config_schema(registry: Registry) -> dict[str, Any]:
 
     A backend whose options cannot be read is listed without them.
     """
-    kinds = {(c.record.interface, c.record.name): _options(registry, c) for c in registry if not c.problem}
+    claims = {(c.record.interface, name): c for c in registry if not c.problem for name in _names(registry, c)}
+    kinds = {key: _options(registry, claim) for key, claim in claims.items()}
     tables: dict[str, type[BaseModel]] = {
         "photo": PhotoSettings,
         "body_model": BodyModelChoice,
@@ -61,7 +62,8 @@ def config_schema(registry: Registry) -> dict[str, Any]:
             for (own, name), kind in kinds.items()
             if own == interface
         }
-        interfaces[interface] = _interface(interface, options, registry)
+        summaries = {name: claim.record.summary for (own, name), claim in claims.items() if own == interface}
+        interfaces[interface] = _interface(interface, options, summaries)
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "Configuration of PhySIC",
@@ -79,9 +81,14 @@ def config_schema(registry: Registry) -> dict[str, Any]:
     }
 
 
-def _interface(interface: str, options: dict[str, Any], registry: Registry) -> dict[str, Any]:
+def _names(registry: Registry, claim: Claim) -> tuple[str, ...]:
+    """What a config may call a backend: by its bare name only where nobody else offers the name."""
+    name, qualified = claim.record.name, f"{claim.origin.distribution}:{claim.record.name}"
+    return (qualified,) if registry.rivals(claim) else (name, qualified)
+
+
+def _interface(interface: str, options: dict[str, Any], summaries: dict[str, str]) -> dict[str, Any]:
     """Schema of one interface's table; which options there are depends on the backend."""
-    summaries = {c.record.name: c.record.summary for c in registry if c.record.interface == interface}
     names = [{"const": name, "description": summaries[name]} for name in options]
     if interface in OPTIONAL_INTERFACES:
         names.append({"const": "none", "description": "leave it out"})

@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, Literal
 
+from physic_core.short_repr import ShortRepr
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
@@ -108,7 +110,7 @@ class Intrinsics:
 
 
 @dataclass(frozen=True)
-class Plane:
+class Plane(ShortRepr):
     """An oriented plane: the height of a point X over it is ``normal . X + offset``.
 
     Attributes:
@@ -121,7 +123,7 @@ class Plane:
 
 
 @dataclass(frozen=True)
-class Keypoints:
+class Keypoints(ShortRepr):
     """2D keypoints of N people, row i belonging to person i.
 
     Attributes:
@@ -140,7 +142,7 @@ class Keypoints:
 
 
 @dataclass(frozen=True)
-class People:
+class People(ShortRepr):
     """What a Segmenter answers. Nobody found is N = 0, never None.
 
     Attributes:
@@ -162,7 +164,7 @@ class People:
 
 
 @dataclass(frozen=True)
-class Pointmap:
+class Pointmap(ShortRepr):
     """A 3D point for every pixel, camera frame, up to what ``unknown`` names.
 
     Attributes:
@@ -181,13 +183,13 @@ class Pointmap:
 
 
 @dataclass(frozen=True)
-class DepthMap:
+class DepthMap(ShortRepr):
     """Metric depth.
 
     Attributes:
         depth: (H, W) float32 metres along z (not along the ray), NaN where unknown.
-        intrinsics: the camera that the backend saw, if it knows it. One that was measured, and says so in its source,
-            is kept; with an estimate the point map's is averaged, and depths follow the focal length.
+        intrinsics: the camera that the backend estimated or knows, or None. If its source begins with "measured", it is
+            used as it is; otherwise it is averaged with the point map's, and depths are rescaled with the focal length.
         scale_sigma: standard deviation of log(scale) as the backend judges it, or None.
         notes: plain words for the user ("scale from the soles of 2 people").
     """
@@ -199,7 +201,7 @@ class DepthMap:
 
 
 @dataclass(frozen=True)
-class BodyParameters:
+class BodyParameters(ShortRepr):
     """SMPL-X-named parameters of N bodies: rotation vectors, radians, SMPL-X joint order, flat hand mean, no hand PCA.
 
     Attributes:
@@ -235,7 +237,7 @@ class BodyParameters:
 
 
 @dataclass(frozen=True)
-class Mesh:
+class Mesh(ShortRepr):
     """Surfaces of N bodies in one topology.
 
     Attributes:
@@ -253,7 +255,7 @@ class Mesh:
 
 
 @dataclass(frozen=True)
-class RestMesh:
+class RestMesh(ShortRepr):
     """One body in the T-pose: y up, facing +z, its left on +x, palms down.
 
     Attributes:
@@ -268,7 +270,7 @@ class RestMesh:
 
 
 @dataclass(frozen=True)
-class Bodies:
+class Bodies(ShortRepr):
     """What a BodyEstimator answers: body i belongs to person i.
 
     Bodies of another model than the configured one are carried over to it, by their joints, and by their mesh if there
@@ -292,7 +294,7 @@ class Bodies:
 
 
 @dataclass(frozen=True)
-class Hands:
+class Hands(ShortRepr):
     """What a HandEstimator answers.
 
     Attributes:
@@ -308,7 +310,7 @@ class Hands:
 
 
 @dataclass(frozen=True)
-class ContactProbability:
+class ContactProbability(ShortRepr):
     """What a ContactPrior answers.
 
     Attributes:
@@ -323,7 +325,7 @@ class ContactProbability:
 
 
 @dataclass(frozen=True)
-class Hints:
+class Hints(ShortRepr):
     """What is already known when a backend is asked; a backend that needs none ignores them.
 
     Attributes:
@@ -416,7 +418,7 @@ class Diagnostic:
 
 
 @dataclass(frozen=True)
-class Scene:
+class Scene(ShortRepr):
     """The scene without its people, metres, camera frame.
 
     Attributes:
@@ -441,7 +443,7 @@ class Scene:
 
 
 @dataclass(frozen=True)
-class Person:
+class Person(ShortRepr):
     """One reconstructed person, metres, camera frame.
 
     Of a person for whom a backend gave no body, parameters, vertices and joints are NaN, and nothing is in contact.
@@ -474,7 +476,7 @@ class Person:
 
 
 @dataclass(frozen=True)
-class Reconstruction:
+class Reconstruction(ShortRepr):
     """People, scene and contact of one photo: one metric camera frame.
 
     Attributes:
@@ -492,6 +494,8 @@ class Reconstruction:
         notes: how the numbers came about, in plain words ("scale from the soles of 2 people").
         config: the resolved configuration.
         checks: what was measured to tell whether the result can be trusted, whether it holds or not.
+        photo: digests of the photo file, where there was one, and of its pixels, a space between them; tells the photo
+            from others.
     """
 
     image: UInt8Array
@@ -507,16 +511,35 @@ class Reconstruction:
     notes: tuple[str, ...] = ()
     config: Mapping[str, Any] = field(default_factory=dict)
     checks: tuple[Diagnostic, ...] = ()
+    photo: str = ""
 
-    def save(self, folder: str, *, preview: bool = True) -> None:
+    def __repr__(self) -> str:
+        people, warnings, sigma = len(self.people), len(self.warnings), self.scene.scale_sigma
+        refused = any(check.name == "floor" and not check.ok for check in self.checks)
+        parts = (
+            "1 person" if people == 1 else f"{people} people",
+            f"{self.intrinsics.width} x {self.intrinsics.height}",
+            "no floor" if self.scene.floor is None else "floor assumed" if refused else "floor found",
+            "scale of unknown error" if sigma is None else f"scale ±{100 * sigma:.0f} %",
+            "1 warning" if warnings == 1 else f"{warnings or 'no'} warnings",
+        )
+        return f"Reconstruction({', '.join(parts)})"
+
+    def save(self, folder: str, *, preview: bool = True, overwrite: bool = False) -> None:
         """Write ``reconstruction.json``, ``.npz``, the GLB files and ``preview.png`` into ``folder``.
 
+        Args:
+            folder: made where it is missing. An earlier result of the same photo in it is replaced.
+            preview: whether to make ``preview.png``.
+            overwrite: whether to replace the result of another photo, and files of a result that were changed since.
+                Files that no run wrote are never replaced.
+
         Raises:
-            OutputError: the folder cannot be written.
+            OutputError: the folder cannot be written, or something of the user's would be lost.
         """
         from physic_core.io.results import save
 
-        save(self, folder, preview=preview)
+        save(self, folder, preview=preview, overwrite=overwrite)
 
     @classmethod
     def load(cls, folder: str) -> Reconstruction:

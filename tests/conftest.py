@@ -50,14 +50,14 @@ class Site:
         (info / "entry_points.txt").write_text(f"[physic.plugins]\n{entry}\n")
         return module
 
-    def offer(self, distribution: str, interface: str, name: str, version: str = "1.0", extra: str = "") -> str:
+    def offer(self, distribution: str, interface: str, name: str, version: str = "1.0", api: int = 1) -> str:
         """Add a distribution that offers one backend of its own module's class ``B``."""
         module = distribution.replace("-", "_")
         source = (
             "from physic_core import BackendRecord, hookimpl\n"
             "@hookimpl\n"
             "def physic_backends():\n"
-            f"    return [BackendRecord({interface!r}, {name!r}, '{module}:B'{extra})]\n"
+            f"    return [BackendRecord({interface!r}, {name!r}, '{module}:B', api={api})]\n"
         )
         return self.install(distribution, source, version)
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
 from physic_core import border
 from physic_core.types import (
@@ -87,6 +88,10 @@ def test_people(change: dict[str, np.ndarray], fault: str) -> None:
         (np.full((H, W), -1, np.float32), "depth must be > 0 m or NaN, the smallest is -1"),
         (np.ones((1, H, W), np.float32), "depth must be (97, 131), got (1, 97, 131)"),
         ([[1.0]], "depth must be a numpy array (97, 131), got list"),
+        (
+            torch.ones((H, W)),
+            "depth must be a numpy array (97, 131), got Tensor: write .detach().cpu().numpy()",
+        ),
     ],
 )
 def test_depth(depth: np.ndarray, fault: str) -> None:

@@ -4,7 +4,7 @@ import json
 import re
 import sys
 import tomllib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -13,16 +13,18 @@ import pytest
 from click.testing import CliRunner, Result
 
 from physic_core.cli import main
-from physic_core.cli.config import resolved_toml, template, toml_value, whole_toml
+from physic_core.cli.config import resolved_toml, whole_toml
 from physic_core.cli.doctor import examine, findings
 from physic_core.cli.listing import as_dicts, listing
 from physic_core.cli.plugins import details
+from physic_core.cli.template import template
+from physic_core.cli.toml import toml_value
 from physic_core.config import load_config, preset_names
-from physic_core.errors import BackendNotFoundError, InputError, PhysicError
+from physic_core.errors import BackendNotFoundError, InputError
 from physic_core.plugins import discover
 from physic_core.readiness import readiness
 from physic_core.registry import BackendRecord, BrokenPlugin, Claim, Origin, Registry
-from physic_core.resolve import resolve
+from physic_core.resolve import load_checked, resolve
 from physic_core.types import StageRecord
 
 
@@ -36,7 +38,7 @@ def physic(*arguments: str) -> Result:
     return CliRunner().invoke(main, list(arguments))
 
 
-def refusal(*arguments: str, code: int = 1) -> str:
+def refusal(*arguments: str, code: int = 2) -> str:
     done = physic(*arguments)
     assert (done.exit_code, done.stdout) == (code, ""), done.output
     return done.stderr.removeprefix("Error: ").rstrip("\n")
@@ -55,7 +57,7 @@ class Result_:
     stages: tuple[StageRecord, ...] = (StageRecord("people", 1.25, 0.5), StageRecord("scene", 2.0))
     saved: list[str] = field(default_factory=list)
 
-    def save(self, folder: str) -> None:
+    def save(self, folder: str, *, overwrite: bool) -> None:
         (Path(folder) / "reconstruction.json").write_text("{}")
         self.saved.append(folder)
 
@@ -186,7 +188,7 @@ def test_a_run_that_fails_leaves_no_empty_folder_behind(pipeline):
     pipeline.error = InputError("no photo at photo.jpg")
     Path("mine").mkdir()
     done = physic(*run("-o", "mine/new/deep"))
-    assert (done.exit_code, done.stdout, done.stderr) == (1, "", "[1/2] people\nError: no photo at photo.jpg\n")
+    assert (done.exit_code, done.stdout, done.stderr) == (3, "", "[1/2] people\nError: no photo at photo.jpg\n")
     assert list(Path("mine").iterdir()) == []
 
 
@@ -194,7 +196,7 @@ def test_an_older_result_outlives_a_run_that_fails(pipeline):
     pipeline.error = InputError("no photo at photo.jpg")
     Path("mine").mkdir()
     Path("mine/reconstruction.json").write_text("old")
-    assert physic(*run("-o", "mine")).exit_code == 1
+    assert physic(*run("-o", "mine")).exit_code == 3
     assert Path("mine/reconstruction.json").read_text() == "old"
 
 
@@ -214,14 +216,18 @@ def test_an_older_result_outlives_a_run_that_fails(pipeline):
     ],
 )
 def test_a_wrong_use_exits_with_2(arguments: tuple[str, ...], expected: str, pipeline):
-    assert refusal(*run(*arguments), code=2).splitlines()[-1] == f"Error: {expected}"
+    assert refusal(*run(*arguments)).splitlines()[-1] == f"Error: {expected}"
 
 
 def test_debug_shows_the_traceback(pipeline, monkeypatch):
     pipeline.error = InputError("no photo at photo.jpg")
     monkeypatch.setenv("PHYSIC_DEBUG", "1")
     done = physic(*run())
-    assert isinstance(done.exception, PhysicError)
+    assert done.exit_code == 3
+    assert "Traceback (most recent call last):" in done.stderr
+    assert done.stderr.endswith(
+        "\nphysic_core.errors.InputError: no photo at photo.jpg\nError: no photo at photo.jpg\n"
+    )
 
 
 # ---- plugins ---------------------------------------------------------------------------------------------------------
@@ -231,31 +237,29 @@ A, B = Origin("a", "physic-a", "1.0"), Origin("b", "physic-b", "2.0", seconds=2.
 
 def _big() -> BackendRecord:
     return BackendRecord(
-        "segmenter", "big", "json:dumps", summary="People.", needs=("a checkpoint",), packages=("no_package",)
+        "segmenter", "big", "json:dumps", api=1, summary="People.", needs=("a checkpoint",), packages=("no_package",)
     )
 
 
 def offers() -> Registry:
     claims = [
-        Claim(BackendRecord("inpainter", "x", "m:C", weights_license="MIT (Net), Apache-2.0 (Other)"), A),
-        Claim(BackendRecord("inpainter", "x", "m:C"), B),
+        Claim(BackendRecord("inpainter", "x", "json:C", api=1, weights_license="MIT (Net), Apache-2.0 (Other)"), A),
+        Claim(BackendRecord("inpainter", "x", "json:C", api=1), B),
         Claim(_big(), B),
-        Claim(BackendRecord("segmenter", "file", "json:C", needs=("a checkpoint",)), A),
-        Claim(BackendRecord("segmenter", "gone", "json.gone:C"), A),
+        Claim(BackendRecord("segmenter", "file", "json:C", api=1, needs=("a checkpoint",)), A),
+        Claim(BackendRecord("segmenter", "gone", "json.gone:C", api=1), A),
         Claim(BackendRecord("segmenter", "new", "m:C", api=2), A, "needs plugin API 2, this physic-core has 1"),
     ]
-    return Registry(claims, [BrokenPlugin(Origin("c", "physic-c", "0.3"), "ImportError: no")])
+    return Registry(claims, [BrokenPlugin(Origin("c", "physic-c", "0.3"), "ImportError: no")], installed=False)
 
 
-def test_the_listing_tells_ready_refused_ambiguous_slow_and_broken_apart():
-    rivals = (
-        "AMBIGUOUS: physic-a 1.0 and physic-b 2.0 each offer an inpainter named 'x': "
-        "write 'physic-a:x' or 'physic-b:x' to choose"
-    )
+def test_the_listing_tells_ready_refused_slow_and_broken_apart_and_names_that_two_have():
     assert listing(offers()).splitlines() == [
         "interface  backend  plugin    version  weights          needs                     status",
-        f"inpainter  x        physic-a  1.0      MIT, Apache-2.0  -                         {rivals}",
-        f"inpainter  x        physic-b  2.0      -                -                         {rivals}",
+        "inpainter  x        physic-a  1.0      MIT, Apache-2.0  -                         "
+        "ready: physic-b offers this name too: write 'physic-a:x'",
+        "inpainter  x        physic-b  2.0      -                -                         "
+        "ready: physic-a offers this name too: write 'physic-b:x', slow: 2.1 s to register",
         "segmenter  big      physic-b  2.0      -                a checkpoint, no_package  "
         "NOT READY: not installed: no_package, slow: 2.1 s to register",
         "segmenter  file     physic-a  1.0      -                a checkpoint              "
@@ -271,7 +275,8 @@ def test_the_listing_tells_ready_refused_ambiguous_slow_and_broken_apart():
 def test_long_licences_and_needs_are_cut_in_the_table_and_nowhere_else():
     licence = "SAM License: commercial use with conditions, gated"
     packages = ("accelerate", "diffusers", "peft", "torch", "transformers")
-    registry = Registry([Claim(BackendRecord("segmenter", "x", "m:C", weights_license=licence, packages=packages), A)])
+    record = BackendRecord("segmenter", "x", "m:C", api=1, weights_license=licence, packages=packages)
+    registry = Registry([Claim(record, A)], installed=False)
     head, row = listing(registry).splitlines()
     assert row[head.index("weights") : head.index("status")] == (
         "SAM License: commercial use with condit…  accelerate, diffusers, peft, torch, tra…  "
@@ -281,7 +286,7 @@ def test_long_licences_and_needs_are_cut_in_the_table_and_nowhere_else():
 
 
 def test_a_gpu_that_is_needed_is_looked_for():
-    registry = Registry([Claim(BackendRecord("segmenter", "big", "json:C", needs=("GPU",)), A)])
+    registry = Registry([Claim(BackendRecord("segmenter", "big", "json:C", api=1, needs=("GPU",)), A)], installed=False)
     (claim,) = registry
     assert str(readiness(registry, claim, gpu=lambda: True)) == "ready"
     assert str(readiness(registry, claim, gpu=lambda: False)) == "NOT READY: no GPU is seen"
@@ -329,21 +334,24 @@ def test_the_listing_may_be_of_one_interface():
 
 @pytest.mark.parametrize("command", [("plugins",), ("plugins", "doctor")], ids=" ".join)
 def test_the_listing_of_an_unknown_interface_is_refused(command: tuple[str, ...]):
-    assert refusal(*command, "--interface", "inpainte", code=2).splitlines()[-1] == (
+    assert refusal(*command, "--interface", "inpainte").splitlines()[-1] == (
         "Error: no interface named 'inpainte'; there are: segmenter, inpainter, metric_depth, relative_pointmap, "
         "keypoint_detector, body_estimator, hand_estimator, contact_prior. Did you mean 'inpainter'?"
     )
 
 
 def test_an_empty_listing_says_so():
-    assert listing(Registry()) == "no backend is installed: pip install physic-embedded"
-    assert listing(Registry(restriction="")) == "no backend is installed (PHYSIC_PLUGINS='')"
+    assert (
+        listing(Registry(installed=False))
+        == "no backend is installed: `pip install -e plugins/physic-embedded` in a checkout of PhySIC"
+    )
+    assert listing(Registry(restriction="", installed=False)) == "no backend is installed (PHYSIC_PLUGINS='')"
 
 
 def test_details_show_what_a_backend_is():
-    registry = Registry()
+    registry = Registry(installed=False)
     record = BackendRecord(
-        "inpainter", "telea", "physic_opencv.inpaint:Telea", summary="Fast marching.", homepage="docs"
+        "inpainter", "telea", "physic_opencv.inpaint:Telea", api=1, summary="Fast marching.", homepage="docs"
     )
     registry.register(record, A)
     assert details(registry, "telea").splitlines()[:8] == [
@@ -399,7 +407,7 @@ def test_details_describe_the_kinds_of_options(site):
         "    f: dict[str, bool] = Field({}, description='F.')\n"
         "class Rich(Inpainter):\n    Options = O\n    def infer(self, image, mask): return image\n",
     )
-    registry = Registry([Claim(BackendRecord("inpainter", "rich", "physic_rich:Rich"), A)])
+    registry = Registry([Claim(BackendRecord("inpainter", "rich", "physic_rich:Rich", api=1), A)], installed=False)
     assert details(registry, "rich").splitlines()[-7:] == [
         "  options",
         "    a  whole number >= 1 or unset  default None       A.",
@@ -423,7 +431,7 @@ def test_a_plugin_that_is_broken_never_breaks_a_command(site, monkeypatch):
     assert done.exit_code == 0
     assert done.stdout.splitlines()[-1].split(None, 6) == [
         *("-", "-", "physic-bad", "0.3", "-", "-"),
-        "BROKEN: ModuleNotFoundError: No module named 'no_such_module'",
+        "BROKEN: ModuleNotFoundError: No module named 'no_such_module' (physic_bad.py:1)",
     ]
 
 
@@ -437,7 +445,7 @@ SICK = (
     "@hookimpl\n"
     "def physic_backends():\n"
     "    names = ('well', 'lacking', 'failing', 'dying', 'hanging', 'unclosed')\n"
-    "    return [BackendRecord('inpainter', n, f'physic_sick:{n.capitalize()}') for n in names]\n"
+    "    return [BackendRecord('inpainter', n, f'physic_sick:{n.capitalize()}', api=1) for n in names]\n"
     "class Well(Inpainter):\n"
     "    def infer(self, image, mask): return image\n"
     "class Lacking(Well):\n"
@@ -458,15 +466,16 @@ def test_the_doctor_looks_at_every_backend_whatever_the_others_do(site, monkeypa
     site.install("physic-sick", SICK)
     site.install("physic-bad", "import no_such_module\n", version="0.3")
     done = physic("plugins", "doctor", "--timeout", "8")
-    assert done.exit_code == 1
+    assert done.exit_code == 5
     assert [re.sub(r"\d+\.\d s$", "0.0 s", line) for line in done.stdout.splitlines()] == [
         "BROKEN   inpainter 'dying' (physic-sick 1.0): it ended Python with code 9: no word",
-        "BROKEN   inpainter 'failing' (physic-sick 1.0): load('cpu') fails: ValueError: bad magic number",
+        "BROKEN   inpainter 'failing' (physic-sick 1.0): load('cpu') fails: "
+        "ValueError: bad magic number (physic_sick.py:14)",
         "BROKEN   inpainter 'hanging' (physic-sick 1.0): not done after 8 s",
         "missing  inpainter 'lacking' (physic-sick 1.0): no checkpoint at /x: get it from /y",
-        "BROKEN   inpainter 'unclosed' (physic-sick 1.0): close() fails: RuntimeError: still open",
+        "BROKEN   inpainter 'unclosed' (physic-sick 1.0): close() fails: RuntimeError: still open (physic_sick.py:20)",
         "ok       inpainter 'well' (physic-sick 1.0): 0.0 s",
-        "BROKEN   physic-bad 0.3: ModuleNotFoundError: No module named 'no_such_module'",
+        "BROKEN   physic-bad 0.3: ModuleNotFoundError: No module named 'no_such_module' (physic_bad.py:1)",
         "7 looked at: 1 ok, 1 missing, 5 broken",
     ]
 
@@ -500,7 +509,7 @@ def test_a_class_that_no_plugin_registers_is_shown_and_looked_at(monkeypatch, tm
 
 def test_the_doctor_tells_what_is_refused_or_cannot_be_imported_without_loading(site):
     gone, refused = (c for c in offers() if c.record.name in ("new", "gone"))
-    registry = Registry([refused, gone])
+    registry = Registry([refused, gone], installed=False)
     found = list(findings(registry, [refused, gone], lambda claim: examine(registry, claim, "cpu")))
     assert [str(f) for f in found] == [
         "BROKEN   segmenter 'new' (physic-a 1.0): needs plugin API 2, this physic-core has 1",
@@ -510,11 +519,11 @@ def test_the_doctor_tells_what_is_refused_or_cannot_be_imported_without_loading(
 
 
 def test_new_refuses_names_that_do_not_serve():
-    assert refusal("plugins", "new", "my-depth", "--interface", "metric_dept", code=2).splitlines()[-1] == (
+    assert refusal("plugins", "new", "my-depth", "--interface", "metric_dept").splitlines()[-1] == (
         "Error: no interface named 'metric_dept'; there are: segmenter, inpainter, metric_depth, relative_pointmap, "
         "keypoint_detector, body_estimator, hand_estimator, contact_prior. Did you mean 'metric_depth'?"
     )
-    assert refusal("plugins", "new", "telea", "--interface", "inpainter", code=2).splitlines()[-1] == (
+    assert refusal("plugins", "new", "telea", "--interface", "inpainter").splitlines()[-1] == (
         "Error: inpainter 'telea' (physic-opencv 0.1.0) is installed already: choose another name"
     )
     assert refusal("plugins", "new", "My Depth", "--interface", "metric_depth") == (
@@ -552,7 +561,7 @@ def test_show_says_where_each_value_is_from():
     assert "max_side = 640  # my.toml\n" in shown
     assert 'device = "cuda"  # --set\n' in shown
     assert "mask_growth = 0.008  # default\n" in shown
-    assert '[segmenter]\nbackend = "embedded"  # preset embedded\n' in shown
+    assert '[segmenter]\nbackend = "physic-embedded:embedded"  # preset embedded\n' in shown
 
 
 @pytest.mark.parametrize("preset", preset_names())
@@ -578,13 +587,73 @@ def test_show_names_the_variable_that_set_a_value(monkeypatch):
     assert "max_side = 700  # PHYSIC__PHOTO__MAX_SIDE\n" in physic("config", "show").stdout
 
 
-def test_init_writes_a_config_that_holds_as_it_is_and_uncommented():
-    done = physic("config", "init")
+@pytest.mark.parametrize("preset", preset_names())
+def test_init_writes_the_preset_as_it_is_and_uncommented(preset: str):
+    done = physic("config", "init", "--preset", preset)
     assert done.stdout == "wrote physic.toml; try: physic run PHOTO --config physic.toml\n"
-    assert load_config("physic.toml").as_dict() == load_config().as_dict()
-    lines = [line.removeprefix("# ") for line in Path("physic.toml").read_text().splitlines() if "..." not in line]
-    Path("open.toml").write_text("\n".join(line for line in lines if not line.startswith("Remove the #")))
-    assert load_config("open.toml").as_dict() == load_config().as_dict()
+    assert load_config("physic.toml").as_dict() == load_config(preset=preset).as_dict()
+    lines = Path("physic.toml").read_text().splitlines()
+    # One # less at the head of every line, as editors do it.
+    Path("open.toml").write_text("\n".join(re.sub("^# ?", "", line) for line in lines))
+    registry = discover()
+    opened, plain = (
+        resolve(load_checked(registry, *args, preset=name), registry)
+        for args, name in ((("open.toml",), None), ((), preset))
+    )
+    assert opened.engine == plain.engine
+    assert (opened.photo, opened.body_model, opened.device) == (plain.photo, plain.body_model, plain.device)
+    assert opened.config.run == plain.config.run
+    assert {k: b.provenance for k, b in opened.backends.items()} == {k: b.provenance for k, b in plain.backends.items()}
+
+
+def test_init_lists_every_key_with_its_meaning():
+    text = template("embedded", discover())
+    keys = {(table, key) for table, keys in _tables(text).items() for key in keys}
+    plan = resolve(load_config(), discover())
+    for stage in ("scene", "human", "joint", "contact"):
+        assert {(f"engine.{stage}", f.name) for f in fields(getattr(plan.engine, stage))} <= keys
+    for interface, chosen in plan.backends.items():
+        assert {(f"{interface}.options", name) for name in chosen.provenance.options} <= keys
+    for name in ("photo", "body_model", "run"):
+        assert {(name, key) for key in type(getattr(plan.config, name)).model_fields} <= keys
+    for name, lines in _tables(text).items():
+        assert all(meaning for meaning in lines.values()), name
+    assert (
+        "## longer photos are reduced to this long side, px; 640-1920 (whole number >= 128)\n# max_side = 1280\n"
+        in text
+    )
+    assert (
+        "## a vertex nearer than this to the scene or the floor touches it, metres; 0.02 as released (number >= 0)\n"
+        "# distance_m = 0.02\n" in text
+    )
+    assert "## focal_px, not set: focal length, px of the upright photo file (number > 0 or unset)\n" in text
+    assert max(map(len, text.splitlines())) <= 121
+
+
+def _tables(text: str) -> dict[str, dict[str, str]]:
+    """Table -> key -> the explanation above it, of what `config init` writes."""
+    found: dict[str, dict[str, str]] = {}
+    table, meaning = "", ""
+    for line in text.splitlines():
+        if head := re.fullmatch(r"# \[([\w.]+)\]", line):
+            table, meaning = head[1], ""
+            found[table] = {}
+        elif unset := re.match(r"## (\w+), not set: (.+)", line):
+            found[table][unset[1]] = unset[2]
+            meaning = ""
+        elif line.startswith("## "):
+            meaning += line
+        elif value := re.match(r"# (\w+) = ", line):
+            found[table][value[1]] = meaning
+            meaning = ""
+    return found
+
+
+def test_init_says_whose_options_it_cannot_list():
+    text = template("paper", Registry(installed=False))
+    assert '# [inpainter]\n## the backend; `physic plugins` lists all\n# backend = "' in text
+    assert "## The options of '" in text
+    assert '[keypoint_detector.options]\n# weights = "vitpose-h-wholebody"\n' in text
 
 
 def test_init_never_overwrites():
@@ -592,10 +661,6 @@ def test_init_never_overwrites():
     assert refusal("config", "init", "mine.toml") == "mine.toml exists already: choose another name"
     assert Path("mine.toml").read_text() == "mine"
     assert refusal("config", "init", "no/mine.toml") == "no/mine.toml cannot be written: No such file or directory"
-
-
-def test_the_template_describes_every_key():
-    assert "# max_side = 1280  # longer photos are reduced to this long side, px; 640-1920" in template("embedded")
 
 
 @pytest.mark.parametrize(

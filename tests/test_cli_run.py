@@ -73,19 +73,35 @@ def test_a_bad_photo_is_one_message_and_leaves_nothing(make: Callable[[Path], ob
     make(Path("a.jpg"))
     before = sorted(Path().iterdir())
     done = run("a.jpg")
-    assert (done.exit_code, done.stdout, done.stderr) == (1, "", f"Error: {message}\n")
+    assert (done.exit_code, done.stdout, done.stderr) == (3, "", f"Error: {message}\n")
     assert sorted(Path().iterdir()) == before
 
 
 def test_a_camera_in_the_wrong_unit_is_one_message_and_leaves_nothing(world: World):
     Image.fromarray(world.image).save("a.png")
     done = run("a.png", "--focal-px", "26")
-    assert (done.exit_code, done.stdout) == (1, "")
+    assert (done.exit_code, done.stdout) == (3, "")
     assert done.stderr == (
         "Error: the focal length is 0.081 times the long side of the photo, and a camera's is 0.1 to 100 times: "
         "give it in px of the photo file\n"
     )
     assert [path.name for path in Path().iterdir()] == ["a.png"]
+
+
+def test_a_principal_point_outside_the_photo_is_refused_and_one_off_its_centre_warned_of(world: World):
+    Image.fromarray(world.image).save("a.png")
+    done = run("a.png", "--intrinsics", "356,356,5000,5000")
+    assert (done.exit_code, done.stdout) == (3, "")
+    assert done.stderr == (
+        "Error: the principal point (5000, 5000) lies outside the photo of 320 x 240 px: give it in px of the photo "
+        "file, or give the focal length alone\n"
+    )
+    done = run("a.png", "--intrinsics", "356,356,219.5,119.5")
+    assert done.exit_code == 0, done.output
+    assert (
+        "warning: the principal point (220, 120) lies 19% of the photo's size off its centre (given), as in a cropped "
+        "photo only: check --intrinsics\n" in done.stdout
+    )
 
 
 # ---- what gives results ----------------------------------------------------------------------------------------------
@@ -169,8 +185,18 @@ def test_the_document_states_every_stage_loss_backend_and_person(world: World):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals are POSIX's")
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, -signal.SIGTERM), (signal.SIGINT, 1)])
-def test_a_run_that_is_broken_off_leaves_nothing(world: World, number: int, code: int):
+@pytest.mark.parametrize(
+    ("at_start", "sent", "code"),
+    [
+        ("SIG_DFL", [signal.SIGTERM], -signal.SIGTERM),
+        ("default_int_handler", [signal.SIGINT], 130),
+        # A shell's background job: Ctrl-C is for the one in front.
+        ("SIG_IGN", [signal.SIGINT, signal.SIGTERM], -signal.SIGTERM),
+    ],
+    ids=["terminated", "interrupted", "in the background"],
+)
+def test_a_run_that_is_broken_off_leaves_nothing(world: World, at_start: str, sent: list[int], code: int):
+    """SIGINT is set in the process itself, which inherits from ours whether it is ignored."""
     Image.fromarray(world.image).save("a.png")
     Path("sleeper.py").write_text(
         "import pathlib, time\n"
@@ -180,18 +206,20 @@ def test_a_run_that_is_broken_off_leaves_nothing(world: World, number: int, code
         "        pathlib.Path('asleep').touch()\n"
         "        time.sleep(600)\n"
     )
-    command = [sys.executable, "-c", "from physic_core.cli import main; main()", "run", "a.png", "--preset", "mock"]
+    start = f"import signal; signal.signal(signal.SIGINT, signal.{at_start}); from physic_core.cli import main; main()"
+    command = [sys.executable, "-c", start, "run", "a.png", "--preset", "mock"]
     command += ["--set", "segmenter.backend=sleeper:Sleeper", "-o", "new/out"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    try:
-        while not Path("asleep").exists():
-            assert process.poll() is None, process.communicate()
-            time.sleep(0.02)
-        assert Path("new/out").is_dir()
-        process.send_signal(number)
-        process.communicate(timeout=60)
-    finally:
-        process.kill()
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        try:
+            while not Path("asleep").exists():
+                assert process.poll() is None, process.communicate()
+                time.sleep(0.02)
+            assert Path("new/out").is_dir()
+            for number in sent:
+                process.send_signal(number)
+            process.communicate(timeout=60)
+        finally:
+            process.kill()
     assert process.returncode == code
     assert sorted(path.name for path in Path().iterdir() if path.name != "__pycache__") == [
         "a.png",
@@ -208,7 +236,7 @@ def test_a_run_in_a_thread_leaves_the_signals_alone():
 
 
 def test_a_run_gives_the_signals_back():
-    assert run("missing.png").exit_code == 1
+    assert run("missing.png").exit_code == 3
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 

@@ -1,11 +1,15 @@
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from physic_core.catalog import distribution_for
 from physic_core.config import Config, as_config, load_config, preset_names
 from physic_core.engine.presets import PRESETS
 from physic_core.errors import ConfigError
@@ -36,7 +40,7 @@ def refusal(*args: Any, **kwargs: Any) -> str:
 
 def test_the_default_names_the_embedded_backend_everywhere():
     config = load_config()
-    assert {config.choice(i).backend for i in INTERFACES} == {"embedded"}
+    assert {config.choice(i).backend for i in INTERFACES} == {"physic-embedded:embedded"}
     assert config.photo.max_side == 1280
     assert config.body_model.source == "embedded"
     assert config.run.device == "cpu"
@@ -51,6 +55,29 @@ def test_every_preset_holds(name: str):
     assert isinstance(load_config(preset=name), Config)
 
 
+@pytest.mark.parametrize("name", preset_names())
+def test_every_preset_names_the_distribution_of_each_backend(name: str):
+    config = load_config(preset=name)
+    for interface in INTERFACES:
+        distribution, _, backend = config.choice(interface).backend.rpartition(":")
+        assert backend == "none" or distribution == distribution_for(interface, backend)
+
+
+@pytest.mark.parametrize(
+    ("backend", "options"),
+    [
+        ("embedded", {"short_side": 322}),
+        ("physic-embedded:embedded", {"short_side": 322}),
+        ("Physic_Embedded:embedded", {"short_side": 322}),
+        ("physic-other:embedded", {}),
+        ("mock", {}),
+    ],
+)
+def test_options_stay_with_a_backend_whichever_way_it_is_named(backend: str, options: dict[str, int]):
+    config = load_config(preset="light-cpu", overrides=[f"relative_pointmap.backend={backend}"])
+    assert config.relative_pointmap.options == options
+
+
 def test_the_light_preset_differs_from_the_default_in_what_costs_most():
     light, default = load_config(preset="light-cpu"), load_config()
     differing = {i for i in INTERFACES if light.choice(i) != default.choice(i)}
@@ -61,13 +88,14 @@ def test_the_light_preset_differs_from_the_default_in_what_costs_most():
 def test_a_file_builds_on_the_default_preset_without_saying_so(write):
     config = load_config(write("[photo]\nmax_side = 800\n"))
     assert config.photo.max_side == 800
-    assert config.segmenter.backend == "embedded"
+    assert config.segmenter.backend == "physic-embedded:embedded"
 
 
 def test_a_file_may_extend_another_beside_it(write):
     write('extends = "mock"\n[photo]\nmax_side = 700\n', "base/base.toml")
     config = load_config(write('extends = "base/base.toml"\n[photo]\nmask_growth = 0.01\n'))
-    assert (config.segmenter.backend, config.photo.max_side, config.photo.mask_growth) == ("mock", 700, 0.01)
+    assert config.segmenter.backend == "physic-mock:mock"
+    assert (config.photo.max_side, config.photo.mask_growth) == (700, 0.01)
 
 
 def test_later_layers_win_and_each_value_knows_its_source(write):
@@ -353,6 +381,20 @@ def test_a_file_that_is_not_there_not_toml_or_not_text_is_refused(write, tmp_pat
         "save it as UTF-8"
     )
     assert refusal(tmp_path) == f"cannot read the config {tmp_path}: Is a directory; name a TOML file"
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
+@pytest.mark.parametrize(
+    ("name", "cure"), [("a.toml", "name a TOML file"), ("a.json", "name the reconstruction.json of a run")]
+)
+def test_a_pipe_is_no_config(tmp_path: Path, name: str, cure: str) -> None:
+    """In a process of its own: opening a pipe waits for ever."""
+    os.mkfifo(tmp_path / name)
+    code = "import sys; from physic_core.cli import main; sys.exit(main(sys.argv[1:]))"
+    command = [sys.executable, "-c", code, "config", "check", str(tmp_path / name)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert f"cannot read the config {tmp_path / name}: it is not a regular file; {cure}" in done.stderr
 
 
 @pytest.mark.parametrize("text", ["inpainter", "=3", "a b=3", "a..b=3"])

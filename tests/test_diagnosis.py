@@ -96,6 +96,8 @@ def test_nothing_fails_where_all_is_well() -> None:
         ({"scale": 1.4}, "scale_change", 0.4),
         ({"scale": 1 / 1.4}, "scale_change", 0.4),
         ({"camera": replace(CAMERA, source="default (0.95 x the long side)")}, "focal_known", 0.0),
+        ({"camera": Intrinsics(500, 500, 319.5 + 0.2 * 640, 239.5, 640, 480)}, "principal_point", 0.2),
+        ({"camera": Intrinsics(500, 500, 319.5, 239.5 - 0.16 * 480, 640, 480)}, "principal_point", 0.16),
         ({"scene_camera": Intrinsics.from_focal(325, 320, 240)}, "focal_agreement", 0.3),
         ({"scene_camera": Intrinsics.from_focal(400, 640, 480)}, "focal_agreement", 0.25),
     ],
@@ -205,7 +207,7 @@ def test_a_point_map_that_is_not_used_need_not_agree() -> None:
         ),
         (
             {"floor": "below_plane"},
-            "no floor was found: the best plane has too much below it to be the floor; nobody is held to the ground, "
+            "no floor was found: too many pixels lie below the best plane; people are not held to the ground, "
             "and heights are unknown: use a photo that shows the ground at the feet",
         ),
         (
@@ -249,7 +251,15 @@ def test_the_table_of_the_module_and_of_the_readme_are_the_checks(repository: Pa
         name: ("<=" if check.bound == "most" else ">=", check.threshold, check.unit) for name, check in CHECKS.items()
     }
     section = (repository / "README.md").read_text().partition("### What to trust")[2].partition("\n## ")[0]
-    assert re.findall(r"^\| `(\w+)` \|", section, re.M) == list(CHECKS)
+    row = re.compile(r"^\| `(\w+)` \| (photo|person) \| [^|]+ \| ([≤≥]) ([\d.]+) \| ([^|]+) \|$", re.M)
+    units = {"1: yes": "1 = yes", "deg": "degrees"}
+    assert row.findall(section) == [
+        (
+            *(name, check.of, "≤" if check.bound == "most" else "≥"),
+            *(f"{check.threshold:g}", units.get(check.unit, check.unit)),
+        )
+        for name, check in CHECKS.items()
+    ]
 
 
 def test_diagnostics_are_written_and_read_back() -> None:

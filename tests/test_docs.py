@@ -3,13 +3,16 @@ from __future__ import annotations
 import re
 import shlex
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 from physic_core import cli, config
+from physic_core.engine.presets import PRESETS
 from physic_core.plugins import discover
-from physic_core.resolve import check
+from physic_core.resolve import check, resolve
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *ROOT.glob("plugins/*/README.md"), ROOT / "examples" / "README.md"]
@@ -46,6 +49,37 @@ def test_every_command_of_the_pages_can_be_given(words: list[str], tmp_path: Pat
         config.load_config(overrides=overrides)
 
 
+@pytest.mark.parametrize("shell", ["zsh_source", "fish_source"])
+def test_the_shell_completion_of_the_readme_is_there(shell: str):
+    assert shell in (ROOT / "README.md").read_text()
+    done = CliRunner().invoke(cli.main, [], prog_name="physic", env={"_PHYSIC_COMPLETE": shell})
+    assert done.exit_code == 0
+    assert "_PHYSIC_COMPLETE=" in done.output
+
+
+def test_the_example_of_a_camera_fits_its_photo():
+    from physic_core.io.photo import prepare, read_photo
+    from physic_core.types import Intrinsics
+
+    (words,) = [words for words in commands("physic") if "--intrinsics" in words]
+    photo = read_photo(ROOT / words[2])
+    height, width = photo.image.shape[:2]
+    camera = Intrinsics(*map(float, words[words.index("--intrinsics") + 1].split(",")), width, height)
+    prepare(replace(photo, intrinsics=camera), 1280)
+    assert (camera.cx, camera.cy) == ((width - 1) / 2, (height - 1) / 2)
+
+
+def test_the_readme_says_which_presets_do_not_run_the_written_out_terms():
+    plain = [
+        name
+        for name, preset in sorted(PRESETS.items())
+        if "point" in (preset.joint.contact_metric, preset.joint.penetration_metric)
+        or preset.joint.depth_form != "pixels"
+    ]
+    (row,) = [line for line in (ROOT / "README.md").read_text().splitlines() if "engine/terms.py`" in line]
+    assert re.findall(r"`(\w+)`", row) == plain
+
+
 @pytest.mark.parametrize("words", commands("make"), ids=" ".join)
 def test_every_target_of_the_pages_exists(words: list[str]):
     assert re.search(rf"^{words[1]}:", (ROOT / "Makefile").read_text(), re.M)
@@ -73,7 +107,28 @@ def test_every_script_of_the_pages_runs(text: str, tmp_path: Path, monkeypatch: 
 
 def test_the_continuous_integration_runs_the_test_command_of_the_readme():
     assert ["make", "test"] in commands("make")
-    assert (ROOT / ".ci" / "run").read_text().rstrip().endswith("exec make test")
+    assert (ROOT / ".ci" / "run").read_text().rstrip().splitlines()[-2:] == ["make test", "exec make kernels"]
+
+
+@pytest.mark.parametrize("page", sorted([*PAGES, *ROOT.glob("*/README.md"), ROOT / "CHANGELOG.md"]), ids=str)
+def test_every_row_of_a_table_is_under_its_head(page: Path):
+    lines = ["", *re.sub(r"^```.*?^```", "", page.read_text(), flags=re.M | re.S).splitlines(), ""]
+    first = [i for i, line in enumerate(lines) if line.startswith("|") and not lines[i - 1].startswith("|")]
+    assert all(re.fullmatch(r"[|: -]+", lines[i + 1]) for i in first), [lines[i] for i in first]
+
+
+def test_the_example_of_another_inpainter_is_the_flag():
+    by_file, by_flag = (
+        resolve(found, discover())
+        for found in (
+            config.load_config(ROOT / "examples" / "telea.toml"),
+            config.load_config(overrides=["inpainter.backend=telea"]),
+        )
+    )
+    assert {k: b.provenance for k, b in by_file.backends.items()} == {
+        k: b.provenance for k, b in by_flag.backends.items()
+    }
+    assert by_file.config.as_dict() == by_flag.config.as_dict()
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))

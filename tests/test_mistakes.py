@@ -44,7 +44,7 @@ CLASS = (
     "\nfrom physic_core import interfaces\n\nclass Mine(interfaces.Inpainter):\n"
     "    def infer(self, image, mask): return image\n"
 )
-RECORD = '[BackendRecord("inpainter", "mine", "physic_mine:Mine")]\n'
+RECORD = '[BackendRecord("inpainter", "mine", "physic_mine:Mine", api=1)]\n'
 PLUGINS: dict[str, tuple[str, tuple[str, ...]]] = {
     "an import that fails": ("import no_such_module\n", ("plugins",)),
     "the hook is misspelt": (HOOK.replace("_backends", "_backend") + RECORD, ("plugins",)),
@@ -53,7 +53,7 @@ PLUGINS: dict[str, tuple[str, tuple[str, ...]]] = {
     "no such interface": (HOOK + RECORD.replace("inpainter", "inpaint"), ("plugins",)),
     "a target without a class": (HOOK + RECORD.replace(":Mine", ".Mine"), ("plugins",)),
     "a name that no config can say": (HOOK + RECORD.replace('"mine"', '"My Fill"'), ("plugins",)),
-    "a newer plugin API": (HOOK + RECORD.replace(")]", ", api=2)]"), ("plugins",)),
+    "a newer version of the interface": (HOOK + RECORD.replace("api=1", "api=2"), ("plugins",)),
     "Python is left": ("import sys\nsys.exit('no licence found')\n", ("plugins",)),
     "a name that somebody else has": (HOOK + RECORD.replace('"mine"', '"telea"'), ("plugins",)),
     "the class is not there": (HOOK + RECORD, ("plugins", "show", "mine")),

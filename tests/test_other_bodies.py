@@ -207,7 +207,7 @@ def world() -> World:
 
 def run(world: World, kind: type, interface: str, *overrides: str) -> Reconstruction:
     registry = discover()
-    registry.register(BackendRecord(interface, "other", kind))
+    registry.register(BackendRecord(interface, "other", kind, api=1))
     config = load_config(preset="mock", overrides=[f"{interface}.backend=other", *overrides])
     return reconstruct(world.image, config, registry=registry)
 

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import ast
 import re
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -47,6 +49,60 @@ def test_a_distribution_sets_lower_bounds_only_and_each_is_pinned_for_the_machin
         package, bound = re.fullmatch(r"([a-z0-9-]+)(>=[\w.]+)", requirement, re.I).groups()  # type: ignore[union-attr]
         assert package.startswith("physic-") or package in pins(), f"{requirement} of {name} is not in constraints.txt"
         assert "<" not in bound
+
+
+ALL = PROJECTS | {p.parent.name: p.parent for p in (ROOT / "contrib").glob("*/pyproject.toml")}
+MODULES = {"opencv-python-headless": "cv2", "pillow": "PIL"}
+"""Import names that are not the distribution's."""
+THROUGH_OTHERS = {
+    "physic-embedded": {"embreex"},  # trimesh.ray
+    "physic-omnieraser": {"accelerate", "peft", "protobuf", "sentencepiece", "transformers"},  # diffusers
+}
+"""Requirements that another library imports for us."""
+BY_THE_USER = {
+    "physic-core": {"pillow_heif", "pytest"},  # for HEIF photos only; for the tests of plugins only
+    "physic-human": {"torchvision"},  # has to fit the user's torch; missing() names it
+}
+"""Modules that are imported if they are there, or whose absence is told with how to get them."""
+
+
+def imported(folder: Path) -> set[str]:
+    """Top-level modules that the package in a project's folder imports anywhere, without its own and Python's."""
+    package, found = folder.name.replace("-", "_"), set()
+    if folder == ROOT:
+        package = "physic_core"
+    for file in (folder / package).rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                found |= {alias.name.partition(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.level == 0:
+                found.add(str(node.module).partition(".")[0])
+    return found - {package, "__future__"} - set(sys.stdlib_module_names)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_a_distribution_requires_what_it_imports_and_nothing_else(name: str):
+    own = project(ALL[name])
+    tools = {"dev", "test"}
+    wanted = [*own["dependencies"]]
+    wanted += [r for extra, some in own.get("optional-dependencies", {}).items() if extra not in tools for r in some]
+    required = {MODULES.get(r, r.replace("-", "_")) for r in (re.split("[>=]", text)[0] for text in wanted)}
+    through = {module.replace("-", "_") for module in THROUGH_OTHERS.get(name, set())}
+    assert required - through == imported(ALL[name]) - BY_THE_USER.get(name, set())
+    assert through <= required
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_one_lower_bound_of_a_requirement_holds_everywhere(name: str):
+    ours = dict(re.split("(?=>)", text, maxsplit=1) for text in requirements(ROOT))
+    for text in project(ALL[name])["dependencies"]:
+        package, bound = re.split("(?=>)", text, maxsplit=1)
+        assert ours.get(package, bound) == bound, text
+
+
+def test_torch_is_one_that_reads_weights_safely():
+    """Before 2.6, torch.load(weights_only=True) could be made to run code."""
+    assert {r for folder in ALL.values() for r in requirements(folder) if r.startswith("torch>")} == {"torch>=2.6"}
 
 
 def test_torch_is_the_tested_one():

@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from physic_core import body, load_config, reconstruct
 from physic_core.config import PhotoSettings
-from physic_core.errors import BackendError, BackendOutputError, BodyModelError, DeviceError, NoPersonError
-from physic_core.io.photo import Photo
+from physic_core.errors import (
+    BackendError,
+    BackendOutputError,
+    BodyModelError,
+    DeviceError,
+    InputError,
+    NoPersonError,
+)
+from physic_core.io.output import file_digest
+from physic_core.io.photo import Photo, read_photo
 from physic_core.perception import dilate, feet_pixels, with_hands
-from physic_core.pipeline import _with_camera
+from physic_core.pipeline import _with_camera, reconstruct_photo
 from physic_core.plugins import discover
 from physic_core.registry import BackendRecord, Registry
 from physic_core.testing.worlds import World, build_world
@@ -28,7 +39,7 @@ def world() -> World:
 
 def with_backend(kind: type, interface: str) -> Registry:
     registry = discover()
-    registry.register(BackendRecord(interface, "wrong", kind))
+    registry.register(BackendRecord(interface, "wrong", kind, api=1))
     return registry
 
 
@@ -72,7 +83,8 @@ def test_a_backend_that_falls_over_keeps_its_cause(world: World) -> None:
     with pytest.raises(BackendError) as error:
         run(world, Broken, "keypoint_detector")
     assert str(error.value) == (
-        "keypoint_detector 'wrong' (registered by hand), stage 'keypoints': KeyError: 'weights'"
+        "keypoint_detector 'wrong' (registered by hand), stage 'keypoints': KeyError: 'weights' "
+        f"(tests/test_pipeline.py:{Broken.infer.__code__.co_firstlineno + 1})"
     )
     assert isinstance(error.value.__cause__, KeyError)
 
@@ -124,7 +136,10 @@ def test_a_backend_that_leaves_python_is_an_error_too(world: World) -> None:
 
     with pytest.raises(BackendError) as error:
         run(world, Leaver, "inpainter")
-    assert str(error.value) == "inpainter 'wrong' (registered by hand), stage 'inpainting': SystemExit: 3"
+    assert re.fullmatch(
+        r"inpainter 'wrong' \(registered by hand\), stage 'inpainting': SystemExit: 3 \(tests/test_pipeline\.py:\d+\)",
+        str(error.value),
+    )
 
 
 def test_a_device_that_is_not_there(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -219,3 +234,21 @@ def test_wide_and_read_only_answers_are_as_good(world: World) -> None:
     plain = reconstruct(world.image, "mock")
     assert np.array_equal(wide.people[0].vertices, plain.people[0].vertices)
     assert np.array_equal(wide.scene.points, plain.scene.points)
+
+
+def test_intrinsics_of_another_type(world: World) -> None:
+    with pytest.raises(InputError) as error:
+        reconstruct(world.image, "mock", intrinsics=(1, 2, 3, 4))
+    assert str(error.value) == (
+        "intrinsics must be physic_core.types.Intrinsics, got tuple: "
+        "pass Intrinsics(fx, fy, cx, cy, width, height) in px of the image"
+    )
+
+
+def test_a_result_of_the_file_is_replaced_by_one_of_its_pixels(world: World, tmp_path: Path) -> None:
+    Image.fromarray(world.image).save(tmp_path / "photo.png")
+    first = reconstruct_photo(tmp_path / "photo.png", "mock")
+    first.save(str(tmp_path / "out"), preview=False)
+    again = reconstruct(read_photo(tmp_path / "photo.png").image, "mock")
+    again.save(str(tmp_path / "out"), preview=False)
+    assert first.photo == f"{file_digest(tmp_path / 'photo.png')} {again.photo}"

@@ -43,7 +43,7 @@ def run(world: World, interface: str, base: type, change: Callable[[Any], Any]) 
         return change(base.infer(self, *arguments))
 
     registry = discover()
-    registry.register(BackendRecord(interface, "wrong", type("Wrong", (base,), {"infer": infer})))
+    registry.register(BackendRecord(interface, "wrong", type("Wrong", (base,), {"infer": infer}), api=1))
     return reconstruct(
         world.image, load_config(preset="mock", overrides=[f"{interface}.backend=wrong"]), registry=registry
     )
@@ -131,7 +131,10 @@ ANSWERED = "person 0: no numbers came for this person from {}: what builds on th
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        (fail, ": RuntimeError: no weights in w.pt"),
+        (
+            fail,
+            f": RuntimeError: no weights in w.pt (tests/test_pipeline_failures.py:{fail.__code__.co_firstlineno + 1})",
+        ),
         (
             nans("rotvecs", "confidence"),
             " answered what the interface does not allow: confidence must lie in [0, 1], got nan to nan",
@@ -160,7 +163,10 @@ def test_without_hands_the_fingers_stay_as_they_were(
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        (fail, ": RuntimeError: no weights in w.pt"),
+        (
+            fail,
+            f": RuntimeError: no weights in w.pt (tests/test_pipeline_failures.py:{fail.__code__.co_firstlineno + 1})",
+        ),
         (
             nans("probability"),
             " answered what the interface does not allow: probability must lie in [0, 1], got nan to nan",

@@ -9,9 +9,10 @@ import pytest
 import torch
 from PIL import Image
 
-from physic_core import Reconstruction, load_config, reconstruct
+from physic_core import Reconstruction, load_config, reconstruct, solution
 from physic_core.body import load_body
 from physic_core.body.parameters import rotations_from_parameters
+from physic_core.engine import joint
 from physic_core.errors import BackendError, NoPersonError
 from physic_core.pipeline import reconstruct_photo
 from physic_core.plugins import discover
@@ -19,6 +20,8 @@ from physic_core.resolve import resolve
 from physic_core.testing.worlds import World, build_world
 from physic_core.types import Hints
 from physic_mock import NOISE_VERSION
+
+pytestmark = pytest.mark.kernels
 
 WORLDS = ("stand", "sit_on_stool", "hug")
 NOISE = {
@@ -206,6 +209,24 @@ def test_another_inpainter_beside_the_mocks(cases):
     error = vertex_error_mm(result.people[0].vertices, world.vertices[0])
     print(f"with telea: {error:.0f} mm")
     assert error < 150
+
+
+def test_stage_3_computes_in_float64(cases, monkeypatch):
+    # In float32 the last digits, which differ from CPU to CPU, grow to centimetres in the result.
+    problems = []
+
+    def optimize(problem, joint_settings):
+        problems.append(problem.as_model())
+        return joint.optimize(problem, joint_settings)
+
+    monkeypatch.setattr(solution, "optimize", optimize)
+    result = reconstruct(cases[0].world.image, load_config(preset="mock", overrides=[*MOCK, *STAGE_2]))
+    (problem,) = problems
+    tensors = [value for f in fields(problem) if isinstance(value := getattr(problem, f.name), torch.Tensor)]
+    assert {t.dtype for t in tensors if t.is_floating_point()} == {torch.float64}
+    posed = problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0)
+    assert posed.vertices.dtype == torch.float64
+    assert result.people[0].vertices.dtype == np.float32
 
 
 def test_a_photo_of_no_world_is_refused():

@@ -1,9 +1,16 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+from importlib.metadata import distributions
 from typing import Any
 
 import pytest
+from click.testing import CliRunner
 
+from physic_core.cli import main
+from physic_core.entry_points import misplaced
+from physic_core.errors import BackendError
+from physic_core.interfaces import INTERFACES
 from physic_core.plugins import discover
 from physic_core.registry import Registry
 
@@ -16,6 +23,12 @@ def found(site: Any, **environment: str) -> Registry:
 
 def causes(registry: Registry) -> list[str]:
     return [str(b) for b in registry.broken]
+
+
+def message(kind: type[Exception], do: Callable[..., object], *arguments: object) -> str:
+    with pytest.raises(kind) as caught:
+        do(*arguments)
+    return str(caught.value)
 
 
 def names(registry: Registry) -> list[str]:
@@ -31,7 +44,7 @@ def test_a_record_is_stamped_with_who_made_it(site):
 
 
 def test_discovery_does_not_import_targets(site):
-    site.install("physic-one", HOOK + "    return [BackendRecord('inpainter', 'one', 'no_such_module:C')]\n")
+    site.install("physic-one", HOOK + "    return [BackendRecord('inpainter', 'one', 'no_such_module:C', api=1)]\n")
     assert names(found(site)) == ["one"]
 
 
@@ -40,23 +53,26 @@ def test_a_broken_plugin_is_a_row_with_its_cause_and_the_others_live(site):
     site.offer("physic-good", "inpainter", "good")
     registry = found(site)
     assert names(registry) == ["good"]
-    assert causes(registry) == ["physic-bad 0.3 (ModuleNotFoundError: No module named 'no_such_module')"]
+    assert causes(registry) == [
+        "physic-bad 0.3 (ModuleNotFoundError: No module named 'no_such_module' (physic_bad.py:1))"
+    ]
 
 
 def test_a_plugin_that_leaves_python_is_a_row_too(site):
     site.install("physic-bad", "raise SystemExit('no licence found')\n")
-    assert causes(found(site)) == ["physic-bad 1.0 (SystemExit: no licence found)"]
+    assert causes(found(site)) == ["physic-bad 1.0 (SystemExit: no licence found (physic_bad.py:1))"]
 
 
 def test_what_a_plugin_prints_is_not_what_a_command_answers(site, capsys):
-    site.install("physic-loud", "print('Welcome!')\n" + HOOK + "    return [BackendRecord('inpainter', 'x', 'm:C')]\n")
+    hook = HOOK + "    return [BackendRecord('inpainter', 'x', 'm:C', api=1)]\n"
+    site.install("physic-loud", "print('Welcome!')\n" + hook)
     assert names(found(site)) == ["x"]
     assert capsys.readouterr() == ("", "Welcome!\n")
 
 
 def test_a_hook_that_fails_is_a_row(site):
     site.install("physic-bad", HOOK + "    raise ValueError('no weights')\n")
-    assert causes(found(site)) == ["physic-bad 1.0 (ValueError: no weights)"]
+    assert causes(found(site)) == ["physic-bad 1.0 (ValueError: no weights (physic_bad.py:4))"]
 
 
 def test_a_misspelt_hook_is_found(site):
@@ -72,7 +88,7 @@ def test_a_forgotten_decorator_is_found(site):
 
 
 def test_an_answer_of_another_kind_is_found(site):
-    site.install("physic-bad", HOOK + "    return BackendRecord('inpainter', 'x', 'm:C')\n")
+    site.install("physic-bad", HOOK + "    return BackendRecord('inpainter', 'x', 'm:C', api=1)\n")
     site.install("physic-mad", HOOK + "    return [('inpainter', 'x', 'm:C')]\n")
     assert causes(found(site)) == [
         "physic-bad 1.0 (physic_backends() must return a list of BackendRecord, got BackendRecord)",
@@ -87,16 +103,35 @@ def test_a_hook_with_an_argument_is_a_row(site):
     assert "Argument(s) {'register'} are declared in the hookimpl but can not be found in the hookspec" in row
 
 
-def test_a_backend_for_a_newer_plugin_api_is_kept_with_what_to_do(site):
-    site.offer("physic-new", "inpainter", "new", extra=", api=2")
-    (claim,) = found(site)
-    assert claim.problem == "needs plugin API 2, this physic-core has 1: upgrade physic-core"
+def test_a_backend_for_a_newer_version_of_its_interface_is_kept_with_what_to_do(site):
+    site.offer("physic-new", "inpainter", "new", api=2)
+    registry = found(site)
+    assert message(BackendError, registry.get, "inpainter", "new") == (
+        "inpainter 'new' (physic-new 1.0) cannot be used: "
+        "written for version 2 of the interface inpainter, and this physic-core has version 1: upgrade physic-core"
+    )
 
 
-def test_a_backend_for_an_older_plugin_api_is_kept_with_what_to_do(site):
-    site.offer("physic-old", "inpainter", "old", extra=", api=0")
-    (claim,) = found(site)
-    assert claim.problem == "written for plugin API 0, this physic-core has 1: upgrade physic-old"
+def test_a_backend_for_an_older_version_of_its_interface_is_kept_with_what_to_do(site):
+    site.offer("physic-old", "inpainter", "old", api=0)
+    registry = found(site)
+    assert message(BackendError, registry.get, "inpainter", "old") == (
+        "inpainter 'old' (physic-old 1.0) cannot be used: "
+        "written for version 0 of the interface inpainter, and this physic-core has version 1: upgrade physic-old"
+    )
+
+
+@pytest.mark.parametrize("interface", INTERFACES)
+def test_a_new_version_of_an_interface_refuses_the_backends_of_that_one_alone(site, monkeypatch, interface: str):
+    for other in INTERFACES:
+        site.offer(f"third-party-{other.replace('_', '-')}", other, "theirs")
+    assert [claim for claim in discover(environment={}) if claim.problem] == []
+    monkeypatch.setattr(INTERFACES[interface], "api", INTERFACES[interface].api + 1)
+    registry = discover(environment={})
+    refused = [claim for claim in registry if claim.problem]
+    assert refused == [claim for claim in registry if claim.record.interface == interface]
+    owners = {claim.origin.distribution for claim in refused}
+    assert {"physic-embedded", "physic-mock", f"third-party-{interface.replace('_', '-')}"} <= owners
 
 
 def test_a_backend_for_an_unknown_interface_is_kept_with_what_is_near(site):
@@ -112,11 +147,14 @@ def test_a_backend_for_an_unknown_interface_is_kept_with_what_is_near(site):
 @pytest.mark.parametrize(
     ("record", "expected"),
     [
-        ("'inpainter', 'x', 'm:C', api='1'", "its plugin API should be a whole number such as 1, got '1'"),
-        ("'inpainter', 'My Fill', 'm:C'", "its name should be of a-z, 0-9 and hyphens, and not 'none', got 'My Fill'"),
-        ("'inpainter', 'none', 'm:C'", "its name should be of a-z, 0-9 and hyphens, and not 'none', got 'none'"),
-        ("'inpainter', 7, 'm:C'", "its name should be of a-z, 0-9 and hyphens, and not 'none', got 7"),
-        ("'inpainter', 'x', 'm.C'", "its target should be 'package.module:Class', got 'm.C'"),
+        ("'inpainter', 'x', 'm:C', api='1'", "its api should be a whole number such as 1, got '1'"),
+        (
+            "'inpainter', 'My Fill', 'm:C', api=1",
+            "its name should be of a-z, 0-9 and hyphens, and not 'none', got 'My Fill'",
+        ),
+        ("'inpainter', 'none', 'm:C', api=1", "its name should be of a-z, 0-9 and hyphens, and not 'none', got 'none'"),
+        ("'inpainter', 7, 'm:C', api=1", "its name should be of a-z, 0-9 and hyphens, and not 'none', got 7"),
+        ("'inpainter', 'x', 'm.C', api=1", "its target should be 'package.module:Class', got 'm.C'"),
     ],
 )
 def test_a_record_that_cannot_be_used_is_kept_with_what_is_wrong(site, record: str, expected: str):
@@ -125,6 +163,12 @@ def test_a_record_that_cannot_be_used_is_kept_with_what_is_wrong(site, record: s
     registry = found(site)
     assert [c.problem for c in registry if c.origin.distribution == "physic-bad"] == [expected]
     assert registry.get("inpainter", "good").problem == ""
+
+
+def test_a_record_without_a_version_of_its_interface_breaks_its_plugin(site):
+    site.install("physic-bad", HOOK + "    return [BackendRecord('inpainter', 'x', 'm:C')]\n")
+    (cause,) = causes(found(site))
+    assert "missing 1 required positional argument: 'api'" in cause
 
 
 def test_an_entry_point_that_names_no_module_is_a_row(site):
@@ -140,7 +184,7 @@ def test_an_entry_point_that_names_no_module_is_a_row(site):
 def test_a_distribution_without_a_name_is_a_row_too(site):
     module = site.install("physic-bad", "import no_such_module\n")
     (site.folder / f"{module}-1.0.dist-info" / "METADATA").write_text("")
-    assert causes(found(site)) == ["bad (ModuleNotFoundError: No module named 'no_such_module')"]
+    assert causes(found(site)) == ["bad (ModuleNotFoundError: No module named 'no_such_module' (physic_bad.py:1))"]
 
 
 def test_the_time_that_a_plugin_takes_is_kept(site):
@@ -182,6 +226,74 @@ def test_two_distributions_may_claim_one_name_and_both_are_kept(site):
     assert registry.rivals(claims[0]) == (claims[1],)
 
 
+# ---- distributions that look like plugins ----------------------------------------------------------------------------
+
+CURE = 'write [project.entry-points."physic.plugins"] in its pyproject.toml, and install it again'
+
+
+def installed_as(site: Any, distribution: str, group: str, requires: str = "") -> None:
+    module = site.install(distribution, "")
+    folder = site.folder / f"{module}-1.0.dist-info"
+    (folder / "entry_points.txt").write_text(f"[{group}]\nx = {module}\n" if group else "")
+    if requires:
+        with (folder / "METADATA").open("a") as metadata:
+            metadata.write(f"Requires-Dist: {requires}\n")
+
+
+@pytest.mark.parametrize(
+    ("distribution", "group", "requires"),
+    [
+        ("heuristics", "physic_plugins", ""),
+        ("heuristics", "physic.plugin", ""),
+        ("heuristics", "Physic.Plugins", ""),
+        ("physic-mine", "physic", ""),
+        ("heuristics", "physics.plugins", "physic-core>=0.1"),
+        ("heuristics", "phyisc.plugins", "physic_core"),
+    ],
+)
+def test_an_entry_point_in_a_group_that_is_called_nearly_so_is_noticed(site, distribution, group, requires):
+    installed_as(site, distribution, group, requires)
+    (row,) = misplaced(distributions(path=[str(site.folder)]), environment={})
+    assert str(row.origin) == f"{distribution} 1.0"
+    assert row.cause == f"its entry points are in the group '{group}', which is not read: {CURE}"
+    assert misplaced(distributions(path=[str(site.folder)]), environment={"PHYSIC_PLUGINS": "physic-other"}) == ()
+
+
+def test_a_distribution_that_is_called_like_a_plugin_and_offers_nothing_is_noticed(site):
+    installed_as(site, "physic-mine", "console_scripts")
+    (row,) = misplaced(distributions(path=[str(site.folder)]), environment={})
+    assert row.cause == (
+        f"it has no entry point in the group 'physic.plugins', so that no backend of it is found: {CURE}"
+    )
+
+
+@pytest.mark.parametrize(
+    ("distribution", "group", "requires"),
+    [
+        ("physic-mine", "physic.plugins", "physic-core"),
+        ("physics-engine", "physics.plugins", "numpy"),
+        ("physic", "console_scripts", ""),
+        ("studio", "console_scripts", "physic-core"),
+        ("studio", "physics.plugins", "physic-core-extras"),
+    ],
+)
+def test_a_distribution_that_is_no_lost_plugin_is_left_alone(site, distribution, group, requires):
+    installed_as(site, distribution, group, requires)
+    assert misplaced(distributions(path=[str(site.folder)]), environment={}) == ()
+
+
+def test_doctor_names_the_lost_plugins_and_what_to_do(site, monkeypatch):
+    installed_as(site, "heuristics", "physic_plugins")
+    installed_as(site, "physic-mine", "")
+    monkeypatch.setenv("PHYSIC_PLUGINS", "heuristics,physic-mine")
+    done = CliRunner().invoke(main, ["plugins", "doctor"])
+    assert (
+        f"BROKEN   heuristics 1.0: its entry points are in the group 'physic_plugins', which is not read: {CURE}\n"
+        in (done.output)
+    )
+    assert "missing  physic-mine 1.0: it has no entry point in the group 'physic.plugins'" in done.output
+
+
 # ---- lists of weights ------------------------------------------------------------------------------------------------
 
 WITH_WEIGHTS = (
@@ -189,7 +301,7 @@ WITH_WEIGHTS = (
     "from physic_core import BackendRecord, hookimpl\n"
     "@hookimpl\n"
     "def physic_backends():\n"
-    "    return [BackendRecord('segmenter', 'own', 'json:JSONDecoder')]\n"
+    "    return [BackendRecord('segmenter', 'own', 'json:JSONDecoder', api=1)]\n"
     "@hookimpl\n"
     "def physic_weights():\n"
 )
@@ -210,8 +322,8 @@ def test_a_list_of_weights_is_known_and_not_read(site):
         ("return 3", "physic_weights() must return the path of a TOML file or folder, got int"),
         ("return None", "physic_weights() must return the path of a TOML file or folder, got NoneType"),
         ("return '/no/such/folder'", "physic_weights() names /no/such/folder, which is not there"),
-        ("raise RuntimeError('no')", "physic_weights() fails: RuntimeError: no"),
-        ("raise SystemExit(3)", "physic_weights() fails: SystemExit: 3"),
+        ("raise RuntimeError('no')", "physic_weights() fails: RuntimeError: no (physic_own.py:8)"),
+        ("raise SystemExit(3)", "physic_weights() fails: SystemExit: 3 (physic_own.py:8)"),
     ],
 )
 def test_a_wrong_list_of_weights_is_a_row_and_takes_no_backend_away(site, body: str, says: str):

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import pickle
 import sys
 from typing import Any
 
@@ -21,7 +22,9 @@ class Blank(interfaces.Inpainter):
 
 
 def registry(*claims: tuple[str, Origin], **kwargs: Any) -> Registry:
-    return Registry([Claim(BackendRecord("inpainter", n, "m:C"), origin) for n, origin in claims], **kwargs)
+    return Registry(
+        [Claim(BackendRecord("inpainter", n, "m:C", api=1), origin) for n, origin in claims], installed=False, **kwargs
+    )
 
 
 def message(error: type[Exception], call: Any, *args: Any) -> str:
@@ -31,13 +34,59 @@ def message(error: type[Exception], call: Any, *args: Any) -> str:
 
 
 def test_a_registry_is_built_by_hand_with_a_class():
-    own = Registry()
-    own.register(BackendRecord("inpainter", "blank", Blank))
+    own = Registry(installed=False)
+    own.register(BackendRecord("inpainter", "blank", Blank, api=1))
     claim = own.get("inpainter", "blank")
     assert own.load_class(claim) is Blank
     assert str(claim) == "inpainter 'blank' (registered by hand)"
     assert own.names("inpainter") == ("blank",)
     assert own.names("segmenter") == ()
+
+
+def test_a_registry_by_hand_adds_to_what_is_installed():
+    own = Registry()
+    own.register(BackendRecord("metric_depth", "mine", Blank, api=1))
+    installed = [str(claim) for claim in discover()]
+    assert [str(claim) for claim in own] == sorted([*installed, "metric_depth 'mine' (registered by hand)"])
+    assert own.manifests == discover().manifests
+    assert list(Registry(installed=False)) == []
+
+
+def test_a_cell_of_a_notebook_may_run_again():
+    own = Registry(installed=False)
+    for _ in range(2):
+        own.register(BackendRecord("inpainter", "mine", Blank, api=1))
+    assert own.load_class(own.get("inpainter", "mine")) is Blank
+    own.register(BackendRecord("inpainter", "mine", "m:C", api=1), A)
+    own.register(BackendRecord("inpainter", "mine", Blank, api=1))
+    assert [str(claim.origin) for claim in own] == ["physic-a 1.0", "registered by hand"]
+
+
+@pytest.mark.parametrize(
+    ("record", "said"),
+    [
+        (
+            BackendRecord("inpaint", "mine", Blank, api=1),
+            "inpaint 'mine' (registered by hand) cannot be registered: no interface named 'inpaint'; "
+            "did you mean 'inpainter'?",
+        ),
+        (
+            BackendRecord("inpainter", "mine", Blank, api=2),
+            "inpainter 'mine' (registered by hand) cannot be registered: "
+            "written for version 2 of the interface inpainter, and this physic-core has version 1: upgrade physic-core",
+        ),
+    ],
+)
+def test_a_record_that_cannot_be_used_is_not_registered(record: BackendRecord, said: str):
+    assert message(BackendError, Registry(installed=False).register, record) == said
+
+
+def test_a_registry_survives_pickling():
+    own = Registry()
+    own.register(BackendRecord("inpainter", "mine", Blank, api=1))
+    again = pickle.loads(pickle.dumps(own))
+    assert list(again) == list(own)
+    assert (again.manifests, again.restriction) == (own.manifests, own.restriction)
 
 
 def test_an_unknown_name_says_what_is_installed_what_is_near_and_which_python():
@@ -48,7 +97,8 @@ def test_an_unknown_name_says_what_is_installed_what_is_near_and_which_python():
 def test_an_unknown_name_of_a_known_distribution_says_what_to_install():
     got = message(BackendNotFoundError, registry(("mock", A)).get, "inpainter", "telea")
     assert got == (
-        "no inpainter named 'telea'; installed: mock. 'telea' comes with physic-opencv: pip install physic-opencv\n"
+        "no inpainter named 'telea'; installed: mock. 'telea' comes with physic-opencv: "
+        "`pip install -e plugins/physic-opencv` in a checkout of PhySIC\n"
         f"Python: {sys.executable}"
     )
 
@@ -57,20 +107,21 @@ def test_a_misspelt_name_of_a_known_distribution_says_what_to_install():
     got = message(BackendNotFoundError, registry(("mock", A)).get, "inpainter", "telae")
     assert got == (
         "no inpainter named 'telae'; installed: mock. "
-        "Did you mean 'telea'? 'telea' comes with physic-opencv: pip install physic-opencv\n"
+        "Did you mean 'telea'? 'telea' comes with physic-opencv: "
+        "`pip install -e plugins/physic-opencv` in a checkout of PhySIC\n"
         f"Python: {sys.executable}"
     )
 
 
 def test_a_name_of_another_interface_says_so():
     own = registry(("mock", A))
-    own.register(BackendRecord("segmenter", "outline", "m:C"), B)
+    own.register(BackendRecord("segmenter", "outline", "m:C", api=1), B)
     got = message(BackendNotFoundError, own.get, "inpainter", "outline")
     assert got == (f"no inpainter named 'outline'; installed: mock. 'outline' is a segmenter\nPython: {sys.executable}")
 
 
 def test_nothing_installed_is_said_so():
-    got = message(BackendNotFoundError, Registry().get, "inpainter", "mine")
+    got = message(BackendNotFoundError, Registry(installed=False).get, "inpainter", "mine")
     assert got == f"no inpainter named 'mine'; installed: none\nPython: {sys.executable}"
 
 
@@ -101,7 +152,8 @@ def test_a_restriction_goes_before_the_advice_to_install():
     assert got == (
         "no inpainter named 'telea'; installed: mock. "
         "PHYSIC_PLUGINS='physic-a' hides every other plugin: unset it, or add to it. "
-        "'telea' comes with physic-opencv: add physic-opencv to it, if need be after `pip install physic-opencv`\n"
+        "'telea' comes with physic-opencv: add physic-opencv to it, if need be after "
+        "`pip install -e plugins/physic-opencv` in a checkout of PhySIC\n"
         f"Python: {sys.executable}"
     )
 
@@ -128,9 +180,29 @@ def test_a_name_asked_of_the_wrong_distribution_says_whose_it_is():
     assert got == f"no inpainter named 'physic-b:x'; installed: x, y. 'x' comes from physic-a\nPython: {sys.executable}"
 
 
+def test_a_name_of_a_distribution_that_is_not_installed_says_what_to_install():
+    own = registry(("embedded", A))
+    got = message(BackendNotFoundError, own.get, "inpainter", "physic-embedded:embedded")
+    assert got == (
+        "no inpainter named 'physic-embedded:embedded'; installed: embedded. "
+        "'embedded' comes with physic-embedded, which is not installed: "
+        "`pip install -e plugins/physic-embedded` in a checkout of PhySIC\n"
+        f"Python: {sys.executable}"
+    )
+    hidden = registry(("embedded", A), restriction="physic-a")
+    assert message(BackendNotFoundError, hidden.get, "inpainter", "physic-embedded:embedded") == (
+        "no inpainter named 'physic-embedded:embedded'; installed: embedded. "
+        "PHYSIC_PLUGINS='physic-a' hides every other plugin: unset it, or add to it. "
+        "'embedded' comes with physic-embedded: add physic-embedded to it, if need be after "
+        f"`pip install -e plugins/physic-embedded` in a checkout of PhySIC\nPython: {sys.executable}"
+    )
+    misspelt = message(BackendNotFoundError, own.get, "inpainter", "physic-embeded:embedded")
+    assert "Did you mean 'physic-embedded:embedded'?\n" in misspelt
+
+
 def test_a_backend_with_a_problem_is_refused_with_it():
-    claim = Claim(BackendRecord("inpainter", "x", "m:C"), A, "needs plugin API 2, this physic-core has 1")
-    got = message(BackendError, Registry([claim]).get, "inpainter", "x")
+    claim = Claim(BackendRecord("inpainter", "x", "m:C", api=1), A, "needs plugin API 2, this physic-core has 1")
+    got = message(BackendError, Registry([claim], installed=False).get, "inpainter", "x")
     assert got == "inpainter 'x' (physic-a 1.0) cannot be used: needs plugin API 2, this physic-core has 1"
 
 
@@ -140,7 +212,7 @@ def test_a_target_in_a_config_works_without_packaging(site):
         "class Fill(Inpainter):\n"
         "    def infer(self, image, mask): return image\n"
     )
-    own = Registry()
+    own = Registry(installed=False)
     claim = own.get("inpainter", "my_fill:Fill")
     assert own.load_class(claim).__name__ == "Fill"
     assert str(claim) == "inpainter 'my_fill:Fill' (named in the config)"
@@ -154,16 +226,16 @@ def test_a_class_is_called_by_its_target_and_says_its_interface(site):
     )
     (claim,) = registry(("telea", A)).called("my_other_fill:Fill")
     assert str(claim) == "inpainter 'my_other_fill:Fill' (a class that no plugin registers)"
-    assert Registry().load_whole_class(claim).__name__ == "Fill"
+    assert Registry(installed=False).load_whole_class(claim).__name__ == "Fill"
 
 
 def test_a_class_that_is_called_but_is_no_backend_is_refused():
-    assert message(BackendError, Registry().called, "no_such_module:C") == (
+    assert message(BackendError, Registry(installed=False).called, "no_such_module:C") == (
         "'no_such_module:C' cannot be imported: ModuleNotFoundError: No module named 'no_such_module'; "
-        "run in the folder of no_such_module.py, or put that folder into PYTHONPATH"
+        "put no_such_module.py beside the config, or its folder into PYTHONPATH"
     )
     for no_backend in ("json:dumps", "physic_core.interfaces:Backend"):
-        assert message(BackendError, Registry().called, no_backend) == (
+        assert message(BackendError, Registry(installed=False).called, no_backend) == (
             f"'{no_backend}' should be a subclass of one class of physic_core.interfaces: Segmenter, Inpainter, "
             "MetricDepth, RelativePointmap, KeypointDetector, BodyEstimator, HandEstimator, ContactPrior"
         )
@@ -175,13 +247,13 @@ def test_a_class_that_is_called_but_is_no_backend_is_refused():
         (
             "no_such_module:C",
             "ModuleNotFoundError: No module named 'no_such_module'; "
-            "run in the folder of no_such_module.py, or put that folder into PYTHONPATH",
+            "put no_such_module.py beside the config, or its folder into PYTHONPATH",
         ),
         ("json:Nothing", "AttributeError: module 'json' has no attribute 'Nothing'"),
     ],
 )
 def test_a_target_that_cannot_be_imported_keeps_its_cause(target: str, expected: str):
-    own = Registry()
+    own = Registry(installed=False)
     got = message(BackendError, own.load_class, own.get("inpainter", target))
     assert got == f"inpainter '{target}' (named in the config) cannot be imported from {target}: {expected}"
 
@@ -189,21 +261,24 @@ def test_a_target_that_cannot_be_imported_keeps_its_cause(target: str, expected:
 @pytest.mark.parametrize(
     ("source", "expected"),
     [
-        ("import sys; sys.exit(3)", "SystemExit: 3"),
-        ("import no_such_module", "ModuleNotFoundError: No module named 'no_such_module'"),
+        ("import sys; sys.exit(3)", "SystemExit: 3 (my_failing_module.py:1)"),
+        (
+            "import no_such_module",
+            "ModuleNotFoundError: No module named 'no_such_module' (my_failing_module.py:1)",
+        ),
     ],
 )
 def test_a_target_whose_module_fails_says_whose_it_is(tmp_path, monkeypatch, source: str, expected: str):
     (tmp_path / "my_failing_module.py").write_text(source)
     monkeypatch.syspath_prepend(tmp_path)
-    target, own = "my_failing_module:C", Registry()
+    target, own = "my_failing_module:C", Registry(installed=False)
     got = message(BackendError, own.load_class, own.get("inpainter", target))
     assert got == f"inpainter '{target}' (named in the config) cannot be imported from {target}: {expected}"
 
 
 def test_a_target_of_another_interface_is_refused():
-    own = Registry()
-    own.register(BackendRecord("segmenter", "blank", Blank), A)
+    own = Registry(installed=False)
+    own.register(BackendRecord("segmenter", "blank", Blank, api=1), A)
     got = message(BackendError, own.load_class, own.get("segmenter", "blank"))
     assert got == f"segmenter 'blank' (physic-a 1.0): {Blank} is no subclass of physic_core.interfaces.Segmenter"
 

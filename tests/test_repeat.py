@@ -14,6 +14,8 @@ from PIL import Image
 from physic_core.cli import main
 from physic_core.testing.worlds import build_world
 
+pytestmark = pytest.mark.kernels
+
 
 def run(*arguments: str) -> dict[str, Any]:
     done = CliRunner().invoke(main, ["run", "photo.png", "--no-cache", *arguments])

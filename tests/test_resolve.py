@@ -11,6 +11,7 @@ from physic_core import interfaces
 from physic_core.config import Config, load_config
 from physic_core.errors import BackendError, ConfigError, InputError
 from physic_core.interfaces import INTERFACES
+from physic_core.plugins import discover
 from physic_core.registry import BackendRecord, BrokenPlugin, Origin, Registry
 from physic_core.resolve import check, load_checked, resolve
 
@@ -30,11 +31,11 @@ def backend(interface: str, options: type[interfaces.Options] = interfaces.Optio
 
 def registry(**others: Any) -> Registry:
     """One backend "own" for every interface, with other classes for the named ones."""
-    own = Registry()
+    own = Registry(installed=False)
     for name in INTERFACES:
         options = DepthOptions if name == "metric_depth" else interfaces.Options
         kind = others.get(name, backend(name, options))
-        own.register(BackendRecord(name, "own", kind, weights_license="MIT (Own)"), OWNER)
+        own.register(BackendRecord(name, "own", kind, api=1, weights_license="MIT (Own)"), OWNER)
     return own
 
 
@@ -138,7 +139,9 @@ def test_a_fault_names_the_flag_that_it_comes_from():
 
 def test_a_missing_backend_beside_a_broken_plugin_keeps_the_cause():
     cause = ImportError("no such thing")
-    own = Registry(registry(), [BrokenPlugin(Origin("c", "physic-c", "1.0"), "ImportError: no such thing", cause)])
+    own = Registry(
+        registry(), [BrokenPlugin(Origin("c", "physic-c", "1.0"), "ImportError: no such thing", cause)], installed=False
+    )
     with pytest.raises(ConfigError) as caught:
         check(config(segmenter={"backend": "other"}), own)
     assert caught.value.__cause__ is cause
@@ -150,7 +153,7 @@ def test_a_backend_whose_module_is_broken_is_one_of_the_faults(site):
     assert refusal(config(segmenter={"backend": "physic_halfway:S"}), registry()) == (
         "config: 1 error\n"
         "segmenter.backend   segmenter 'physic_halfway:S' (named in the config) cannot be imported from "
-        "physic_halfway:S: ModuleNotFoundError: No module named 'no_such_engine'"
+        "physic_halfway:S: ModuleNotFoundError: No module named 'no_such_engine' (physic_halfway.py:1)"
     )
 
 
@@ -165,7 +168,7 @@ def test_a_class_of_another_interface_is_one_of_the_faults():
 
 def test_two_claims_to_the_chosen_name_are_one_of_the_faults():
     own = registry()
-    own.register(BackendRecord("inpainter", "own", backend("inpainter")), Origin("b", "physic-b", "2.0"))
+    own.register(BackendRecord("inpainter", "own", backend("inpainter"), api=1), Origin("b", "physic-b", "2.0"))
     assert refusal(config(), own) == (
         "config: 1 error\n"
         "inpainter.backend   physic-b 2.0 and physic-mine 0.2 each offer an inpainter named 'own': "
@@ -173,6 +176,25 @@ def test_two_claims_to_the_chosen_name_are_one_of_the_faults():
     )
     pipeline = resolve(config(inpainter={"backend": "physic-b:own"}), own)
     assert pipeline.backends["inpainter"].provenance.version == "2.0"
+
+
+@pytest.mark.parametrize("preset", ["embedded", "mock"])
+def test_a_third_party_that_takes_the_names_of_a_preset_breaks_nobody_who_uses_the_preset(site, preset: str):
+    for interface in INTERFACES:
+        site.offer(f"physic-mine-{interface.replace('_', '-')}", interface, preset)
+    both = discover(environment={})
+    chosen = resolve(load_config(preset=preset), both).backends
+    assert {r.provenance.distribution for r in chosen.values()} == {f"physic-{preset}"}
+    assert {r.provenance.backend for r in chosen.values()} == {preset}
+    # Only who uses the bare name has to choose.
+    owners = sorted((f"physic-{preset} 0.1.0", "physic-mine-inpainter 1.0"))
+    names = [f"{owner.partition(' ')[0]}:{preset}" for owner in owners]
+    assert refusal(load_config(preset=preset, overrides=[f"inpainter.backend={preset}"]), both) == (
+        "--set: 1 error\n"
+        f"inpainter.backend   {' and '.join(owners)} each offer an inpainter named '{preset}': "
+        f"write '{names[0]}' or '{names[1]}' to choose"
+    )
+    assert resolve(load_config(preset=preset, overrides=["inpainter.backend=telea"]), both)
 
 
 def test_options_that_are_no_pydantic_model_are_refused():
@@ -184,6 +206,29 @@ def test_options_that_are_no_pydantic_model_are_refused():
     )
 
 
+def test_a_method_that_takes_other_arguments_is_found_before_it_is_called():
+    kind = type("Own", (backend("inpainter"),), {"infer": lambda self, image: image})
+    assert refusal(config(), registry(inpainter=kind)) == (
+        "config: 1 error\n"
+        "inpainter.backend   inpainter 'own' (physic-mine 0.2): infer(self, image) should take image, mask: "
+        "too many positional arguments"
+    )
+
+
+@pytest.mark.parametrize(
+    "infer",
+    [
+        staticmethod(lambda image, mask: image),
+        classmethod(lambda kind, image, mask: image),
+        lambda self, *inputs: inputs[0],
+        lambda self, image, mask, radius=3: image,
+    ],
+)
+def test_a_method_that_can_be_called_passes(infer: Any):
+    kind = type("Own", (backend("inpainter"),), {"infer": infer})
+    assert resolve(config(), registry(inpainter=kind))
+
+
 @pytest.mark.parametrize(
     ("fault", "said"), [(ValueError("no seat free"), "ValueError: no seat free"), (SystemExit(3), "SystemExit: 3")]
 )
@@ -192,9 +237,10 @@ def test_a_constructor_that_fails_is_named(fault: BaseException, said: str):
         raise fault
 
     kind = type("Own", (backend("inpainter"),), {"__init__": fail})
+    place = f"tests/test_resolve.py:{fail.__code__.co_firstlineno + 1}"
     with pytest.raises(BackendError) as caught:
         resolve(config(), registry(inpainter=kind))
-    assert str(caught.value) == f"inpainter 'own' (physic-mine 0.2) cannot be constructed: {said}"
+    assert str(caught.value) == f"inpainter 'own' (physic-mine 0.2) cannot be constructed: {said} ({place})"
 
 
 def test_a_constructor_that_explains_itself_is_left_to_speak():
@@ -216,10 +262,9 @@ def test_a_class_that_lacks_a_method_is_one_of_the_faults():
 
 
 def test_the_example_swaps_the_inpainter_alone(repository):
-    from physic_core.plugins import discover
-
     pipeline = resolve(load_config(repository / "examples" / "telea.toml"), discover())
     chosen = {name: r.provenance.backend for name, r in pipeline.backends.items()}
     assert chosen.pop("inpainter") == "telea"
     assert set(chosen.values()) == {"embedded"}
-    assert pipeline.backends["inpainter"].provenance.options["radius_px"] == 6.0
+    flag = resolve(load_config(overrides=["inpainter.backend=telea"]), discover())
+    assert pipeline.backends["inpainter"].provenance == flag.backends["inpainter"].provenance

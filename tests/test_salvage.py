@@ -43,7 +43,7 @@ def alone(world: World) -> Person:
 
 def run(world: World, kind: type, interface: str) -> Reconstruction:
     registry = discover()
-    registry.register(BackendRecord(interface, "wrong", kind))
+    registry.register(BackendRecord(interface, "wrong", kind, api=1))
     config = load_config(preset="mock", overrides=[f"{interface}.backend=wrong"])
     return reconstruct(world.image, config, registry=registry)
 

@@ -43,7 +43,7 @@ def test_every_preset_holds(schema, name: str):
         'extends = "mock"\n[photo]\nmax_side = 640',
         'extends = "../base.toml"\n[engine]\npreset = "paper"\n[engine.joint]\nsteps = 40',
         '[inpainter]\nbackend = "telea"\noptions = {radius_px = 3.0}',
-        '[inpainter]\nbackend = "physic-opencv:telea"',
+        '[inpainter]\nbackend = "physic-opencv:telea"\noptions = {radius_px = 3.0}',
         '[inpainter]\nbackend = "my_pkg.fill:Fill"\noptions = {anything = 1}',
         '[hand_estimator]\nbackend = "none"',
         "[inpainter]\noptions = {radius_px = 3.0}",
@@ -60,6 +60,7 @@ def test_a_file_that_holds_passes(schema, text: str):
         ("[photo]\nmax_side = 3", "photo.max_side"),
         ('[inpainter]\nbackend = "telea"\noptions = {radius = 3.0}', "inpainter.options"),
         ('[inpainter]\nbackend = "telea"\noptions = {radius_px = 99}', "inpainter.options.radius_px"),
+        ('[inpainter]\nbackend = "physic-opencv:telea"\noptions = {radius_px = 99}', "inpainter.options.radius_px"),
         ('[inpainter]\nbackend = "telae"', "inpainter.backend"),
         ('[segmenter]\nbackend = "none"', "segmenter.backend"),
         ('[engine]\npreset = "papr"', "engine.preset"),
@@ -75,8 +76,8 @@ def test_a_mistake_is_found_where_it_is(schema, text: str, path: str):
 
 
 def test_a_backend_that_cannot_be_read_is_listed_without_options(site):
-    own = Registry()
-    own.register(BackendRecord("inpainter", "broken", "no_such_module:C"))
+    own = Registry(installed=False)
+    own.register(BackendRecord("inpainter", "broken", "no_such_module:C", api=1))
     schema = config_schema(own)
     assert faults(schema, '[inpainter]\nbackend = "broken"\noptions = {a = 1}') == []
     assert faults(schema, '[inpainter]\nbackend = "other"') == ["inpainter.backend"]

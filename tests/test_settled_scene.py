@@ -11,6 +11,8 @@ from physic_core.body import load_body
 from physic_core.geometry.carving import carved
 from physic_core.testing.worlds import World, build_world
 
+pytestmark = pytest.mark.kernels
+
 SIZE = (320, 240)
 
 
@@ -33,11 +35,11 @@ def message(result: Reconstruction) -> str:
 def test_a_floor_that_no_photo_shows_is_put_under_the_soles_and_named_so(counter: World) -> None:
     bare = solved(counter, "engine.scene.floor_under_people=false")
     assert bare.scene.floor is None
-    assert "nobody is held to the ground, and heights are unknown" in message(bare)
+    assert "people are not held to the ground, and heights are unknown" in message(bare)
     result = solved(counter)
     floor = result.scene.floor
     assert floor is not None
-    assert "it was put under the people's soles, and is as wrong as they are" in message(result)
+    assert "it is assumed at the people's feet, and its height is only as accurate as their pose" in message(result)
     true = counter.floor
     assert true is not None
     assert float(np.asarray(floor.normal) @ np.asarray(true.normal)) > np.cos(np.radians(6))

@@ -18,6 +18,7 @@ from physic_core.stages import Stages
 from physic_core.types import DepthMap, Provenance
 
 SHAPE = (6, 8)
+PHOTO = np.zeros((*SHAPE, 3), np.uint8)
 
 
 class Counting(interfaces.MetricDepth):
@@ -51,6 +52,11 @@ class Counting(interfaces.MetricDepth):
             raise self.error
 
 
+LOADS = f"(tests/test_stages.py:{Counting.note.__code__.co_firstlineno + 3})"
+"""The line in which a backend that fails in load, infer or close does so."""
+TELLS = f"(tests/test_stages.py:{Counting.fingerprint.__code__.co_firstlineno + 2})"
+
+
 @pytest.fixture(autouse=True)
 def events(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     monkeypatch.setattr(Counting, "events", [])
@@ -64,13 +70,18 @@ def resolved(backend: Counting) -> ResolvedBackend:
 
 def ask(stages: Stages, backend: Counting, *inputs: object, again: bool = False) -> DepthMap:
     return stages.ask(
-        "depth", resolved(backend), inputs or (1,), DepthMap, lambda a: border.depth_faults(a, *SHAPE), again=again
+        "depth", resolved(backend), inputs or (PHOTO,), DepthMap, lambda a: border.depth_faults(a, *SHAPE), again=again
     )
 
 
 def if_it_can(stages: Stages, backend: Counting) -> DepthMap | None:
     return stages.ask_if_it_can(
-        "depth", resolved(backend), (1,), DepthMap, lambda a: border.depth_faults(a, *SHAPE), otherwise="all is flat"
+        "depth",
+        resolved(backend),
+        (PHOTO,),
+        DepthMap,
+        lambda a: border.depth_faults(a, *SHAPE),
+        otherwise="all is flat",
     )
 
 
@@ -122,7 +133,8 @@ def test_a_backend_that_cannot_be_closed_costs_a_warning(events: list[str]):
     stages.close()
     assert events[-2:] == ["close a", "close b"]
     assert stages.warnings == [
-        "metric_depth 'a' (my-dist 1.0) cannot be closed: OSError: gone; the result is whole, but memory may be lost"
+        f"metric_depth 'a' (my-dist 1.0) cannot be closed: OSError: gone {LOADS}; "
+        "the result is whole, but memory may be lost"
     ]
 
 
@@ -140,9 +152,9 @@ class Own(PhysicError):
 @pytest.mark.parametrize(
     ("error", "kind", "message"),
     [
-        (RuntimeError("no weights"), BackendError, f"{TITLE}: RuntimeError: no weights"),
-        (SystemExit(3), BackendError, f"{TITLE}: SystemExit: 3"),
-        (MemoryError(), BackendError, f"{TITLE}: MemoryError: "),
+        (RuntimeError("no weights"), BackendError, f"{TITLE}: RuntimeError: no weights {LOADS}"),
+        (SystemExit(3), BackendError, f"{TITLE}: SystemExit: 3 {LOADS}"),
+        (MemoryError(), BackendError, f"{TITLE}: MemoryError {LOADS}"),
         (InputError("the image is tiny"), InputError, f"{TITLE}: the image is tiny"),
         (NoPersonError("nobody"), NoPersonError, f"{TITLE}: nobody"),
         (Own(1, 2), BackendError, f"{TITLE}: 1 and 2"),
@@ -194,7 +206,7 @@ def test_an_answer_that_cannot_even_be_looked_at_is_a_wrong_answer():
         raise AttributeError("'list' object has no attribute 'ndim'")
 
     with pytest.raises(BackendOutputError) as error:
-        Stages("cpu", 1).ask("depth", resolved(Counting()), (1,), DepthMap, faults)
+        Stages("cpu", 1).ask("depth", resolved(Counting()), (PHOTO,), DepthMap, faults)
     assert str(error.value) == (
         f"{TITLE} answered what the interface does not allow:\n"
         "  DepthMap cannot be read: AttributeError: 'list' object has no attribute 'ndim'"
@@ -210,7 +222,7 @@ def test_a_run_goes_on_without_what_it_can_do_without():
     right = Counting()
     assert if_it_can(stages, right) is not None
     assert stages.warnings == [
-        f"{TITLE}: FileNotFoundError: w.pt; all is flat",
+        f"{TITLE}: FileNotFoundError: w.pt {LOADS}; all is flat",
         f"{TITLE} answered what the interface does not allow: depth must be (6, 8), got (8, 6); all is flat",
     ]
     assert [record.failed for record in stages.records] == [True, True, False]
@@ -227,8 +239,8 @@ def run(tmp_path: Path) -> Callable[[], Stages]:
 
 def test_what_was_answered_once_is_neither_asked_nor_loaded_for(events: list[str], run: Callable[[], Stages]):
     first, second = run(), run()
-    told = ask(first, Counting(), 1)
-    again = ask(second, Counting(), 1)
+    told = ask(first, Counting(), PHOTO)
+    again = ask(second, Counting(), PHOTO)
     second.close()
     assert events == ["load a on cpu", "infer a"]
     np.testing.assert_array_equal(told.depth, again.depth)
@@ -240,9 +252,9 @@ def test_what_was_answered_once_is_neither_asked_nor_loaded_for(events: list[str
 
 
 def test_another_question_is_asked(events: list[str], run: Callable[[], Stages]):
-    for inputs in ((1,), (2,), (1, 2)):
+    for inputs in ((PHOTO,), (PHOTO + 1,), (PHOTO, 2)):
         ask(run(), Counting(), *inputs)
-    ask(run(), Counting("b"), 1)
+    ask(run(), Counting("b"), PHOTO)
     assert [event for event in events if event.startswith("infer")] == ["infer a"] * 3 + ["infer b"]
 
 
@@ -260,7 +272,9 @@ def test_failures_and_wrong_answers_are_not_kept(run: Callable[[], Stages]):
 def test_a_kept_answer_must_pass_the_border_too(events: list[str], run: Callable[[], Stages], tmp_path: Path):
     ask(run(), Counting())
     stages, (file,) = run(), (tmp_path / "answers").iterdir()
-    told = stages.ask("depth", resolved(Counting()), (1,), DepthMap, lambda a: [] if "infer a" in events[2:] else ["x"])
+    told = stages.ask(
+        "depth", resolved(Counting()), (PHOTO,), DepthMap, lambda a: [] if "infer a" in events[2:] else ["x"]
+    )
     assert told.depth.shape == SHAPE
     stages.close()
     assert events == ["load a on cpu", "infer a", "load a on cpu", "infer a", "close a"]
@@ -270,4 +284,4 @@ def test_a_kept_answer_must_pass_the_border_too(events: list[str], run: Callable
 def test_a_fingerprint_that_fails_names_the_backend(run: Callable[[], Stages]):
     with pytest.raises(BackendError) as error:
         ask(run(), Counting(fails_in="fingerprint", error=FileNotFoundError("weights")))
-    assert str(error.value) == f"{TITLE}: FileNotFoundError: weights"
+    assert str(error.value) == f"{TITLE}: FileNotFoundError: weights {TELLS}"

@@ -11,15 +11,15 @@ from physic_core.cli import main
 try:
     main({arguments!r}, standalone_mode=True)
 except SystemExit as end:
-    assert end.code == 0, end.code
+    assert end.code in {ends!r}, end.code
 heavy = {{m.partition('.')[0] for m in sys.modules}} & {banned!r}
 print("heavy:", sorted(heavy))
 """
 HEAVY = {"torch", "numpy", "scipy", "cv2", "onnxruntime", "PIL", "rich", "trimesh", "roma", "kornia"}
 
 
-def imports(arguments: list[str], banned: set[str]) -> str:
-    code = LIGHT.format(arguments=arguments, banned=banned)
+def imports(arguments: list[str], banned: set[str], ends: tuple[int, ...] = (0,)) -> str:
+    code = LIGHT.format(arguments=arguments, banned=banned, ends=ends)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout.splitlines()[-1]
@@ -45,7 +45,8 @@ def test_a_command_that_looks_around_imports_nothing_heavy(arguments: list[str])
 
 @pytest.mark.parametrize("preset", ["best", "embedded", "light-cpu", "mock", "paper"])
 def test_a_config_is_checked_without_torch_and_without_a_runtime(preset: str):
-    assert imports(["config", "check", "--preset", preset], {"torch", "onnxruntime"}) == "heavy: []"
+    # 4: weights are missing here.
+    assert imports(["config", "check", "--preset", preset], {"torch", "onnxruntime"}, (0, 4)) == "heavy: []"
 
 
 def test_importing_the_package_imports_nothing_heavy():

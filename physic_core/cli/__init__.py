@@ -5,8 +5,6 @@ Everything that costs time to import is imported by the command that needs it: `
 
 from __future__ import annotations
 
-import os
-import sys
 from typing import Any
 
 import click
@@ -14,9 +12,11 @@ import click
 from physic_core.cli.bench import bench
 from physic_core.cli.cache import cache
 from physic_core.cli.config import config
+from physic_core.cli.exit_codes import INTERRUPTED, MEANINGS, exit_code
 from physic_core.cli.plugins import plugins
 from physic_core.cli.run import run
 from physic_core.cli.weights import weights
+from physic_core.error_text import traceback_text
 from physic_core.errors import PhysicError
 
 __all__ = ["main"]
@@ -24,13 +24,15 @@ __all__ = ["main"]
 
 class _Group(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
-        """Turn our errors into one clean message and exit code 1; PHYSIC_DEBUG=1 lets the traceback through."""
+        """Turn our errors into a message and the exit code of their class; PHYSIC_DEBUG=1 shows the traceback."""
         try:
             return super().invoke(ctx)
+        except (KeyboardInterrupt, click.Abort):
+            click.echo("Aborted!", err=True)
+            ctx.exit(INTERRUPTED)
         except PhysicError as error:
-            if os.environ.get("PHYSIC_DEBUG", "0") not in ("", "0"):
-                raise
-            raise click.ClickException(str(error)) from error
+            click.echo(f"{traceback_text(error)}Error: {error}", err=True)
+            ctx.exit(exit_code(error))
 
 
 def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
@@ -41,13 +43,14 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
         ctx.exit()
 
 
-@click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
+# The \b keeps click from wrapping the lines into one.
+_EPILOG = "\b\nExit codes:\n" + "\n".join(f"  {code:<3}  {meaning}" for code, meaning in MEANINGS.items())
+
+
+@click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]}, epilog=_EPILOG)
 @click.option("--version", is_flag=True, is_eager=True, expose_value=False, callback=_print_version, help="Print it.")
 def main() -> None:
     """One photo in; people, scene and contact out, in one metric frame."""
-    # A config may name a class beside it ("my_depth:MyDepth"); last, so that nothing installed is hidden.
-    if os.getcwd() not in sys.path:
-        sys.path.append(os.getcwd())
 
 
 main.add_command(run)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-__all__ = ["require_interface"]
+__all__ = ["class_here", "require_interface"]
 
 
 def require_interface(name: str | None) -> None:
@@ -20,3 +20,12 @@ def require_interface(name: str | None) -> None:
         raise click.UsageError(
             f"no interface named '{name}'; there are: {', '.join(INTERFACES)}{closest(name, INTERFACES)}"
         )
+
+
+def class_here(name: str) -> str:
+    """A backend's name as given on the command line; a "module:Class" may lie in the current folder."""
+    from pathlib import Path
+
+    from physic_core.local_modules import in_folder
+
+    return in_folder(name, Path())

@@ -36,7 +36,7 @@ class _Size(click.ParamType[Any]):
 def bench() -> None:
     """Measure how exact and how fast the engine is.
 
-    "accuracy" needs the mock plugin: pip install physic-mock
+    "accuracy" needs the plugin physic-mock: pip install -e plugins/physic-mock in a checkout of PhySIC
     """
 
 

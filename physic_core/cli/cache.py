@@ -1,4 +1,4 @@
-"""``physic cache``: what is kept of backends' answers and of maps between bodies, and how to be rid of it."""
+"""``physic cache``: what is kept of answers, of maps between bodies and of body models, and how to be rid of it."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from physic_core.cache.places import maps_folder
-from physic_core.errors import InputError
+from physic_core.cache.places import maps_folder, models_folder
+from physic_core.errors import ConfigError
 
 if TYPE_CHECKING:
     from physic_core.cache.shelf import Kept
@@ -19,28 +19,27 @@ __all__ = ["cache"]
 
 @click.group()
 def cache() -> None:
-    """Look at what is kept between runs, or remove it: backends' answers, and maps between bodies."""
+    """Look at what is kept between runs, or remove it: backends' answers, maps between bodies, copies of models."""
 
 
 @cache.command()
 def info() -> None:
-    """Print where answers are kept, how many of which backend, and what they take; and the maps, if there are any."""
-    from physic_core.cache.shelf import MAP_SUFFIX, kept
+    """Print where answers are kept, how many of which backend, and what they take; and maps and models, if any."""
+    from physic_core.cache.shelf import kept
 
     folder = _folder()
     files = kept(folder)
     click.echo(f"{folder}: {_sum(files)}")
     for line in _by_backend(files):
         click.echo(line)
-    maps = maps_folder()
-    if maps is not None and (files := kept(maps, MAP_SUFFIX)):
-        click.echo(f"{maps}: {_sum_of_maps(files)}")
+    for place, suffix, what in _others():
+        if files := kept(place, suffix):
+            click.echo(f"{place}: {_sum(files, what)}")
 
 
 @cache.command()
 def clear() -> None:
-    """Remove every kept answer and map, and print what was removed; results of runs stay."""
-    from physic_core.cache.shelf import MAP_SUFFIX
+    """Remove every kept answer, map and model, and print what was removed; results of runs stay."""
     from physic_core.cache.shelf import clear as remove
 
     folder = _folder()
@@ -48,9 +47,9 @@ def clear() -> None:
     for line in _by_backend(files):
         click.echo(line)
     click.echo(f"removed {_sum(files)} from {folder}")
-    maps = maps_folder()
-    if maps is not None and (files := remove(maps, MAP_SUFFIX)):
-        click.echo(f"removed {_sum_of_maps(files)} from {maps}")
+    for place, suffix, what in _others():
+        if files := remove(place, suffix):
+            click.echo(f"removed {_sum(files, what)} from {place}")
 
 
 def _folder() -> Path:
@@ -58,7 +57,7 @@ def _folder() -> Path:
 
     folder = answers_folder()
     if folder is None:
-        raise InputError(f"the cache is switched off by the environment variable {SWITCH}: unset it to see the cache")
+        raise ConfigError(f"the cache is switched off by the environment variable {SWITCH}: unset it to see the cache")
     return folder
 
 
@@ -75,12 +74,19 @@ def _by_backend(files: Iterable[Kept]) -> list[str]:
     ]
 
 
-def _sum(files: list[Kept]) -> str:
-    return f"{len(files)} {'answer' if len(files) == 1 else 'answers'}, {_size(files)}"
+def _others() -> list[tuple[Path, str, tuple[str, str]]]:
+    """What else is kept: folder, suffix of its files, and their name for one and for several."""
+    from physic_core.cache.shelf import MAP_SUFFIX, MODEL_SUFFIX
+
+    kinds = (
+        (maps_folder(), MAP_SUFFIX, ("map between bodies", "maps between bodies")),
+        (models_folder(), MODEL_SUFFIX, ("copy of a body model", "copies of body models")),
+    )
+    return [(place, suffix, names) for place, suffix, names in kinds if place is not None]
 
 
-def _sum_of_maps(files: list[Kept]) -> str:
-    return f"{len(files)} {'map' if len(files) == 1 else 'maps'} between bodies, {_size(files)}"
+def _sum(files: list[Kept], names: tuple[str, str] = ("answer", "answers")) -> str:
+    return f"{len(files)} {names[len(files) != 1]}, {_size(files)}"
 
 
 def _size(files: Iterable[Kept]) -> str:

@@ -1,15 +1,16 @@
-"""``physic config``: check a configuration, show what it comes to, begin a new one."""
+"""``physic config``: check a configuration, show it resolved, begin a new one."""
 
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from physic_core.cli.exit_codes import USAGE, WEIGHTS
+from physic_core.cli.toml import toml_value
 from physic_core.errors import OutputError
 
 if TYPE_CHECKING:
@@ -32,29 +33,34 @@ def _arguments(command: Callable[..., None]) -> Callable[..., None]:
 
 @config.command()
 @_arguments
-def check(file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> None:
-    """Check FILE as a whole, options of backends included, and say what a run would lack; nothing is loaded."""
+@click.pass_context
+def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> None:
+    """Check FILE, options of backends included, and list what is missing on this machine; nothing is loaded.
+
+    Ends with code 2 if the configuration has errors, or if its device is not there, and with 4 if files are missing.
+    """
     from physic_core.plugins import discover
-    from physic_core.resolve import list_of_missing, load_checked, missing, resolve
+    from physic_core.resolve import list_of_missing, load_checked, missing_device, missing_files, resolve
     from physic_core.weights.wanted import remarks
 
     _refuse_both(file, preset)
     registry = discover()
     found = load_checked(registry, file, preset=preset, overrides=overrides)
     plan = resolve(found, registry)
-    lacking, further = missing(plan), remarks(plan, registry)
+    files, device, further = missing_files(plan), missing_device(plan), remarks(plan, registry)
     click.echo(f"{file or f'preset {preset}' if file or preset else 'preset embedded'}: no errors")
-    if lacking:
-        click.echo(list_of_missing(lacking, "; a run would stop"))
+    if files or device:
+        click.echo(list_of_missing((*files, *device), "; a run would stop"))
     for text in further:
         click.echo(f"remark: {text}")
+    ctx.exit(WEIGHTS if files else USAGE if device else 0)
 
 
 @config.command()
 @_arguments
-@click.option("--all", "whole", is_flag=True, help="Also what backends and engine do where nobody says anything.")
+@click.option("--all", "whole", is_flag=True, help="Also print the default values of backends and engine.")
 def show(file: Path | None, preset: str | None, overrides: tuple[str, ...], whole: bool) -> None:
-    """Print what FILE comes to, and where each value is from."""
+    """Print the resolved configuration of FILE, and where each value is from."""
     found = _load(file, preset, overrides)
     if whole:
         from physic_core.plugins import discover
@@ -81,8 +87,14 @@ def schema() -> None:
 @click.argument("file", type=click.Path(path_type=Path), default=Path("physic.toml"))
 @click.option("--preset", metavar="NAME", default="embedded", show_default=True, help="Preset to build on.")
 def init(file: Path, preset: str) -> None:
-    """Write a config with every value commented out to FILE."""
-    text = template(preset)
+    """Write a config to FILE in which every setting is listed with its meaning, and commented out.
+
+    Options of backends are those of the preset's backends, as far as they are installed.
+    """
+    from physic_core.cli.template import template
+    from physic_core.plugins import discover
+
+    text = template(preset, discover())
     try:
         with file.open("x", encoding="utf-8") as out:
             out.write(text)
@@ -152,25 +164,6 @@ def _says(found: Config, path: str) -> bool:
     return True
 
 
-def template(preset: str) -> str:
-    """A config that builds on a preset, everything that it could change commented out with its description."""
-    from physic_core.config import load_config
-
-    found = load_config(preset=preset)
-    lines = [f'extends = "{preset}"', "", "# Remove the # of a table's head and of the lines that you want to change."]
-    for name, table in found.as_dict().items():
-        model = getattr(found, name)
-        lines += ["", f"# [{name}]"]
-        for key, field in type(model).model_fields.items():
-            value = table.get(key, "")
-            if isinstance(value, dict):
-                lines += [f"# [{name}.{key}]  # {field.description}"]
-            else:
-                shown = toml_value(value) if key in table else "..."
-                lines += [f"# {key} = {shown}  # {field.description}"]
-    return "\n".join(lines) + "\n"
-
-
 def _table(path: str, table: Mapping[str, Any], note: Callable[[str], str]) -> list[str]:
     lines = ["", f"[{path}]"]
     lines += [f"{key} = {toml_value(v)}{note(f'{path}.{key}')}" for key, v in table.items() if _is_value(v)]
@@ -185,16 +178,3 @@ def _table(path: str, table: Mapping[str, Any], note: Callable[[str], str]) -> l
 def _is_value(value: Any) -> bool:
     """TOML has no word for None, and tables come after values."""
     return value is not None and not isinstance(value, dict)
-
-
-def toml_value(value: Any) -> str:
-    """A plain value in TOML's notation."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, float) and not math.isfinite(value):
-        return str(value)
-    if isinstance(value, (list, tuple)):
-        return f"[{', '.join(map(toml_value, value))}]"
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{k} = {toml_value(v)}" for k, v in value.items()) + "}"
-    return json.dumps(value, ensure_ascii=False)

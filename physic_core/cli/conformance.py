@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from physic_core.cli.arguments import class_here, require_interface
+from physic_core.cli.exit_codes import BACKEND, WEIGHTS
+
 if TYPE_CHECKING:
     from physic_core.registry import Registry
 
@@ -27,23 +30,29 @@ def check(
 ) -> None:
     """Try the backends called NAME on photos of synthetic worlds, and say what they do wrong.
 
-    NAME is a backend, DISTRIBUTION:BACKEND, or PACKAGE.MODULE:CLASS. Ends with code 1 if a check fails, or if nothing
-    could be asked.
+    NAME is a backend, DISTRIBUTION:BACKEND, or PACKAGE.MODULE:CLASS. Ends with code 5 if a check fails, and with
+    4 if the backend could not be tried because something is missing on this machine.
     """
     import json
 
     from physic_core.plugins import discover
     from physic_core.testing.conformance import check_backend
 
-    registry, given = discover(), _values(options) or None
+    require_interface(interface)
+    name, registry, given = class_here(name), discover(), _values(options) or None
+    interfaces = [interface] if interface is not None else interfaces_of(registry, name)
+    for own in interfaces:
+        registry.get(own, name)  # a name that cannot be used is refused before minutes are spent on the others
     reports = []
-    for own in [interface] if interface is not None else interfaces_of(registry, name):
+    for own in interfaces:
         reports.append(check_backend(name, own, options=given, registry=registry, device=device))
         if not as_json:
             click.echo(reports[-1].text + "\n")
     if as_json:
         click.echo(json.dumps([report.as_dict() for report in reports], indent=2))
-    ctx.exit(0 if all(report.ok for report in reports) else 1)
+    if any(report.failures for report in reports):
+        ctx.exit(BACKEND)
+    ctx.exit(WEIGHTS if any(report.not_asked for report in reports) else 0)
 
 
 @click.command()
@@ -61,8 +70,13 @@ def compare(interface: str, names: tuple[str, ...], worlds: tuple[str, ...], dev
 
     from physic_core.testing.conformance.compare import COMPARED
     from physic_core.testing.conformance.compare import compare as compared
+    from physic_core.testing.worlds import WORLDS
 
+    require_interface(interface)
     chosen = [(world.partition(":")[0], _seed(world)) for world in worlds] or COMPARED
+    for name, _ in chosen:
+        if name not in WORLDS:
+            raise click.UsageError(f"no world named '{name}'; there are: {', '.join(WORLDS)}")
     found = compared(interface, [_with_options(name) for name in names], worlds=chosen, device=device)
     click.echo(json.dumps(found.as_dict(), indent=2) if as_json else found.text)
 
@@ -98,9 +112,9 @@ def _with_options(name: str) -> str | tuple[str, dict[str, Any]]:
 
     bare, brace, rest = name.partition("{")
     if not brace:
-        return name
+        return class_here(name)
     try:
-        return bare, tomllib.loads(f"options = {{{rest}")["options"]
+        return class_here(bare), tomllib.loads(f"options = {{{rest}")["options"]
     except tomllib.TOMLDecodeError as error:
         raise click.UsageError(f"{name}: write NAME{{key=value, ...}} as in TOML ({error})") from error
 

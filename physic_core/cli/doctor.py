@@ -11,12 +11,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import click
 
-from physic_core.cli.arguments import require_interface
+from physic_core.cli.arguments import class_here, require_interface
+from physic_core.cli.exit_codes import BACKEND
+from physic_core.error_text import debugging, describe, traceback_text
 
 if TYPE_CHECKING:
     from physic_core.registry import Claim, Registry
@@ -37,6 +39,7 @@ class Finding:
         state: "ok"; "missing" where it says itself what it lacks; "broken" for all else.
         message: what is missing or broken.
         seconds: to import, construct, load and close it.
+        traceback: of what it raised, where ``PHYSIC_DEBUG`` asks for it; else empty.
     """
 
     interface: str
@@ -45,10 +48,12 @@ class Finding:
     state: Literal["ok", "missing", "broken"]
     message: str = ""
     seconds: float = 0.0
+    traceback: str = ""
 
     def __str__(self) -> str:
         end = f"{self.seconds:.1f} s" if self.state == "ok" else self.message
-        return f"{self.state.upper() if self.state == 'broken' else self.state:<8} {self.title}: {end}"
+        line = f"{self.state.upper() if self.state == 'broken' else self.state:<8} {self.title}: {end}"
+        return "\n".join(filter(None, (line, self.traceback.rstrip("\n"))))
 
     @property
     def title(self) -> str:
@@ -69,13 +74,13 @@ def doctor(
     """Load every installed backend in turn, or those called NAME, and say what is missing.
 
     "missing" is what a backend says that it lacks, such as a file that you bring; "BROKEN" is anything else, and ends
-    with code 1.
+    with code 5.
     """
     from physic_core.plugins import discover
 
     require_interface(interface)
     registry = discover()
-    claims = registry.called(name) if name is not None else tuple(registry)
+    claims = registry.called(class_here(name)) if name is not None else tuple(registry)
     claims = tuple(claim for claim in claims if interface in (None, claim.record.interface))
     found: list[Finding] = []
     for finding in findings(registry, claims, lambda claim: in_its_own_process(claim, device, timeout), name is None):
@@ -87,13 +92,13 @@ def doctor(
     else:
         count = {state: sum(f.state == state for f in found) for state in ("ok", "missing", "broken")}
         click.echo(f"{len(found)} looked at: {', '.join(f'{n} {state}' for state, n in count.items())}")
-    ctx.exit(1 if any(finding.state == "broken" for finding in found) else 0)
+    ctx.exit(BACKEND if any(finding.state == "broken" for finding in found) else 0)
 
 
 def findings(
     registry: Registry, claims: Iterable[Claim], load: Callable[[Claim], Finding], whole: bool = True
 ) -> Iterable[Finding]:
-    """A finding for each claim, in turn, and then for each plugin that could not say what it offers.
+    """A finding for each claim, in turn, and then for each plugin that could not say what it offers, or is not seen.
 
     Args:
         registry: what is installed.
@@ -101,13 +106,18 @@ def findings(
         load: tries one.
         whole: whether broken plugins belong to the question.
     """
+    from physic_core.entry_points import misplaced
+
     for claim in claims:
         if claim.problem:
             yield _finding(claim, "broken", claim.problem)
         else:
             yield load(claim)
     for lost in registry.broken if whole else ():
-        yield Finding("-", "-", str(lost.origin), "broken", lost.cause)
+        yield Finding("-", "-", str(lost.origin), "broken", lost.cause, traceback=traceback_text(lost.error))
+    for near in misplaced() if whole else ():
+        # A library may be called physic-... and offer nothing on purpose: that alone is no error.
+        yield Finding("-", "-", str(near.origin), "broken" if near.group else "missing", near.cause)
 
 
 def examine(registry: Registry, claim: Claim, device: str) -> Finding:
@@ -116,9 +126,10 @@ def examine(registry: Registry, claim: Claim, device: str) -> Finding:
     from physic_core.readiness import lacks
 
     start = time.perf_counter()
-    step = "import"
+    step, owner = "import", claim.origin.plugin
     try:
         kind = registry.load_whole_class(claim)
+        owner = kind.__module__
         step = "constructor"
         backend = kind()
         step = "missing()"
@@ -131,10 +142,10 @@ def examine(registry: Registry, claim: Claim, device: str) -> Finding:
     except PhysicError as error:
         # What a backend says of itself is a lack; that it cannot even be imported, or asked, is no word of its own.
         state: Literal["missing", "broken"] = "broken" if step in ("import", "missing()") else "missing"
-        return _finding(claim, state, str(error).removeprefix(str(claim)).lstrip(": "))
+        return _finding(claim, state, str(error).removeprefix(str(claim)).lstrip(": "), error)
     except (Exception, SystemExit) as error:
-        return _finding(claim, "broken", f"{step} fails: {type(error).__name__}: {error}")
-    return _finding(claim, "ok", seconds=time.perf_counter() - start)
+        return _finding(claim, "broken", f"{step} fails: {describe(error, owner)}", error)
+    return replace(_finding(claim, "ok"), seconds=round(time.perf_counter() - start, 2))
 
 
 def in_its_own_process(claim: Claim, device: str, timeout: float) -> Finding:
@@ -142,8 +153,8 @@ def in_its_own_process(claim: Claim, device: str, timeout: float) -> Finding:
     record = claim.record
     look = f"import sys; from {__name__} import _main; _main(*sys.argv[1:])"
     # A name with a colon is that of a class.
-    name = record.name if ":" in record.name else f"{claim.origin.distribution}:{record.name}"
-    command = [sys.executable, "-c", look, record.interface, name, device]
+    name = str(record.target) if ":" in record.name else f"{claim.origin.distribution}:{record.name}"
+    command = [sys.executable, "-P", "-c", look, record.interface, name, device]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     try:
         done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=timeout, check=False)
@@ -153,12 +164,16 @@ def in_its_own_process(claim: Claim, device: str, timeout: float) -> Finding:
         if line.startswith(_MARK):
             return Finding(**json.loads(line.removeprefix(_MARK)))
     last = (done.stderr.strip() or "no word").rpartition("\n")[2]
-    return _finding(claim, "broken", f"it ended Python with code {done.returncode}: {last}")
+    ended = _finding(claim, "broken", f"it ended Python with code {done.returncode}: {last}")
+    return replace(ended, traceback=done.stderr) if debugging() else ended
 
 
-def _finding(claim: Claim, state: Literal["ok", "missing", "broken"], message: str = "", seconds: float = 0) -> Finding:
+def _finding(
+    claim: Claim, state: Literal["ok", "missing", "broken"], message: str = "", error: BaseException | None = None
+) -> Finding:
     record = claim.record
-    return Finding(record.interface, record.name, str(claim.origin), state, message, round(seconds, 2))
+    owner, trace = str(claim.origin), traceback_text(error)
+    return Finding(record.interface, record.name, owner, state, message, traceback=trace)
 
 
 def _main(interface: str, name: str, device: str) -> None:

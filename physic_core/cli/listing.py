@@ -7,14 +7,17 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from physic_core.catalog import how_to_install
+from physic_core.error_text import describe, traceback_text
 from physic_core.errors import BackendError, PhysicError
+from physic_core.local_modules import split
 from physic_core.readiness import Readiness, lacks, readiness
 
 if TYPE_CHECKING:
     from physic_core.interfaces import Backend
     from physic_core.registry import Claim, Registry
 
-__all__ = ["as_dicts", "columns", "detail", "listing"]
+__all__ = ["as_dicts", "columns", "detail", "in_words", "listing"]
 
 WIDEST = 40
 """Characters of a licence or of needs in the table; ``physic plugins show`` and JSON have them whole."""
@@ -40,8 +43,9 @@ def listing(registry: Registry, interface: str | None = None) -> str:
         what = "no backend is installed" if interface is None else f"no backend for '{interface}' is installed"
         if registry.restriction is not None:
             return f"{what} (PHYSIC_PLUGINS='{registry.restriction}')"
-        return f"{what}: pip install physic-embedded"
-    return columns(rows)
+        return f"{what}: {how_to_install('physic-embedded')}"
+    traces = [traceback_text(lost.error).rstrip("\n") for lost in registry.broken]
+    return "\n".join([columns(rows), *filter(None, traces)])
 
 
 def as_dicts(registry: Registry, interface: str | None = None) -> dict[str, Any]:
@@ -57,6 +61,7 @@ def as_dicts(registry: Registry, interface: str | None = None) -> dict[str, Any]
 def detail(registry: Registry, claim: Claim) -> str:
     """All that is known of one backend, its options included."""
     record, status = claim.record, _status(registry, claim)
+    module = claim.origin.plugin
     options: list[str] = []
     files: list[str] = []
     source = None
@@ -70,13 +75,13 @@ def detail(registry: Registry, claim: Claim) -> str:
                 known = (found.why,) if found.word == "not ready" else ()
                 status = str(Readiness("not ready", "; ".join((*known, *lacking))))
         except Exception as error:  # a plugin's door: its module, or Options of any kind
-            said = str(error) if isinstance(error, BackendError) else f"{type(error).__name__}: {error}"
-            options = [f"  options   unknown: {said}"]
+            said = str(error) if isinstance(error, BackendError) else describe(error, module)
+            options = [f"  options   unknown: {said}", *filter(None, [traceback_text(error).rstrip("\n")])]
             status = "BROKEN: see options" if status == "ready" else status
     facts = [
         ("", record.summary),
         ("plugin", str(claim.origin)),
-        ("class", str(record.target)),
+        ("class", split(str(record.target))[1]),
         ("weights", record.weights_license or "none"),
         ("needs", _needs(claim) or "nothing else"),
         ("homepage", record.homepage),
@@ -179,7 +184,7 @@ def _options(model: Any) -> list[str]:
     rows = [
         (
             name,
-            _kind(properties.get(name, {}), parts),
+            in_words(properties.get(name, {}), parts),
             "required" if field.is_required() else f"default {field.get_default(call_default_factory=True)!r}",
             field.description or "",
         )
@@ -200,18 +205,20 @@ _NAMES = {
 _BOUNDS = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
 
 
-def _kind(schema: dict[str, Any], parts: dict[str, Any]) -> str:
+def in_words(schema: dict[str, Any], parts: dict[str, Any]) -> str:
     """A JSON schema in words: "number > 0, <= 50"."""
+    if len(schema.get("allOf", ())) == 1:  # pydantic before 2.9
+        schema = schema["allOf"][0]
     if "$ref" in schema:
         schema = parts.get(schema["$ref"].rpartition("/")[2], {})
     if "anyOf" in schema:
-        return " or ".join(dict.fromkeys(_kind(part, parts) for part in schema["anyOf"]))
+        return " or ".join(dict.fromkeys(in_words(part, parts) for part in schema["anyOf"]))
     if "enum" in schema:
         return " | ".join(map(str, schema["enum"]))
     if "const" in schema:
         return str(schema["const"])
     word = _NAMES.get(str(schema.get("type")), "value")
     if isinstance(schema.get("items"), dict) and schema["items"]:
-        word = f"{word} of {_kind(schema['items'], parts)}"
+        word = f"{word} of {in_words(schema['items'], parts)}"
     bounds = [f"{sign} {schema[key]:g}" for key, sign in _BOUNDS.items() if key in schema]
     return f"{word} {', '.join(bounds)}" if bounds else word

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from physic_core.cli.arguments import require_interface
+from physic_core.cli.arguments import class_here, require_interface
 from physic_core.cli.conformance import check, compare
 from physic_core.cli.doctor import doctor
 from physic_core.cli.listing import as_dicts, detail, listing
@@ -40,7 +40,7 @@ def show(name: str) -> None:
     """Say what the backends called NAME are: options, licence, source."""
     from physic_core.plugins import discover
 
-    click.echo(details(discover(), name))
+    click.echo(details(discover(), class_here(name)))
 
 
 def details(registry: Registry, name: str) -> str:

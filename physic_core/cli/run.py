@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 import math
 import os
@@ -46,9 +47,24 @@ class _Path(click.ParamType[Path]):
         return Path(value)
 
 
+_OUT = (
+    "Folder for the results.  [default: photo-physic for photo.jpg; photo.jpg-physic, photo.jpg-physic-2, ... if taken]"
+)
+
+
 @click.command()
 @click.argument("photo", type=_Path())
-@click.option("-o", "--out", type=_Path(), help="Folder for the results.  [default: <PHOTO>-physic]")
+@click.option(
+    "-o",
+    "--out",
+    type=_Path(),
+    help=_OUT,
+)
+@click.option(
+    "--overwrite",
+    is_flag=True,
+    help="Replace another photo's result, or changed files of a result.",
+)
 @click.option("--config", "file", metavar="FILE", type=_Path(), help="A TOML file, or reconstruction.json of a run.")
 @click.option("--preset", metavar="NAME", help="Preset to build on.  [default: embedded]")
 @click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Change one value; may be repeated.")
@@ -56,10 +72,11 @@ class _Path(click.ParamType[Path]):
 @click.option("--intrinsics", type=_Intrinsics(), help="Camera in px of the photo file.")
 @click.option("--device", metavar="NAME", help="cpu, cuda or cuda:N.")
 @click.option("--low-memory", is_flag=True, help="Close each backend right after its last use.")
-@click.option("--no-cache", is_flag=True, help="Ask every backend, and keep no answer.")
+@click.option("--no-cache", is_flag=True, help="Do not read or write the cache of backends' outputs.")
 def run(
     photo: Path,
     out: Path | None,
+    overwrite: bool,
     file: Path | None,
     preset: str | None,
     overrides: tuple[str, ...],
@@ -94,13 +111,12 @@ def run(
     registry = discover()
     config = load_checked(registry, file, preset=preset, overrides=overrides, flags=flags)
     require_whole(resolve(config, registry))
-    folder = out if out is not None else Path(f"{photo.stem}-physic")
-    with _terminable(), _reserved(folder):
+    with _terminable(), _reserved(photo, out, overwrite) as folder:
         from physic_core.pipeline import reconstruct_photo
 
         with _said_by_plugins() as said, _progress() as progress:
             result = reconstruct_photo(photo, config, registry=registry, progress=progress)
-            result.save(str(folder))
+            result.save(str(folder), overwrite=overwrite)
     for line in said:
         click.echo(line, err=True)
     click.echo(_summary(result, folder))
@@ -132,18 +148,67 @@ def _terminable() -> Iterator[None]:
 
 
 @contextmanager
-def _reserved(folder: Path) -> Iterator[None]:
-    """Make sure that the folder can be written before minutes are spent, and leave no empty one behind."""
-    from physic_core.io.atomic import check_writable
+def _reserved(photo: Path, out: Path | None, overwrite: bool) -> Iterator[Path]:
+    """The folder for the results, which can be written without loss; no empty one is left behind.
 
+    This is seen to before minutes are spent.
+    """
+    from physic_core.io.atomic import check_writable
+    from physic_core.io.output import check_folder
+
+    digest = _digest(photo)
+    folder, made = (out, []) if out is not None else _default_folder(photo, digest, overwrite)
     parts = [*reversed(folder.absolute().parents), folder.absolute()]
-    made = [part for part in parts if not os.path.exists(part)]  # Path's own raises where the way there is closed
+    made += [part for part in parts if not os.path.exists(part)]  # Path's own raises where the way there is closed
     try:
+        if digest:  # else whoever reads the photo says what is wrong with it
+            check_folder(folder, digest, overwrite=overwrite)
         check_writable(folder)
-        yield
+        yield folder
     except BaseException:
         _remove(made)
         raise
+
+
+def _digest(photo: Path) -> str:
+    """Digests of the photo, as far as it can be read."""
+    from physic_core.errors import InputError
+    from physic_core.io.output import file_digest, photo_digest
+    from physic_core.io.photo import read_photo
+
+    digest = file_digest(photo)
+    if digest:
+        with suppress(InputError):
+            return photo_digest(photo, read_photo(photo).image)
+    return digest
+
+
+def _default_folder(photo: Path, digest: str, overwrite: bool) -> tuple[Path, list[Path]]:
+    """The first folder of the photo's name that is new, or holds its own result; and what was made.
+
+    A new one is made at once: of two runs at the same time, each gets its own.
+    """
+    from physic_core.io.output import photo_of_result, same_photo
+
+    first = Path(f"{photo.stem}-physic")
+    if not digest:
+        return first, []
+    names = (f"{photo.name}-physic{'' if n == 1 else f'-{n}'}" for n in itertools.count(1))
+    for folder in itertools.chain([first], map(Path, names)):
+        made = False
+        try:
+            folder.mkdir()
+            made = True
+        except FileExistsError:
+            whose = photo_of_result(folder)
+            if whose is None or not (overwrite or same_photo(whose, digest)):
+                continue
+        except OSError:
+            pass  # whoever tries to write there says what is wrong
+        if folder != first:
+            click.echo(f"{first}{os.sep} is taken: results go to {folder}{os.sep}", err=True)
+        return folder, [folder] * made
+    raise AssertionError
 
 
 def _remove(folders: list[Path]) -> None:

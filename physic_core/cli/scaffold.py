@@ -20,8 +20,8 @@ def new(name: str, interface: str, folder: Path | None) -> None:
 
     The distribution is called physic-NAME.
     """
+    from physic_core.interfaces import INTERFACES
     from physic_core.plugins import core_version, discover
-    from physic_core.registry import PLUGIN_API
     from physic_core.scaffold.package import Names, write
 
     require_interface(interface)
@@ -31,6 +31,6 @@ def new(name: str, interface: str, folder: Path | None) -> None:
         raise click.UsageError(f"{taken[0]} is installed already: choose another name")
     names = Names(backend, interface)
     target = folder or Path(names.distribution)
-    for file in write(target, names, core_version(), PLUGIN_API):
+    for file in write(target, names, core_version(), INTERFACES[interface].api):
         click.echo(f"wrote {file}")
     click.echo(f"next: pip install -e {target} && physic plugins check {names.backend}")

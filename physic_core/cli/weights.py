@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from physic_core.cli.exit_codes import INTERRUPTED, WEIGHTS
 from physic_core.cli.listing import columns
 from physic_core.errors import PhysicError
 
@@ -87,7 +88,7 @@ def show(name: str, as_json: bool) -> None:
 def fetch(ctx: click.Context, names: tuple[str, ...], accept: bool, to: Path | None) -> None:
     """Fetch the weights called NAME..., as far as they are not here, and hold them against size and hash.
 
-    What an interrupted fetch has brought is kept, and the next one goes on from there. Ends with code 1 if anything is
+    What an interrupted fetch has brought is kept, and the next one goes on from there. Ends with code 4 if anything is
     still missing.
     """
     from physic_core.weights.fetch import fetch as bring
@@ -105,11 +106,11 @@ def fetch(ctx: click.Context, names: tuple[str, ...], accept: bool, to: Path | N
             click.echo(f"{name}: {error}", err=True)
         except KeyboardInterrupt:
             click.echo(f"{name}: interrupted; what has come is kept, and the next fetch goes on from there", err=True)
-            ctx.exit(130)
+            ctx.exit(INTERRUPTED)
         else:
             where = to / name if to is not None else _where(one)
             click.echo(f"{name}: {', '.join(fetched)} fetched, in {where}" if fetched else f"{name}: here, in {where}")
-    ctx.exit(1 if failed else 0)
+    ctx.exit(WEIGHTS if failed else 0)
 
 
 @weights.command()
@@ -119,7 +120,7 @@ def fetch(ctx: click.Context, names: tuple[str, ...], accept: bool, to: Path | N
 def verify(ctx: click.Context, names: tuple[str, ...], as_json: bool) -> None:
     """Hold the files that are here against their published sizes and SHA-256; all sets, or those called NAME.
 
-    Ends with code 1 if a file differs, or if a file of a set called NAME is missing.
+    Ends with code 4 if a file differs, or if a file of a set called NAME is missing.
     """
     from physic_core.weights.locate import look
     from physic_core.weights.verify import difference
@@ -155,7 +156,7 @@ def verify(ctx: click.Context, names: tuple[str, ...], as_json: bool) -> None:
         count = {state: sum(row["state"] == state for row in rows) for state in ("ok", "DIFFERS", "missing")}
         files = "1 file" if len(rows) == 1 else f"{len(rows)} files"
         click.echo(f"{files}: {count['ok']} ok, {count['DIFFERS']} differ, {count['missing']} missing")
-    ctx.exit(1 if any(row["state"] != "ok" for row in rows) else 0)
+    ctx.exit(WEIGHTS if any(row["state"] != "ok" for row in rows) else 0)
 
 
 @weights.command()

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.errors import InputError
 from physic_core.interfaces import BodyEstimator, Options
 from physic_core.types import Bodies, BodyParameters
 
@@ -35,8 +34,6 @@ class Template(BodyEstimator):
         self, image: UInt8Array, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
     ) -> Bodies:
         """N people -> N bodies in metres in the camera frame (x right, y down, z forward)."""
-        if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
-            raise InputError(f"image must be (H, W, 3) uint8, got {image.shape} {image.dtype}")
         count = len(people)
         x0, y0, x1, y1 = people.boxes.astype(np.float64).T
         z = intrinsics.fy * self.options.stature_m / np.maximum(y1 - y0, 1)

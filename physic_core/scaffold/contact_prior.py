@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.errors import BackendError, InputError
+from physic_core.errors import BackendError
 from physic_core.interfaces import ContactPrior, Options
 from physic_core.types import ContactProbability
 
@@ -44,8 +44,6 @@ class Template(ContactPrior):
 
     def infer(self, image: UInt8Array, people: People, bodies: Bodies) -> ContactProbability:
         """N people with their bodies -> probability (N, V)."""
-        if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
-            raise InputError(f"image must be (H, W, 3) uint8, got {image.shape} {image.dtype}")
         if self._body is None:
             raise BackendError("the body is not loaded: call load() first")
         if bodies.body_model != self._body.name:

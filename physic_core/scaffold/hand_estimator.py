@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.errors import InputError
 from physic_core.interfaces import HandEstimator, Options
 from physic_core.types import Hands
 
@@ -31,7 +30,5 @@ class Template(HandEstimator):
 
     def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
         """N people -> rotation vectors (N, 2, 15, 3) in radians, left hand first, and confidence (N, 2)."""
-        if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
-            raise InputError(f"image must be (H, W, 3) uint8, got {image.shape} {image.dtype}")
         count = len(people)
         return Hands(np.zeros((count, 2, 15, 3), np.float32), np.zeros((count, 2), np.float32))

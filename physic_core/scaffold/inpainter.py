@@ -30,8 +30,6 @@ class Template(Inpainter):
 
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
         """Image (H, W, 3) and mask (H, W), True = remove -> image of that size, unchanged where the mask is False."""
-        if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
-            raise InputError(f"image must be (H, W, 3) uint8, got {image.shape} {image.dtype}")
         if mask.shape != image.shape[:2] or mask.dtype != np.bool_:
             raise InputError(f"mask must be {image.shape[:2]} bool, got {mask.shape} {mask.dtype}")
         if mask.all():

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.errors import InputError
 from physic_core.interfaces import KeypointDetector, Options
 from physic_core.types import Keypoints
 
@@ -38,8 +37,6 @@ class Template(KeypointDetector):
 
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
         """Image (H, W, 3) and N people -> points (N, 17, 2) in px of the photo, row i for person i."""
-        if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
-            raise InputError(f"image must be (H, W, 3) uint8, got {image.shape} {image.dtype}")
         figure = np.array([(0.5, height) for height in _HEIGHTS.values()])
         low, high = people.boxes[:, None, :2], people.boxes[:, None, 2:]
         points = low + figure * (high - low) - 0.5  # boxes count from the border of a pixel, points from its centre

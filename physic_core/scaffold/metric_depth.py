@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.errors import BackendError, InputError
+from physic_core.errors import BackendError
 from physic_core.interfaces import MetricDepth, Options
 from physic_core.types import DepthMap
 
@@ -37,8 +37,6 @@ class Template(MetricDepth):
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
         """Image (H, W, 3) -> z-depth (H, W) in metres, NaN where unknown."""
-        if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
-            raise InputError(f"image must be (H, W, 3) uint8, got {image.shape} {image.dtype}")
         scene, original, people, bodies = hints.scene, hints.original, hints.people, hints.bodies
         if scene is None or original is None or people is None or bodies is None or not len(people):
             raise BackendError("this depth needs the scene, the original, people and their bodies among the hints")

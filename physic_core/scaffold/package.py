@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from importlib import resources
 from typing import TYPE_CHECKING
 
-from physic_core.errors import OutputError, PhysicError
+from physic_core.errors import ConfigError, OutputError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -128,7 +128,7 @@ def files(names: Names, core: str, api: int) -> dict[str, str]:
     Args:
         names: of the plugin.
         core: version of physic-core that it is begun with.
-        api: the plugin API of that core.
+        api: that core's version of the interface.
     """
     source = (resources.files("physic_core.scaffold") / f"{names.interface}.py").read_text(encoding="utf-8")
     summary = source.partition('"""')[2].partition(".")[0]
@@ -158,11 +158,11 @@ def write(folder: Path, names: Names, core: str, api: int) -> list[Path]:
     """Write a new plugin into a folder that is not there yet, and return its files.
 
     Raises:
-        PhysicError: the name cannot be one of a backend.
+        ConfigError: the name cannot be one of a backend.
         OutputError: the folder is there already, or cannot be made.
     """
     if not re.fullmatch(r"[a-z0-9]+([.-][a-z0-9]+)*", names.backend) or names.backend == "none":
-        raise PhysicError(
+        raise ConfigError(
             f"a backend's name is of a-z, 0-9 and hyphens, such as my-depth, and not 'none' (got '{names.backend}')"
         )
     written = []

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.errors import InputError
 from physic_core.interfaces import Options, RelativePointmap
 from physic_core.types import Intrinsics, Pointmap
 
@@ -31,8 +30,6 @@ class Template(RelativePointmap):
 
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
         """Image (H, W, 3) -> points (H, W, 3): x right, y down, z forward, up to a scale."""
-        if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
-            raise InputError(f"image must be (H, W, 3) uint8, got {image.shape} {image.dtype}")
         height, width = image.shape[:2]
         camera = hints.intrinsics or Intrinsics.from_focal(
             1.2 * max(height, width), width, height, "default: 1.2 sides"

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.errors import InputError
 from physic_core.interfaces import Options, Segmenter
 from physic_core.types import People
 
@@ -39,8 +38,6 @@ class Template(Segmenter):
 
     def infer(self, image: UInt8Array) -> People:
         """Image (H, W, 3) -> N people with masks (N, H, W), boxes x0 y0 x1 y1 in px and scores in [0, 1]."""
-        if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
-            raise InputError(f"image must be (H, W, 3) uint8, got {image.shape} {image.dtype}")
         height, width = image.shape[:2]
         v, u = np.mgrid[:height, :width]
         free, masks, boxes = np.ones((height, width), bool), [], []

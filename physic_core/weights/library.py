@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from physic_core.errors import InputError, PhysicError
-from physic_core.registry import normal_name
+from physic_core.errors import ConfigError, PhysicError
+from physic_core.records import normal_name
 from physic_core.weights.manifest import WeightSet, read_manifest
 from physic_core.weights.near import in_words, near
 
@@ -46,7 +46,7 @@ class Library:
         """The set of a name; "distribution:name" where two plugins list the same.
 
         Raises:
-            InputError: there is none, or more than one.
+            ConfigError: there is none, or more than one.
         """
         distribution, _, bare = name.rpartition(":")
         asked = normal_name(distribution)
@@ -57,12 +57,12 @@ class Library:
             return found[0]
         if found:
             choices = " or ".join(f"'{one.origin.distribution}:{bare}'" for one in found)
-            raise InputError(f"several plugins list weights named '{bare}': write {choices}")
+            raise ConfigError(f"several plugins list weights named '{bare}': write {choices}")
         names = sorted({one.weights.name for one in self.sets})
         close = near(bare, names)
         hint = f"did you mean {in_words(close)}?" if close else "`physic weights list` names all"
         broken = "".join(f"\n{origin}: {why}" for origin, why in self.broken)
-        raise InputError(f"no weights are named '{name}'; {hint}{broken}")
+        raise ConfigError(f"no weights are named '{name}'; {hint}{broken}")
 
 
 def read_library(manifests: Iterable[Manifest]) -> Library:

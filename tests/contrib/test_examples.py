@@ -11,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 FROZEN = Path(__file__).parent / "api1" / "physic-example-depth"
-"""The example as it was when the plugin API 1 was made: it has to work for as long as there is an API 1."""
+"""The example as it was when metric_depth had version 1: it has to work for as long as that is the version."""
 
 EXAMPLES = {
     "depth": (ROOT / "contrib" / "physic-example-depth", "metric_depth", "stature"),
@@ -57,7 +57,7 @@ def photo(environment: Any, folder: Path) -> None:
 
 
 def test_the_frozen_example_stays_as_it_was():
-    """Never mend this one: a core that it does not work with needs another API number."""
+    """Never mend this one: where a core cannot run it, MetricDepth.api has to rise."""
     digest = hashlib.sha256()
     for file in sorted(f for f in FROZEN.rglob("*") if f.is_file() and "__pycache__" not in f.parts):
         digest.update(file.relative_to(FROZEN).as_posix().encode() + b"\0" + file.read_bytes() + b"\0")

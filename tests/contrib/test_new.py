@@ -55,8 +55,8 @@ def test_a_new_package_passes_its_own_tests(interface: str, tmp_path, monkeypatc
 @pytest.mark.parametrize("interface", INTERFACES)
 def test_what_a_new_package_begins_with_passes_the_kit(interface: str):
     kind = importlib.import_module(f"physic_core.scaffold.{interface}").Template
-    registry = Registry()
-    registry.register(BackendRecord(interface, "begun", kind))
+    registry = Registry(installed=False)
+    registry.register(BackendRecord(interface, "begun", kind, api=1))
     report = check_backend("begun", interface, registry=registry)
     assert report.ok, report.text
 

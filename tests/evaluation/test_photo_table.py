@@ -40,7 +40,7 @@ def test_every_photo_has_its_row(tool, tmp_path, monkeypatch, capsys):
     assert cells[:2] == ["b_world.png", "1"]
     assert float(cells[3]) < 5
     assert float(cells[4]) < 3
-    assert (out / "b_world" / "preview.png").is_file()
+    assert (out / "b_world.png" / "preview.png").is_file()
 
 
 def test_a_crash_is_a_row_and_a_status(tool, tmp_path, monkeypatch, capsys):

@@ -127,7 +127,7 @@ def test_a_broken_list_is_a_row(plugin: Any, site: Any, monkeypatch):
     ]
     done = physic("show", "nothing")
     assert (done.exit_code, done.stderr) == (
-        1,
+        2,
         "Error: no weights are named 'nothing'; `physic weights list` names all\n"
         f"physic-odd 1.0: this list of weights does not hold:\n{path}: [odd] has no files\n",
     )
@@ -188,7 +188,7 @@ def test_fetch_where_and_verify(plugin: Any, own_cache: Path):
 
 def test_fetch_goes_on_with_the_others(plugin: Any, own_cache: Path):
     done = physic("fetch", "own", "gated", "free")
-    assert (done.exit_code, done.stdout) == (1, f"free: free.onnx fetched, in {own_cache / 'free' / 'free.onnx'}\n")
+    assert (done.exit_code, done.stdout) == (4, f"free: free.onnx fetched, in {own_cache / 'free' / 'free.onnx'}\n")
     assert done.stderr.splitlines() == [
         f"own: own.onnx, own.json of 'own' cannot be fetched: export it with tools/export_own.py; "
         f"then put it into {own_cache / 'own'}",
@@ -216,7 +216,7 @@ def test_fetch_to_a_folder_that_another_machine_reads_offline(plugin: Any, tmp_p
 
 def test_a_name_that_is_none(plugin: Any):
     done = physic("fetch", "fre")
-    assert (done.exit_code, done.stderr) == (1, "Error: no weights are named 'fre'; did you mean 'free'?\n")
+    assert (done.exit_code, done.stderr) == (2, "Error: no weights are named 'fre'; did you mean 'free'?\n")
 
 
 def test_a_name_that_two_plugins_have(plugin: Any, site: Any, server: Any, monkeypatch, own_cache: Path):
@@ -225,7 +225,7 @@ def test_a_name_that_two_plugins_have(plugin: Any, site: Any, server: Any, monke
     (site.folder / "more.toml").write_text(manifest(f"{server.address}/gone"))
     done = physic("where", "free")
     assert (done.exit_code, done.stderr) == (
-        1,
+        2,
         "Error: several plugins list weights named 'free': write 'physic-more:free' or 'physic-nets:free'\n",
     )
     assert physic("fetch", "physic-nets:free").exit_code == 0
@@ -233,7 +233,7 @@ def test_a_name_that_two_plugins_have(plugin: Any, site: Any, server: Any, monke
 
 def test_where_of_what_is_missing(plugin: Any, own_cache: Path):
     done = physic("where", "free")
-    assert (done.exit_code, done.stdout) == (1, "")
+    assert (done.exit_code, done.stdout) == (4, "")
     assert done.stderr == (
         "Error: weights 'free' (1.05 MB, MIT) are not here: `physic weights fetch free`\n"
         f"sought in {own_cache / 'free'}, Hugging Face's cache\n"
@@ -246,14 +246,14 @@ def test_verify_tells_what_differs_and_what_cannot_be_told(plugin: Any, own_cach
     done = physic("verify")
     wrong = f"its SHA-256 is {hashlib.sha256(CONTENT[::-1]).hexdigest()} instead of {HASH}"
     assert (done.exit_code, done.stdout) == (
-        1,
+        4,
         f"DIFFERS  free free.onnx: {wrong}\n"
         "ok       own own.json: held against nothing: no more is published\n"
         "2 files: 1 ok, 1 differ, 0 missing\n",
     )
     rows = json.loads(physic("verify", "own", "--json").stdout)
     assert [(row["file"], row["state"]) for row in rows] == [("own.onnx", "missing"), ("own.json", "ok")]
-    assert physic("verify", "own").exit_code == 1
+    assert physic("verify", "own").exit_code == 4
     put(own_cache / "free" / "free.onnx", b"cut off")
     assert physic("verify", "free").stdout.startswith(
         f"DIFFERS  free free.onnx: it has 7 bytes instead of {len(CONTENT)}\n"
@@ -269,6 +269,8 @@ def test_ctrl_c_ends_it_in_words_and_keeps_what_has_come(plugin: Any, server: An
         "-W",
         "error",
         "-c",
+        # Whoever started us may ignore SIGINT, and every process inherits that.
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
         "from physic_core.cli import main; main()",
         "weights",
         "fetch",
@@ -279,12 +281,15 @@ def test_ctrl_c_ends_it_in_words_and_keeps_what_has_come(plugin: Any, server: An
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
     ) as running:
         part = own_cache / "free" / "free.onnx.part"
-        for _ in range(600):
-            if part.is_file() and part.stat().st_size >= 262_144:
-                break
-            time.sleep(0.05)
-        running.send_signal(signal.SIGINT)
-        out, err = running.communicate(timeout=30)
+        try:
+            for _ in range(600):
+                if part.is_file() and part.stat().st_size >= 262_144:
+                    break
+                time.sleep(0.05)
+            running.send_signal(signal.SIGINT)
+            out, err = running.communicate(timeout=30)
+        finally:
+            running.kill()
     assert (running.returncode, out) == (130, "")
     assert err == (
         "free: free.onnx (1.05 MB)\nfree: interrupted; what has come is kept, and the next fetch goes on from there\n"
@@ -305,6 +310,8 @@ def test_on_a_terminal_there_is_a_bar(plugin: Any, own_cache: Path):
         "-W",
         "error",
         "-c",
+        # Whoever started us may ignore SIGINT, and every process inherits that.
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
         "from physic_core.cli import main; main()",
         "weights",
         "fetch",

@@ -341,7 +341,7 @@ def test_a_file_in_the_way_of_the_folder_is_said(server: Any, own_cache: Path):
 def test_a_library_that_is_not_installed_is_asked_for(server: Any, monkeypatch, absent: str):
     monkeypatch.setattr(fetching, "find_spec", lambda name: None if name == absent else object())
     assert refusal(one(server.add("/model.onnx", CONTENT))) == (
-        f'fetching weights needs {absent}: pip install "physic-core[weights]"'
+        f"fetching weights needs {absent}: `pip install -e '.[weights]'` in a checkout of PhySIC"
     )
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.errors import BackendError, InputError
+from physic_core.errors import BackendError
 from physic_core.interfaces import MetricDepth, Options
 from physic_core.types import DepthMap
 
@@ -37,8 +37,6 @@ class Stature(MetricDepth):
 
     def infer(self, image: NDArray[np.uint8], hints: Hints) -> DepthMap:
         """Image (H, W, 3) -> z-depth (H, W) in metres, NaN where the scene has none."""
-        if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
-            raise InputError(f"image must be (H, W, 3) uint8, got {image.shape} {image.dtype}")
         scene, original, people = hints.scene, hints.original, hints.people
         if scene is None or original is None or people is None:
             raise BackendError("depth by stature needs hints.scene, original and people: use it in the pipeline")

@@ -6,7 +6,7 @@ from physic_core import BackendRecord, hookimpl
 
 __all__ = ["NOISE_VERSION", "physic_backends"]
 
-NOISE_VERSION = "2"
+NOISE_VERSION = "3"
 """Names the error models and their defaults; figures measured under different versions do not compare."""
 
 _CLASSES = {
@@ -25,6 +25,8 @@ _CLASSES = {
 def physic_backends() -> list[BackendRecord]:
     """The backends of this plugin."""
     return [
-        BackendRecord(interface, "mock", f"physic_mock.backends:{name}", summary="The truth of a small synthetic world")
+        BackendRecord(
+            interface, "mock", f"physic_mock.backends:{name}", api=1, summary="The truth of a small synthetic world"
+        )
         for interface, name in _CLASSES.items()
     ]

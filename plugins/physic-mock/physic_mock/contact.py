@@ -91,7 +91,8 @@ def _probability(world: World, person: int, options: ContactOptions) -> FloatArr
     probability = 0.45 / (1 + np.exp(1 - field)) * rng.uniform(0.7, 1.0, len(field))
     probability[hits] = np.linspace(0.95, 0.55, len(hits))
     probability[false] = np.linspace(0.85, 0.52, len(false))
-    return probability
+    rounded: FloatArray = np.round(probability, 6)  # exp() differs in its last bit between CPUs
+    return rounded
 
 
 def _fared(recall: float, spread: float, rng: np.random.Generator) -> tuple[float, float]:

@@ -39,7 +39,7 @@ class DepthOptions(MockOptions):
     knows_camera: bool = Field(True, description="Whether the intrinsics are answered.")
     focal_error: float = Field(1.0, gt=0, description="Factor on the focal length besides the drawn one.")
     focal_sigma: float = Field(
-        0.03, ge=0, le=1, description="Standard deviation of the logarithm of the focal length, drawn once a world."
+        0.07, ge=0, le=1, description="Standard deviation of the logarithm of the focal length, drawn once a world."
     )
 
 
@@ -48,7 +48,7 @@ class MetricDepthOptions(DepthOptions):
 
     scale: float = Field(1.0, gt=0, description="Factor on the true depth besides the drawn one.")
     scale_sigma: float = Field(
-        0.05, ge=0, le=1, description="Standard deviation of the logarithm of that factor, drawn once a world."
+        0.08, ge=0, le=1, description="Standard deviation of the logarithm of that factor, drawn once a world."
     )
     stated_sigma: float | None = Field(
         None, ge=0, description="What is answered as standard deviation of log scale; None: the true one of the draws."

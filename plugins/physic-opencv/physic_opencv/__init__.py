@@ -15,24 +15,28 @@ def physic_backends() -> list[BackendRecord]:
             "inpainter",
             "telea",
             "physic_opencv.inpaint:Telea",
+            api=1,
             summary="Telea 2004: fast marching from the rim inwards",
         ),
         BackendRecord(
             "inpainter",
             "navier-stokes",
             "physic_opencv.inpaint:NavierStokes",
+            api=1,
             summary="Bertalmio 2001: continues the lines of equal brightness",
         ),
         BackendRecord(
             "inpainter",
             "patch-based",
             "physic_opencv.patches:PatchBased",
+            api=1,
             summary="Copies the best matching patches of the rest of the photo",
         ),
         BackendRecord(
             "segmenter",
             "grabcut",
             "physic_opencv.grabcut:GrabCut",
+            api=1,
             summary="People masks by graph cuts of colour models, from boxes or keypoints",
         ),
     ]

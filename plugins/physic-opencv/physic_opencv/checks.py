@@ -1,4 +1,4 @@
-"""What every backend of this plugin asks of its input."""
+"""What every inpainter of this plugin asks of its mask."""
 
 from __future__ import annotations
 
@@ -11,19 +11,7 @@ from physic_core.errors import InputError
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, UInt8Array
 
-__all__ = ["check_image", "check_mask"]
-
-
-def check_image(image: UInt8Array) -> None:
-    """Refuse what is not an (H, W, 3) uint8 image.
-
-    Raises:
-        InputError: another shape or dtype came.
-    """
-    if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
-        raise InputError(
-            f"The image must be (H, W, 3) uint8 RGB, got {image.shape} {image.dtype}: convert it before the call."
-        )
+__all__ = ["check_mask"]
 
 
 def check_mask(image: UInt8Array, mask: BoolArray) -> None:

@@ -14,7 +14,6 @@ from pydantic import Field
 from physic_core import interfaces
 from physic_core.errors import BackendError, ConfigError
 from physic_core.types import Keypoints, People
-from physic_opencv.checks import check_image
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -81,7 +80,6 @@ class GrabCut(interfaces.Segmenter):
             ConfigError: the options give neither boxes nor keypoints, or a box that holds no pixels of the image.
             BackendError: nothing stands out in one of the boxes.
         """
-        check_image(image)
         assert isinstance(self.options, GrabCutOptions)
         options = self.options
         height, width = image.shape[:2]

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from physic_core import interfaces
-from physic_opencv.checks import check_image, check_mask
+from physic_opencv.checks import check_mask
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, UInt8Array
@@ -46,7 +46,6 @@ class _Diffusion(interfaces.Inpainter):
         """
         import cv2
 
-        check_image(image)
         check_mask(image, mask)
         assert isinstance(self.options, DiffusionOptions)
         return _fill(image, mask, getattr(cv2, self._method), self.options)

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from physic_core import interfaces
 from physic_opencv import patchmatch
-from physic_opencv.checks import check_image, check_mask
+from physic_opencv.checks import check_mask
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, UInt8Array
@@ -49,7 +49,6 @@ class PatchBased(interfaces.Inpainter):
         Raises:
             InputError: image or mask has another shape or dtype, or too little is unmasked to take a patch from.
         """
-        check_image(image)
         check_mask(image, mask)
         assert isinstance(self.options, PatchOptions)
         filled = image.copy()

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_core.errors import BackendError, ConfigError, InputError
+from physic_core.errors import BackendError, ConfigError
 from physic_opencv.grabcut import GrabCut, GrabCutOptions
 
 HEIGHT, WIDTH = 180, 240
@@ -129,12 +129,4 @@ def test_a_box_in_which_nothing_stands_out_is_refused():
     assert str(caught.value) == (
         "GrabCut found nothing that stands out in the box [80.0, 20.0, 160.0, 160.0] px: draw the box round the whole "
         "person, with some background inside, or give keypoints."
-    )
-
-
-def test_an_image_of_another_kind_is_refused():
-    with pytest.raises(InputError) as caught:
-        GrabCut().infer(np.zeros((4, 4, 4), np.uint8))
-    assert str(caught.value) == (
-        "The image must be (H, W, 3) uint8 RGB, got (4, 4, 4) uint8: convert it before the call."
     )

@@ -1,0 +1,12 @@
+"""``python -m physic_core`` is ``physic``."""
+
+if __name__ == "__main__":
+    import sys
+
+    # Python puts the current folder first, and a module in it would hide an installed one.
+    if not sys.flags.safe_path:
+        del sys.path[0]
+
+    from physic_core.cli import main
+
+    main(prog_name="physic")

@@ -1,0 +1,124 @@
+"""The file that ``physic config init`` writes: every key with its value, its meaning and what it may hold."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import textwrap
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any, get_type_hints
+
+from physic_core.cli.listing import in_words
+from physic_core.cli.toml import toml_value
+from physic_core.config import load_config, stage_tables
+from physic_core.engine.settings import EngineSettings
+from physic_core.errors import BackendError
+from physic_core.interfaces import INTERFACES
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+    from physic_core.config import Config
+    from physic_core.registry import Registry
+
+__all__ = ["template"]
+
+_WIDTH = 118
+_HEAD = """\
+## Every setting, with the value that it has in this preset. To change one, remove the single # of its line and of the
+## [table] that it is in. Lines with ## are explanations. Settings that have no value are named there.
+"""
+
+
+def template(preset: str, registry: Registry) -> str:
+    """A config that builds on a preset, with every other line commented out.
+
+    Without the single # in front of its lines it is the preset, written out.
+
+    Args:
+        preset: its name.
+        registry: of the backends whose options are listed.
+    """
+    found = load_config(preset=preset)
+    lines = [f'extends = "{preset}"', "", _HEAD.rstrip()]
+    for interface in INTERFACES:
+        lines += _interface(found, interface, registry)
+    for name in ("photo", "body_model", "run", "engine"):
+        model = getattr(found, name)
+        own = {key: getattr(model, key) for key in type(model).model_fields if key not in stage_tables()}
+        lines += _table(name, own, _meanings(type(model)))
+    settings = found.engine.settings()
+    for stage, kind in get_type_hints(EngineSettings).items():
+        lines += _table(f"engine.{stage}", asdict(getattr(settings, stage)), _engine_meanings(stage, kind), kind)
+    return "\n".join(lines) + "\n"
+
+
+def _interface(found: Config, interface: str, registry: Registry) -> list[str]:
+    chosen = found.choice(interface)
+    lines = _table(interface, {"backend": chosen.backend}, {"backend": "the backend; `physic plugins` lists all"})
+    if chosen.backend == "none":
+        return lines
+    options: Mapping[str, Any] = chosen.options
+    meanings: Mapping[str, str] = {}
+    try:
+        kind = registry.load_class(registry.get(interface, chosen.backend)).Options
+        options = kind.model_validate(dict(options)).model_dump(mode="json")
+        meanings = _meanings(kind)
+    except BackendError as error:
+        lines += _prose(f"The options of '{chosen.backend}' are not listed: {str(error).partition(chr(10))[0]}")
+    return lines + (_table(f"{interface}.options", options, meanings) if options else [])
+
+
+def _table(name: str, values: Mapping[str, Any], meanings: Mapping[str, str], kind: type | None = None) -> list[str]:
+    title = _plain((kind.__doc__ or "").partition("\n")[0]) if kind is not None else ""
+    lines = ["", f"# [{name}]", *_prose(title)]
+    for key, value in values.items():
+        if value is None:
+            lines += _prose(f"{key}, not set: {meanings.get(key, '')}")
+        else:
+            lines += [*_prose(meanings.get(key, "")), f"# {key} = {toml_value(value)}"]
+    return lines
+
+
+def _prose(text: str) -> list[str]:
+    return [f"## {line}" for line in textwrap.wrap(text, _WIDTH, break_on_hyphens=False)]
+
+
+def _meanings(model: type[BaseModel]) -> dict[str, str]:
+    """What each field of a pydantic model is, and what it may hold."""
+    schema = model.model_json_schema()
+    properties, parts = schema.get("properties", {}), schema.get("$defs", {})
+    return {
+        name: _with_kind(field.description or "", in_words(properties.get(name, {}), parts))
+        for name, field in model.model_fields.items()
+    }
+
+
+def _engine_meanings(stage: str, kind: type) -> dict[str, str]:
+    """The same of a stage's settings: meanings from the docstring, kinds from the annotations."""
+    schema = stage_tables()[stage].model_json_schema()
+    parts, said = schema.get("$defs", {}), _attributes(kind)
+    return {
+        # Every key of the table may be missing, which is no value that it may hold.
+        name: _with_kind(said.get(name, ""), in_words(one, parts).removesuffix(" or unset"))
+        for name, one in schema["properties"].items()
+    }
+
+
+def _with_kind(meaning: str, kind: str) -> str:
+    return f"{meaning.removesuffix('.')} ({kind})" if meaning else kind
+
+
+def _attributes(kind: type) -> dict[str, str]:
+    """The ``Attributes:`` of a docstring, a text each."""
+    _, _, section = inspect.cleandoc(kind.__doc__ or "").partition("Attributes:\n")
+    found = re.finditer(r"^    (\w+): (.*(?:\n {8}.*)*)", section, re.M)
+    return {one[1]: _plain(" ".join(one[2].split())) for one in found}
+
+
+def _plain(text: str) -> str:
+    """Without the marks that only documentation pages read."""
+    stages = {kind.__name__: f"[engine.{stage}]" for stage, kind in get_type_hints(EngineSettings).items()}
+    text = re.sub(r":class:`(\w+)`", lambda found: stages.get(found[1], found[1]), text)
+    return text.replace("``", "")

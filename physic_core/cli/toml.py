@@ -1,0 +1,22 @@
+"""Plain values in TOML's notation."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+__all__ = ["toml_value"]
+
+
+def toml_value(value: Any) -> str:
+    """A plain value in TOML's notation."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(toml_value, value))}]"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{k} = {toml_value(v)}" for k, v in value.items()) + "}"
+    return json.dumps(value, ensure_ascii=False)

@@ -1,0 +1,64 @@
+"""The core looks at the photo before it calls a backend, so that no backend has to."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from physic_core import border
+from physic_core.calls import infer
+from physic_core.errors import InputError
+from physic_core.interfaces import Inpainter
+from physic_core.resolve import ResolvedBackend
+from physic_core.stages import Stages
+from physic_core.types import Provenance
+
+PHOTO = np.full((6, 8, 3), 7, np.uint8)
+WANTED = "the image must be a numpy array (H, W, 3) of uint8 RGB, got "
+STRANGE = [
+    (PHOTO / np.float32(255), "(6, 8, 3) float32: convert it before the call"),
+    (np.full((6, 8, 3), np.nan), "(6, 8, 3) float64: convert it before the call"),
+    (PHOTO[..., 0], "(6, 8) uint8: convert it before the call"),
+    (PHOTO[..., [0, 1, 2, 0]], "(6, 8, 4) uint8: convert it before the call"),
+    (PHOTO.transpose(2, 0, 1), "(3, 6, 8) uint8: convert it before the call"),
+    (PHOTO[:0], "(0, 8, 3) uint8: convert it before the call"),
+    (PHOTO.tolist(), "list"),
+    (torch.from_numpy(PHOTO), "Tensor: write .detach().cpu().numpy()"),
+]
+
+
+class Counting(Inpainter):
+    def __init__(self) -> None:
+        super().__init__()
+        self.events: list[str] = []
+
+    def load(self, device: str = "cpu") -> None:
+        self.events.append("load")
+
+    def infer(self, image: Any, mask: Any) -> Any:
+        self.events.append("infer")
+        return image
+
+
+@pytest.mark.parametrize(("image", "got"), STRANGE, ids=[got for _, got in STRANGE])
+def test_what_is_no_photo_reaches_no_backend(image: Any, got: str):
+    backend = Counting()
+    with pytest.raises(InputError) as caught:
+        infer(backend, (image, None))
+    assert str(caught.value) == WANTED + got
+    who = ResolvedBackend(backend, Provenance("inpainter", "mine", "my_plugin", "my-dist", "1.0", {}, ""))
+    stages = Stages("cpu", 1)
+    with pytest.raises(InputError) as caught:
+        stages.ask("inpainting", who, (image, None), np.ndarray, lambda a: border.image_faults(a, 6, 8))
+    assert str(caught.value) == WANTED + got
+    assert backend.events == []
+    assert stages.records == []
+
+
+def test_a_photo_comes_as_it_is():
+    backend = Counting()
+    assert infer(backend, (PHOTO, None)) is PHOTO
+    assert backend.events == ["infer"]

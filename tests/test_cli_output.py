@@ -1,0 +1,131 @@
+"""Where `physic run` writes: a folder of its own for each photo, and never over the user's files."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from PIL import Image
+
+from physic_core.cli import main
+from physic_core.errors import NoPersonError
+from physic_core.io.output import file_digest, image_digest, photo_of_result
+
+
+@dataclass
+class Found:
+    """As much of a reconstruction as the command looks at."""
+
+    photo: str
+    people = warnings = notes = stages = ()
+
+    def save(self, folder: str, *, overwrite: bool) -> None:
+        document = {"schema": "physic-reconstruction", "photo": self.photo, "files": ["reconstruction.json"]}
+        Path(folder, "reconstruction.json").write_text(json.dumps(document))
+
+
+@pytest.fixture(autouse=True)
+def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
+    """The photos that a stand-in of the pipeline was given."""
+    photos: list[Path] = []
+
+    def reconstruct_photo(path: Path, config: Any, **_: Any) -> Found:
+        photos.append(path)
+        if path.stem == "empty":
+            raise NoPersonError("nobody was found")
+        return Found(file_digest(path))
+
+    module = ModuleType("physic_core.pipeline")
+    module.reconstruct_photo = reconstruct_photo  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "physic_core.pipeline", module)
+    monkeypatch.chdir(tmp_path)
+    return photos
+
+
+def photo(name: str) -> str:
+    Path(name).parent.mkdir(exist_ok=True)
+    Path(name).write_text(name)
+    return name
+
+
+def run(*arguments: str) -> Result:
+    return CliRunner().invoke(main, ["run", "--preset", "mock", *arguments])
+
+
+def folder_of(done: Result) -> str:
+    assert done.exit_code == 0, done.output
+    return done.stdout.splitlines()[-1].removeprefix("results: ").partition("/")[0]
+
+
+def test_photos_of_one_name_get_folders_of_their_own_and_find_them_again():
+    names = ["x/a.jpg", "a.png", "y/a.jpg", "z/a.jpg"]
+    folders = ["a-physic", "a.png-physic", "a.jpg-physic", "a.jpg-physic-2"]
+    for _ in range(2):
+        assert [folder_of(run(photo(name))) for name in names] == folders
+    assert [photo_of_result(folder) for folder in folders] == [file_digest(name) for name in names]
+
+
+def test_it_says_that_a_folder_is_taken():
+    run(photo("x/a.jpg"))
+    assert run(photo("y/a.jpg")).stderr == "a-physic/ is taken: results go to a.jpg-physic/\n"
+    Path("b-physic").mkdir()  # perhaps of a run that has not ended
+    assert run(photo("b")).stderr == "b-physic/ is taken: results go to b-physic-2/\n"
+
+
+def test_overwrite_takes_the_first_folder_with_a_result():
+    run(photo("x/a.jpg"))
+    assert folder_of(run(photo("y/a.jpg"), "--overwrite")) == "a-physic"
+    assert photo_of_result("a-physic") == file_digest("y/a.jpg")
+
+
+def test_a_failing_run_leaves_no_default_folder():
+    run(photo("x/a.jpg"))
+    assert run(photo("empty.jpg")).exit_code != 0
+    assert sorted(path.name for path in Path().iterdir()) == ["a-physic", "empty.jpg", "x"]
+
+
+@pytest.mark.parametrize("overwrite", [(), ("--overwrite",)])
+def test_a_photo_in_the_folder_under_a_name_of_ours_is_refused_at_once(asked: list[Path], overwrite: tuple[str, ...]):
+    photo("out/preview.png")
+    photo("out/scene.glb")
+    Path("link.png").symlink_to("out/preview.png")
+    for name in ("out/preview.png", "link.png"):
+        done = run(name, "-o", "out", *overwrite)
+        assert done.stderr == (
+            "Error: cannot write results to out: preview.png there is the photo itself; scene.glb there is not of an "
+            "earlier run: name another folder, or move them away\n"
+        )
+    assert asked == []
+    assert Path("out/preview.png").read_text() == "out/preview.png"
+
+
+def test_another_photos_result_is_refused_at_once_and_replaced_if_asked(asked: list[Path]):
+    assert folder_of(run(photo("x/a.jpg"), "-o", "out")) == "out"
+    assert folder_of(run("x/a.jpg", "-o", "out")) == "out"
+    done = run(photo("b.jpg"), "-o", "out")
+    assert done.stderr == (
+        "Error: cannot write results to out: it holds the result of another photo: name another folder, or replace "
+        "that result with --overwrite (overwrite=True in Python)\n"
+    )
+    assert len(asked) == 2
+    assert folder_of(run("b.jpg", "-o", "out", "--overwrite")) == "out"
+
+
+def test_the_result_of_the_photos_pixels_is_the_photos_own(asked: list[Path]):
+    pixels = np.full((70, 80, 3), 9, np.uint8)
+    Image.fromarray(pixels).save("a.png")
+    Path("out").mkdir()
+    Found(image_digest(pixels)).save("out", overwrite=False)
+    assert folder_of(run("a.png", "-o", "out")) == "out"
+
+
+def test_the_help_says_where_results_go_by_default():
+    text = " ".join(CliRunner().invoke(main, ["run", "--help"]).stdout.split())
+    assert "[default: photo-physic for photo.jpg; photo.jpg-physic, photo.jpg-physic-2, ... if taken]" in text

@@ -1,0 +1,116 @@
+"""No command takes a module from the current folder, whatever the libraries that it uses try to import."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from physic_core.testing.worlds import build_world
+
+ALWAYS = ("IPython", "cupy", "sitecustomize", "usercustomize", "pydantic_settings", "colorama", "physic_mine")
+"""Names that may be tried elsewhere, if not on this machine."""
+
+RECORD = """
+import json, sys
+
+class Recorder:
+    names = set()
+    def find_spec(self, name, path=None, target=None):
+        if path is None:
+            self.names.add(name)
+
+sys.meta_path.append(Recorder())
+from physic_core.cli import main
+main(sys.argv[1:], standalone_mode=False)
+loaded = {name.partition(".")[0] for name in sys.modules}
+print(json.dumps({"absent": sorted(Recorder.names), "loaded": sorted(loaded)}))
+"""
+
+POISON = """
+import os
+with open(os.environ["POISON_MARKER"], "a") as marker:
+    marker.write(__name__ + "\\n")
+raise ImportError("a module of the current folder was imported")
+"""
+
+
+def python(folder: Path, *arguments: str, code: int = 0) -> str:
+    environment = os.environ | {"PHYSIC_CACHE": "off", "POISON_MARKER": str(folder.parent / "marker")}
+    environment.pop("PYTHONPATH", None)
+    done = subprocess.run(
+        [sys.executable, *arguments], cwd=folder, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == code, done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def names(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
+    """Top-level names that a run imports, and those that it tries in vain."""
+    folder = tmp_path_factory.mktemp("clean") / "here"
+    folder.mkdir()
+    photo(folder)
+    names: dict[str, list[str]] = json.loads(python(folder, "-P", "-c", RECORD, *RUN).splitlines()[-1])
+    return names
+
+
+RUN = ("run", "photo.png", "-o", "out", "--preset", "light-cpu")
+COMMANDS = [
+    RUN,
+    ("plugins",),
+    ("plugins", "doctor", "embedded", "--interface", "inpainter"),
+    ("config", "check"),
+    ("--version",),
+]
+
+
+def photo(folder: Path) -> None:
+    Image.fromarray(build_world("stand").image).save(folder / "photo.png")
+
+
+@pytest.fixture
+def poisoned(names: dict[str, list[str]], tmp_path: Path) -> Path:
+    """A folder in which every name that a run imports or tries to import is a module that leaves a mark."""
+    folder = tmp_path / "here"
+    folder.mkdir()
+    photo(folder)
+    for name in (*names["absent"], *names["loaded"], *ALWAYS):
+        (folder / f"{name}.py").write_text(POISON)
+    return folder
+
+
+def test_the_poison_works(poisoned: Path):
+    python(poisoned, "-c", "import physic_mine", code=1)
+    assert (poisoned.parent / "marker").read_text() == "physic_mine\n"
+
+
+def test_a_run_tries_names_that_are_not_there(names: dict[str, list[str]]):
+    """Else these tests would hold nothing."""
+    assert len(names["absent"]) > 5
+    assert {"torch", "numpy", "cv2", "onnxruntime"} <= set(names["loaded"])
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+def test_physic_imports_nothing_of_the_current_folder(poisoned: Path, command: tuple[str, ...]):
+    script = Path(sys.executable).with_name("physic")
+    start = [str(script)] if script.is_file() else ["-P", "-c", "from physic_core.cli import main; main()"]
+    python(poisoned, *start, *command)
+    assert not (poisoned.parent / "marker").exists(), (poisoned.parent / "marker").read_text()
+
+
+@pytest.mark.parametrize("command", COMMANDS[1:3], ids=" ".join)
+def test_python_m_physic_core_imports_nothing_of_the_current_folder(
+    poisoned: Path, names: dict[str, list[str]], command: tuple[str, ...]
+):
+    """Python itself takes modules from there until the first line of ours is reached: its own library only."""
+    for name in sys.stdlib_module_names:
+        (poisoned / f"{name}.py").unlink(missing_ok=True)
+    (poisoned / "physic_core.py").unlink()
+    python(poisoned, "-m", "physic_core", *command)
+    assert not (poisoned.parent / "marker").exists(), (poisoned.parent / "marker").read_text()

@@ -1,0 +1,195 @@
+"""Errors of plugins name the file and the line in which they arose, in every command and in pytest."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from physic_core.cli import main
+from physic_core.error_text import describe
+
+BROKEN = """\
+import numpy as np
+from physic_core import BackendRecord, hookimpl
+from physic_core.interfaces import Inpainter
+from physic_core.types import Intrinsics
+
+class Fill(Inpainter):
+    def infer(self, image, mask):
+        return self.options.nothere
+
+class Camera(Inpainter):
+    def infer(self, image, mask):
+        return helper(image)
+
+def helper(image):
+    return np.linalg.inv(np.zeros((2, 3)))
+
+@hookimpl
+def physic_backends():
+    return [BackendRecord("inpainter", "raises", "physic_broken:Fill", api=1)]
+"""
+SAID = "AttributeError: 'Options' object has no attribute 'nothere' (physic_broken.py:8)"
+
+
+@pytest.fixture
+def broken(site: Any, monkeypatch: pytest.MonkeyPatch) -> Path:
+    site.install("physic-broken", BROKEN)
+    monkeypatch.setenv("PYTHONPATH", str(site.folder))
+    folder: Path = site.folder
+    return folder
+
+
+@pytest.fixture(params=[False, True], ids=["", "PHYSIC_DEBUG=1"])
+def debug(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> bool:
+    monkeypatch.setenv("PHYSIC_DEBUG", "1" if request.param else "0")
+    return bool(request.param)
+
+
+def caught(call: Any, *arguments: Any) -> BaseException:
+    try:
+        call(*arguments)
+    except BaseException as error:
+        return error
+    raise AssertionError("it raised nothing")
+
+
+# ---- the place -------------------------------------------------------------------------------------------------------
+
+
+def test_the_place_is_the_innermost_line_of_the_plugins_own_code(broken: Path):
+    import physic_broken  # type: ignore[import-not-found]
+
+    image = np.zeros((4, 4, 3), np.uint8)
+    error = caught(physic_broken.Camera().infer, image, None)
+    assert describe(error, physic_broken.Camera).endswith(" (physic_broken.py:15)")
+    assert describe(error, "physic_broken").endswith(" (physic_broken.py:15)")
+    # Without an owner it is the innermost line of all, here one of NumPy's.
+    assert describe(error, "physic_other").rpartition("(")[2].startswith("numpy/linalg/")
+
+
+def test_a_file_of_a_package_is_named_with_its_folders(site: Any):
+    package = site.folder / "physic_deep" / "nets"
+    package.mkdir(parents=True)
+    (package.parent / "__init__.py").write_text("import json\ndef load():\n    json.loads('{')\n")
+    (package / "__init__.py").write_text("")
+    (package / "depth.py").write_text("def infer():\n    raise ValueError('no floor')\n")
+    import physic_deep  # type: ignore[import-not-found]
+    import physic_deep.nets.depth  # type: ignore[import-not-found]
+
+    assert describe(caught(physic_deep.nets.depth.infer), "physic_deep") == (
+        "ValueError: no floor (physic_deep/nets/depth.py:2)"
+    )
+    assert describe(caught(physic_deep.load), "physic_deep").endswith(" (physic_deep/__init__.py:3)")
+
+
+def test_lines_that_say_nothing_of_the_plugin_are_left_out(broken: Path):
+    (broken / "physic_typo.py").write_text("x = (\n")
+    assert describe(caught(__import__, "physic_gone"), "physic_gone") == (
+        "ModuleNotFoundError: No module named 'physic_gone' (tests/test_error_text.py:"
+        f"{caught.__code__.co_firstlineno + 2})"
+    )
+    # Python writes the place of a syntax error itself.
+    assert describe(caught(__import__, "physic_typo"), "physic_typo") == (
+        "SyntaxError: '(' was never closed (physic_typo.py, line 1)"
+    )
+    assert describe(RuntimeError(), "physic_typo") == "RuntimeError"
+
+
+# ---- in every command ------------------------------------------------------------------------------------------------
+
+
+def test_check_names_the_line_and_shows_the_traceback_on_demand(broken: Path, debug: bool):
+    done = CliRunner().invoke(main, ["plugins", "check", "raises"])
+    assert done.exit_code == 5
+    assert f"  got:      {SAID}\n" in done.output
+    assert ("Traceback (most recent call last)" in done.output) is debug
+    assert ("return self.options.nothere" in done.output) is debug
+    as_json = json.loads(CliRunner().invoke(main, ["plugins", "check", "raises", "--json"]).stdout)
+    (found,) = [r for r in as_json[0]["results"] if r["check"] == "answers_in_the_right_form"]
+    assert ("traceback" in found) is debug
+
+
+def test_a_backend_that_leaves_python_fails_its_check(broken: Path):
+    (broken / "physic_broken.py").write_text(BROKEN.replace("return self.options.nothere", "raise SystemExit(3)"))
+    done = CliRunner().invoke(main, ["plugins", "check", "raises"])
+    assert "  got:      SystemExit: 3 (physic_broken.py:8)\n" in done.output
+    assert done.exit_code == 5
+
+
+def test_compare_names_the_line_and_shows_the_traceback_on_demand(broken: Path, debug: bool):
+    done = CliRunner().invoke(main, ["plugins", "compare", "inpainter", "raises", "--world", "stand"])
+    assert f"raises: {SAID}\n" in done.output
+    assert ("return self.options.nothere" in done.output) is debug
+
+
+def test_doctor_and_the_list_name_the_line_and_show_the_traceback_on_demand(broken: Path, debug: bool, monkeypatch):
+    source = BROKEN.replace("    return [", "    1 / 0\n    return [")
+    (broken / "physic_broken.py").write_text(source)
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-broken")
+    for command in ("doctor",), ():
+        done = CliRunner().invoke(main, ["plugins", *command])
+        assert "ZeroDivisionError: division by zero (physic_broken.py:19)\n" in done.output
+        assert ("Traceback (most recent call last)" in done.output) is debug
+
+
+def test_doctor_names_the_line_of_a_backend_that_does_not_load(broken: Path, debug: bool, monkeypatch):
+    source = BROKEN.replace(
+        "class Camera", "    def load(self, device='cpu'):\n        open('/no/file')\n\nclass Camera"
+    )
+    (broken / "physic_broken.py").write_text(source)
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-broken")
+    done = CliRunner().invoke(main, ["plugins", "doctor"])
+    assert (
+        "BROKEN   inpainter 'raises' (physic-broken 1.0): load('cpu') fails: "
+        "FileNotFoundError: [Errno 2] No such file or directory: '/no/file' (physic_broken.py:11)\n"
+    ) in done.output
+    assert ("open('/no/file')" in done.output) is debug
+
+
+def test_a_run_names_the_line_and_shows_the_traceback_on_demand(broken: Path, debug: bool, tmp_path: Path):
+    from PIL import Image
+
+    from physic_core.testing import build_world
+
+    Image.fromarray(build_world().image).save(tmp_path / "photo.png")
+    arguments = ["photo.png", "--preset", "mock", "--set", "inpainter.backend=raises", "-o", "out", "--no-cache"]
+    done = subprocess.run(
+        [sys.executable, "-c", "from physic_core.cli import main; main()", "run", *arguments],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode != 0
+    assert f"inpainter 'raises' (physic-broken 1.0), stage 'inpainting': {SAID}\n" in done.stderr
+    assert ("return self.options.nothere" in done.stderr) is debug
+
+
+def test_pytest_names_the_line_and_shows_the_traceback_on_demand(broken: Path, debug: bool, tmp_path: Path):
+    (tmp_path / "test_mine.py").write_text(
+        "from physic_core.testing import parametrize_with_checks\n"
+        '@parametrize_with_checks("inpainter", "raises")\n'
+        "def test_conformance(check):\n"
+        "    check()\n"
+    )
+    only = "test_mine.py::test_conformance[answers_in_the_right_form]"
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", only],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert SAID in done.stdout
+    assert ("return self.options.nothere" in done.stdout) is debug

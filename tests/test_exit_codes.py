@@ -1,0 +1,141 @@
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from physic_core import errors
+from physic_core.cli import main
+from physic_core.cli.exit_codes import EXIT_CODES, MEANINGS, exit_code
+
+CODES = {
+    "BackendError": 5,
+    "BackendNotFoundError": 2,
+    "BackendOutputError": 5,
+    "BodyModelError": 2,
+    "ConfigError": 2,
+    "DeviceError": 2,
+    "DownloadError": 4,
+    "InputError": 3,
+    "NoPersonError": 3,
+    "OutputError": 2,
+    "PhysicError": 1,
+    "WeightsMissingError": 4,
+}
+
+
+@pytest.fixture(autouse=True)
+def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+
+
+def physic(*arguments: str) -> Result:
+    return CliRunner().invoke(main, list(arguments))
+
+
+def test_every_error_has_one_code():
+    assert {name: exit_code(getattr(errors, name)("x")) for name in errors.__all__} == CODES
+    assert set(EXIT_CODES.values()) < set(MEANINGS)
+    assert exit_code(ValueError()) == 1
+
+
+def test_help_and_readme_list_every_code(repository: Path):
+    rows = [f"| {code} | {meaning} |" for code, meaning in MEANINGS.items()]
+    assert "\n".join(rows) in (repository / "README.md").read_text()
+    shown = physic("--help").output
+    assert all(f"  {code:<3}  {meaning}\n" in shown for code, meaning in MEANINGS.items()), shown
+
+
+@pytest.mark.parametrize("name", errors.__all__)
+def test_a_run_ends_with_the_code_of_its_error(name: str, monkeypatch: pytest.MonkeyPatch):
+    def reconstruct_photo(*_: Any, **__: Any) -> None:
+        raise getattr(errors, name)("no good")
+
+    module = ModuleType("physic_core.pipeline")
+    module.reconstruct_photo = reconstruct_photo  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "physic_core.pipeline", module)
+    done = physic("run", "photo.jpg", "--preset", "mock")
+    assert (done.exit_code, done.stderr) == (CODES[name], "Error: no good\n")
+
+
+def test_ctrl_c_ends_every_command_with_130(monkeypatch: pytest.MonkeyPatch):
+    def interrupted() -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("physic_core.plugins.discover", interrupted)
+    for command in (("plugins",), ("config", "check"), ("weights", "list"), ("run", "photo.jpg")):
+        done = physic(*command)
+        assert (done.exit_code, done.stderr) == (130, "Aborted!\n"), command
+
+
+PLUGIN = """
+from physic_core import BackendRecord, hookimpl
+from physic_core.errors import BackendError
+from physic_core.interfaces import Inpainter
+
+class Lacking(Inpainter):
+    def missing(self): return ("weights 'x' are not here",)
+    def infer(self, image, mask): return image
+
+class Odd(Inpainter):
+    def infer(self, image, mask): return image.astype(float)
+    def load(self, device="cpu"): raise ValueError("bad magic number")
+
+class Unbuilt(Odd):
+    def __init__(self, options=None): raise ValueError("no")
+
+@hookimpl
+def physic_backends():
+    names = ("lacking", "odd", "unbuilt")
+    return [BackendRecord("inpainter", name, f"physic_odd:{name.capitalize()}", api=1) for name in names]
+"""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        (("config", "check", "--preset", "mock"), 0),
+        (("config", "check", "--preset", "mock", "--set", "photo.max_side=1"), 2),
+        (("config", "check", "--preset", "mock", "--set", "inpainter.backend=odder"), 2),
+        (("config", "check", "--preset", "mock", "--set", "run.device=cuda"), 2),
+        (("config", "check", "--preset", "mock", "--set", "inpainter.backend=lacking"), 4),
+        # What a user has to bring first is the files.
+        (("config", "check", "--preset", "mock", "--set", "inpainter.backend=lacking", "--set", "run.device=cuda"), 4),
+        (("config", "check", "--preset", "mock", "--set", "inpainter.backend=unbuilt"), 5),
+        (("config", "show", "missing.toml"), 2),
+        (("config", "init", "no/such/folder.toml"), 2),
+        (("run", "photo.jpg", "--preset", "mock", "--focal-px", "1", "--intrinsics", "1,1,1,1"), 2),
+        (("run", "photo.jpg", "--preset", "mock", "--set", "inpainter.backend=lacking"), 4),
+        (("run", "photo.jpg", "--preset", "mock"), 3),
+        (("plugins",), 0),
+        (("plugins", "show", "odder"), 2),
+        (("plugins", "--interface", "odd"), 2),
+        (("plugins", "doctor", "lacking"), 0),
+        (("plugins", "doctor", "odd"), 5),
+        (("plugins", "check", "odder"), 2),
+        (("plugins", "check", "lacking"), 4),
+        (("plugins", "check", "odd"), 5),
+        (("plugins", "compare", "inpaint", "mock"), 2),
+        (("plugins", "compare", "inpainter", "mock", "--world", "moon"), 2),
+        (("plugins", "new", "No Name", "--interface", "inpainter"), 2),
+        (("weights", "list"), 0),
+        (("weights", "show", "no-such-weights"), 2),
+        (("weights", "where", "lama"), 2),
+        (("bench", "accuracy", "--rows", "no-such-row"), 2),
+        (("bench", "speed", "--sections", "no-such-section"), 2),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else str(value),
+)
+def test_every_command_ends_with_the_documented_code(
+    arguments: tuple[str, ...], code: int, site: Any, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-odd,physic-mock")
+    monkeypatch.setattr("physic_core.resolve.gpu_is_seen", lambda: False)
+    site.install("physic-odd", PLUGIN)
+    done = physic(*arguments)
+    assert done.exit_code == code, done.output

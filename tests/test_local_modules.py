@@ -1,0 +1,203 @@
+"""Classes in files of the user's own: the file that is named is loaded, and nothing that lies beside it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from physic_core.cli import main
+from physic_core.config import load_config
+from physic_core.errors import BackendError, ConfigError
+from physic_core.local_modules import in_folder, load, split
+from physic_core.plugins import discover
+from physic_core.registry import Registry
+from physic_core.resolve import check, resolve
+
+DEPTH = """
+from physic_core.interfaces import MetricDepth
+
+class MyDepth(MetricDepth):
+    def infer(self, image, hints): ...
+"""
+
+
+@pytest.fixture(autouse=True)
+def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    monkeypatch.setattr(sys, "path", [folder for folder in sys.path if folder])  # "" is the current folder
+    path, modules = list(sys.path), set(sys.modules)
+    yield
+    assert sys.path == path
+    for name in [name for name in sys.modules if name.partition(".")[0] in NAMES and name not in modules]:
+        del sys.modules[name]
+
+
+NAMES = ("own_depth", "own_package", "own_helper", "own_part")
+
+
+def config(folder: Path, backend: str) -> Path:
+    folder.mkdir(exist_ok=True)
+    path = folder / "my.toml"
+    path.write_text(f'extends = "mock"\n[metric_depth]\nbackend = "{backend}"\n')
+    return path
+
+
+def kind(file: Path | None = None, *overrides: str) -> type:
+    plan = resolve(load_config(file, preset=None if file else "mock", overrides=overrides), discover())
+    return type(plan.backends["metric_depth"].backend)
+
+
+# ---- where it is looked up -------------------------------------------------------------------------------------------
+
+
+def test_the_class_of_a_config_lies_beside_the_config(tmp_path: Path):
+    file = config(tmp_path / "elsewhere", "own_depth:MyDepth")
+    (tmp_path / "elsewhere" / "own_depth.py").write_text(DEPTH)
+    Path("own_depth.py").write_text("raise SystemExit('of the current folder')")
+    assert kind(file).__module__ == "own_depth"
+    assert sys.modules["own_depth"].__file__ == str(tmp_path / "elsewhere" / "own_depth.py")
+
+
+def test_the_class_of_set_lies_in_the_current_folder(tmp_path: Path):
+    Path("own_depth.py").write_text(DEPTH)
+    assert kind(None, "metric_depth.backend=own_depth:MyDepth").__name__ == "MyDepth"
+
+
+def test_the_class_of_a_variable_lies_on_pythons_path_alone(monkeypatch: pytest.MonkeyPatch):
+    Path("own_depth.py").write_text(DEPTH)
+    monkeypatch.setenv("PHYSIC__METRIC_DEPTH__BACKEND", "own_depth:MyDepth")
+    with pytest.raises(ConfigError, match=r"No module named .own_depth.; put own_depth\.py beside"):
+        kind()
+
+
+@pytest.mark.parametrize("name", ["{}/own_depth:MyDepth", "../elsewhere/own_depth:MyDepth"])
+def test_a_name_may_hold_its_folder(tmp_path: Path, name: str):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "own_depth.py").write_text(DEPTH)
+    assert kind(config(tmp_path / "configs", name.format(tmp_path / "elsewhere"))).__name__ == "MyDepth"
+
+
+def test_the_resolved_config_holds_from_anywhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    Path("own_depth.py").write_text(DEPTH)
+    tables = load_config(preset="mock", overrides=["metric_depth.backend=own_depth:MyDepth"]).as_dict()
+    (tmp_path / "out").mkdir()
+    result = tmp_path / "out" / "reconstruction.json"
+    result.write_text(json.dumps({"config": tables}))
+    monkeypatch.chdir(tmp_path)
+    plan = resolve(load_config(result), discover())
+    assert plan.backends["metric_depth"].provenance.backend == "own_depth:MyDepth"
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("config", "check", "--preset", "mock", "--set", "metric_depth.backend=own_depth:MyDepth"),
+        ("plugins", "show", "own_depth:MyDepth"),
+        ("plugins", "doctor", "own_depth:MyDepth"),
+    ],
+    ids=lambda command: command[1],
+)
+def test_commands_know_the_class_of_a_file_in_the_current_folder(command: tuple[str, ...]):
+    Path("own_depth.py").write_text(DEPTH)
+    done = CliRunner().invoke(main, command)
+    assert done.exit_code == 0, done.output
+    assert "BROKEN" not in done.output
+
+
+def test_a_distribution_is_no_file(monkeypatch: pytest.MonkeyPatch):
+    """Its name may be a word that a file has, too."""
+    Path("own_depth.py").write_text("raise SystemExit('imported')")
+    (claim,) = (c for c in discover() if (c.record.interface, c.record.name) == ("metric_depth", "mock"))
+    registry = Registry([type(claim)(claim.record, type(claim.origin)("m", "own_depth"))], installed=False)
+    assert registry.get("metric_depth", in_folder("own_depth:mock", Path())).record is claim.record
+
+
+# ---- what it may be --------------------------------------------------------------------------------------------------
+
+
+def test_a_package_imports_its_own_parts_relatively_and_late(tmp_path: Path):
+    package = tmp_path / "own_package"
+    (package / "inner").mkdir(parents=True)
+    (package / "__init__.py").write_text("from . import first\nstarted = []\n")
+    (package / "first.py").write_text("")
+    (package / "inner" / "depth.py").write_text("def late():\n    from .. import second\n    return second.value\n")
+    (package / "second.py").write_text("value = 7")
+    assert load(tmp_path, "own_package.inner.depth").late() == 7
+
+
+def test_a_folder_without_init_is_a_package_too(tmp_path: Path):
+    (tmp_path / "own_package").mkdir()
+    (tmp_path / "own_package" / "depth.py").write_text("from .more import value\n")
+    (tmp_path / "own_package" / "more.py").write_text("value = 7")
+    assert load(tmp_path, "own_package.depth").value == 7
+
+
+def test_what_lies_beside_the_module_is_not_found(tmp_path: Path):
+    file = config(tmp_path / "elsewhere", "own_depth:MyDepth")
+    folder = file.parent
+    (folder / "own_helper.py").write_text("raise SystemExit('imported')")
+    (folder / "own_depth.py").write_text("import own_helper\n" + DEPTH)
+    with pytest.raises(ConfigError) as caught:
+        kind(file)
+    assert str(caught.value).endswith(
+        "ModuleNotFoundError: No module named 'own_helper' (own_depth.py:1); own_helper lies in "
+        f"{folder} too, but only own_depth is taken from there: put both into a package and import relatively, or put "
+        "that folder into PYTHONPATH"
+    )
+    assert "own_depth" not in sys.modules
+
+
+@pytest.mark.parametrize(("name", "whose"), [("colorsys", "colorsys.py"), ("click", "click/__init__.py")])
+def test_a_name_that_python_knows_is_refused(tmp_path: Path, name: str, whose: str):
+    (tmp_path / f"{name}.py").write_text(DEPTH)
+    with pytest.raises(ImportError) as caught:
+        load(tmp_path, name)
+    assert str(caught.value).startswith(f"another module is called {name} (")
+    assert str(caught.value).endswith(f"{whose}): rename {tmp_path / name}.py")
+    with pytest.raises(ConfigError, match=f"another module is called {name} "):
+        check(load_config(preset="mock", overrides=[f"metric_depth.backend={tmp_path}/{name}:MyDepth"]), discover())
+
+
+def test_two_files_of_one_name_are_refused(tmp_path: Path):
+    for folder in (tmp_path / "a", tmp_path / "b"):
+        folder.mkdir()
+        (folder / "own_depth.py").write_text(DEPTH)
+    first = load(tmp_path / "a", "own_depth")
+    with pytest.raises(ImportError, match="another module is called own_depth "):
+        load(tmp_path / "b", "own_depth")
+    assert load(tmp_path / "a", "own_depth") is first
+
+
+def test_a_module_on_pythons_path_is_imported_as_ever(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "own_depth.py").write_text("import own_helper\n" + DEPTH)
+    (tmp_path / "own_helper.py").write_text("")
+    with monkeypatch.context() as patch:
+        patch.syspath_prepend(tmp_path)
+        assert load(tmp_path, "own_depth").own_helper.__name__ == "own_helper"
+
+
+def test_a_module_that_is_not_there_is_named(tmp_path: Path):
+    claim = Registry(installed=False).get("metric_depth", f"{tmp_path}/own_depth:MyDepth")
+    with pytest.raises(BackendError, match="there is no own_depth"):
+        Registry(installed=False).load_class(claim)
+
+
+@pytest.mark.parametrize(
+    ("name", "folder", "rest"),
+    [
+        ("embedded", None, "embedded"),
+        ("physic-embedded:embedded", None, "physic-embedded:embedded"),
+        ("a.b:C", None, "a.b:C"),
+        ("/x/y z/a.b:C.D", Path("/x/y z"), "a.b:C.D"),
+        ("/a:C", Path("/"), "a:C"),
+        ("../a:C", Path(".."), "a:C"),
+    ],
+)
+def test_a_name_splits_into_folder_and_target(name: str, folder: Path | None, rest: str):
+    assert split(name) == (folder, rest)
