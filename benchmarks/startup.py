@@ -25,7 +25,7 @@ from physic_core import BackendRecord, hookimpl
 {first}
 @hookimpl
 def physic_backends():
-    return [BackendRecord("{interface}", "dummy-{number}", "{module}.backend:Dummy", summary="Nothing")]
+    return [BackendRecord("{interface}", "dummy-{number}", "{module}.backend:Dummy", api=1, summary="Nothing")]
 """
 
 

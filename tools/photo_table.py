@@ -71,7 +71,7 @@ def row(path: Path, config: str | None, out: Path | None, model) -> list[str]:
     result = reconstruct_photo(path, config)
     seconds = time.perf_counter() - start - sum(stage.load_seconds for stage in result.stages)
     if out is not None:
-        result.save(str(out / path.stem))
+        result.save(str(out / path.name))
     people = consistency(result, model)
     summary = summarise(result, people)
     failed = sum(bool(person.failed_checks) for person in result.people)
