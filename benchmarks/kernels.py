@@ -99,7 +99,7 @@ def photos_of(paths: list[Path]) -> list[str]:
 
 def worlds_of(count: int, seed: int) -> list[str]:
     """Names and seeds as one word each."""
-    from physic_core.testing.worlds import benchmark_worlds
+    from physic_testing.worlds import benchmark_worlds
 
     return [f"{name}:{own}" for name, own in benchmark_worlds(count, seed)]
 
@@ -131,11 +131,11 @@ def answer_all(asked: str, told: str) -> int:
 
 def answer(item: str, preset: str, size: list[int]) -> Answer:
     """Reconstruct one photo or world."""
-    from physic_core.config import load_config
+    from physic_core.configuration.layers import is_path
+    from physic_core.configuration.model import load_config
     from physic_core.errors import PhysicError
-    from physic_core.layers import is_path
-    from physic_core.pipeline import reconstruct, reconstruct_photo
-    from physic_core.testing.worlds import WORLDS, build_world
+    from physic_core.pipeline.run import reconstruct, reconstruct_photo
+    from physic_testing.worlds import WORLDS, build_world
 
     name, _, seed = item.rpartition(":")
     chosen = {"file": preset} if is_path(preset) else {"preset": preset}

@@ -17,9 +17,9 @@ from pathlib import Path
 import torch
 
 from physic_core.engine.presets import PRESETS
-from physic_core.evaluation.pose import PoseErrors, pose_errors
-from physic_core.solution import solve
-from physic_core.stages import Stages
+from physic_core.metrics.pose import PoseErrors, pose_errors
+from physic_core.pipeline.optimise import solve
+from physic_core.pipeline.stages import Stages
 
 sys.path.append(str(Path(__file__).parents[1] / "tests" / "engine"))
 from published import Published

@@ -24,11 +24,13 @@ from physic_core.errors import (
 )
 
 if TYPE_CHECKING:
-    from physic_core.config import Config, load_config
-    from physic_core.hookspecs import hookimpl
-    from physic_core.pipeline import reconstruct
-    from physic_core.plugins import discover
-    from physic_core.registry import BackendRecord, Registry
+    from physic_core.configuration.model import Config, load_config
+    from physic_core.discovery.hookspecs import hookimpl
+    from physic_core.discovery.plugins import discover
+    from physic_core.discovery.records import BackendRecord, CommandRecord
+    from physic_core.discovery.registry import Registry
+    from physic_core.io.results import load_reconstruction, save_reconstruction
+    from physic_core.pipeline.run import reconstruct
     from physic_core.types import Intrinsics, Person, Reconstruction, Scene
 
 __all__ = [
@@ -37,6 +39,7 @@ __all__ = [
     "BackendOutputError",
     "BackendRecord",
     "BodyModelError",
+    "CommandRecord",
     "Config",
     "ConfigError",
     "DeviceError",
@@ -53,29 +56,32 @@ __all__ = [
     "discover",
     "hookimpl",
     "load_config",
+    "load_reconstruction",
     "reconstruct",
+    "save_reconstruction",
 ]
 
 _ON_FIRST_USE = {
-    "BackendRecord": "physic_core.registry",
-    "Config": "physic_core.config",
+    "BackendRecord": "physic_core.discovery.records",
+    "CommandRecord": "physic_core.discovery.records",
+    "Config": "physic_core.configuration.model",
     "Intrinsics": "physic_core.types",
     "Person": "physic_core.types",
     "Reconstruction": "physic_core.types",
-    "Registry": "physic_core.registry",
+    "Registry": "physic_core.discovery.registry",
     "Scene": "physic_core.types",
-    "discover": "physic_core.plugins",
-    "hookimpl": "physic_core.hookspecs",
-    "load_config": "physic_core.config",
-    "reconstruct": "physic_core.pipeline",
+    "discover": "physic_core.discovery.plugins",
+    "hookimpl": "physic_core.discovery.hookspecs",
+    "load_config": "physic_core.configuration.model",
+    "load_reconstruction": "physic_core.io.results",
+    "save_reconstruction": "physic_core.io.results",
+    "reconstruct": "physic_core.pipeline.run",
 }
 
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
-        from physic_core.plugins import core_version
-
-        return core_version()
+        return import_module("physic_core.discovery.plugins").core_version()
     if name not in _ON_FIRST_USE:
         raise AttributeError(f"module 'physic_core' has no attribute '{name}'")
     return getattr(import_module(_ON_FIRST_USE[name]), name)

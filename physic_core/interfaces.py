@@ -11,7 +11,7 @@ backends of that interface, and of no other, are refused until their records sta
 Constructing a backend is cheap and offline. ``load`` reads weights, ``close`` drops them; both may be called twice.
 
 A plugin whose weights are to be fetched lists them in TOML files, and names their folder by the hook ``physic_weights``
-(:mod:`physic_core.hookspecs`); :mod:`physic_core.weights` finds them and answers ``missing`` and ``fingerprint``.
+(:mod:`physic_core.discovery.hookspecs`). :mod:`physic_core.weights` finds them, and knows which are missing.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core import border
+from physic_core.pipeline import validation as border
 from physic_core.types import (
     Bodies,
     BodyParameters,
@@ -120,7 +120,7 @@ def test_bodies() -> None:
 
 
 def test_numbers_that_are_lost_for_some_people_only_are_no_fault() -> None:
-    """They are dealt with one by one; see physic_core.salvage."""
+    """They are dealt with one by one; see physic_core.pipeline.partial_answers."""
     transl = np.zeros((2, 3), np.float32)
     transl[1] = np.nan
     assert border.bodies_faults(Bodies(replace(parameters(), transl=transl), "embedded"), 2) == []

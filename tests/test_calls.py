@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core import border
-from physic_core.calls import infer
+from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.errors import InputError
 from physic_core.interfaces import Inpainter
-from physic_core.resolve import ResolvedBackend
-from physic_core.stages import Stages
+from physic_core.pipeline import validation as border
+from physic_core.pipeline.image_check import infer
+from physic_core.pipeline.stages import Stages
 from physic_core.types import Provenance
 
 PHOTO = np.full((6, 8, 3), 7, np.uint8)

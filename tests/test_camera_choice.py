@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from physic_core.body import load_body
-from physic_core.config import load_config
+from physic_core.configuration.model import load_config
+from physic_core.configuration.resolve import resolve
+from physic_core.discovery.plugins import discover
 from physic_core.engine.presets import PRESETS
-from physic_core.perception import Evidence, perceive
-from physic_core.plugins import discover
-from physic_core.resolve import resolve
-from physic_core.solution import Solution, solve
-from physic_core.stages import Stages
-from physic_core.testing.worlds import build_world
+from physic_core.pipeline.estimate import Evidence, perceive
+from physic_core.pipeline.optimise import Solution, solve
+from physic_core.pipeline.stages import Stages
 from physic_core.types import Intrinsics
+from physic_testing.worlds import build_world
 
 SIZE = (160, 120)
 QUICK = replace(PRESETS["default"], joint=replace(PRESETS["default"].joint, steps=1, starts=1, frozen=("scale",)))

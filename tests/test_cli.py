@@ -19,12 +19,12 @@ from physic_core.cli.listing import as_dicts, listing
 from physic_core.cli.plugins import details
 from physic_core.cli.template import template
 from physic_core.cli.toml import toml_value
-from physic_core.config import load_config, preset_names
+from physic_core.configuration.model import load_config, preset_names
+from physic_core.configuration.resolve import load_checked, resolve
+from physic_core.discovery.plugins import discover
+from physic_core.discovery.readiness import readiness
+from physic_core.discovery.registry import BackendRecord, BrokenPlugin, Claim, Origin, Registry
 from physic_core.errors import BackendNotFoundError, InputError
-from physic_core.plugins import discover
-from physic_core.readiness import readiness
-from physic_core.registry import BackendRecord, BrokenPlugin, Claim, Origin, Registry
-from physic_core.resolve import load_checked, resolve
 from physic_core.types import StageRecord
 
 
@@ -81,9 +81,9 @@ class Pipeline:
 
 @pytest.fixture
 def pipeline(monkeypatch: pytest.MonkeyPatch) -> Pipeline:
-    stand_in, module = Pipeline(), ModuleType("physic_core.pipeline")
+    stand_in, module = Pipeline(), ModuleType("physic_core.pipeline.run")
     module.reconstruct_photo = stand_in.reconstruct_photo  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "physic_core.pipeline", module)
+    monkeypatch.setitem(sys.modules, "physic_core.pipeline.run", module)
     return stand_in
 
 

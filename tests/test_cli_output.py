@@ -42,9 +42,9 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
             raise NoPersonError("nobody was found")
         return Found(file_digest(path))
 
-    module = ModuleType("physic_core.pipeline")
+    module = ModuleType("physic_core.pipeline.run")
     module.reconstruct_photo = reconstruct_photo  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "physic_core.pipeline", module)
+    monkeypatch.setitem(sys.modules, "physic_core.pipeline.run", module)
     monkeypatch.chdir(tmp_path)
     return photos
 

@@ -21,8 +21,8 @@ from click.testing import CliRunner, Result
 from PIL import Image
 
 from physic_core.cli import main
-from physic_core.testing.worlds import World, build_world
 from physic_mock.pixels import MockInpainter
+from physic_testing.worlds import World, build_world
 
 
 @pytest.fixture(autouse=True)

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from physic_core.catalog import distribution_for
-from physic_core.config import Config, as_config, load_config, preset_names
+from physic_core.configuration.model import Config, as_config, load_config, preset_names
+from physic_core.discovery.catalog import distribution_for
 from physic_core.engine.presets import PRESETS
 from physic_core.errors import ConfigError
 from physic_core.interfaces import INTERFACES

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from physic_core.testing.worlds import build_world
+from physic_testing.worlds import build_world
 
 ALWAYS = ("IPython", "cupy", "sitecustomize", "usercustomize", "pydantic_settings", "colorama", "physic_mine")
 """Names that may be tried elsewhere, if not on this machine."""

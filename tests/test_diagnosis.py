@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core import diagnosis
 from physic_core.body import load_body
-from physic_core.diagnosis import CHECKS, diagnose, failed_checks, warnings_of
 from physic_core.engine.settings import EngineSettings
 from physic_core.geometry.visibility import vertex_normals
-from physic_core.measures import depth_ratio, seen_share, support_gap
+from physic_core.pipeline import checks as diagnosis
+from physic_core.pipeline.checks import CHECKS, diagnose, failed_checks, warnings_of
+from physic_core.pipeline.measures import depth_ratio, seen_share, support_gap
 from physic_core.types import Diagnostic, Intrinsics, Plane
 
 CAMERA = Intrinsics.from_focal(500, 640, 480, "EXIF")

@@ -9,10 +9,11 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from physic_core import cli, config
+from physic_core import cli
+from physic_core.configuration import model as config
+from physic_core.configuration.resolve import check, resolve
+from physic_core.discovery.plugins import discover
 from physic_core.engine.presets import PRESETS
-from physic_core.plugins import discover
-from physic_core.resolve import check, resolve
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *ROOT.glob("plugins/*/README.md"), ROOT / "examples" / "README.md"]
@@ -96,7 +97,7 @@ def test_every_script_of_the_pages_runs(text: str, tmp_path: Path, monkeypatch: 
     """On a world of the mocks: what the pages promise does not depend on the backends."""
     from PIL import Image
 
-    from physic_core.testing.worlds import build_world
+    from physic_testing.worlds import build_world
 
     (tmp_path / "examples").mkdir()
     Image.fromarray(build_world().image).save(tmp_path / "examples" / "basketball.png")

@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner
 
 from physic_core.cli import main
-from physic_core.error_text import describe
+from physic_core.discovery.error_text import describe
 
 BROKEN = """\
 import numpy as np
@@ -157,7 +157,7 @@ def test_doctor_names_the_line_of_a_backend_that_does_not_load(broken: Path, deb
 def test_a_run_names_the_line_and_shows_the_traceback_on_demand(broken: Path, debug: bool, tmp_path: Path):
     from PIL import Image
 
-    from physic_core.testing import build_world
+    from physic_testing import build_world
 
     Image.fromarray(build_world().image).save(tmp_path / "photo.png")
     arguments = ["photo.png", "--preset", "mock", "--set", "inpainter.backend=raises", "-o", "out", "--no-cache"]
@@ -176,7 +176,7 @@ def test_a_run_names_the_line_and_shows_the_traceback_on_demand(broken: Path, de
 
 def test_pytest_names_the_line_and_shows_the_traceback_on_demand(broken: Path, debug: bool, tmp_path: Path):
     (tmp_path / "test_mine.py").write_text(
-        "from physic_core.testing import parametrize_with_checks\n"
+        "from physic_testing import parametrize_with_checks\n"
         '@parametrize_with_checks("inpainter", "raises")\n'
         "def test_conformance(check):\n"
         "    check()\n"

@@ -56,9 +56,9 @@ def test_a_run_ends_with_the_code_of_its_error(name: str, monkeypatch: pytest.Mo
     def reconstruct_photo(*_: Any, **__: Any) -> None:
         raise getattr(errors, name)("no good")
 
-    module = ModuleType("physic_core.pipeline")
+    module = ModuleType("physic_core.pipeline.run")
     module.reconstruct_photo = reconstruct_photo  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "physic_core.pipeline", module)
+    monkeypatch.setitem(sys.modules, "physic_core.pipeline.run", module)
     done = physic("run", "photo.jpg", "--preset", "mock")
     assert (done.exit_code, done.stderr) == (CODES[name], "Error: no good\n")
 
@@ -67,7 +67,7 @@ def test_ctrl_c_ends_every_command_with_130(monkeypatch: pytest.MonkeyPatch):
     def interrupted() -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("physic_core.plugins.discover", interrupted)
+    monkeypatch.setattr("physic_core.discovery.plugins.discover", interrupted)
     for command in (("plugins",), ("config", "check"), ("weights", "list"), ("run", "photo.jpg")):
         done = physic(*command)
         assert (done.exit_code, done.stderr) == (130, "Aborted!\n"), command
@@ -135,7 +135,7 @@ def test_every_command_ends_with_the_documented_code(
     arguments: tuple[str, ...], code: int, site: Any, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-odd,physic-mock")
-    monkeypatch.setattr("physic_core.resolve.gpu_is_seen", lambda: False)
+    monkeypatch.setattr("physic_core.configuration.resolve.gpu_is_seen", lambda: False)
     site.install("physic-odd", PLUGIN)
     done = physic(*arguments)
     assert done.exit_code == code, done.output

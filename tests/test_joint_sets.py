@@ -8,13 +8,13 @@ import pytest
 from physic_core import load_config, reconstruct
 from physic_core.body import load_body
 from physic_core.body.landmarks import DETECTED
-from physic_core.engine.limbs import placing_keypoints
-from physic_core.evaluation.consistency import consistency
-from physic_core.evaluation.pose import pa_mpjpe_mm
-from physic_core.perception import feet_pixels
-from physic_core.testing.conformance.joint_sets import world_keypoints
-from physic_core.testing.worlds import World, build_world
+from physic_core.engine.joint.limbs import placing_keypoints
+from physic_core.metrics.consistency import consistency
+from physic_core.metrics.pose import pa_mpjpe_mm
+from physic_core.pipeline.estimate import feet_pixels
 from physic_core.types import Keypoints
+from physic_testing.conformance.joint_sets import world_keypoints
+from physic_testing.worlds import World, build_world
 
 SETS = [name for name in DETECTED if "hand21" not in name]
 

@@ -11,12 +11,12 @@ import pytest
 from click.testing import CliRunner
 
 from physic_core.cli import main
-from physic_core.config import load_config
+from physic_core.configuration.model import load_config
+from physic_core.configuration.resolve import check, resolve
+from physic_core.discovery.local_modules import in_folder, load, split
+from physic_core.discovery.plugins import discover
+from physic_core.discovery.registry import Registry
 from physic_core.errors import BackendError, ConfigError
-from physic_core.local_modules import in_folder, load, split
-from physic_core.plugins import discover
-from physic_core.registry import Registry
-from physic_core.resolve import check, resolve
 
 DEPTH = """
 from physic_core.interfaces import MetricDepth

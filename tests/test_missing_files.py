@@ -13,15 +13,15 @@ from click.testing import CliRunner, Result
 from physic_core import interfaces, load_config, reconstruct
 from physic_core.cli import main
 from physic_core.cli.doctor import examine
+from physic_core.configuration.resolve import missing, require_whole, resolve
+from physic_core.discovery.plugins import discover
+from physic_core.discovery.readiness import lacks
+from physic_core.discovery.registry import BackendRecord, Registry
 from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.interfaces import INTERFACES
-from physic_core.pipeline import reconstruct_photo
-from physic_core.plugins import discover
-from physic_core.readiness import lacks
-from physic_core.registry import BackendRecord, Registry
-from physic_core.resolve import missing, require_whole, resolve
-from physic_core.testing import check_backend
-from physic_core.testing.conformance.compare import compare
+from physic_core.pipeline.run import reconstruct_photo
+from physic_testing import check_backend
+from physic_testing.conformance.compare import compare
 
 PLUGIN = """
 from pathlib import Path

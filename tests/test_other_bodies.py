@@ -9,19 +9,21 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core import border, load_config, reconstruct, salvage
+from physic_core import load_config, reconstruct
 from physic_core.body import load_body
 from physic_core.body.conversion import rest_mesh_of
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.cache.answers import settled
 from physic_core.cache.archive import pack, unpack
 from physic_core.cache.npz import read, write
+from physic_core.discovery.plugins import discover
+from physic_core.discovery.registry import BackendRecord
 from physic_core.errors import BodyModelError
-from physic_core.plugins import discover
-from physic_core.registry import BackendRecord
-from physic_core.testing.worlds import World, build_world
+from physic_core.pipeline import partial_answers as salvage
+from physic_core.pipeline import validation as border
 from physic_core.types import Bodies, BodyParameters, ContactProbability, Hands, Mesh, Reconstruction, RestMesh
 from physic_mock import backends
+from physic_testing.worlds import World, build_world
 
 FACES = np.array([[0, 1, 2], [1, 2, 3]], np.int32)
 CLASSES = (Bodies, BodyParameters, ContactProbability, Hands, Mesh, RestMesh)

@@ -134,7 +134,7 @@ def test_a_wheel_holds_its_package_alone(name: str):
 
 def test_the_core_wheel_holds_presets_and_the_body():
     files = wheel_files(ROOT)
-    assert {f"physic_core/presets/{name}.toml" for name in ("embedded", "light-cpu", "mock")} <= files
+    assert {f"physic_core/configuration/presets/{name}.toml" for name in ("embedded", "light-cpu", "mock")} <= files
     assert "physic_core/scaffold/metric_depth.py" in files
     assert any(f.startswith("physic_core/body/") and f.endswith(".npz") for f in files)
 

@@ -12,7 +12,9 @@ import pytest
 from PIL import Image
 
 from physic_core import body, load_config, reconstruct
-from physic_core.config import PhotoSettings
+from physic_core.configuration.model import PhotoSettings
+from physic_core.discovery.plugins import discover
+from physic_core.discovery.registry import BackendRecord, Registry
 from physic_core.errors import (
     BackendError,
     BackendOutputError,
@@ -23,13 +25,11 @@ from physic_core.errors import (
 )
 from physic_core.io.output import file_digest
 from physic_core.io.photo import Photo, read_photo
-from physic_core.perception import dilate, feet_pixels, with_hands
-from physic_core.pipeline import _with_camera, reconstruct_photo
-from physic_core.plugins import discover
-from physic_core.registry import BackendRecord, Registry
-from physic_core.testing.worlds import World, build_world
+from physic_core.pipeline.estimate import dilate, feet_pixels, with_hands
+from physic_core.pipeline.run import _with_camera, reconstruct_photo
 from physic_core.types import Bodies, Hands, Hints, Intrinsics, Keypoints, People, Reconstruction
 from physic_mock import backends
+from physic_testing.worlds import World, build_world
 
 
 @pytest.fixture(scope="module")

@@ -20,10 +20,10 @@ from PIL import Image
 from physic_core import Reconstruction, load_config, reconstruct
 from physic_core.cache.code import Code
 from physic_core.cli import main
+from physic_core.discovery.plugins import discover
 from physic_core.interfaces import INTERFACES
 from physic_core.io.photo import read_photo
-from physic_core.plugins import discover
-from physic_core.testing.worlds import build_world
+from physic_testing.worlds import build_world
 
 ONCE = Counter(list(INTERFACES))
 EVERYBODY = ONCE + Counter(["relative_pointmap"])

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from physic_core import border, load_config, reconstruct
+from physic_core import load_config, reconstruct
+from physic_core.discovery.plugins import discover
+from physic_core.discovery.registry import BackendRecord
 from physic_core.errors import BackendOutputError
-from physic_core.plugins import discover
-from physic_core.registry import BackendRecord
-from physic_core.testing.worlds import World, build_world
+from physic_core.pipeline import validation as border
 from physic_core.types import (
     Bodies,
     BodyParameters,
@@ -27,6 +27,7 @@ from physic_core.types import (
     Reconstruction,
 )
 from physic_mock import backends
+from physic_testing.worlds import World, build_world
 
 WRONG = "{} 'wrong' (registered by hand), stage '{}'"
 

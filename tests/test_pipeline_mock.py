@@ -9,17 +9,18 @@ import pytest
 import torch
 from PIL import Image
 
-from physic_core import Reconstruction, load_config, reconstruct, solution
+from physic_core import Reconstruction, load_config, reconstruct
 from physic_core.body import load_body
 from physic_core.body.parameters import rotations_from_parameters
-from physic_core.engine import joint
+from physic_core.configuration.resolve import resolve
+from physic_core.discovery.plugins import discover
+from physic_core.engine.joint import solve as joint
 from physic_core.errors import BackendError, NoPersonError
-from physic_core.pipeline import reconstruct_photo
-from physic_core.plugins import discover
-from physic_core.resolve import resolve
-from physic_core.testing.worlds import World, build_world
+from physic_core.pipeline import optimise as solution
+from physic_core.pipeline.run import reconstruct_photo
 from physic_core.types import Hints
 from physic_mock import NOISE_VERSION
+from physic_testing.worlds import World, build_world
 
 pytestmark = pytest.mark.kernels
 

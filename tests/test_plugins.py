@@ -8,11 +8,11 @@ import pytest
 from click.testing import CliRunner
 
 from physic_core.cli import main
-from physic_core.entry_points import misplaced
+from physic_core.discovery.entry_points import misplaced
+from physic_core.discovery.plugins import discover
+from physic_core.discovery.registry import Registry
 from physic_core.errors import BackendError
 from physic_core.interfaces import INTERFACES
-from physic_core.plugins import discover
-from physic_core.registry import Registry
 
 HOOK = "from physic_core import BackendRecord, hookimpl\n@hookimpl\ndef physic_backends():\n"
 

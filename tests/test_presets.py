@@ -24,13 +24,13 @@ from physic_core import Reconstruction, load_config
 from physic_core.adapters import checkouts
 from physic_core.body import load_body
 from physic_core.cli import main
-from physic_core.engine.state import GROUPS
-from physic_core.perception import perceive
-from physic_core.plugins import discover
-from physic_core.readiness import gpu_is_seen
-from physic_core.resolve import resolve
-from physic_core.stages import Stages
-from physic_core.testing.worlds import World, build_world
+from physic_core.configuration.resolve import resolve
+from physic_core.discovery.plugins import discover
+from physic_core.discovery.readiness import gpu_is_seen
+from physic_core.engine.joint.state import GROUPS
+from physic_core.pipeline.estimate import perceive
+from physic_core.pipeline.stages import Stages
+from physic_testing.worlds import World, build_world
 
 from .standins.checkouts import write_checkouts, write_checkpoints
 from .standins.files import write_lama, write_moge_2, write_vitpose
@@ -477,7 +477,7 @@ def test_without_a_gpu_the_best_bodies_are_refused_in_words(
 def test_with_all_files_a_gpu_is_still_asked_for_before_the_photo_is_read(
     best: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("physic_core.resolve.gpu_is_seen", lambda: False)
+    monkeypatch.setattr("physic_core.configuration.resolve.gpu_is_seen", lambda: False)
     monkeypatch.setattr("torch.cuda.is_available", lambda: False)
     wanted = [*best, "--set", "run.device=cuda"]
     checked = CliRunner().invoke(main, ["config", "check", *wanted])
@@ -489,6 +489,6 @@ def test_with_all_files_a_gpu_is_still_asked_for_before_the_photo_is_read(
 
 
 def test_a_gpu_that_is_seen_is_left_to_torch(best: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("physic_core.resolve.gpu_is_seen", lambda: True)
+    monkeypatch.setattr("physic_core.configuration.resolve.gpu_is_seen", lambda: True)
     wanted = [*best, "--set", "run.device=cuda"]
     require_no_fault(CliRunner().invoke(main, ["config", "check", *wanted]), "preset best: no errors\n")

@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 
 from physic_core import interfaces
-from physic_core.catalog import CATALOG
+from physic_core.discovery.catalog import CATALOG
+from physic_core.discovery.plugins import discover
+from physic_core.discovery.registry import BackendRecord, BrokenPlugin, Claim, Origin, Registry
 from physic_core.errors import BackendError, BackendNotFoundError
-from physic_core.plugins import discover
-from physic_core.registry import BackendRecord, BrokenPlugin, Claim, Origin, Registry
 
 A = Origin("a_plugin", "physic-a", "1.0")
 B = Origin("b_plugin", "physic-b", "2.0")

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from PIL import Image
 
 from physic_core.cli import main
-from physic_core.testing.worlds import build_world
+from physic_testing.worlds import build_world
 
 pytestmark = pytest.mark.kernels
 

@@ -8,12 +8,12 @@ import pytest
 from pydantic import Field
 
 from physic_core import interfaces
-from physic_core.config import Config, load_config
+from physic_core.configuration.model import Config, load_config
+from physic_core.configuration.resolve import check, load_checked, resolve
+from physic_core.discovery.plugins import discover
+from physic_core.discovery.registry import BackendRecord, BrokenPlugin, Origin, Registry
 from physic_core.errors import BackendError, ConfigError, InputError
 from physic_core.interfaces import INTERFACES
-from physic_core.plugins import discover
-from physic_core.registry import BackendRecord, BrokenPlugin, Origin, Registry
-from physic_core.resolve import check, load_checked, resolve
 
 OWNER = Origin("mine", "physic-mine", "0.2")
 

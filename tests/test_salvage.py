@@ -10,15 +10,16 @@ import numpy as np
 import pytest
 import trimesh
 
-from physic_core import load_config, reconstruct, salvage
+from physic_core import load_config, reconstruct
 from physic_core.cli.run import _summary
-from physic_core.engine import joint
+from physic_core.discovery.plugins import discover
+from physic_core.discovery.registry import BackendRecord
+from physic_core.engine.joint import solve as joint
 from physic_core.errors import BackendOutputError
-from physic_core.plugins import discover
-from physic_core.registry import BackendRecord
-from physic_core.testing.worlds import World, build_world
+from physic_core.pipeline import partial_answers as salvage
 from physic_core.types import Bodies, ContactProbability, Hands, Keypoints, Person, Reconstruction
 from physic_mock import backends
+from physic_testing.worlds import World, build_world
 
 LOST, KEPT = 0, 1
 

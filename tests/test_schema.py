@@ -11,10 +11,10 @@ import pytest
 from click.testing import CliRunner
 
 from physic_core.cli import main
-from physic_core.config import load_config, preset_names
-from physic_core.plugins import discover
-from physic_core.registry import BackendRecord, Registry
-from physic_core.schema import config_schema
+from physic_core.configuration.model import load_config, preset_names
+from physic_core.configuration.schema import config_schema
+from physic_core.discovery.plugins import discover
+from physic_core.discovery.registry import BackendRecord, Registry
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import torch
 from physic_core import Reconstruction, load_config, reconstruct
 from physic_core.body import load_body
 from physic_core.geometry.carving import carved
-from physic_core.testing.worlds import World, build_world
+from physic_testing.worlds import World, build_world
 
 pytestmark = pytest.mark.kernels
 

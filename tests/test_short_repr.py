@@ -10,9 +10,8 @@ import pytest
 import torch
 
 from physic_core import types
-from physic_core.plugins import discover
-from physic_core.registry import BackendRecord, BrokenPlugin, Origin, Registry
-from physic_core.short_repr import ShortRepr
+from physic_core.discovery.plugins import discover
+from physic_core.discovery.registry import BackendRecord, BrokenPlugin, Origin, Registry
 from physic_core.types import (
     BodyParameters,
     DepthMap,
@@ -25,6 +24,7 @@ from physic_core.types import (
     Reconstruction,
     Scene,
 )
+from physic_core.types.short_repr import ShortRepr
 
 SCREEN = 24 * 80
 HEIGHT, WIDTH, VERTICES = 480, 640, 10475

@@ -9,12 +9,13 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from physic_core import border, interfaces
+from physic_core import interfaces
 from physic_core.cache import code
 from physic_core.cache.answers import Answers
+from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.errors import BackendError, BackendOutputError, InputError, NoPersonError, PhysicError
-from physic_core.resolve import ResolvedBackend
-from physic_core.stages import Stages
+from physic_core.pipeline import validation as border
+from physic_core.pipeline.stages import Stages
 from physic_core.types import DepthMap, Provenance
 
 SHAPE = (6, 8)

@@ -17,8 +17,8 @@ from pathlib import Path
 
 import pytest
 
-from physic_core.registry import BackendRecord
-from physic_core.testing.conformance.run import Run
+from physic_core.discovery.registry import BackendRecord
+from physic_testing.conformance.run import Run
 
 ROOT = Path(__file__).parents[1]
 PLUGINS = {

@@ -17,7 +17,7 @@ import numpy as np
 
 from physic_core.cache.answers import Answers, Question
 from physic_core.cache.digest import Digester
-from physic_core.cache.shelf import SUFFIX
+from physic_core.cache.lru_folder import SUFFIX
 from physic_core.types import (
     Bodies,
     BodyParameters,

@@ -41,8 +41,8 @@ def plain_model(path: str | Path, family: Literal["smpl", "mano"]) -> Iterator[P
         BodyModelError: there is no such file, it is none of this family, it is damaged, or it could run code.
     """
     from physic_core.body.model_file import MANO, SMPL
+    from physic_core.cache.lru_folder import MODEL_SUFFIX
     from physic_core.cache.places import models_folder
-    from physic_core.cache.shelf import MODEL_SUFFIX
 
     source, layout = Path(path).expanduser(), MANO if family == "mano" else SMPL
     digest = _digest(source, layout)
@@ -80,7 +80,7 @@ def _is_whole(copy: Path, digest: str) -> bool:
 
 def _keep(folder: Path, name: str, source: Path, layout: Layout, digest: str) -> bool:
     """Whether the copy could be written."""
-    from physic_core.io.atomic import replacing
+    from physic_core.files.atomic import replacing
 
     content = _content(source, layout, digest)
     try:

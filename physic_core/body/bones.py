@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physic_core.body.joints import NUM_JOINTS, PARENTS
-from physic_core.body.products import product, solved
+from physic_core.body.linalg import product, solved
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel

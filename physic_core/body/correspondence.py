@@ -17,8 +17,8 @@ from physic_core.body.bones import FAMILY, fit_shape
 from physic_core.body.nearest_surface import Surface
 from physic_core.body.part_fit import Fit
 from physic_core.body.rest_mesh import vertex_normals
+from physic_core.body.rotations import swing
 from physic_core.body.surface_fit import Patches, fit_surface, spread
-from physic_core.body.turning import swing
 from physic_core.errors import BodyModelError
 
 if TYPE_CHECKING:

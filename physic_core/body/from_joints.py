@@ -13,17 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physic_core.body.joints import JOINT_INDEX, PARENTS
-from physic_core.body.turning import (
-    aligned,
-    between,
-    cross,
-    exp,
-    nearest_rotation,
-    parted,
-    swing,
-    turned,
-    unit,
-)
+from physic_core.body.rotations import aligned, between, cross, exp, nearest_rotation, parted, swing, turned, unit
 
 __all__ = ["enough", "numbers", "rotations_of"]
 

@@ -17,7 +17,7 @@ from physic_core.body.skinning import Skin
 from physic_core.errors import BodyModelError
 from physic_core.geometry.coarse_mesh import CoarseMesh, coarse_mesh
 from physic_core.geometry.visibility import faces_around
-from physic_core.short_repr import ShortRepr
+from physic_core.types.short_repr import ShortRepr
 
 __all__ = ["BodyModel", "BodyOutput", "LandmarkModel"]
 

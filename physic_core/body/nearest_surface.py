@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from physic_core.body.turning import cross, unit
+from physic_core.body.rotations import cross, unit
 
 __all__ = ["OnSurface", "Surface"]
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from physic_core.body.bones import Bones, fit_shape
 from physic_core.body.from_joints import numbers, rotations_of
 from physic_core.body.joints import JOINT_NAMES, PARENTS
-from physic_core.body.turning import swing, turned
+from physic_core.body.rotations import swing, turned
 
 __all__ = ["Fit", "fit_joints"]
 

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from physic_core.body.bones import FAMILY, Bones, fit_shape, local_from_world
 from physic_core.body.joints import NUM_JOINTS, PARENTS
+from physic_core.body.linalg import product, solved
 from physic_core.body.part_fit import Fit
-from physic_core.body.products import product, solved
-from physic_core.body.turning import cross, exp, nearest_rotation
+from physic_core.body.rotations import cross, exp, nearest_rotation
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel

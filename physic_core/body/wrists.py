@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from physic_core.body.bones import Bones, local_from_world, world_from_local
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
-from physic_core.body.turning import between, exp, log, unit
+from physic_core.body.rotations import between, exp, log, unit
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel

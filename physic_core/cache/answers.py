@@ -25,13 +25,13 @@ from physic_core import types
 from physic_core.cache.archive import pack, unpack
 from physic_core.cache.code import Code
 from physic_core.cache.digest import Digester
+from physic_core.cache.lru_folder import SUFFIX, shrink, touch
 from physic_core.cache.npz import Damaged, read, write
 from physic_core.cache.places import answers_folder
-from physic_core.cache.shelf import SUFFIX, shrink, touch
+from physic_core.discovery.plugins import required_versions
 from physic_core.errors import OutputError
+from physic_core.files.npz import MOST_BYTES
 from physic_core.interfaces import INTERFACES
-from physic_core.io.npz import MOST_BYTES
-from physic_core.plugins import required_versions
 
 if TYPE_CHECKING:
     from physic_core.interfaces import Backend

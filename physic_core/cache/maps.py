@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body.correspondence import VERSION, Correspondence, correspondence
+from physic_core.cache.lru_folder import MAP_SUFFIX
 from physic_core.cache.npz import Damaged, read, write
 from physic_core.cache.places import maps_folder
-from physic_core.cache.shelf import MAP_SUFFIX
 from physic_core.errors import OutputError
 
 if TYPE_CHECKING:

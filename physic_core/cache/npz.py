@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.io.atomic import replacing
-from physic_core.io.npz import read_arrays
+from physic_core.files.atomic import replacing
+from physic_core.files.npz import read_arrays
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

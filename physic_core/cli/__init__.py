@@ -9,20 +9,20 @@ from typing import Any
 
 import click
 
-from physic_core.cli.bench import bench
 from physic_core.cli.cache import cache
 from physic_core.cli.config import config
 from physic_core.cli.exit_codes import INTERRUPTED, MEANINGS, exit_code
+from physic_core.cli.groups import ExtensibleGroup
 from physic_core.cli.plugins import plugins
 from physic_core.cli.run import run
 from physic_core.cli.weights import weights
-from physic_core.error_text import traceback_text
+from physic_core.discovery.error_text import traceback_text
 from physic_core.errors import PhysicError
 
 __all__ = ["main"]
 
 
-class _Group(click.Group):
+class _Group(ExtensibleGroup):
     def invoke(self, ctx: click.Context) -> Any:
         """Turn our errors into a message and the exit code of their class; PHYSIC_DEBUG=1 shows the traceback."""
         try:
@@ -37,7 +37,7 @@ class _Group(click.Group):
 
 def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     if wanted:
-        from physic_core.plugins import core_version
+        from physic_core.discovery.plugins import core_version
 
         click.echo(f"physic {core_version()}")
         ctx.exit()
@@ -56,6 +56,5 @@ def main() -> None:
 main.add_command(run)
 main.add_command(plugins)
 main.add_command(config)
-main.add_command(bench)
 main.add_command(cache)
 main.add_command(weights)

@@ -13,7 +13,7 @@ def require_interface(name: str | None) -> None:
     Raises:
         UsageError: with the names that there are, and the nearest one.
     """
-    from physic_core.faults import closest
+    from physic_core.configuration.faults import closest
     from physic_core.interfaces import INTERFACES
 
     if name is not None and name not in INTERFACES:
@@ -26,6 +26,6 @@ def class_here(name: str) -> str:
     """A backend's name as given on the command line; a "module:Class" may lie in the current folder."""
     from pathlib import Path
 
-    from physic_core.local_modules import in_folder
+    from physic_core.discovery.local_modules import in_folder
 
     return in_folder(name, Path())

@@ -12,7 +12,7 @@ from physic_core.cache.places import maps_folder, models_folder
 from physic_core.errors import ConfigError
 
 if TYPE_CHECKING:
-    from physic_core.cache.shelf import Kept
+    from physic_core.cache.lru_folder import Kept
 
 __all__ = ["cache"]
 
@@ -25,7 +25,7 @@ def cache() -> None:
 @cache.command()
 def info() -> None:
     """Print where answers are kept, how many of which backend, and what they take; and maps and models, if any."""
-    from physic_core.cache.shelf import kept
+    from physic_core.cache.lru_folder import kept
 
     folder = _folder()
     files = kept(folder)
@@ -40,7 +40,7 @@ def info() -> None:
 @cache.command()
 def clear() -> None:
     """Remove every kept answer, map and model, and print what was removed; results of runs stay."""
-    from physic_core.cache.shelf import clear as remove
+    from physic_core.cache.lru_folder import clear as remove
 
     folder = _folder()
     files = remove(folder)
@@ -76,7 +76,7 @@ def _by_backend(files: Iterable[Kept]) -> list[str]:
 
 def _others() -> list[tuple[Path, str, tuple[str, str]]]:
     """What else is kept: folder, suffix of its files, and their name for one and for several."""
-    from physic_core.cache.shelf import MAP_SUFFIX, MODEL_SUFFIX
+    from physic_core.cache.lru_folder import MAP_SUFFIX, MODEL_SUFFIX
 
     kinds = (
         (maps_folder(), MAP_SUFFIX, ("map between bodies", "maps between bodies")),

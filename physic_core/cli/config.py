@@ -14,8 +14,8 @@ from physic_core.cli.toml import toml_value
 from physic_core.errors import OutputError
 
 if TYPE_CHECKING:
-    from physic_core.config import Config
-    from physic_core.registry import Registry
+    from physic_core.configuration.model import Config
+    from physic_core.discovery.registry import Registry
 
 __all__ = ["config"]
 
@@ -39,9 +39,9 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
 
     Ends with code 2 if the configuration has errors, or if its device is not there, and with 4 if files are missing.
     """
-    from physic_core.plugins import discover
-    from physic_core.resolve import list_of_missing, load_checked, missing_device, missing_files, resolve
-    from physic_core.weights.wanted import remarks
+    from physic_core.configuration.resolve import list_of_missing, load_checked, missing_device, missing_files, resolve
+    from physic_core.discovery.plugins import discover
+    from physic_core.weights.required import remarks
 
     _refuse_both(file, preset)
     registry = discover()
@@ -63,7 +63,7 @@ def show(file: Path | None, preset: str | None, overrides: tuple[str, ...], whol
     """Print the resolved configuration of FILE, and where each value is from."""
     found = _load(file, preset, overrides)
     if whole:
-        from physic_core.plugins import discover
+        from physic_core.discovery.plugins import discover
 
         click.echo(whole_toml(found, discover()), nl=False)
     else:
@@ -77,8 +77,8 @@ def schema() -> None:
     With `physic config schema > physic.schema.json`, the first line `#:schema physic.schema.json` of a TOML file lets
     editors complete and check it (Even Better TOML, Taplo and others).
     """
-    from physic_core.plugins import discover
-    from physic_core.schema import config_schema
+    from physic_core.configuration.schema import config_schema
+    from physic_core.discovery.plugins import discover
 
     click.echo(json.dumps(config_schema(discover()), indent=2))
 
@@ -92,7 +92,7 @@ def init(file: Path, preset: str) -> None:
     Options of backends are those of the preset's backends, as far as they are installed.
     """
     from physic_core.cli.template import template
-    from physic_core.plugins import discover
+    from physic_core.discovery.plugins import discover
 
     text = template(preset, discover())
     try:
@@ -106,7 +106,7 @@ def init(file: Path, preset: str) -> None:
 
 
 def _load(file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> Config:
-    from physic_core.config import load_config
+    from physic_core.configuration.model import load_config
 
     _refuse_both(file, preset)
     return load_config(file, preset=preset, overrides=overrides)
@@ -133,7 +133,7 @@ def whole_toml(found: Config, registry: Registry) -> str:
     """
     from dataclasses import asdict
 
-    from physic_core.resolve import resolve
+    from physic_core.configuration.resolve import resolve
 
     plan, tables = resolve(found, registry), found.as_dict()
     otherwise: dict[str, str] = {}

@@ -18,10 +18,10 @@ import click
 
 from physic_core.cli.arguments import class_here, require_interface
 from physic_core.cli.exit_codes import BACKEND
-from physic_core.error_text import debugging, describe, traceback_text
+from physic_core.discovery.error_text import debugging, describe, traceback_text
 
 if TYPE_CHECKING:
-    from physic_core.registry import Claim, Registry
+    from physic_core.discovery.registry import Claim, Registry
 
 __all__ = ["Finding", "doctor", "examine", "in_its_own_process"]
 
@@ -76,7 +76,7 @@ def doctor(
     "missing" is what a backend says that it lacks, such as a file that you bring; "BROKEN" is anything else, and ends
     with code 5.
     """
-    from physic_core.plugins import discover
+    from physic_core.discovery.plugins import discover
 
     require_interface(interface)
     registry = discover()
@@ -106,7 +106,7 @@ def findings(
         load: tries one.
         whole: whether broken plugins belong to the question.
     """
-    from physic_core.entry_points import misplaced
+    from physic_core.discovery.entry_points import misplaced
 
     for claim in claims:
         if claim.problem:
@@ -122,8 +122,8 @@ def findings(
 
 def examine(registry: Registry, claim: Claim, device: str) -> Finding:
     """Import, construct, load and close a backend with its default options, here."""
+    from physic_core.discovery.readiness import lacks
     from physic_core.errors import PhysicError
-    from physic_core.readiness import lacks
 
     start = time.perf_counter()
     step, owner = "import", claim.origin.plugin
@@ -177,7 +177,7 @@ def _finding(
 
 
 def _main(interface: str, name: str, device: str) -> None:
-    from physic_core.plugins import discover
+    from physic_core.discovery.plugins import discover
 
     registry = discover()
     claim = registry.get(interface, name)

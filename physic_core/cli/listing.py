@@ -7,15 +7,15 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from physic_core.catalog import how_to_install
-from physic_core.error_text import describe, traceback_text
+from physic_core.discovery.catalog import how_to_install
+from physic_core.discovery.error_text import describe, traceback_text
+from physic_core.discovery.local_modules import split
+from physic_core.discovery.readiness import Readiness, lacks, readiness
 from physic_core.errors import BackendError, PhysicError
-from physic_core.local_modules import split
-from physic_core.readiness import Readiness, lacks, readiness
 
 if TYPE_CHECKING:
+    from physic_core.discovery.registry import Claim, Registry
     from physic_core.interfaces import Backend
-    from physic_core.registry import Claim, Registry
 
 __all__ = ["as_dicts", "columns", "detail", "in_words", "listing"]
 
@@ -164,7 +164,7 @@ def _needs(claim: Claim) -> str:
 
 
 def _readiness(registry: Registry, claim: Claim) -> Readiness:
-    from physic_core.weights.wanted import missing_sets
+    from physic_core.weights.required import missing_sets
 
     return readiness(registry, claim, missing_sets=missing_sets)
 

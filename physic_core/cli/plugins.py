@@ -7,27 +7,31 @@ from typing import TYPE_CHECKING
 import click
 
 from physic_core.cli.arguments import class_here, require_interface
-from physic_core.cli.conformance import check, compare
 from physic_core.cli.doctor import doctor
+from physic_core.cli.groups import ExtensibleGroup
 from physic_core.cli.listing import as_dicts, detail, listing
 from physic_core.cli.scaffold import new
 
 if TYPE_CHECKING:
-    from physic_core.registry import Registry
+    from physic_core.discovery.registry import Registry
 
 __all__ = ["plugins"]
 
 
-@click.group(invoke_without_command=True)
+class _Plugins(ExtensibleGroup):
+    prefix = "plugins"
+
+
+@click.group(cls=_Plugins, invoke_without_command=True)
 @click.option("--interface", metavar="NAME", help="Only backends of this interface.")
 @click.option("--json", "as_json", is_flag=True, help="Print it as JSON.")
 @click.pass_context
 def plugins(ctx: click.Context, interface: str | None, as_json: bool) -> None:
-    """List installed backends; show, check, compare or begin one."""
+    """List installed backends; show, diagnose or begin one."""
     if ctx.invoked_subcommand is None:
         import json
 
-        from physic_core.plugins import discover
+        from physic_core.discovery.plugins import discover
 
         require_interface(interface)
         found = discover()
@@ -38,7 +42,7 @@ def plugins(ctx: click.Context, interface: str | None, as_json: bool) -> None:
 @click.argument("name")
 def show(name: str) -> None:
     """Say what the backends called NAME are: options, licence, source."""
-    from physic_core.plugins import discover
+    from physic_core.discovery.plugins import discover
 
     click.echo(details(discover(), class_here(name)))
 
@@ -52,7 +56,5 @@ def details(registry: Registry, name: str) -> str:
     return "\n\n".join(detail(registry, claim) for claim in registry.called(name))
 
 
-plugins.add_command(check)
-plugins.add_command(compare)
 plugins.add_command(doctor)
 plugins.add_command(new)

@@ -92,8 +92,8 @@ def run(
     if file is not None and preset is not None:
         raise click.UsageError('--config names its preset itself, with extends = "NAME": leave --preset out')
 
-    from physic_core.plugins import discover
-    from physic_core.resolve import load_checked, require_whole, resolve
+    from physic_core.configuration.resolve import load_checked, require_whole, resolve
+    from physic_core.discovery.plugins import discover
 
     flags: dict[str, dict[str, Any]] = {}
     if focal_px is not None:
@@ -112,7 +112,7 @@ def run(
     config = load_checked(registry, file, preset=preset, overrides=overrides, flags=flags)
     require_whole(resolve(config, registry))
     with _terminable(), _reserved(photo, out, overwrite) as folder:
-        from physic_core.pipeline import reconstruct_photo
+        from physic_core.pipeline.run import reconstruct_photo
 
         with _said_by_plugins() as said, _progress() as progress:
             result = reconstruct_photo(photo, config, registry=registry, progress=progress)
@@ -153,7 +153,7 @@ def _reserved(photo: Path, out: Path | None, overwrite: bool) -> Iterator[Path]:
 
     This is seen to before minutes are spent.
     """
-    from physic_core.io.atomic import check_writable
+    from physic_core.files.atomic import check_writable
     from physic_core.io.output import check_folder
 
     digest = _digest(photo)

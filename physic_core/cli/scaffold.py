@@ -20,8 +20,8 @@ def new(name: str, interface: str, folder: Path | None) -> None:
 
     The distribution is called physic-NAME.
     """
+    from physic_core.discovery.plugins import core_version, discover
     from physic_core.interfaces import INTERFACES
-    from physic_core.plugins import core_version, discover
     from physic_core.scaffold.package import Names, write
 
     require_interface(interface)

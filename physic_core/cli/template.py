@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, get_type_hints
 
 from physic_core.cli.listing import in_words
 from physic_core.cli.toml import toml_value
-from physic_core.config import load_config, stage_tables
+from physic_core.configuration.model import load_config, stage_tables
 from physic_core.engine.settings import EngineSettings
 from physic_core.errors import BackendError
 from physic_core.interfaces import INTERFACES
@@ -19,8 +19,8 @@ from physic_core.interfaces import INTERFACES
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-    from physic_core.config import Config
-    from physic_core.registry import Registry
+    from physic_core.configuration.model import Config
+    from physic_core.discovery.registry import Registry
 
 __all__ = ["template"]
 

@@ -164,7 +164,7 @@ def verify(ctx: click.Context, names: tuple[str, ...], as_json: bool) -> None:
 @click.argument("file", required=False)
 def where(name: str, file: str | None) -> None:
     """Print the path of the weights NAME, or of one FILE of them, and nothing else."""
-    from physic_core.plugins import discover
+    from physic_core.discovery.plugins import discover
     from physic_core.weights.library import read_library
     from physic_core.weights.locate import locate
 
@@ -175,7 +175,7 @@ def where(name: str, file: str | None) -> None:
 
 
 def _library() -> Library:
-    from physic_core.plugins import discover
+    from physic_core.discovery.plugins import discover
     from physic_core.weights.library import read_library
 
     return read_library(discover().manifests)

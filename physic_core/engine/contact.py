@@ -5,9 +5,9 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from physic_core.engine.problem import JointProblem
+from physic_core.engine.joint.problem import JointProblem
+from physic_core.engine.joint.terms import plane_height
 from physic_core.engine.settings import ContactSettings, EngineSettings
-from physic_core.engine.terms import plane_height
 from physic_core.geometry.neighbors import NearestScene, near_boxes
 
 __all__ = ["contact_map", "contact_surface", "surface_distance"]

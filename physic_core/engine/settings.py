@@ -11,8 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from physic_core.engine.joint_settings import JointSettings
-from physic_core.engine.setting_types import (
+from physic_core.engine.bounds import (
     Count,
     Degrees,
     NotNegative,
@@ -22,6 +21,7 @@ from physic_core.engine.setting_types import (
     Ratio,
     Share,
 )
+from physic_core.engine.joint.settings import JointSettings
 
 __all__ = ["ContactSettings", "EngineSettings", "HumanSettings", "JointSettings", "SceneSettings"]
 

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.errors import InputError
+from physic_core.geometry.upright import gltf_from_camera
 from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS
 from physic_core.io.output import SCHEMA
-from physic_core.io.upright import gltf_from_camera
 from physic_core.types import Diagnostic, Provenance, StageRecord
 
 if TYPE_CHECKING:

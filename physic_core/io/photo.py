@@ -17,7 +17,7 @@ from PIL import Image, ImageOps, UnidentifiedImageError
 
 from physic_core.errors import InputError
 from physic_core.io.exif import EXIF_IFD, ORIENTATION, intrinsics_from_exif, is_turned
-from physic_core.short_repr import ShortRepr
+from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
     from physic_core.types import Intrinsics, UInt8Array

@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import InputError
+from physic_core.files.atomic import check_writable, replacing
+from physic_core.files.npz import read_arrays
 from physic_core.io.arrays import (
     PARAMETER_NAMES,
     PERSON_ARRAYS,
@@ -17,9 +19,7 @@ from physic_core.io.arrays import (
     to_arrays,
     write_npz,
 )
-from physic_core.io.atomic import check_writable, replacing
 from physic_core.io.document import checks_from, from_text, restored, stages_from, to_document, to_text
-from physic_core.io.npz import read_arrays
 from physic_core.io.output import (
     ARRAYS_FILE,
     DOCUMENT_FILE,
@@ -35,10 +35,17 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-__all__ = ["ARRAYS_FILE", "DOCUMENT_FILE", "PREVIEW_FILE", "check_writable", "load", "save"]
+__all__ = [
+    "ARRAYS_FILE",
+    "DOCUMENT_FILE",
+    "PREVIEW_FILE",
+    "check_writable",
+    "load_reconstruction",
+    "save_reconstruction",
+]
 
 
-def save(
+def save_reconstruction(
     reconstruction: Reconstruction,
     folder: str | os.PathLike[str],
     *,
@@ -54,7 +61,7 @@ def save(
     Raises:
         OutputError: the folder cannot be written, or something would be lost.
     """
-    from physic_core.io.glb import glb_files
+    from physic_core.visual.glb import glb_files
 
     names = [DOCUMENT_FILE, ARRAYS_FILE, "scene.glb", "combined.glb"]
     names += [f"person_{index}.glb" for index in range(len(reconstruction.people))]
@@ -86,14 +93,14 @@ def save(
         for name, content in glb_files(reconstruction):
             write(name, content)
         if preview:
-            from physic_core.io.preview import preview_png
+            from physic_core.visual.preview import preview_png
 
             write(PREVIEW_FILE, preview_png(reconstruction))
         document_file.write_bytes(to_text(to_document(reconstruction, names, arrays_checksum, digests)))
     return tuple(folder / name for name in names)
 
 
-def load(folder: str | os.PathLike[str]) -> Reconstruction:
+def load_reconstruction(folder: str | os.PathLike[str]) -> Reconstruction:
     """Reads back what :func:`save` wrote.
 
     Raises:

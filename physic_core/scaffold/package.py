@@ -30,7 +30,7 @@ requires-python = ">=3.11"
 dependencies = ["numpy>=1.26", "physic-core>={core}", "pydantic>=2.7"]
 
 [project.optional-dependencies]
-test = ["pytest>=8.2"]
+test = ["physic-testing>={core}", "pytest>=8.2"]
 
 [project.entry-points."physic.plugins"]
 "{entry}" = "{package}"
@@ -65,7 +65,7 @@ def physic_backends() -> list[BackendRecord]:
 '''
 
 _TEST = """\
-from physic_core.testing import parametrize_with_checks
+from physic_testing import parametrize_with_checks
 
 
 @parametrize_with_checks("{interface}", "{backend}")

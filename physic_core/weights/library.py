@@ -6,13 +6,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from physic_core.discovery.records import normal_name
 from physic_core.errors import ConfigError, PhysicError
-from physic_core.records import normal_name
+from physic_core.weights.close_names import in_words, near
 from physic_core.weights.manifest import WeightSet, read_manifest
-from physic_core.weights.near import in_words, near
 
 if TYPE_CHECKING:
-    from physic_core.registry import Manifest, Origin
+    from physic_core.discovery.registry import Manifest, Origin
 
 __all__ = ["Library", "Listed", "read_library"]
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from physic_core.errors import WeightsMissingError
+from physic_core.weights.close_names import in_words, near
 from physic_core.weights.folders import in_hub_cache, loose, own_folder, places_in_words, user_folders
 from physic_core.weights.manifest import WeightFile, WeightSet, read_manifest
-from physic_core.weights.near import in_words, near
 
 __all__ = ["Found", "fingerprint", "locate", "look", "missing", "other_sizes", "size_in_words", "way_to_get"]
 

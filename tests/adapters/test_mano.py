@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.adapters.mano import hands_from_mano, no_hands
 from physic_core.adapters.rotations import mirrored
-from physic_core.border import hands_faults
+from physic_core.pipeline.validation import hands_faults
 
 RNG = np.random.default_rng(0)
 FINGERS, WRISTS = RNG.normal(0, 0.4, (2, 15, 3)), RNG.normal(0, 1, (2, 1, 3))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from physic_core.adapters.people import distinct_masks, people_from_masks, tight_boxes
-from physic_core.border import people_faults
+from physic_core.pipeline.validation import people_faults
 from physic_core.types import Keypoints
 
 SIZE = (6, 8)

@@ -14,7 +14,7 @@ import pytest
 
 from physic_core.adapters.plain_models import plain_model
 from physic_core.errors import BodyModelError
-from physic_core.testing.body_files import mano_arrays, smpl_arrays, write_published
+from physic_testing.body_files import mano_arrays, smpl_arrays, write_published
 
 
 @pytest.fixture

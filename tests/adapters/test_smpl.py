@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from physic_core.adapters.smpl import bodies_from_smpl, no_bodies, parameters_of
-from physic_core.border import bodies_faults
+from physic_core.pipeline.validation import bodies_faults
 
 RNG = np.random.default_rng(0)
 POSE, BETAS, PLACE = RNG.normal(0, 0.4, (2, 24, 3)), RNG.normal(0, 1, (2, 10)), RNG.normal((0, 0, 4), 1, (2, 3))

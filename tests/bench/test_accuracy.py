@@ -13,19 +13,19 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from physic_core.bench import accuracy, cases
-from physic_core.bench.accuracy import Work, run_cases, run_one
-from physic_core.bench.cases import Case, chosen_cases, look
-from physic_core.bench.frozen import load_evidence, save_evidence
-from physic_core.bench.results import summarise, write
-from physic_core.bench.rows import ablation_rows, pick
 from physic_core.body import load_body
 from physic_core.cli import main
-from physic_core.config import load_config
+from physic_core.configuration.model import load_config
+from physic_core.configuration.resolve import resolve
+from physic_core.discovery.plugins import discover
 from physic_core.errors import ConfigError, PhysicError
-from physic_core.plugins import discover
-from physic_core.resolve import resolve
-from physic_core.testing.worlds import WORLDS, build_world
+from physic_testing.bench import accuracy, cases
+from physic_testing.bench.accuracy import Work, run_cases, run_one
+from physic_testing.bench.cases import Case, chosen_cases, look
+from physic_testing.bench.frozen import load_evidence, save_evidence
+from physic_testing.bench.results import summarise, write
+from physic_testing.bench.rows import ablation_rows, pick
+from physic_testing.worlds import WORLDS, build_world
 
 SIZE = (160, 120)
 CASE = Case("stand", 0, SIZE)
@@ -108,7 +108,7 @@ def test_a_world_is_looked_at_once_and_its_rows_are_kept(config, tmp_path, monke
         raise AssertionError("asked again")
 
     monkeypatch.setattr(cases, "perceive", never)
-    monkeypatch.setattr("physic_core.solution.solve", never)
+    monkeypatch.setattr("physic_core.pipeline.optimise.solve", never)
     again = run_one(CASE, work)
     assert again == first
     assert json.loads(json.dumps(first)) == first
@@ -129,7 +129,7 @@ def test_what_fails_is_counted(config, monkeypatch):
 
     work = Work(config, pick("default", ["start", "full"]), None)
     with monkeypatch.context() as patch:
-        patch.setattr("physic_core.solution.solve", broken)
+        patch.setattr("physic_core.pipeline.optimise.solve", broken)
         record = run_one(CASE, work)
     assert record["rows"]["full"]["error"] == "RuntimeError: no memory\nleft"
     assert [p["found"] for p in record["rows"]["full"]["people"]] == [False]

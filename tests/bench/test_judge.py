@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physic_core.bench.judge import LIMB_JOINTS, PERSON_METRICS, WORLD_METRICS, Guess, Judge
 from physic_core.body import load_body
 from physic_core.errors import PhysicError
-from physic_core.testing.worlds import build_world
 from physic_core.types import Scene
+from physic_testing.bench.judge import LIMB_JOINTS, PERSON_METRICS, WORLD_METRICS, Guess, Judge
+from physic_testing.worlds import build_world
 
 
 @pytest.fixture(scope="module")

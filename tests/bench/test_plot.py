@@ -2,10 +2,10 @@ from __future__ import annotations
 
 import pytest
 
-from physic_core.bench.plot import draw
-from physic_core.bench.results import Results
-from physic_core.bench.summary import by_action, figures
 from physic_core.errors import PhysicError
+from physic_testing.bench.plot import draw
+from physic_testing.bench.results import Results
+from physic_testing.bench.summary import by_action, figures
 
 ROWS = {"start": {"label": "start"}, "full": {"label": "+ floor"}}
 PEOPLE = [

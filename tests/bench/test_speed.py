@@ -8,14 +8,14 @@ from dataclasses import fields, replace
 import pytest
 import torch
 
-from physic_core.bench.speed import SECTIONS, SpeedReport, SpeedRow, format_report, measure_speed
-from physic_core.bench.speed_nearest import errors_mm
-from physic_core.bench.speed_problems import crowd
 from physic_core.body import load_body
-from physic_core.engine.joint import optimize
+from physic_core.engine.joint.solve import optimize
 from physic_core.engine.presets import PRESETS
 from physic_core.errors import ConfigError
 from physic_core.geometry.neighbors import NearestScene
+from physic_testing.bench.speed import SECTIONS, SpeedReport, SpeedRow, format_report, measure_speed
+from physic_testing.bench.speed_nearest import errors_mm
+from physic_testing.bench.speed_problems import crowd
 
 SMALL = (160, 120)
 

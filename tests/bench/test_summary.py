@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.bench.summary import by_action, difference, figures, truth_figures
+from physic_testing.bench.summary import by_action, difference, figures, truth_figures
 
 
 def person(hits=0, alarms=0, misses=0, **numbers):

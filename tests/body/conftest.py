@@ -16,7 +16,7 @@ from torch import Tensor
 from physic_core.body import JOINT_INDEX, JOINT_NAMES, PARENTS, load_body
 from physic_core.body.assembly import BodyArrays, assemble
 from physic_core.body.model import BodyModel
-from physic_core.body.turning import exp
+from physic_core.body.rotations import exp
 
 sys.path.append(str(Path(__file__).parent))  # other_body.py, which tests of this folder share
 

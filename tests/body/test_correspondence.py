@@ -17,7 +17,7 @@ from physic_core.body.correspondence import Correspondence, correspondence
 from physic_core.body.model import BodyModel
 from physic_core.body.nearest_surface import Surface, closest_shares
 from physic_core.body.rest_mesh import vertex_normals
-from physic_core.body.turning import unit
+from physic_core.body.rotations import unit
 from physic_core.cache import maps as module
 from physic_core.cache.maps import kept_correspondence
 from physic_core.errors import BodyModelError

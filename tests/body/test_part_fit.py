@@ -14,8 +14,8 @@ from physic_core.body.bones import Bones, fit_shape, local_from_world, solved, w
 from physic_core.body.from_joints import enough, rotations_of
 from physic_core.body.model import BodyModel
 from physic_core.body.part_fit import Fit, fit_joints
+from physic_core.body.rotations import exp, log
 from physic_core.body.surface_fit import Patches, _normal_equations, fit_surface, spread
-from physic_core.body.turning import exp, log
 
 Array = NDArray[np.float64]
 People = dict[str, np.ndarray]

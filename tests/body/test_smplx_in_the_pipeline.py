@@ -14,8 +14,8 @@ from physic_core import Reconstruction, load_config, reconstruct
 from physic_core.body.conversion import to_model, with_joints
 from physic_core.body.model import BodyModel
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
-from physic_core.testing.worlds import World, build_world
 from physic_core.types import Bodies
+from physic_testing.worlds import World, build_world
 
 
 @pytest.fixture(scope="module")

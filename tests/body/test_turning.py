@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
-from physic_core.body.turning import aligned, between, cross, exp, log, nearest_rotation, parted, swing, turned, unit
+from physic_core.body.rotations import aligned, between, cross, exp, log, nearest_rotation, parted, swing, turned, unit
 
 VECTOR = arrays(np.float64, (3,), elements=st.floats(-2, 2)).filter(lambda v: np.linalg.norm(v) > 1e-2)
 TURN = arrays(np.float64, (3,), elements=st.floats(-1.7, 1.7))

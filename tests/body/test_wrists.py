@@ -16,9 +16,9 @@ from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.bones import local_from_world, world_from_local
 from physic_core.body.model import BodyOutput
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
-from physic_core.body.turning import exp, log, parted
+from physic_core.body.rotations import exp, log, parted
 from physic_core.body.wrists import stitch, trust
-from physic_core.engine.anatomy import RANGES
+from physic_core.engine.joint.joint_limits import RANGES
 from physic_core.types import BodyParameters, Hands
 
 MODEL = load_body("embedded")

@@ -17,7 +17,7 @@ from physic_core import interfaces
 from physic_core.cache import answers as module
 from physic_core.cache import code, npz
 from physic_core.cache.answers import Answers, settled
-from physic_core.plugins import required_versions
+from physic_core.discovery.plugins import required_versions
 from physic_core.types import DepthMap, Hands, Hints, Intrinsics, Keypoints, People, Provenance
 
 

@@ -158,7 +158,7 @@ def test_a_folder_with_files_in_it_is_left_alone_and_named(tool: ModuleType, tmp
 
 def test_an_archive_that_claims_more_than_memory_is_not_unpacked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     npz.write(tmp_path, "a.npz", {"zeros": np.zeros(100_000)}, None)
-    monkeypatch.setattr("physic_core.io.npz.MOST_BYTES", 99_999)
+    monkeypatch.setattr("physic_core.files.npz.MOST_BYTES", 99_999)
     with pytest.raises(npz.Damaged, match="its arrays claim"):
         npz.read(tmp_path / "a.npz")
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from physic_core.cache import shelf
+from physic_core.cache import lru_folder as shelf
 from physic_core.cache.places import place
 
 

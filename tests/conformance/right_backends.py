@@ -10,8 +10,8 @@ from pydantic import Field
 
 from physic_core import interfaces
 from physic_core.errors import BackendError
-from physic_core.testing.conformance.cases import CASES, SCENE_UNIT, Case, build_case
 from physic_core.types import Bodies, ContactProbability, DepthMap, Hands, Keypoints, People, Pointmap
+from physic_testing.conformance.cases import CASES, SCENE_UNIT, Case, build_case
 
 SIZE = (160, 120)
 POOR = 0.2  # how far answers are off for a photo in strange colours

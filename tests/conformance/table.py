@@ -15,8 +15,8 @@ import wrong_sayings  # noqa: F401
 from right_backends import SIZE
 from wrong_backends import WRONG, Wrong
 
-from physic_core.plugins import discover
-from physic_core.testing import Report, check_backend
+from physic_core.discovery.plugins import discover
+from physic_testing import Report, check_backend
 
 
 @cache

@@ -7,11 +7,11 @@ import pytest
 from right_backends import SIZE
 
 from physic_core.interfaces import INTERFACES
-from physic_core.testing.conformance.asking import ANSWERS, as_views, changed, difference, inputs
-from physic_core.testing.conformance.cases import CASES, build_case
-from physic_core.testing.conformance.guard import no_network, resident_megabytes
-from physic_core.testing.conformance.surfaces import aligned_error, order_agreement
 from physic_core.types import DepthMap
+from physic_testing.conformance.asking import ANSWERS, as_views, changed, difference, inputs
+from physic_testing.conformance.cases import CASES, build_case
+from physic_testing.conformance.guard import no_network, resident_megabytes
+from physic_testing.conformance.surfaces import aligned_error, order_agreement
 
 DEPTH = np.random.default_rng(0).uniform(1, 5, (20, 30))
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from physic_core.plugins import discover
-from physic_core.testing import check_backend
-from physic_core.testing.conformance.subject import OptionsFor
+from physic_core.discovery.plugins import discover
+from physic_testing import check_backend
+from physic_testing.conformance.subject import OptionsFor
 
 CLAIMS = [claim for claim in discover() if not claim.problem]
 

@@ -7,11 +7,11 @@ from pydantic import Field
 from right_backends import SIZE, RightMetricDepth, RightOptions, RightSegmenter
 from wrong_backends import WRONG
 
+from physic_core.discovery.registry import BackendRecord, Registry
 from physic_core.errors import BackendError, ConfigError, PhysicError
-from physic_core.registry import BackendRecord, Registry
-from physic_core.testing import check_backend, parametrize_with_checks
-from physic_core.testing.conformance import CAPABILITIES, Report, Result, checks_for
-from physic_core.testing.conformance.compare import compare
+from physic_testing import check_backend, parametrize_with_checks
+from physic_testing.conformance import CAPABILITIES, Report, Result, checks_for
+from physic_testing.conformance.compare import compare
 
 CENTIMETRES = next(m.kind for m in WRONG if m.mistake == "centimetres" and m.kind.interface == "metric_depth")
 NO_WEIGHTS = "my-depth needs weights.onnx: fetch it from https://example.org and set options.path"
@@ -240,7 +240,7 @@ def test_pytest_gets_one_test_a_check_and_one_that_something_ran(pytester: pytes
         sys.path.append({folder!r})
         from right_backends import SIZE, RightMetricDepth
         from test_kit import CENTIMETRES, NotReady
-        from physic_core.testing import parametrize_with_checks
+        from physic_testing import parametrize_with_checks
 
         @parametrize_with_checks("metric_depth", CENTIMETRES, size=SIZE)
         def test_centimetres(check):

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from physic_core import entry_points
 from physic_core.cli import main
-from physic_core.plugins import discover
-from physic_core.registry import Registry
-from physic_core.testing.conformance.kit import start
-from physic_core.testing.conformance.subject import find_subject
+from physic_core.discovery import entry_points
+from physic_core.discovery.plugins import discover
+from physic_core.discovery.registry import Registry
+from physic_testing.conformance.kit import start
+from physic_testing.conformance.subject import find_subject
 
 DEPTH = """
 import numpy as np
@@ -63,7 +63,7 @@ def test_torch_imported_at_registration_is_caught(offer):
         "  expected: a registration module, physic_flat, that imports nothing heavy\n"
         f"  got:      {result.got}\n"
         "  hint:     Give the target as a text, 'package.module:Class', and import the rest in that module.\n"
-        "  read:     physic_core.hookspecs"
+        "  read:     physic_core.discovery.hookspecs"
     )
     assert "torch" in result.got
 

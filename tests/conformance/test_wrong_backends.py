@@ -16,8 +16,8 @@ from wrong_backends import WRONG, Wrong
 
 from physic_core import interfaces
 from physic_core.interfaces import INTERFACES
-from physic_core.testing import check_backend, conformance
-from physic_core.testing.conformance import checks_for
+from physic_testing import check_backend, conformance
+from physic_testing.conformance import checks_for
 
 
 @pytest.mark.parametrize("kind", [*RIGHT, *wrong_bodies.RIGHT], ids=lambda kind: kind.__name__)

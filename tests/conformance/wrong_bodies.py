@@ -15,7 +15,7 @@ from physic_core.body import load_body
 from physic_core.body.bones import world_from_local
 from physic_core.body.conversion import rest_mesh_of
 from physic_core.body.parameters import rotations_from_parameters
-from physic_core.body.turning import log
+from physic_core.body.rotations import log
 from physic_core.types import Bodies, ContactProbability, Mesh, RestMesh
 
 

@@ -50,7 +50,7 @@ def test_the_wheel_alone_is_listed_and_passes_the_kit_and_a_config_that_selects_
 def photo(environment: Any, folder: Path) -> None:
     """Write a world's photo, which the mocks recognise."""
     script = (
-        "from PIL import Image; from physic_core.testing import build_world; "
+        "from PIL import Image; from physic_testing import build_world; "
         "Image.fromarray(build_world().image).save('photo.png')"
     )
     environment.run(f'python -c "{script}"', folder)

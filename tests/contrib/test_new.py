@@ -14,10 +14,10 @@ from hatchling.metadata.core import ProjectMetadata
 from hatchling.plugin.manager import PluginManager
 
 from physic_core.cli import main
+from physic_core.discovery.registry import BackendRecord, Registry
 from physic_core.interfaces import INTERFACES
-from physic_core.registry import BackendRecord, Registry
 from physic_core.scaffold.package import Names, files
-from physic_core.testing import check_backend
+from physic_testing import check_backend
 
 
 def install(package: Path) -> Path:

@@ -15,7 +15,7 @@ from trimesh.ray.ray_pyembree import RayMeshIntersector
 from physic_core.body import load_body
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.model import BodyModel
-from physic_core.engine.problem import JointProblem
+from physic_core.engine.joint.problem import JointProblem
 
 FLOOR_Y = 1.3  # the camera looks level, this high over the floor
 WIDTH, HEIGHT, FOCAL = 320, 240, 280.0

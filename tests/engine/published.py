@@ -18,10 +18,10 @@ from physic_core.body.landmarks import DETECTED, SKELETONS, PointRegressor
 from physic_core.body.model import BodyModel
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.body.parts import PART_NAMES
-from physic_core.engine.problem import JointProblem
+from physic_core.engine.joint.problem import JointProblem
 from physic_core.geometry.camera import pixel_grid, unproject
 from physic_core.geometry.released_pointmap import four_neighbour_normals
-from physic_core.perception import Evidence
+from physic_core.pipeline.estimate import Evidence
 from physic_core.types import Bodies, ContactProbability, DepthMap, Intrinsics, Keypoints, People, Pointmap
 
 SKELETON = "wholebody131"
@@ -115,7 +115,7 @@ class Published:
     # States of the optimiser
 
     def raw(self, tag: str) -> dict[str, Tensor]:
-        """Parameters of a state, as :class:`physic_core.engine.state.State` has them when raw."""
+        """Parameters of a state, as :class:`physic_core.engine.joint.state.State` has them when raw."""
         return self._by_group(f"one/out/{tag}/param")
 
     def gradients(self, tag: str, term: str) -> dict[str, Tensor]:

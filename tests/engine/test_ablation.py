@@ -8,10 +8,10 @@ from itertools import pairwise
 import pytest
 import torch
 
-from physic_core.config import as_config
-from physic_core.engine.ablation import ABLATION, rows
-from physic_core.engine.joint import optimize
+from physic_core.configuration.model import as_config
+from physic_core.engine.joint.solve import optimize
 from physic_core.engine.presets import PRESETS
+from physic_core.engine.presets.ablation import ABLATION, rows
 from physic_core.errors import ConfigError
 
 STAGES = ("scene", "human", "joint", "contact")

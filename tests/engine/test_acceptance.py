@@ -7,10 +7,10 @@ from dataclasses import replace
 import pytest
 import torch
 
-from physic_core.engine.acceptance import accept, best_of, per_person, total_of, values_of
-from physic_core.engine.optimize import minimise
+from physic_core.engine.joint.acceptance import accept, best_of, per_person, total_of, values_of
+from physic_core.engine.joint.optimiser import minimise
+from physic_core.engine.joint.state import State
 from physic_core.engine.presets import PRESETS
-from physic_core.engine.state import State
 
 LBFGS = replace(PRESETS["default"].joint, steps=40, refresh_steps=20, tolerance=0.0)
 ADAM = replace(LBFGS, optimiser="adam", learning_rate=0.5, steps=200, refresh_steps=50)

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES
-from physic_core.engine.anatomy import FINGER_RANGES, RANGES, beyond_limits, leg_asymmetry, limits_of
-from physic_core.engine.joint import optimize
+from physic_core.engine.joint.joint_limits import FINGER_RANGES, RANGES, beyond_limits, leg_asymmetry, limits_of
+from physic_core.engine.joint.solve import optimize
 from physic_core.engine.presets import PRESETS
 
 BOTH = {**RANGES, **FINGER_RANGES}

@@ -13,8 +13,8 @@ from hypothesis.extra.numpy import arrays
 from scipy.optimize import minimize
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.capsules import SEGMENTS, between_people, fit_capsules, segment_distance, within_bodies
-from physic_core.engine.joint import optimize
+from physic_core.engine.joint.capsules import SEGMENTS, between_people, fit_capsules, segment_distance, within_bodies
+from physic_core.engine.joint.solve import optimize
 from physic_core.engine.presets import PRESETS
 
 DEFAULT = PRESETS["default"].joint

@@ -8,11 +8,11 @@ from dataclasses import fields, is_dataclass, replace
 import pytest
 import torch
 
-from physic_core.engine.acceptance import total_of
 from physic_core.engine.contact import contact_map
-from physic_core.engine.energy import JointEnergy
-from physic_core.engine.human import place
-from physic_core.engine.joint import optimize
+from physic_core.engine.joint.acceptance import total_of
+from physic_core.engine.joint.energy import JointEnergy
+from physic_core.engine.joint.solve import optimize
+from physic_core.engine.placement.human_points import place
 from physic_core.engine.presets import PRESETS
 from physic_core.geometry.neighbors import NearestScene
 from physic_core.geometry.visibility import vertex_normals

@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.landmarks import SKELETONS
-from physic_core.engine.clouds import HumanCloud
-from physic_core.engine.energy import JointEnergy
-from physic_core.engine.fixed import representatives
-from physic_core.engine.limbs import keypoint_weights, limb_parts, observed_parts, seen_keypoints, stands
+from physic_core.engine.joint.context import representatives
+from physic_core.engine.joint.energy import JointEnergy
+from physic_core.engine.joint.limbs import keypoint_weights, limb_parts, observed_parts, seen_keypoints, stands
+from physic_core.engine.joint.point_clouds import HumanCloud
+from physic_core.engine.joint.visibility import around
 from physic_core.engine.presets import PRESETS
-from physic_core.engine.visible import around
 from physic_core.geometry.visibility import inside_mask, vertex_areas
 
 SETTINGS = PRESETS["default"].joint

@@ -11,11 +11,11 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from physic_core.engine import terms
-from physic_core.engine.energy import JointEnergy
-from physic_core.engine.fixed import STATIC_CONTACTS
-from physic_core.engine.joint import optimize
-from physic_core.engine.limbs import keypoint_weights, part_confidence
+from physic_core.engine.joint import terms
+from physic_core.engine.joint.context import STATIC_CONTACTS
+from physic_core.engine.joint.energy import JointEnergy
+from physic_core.engine.joint.limbs import keypoint_weights, part_confidence
+from physic_core.engine.joint.solve import optimize
 from physic_core.engine.presets import PRESETS
 from physic_core.geometry.robust import absolute, robust
 from physic_core.geometry.visibility import near_mask

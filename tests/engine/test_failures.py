@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 import torch
 
-from physic_core.engine.joint import optimize
+from physic_core.engine.joint.solve import optimize
+from physic_core.engine.joint.state import GROUPS
 from physic_core.engine.presets import PRESETS
-from physic_core.engine.state import GROUPS
 
 # The scene's one scale is all that joins people who stand apart: held, each must end as alone.
 DEFAULT = replace(PRESETS["default"].joint, steps=30, refresh_steps=15, frozen=("scale",))

@@ -9,8 +9,8 @@ import roma
 import torch
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.ground import cuts_people, floor_under_people
 from physic_core.engine.presets import PRESETS
+from physic_core.engine.scene.floor_below_people import cuts_people, floor_under_people
 from physic_core.geometry.rotations import rotvec_to_rotmat
 
 FLOOR_Y = 1.3  # of the stage

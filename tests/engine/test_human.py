@@ -13,15 +13,9 @@ import pytest
 import torch
 from torch import Tensor
 
-from physic_core.engine.human import (
-    Placement,
-    align_original,
-    human_points,
-    place,
-    placed_original,
-)
-from physic_core.engine.placement_solvers import closed_form, descend
-from physic_core.engine.placement_terms import Chamfer, Reprojection, Rows, Standing, Subject
+from physic_core.engine.placement.human_points import Placement, align_original, human_points, place, placed_original
+from physic_core.engine.placement.solvers import closed_form, descend
+from physic_core.engine.placement.terms import Chamfer, Reprojection, Rows, Standing, Subject
 from physic_core.engine.presets import PRESETS
 from physic_core.engine.settings import HumanSettings
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays, project

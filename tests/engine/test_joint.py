@@ -10,8 +10,8 @@ import roma
 import torch
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.energy import JointEnergy
-from physic_core.engine.joint import optimize
+from physic_core.engine.joint.energy import JointEnergy
+from physic_core.engine.joint.solve import optimize
 from physic_core.engine.presets import PRESETS
 from physic_core.errors import PhysicError
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 import pytest
 import torch
 
-from physic_core.engine.acceptance import total_of
-from physic_core.engine.optimize import _Curvature, minimise
+from physic_core.engine.joint.acceptance import total_of
+from physic_core.engine.joint.optimiser import _Curvature, minimise
+from physic_core.engine.joint.state import State
 from physic_core.engine.presets import PRESETS
-from physic_core.engine.state import State
 
 LBFGS = PRESETS["default"].joint
 ADAM = replace(LBFGS, optimiser="adam", learning_rate=0.1, steps=100, refresh_steps=30, tolerance=0.0)

@@ -9,11 +9,11 @@ import roma
 import torch
 
 from physic_core import load_config, reconstruct
-from physic_core.engine.energy import JointEnergy
-from physic_core.engine.joint import optimize
+from physic_core.engine.joint.energy import JointEnergy
+from physic_core.engine.joint.solve import optimize
 from physic_core.engine.presets import PRESETS
 from physic_core.geometry.camera import project
-from physic_core.testing.worlds import build_world
+from physic_testing.worlds import build_world
 
 PAPER = PRESETS["paper"].joint
 SHORT = replace(PAPER, steps=20, refresh_steps=10, learning_rate=2e-3)

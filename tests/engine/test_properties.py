@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine import terms
+from physic_core.engine.joint import terms
 from physic_core.geometry.robust import cauchy, geman_mcclure, pseudo_huber
 
 RHO = partial(cauchy, c=2.0)

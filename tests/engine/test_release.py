@@ -16,14 +16,14 @@ from torch import Tensor
 
 from physic_core.body.landmarks import DETECTED, SKELETONS
 from physic_core.engine.contact import contact_map, contact_surface
-from physic_core.engine.energy import JointEnergy
-from physic_core.engine.human import human_points, place
-from physic_core.engine.joint import optimize
-from physic_core.engine.limbs import limb_parts
+from physic_core.engine.joint.energy import JointEnergy
+from physic_core.engine.joint.limbs import limb_parts
+from physic_core.engine.joint.released_reprojection import released_keypoint_weights
+from physic_core.engine.joint.released_visibility import mean_face_normals, visible_part_shares
+from physic_core.engine.joint.solve import optimize
+from physic_core.engine.placement.human_points import human_points, place
 from physic_core.engine.presets import PRESETS
-from physic_core.engine.released_reprojection import released_keypoint_weights
-from physic_core.engine.released_visibility import mean_face_normals, visible_part_shares
-from physic_core.engine.scene import build_scene, outlier_mask
+from physic_core.engine.scene.build import build_scene, outlier_mask
 from physic_core.geometry.neighbors import NearestScene
 from physic_core.geometry.released_pointmap import four_neighbour_normals
 

@@ -10,12 +10,12 @@ import torch
 
 from physic_core.body.landmarks import DETECTED, SKELETONS
 from physic_core.engine.contact import contact_map, contact_surface
-from physic_core.engine.energy import JointEnergy
-from physic_core.engine.joint import optimize
+from physic_core.engine.joint.energy import JointEnergy
+from physic_core.engine.joint.released_reprojection import released_keypoint_weights, released_reprojection
+from physic_core.engine.joint.released_visibility import faces_optical_axis, mean_face_normals, visible_part_shares
+from physic_core.engine.joint.solve import optimize
 from physic_core.engine.presets import PRESETS
-from physic_core.engine.released_reprojection import released_keypoint_weights, released_reprojection
-from physic_core.engine.released_visibility import faces_optical_axis, mean_face_normals, visible_part_shares
-from physic_core.engine.scene import outlier_mask
+from physic_core.engine.scene.build import outlier_mask
 from physic_core.geometry.camera import project
 from physic_core.geometry.neighbors import NearestScene
 from physic_core.geometry.released_pointmap import floor_lattice, four_neighbour_normals, normal_outliers

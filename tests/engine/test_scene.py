@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.presets import PRESETS
-from physic_core.engine.scene import SceneState, build_scene, edge_ratio_at, fit_relative_floor
+from physic_core.engine.scene.build import SceneState, build_scene, edge_ratio_at, fit_relative_floor
 from physic_core.engine.settings import SceneSettings
 from physic_core.errors import BackendOutputError
 from physic_core.geometry.camera import intrinsics_matrix, pixel_grid, pixel_rays, project

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from physic_core.engine.joint import optimize
+from physic_core.engine.joint.solve import optimize
 from physic_core.engine.presets import PRESETS
 
 # Contact that is never let go of, so that it is always worth something to be nearer.

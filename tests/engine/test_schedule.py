@@ -9,11 +9,11 @@ import pytest
 import roma
 import torch
 
-from physic_core.engine.acceptance import total_of
-from physic_core.engine.energy import JointEnergy
-from physic_core.engine.joint import optimize
+from physic_core.engine.joint.acceptance import total_of
+from physic_core.engine.joint.energy import JointEnergy
+from physic_core.engine.joint.schedule import pick_starts, run
+from physic_core.engine.joint.solve import optimize
 from physic_core.engine.presets import PRESETS
-from physic_core.engine.schedule import pick_starts, run
 
 JOINT = PRESETS["default"].joint
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from physic_core.body import load_body
 from physic_core.body.landmarks import SKELETONS
-from physic_core.engine.sides import PAIRS, tell_sides
+from physic_core.engine.placement.left_right import PAIRS, tell_sides
 
 NAMES = SKELETONS["coco23"]
 

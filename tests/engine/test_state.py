@@ -10,7 +10,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from physic_core.engine.state import GROUPS, State
+from physic_core.engine.joint.state import GROUPS, State
 from physic_core.errors import PhysicError
 
 K = 4

@@ -8,10 +8,10 @@ from dataclasses import replace
 import pytest
 import torch
 
-from physic_core.engine.energy import JointEnergy
-from physic_core.engine.joint import optimize
+from physic_core.engine.joint.energy import JointEnergy
+from physic_core.engine.joint.solve import optimize
 from physic_core.engine.presets import PRESETS
-from physic_core.engine.stature import stature_of, stature_prior
+from physic_core.engine.scene.stature import stature_of, stature_prior
 
 JOINT = PRESETS["default"].joint
 

@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 import pytest
 import torch
 
-from physic_core.engine.energy import JointEnergy
+from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.presets import PRESETS
 
 DEFAULT = replace(PRESETS["default"].joint, nearest_every_step=False)

@@ -11,9 +11,9 @@ import roma
 import torch
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine import terms
+from physic_core.engine.bounds import RobustKind
+from physic_core.engine.joint import terms
 from physic_core.engine.presets import PRESETS
-from physic_core.engine.setting_types import RobustKind
 from physic_core.geometry.robust import cauchy, geman_mcclure, pseudo_huber, robust
 
 RHO = partial(cauchy, c=2.0)

@@ -9,10 +9,10 @@ import torch
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.landmarks import SKELETONS
-from physic_core.engine.energy import JointEnergy
-from physic_core.engine.fixed import STATIC_CONTACTS
-from physic_core.engine.joint import optimize
-from physic_core.engine.limbs import confirmed_joints, keypoint_weights, seen_keypoints
+from physic_core.engine.joint.context import STATIC_CONTACTS
+from physic_core.engine.joint.energy import JointEnergy
+from physic_core.engine.joint.limbs import confirmed_joints, keypoint_weights, seen_keypoints
+from physic_core.engine.joint.solve import optimize
 from physic_core.engine.presets import PRESETS
 from physic_core.geometry.rotations import rotvec_to_rotmat
 

@@ -10,10 +10,10 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.engine.energy import JointEnergy
-from physic_core.engine.joint import optimize
+from physic_core.engine.joint.energy import JointEnergy
+from physic_core.engine.joint.local_depth_scale import log_factor, warp_share
+from physic_core.engine.joint.solve import optimize
 from physic_core.engine.presets import PRESETS
-from physic_core.engine.warp import log_factor, warp_share
 
 SETTINGS = PRESETS["default"].joint
 STIFF = replace(SETTINGS, warp_sigma=0.0)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from physic_core.body import load_body
 from physic_core.body.parameters import parameters_from_rotations
-from physic_core.evaluation.consistency import (
+from physic_core.metrics.consistency import (
     consistency,
     contact_distance,
     inside_share,

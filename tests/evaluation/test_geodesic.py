@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from physic_core.body import load_body
 from physic_core.errors import PhysicError
-from physic_core.evaluation.geodesic import distance_to, geodesic_error, surface_graph
+from physic_core.metrics.geodesic import distance_to, geodesic_error, surface_graph
 
 
 def strip(cells):

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from physic_core.errors import PhysicError
-from physic_core.evaluation.matching import mask_iou, match_by_joints, match_by_masks
+from physic_core.metrics.matching import mask_iou, match_by_joints, match_by_masks
 
 
 def columns(*spans, width=20):

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from physic_core.testing.worlds import build_world
+from physic_testing.worlds import build_world
 
 TOOL = Path(__file__).parents[2] / "tools" / "photo_table.py"
 

@@ -10,7 +10,7 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.evaluation.physics import contact_gap, floating_distance, penetration, vertex_areas
+from physic_core.metrics.physics import contact_gap, floating_distance, penetration, vertex_areas
 
 RADIUS = 0.5
 

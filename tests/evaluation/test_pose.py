@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from physic_core.errors import PhysicError
-from physic_core.evaluation.pose import align_similarity, mpjpe_mm, mpvpe_mm, pa_mpjpe_mm, pose_errors
+from physic_core.metrics.pose import align_similarity, mpjpe_mm, mpvpe_mm, pa_mpjpe_mm, pose_errors
 
 SEEDS = st.integers(0, 2**32 - 1)
 

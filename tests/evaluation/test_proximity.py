@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from physic_core.errors import PhysicError
-from physic_core.evaluation.proximity import REACH, hidden_behind, point_spacing, scene_distance
-from physic_core.testing.worlds import build_world
+from physic_core.metrics.proximity import REACH, hidden_behind, point_spacing, scene_distance
 from physic_core.types import Intrinsics, Plane
+from physic_testing.worlds import build_world
 
 WIDTH, HEIGHT, FOCAL = 160, 120, 80.0
 CAMERA = Intrinsics.from_focal(FOCAL, WIDTH, HEIGHT)

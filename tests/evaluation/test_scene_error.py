@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from physic_core.errors import PhysicError
-from physic_core.evaluation.scene import floor_error, scene_error
+from physic_core.metrics.scene import floor_error, scene_error
 from physic_core.types import Plane
 
 ALL = np.ones((6, 8), bool)

@@ -7,13 +7,13 @@ from dataclasses import astuple
 import numpy as np
 import pytest
 
-from physic_core.evaluation.contact_scores import contact_scores
-from physic_core.evaluation.geodesic import geodesic_error, surface_graph
-from physic_core.evaluation.matching import match_by_joints, match_by_masks
-from physic_core.evaluation.physics import contact_gap, floating_distance, penetration, vertex_areas
-from physic_core.evaluation.pose import pose_errors
-from physic_core.evaluation.scene import floor_error, scene_error
-from physic_core.testing.worlds import CONTACT_DISTANCE, build_world
+from physic_core.metrics.contact_scores import contact_scores
+from physic_core.metrics.geodesic import geodesic_error, surface_graph
+from physic_core.metrics.matching import match_by_joints, match_by_masks
+from physic_core.metrics.physics import contact_gap, floating_distance, penetration, vertex_areas
+from physic_core.metrics.pose import pose_errors
+from physic_core.metrics.scene import floor_error, scene_error
+from physic_testing.worlds import CONTACT_DISTANCE, build_world
 
 
 @pytest.mark.parametrize("name", ["stand", "sit_on_stool", "hug", "slope"])

@@ -11,7 +11,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.engine.setting_types import RobustKind
+from physic_core.engine.bounds import RobustKind
 from physic_core.errors import PhysicError
 from physic_core.geometry.robust import barron, cauchy, geman_mcclure, pseudo_huber, robust, unit_robust
 

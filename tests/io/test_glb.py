@@ -13,10 +13,10 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.io.glb import BODY_RGB, CONTACT_RGB, glb_files
-from physic_core.io.surface import far_limit, scene_surface
-from physic_core.io.upright import gltf_from_camera, transform
+from physic_core.geometry.upright import gltf_from_camera, transform
 from physic_core.types import Plane, Scene
+from physic_core.visual.glb import BODY_RGB, CONTACT_RGB, glb_files
+from physic_core.visual.surface import far_limit, scene_surface
 
 
 def tree_of(content: bytes) -> dict:

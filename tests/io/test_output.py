@@ -241,7 +241,7 @@ def test_earlier_pictures_are_known_where_the_new_ones_fail(
 
     reconstruction.save(str(out))
     with monkeypatch.context() as patch:
-        patch.setattr("physic_core.io.preview.preview_png", fail)
+        patch.setattr("physic_core.visual.preview.preview_png", fail)
         with pytest.raises(MemoryError):
             reconstruction.save(str(out))
     reconstruction.save(str(out))

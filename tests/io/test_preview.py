@@ -11,12 +11,12 @@ import pytest
 import trimesh
 from PIL import Image
 
-from physic_core.io.diorama import PERSON_COLORS, build_diorama
-from physic_core.io.panels import contact_picture, depth_panel, depth_range, overlay_panel
-from physic_core.io.plans import GROUND, PAPER, above_plan, side_plan
-from physic_core.io.preview import _layout, headline, preview_image, preview_png
-from physic_core.io.render import Orthographic, Perspective, behind, draw, figures, over, splat
 from physic_core.types import Intrinsics
+from physic_core.visual.diorama import PERSON_COLORS, build_diorama
+from physic_core.visual.panels import contact_picture, depth_panel, depth_range, overlay_panel
+from physic_core.visual.plans import GROUND, PAPER, above_plan, side_plan
+from physic_core.visual.preview import _layout, headline, preview_image, preview_png
+from physic_core.visual.render import Orthographic, Perspective, behind, draw, figures, over, splat
 
 SPHERE = trimesh.creation.icosphere(subdivisions=4, radius=0.5)
 CAMERA = Intrinsics.from_focal(100.0, 101, 81)

@@ -20,7 +20,7 @@ import physic_core.io.results as results
 from physic_core.errors import InputError, OutputError
 from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS
 from physic_core.io.document import from_text, restored, to_document, to_text
-from physic_core.io.results import check_writable, load, save
+from physic_core.io.results import check_writable, load_reconstruction, save_reconstruction
 from physic_core.types import Intrinsics, Reconstruction, Scene
 
 
@@ -67,22 +67,22 @@ def test_small_arrays_keep_the_precision_that_their_backend_gave_them(tmp_path, 
     )
     floor = replace(reconstruction.scene.floor, normal=reconstruction.scene.floor.normal.astype(np.float32))
     before = replace(reconstruction, people=people, scene=replace(reconstruction.scene, floor=floor))
-    save(before, tmp_path, preview=False)
-    assert_same(before, load(tmp_path))
+    save_reconstruction(before, tmp_path, preview=False)
+    assert_same(before, load_reconstruction(tmp_path))
 
 
 @pytest.mark.parametrize("people", [0, 1, 2])
 def test_load_gives_back_what_save_took(tmp_path, make, people):
     before = make(people=people)
-    save(before, tmp_path, preview=False)
-    assert_same(before, load(tmp_path))
+    save_reconstruction(before, tmp_path, preview=False)
+    assert_same(before, load_reconstruction(tmp_path))
 
 
 def test_without_a_floor(tmp_path, reconstruction):
     scene = replace(reconstruction.scene, floor=None, floor_points=np.zeros((0, 3), np.float32), scale_sigma=None)
     before = replace(reconstruction, scene=scene)
-    save(before, tmp_path, preview=False)
-    assert_same(before, load(tmp_path))
+    save_reconstruction(before, tmp_path, preview=False)
+    assert_same(before, load_reconstruction(tmp_path))
 
 
 def test_the_result_saves_and_loads_itself(tmp_path, reconstruction):
@@ -93,14 +93,16 @@ def test_the_result_saves_and_loads_itself(tmp_path, reconstruction):
 def test_numbers_that_are_not_finite_survive(tmp_path, reconstruction):
     person = replace(reconstruction.people[0], score=math.nan, vertices=reconstruction.people[0].vertices * np.nan)
     before = replace(reconstruction, people=(person, *reconstruction.people[1:]))
-    save(before, tmp_path)
-    assert_same(before, load(tmp_path))
+    save_reconstruction(before, tmp_path)
+    assert_same(before, load_reconstruction(tmp_path))
 
 
 def test_other_number_types_are_stored_as_documented(tmp_path, reconstruction):
     people = tuple(replace(person, vertices=person.vertices.astype(np.float64)) for person in reconstruction.people)
-    save(replace(reconstruction, people=people, faces=reconstruction.faces.astype(np.int64)), tmp_path, preview=False)
-    assert_same(reconstruction, load(tmp_path))
+    save_reconstruction(
+        replace(reconstruction, people=people, faces=reconstruction.faces.astype(np.int64)), tmp_path, preview=False
+    )
+    assert_same(reconstruction, load_reconstruction(tmp_path))
 
 
 EMPTY = Reconstruction(
@@ -147,7 +149,7 @@ def test_arrays_and_numpy_numbers_become_lists_and_numbers(reconstruction):
 
 
 def test_the_files_of_a_result(tmp_path, reconstruction):
-    paths = save(reconstruction, tmp_path)
+    paths = save_reconstruction(reconstruction, tmp_path)
     names = [
         "reconstruction.json",
         "reconstruction.npz",
@@ -162,7 +164,7 @@ def test_the_files_of_a_result(tmp_path, reconstruction):
 
 
 def test_the_arrays_are_what_their_table_says(tmp_path, reconstruction):
-    save(reconstruction, tmp_path, preview=False)
+    save_reconstruction(reconstruction, tmp_path, preview=False)
     person = reconstruction.people[0]
     height, width = reconstruction.image.shape[:2]
     sizes = {"H": height, "W": width, "F": len(reconstruction.faces), "V": len(person.vertices), "P": 1}
@@ -182,13 +184,13 @@ def test_the_arrays_are_what_their_table_says(tmp_path, reconstruction):
 
 def test_the_same_result_makes_the_same_bytes(tmp_path, reconstruction):
     for folder in ("a", "b"):
-        save(reconstruction, tmp_path / folder, preview=False)
+        save_reconstruction(reconstruction, tmp_path / folder, preview=False)
     for name in ("reconstruction.json", "reconstruction.npz", "combined.glb"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes(), name
 
 
 def test_the_document_says_what_a_reader_asks(tmp_path, reconstruction):
-    save(reconstruction, tmp_path, preview=False)
+    save_reconstruction(reconstruction, tmp_path, preview=False)
     text = (tmp_path / "reconstruction.json").read_bytes()
     document = strict(text)
     assert document["schema_version"] == 1
@@ -218,10 +220,10 @@ def test_the_document_says_what_a_reader_asks(tmp_path, reconstruction):
 
 
 def test_a_smaller_result_leaves_nothing_of_a_larger_one(tmp_path, make):
-    save(make(people=2), tmp_path)
+    save_reconstruction(make(people=2), tmp_path)
     (tmp_path / "notes.txt").write_text("mine")
     (tmp_path / "person_9.ply").write_text("mine")
-    save(make(people=1), tmp_path, preview=False)
+    save_reconstruction(make(people=1), tmp_path, preview=False)
     assert sorted(entry.name for entry in tmp_path.iterdir()) == [
         "combined.glb",
         "notes.txt",
@@ -235,37 +237,37 @@ def test_a_smaller_result_leaves_nothing_of_a_larger_one(tmp_path, make):
 
 def test_files_beside_no_result_are_left_alone(tmp_path, make):
     (tmp_path / "person_7.glb").write_text("mine")
-    save(make(people=1), tmp_path, preview=False)
+    save_reconstruction(make(people=1), tmp_path, preview=False)
     assert (tmp_path / "person_7.glb").read_text() == "mine"
 
 
 def test_a_failing_write_leaves_the_former_result(tmp_path, make, monkeypatch):
     before = make(people=1)
-    save(before, tmp_path)
+    save_reconstruction(before, tmp_path)
 
     def full(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(results, "to_text", full)
     with pytest.raises(OutputError) as caught:
-        save(make(people=2), tmp_path)
+        save_reconstruction(make(people=2), tmp_path)
     assert str(caught.value) == (
         f"cannot write results to {tmp_path}: No space left on device; name another folder, or mend this"
     )
-    assert_same(before, load(tmp_path))
+    assert_same(before, load_reconstruction(tmp_path))
     assert not list(tmp_path.glob(".*"))
 
 
 def test_a_failing_picture_leaves_the_numbers(tmp_path, reconstruction, monkeypatch):
-    import physic_core.io.preview as preview
+    import physic_core.visual.preview as preview
 
     def broken(_):
         raise RuntimeError("no picture today")
 
     monkeypatch.setattr(preview, "preview_png", broken)
     with pytest.raises(RuntimeError, match="no picture today"):
-        save(reconstruction, tmp_path)
-    assert_same(reconstruction, load(tmp_path))
+        save_reconstruction(reconstruction, tmp_path)
+    assert_same(reconstruction, load_reconstruction(tmp_path))
     assert not list(tmp_path.glob(".*"))
 
 
@@ -327,7 +329,7 @@ def test_a_folder_of_another_user(tmp_path):
 
 def message_of(folder) -> str:
     with pytest.raises(InputError) as caught:
-        load(folder)
+        load_reconstruction(folder)
     return str(caught.value)
 
 
@@ -337,14 +339,14 @@ def test_a_folder_without_a_result(tmp_path):
 
 
 def test_a_document_without_its_arrays(tmp_path, reconstruction):
-    save(reconstruction, tmp_path, preview=False)
+    save_reconstruction(reconstruction, tmp_path, preview=False)
     path = tmp_path / "reconstruction.npz"
     path.unlink()
     assert message_of(tmp_path) == f"cannot read {path}: there is no such file; name the folder of a finished run"
 
 
 def test_another_schema_version(tmp_path, reconstruction):
-    save(reconstruction, tmp_path, preview=False)
+    save_reconstruction(reconstruction, tmp_path, preview=False)
     path = tmp_path / "reconstruction.json"
     path.write_bytes(path.read_bytes().replace(b'"schema_version": 1', b'"schema_version": 99'))
     assert message_of(tmp_path) == (
@@ -372,7 +374,7 @@ def test_a_broken_document(tmp_path):
 
 
 def test_a_document_that_lacks_an_entry(tmp_path, reconstruction):
-    save(reconstruction, tmp_path, preview=False)
+    save_reconstruction(reconstruction, tmp_path, preview=False)
     path = tmp_path / "reconstruction.json"
     document = json.loads(path.read_bytes())
     del document["intrinsics"]
@@ -383,8 +385,8 @@ def test_a_document_that_lacks_an_entry(tmp_path, reconstruction):
 
 
 def test_arrays_of_another_run(tmp_path, make):
-    save(make(people=1), tmp_path / "a", preview=False)
-    save(make(people=2), tmp_path / "b", preview=False)
+    save_reconstruction(make(people=1), tmp_path / "a", preview=False)
+    save_reconstruction(make(people=2), tmp_path / "b", preview=False)
     path = tmp_path / "a" / "reconstruction.npz"
     path.write_bytes((tmp_path / "b" / "reconstruction.npz").read_bytes())
     assert message_of(tmp_path / "a") == (
@@ -393,7 +395,7 @@ def test_arrays_of_another_run(tmp_path, make):
 
 
 def test_arrays_that_are_missing(tmp_path, reconstruction):
-    save(reconstruction, tmp_path, preview=False)
+    save_reconstruction(reconstruction, tmp_path, preview=False)
     path = tmp_path / "reconstruction.npz"
     with np.load(path) as arrays:
         kept = {name: arrays[name] for name in arrays if name not in ("faces", "person_1_contact")}
@@ -405,7 +407,7 @@ def test_arrays_that_are_missing(tmp_path, reconstruction):
 
 @pytest.mark.parametrize("share", [0.3, 0.999])
 def test_truncated_arrays(tmp_path, reconstruction, share):
-    save(reconstruction, tmp_path, preview=False)
+    save_reconstruction(reconstruction, tmp_path, preview=False)
     path = tmp_path / "reconstruction.npz"
     content = path.read_bytes()
     path.write_bytes(content[: int(len(content) * share)])
@@ -415,7 +417,7 @@ def test_truncated_arrays(tmp_path, reconstruction, share):
 
 
 def test_a_flipped_bit_is_noticed(tmp_path, reconstruction):
-    save(reconstruction, tmp_path, preview=False)
+    save_reconstruction(reconstruction, tmp_path, preview=False)
     path = tmp_path / "reconstruction.npz"
     content = bytearray(path.read_bytes())
     with zipfile.ZipFile(path) as archive:
@@ -429,7 +431,7 @@ def test_a_flipped_bit_is_noticed(tmp_path, reconstruction):
 
 
 def test_a_pickle_in_the_arrays_is_not_opened(tmp_path, reconstruction):
-    save(reconstruction, tmp_path, preview=False)
+    save_reconstruction(reconstruction, tmp_path, preview=False)
     path = tmp_path / "reconstruction.npz"
     with np.load(path) as arrays:
         kept = dict(arrays)

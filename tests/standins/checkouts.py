@@ -14,10 +14,10 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from physic_core.body import load_body
 from physic_core.body.landmarks import SKELETONS
-from physic_core.testing.body_files import mano_arrays, write_published
-from physic_core.testing.conformance.joint_sets import world_keypoints
-from physic_core.testing.worlds import World
 from physic_human.sam3d_body import JOINTS_OF_KEYPOINTS, KEYPOINTS
+from physic_testing.body_files import mano_arrays, write_published
+from physic_testing.conformance.joint_sets import world_keypoints
+from physic_testing.worlds import World
 
 from .files import relative_points
 from .neighbours import neighbour

@@ -9,8 +9,8 @@ import numpy as np
 import onnx
 import torch
 
-from physic_core.testing.conformance.joint_sets import world_keypoints
-from physic_core.testing.worlds import World
+from physic_testing.conformance.joint_sets import world_keypoints
+from physic_testing.worlds import World
 
 from .neighbours import neighbour
 

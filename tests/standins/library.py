@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.testing.worlds import World
+from physic_testing.worlds import World
 
 from .neighbours import neighbour
 from .pictures import edges, logits, on_grid, shows_people

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from physic_core.testing.worlds import World
+from physic_testing.worlds import World
 
 
 def on_grid(values: np.ndarray, rows: int, columns: int, order: int = 1) -> np.ndarray:

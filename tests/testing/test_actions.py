@@ -11,15 +11,15 @@ import roma
 import torch
 
 from physic_core.body import load_body
-from physic_core.engine.terms import hinge_angles
+from physic_core.engine.joint.terms import hinge_angles
 from physic_core.errors import InputError
-from physic_core.testing.actions import SOLO, draw_person, turned
-from physic_core.testing.furniture import moved
-from physic_core.testing.performance import ACTIONS, Performance, perform
-from physic_core.testing.poses import Posture
-from physic_core.testing.settling import pose_body
-from physic_core.testing.solids import FLAT, signed_distance
-from physic_core.testing.touching import skin_of
+from physic_testing.worlds.actions import SOLO, draw_person, turned
+from physic_testing.worlds.furniture import moved
+from physic_testing.worlds.performance import ACTIONS, Performance, perform
+from physic_testing.worlds.poses import Posture
+from physic_testing.worlds.settling import pose_body
+from physic_testing.worlds.solids import FLAT, signed_distance
+from physic_testing.worlds.touching import skin_of
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from physic_core.testing.arithmetic import (
+from physic_testing.worlds.arithmetic import (
     apply,
     arctan2,
     dot,

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from physic_core.testing import furniture
-from physic_core.testing.solids import BLOCK_MATERIALS, FLAT, Block, signed_distance
+from physic_testing.worlds import furniture
+from physic_testing.worlds.solids import BLOCK_MATERIALS, FLAT, Block, signed_distance
 
 _PIECES = ("bed", "bench", "chair", "counter", "railing", "shelf", "sofa", "stairs", "stool", "table", "wall")
 _SEATS = ("bench", "chair", "sofa", "stool")

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from physic_core.errors import InputError
-from physic_core.testing.labels import SMALLEST_PX, read, stamp
+from physic_testing.worlds.labels import SMALLEST_PX, read, stamp
 
 names = st.text(st.characters(min_codepoint=1, exclude_categories=["Cs"]), min_size=1, max_size=8)
 seeds = st.integers(0, 2**64 - 1)

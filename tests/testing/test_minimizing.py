@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import rosen, rosen_der
 
-from physic_core.testing.minimizing import minimize
+from physic_testing.worlds.minimizing import minimize
 
 
 def test_a_bowl_ends_at_its_bottom() -> None:

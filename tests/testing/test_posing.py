@@ -12,8 +12,8 @@ import torch
 from physic_core.body import load_body
 from physic_core.body.model import BodyModel
 from physic_core.body.skinning import Skin
-from physic_core.testing.arithmetic import rotation
-from physic_core.testing.posing import Poser
+from physic_testing.worlds.arithmetic import rotation
+from physic_testing.worlds.posing import Poser
 
 
 @cache

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.testing.casting import Caster
-from physic_core.testing.rooms import Room, Surfaces, Walls
-from physic_core.testing.solids import Block, Ground
-from physic_core.testing.textures import Decoration, Patch
+from physic_testing.worlds.casting import Caster
+from physic_testing.worlds.rooms import Room, Surfaces, Walls
+from physic_testing.worlds.solids import Block, Ground
+from physic_testing.worlds.textures import Decoration, Patch
 
 BLOCK = Block((0.5, 0.25, 0.2), (0.3, 0.25, 0.2), yaw=0.4)
 WALLS = Walls((-2, -2), (2, 3), 2.5)

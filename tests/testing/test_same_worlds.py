@@ -40,7 +40,7 @@ from physic_core.perception import perceive
 from physic_core.plugins import discover
 from physic_core.resolve import resolve
 from physic_core.stages import Stages
-from physic_core.testing.worlds import build_world
+from physic_testing.worlds import build_world
 
 def show(name, value):
     if isinstance(value, np.ndarray):

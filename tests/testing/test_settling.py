@@ -12,10 +12,10 @@ import torch
 import trimesh
 
 from physic_core.body import load_body
-from physic_core.testing.actions import draw_person, stand
-from physic_core.testing.settling import Neighbour, Plan, Settled, Touch, depth_inside, pose_body, settle
-from physic_core.testing.solids import FLAT, Block, Ground, signed_distance
-from physic_core.testing.touching import skin_of, vertex_normals
+from physic_testing.worlds.actions import draw_person, stand
+from physic_testing.worlds.settling import Neighbour, Plan, Settled, Touch, depth_inside, pose_body, settle
+from physic_testing.worlds.solids import FLAT, Block, Ground, signed_distance
+from physic_testing.worlds.touching import skin_of, vertex_normals
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel

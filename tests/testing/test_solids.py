@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from physic_core.testing.solids import FLAT, Block, Ground, Solid, blocks_mesh, signed_distance
+from physic_testing.worlds.solids import FLAT, Block, Ground, Solid, blocks_mesh, signed_distance
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray

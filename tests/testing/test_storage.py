@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from physic_core.cache.archive import pack, unpack
-from physic_core.testing import storage, worlds
+from physic_testing.worlds import storage
+from physic_testing.worlds import world as worlds
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,11 @@ from scipy.spatial import KDTree
 
 from physic_core.body import load_body
 from physic_core.errors import InputError
-from physic_core.testing import labels, storage, worlds
-from physic_core.testing.cameras import Shot, in_frame
-from physic_core.testing.performance import ACTIONS
-from physic_core.testing.rendering import pixel_rays
-from physic_core.testing.worlds import CONTACT_DISTANCE, WORLDS, World, benchmark_worlds, build_world
+from physic_testing.worlds import CONTACT_DISTANCE, WORLDS, World, benchmark_worlds, build_world, labels, storage
+from physic_testing.worlds import world as worlds
+from physic_testing.worlds.cameras import Shot, in_frame
+from physic_testing.worlds.performance import ACTIONS
+from physic_testing.worlds.rendering import pixel_rays
 
 SIZE = (192, 144)
 SAMPLE = ("stand", "sit_on_stool", "stand_behind_counter", "hug", "slope")

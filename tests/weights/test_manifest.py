@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from physic_core.discovery.plugins import discover
 from physic_core.errors import BackendError
-from physic_core.plugins import discover
 from physic_core.weights import read_manifest
 from physic_core.weights.library import read_library
 from physic_core.weights.manifest import HubSource, WebSource, is_inside

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from physic_core.weights.near import in_words, near
+from physic_core.weights.close_names import in_words, near
 
 NAMES = (
     *("big-lama", "camerahmr-onnx", "deco-onnx", "lama-carve", "moge-1-vitl"),

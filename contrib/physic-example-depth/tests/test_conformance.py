@@ -1,4 +1,4 @@
-from physic_core.testing import parametrize_with_checks
+from physic_testing import parametrize_with_checks
 
 
 @parametrize_with_checks("metric_depth", "stature")

@@ -76,7 +76,7 @@ class OmniEraser(Inpainter):
             DeviceError: there is no GPU.
             BackendError: the checkout's pipeline is not the one that is known here.
         """
-        from physic_core.devices import check_device
+        from physic_core.adapters.devices import check_device
 
         if device == "cpu" and not self.options.allow_cpu:
             raise DeviceError("OmniEraser needs a GPU: choose device 'cuda', or allow_cpu if hours do not matter")

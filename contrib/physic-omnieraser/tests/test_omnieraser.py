@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from physic_core.errors import BackendError, DeviceError, WeightsMissingError
-from physic_core.testing import check_backend
 from physic_omnieraser.omnieraser import OmniEraser, OmniEraserOptions, widen
+from physic_testing import check_backend
 
 torch = pytest.importorskip("torch")
 diffusers = pytest.importorskip("diffusers")
@@ -142,7 +142,7 @@ def test_the_pipeline_is_asked_as_the_released_code_asks(told):
 )
 def test_memory_is_spared_as_asked(told, offload, call, monkeypatch):
     """Cards of 24 GB hold FLUX only in parts."""
-    monkeypatch.setattr("physic_core.devices.check_device", lambda device: None)
+    monkeypatch.setattr("physic_core.adapters.devices.check_device", lambda device: None)
     backend = OmniEraser(OmniEraserOptions(**told, offload=offload))
     backend.load("cuda")
     assert [one for one in backend._pipeline.calls if one[0] in ("to", "model", "sequential")] == [call]

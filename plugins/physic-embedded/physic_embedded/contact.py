@@ -114,7 +114,7 @@ class StaticContact(ContactPrior):
         import torch
 
         from physic_core.body.parameters import rotations_from_parameters
-        from physic_core.tensors import tensor
+        from physic_core.geometry.tensors import tensor
 
         assert self._model is not None
         if bodies.body_model != self._model.name:

@@ -108,7 +108,7 @@ class HumanRuler(MetricDepth):
         from physic_core.body import load_body
         from physic_core.body.conversion import to_model
         from physic_core.body.parameters import rotations_from_parameters
-        from physic_core.tensors import tensor
+        from physic_core.geometry.tensors import tensor
 
         if self._model is None:
             self._model = load_body("embedded")

@@ -10,7 +10,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from physic_core.body import load_body
-from physic_core.border import hands_faults
+from physic_core.pipeline.validation import hands_faults
 from physic_core.types import Keypoints, People
 from physic_embedded.fingers import FINGERS, HandRest, fit_fingers
 from physic_embedded.hands import EmbeddedHands, EmbeddedHandsOptions

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_core.border import image_faults
 from physic_core.errors import BackendError
+from physic_core.pipeline.validation import image_faults
 from physic_embedded.inpainter import MiGan, MiGanOptions
 
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from physic_core.border import keypoints_faults
+from physic_core.pipeline.validation import keypoints_faults
 from physic_core.types import People
 from physic_embedded.keypoints import EmbeddedKeypoints, EmbeddedKeypointsOptions
 from physic_embedded.segmenter import EmbeddedSegmenter, EmbeddedSegmenterOptions

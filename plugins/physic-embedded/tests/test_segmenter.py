@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.border import people_faults
 from physic_core.errors import BackendError
+from physic_core.pipeline.validation import people_faults
 from physic_embedded.detection import Detection, anchor_centers, box_iou, decode
 from physic_embedded.floor import ground_points
 from physic_embedded.masks import PersonMask, mask_boxes, separate

@@ -15,10 +15,10 @@ from pydantic import Field
 
 from physic_core.adapters.crop_camera import told_of_crops, translation_of_crop
 from physic_core.adapters.crops import crop_of, cut, padded
+from physic_core.adapters.devices import check_device
 from physic_core.adapters.observed import observed_joints
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, letterbox, planes
 from physic_core.adapters.smpl import no_bodies
-from physic_core.devices import check_device
 from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator, Options
 from physic_human.hosting import CheckoutOptions, Hosted, Project, SeenConfidence, batches, computing, to_numpy

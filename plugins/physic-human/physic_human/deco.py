@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.contact_crop import GROWTH, contact_crop
-from physic_core.devices import check_device
+from physic_core.adapters.devices import check_device
 from physic_core.errors import BackendError
 from physic_core.interfaces import ContactPrior, Options
 from physic_core.types import ContactProbability

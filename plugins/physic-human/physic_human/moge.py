@@ -11,8 +11,8 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.affine_pointmap import recover_camera, settle
+from physic_core.adapters.devices import check_device
 from physic_core.adapters.pictures import planes
-from physic_core.devices import check_device
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options, RelativePointmap
 from physic_core.types import Pointmap

@@ -16,9 +16,9 @@ import numpy as np
 from pydantic import Field
 
 from physic_core import weights
+from physic_core.adapters.devices import check_device
 from physic_core.adapters.observed import observed_joints
 from physic_core.adapters.smpl import bodies_from_smpl, no_bodies, parameters_of
-from physic_core.devices import check_device
 from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator, Options
 from physic_core.types import Bodies, Mesh
@@ -195,7 +195,7 @@ class Nlf(BodyEstimator):
         if body is None:
             transl = _places(found)
         else:
-            from physic_core.tensors import tensor
+            from physic_core.geometry.tensors import tensor
 
             rest = body.kinematics.rest_joints(tensor(np.concatenate([found["betas"], expression], axis=1)))
             transl = joints[:, 0] - rest[:, 0].numpy()
@@ -239,7 +239,7 @@ def _check_rebuilt(body: BodyModel, bodies: Bodies, vertices: FloatArray) -> Non
     import torch
 
     from physic_core.body.parameters import rotations_from_parameters
-    from physic_core.tensors import tensor
+    from physic_core.geometry.tensors import tensor
 
     p = bodies.parameters
     if p.betas.shape[1] != body.num_betas or vertices.shape[1] != body.num_vertices:

@@ -15,10 +15,10 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.checkouts import Checkout
+from physic_core.adapters.devices import check_device
 from physic_core.adapters.observed import observed_joints
 from physic_core.adapters.smpl import no_bodies, parameters_of
 from physic_core.body.joints import JOINT_INDEX, NUM_JOINTS
-from physic_core.devices import check_device
 from physic_core.errors import BackendError, DeviceError, WeightsMissingError
 from physic_core.interfaces import BodyEstimator, Options
 from physic_core.types import Bodies, Mesh

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.devices import check_device
+from physic_core.adapters.devices import check_device
 from physic_core.errors import BackendError
 from physic_core.interfaces import MetricDepth, Options
 from physic_core.types import DepthMap, Intrinsics

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
+from physic_core.adapters.devices import check_device
 from physic_core.adapters.plain_models import plain_model
-from physic_core.devices import check_device
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options
 from physic_human.hosting import Project, computing, to_numpy

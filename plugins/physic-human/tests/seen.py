@@ -16,8 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.body import load_body
 from physic_core.body.parameters import rotations_from_parameters
-from physic_core.testing import labels
-from physic_core.testing.worlds import World, build_world
+from physic_testing.worlds import World, build_world, labels
 
 BLUE = 64
 MEAN, STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])

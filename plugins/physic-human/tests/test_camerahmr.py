@@ -11,13 +11,13 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from physic_core.devices import check_device
+from physic_core.adapters.devices import check_device
 from physic_core.errors import BackendError
-from physic_core.testing.conformance import parametrize_with_checks
-from physic_core.testing.worlds import World, build_world
 from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People
 from physic_human.camerahmr import CameraHmr, CameraHmrOptions
 from physic_human.smpl_rest import open_smpl
+from physic_testing.conformance import parametrize_with_checks
+from physic_testing.worlds import World, build_world
 
 from .seen import coordinates, normalised_back, pixels, place_of, smpl_arrays, smpl_pose, world_of
 

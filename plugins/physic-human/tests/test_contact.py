@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 import torch
 
+from physic_core.adapters.devices import check_device
 from physic_core.adapters.smpl import no_bodies, parameters_of
-from physic_core.devices import check_device
 from physic_core.errors import BackendError, WeightsMissingError
-from physic_core.testing.conformance import parametrize_with_checks
-from physic_core.testing.worlds import World
 from physic_core.types import Bodies, ContactProbability, People
 from physic_human.deco import Deco, DecoOptions
 from physic_human.interactvlm import InteractVlmOptions, InteractVlmResults
 from physic_human.smpl_rest import rest_of_smpl
+from physic_testing.conformance import parametrize_with_checks
+from physic_testing.worlds import World
 
 from .seen import coordinates, normalised_back, place_of, smpl_contact, world_of
 
@@ -318,7 +318,7 @@ def test_interactvlm_conforms(check: Callable[[], None], smpl_file: Path) -> Non
 def test_labels_on_smpl_reach_the_embedded_body(smpl_file: Path) -> None:
     from physic_core.body import load_body
     from physic_core.body.conversion import contact_to_model
-    from physic_core.testing.worlds import build_world
+    from physic_testing.worlds import build_world
 
     world = build_world("walk")
     backend = ToldDeco(DecoOptions(smpl_file=str(smpl_file)))

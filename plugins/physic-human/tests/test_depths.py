@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.devices import check_device
+from physic_core.adapters.devices import check_device
 from physic_core.errors import BackendError
-from physic_core.testing.conformance import parametrize_with_checks
-from physic_core.testing.worlds import build_world
 from physic_core.types import DepthMap, Hints, Intrinsics, Pointmap
 from physic_human.moge import Moge1, Moge1Options
 from physic_human.unidepth import UniDepth, UniDepthOptions
+from physic_testing.conformance import parametrize_with_checks
+from physic_testing.worlds import build_world
 
 from .seen import world_of
 

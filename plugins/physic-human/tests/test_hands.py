@@ -13,16 +13,16 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
+from physic_core.adapters.devices import check_device
 from physic_core.adapters.rotations import mirrored
-from physic_core.devices import check_device
 from physic_core.errors import BackendError, BodyModelError, WeightsMissingError
-from physic_core.testing.body_files import mano_arrays, write_published
-from physic_core.testing.conformance import parametrize_with_checks
-from physic_core.testing.conformance.hand_estimator import true_hands
-from physic_core.testing.worlds import World
 from physic_core.types import Hands, Keypoints, People
 from physic_human.hamer import Hamer, HamerOptions
 from physic_human.wilor import Wilor, WilorOptions
+from physic_testing.body_files import mano_arrays, write_published
+from physic_testing.conformance import parametrize_with_checks
+from physic_testing.conformance.hand_estimator import true_hands
+from physic_testing.worlds import World
 
 from .seen import Place, coordinates, nearest, normalised_back, pixels, place_of, world_of, wrist_turns
 

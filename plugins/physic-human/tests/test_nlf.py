@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.devices import check_device
+from physic_core.adapters.devices import check_device
 from physic_core.errors import BackendError
-from physic_core.testing.conformance import parametrize_with_checks
-from physic_core.testing.worlds import build_world
 from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People
 from physic_human.nlf import Nlf, NlfOptions
+from physic_testing.conformance import parametrize_with_checks
+from physic_testing.worlds import build_world
 
 from .seen import smpl_pose, world_of
 

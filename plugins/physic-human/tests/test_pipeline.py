@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from physic_core import BackendRecord, reconstruct
-from physic_core.config import load_config
-from physic_core.plugins import discover
-from physic_core.testing.worlds import build_world
+from physic_core.configuration.model import load_config
+from physic_core.discovery.plugins import discover
+from physic_testing.worlds import build_world
 
 from .test_camerahmr import ToldHmr
 from .test_contact import ToldDeco

@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 import torch
 
+from physic_core.adapters.devices import check_device
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.devices import check_device
 from physic_core.errors import BackendError, DeviceError, WeightsMissingError
-from physic_core.testing.conformance import parametrize_with_checks
-from physic_core.testing.worlds import World, build_world
 from physic_core.types import Hints, Intrinsics, Keypoints, People
 from physic_human.sam3d_body import JOINTS_OF_KEYPOINTS, Sam3dBody, Sam3dBodyOptions, joints_of_keypoints
 from physic_human.torch_guard import guarded_torch
+from physic_testing.conformance import parametrize_with_checks
+from physic_testing.worlds import World, build_world
 
 from .seen import world_of
 

@@ -14,8 +14,8 @@ from physic_mock.noise import generator, smooth_field
 from physic_mock.recognition import MockOptions, match_people, recognise
 
 if TYPE_CHECKING:
-    from physic_core.testing.worlds import World
     from physic_core.types import BoolArray, FloatArray, People, UInt8Array
+    from physic_testing.worlds import World
 
 __all__ = ["ContactOptions", "MockContactPrior"]
 

@@ -17,8 +17,8 @@ from physic_mock.noise import generator, pixels_of
 from physic_mock.recognition import MockOptions, Recognised, recognise
 
 if TYPE_CHECKING:
-    from physic_core.testing.worlds import World
     from physic_core.types import FloatArray, Hints, Intrinsics, UInt8Array
+    from physic_testing.worlds import World
 
 __all__ = ["MetricDepthOptions", "MockMetricDepth", "MockRelativePointmap", "RelativePointmapOptions"]
 

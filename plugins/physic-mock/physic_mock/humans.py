@@ -16,8 +16,8 @@ from physic_mock.noise import chance, generator, turned
 from physic_mock.recognition import MockOptions, match_people, recognise
 
 if TYPE_CHECKING:
-    from physic_core.testing.worlds import World
     from physic_core.types import FloatArray, Hints, Intrinsics, Keypoints, People, UInt8Array
+    from physic_testing.worlds import World
 
 __all__ = ["BodyOptions", "HandOptions", "MockBodyEstimator", "MockHandEstimator"]
 

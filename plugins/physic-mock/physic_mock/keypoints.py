@@ -8,10 +8,10 @@ import numpy as np
 from pydantic import Field
 
 from physic_core import interfaces
-from physic_core.testing.conformance.joint_sets import world_keypoints
 from physic_core.types import Keypoints
 from physic_mock.noise import chance, generator
 from physic_mock.recognition import MockOptions, match_people, recognise
+from physic_testing.conformance.joint_sets import world_keypoints
 
 if TYPE_CHECKING:
     from physic_core.types import People, UInt8Array

@@ -10,8 +10,8 @@ from physic_core.body import JOINT_INDEX
 from physic_mock.noise import chance, pixels_of, ragged
 
 if TYPE_CHECKING:
-    from physic_core.testing.worlds import World
     from physic_core.types import BoolArray, FloatArray
+    from physic_testing.worlds import World
 
 __all__ = ["LIMB_ENDS", "floor_mask", "with_strays", "without_ends"]
 

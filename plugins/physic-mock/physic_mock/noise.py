@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from physic_core.testing.worlds import World
     from physic_core.types import BoolArray, FloatArray
+    from physic_testing.worlds import World
 
 __all__ = [
     "REFERENCE_WIDTH_PX",

@@ -10,8 +10,7 @@ from pydantic import Field
 
 from physic_core import interfaces
 from physic_core.errors import BackendError
-from physic_core.testing import labels
-from physic_core.testing.worlds import WORLDS, World, build_world
+from physic_testing.worlds import WORLDS, World, build_world, labels
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, People, UInt8Array
@@ -79,7 +78,7 @@ def recognise(image: UInt8Array, hole: BoolArray | None = None) -> Recognised:
 def _refusal(width: int, height: int, fault: str) -> BackendError:
     return BackendError(
         f"The mock backends only know the photos of their own worlds, and this {width} x {height} px image {fault}: "
-        "give physic_core.testing.worlds.build_world(name, seed, size).image, saved without loss, "
+        "give physic_testing.worlds.build_world(name, seed, size).image, saved without loss, "
         "or choose real backends."
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from physic_core.testing.conformance import check_backend
+from physic_testing.conformance import check_backend
 
 
 @pytest.mark.parametrize("skeleton", ["coco_wholebody133", "halpe26"])

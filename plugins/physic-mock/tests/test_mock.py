@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core import border
 from physic_core.body import load_body
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.errors import BackendError
-from physic_core.testing import labels
-from physic_core.testing.worlds import build_world
+from physic_core.pipeline import validation as border
 from physic_core.types import Hints, Intrinsics, Keypoints, People
 from physic_mock import NOISE_VERSION, physic_backends
 from physic_mock.backends import (
@@ -31,6 +29,7 @@ from physic_mock.humans import BodyOptions, HandOptions
 from physic_mock.keypoints import KeypointOptions
 from physic_mock.pixels import SegmenterOptions
 from physic_mock.recognition import MockOptions
+from physic_testing.worlds import build_world, labels
 
 WORLDS = ("stand", "sit_on_stool", "hug")
 TRUE_DEPTH = MetricDepthOptions(noise=0)
@@ -304,8 +303,7 @@ def test_another_photo_is_refused(two):
     height, width = two.image.shape[:2]
     only = "The mock backends only know the photos of their own worlds, and this "
     give = (
-        ": give physic_core.testing.worlds.build_world(name, seed, size).image, saved without loss, "
-        "or choose real backends."
+        ": give physic_testing.worlds.build_world(name, seed, size).image, saved without loss, or choose real backends."
     )
     blank = np.zeros((60, 80, 3), np.uint8)
     assert refusal(blank) == f"{only}80 x 60 px image carries no world's label{give}"

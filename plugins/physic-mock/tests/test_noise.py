@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.body import JOINT_INDEX
 from physic_core.body.landmarks import SKELETONS
-from physic_core.testing.worlds import build_world
 from physic_core.types import Hints, Keypoints, People
 from physic_mock import NOISE_VERSION
 from physic_mock.backends import (
@@ -32,6 +31,7 @@ from physic_mock.keypoints import KeypointOptions
 from physic_mock.mask_noise import floor_mask, with_strays, without_ends
 from physic_mock.noise import chance, generator, smooth_image
 from physic_mock.pixels import SegmenterOptions
+from physic_testing.worlds import build_world
 
 DRAWS = range(300)
 SMALL = (160, 120)

@@ -184,7 +184,7 @@ def _torchscript(path: Path, device: str) -> Callable[[FloatArray, FloatArray], 
 
     import torch
 
-    from physic_core.devices import check_device
+    from physic_core.adapters.devices import check_device
 
     check_device(device)
     where = torch.device(device)

@@ -12,10 +12,9 @@ import onnx
 import pytest
 from onnx import TensorProto, helper, numpy_helper
 
-from physic_core.testing import labels
-from physic_core.testing.worlds import World, build_world
 from physic_core.types import Intrinsics
 from physic_onnx.sessions import Port
+from physic_testing.worlds import World, build_world, labels
 
 _ELEMENTS = {
     "float32": TensorProto.FLOAT,

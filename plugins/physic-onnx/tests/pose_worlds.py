@@ -8,10 +8,10 @@ import numpy as np
 from scipy.ndimage import affine_transform
 
 from physic_core.body.landmarks import DETECTED
-from physic_core.testing.conformance.joint_sets import world_keypoints
+from physic_testing.conformance.joint_sets import world_keypoints
 
 if TYPE_CHECKING:
-    from physic_core.testing.worlds import World
+    from physic_testing.worlds import World
 
 MEAN, STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from physic_core.border import bodies_faults
 from physic_core.errors import BackendError
-from physic_core.testing.conformance import check_backend
+from physic_core.pipeline.validation import bodies_faults
 from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People
 from physic_onnx.camerahmr import CameraHmr
+from physic_testing.conformance import check_backend
 
 from .pose_worlds import normalised, region, sampled, whose
 
@@ -234,7 +234,7 @@ def test_conformance(told: Any, told_network: Any) -> None:
 
 
 def test_the_joints_of_a_world_come_back(told: Any, told_network: Any) -> None:
-    from physic_core.testing.worlds import build_world
+    from physic_testing.worlds import build_world
 
     world = build_world("group", 0, (320, 240))
     backend = told_camerahmr(told, told_network)()

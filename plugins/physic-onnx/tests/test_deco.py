@@ -10,11 +10,11 @@ import pytest
 
 from physic_core.body import load_body
 from physic_core.body.parameters import parameters_from_rotations
-from physic_core.border import contact_faults
 from physic_core.errors import BackendError
-from physic_core.testing.conformance import check_backend
+from physic_core.pipeline.validation import contact_faults
 from physic_core.types import Bodies, ContactProbability, People
 from physic_onnx.deco import Deco
+from physic_testing.conformance import check_backend
 
 from .pose_worlds import whose
 

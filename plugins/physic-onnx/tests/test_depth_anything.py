@@ -13,7 +13,6 @@ from scipy.ndimage import map_coordinates
 from scipy.stats import spearmanr
 
 from physic_core.errors import BackendError
-from physic_core.testing import check_backend
 from physic_core.types import Hints, Intrinsics
 from physic_onnx.depth_anything import (
     OTHER,
@@ -26,6 +25,7 @@ from physic_onnx.depth_anything import (
     prepare,
 )
 from physic_onnx.depth_anything_forms import has_sigmoid
+from physic_testing import check_backend
 
 IMAGENET_MEAN, IMAGENET_STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
 FREE = ("batch_size", 3, "height", "width")

@@ -7,9 +7,9 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from physic_core.errors import BackendError
-from physic_core.testing import check_backend
 from physic_core.types import Hints, Intrinsics
 from physic_onnx.depth_anything_3 import DepthAnything3, DepthAnything3Options, prepare
+from physic_testing import check_backend
 
 IMAGENET_MEAN, IMAGENET_STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
 FORMS = {

@@ -9,10 +9,10 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from physic_core.errors import BackendError, WeightsMissingError
-from physic_core.testing import check_backend
-from physic_core.testing.worlds import build_world
 from physic_core.types import Hints, Intrinsics
 from physic_onnx.depth_pro import INVERSE, METRES, DepthPro, DepthProOptions, prepare
+from physic_testing import check_backend
+from physic_testing.worlds import build_world
 
 SIDE = 1536
 PICTURE_IN = {"pixel_values": ("float32", ("batch_size", 3, SIDE, SIDE))}

@@ -12,8 +12,8 @@ import torch
 
 from physic_core.adapters.panoptic import COCO_PANOPTIC, FLOOR
 from physic_core.errors import BackendError
-from physic_core.testing import build_world, check_backend
 from physic_onnx.eomt import Eomt, EomtOptions
+from physic_testing import build_world, check_backend
 
 PERSON, GROUND, WALL, NONE = 0, COCO_PANOPTIC.index("floor-other-merged"), COCO_PANOPTIC.index("wall-other-merged"), 133
 PORTS = (

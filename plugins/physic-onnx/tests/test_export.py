@@ -11,12 +11,12 @@ import pytest
 import torch
 
 from physic_core.body import load_body
-from physic_core.testing.body_files import mano_arrays, smpl_arrays, write_published
 from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People
 from physic_onnx.camerahmr import CameraHmr
 from physic_onnx.deco import Deco
 from physic_onnx.export.__main__ import main
 from physic_onnx.wilor import Wilor
+from physic_testing.body_files import mano_arrays, smpl_arrays, write_published
 
 CAMERAHMR = """
 import torch

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from physic_core.errors import BackendError, WeightsMissingError
-from physic_core.testing import parametrize_with_checks
 from physic_onnx import holes
 from physic_onnx.lama import Lama, LamaOptions
 from physic_onnx.migan import MiGan, MiGanOptions
+from physic_testing import parametrize_with_checks
 
 
 @pytest.fixture(scope="module")

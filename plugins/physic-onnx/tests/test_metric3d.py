@@ -7,9 +7,9 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from physic_core.errors import BackendError
-from physic_core.testing import check_backend
 from physic_core.types import Hints, Intrinsics
 from physic_onnx.metric3d import PADDING, Metric3d, Metric3dOptions, prepare
+from physic_testing import check_backend
 
 ROWS, COLUMNS = 616, 1064
 FORMS = {

@@ -10,11 +10,11 @@ from pydantic import ValidationError
 from scipy.ndimage import map_coordinates
 
 from physic_core.errors import BackendError, WeightsMissingError
-from physic_core.testing import check_backend
-from physic_core.testing.worlds import build_world
 from physic_core.types import Hints, Intrinsics
 from physic_onnx.moge import Moge2Depth, Moge2Pointmap, MogeOptions
 from physic_onnx.moge_network import size_seen
+from physic_testing import check_backend
+from physic_testing.worlds import build_world
 
 IMAGE_IN = ("float32", ("batch_size", 3, "height", "width"))
 TOKENS_IN = ("int64", ())

@@ -18,13 +18,13 @@ import numpy as np
 import pytest
 
 from physic_core.adapters.detections import Detections
-from physic_core.testing import build_world, check_backend
 from physic_core.weights import missing, read_manifest
 from physic_onnx.migan import MiGan, MiGanOptions
 from physic_onnx.one_graph import MANIFEST
 from physic_onnx.options import OnnxOptions
 from physic_onnx.sam2 import Sam2, Sam2Options
 from physic_onnx.sam2_networks import open_sam2
+from physic_testing import build_world, check_backend
 
 PHOTO = Path(__file__).parents[3] / "examples" / "basketball.png"
 

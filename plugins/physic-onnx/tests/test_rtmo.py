@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from physic_core.errors import BackendError
-from physic_core.testing.conformance import check_backend
 from physic_core.types import People
 from physic_onnx.rtmo import Rtmo, assigned
+from physic_testing.conformance import check_backend
 
 from .pose_worlds import joints
 

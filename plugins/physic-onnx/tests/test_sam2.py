@@ -10,13 +10,13 @@ import pytest
 import torch
 
 from physic_core.errors import BackendError
-from physic_core.testing import build_world, check_backend
 from physic_core.types import Keypoints, People
 from physic_onnx.detectors import Detector
 from physic_onnx.options import OnnxOptions
 from physic_onnx.sam2 import Sam2, Sam2Options
 from physic_onnx.sam2_floor import feet_of, ground_points
 from physic_onnx.sam2_networks import Sam2Networks, files_in, open_sam2
+from physic_testing import build_world, check_backend
 
 FEATURES = {
     "transformers.js": ("image_embeddings.0", "image_embeddings.1", "image_embeddings.2"),

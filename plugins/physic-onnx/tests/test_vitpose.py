@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from physic_core.border import keypoints_faults
 from physic_core.errors import BackendError, PhysicError, WeightsMissingError
-from physic_core.testing.conformance import check_backend
+from physic_core.pipeline.validation import keypoints_faults
 from physic_core.types import People
 from physic_onnx.vitpose import VitPose
+from physic_testing.conformance import check_backend
 
 from .pose_worlds import joints, normalised, region, sampled
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from physic_core.border import hands_faults
 from physic_core.errors import BackendError
-from physic_core.testing.conformance import check_backend
+from physic_core.pipeline.validation import hands_faults
 from physic_core.types import Keypoints, People
 from physic_onnx.wilor import MINI, WHOLE, Wilor
+from physic_testing.conformance import check_backend
 
 from .pose_worlds import sampled
 
@@ -186,8 +186,7 @@ def told_wilor(told: Any, told_network: Any) -> type:
                 [b - 0.5 for p, b in zip(found.person, found.boxes, strict=True) if p == i] for i in range(len(people))
             ]
             self.rows = list(range(len(people)))
-            from physic_core.testing import labels
-            from physic_core.testing.worlds import build_world
+            from physic_testing.worlds import build_world, labels
 
             label = labels.read(np.ascontiguousarray(image)) if isinstance(image, np.ndarray) else None
             if label is not None and image.ndim == 3:

@@ -18,8 +18,8 @@ from physic_core.types import Keypoints, People
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.testing import World
     from physic_core.types import BoolArray, UInt8Array
+    from physic_testing import World
 
 __all__ = ["GrabCut", "GrabCutOptions"]
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from physic_core.devices import check_device
+from physic_core.adapters.devices import check_device
 from physic_core.errors import BackendError, DeviceError, WeightsMissingError
 from physic_core.interfaces import Backend, Options
 from physic_transformers.folders import WHERE, Part, check_type, find_folder, fingerprint_of, lacks

@@ -12,8 +12,8 @@ import torch
 from physic_core.adapters.panoptic import COCO_PANOPTIC, FLOOR, Padded, framed, people_and_floor
 from physic_core.adapters.patch_grid import least_scaled
 from physic_core.adapters.pictures import planes, squash
-from physic_core.testing import build_world
 from physic_core.types import Hints, People
+from physic_testing import build_world
 from physic_transformers import depth_pro, grounded_sam2, zoedepth
 from physic_transformers.depth_anything import DepthAnythingMetric, MetricOptions
 from physic_transformers.sizes import between_edges, least_change

@@ -15,8 +15,9 @@ import pytest
 import torch
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from physic_core.devices import check_device
-from physic_core.testing import build_world, check_backend, labels
+from physic_core.adapters.devices import check_device
+from physic_testing import build_world, check_backend
+from physic_testing.worlds import labels
 from physic_transformers.depth_anything import DepthAnythingMetric, DepthAnythingRelative
 from physic_transformers.depth_pro import DepthPro
 from physic_transformers.eomt import Eomt
@@ -26,8 +27,8 @@ from physic_transformers.vitpose import VitPose
 from physic_transformers.zoedepth import ZoeDepth
 
 if TYPE_CHECKING:
-    from physic_core.testing import World
     from physic_core.types import UInt8Array
+    from physic_testing import World
 
 IMAGENET = ((0.485, 0.456, 0.406), (0.229, 0.224, 0.225))
 HALF = ((0.5, 0.5, 0.5), (0.5, 0.5, 0.5))

@@ -10,9 +10,9 @@ import pytest
 
 import physic_transformers
 from physic_core import BackendRecord
-from physic_core.plugins import discover
-from physic_core.testing import check_backend
+from physic_core.discovery.plugins import discover
 from physic_core.weights import read_manifest
+from physic_testing import check_backend
 
 RECORDS = physic_transformers.physic_backends()
 SETS = read_manifest(physic_transformers.physic_weights())

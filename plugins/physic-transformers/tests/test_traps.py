@@ -12,8 +12,8 @@ import pytest
 import torch
 from scipy.ndimage import map_coordinates
 
-from physic_core.border import depth_faults, keypoints_faults, people_faults, pointmap_faults
 from physic_core.errors import BackendError, DeviceError
+from physic_core.pipeline.validation import depth_faults, keypoints_faults, people_faults, pointmap_faults
 from physic_core.types import Hints, Intrinsics, People
 from physic_transformers.depth_anything import (
     DepthAnythingMetric,

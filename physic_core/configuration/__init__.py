@@ -1,0 +1,1 @@
+"""From presets, files, environment and flags to one validated configuration, and from it to backends."""

@@ -1,0 +1,243 @@
+"""The layers of a configuration: presets, files, the environment, ``--set`` and single flags, later ones winning.
+
+Each layer is a label and plain tables. The label of the layer that set a value is kept, so that an error and
+``physic config show`` can name the file, the variable or the flag that it comes from.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from physic_core.configuration.faults import closest
+from physic_core.discovery.local_modules import in_folder
+from physic_core.discovery.records import normal_name
+from physic_core.errors import ConfigError
+from physic_core.interfaces import INTERFACES
+
+__all__ = ["Layer", "environment_layers", "is_path", "merge", "override_layers", "preset_names", "read", "source_of"]
+
+Layer = tuple[str, Mapping[str, Any]]
+"""Label, tables."""
+
+_VARIABLE = "PHYSIC__"
+_EXCLUSIVE = (("photo", ("focal_px", "intrinsics")), ("body_model", ("name", "path")))
+"""Keys of a table that say the same thing: the layer that sets one silences the others of the layers below."""
+
+_NUMBERS = {"NaN": float("nan"), "Infinity": float("inf"), "-Infinity": float("-inf")}
+"""How a result's JSON writes the numbers that JSON has no notation for."""
+
+
+def preset_names() -> tuple[str, ...]:
+    """Presets in this package, sorted."""
+    return tuple(sorted(p.name[:-5] for p in _presets().iterdir() if p.name.endswith(".toml")))
+
+
+def is_path(name: str) -> bool:
+    """Whether a text names a file rather than a preset."""
+    return name.endswith((".toml", ".json")) or "/" in name or os.sep in name
+
+
+def read(file: str | os.PathLike[str] | None, base: str) -> list[Layer]:
+    """Layers of a file and of all that it builds on, or of a preset where there is no file.
+
+    Args:
+        file: a TOML file, or the ``reconstruction.json`` of a run, whose configuration stands alone.
+        base: preset that a TOML file without ``extends``, or no file, builds on.
+
+    Raises:
+        ConfigError: something of it cannot be read.
+    """
+    return _read_preset(base) if file is None else _read_file(Path(file), base)
+
+
+def environment_layers(environment: Mapping[str, str]) -> list[Layer]:
+    """``PHYSIC__INPAINTER__BACKEND=telea`` is ``inpainter.backend=telea``; an empty variable says nothing.
+
+    Raises:
+        ConfigError: a variable that is no setting.
+    """
+    layers: list[Layer] = []
+    for name in sorted(n for n, value in environment.items() if n.startswith(_VARIABLE) and value.strip()):
+        path = name.removeprefix(_VARIABLE).lower().replace("__", ".")
+        if not re.fullmatch(r"\w+(\.\w+)*", path) or path.startswith("_") or "._" in path:
+            raise ConfigError(f"the variable {name} names no setting: write PHYSIC__INPAINTER__BACKEND=telea")
+        layers.append((name, _assignment(path, environment[name], f"the variable {name}={environment[name]}")))
+    return layers
+
+
+def override_layers(overrides: Sequence[str]) -> list[Layer]:
+    """Layers of ``--set a.b=c``, c in TOML; a bare word is taken as a string.
+
+    Raises:
+        ConfigError: one is no assignment.
+    """
+    return [("--set", _with_folder(_parse_override(text), Path())) for text in overrides]
+
+
+def merge(layers: Iterable[Layer]) -> tuple[dict[str, Any], dict[str, str]]:
+    """All layers laid over one another, and by dotted path the label of the layer that set a value."""
+    merged: dict[str, Any] = {}
+    sources: dict[str, str] = {}
+    for label, table in layers:
+        _merge(merged, table, label, sources)
+    return merged, sources
+
+
+def source_of(sources: Mapping[str, str], path: str) -> str:
+    """The layer that set a value or a table, or the value that a path leads into; "default" where none did."""
+    if f"{path}." in sources:
+        return sources[f"{path}."]
+    while path:
+        if path in sources:
+            return sources[path]
+        path = path.rpartition(".")[0]
+    return "default"
+
+
+def _presets() -> Any:
+    return resources.files("physic_core.configuration") / "presets"
+
+
+def _read_preset(name: str) -> list[Layer]:
+    if name not in preset_names():
+        names = preset_names()
+        raise ConfigError(f"no preset named '{name}'; there are: {', '.join(names)}{closest(name, names)}")
+    table = tomllib.loads((_presets() / f"{name}.toml").read_text(encoding="utf-8"))
+    base = table.pop("extends", None)
+    return [*(_read_preset(base) if base else []), (f"preset {name}", table)]
+
+
+def _read_file(path: Path, base: str, seen: tuple[Path, ...] = ()) -> list[Layer]:
+    """A file's layers, what it extends first."""
+    if path.resolve() in seen:
+        chain = " -> ".join(str(p) for p in (*seen, path.resolve()))
+        raise ConfigError(f"{path} extends itself: {chain}")
+    if path.suffix == ".json":
+        return [(str(path), _with_folder(_read_result(path), path.parent))]
+    table = _with_folder(_read_toml(path), path.parent)
+    base = table.pop("extends", base)
+    if not isinstance(base, str):
+        raise ConfigError(f"{path}: 1 error\nextends   should be the name of a preset or a path (got {base!r})")
+    body = table.get("body_model")
+    if isinstance(body, dict) and isinstance(body.get("path"), str):
+        body["path"] = str(path.parent / Path(body["path"]).expanduser())
+    try:
+        # What a file extends builds on the embedded preset itself, whatever the one who extends it was given.
+        below = (
+            _read_file(path.parent / Path(base).expanduser(), "embedded", (*seen, path.resolve()))
+            if is_path(base)
+            else _read_preset(base)
+        )
+    except ConfigError as error:
+        raise ConfigError(f"{path} extends '{base}': {error}") from error
+    return [*below, (str(path), table)]
+
+
+def _with_folder(table: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The table, in which each class of a file in ``folder`` is named with its folder, so that it is found later."""
+    for choice in (table.get(interface) for interface in INTERFACES):
+        if isinstance(choice, dict) and isinstance(choice.get("backend"), str):
+            choice["backend"] = in_folder(choice["backend"], folder)
+    return table
+
+
+def _read_toml(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(_read_text(path, "name a TOML file"))
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path} is not valid TOML: {error}") from error
+
+
+def _read_result(path: Path) -> dict[str, Any]:
+    """The configuration in a ``reconstruction.json``."""
+    try:
+        document = json.loads(_read_text(path, "name the reconstruction.json of a run"))
+    except ValueError as error:
+        raise ConfigError(f"{path} is not valid JSON: {error}") from error
+    table = document.get("config") if isinstance(document, dict) else None
+    if not isinstance(table, dict) or not table:
+        raise ConfigError(f"{path} holds no configuration: name the reconstruction.json of a run, or a TOML file")
+    numbers: dict[str, Any] = _with_numbers(table)
+    return numbers
+
+
+def _with_numbers(value: Any) -> Any:
+    if isinstance(value, str):
+        return _NUMBERS.get(value, value)
+    if isinstance(value, list):
+        return [_with_numbers(item) for item in value]
+    if isinstance(value, dict):
+        return {key: _with_numbers(item) for key, item in value.items()}
+    return value
+
+
+def _read_text(path: Path, cure: str) -> str:
+    if path.exists() and not path.is_file() and not path.is_dir():  # a pipe would wait for ever
+        raise ConfigError(f"cannot read the config {path}: it is not a regular file; {cure}")
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise ConfigError(f"no config file at {path}: check the path") from None
+    except OSError as error:
+        raise ConfigError(f"cannot read the config {path}: {error.strerror}; {cure}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"cannot read the config {path}: {error}; save it as UTF-8") from error
+
+
+def _parse_override(text: str) -> dict[str, Any]:
+    key, equals, value = text.partition("=")
+    if not equals or not re.fullmatch(r"\s*[\w-]+(\.[\w-]+)*\s*", key):
+        raise ConfigError(f"--set needs KEY=VALUE such as inpainter.backend=telea (got '{text}')")
+    return _assignment(key, value, f"--set {text}")
+
+
+def _assignment(key: str, value: str, label: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(f"{key} = {value}")
+    except tomllib.TOMLDecodeError as error:
+        if re.fullmatch(r"[\w./~:+-]+", value.strip()):
+            return tomllib.loads(f"{key} = '{value.strip()}'")
+        raise ConfigError(f"{label}: the value is not valid TOML ({error}); texts need quotes") from error
+
+
+def _merge(base: dict[str, Any], layer: Mapping[str, Any], label: str, sources: dict[str, str], at: str = "") -> None:
+    """Lay a layer over ``base``, in place, and note where each value came from."""
+    for key, value in layer.items():
+        path = f"{at}{key}"
+        below = base.get(key)
+        if isinstance(value, Mapping):
+            if not isinstance(below, dict):
+                below = base[key] = {}
+            _silence(path, below, value)
+            _merge(below, value, label, sources, f"{path}.")
+            sources[f"{path}."] = label  # the dot tells a table from a value
+        else:
+            base[key] = value
+            for covered in [p for p in sources if p.startswith(f"{path}.")]:
+                del sources[covered]
+            sources[path] = label
+
+
+def _same_backend(one: Any, other: Any) -> bool:
+    """Whether two names may mean one backend, as "embedded" and "physic-embedded:embedded" do."""
+    if not (isinstance(one, str) and isinstance(other, str)):
+        return bool(one == other)
+    (owner, colon, name), (other_owner, other_colon, other_name) = one.rpartition(":"), other.rpartition(":")
+    return name == other_name and (not (colon and other_colon) or normal_name(owner) == normal_name(other_owner))
+
+
+def _silence(path: str, below: dict[str, Any], layer: Mapping[str, Any]) -> None:
+    """Drop what a layer makes meaningless: another backend's options, the other way to say the same."""
+    if path in INTERFACES and "backend" in layer and not _same_backend(layer["backend"], below.get("backend")):
+        below.pop("options", None)
+    for table, keys in _EXCLUSIVE:
+        if path == table and any(k in layer for k in keys):
+            for key in keys:
+                below.pop(key, None)

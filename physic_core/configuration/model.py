@@ -1,0 +1,324 @@
+"""The configuration: TOML tables -> one checked object that knows names, not classes.
+
+A config is made of layers, later ones winning: a preset, the files that ``extends`` chains, the user's file, variables
+``PHYSIC__...`` of the environment, ``--set``, and single flags (:mod:`physic_core.configuration.layers`).
+
+This is the first of two checks: shape, names of keys, kinds of values and the engine's settings, offline and without
+a plugin. :mod:`physic_core.configuration.resolve` does the second, each backend's own options; both are told together.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import fields, replace
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, get_origin, get_type_hints
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    PrivateAttr,
+    Strict,
+    ValidationError,
+    create_model,
+    field_validator,
+    model_validator,
+)
+
+from physic_core.adapters.devices import DEVICE
+from physic_core.configuration.faults import Fault, Findings, closest, config_error, from_pydantic
+from physic_core.configuration.layers import (
+    Layer,
+    environment_layers,
+    is_path,
+    merge,
+    override_layers,
+    preset_names,
+    read,
+    source_of,
+)
+from physic_core.engine.presets import PRESETS as ENGINE_PRESETS
+from physic_core.engine.settings import EngineSettings
+from physic_core.interfaces import INTERFACES
+
+__all__ = [
+    "DEFAULT_PRESET",
+    "OPTIONAL_INTERFACES",
+    "BackendChoice",
+    "BodyModelChoice",
+    "Config",
+    "EngineChoice",
+    "PhotoSettings",
+    "RunSettings",
+    "as_config",
+    "load_config",
+    "preset_names",
+    "stage_tables",
+]
+
+DEFAULT_PRESET = "embedded"
+OPTIONAL_INTERFACES = ("hand_estimator", "contact_prior")
+"""Interfaces that a config may leave out with ``backend = "none"``."""
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class _StrictTable(_Table):
+    model_config = ConfigDict(strict=True)
+
+
+class BackendChoice(_Table):
+    """One interface's table, ``[metric_depth]``."""
+
+    backend: str = Field(
+        min_length=1,
+        description="name of a backend, 'distribution:name', 'package.module:Class' (a module beside the config, "
+        "or an installed one), or 'none' where it is optional",
+    )
+    options: dict[str, Any] = Field(default_factory=dict, description="the backend's own options")
+
+
+class PhotoSettings(_Table):
+    """``[photo]``: what is known of the photo and how it is prepared."""
+
+    max_side: int = Field(default=1280, ge=128, description="longer photos are reduced to this long side, px; 640-1920")
+    focal_px: float | None = Field(
+        default=None, gt=0, allow_inf_nan=False, description="focal length, px of the upright photo file"
+    )
+    intrinsics: tuple[float, float, float, float] | None = Field(
+        default=None, description="fx, fy, cx, cy, px of the upright photo file, pixel centres at integers"
+    )
+    mask_growth: float = Field(
+        default=0.008, ge=0, le=0.1, description="people's masks grow by this share of the long side before inpainting"
+    )
+
+    @field_validator("intrinsics", mode="before")
+    @classmethod
+    def _four_numbers(cls, value: Any) -> Any:
+        numbers = isinstance(value, (list, tuple)) and all(type(v) in (int, float) and math.isfinite(v) for v in value)
+        if value is not None and not (numbers and len(value) == 4 and value[0] > 0 and value[1] > 0):
+            raise ValueError(f"should be four finite numbers fx, fy, cx, cy with fx > 0 and fy > 0 (got {value!r})")
+        return value
+
+    @model_validator(mode="after")
+    def _one_camera(self) -> PhotoSettings:
+        if self.focal_px is not None and self.intrinsics is not None:
+            raise ValueError("has both focal_px and intrinsics: give one of them")
+        return self
+
+
+class BodyModelChoice(_Table):
+    """``[body_model]``: the embedded body, or a file of the user's own."""
+
+    name: str | None = Field(default=None, description="'embedded'")
+    path: str | None = Field(default=None, description="an official SMPLX_*.npz; relative to the config file")
+
+    @model_validator(mode="after")
+    def _one_body(self) -> BodyModelChoice:
+        if self.name is not None and self.path is not None:
+            raise ValueError("has both name and path: give one of them")
+        if self.name not in (None, "embedded"):
+            raise ValueError(f"name should be 'embedded' (got '{self.name}'); for a file of your own, set path")
+        return self
+
+    @property
+    def source(self) -> str:
+        """What :func:`physic_core.body.load_body` is asked for."""
+        return self.path or self.name or "embedded"
+
+
+class EngineChoice(_Table):
+    """``[engine]``: a preset of the engine, and what differs from it, stage by stage."""
+
+    preset: str = Field(default="default", description="preset of the engine's settings")
+    scene: dict[str, Any] = Field(default_factory=dict, description="stage 1: scene, camera, floor")
+    human: dict[str, Any] = Field(default_factory=dict, description="stage 2: each body moved onto its points")
+    joint: dict[str, Any] = Field(default_factory=dict, description="stage 3: everything together")
+    contact: dict[str, Any] = Field(default_factory=dict, description="the contact map")
+
+    def settings(self) -> EngineSettings:
+        """The engine's settings, overrides applied."""
+        preset = ENGINE_PRESETS[self.preset]
+        changed = {
+            stage: replace(
+                getattr(preset, stage), **table.model_validate(getattr(self, stage)).model_dump(exclude_unset=True)
+            )
+            for stage, table in stage_tables().items()
+        }
+        return replace(preset, **changed)
+
+
+class RunSettings(_Table):
+    """``[run]``: where it runs, and what it spends."""
+
+    device: str = Field(
+        default="cpu",
+        description="where the networks run: 'cpu', 'cuda' or 'cuda:N'; the engine stays on the CPU",
+        json_schema_extra={"pattern": f"^({DEVICE.pattern})$"},
+    )
+    low_memory: bool = Field(default=False, description="close each backend right after its last use")
+    cache: bool = Field(default=True, description="keep the backends' answers, and use those of earlier runs")
+    cache_mb: int = Field(default=2000, ge=0, description="what all kept answers may take together, megabytes")
+
+    @field_validator("device")
+    @classmethod
+    def _known_device(cls, device: str) -> str:
+        if not DEVICE.fullmatch(device):
+            raise ValueError(f"should be 'cpu', 'cuda' or 'cuda:N' (got '{device}')")
+        return device
+
+
+class Config(_Table):
+    """A whole configuration; :func:`load_config` makes one."""
+
+    segmenter: BackendChoice
+    inpainter: BackendChoice
+    metric_depth: BackendChoice
+    relative_pointmap: BackendChoice
+    keypoint_detector: BackendChoice
+    body_estimator: BackendChoice
+    hand_estimator: BackendChoice = BackendChoice(backend="none")
+    contact_prior: BackendChoice = BackendChoice(backend="none")
+    photo: PhotoSettings = PhotoSettings()
+    body_model: BodyModelChoice = BodyModelChoice()
+    engine: EngineChoice = EngineChoice()
+    run: RunSettings = RunSettings()
+
+    _sources: dict[str, str] = PrivateAttr(default_factory=dict)
+
+    def choice(self, interface: str) -> BackendChoice:
+        """The table of one interface."""
+        chosen: BackendChoice = getattr(self, interface)
+        return chosen
+
+    def source(self, path: str) -> str:
+        """Where the value at a dotted path comes from: a file, a flag, "preset embedded" or "default"."""
+        return source_of(self._sources, path)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain tables, as a TOML file would hold them; unset values are left out, and paths hold from anywhere."""
+        tables = self.model_dump(mode="json", exclude_none=True)
+        if self.body_model.path is not None:
+            tables["body_model"]["path"] = str(Path(self.body_model.path).expanduser().absolute())
+        return tables
+
+
+def load_config(
+    file: str | os.PathLike[str] | None = None,
+    *,
+    preset: str | None = None,
+    overrides: Sequence[str] = (),
+    flags: Mapping[str, Mapping[str, Any]] | None = None,
+    environment: Mapping[str, str] | None = None,
+    further: Callable[[Mapping[str, Any]], Findings] | None = None,
+) -> Config:
+    """Read, merge and check a configuration.
+
+    Args:
+        file: a TOML file; it names what it builds on with ``extends``, a preset or another file. Or the
+            ``reconstruction.json`` of a run, to repeat it.
+        preset: what a file without ``extends``, or no file at all, builds on.
+        overrides: "a.b=c" each, c in TOML; a bare word is taken as a string.
+        flags: tables by the name of the flag that sets them, as in ``{"--focal-px": {"photo": {"focal_px": 900.0}}}``.
+        environment: ``PHYSIC__INPAINTER__BACKEND=telea`` in it goes over the file, and under the overrides; None for
+            this process's.
+        further: one more check of the merged tables, told together with the others;
+            :func:`physic_core.configuration.resolve.load_checked` gives one that knows the installed backends.
+
+    Raises:
+        ConfigError: every fault at once.
+    """
+    base = preset or DEFAULT_PRESET
+    layers = [
+        *read(file, base),
+        *environment_layers(os.environ if environment is None else environment),
+        *override_layers(overrides),
+        *(flags or {}).items(),
+    ]
+    return _build(layers, f"preset {base}" if file is None else str(file), further)
+
+
+def as_config(config: Config | str | os.PathLike[str] | Mapping[str, Any] | None) -> Config:
+    """A config from what Python callers pass: a Config, a preset's name, a file, tables, or None.
+
+    A text is the name of a preset unless it ends in ".toml" or ".json" or holds a slash; tables are laid over the
+    default preset.
+
+    Raises:
+        ConfigError: every fault at once.
+    """
+    if isinstance(config, Config):
+        return config
+    if isinstance(config, str) and not is_path(config):
+        return load_config(preset=config)
+    if config is None or isinstance(config, (str, os.PathLike)):
+        return load_config(config)
+    return load_config(flags={"config": config})
+
+
+# ---- checks ----------------------------------------------------------------------------------------------------------
+
+
+def _build(layers: Iterable[Layer], title: str, further: Callable[[Mapping[str, Any]], Findings] | None) -> Config:
+    merged, sources = merge(layers)
+    found = further(merged) if further is not None else Findings()
+    faults = [*_choice_faults(merged), *_engine_faults(merged.get("engine")), *found.faults]
+    try:
+        config = Config.model_validate(merged)
+    except ValidationError as error:
+        faults = from_pydantic(error, Config) + faults
+    if faults:
+        raise config_error(faults, lambda path: source_of(sources, path), title, found.footer) from found.cause
+    config._sources = sources
+    return config
+
+
+def _choice_faults(merged: Mapping[str, Any]) -> list[Fault]:
+    return [
+        Fault(f"{name}.backend", f"should name a backend: only {' and '.join(OPTIONAL_INTERFACES)} may be 'none'")
+        for name in INTERFACES
+        if name not in OPTIONAL_INTERFACES and isinstance(t := merged.get(name), dict) and t.get("backend") == "none"
+    ]
+
+
+def _engine_faults(engine: Any) -> list[Fault]:
+    """Faults of the preset's name and of the overrides."""
+    if not isinstance(engine, dict):
+        return []
+    preset = engine.get("preset", "default")
+    if not isinstance(preset, str):
+        return []
+    if preset not in ENGINE_PRESETS:
+        names = sorted(ENGINE_PRESETS)
+        message = f"no engine preset named '{preset}'; there are: {', '.join(names)}{closest(preset, names)}"
+        return [Fault("engine.preset", message)]
+    faults = []
+    for stage, table in stage_tables().items():
+        if isinstance(engine.get(stage), dict):
+            try:
+                table.model_validate(engine[stage])
+            except ValidationError as error:
+                faults += from_pydantic(error, table, f"engine.{stage}", "setting")
+    return faults
+
+
+@cache
+def stage_tables() -> dict[str, type[_Table]]:
+    """Stage -> a table with the stage's settings as keys, none of them needed, and no text taken for a number."""
+    tables: dict[str, type[_Table]] = {}
+    for stage, kind in get_type_hints(EngineSettings).items():
+        hints = get_type_hints(kind, include_extras=True)
+        keys: dict[str, Any] = {f.name: (_as_in_toml(hints[f.name]) | None, None) for f in fields(kind)}
+        tables[stage] = create_model(kind.__name__, __base__=_StrictTable, **keys)
+    return tables
+
+
+def _as_in_toml(hint: Any) -> Any:
+    """A tuple is written as a list in TOML."""
+    return Annotated[hint, Strict(False)] if get_origin(hint) is tuple else hint

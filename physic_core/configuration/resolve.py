@@ -1,0 +1,269 @@
+"""Config and registry -> the backends that a run asks: the second check, each backend's own options."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from pydantic import BaseModel, ValidationError
+
+from physic_core.adapters.devices import check_device
+from physic_core.configuration.faults import Fault, Findings, config_error, from_pydantic
+from physic_core.configuration.model import load_config
+from physic_core.discovery.error_text import describe
+from physic_core.discovery.readiness import gpu_is_seen, lacks
+from physic_core.errors import BackendError, BackendNotFoundError, PhysicError, WeightsMissingError
+from physic_core.interfaces import INTERFACES
+from physic_core.types import Provenance
+
+if TYPE_CHECKING:
+    from physic_core.configuration.model import Config, PhotoSettings
+    from physic_core.discovery.registry import Claim, Registry
+    from physic_core.engine.settings import EngineSettings
+    from physic_core.interfaces import Backend, Options
+
+__all__ = [
+    "ResolvedBackend",
+    "ResolvedPipeline",
+    "check",
+    "list_of_missing",
+    "load_checked",
+    "missing",
+    "missing_device",
+    "missing_files",
+    "require_whole",
+    "resolve",
+]
+
+
+@dataclass(frozen=True)
+class ResolvedBackend:
+    """A backend ready to be asked, and who it is.
+
+    Attributes:
+        backend: constructed, weights not loaded.
+        provenance: its name, distribution, version, options and licence.
+    """
+
+    backend: Backend
+    provenance: Provenance
+
+    @property
+    def title(self) -> str:
+        """For messages: "segmenter 'embedded' (physic-embedded 0.1.0)"."""
+        who = self.provenance
+        return f"{who.interface} '{who.backend}' ({f'{who.distribution} {who.version}'.strip()})"
+
+
+@dataclass(frozen=True)
+class ResolvedPipeline:
+    """All that a run needs to know.
+
+    Attributes:
+        backends: by interface; an optional interface that the config leaves out is not in it.
+        photo: how the photo is prepared.
+        engine: the engine's settings.
+        body_model: "embedded", or the path of an SMPL-X file.
+        device: "cpu", "cuda" or "cuda:N".
+        config: what all this was made of.
+    """
+
+    backends: Mapping[str, ResolvedBackend]
+    photo: PhotoSettings
+    engine: EngineSettings
+    body_model: str
+    device: str
+    config: Config
+
+
+@dataclass(frozen=True)
+class _Choice:
+    claim: Claim
+    kind: type[Backend]
+    options: Options
+
+
+def resolve(config: Config, registry: Registry) -> ResolvedPipeline:
+    """Construct one backend for each interface; no weights are loaded and no network is used.
+
+    Raises:
+        ConfigError: names or options that do not hold, all at once.
+        BackendError: a backend's constructor failed.
+    """
+    backends = {name: _construct(name, choice) for name, choice in _choose(config, registry).items()}
+    return ResolvedPipeline(
+        backends=MappingProxyType(backends),
+        photo=config.photo,
+        engine=config.engine.settings(),
+        body_model=config.body_model.source,
+        device=config.run.device,
+        config=config,
+    )
+
+
+def missing(plan: ResolvedPipeline) -> tuple[str, ...]:
+    """What a run lacks on this machine, one text each with whose lack it is; asked offline.
+
+    That is what the chosen backends lack, and a GPU where the config asks for one and none is seen; whether torch can
+    use one that is seen is told by :func:`physic_core.adapters.devices.check_device` alone.
+
+    Raises:
+        BackendError: a backend cannot say.
+    """
+    return (*missing_files(plan), *missing_device(plan))
+
+
+def missing_files(plan: ResolvedPipeline) -> tuple[str, ...]:
+    """The part of :func:`missing` that the backends report, a text for each file.
+
+    Raises:
+        BackendError: a backend cannot say.
+    """
+    found: dict[str, list[str]] = {}
+    for resolved in plan.backends.values():
+        try:
+            for text in lacks(resolved.backend):
+                found.setdefault(text, []).append(resolved.title)
+        except PhysicError as error:
+            raise BackendError(f"{resolved.title}: {error}") from error
+    # Two backends may lack the same file, and are to say so once.
+    return tuple(f"{' and '.join(titles)}: {text}" for text, titles in found.items())
+
+
+def missing_device(plan: ResolvedPipeline) -> tuple[str, ...]:
+    """The part of :func:`missing` about the GPU: one text if the configuration needs one and none is seen."""
+    if plan.device == "cpu" or gpu_is_seen():
+        return ()
+    return (
+        f"run.device '{plan.device}': no GPU is seen: run it where there is one, or set run.device to 'cpu' for "
+        "backends that can do without",
+    )
+
+
+def require_whole(plan: ResolvedPipeline) -> None:
+    """Refuse a run in which a chosen backend lacks anything, optional ones included: the user asked for them.
+
+    A GPU that lacks too is told along with it.
+
+    Raises:
+        WeightsMissingError: all that is missing, and how to get each.
+        DeviceError: nothing else is missing, and torch does not find the device.
+        BackendError: a backend cannot say.
+    """
+    if files := missing_files(plan):
+        raise WeightsMissingError(list_of_missing((*files, *missing_device(plan)), ", and nothing was computed"))
+    check_device(plan.device)
+
+
+def list_of_missing(texts: Sequence[str], end: str) -> str:
+    """Several texts of :func:`missing` under one head."""
+    head = "1 thing is missing" if len(texts) == 1 else f"{len(texts)} things are missing"
+    return "\n".join([f"{head}{end}:", *("  " + text.replace("\n", "\n    ") for text in texts)])
+
+
+def check(config: Config, registry: Registry) -> None:
+    """Check names and options without constructing anything.
+
+    Raises:
+        ConfigError: names or options that do not hold, all at once.
+    """
+    _choose(config, registry)
+
+
+def load_checked(registry: Registry, file: str | os.PathLike[str] | None = None, **settings: Any) -> Config:
+    """:func:`physic_core.configuration.model.load_config`, with names and options of backends checked in the same go.
+
+    Args:
+        registry: what is installed.
+        file: as there.
+        settings: preset, overrides, flags and environment, as there.
+
+    Raises:
+        ConfigError: every fault at once.
+    """
+    return load_config(file, **settings, further=lambda tables: _look(tables, registry)[1])
+
+
+def _choose(config: Config, registry: Registry) -> dict[str, _Choice]:
+    tables = {name: config.choice(name).model_dump() for name in INTERFACES}
+    chosen, found = _look(tables | {"body_model": {"path": config.body_model.path}}, registry)
+    if found.faults:
+        raise config_error(found.faults, config.source, "config", found.footer) from found.cause
+    return chosen
+
+
+def _look(tables: Mapping[str, Any], registry: Registry) -> tuple[dict[str, _Choice], Findings]:
+    """The backends that merged tables choose, and what is wrong with names and options.
+
+    What is no table, or names nothing, is left to the check of the config's own shape.
+    """
+    chosen: dict[str, _Choice] = {}
+    faults: list[Fault] = []
+    cause: BaseException | None = None
+    footer = ""
+    for interface in INTERFACES:
+        table = tables.get(interface)
+        name = table.get("backend") if isinstance(table, dict) else None
+        options = table.get("options", {}) if isinstance(table, dict) else {}
+        if not isinstance(name, str) or name in ("", "none"):
+            continue
+        try:
+            claim = registry.get(interface, name)
+            kind = registry.load_whole_class(claim)
+            chosen[interface] = _check_options(claim, kind, options if isinstance(options, dict) else {})
+        except BackendNotFoundError as error:
+            faults.append(Fault(f"{interface}.backend", registry.explain_missing(interface, name)))
+            cause, footer = cause or error.__cause__, f"Python: {sys.executable}"
+        except BackendError as error:
+            faults.append(Fault(f"{interface}.backend", str(error)))
+            cause = cause or error
+        except _OptionFaults as error:
+            faults += error.faults
+    body = tables.get("body_model")
+    path = body.get("path") if isinstance(body, dict) else None
+    if isinstance(path, str) and not Path(path).is_file():
+        faults.append(Fault("body_model.path", f"no file at {path}"))
+    return chosen, Findings(tuple(faults), footer, cause)
+
+
+class _OptionFaults(Exception):
+    def __init__(self, faults: list[Fault]) -> None:
+        super().__init__()
+        self.faults = faults
+
+
+def _check_options(claim: Claim, kind: type[Backend], options: Mapping[str, object]) -> _Choice:
+    if not issubclass(kind.Options, BaseModel):
+        raise BackendError(f"{claim}: its Options is no subclass of physic_core.interfaces.Options")
+    try:
+        return _Choice(claim, kind, kind.Options.model_validate(dict(options)))
+    except ValidationError as error:
+        path = f"{claim.record.interface}.options"
+        raise _OptionFaults(from_pydantic(error, kind.Options, path, "option")) from error
+
+
+def _construct(interface: str, choice: _Choice) -> ResolvedBackend:
+    record, origin = choice.claim.record, choice.claim.origin
+    try:
+        backend = choice.kind(choice.options)
+    except PhysicError:
+        raise
+    except (Exception, SystemExit) as cause:  # a plugin's door
+        raise BackendError(f"{choice.claim} cannot be constructed: {describe(cause, choice.kind)}") from cause
+    return ResolvedBackend(
+        backend,
+        Provenance(
+            interface=interface,
+            backend=record.name,
+            plugin=origin.plugin,
+            distribution=origin.distribution,
+            version=origin.version,
+            options=choice.options.model_dump(mode="json"),
+            weights_license=record.weights_license,
+        ),
+    )

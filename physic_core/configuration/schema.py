@@ -1,0 +1,123 @@
+"""The JSON Schema of a configuration file, options of the installed backends included, for editors."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pydantic import BaseModel
+from pydantic.json_schema import models_json_schema
+
+from physic_core.configuration.model import (
+    OPTIONAL_INTERFACES,
+    BackendChoice,
+    BodyModelChoice,
+    EngineChoice,
+    PhotoSettings,
+    RunSettings,
+    preset_names,
+    stage_tables,
+)
+from physic_core.engine.presets import PRESETS
+from physic_core.errors import BackendError
+from physic_core.interfaces import INTERFACES
+
+if TYPE_CHECKING:
+    from physic_core.discovery.registry import Claim, Registry
+
+__all__ = ["config_schema"]
+
+_ELSEWHERE = {
+    "type": "string",
+    "pattern": "^[^:]+:[^:]+$",
+    "description": "'distribution:name', or 'package.module:Class' of a class that no plugin registers",
+}
+
+
+def config_schema(registry: Registry) -> dict[str, Any]:
+    """Draft 2020-12; every key may be missing, since a file says only what differs from what it extends.
+
+    A backend whose options cannot be read is listed without them.
+    """
+    claims = {(c.record.interface, name): c for c in registry if not c.problem for name in _names(registry, c)}
+    kinds = {key: _options(registry, claim) for key, claim in claims.items()}
+    tables: dict[str, type[BaseModel]] = {
+        "photo": PhotoSettings,
+        "body_model": BodyModelChoice,
+        "run": RunSettings,
+        "engine": EngineChoice,
+    }
+    models = [*tables.values(), *stage_tables().values(), *(kind for kind in kinds.values() if kind is not None)]
+    places, top = models_json_schema([(model, "validation") for model in dict.fromkeys(models)])
+    parts = top.get("$defs", {})
+    for model in (*tables.values(), *stage_tables().values()):
+        parts[places[model, "validation"]["$ref"].rpartition("/")[2]].pop("required", None)
+    engine = parts[places[EngineChoice, "validation"]["$ref"].rpartition("/")[2]]["properties"]
+    engine["preset"] |= {"enum": sorted(PRESETS)}
+    for stage, table in stage_tables().items():
+        engine[stage] = places[table, "validation"] | {"description": engine[stage]["description"]}
+    interfaces = {}
+    for interface in INTERFACES:
+        options = {
+            name: None if kind is None else places[kind, "validation"]
+            for (own, name), kind in kinds.items()
+            if own == interface
+        }
+        summaries = {name: claim.record.summary for (own, name), claim in claims.items() if own == interface}
+        interfaces[interface] = _interface(interface, options, summaries)
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "Configuration of PhySIC",
+        "type": "object",
+        "additionalProperties": False,
+        "properties": {
+            "extends": {
+                "description": "a preset, or the path of another file",
+                "anyOf": [{"enum": list(preset_names())}, {"type": "string", "pattern": r"(\.toml|\.json)$|/"}],
+            },
+            **interfaces,
+            **{name: places[table, "validation"] for name, table in tables.items()},
+        },
+        "$defs": parts,
+    }
+
+
+def _names(registry: Registry, claim: Claim) -> tuple[str, ...]:
+    """What a config may call a backend: by its bare name only where nobody else offers the name."""
+    name, qualified = claim.record.name, f"{claim.origin.distribution}:{claim.record.name}"
+    return (qualified,) if registry.rivals(claim) else (name, qualified)
+
+
+def _interface(interface: str, options: dict[str, Any], summaries: dict[str, str]) -> dict[str, Any]:
+    """Schema of one interface's table; which options there are depends on the backend."""
+    names = [{"const": name, "description": summaries[name]} for name in options]
+    if interface in OPTIONAL_INTERFACES:
+        names.append({"const": "none", "description": "leave it out"})
+    told = {name: field.description for name, field in BackendChoice.model_fields.items()}
+    return {
+        "type": "object",
+        "description": (INTERFACES[interface].__doc__ or "").partition("\n")[0],
+        "additionalProperties": False,
+        "properties": {
+            "backend": {"description": told["backend"], "anyOf": [*names, _ELSEWHERE]},
+            "options": {"type": "object", "description": told["options"]},
+        },
+        "allOf": [
+            {
+                "if": {"required": ["backend"], "properties": {"backend": {"const": name}}},
+                "then": {"properties": {"options": place}},
+            }
+            for name, place in options.items()
+            if place is not None
+        ],
+    }
+
+
+def _options(registry: Registry, claim: Claim) -> type[BaseModel] | None:
+    try:
+        kind = registry.load_class(claim).Options
+        kind.model_json_schema()
+    except BackendError:
+        return None
+    except Exception:  # a plugin's door: Options that pydantic cannot describe
+        return None
+    return kind

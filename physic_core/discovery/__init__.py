@@ -1,0 +1,1 @@
+"""Which plugins are installed, and which backends, weights and commands they offer."""

@@ -1,0 +1,57 @@
+"""The hooks that a plugin may implement: its backends, its list of weights, and commands that it adds to ``physic``.
+
+A plugin is a distribution with an entry point in the group ``physic.plugins`` that names a module, and that module says
+what it offers::
+
+    from physic_core import BackendRecord, hookimpl
+
+    @hookimpl
+    def physic_backends():
+        return [BackendRecord("metric_depth", "my-depth", "my_pkg.depth:MyDepth", api=1, summary="Depth from ...")]
+
+The module holds nothing else and imports nothing heavy: it runs whenever somebody lists the installed backends.
+
+A plugin whose weights are not inside its wheel lists them in TOML files (:mod:`physic_core.weights.manifest`), and
+says where those are::
+
+    @hookimpl
+    def physic_weights():
+        return Path(__file__).parent / "weights"
+
+A plugin adds a subcommand to ``physic`` by naming a ``click.Command``, which is imported when the command is run::
+
+    @hookimpl
+    def physic_commands():
+        return [CommandRecord("my-command", "my_pkg.commands:my_command", summary="Does ...")]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pluggy
+
+from physic_core.discovery.records import BackendRecord, CommandRecord
+
+__all__ = ["PROJECT", "hookimpl", "physic_backends", "physic_commands", "physic_weights"]
+
+PROJECT = "physic"
+
+hookspec = pluggy.HookspecMarker(PROJECT)
+hookimpl = pluggy.HookimplMarker(PROJECT)
+
+
+@hookspec
+def physic_backends() -> Sequence[BackendRecord]:  # type: ignore[empty-body]
+    """Say which backends this plugin offers; called once whenever plugins are discovered."""
+
+
+@hookspec
+def physic_commands() -> Sequence[CommandRecord]:  # type: ignore[empty-body]
+    """Return the commands that this plugin adds to ``physic``."""
+
+
+@hookspec
+def physic_weights() -> Path:  # type: ignore[empty-body]
+    """Say where this plugin's list of weights is: a TOML file, or a folder of them; a plugin may go without."""

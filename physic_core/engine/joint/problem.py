@@ -1,0 +1,197 @@
+"""What the joint optimisation is given and what it answers. Torch, one device; camera frame, metres and pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+
+import torch
+from torch import Tensor
+
+from physic_core.body.model import BodyModel
+from physic_core.errors import PhysicError
+from physic_core.types.short_repr import ShortRepr
+
+__all__ = ["JointProblem", "JointResult"]
+
+_PER_PERSON = (
+    "rotations0",
+    "betas0",
+    "expression0",
+    "transl0",
+    "keypoints",
+    "keypoint_confidence",
+    "masks",
+    "contact_probability",
+    "observed",
+    "grounded",
+    "estimated_transl",
+    "keypoint_transl",
+)
+
+
+@dataclass(frozen=True)
+class JointProblem(ShortRepr):
+    """One photo with B people, placed in their scene by stages 1 and 2.
+
+    Attributes:
+        model: body model of all people.
+        rotations0: (B, 55, 3, 3) at the start.
+        betas0: (B, K) at the start.
+        expression0: (B, E), kept as it is; E = 0 where the body has none.
+        transl0: (B, 3) metres, at the start.
+        keypoints: (B, J, 2) px; those that are not finite count as not seen.
+        keypoint_confidence: (B, J) in [0, 1].
+        skeleton: name of the keypoints' joint set.
+        K: (3, 3) px.
+        masks: (B, H, W) bool, visible pixels of each person.
+        scene_points: (M, 3) metres, valid ones only.
+        scene_normals: (M, 3) unit towards the camera, zero where unreliable.
+        contact_probability: (B, V) in [0, 1].
+        observed: (B, 55) bool, joints that the photo shows.
+        scene_depth: (H, W) metres along z of the same points, NaN where there is none; None does not tell free space.
+        floor_normal: (3,) unit, up; None where no floor was found.
+        floor_offset: metres of the camera over the floor: the height of X is ``floor_normal . X + floor_offset``.
+        floor_points: (F, 3) samples of the plane, or None.
+        human_depth: (H, W) metres along z of the original photo, aligned to the scene, NaN where unknown; or None.
+        human_points: per person (M_i, 3) metres, aligned to the scene; or None.
+        scale_sigma: standard deviation of log(scale) that the metric depth states, or None.
+        grounded: (B,) bool, people who may stand on the floor, and not on or in something else; None is everybody.
+        estimated_transl: (B, 3) metres, where the body estimator put them; None is ``transl0``. For preset "release",
+            as what follows.
+        keypoint_transl: (B, 3) metres, where the keypoints alone (Eq. 2) put them; None is ``transl0``.
+    """
+
+    model: BodyModel
+    rotations0: Tensor
+    betas0: Tensor
+    expression0: Tensor
+    transl0: Tensor
+    keypoints: Tensor
+    keypoint_confidence: Tensor
+    skeleton: str
+    K: Tensor
+    masks: Tensor
+    scene_points: Tensor
+    scene_normals: Tensor
+    contact_probability: Tensor
+    observed: Tensor
+    scene_depth: Tensor | None = None
+    floor_normal: Tensor | None = None
+    floor_offset: float = 0.0
+    floor_points: Tensor | None = None
+    human_depth: Tensor | None = None
+    human_points: tuple[Tensor, ...] | None = None
+    scale_sigma: float | None = None
+    grounded: Tensor | None = None
+    estimated_transl: Tensor | None = None
+    keypoint_transl: Tensor | None = None
+
+    def __len__(self) -> int:
+        return len(self.transl0)
+
+    def check(self) -> None:
+        """Refuse what does not fit together.
+
+        Raises:
+            PhysicError: the message lists every field of a wrong shape, with what came and what is wanted.
+        """
+        b, j = len(self), self.keypoints.shape[1]
+        height, width = self.masks.shape[-2:]
+        wanted: dict[str, tuple[int, ...]] = {
+            "rotations0": (b, 55, 3, 3),
+            "betas0": (b, self.model.num_betas),
+            "expression0": (b, self.model.num_expression),
+            "transl0": (b, 3),
+            "keypoints": (b, j, 2),
+            "keypoint_confidence": (b, j),
+            "K": (3, 3),
+            "masks": (b, height, width),
+            "scene_points": (len(self.scene_points), 3),
+            "scene_normals": (len(self.scene_points), 3),
+            "contact_probability": (b, self.model.num_vertices),
+            "observed": (b, 55),
+        }
+        if self.floor_normal is not None:
+            wanted["floor_normal"] = (3,)
+        for name in ("scene_depth", "human_depth"):
+            if getattr(self, name) is not None:
+                wanted[name] = (height, width)
+        if self.grounded is not None:
+            wanted["grounded"] = (b,)
+        for name in ("estimated_transl", "keypoint_transl"):
+            if getattr(self, name) is not None:
+                wanted[name] = (b, 3)
+        faults = [
+            f"{name} must be {shape}, got {tuple(getattr(self, name).shape)}"
+            for name, shape in wanted.items()
+            if tuple(getattr(self, name).shape) != shape
+        ]
+        if self.human_points is not None and len(self.human_points) != b:
+            faults.append(f"human_points must be {b} tensors, got {len(self.human_points)}")
+        if faults:
+            raise PhysicError("joint optimisation: " + "; ".join(faults))
+
+    def as_model(self) -> JointProblem:
+        """The same with every number in the float type and on the device of the body model."""
+
+        def fit(value: Tensor) -> Tensor:
+            return value.to(device=self.model.device, dtype=self.model.dtype if value.is_floating_point() else None)
+
+        changed: dict[str, object] = {
+            f.name: fit(value) for f in fields(self) if isinstance(value := getattr(self, f.name), Tensor)
+        }
+        if self.human_points is not None:
+            changed["human_points"] = tuple(fit(points) for points in self.human_points)
+        return replace(self, **changed)  # type: ignore[arg-type]
+
+    def pick(self, rows: Tensor) -> JointProblem:
+        """The same scene with some of its people, (n,) int64."""
+        changed = {name: getattr(self, name)[rows] for name in _PER_PERSON if getattr(self, name) is not None}
+        if self.human_points is not None:
+            changed["human_points"] = tuple(self.human_points[i] for i in rows.tolist())
+        return replace(self, **changed)
+
+
+@dataclass(frozen=True)
+class JointResult(ShortRepr):
+    """People and scene after the joint optimisation.
+
+    Attributes:
+        rotations: (B, 55, 3, 3).
+        betas: (B, K).
+        transl: (B, 3) metres.
+        scene_scale: factor on all scene points, human points and on the floor's offset.
+        vertices: (B, V, 3) metres.
+        joints: (B, 55, 3) metres.
+        warp: (B,) logarithm of a further factor on the scene round each person
+            (:mod:`physic_core.engine.joint.local_depth_scale`).
+        occluded: (B, V) bool, hidden by objects, by other people or by the person themself, at the end.
+        losses: term -> its weighted value at the start and at the end, both under what was visible at the end.
+        diagnostics: per person, name -> number; what could not be measured is left out.
+        failures: per person, why they were left at their start, in words; "" for those who were optimised.
+        evaluations: of energy and gradient.
+        steps: of the optimiser.
+    """
+
+    rotations: Tensor
+    betas: Tensor
+    transl: Tensor
+    scene_scale: float
+    warp: Tensor
+    vertices: Tensor
+    joints: Tensor
+    occluded: Tensor
+    losses: Mapping[str, tuple[float, float]]
+    diagnostics: tuple[Mapping[str, float], ...]
+    failures: tuple[str, ...]
+    evaluations: int
+    steps: int
+
+
+def finite_people(problem: JointProblem) -> Tensor:
+    """(B,) bool: people whose start is made of numbers and in front of the camera."""
+    fine = problem.transl0[:, 2] > 0
+    for name in ("rotations0", "betas0", "transl0"):
+        fine = fine & torch.isfinite(getattr(problem, name)).flatten(1).all(1)
+    return fine

@@ -1,0 +1,79 @@
+"""The released code's reprojection: how much each keypoint counts, and a mean over its 133 keypoints.
+
+It is a mean over all that the whole-body network marks, whether a body has it or not. Divided by 133 whatever the joint
+set, each keypoint pulls as it does there.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from physic_core.body.joints import SIDES
+from physic_core.body.landmarks import DETECTED, SKELETONS
+from physic_core.engine.joint.limbs import is_finger
+from physic_core.geometry.visibility import near_mask
+
+__all__ = ["released_keypoint_weights", "released_reprojection"]
+
+_LEAST_CONFIDENCE = 0.5
+_LEAST_HAND_CONFIDENCE = 0.7
+_BODY_WEIGHT = 10.0
+_KEYPOINTS = 133
+_MASK_GROWTH_PX = 16  # a square of 9 px, four times
+_LONGEST_SIDE_PX = 1024  # of the pictures that the released code works on
+
+
+def released_keypoint_weights(skeleton: str, points: Tensor, confidence: Tensor, masks: Tensor) -> Tensor:
+    """Confidence of at least 0.5, times ten for body and feet; 0 for hands below 0.7 in the mean, and off all people.
+
+    Args:
+        skeleton: name of the joint set; of an unknown one all keypoints are the body's.
+        points: (B, J, 2) px.
+        confidence: (B, J).
+        masks: (B, H, W) bool, visible pixels of each person; their union is grown by 16 px, more in large pictures.
+
+    Returns:
+        (B, J); 0 for keypoints that are not finite.
+    """
+    finite = torch.isfinite(points).all(-1) & torch.isfinite(confidence)
+    weight = torch.where(finite & (confidence >= _LEAST_CONFIDENCE), confidence, torch.zeros_like(confidence))
+    names = SKELETONS.get(skeleton) or DETECTED.get(skeleton, ())
+    for side in SIDES:
+        hand = [j for j, name in enumerate(names) if _is_of_hand(name, side)]
+        if hand:
+            sure = weight[:, hand].mean(1, keepdim=True) >= _LEAST_HAND_CONFIDENCE
+            weight[:, hand] = weight[:, hand] * sure
+    body = torch.ones(points.shape[1], dtype=torch.bool, device=points.device)
+    if names:
+        body = torch.tensor([_is_of_body(name) for name in names], device=points.device)
+    height, width = masks.shape[-2:]
+    reach = round(_MASK_GROWTH_PX * max(1.0, max(height, width) / _LONGEST_SIDE_PX))
+    seen = near_mask(torch.nan_to_num(points), masks.any(0), reach)
+    return weight * torch.where(body, _BODY_WEIGHT, 1.0).to(weight) * seen
+
+
+def released_reprojection(projected: Tensor, observed: Tensor, weight: Tensor, size: Tensor, people: int) -> Tensor:
+    """Weighted absolute errors, as shares of the picture, as a mean over people, 133 keypoints and both axes.
+
+    Args:
+        projected: (B, J, 2) px.
+        observed: (B, J, 2) px, finite.
+        weight: (B, J).
+        size: (2,) width and height of the picture, px.
+        people: in the picture.
+
+    Returns:
+        (B,) each person's part of the mean.
+    """
+    error = ((projected - observed) / size).abs().sum(-1)
+    return (weight * error).sum(-1) / (2 * _KEYPOINTS * people)
+
+
+def _is_of_body(name: str) -> bool:
+    return name in SKELETONS["coco23"] or name.endswith("_foot_tip")
+
+
+def _is_of_hand(name: str, side: str) -> bool:
+    prefix, _, rest = name.partition("_")
+    return prefix == side and (rest == "hand_root" or is_finger(rest))

@@ -1,0 +1,144 @@
+"""The course of the joint optimisation: where it starts from, and when the scene joins."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from physic_core.engine.joint.acceptance import best_of, per_person, values_of
+from physic_core.engine.joint.energy import JointEnergy
+from physic_core.engine.joint.optimiser import Trace, minimise
+from physic_core.engine.settings import JointSettings
+from physic_core.geometry.camera import project
+
+__all__ = ["VARIANTS", "run"]
+
+Progress = Callable[[float], None]
+
+_TILT = math.radians(15.0)
+_FARTHER = math.log(1.1)
+
+VARIANTS: tuple[tuple[float, float], ...] = ((_TILT, 0.0), (-_TILT, 0.0), (0.0, _FARTHER), (0.0, -_FARTHER))
+"""Other starts: a turn about the camera's horizontal axis, radians, and a change of the logarithm of depth."""
+
+
+def run(energy: JointEnergy, settings: JointSettings, progress: Progress | None = None) -> Trace:
+    """Minimise the joint energy from its present state, in place.
+
+    Args:
+        energy: refreshed, and finite at its present state.
+        settings: of stage 3.
+        progress: told the share of steps that are done.
+    """
+    origin = energy.state.pack()
+    first = _follow(energy, settings, progress)
+    if settings.starts == 1 or settings.parameters != "whitened":
+        return first
+    if not bool((_reprojection_share(energy) >= settings.start_doubt).any()):
+        return first
+    reached = energy.state.pack()
+    energy.state.load(origin)
+    energy.refresh()
+    spent = pick_starts(energy, settings)
+    second = _follow(energy, settings, None)
+    best_of(energy, (reached, energy.state.pack()), refresh=True)
+    with torch.no_grad():
+        end = values_of(energy())
+    return replace(
+        second,
+        start=first.start,
+        end=end,
+        evaluations=first.evaluations + spent + second.evaluations,
+        steps=first.steps + second.steps,
+    )
+
+
+def _follow(energy: JointEnergy, settings: JointSettings, progress: Progress | None) -> Trace:
+    """Minimise from the present state: at first without the scene, where the settings say so."""
+    alone = round(settings.scene_after * settings.steps)
+    if not alone:
+        return minimise(energy, settings, progress)
+    origin = energy.state.pack()
+    energy.settings = replace(
+        settings,
+        contact_weight=0.0,
+        penetration_weight=0.0,
+        floor_weight=0.0,
+        sole_weight=0.0,
+        lower_sole_weight=0.0,
+    )
+    energy.refresh()
+    first = minimise(energy, replace(energy.settings, steps=alone), _part(progress, 0.0, alone / settings.steps))
+    energy.settings = settings
+    energy.refresh()
+    rest = replace(settings, steps=settings.steps - alone)
+    trace = minimise(energy, rest, _part(progress, settings.scene_after, 1.0))
+    final = energy.state.pack()
+    energy.state.load(origin)
+    with torch.no_grad():
+        start = values_of(energy())
+    energy.state.load(final)
+    return replace(
+        trace, start=start, evaluations=trace.evaluations + first.evaluations, steps=trace.steps + first.steps
+    )
+
+
+def pick_starts(energy: JointEnergy, settings: JointSettings) -> int:
+    """Try other starts for who is doubtful, leave everybody at their best, and say how many evaluations it took.
+
+    Each start is followed for the steps up to the first refresh, with all people at once; who is not doubtful, and the
+    scene's scale, stay with the body estimator's.
+    """
+    state = energy.state
+    probe = replace(settings, steps=min(settings.refresh_steps, settings.steps), tolerance=0.0)
+    origin = state.pack()
+    evaluations = minimise(energy, probe).evaluations
+    energy.refresh()
+    best, kept = _of_each(energy), {group: value.detach().clone() for group, value in state.values.items()}
+    doubtful = _reprojection_share(energy) >= settings.start_doubt
+    for tilt, farther in VARIANTS[: settings.starts - 1] if bool(doubtful.any()) else ():
+        state.load(origin)
+        state.displace(doubtful, tilt, farther)
+        energy.refresh()
+        evaluations += minimise(energy, probe).evaluations
+        energy.refresh()
+        found = _of_each(energy)
+        better = doubtful & (found < best)
+        best = torch.where(better, found, best)
+        for group, value in state.values.items():
+            if group != "scale":
+                rows = better.reshape(-1, *[1] * (value.ndim - 1))
+                kept[group] = torch.where(rows, value.detach(), kept[group])
+    with torch.no_grad():
+        for group, value in state.values.items():
+            value.copy_(kept[group])
+    energy.refresh()
+    return evaluations
+
+
+@torch.no_grad()
+def _of_each(energy: JointEnergy) -> Tensor:
+    """(B,) the energy of each person; infinite where it is not a number."""
+    total = per_person(energy())
+    return torch.where(torch.isfinite(total), total, torch.inf)
+
+
+@torch.no_grad()
+def _reprojection_share(energy: JointEnergy) -> Tensor:
+    """(B,) mean error of confident keypoints as a share of the person; infinite for who has none."""
+    problem, fixed = energy.problem, energy.fixed
+    estimate = energy.state.unpack()
+    posed = fixed.pose(estimate.rotations, estimate.betas, estimate.transl, problem.expression0)
+    error = (project(posed[problem.skeleton], problem.K) - fixed.keypoints).norm(dim=-1)
+    confident = fixed.confident.to(error.dtype)
+    mean = (confident * error).sum(1) / confident.sum(1).clamp(min=1.0) / fixed.person_px
+    return torch.where(confident.any(1), mean, torch.inf)
+
+
+def _part(progress: Progress | None, begin: float, end: float) -> Progress | None:
+    """The same report for a part of the way."""
+    return None if progress is None else lambda share: progress(begin + (end - begin) * share)

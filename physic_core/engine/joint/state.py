@@ -1,0 +1,289 @@
+"""What the joint optimisation moves: bodies, one scene scale, a depth offset and a warp a person; and how they are
+written.
+
+Whitened, every free number is a deviation from the start in units of how far it may be expected to move, so that one
+step length suits them all and their sum of squares is a prior. Raw, they are the quantities themselves, with rotations
+as their first two columns, as the paper's gradient descent takes them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import roma
+import torch
+from torch import Tensor
+
+from physic_core.errors import PhysicError
+from physic_core.geometry.rotations import rotvec_to_rotmat
+from physic_core.types.short_repr import ShortRepr
+
+__all__ = ["GROUPS", "Estimate", "State"]
+
+GROUPS: tuple[str, ...] = ("root", "pose", "hands", "betas", "translation", "scale", "offset", "warp")
+"""Groups that can be frozen: root rotation, joints 1-21, both hands, shape, translation, scene scale, depth
+offset, warp."""
+
+_OF_PEOPLE = tuple(group for group in GROUPS if group != "scale")
+
+_BODY = slice(1, 22)
+_HANDS = slice(25, 55)
+
+_POSE_SIGMAS: dict[int, tuple[float, float, float]] = {
+    # joint: expected correction of a fitted pose, radians about the joint's own x, y, z; 0.4 of the spread of people's
+    # poses, within 0.05 and 0.3. Knees bend about x, elbows about y; the other axes of a hinge hardly move.
+    **dict.fromkeys((1, 2), (0.3, 0.2, 0.2)),
+    **dict.fromkeys((4, 5), (0.3, 0.05, 0.05)),
+    **dict.fromkeys((7, 8), (0.14, 0.14, 0.14)),
+    **dict.fromkeys((10, 11), (0.05, 0.05, 0.05)),
+    **dict.fromkeys((3, 6, 9), (0.1, 0.08, 0.06)),
+    **dict.fromkeys((12, 15), (0.1, 0.1, 0.1)),
+    **dict.fromkeys((13, 14), (0.06, 0.06, 0.06)),
+    **dict.fromkeys((16, 17), (0.3, 0.3, 0.3)),
+    **dict.fromkeys((18, 19), (0.12, 0.3, 0.06)),
+    **dict.fromkeys((20, 21), (0.14, 0.14, 0.14)),
+}
+_ROOT_SIGMA = 0.3  # radians
+_HAND_SIGMA = 0.15  # radians
+_BETA_SIGMA = 0.5
+_RAY_SIGMA = 0.01  # of x / z and y / z
+_DEPTH_SIGMA = 0.05  # of log z
+
+
+@dataclass(frozen=True)
+class Estimate(ShortRepr):
+    """Bodies and scene at one moment.
+
+    Attributes:
+        rotations: (B, 55, 3, 3).
+        betas: (B, K).
+        transl: (B, 3) metres.
+        log_scale: () logarithm of the factor on the scene.
+        offset: (B,) logarithm of how much farther than the scene the depth map sees each person.
+        warp: (B,) logarithm of the factor on what is round each person, beside that of the scene.
+    """
+
+    rotations: Tensor
+    betas: Tensor
+    transl: Tensor
+    log_scale: Tensor
+    offset: Tensor
+    warp: Tensor
+
+
+class State:
+    """The free numbers of B people and their scene.
+
+    Args:
+        rotations: (B, 55, 3, 3) at the start.
+        betas: (B, K) at the start.
+        transl: (B, 3) metres, at the start.
+        pelvis: (B, 3) metres, the pelvis joint at the start: whitened, bodies move along and across its ray.
+        whitened: see the module.
+        frozen: groups that stay as they are.
+        scale_sigma: expected spread of log(scale).
+        offset_sigma: expected spread of the depth offset, or (B,) that of each person.
+        offset_free: (B,) bool, people whose offset may move at all; None is everybody.
+        warp_sigma: expected spread of the warps.
+
+    Raises:
+        PhysicError: an unknown group.
+    """
+
+    def __init__(
+        self,
+        rotations: Tensor,
+        betas: Tensor,
+        transl: Tensor,
+        pelvis: Tensor,
+        *,
+        whitened: bool = True,
+        frozen: Sequence[str] = (),
+        scale_sigma: float = 0.1,
+        offset_sigma: float | Tensor = 0.2,
+        offset_free: Tensor | None = None,
+        warp_sigma: float = 0.06,
+    ) -> None:
+        unknown = sorted(set(frozen) - set(GROUPS))
+        if unknown:
+            raise PhysicError(f"cannot freeze {', '.join(unknown)}: the groups are {', '.join(GROUPS)}")
+        people, device, dtype = len(rotations), rotations.device, rotations.dtype
+        self.whitened = whitened
+        self._start = Estimate(
+            rotations.detach(),
+            betas.detach(),
+            transl.detach(),
+            torch.zeros((), device=device, dtype=dtype),
+            torch.zeros(people, device=device, dtype=dtype),
+            torch.zeros(people, device=device, dtype=dtype),
+        )
+        self._pelvis = pelvis.detach()
+        sigmas = torch.tensor([_POSE_SIGMAS[j] for j in range(1, 22)], device=device, dtype=dtype)
+        self._sigmas: dict[str, Tensor | float] = {
+            "root": _ROOT_SIGMA,
+            "pose": sigmas,
+            "hands": _HAND_SIGMA,
+            "betas": _BETA_SIGMA,
+            "translation": torch.tensor([_RAY_SIGMA, _RAY_SIGMA, _DEPTH_SIGMA], device=device, dtype=dtype),
+            "scale": scale_sigma,
+            "offset": offset_sigma,
+            "warp": warp_sigma,
+        }
+        self._offset_free = (
+            torch.ones(people, device=device, dtype=dtype) if offset_free is None else offset_free.to(dtype)
+        )
+        self.values: dict[str, Tensor] = self._initial()
+        self.free: tuple[str, ...] = tuple(g for g in GROUPS if g not in frozen)
+        for group in self.free:
+            self.values[group].requires_grad_()
+        self._origin = {group: value.detach().clone() for group, value in self.values.items()}
+        self._started = self._side_by_side(self._origin)
+        self._sizes = [self._origin[group][0].numel() if people else 0 for group in _OF_PEOPLE]
+
+    def _initial(self) -> dict[str, Tensor]:
+        start = self._start
+        people = len(start.transl)
+        if self.whitened:
+            zeros = start.transl.new_zeros
+            return {
+                "root": zeros(people, 3),
+                "pose": zeros(people, 21, 3),
+                "hands": zeros(people, 30, 3),
+                "betas": zeros(start.betas.shape),
+                "translation": zeros(people, 3),
+                "scale": zeros(()),
+                "offset": zeros(people),
+                "warp": zeros(people),
+            }
+        columns = start.rotations[..., :2]
+        return {
+            "root": columns[:, 0].clone(),
+            "pose": columns[:, _BODY].clone(),
+            "hands": columns[:, _HANDS].clone(),
+            "betas": start.betas.clone(),
+            "translation": start.transl.clone(),
+            "scale": torch.ones_like(start.log_scale),
+            "offset": start.offset.clone(),
+            "warp": start.warp.clone(),
+        }
+
+    def unpack(self) -> Estimate:
+        """The bodies and the scene that the free numbers stand for; differentiable."""
+        return self._unpack_whitened() if self.whitened else self._unpack_raw()
+
+    def _unpack_whitened(self) -> Estimate:
+        start, values, sigmas = self._start, self.values, self._sigmas
+        first, body = start.rotations[:, :1], start.rotations[:, _BODY]
+        face, hands = start.rotations[:, 22:25], start.rotations[:, _HANDS]
+        # All turns at once: the root's from outside, in the common frame, the others in their joint's own.
+        turns = torch.cat(
+            [
+                (values["root"] * sigmas["root"])[:, None],
+                values["pose"] * sigmas["pose"],
+                values["hands"] * sigmas["hands"],
+            ],
+            1,
+        )
+        counts = [1, body.shape[1], hands.shape[1]]
+        root, *others = torch.split(rotvec_to_rotmat(turns), counts, dim=1)
+        turned = torch.cat([root, body, hands], 1) @ torch.cat([first, *others], 1)
+        first, body, hands = torch.split(turned, counts, dim=1)
+        move = values["translation"] * sigmas["translation"]
+        z0 = self._pelvis[:, 2:]
+        z = z0 * torch.exp(move[:, 2:])
+        pelvis = torch.cat([(self._pelvis[:, :2] / z0 + move[:, :2]) * z, z], 1)
+        return Estimate(
+            torch.cat([first, body, face, hands], 1),
+            start.betas + values["betas"] * sigmas["betas"],
+            start.transl + (pelvis - self._pelvis),
+            values["scale"] * sigmas["scale"],
+            values["offset"] * sigmas["offset"] * self._offset_free,
+            values["warp"] * sigmas["warp"],
+        )
+
+    def _unpack_raw(self) -> Estimate:
+        start, values = self._start, self.values
+        turned = [roma.special_gramschmidt(values[group]) for group in ("pose", "hands")]
+        first = roma.special_gramschmidt(values["root"])[:, None]
+        return Estimate(
+            torch.cat([first, turned[0], start.rotations[:, 22:25], turned[1]], 1),
+            values["betas"],
+            values["translation"],
+            values["scale"].clamp(min=1e-3).log(),
+            values["offset"] * self._offset_free,
+            values["warp"],
+        )
+
+    def strayed(self) -> tuple[Tensor, Tensor]:
+        """How far people (B, P) and the scene's scale () have left the start.
+
+        All groups but the scale stand side by side in the order of :data:`GROUPS`, in units of the expected spread
+        where whitened, else in the units of the raw numbers.
+        """
+        return self._side_by_side(self.values) - self._started, self.values["scale"] - self._origin["scale"]
+
+    def per_number(self, of_group: Mapping[str, float]) -> Tensor:
+        """A number for each group, as (P,) for the columns of :meth:`strayed`."""
+        sizes = zip(_OF_PEOPLE, self._sizes, strict=True)
+        return self._started.new_tensor([of_group[group] for group, size in sizes for _ in range(size)])
+
+    @staticmethod
+    def _side_by_side(values: Mapping[str, Tensor]) -> Tensor:
+        return torch.cat(
+            [values[group].flatten(1) if values[group].ndim > 1 else values[group][:, None] for group in _OF_PEOPLE], 1
+        )
+
+    @torch.no_grad()
+    def displace(self, who: Tensor, tilt: float, farther: float) -> None:
+        """Turn some people about the camera's horizontal axis, and move them along their ray; whitened only.
+
+        Args:
+            who: (B,) bool.
+            tilt: radians.
+            farther: to be added to the logarithm of depth.
+        """
+        rows = who.to(self._start.transl.dtype)
+        if "root" in self.free:
+            self.values["root"][:, 0] += rows * (tilt / _ROOT_SIGMA)
+        if "translation" in self.free:
+            self.values["translation"][:, 2] += rows * (farther / _DEPTH_SIGMA)
+
+    def parameters(self) -> list[Tensor]:
+        """The leaf tensors that an optimiser may change."""
+        return [self.values[group] for group in self.free]
+
+    def pack(self) -> Tensor:
+        """All free numbers in one (n,) vector, a copy."""
+        none = self._start.transl.new_zeros(0)
+        return torch.cat([none, *(v.detach().reshape(-1) for v in self.parameters())])
+
+    @torch.no_grad()
+    def load(self, packed: Tensor) -> None:
+        """Put back what :meth:`pack` gave.
+
+        Raises:
+            PhysicError: a vector of another length.
+        """
+        for value, part in zip(self.parameters(), self._parts(packed), strict=True):
+            value.copy_(part.view_as(value))
+
+    @property
+    def people(self) -> int:
+        """How many."""
+        return len(self._start.transl)
+
+    @torch.no_grad()
+    def put(self, packed: Tensor, who: Tensor) -> None:
+        """Put some people, (B,) bool, where a vector of :meth:`pack` has them; the others and the scale stay."""
+        for group, part in zip(self.free, self._parts(packed), strict=True):
+            value = self.values[group]
+            if group != "scale":
+                rows = who.reshape(-1, *[1] * (value.ndim - 1))
+                value.copy_(torch.where(rows, part.view_as(value), value))
+
+    def _parts(self, packed: Tensor) -> tuple[Tensor, ...]:
+        sizes = [v.numel() for v in self.parameters()]
+        if packed.shape != (sum(sizes),):
+            raise PhysicError(f"the packed state must be ({sum(sizes)},), got {tuple(packed.shape)}")
+        return torch.split(packed, sizes)

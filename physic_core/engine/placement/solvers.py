@@ -1,0 +1,171 @@
+"""Solvers of stage 2, over x = (t, g): Gauss-Newton for preset "default", Adam and L-BFGS as the paper says."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import torch
+from torch import Tensor
+
+from physic_core.engine.joint.released_reprojection import released_reprojection
+from physic_core.engine.placement.terms import (
+    FEWEST_KEYPOINTS,
+    NEAREST_M,
+    Chamfer,
+    Reprojection,
+    Rows,
+    Subject,
+    Term,
+    Tied,
+)
+from physic_core.engine.settings import HumanSettings
+from physic_core.geometry.camera import project
+from physic_core.geometry.robust import cauchy
+
+__all__ = ["adam", "closed_form", "descend", "lbfgs", "loss", "reprojection_loss", "within_keypoints"]
+
+_SETTLED_M = 1e-5
+_HALVINGS = 6
+_MOST_OFFSET = math.log(1e3)  # of depth, either way
+_DOUBLINGS = 40
+
+
+def closed_form(person: Subject) -> Tensor:
+    """A start for Eq. 2: X + t_x = x (Z + t_z) is linear in t; each row counts as it does in the picture."""
+    ray = (person.keypoints - person.K[:2, 2]) / torch.stack((person.K[0, 0], person.K[1, 1]))
+    joints = person.landmarks
+    zero, one = torch.zeros(len(ray), dtype=torch.float64), torch.ones(len(ray), dtype=torch.float64)
+    rows = torch.cat((torch.stack((one, zero, -ray[:, 0]), -1), torch.stack((zero, one, -ray[:, 1]), -1)))
+    goal = torch.cat((ray[:, 0] * joints[:, 2] - joints[:, 0], ray[:, 1] * joints[:, 2] - joints[:, 1]))
+    trust = person.confidence.repeat(2)
+    move = torch.zeros(3, dtype=torch.float64)
+    # Weakly tied to where the body was, for keypoints that leave its depth open.
+    tie = torch.diag(torch.tensor([1e-9, 1e-9, 1e-6], dtype=torch.float64)) * trust.sum()
+    for _ in range(3):
+        depth = (joints[:, 2] + move[2]).clamp(min=NEAREST_M).repeat(2)
+        weighted = rows * (trust / depth**2)[:, None]
+        move = torch.linalg.solve(weighted.T @ rows + tie / depth.mean() ** 2, weighted.T @ goal)
+    if float((joints[:, 2] + move[2]).min()) < NEAREST_M:
+        move = torch.zeros_like(move)
+    return torch.cat((move, torch.zeros(1, dtype=torch.float64)))
+
+
+def descend(terms: Sequence[Term], x: Tensor, free: Sequence[int], iterations: int) -> Tensor:
+    """Gauss-Newton with reweighting; a step that does not lower the energy is halved."""
+    index = torch.tensor(free)
+    rows = [r for term in terms for r in term.rows(x)]
+    for _ in range(iterations):
+        scales = [_robust_scale(r) for r in rows]
+        energy = _energy(rows, scales)
+        A = torch.zeros((4, 4), dtype=torch.float64)
+        b = torch.zeros(4, dtype=torch.float64)
+        for r, scale in zip(rows, scales, strict=True):
+            # Derivative of the Cauchy loss by the squared error: 1 / (1 + e^2 / c^2).
+            weight = r.weight / (1 + r.error.square().sum(-1) / scale**2)
+            A += torch.einsum("n,ndi,ndj->ij", weight, r.slope, r.slope)
+            b += torch.einsum("n,ndi,nd->i", weight, r.slope, r.error)
+        A, b = A[index][:, index], b[index]
+        A = A + 1e-9 * torch.diag(A.diagonal().clamp(min=1e-12))
+        step = torch.zeros_like(x)
+        step[index] = torch.linalg.solve(A, -b)
+        for _ in range(_HALVINGS):
+            # The exponential of a larger offset, which only bodies beyond all measure ask for, may be no number.
+            if abs(float(x[3] + step[3])) <= _MOST_OFFSET:
+                tried = [r for term in terms for r in term.rows(x + step)]
+                if _energy(tried, scales) <= energy:
+                    x, rows = x + step, tried
+                    break
+            step = step / 2
+        else:
+            break
+        if float(step.abs().max()) < _SETTLED_M:
+            break
+    return x
+
+
+def _robust_scale(rows: Rows) -> float:
+    """The settings' scale, wider where half of the errors exceed it: a disagreement of all is no outlier."""
+    if not math.isfinite(rows.scale) or len(rows.error) < FEWEST_KEYPOINTS:
+        return rows.scale
+    return max(rows.scale, 2 * float(torch.linalg.vector_norm(rows.error, dim=-1).median()))
+
+
+def _energy(rows: Sequence[Rows], scales: Sequence[float]) -> float:
+    total = 0.0
+    for r, scale in zip(rows, scales, strict=True):
+        squared = r.error.square().sum(-1)
+        total += float((r.weight * (cauchy(squared, scale) if math.isfinite(scale) else squared)).sum())
+    return total
+
+
+def loss(term: Term, x: Tensor) -> float:
+    """A term's share of the energy at x."""
+    rows = term.rows(x)
+    return _energy(rows, [r.scale for r in rows])
+
+
+def adam(person: Subject, settings: HumanSettings) -> Tensor:
+    """Eq. 2 as the paper minimises it: gradient descent with Adam."""
+    move = torch.zeros(3, dtype=torch.float64, requires_grad=True)
+    optimizer = torch.optim.Adam([move], lr=settings.learning_rate)
+    for _ in range(settings.iterations):
+        optimizer.zero_grad()
+        reprojection_loss(person, move, settings).backward()  # type: ignore[no-untyped-call]
+        optimizer.step()
+    return torch.cat((move.detach(), torch.zeros(1, dtype=torch.float64)))
+
+
+def lbfgs(person: Subject, x: Tensor, chamfer: Chamfer, settings: HumanSettings) -> Tensor:
+    """Eq. 3 as the paper minimises it: L-BFGS of unit rate; with a line search where the settings ask for it."""
+    move = x[:3].clone().requires_grad_()
+    search = "strong_wolfe" if settings.lbfgs_line_search else None
+    optimizer = torch.optim.LBFGS([move], lr=1.0, max_iter=settings.lbfgs_inner, line_search_fn=search)
+
+    def energy() -> Tensor:
+        optimizer.zero_grad()
+        of_vertex, of_point = chamfer.matched(torch.cat((move.detach(), x[3:])))
+        total = chamfer.weights[0] * (chamfer.vertices + move - of_vertex).square().sum()
+        total = total + chamfer.weights[1] * (of_point + move - chamfer.points).square().sum()
+        if len(person.keypoints) >= FEWEST_KEYPOINTS:
+            total = total + settings.reprojection_weight * reprojection_loss(person, move, settings)
+        total.backward()  # type: ignore[no-untyped-call]
+        return total
+
+    for _ in range(settings.lbfgs_steps):
+        optimizer.step(energy)  # type: ignore[no-untyped-call]
+    return torch.cat((move.detach(), x[3:]))
+
+
+def within_keypoints(
+    person: Subject, x: Tensor, stiffness: float, settings: HumanSettings, fits: Callable[[Tensor], bool]
+) -> Tensor:
+    """The place nearest to x, by Eq. 3 with its pairs kept, whose keypoints fit; where the body came from if none does.
+
+    Squared distances to kept partners are, but for a constant, ``stiffness |t - x|^2``.
+
+    Args:
+        person: with enough keypoints.
+        x: the minimum of Eq. 3.
+        stiffness: weight of the squared distance from there.
+        settings: of stage 2.
+        fits: whether the keypoints fit at a place.
+    """
+    tied, reprojection = Tied(x, stiffness), Reprojection(person, settings)
+    for _ in range(_DOUBLINGS):
+        if fits(x):
+            return x
+        reprojection.weight = 2 * reprojection.weight
+        x = descend([tied, reprojection], x, (0, 1, 2), settings.iterations)
+    return torch.zeros_like(x)
+
+
+def reprojection_loss(person: Subject, move: Tensor, settings: HumanSettings) -> Tensor:
+    """L_j2d after a move (3,), unweighted: ()."""
+    seen = project(person.landmarks + move, person.K)
+    if settings.reprojection_loss == "released":
+        one = (seen[None], person.keypoints[None], person.confidence[None])
+        return released_reprojection(*one, person.size, person.people).sum()
+    error = (seen - person.keypoints) / person.size
+    total = (person.confidence * error.square().sum(-1)).sum()
+    return total / person.confidence.sum() if settings.reprojection_mean else total

@@ -1,0 +1,159 @@
+"""Errors of joints and vertices: MPJPE, PA-MPJPE and MPVPE, per person, in millimetres.
+
+Points are metres in the OpenCV camera frame (x right, y down, z forward). The protocol is the paper's (sec. 4.1):
+MPJPE and MPVPE compare places in the camera frame as they are, without aligning roots or anything else, so that they
+hold the error of the distance from the camera too; only PA-MPJPE aligns, by a similarity for each person. The paper
+does not say over which joints; ``BODY_JOINTS`` are those that every SMPL-family body has, without jaw, eyes, fingers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.metrics.shapes import require_same_shape
+
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray, FloatArray
+
+__all__ = ["BODY_JOINTS", "PoseErrors", "align_similarity", "mpjpe_mm", "mpvpe_mm", "pa_mpjpe_mm", "pose_errors"]
+
+BODY_JOINTS = slice(0, 22)
+"""Pelvis to wrists, of the 55 joints in SMPL-X order."""
+
+
+@dataclass(frozen=True)
+class PoseErrors:
+    """Errors of people, each (...,) millimetres; NaN where a person has no joint that counts, or a point is not finite.
+
+    Attributes:
+        mpjpe_mm: mean distance of the joints, nothing aligned.
+        pa_mpjpe_mm: the same after the best similarity of each person.
+        mpvpe_mm: mean distance of the vertices, nothing aligned.
+    """
+
+    mpjpe_mm: FloatArray
+    pa_mpjpe_mm: FloatArray
+    mpvpe_mm: FloatArray
+
+
+def pose_errors(
+    predicted_joints: FloatArray,
+    true_joints: FloatArray,
+    predicted_vertices: FloatArray,
+    true_vertices: FloatArray,
+    joints: slice = BODY_JOINTS,
+) -> PoseErrors:
+    """All three errors of matched people.
+
+    Args:
+        predicted_joints: (..., J, 3) m, camera frame.
+        true_joints: (..., J, 3) m.
+        predicted_vertices: (..., V, 3) m, of the mesh that ``true_vertices`` has.
+        true_vertices: (..., V, 3) m.
+        joints: those that count.
+
+    Raises:
+        PhysicError: predicted and true shapes differ.
+    """
+    require_same_shape("joints", predicted_joints, true_joints)
+    chosen = predicted_joints[..., joints, :], true_joints[..., joints, :]
+    return PoseErrors(mpjpe_mm(*chosen), pa_mpjpe_mm(*chosen), mpvpe_mm(predicted_vertices, true_vertices))
+
+
+def mpjpe_mm(predicted: FloatArray, truth: FloatArray, valid: BoolArray | None = None) -> FloatArray:
+    """Mean per-joint position error without any alignment.
+
+    Args:
+        predicted: (..., J, 3) m, camera frame.
+        truth: (..., J, 3) m.
+        valid: (..., J) bool, joints that count; all without it.
+
+    Returns:
+        (...,) float64 mm; NaN where no joint counts or one that counts is not finite.
+
+    Raises:
+        PhysicError: the shapes differ.
+    """
+    require_same_shape("joints", predicted, truth)
+    return _mean_distance_mm(predicted, truth, valid)
+
+
+def mpvpe_mm(predicted: FloatArray, truth: FloatArray, valid: BoolArray | None = None) -> FloatArray:
+    """Mean per-vertex position error without any alignment: as :func:`mpjpe_mm`, of (..., V, 3) vertices of one mesh.
+
+    Raises:
+        PhysicError: the shapes differ.
+    """
+    require_same_shape("vertices", predicted, truth)
+    return _mean_distance_mm(predicted, truth, valid)
+
+
+def pa_mpjpe_mm(predicted: FloatArray, truth: FloatArray, valid: BoolArray | None = None) -> FloatArray:
+    """Mean per-joint position error after :func:`align_similarity`.
+
+    Args:
+        predicted: (..., J, 3) m, any frame.
+        truth: (..., J, 3) m.
+        valid: (..., J) bool, joints that count, for the alignment too; all without it.
+
+    Returns:
+        (...,) float64 mm; NaN where no joint counts or one that counts is not finite.
+
+    Raises:
+        PhysicError: the shapes differ.
+    """
+    return _mean_distance_mm(align_similarity(predicted, truth, valid), truth, valid)
+
+
+def align_similarity(predicted: FloatArray, truth: FloatArray, valid: BoolArray | None = None) -> FloatArray:
+    """Points (..., J, 3) float64: ``predicted`` rotated (never mirrored), scaled and moved to least squared error.
+
+    All points move, but only the valid ones say where to.
+
+    Umeyama, Least-squares estimation of transformation parameters between two point patterns, PAMI 1991. Points that
+    all coincide go to the centroid of the truth. A person without a valid point, or with one that is not finite, is
+    NaN and leaves the others alone.
+
+    Raises:
+        PhysicError: the shapes differ.
+    """
+    import roma
+    import torch
+
+    require_same_shape("joints", predicted, truth)
+    counted = np.ones(truth.shape[:-1], bool) if valid is None else np.broadcast_to(valid, truth.shape[:-1])
+    source = np.where(counted[..., None], np.asarray(predicted, np.float64), 0.0)
+    target = np.where(counted[..., None], np.asarray(truth, np.float64), 0.0)
+    usable = counted.any(-1) & np.isfinite(source).all((-2, -1)) & np.isfinite(target).all((-2, -1))
+    aligned = np.full(truth.shape, np.nan)
+    if not usable.any():
+        return aligned
+    weights = counted[usable] / counted[usable].sum(-1, keepdims=True)
+    # Centred here, so that a person far from the origin, or one of coinciding points, loses no digits.
+    source_mean = (weights[..., None] * source[usable]).sum(-2, keepdims=True)
+    target_mean = (weights[..., None] * target[usable]).sum(-2, keepdims=True)
+    centred, goal = source[usable] - source_mean, target[usable] - target_mean
+    size = np.sqrt((weights * np.square(centred).sum(-1)).sum(-1))
+    flat = size <= 1e-12 * (1.0 + np.abs(source_mean).max((-2, -1)))
+    rotation, scale = roma.rigid_vectors_registration(
+        *(torch.from_numpy(np.ascontiguousarray(array)) for array in (centred, goal, weights)),
+        compute_scaling=True,
+    )
+    linear = rotation.numpy() * np.where(flat, 0.0, scale.numpy())[:, None, None]
+    with np.errstate(invalid="ignore"):  # points that do not count may be anything
+        every = np.asarray(predicted, np.float64)[usable] - source_mean
+        aligned[usable] = np.einsum("nij,nkj->nki", linear, every) + target_mean
+    return aligned
+
+
+def _mean_distance_mm(predicted: FloatArray, truth: FloatArray, valid: BoolArray | None) -> FloatArray:
+    with np.errstate(invalid="ignore"):  # inf - inf
+        distance = np.linalg.norm(np.asarray(predicted, np.float64) - np.asarray(truth, np.float64), axis=-1)
+    counted = np.ones(distance.shape, bool) if valid is None else np.broadcast_to(valid, distance.shape)
+    count = counted.sum(-1)
+    total = np.where(counted, distance, 0.0).sum(-1)
+    mean: FloatArray = np.where((count > 0) & np.isfinite(total), 1000.0 * total / np.maximum(count, 1), np.nan)
+    return mean

@@ -1,0 +1,109 @@
+"""What only the meshes tell of each person's trustworthiness: how much is seen, what carries them, how far they are.
+
+OpenCV camera frame, metres.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import torch
+
+from physic_core.geometry.camera import project
+from physic_core.geometry.visibility import facing, inside_mask, vertex_areas
+from physic_core.metrics.consistency import stands
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+__all__ = ["depth_ratio", "seen_share", "support_gap"]
+
+_FACING_DEG = 70.0  # beyond, a vertex lies at the rim, where a mask that is off by a pixel decides
+_DOWNWARD = -0.3  # cosine: what carries a body faces down
+_LOWEST_M = 0.1  # of the body, from below: the feet of one who stands
+_FEWEST = 20  # vertices with a depth, for a median
+
+
+def seen_share(
+    vertices: Tensor, normals: Tensor, faces: Tensor, outer: Tensor, mask: Tensor, K: Tensor
+) -> float | None:
+    """Share of the surface turned to the camera that lies in the person's mask; None where nothing is.
+
+    What the frame cuts off, and what others or objects hide, is not in it.
+
+    Args:
+        vertices: (V, 3) metres.
+        normals: (V, 3) unit, out of the body.
+        faces: (F, 3) int64.
+        outer: (V,) bool, False in mouth and eyes.
+        mask: (H, W) bool, the person's visible pixels.
+        K: (3, 3) px.
+    """
+    area = vertex_areas(vertices, faces) * _turned(vertices, normals, outer)
+    total = float(area.sum())
+    return float((area * inside_mask(project(vertices, K), mask)).sum()) / total if total > 0 else None
+
+
+def support_gap(
+    vertices: Tensor,
+    joints: Tensor,
+    normals: Tensor,
+    may_touch: Tensor,
+    distance: Tensor,
+    up: Tensor,
+    floor_offset: float | None,
+    reach: float,
+) -> float | None:
+    """Metres between what may carry the person and the nearest surface or floor, 0 where it touches.
+
+    What may carry are the feet of one who stands, and of others all that faces down. Where nothing is within reach of
+    it, the answer is ``reach``, or the height over the floor; None where no part of the person may touch anything.
+
+    Args:
+        vertices: (V, 3).
+        joints: (55, 3).
+        normals: (V, 3) unit, out of the body.
+        may_touch: (V,) bool.
+        distance: (V,) signed, to scene or floor; inf beyond ``reach``.
+        up: (3,) unit.
+        floor_offset: with ``up`` the floor's plane; None without a floor.
+        reach: of ``distance``.
+    """
+    height = vertices @ up
+    carrying = may_touch & (normals @ up < _DOWNWARD)
+    if carrying.any() and stands(joints.detach().cpu().numpy()):
+        carrying = carrying & (height < float(height[carrying].min()) + _LOWEST_M)
+    if not carrying.any():
+        return None
+    gap = float(distance[carrying].min())
+    if floor_offset is not None:
+        gap = min(gap, float(height[carrying].min()) + floor_offset)
+    elif gap == float("inf"):
+        gap = reach
+    return max(0.0, gap)
+
+
+def depth_ratio(
+    vertices: Tensor, normals: Tensor, outer: Tensor, mask: Tensor, K: Tensor, depth: Tensor
+) -> float | None:
+    """How much farther a depth map sees a person than their body is; None where they have too few pixels in common.
+
+    Args:
+        vertices: (V, 3) metres.
+        normals: (V, 3) unit, out of the body.
+        outer: (V,) bool, False in mouth and eyes.
+        mask: (H, W) bool, the person's visible pixels.
+        K: (3, 3) px.
+        depth: (H, W) metres along z, NaN where unknown.
+    """
+    uv = project(vertices, K)
+    seen = _turned(vertices, normals, outer) & inside_mask(uv, mask)
+    column, row = uv[seen].round().long().unbind(-1)
+    ratio = depth[row, column] / vertices[seen][:, 2]
+    ratio = ratio[torch.isfinite(ratio) & (ratio > 0)]
+    return float(ratio.median()) if len(ratio) >= _FEWEST else None
+
+
+def _turned(vertices: Tensor, normals: Tensor, outer: Tensor) -> Tensor:
+    """(V,) bool: towards the camera, and in front of it."""
+    return facing(normals, vertices, _FACING_DEG) & outer & (vertices[:, 2] > 0)

@@ -1,0 +1,201 @@
+"""One photo in; people, scene and contact out. The method of the paper, top to bottom.
+
+Estimators look at the photo (:mod:`physic_core.pipeline.estimate`), the engine makes one metric frame of what they say
+(:mod:`physic_core.pipeline.optimise`), and what came of it is checked (:mod:`physic_core.pipeline.checks`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from physic_core.cache.code import Code  # at once, before any backend: it notices code that is edited from then on
+from physic_core.configuration.model import as_config
+from physic_core.configuration.resolve import require_whole, resolve
+from physic_core.discovery.plugins import discover
+from physic_core.errors import InputError
+from physic_core.io.output import image_digest, photo_digest
+from physic_core.io.photo import Photo, check_image, prepare, read_photo
+from physic_core.pipeline.stages import Stages
+from physic_core.types import Intrinsics, Person, Reconstruction
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Mapping
+    from typing import Any
+
+    from physic_core.configuration.model import Config, PhotoSettings
+    from physic_core.configuration.resolve import ResolvedPipeline
+    from physic_core.discovery.registry import Registry
+    from physic_core.pipeline.estimate import Evidence
+    from physic_core.pipeline.optimise import Solution
+    from physic_core.pipeline.stages import Progress
+    from physic_core.types import Diagnostic, UInt8Array
+
+__all__ = ["reconstruct", "reconstruct_photo"]
+
+
+def reconstruct(
+    image: UInt8Array,
+    config: Config | Mapping[str, Any] | str | os.PathLike[str] | None = None,
+    *,
+    registry: Registry | None = None,
+    intrinsics: Intrinsics | None = None,
+    progress: Progress | None = None,
+) -> Reconstruction:
+    """Reconstruct people, scene and contact from one image.
+
+    Args:
+        image: (H, W, 3) uint8 RGB, upright.
+        config: a Config, a preset's name, the path of a TOML file, or its tables; preset "embedded" where None.
+        registry: of the backends; what is installed where None.
+        intrinsics: the camera of ``image``, where it is known; ``[photo]`` of the config goes first.
+        progress: told when each stage begins.
+
+    Returns:
+        Everything in metres in the OpenCV camera frame (x right, y down, z forward).
+
+    Raises:
+        InputError: the image or its intrinsics cannot be used.
+        ConfigError: the configuration does not hold.
+        WeightsMissingError: backends lack files, all of which it lists; nothing was computed.
+        DeviceError: the device is not there.
+        NoPersonError: nobody was found.
+        BackendError: a backend failed, or answered what its interface does not allow.
+    """
+    if intrinsics is not None and not isinstance(intrinsics, Intrinsics):
+        raise InputError(
+            f"intrinsics must be physic_core.types.Intrinsics, got {type(intrinsics).__name__}: "
+            "pass Intrinsics(fx, fy, cx, cy, width, height) in px of the image"
+        )
+    photo = Photo(check_image(image), intrinsics)
+    found = _reconstruct(photo, _plan(as_config(config), registry), progress)
+    return replace(found, photo=image_digest(photo.image))
+
+
+def reconstruct_photo(
+    path: str | os.PathLike[str],
+    config: Config | Mapping[str, Any] | str | os.PathLike[str] | None = None,
+    *,
+    registry: Registry | None = None,
+    progress: Progress | None = None,
+) -> Reconstruction:
+    """:func:`reconstruct` for a photo file, which may know its camera (EXIF) and its orientation.
+
+    The file is read once config, device and backends have held.
+    """
+    plan = _plan(as_config(config), registry)
+    photo = read_photo(path)
+    return replace(_reconstruct(photo, plan, progress), photo=photo_digest(path, photo.image))
+
+
+def _plan(config: Config, registry: Registry | None) -> ResolvedPipeline:
+    plan = resolve(config, discover() if registry is None else registry)
+    require_whole(plan)
+    return plan
+
+
+def _reconstruct(photo: Photo, plan: ResolvedPipeline, progress: Progress | None) -> Reconstruction:
+    from physic_core.body import load_body
+    from physic_core.cache.answers import Answers
+    from physic_core.pipeline.checks import diagnose
+    from physic_core.pipeline.estimate import perceive
+    from physic_core.pipeline.optimise import solve
+
+    photo = prepare(_with_camera(photo, plan.photo), plan.photo.max_side)
+    run = plan.config.run
+    stages = Stages(
+        plan.device,
+        len(plan.backends) + _OWN_STAGES,
+        progress,
+        answers=Answers.in_users_folder(run.cache_mb, Code()) if run.cache else None,
+        low_memory=run.low_memory,
+    )
+    stages.note(*photo.notes)
+    model = load_body(plan.body_model)
+    with _single_thread():
+        try:
+            evidence = perceive(photo.image, photo.intrinsics, plan, model, stages)
+        finally:
+            stages.close()
+        solution = solve(evidence, plan.engine, model, stages)
+    checks = diagnose(evidence, solution, plan.engine)
+    return _result(evidence, solution, checks, model.faces.int().numpy(), model.name, plan.config, stages)
+
+
+_OWN_STAGES = 6
+"""The second point map, the relative floor, and the engine's four."""
+
+
+@contextmanager
+def _single_thread() -> Iterator[None]:
+    """One torch thread inside: beside another busy process two made fits of this size up to 45 times slower."""
+    import torch
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def _with_camera(photo: Photo, settings: PhotoSettings) -> Photo:
+    """The photo with the camera that the config gives, in px of the file, if it gives one."""
+    height, width = photo.image.shape[:2]
+    file_width, file_height = photo.file_size or (width, height)
+    if settings.intrinsics is not None:
+        given = Intrinsics(*settings.intrinsics, file_width, file_height)
+    elif settings.focal_px is not None:
+        given = Intrinsics.from_focal(settings.focal_px, file_width, file_height)
+    else:
+        return photo
+    return replace(photo, intrinsics=given.resized(width, height))
+
+
+def _result(
+    evidence: Evidence,
+    solution: Solution,
+    checks: tuple[Diagnostic, ...],
+    faces: Any,
+    body_model: str,
+    config: Config,
+    stages: Stages,
+) -> Reconstruction:
+    from physic_core.pipeline.checks import failed_checks, warnings_of
+
+    people = []
+    for i in range(len(evidence.people)):
+        people.append(
+            Person(
+                box=evidence.people.boxes[i],
+                score=float(evidence.people.scores[i]),
+                mask=evidence.people.masks[i],
+                keypoints=evidence.keypoints.points[i],
+                keypoint_confidence=evidence.keypoints.confidence[i],
+                parameters=solution.parameters[i : i + 1],
+                vertices=solution.vertices[i],
+                joints=solution.joints[i],
+                contact=solution.contact[i],
+                distance=solution.distance[i],
+                failed_checks=failed_checks(checks, i),
+            )
+        )
+    stages.warn(*warnings_of(checks))
+    return Reconstruction(
+        image=evidence.image,
+        intrinsics=solution.intrinsics,
+        scene=solution.scene,
+        people=tuple(people),
+        faces=faces,
+        body_model=body_model,
+        skeleton=evidence.keypoints.skeleton,
+        stages=tuple(stages.records),
+        diagnostics={**solution.diagnostics, "people": [dict(p) for p in solution.people]},
+        warnings=tuple(stages.warnings),
+        notes=tuple(stages.notes),
+        config=config.as_dict(),
+        checks=checks,
+    )

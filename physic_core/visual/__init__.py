@@ -1,0 +1,1 @@
+"""Pictures and meshes of a reconstruction: the preview, renderings and GLB files."""

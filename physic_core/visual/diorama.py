@@ -1,0 +1,119 @@
+"""People and scene as small models, built once and drawn from several sides."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.geometry.upright import gltf_from_camera, transform
+from physic_core.visual.render import Figures, figures
+from physic_core.visual.surface import far_limit, scene_surface
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.types import Reconstruction, Scene
+
+    Array = NDArray[np.float64]
+
+__all__ = ["PERSON_COLORS", "Diorama", "build_diorama", "person_color"]
+
+PERSON_COLORS: tuple[tuple[int, int, int], ...] = (
+    (86, 156, 222),
+    (240, 150, 62),
+    (96, 186, 108),
+    (214, 108, 158),
+    (150, 122, 206),
+    (222, 196, 72),
+    (84, 190, 190),
+    (198, 128, 96),
+)
+"""sRGB of person 0, 1, ...; they repeat after the eighth."""
+
+_SURFACE_VERTICES = 60_000
+_POINTS = 150_000
+
+
+@dataclass(frozen=True)
+class Diorama:
+    """What the preview draws, camera frame, metres.
+
+    Attributes:
+        people: bodies, or None where there are none.
+        people_colors: (N * V, 3) sRGB in 0-1.
+        surface: the scene as a mesh, or None where nothing of it is valid.
+        surface_colors: of its vertices.
+        points: (M, 3) of the scene: they show what a mesh seen edge on does not.
+        point_colors: (M, 3).
+        upright: (4, 4), see :func:`physic_core.geometry.upright.gltf_from_camera`.
+        low: (3,) corner of the box round the people, upright frame; round most of the scene where there is nobody.
+        high: (3,) the opposite corner.
+        has_floor: whether y = 0 is a floor.
+    """
+
+    people: Figures | None
+    people_colors: Array
+    surface: Figures | None
+    surface_colors: Array
+    points: Array
+    point_colors: Array
+    upright: Array
+    low: Array
+    high: Array
+    has_floor: bool
+
+
+def person_color(index: int) -> tuple[int, int, int]:
+    """sRGB of a person."""
+    return PERSON_COLORS[index % len(PERSON_COLORS)]
+
+
+def build_diorama(reconstruction: Reconstruction) -> Diorama:
+    """Reconstruction -> models; people with a coordinate that is not finite are left out."""
+    scene, limit = reconstruction.scene, far_limit(reconstruction)
+    matrix = gltf_from_camera(scene.floor)
+    whole = [
+        (index, np.asarray(person.vertices, np.float64))
+        for index, person in enumerate(reconstruction.people)
+        if np.isfinite(person.vertices).all()
+    ]
+    bodies = [vertices for _, vertices in whole]
+    colors = [np.tile(np.array(person_color(index)) / 255.0, (len(vertices), 1)) for index, vertices in whole]
+    surface = scene_surface(scene, limit, _SURFACE_VERTICES)
+    points, point_colors = _cloud(scene, limit)
+    low, high = _bounds([transform(matrix, vertices) for vertices in bodies], transform(matrix, points))
+    return Diorama(
+        people=figures(bodies, reconstruction.faces),
+        people_colors=np.concatenate(colors) if colors else np.zeros((0, 3)),
+        surface=figures([surface.vertices.astype(np.float64)], surface.faces, smooth=False),
+        surface_colors=scene.colors[surface.pixels[:, 1], surface.pixels[:, 0]] / 255.0,
+        points=points,
+        point_colors=point_colors,
+        upright=matrix,
+        low=low,
+        high=high,
+        has_floor=scene.floor is not None,
+    )
+
+
+def _cloud(scene: Scene, limit: float) -> tuple[Array, Array]:
+    """Points (M, 3) of the scene up to a depth, and their sRGB colours."""
+    stride = max(1, math.ceil(math.sqrt(scene.valid.size / _POINTS)))
+    points, valid = scene.points[::stride, ::stride], scene.valid[::stride, ::stride]
+    with np.errstate(invalid="ignore"):
+        valid = valid & np.isfinite(points).all(-1) & (points[..., 2] < limit)
+    return points[valid].astype(np.float64), scene.colors[::stride, ::stride][valid] / 255.0
+
+
+def _bounds(people: Sequence[Array], points: Array) -> tuple[Array, Array]:
+    if people:
+        every = np.concatenate(people)
+        return every.min(0), every.max(0)
+    if len(points):
+        low, high = np.percentile(points, [5, 95], axis=0)
+        return low, high
+    return np.array([-1.0, -1.0, -3.0]), np.array([1.0, 1.0, -1.0])

@@ -1,0 +1,160 @@
+"""The pictures of a preview that share the photo's view, and the contact maps; each (H, W, 3) uint8 RGB."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from physic_core.geometry.upright import gltf_from_camera, transform
+from physic_core.visual.glb import BODY_RGB, CONTACT_RGB
+from physic_core.visual.plans import PAPER
+from physic_core.visual.render import Orthographic, Perspective, draw, figures, over
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.types import Reconstruction, UInt8Array
+    from physic_core.visual.diorama import Diorama
+
+    Array = NDArray[np.float64]
+
+__all__ = [
+    "ContactPicture",
+    "colored_depth",
+    "contact_picture",
+    "depth_panel",
+    "depth_range",
+    "overlay_panel",
+    "photo_panel",
+]
+
+OPACITY = 0.85
+"""Of the bodies over the photo."""
+
+_FAR = 60.0  # metres where the colours end
+
+_LEFT_HIP, _RIGHT_HIP, _NECK, _LEFT_SHOULDER, _RIGHT_SHOULDER = 1, 2, 12, 16, 17
+
+
+@dataclass(frozen=True)
+class ContactPicture:
+    """One person from several sides.
+
+    Attributes:
+        picture: (H, W, 3) uint8 RGB.
+        views: name of each view and the column of its middle.
+    """
+
+    picture: UInt8Array
+    views: tuple[tuple[str, float], ...]
+
+
+def photo_panel(image: UInt8Array, width: int, height: int) -> UInt8Array:
+    """The photo at the panel's size."""
+    import cv2
+
+    way = cv2.INTER_AREA if width < image.shape[1] else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(image, (width, height), interpolation=way), np.uint8)
+
+
+def overlay_panel(reconstruction: Reconstruction, diorama: Diorama, width: int, height: int) -> UInt8Array:
+    """The bodies over the photo, the nearer before the farther."""
+    photo = photo_panel(reconstruction.image, width, height)
+    if diorama.people is None:
+        return photo
+    layer = draw(diorama.people, Perspective(reconstruction.intrinsics, width, height), diorama.people_colors)
+    return _bytes(over(layer, (photo / 255.0).astype(np.float32), OPACITY))
+
+
+def depth_range(reconstruction: Reconstruction) -> tuple[float, float]:
+    """Depths in metres where the colours of the depth panel begin and end."""
+    scene = reconstruction.scene
+    depth = scene.points[..., 2][scene.valid & np.isfinite(scene.points[..., 2])]
+    if not depth.size:
+        return 1.0, 10.0
+    near, far = (float(value) for value in np.percentile(depth[:: max(1, depth.size // 100_000)], [1, 99]))
+    near = max(near, 0.05)
+    return near, max(min(far, _FAR), near * 1.1)
+
+
+def depth_panel(reconstruction: Reconstruction, width: int, height: int) -> UInt8Array:
+    """Depth of the scene without people in colours, people outlined in white, unknown in grey."""
+    import cv2
+
+    def shrunk(array: NDArray[Any]) -> NDArray[Any]:
+        return np.asarray(cv2.resize(array, (width, height), interpolation=cv2.INTER_NEAREST))
+
+    scene = reconstruction.scene
+    near, far = depth_range(reconstruction)
+    depth = shrunk(np.nan_to_num(scene.points[..., 2], nan=far, posinf=far, neginf=near).astype(np.float32))
+    picture = colored_depth(depth, near, far)
+    picture[shrunk(scene.valid.astype(np.uint8)) == 0] = (190, 190, 188)
+    for person in reconstruction.people:
+        outline, _ = cv2.findContours(shrunk(person.mask.astype(np.uint8)), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        cv2.drawContours(picture, outline, -1, (255, 255, 255), 1, cv2.LINE_AA)
+    return picture
+
+
+def colored_depth(depth: NDArray[Any], near: float, far: float) -> UInt8Array:
+    """Depth (H, W) metres -> turbo colours by its logarithm, near red, far blue."""
+    import cv2
+
+    share = np.clip(np.log(far / np.clip(depth, near, far)) / np.log(far / near), 0.0, 1.0)
+    colors = cv2.applyColorMap((share * 255).astype(np.uint8), cv2.COLORMAP_TURBO)
+    return np.ascontiguousarray(colors[..., ::-1], dtype=np.uint8)
+
+
+def contact_picture(reconstruction: Reconstruction, index: int, width: int, height: int) -> ContactPicture:
+    """One person in their own pose, what touches in red: front, back, and the underside up to 1.5 times as large."""
+    person = reconstruction.people[index]
+    matrix = gltf_from_camera(reconstruction.scene.floor)
+    vertices, joints = transform(matrix, person.vertices), transform(matrix, person.joints)
+    picture = np.tile((np.array(PAPER) / 255).astype(np.float32), (height, width, 1))
+    shapes = figures([vertices], reconstruction.faces)
+    if shapes is None or not np.isfinite(vertices).all():
+        return ContactPicture(_bytes(picture), ())
+    colors = np.where(person.contact[:, None], CONTACT_RGB, BODY_RGB) / 255.0
+    views = _around(joints)
+    sizes = np.array([[np.ptp(vertices @ right), np.ptp(vertices @ top)] for right, top in views.values()]) + 0.1
+    share = sizes[:, 0] / sizes[:, 0].sum()
+    edges = np.round(np.cumsum([0.0, *share]) * width).astype(int)
+    fits = np.minimum(np.diff(edges) / sizes[:, 0], height / sizes[:, 1])
+    upright = fits[:2].min()
+    scales = upright, upright, min(fits[2], 1.5 * upright)
+    middles = []
+    for (right, top), scale, left, end in zip(views.values(), scales, edges[:-1], edges[1:], strict=True):
+        axes = np.stack([right, top, np.cross(right, top)])
+        along = vertices @ axes.T
+        view = Orthographic(axes.T @ ((along.min(0) + along.max(0)) / 2), right, top, scale, int(end - left), height)
+        picture[:, left:end] = over(draw(shapes, view, colors), picture[:, left:end])
+        middles.append((left + end) / 2)
+    return ContactPicture(_bytes(picture), tuple(zip(views, middles, strict=True)))
+
+
+def _around(joints: Array) -> dict[str, tuple[Array, Array]]:
+    """Right and top axes (upright frame) of the views of one person's front, back and underside."""
+    up = np.array([0.0, 1.0, 0.0])
+    left = joints[_LEFT_HIP] - joints[_RIGHT_HIP] + joints[_LEFT_SHOULDER] - joints[_RIGHT_SHOULDER]
+    spine = _unit(joints[_NECK] - joints[0], up)
+    front = _unit(np.cross(left, spine), np.array([0.0, 0.0, 1.0]))
+    top = up - (up @ front) * front
+    # Somebody who lies on the back shows the front upwards: their head then points to the picture's top.
+    top = _unit(top if np.linalg.norm(top) > 0.5 else spine - (spine @ front) * front, up)
+    level = front - (front @ up) * up
+    level = _unit(level if np.linalg.norm(level) > 0.5 else top - (top @ up) * up, np.array([0.0, 0.0, 1.0]))
+    return {
+        "front": (np.cross(top, front), top),
+        "back": (np.cross(front, top), top),
+        "below": (np.cross(level, -up), level),
+    }
+
+
+def _unit(vector: Array, otherwise: Array) -> Array:
+    length = float(np.linalg.norm(vector))
+    return vector / length if length > 1e-6 else otherwise
+
+
+def _bytes(picture: NDArray[Any]) -> UInt8Array:
+    return np.asarray(np.clip(picture, 0.0, 1.0) * 255 + 0.5, np.uint8)

@@ -1,0 +1,171 @@
+"""The preview's views from the side and from above: orthographic, upright, to scale."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.geometry.upright import transform
+from physic_core.visual.render import Orthographic, behind, draw, over, splat
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from physic_core.types import UInt8Array
+    from physic_core.visual.diorama import Diorama
+
+    Array = NDArray[np.float64]
+
+__all__ = ["GROUND", "PAPER", "Plan", "above_plan", "side_plan"]
+
+PAPER = (250, 250, 248)
+"""sRGB of the page."""
+
+GROUND = (214, 215, 213)
+"""sRGB behind scenes: sand, snow and sky stay visible on it."""
+
+_SLAB = 0.4  # metres beside the people that the side view shows in full colour
+_FAINT = 0.3  # share of its colour that what stands farther away keeps
+_THICK = 0.03  # metres by which a point must lie before the surface to be seen
+_WORTH = 0.85  # share of its scale that a view may lose to take the camera in
+_VEIL = 0.6  # a person's opacity behind something: one must still see the feet behind the table
+
+_AXES = {"right": (1.0, 0.0, 0.0), "up": (0.0, 1.0, 0.0), "ahead": (0.0, 0.0, -1.0)}  # in the upright (glTF) frame
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A parallel view of the scene and what to write on it, px.
+
+    Attributes:
+        picture: (H, W, 3) uint8 RGB.
+        pixels_per_metre: its scale.
+        floor_row: where the floor lies, or None where there is none or it faces the eye.
+        camera: column and row of the camera, or None where it lies outside.
+        columns: distance ahead of the camera in whole metres -> column; empty where that runs along the rows.
+    """
+
+    picture: UInt8Array
+    pixels_per_metre: float
+    floor_row: float | None
+    camera: tuple[float, float] | None
+    columns: dict[int, float]
+
+
+def side_plan(diorama: Diorama, width: int, height: int) -> Plan:
+    """Seen from the camera's right, level with the floor: the camera looks to the picture's right."""
+    low, high, eye = diorama.low, diorama.high, diorama.upright[:3, 3]
+    bottom = min(low[1], 0.0) if diorama.has_floor else low[1]
+    rows = [bottom - 0.35, high[1] + 0.25]
+    ahead = [-high[2] - 0.8, -low[2] + 0.8]
+    ahead, rows = _with_camera(ahead, rows, [-0.35, eye[1] - 0.2, eye[1] + 0.25], width, height)
+    view = _fitted(diorama, ahead, rows, ("ahead", "up", "right"), high[0] + _SLAB, width, height)
+    near = transform(diorama.upright, diorama.points)[:, 0]
+    surface = None if diorama.surface is None else transform(diorama.upright, diorama.surface.vertices)[:, 0]
+    picture = _picture(diorama, view, near < high[0] + _SLAB, near < low[0] - _SLAB, surface, low[0] - _SLAB)
+    metres = range(max(0, math.ceil(ahead[0])), math.floor(ahead[1]) + 1)
+    columns = {metre: _spot(diorama, view, (0.0, 0.0, -float(metre)))[0] for metre in metres}
+    floor_row = _spot(diorama, view, (0.0, 0.0, 0.0))[1] if diorama.has_floor else None
+    return Plan(picture, view.pixels_per_metre, floor_row, _inside(diorama, view), columns)
+
+
+def above_plan(diorama: Diorama, width: int, height: int) -> Plan:
+    """Seen from straight above, cut at the people's height: the camera looks to the picture's top."""
+    low, high = diorama.low, diorama.high
+    across, ahead = [low[0] - 0.9, high[0] + 0.9], [-high[2] - 0.9, -low[2] + 0.9]
+    ahead, across = _with_camera(ahead, across, [-0.3, -0.3, 0.3], height, width)
+    view = _fitted(diorama, across, ahead, ("right", "ahead", "up"), high[1] + 0.1, width, height)
+    near = transform(diorama.upright, diorama.points)[:, 1]
+    picture = _picture(diorama, view, near < high[1] + 0.1, np.zeros(len(near), bool), None, 0.0)
+    return Plan(picture, view.pixels_per_metre, None, _inside(diorama, view), {})
+
+
+def _with_camera(
+    ahead: list[float], across: list[float], camera: Sequence[float], along: int, beside: int
+) -> tuple[list[float], list[float]]:
+    """The ranges widened to hold the camera, where the picture stays large enough for it.
+
+    Args:
+        ahead: range of metres ahead of the camera.
+        across: range of the other axis.
+        camera: start ahead, then the range of the other axis that the camera needs.
+        along: px along ``ahead``.
+        beside: px along ``across``.
+    """
+    wide = [min(ahead[0], camera[0]), ahead[1]], [min(across[0], camera[1]), max(across[1], camera[2])]
+
+    def scale(first: list[float], second: list[float]) -> float:
+        return min(along / (first[1] - first[0]), beside / (second[1] - second[0]))
+
+    return wide if scale(*wide) >= _WORTH * scale(ahead, across) else (ahead, across)
+
+
+def _fitted(
+    diorama: Diorama,
+    columns: Sequence[float],
+    rows: Sequence[float],
+    axes: tuple[str, str, str],
+    cut: float,
+    width: int,
+    height: int,
+) -> Orthographic:
+    """The view that holds both ranges of metres along named axes, and cuts away what lies nearer than ``cut``."""
+    along, top, towards = (np.array(_AXES[name]) for name in axes)
+    scale = min(width / (columns[1] - columns[0]), height / (rows[1] - rows[0]))
+    # What room is left over goes above, so that the ground is at the bottom of every picture.
+    middle = rows[0] + height / scale / 2 if axes[1] == "up" else sum(rows) / 2
+    center = along * sum(columns) / 2 + top * middle
+    turn = diorama.upright[:3, :3]
+    return Orthographic(
+        center=turn.T @ (center - diorama.upright[:3, 3]),
+        right=turn.T @ along,
+        top=turn.T @ top,
+        pixels_per_metre=scale,
+        width=width,
+        height=height,
+        start=float(cut - center @ towards),
+    )
+
+
+def _picture(
+    diorama: Diorama,
+    view: Orthographic,
+    kept: NDArray[np.bool_],
+    faint: NDArray[np.bool_],
+    surface: Array | None,
+    faint_below: float,
+) -> UInt8Array:
+    """Scene and people. ``surface`` is each mesh vertex's place along the view, faint below ``faint_below``."""
+    paper = np.array(GROUND) / 255
+    picture = np.broadcast_to(paper.astype(np.float32), (view.height, view.width, 3))
+    tints = np.where(faint[:, None], _FAINT * diorama.point_colors + (1 - _FAINT) * paper, diorama.point_colors)
+    scene = splat(view, diorama.points[kept], tints[kept])
+    if diorama.surface is not None:
+        colors = diorama.surface_colors
+        if surface is not None:
+            colors = np.where(surface[:, None] < faint_below, _FAINT * colors + (1 - _FAINT) * paper, colors)
+        scene = behind(scene, draw(diorama.surface, view, colors, lit=False, samples=1), _THICK)
+    picture = over(scene, picture)
+    if diorama.people is not None:
+        people = draw(diorama.people, view, diorama.people_colors)
+        veil = np.where(scene.distance < people.distance - _THICK, _VEIL, 1.0).astype(np.float32)[..., None]
+        picture = people.color * veil + picture * (1.0 - people.alpha[..., None] * veil)
+    return (np.clip(picture, 0.0, 1.0) * 255 + 0.5).astype(np.uint8)
+
+
+def _spot(diorama: Diorama, view: Orthographic, point: tuple[float, float, float]) -> tuple[float, float]:
+    """Column and row of a point of the upright frame."""
+    turn = diorama.upright[:3, :3]
+    column, row, _ = view.project((turn.T @ (np.array(point) - diorama.upright[:3, 3]))[None])[0]
+    return float(column), float(row)
+
+
+def _inside(diorama: Diorama, view: Orthographic) -> tuple[float, float] | None:
+    """Column and row of the camera where the picture holds it."""
+    column, row, _ = view.project(np.zeros((1, 3)))[0]
+    return (float(column), float(row)) if 0 <= column < view.width and 0 <= row < view.height else None

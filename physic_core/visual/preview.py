@@ -1,0 +1,329 @@
+"""``preview.png``: one picture from which a person sees whether a reconstruction worked."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from physic_core.geometry.upright import up_in_camera
+from physic_core.visual.diorama import build_diorama, person_color
+from physic_core.visual.panels import (
+    colored_depth,
+    contact_picture,
+    depth_panel,
+    depth_range,
+    overlay_panel,
+    photo_panel,
+)
+from physic_core.visual.plans import PAPER, Plan, above_plan, side_plan
+from physic_core.visual.render import Perspective
+
+if TYPE_CHECKING:
+    from physic_core.types import Reconstruction, UInt8Array
+
+__all__ = ["headline", "preview_image", "preview_png"]
+
+WIDTH = 1800
+"""Width of the preview, px."""
+
+SHOWN = 4
+"""People whose contact is drawn."""
+
+_MARGIN, _GAP, _TITLE = 24, 18, 30
+_ROW = 440  # height of the second row of panels, px
+_CELL = 300  # room that a panel of the first row has at least, for its title and the depth's bar, px
+_INK, _SOFT, _ALERT, _FLOOR = (32, 34, 38), (98, 102, 108), (178, 48, 34), (34, 140, 84)
+_SHOWN_LINES = 6
+_HEAD, _NECK = 15, 12  # joints, SMPL-X order
+_DEPTH_TITLE = "Depth without people"
+_PLAIN = str.maketrans({"×": "x", "—": "-", "–": "-", "−": "-", "’": "'", "‘": "'", "“": '"', "”": '"', "…": "..."})
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """Where a panel lies: its picture without its title, px."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+
+
+def preview_png(reconstruction: Reconstruction) -> bytes:
+    """Reconstruction -> the preview as a PNG."""
+    buffer = io.BytesIO()
+    preview_image(reconstruction).save(buffer, "PNG", compress_level=2)
+    return buffer.getvalue()
+
+
+def preview_image(reconstruction: Reconstruction) -> Image.Image:
+    """Photo, bodies over the photo, depth; scene and people from the side and from above; contact. 1800 px wide."""
+    height, width = reconstruction.image.shape[:2]
+    diorama = build_diorama(reconstruction)
+    frames = _layout(width / height)
+    facts = _wrap(headline(reconstruction), 17, WIDTH - 2 * _MARGIN)
+    lines = [
+        *((line, _ALERT) for line in _lines("! ", reconstruction.warnings)),
+        *((line, _SOFT) for line in _lines("", reconstruction.notes)),
+    ]
+    top = _MARGIN + 42 + 24 * len(facts) + 14
+    bottom = max(frame.y + frame.height for frame in frames) + top
+    page = Image.new("RGB", (WIDTH, bottom + _MARGIN + 24 * len(lines) + (10 if lines else 0)), PAPER)
+    pen = ImageDraw.Draw(page)
+    _text(pen, (_MARGIN, _MARGIN - 6), _count(len(reconstruction.people)), 30, _INK)
+    for line, fact in enumerate(facts):
+        _text(pen, (_MARGIN, _MARGIN + 38 + 24 * line), fact, 17, _SOFT)
+    photo, mesh, depth, side, above, contact = (_Frame(f.x, f.y + top, f.width, f.height) for f in frames)
+    _paste(page, photo, "Photo", photo_panel(reconstruction.image, photo.width, photo.height))
+    _paste(page, mesh, "People over the photo", overlay_panel(reconstruction, diorama, mesh.width, mesh.height))
+    _name_people(pen, mesh, reconstruction)
+    _paste(page, depth, _DEPTH_TITLE, depth_panel(reconstruction, depth.width, depth.height))
+    _depth_bar(page, depth, depth_range(reconstruction))
+    up = "" if reconstruction.scene.floor else " (no floor found: up is the camera's)"
+    _plan(page, side, f"From the side{up}", side_plan(diorama, side.width, side.height))
+    _plan(page, above, "From above", above_plan(diorama, above.width, above.height))
+    _contact(page, contact, reconstruction)
+    for row, (text, color) in enumerate(lines):
+        _text(pen, (_MARGIN, bottom + 14 + 24 * row), text, 16, color)
+    return page
+
+
+def headline(reconstruction: Reconstruction) -> str:
+    """The facts that a picture cannot show, in one line."""
+    camera, scene = reconstruction.intrinsics, reconstruction.scene
+    facts = [
+        f"{camera.width} x {camera.height} px",
+        f"focal length {math.sqrt(camera.fx * camera.fy):.0f} px ({camera.source})",
+        "scale of unknown certainty" if scene.scale_sigma is None else f"scale ±{100 * scene.scale_sigma:.0f} %",
+        f"changed by {100 * (scene.scale - 1):+.1f} % in the joint fit",
+    ]
+    if scene.floor is None:
+        facts.append("no floor found")
+    else:
+        pitch = math.degrees(math.asin(float(np.clip(-up_in_camera(scene.floor)[2], -1.0, 1.0))))
+        way = "down" if pitch >= 0 else "up"
+        facts.append(f"camera {scene.floor.offset:.2f} m above the floor, looking {abs(pitch):.0f}° {way}")
+    seconds = sum(stage.seconds for stage in reconstruction.stages)
+    if seconds:
+        facts.append(f"{seconds:.1f} s")
+    failing = sum(bool(person.failed_checks) for person in reconstruction.people)
+    facts.append(
+        f"{failing} of {len(reconstruction.people)} fail{'s' if failing == 1 else ''} a check"
+        if failing
+        else "all checks passed"
+    )
+    count = len(reconstruction.warnings)
+    facts.append(f"{count} warning{'' if count == 1 else 's'}" if count else "no warnings")
+    return "  ·  ".join(facts)
+
+
+def _count(people: int) -> str:
+    return {0: "Nobody found", 1: "1 person"}.get(people, f"{people} people")
+
+
+def _layout(aspect: float) -> tuple[_Frame, ...]:
+    """Frames of photo, overlay, depth, side, above and contact, below the headline."""
+    room = WIDTH - 2 * _MARGIN
+    third = (room - 2 * _GAP) // 3
+    if aspect > 1.05:
+        height = round(third / aspect)
+        sizes = [[(third, height)] * 3, [(third, _ROW)] * 3]
+    else:
+        # An upright photo leaves room for the side view beside the three pictures.
+        height = min(600, round((room - 3 * _GAP - 420) / (3 * aspect)))
+        width = max(1, round(height * aspect))
+        sizes = [
+            [(width, height)] * 3 + [(room - 3 * (max(width, _CELL) + _GAP), height)],
+            [(third, _ROW), (room - third - _GAP, _ROW)],
+        ]
+    frames, y = [], 0
+    for row in sizes:
+        x = _MARGIN
+        for width, height in row:
+            frames.append(_Frame(x, y + _TITLE, width, height))
+            x += max(width, _CELL) + _GAP
+        y += _TITLE + row[0][1] + _GAP
+    return tuple(frames)
+
+
+def _paste(page: Image.Image, frame: _Frame, title: str, picture: UInt8Array) -> None:
+    pen = ImageDraw.Draw(page)
+    _text(pen, (frame.x, frame.y - 26), title, 18, _INK)
+    page.paste(Image.fromarray(picture), (frame.x, frame.y))
+    pen.rectangle((frame.x - 1, frame.y - 1, frame.x + frame.width, frame.y + frame.height), outline=(206, 206, 202))
+
+
+def _name_people(pen: ImageDraw.ImageDraw, frame: _Frame, reconstruction: Reconstruction) -> None:
+    """Each person's number above their head, or beside it where the photo ends there."""
+    camera = Perspective(reconstruction.intrinsics, frame.width, frame.height)
+    for index, person in enumerate(reconstruction.people):
+        spots = camera.project(np.asarray(person.joints[[_HEAD, _NECK]], np.float64))
+        column, row = spots[0, :2]
+        top = float(person.box[1]) * frame.height / reconstruction.image.shape[0] - 14
+        if not np.isfinite([column, row, top]).all():
+            continue
+        if top < 12:
+            aside = max(28.0, 1.6 * float(np.linalg.norm(spots[0, :2] - spots[1, :2])))
+            column, top = column + (aside if column + aside < frame.width - 12 else -aside), max(row - 6, 12)
+        x, y = (float(np.clip(value, 12, size - 12)) for value, size in ((column, frame.width), (top, frame.height)))
+        _chip(pen, frame.x + x, frame.y + y, index)
+
+
+def _chip(pen: ImageDraw.ImageDraw, x: float, y: float, index: int) -> None:
+    """A person's number on their colour."""
+    pen.ellipse((x - 11, y - 11, x + 11, y + 11), fill=person_color(index), outline=(255, 255, 255), width=2)
+    pen.text((x, y), str(index), font=_font(14), fill=(20, 20, 20), anchor="mm")
+
+
+def _depth_bar(page: Image.Image, frame: _Frame, ends: tuple[float, float]) -> None:
+    """What the colours mean, in metres, beside the panel's title."""
+    pen = ImageDraw.Draw(page)
+    near, far = ends
+    room = max(frame.width, _CELL)
+    width = min(240, int(room - _font(18).getlength(_DEPTH_TITLE) - 60))
+    x, y = frame.x + room - width - 20, frame.y - 13
+    shades = np.geomspace(near, far, width)[None].repeat(9, 0)
+    page.paste(Image.fromarray(colored_depth(shades, near, far)), (x, y))
+    last = -math.inf
+    for metres in _ticks(near, far):
+        column = x + math.log(metres / near) / math.log(far / near) * width
+        if column > last + 26:
+            last = column
+            pen.line((column, y - 3, column, y), fill=_SOFT)
+            pen.text((column, y - 4), f"{metres:g}", font=_font(13), fill=_INK, anchor="mb")
+    pen.text((x + width + 6, y + 9), "m", font=_font(14), fill=_INK, anchor="ls")
+
+
+def _plan(page: Image.Image, frame: _Frame, title: str, plan: Plan) -> None:
+    _paste(page, frame, title, plan.picture)
+    pen = ImageDraw.Draw(page, "RGBA")
+    bottom = frame.y + frame.height
+    if plan.floor_row is not None and 0 <= plan.floor_row < frame.height:
+        row = frame.y + plan.floor_row
+        pen.line((frame.x, row + 1, frame.x + frame.width - 1, row + 1), fill=(*_FLOOR, 200), width=1)
+        pen.text((frame.x + frame.width - 8, row + 3), "floor", font=_font(14), fill=_FLOOR, anchor="ra")
+    if plan.camera is not None:
+        _camera(pen, frame, plan)
+    for metre, column in plan.columns.items():
+        if 6 < column < frame.width - 6 and (plan.pixels_per_metre > 30 or metre % 5 == 0):
+            pen.line((frame.x + column, bottom - 8, frame.x + column, bottom - 1), fill=_SOFT)
+            pen.text((frame.x + column, bottom - 9), f"{metre} m", font=_font(13), fill=_INK, anchor="mb")
+    length = next((bar for bar in (1, 2, 5, 10) if bar * plan.pixels_per_metre >= 40), 20)
+    x, y = frame.x + 16, frame.y + 28
+    end = x + length * plan.pixels_per_metre
+    pen.rectangle((x - 10, y - 23, end + 10, y + 10), fill=(*PAPER, 210))
+    pen.line((x, y, end, y), fill=_INK, width=3)
+    for edge in (x, end):
+        pen.line((edge, y - 5, edge, y + 5), fill=_INK, width=2)
+    pen.text(((x + end) / 2, y - 5), f"{length} m", font=_font(14), fill=_INK, anchor="mb")
+
+
+def _camera(pen: ImageDraw.ImageDraw, frame: _Frame, plan: Plan) -> None:
+    """A small camera whose lens points to the right from the side, to the top from above."""
+    assert plan.camera is not None
+    x, y = frame.x + plan.camera[0], frame.y + plan.camera[1]
+    sideways = bool(plan.columns)
+    along, beside = (
+        (np.array([1.0, 0.0]), np.array([0.0, 1.0])) if sideways else (np.array([0, -1.0]), np.array([1.0, 0]))
+    )
+
+    def quad(start: float, end: float, first: float, second: float) -> list[tuple[float, float]]:
+        corners = ((start, -first), (start, first), (end, second), (end, -second))
+        return [tuple((np.array([x, y]) + a * along + b * beside).tolist()) for a, b in corners]
+
+    pen.polygon(quad(-16, 0, 8, 8), fill=_INK)
+    pen.polygon(quad(1, 8, 3, 7), fill=_INK)
+    anchor, spot = ("mt", (x - 4, y + 12)) if sideways else ("lm", (x + 14, y + 8))
+    pen.text(spot, "camera", font=_font(13), fill=_INK, anchor=anchor)
+
+
+def _contact(page: Image.Image, frame: _Frame, reconstruction: Reconstruction) -> None:
+    pen = ImageDraw.Draw(page)
+    people = reconstruction.people
+    shown = min(len(people), SHOWN)
+    more = f", {len(people) - shown} more not shown" if len(people) > shown else ""
+    _text(pen, (frame.x, frame.y - 26), f"Contact in red{more}", 18, _INK)
+    pen.rectangle((frame.x - 1, frame.y - 1, frame.x + frame.width, frame.y + frame.height), outline=(206, 206, 202))
+    if not shown:
+        return
+    across, down = _grid(shown, frame)
+    width, height = frame.width // across, frame.height // down
+    head = 50 if any(person.failed_checks for person in people[:shown]) else 30
+    for index in range(shown):
+        x, y = frame.x + index % across * width, frame.y + index // across * height
+        shown_person = contact_picture(reconstruction, index, width - 8, height - head - 24)
+        page.paste(Image.fromarray(shown_person.picture), (x + 4, y + head))
+        for view, column in shown_person.views:
+            pen.text((x + 4 + column, y + height - 12), view, font=_font(13), fill=_SOFT, anchor="mm")
+        _chip(pen, x + 18, y + 16, index)
+        person = people[index]
+        share = 100 * float(np.mean(person.contact)) if len(person.contact) else 0.0
+        pen.text((x + 36, y + 16), f"{share:.1f} % of the vertices touch", font=_font(15), fill=_SOFT, anchor="lm")
+        if person.failed_checks:
+            line = _cut(f"fails: {', '.join(person.failed_checks)}", 14, width - 16)
+            pen.text((x + 8, y + 38), line, font=_font(14), fill=_ALERT, anchor="lm")
+
+
+def _grid(count: int, frame: _Frame) -> tuple[int, int]:
+    """Columns and rows of cells that draw ``count`` people largest, each three views wide."""
+
+    def scale(across: int) -> float:
+        return min(frame.width / across / 2.6, (frame.height / math.ceil(count / across) - 54) / 1.8)
+
+    across = max(range(1, count + 1), key=scale)
+    return across, math.ceil(count / across)
+
+
+def _lines(mark: str, texts: Sequence[str]) -> list[str]:
+    lines = [_cut(f"{mark}{text}", 16, WIDTH - 2 * _MARGIN) for text in texts[:_SHOWN_LINES]]
+    more = len(texts) - len(lines)
+    return [*lines, f"{mark}{more} more in reconstruction.json"] if more > 0 else lines
+
+
+def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    return ImageFont.load_default(size)
+
+
+def _text(
+    pen: ImageDraw.ImageDraw, spot: tuple[float, float], text: str, size: int, color: tuple[int, int, int]
+) -> None:
+    pen.text(spot, text.translate(_PLAIN), font=_font(size), fill=color)
+
+
+def _cut(text: str, size: int, width: float) -> str:
+    """One line of at most ``width`` px."""
+    line = " ".join(text.translate(_PLAIN).split())
+    font = _font(size)
+    if font.getlength(line) <= width:
+        return line
+    while line and font.getlength(line + " ...") > width:
+        line = line[:-8]
+    return line + " ..."
+
+
+def _wrap(text: str, size: int, width: float) -> list[str]:
+    """Facts on as few lines as hold them."""
+    font, lines = _font(size), [""]
+    for fact in text.split("  ·  "):
+        longer = f"{lines[-1]}  ·  {fact}" if lines[-1] else fact
+        if font.getlength(longer) <= width:
+            lines[-1] = longer
+        else:
+            lines.append(fact)
+    return lines
+
+
+def _ticks(near: float, far: float) -> list[float]:
+    """Round depths in metres between two depths: 1, 2, 5, 10, ..., and what lies between where those are few."""
+    powers = [10.0**power for power in range(math.floor(math.log10(near)), math.ceil(math.log10(far)) + 1)]
+    for factors in ((1, 2, 5), (1, 1.5, 2, 3, 4, 5, 7), tuple(1 + step / 10 for step in range(90))):
+        ticks = [power * factor for power in powers for factor in factors if near <= power * factor <= far]
+        if len(ticks) >= 3:
+            break
+    return ticks

@@ -1,0 +1,51 @@
+"""The sets of weights that backends want, by record and by config: which are missing, and which are of other sizes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from physic_core.errors import PhysicError
+from physic_core.weights.locate import missing, other_sizes
+from physic_core.weights.manifest import read_manifest
+
+if TYPE_CHECKING:
+    from physic_core.configuration.resolve import ResolvedPipeline
+    from physic_core.discovery.registry import Claim, Registry
+
+__all__ = ["missing_sets", "remarks"]
+
+
+def missing_sets(registry: Registry, claim: Claim) -> tuple[str, ...] | None:
+    """Which of the sets of weights that a record names are not here; None where that cannot be told."""
+    lists = [manifest.path for manifest in registry.manifests if manifest.origin == claim.origin]
+    found = []
+    try:
+        for name in claim.record.weights:
+            path = next((path for path in lists if name in read_manifest(path)), None)
+            if path is None:
+                return None
+            if missing(path, name):
+                found.append(name)
+    except PhysicError:  # a list that does not hold, which `physic weights list` tells
+        return None
+    return tuple(found) if claim.record.weights else None
+
+
+def remarks(plan: ResolvedPipeline, registry: Registry) -> tuple[str, ...]:
+    """What stops no run, and may not be what the user wants: files of other sizes than the published ones.
+
+    Raises:
+        BackendError: a plugin's list of weights does not hold.
+    """
+    found: dict[str, None] = {}
+    for resolved in plan.backends.values():
+        who = resolved.provenance
+        for manifest in registry.manifests:
+            if (manifest.origin.plugin, manifest.origin.distribution) != (who.plugin, who.distribution):
+                continue
+            sets = read_manifest(manifest.path)
+            named = (sets.get(value) for value in who.options.values() if isinstance(value, str))
+            for weights in named:
+                if weights is not None and (told := other_sizes(weights)):
+                    found[f"weights '{weights.name}' are here, but {told}"] = None
+    return tuple(found)

@@ -1,0 +1,51 @@
+"""Synthetic worlds with ground truth, the conformance kit of backends, and the benchmark of the engine."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from physic_core import CommandRecord, hookimpl
+
+if TYPE_CHECKING:
+    from physic_testing.conformance import Report, check_backend, parametrize_with_checks
+    from physic_testing.worlds import WORLDS, World, build_world
+
+__all__ = ["WORLDS", "Report", "World", "build_world", "check_backend", "parametrize_with_checks"]
+
+_ON_FIRST_USE = {
+    "Report": "physic_testing.conformance",
+    "check_backend": "physic_testing.conformance",
+    "parametrize_with_checks": "physic_testing.conformance",
+    "WORLDS": "physic_testing.worlds",
+    "World": "physic_testing.worlds",
+    "build_world": "physic_testing.worlds",
+}
+
+
+@hookimpl
+def physic_commands() -> list[CommandRecord]:
+    """The benchmark, and the conformance kit without pytest."""
+    return [
+        CommandRecord("bench", "physic_testing.commands.bench:bench", "Measure how exact and how fast the engine is."),
+        CommandRecord(
+            "plugins check",
+            "physic_testing.commands.conformance:check",
+            "Run the conformance kit on a backend, on photos of synthetic worlds.",
+        ),
+        CommandRecord(
+            "plugins compare",
+            "physic_testing.commands.conformance:compare",
+            "Compare the accuracy of backends on synthetic worlds.",
+        ),
+    ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _ON_FIRST_USE:
+        raise AttributeError(f"module 'physic_testing' has no attribute '{name}'")
+    return getattr(import_module(_ON_FIRST_USE[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,0 +1,119 @@
+"""The ablation as a picture: rows with their intervals beside the paper's own, and the start against it by action."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from physic_core.errors import PhysicError
+from physic_testing.bench.paper import PAPER
+from physic_testing.bench.report import shown_row
+
+if TYPE_CHECKING:
+    from physic_testing.bench.results import Results
+    from physic_testing.bench.summary import Figures
+
+__all__ = ["draw"]
+
+_OURS, _START, _PAPER = "#1f5a8c", "#8a8a8a", "#c2703d"
+_PANELS = (("pa_mpjpe_mm", "PA-MPJPE, mm"), ("mpjpe_mm", "MPJPE, mm"), ("f1_of_means", "contact F1"))
+_ACTION_PANELS = (
+    ("pa_mpjpe_mm", "PA-MPJPE, mm"),
+    ("hidden_limbs_pa_mm", "hidden limbs, mm"),
+    ("mpjpe_mm", "MPJPE, mm"),
+)
+
+
+def draw(results: Results, path: Path) -> Path:
+    """Draw into a file whose suffix says the format: .png, .svg or .pdf.
+
+    Raises:
+        PhysicError: matplotlib is not installed.
+    """
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise PhysicError(
+            f"the plot needs {error.name}: `pip install -e '.[bench]'` in a checkout of PhySIC"
+        ) from error
+
+    labels = {key: row["label"] for key, row in results.document["settings"]["rows"].items()}
+    actions = results.document["actions"]
+    key = shown_row(list(labels))
+    heights = [0.34 * len(labels) + 1.0]
+    if key is not None:
+        heights.append(0.25 * len(actions) + 1.0)
+    figure = Figure(figsize=(11, sum(heights)), layout="constrained")
+    FigureCanvasAgg(figure)
+    upper, *lower = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
+    _rows_part(upper, results.figures, labels, _subtitle(results.document))
+    if key is not None:
+        _actions_part(lower[0], actions, key, labels[key])
+    figure.savefig(path, dpi=150)
+    return path
+
+
+def _rows_part(part: Any, rows: Mapping[str, Figures], labels: Mapping[str, str], subtitle: str) -> None:
+    axes = part.subplots(1, len(_PANELS), sharey=True)
+    places = list(range(len(rows)))
+    for axis, (name, title) in zip(axes, _PANELS, strict=True):
+        for place, (key, row) in enumerate(rows.items()):
+            found = row.figures[name]
+            if math.isfinite(found.value):
+                colour = _START if key == "start" else _OURS
+                axis.plot([found.low, found.high], [place, place], color=colour, linewidth=2, solid_capstyle="butt")
+                axis.plot(found.value, place, "o", color=colour, markersize=6)
+            printed = getattr(PAPER.get(key), name, None)
+            if printed is not None:
+                axis.plot(printed, place, "D", color=_PAPER, markerfacecolor="none", markersize=6)
+        _tidy(axis, title, places, [labels[key] for key in rows])
+    axes[0].plot([], [], "o-", color=_OURS, linewidth=2, label="here, 95 % interval")
+    axes[0].plot([], [], "D", color=_PAPER, markerfacecolor="none", label="the paper, on PROX")
+    part.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=9)
+    part.suptitle(f"Ablation: {subtitle}", x=0.01, ha="left", fontsize=11, fontweight="bold")
+
+
+def _actions_part(part: Any, actions: Mapping[str, Mapping[str, Mapping[str, Any]]], key: str, label: str) -> None:
+    axes = part.subplots(1, len(_ACTION_PANELS), sharey=True)
+    names = sorted(actions)
+    for axis, (name, title) in zip(axes, _ACTION_PANELS, strict=True):
+        for place, action in enumerate(names):
+            end, start = (_value(actions[action].get(row, {}).get(name)) for row in (key, "start"))
+            if start is not None and end is not None and name != "mpjpe_mm":
+                axis.plot([start, end], [place, place], color="#c8c8c8", linewidth=2, zorder=1)
+                axis.plot(start, place, "o", color=_START, markerfacecolor="white", markersize=5)
+            if end is not None:
+                axis.plot(end, place, "o", color=_OURS, markersize=5)
+        counts = [next(iter(actions[action].values()))["people"] for action in names]
+        _tidy(axis, title, list(range(len(names))), [f"{n} ({c})" for n, c in zip(names, counts, strict=True)])
+    axes[0].plot([], [], "o", color=_START, markerfacecolor="white", label="start")
+    axes[0].plot([], [], "o", color=_OURS, label=label)
+    part.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=9)
+    part.suptitle("By action (people)", x=0.01, ha="left", fontsize=11, fontweight="bold")
+
+
+def _tidy(axis: Any, title: str, places: Sequence[int], labels: Sequence[str]) -> None:
+    axis.set_title(title, fontsize=10, loc="left")
+    axis.set_yticks(places, labels, fontsize=9)
+    axis.set_ylim(len(places) - 0.4, -0.6)
+    farthest = float(axis.dataLim.xmax)
+    axis.set_xlim(0, 1.06 * farthest if 0 < farthest < math.inf else 1)  # infinite where nothing is drawn
+    axis.tick_params(axis="x", labelsize=8)
+    axis.tick_params(axis="y", length=0)
+    axis.grid(axis="x", color="#e6e6e6", linewidth=0.8)
+    axis.set_axisbelow(True)
+    for side in ("top", "right", "left"):
+        axis.spines[side].set_visible(False)
+
+
+def _subtitle(document: Mapping[str, Any]) -> str:
+    settings = document["settings"]
+    size = "{} x {} px".format(*settings["size"])
+    return f"{document['worlds_done']} worlds of seed {settings['seed']}, {size}, preset {settings['preset']}"
+
+
+def _value(number: Any) -> float | None:
+    return float(number) if isinstance(number, (int, float)) and math.isfinite(number) else None

@@ -1,0 +1,165 @@
+"""What a run of ``physic bench accuracy`` leaves: one JSON document with everything, the tables, and a plot."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from physic_core.files.atomic import replacing
+from physic_testing.bench.cases import source_hash
+from physic_testing.bench.judge import PERSON_METRICS, WORLD_METRICS
+from physic_testing.bench.plain import plain
+from physic_testing.bench.report import accuracy_tables, as_markdown, as_text, trial_lines
+from physic_testing.bench.rows import FULL, TRIAL
+from physic_testing.bench.summary import DRAWS, by_action, figures, truth_figures
+
+if TYPE_CHECKING:
+    from physic_testing.bench.accuracy import Work
+    from physic_testing.bench.cases import Case
+    from physic_testing.bench.report import Table
+    from physic_testing.bench.summary import Figures
+
+__all__ = ["Results", "summarise", "write"]
+
+SCHEMA = 1
+"""Of the JSON document; raised whenever a key changes its meaning."""
+
+
+@dataclass(frozen=True)
+class Results:
+    """A run, whole or stopped.
+
+    Attributes:
+        document: for JSON.
+        tables: for reading.
+        figures: row -> its figures; empty where no world was done.
+    """
+
+    document: Mapping[str, Any]
+    tables: tuple[Table, ...]
+    figures: Mapping[str, Figures]
+
+
+def summarise(
+    records: Sequence[Mapping[str, Any]], cases: Sequence[Case], work: Work, settings: Mapping[str, Any]
+) -> Results:
+    """Make tables and document of the records that there are.
+
+    Args:
+        records: of worlds that are done, in any order.
+        cases: all worlds that were asked for.
+        work: what was done with them.
+        settings: of the command, as the document shall hold them.
+    """
+    place = {(case.name, case.seed): i for i, case in enumerate(cases)}
+    records = sorted(records, key=lambda record: place[record["name"], record["seed"]])
+    labels = {row.key: row.label for row in work.rows}
+    found: dict[str, Figures] = {}
+    tables: tuple[Table, ...] = ()
+    actions: dict[str, Any] = {}
+    truth: Mapping[str, Any] = {}
+    if records:
+        found = {key: figures(records, key) for key in labels}
+        truth, actions = truth_figures(records), by_action(records, list(labels))
+        blind = [f"{r['name']} {r['seed']}: {r['error'].splitlines()[0]}" for r in records if r["error"]]
+        tables = accuracy_tables(found, labels, truth, actions, blind)
+        if FULL in found and TRIAL in found:
+            title = f"{len(records)}, seed {settings.get('seed')}"
+            tables = (trial_lines(found[TRIAL], found[FULL], labels[TRIAL].removeprefix("full, "), title), *tables)
+    document = {
+        "schema": SCHEMA,
+        "benchmark": "accuracy",
+        "complete": len(records) == len(cases),
+        "worlds_asked": len(cases),
+        "worlds_done": len(records),
+        "versions": _versions(work),
+        "settings": {**settings, "rows": {r.key: {"label": r.label, "engine": _engine(r.settings)} for r in work.rows}},
+        "metrics": {**PERSON_METRICS, **WORLD_METRICS},
+        "interval": f"95 %, percentile bootstrap over worlds, {DRAWS} draws",
+        "summary": {key: _row_summary(f) for key, f in found.items()},
+        "truth": {name: asdict(figure) for name, figure in truth.items()},
+        "actions": actions,
+        "failures": _failures(records),
+        "worlds": list(records),
+    }
+    return Results(plain(document), tables, found)
+
+
+def write(results: Results, folder: Path) -> tuple[Path, ...]:
+    """Write ``results.json``, ``table.txt`` and ``table.md``, whole or not at all.
+
+    Raises:
+        OutputError: the folder cannot be written.
+    """
+    texts = {
+        "results.json": json.dumps(results.document, indent=1, ensure_ascii=False) + "\n",
+        "table.txt": "\n\n\n".join(map(as_text, results.tables)) + "\n",
+        "table.md": "\n\n".join(map(as_markdown, results.tables)) + "\n",
+    }
+    with replacing(folder) as temporary:
+        for name, text in texts.items():
+            temporary(name).write_text(text, encoding="utf-8")
+    return tuple(folder / name for name in texts)
+
+
+def _row_summary(row: Figures) -> dict[str, Any]:
+    counts = ("people", "missed", "left_at_start", "false_alarms", "errors")
+    return {
+        **{name: getattr(row, name) for name in counts},
+        "figures": {name: asdict(figure) for name, figure in row.figures.items()},
+    }
+
+
+def _failures(records: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Every person whom a row has no body for, or left at the start, and why."""
+    return [
+        {"world": record["name"], "seed": record["seed"], "row": key, "person": i, "found": p["found"], "why": p["why"]}
+        for record in records
+        for key, row in record["rows"].items()
+        for i, p in enumerate(row["people"])
+        if p["why"]
+    ]
+
+
+def _engine(settings: Any) -> dict[str, Any] | None:
+    return None if settings is None else asdict(settings)
+
+
+def _versions(work: Work) -> dict[str, Any]:
+    import numpy
+    import scipy
+    import torch
+
+    from physic_core.discovery.plugins import core_version
+
+    return {
+        "physic-core": core_version(),
+        "worlds": f"source {source_hash(('physic_testing/worlds', 'physic_core/body'))}",
+        **_plugin_versions(work),
+        "python": platform.python_version(),
+        "machine": f"{platform.system()} {platform.machine()}",
+        "numpy": numpy.__version__,
+        "scipy": scipy.__version__,
+        "torch": torch.__version__,
+    }
+
+
+def _plugin_versions(work: Work) -> dict[str, Any]:
+    """Of each plugin's distribution, and of its model of noise where it states one."""
+    import sys
+
+    from physic_core.configuration.resolve import resolve
+    from physic_core.discovery.plugins import discover
+
+    answer: dict[str, Any] = {}
+    for found in resolve(work.config, discover()).backends.values():
+        who = found.provenance
+        answer[who.distribution] = who.version
+        noise = getattr(sys.modules.get(who.plugin), "NOISE_VERSION", None)
+        if noise is not None:
+            answer[f"{who.distribution} noise"] = noise
+    return answer

@@ -1,0 +1,1 @@
+"""The commands that physic-testing adds to ``physic``."""

@@ -1,0 +1,236 @@
+"""``physic bench``: how exact and how fast the engine is."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from physic_core.errors import ConfigError, PhysicError
+
+if TYPE_CHECKING:
+    from physic_core.configuration.model import Config
+    from physic_testing.bench.accuracy import Work
+    from physic_testing.bench.cases import Case
+    from physic_testing.bench.results import Results
+
+__all__ = ["bench"]
+
+
+class _Size(click.ParamType[Any]):
+    name = "WxH"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+        width, _, height = str(value).lower().partition("x")
+        if not (width.isdecimal() and height.isdecimal() and int(width) >= 64 and int(height) >= 64):
+            self.fail(f"'{value}' is no size in px of at least 64x64, such as 320x240", param, ctx)
+        return int(width), int(height)
+
+
+@click.group()
+def bench() -> None:
+    """Measure how exact and how fast the engine is.
+
+    "accuracy" needs the plugin physic-mock: pip install -e plugins/physic-mock in a checkout of PhySIC
+    """
+
+
+@bench.command()
+@click.option("--worlds", metavar="N", type=click.IntRange(1), default=34, show_default=True, help="How many worlds.")
+@click.option("--seed", metavar="S", type=click.IntRange(0), default=0, show_default=True, help="Draws the worlds.")
+@click.option("--preset", metavar="NAME", default="default", show_default=True, help="Engine's preset, the full model.")
+@click.option("--size", type=_Size(), default="320x240", show_default=True, help="Photos, px.")
+@click.option(
+    "--noise-seed", metavar="K", type=click.IntRange(0), default=0, show_default=True, help="Draws the errors."
+)
+@click.option("--rows", metavar="NAME,...", default="", help="Rows of the table, or other presets of the engine.")
+@click.option(
+    "--set",
+    "overrides",
+    metavar="KEY=VALUE",
+    multiple=True,
+    help="A setting of the engine (joint.depth_weight=10) makes a trial beside the full row; one of a backend "
+    "(metric_depth.options...) changes all rows. May be repeated.",
+)
+@click.option("--jobs", metavar="J", type=click.IntRange(1), default=1, show_default=True, help="Processes.")
+@click.option(
+    "-o", "--out", type=click.Path(path_type=Path), default=Path("physic-bench"), show_default=True, help="Folder."
+)
+@click.option("--cache", type=click.Path(path_type=Path), help="Keeps evidence.  [default: user's cache folder]")
+@click.option("--no-cache", is_flag=True, help="Keep no evidence between runs.")
+def accuracy(
+    worlds: int,
+    seed: int,
+    preset: str,
+    size: tuple[int, int],
+    noise_seed: int,
+    rows: str,
+    overrides: tuple[str, ...],
+    jobs: int,
+    out: Path,
+    cache: Path | None,
+    no_cache: bool,
+) -> None:
+    """Print the ablation table on synthetic worlds with ground truth; write it, every number and a plot to --out.
+
+    Ctrl-C ends the run with the worlds that are done; the same command later goes on from there.
+    """
+    if no_cache and cache is not None:
+        raise click.UsageError("--cache and --no-cache exclude each other: give one of them")
+    trial, others = _split(overrides)
+    config, noisy = _configs(preset, noise_seed, trial, others)
+
+    from physic_core.configuration.resolve import check, require_whole, resolve
+    from physic_core.discovery.plugins import discover
+    from physic_core.files.atomic import check_writable
+
+    registry = discover()
+    check(config, registry)
+    require_whole(resolve(noisy, registry))
+    check_writable(out)
+
+    from physic_testing.bench.accuracy import Work
+    from physic_testing.bench.cases import cache_folder, chosen_cases
+    from physic_testing.bench.rows import FULL, TRIAL, Row, pick
+
+    keys = [key.strip() for key in rows.split(",") if key.strip()]
+    chosen = pick(preset, keys or ([FULL] if trial else []))
+    if trial:
+        label = "full, " + ", ".join(text.partition(".")[2] for text in trial)
+        chosen = (*chosen, Row(TRIAL, label, config.engine.settings()))
+    work = Work(noisy, chosen, None if no_cache else (cache or cache_folder()))
+    cases = chosen_cases(worlds, seed, size)
+    settings = {
+        "worlds": worlds,
+        "seed": seed,
+        "preset": preset,
+        "size": list(size),
+        "noise_seed": noise_seed,
+        "set": list(overrides),
+        "config": noisy.as_dict(),
+    }
+    _run(cases, work, jobs, out, settings)
+
+
+@bench.command()
+@click.option(
+    "--sections", metavar="NAME,...", default="", help="floor, nearest, people, size, threads, cuda.  [default: all]"
+)
+@click.option("--repeats", metavar="N", type=click.IntRange(1), default=5, show_default=True, help="Rounds.")
+@click.option("--preset", metavar="NAME", default="default", show_default=True, help="Engine's preset.")
+@click.option("--size", type=_Size(), default="640x480", show_default=True, help="Photos, px.")
+@click.option("--seed", metavar="S", type=click.IntRange(0), default=0, show_default=True, help="Draws the problems.")
+@click.option("--json", "file", type=click.Path(path_type=Path), help="Write every number to this file, too.")
+def speed(sections: str, repeats: int, preset: str, size: tuple[int, int], seed: int, file: Path | None) -> None:
+    """Print how the engine's times on this machine compare: ratios measured in one run."""
+    from physic_testing.bench.speed import SECTIONS, format_report, measure_speed
+
+    report = measure_speed(
+        repeats,
+        sections=[name.strip() for name in sections.split(",") if name.strip()] or tuple(SECTIONS),
+        preset=preset,
+        size=size,
+        seed=seed,
+        progress=lambda title: click.echo(title, err=True),
+    )
+    if file is not None:
+        import json
+
+        from physic_core.files.atomic import replacing
+
+        with replacing(file.parent) as temporary:
+            temporary(file.name).write_text(json.dumps(report.as_dict(), indent=1) + "\n", encoding="utf-8")
+    click.echo(format_report(report))
+
+
+def _split(overrides: tuple[str, ...]) -> tuple[list[str], list[str]]:
+    """Settings of the engine, as "engine.joint.x=1", and those of backends."""
+    stages = ("scene.", "human.", "joint.", "contact.")
+    full = [f"engine.{text}" if text.strip().startswith(stages) else text.strip() for text in overrides]
+    if any(text.startswith("engine.preset") for text in full):
+        raise ConfigError("--set engine.preset=...: say it with --preset NAME, or with --rows full,NAME")
+    return [t for t in full if t.startswith("engine.")], [t for t in full if not t.startswith("engine.")]
+
+
+def _configs(preset: str, noise_seed: int, trial: list[str], others: list[str]) -> tuple[Config, Config]:
+    """The config of the trial, and that of perception, which is the same for all trials."""
+    from physic_core.configuration.model import load_config
+    from physic_core.interfaces import INTERFACES
+
+    noise = {name: {"options": {"noise_seed": noise_seed}} for name in INTERFACES}
+    engine = {"engine": {"preset": preset}}
+    return (
+        load_config(preset="mock", overrides=[*others, *trial], flags={"--noise-seed": noise, "--preset": engine}),
+        load_config(preset="mock", overrides=others, flags={"--noise-seed": noise}),
+    )
+
+
+def _run(cases: tuple[Case, ...], work: Work, jobs: int, out: Path, settings: dict[str, Any]) -> None:
+    from physic_testing.bench.accuracy import run_cases
+    from physic_testing.bench.plot import draw
+    from physic_testing.bench.report import as_text
+    from physic_testing.bench.results import summarise, write
+
+    records: list[dict[str, Any]] = []
+    stopped: BaseException | None = None
+    try:
+        with _progress(len(cases)) as progress:
+            for record in run_cases(cases, work, jobs):
+                records.append(record)
+                failed = " failed" if record["error"] or any(row["error"] for row in record["rows"].values()) else ""
+                progress(f"{record['name']} {record['seed']}{failed}")
+    except (KeyboardInterrupt, PhysicError) as cause:  # told once what is done is written
+        stopped = cause
+    results: Results = summarise(records, cases, work, settings)
+    paths = [*write(results, out)]
+    if records:
+        click.echo("\n\n\n".join(map(as_text, results.tables)) + "\n")
+        try:
+            paths.append(draw(results, out / "ablation.png"))
+        except PhysicError as error:  # the numbers are safe: a missing plot is worth a note
+            click.echo(f"note: {error}", err=True)
+    click.echo(f"{len(records)} of {len(cases)} worlds; results: {', '.join(map(str, paths))}")
+    if isinstance(stopped, PhysicError):
+        raise stopped
+    if stopped is not None:
+        raise click.Abort
+
+
+@contextmanager
+def _progress(total: int) -> Iterator[Callable[[str], None]]:
+    """A bar on a terminal, one line a world elsewhere; both on stderr."""
+    if not sys.stderr.isatty():
+        done, start = 0, time.monotonic()
+
+        def say(title: str) -> None:
+            nonlocal done
+            done += 1
+            click.echo(f"[{done}/{total}] {title}  ({time.monotonic() - start:.0f} s)", err=True)
+
+        yield say
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (
+        TextColumn("{task.description:<24}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("worlds", total=total)
+        yield lambda title: bar.update(task, description=title, advance=1)

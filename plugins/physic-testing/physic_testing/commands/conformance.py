@@ -1,0 +1,126 @@
+"""``physic plugins check`` and ``compare``: the conformance kit without pytest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from physic_core.cli.arguments import class_here, require_interface
+from physic_core.cli.exit_codes import BACKEND, WEIGHTS
+
+if TYPE_CHECKING:
+    from physic_core.discovery.registry import Registry
+
+__all__ = ["check", "compare"]
+
+_DEVICE = click.option("--device", default="cpu", show_default=True, metavar="NAME", help="cpu, cuda or cuda:N.")
+
+
+@click.command()
+@click.argument("name")
+@click.option("--interface", metavar="NAME", help="Only the backend of this interface.")
+@click.option("--option", "options", multiple=True, metavar="KEY=VALUE", help="An option of the backend, as in TOML.")
+@_DEVICE
+@click.option("--json", "as_json", is_flag=True, help="Print the whole report as JSON.")
+@click.pass_context
+def check(
+    ctx: click.Context, name: str, interface: str | None, options: tuple[str, ...], device: str, as_json: bool
+) -> None:
+    """Try the backends called NAME on photos of synthetic worlds, and say what they do wrong.
+
+    NAME is a backend, DISTRIBUTION:BACKEND, or PACKAGE.MODULE:CLASS. Ends with code 5 if a check fails, and with
+    4 if the backend could not be tried because something is missing on this machine.
+    """
+    import json
+
+    from physic_core.discovery.plugins import discover
+    from physic_testing.conformance import check_backend
+
+    require_interface(interface)
+    name, registry, given = class_here(name), discover(), _values(options) or None
+    interfaces = [interface] if interface is not None else interfaces_of(registry, name)
+    for own in interfaces:
+        registry.get(own, name)  # a name that cannot be used is refused before minutes are spent on the others
+    reports = []
+    for own in interfaces:
+        reports.append(check_backend(name, own, options=given, registry=registry, device=device))
+        if not as_json:
+            click.echo(reports[-1].text + "\n")
+    if as_json:
+        click.echo(json.dumps([report.as_dict() for report in reports], indent=2))
+    if any(report.failures for report in reports):
+        ctx.exit(BACKEND)
+    ctx.exit(WEIGHTS if any(report.not_asked for report in reports) else 0)
+
+
+@click.command()
+@click.argument("interface")
+@click.argument("names", nargs=-1, required=True)
+@click.option("--world", "worlds", multiple=True, metavar="NAME[:SEED]", help="A world to show; repeat for more.")
+@_DEVICE
+@click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON.")
+def compare(interface: str, names: tuple[str, ...], worlds: tuple[str, ...], device: str, as_json: bool) -> None:
+    """Print the errors of several backends of INTERFACE on the same synthetic worlds, side by side.
+
+    Each of NAMES may carry options as a TOML table: 'mock{noise=2}'.
+    """
+    import json
+
+    from physic_testing.conformance.compare import COMPARED
+    from physic_testing.conformance.compare import compare as compared
+    from physic_testing.worlds import WORLDS
+
+    require_interface(interface)
+    chosen = [(world.partition(":")[0], _seed(world)) for world in worlds] or COMPARED
+    for name, _ in chosen:
+        if name not in WORLDS:
+            raise click.UsageError(f"no world named '{name}'; there are: {', '.join(WORLDS)}")
+    found = compared(interface, [_with_options(name) for name in names], worlds=chosen, device=device)
+    click.echo(json.dumps(found.as_dict(), indent=2) if as_json else found.text)
+
+
+def interfaces_of(registry: Registry, name: str) -> list[str]:
+    """The interfaces that have a backend of this name.
+
+    Raises:
+        BackendNotFoundError: none has.
+    """
+    return list(dict.fromkeys(claim.record.interface for claim in registry.called(name)))
+
+
+def _values(options: Sequence[str]) -> dict[str, Any]:
+    """KEY=VALUE as TOML says it; what is no TOML value is a text."""
+    import tomllib
+
+    values: dict[str, Any] = {}
+    for text in options:
+        key, equals, value = text.partition("=")
+        if not equals:
+            raise click.UsageError(f"--option {text}: write KEY=VALUE")
+        try:
+            values[key] = tomllib.loads(f"value = {value}")["value"]
+        except tomllib.TOMLDecodeError:
+            values[key] = value
+    return values
+
+
+def _with_options(name: str) -> str | tuple[str, dict[str, Any]]:
+    """A name, or "mock{noise=2}" as the name and its options."""
+    import tomllib
+
+    bare, brace, rest = name.partition("{")
+    if not brace:
+        return class_here(name)
+    try:
+        return class_here(bare), tomllib.loads(f"options = {{{rest}")["options"]
+    except tomllib.TOMLDecodeError as error:
+        raise click.UsageError(f"{name}: write NAME{{key=value, ...}} as in TOML ({error})") from error
+
+
+def _seed(world: str) -> int:
+    _, colon, seed = world.partition(":")
+    if colon and not seed.isdecimal():
+        raise click.UsageError(f"--world {world}: write NAME or NAME:SEED, the seed a whole number")
+    return int(seed) if colon else 0

@@ -1,0 +1,187 @@
+"""How far each backend is off on worlds: numbers to compare backends by, which no check judges."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from physic_core.metrics.contact_scores import contact_scores
+from physic_core.metrics.matching import mask_iou
+from physic_core.metrics.pose import BODY_JOINTS, mpjpe_mm, pa_mpjpe_mm
+
+if TYPE_CHECKING:
+    from physic_core.types import (
+        Bodies,
+        ContactProbability,
+        DepthMap,
+        FloatArray,
+        Hands,
+        Keypoints,
+        People,
+        Pointmap,
+        UInt8Array,
+        Unknown,
+    )
+    from physic_testing.conformance.cases import Case
+    from physic_testing.conformance.subject import Subject
+
+__all__ = ["BETTER", "accuracy_of", "measure"]
+
+BETTER: dict[str, str] = {
+    "IoU": "higher",
+    "found": "higher",
+    "floor IoU": "higher",
+    "PSNR in the hole, dB": "higher",
+    "abs-rel": "lower",
+    "delta1": "higher",
+    "abs-rel, scale fitted": "lower",
+    "delta1, scale fitted": "higher",
+    "abs-rel, aligned": "lower",
+    "delta1, aligned": "higher",
+    "px": "lower",
+    "share of person": "lower",
+    "MPJPE, mm": "lower",
+    "PA-MPJPE, mm": "lower",
+    "degrees": "lower",
+    "wrist degrees": "lower",
+    "hands found": "higher",
+    "F1": "higher",
+    "precision": "higher",
+    "recall": "higher",
+}
+"""Every number that is measured -> whether higher or lower is better."""
+
+_SURE = 0.5  # of a contact probability
+
+
+def measure(interface: str, answer: Any, case: Case) -> dict[str, float]:
+    """Errors of one answer, by the names of BETTER.
+
+    Args:
+        interface: of the backend.
+        answer: of the right form.
+        case: with a truth.
+
+    Raises:
+        NotJudged: a world does not know this kind of truth.
+    """
+    return _MEASURES[interface](answer, case)
+
+
+def accuracy_of(subject: Subject) -> dict[str, float]:
+    """Means over the photos of worlds that a subject has answered; empty where it answered none."""
+    found: list[Mapping[str, float]] = []
+    shown = [name for name in ("one person", "several people", "close") if name in subject.attempts]
+    for name in shown:
+        try:
+            found.append(measure(subject.interface, subject.answer(name), subject.case(name)))
+        except Exception:  # an answer that fails its checks need not be measurable
+            continue
+    return mean_of(found)
+
+
+def mean_of(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Means of what is finite, by name."""
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    kept = {name: [row[name] for row in rows if name in row and np.isfinite(row[name])] for name in names}
+    return {name: float(np.mean(values)) for name, values in kept.items() if values}
+
+
+def _segmenter(answer: People, case: Case) -> dict[str, float]:
+    truth = case.truth
+    overlap = mask_iou(answer.masks, truth.masks)
+    best = overlap.max(axis=0, initial=0.0)
+    found = {"IoU": float(best.mean()), "found": float((best > 0.5).mean())}
+    if answer.floor is not None:
+        floor = truth.empty_floor_mask & ~truth.masks.any(axis=0)
+        found["floor IoU"] = float((answer.floor & floor).sum() / max(int((answer.floor | floor).sum()), 1))
+    return found
+
+
+def _inpainter(answer: UInt8Array, case: Case) -> dict[str, float]:
+    error = (answer.astype(float) - case.empty)[case.hole]
+    return {"PSNR in the hole, dB": float(10 * np.log10(255**2 / max(float((error**2).mean()), 1e-2)))}
+
+
+def _metric_depth(answer: DepthMap, case: Case) -> dict[str, float]:
+    truth = case.truth.empty_depth.astype(np.float64)
+    both = np.isfinite(answer.depth) & np.isfinite(truth)
+    ratio = answer.depth[both] / truth[both]
+    fitted = ratio / np.median(ratio)
+    return {
+        "abs-rel": float(np.abs(ratio - 1).mean()),
+        "delta1": _delta1(ratio),
+        "abs-rel, scale fitted": float(np.abs(fitted - 1).mean()),
+        "delta1, scale fitted": _delta1(fitted),
+    }
+
+
+def _relative_pointmap(answer: Pointmap, case: Case) -> dict[str, float]:
+    truth = case.truth.empty_depth.astype(np.float64)
+    both = answer.valid & np.isfinite(truth)
+    ratio = _fitted(answer.points[..., 2][both].astype(np.float64), truth[both], answer.unknown) / truth[both]
+    return {"abs-rel, aligned": float(np.abs(ratio - 1).mean()), "delta1, aligned": _delta1(ratio)}
+
+
+def _keypoint_detector(answer: Keypoints, case: Case) -> dict[str, float]:
+    from physic_testing.conformance.keypoint_detector import true_keypoints
+
+    points, true, seen, _ = true_keypoints(answer, case.truth)
+    sides = (case.people.boxes[:, 2:] - case.people.boxes[:, :2]).max(axis=1)[:, None]
+    error = np.linalg.norm(points - true, axis=2)
+    return {"px": float(error[seen].mean()), "share of person": float((error / sides)[seen].mean())}
+
+
+def _body_estimator(answer: Bodies, case: Case) -> dict[str, float]:
+    from physic_testing.conformance.body_estimator import posed
+
+    joints, true = posed(answer)[1][:, BODY_JOINTS], case.truth.joints[:, BODY_JOINTS].astype(np.float64)
+    return {"MPJPE, mm": float(mpjpe_mm(joints, true).mean()), "PA-MPJPE, mm": float(pa_mpjpe_mm(joints, true).mean())}
+
+
+def _hand_estimator(answer: Hands, case: Case) -> dict[str, float]:
+    from physic_testing.conformance.hand_estimator import finger_errors, true_hands, true_wrists
+
+    shown = answer.confidence > 0
+    found = {"hands found": float(shown.mean())}
+    if shown.any():
+        found["degrees"] = float(finger_errors(answer.rotvecs, true_hands(case.truth))[shown].mean())
+        if answer.wrists is not None:
+            found["wrist degrees"] = float(finger_errors(answer.wrists, true_wrists(case.truth))[shown].mean())
+    return found
+
+
+def _contact_prior(answer: ContactProbability, case: Case) -> dict[str, float]:
+    from physic_testing.conformance.contact_prior import on_the_bodies
+
+    scores = contact_scores(on_the_bodies(answer).probability > _SURE, case.truth.contact)
+    return {"F1": scores.f1_mean, "precision": scores.precision_mean, "recall": scores.recall_mean}
+
+
+def _delta1(ratio: FloatArray) -> float:
+    return float((np.maximum(ratio, 1 / ratio) < 1.25).mean())
+
+
+def _fitted(z: FloatArray, truth: FloatArray, unknown: Unknown) -> FloatArray:
+    """Depth (M,) after the least-squares fit of what is unknown, in shares of the true depth."""
+    if unknown == "inverse_scale_shift":
+        design, target = np.stack([truth / z, truth], axis=1), np.ones_like(truth)
+        s, t = np.linalg.lstsq(design, target, rcond=None)[0]
+        return np.asarray(1 / np.maximum(s / z + t, 1e-6))
+    columns = [z / truth] if unknown == "scale" else [z / truth, 1 / truth]
+    found = np.linalg.lstsq(np.stack(columns, axis=1), np.ones_like(truth), rcond=None)[0]
+    return np.asarray(np.maximum(z * found[0] + (found[1] if len(found) > 1 else 0.0), 1e-6))
+
+
+_MEASURES: dict[str, Callable[[Any, Case], dict[str, float]]] = {
+    "segmenter": _segmenter,
+    "inpainter": _inpainter,
+    "metric_depth": _metric_depth,
+    "relative_pointmap": _relative_pointmap,
+    "keypoint_detector": _keypoint_detector,
+    "body_estimator": _body_estimator,
+    "hand_estimator": _hand_estimator,
+    "contact_prior": _contact_prior,
+}

@@ -1,0 +1,197 @@
+"""The photos that a backend is shown, each with everything that the pipeline would hand over with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.types import Bodies, Hints, Keypoints, People, Plane, Pointmap
+from physic_testing.worlds import build_world
+
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray, Intrinsics, UInt8Array
+    from physic_testing.worlds import World
+
+__all__ = ["CASES", "SIZE", "Case", "build_case", "case_of_world", "known_hints"]
+
+SIZE = (320, 240)
+"""Width and height of the ordinary photos, px."""
+
+SCENE_UNIT = 1.7
+"""Metres in a unit of the relative point maps that are given as hints."""
+
+CASES: dict[str, str] = {
+    "one person": "one person, landscape",
+    "several people": "people beside one another",
+    "odd size": "a width and a height that no network likes, 131 x 97 px",
+    "portrait": "higher than wide",
+    "nobody": "a room without people",
+    "blank": "one grey all over",
+    "tiny": "32 x 24 px",
+    "large": "four times as wide and high",
+    "close": "one person, three times as wide and high",
+}
+"""Name of each photo -> what it is."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One photo and what is known of it.
+
+    Attributes:
+        name: one of CASES, or the name of a world.
+        photo: (H, W, 3) uint8 RGB.
+        empty: (H, W, 3) uint8 RGB, the photo without its people.
+        hole: (H, W) bool, what has to be inpainted.
+        intrinsics: the camera.
+        people: N people with their true masks, without keypoints.
+        keypoints: true ones of the N people, skeleton "blazepose33".
+        bodies: true ones, in metres.
+        scene: true points of ``empty`` in units of SCENE_UNIT metres.
+        original: true points of ``photo`` in the same unit.
+        floor: the floor in that unit.
+        world: the truth; None where the photo was made up from another one, and is not judged by the truth.
+    """
+
+    name: str
+    photo: UInt8Array
+    empty: UInt8Array
+    hole: BoolArray
+    intrinsics: Intrinsics
+    people: People
+    keypoints: Keypoints
+    bodies: Bodies
+    scene: Pointmap
+    original: Pointmap
+    floor: Plane
+    world: World | None
+
+    @property
+    def size(self) -> str:
+        """Width and height in words."""
+        return f"{self.photo.shape[1]} x {self.photo.shape[0]} px"
+
+    @property
+    def truth(self) -> World:
+        """The world, of a case that has one."""
+        assert self.world is not None, f"the photo '{self.name}' has no truth"
+        return self.world
+
+
+def build_case(name: str, size: tuple[int, int] = SIZE) -> Case:
+    """Build a case; the last ones are kept.
+
+    Args:
+        name: one of CASES.
+        size: width and height of the ordinary photos, px; it sets those of the others.
+    """
+    return _build(name, size)
+
+
+@lru_cache(maxsize=32)
+def _build(name: str, size: tuple[int, int]) -> Case:
+    width, height = size
+    if name == "one person":
+        return case_of_world(name, build_world("stand", 0, size))
+    if name == "several people":
+        return case_of_world(name, build_world("group", 0, size))
+    if name == "odd size":
+        return case_of_world(name, build_world("stand", 0, (131, 97)))
+    if name == "portrait":
+        return case_of_world(name, build_world("stand", 0, (height, width)))
+    if name == "close":
+        return case_of_world(name, build_world("stand", 0, (3 * width, 3 * height)))
+    person = _build("one person", size)
+    if name == "nobody":
+        return _without_people(person)
+    if name == "blank":
+        grey = np.full_like(person.photo, 128)
+        return replace(person, name=name, photo=grey, empty=grey, world=None)
+    return _resized(person, name, *((32, 24) if name == "tiny" else (4 * width, 4 * height)))
+
+
+def case_of_world(name: str, world: World) -> Case:
+    """What the pipeline would know of a world's photo if every backend were right."""
+    import cv2
+
+    height, width = world.image.shape[:2]
+    radius = max(2, round(0.01 * max(height, width)))
+    brush = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    skeleton = "blazepose33"
+    scene, original = (world.points(people=people) / np.float32(SCENE_UNIT) for people in (False, True))
+    return Case(
+        name=name,
+        photo=world.image,
+        empty=world.empty_image,
+        hole=cv2.dilate(world.masks.any(axis=0).astype(np.uint8), brush) > 0,
+        intrinsics=world.intrinsics,
+        people=People(world.masks, world.boxes, np.linspace(0.95, 0.85, len(world.masks))),
+        keypoints=Keypoints(world.keypoints[skeleton], np.where(world.visible[skeleton], 0.95, 0.2), skeleton),
+        bodies=Bodies(world.parameters, world.body_model, world.joints_visible),
+        scene=Pointmap(scene, np.isfinite(scene).all(axis=2), "scale", world.intrinsics),
+        original=Pointmap(original, np.isfinite(original).all(axis=2), "scale", world.intrinsics),
+        floor=Plane(world.floor.normal, world.floor.offset / SCENE_UNIT),
+        world=world,
+    )
+
+
+def known_hints(case: Case) -> Hints:
+    """Everything that is known of a photo when the metric depth is asked, the last of all."""
+    return Hints(
+        intrinsics=case.intrinsics,
+        people=case.people,
+        keypoints=case.keypoints,
+        hole=case.hole,
+        scene=case.scene,
+        original=case.original,
+        floor=case.floor,
+        bodies=case.bodies,
+    )
+
+
+def _without_people(case: Case) -> Case:
+    people, keypoints, bodies = case.people, case.keypoints, case.bodies
+    observed = None if bodies.observed is None else bodies.observed[:0]
+    return replace(
+        case,
+        name="nobody",
+        photo=case.empty,
+        hole=np.zeros_like(case.hole),
+        people=People(people.masks[:0], people.boxes[:0], people.scores[:0]),
+        keypoints=Keypoints(keypoints.points[:0], keypoints.confidence[:0], keypoints.skeleton),
+        bodies=Bodies(bodies.parameters[:0], bodies.body_model, observed),
+        original=case.scene,
+        world=None,
+    )
+
+
+def _resized(case: Case, name: str, width: int, height: int) -> Case:
+    """The case resampled to another size, nearest pixels."""
+    old_height, old_width = case.hole.shape
+    scale = np.array([width / old_width, height / old_height])
+    rows = ((np.arange(height) + 0.5) / scale[1]).astype(int)
+    columns = ((np.arange(width) + 0.5) / scale[0]).astype(int)
+    grid = np.ix_(rows, columns)
+    people, keypoints = case.people, case.keypoints
+    masks = people.masks[(slice(None), *grid)]
+    return replace(
+        case,
+        name=name,
+        photo=case.photo[grid],
+        empty=case.empty[grid],
+        hole=case.hole[grid],
+        intrinsics=case.intrinsics.resized(width, height),
+        people=People(masks, people.boxes * np.tile(scale, 2), people.scores),
+        keypoints=replace(keypoints, points=(keypoints.points + 0.5) * scale - 0.5),
+        scene=_sampled(case.scene, grid, width, height),
+        original=_sampled(case.original, grid, width, height),
+        world=None,
+    )
+
+
+def _sampled(pointmap: Pointmap, grid: tuple[object, ...], width: int, height: int) -> Pointmap:
+    camera = pointmap.intrinsics.resized(width, height) if pointmap.intrinsics is not None else None
+    return replace(pointmap, points=pointmap.points[grid], valid=pointmap.valid[grid], intrinsics=camera)  # type: ignore[index]

@@ -1,0 +1,143 @@
+"""Checks of a KeypointDetector: a known joint set, in the photo's pixels, left on the person's left."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_testing.conformance.answering import CHECKS_OF_PEOPLE
+from physic_testing.conformance.expect import NotJudged, expect
+from physic_testing.conformance.rows import check_rows_follow_the_people
+from physic_testing.conformance.run import Check
+
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray, FloatArray, Keypoints
+    from physic_testing.conformance.subject import Subject
+    from physic_testing.worlds import World
+
+__all__ = ["CHECKS", "joint_counts", "true_keypoints"]
+
+MOST_ERROR = 0.25
+"""Median error as a share of the larger side of the person's box."""
+
+
+def joint_counts() -> dict[str, int]:
+    """Joint set -> its number of joints."""
+    from physic_core.body.landmarks import DETECTED
+
+    return {name: len(joints) for name, joints in DETECTED.items()}
+
+
+def true_keypoints(answer: Keypoints, world: World) -> tuple[FloatArray, FloatArray, BoolArray, str]:
+    """Answered points (N, J, 2), true ones, which of them the photo shows, and the joint set that they share.
+
+    Raises:
+        NotJudged: a world knows no truth of this joint set.
+    """
+    from physic_core.body.landmarks import DETECTED, known_keypoints
+    from physic_testing.conformance.joint_sets import world_keypoints
+
+    if answer.skeleton not in DETECTED or "hand21" in answer.skeleton:
+        raise NotJudged(f"worlds know no keypoints of the skeleton {answer.skeleton!r}")
+    known = known_keypoints(answer)
+    truth, visible = world_keypoints(world, known.skeleton)
+    return known.points, truth, visible & (known.confidence > 0), known.skeleton
+
+
+def check_skeleton_is_known(subject: Subject) -> None:
+    """`skeleton` names a joint set that the core knows, with as many points."""
+    answer, known = subject.answer(), joint_counts()
+    expect(
+        answer.skeleton in known,
+        f"the name of a joint set: {', '.join(n for n in known if 'hand' not in n)}",
+        f"{answer.skeleton!r}",
+    )
+    count = answer.points.shape[1]
+    expect(count == known[answer.skeleton], f"{known[answer.skeleton]} joints of {answer.skeleton!r}", f"{count}")
+
+
+def check_joints_lie_on_the_person(subject: Subject) -> None:
+    """The joints that the photo shows are near the true ones, in px of the photo."""
+    answer, truth = subject.answer(), subject.case("one person").truth
+    points, true, seen, _ = true_keypoints(answer, truth)
+    if not seen.any():
+        raise NotJudged("it is sure of no joint")
+    sides = (truth.boxes[:, 2:] - truth.boxes[:, :2]).max(axis=1)[:, None]
+    error = float(np.median((np.linalg.norm(points - true, axis=2) / sides)[seen]))
+    turned = float(np.median((np.linalg.norm(points[..., ::-1] - true, axis=2) / sides)[seen]))
+    hint = (
+        "x comes first, then y."
+        if turned < MOST_ERROR
+        else "Are they in px of the photo, not of a crop, nor in shares?"
+    )
+    expect(
+        error < MOST_ERROR,
+        f"x y px of the photo, a median error below {MOST_ERROR:.0%} of the person's box",
+        f"{error:.0%}; joint 0 at {np.round(points[0, 0], 2).tolist()} px, truly {np.round(true[0, 0], 1).tolist()}",
+        hint,
+    )
+
+
+def check_left_is_the_persons_left(subject: Subject) -> None:
+    """Left joints are on the person's own left."""
+    from physic_core.body.landmarks import SKELETONS
+
+    points, true, seen, name = true_keypoints(subject.answer(), subject.case("one person").truth)
+    other = mirrored_order(SKELETONS[name])
+    sided = seen & seen[:, other] & (np.array(other) != np.arange(len(other)))
+    if not sided.any():
+        raise NotJudged("it sees no pair of joints")
+    right = float(np.linalg.norm(points - true, axis=2)[sided].mean())
+    swapped = float(np.linalg.norm(points[:, other] - true, axis=2)[sided].mean())
+    expect(
+        swapped > 0.5 * right,
+        "left joints on the person's own left",
+        f"{right:.1f} px off as they are, {swapped:.1f} px with left and right exchanged",
+    )
+
+
+def check_world_points_are_metres(subject: Subject) -> None:
+    """`world`, where it is given, is in metres with y down: the head of who stands is above the feet."""
+    from physic_core.body.landmarks import SKELETONS
+
+    answer = subject.answer()
+    names = SKELETONS.get(answer.skeleton, ())
+    if answer.world is None or "left_ankle" not in names:
+        raise NotJudged("it answers no world points")
+    height = answer.world[:, [names.index("left_ankle"), names.index("right_ankle")], 1].mean(axis=1)
+    height = height - answer.world[:, names.index("nose"), 1]
+    expect(
+        bool((height > 0).all()),
+        "y down in the world points: a larger y of the ankles than of the nose",
+        f"{np.round(height, 2).tolist()} m more",
+    )
+    expect(
+        bool(((height > 0.5) & (height < 3)).all()),
+        "metres: 0.5-3 m from nose to ankles of a standing person",
+        f"{np.round(height, 2).tolist()}",
+    )
+
+
+def mirrored_order(names: tuple[str, ...]) -> list[int]:
+    """Index of each joint's twin on the other side; its own where it has none."""
+    place = {name: i for i, name in enumerate(names)}
+
+    def twin(name: str) -> str:
+        side, _, rest = name.partition("_")
+        return {"left": f"right_{rest}", "right": f"left_{rest}"}.get(side, name)
+
+    return [place.get(twin(name), i) for i, name in enumerate(names)]
+
+
+_READ = "physic_core.types.Keypoints"
+_KNOWN = ("skeleton_is_known",)
+CHECKS: tuple[Check, ...] = (
+    *CHECKS_OF_PEOPLE,
+    Check(check_skeleton_is_known, _READ),
+    Check(check_joints_lie_on_the_person, _READ, after=_KNOWN),
+    Check(check_left_is_the_persons_left, _READ, after=(*_KNOWN, "joints_lie_on_the_person")),
+    Check(check_world_points_are_metres, _READ, after=_KNOWN),
+    Check(check_rows_follow_the_people, _READ),
+)
+"""In the order in which they make sense."""

@@ -1,0 +1,156 @@
+"""Checks of what is known of a backend before it is constructed: its class, its plugin and its options."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import subprocess
+import sys
+import warnings
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+from pydantic import BaseModel, ValidationError
+from pydantic.json_schema import PydanticJsonSchemaWarning
+
+from physic_core.discovery.error_text import describe
+from physic_core.discovery.registry import call_fault
+from physic_core.interfaces import INTERFACES
+from physic_testing.conformance.expect import NotJudged, NotMet, expect
+from physic_testing.conformance.run import Check
+
+if TYPE_CHECKING:
+    from physic_testing.conformance.subject import Subject
+
+__all__ = ["CHECKS"]
+
+HEAVY = frozenset((
+    "PIL", "cv2", "diffusers", "jax", "kornia", "matplotlib", "numpy", "onnxruntime", "open3d", "pandas",
+    "scipy", "skimage", "sklearn", "tensorflow", "timm", "torch", "torchvision", "transformers", "trimesh",
+    "ultralytics",
+))  # fmt: skip
+"""Modules that only a backend's own module may import, never the module that registers it."""
+
+LONGEST_REGISTRATION = 0.5
+"""Seconds of processor time."""
+
+_LOOK = """
+import json, sys, time
+import physic_core.hookspecs, physic_core.interfaces, physic_core.plugins
+known, start = set(sys.modules), time.process_time()
+found = physic_core.discovery.plugins.discover(environment={"PHYSIC_PLUGINS": sys.argv[1]})
+new = sorted({m.partition(".")[0] for m in set(sys.modules) - known})
+print(json.dumps({"seconds": time.process_time() - start, "new": new, "broken": [b.cause for b in found.broken]}))
+"""
+
+
+def check_registration_is_light(subject: Subject) -> None:
+    """Listing the plugin imports nothing heavy: the user pays for it at every `physic plugins`."""
+    claim = subject.claim
+    if claim is None or not claim.origin.plugin:
+        raise NotJudged("no plugin registers it")
+    seen = _registration(claim.origin.plugin, tuple(sys.path))
+    expect(not seen["broken"], "a plugin that can be listed", "; ".join(seen["broken"]))
+    heavy = sorted(HEAVY & set(seen["new"]))
+    expect(
+        not heavy,
+        f"a registration module, {claim.origin.plugin}, that imports nothing heavy",
+        f"listing it imports {', '.join(heavy)}",
+        "Give the target as a text, 'package.module:Class', and import the rest in that module.",
+    )
+    expect(
+        seen["seconds"] < LONGEST_REGISTRATION,
+        f"less than {LONGEST_REGISTRATION} s of processor time to list the plugin",
+        f"{seen['seconds']:.1f} s",
+        "Move work out of the registration module.",
+    )
+
+
+def check_target_is_a_whole_class(subject: Subject) -> None:
+    """The target is a subclass of its interface without abstract methods."""
+    wanted = INTERFACES[subject.interface]
+    name = f"physic_core.interfaces.{wanted.__name__}"
+    expect(issubclass(subject.kind, wanted), f"a subclass of {name}", f"{subject.kind.__mro__[1:-1]}")
+    missing = sorted(getattr(subject.kind, "__abstractmethods__", ()))
+    expect(not missing, f"all methods of {name}", f"a class without {', '.join(missing)}")
+
+
+def check_infer_takes_what_is_given(subject: Subject) -> None:
+    """`infer` takes the arguments of its interface, in their order."""
+    wanted = list(inspect.signature(INTERFACES[subject.interface].infer).parameters)  # type: ignore[attr-defined]
+    fault = call_fault(subject.kind, subject.interface)
+    expect(not fault, f"infer({', '.join(wanted)})", fault)
+
+
+def check_options_are_a_closed_model(subject: Subject) -> None:
+    """`Options` is a pydantic model that refuses keys it does not know."""
+    options = subject.kind.Options
+    is_model = isinstance(options, type) and issubclass(options, BaseModel)
+    expect(is_model, "Options to be a subclass of physic_core.interfaces.Options", f"{options!r}")
+    try:
+        options.model_validate({"no_such_option_": 1})
+    except ValidationError as error:
+        if any(fault["type"] == "extra_forbidden" for fault in error.errors()):
+            return
+    raise NotMet(
+        "unknown options to be refused: a user's spelling mistake must not pass",
+        "a model that takes {'no_such_option_': 1}",
+        "Derive Options from physic_core.interfaces.Options and leave its model_config alone.",
+    )
+
+
+def check_options_have_defaults(subject: Subject) -> None:
+    """Every option has a default: a config that only names the backend works."""
+    required = [name for name, field in subject.kind.Options.model_fields.items() if field.is_required()]
+    expect(not required, "a default for every option", f"none for {', '.join(required)}")
+
+
+def check_options_are_described(subject: Subject) -> None:
+    """Every option says what it is, for `physic plugins show`."""
+    silent = [name for name, field in subject.kind.Options.model_fields.items() if not field.description]
+    expect(
+        not silent,
+        "a description of every option: unit, what good values are",
+        f"none for {', '.join(silent)}",
+        "option: float = Field(0.5, description='... m; 0.3-1 works')",
+    )
+
+
+def check_options_go_through_json(subject: Subject) -> None:
+    """Options have a JSON schema, and come back from JSON as they were: results and editors need both."""
+    kind = subject.kind.Options
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", PydanticJsonSchemaWarning)
+            json.dumps(kind.model_json_schema())
+        options = subject.options()
+        back = kind.model_validate(json.loads(json.dumps(options.model_dump(mode="json"))))
+    except Exception as error:  # pydantic raises many kinds
+        raise NotMet("options that can be written as JSON", describe(error, subject.kind)) from error
+    expect(back == options, "options that come back from JSON as they were", f"{back!r} instead of {options!r}")
+
+
+@lru_cache(maxsize=64)
+def _registration(plugin: str, path: tuple[str, ...]) -> dict[str, Any]:
+    import os
+
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in path if p)}
+    command = [sys.executable, "-P", "-c", _LOOK, plugin]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=120, check=False)
+    if done.returncode:
+        return {"seconds": 0.0, "new": [], "broken": [done.stderr.strip().rpartition("\n")[2]]}
+    seen: dict[str, Any] = json.loads(done.stdout.strip().rpartition("\n")[2])
+    return seen
+
+
+_HOOK, _OPTIONS = "physic_core.discovery.hookspecs", "physic_core.interfaces.Options"
+CHECKS: tuple[Check, ...] = (
+    Check(check_registration_is_light, _HOOK),
+    Check(check_target_is_a_whole_class, "physic_core.interfaces"),
+    Check(check_infer_takes_what_is_given, "physic_core.interfaces", after=("target_is_a_whole_class",)),
+    Check(check_options_are_a_closed_model, _OPTIONS),
+    Check(check_options_have_defaults, _OPTIONS, after=("options_are_a_closed_model",)),
+    Check(check_options_are_described, _OPTIONS, after=("options_are_a_closed_model",)),
+    Check(check_options_go_through_json, _OPTIONS, after=("options_have_defaults",)),
+)
+"""In the order in which they make sense."""

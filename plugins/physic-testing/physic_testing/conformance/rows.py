@@ -1,0 +1,65 @@
+"""Checks that answer rows belong to the people that were asked about, in their order."""
+
+from __future__ import annotations
+
+from dataclasses import fields, is_dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from physic_core.discovery.error_text import describe
+from physic_testing.conformance.asking import inputs
+from physic_testing.conformance.expect import NotJudged, NotMet, expect
+
+if TYPE_CHECKING:
+    from physic_core.types import FloatArray
+    from physic_testing.conformance.subject import Subject
+
+__all__ = ["check_rows_follow_the_people"]
+
+
+def check_rows_follow_the_people(subject: Subject) -> None:
+    """Row i is about person i: asked about the same people in reverse, the rows come in reverse."""
+    answer, case = subject.answer("several people"), subject.case("several people")
+    count = len(case.people)
+    turned = tuple(_reversed(a, count) for a in inputs(subject.interface, case))
+    try:
+        again = subject.ask(subject.loaded(case), case, turned)
+    except Exception as error:
+        raise NotMet("an answer about the same people in reverse order", describe(error, subject.kind)) from error
+    first, second = _rows(answer, count), _rows(again, count)
+    apart = np.abs(first[:, None] - second[None]).mean(axis=2)
+    if not apart.any():
+        raise NotJudged("it answers the same for everybody")
+    kept, swapped = float(np.trace(apart)), float(np.trace(apart[::-1]))
+    expect(
+        swapped < 0.5 * kept,
+        "row i about person i: the rows in reverse for the people in reverse",
+        "rows in an order of their own",
+        "Do not sort people by size or score.",
+    )
+
+
+def _reversed(thing: Any, count: int) -> Any:
+    """An argument whose arrays with a row a person are turned round."""
+    if isinstance(thing, np.ndarray):
+        return thing[::-1].copy() if thing.ndim and len(thing) == count else thing
+    if is_dataclass(thing) and not isinstance(thing, type):
+        return replace(thing, **{f.name: _reversed(getattr(thing, f.name), count) for f in fields(thing)})
+    return thing
+
+
+def _rows(answer: Any, count: int) -> FloatArray:
+    """(N, M) numbers of each person."""
+    found: list[FloatArray] = []
+
+    def gather(thing: Any) -> None:
+        if isinstance(thing, np.ndarray) and thing.ndim and len(thing) == count:
+            flat = np.nan_to_num(thing.astype(np.float64).reshape(count, -1))
+            found.append(flat / max(float(np.abs(flat).max(initial=0)), 1e-9))
+        elif is_dataclass(thing) and not isinstance(thing, type):
+            for field in fields(thing):
+                gather(getattr(thing, field.name))
+
+    gather(answer)
+    return np.concatenate(found, axis=1)

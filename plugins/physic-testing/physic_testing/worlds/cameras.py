@@ -1,0 +1,280 @@
+"""Cameras of the worlds: focal length, height, tilt and distance as in people's own photos, with the people in sight.
+
+The room's frame (x right, y up, z towards the camera's side), metres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.types import Intrinsics
+from physic_testing.worlds.arithmetic import apply, arctan2, norm, sine_cosine
+from physic_testing.worlds.casting import Caster
+from physic_testing.worlds.rendering import pixel_rays
+from physic_testing.worlds.solids import blocks_mesh, signed_distance
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from physic_core.types import BoolArray, FloatArray
+    from physic_testing.worlds.solids import Block, Ground
+
+__all__ = ["Camera", "Shot", "Subject", "aim"]
+
+_FIELD = (35.0, 80.0)  # degrees, horizontal; the larger side never sees more than the second
+_HEIGHT = (0.6, 2.2)  # m over the ground
+_FILL = (0.40, 0.90)  # share of the frame that the people fill, along the side that is full first
+_CUT_FILL = (0.95, 1.35)
+_CUT = 0.9  # share of the photos that cut people at the border, where the action allows it
+_TILT = np.radians(32.0)
+_ROLL = np.radians(2.0)  # standard deviation
+_NEAREST, _FARTHEST_INDOORS, _FARTHEST = 0.7, 7.0, 11.0  # m, to the nearest point of a person; to their middle
+_CLEARANCE = 0.3  # m round the camera
+_SHOWN = 0.25  # least share of a person's own silhouette that must be seen
+_SMALLEST = 0.008  # least share of the photo that each person covers
+_IN_FRAME = 0.5  # least share of each person's vertices inside the frame
+_TRUNK = (3, 6, 9, 12, 15)  # spine, neck and head
+_TRIES = 80
+_COARSE = 72  # px of the longer side of a trial photo
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Where the photo is taken from.
+
+    Attributes:
+        rotation: (3, 3), room's axes to the camera's (OpenCV: x right, y down, z forward).
+        position: (3,) of the camera in the room.
+    """
+
+    rotation: FloatArray
+    position: FloatArray
+
+    def to_camera(self, points: FloatArray) -> FloatArray:
+        """Points (..., 3) of the room -> camera frame."""
+        return apply(self.rotation, points - self.position)
+
+    def to_room(self, points: FloatArray) -> FloatArray:
+        """Points (..., 3) of the camera frame -> room."""
+        return apply(self.rotation.T, points) + self.position
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A camera and its lens; ``cut`` where it may leave parts of people outside the frame."""
+
+    camera: Camera
+    intrinsics: Intrinsics
+    cut: bool
+
+
+class Subject:
+    """What is to be photographed: settled people and the blocks of their action.
+
+    Args:
+        vertices: (N, V, 3) metres.
+        joints: (N, 55, 3) metres.
+        faces: (F, 3) of each person.
+        blocks: of the action.
+        ground: of the place.
+    """
+
+    def __init__(
+        self,
+        vertices: FloatArray,
+        joints: FloatArray,
+        faces: NDArray[np.int64],
+        blocks: Sequence[Block],
+        ground: Ground,
+    ) -> None:
+        self.vertices, self.joints, self.blocks, self.ground = vertices, joints, tuple(blocks), ground
+        self.sparse = vertices[:, ::7]
+        people, count, _ = vertices.shape
+        solid, solid_faces, _ = blocks_mesh(self.blocks)
+        self._owner = np.concatenate([np.full(len(solid_faces), -1), np.repeat(np.arange(people), len(faces))])
+        self._everything = Caster(
+            np.concatenate([solid, vertices.reshape(-1, 3)]),
+            np.concatenate([solid_faces, *(faces + len(solid) + count * i for i in range(people))]),
+        )
+        self._alone = [Caster(person, faces) for person in vertices]
+
+    def shown(self, shot: Shot) -> tuple[FloatArray, FloatArray]:
+        """Of each person, the share of the own silhouette in the frame that is seen, and its share of the photo."""
+        scale = _COARSE / max(shot.intrinsics.width, shot.intrinsics.height)
+        small = shot.intrinsics.resized(
+            max(8, round(scale * shot.intrinsics.width)), max(8, round(scale * shot.intrinsics.height))
+        )
+        rays = apply(shot.camera.rotation.T, pixel_rays(small))
+        face = self._everything.first(shot.camera.position, rays).face
+        owner = np.where(face >= 0, self._owner[np.maximum(face, 0)], -1)
+        whole = [caster.first(shot.camera.position, rays).face >= 0 for caster in self._alone]
+        seen = np.array([(owner == i).sum() for i in range(len(whole))])
+        return seen / np.maximum([mask.sum() for mask in whole], 1), seen / len(rays)
+
+    def trunk_in_sight(self, shot: Shot) -> BoolArray:
+        """(N,) whether the line to one of spine, neck and head at least meets that person first, inside the frame."""
+        points = self.joints[:, _TRUNK]
+        hits = self._everything.first(shot.camera.position, (points - shot.camera.position).reshape(-1, 3))
+        owner = np.where(hits.face >= 0, self._owner[np.maximum(hits.face, 0)], -1).reshape(points.shape[:2])
+        inside = in_frame(points, shot)
+        seen: BoolArray = ((owner == np.arange(len(points))[:, None]) & inside).any(axis=1)
+        return seen
+
+
+def aim(
+    subject: Subject,
+    rng: np.random.Generator,
+    size: tuple[int, int],
+    azimuth: tuple[float, float],
+    *,
+    may_cut: bool,
+    outdoors: bool,
+) -> Shot | None:
+    """Draw cameras until one shows everybody.
+
+    Args:
+        subject: people and blocks.
+        rng: draws all of it.
+        size: width and height of the photo, px.
+        azimuth: degrees round the vertical from +z towards +x, from where the camera may look.
+        may_cut: whether people may be cut at the border.
+        outdoors: whether the camera may stand farther away.
+
+    Returns:
+        None if none of many did.
+    """
+    for _ in range(_TRIES):
+        shot = _drawn(
+            subject, rng, size, azimuth, may_cut=may_cut, farthest=_FARTHEST if outdoors else _FARTHEST_INDOORS
+        )
+        if shot is not None and _good(subject, shot):
+            return shot
+    return None
+
+
+def in_frame(points: FloatArray, shot: Shot, margin: float = 0.0) -> BoolArray:
+    """Points (..., 3) of the room -> (...) whether they lie in the photo, ``margin`` px from its border."""
+    local = shot.camera.to_camera(points)
+    uv = _projected(local, shot.intrinsics)
+    size = np.array([shot.intrinsics.width, shot.intrinsics.height])
+    inside: BoolArray = (local[..., 2] > 0) & ((uv >= margin) & (uv <= size - 1 - margin)).all(axis=-1)
+    return inside
+
+
+def _drawn(
+    subject: Subject,
+    rng: np.random.Generator,
+    size: tuple[int, int],
+    azimuth: tuple[float, float],
+    *,
+    may_cut: bool,
+    farthest: float,
+) -> Shot | None:
+    width, height = size
+    field = np.radians(rng.uniform(*_FIELD))
+    focal = max(width / 2 / _tangent(field / 2), max(size) / 2 / _tangent(np.radians(_FIELD[1]) / 2))
+    intrinsics = Intrinsics.from_focal(float(focal), width, height, source="world")
+    cut = bool(may_cut and rng.random() < _CUT)
+    fill = rng.uniform(*(_CUT_FILL if cut else _FILL))
+    side = np.radians(rng.uniform(*azimuth))
+    over = rng.triangular(_HEIGHT[0], 1.5, _HEIGHT[1])
+    roll = float(np.clip(rng.normal(0, _ROLL), -3 * _ROLL, 3 * _ROLL))
+    # Where the middle of the people comes to lie: anywhere that keeps them in, as a share of the free border.
+    place = np.clip(rng.normal(0, 0.5, 2), -0.9, 0.9)
+    if cut:
+        place[1] = rng.uniform(0.2, 1.0)  # heads stay in, legs go out at the bottom
+    points = subject.sparse.reshape(-1, 3)
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    near, far, found = 0.5, farthest, None
+    sine, cosine = sine_cosine(side)
+    for _ in range(14):
+        distance = (near + far) / 2
+        x, z = middle[0] + distance * sine, middle[2] + distance * cosine
+        position = np.array([x, subject.ground.height_at(x, z) + over, z])
+        shot = Shot(_turned_to(points, position, middle, roll, intrinsics, place, cut=cut), intrinsics, cut)
+        filled = _filled(points, shot)
+        found = shot
+        near, far = (distance, far) if filled > fill else (near, distance)
+    return None if found is None or abs(_filled(points, found) - fill) > 0.05 else found
+
+
+def _good(subject: Subject, shot: Shot) -> bool:
+    position = shot.camera.position
+    if abs(shot.camera.rotation[2, 1]) > sine_cosine(_TILT)[0]:
+        return False
+    if signed_distance(position[None], subject.blocks, subject.ground)[0] < _CLEARANCE:
+        return False
+    if norm(subject.sparse - position).min() < _NEAREST:
+        return False
+    inside = in_frame(subject.sparse, shot).mean(axis=1)
+    whole = in_frame(subject.vertices, shot, margin=0.01 * max(shot.intrinsics.width, shot.intrinsics.height)).all()
+    if not (whole or (shot.cut and (inside > _IN_FRAME).all())):
+        return False
+    share, area = subject.shown(shot)
+    return bool((share >= _SHOWN + 0.05).all() and (area >= _SMALLEST).all() and subject.trunk_in_sight(shot).all())
+
+
+def _turned_to(
+    points: FloatArray,
+    position: FloatArray,
+    target: FloatArray,
+    roll: float,
+    intrinsics: Intrinsics,
+    place: FloatArray,
+    *,
+    cut: bool,
+) -> Camera:
+    """Look at the target, then turn until the points' box lies at its place in the frame."""
+    away = target - position
+    level = np.sqrt(away[0] * away[0] + away[2] * away[2])
+    pan, tilt = float(arctan2(-away[0], -away[2])), float(arctan2(away[1], level))
+    size = np.array([intrinsics.width, intrinsics.height], np.float64)
+    camera = Camera(_rotation(pan, tilt, roll), position)
+    for _ in range(4):
+        local = camera.to_camera(points)
+        if (local[:, 2] < 0.2).any():
+            return camera
+        uv = _projected(local, intrinsics)
+        low, high = uv.min(axis=0), uv.max(axis=0)
+        # With much tilt a person's lowest points take more room than their highest, so the box alone says where.
+        free = (size - (high - low)) / 2 - 0.02 * size
+        wanted = (size - 1) / 2 + place * (np.where(free > 0, free, [0, 0]) if not cut else np.abs(free))
+        shift = (low + high) / 2 - wanted
+        pan -= float(arctan2(shift[0], intrinsics.fx))
+        tilt -= float(arctan2(shift[1], intrinsics.fy))
+        camera = Camera(_rotation(pan, tilt, roll), position)
+    return camera
+
+
+def _tangent(angle: float) -> float:
+    sine, cosine = sine_cosine(angle)
+    return float(sine / cosine)
+
+
+def _rotation(pan: float, tilt: float, roll: float) -> FloatArray:
+    """Room to camera: ``pan`` about the vertical from looking along -z, ``tilt`` upwards, ``roll`` about the axis."""
+    (sine, cosine), (s_pan, c_pan), (s, c) = (sine_cosine(angle) for angle in (tilt, pan, roll))
+    forward = np.array([-s_pan * cosine, sine, -c_pan * cosine])
+    right = np.array([c_pan, np.float64(0.0), -s_pan])
+    down = np.cross(forward, right)
+    return np.stack([c * right + s * down, c * down - s * right, forward])
+
+
+def _filled(points: FloatArray, shot: Shot) -> float:
+    local = shot.camera.to_camera(points)
+    if (local[:, 2] < 0.2).any():
+        return np.inf
+    uv = _projected(local, shot.intrinsics)
+    extent = (uv.max(axis=0) - uv.min(axis=0)) / [shot.intrinsics.width, shot.intrinsics.height]
+    return float(extent.max())
+
+
+def _projected(local: FloatArray, intrinsics: Intrinsics) -> FloatArray:
+    focal, centre = np.array([intrinsics.fx, intrinsics.fy]), np.array([intrinsics.cx, intrinsics.cy])
+    uv: FloatArray = local[..., :2] / np.maximum(local[..., 2:], 1e-3) * focal + centre
+    return uv

@@ -1,0 +1,166 @@
+"""A place: a furnished room, or open ground under the sky; as a mesh, as an exact signed distance, and as paint.
+
+The room's own frame: metres, x right, y up, z towards the camera's side, the ground through the origin.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_testing.worlds.arithmetic import apply
+from physic_testing.worlds.solids import QUADS, Block, Ground, blocks_mesh, box_corners, signed_distance, yaw_matrix
+from physic_testing.worlds.textures import Decoration, Patch, albedo
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.types import BoolArray, FloatArray
+
+__all__ = ["Room", "Surfaces", "Walls"]
+
+_HORIZON = 150.0  # m to where open ground ends
+
+
+@dataclass(frozen=True)
+class Walls:
+    """Four walls and a ceiling round a level floor.
+
+    Attributes:
+        low: smallest x and z, in the walls' own axes.
+        high: largest x and z.
+        height: of the ceiling.
+        yaw: radians, turn of the walls about +y.
+        decorations: of the left (-x), right (+x), back (-z) and front (+z) wall; u runs along x or z, v upwards.
+    """
+
+    low: tuple[float, float]
+    high: tuple[float, float]
+    height: float
+    yaw: float = 0.0
+    decorations: tuple[tuple[Decoration, ...], ...] = ((), (), (), ())
+
+    def to_local(self, points: FloatArray) -> FloatArray:
+        """Points (..., 3) of the room in the walls' axes, y staying y."""
+        return apply(yaw_matrix(self.yaw).T, points)
+
+    def signed_distance(self, points: FloatArray) -> FloatArray:
+        """Points (..., 3) -> (...) metres to the nearest wall or ceiling, negative outside."""
+        local = self.to_local(points)
+        across = np.minimum(local[..., [0, 2]] - np.array(self.low), np.array(self.high) - local[..., [0, 2]])
+        distance: FloatArray = np.minimum(across.min(axis=-1), self.height - local[..., 1])
+        return distance
+
+
+@dataclass(frozen=True)
+class Room:
+    """A closed room, or open ground where ``walls`` is None, with blocks in it.
+
+    Attributes:
+        ground: the floor; level where there are walls.
+        blocks: furniture and the like; they may touch.
+        walls: None outdoors.
+        floor: what the ground is painted as, with its rugs.
+        seed: of the colours.
+    """
+
+    ground: Ground
+    blocks: tuple[Block, ...]
+    walls: Walls | None
+    floor: Patch
+    seed: int = 0
+
+    def signed_distance(self, points: FloatArray) -> FloatArray:
+        """Points (..., 3) -> (...) metres to the nearest surface, exact in the air, negative inside anything solid."""
+        distance = signed_distance(points, self.blocks, self.ground)
+        return distance if self.walls is None else np.minimum(distance, self.walls.signed_distance(points))
+
+    def mesh(self) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]:
+        """Vertices (V, 3), faces (F, 3) counter-clockwise seen from the air, and each face's surface (F,).
+
+        Surface 0 is the ground, 1 to 5 are left, right, back, front wall and ceiling, 6 + 6 i + k is side k of block
+        i, in the order of ``solids.QUADS``.
+        """
+        vertices, faces, block = blocks_mesh(self.blocks)
+        surface = 6 + 6 * block + np.tile(np.repeat(np.arange(6), 2), len(self.blocks))
+        if self.walls is None:
+            shell, quads, outer = _ground_corners(self.ground), np.array([[0, 1, 2, 3]]), np.array([0])
+        else:
+            walls = self.walls
+            low, high = (
+                np.array([walls.low[0], 0.0, walls.low[1]]),
+                np.array([walls.high[0], walls.height, walls.high[1]]),
+            )
+            shell = apply(yaw_matrix(walls.yaw), box_corners(low, high))
+            quads, outer = QUADS[:, ::-1], np.array([1, 2, 0, 5, 3, 4])  # seen from inside
+        inner = np.stack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]], axis=1).reshape(-1, 3)
+        return (
+            np.concatenate([shell, vertices]),
+            np.concatenate([inner, faces + len(shell)]),
+            np.concatenate([np.repeat(outer, 2), surface]),
+        )
+
+
+class Surfaces:
+    """The paint of a room's surfaces, numbered as in ``Room.mesh``."""
+
+    def __init__(self, room: Room) -> None:
+        self._room = room
+        rng = np.random.default_rng([room.seed, 11])
+        self._wall_seeds = rng.integers(0, 1 << 30, 2)  # walls of one room are often of two colours
+        self._things = _thing_seeds(room.blocks, room.seed)
+
+    def albedo(self, points: FloatArray, surface: NDArray[np.int64], blur: FloatArray) -> FloatArray:
+        """Colours (n, 3) of points (n, 3) of the room on surfaces (n,); a pixel covers ``blur`` (n,) metres of them."""
+        colours = np.zeros((len(points), 3))
+        order = np.argsort(surface, kind="stable")
+        numbers, starts = np.unique(surface[order], return_index=True)
+        for number, here in zip(numbers, np.split(order, starts[1:]), strict=True):
+            patch, u, v = self._patch(int(number), points[here])
+            colours[here] = albedo(patch, u, v, blur[here])
+        return colours
+
+    def _patch(self, surface: int, points: FloatArray) -> tuple[Patch, FloatArray, FloatArray]:
+        room = self._room
+        if surface == 0 and room.walls is None:
+            return room.floor, points[:, 0], points[:, 2]
+        if surface < 6:
+            assert room.walls is not None
+            x, y, z = room.walls.to_local(points).T
+            if surface == 0:
+                return room.floor, x, z
+            if surface == 5:
+                return Patch("ceiling", room.seed), x, z
+            seed = int(self._wall_seeds[0 if surface < 4 else 1])
+            return Patch("wall", seed, room.walls.decorations[surface - 1]), (z if surface < 3 else x), y
+        index, side = divmod(surface - 6, 6)
+        block = room.blocks[index]
+        local, half = block.to_local(points), np.array(block.half)
+        u, v = ([2, 1], [0, 2], [0, 1])[side // 2]
+        if block.material in ("wood", "metal") and half[v] > half[u]:
+            u, v = v, u  # grain runs along the board
+        return Patch(block.material, self._things[index]), local[:, u] + 3.1 * side, local[:, v]
+
+
+def _thing_seeds(blocks: tuple[Block, ...], seed: int) -> list[int]:
+    """Blocks of one material that nearly touch are one thing and share their colour."""
+    seeds = [seed + 101 * i for i in range(len(blocks))]
+    for i, block in enumerate(blocks):
+        for j in range(i):
+            if blocks[j].material == block.material and _near(block, blocks[j]):
+                seeds[i] = seeds[j]
+                break
+    return seeds
+
+
+def _near(one: Block, two: Block) -> BoolArray:
+    a, b = one.corners(), two.corners()
+    near: BoolArray = ((a.min(axis=0) < b.max(axis=0) + 0.05) & (b.min(axis=0) < a.max(axis=0) + 0.05)).all()
+    return near
+
+
+def _ground_corners(ground: Ground) -> FloatArray:
+    corners = [(-_HORIZON, -_HORIZON), (-_HORIZON, _HORIZON), (_HORIZON, _HORIZON), (_HORIZON, -_HORIZON)]
+    return np.array([(x, ground.height_at(x, z), z) for x, z in corners])

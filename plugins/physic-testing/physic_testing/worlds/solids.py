@@ -1,0 +1,201 @@
+"""Solid things of the worlds: boxes that stand anywhere and the ground, their signed distance and their mesh.
+
+The room's frame (x right, y up, z towards the camera's side), metres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_testing.worlds.arithmetic import apply, dot, matmul, norm, on_grid, sine_cosine
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.types import FloatArray
+
+__all__ = [
+    "BLOCK_MATERIALS",
+    "FLAT",
+    "GROUND_MATERIALS",
+    "QUADS",
+    "Block",
+    "Ground",
+    "Solid",
+    "blocks_mesh",
+    "box_corners",
+    "signed_distance",
+    "yaw_matrix",
+]
+
+BLOCK_MATERIALS = ("wood", "fabric", "metal", "stone", "plaster")
+"""What blocks are made of."""
+
+GROUND_MATERIALS = ("floor", "paving", "grass")
+"""What grounds are made of."""
+
+QUADS: NDArray[np.int64] = np.array(
+    [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]]
+)
+"""(6, 4) corners of a box's faces -x +x -y +y -z +z, counter-clockwise seen from outside; corner i has the sign of x, y
+and z from its bits."""
+
+_CHUNK = 1 << 20  # points times blocks at once
+
+
+@dataclass(frozen=True)
+class Block:
+    """A box that stands anywhere, turned about the vertical and tipped about its own width. Its numbers lie on a grid.
+
+    Attributes:
+        centre: x, y, z of its middle.
+        half: half its width, height and depth.
+        yaw: radians, turn about +y.
+        material: one of BLOCK_MATERIALS.
+        pitch: radians, turn about its own +x before the yaw: a positive one tips its top towards its own +z.
+    """
+
+    centre: tuple[float, float, float]
+    half: tuple[float, float, float]
+    yaw: float = 0.0
+    material: str = "wood"
+    pitch: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Puts its numbers on a grid."""
+        for name in ("centre", "half"):
+            x, y, z = on_grid(np.array(getattr(self, name))).tolist()
+            object.__setattr__(self, name, (x, y, z))
+        for name in ("yaw", "pitch"):
+            object.__setattr__(self, name, float(on_grid(getattr(self, name))))
+
+    @property
+    def rotation(self) -> FloatArray:
+        """(3, 3), the block's axes to the room's."""
+        s, c = (float(part) for part in sine_cosine(self.pitch))
+        return matmul(yaw_matrix(self.yaw), np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]]))
+
+    def to_local(self, points: FloatArray) -> FloatArray:
+        """Points (..., 3) of the room in the block's own axes, origin in its middle."""
+        return apply(self.rotation.T, points - np.array(self.centre))
+
+    def corners(self) -> FloatArray:
+        """(8, 3) in the room."""
+        half = np.array(self.half)
+        corners: FloatArray = apply(self.rotation, box_corners(-half, half)) + np.array(self.centre)
+        return corners
+
+
+@dataclass(frozen=True)
+class Ground:
+    """Everything below a plane through the origin.
+
+    Attributes:
+        normal: unit, upwards.
+        material: one of GROUND_MATERIALS.
+    """
+
+    normal: tuple[float, float, float] = (0.0, 1.0, 0.0)
+    material: str = "floor"
+
+    def height_at(self, x: float, z: float) -> float:
+        """The ground's y at a place."""
+        return -(self.normal[0] * x + self.normal[2] * z) / self.normal[1]
+
+
+FLAT = Ground()
+"""A level floor."""
+
+
+class Solid:
+    """Blocks on the ground, for many evaluations of their signed distance.
+
+    Args:
+        blocks: may touch and overlap.
+        ground: the ground.
+    """
+
+    def __init__(self, blocks: Sequence[Block], ground: Ground) -> None:
+        count = len(blocks)
+        self._rotation = np.array([block.rotation for block in blocks]).reshape(count, 3, 3)
+        self._centre = np.array([block.centre for block in blocks], np.float64).reshape(count, 3)
+        self._half = np.array([block.half for block in blocks], np.float64).reshape(count, 3)
+        self._normal = np.array(ground.normal, np.float64)
+
+    def distances(self, points: FloatArray) -> FloatArray:
+        """Points (n, 3) -> (b + 1, n) metres to each of the b blocks, and to the ground last; negative inside."""
+        found = np.empty((len(self._half) + 1, len(points)))
+        found[-1] = dot(points, self._normal)
+        if len(self._half):
+            shifted = [points[:, i] - self._centre[:, i, None] for i in range(3)]
+            turn = self._rotation[..., None]
+            local = [
+                shifted[0] * turn[:, 0, j] + shifted[1] * turn[:, 1, j] + shifted[2] * turn[:, 2, j] for j in range(3)
+            ]
+            x, y, z = (np.abs(local[j]) - self._half[:, j, None] for j in range(3))
+            inside = np.minimum(np.maximum(np.maximum(x, y), z), 0)
+            x, y, z = (np.maximum(beyond, 0) for beyond in (x, y, z))
+            found[:-1] = np.sqrt(x * x + y * y + z * z) + inside
+        return found
+
+    def normals(self, points: FloatArray, which: NDArray[np.int64]) -> FloatArray:
+        """Gradient (n, 3) of the distances of points (n, 3) to one row (n,) each of :meth:`distances`."""
+        normals = np.repeat(self._normal[None], len(points), axis=0)
+        boxes = np.flatnonzero(which < len(self._half))
+        if len(boxes):
+            block = which[boxes]
+            turn = self._rotation[block]
+            local = apply(np.swapaxes(turn, 1, 2), points[boxes] - self._centre[block])
+            beyond = np.abs(local) - self._half[block]
+            away: FloatArray = np.maximum(beyond, 0)
+            outside = away.max(axis=1) > 0
+            deepest = np.eye(3)[beyond.argmax(axis=1)]
+            direction = np.where(outside[:, None], away / np.maximum(norm(away), 1e-300)[:, None], deepest)
+            normals[boxes] = apply(turn, np.where(local < 0, -direction, direction))
+        return normals
+
+
+def signed_distance(points: FloatArray, blocks: Sequence[Block], ground: Ground) -> FloatArray:
+    """Distance to the union of blocks and ground: exact in the air, negative inside.
+
+    Inside it is the depth below the surface of the one thing in which the point lies deepest.
+
+    Args:
+        points: (..., 3), metres.
+        blocks: may touch and overlap.
+        ground: the ground.
+
+    Returns:
+        (...).
+    """
+    flat = np.asarray(points, np.float64).reshape(-1, 3)
+    solid = Solid(blocks, ground)
+    step = max(1, _CHUNK // (len(blocks) + 1))
+    found = [solid.distances(flat[i : i + step]).min(axis=0) for i in range(0, len(flat), step)]
+    distance: FloatArray = np.concatenate([*found, np.zeros(0)]).reshape(np.shape(points)[:-1])
+    return distance
+
+
+def blocks_mesh(blocks: Sequence[Block]) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]:
+    """Vertices (8 n, 3), faces (12 n, 3) counter-clockwise seen from outside, and each face's block (12 n,)."""
+    if not blocks:
+        return np.zeros((0, 3)), np.zeros((0, 3), np.int64), np.zeros(0, np.int64)
+    quads = np.concatenate([QUADS + 8 * i for i in range(len(blocks))])
+    faces = np.stack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]], axis=1).reshape(-1, 3)
+    return np.concatenate([block.corners() for block in blocks]), faces, np.repeat(np.arange(len(blocks)), 12)
+
+
+def yaw_matrix(yaw: float) -> FloatArray:
+    """The (3, 3) rotation by ``yaw`` radians about +y."""
+    s, c = (float(part) for part in sine_cosine(yaw))
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
+def box_corners(low: FloatArray, high: FloatArray) -> FloatArray:
+    """(8, 3) corners of the box between two opposite ones, in the order of QUADS."""
+    bits = (np.arange(8)[:, None] >> np.array([0, 1, 2])) & 1
+    return np.where(bits == 1, high, low).astype(np.float64)
