@@ -31,13 +31,12 @@ __all__ = ["EmbeddedBodies"]
 _SLIGHT_BEND = 0.7  # radians that a knee of somebody who stands may seem to bend
 _TRUE_BEND = 0.35  # share of it that is taken to be true
 _MOST_LEAN = 0.44  # radians; a larger lean is a misread floor or no stance
-_START_STEP = 1e-4  # radians and metres
 
 
 class EmbeddedBodiesOptions(Options):
     """Settings of the body fit."""
 
-    iterations: int = Field(80, ge=10, le=1000, description="of L-BFGS; more than 80 change nothing that is seen")
+    iterations: int = Field(80, ge=10, le=1000, description="of L-BFGS, before Newton's method finds the minimum")
     cure_lean: bool = Field(
         True, description="set people who stand upright on the floor, where the floor is known; landmarks lean forward"
     )
@@ -65,7 +64,7 @@ class EmbeddedBodies(BodyEstimator):
         from physic_core.body import load_body
 
         if self._model is None:
-            # The fit amplifies rounding errors: those of float32 would turn limbs by degrees from CPU to CPU.
+            # Newton's method differentiates gradients by differences, for which float32 is too coarse.
             self._model = load_body("embedded").to(dtype=torch.float64)
 
     def close(self) -> None:
@@ -135,7 +134,7 @@ class EmbeddedBodies(BodyEstimator):
         stands = standing(joints, views.confidence[:, legs].min(1)) & (np.abs(lean) < 2 * _MOST_LEAN)
         if not self.options.cure_lean:
             stands = np.zeros_like(stands)
-        turn = np.clip(np.where(stands, -_rounded(lean), 0.0), -_MOST_LEAN, _MOST_LEAN)
+        turn = np.clip(np.where(stands, -lean, 0.0), -_MOST_LEAN, _MOST_LEAN)
         again = fit
         for _ in range(2):
             again = fit_bodies(
@@ -207,16 +206,8 @@ def _turned_start(fit: BodyFit, views: Views, turn: FloatArray, stands: BoolArra
 
     about_x = Rotation.from_rotvec(np.stack([turn, 0 * turn, 0 * turn], -1)).as_matrix()
     root = views.turn @ about_x @ views.turn.transpose(0, 2, 1) @ fit.rotations[:, 0].double().numpy()
-    root = Rotation.from_rotvec(_rounded(Rotation.from_matrix(root).as_rotvec())).as_matrix()
     pose = roma.rotmat_to_rotvec(fit.rotations[:, 1:22].double()).numpy()
     for knee in (JOINT_INDEX["left_knee"] - 1, JOINT_INDEX["right_knee"] - 1):
         bend = pose[:, knee, 0]
         pose[:, knee, 0] = np.where(stands & (np.abs(bend) < _SLIGHT_BEND), _TRUE_BEND * bend, bend)
-    return Start(root, _rounded(pose), _rounded(fit.transl.double().numpy()))
-
-
-def _rounded(values: FloatArray) -> FloatArray:
-    """To steps far coarser than what rounding errors become in a fit, and too fine to matter to the next one."""
-    import numpy as np
-
-    return np.round(values / _START_STEP) * _START_STEP
+    return Start(root, pose, fit.transl.double().numpy())

@@ -67,6 +67,4 @@ def fit_without_landmarks(
         },
     )
     start = Start(np.concatenate(roots), np.concatenate(poses), np.concatenate(places))
-    fit = fit_bodies(model, tiled, camera, skeleton, start, settings)
-    best = fit.loss.reshape(len(starts), count).argmin(0) * count + np.arange(count)
-    return replace(fit, **{f.name: getattr(fit, f.name)[best] for f in fields(fit)})
+    return fit_bodies(model, tiled, camera, skeleton, start, settings, starts=len(starts))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from .marks import world_offset
@@ -29,7 +29,7 @@ class FitSettings:
     """Numbers of the fit.
 
     Attributes:
-        iterations: of L-BFGS; 40 leave depth wrong, more than 80 change nothing that is seen.
+        iterations: of L-BFGS, which choose the minimum that Newton's method then finds.
         sigma_2d: of a keypoint, in sizes of the person.
         sigma_3d: of a 3D landmark in metres: right, down, and away from the camera.
         shape_weight: on the squared shape components; with 1, landmark noise shows as odd bodies.
@@ -77,6 +77,23 @@ _SEEN = 0.5  # confidence of a joint that counts as seen
 _SOLE_STRIDE = 4  # every fourth vertex of a sole is enough to find its lowest point
 _SHARP = 150.0  # per metre, of the smooth minimum
 _TWINS = ("eye_inner", "eye_outer")  # say the same as the eyes
+_PER_PERSON = (
+    "points",
+    "weight",
+    "confidence",
+    "size",
+    "turn",
+    "world",
+    "world_weight",
+    "root",
+    "pose",
+    "log_z",
+    "side",
+    "lean",
+    "up_angle",
+    "feet",
+    "stands",
+)
 
 
 @dataclass(frozen=True)
@@ -129,6 +146,11 @@ class FitProblem:
         """How many unknowns a person has: root, pose, shape, translation, landmark size and lean."""
         return 3 + 63 + len(self.stature) + 3 + 2
 
+    def pick(self, rows: Tensor) -> FitProblem:
+        """The problem of some people, (n,) int64; who is named twice is there twice."""
+        values = {name: getattr(self, name) for name in _PER_PERSON}
+        return replace(self, **{name: value[rows] for name, value in values.items() if value is not None})
+
     def body(self, unknowns: Tensor) -> FittedBody:
         import roma
         import torch
@@ -150,6 +172,11 @@ class FitProblem:
             torch.exp(self.settings.size_sigma * size)[:, 0],
             self.lean + self.settings.lean_sigma * lean[:, 0] * self.stands,
         )
+
+    def loss(self, unknowns: Tensor) -> Tensor:
+        """(N,) what the fit makes small: all terms of each person."""
+        data, floor, _ = self.terms(unknowns)
+        return data + floor
 
     def terms(self, unknowns: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Losses (N,) of data and priors, and of what the floor says; and the projected keypoints (N, J, 2)."""

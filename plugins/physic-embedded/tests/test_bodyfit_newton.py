@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import pytest
+import torch
+from torch import Tensor
+
+from physic_embedded.bodyfit_newton import converge
+
+
+@dataclass(frozen=True)
+class Valley:
+    """Rosenbrock's function of pairs of unknowns, its minimum (a, a^2) different for each person."""
+
+    a: Tensor
+    asked: list[int]
+
+    def pick(self, rows: Tensor) -> Valley:
+        return replace(self, a=self.a[rows])
+
+    def loss(self, x: Tensor) -> Tensor:
+        self.asked.append(len(x))
+        return (self.a - x[:, 0]).square() + 100 * (x[:, 1] - x[:, 0].square()).square()
+
+
+def valley(*a: float) -> Valley:
+    return Valley(torch.tensor(a, dtype=torch.float64), [])
+
+
+def test_each_person_ends_at_their_minimum() -> None:
+    problem = valley(1.0, -0.5, 2.0)
+    start = torch.tensor([[-1.2, 1.0], [0.0, 0.0], [2.0, 4.0]], dtype=torch.float64)
+    found = converge(problem, start)
+    torch.testing.assert_close(found[:, 0], problem.a, rtol=0, atol=1e-9)
+    torch.testing.assert_close(found[:, 1], problem.a.square(), rtol=0, atol=1e-9)
+    assert start[1].tolist() == [0.0, 0.0]
+
+
+def test_people_are_independent_and_stop_one_by_one() -> None:
+    starts = torch.tensor([[-1.2, 1.0], [2.0, 4.0]], dtype=torch.float64)
+    problem = valley(1.0, 2.0)
+    together = converge(problem, starts)
+    assert problem.asked[0] == 2 * 3
+    assert problem.asked[-1] == 1  # of the last step of the first person alone
+    for i in range(2):
+        alone = converge(valley(float(problem.a[i])), starts[i : i + 1])
+        torch.testing.assert_close(together[i], alone[0], rtol=0, atol=1e-9)
+
+
+def test_a_saddle_is_left_downhill() -> None:
+    class Saddle(Valley):
+        def loss(self, x: Tensor) -> Tensor:
+            return (x[:, 0].square() - 1).square() + x[:, 1].square()
+
+    found = converge(Saddle(torch.zeros(1), []), torch.tensor([[0.1, 0.5]], dtype=torch.float64))
+    assert found[0].tolist() == pytest.approx([1.0, 0.0], abs=1e-9)
+
+
+def test_nobody_moves_where_the_loss_is_not_a_number() -> None:
+    class Broken(Valley):
+        def loss(self, x: Tensor) -> Tensor:
+            return torch.where(x[:, 0] > 0.5, torch.nan, super().loss(x))
+
+    start = torch.tensor([[0.5, 0.25]], dtype=torch.float64)
+    problem = Broken(torch.ones(1, dtype=torch.float64), [])
+    before, after = problem.loss(start), problem.loss(converge(problem, start))
+    assert after <= before
