@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hatchling.builders.sdist import SdistBuilder
 from hatchling.builders.wheel import WheelBuilder
 
 ROOT = Path(__file__).parents[1]
@@ -52,6 +53,15 @@ def test_a_distribution_sets_lower_bounds_only_and_each_is_pinned_for_the_machin
 
 
 ALL = PROJECTS | {p.parent.name: p.parent for p in (ROOT / "contrib").glob("*/pyproject.toml")}
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_wheel_and_source_distribution_contain_the_licence(name: str):
+    assert (ALL[name] / "LICENSE").read_bytes() == (ROOT / "LICENSE").read_bytes()
+    assert "LICENSE" in WheelBuilder(str(ALL[name])).metadata.core.license_files
+    assert "LICENSE" in {f.distribution_path for f in SdistBuilder(str(ALL[name])).recurse_included_files()}
+
+
 MODULES = {"opencv-python-headless": "cv2", "pillow": "PIL"}
 """Import names that are not the distribution's."""
 THROUGH_OTHERS = {
