@@ -23,11 +23,14 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import BodyParameters, Hands
 
-__all__ = ["Range", "stitch", "trust"]
+__all__ = ["WRIST_RANGE", "Range", "stitch", "trust"]
 
 Array = NDArray[np.float64]
 Range = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 """Lowest and highest turn of the left wrist about x, y and z, radians."""
+
+WRIST_RANGE: Range = ((-1.6, 1.6), (-1.0, 1.0), (-1.5, 1.5))
+"""How far a left wrist turns from the T-pose; no healthy pose lies beyond."""
 
 _ELBOWS, _WRISTS = [18, 19], [20, 21]
 _FOREARM = 0.6

@@ -250,10 +250,9 @@ def with_hands(bodies: Bodies, hands: Hands, model: BodyModel) -> Bodies:
     Hands that say how they lie as a whole are put onto the arms, as far as they are sure.
     """
     if hands.wrists is not None:
-        from physic_core.body.wrists import stitch
-        from physic_core.engine.joint.joint_limits import RANGES
+        from physic_core.body.wrists import WRIST_RANGE, stitch
 
-        return replace(bodies, parameters=stitch(bodies.parameters, hands, model, RANGES["wrist"]))
+        return replace(bodies, parameters=stitch(bodies.parameters, hands, model, WRIST_RANGE))
     p, found = bodies.parameters, hands.confidence > 0
     flat = hands.rotvecs.reshape(len(p), 2, 45).astype(p.left_hand_pose.dtype)
     left = np.where(found[:, :1], flat[:, 0], p.left_hand_pose)

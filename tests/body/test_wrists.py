@@ -17,13 +17,12 @@ from physic_core.body.bones import local_from_world, world_from_local
 from physic_core.body.model import BodyOutput
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
 from physic_core.body.rotations import exp, log, parted
-from physic_core.body.wrists import stitch, trust
-from physic_core.engine.joint.joint_limits import RANGES
+from physic_core.body.wrists import WRIST_RANGE, stitch, trust
 from physic_core.types import BodyParameters, Hands
 
 MODEL = load_body("embedded")
 ELBOWS, WRISTS = [18, 19], [20, 21]
-RANGE = RANGES["wrist"]
+RANGE = WRIST_RANGE
 AXES = np.array([[1.0, 0, 0], [-1.0, 0, 0]])
 """Of the embedded body's forearms."""
 

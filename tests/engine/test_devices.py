@@ -18,18 +18,9 @@ from physic_core.geometry.neighbors import NearestScene
 from physic_core.geometry.visibility import vertex_normals
 
 DEFAULT = PRESETS["default"].joint
-EVERYTHING = replace(
-    DEFAULT,
-    range_weight=1.0,
-    finger_weight=1.0,
-    self_penetration_weight=1.0,
-    people_penetration_weight=1.0,
-    stature_weight=1.0,
-)
 HERE = {
     "default": DEFAULT,
-    "everything": EVERYTHING,
-    "raw": replace(EVERYTHING, parameters="raw"),
+    "raw": replace(DEFAULT, parameters="raw"),
     "points": replace(PRESETS["prox"].joint, nearest_every_step=False),
 }
 needs_cuda = pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device here")

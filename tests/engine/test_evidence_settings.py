@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from physic_core.engine.joint import terms
 from physic_core.engine.joint.context import STATIC_CONTACTS
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.limbs import keypoint_weights, part_confidence
+from physic_core.engine.joint.limbs import keypoint_weights
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.presets import PRESETS
 from physic_core.geometry.robust import absolute, robust
@@ -53,29 +53,6 @@ def test_confidence_counts_by_its_power(standing):
     twice = JointEnergy(problem, replace(JOINT, confidence_power=2.0)).fixed.keypoint_weight
     torch.testing.assert_close(twice, 0.6 * once)
     assert sum(weight < 1 for weight in keypoint_weights("blazepose33", 33)) == 2  # hips lie on the skin
-
-
-def test_limbs_count_by_the_confidence_of_their_ends(body):
-    names = body.part_names
-    confidence = torch.ones(1, 17)
-    confidence[0, 13] = 0.2  # left knee
-    parts = dict(zip(names, part_confidence("coco17", names, confidence)[0].tolist(), strict=True))
-    assert parts["left_upper_leg"] == pytest.approx(0.6)
-    assert parts["left_lower_leg"] == pytest.approx(0.6)
-    assert parts["right_lower_leg"] == parts["left_foot"] == parts["torso"] == parts["head"] == 1
-    assert (part_confidence("made_up", names, confidence) == 1).all()
-
-
-def test_an_unsure_limb_pushes_and_pulls_less(standing):
-    confidence = torch.full_like(standing.problem.keypoint_confidence, 0.5)
-    problem = replace(standing.problem, keypoint_confidence=confidence)
-    alike = JointEnergy(problem, JOINT)
-    sure = JointEnergy(problem, replace(JOINT, vertex_confidence=2.0))
-    torch.testing.assert_close(sure.touch.contact_weight, 0.25 * alike.touch.contact_weight)
-    torch.testing.assert_close(sure.touch.floor_weight, 0.25 * alike.touch.floor_weight)
-    torch.testing.assert_close(sure.visible.depth_weight, 0.25 * alike.visible.depth_weight)
-    terms_of = {name: value.item() for name, value in sure().items()}
-    assert terms_of["regularisation"] == alike()["regularisation"].item()
 
 
 def test_static_contacts_need_no_prior(standing):

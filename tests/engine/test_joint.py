@@ -239,12 +239,6 @@ def test_the_energy_does_not_depend_on_the_resolution(standing):
 
 EVERYTHING = replace(
     SETTINGS,
-    range_weight=1.0,
-    finger_weight=1.0,
-    self_penetration_weight=1.0,
-    people_penetration_weight=1.0,
-    stature_weight=1.0,
-    vertex_confidence=1.0,
     contact_source="static",
     contact_mean=True,
     contact_angle_deg=60.0,

@@ -123,13 +123,11 @@ def feel(
         can_scene, can_floor = can_scene & (signed > 0), can_floor & (above > 0)
     if settings.contact_facing:
         can_scene, can_floor = can_scene & (against_scene > 0), can_floor & (against_floor > 0)
-    if not settings.contact_occluded:
-        can_scene = can_scene & visible.in_mask
     on_scene = can_scene & (~can_floor | (to_scene <= above.abs()))
     touching = can_scene | can_floor
     if settings.observed:
         touching = touching & visible.in_play
-    contact_weight = fixed.area * fixed.trust * fixed.prior
+    contact_weight = fixed.area * fixed.prior
     if settings.contact_facing:
         # Only what faces a surface can lie on it: the rim of a foot is over the floor, and does not touch it.
         contact_weight = contact_weight * torch.where(on_scene, against_scene, against_floor).clamp(min=0.0)
@@ -142,11 +140,10 @@ def feel(
         inside = inside & (visible.in_mask if settings.penetration_self_occluded else ~visible.hidden)
     if settings.penetration_spares_contact:
         inside = inside & ~(fixed.prior > 0)
-    solid = fixed.area * fixed.trust
 
     # Whose unseen legs would stand deep in the floor has other legs, or another floor.
     shallow = above.amin(1, keepdim=True) > -_SUNK_M
-    guessed = torch.where(shallow, settings.floor_unseen_share * solid, zeros)
+    guessed = torch.where(shallow, settings.floor_unseen_share * fixed.area, zeros)
 
     heights = [above[:, rows] for rows in fixed.soles]
     lowest = torch.stack([lowest_height(h) if h.shape[1] else far[:, 0] for h in heights], 1)
@@ -166,8 +163,8 @@ def feel(
         warp_share=share,
         on_scene=on_scene,
         contact_weight=contact_weight,
-        penetration_weight=torch.where(inside, solid, zeros),
-        floor_weight=zeros if plane is None else torch.where(visible.in_play, solid, guessed),
+        penetration_weight=torch.where(inside, fixed.area, zeros),
+        floor_weight=zeros if plane is None else torch.where(visible.in_play, fixed.area, guessed),
         sole_weight=on_floor.to(zeros.dtype),
         lower_sole_weight=pulled.to(zeros.dtype),
         unseen_sole_weight=(~fixed.feet_seen & (lowest.abs() < _UNSEEN * settings.unseen_sole_sigma_m) & ~stepped).to(

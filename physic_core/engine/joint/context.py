@@ -9,7 +9,7 @@ from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.model import BodyModel, BodyOutput, LandmarkModel
-from physic_core.engine.joint.limbs import keypoint_weights, observed_parts, part_confidence, seen_keypoints, stands
+from physic_core.engine.joint.limbs import keypoint_weights, observed_parts, seen_keypoints, stands
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.released_reprojection import released_keypoint_weights
 from physic_core.engine.joint.terms import plane_height, root_relative
@@ -40,7 +40,6 @@ class Fixed:
         faces_around: their rows of the body's.
         pose: poses keypoints, joints and tracked vertices alone.
         area: (B, n) surface that each tracked vertex stands for, square decimetres; ones where vertices are counted.
-        trust: (B, n) how much depth, contact and penetration of each tracked vertex count.
         prior: (B, n) contact probability, or 1 where vertices are counted; 0 below the threshold.
         seen_part: (B, n) bool, on a limb that the photo shows.
         over_knees: (n,) bool, on neither a lower leg nor a foot.
@@ -64,7 +63,6 @@ class Fixed:
     faces_around: Tensor
     pose: LandmarkModel
     area: Tensor
-    trust: Tensor
     prior: Tensor
     seen_part: Tensor
     over_knees: Tensor
@@ -124,7 +122,6 @@ def prepare(problem: JointProblem, settings: JointSettings, start: BodyOutput) -
         faces_around=model.faces_around[ids],
         pose=model.landmarks_only([problem.skeleton], ids),
         area=area,
-        trust=_trust(problem, settings)[:, model.part_of_vertex[ids]],
         prior=prior[:, ids],
         seen_part=observed_parts(model.part_names, observed)[:, model.part_of_vertex[ids]],
         over_knees=_over_knees(model)[ids],
@@ -219,13 +216,6 @@ def _keypoints(problem: JointProblem, settings: JointSettings, person_px: Tensor
 def seen_joints(problem: JointProblem, settings: JointSettings) -> Tensor:
     """(B, 55) bool, joints that the photo shows; all of them where the settings ask nothing."""
     return problem.observed.bool() if settings.observed else torch.ones_like(problem.observed, dtype=torch.bool)
-
-
-def _trust(problem: JointProblem, settings: JointSettings) -> Tensor:
-    """(B, P) of each part."""
-    confidence = torch.nan_to_num(problem.keypoint_confidence, nan=0.0, posinf=0.0, neginf=0.0).clamp(0.0, 1.0)
-    parts = part_confidence(problem.skeleton, problem.model.part_names, confidence)
-    return parts**settings.vertex_confidence if settings.vertex_confidence > 0 else torch.ones_like(parts)
 
 
 def _log_depth(depth: Tensor | None) -> Tensor | None:

@@ -9,10 +9,9 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.joint import terms
-from physic_core.engine.joint.capsules import between_people, fit_capsules, within_bodies
 from physic_core.engine.joint.contact_state import WANDER_M, Touch, feel, scene_near
 from physic_core.engine.joint.context import prepare
-from physic_core.engine.joint.joint_limits import FINGER_RANGES, RANGES, beyond_limits, leg_asymmetry, limits_of
+from physic_core.engine.joint.leg_symmetry import leg_asymmetry
 from physic_core.engine.joint.point_clouds import HumanCloud
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.released_regularisation import without_root
@@ -73,9 +72,6 @@ class JointEnergy:
             }
         )
         self._cloud = _cloud(problem, settings)
-        self._ranges, self._fingers = (limits_of(table, problem.transl0) for table in (RANGES, FINGER_RANGES))
-        limbs = settings.self_penetration_weight or settings.people_penetration_weight
-        self._capsules = fit_capsules(problem.model, problem.betas0, start.joints) if limbs else None
         self._legs_unseen, self._feet_unseen = bool(self.fixed.legs_unseen.any()), not bool(self.fixed.feet_seen.all())
         self._stature = stature_of(problem.model, problem.betas0) if settings.stature_weight else None
         self._unturned: Tensor  # (B, n, 3) the tracked vertices at the start, without root rotation
@@ -151,7 +147,6 @@ class JointEnergy:
             log_seen=visible.log_seen,
             on_scene=touch.on_scene,
             penetration_slack=settings.penetration_slack_m,
-            floor_slack=settings.floor_slack_m,
             ruler=visible.in_play,
             relative=fixed.relative.transpose(1, 2).contiguous(),
             normals=self._normals.transpose(1, 2).contiguous() if has_scene else None,
@@ -202,7 +197,7 @@ class JointEnergy:
         energies.update(self._regularisation(energies.pop("mesh", None), estimate.transl))
         if settings.limit_weight:
             energies["limits"] = settings.limit_weight * terms.joint_limits(estimate.rotations)
-        energies.update(self._anatomy(joints, estimate))
+        energies.update(self._anatomy(estimate))
         if settings.balance_weight and self._has_plane:
             assert problem.floor_normal is not None
             rho = partial(robust, "cauchy", c=1.0)
@@ -304,7 +299,7 @@ class JointEnergy:
             # Legs that nobody sees may be pushed up, but are no ruler: the scale of the last look stands.
             guessed = (to_floor * unit + problem.floor_offset * (self._scale - scale)) / unit.detach()
             height = torch.where(self.visible.in_play, to_floor, guessed)
-            under = terms.penetration(height, touch.floor_weight, settings.floor_slack_m, settings.floor_sigma_m, rho)
+            under = terms.penetration(height, touch.floor_weight, 0.0, settings.floor_sigma_m, rho)
             energies["floor"] = settings.floor_weight * under
         if has_plane and (settings.sole_weight or settings.lower_sole_weight or settings.unseen_sole_weight):
             lowest = [
@@ -336,29 +331,17 @@ class JointEnergy:
         unseen = robust("geman_mcclure", (lowest / settings.unseen_sole_sigma_m).square(), 3.0)
         return seen + settings.unseen_sole_weight * (touch.unseen_sole_weight * unseen).sum(1)
 
-    def _anatomy(self, joints: Tensor, estimate: Estimate) -> dict[str, Tensor]:
+    def _anatomy(self, estimate: Estimate) -> dict[str, Tensor]:
         """What bodies can be like, whatever the scene."""
-        settings, capsules = self.settings, self._capsules
+        settings = self.settings
         energies: dict[str, Tensor] = {}
-        if settings.range_weight:
-            energies["ranges"] = settings.range_weight * beyond_limits(estimate.rotations, self._ranges)
         if settings.unseen_symmetry_weight and self._legs_unseen:
-            unlike = self.fixed.legs_unseen.to(joints.dtype) * leg_asymmetry(estimate.rotations)
+            unlike = self.fixed.legs_unseen.to(estimate.betas.dtype) * leg_asymmetry(estimate.rotations)
             energies["symmetry"] = settings.unseen_symmetry_weight * unlike
-        if settings.finger_weight:
-            energies["fingers"] = settings.finger_weight * beyond_limits(estimate.rotations, self._fingers)
-        if capsules is not None and settings.self_penetration_weight:
-            slack, sigma = settings.self_penetration_slack_m, settings.self_penetration_sigma_m
-            energies["self"] = settings.self_penetration_weight * within_bodies(joints, capsules, slack, sigma)
-        if capsules is not None and settings.people_penetration_weight:
-            slack, sigma = settings.people_penetration_slack_m, settings.people_penetration_sigma_m
-            energies["people"] = settings.people_penetration_weight * between_people(joints, capsules, slack, sigma)
         if self._stature is not None:
             height = self._stature(estimate.betas)
-            expected = self._stature.height
-            if settings.stature_m:
-                expected = torch.full_like(expected, settings.stature_m)
-            energies["stature"] = settings.stature_weight * stature_prior(height, expected, settings.stature_sigma)
+            prior = stature_prior(height, self._stature.height, settings.stature_sigma)
+            energies["stature"] = settings.stature_weight * prior
         return energies
 
     def _mesh(self, vertices: Tensor, joints: Tensor, estimate: Estimate) -> Tensor:

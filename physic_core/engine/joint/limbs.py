@@ -18,7 +18,6 @@ __all__ = [
     "keypoint_weights",
     "limb_parts",
     "observed_parts",
-    "part_confidence",
     "placing_keypoints",
     "seen_keypoints",
     "stands",
@@ -31,18 +30,6 @@ _END_JOINT = {
     "upper_arm": "elbow",
     "lower_arm": "wrist",
     "hand": "wrist",
-}
-_ENDS = {
-    "upper_leg": ("hip", "knee"),
-    "lower_leg": ("knee", "ankle"),
-    "foot": ("ankle",),
-    "upper_arm": ("shoulder", "elbow"),
-    "lower_arm": ("elbow", "wrist"),
-    "hand": ("wrist",),
-}
-_MIDDLE = {
-    "torso": ("left_shoulder", "right_shoulder", "left_hip", "right_hip"),
-    "head": ("nose", "left_ear_surface", "right_ear_surface"),
 }
 _TRUNK = ("pelvis", "left_hip", "right_hip", "spine3", "left_shoulder", "right_shoulder")
 
@@ -143,21 +130,6 @@ def placing_keypoints(skeleton: str, count: int) -> list[int]:
     names = SKELETONS.get(skeleton, ())
     fingers = {j for j, name in enumerate(names) if is_finger(name)}
     return [j for j in range(count) if len(fingers) <= _MOST_FINGERS or j not in fingers]
-
-
-def part_confidence(skeleton: str, part_names: Sequence[str], confidence: Tensor) -> Tensor:
-    """How sure the keypoints are of each part: the mean of those at its ends, (B, J) -> (B, P).
-
-    A part whose ends the joint set does not have gets 1.
-    """
-    names = SKELETONS.get(skeleton, ())
-    columns = []
-    for part in part_names:
-        side, _, segment = part.partition("_")
-        ends = [f"{side}_{end}" for end in _ENDS[segment]] if segment in _ENDS else _MIDDLE.get(part, ())
-        rows = [names.index(end) for end in ends if end in names]
-        columns.append(confidence[:, rows].mean(1) if rows else torch.ones_like(confidence[:, 0]))
-    return torch.stack(columns, 1)
 
 
 def is_finger(landmark: str) -> bool:

@@ -78,8 +78,6 @@ class JointSettings:
         depth_offset_alone_sigma: the same of all other people.
         facing_deg: a vertex faces the camera when its normal is within this angle of the direction to the camera.
         max_human_points: of one person, "chamfer"; more are picked evenly, each standing for several. 0 keeps all.
-        vertex_confidence: depth, contact and penetration count by this power of how confident the keypoints of the
-            limb are; 0 takes all limbs alike.
         scene_unit: distances to scene and floor count in "metres", which makes a smaller scene with smaller people a
             better one, since all that is off is less off in it, or in the "scene"'s own unit, which scales with it.
         contact_weight: lambda_c of Eq. 5.
@@ -100,7 +98,6 @@ class JointSettings:
             either way round; 90 asks nothing.
         contact_outside: only vertices over the surface are pulled to it, those inside are not (released code).
         contact_mean: over the vertices that touch, instead of the sum.
-        contact_occluded: vertices hidden behind objects also touch the scene (they always may touch the floor).
         free_space: what lies before all that the depth map shows is inside nothing, whatever the nearest point's normal
             says.
         penetration_weight: lambda_i of Eq. 5.
@@ -121,7 +118,6 @@ class JointSettings:
         floor_band_m: scene points this near to the plane are the floor, and left to the plane ("plane").
         floor_weight: of vertices under the plane ("plane").
         floor_unseen_share: of it, for limbs that the photo does not show.
-        floor_slack_m: depth under it that is not punished, metres.
         floor_sigma_m: expected error of the plane, metres.
         sole_weight: of each foot near the floor; the lowest twentieth of the sole is its height.
         sole_sigma_m: expected error of that height, metres.
@@ -150,21 +146,12 @@ class JointSettings:
         limit_weight: of knees and elbows bent the wrong way or too far.
         balance_weight: of the centre of mass over the feet, along the viewing direction, of people who stand and lean
             on nothing.
-        range_weight: of hips, ankles, feet, spine, neck, shoulders and wrists turned farther than people can.
         unseen_symmetry_weight: of unlike legs, where the photo shows neither knees nor ankles: left and right are more
             likely alike than an estimator guesses.
-        finger_weight: of fingers bent backwards, sideways or too far.
-        self_penetration_weight: of limbs inside the own body, deeper than at the start and than at rest.
-        self_penetration_slack_m: further depth that is not punished, metres.
-        self_penetration_sigma_m: expected error of that depth, metres.
-        people_penetration_weight: of limbs inside another person.
-        people_penetration_slack_m: depth that is not punished, metres: flesh and clothes give way.
-        people_penetration_sigma_m: expected error of that depth, metres.
         stature_weight: of the stature's change, which with ``scale_weight`` decides whether people or scene give way
             where their sizes disagree.
         stature_sigma: expected error of log(stature), beside the 0.054 that ``shape_weight`` 1 stands for with the
             embedded body: 0.06 makes 0.04 of the two.
-        stature_m: stature that is expected, metres; 0 takes the body estimator's.
     """
 
     parameters: Literal["whitened", "raw"] = "whitened"
@@ -204,7 +191,6 @@ class JointSettings:
     depth_offset_alone_sigma: NotNegative = 0.03
     facing_deg: Degrees = 70.0
     max_human_points: Count = 3000
-    vertex_confidence: NotNegative = 0.0
     scene_unit: Literal["metres", "scene"] = "scene"
     contact_weight: NotNegative = 1.25
     contact_source: Literal["prior", "static"] = "prior"
@@ -219,7 +205,6 @@ class JointSettings:
     contact_angle_deg: Degrees = 90.0
     contact_outside: bool = False
     contact_mean: bool = False
-    contact_occluded: bool = True
     free_space: bool = True
     penetration_weight: NotNegative = 0.3
     penetration_metric: Literal["plane", "point", "axes"] = "plane"
@@ -238,7 +223,6 @@ class JointSettings:
     floor_band_m: NotNegative = 0.05
     floor_weight: NotNegative = 6.0
     floor_unseen_share: Share = 0.3
-    floor_slack_m: NotNegative = 0.0
     floor_sigma_m: Positive = 0.015
     sole_weight: NotNegative = 2.0
     sole_sigma_m: Positive = 0.015
@@ -263,15 +247,6 @@ class JointSettings:
     warp_sigma: NotNegative = 0.1
     limit_weight: NotNegative = 1.0
     balance_weight: NotNegative = 16.0
-    range_weight: NotNegative = 0.0
     unseen_symmetry_weight: NotNegative = 2.0
-    finger_weight: NotNegative = 0.0
-    self_penetration_weight: NotNegative = 0.0
-    self_penetration_slack_m: NotNegative = 0.005
-    self_penetration_sigma_m: Positive = 0.01
-    people_penetration_weight: NotNegative = 0.0
-    people_penetration_slack_m: NotNegative = 0.02
-    people_penetration_sigma_m: Positive = 0.02
     stature_weight: NotNegative = 1.0
     stature_sigma: Positive = 0.06
-    stature_m: NotNegative = 0.0

@@ -64,7 +64,6 @@ class Surface:
         log_seen: (B, n) logarithm of the depth map at the vertices.
         on_scene: (B, n) bool, contact is with the scene; else with the floor.
         penetration_slack: metres.
-        floor_slack: metres.
         ruler: (B, n) bool, of whom the floor may learn its scale; for the others that of the last look stands.
         relative: (B, 3, n) at the start in the root's frame, metres.
         normals: (B, 3, n) of the nearest scene points, None without a scene.
@@ -85,7 +84,6 @@ class Surface:
     log_seen: Tensor
     on_scene: Tensor
     penetration_slack: float
-    floor_slack: float
     ruler: Tensor
     relative: Tensor
     normals: Tensor | None
@@ -163,7 +161,7 @@ class _Terms(torch.autograd.Function):
             energies["penetration"], slopes["penetration"] = surface.penetration(inside)
         if surface.floor is not None:
             last = over + unit * (surface.offset * surface.last_scale)
-            under = torch.relu(-torch.where(surface.ruler, height, last) - surface.floor_slack)
+            under = torch.relu(-torch.where(surface.ruler, height, last))
             energies["floor"], slopes["floor"] = surface.floor(under)
         if surface.mesh_weight is not None:
             # In the camera's frame, in which it is as long as in the root's.

@@ -116,9 +116,7 @@ def look(problem: JointProblem, settings: JointSettings, fixed: Fixed, output: B
     shown = toward & ~behind_self
     # Seen at a slant, a surface fills fewer pixels: weigh by what it fills.
     slope = -(normals * torch.nn.functional.normalize(vertices, dim=-1)).sum(-1)
-    weight = torch.where(
-        shown & known & well_inside & in_play, fixed.area * fixed.trust * slope, torch.zeros_like(fixed.area)
-    )
+    weight = torch.where(shown & known & well_inside & in_play, fixed.area * slope, torch.zeros_like(fixed.area))
     return Visible(
         normals=normals,
         in_play=in_play,

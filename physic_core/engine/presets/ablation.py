@@ -63,7 +63,7 @@ def _without(*parts: Overrides) -> dict[str, dict[str, Any]]:
 _CONTACT: Overrides = {"joint": {"contact_weight": 0.0}}
 _PENETRATION: Overrides = {
     "scene": {"carve_m": 0.0},
-    "joint": {"penetration_weight": 0.0, "self_penetration_weight": 0.0, "people_penetration_weight": 0.0},
+    "joint": {"penetration_weight": 0.0},
 }
 # The paper's MPJPE falls by half where depth joins: before, stage 2 has not seen it either.
 _DEPTH: Overrides = {"human": {"chamfer_weight": 0.0}, "joint": {"depth_weight": 0.0, "depth_relief_weight": 0.0}}
