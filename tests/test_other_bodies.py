@@ -14,11 +14,10 @@ from physic_core.body import load_body
 from physic_core.body.conversion import rest_mesh_of
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.cache.answers import settled
-from physic_core.cache.archive import pack, unpack
-from physic_core.cache.npz import read, write
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord
 from physic_core.errors import BodyModelError
+from physic_core.files.archive import pack, read_archive, unpack, write_archive
 from physic_core.pipeline import partial_answers as salvage
 from physic_core.pipeline import validation as border
 from physic_core.types import Bodies, BodyParameters, ContactProbability, Hands, Mesh, Reconstruction, RestMesh
@@ -175,8 +174,8 @@ def test_some_of_the_bodies_share_their_faces() -> None:
 @pytest.mark.parametrize("answer", [bodies(), hands(), contact()], ids=lambda answer: type(answer).__name__)
 def test_answers_with_the_new_fields_are_kept(answer: Bodies | Hands | ContactProbability, tmp_path: Path) -> None:
     arrays, document = pack(answer)
-    write(tmp_path, "one.npz", arrays, document)
-    found = unpack(*read(tmp_path / "one.npz"), CLASSES)
+    write_archive(tmp_path / "one.npz", arrays, document)
+    found = unpack(*read_archive(tmp_path / "one.npz"), CLASSES)
     told, again = (dict(pack(a)[0]) for a in (answer, found))
     assert list(told) == list(again)
     for path, array in told.items():

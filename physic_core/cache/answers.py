@@ -22,14 +22,13 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from physic_core import types
-from physic_core.cache.archive import pack, unpack
 from physic_core.cache.code import Code
 from physic_core.cache.digest import Digester
 from physic_core.cache.lru_folder import SUFFIX, shrink, touch
-from physic_core.cache.npz import Damaged, read, write
 from physic_core.cache.places import answers_folder
 from physic_core.discovery.plugins import required_versions
 from physic_core.errors import OutputError
+from physic_core.files.archive import DamagedFileError, pack, read_archive, unpack, write_archive
 from physic_core.files.npz import MOST_BYTES
 from physic_core.interfaces import INTERFACES
 
@@ -40,6 +39,9 @@ if TYPE_CHECKING:
 __all__ = ["Answers", "settled"]
 
 T = TypeVar("T")
+
+_STORED = "iufc"
+"""Numbers shrink too little to pay for the time of compressing them; masks and texts are compressed."""
 
 _VERSION = 2
 """To be raised when a kept answer would be read as something else, or a border lets less pass."""
@@ -129,9 +131,9 @@ class Answers:
         """The answer, if it is kept; a damaged file is dropped, and so is one that keeps another question's answer."""
         path = self._folder / question.name
         try:
-            arrays, document = read(path)
+            arrays, document = read_archive(path)
             if document["name"] != question.name:
-                raise Damaged(f"it is a copy of {document['name']}")
+                raise DamagedFileError(f"it is a copy of {document['name']}")
             answer: object = _opened(arrays, document["answer"])
         except OSError:
             return None
@@ -161,7 +163,7 @@ class Answers:
             return
         document = {"name": question.name, "answer": document, "backend": question.who}
         try:
-            write(self._folder, question.name, arrays, document, squeeze=False)
+            write_archive(self._folder / question.name, arrays, document, stored=_STORED)
             self._written = True
         except (OSError, OutputError) as error:
             if (self._folder / question.name).is_dir():  # in the way of one answer, not of all

@@ -10,9 +10,9 @@ import numpy as np
 
 from physic_core.body.correspondence import VERSION, Correspondence, correspondence
 from physic_core.cache.lru_folder import MAP_SUFFIX
-from physic_core.cache.npz import Damaged, read, write
 from physic_core.cache.places import maps_folder
 from physic_core.errors import OutputError
+from physic_core.files.archive import DamagedFileError, read_archive, write_archive
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -48,9 +48,9 @@ def _digest(rest: RestMesh, model: BodyModel) -> str:
 
 def _read(path: Path, vertices: int, others: int) -> Correspondence | None:
     try:
-        file, name = read(path)
+        file, name = read_archive(path)
         found = Correspondence(file["corners"].astype(np.int64), file["shares"].astype(np.float64), file["sure"])
-    except (OSError, Damaged, KeyError, ValueError):
+    except (OSError, DamagedFileError, KeyError, ValueError):
         return None  # not there, or damaged: it is made anew
     shapes = [found.corners.shape, found.shares.shape, found.sure.shape]
     fits = shapes == [(vertices, 3), (vertices, 3), (vertices,)] and found.corners.min(initial=0) >= 0
@@ -65,7 +65,7 @@ def _write(path: Path, found: Correspondence) -> None:
         "sure": found.sure,
     }
     with suppress(OSError, OutputError):
-        write(path.parent, path.name, arrays, path.name, squeeze=False)
+        write_archive(path, arrays, path.name, stored="iuf")
 
 
 def _plain(name: str) -> str:

@@ -19,6 +19,7 @@ from physic_core.configuration.faults import closest
 from physic_core.discovery.local_modules import in_folder
 from physic_core.discovery.records import normal_name
 from physic_core.errors import ConfigError
+from physic_core.files.strict_json import from_json
 from physic_core.interfaces import INTERFACES
 
 __all__ = ["Layer", "environment_layers", "is_path", "merge", "override_layers", "preset_names", "read", "source_of"]
@@ -29,9 +30,6 @@ Layer = tuple[str, Mapping[str, Any]]
 _VARIABLE = "PHYSIC__"
 _EXCLUSIVE = (("photo", ("focal_px", "intrinsics")), ("body_model", ("name", "path")))
 """Keys of a table that say the same thing: the layer that sets one silences the others of the layers below."""
-
-_NUMBERS = {"NaN": float("nan"), "Infinity": float("inf"), "-Infinity": float("-inf")}
-"""How a result's JSON writes the numbers that JSON has no notation for."""
 
 
 def preset_names() -> tuple[str, ...]:
@@ -164,18 +162,8 @@ def _read_result(path: Path) -> dict[str, Any]:
     table = document.get("config") if isinstance(document, dict) else None
     if not isinstance(table, dict) or not table:
         raise ConfigError(f"{path} holds no configuration: name the reconstruction.json of a run, or a TOML file")
-    numbers: dict[str, Any] = _with_numbers(table)
+    numbers: dict[str, Any] = from_json(table)
     return numbers
-
-
-def _with_numbers(value: Any) -> Any:
-    if isinstance(value, str):
-        return _NUMBERS.get(value, value)
-    if isinstance(value, list):
-        return [_with_numbers(item) for item in value]
-    if isinstance(value, dict):
-        return {key: _with_numbers(item) for key, item in value.items()}
-    return value
 
 
 def _read_text(path: Path, cure: str) -> str:

@@ -1,1 +1,1 @@
-"""Files that are written completely or not at all, and npz files whose checksums are verified."""
+"""Writing files completely or not at all; npz archives with verified checksums; numbers that JSON cannot write."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import zipfile
 import zlib
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
 
     AnyArray = NDArray[Any]
 
-__all__ = ["PERSON_ARRAYS", "SHARED_ARRAYS", "ArraySpec", "checksum", "to_arrays", "write_npz"]
+__all__ = ["PERSON_ARRAYS", "SHARED_ARRAYS", "ArraySpec", "checksum", "to_arrays"]
 
 
 @dataclass(frozen=True)
@@ -89,7 +88,6 @@ PERSON_ARRAYS: tuple[ArraySpec, ...] = (
 PARAMETER_NAMES = tuple(field.name for field in fields(BodyParameters))
 
 _STORED_AS_IS = ("float32", "float64")
-_FIXED_DATE = (1980, 1, 1, 0, 0, 0)  # the same reconstruction makes the same file
 
 
 def to_arrays(reconstruction: Reconstruction) -> dict[str, AnyArray]:
@@ -113,22 +111,6 @@ def to_arrays(reconstruction: Reconstruction) -> dict[str, AnyArray]:
     for index, person in enumerate(reconstruction.people):
         arrays.update({f"person_{index}_{spec.name}": _stored(_value(person, spec), spec) for spec in PERSON_ARRAYS})
     return arrays
-
-
-def write_npz(path: Path, arrays: Mapping[str, AnyArray]) -> None:
-    """Arrays -> an .npz without pickles.
-
-    Integers and masks are deflated at the lowest level; floats are stored, since deflating them costs 0.25 s per
-    11 MB and takes a tenth off.
-    """
-    with zipfile.ZipFile(path, "w", allowZip64=True) as archive:
-        for name, array in arrays.items():
-            entry = zipfile.ZipInfo(f"{name}.npy", _FIXED_DATE)
-            if array.dtype.name not in _STORED_AS_IS:
-                entry.compress_type = zipfile.ZIP_DEFLATED
-                entry._compresslevel = 1  # type: ignore[attr-defined]  # public only from Python 3.13 on
-            with archive.open(entry, "w", force_zip64=True) as file:
-                np.lib.format.write_array(file, array, allow_pickle=False)
 
 
 def checksum(path: Path) -> str:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
-import os
 import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -12,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.errors import InputError
+from physic_core.files.strict_json import from_json, to_json
 from physic_core.geometry.upright import gltf_from_camera
 from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS
 from physic_core.io.output import SCHEMA
@@ -20,11 +19,10 @@ from physic_core.types import Diagnostic, Provenance, StageRecord
 if TYPE_CHECKING:
     from physic_core.types import Person, Reconstruction
 
-__all__ = ["SCHEMA", "SCHEMA_VERSION", "checks_from", "from_text", "restored", "stages_from", "to_document", "to_text"]
+__all__ = ["SCHEMA", "SCHEMA_VERSION", "checks_from", "from_text", "stages_from", "to_document", "to_text"]
 
 SCHEMA_VERSION = 1
 
-_NON_FINITE = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
 _NUMBERS = re.compile(r"\[\n\s*((?:[-+.\deE]+,\n\s*)*[-+.\deE]+)\n\s*\]")
 
 
@@ -90,9 +88,8 @@ def to_document(
             ],
         },
     }
-    answer = _encode(document)
-    assert isinstance(answer, dict)
-    return answer
+    ready: dict[str, Any] = to_json(document)
+    return ready
 
 
 def to_text(document: Mapping[str, Any]) -> bytes:
@@ -132,8 +129,8 @@ def stages_from(records: Sequence[Mapping[str, Any]]) -> tuple[StageRecord, ...]
     return tuple(
         StageRecord(
             record["name"],
-            restored(record["seconds"]),
-            restored(record["load_seconds"]),
+            from_json(record["seconds"]),
+            from_json(record["load_seconds"]),
             None if record["backend"] is None else _provenance(record["backend"]),
             cached=record.get("cached", False),
             failed=record.get("failed", False),
@@ -147,8 +144,8 @@ def checks_from(records: Sequence[Mapping[str, Any]]) -> tuple[Diagnostic, ...]:
     return tuple(
         Diagnostic(
             name=record["name"],
-            value=restored(record["value"]),
-            threshold=restored(record["threshold"]),
+            value=from_json(record["value"]),
+            threshold=from_json(record["threshold"]),
             unit=record["unit"],
             ok=record["ok"],
             message=record["message"],
@@ -156,20 +153,6 @@ def checks_from(records: Sequence[Mapping[str, Any]]) -> tuple[Diagnostic, ...]:
         )
         for record in records
     )
-
-
-def restored(value: Any) -> Any:
-    """What :func:`to_document` made of a number or a free mapping -> NaN and infinities back in place.
-
-    The three words "NaN", "Infinity" and "-Infinity" are taken for numbers here.
-    """
-    if isinstance(value, str):
-        return _NON_FINITE.get(value, value)
-    if isinstance(value, list):
-        return [restored(item) for item in value]
-    if isinstance(value, dict):
-        return {key: restored(item) for key, item in value.items()}
-    return value
 
 
 def _person(index: int, person: Person) -> dict[str, Any]:
@@ -225,31 +208,10 @@ def _provenance(backend: Mapping[str, Any]) -> Provenance:
         plugin=backend["plugin"],
         distribution=backend["distribution"],
         version=backend["version"],
-        options=restored(backend["options"]),
+        options=from_json(backend["options"]),
         weights_license=backend["weights_license"],
     )
 
 
 def _spec(name: str, dtype: str, shape: Sequence[str | int], meaning: str) -> dict[str, Any]:
     return {"name": name, "dtype": dtype, "shape": " x ".join(map(str, shape)) or "one", "meaning": meaning}
-
-
-def _encode(value: Any) -> Any:
-    """Anything -> what strict JSON can say: NaN and infinities as their names, arrays as lists, the rest as text."""
-    if value is None or isinstance(value, bool | str):
-        return value
-    if isinstance(value, np.generic | np.ndarray):
-        return _encode(value.tolist())
-    if isinstance(value, int):
-        return int(value)
-    if isinstance(value, float):
-        if math.isfinite(value):
-            return float(value)
-        return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
-    if isinstance(value, Mapping):
-        return {str(key): _encode(item) for key, item in value.items()}
-    if isinstance(value, os.PathLike):
-        return os.fspath(value)
-    if isinstance(value, Sequence | set | frozenset):
-        return [_encode(item) for item in value]
-    return str(value)

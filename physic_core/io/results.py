@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import InputError
 from physic_core.files.atomic import check_writable, replacing
-from physic_core.files.npz import read_arrays
+from physic_core.files.npz import read_arrays, write_arrays
+from physic_core.files.strict_json import from_json
 from physic_core.io.arrays import (
     PARAMETER_NAMES,
     PERSON_ARRAYS,
     SHARED_ARRAYS,
     checksum,
     to_arrays,
-    write_npz,
 )
-from physic_core.io.document import checks_from, from_text, restored, stages_from, to_document, to_text
+from physic_core.io.document import checks_from, from_text, stages_from, to_document, to_text
 from physic_core.io.output import (
     ARRAYS_FILE,
     DOCUMENT_FILE,
@@ -75,7 +75,7 @@ def save_reconstruction(
     with replacing(folder) as temporary:
         # The document first: should the process end between the two, the folder is known to hold a result.
         document_file, arrays_file = temporary(DOCUMENT_FILE), temporary(ARRAYS_FILE)
-        write_npz(arrays_file, to_arrays(reconstruction))
+        write_arrays(arrays_file, to_arrays(reconstruction), stored="f")
         arrays_checksum = checksum(arrays_file)
         digests[ARRAYS_FILE] = file_digest(arrays_file)
         document_file.write_bytes(to_text(to_document(reconstruction, names, arrays_checksum, digests)))
@@ -157,10 +157,10 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
     return Reconstruction(
         image=arrays["image"],
         intrinsics=Intrinsics(
-            fx=restored(camera["fx"]),
-            fy=restored(camera["fy"]),
-            cx=restored(camera["cx"]),
-            cy=restored(camera["cy"]),
+            fx=from_json(camera["fx"]),
+            fy=from_json(camera["fy"]),
+            cx=from_json(camera["cx"]),
+            cy=from_json(camera["cy"]),
             width=camera["width"],
             height=camera["height"],
             source=camera["source"],
@@ -170,20 +170,20 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
             normals=arrays["scene_normals"],
             colors=arrays["scene_colors"],
             valid=arrays["scene_valid"],
-            floor=None if floor is None else Plane(arrays["floor_normal"][0], restored(floor["offset"])),
+            floor=None if floor is None else Plane(arrays["floor_normal"][0], from_json(floor["offset"])),
             floor_points=arrays["floor_points"],
-            scale=restored(scene["scale"]),
-            scale_sigma=restored(scene["scale_sigma"]),
+            scale=from_json(scene["scale"]),
+            scale_sigma=from_json(scene["scale_sigma"]),
         ),
         people=tuple(_person(record, index, arrays) for index, record in enumerate(document["people"])),
         faces=arrays["faces"],
         body_model=document["body_model"],
         skeleton=document["skeleton"],
         stages=stages_from(document["stages"]),
-        diagnostics=restored(document["diagnostics"]),
+        diagnostics=from_json(document["diagnostics"]),
         warnings=tuple(document["warnings"]),
         notes=tuple(document["notes"]),
-        config=restored(document["config"]),
+        config=from_json(document["config"]),
         checks=checks_from(document.get("checks", ())),  # results of before they were written have none
         photo=document.get("photo", ""),
     )
@@ -195,7 +195,7 @@ def _person(record: Mapping[str, Any], index: int, arrays: Mapping[str, NDArray[
 
     return Person(
         box=of("box"),
-        score=restored(record["score"]),
+        score=from_json(record["score"]),
         mask=of("mask"),
         keypoints=of("keypoints"),
         keypoint_confidence=of("keypoint_confidence"),

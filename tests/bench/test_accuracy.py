@@ -22,9 +22,10 @@ from physic_core.errors import ConfigError, PhysicError
 from physic_testing.bench import accuracy, cases
 from physic_testing.bench.accuracy import Work, run_cases, run_one
 from physic_testing.bench.cases import Case, chosen_cases, look
-from physic_testing.bench.frozen import load_evidence, save_evidence
+from physic_testing.bench.evidence_io import load_evidence, save_evidence
 from physic_testing.bench.results import summarise, write
 from physic_testing.bench.rows import ablation_rows, pick
+from physic_testing.commands.bench import bench as bench_commands
 from physic_testing.worlds import WORLDS, build_world
 
 SIZE = (160, 120)
@@ -218,7 +219,7 @@ def test_every_command_of_the_page_can_be_given(repository):
     commands = [shlex.split(line) for line in lines if line.startswith("physic bench ")]
     assert commands
     for words in commands:
-        main.commands["bench"].commands[words[2]].make_context(words[2], words[3:])
+        bench_commands.commands[words[2]].make_context(words[2], words[3:])
 
 
 def test_a_trial_stands_beside_the_full_row(tmp_path, known_worlds):

@@ -15,9 +15,10 @@ from pydantic import Field
 
 from physic_core import interfaces
 from physic_core.cache import answers as module
-from physic_core.cache import code, npz
+from physic_core.cache import code
 from physic_core.cache.answers import Answers, settled
 from physic_core.discovery.plugins import required_versions
+from physic_core.files.archive import read_archive, write_archive
 from physic_core.types import DepthMap, Hands, Hints, Intrinsics, Keypoints, People, Provenance
 
 
@@ -71,7 +72,7 @@ def test_what_was_kept_is_found_to_the_last_bit_by_another_run(cache: Answers):
     assert replace(found, depth=ANSWER.depth) == ANSWER
     (file,) = files(cache)
     assert file.name.startswith("metric_depth-my_depth_1-")
-    assert npz.read(file)[1]["backend"]["distribution"] == "my-dist"
+    assert read_archive(file)[1]["backend"]["distribution"] == "my-dist"
 
 
 def test_an_image_is_an_answer_too(cache: Answers):
@@ -192,13 +193,13 @@ def damages() -> list[Callable[[Path], object]]:
         path.write_bytes(path.read_bytes()[:-40])
 
     def other_class(path: Path) -> None:
-        npz.write(path.parent, path.name, {}, {"answer": {"class": "Path", "fields": {}}})
+        write_archive(path, {}, {"answer": {"class": "Path", "fields": {}}})
 
     def other_fields(path: Path) -> None:
-        npz.write(path.parent, path.name, {}, {"answer": {"class": "Hands", "fields": {"a": 1}}})
+        write_archive(path, {}, {"answer": {"class": "Hands", "fields": {"a": 1}}})
 
     def no_answer(path: Path) -> None:
-        npz.write(path.parent, path.name, {}, {})
+        write_archive(path, {}, {})
 
     def text(path: Path) -> None:
         path.write_text("a letter")

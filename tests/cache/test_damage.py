@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 
 from physic_core.body.correspondence import Correspondence
-from physic_core.cache import maps, npz
+from physic_core.cache import maps
 from physic_core.cache.answers import Answers
 from physic_core.cache.digest import Digester
+from physic_core.files.archive import DamagedFileError, read_archive, write_archive
 
 TOOL = Path(__file__).parents[2] / "tools" / "flip_cache_bits.py"
 
@@ -72,8 +73,8 @@ def a_pipe(path: Path) -> None:
 
 
 def of_another_question(path: Path) -> None:
-    arrays, document = npz.read(path)
-    npz.write(path.parent, path.name, arrays, document | {"name": path.name.replace("flipped-0", "flipped-1")})
+    arrays, document = read_archive(path)
+    write_archive(path, arrays, document | {"name": path.name.replace("flipped-0", "flipped-1")})
 
 
 def fewer_rows_in_a_header(path: Path) -> None:
@@ -99,13 +100,13 @@ def a_giant_in_the_archive(path: Path) -> None:
 
 
 def fields_of_another_class(path: Path) -> None:
-    arrays, document = npz.read(path)
+    arrays, document = read_archive(path)
     document["answer"]["class"] = "Hands"
-    npz.write(path.parent, path.name, arrays, document)
+    write_archive(path, arrays, document)
 
 
 def a_list_for_a_document(path: Path) -> None:
-    npz.write(path.parent, path.name, {}, [1])
+    write_archive(path, {}, [1])
 
 
 DAMAGES = [
@@ -147,7 +148,9 @@ def test_a_folder_with_files_in_it_is_left_alone_and_named(tool: ModuleType, tmp
     (path / "mine.txt").write_text("mine")
     assert cache.find(asked) is None
     (note,) = cache.notes
-    assert note.startswith(f"the cache holds what is not its own: {path} (it is no file); remove it yourself")
+    assert note.startswith(
+        f"the cache holds what is not its own: {path} (it is not a regular file); remove it yourself"
+    )
     cache.keep(asked, tool.one_of_each()["metric_depth"])
     assert cache.notes[1:] == [
         f"an answer of a backend cannot be kept: cannot write {path}: a folder has this name; "
@@ -157,10 +160,10 @@ def test_a_folder_with_files_in_it_is_left_alone_and_named(tool: ModuleType, tmp
 
 
 def test_an_archive_that_claims_more_than_memory_is_not_unpacked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    npz.write(tmp_path, "a.npz", {"zeros": np.zeros(100_000)}, None)
+    write_archive(tmp_path / "a.npz", {"zeros": np.zeros(100_000)}, None)
     monkeypatch.setattr("physic_core.files.npz.MOST_BYTES", 99_999)
-    with pytest.raises(npz.Damaged, match="its arrays claim"):
-        npz.read(tmp_path / "a.npz")
+    with pytest.raises(DamagedFileError, match="its arrays claim"):
+        read_archive(tmp_path / "a.npz")
 
 
 def test_no_flipped_bit_changes_a_map_between_bodies(tmp_path: Path):

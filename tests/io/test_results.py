@@ -18,8 +18,9 @@ from hypothesis import strategies as st
 
 import physic_core.io.results as results
 from physic_core.errors import InputError, OutputError
+from physic_core.files.strict_json import from_json
 from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS
-from physic_core.io.document import from_text, restored, to_document, to_text
+from physic_core.io.document import from_text, to_document, to_text
 from physic_core.io.results import check_writable, load_reconstruction, save_reconstruction
 from physic_core.types import Intrinsics, Reconstruction, Scene
 
@@ -136,7 +137,7 @@ def test_any_words_and_numbers_come_back(value):
     before = replace(EMPTY, diagnostics={"value": value})
     text = to_text(to_document(before, [], ""))
     strict(text)
-    assert_same(value, restored(from_text(text, "it")["diagnostics"])["value"])
+    assert_same(value, from_json(from_text(text, "it")["diagnostics"])["value"])
 
 
 def test_arrays_and_numpy_numbers_become_lists_and_numbers(reconstruction):

@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 import pytest
 
-from physic_core.cache.archive import pack, unpack
+from physic_core.files.archive import pack, unpack
 from physic_testing.worlds import storage
 from physic_testing.worlds import world as worlds
 

@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import PhysicError
+from physic_core.files.strict_json import to_json
 from physic_testing.bench.cases import Case, evidence_key, look, source_hash
-from physic_testing.bench.plain import plain
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
@@ -150,7 +150,7 @@ def _record(case: Case, work: Work) -> Record:
         trouble = _told(error)
     looked = time.perf_counter()
     judge = Judge(world, world.masks[:0] if evidence is None else evidence.people.masks, skin)
-    about = plain(
+    about = to_json(
         {
             "name": case.name,
             "seed": case.seed,
@@ -159,7 +159,8 @@ def _record(case: Case, work: Work) -> Record:
             "error": trouble,
             "world_seconds": built - start,
             "perception_seconds": looked - built,
-        }
+        },
+        digits=7,
     )
     if trouble:
         lost: Record = {"people": judge.missed(trouble), "scene": {}, "seconds": None, "warnings": [], "error": ""}
@@ -167,7 +168,7 @@ def _record(case: Case, work: Work) -> Record:
     assert evidence is not None
     for row in work.rows:
         if known[row.key] is None:
-            found = plain(_run_row(row, evidence, judge, model))
+            found = to_json(_run_row(row, evidence, judge, model), digits=7)
             known[row.key] = found
             if not found["error"]:
                 _keep(folder, row.digest, found)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import physic_core
 from physic_core.pipeline.estimate import perceive
 from physic_core.pipeline.stages import Stages
-from physic_testing.bench.frozen import load_evidence, save_evidence
+from physic_testing.bench.evidence_io import load_evidence, save_evidence
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

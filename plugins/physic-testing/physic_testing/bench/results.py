@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_core.files.atomic import replacing
+from physic_core.files.strict_json import to_json
 from physic_testing.bench.cases import source_hash
 from physic_testing.bench.judge import PERSON_METRICS, WORLD_METRICS
-from physic_testing.bench.plain import plain
 from physic_testing.bench.report import accuracy_tables, as_markdown, as_text, trial_lines
 from physic_testing.bench.rows import FULL, TRIAL
 from physic_testing.bench.summary import DRAWS, by_action, figures, truth_figures
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Results", "summarise", "write"]
 
-SCHEMA = 1
-"""Of the JSON document; raised whenever a key changes its meaning."""
+SCHEMA = 2
+"""Version of the JSON document, raised when a key changes its meaning. 2 writes NaN as "NaN", 1 wrote null."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def summarise(
         "failures": _failures(records),
         "worlds": list(records),
     }
-    return Results(plain(document), tables, found)
+    return Results(to_json(document, digits=7), tables, found)
 
 
 def write(results: Results, folder: Path) -> tuple[Path, ...]:

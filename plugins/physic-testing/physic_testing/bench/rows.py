@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from physic_core.configuration.faults import closest
 from physic_core.errors import ConfigError
-from physic_testing.bench.plain import plain
+from physic_core.files.strict_json import to_json
 
 if TYPE_CHECKING:
     from physic_core.engine.settings import EngineSettings
@@ -37,7 +37,7 @@ class Row:
     @property
     def digest(self) -> str:
         """Names the settings, whatever the row is called."""
-        settings = None if self.settings is None else plain(asdict(self.settings))
+        settings = None if self.settings is None else to_json(asdict(self.settings), digits=7)
         return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:16]
 
 

@@ -14,11 +14,10 @@ from pathlib import Path
 from typing import TypeVar
 
 from physic_core import body
-from physic_core.cache.archive import pack, unpack
 from physic_core.cache.lru_folder import shrink, touch
-from physic_core.cache.npz import Damaged, read, write
 from physic_core.cache.places import place
 from physic_core.errors import OutputError
+from physic_core.files.archive import DamagedFileError, pack, read_archive, unpack, write_archive
 
 __all__ = ["BYTES", "SWITCH", "VERSION", "folder", "kept", "key_of"]
 
@@ -74,15 +73,15 @@ def kept(key: str, kind: type[T], classes: Iterable[type], build: Callable[[], T
 
 def _load(path: Path, kind: type[T], classes: Iterable[type]) -> T | None:
     try:
-        thing = unpack(*read(path), classes)
-    except (OSError, Damaged, KeyError, TypeError):
+        thing = unpack(*read_archive(path), classes)
+    except (OSError, DamagedFileError, KeyError, TypeError):
         return None  # not there, or not whole: built anew
     touch(path)
     return thing if isinstance(thing, kind) else None
 
 
 def _save(where: Path, name: str, thing: object) -> None:
-    write(where, name, *pack(thing))
+    write_archive(where / name, *pack(thing))
     shrink(where, BYTES, _SUFFIX)
 
 

@@ -1,0 +1,130 @@
+"""Dataclasses, arrays and a JSON document in one npz file, restored bit for bit and without pickles."""
+
+from __future__ import annotations
+
+import json
+import math
+import stat
+from collections.abc import Iterable, Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from physic_core.files.atomic import replacing
+from physic_core.files.npz import read_arrays, write_arrays
+from physic_core.files.strict_json import from_json, to_json
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Arrays = dict[str, NDArray[Any]]
+
+__all__ = ["DamagedFileError", "pack", "read_archive", "unpack", "write_archive"]
+
+_DOCUMENT = "document"
+
+
+class DamagedFileError(Exception):
+    """A file that is incomplete, or that :func:`write_archive` did not write."""
+
+
+def pack(value: object) -> tuple[Arrays, Any]:
+    """Split a dataclass into arrays and a JSON document.
+
+    Args:
+        value: an array, or a dataclass of arrays, numbers, strings, tuples, mappings and dataclasses.
+
+    Returns:
+        The arrays by their path in the dataclass, and a JSON-ready document of the rest. Lists are restored as tuples.
+
+    Raises:
+        TypeError: it holds an object of another class.
+    """
+    arrays: Arrays = {}
+
+    def packed(value: Any, path: str) -> Any:
+        if isinstance(value, np.ndarray):
+            arrays[path] = value
+            return {"array": path}
+        if isinstance(value, np.generic):
+            return packed(value.item(), path)
+        if is_dataclass(value) and not isinstance(value, type):
+            parts = {f.name: packed(getattr(value, f.name), f"{path}.{f.name}") for f in fields(value) if f.init}
+            return {"class": type(value).__name__, "fields": parts}
+        if isinstance(value, Mapping):
+            return {"mapping": {key: packed(item, f"{path}.{key}") for key, item in value.items()}}
+        if isinstance(value, tuple | list):
+            return {"tuple": [packed(item, f"{path}.{i}") for i, item in enumerate(value)]}
+        if isinstance(value, float) and not math.isfinite(value):
+            return {"number": to_json(value)}
+        if value is None or isinstance(value, bool | int | float | str):
+            return value
+        raise TypeError(f"{path} is a {type(value).__name__}, which has no archive form.")
+
+    return arrays, packed(value, type(value).__name__)
+
+
+def unpack(arrays: Mapping[str, NDArray[Any]], document: Any, classes: Iterable[type]) -> Any:
+    """Restore what :func:`pack` split.
+
+    Args:
+        arrays: by path.
+        document: as returned by :func:`pack`.
+        classes: every dataclass that the document may name.
+
+    Raises:
+        KeyError, TypeError: the document names another class, or does not fit its class.
+    """
+    known = {cls.__name__: cls for cls in classes}
+
+    def restore(value: Any) -> Any:
+        if not isinstance(value, dict):
+            return value
+        if "array" in value:
+            return arrays[value["array"]]
+        if "class" in value:
+            return known[value["class"]](**{name: restore(part) for name, part in value["fields"].items()})
+        if "mapping" in value:
+            return {name: restore(part) for name, part in value["mapping"].items()}
+        if "number" in value:
+            return from_json(value["number"])
+        return tuple(restore(part) for part in value["tuple"])
+
+    return restore(document)
+
+
+def read_archive(path: Path) -> tuple[Arrays, Any]:
+    """Read the arrays and the document of a file, verifying all checksums.
+
+    Raises:
+        OSError: the file is missing or cannot be read.
+        DamagedFileError: it is not what :func:`write_archive` wrote.
+    """
+    if not stat.S_ISREG(path.stat().st_mode):
+        raise DamagedFileError("it is not a regular file")  # opening a pipe would block for ever
+    with path.open("rb") as stream:
+        try:
+            arrays = read_arrays(stream)
+            return arrays, json.loads(arrays.pop(_DOCUMENT).tobytes())
+        except Exception as error:  # zipfile, zlib, numpy and json raise a dozen classes for flipped and missing bytes
+            raise DamagedFileError(f"{type(error).__name__}: {error}") from error
+
+
+def write_archive(path: Path, arrays: Mapping[str, NDArray[Any]], document: Any, *, stored: str = "") -> None:
+    """Write arrays and a document to a file, completely or not at all; its folder is created if missing.
+
+    Args:
+        path: of the file.
+        arrays: by name.
+        document: JSON-ready.
+        stored: the kinds of dtype that are not compressed, see :func:`physic_core.files.npz.write_arrays`.
+
+    Raises:
+        OSError, OutputError: the disk is full, or the folder cannot be written.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    text = np.frombuffer(json.dumps(document, allow_nan=False).encode(), np.uint8)
+    with replacing(path.parent) as temporary:
+        write_arrays(temporary(path.name), {**arrays, _DOCUMENT: text}, stored=stored)

@@ -1,0 +1,53 @@
+"""Values as strict JSON: NaN and infinities are written as the strings "NaN", "Infinity" and "-Infinity"."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+__all__ = ["from_json", "to_json"]
+
+_NON_FINITE = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
+
+
+def to_json(value: Any, *, digits: int | None = None) -> Any:
+    """Convert a value to None, bool, int, float, str, list and dict, without NaN or infinity.
+
+    Args:
+        value: NumPy arrays become lists, NumPy scalars numbers, paths strings, tuples and sets lists. The keys of a
+            mapping become strings, and so does every object of another class.
+        digits: significant digits to which floats are rounded; None keeps all.
+    """
+    if value is None or isinstance(value, bool | str):
+        return value
+    if isinstance(value, int):
+        return int(value)
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
+        return float(value) if digits is None else float(f"{value:.{digits}g}")
+    if isinstance(value, Mapping):
+        return {str(key): to_json(item, digits=digits) for key, item in value.items()}
+    if isinstance(value, Sequence | set | frozenset):
+        return [to_json(item, digits=digits) for item in value]
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if hasattr(value, "tolist"):  # NumPy's arrays and scalars, without importing NumPy
+        return to_json(value.tolist(), digits=digits)
+    return str(value)
+
+
+def from_json(value: Any) -> Any:
+    """Put NaN and infinities back into what :func:`to_json` returned.
+
+    The strings "NaN", "Infinity" and "-Infinity" always become numbers.
+    """
+    if isinstance(value, str):
+        return _NON_FINITE.get(value, value)
+    if isinstance(value, list):
+        return [from_json(item) for item in value]
+    if isinstance(value, dict):
+        return {key: from_json(item) for key, item in value.items()}
+    return value
