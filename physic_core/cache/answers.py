@@ -43,7 +43,7 @@ T = TypeVar("T")
 _STORED = "iufc"
 """Numbers shrink too little to pay for the time of compressing them; masks and texts are compressed."""
 
-_VERSION = 2
+_VERSION = 3
 """To be raised when a kept answer would be read as something else, or a border lets less pass."""
 
 _CLASSES = (
