@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from physic_core.interfaces import Backend
     from physic_core.types import Provenance
 
-__all__ = ["Answers", "settled"]
+__all__ = ["Answers", "canonical"]
 
 T = TypeVar("T")
 
@@ -181,7 +181,7 @@ class Answers:
             self._written = False
 
 
-def settled(answer: T) -> T:
+def canonical(answer: T) -> T:
     """An answer as it will be when it is read again, to the last bit of all that is computed from it.
 
     The order of an array in memory changes sums, so it becomes that of C; and numpy's own numbers become Python's.

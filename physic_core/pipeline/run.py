@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from physic_core.cache.code import Code  # at once, before any backend: it notices code that is edited from then on
 from physic_core.configuration.model import as_config
-from physic_core.configuration.resolve import require_whole, resolve
+from physic_core.configuration.resolve import require_available, resolve
 from physic_core.discovery.plugins import discover
 from physic_core.errors import InputError
 from physic_core.io.output import image_digest, photo_digest
@@ -96,7 +96,7 @@ def reconstruct_photo(
 
 def _plan(config: Config, registry: Registry | None) -> ResolvedPipeline:
     plan = resolve(config, discover() if registry is None else registry)
-    require_whole(plan)
+    require_available(plan)
     return plan
 
 
