@@ -70,8 +70,10 @@ THROUGH_OTHERS = {
 }
 """Requirements that another library imports for us."""
 BY_THE_USER = {
-    "physic-core": {"pillow_heif", "pytest"},  # for HEIF photos only; for the tests of plugins only
+    "physic-core": {"pillow_heif"},  # for HEIF photos only
+    "physic-opencv": {"physic_testing"},  # for types only
     "physic-human": {"torchvision"},  # has to fit the user's torch; missing() names it
+    "physic-testing": {"pytest"},  # for the tests of plugins only
 }
 """Modules that are imported if they are there, or whose absence is told with how to get them."""
 

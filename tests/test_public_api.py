@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from importlib.metadata import version
+
 import pytest
 
 import physic_core
@@ -11,6 +13,7 @@ PUBLIC = [
     "BackendOutputError",
     "BackendRecord",
     "BodyModelError",
+    "CommandRecord",
     "Config",
     "ConfigError",
     "DeviceError",
@@ -27,7 +30,9 @@ PUBLIC = [
     "discover",
     "hookimpl",
     "load_config",
+    "load_reconstruction",
     "reconstruct",
+    "save_reconstruction",
 ]
 
 
@@ -42,7 +47,7 @@ def test_a_public_name_is_there(name: str):
 
 
 def test_the_version_is_that_of_the_distribution():
-    assert physic_core.__version__ == "0.1.0"
+    assert physic_core.__version__ == version("physic-core")
 
 
 def test_an_unknown_name_is_an_attribute_error():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import click
@@ -25,7 +24,6 @@ class ExtensibleGroup(click.Group):
     prefix: str = ""
     """How the group itself is called after ``physic``; empty for ``physic``."""
 
-    @cached_property
     def _added(self) -> dict[str, InstalledCommand]:
         from physic_core.discovery.entry_points import find
 
@@ -38,24 +36,26 @@ class ExtensibleGroup(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names of all commands, the plugins' ones included."""
-        return sorted({*super().list_commands(ctx), *self._added})
+        return sorted({*super().list_commands(ctx), *self._added()})
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """The group's own command, or a plugin's, imported now."""
         own = super().get_command(ctx, cmd_name)
-        if own is not None or cmd_name not in self._added:
+        if own is not None:
             return own
-        return _load(self._added[cmd_name])
+        added = self._added().get(cmd_name)
+        return _load(added) if added is not None else None
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the list of commands without importing those of plugins."""
-        names = self.list_commands(ctx)
+        added = self._added()
+        names = sorted({*self.commands, *added})
         limit = formatter.width - 6 - max(map(len, names), default=0)
         rows = []
         for name in names:
             own = self.commands.get(name)
             if own is None:
-                rows.append((name, self._added[name].record.summary))
+                rows.append((name, added[name].record.summary))
             elif not own.hidden:
                 rows.append((name, own.get_short_help_str(limit)))
         if rows:

@@ -33,6 +33,7 @@ def test_a_picture_is_drawn(tmp_path, suffix):
 def test_without_matplotlib_it_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "matplotlib.figure", None)
     with pytest.raises(
-        PhysicError, match=r"^the plot needs matplotlib.*: `pip install -e '\.\[bench\]'` in a checkout of PhySIC$"
+        PhysicError,
+        match=r"^the plot needs matplotlib.*: `pip install -e 'plugins/physic-testing\[plot\]'` in a checkout",
     ):
         draw(results(), tmp_path / "ablation.png")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,9 @@ from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import Registry
 from physic_testing.conformance.kit import start
 from physic_testing.conformance.subject import find_subject
+
+TESTING = [entry for entry in metadata.entry_points(group="physic.plugins") if entry.value == "physic_testing"]
+"""The plugin of the commands."""
 
 DEPTH = """
 import numpy as np
@@ -38,7 +42,8 @@ def offer(site, monkeypatch: pytest.MonkeyPatch):
         path = Path(site.folder) / f"{module}.py"
         path.write_text(f"{first}\n{path.read_text().replace(f'{module}:B', f'{module}_backend:B')}")
         (Path(site.folder) / f"{module}_backend.py").write_text(DEPTH.format(metres=metres))
-        monkeypatch.setattr(entry_points, "entry_points", lambda group: site.entries())
+        entries = [*TESTING, *site.entries()]
+        monkeypatch.setattr(entry_points, "entry_points", lambda group: entries)
         return discover()
 
     return install

@@ -65,9 +65,9 @@ def build(tmp_path: Path) -> Callable[[Path], Path]:
 
 @pytest.fixture(scope="session")
 def wheels(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the wheels of the core and of the mocks."""
+    """A folder with the wheels of the core, of physic-testing and of the mocks."""
     folder = tmp_path_factory.mktemp("wheels")
-    for source in (ROOT, ROOT / "plugins" / "physic-mock"):
+    for source in (ROOT, ROOT / "plugins" / "physic-testing", ROOT / "plugins" / "physic-mock"):
         _build(source, folder)
     return folder
 

@@ -25,7 +25,7 @@ def test_the_wheel_alone_is_listed_and_passes_the_kit_and_a_config_that_selects_
     name, environment, build, wheels, tmp_path
 ):
     folder, interface, backend = EXAMPLES[name]
-    environment.install(*wheels.glob("physic_core-*.whl"), build(folder))
+    environment.install(*wheels.glob("physic_core-*.whl"), *wheels.glob("physic_testing-*.whl"), build(folder))
     listed = json.loads(environment.run("physic plugins --json", tmp_path))
     (only,) = listed["backends"]
     assert (only["interface"], only["backend"], only["status"]) == (interface, backend, "ready")

@@ -36,10 +36,10 @@ from dataclasses import fields, is_dataclass
 import numpy as np
 from physic_core import load_config
 from physic_core.body import load_body
-from physic_core.perception import perceive
-from physic_core.plugins import discover
-from physic_core.resolve import resolve
-from physic_core.stages import Stages
+from physic_core.pipeline.estimate import perceive
+from physic_core.discovery.plugins import discover
+from physic_core.configuration.resolve import resolve
+from physic_core.pipeline.stages import Stages
 from physic_testing.worlds import build_world
 
 def show(name, value):

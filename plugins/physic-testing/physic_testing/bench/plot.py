@@ -37,7 +37,7 @@ def draw(results: Results, path: Path) -> Path:
         from matplotlib.figure import Figure
     except ImportError as error:
         raise PhysicError(
-            f"the plot needs {error.name}: `pip install -e '.[bench]'` in a checkout of PhySIC"
+            f"the plot needs {error.name}: `pip install -e 'plugins/physic-testing[plot]'` in a checkout of PhySIC"
         ) from error
 
     labels = {key: row["label"] for key, row in results.document["settings"]["rows"].items()}

@@ -36,7 +36,7 @@ LONGEST_REGISTRATION = 0.5
 
 _LOOK = """
 import json, sys, time
-import physic_core.hookspecs, physic_core.interfaces, physic_core.plugins
+import physic_core.discovery.hookspecs, physic_core.discovery.plugins, physic_core.interfaces
 known, start = set(sys.modules), time.process_time()
 found = physic_core.discovery.plugins.discover(environment={"PHYSIC_PLUGINS": sys.argv[1]})
 new = sorted({m.partition(".")[0] for m in set(sys.modules) - known})
