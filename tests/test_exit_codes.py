@@ -134,7 +134,7 @@ def physic_backends():
 def test_every_command_ends_with_the_documented_code(
     arguments: tuple[str, ...], code: int, site: Any, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-odd,physic-mock")
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-odd,physic-mock,physic-testing")
     monkeypatch.setattr("physic_core.configuration.resolve.gpu_is_seen", lambda: False)
     site.install("physic-odd", PLUGIN)
     done = physic(*arguments)
