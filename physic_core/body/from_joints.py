@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from physic_core.body.joints import JOINT_INDEX, PARENTS
+from physic_core.body.joints import JOINT_INDEX, PARENTS, joint_pair
 from physic_core.body.rotations import aligned, between, cross, exp, nearest_rotation, parted, swing, turned, unit
 
 __all__ = ["enough", "numbers", "rotations_of"]
@@ -20,10 +20,12 @@ __all__ = ["enough", "numbers", "rotations_of"]
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-_HIPS, _SHOULDERS = [1, 2], [16, 17]
-_UPPER, _LOWER, _END = [1, 2, 16, 17], [4, 5, 18, 19], [7, 8, 20, 21]
+_HIPS, _KNEES, _ANKLES, _FEET = (joint_pair(name) for name in ("hip", "knee", "ankle", "foot"))
+_COLLARS, _SHOULDERS, _ELBOWS, _WRISTS = (joint_pair(name) for name in ("collar", "shoulder", "elbow", "wrist"))
+_EYES = joint_pair("eye")
+_PELVIS, _SPINE1, _SPINE2, _SPINE3 = (JOINT_INDEX[name] for name in ("pelvis", "spine1", "spine2", "spine3"))
+_UPPER, _LOWER, _END = [*_HIPS, *_SHOULDERS], [*_KNEES, *_ELBOWS], [*_ANKLES, *_WRISTS]
 """Hips and shoulders, knees and elbows, ankles and wrists; left before right."""
-_WRISTS, _FEET = [20, 21], [10, 11]
 _HINGES = np.array([[1.0, 0, 0], [1.0, 0, 0], [0, -1.0, 0], [0, 1.0, 0]])
 """About which axis of the T-pose each knee and elbow bends."""
 _FINGERS = np.arange(25, 55).reshape(2, 5, 3)
@@ -63,7 +65,7 @@ def rotations_of(joints: Array, rest: Array) -> Array:
     neck = JOINT_INDEX["neck"]
     for shoulder in _SHOULDERS:
         # An unknown shoulder is where it would be on this chest.
-        guess = joints[:, neck] + turned(world[:, 9], rest[:, shoulder] - rest[:, neck])
+        guess = joints[:, neck] + turned(world[:, _SPINE3], rest[:, shoulder] - rest[:, neck])
         fill = ~known[:, shoulder] & known[:, neck]
         joints[:, shoulder] = np.where(fill[:, None], guess, joints[:, shoulder])
         known[:, shoulder] |= fill
@@ -78,17 +80,16 @@ def _turn_trunk(world: Array, joints: Array, rest: Array, known: Bools) -> None:
     top, rest_top = _first(joints, rest, known, "neck", *_both(joints, rest, known, _SHOULDERS))
     middle, rest_middle = _first(joints, rest, known, "spine3", top, rest_top)
     middle, rest_middle = _first(joints, rest, known, "spine2", middle, rest_middle)
-    across, rest_across = (points[:, 1] - points[:, 2] for points in (joints, rest))
-    low = _frame([(across, rest_across), (middle - hips, rest_middle - rest_hips)])
+    low = _frame([_across(joints, rest, _HIPS), (middle - hips, rest_middle - rest_hips)])
     # Of the upper trunk, from the middle of the spine if that is known.
     same = (middle == top).all(-1, keepdims=True)
     base, rest_base = np.where(same, hips, middle), np.where(same, rest_hips, rest_middle)
     wide = _all(known[:, _SHOULDERS])[:, None]
-    over = np.where(wide, joints[:, 16] - joints[:, 17], turned(low, rest[:, 16] - rest[:, 17]))
-    high = _frame([(over, rest[:, 16] - rest[:, 17]), (top - base, rest_top - rest_base)])
-    world[:, 0], world[:, 9] = low, high
-    world[:, 3], world[:, 6] = between(low, high, 1 / 3), between(low, high, 2 / 3)
-    for collar, shoulder in zip((13, 14), _SHOULDERS, strict=True):
+    across, rest_across = _across(joints, rest, _SHOULDERS)
+    high = _frame([(np.where(wide, across, turned(low, rest_across)), rest_across), (top - base, rest_top - rest_base)])
+    world[:, _PELVIS], world[:, _SPINE3] = low, high
+    world[:, _SPINE1], world[:, _SPINE2] = between(low, high, 1 / 3), between(low, high, 2 / 3)
+    for collar, shoulder in zip(_COLLARS, _SHOULDERS, strict=True):
         # Shoulders are wide or narrow by shape, so only what lifts them or pushes them forward is taken.
         seen = known[:, shoulder]
         middle_of = joints[:, _SHOULDERS].mean(1) - turned(high, rest[:, _SHOULDERS].mean(1) - rest[:, collar])
@@ -97,16 +98,16 @@ def _turn_trunk(world: Array, joints: Array, rest: Array, known: Bools) -> None:
 
 
 def _turn_head(world: Array, joints: Array, rest: Array, known: Bools) -> None:
-    neck, head, eyes = JOINT_INDEX["neck"], JOINT_INDEX["head"], [23, 24]
-    chest = world[:, 9]
+    neck, head = JOINT_INDEX["neck"], JOINT_INDEX["head"]
+    chest = world[:, _SPINE3]
     way = swing(turned(chest, rest[:, head] - rest[:, neck]), joints[:, head] - joints[:, neck])
     seen = _all(known[:, [neck, head]])[:, None, None]
     world[:, neck] = np.where(seen, way @ chest, chest)
-    looks = _all(known[:, [head, *eyes]])[:, None, None]
+    looks = _all(known[:, [head, *_EYES]])[:, None, None]
     face = _frame(
         [
-            (joints[:, 23] - joints[:, 24], rest[:, 23] - rest[:, 24]),
-            (joints[:, eyes].mean(1) - joints[:, head], rest[:, eyes].mean(1) - rest[:, head]),
+            _across(joints, rest, _EYES),
+            (joints[:, _EYES].mean(1) - joints[:, head], rest[:, _EYES].mean(1) - rest[:, head]),
         ]
     )
     world[:, head] = np.where(looks, face, world[:, neck])
@@ -114,11 +115,11 @@ def _turn_head(world: Array, joints: Array, rest: Array, known: Bools) -> None:
     bone = rest[:, head] - rest[:, neck]
     _, angle = parted(np.swapaxes(world[:, neck], -1, -2) @ world[:, head], bone)
     world[:, neck] = world[:, neck] @ exp(0.5 * np.where(looks[..., 0], angle[:, None], 0.0) * unit(bone))
-    world[:, [22, 23, 24]] = world[:, [head]]
+    world[:, [JOINT_INDEX["jaw"], *_EYES]] = world[:, [head]]
 
 
 def _turn_limbs(world: Array, joints: Array, rest: Array, known: Bools) -> None:
-    above = world[:, [0, 0, 13, 14]]
+    above = world[:, [_PELVIS, _PELVIS, *_COLLARS]]
     first, second = (rest[:, b] - rest[:, a] for a, b in ((_UPPER, _LOWER), (_LOWER, _END)))
     upper_known = known[:, _UPPER] & known[:, _LOWER]
     lower_known = known[:, _LOWER] & known[:, _END]
@@ -137,23 +138,23 @@ def _turn_limbs(world: Array, joints: Array, rest: Array, known: Bools) -> None:
         turn = aligned(bones, axis) @ np.swapaxes(frame, -1, -2)
         parent = world[:, [PARENTS[row] for row in rows]]
         world[:, rows] = np.where(seen[..., None, None], turn, parent)
-    foot = rest[:, _FEET] - rest[:, [7, 8]]
-    shin = world[:, [4, 5]]
-    tread = swing(turned(shin, foot), joints[:, _FEET] - joints[:, [7, 8]]) @ shin
-    steps = (known[:, _FEET] & known[:, [7, 8]])[..., None, None]
-    world[:, [7, 8]] = np.where(steps, tread, shin)
-    world[:, _FEET] = world[:, [7, 8]]
+    foot = rest[:, _FEET] - rest[:, _ANKLES]
+    shin = world[:, _KNEES]
+    tread = swing(turned(shin, foot), joints[:, _FEET] - joints[:, _ANKLES]) @ shin
+    steps = (known[:, _FEET] & known[:, _ANKLES])[..., None, None]
+    world[:, _ANKLES] = np.where(steps, tread, shin)
+    world[:, _FEET] = world[:, _ANKLES]
 
 
 def _axis_by_foot(joints: Array, known: Bools, shins: Array) -> Array:
     """(B, 2, 3) about which axis the knees would bend, if feet point forward; zero where the foot is unknown."""
-    feet = joints[:, _FEET] - joints[:, [7, 8]]
-    seen = (known[:, _FEET] & known[:, [7, 8]])[..., None]
+    feet = joints[:, _FEET] - joints[:, _ANKLES]
+    seen = (known[:, _FEET] & known[:, _ANKLES])[..., None]
     return np.where(seen, unit(cross(feet, shins)), 0.0)
 
 
 def _turn_hands(world: Array, joints: Array, rest: Array, known: Bools) -> None:
-    arms = world[:, [18, 19]]
+    arms = world[:, _ELBOWS]
     bases = _FINGERS[:, :, 0]
     seen = known[:, bases] & known[:, _WRISTS][..., None]
     stick = joints[:, bases] - joints[:, _WRISTS][:, :, None]
@@ -164,9 +165,9 @@ def _turn_hands(world: Array, joints: Array, rest: Array, known: Bools) -> None:
     hand = nearest_rotation(np.where(enough_fingers, moments, np.eye(3)) + np.where(enough_fingers, 1e-6, 0.0) * arms)
     hand = np.where(enough_fingers, hand, arms)
     # Half of how far the palm is turned over happens in the forearm.
-    forearm = rest[:, _WRISTS] - rest[:, [18, 19]]
+    forearm = rest[:, _WRISTS] - rest[:, _ELBOWS]
     _, angle = parted(np.swapaxes(arms, -1, -2) @ hand, forearm)
-    world[:, [18, 19]] = arms @ exp(0.5 * angle[..., None] * unit(forearm))
+    world[:, _ELBOWS] = arms @ exp(0.5 * angle[..., None] * unit(forearm))
     world[:, _WRISTS] = hand
     above = np.repeat(hand[:, :, None], 5, axis=2)
     for joint in range(3):
@@ -199,3 +200,9 @@ def _first(joints: Array, rest: Array, known: Bools, name: str, other: Array, re
 
 def _both(joints: Array, rest: Array, known: Bools, pair: list[int]) -> tuple[Array, Array]:
     return joints[:, pair].mean(1), rest[:, pair].mean(1)
+
+
+def _across(joints: Array, rest: Array, pair: list[int]) -> tuple[Array, Array]:
+    """From the right to the left joint of a pair, now and in the T-pose."""
+    left, right = pair
+    return joints[:, left] - joints[:, right], rest[:, left] - rest[:, right]

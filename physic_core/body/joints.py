@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-__all__ = ["JOINT_INDEX", "JOINT_NAMES", "NUM_JOINTS", "PARENTS", "SIDES"]
+__all__ = ["JOINT_INDEX", "JOINT_NAMES", "NUM_JOINTS", "PARENTS", "SIDES", "joint_pair"]
 
 SIDES = ("left", "right")
 
@@ -39,6 +39,12 @@ JOINT_NAMES: tuple[str, ...] = (
 """0-21 body, 22 jaw, 23-24 eyes, 25-39 left hand, 40-54 right hand (index, middle, pinky, ring, thumb; base first)."""
 
 JOINT_INDEX: dict[str, int] = {name: i for i, name in enumerate(JOINT_NAMES)}
+
+
+def joint_pair(name: str) -> list[int]:
+    """Indices of the left and the right joint of a pair: ``joint_pair("ankle") == [7, 8]``."""
+    return [JOINT_INDEX[f"{side}_{name}"] for side in SIDES]
+
 
 NUM_JOINTS = len(JOINT_NAMES)
 

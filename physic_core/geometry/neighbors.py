@@ -21,7 +21,7 @@ from physic_core.errors import PhysicError
 if TYPE_CHECKING:
     from torch import Tensor
 
-__all__ = ["Nearest", "NearestScene", "Strategy", "near_boxes"]
+__all__ = ["Nearest", "NearestScene", "Strategy", "near_boxes", "nearest_other_points"]
 
 Strategy = Literal["kdtree", "grid", "brute"]
 
@@ -193,3 +193,21 @@ class _Grid:
     def _nearest(self, places: Tensor) -> Tensor:
         _, index = self._tree.query(places.cpu().double().numpy())
         return torch.from_numpy(np.asarray(index, dtype=np.int64)).to(places.device)
+
+
+def nearest_other_points(points: Tensor, count: int) -> tuple[Tensor, Tensor]:
+    """The k nearest other points of each point of a cloud, exactly.
+
+    Args:
+        points: (M, 3), any unit, finite; M >= 2.
+        count: k >= 1; all M - 1 other points where it is larger.
+
+    Returns:
+        distance: (M, k) float64, ascending.
+        index: (M, k) int64 rows of ``points``.
+    """
+    cloud = points.detach().cpu().double().numpy()
+    tree = cKDTree(cloud, balanced_tree=False, compact_nodes=False)
+    # The nearest point of all is the point itself.
+    distance, index = tree.query(cloud, k=min(count, len(cloud) - 1) + 1, workers=-1)
+    return torch.from_numpy(distance[:, 1:]).to(points.device), torch.from_numpy(index[:, 1:]).to(points.device)

@@ -13,6 +13,7 @@ from torch import Tensor
 
 from physic_core.errors import BackendOutputError
 from physic_core.geometry.camera import pixel_grid, unproject
+from physic_core.geometry.neighbors import nearest_other_points
 
 __all__ = [
     "depth_edges",
@@ -168,15 +169,11 @@ def knn_outliers(points: Tensor, neighbors: int, sigma: float = 1.45) -> Tensor:
     Returns:
         (M,) bool.
     """
-    from scipy.spatial import cKDTree
-
-    k = min(neighbors, len(points) - 1)
-    if k < 1:
+    if min(neighbors, len(points) - 1) < 1:
         return torch.zeros(len(points), dtype=torch.bool, device=points.device)
-    cloud = points.detach().cpu().double().numpy()
-    distance, _ = cKDTree(cloud, balanced_tree=False, compact_nodes=False).query(cloud, k=k + 1, workers=-1)
-    spread = torch.as_tensor((distance[:, 1:] ** 2).mean(axis=1))
-    return (spread > spread.mean() + sigma * spread.std(correction=0)).to(points.device)
+    distance, _ = nearest_other_points(points, neighbors)
+    spread = distance.square().mean(1)
+    return spread > spread.mean() + sigma * spread.std(correction=0)
 
 
 def intrinsics_from_pointmap(points: Tensor, valid: Tensor) -> tuple[float, float, float, float]:

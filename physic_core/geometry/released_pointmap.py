@@ -8,6 +8,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from physic_core.geometry.neighbors import nearest_other_points
+
 __all__ = ["floor_lattice", "four_neighbour_normals", "normal_outliers"]
 
 _LEAST_CROSS = 1e-6  # square metres; below, no normal
@@ -48,15 +50,11 @@ def normal_outliers(points: Tensor, normals: Tensor, neighbors: int, max_angle_d
     Returns:
         (M,) bool.
     """
-    from scipy.spatial import cKDTree
-
-    k = min(neighbors, len(points) - 1)
-    if k < 1:
+    if min(neighbors, len(points) - 1) < 1:
         return torch.zeros(len(points), dtype=torch.bool, device=points.device)
-    cloud = points.detach().cpu().double().numpy()
-    _, index = cKDTree(cloud, balanced_tree=False, compact_nodes=False).query(cloud, k=k + 1, workers=-1)
+    _, index = nearest_other_points(points, neighbors)
     mean = torch.zeros_like(normals)
-    for column in torch.from_numpy(index[:, 1:]).to(points.device).T:
+    for column in index.T:
         mean = mean + normals[column]
     alike = (normals * F.normalize(mean, dim=-1)).sum(-1)
     return alike < math.cos(math.radians(max_angle_deg))

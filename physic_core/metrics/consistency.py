@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.body.joints import JOINT_INDEX, joint_pair
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -38,7 +40,8 @@ VISIBLE = 0.3
 DEEP = 0.03
 """Metres inside the scene from which a vertex counts as deep inside."""
 
-_HIPS, _KNEES, _ANKLES, _NECK = (1, 2), (4, 5), (7, 8), 12  # SMPL-X joints, left and right
+_HIPS, _KNEES, _ANKLES = joint_pair("hip"), joint_pair("knee"), joint_pair("ankle")
+_NECK = JOINT_INDEX["neck"]
 _STRAIGHT_KNEE_DEG = 140.0
 _STRAIGHT_HIP_DEG = 35.0
 
@@ -173,7 +176,7 @@ def lowest_height(vertices: Array, floor: Plane | None) -> float:
 
 def stands(joints: Array) -> bool:
     """Whether (55, 3) joints stand: both knees over 140 degrees, the trunk within 35 degrees of the legs' line."""
-    hips, knees, ankles = (np.asarray(joints, np.float64)[list(pair)] for pair in (_HIPS, _KNEES, _ANKLES))
+    hips, knees, ankles = (np.asarray(joints, np.float64)[pair] for pair in (_HIPS, _KNEES, _ANKLES))
     bends = [180.0 - _angle_deg(k - h, a - k) for h, k, a in zip(hips, knees, ankles, strict=True)]
     trunk = np.asarray(joints[_NECK], np.float64) - hips.mean(0)
     return min(bends) > _STRAIGHT_KNEE_DEG and _angle_deg(trunk, hips.mean(0) - ankles.mean(0)) < _STRAIGHT_HIP_DEG
@@ -187,7 +190,7 @@ def lean_deg(joints: Array, floor: Plane) -> tuple[float, float]:
         the neck is nearer to the camera than the ankles are.
     """
     normal = np.asarray(floor.normal, np.float64)
-    foot = np.asarray(joints, np.float64)[list(_ANKLES)].mean(0)
+    foot = np.asarray(joints, np.float64)[_ANKLES].mean(0)
     body = np.asarray(joints[_NECK], np.float64) - foot
     towards = -foot - (-foot @ normal) * normal  # the camera is the origin
     length = float(np.linalg.norm(towards))

@@ -1,6 +1,6 @@
 """Who is who: one-to-one matching of predicted to true people before anything is compared.
 
-Both ways first leave as few people unmatched as the gate allows, then take the least total cost (Hungarian method).
+As few people as the gate allows stay unmatched; among such matchings the one of least total cost (Hungarian method).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     Indices = NDArray[np.int64]
 
-__all__ = ["Matching", "mask_iou", "match_by_joints", "match_by_masks"]
+__all__ = ["Matching", "mask_iou", "match_by_masks"]
 
 
 @dataclass(frozen=True)
@@ -71,27 +71,6 @@ def match_by_masks(predicted: BoolArray, truth: BoolArray, min_iou: float = 0.5)
     """
     iou = mask_iou(predicted, truth)
     return _assign(1.0 - iou, (iou >= min_iou) & (iou > 0))
-
-
-def match_by_joints(predicted: FloatArray, truth: FloatArray, max_distance: float = float("inf")) -> Matching:
-    """Match by mean distance of the joints.
-
-    Args:
-        predicted: (N, J, 3) m, camera frame, or (N, J, 2) px; N may be 0. People with a joint that is not finite match
-            nobody.
-        truth: (M, J, 3) or (M, J, 2) in the same unit; M may be 0.
-        max_distance: largest mean distance of a match, in that unit.
-
-    Raises:
-        PhysicError: the joints are not of one set.
-    """
-    if predicted.shape[1:] != truth.shape[1:]:
-        raise PhysicError(
-            f"Joints must be of one set, got {predicted.shape[1:]} and {truth.shape[1:]} each: pick those in common."
-        )
-    way = np.asarray(predicted, np.float64)[:, None] - np.asarray(truth, np.float64)[None]
-    distance = np.linalg.norm(way, axis=-1).mean(-1)
-    return _assign(distance, np.isfinite(distance) & (distance <= max_distance))
 
 
 def _assign(cost: FloatArray, allowed: BoolArray) -> Matching:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, FloatArray
 
-__all__ = ["Penetration", "contact_gap", "floating_distance", "penetration", "vertex_areas", "vertex_normals"]
+__all__ = ["Penetration", "contact_gap", "penetration", "vertex_areas", "vertex_normals"]
 
 
 @dataclass(frozen=True)
@@ -98,23 +98,6 @@ def penetration(
         share=number / np.maximum(total.sum(-1), 1),
         volume=(depth * weight).sum(-1),
     )
-
-
-def floating_distance(distance: FloatArray, counted: BoolArray | None = None) -> FloatArray:
-    """Gap (...,) m between a person and the nearest surface; 0 where one vertex touches or is inside.
-
-    Args:
-        distance: (..., V) m, signed, to the scene and the floor; or the heights over the floor alone, for the gap of
-            the lowest vertex.
-        counted: (..., V) bool, vertices that count; all without it.
-
-    Returns:
-        float64; inf where no surface is known near any vertex that counts.
-    """
-    gap = _gap(distance)
-    if counted is not None:
-        gap = np.where(counted, gap, np.inf)
-    return np.asarray(gap.min(-1, initial=np.inf))
 
 
 def contact_gap(distance: FloatArray, contact: BoolArray, reach: float = float("inf")) -> FloatArray:

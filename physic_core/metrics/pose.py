@@ -8,7 +8,6 @@ does not say over which joints; ``BODY_JOINTS`` are those that every SMPL-family
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,49 +17,10 @@ from physic_core.metrics.shapes import require_same_shape
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
 
-__all__ = ["BODY_JOINTS", "PoseErrors", "align_similarity", "mpjpe_mm", "mpvpe_mm", "pa_mpjpe_mm", "pose_errors"]
+__all__ = ["BODY_JOINTS", "align_similarity", "mpjpe_mm", "mpvpe_mm", "pa_mpjpe_mm"]
 
 BODY_JOINTS = slice(0, 22)
 """Pelvis to wrists, of the 55 joints in SMPL-X order."""
-
-
-@dataclass(frozen=True)
-class PoseErrors:
-    """Errors of people, each (...,) millimetres; NaN where a person has no joint that counts, or a point is not finite.
-
-    Attributes:
-        mpjpe_mm: mean distance of the joints, nothing aligned.
-        pa_mpjpe_mm: the same after the best similarity of each person.
-        mpvpe_mm: mean distance of the vertices, nothing aligned.
-    """
-
-    mpjpe_mm: FloatArray
-    pa_mpjpe_mm: FloatArray
-    mpvpe_mm: FloatArray
-
-
-def pose_errors(
-    predicted_joints: FloatArray,
-    true_joints: FloatArray,
-    predicted_vertices: FloatArray,
-    true_vertices: FloatArray,
-    joints: slice = BODY_JOINTS,
-) -> PoseErrors:
-    """All three errors of matched people.
-
-    Args:
-        predicted_joints: (..., J, 3) m, camera frame.
-        true_joints: (..., J, 3) m.
-        predicted_vertices: (..., V, 3) m, of the mesh that ``true_vertices`` has.
-        true_vertices: (..., V, 3) m.
-        joints: those that count.
-
-    Raises:
-        PhysicError: predicted and true shapes differ.
-    """
-    require_same_shape("joints", predicted_joints, true_joints)
-    chosen = predicted_joints[..., joints, :], true_joints[..., joints, :]
-    return PoseErrors(mpjpe_mm(*chosen), pa_mpjpe_mm(*chosen), mpvpe_mm(predicted_vertices, true_vertices))
 
 
 def mpjpe_mm(predicted: FloatArray, truth: FloatArray, valid: BoolArray | None = None) -> FloatArray:

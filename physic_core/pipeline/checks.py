@@ -49,6 +49,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from physic_core.body.joints import joint_pair
 from physic_core.metrics.consistency import lean_deg, stands
 from physic_core.types import CheckResult
 
@@ -136,7 +137,7 @@ _ALL = (
 CHECKS: Mapping[str, Check] = {check.name: check for check in _ALL}
 """Every check by its name, in the order in which results hold them."""
 
-_KNEES, _ANKLES = [4, 5], [7, 8]  # left and right
+_KNEES, _ANKLES = joint_pair("knee"), joint_pair("ankle")
 _NO_FLOOR = {
     "no_pixels": "too few pixels to search",
     "no_consensus": "no horizontal plane has enough pixels",

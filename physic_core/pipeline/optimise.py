@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import torch
 
+from physic_core.body.joints import joint_pair
 from physic_core.body.landmarks import known_keypoints
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
 from physic_core.engine.contact import contact_map, contact_surface
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Solution", "solve"]
 
-_ANKLES = [7, 8]  # joints, left and right
+_ANKLES = joint_pair("ankle")
 
 
 @dataclass(frozen=True)

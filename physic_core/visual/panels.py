@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.geometry.upright import gltf_from_camera, transform
 from physic_core.visual.glb import BODY_RGB, CONTACT_RGB
 from physic_core.visual.plans import PAPER
@@ -35,7 +36,9 @@ OPACITY = 0.85
 
 _FAR = 60.0  # metres where the colours end
 
-_LEFT_HIP, _RIGHT_HIP, _NECK, _LEFT_SHOULDER, _RIGHT_SHOULDER = 1, 2, 12, 16, 17
+_LEFT_HIP, _RIGHT_HIP = joint_pair("hip")
+_LEFT_SHOULDER, _RIGHT_SHOULDER = joint_pair("shoulder")
+_PELVIS, _NECK = JOINT_INDEX["pelvis"], JOINT_INDEX["neck"]
 
 
 @dataclass(frozen=True)
@@ -137,7 +140,7 @@ def _around(joints: Array) -> dict[str, tuple[Array, Array]]:
     """Right and top axes (upright frame) of the views of one person's front, back and underside."""
     up = np.array([0.0, 1.0, 0.0])
     left = joints[_LEFT_HIP] - joints[_RIGHT_HIP] + joints[_LEFT_SHOULDER] - joints[_RIGHT_SHOULDER]
-    spine = _unit(joints[_NECK] - joints[0], up)
+    spine = _unit(joints[_NECK] - joints[_PELVIS], up)
     front = _unit(np.cross(left, spine), np.array([0.0, 0.0, 1.0]))
     top = up - (up @ front) * front
     # Somebody who lies on the back shows the front upwards: their head then points to the picture's top.

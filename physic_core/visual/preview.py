@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from physic_core.body.joints import JOINT_INDEX
 from physic_core.geometry.upright import up_in_camera
 from physic_core.visual.diorama import build_diorama, person_color
 from physic_core.visual.panels import (
@@ -40,7 +41,7 @@ _ROW = 440  # height of the second row of panels, px
 _CELL = 300  # room that a panel of the first row has at least, for its title and the depth's bar, px
 _INK, _SOFT, _ALERT, _FLOOR = (32, 34, 38), (98, 102, 108), (178, 48, 34), (34, 140, 84)
 _SHOWN_LINES = 6
-_HEAD, _NECK = 15, 12  # joints, SMPL-X order
+_HEAD, _NECK = JOINT_INDEX["head"], JOINT_INDEX["neck"]
 _DEPTH_TITLE = "Depth without people"
 _PLAIN = str.maketrans({"×": "x", "—": "-", "–": "-", "−": "-", "’": "'", "‘": "'", "“": '"', "”": '"', "…": "..."})
 

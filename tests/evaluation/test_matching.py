@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from physic_core.errors import PhysicError
-from physic_core.metrics.matching import mask_iou, match_by_joints, match_by_masks
+from physic_core.metrics.matching import mask_iou, match_by_masks
 
 
 def columns(*spans, width=20):
@@ -19,11 +19,6 @@ def columns(*spans, width=20):
     for mask, (start, end) in zip(masks, spans, strict=True):
         mask[:, start:end] = True
     return masks
-
-
-def at(*places):
-    """People of 5 joints whose places are known."""
-    return np.array(places, float).reshape(-1, 1, 3) + np.linspace(0, 1, 5)[:, None] * [0, 1, 0]
 
 
 def pairs(matching):
@@ -54,55 +49,43 @@ def test_the_gate_includes_its_bound_and_never_no_overlap():
     assert pairs(match_by_masks(columns((0, 4)), columns((0, 8)), min_iou=0.5)) == {0: 0}
     assert pairs(match_by_masks(columns((0, 4)), columns((0, 8)), min_iou=0.51)) == {}
     assert pairs(match_by_masks(columns((0, 4)), columns((4, 8)), min_iou=0)) == {}
-    assert pairs(match_by_joints(at((0, 0, 2)), at((0, 0, 3)), max_distance=1)) == {0: 0}
-    assert pairs(match_by_joints(at((0, 0, 2)), at((0, 0, 3)), max_distance=0.99)) == {}
 
 
-def test_the_nearest_is_not_always_the_match():
-    truth, predicted = at((0, 0, 3), (1, 0, 3)), at((0.9, 0, 3), (1.8, 0, 3))
-    assert pairs(match_by_joints(predicted, truth)) == {0: 0, 1: 1}  # greedy would take 0 for 1 and pay more
-    assert pairs(match_by_joints(predicted, truth, max_distance=0.5)) == {1: 0}
+def test_the_largest_overlap_is_not_always_the_match():
+    truth, predicted = columns((0, 10), (5, 15)), columns((4, 14), (9, 19))
+    # Prediction 0 overlaps person 1 more, but then nobody would be left for person 0.
+    assert pairs(match_by_masks(predicted, truth, min_iou=0.2)) == {0: 0, 1: 1}
+    assert pairs(match_by_masks(predicted, truth, min_iou=0.5)) == {1: 0}
 
 
-@given(st.integers(0, 2**32 - 1), st.integers(0, 4), st.integers(0, 4), st.floats(0.2, 2))
+@given(st.integers(0, 2**32 - 1), st.integers(0, 4), st.integers(0, 4), st.floats(0.05, 0.8))
 def test_matches_equal_the_slow_twin(seed, guesses, people, gate):
     rng = np.random.default_rng(seed)
-    predicted, truth = at(*rng.uniform(0, 2, (guesses, 3))), at(*rng.uniform(0, 2, (people, 3)))
-    cost = np.linalg.norm(predicted[:, None, 0] - truth[None, :, 0], axis=-1)
+    predicted, truth = (columns(*np.sort(rng.integers(0, 20, (count, 2)))) for count in (guesses, people))
+    overlap = mask_iou(predicted, truth)
+    cost = np.where(overlap >= gate, 1 - overlap, np.inf)
     slots = [*range(guesses), *[None] * people]
     options = []
     for choice in set(permutations(slots, people)):
         taken = {j: i for j, i in enumerate(choice) if i is not None}
-        if all(cost[i, j] <= gate for j, i in taken.items()):
-            options.append((-len(taken), sum(cost[i, j] for j, i in taken.items()), taken))
-    best = min(options, key=lambda option: option[:2])
-    matching = match_by_joints(predicted, truth, max_distance=gate)
-    assert pairs(matching) == best[2]
+        if all(np.isfinite(cost[i, j]) for j, i in taken.items()):
+            options.append((-len(taken), sum(cost[i, j] for j, i in taken.items())))
+    matching = match_by_masks(predicted, truth, min_iou=gate)
+    found = pairs(matching)
+    assert (-len(found), sum(cost[i, j] for j, i in found.items())) == pytest.approx(min(options))
     assert sorted([*matching.truth, *matching.missed]) == list(range(people))
     assert sorted([*matching.predicted, *matching.false_alarms]) == list(range(guesses))
 
 
 @pytest.mark.parametrize(("guesses", "people"), [(0, 0), (0, 2), (2, 0)])
 def test_nobody_is_matched_to_nobody(guesses, people):
-    by_masks = match_by_masks(np.ones((guesses, 3, 3), bool), np.ones((people, 3, 3), bool))
-    by_joints = match_by_joints(np.zeros((guesses, 5, 3)), np.zeros((people, 5, 3)))
-    for matching in (by_masks, by_joints):
-        assert pairs(matching) == {}
-        assert len(matching.missed) == people
-        assert len(matching.false_alarms) == guesses
-        assert matching.truth.dtype == matching.missed.dtype == matching.false_alarms.dtype == np.int64
-
-
-def test_a_person_that_failed_matches_nobody():
-    predicted = at((0, 0, 3), (1, 0, 3))
-    predicted[0, 2] = np.nan
-    matching = match_by_joints(predicted, at((0, 0, 3), (1, 0, 3)))
-    assert pairs(matching) == {1: 1}
-    np.testing.assert_array_equal(matching.false_alarms, [0])
+    matching = match_by_masks(np.ones((guesses, 3, 3), bool), np.ones((people, 3, 3), bool))
+    assert pairs(matching) == {}
+    assert len(matching.missed) == people
+    assert len(matching.false_alarms) == guesses
+    assert matching.truth.dtype == matching.missed.dtype == matching.false_alarms.dtype == np.int64
 
 
 def test_what_does_not_fit_is_refused():
     with pytest.raises(PhysicError, match=r"^Masks must have one size, got \(4, 20\) and \(4, 10\): resize"):
         match_by_masks(columns((0, 4)), columns((0, 4), width=10))
-    with pytest.raises(PhysicError, match=r"^Joints must be of one set, got \(5, 3\) and \(4, 3\) each: pick"):
-        match_by_joints(at((0, 0, 0)), at((0, 0, 0))[:, :4])

@@ -10,7 +10,7 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.metrics.physics import contact_gap, floating_distance, penetration, vertex_areas
+from physic_core.metrics.physics import contact_gap, penetration, vertex_areas
 
 RADIUS = 0.5
 
@@ -74,7 +74,6 @@ def test_nobody_and_nothing_penetrate_nothing():
         answer = penetration(np.zeros(shape), np.zeros(shape))
         for value in (answer.max_depth, answer.mean_depth, answer.share, answer.volume):
             np.testing.assert_array_equal(value, np.zeros(shape[0]))
-        np.testing.assert_array_equal(floating_distance(np.zeros(shape)), np.full(shape[0], np.inf))
 
 
 @given(st.lists(st.floats(-0.2, 0.2), min_size=1, max_size=20), st.floats(0.1, 10))
@@ -85,13 +84,6 @@ def test_depths_scale_with_the_scene_and_the_volume_with_the_areas(values, scale
     assert other.mean_depth == pytest.approx(scale * one.mean_depth)
     assert penetration(distance, scale * areas).volume == pytest.approx(scale * one.volume)
     assert one.mean_depth <= one.max_depth + 1e-12
-    assert (one.max_depth > 0) <= (floating_distance(distance) == 0)
-
-
-def test_a_person_floats_by_the_gap_of_the_nearest_vertex():
-    distance = np.array([[0.3, 0.07, np.inf], [0.3, -0.1, 0.2], [np.inf, np.nan, np.inf]])
-    np.testing.assert_allclose(floating_distance(distance), [0.07, 0, np.inf])
-    np.testing.assert_allclose(floating_distance(distance, np.array([True, False, True])), [0.3, 0.2, np.inf])
 
 
 def test_true_contacts_are_missed_by_their_mean_gap():

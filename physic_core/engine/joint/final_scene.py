@@ -7,7 +7,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from physic_core.body.joints import JOINT_INDEX
+from physic_core.body.joints import joint_pair
 from physic_core.engine.joint.local_depth_scale import log_factor
 from physic_core.engine.joint.problem import JointProblem, JointResult
 from physic_core.engine.scene.build import SceneState, edge_ratio_at
@@ -19,7 +19,7 @@ from physic_core.geometry.pointmap import normals
 
 __all__ = ["is_furniture", "settled", "without_floor"]
 
-_ANKLES = [JOINT_INDEX[f"{side}_ankle"] for side in ("left", "right")]
+_ANKLES = joint_pair("ankle")
 
 
 def is_furniture(scene: SceneState, problem: JointProblem) -> bool:

@@ -45,7 +45,9 @@ def floor_under_people(
     if told is None or told.firmness < _FIRMNESS_SHARE * firmness:
         return None
     up = told.up.to(vertices)
-    trunk = torch.nn.functional.normalize(joints[:, JOINT_INDEX["neck"]] - joints[:, 0], dim=-1) @ up
+    trunk = (
+        torch.nn.functional.normalize(joints[:, JOINT_INDEX["neck"]] - joints[:, JOINT_INDEX["pelvis"]], dim=-1) @ up
+    )
     upright = (trunk > _UPRIGHT) & torch.isfinite(vertices).flatten(1).all(1)
     if not bool(upright.any()):
         return None

@@ -53,10 +53,6 @@ class DisparityFloor:
         down = np.array([self.du * focal, self.dv * focal, self.d0 - infinity])
         return np.asarray(down / np.linalg.norm(down))
 
-    def infinity_for(self, down: FloatArray, focal: float) -> float:
-        """The disparity of infinity that pitches the floor as ``down`` (3,), a direction of gravity."""
-        return float(self.d0 - self.dv * focal * down[2] / down[1])
-
 
 def disparity_floor(
     disparity: FloatArray,

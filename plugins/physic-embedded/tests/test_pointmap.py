@@ -87,7 +87,6 @@ def test_the_floor_comes_back_under_furniture_noise_and_a_hole() -> None:
     assert np.degrees(np.arccos(normal @ down)) < 0.7
     horizon = (HEIGHT - 1) / 2 + floor.horizon(2.0) * WIDTH
     assert horizon == pytest.approx((HEIGHT - 1) / 2 - FOCAL * down[2] / down[1], abs=2)
-    assert floor.infinity_for(down, FOCAL / WIDTH) == pytest.approx(2.0, abs=0.1)
     assert floor.inlier_share > 0.5
     assert floor.below_share < 0.01
 
