@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+import physic_core
 from physic_core import cli
 from physic_core.configuration import model as config
 from physic_core.configuration.resolve import check, resolve
@@ -16,7 +17,10 @@ from physic_core.discovery.plugins import discover
 from physic_core.engine.presets import PRESETS
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *ROOT.glob("plugins/*/README.md"), ROOT / "examples" / "README.md"]
+PAPERS = [page for page in ROOT.glob("*.md") if page.name != "CHANGELOG.md"]
+PAGES = sorted(
+    [*PAPERS, *ROOT.glob("docs/**/*.md"), *ROOT.glob("plugins/*/README.md"), ROOT / "examples" / "README.md"]
+)
 
 
 def blocks(language: str) -> list[str]:
@@ -51,8 +55,8 @@ def test_every_command_of_the_pages_can_be_given(words: list[str], tmp_path: Pat
 
 
 @pytest.mark.parametrize("shell", ["zsh_source", "fish_source"])
-def test_the_shell_completion_of_the_readme_is_there(shell: str):
-    assert shell in (ROOT / "README.md").read_text()
+def test_the_shell_completion_of_the_pages_is_there(shell: str):
+    assert shell in (ROOT / "docs" / "install.md").read_text()
     done = CliRunner().invoke(cli.main, [], prog_name="physic", env={"_PHYSIC_COMPLETE": shell})
     assert done.exit_code == 0
     assert "_PHYSIC_COMPLETE=" in done.output
@@ -70,14 +74,14 @@ def test_the_example_of_a_camera_fits_its_photo():
     assert (camera.cx, camera.cy) == ((width - 1) / 2, (height - 1) / 2)
 
 
-def test_the_readme_says_which_presets_do_not_run_the_written_out_terms():
+def test_the_page_says_which_presets_do_not_run_the_written_out_terms():
     plain = [
         name
         for name, preset in sorted(PRESETS.items())
         if "point" in (preset.joint.contact_metric, preset.joint.penetration_metric)
         or preset.joint.depth_form != "pixels"
     ]
-    (row,) = [line for line in (ROOT / "README.md").read_text().splitlines() if "engine/terms.py`" in line]
+    (row,) = [line for line in (ROOT / "ARCHITECTURE.md").read_text().splitlines() if line.startswith("| `terms.py`")]
     assert re.findall(r"`(\w+)`", row) == plain
 
 
@@ -111,7 +115,17 @@ def test_the_continuous_integration_runs_the_test_command_of_the_readme():
     assert (ROOT / ".ci" / "run").read_text().rstrip().splitlines()[-2:] == ["make test", "exec make kernels"]
 
 
-@pytest.mark.parametrize("page", sorted([*PAGES, *ROOT.glob("*/README.md"), ROOT / "CHANGELOG.md"]), ids=str)
+def test_the_readme_is_short():
+    assert len((ROOT / "README.md").read_text().split()) <= 1200
+
+
+def test_the_page_of_the_api_names_everything_public():
+    page = (ROOT / "docs" / "api.md").read_text()
+    named = {*re.findall(r"`(\w+)", page), *(name for name in physic_core.__all__ if name.endswith("Error"))}
+    assert set(physic_core.__all__) <= named
+
+
+@pytest.mark.parametrize("page", sorted({*PAGES, *ROOT.glob("*/README.md"), ROOT / "CHANGELOG.md"}), ids=str)
 def test_every_row_of_a_table_is_under_its_head(page: Path):
     lines = ["", *re.sub(r"^```.*?^```", "", page.read_text(), flags=re.M | re.S).splitlines(), ""]
     first = [i for i, line in enumerate(lines) if line.startswith("|") and not lines[i - 1].startswith("|")]

@@ -44,9 +44,9 @@ def test_every_error_has_one_code():
     assert exit_code(ValueError()) == 1
 
 
-def test_help_and_readme_list_every_code(repository: Path):
+def test_help_and_documentation_list_every_code(repository: Path):
     rows = [f"| {code} | {meaning} |" for code, meaning in MEANINGS.items()]
-    assert "\n".join(rows) in (repository / "README.md").read_text()
+    assert "\n".join(rows) in (repository / "docs" / "running.md").read_text()
     shown = physic("--help").output
     assert all(f"  {code:<3}  {meaning}\n" in shown for code, meaning in MEANINGS.items()), shown
 
