@@ -15,7 +15,7 @@ from physic_core.engine.presets import PRESETS
 from physic_core.pipeline.estimate import Evidence, perceive
 from physic_core.pipeline.optimise import Solution, solve
 from physic_core.pipeline.stages import Stages
-from physic_core.types import Intrinsics
+from physic_core.types import CameraTrust, Intrinsics
 from physic_testing.worlds import build_world
 
 SIZE = (160, 120)
@@ -40,8 +40,12 @@ def with_cameras(evidence: Evidence, pointmap: Intrinsics | None, metric: Intrin
     return solve(seen, QUICK, load_body("embedded"), Stages("cpu", 8))
 
 
-def from_(source: str, camera: Intrinsics) -> Intrinsics:
-    return replace(camera, source=source)
+def known(camera: Intrinsics) -> Intrinsics:
+    return replace(camera, source="a phone", trust=CameraTrust.KNOWN)
+
+
+def guessed(camera: Intrinsics) -> Intrinsics:
+    return replace(camera, source="1.2 sides", trust=CameraTrust.GUESSED)
 
 
 @pytest.mark.parametrize(
@@ -49,10 +53,10 @@ def from_(source: str, camera: Intrinsics) -> Intrinsics:
     [
         (SEES_150, SEES_200, 30000**0.5, "point map and metric depth"),
         (SEES_150, None, 150.0, "a network"),
-        (SEES_150, from_("default: 1.2 sides", SEES_200), 150.0, "a network"),
-        (from_("default: 1.2 sides", SEES_150), SEES_200, 200.0, "a network"),
-        (SEES_150, from_("measured by the phone", SEES_200), 200.0, "measured by the phone"),
-        (from_("EXIF", SEES_150), SEES_200, 150.0, "EXIF"),
+        (SEES_150, guessed(SEES_200), 150.0, "a network"),
+        (guessed(SEES_150), SEES_200, 200.0, "a network"),
+        (SEES_150, known(SEES_200), 200.0, "a phone"),
+        (known(SEES_150), SEES_200, 150.0, "a phone"),
     ],
 )
 def test_who_knows_goes_before_who_estimates_and_who_guesses(
@@ -67,7 +71,7 @@ def test_depths_follow_the_focal_length_unless_they_were_measured(evidence: Evid
     own = evidence.scene.intrinsics
     assert own is not None
     longer = Intrinsics.from_focal(1.3 * own.fx, *SIZE, source="a network")
-    agreed = with_cameras(evidence, own, from_("a network", own)).scene
+    agreed = with_cameras(evidence, own, replace(own, source="a network")).scene
 
     def ratio(metric: Intrinsics) -> float:
         scene = with_cameras(evidence, own, metric).scene
@@ -75,4 +79,4 @@ def test_depths_follow_the_focal_length_unless_they_were_measured(evidence: Evid
         return float(np.median(scene.points[both][:, 2] / agreed.points[both][:, 2]))
 
     assert ratio(longer) == pytest.approx(1.3**-0.5, rel=2e-3)
-    assert ratio(from_("measured by the phone", longer)) == pytest.approx(1.0, rel=0.05)
+    assert ratio(known(longer)) == pytest.approx(1.0, rel=0.05)

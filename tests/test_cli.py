@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from physic_core.cli import main
-from physic_core.cli.config import resolved_toml, whole_toml
+from physic_core.cli.config import full_toml, resolved_toml
 from physic_core.cli.doctor import examine, findings
 from physic_core.cli.listing import as_dicts, listing
 from physic_core.cli.plugins import details
@@ -567,7 +567,7 @@ def test_show_says_where_each_value_is_from():
 @pytest.mark.parametrize("preset", preset_names())
 def test_show_all_prints_toml_that_comes_to_the_same_settings(preset: str):
     config = load_config(preset=preset, overrides=["engine.joint.steps=40"])
-    printed = tomllib.loads(whole_toml(config, discover()))
+    printed = tomllib.loads(full_toml(config, discover()))
     again = load_config(flags={"shown": printed})
     assert again.engine.settings() == config.engine.settings()
     before, after = (resolve(c, discover()).backends for c in (config, again))

@@ -20,7 +20,7 @@ from physic_core.geometry.visibility import vertex_normals
 from physic_core.pipeline import checks as diagnosis
 from physic_core.pipeline.checks import CHECKS, diagnose, failed_checks, warnings_of
 from physic_core.pipeline.measures import depth_ratio, seen_share, support_gap
-from physic_core.types import Diagnostic, Intrinsics, Plane
+from physic_core.types import CameraTrust, CheckResult, Intrinsics, Plane
 
 CAMERA = Intrinsics.from_focal(500, 640, 480, "EXIF")
 FLOOR = Plane(np.array([0.0, -1.0, 0.0]), 1.5)
@@ -95,7 +95,11 @@ def test_nothing_fails_where_all_is_well() -> None:
         ({"sigma": 0.22}, "scale_sigma", 0.22),
         ({"scale": 1.4}, "scale_change", 0.4),
         ({"scale": 1 / 1.4}, "scale_change", 0.4),
-        ({"camera": replace(CAMERA, source="default (0.95 x the long side)")}, "focal_known", 0.0),
+        (
+            {"camera": replace(CAMERA, source="0.95 x the long side", trust=CameraTrust.GUESSED)},
+            "focal_known",
+            0.0,
+        ),
         ({"camera": Intrinsics(500, 500, 319.5 + 0.2 * 640, 239.5, 640, 480)}, "principal_point", 0.2),
         ({"camera": Intrinsics(500, 500, 319.5, 239.5 - 0.16 * 480, 640, 480)}, "principal_point", 0.16),
         ({"scene_camera": Intrinsics.from_focal(325, 320, 240)}, "focal_agreement", 0.3),
@@ -211,7 +215,7 @@ def test_a_point_map_that_is_not_used_need_not_agree() -> None:
             "and heights are unknown: use a photo that shows the ground at the feet",
         ),
         (
-            {"camera": replace(CAMERA, source="default"), "scene_camera": None},
+            {"camera": replace(CAMERA, source="default", trust=CameraTrust.GUESSED), "scene_camera": None},
             "the focal length is a guess, and all distances along the view are off by its error: give it with "
             "--focal-px",
         ),
@@ -266,8 +270,8 @@ def test_diagnostics_are_written_and_read_back() -> None:
     from physic_core.io.document import _check, _encode, checks_from
 
     found = (
-        Diagnostic("floating", 0.2, 0.05, "m", False, "the body hangs in the air", 1),
-        Diagnostic("ruler", None, 0.5, "share", True, "not measured"),
+        CheckResult("floating", 0.2, 0.05, "m", False, "the body hangs in the air", 1),
+        CheckResult("ruler", None, 0.5, "share", True, "not measured"),
     )
     assert checks_from(json.loads(json.dumps(_encode([_check(d) for d in found])))) == found
 

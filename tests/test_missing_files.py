@@ -13,9 +13,9 @@ from click.testing import CliRunner, Result
 from physic_core import interfaces, load_config, reconstruct
 from physic_core.cli import main
 from physic_core.cli.doctor import examine
-from physic_core.configuration.resolve import missing, require_whole, resolve
+from physic_core.configuration.resolve import missing, require_available, resolve
 from physic_core.discovery.plugins import discover
-from physic_core.discovery.readiness import lacks
+from physic_core.discovery.readiness import missing_requirements
 from physic_core.discovery.registry import BackendRecord, Registry
 from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.interfaces import INTERFACES
@@ -194,7 +194,7 @@ def test_resolving_alone_asks_for_no_file(heavy: Path):
     plan = resolve(load_config("my.toml"), discover())
     assert len(missing(plan)) == 2
     with pytest.raises(WeightsMissingError):
-        require_whole(plan)
+        require_available(plan)
 
 
 def test_the_doctor_calls_it_missing_and_loads_nothing(heavy: Path):
@@ -297,17 +297,19 @@ WRONG = [
 @pytest.mark.parametrize(("answer", "says"), WRONG, ids=[says for _, says in WRONG])
 def test_what_is_no_answer_is_the_backends_fault(answer: object, says: str):
     with pytest.raises(BackendError) as caught:
-        lacks(saying(answer)())
+        missing_requirements(saying(answer)())
     line = saying.__code__.co_firstlineno + 3
     assert str(caught.value) == says.replace("{}", str(line))
 
 
 def test_an_error_about_missing_weights_is_an_answer():
-    assert lacks(saying(WeightsMissingError("no file x: get it"))()) == ("no file x: get it",)
+    assert missing_requirements(saying(WeightsMissingError("no file x: get it"))()) == ("no file x: get it",)
 
 
 def test_a_backend_without_the_method_lacks_nothing():
-    assert lacks(type("Own", (interfaces.MetricDepth,), {"infer": lambda self, image, hints: None})()) == ()
+    assert (
+        missing_requirements(type("Own", (interfaces.MetricDepth,), {"infer": lambda self, image, hints: None})()) == ()
+    )
 
 
 def test_it_is_named_wherever_it_is_asked():
@@ -317,7 +319,7 @@ def test_it_is_named_wherever_it_is_asked():
         registry.register(BackendRecord(name, "own", kind, api=1))
     config = load_config(flags={"config": {name: {"backend": "own"} for name in INTERFACES}})
     with pytest.raises(BackendError) as caught:
-        require_whole(resolve(config, registry))
+        require_available(resolve(config, registry))
     says = "missing() must return a tuple of texts, got None"
     assert str(caught.value) == f"metric_depth 'own' (registered by hand): {says}"
     claim = registry.get("metric_depth", "own")

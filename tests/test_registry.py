@@ -226,7 +226,7 @@ def test_a_class_is_called_by_its_target_and_says_its_interface(site):
     )
     (claim,) = registry(("telea", A)).called("my_other_fill:Fill")
     assert str(claim) == "inpainter 'my_other_fill:Fill' (a class that no plugin registers)"
-    assert Registry(installed=False).load_whole_class(claim).__name__ == "Fill"
+    assert Registry(installed=False).load_concrete_class(claim).__name__ == "Fill"
 
 
 def test_a_class_that_is_called_but_is_no_backend_is_refused():

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from physic_core.errors import BackendError
-from physic_core.types import Intrinsics
+from physic_core.types import CameraTrust, Intrinsics
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -49,8 +49,9 @@ class AffineCamera:
     given: bool = False
 
     def intrinsics(self, width: int, height: int, source: str) -> Intrinsics:
-        """The camera, its principal point in the middle of the image."""
-        return replace(Intrinsics.from_focal(self.fx, width, height, source), fy=self.fy)
+        """The camera, its principal point in the image centre; "guessed" unless ``determined``."""
+        trust = CameraTrust.ESTIMATED if self.determined else CameraTrust.GUESSED
+        return replace(Intrinsics.from_focal(self.fx, width, height, source, trust), fy=self.fy)
 
 
 def half_diagonal(height: int, width: int) -> float:

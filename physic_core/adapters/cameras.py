@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from physic_core.adapters.canonical_depth import focal_from_fov
-from physic_core.types import Intrinsics
+from physic_core.types import CameraTrust, Intrinsics
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,4 +28,5 @@ def guessed_camera(fov_deg: float, image: NDArray[Any]) -> tuple[Intrinsics, tup
     height, width = image.shape[:2]
     source = f"default (field of view {fov_deg:g} degrees along the long side)"
     focal = focal_from_fov(fov_deg, max(height, width))
-    return Intrinsics.from_focal(focal, width, height, source), (f"focal length is a {source}",)
+    camera = Intrinsics.from_focal(focal, width, height, source, CameraTrust.GUESSED)
+    return camera, (f"focal length is a {source}",)

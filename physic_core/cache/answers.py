@@ -36,14 +36,14 @@ if TYPE_CHECKING:
     from physic_core.interfaces import Backend
     from physic_core.types import Provenance
 
-__all__ = ["Answers", "settled"]
+__all__ = ["Answers", "canonical"]
 
 T = TypeVar("T")
 
 _STORED = "iufc"
 """Numbers shrink too little to pay for the time of compressing them; masks and texts are compressed."""
 
-_VERSION = 2
+_VERSION = 3
 """To be raised when a kept answer would be read as something else, or a border lets less pass."""
 
 _CLASSES = (
@@ -181,7 +181,7 @@ class Answers:
             self._written = False
 
 
-def settled(answer: T) -> T:
+def canonical(answer: T) -> T:
     """An answer as it will be when it is read again, to the last bit of all that is computed from it.
 
     The order of an array in memory changes sums, so it becomes that of C; and numpy's own numbers become Python's.

@@ -39,7 +39,7 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
 
     Ends with code 2 if the configuration has errors, or if its device is not there, and with 4 if files are missing.
     """
-    from physic_core.configuration.resolve import list_of_missing, load_checked, missing_device, missing_files, resolve
+    from physic_core.configuration.resolve import load_checked, missing_device, missing_files, missing_report, resolve
     from physic_core.discovery.plugins import discover
     from physic_core.weights.required import remarks
 
@@ -50,7 +50,7 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
     files, device, further = missing_files(plan), missing_device(plan), remarks(plan, registry)
     click.echo(f"{file or f'preset {preset}' if file or preset else 'preset embedded'}: no errors")
     if files or device:
-        click.echo(list_of_missing((*files, *device), "; a run would stop"))
+        click.echo(missing_report((*files, *device), "; a run would stop"))
     for text in further:
         click.echo(f"remark: {text}")
     ctx.exit(WEIGHTS if files else USAGE if device else 0)
@@ -65,7 +65,7 @@ def show(file: Path | None, preset: str | None, overrides: tuple[str, ...], whol
     if whole:
         from physic_core.discovery.plugins import discover
 
-        click.echo(whole_toml(found, discover()), nl=False)
+        click.echo(full_toml(found, discover()), nl=False)
     else:
         click.echo(resolved_toml(found), nl=False)
 
@@ -125,7 +125,7 @@ def resolved_toml(found: Config) -> str:
     return "\n".join(blocks).lstrip("\n") + "\n"
 
 
-def whole_toml(found: Config, registry: Registry) -> str:
+def full_toml(found: Config, registry: Registry) -> str:
     """The same with every option of the chosen backends and every setting of the engine.
 
     Raises:

@@ -122,18 +122,18 @@ def findings(
 
 def examine(registry: Registry, claim: Claim, device: str) -> Finding:
     """Import, construct, load and close a backend with its default options, here."""
-    from physic_core.discovery.readiness import lacks
+    from physic_core.discovery.readiness import missing_requirements
     from physic_core.errors import PhysicError
 
     start = time.perf_counter()
     step, owner = "import", claim.origin.plugin
     try:
-        kind = registry.load_whole_class(claim)
+        kind = registry.load_concrete_class(claim)
         owner = kind.__module__
         step = "constructor"
         backend = kind()
         step = "missing()"
-        if lacking := lacks(backend):
+        if lacking := missing_requirements(backend):
             return _finding(claim, "missing", "; ".join(lacking))
         step = f"load('{device}')"
         backend.load(device)

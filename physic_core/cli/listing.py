@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from physic_core.discovery.catalog import how_to_install
 from physic_core.discovery.error_text import describe, traceback_text
 from physic_core.discovery.local_modules import split
-from physic_core.discovery.readiness import Readiness, lacks, readiness
+from physic_core.discovery.readiness import Readiness, missing_requirements, readiness
 from physic_core.errors import BackendError, PhysicError
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ def detail(registry: Registry, claim: Claim) -> str:
 def _lacks(kind: type[Backend]) -> tuple[str, ...]:
     """What a backend with its default options lacks; nothing where it cannot say, which the doctor tells."""
     try:
-        return lacks(kind())
+        return missing_requirements(kind())
     except Exception:  # a plugin's door: its constructor
         return ()
 

@@ -92,7 +92,7 @@ def run(
     if file is not None and preset is not None:
         raise click.UsageError('--config names its preset itself, with extends = "NAME": leave --preset out')
 
-    from physic_core.configuration.resolve import load_checked, require_whole, resolve
+    from physic_core.configuration.resolve import load_checked, require_available, resolve
     from physic_core.discovery.plugins import discover
 
     flags: dict[str, dict[str, Any]] = {}
@@ -110,7 +110,7 @@ def run(
     # What fails cheaply fails first: nothing is loaded before config, files, device and output folder have held.
     registry = discover()
     config = load_checked(registry, file, preset=preset, overrides=overrides, flags=flags)
-    require_whole(resolve(config, registry))
+    require_available(resolve(config, registry))
     with _terminable(), _reserved(photo, out, overwrite) as folder:
         from physic_core.pipeline.run import reconstruct_photo
 

@@ -16,7 +16,7 @@ from physic_core.adapters.devices import check_device
 from physic_core.configuration.faults import Fault, Findings, config_error, from_pydantic
 from physic_core.configuration.model import load_config
 from physic_core.discovery.error_text import describe
-from physic_core.discovery.readiness import gpu_is_seen, lacks
+from physic_core.discovery.readiness import gpu_is_seen, missing_requirements
 from physic_core.errors import BackendError, BackendNotFoundError, PhysicError, WeightsMissingError
 from physic_core.interfaces import INTERFACES
 from physic_core.types import Provenance
@@ -31,12 +31,12 @@ __all__ = [
     "ResolvedBackend",
     "ResolvedPipeline",
     "check",
-    "list_of_missing",
     "load_checked",
     "missing",
     "missing_device",
     "missing_files",
-    "require_whole",
+    "missing_report",
+    "require_available",
     "resolve",
 ]
 
@@ -127,7 +127,7 @@ def missing_files(plan: ResolvedPipeline) -> tuple[str, ...]:
     found: dict[str, list[str]] = {}
     for resolved in plan.backends.values():
         try:
-            for text in lacks(resolved.backend):
+            for text in missing_requirements(resolved.backend):
                 found.setdefault(text, []).append(resolved.title)
         except PhysicError as error:
             raise BackendError(f"{resolved.title}: {error}") from error
@@ -145,7 +145,7 @@ def missing_device(plan: ResolvedPipeline) -> tuple[str, ...]:
     )
 
 
-def require_whole(plan: ResolvedPipeline) -> None:
+def require_available(plan: ResolvedPipeline) -> None:
     """Refuse a run in which a chosen backend lacks anything, optional ones included: the user asked for them.
 
     A GPU that lacks too is told along with it.
@@ -156,11 +156,11 @@ def require_whole(plan: ResolvedPipeline) -> None:
         BackendError: a backend cannot say.
     """
     if files := missing_files(plan):
-        raise WeightsMissingError(list_of_missing((*files, *missing_device(plan)), ", and nothing was computed"))
+        raise WeightsMissingError(missing_report((*files, *missing_device(plan)), ", and nothing was computed"))
     check_device(plan.device)
 
 
-def list_of_missing(texts: Sequence[str], end: str) -> str:
+def missing_report(texts: Sequence[str], end: str) -> str:
     """Several texts of :func:`missing` under one head."""
     head = "1 thing is missing" if len(texts) == 1 else f"{len(texts)} things are missing"
     return "\n".join([f"{head}{end}:", *("  " + text.replace("\n", "\n    ") for text in texts)])
@@ -214,7 +214,7 @@ def _look(tables: Mapping[str, Any], registry: Registry) -> tuple[dict[str, _Cho
             continue
         try:
             claim = registry.get(interface, name)
-            kind = registry.load_whole_class(claim)
+            kind = registry.load_concrete_class(claim)
             chosen[interface] = _check_options(claim, kind, options if isinstance(options, dict) else {})
         except BackendNotFoundError as error:
             faults.append(Fault(f"{interface}.backend", registry.explain_missing(interface, name)))

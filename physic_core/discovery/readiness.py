@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from physic_core.discovery.registry import Claim, Registry
     from physic_core.interfaces import Backend
 
-__all__ = ["Readiness", "gpu_is_seen", "lacks", "readiness"]
+__all__ = ["Readiness", "gpu_is_seen", "missing_requirements", "readiness"]
 
 Word = Literal["ready", "unsure", "not ready", "ambiguous", "refused", "broken"]
 
@@ -104,7 +104,7 @@ def _readiness(
     return Readiness("ready")
 
 
-def lacks(backend: Backend) -> tuple[str, ...]:
+def missing_requirements(backend: Backend) -> tuple[str, ...]:
     """What a backend says that it lacks on this machine, one text each; what it says goes through a plugin's door.
 
     Raises:

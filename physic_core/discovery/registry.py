@@ -175,7 +175,7 @@ class Registry:
             raise BackendError(f"{claim}: {record.target} is no subclass of physic_core.interfaces.{wanted.__name__}")
         return found
 
-    def load_whole_class(self, claim: Claim) -> type[Backend]:
+    def load_concrete_class(self, claim: Claim) -> type[Backend]:
         """The same, of a class that can be constructed.
 
         Raises:

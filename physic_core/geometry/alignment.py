@@ -1,6 +1,6 @@
 """Eq. 1: bring a point map that leaves something open onto another one.
 
-What is open is named by :data:`physic_core.types.Unknown`. Each kind is solved in the space where it is linear:
+What is open is named by :data:`physic_core.types.AffineAmbiguity`. Each kind is solved in the space where it is linear:
 
 =====================  ======================  ==============================================
 unknown                meaning                 residual of a pixel, as a share of its depth
@@ -24,7 +24,7 @@ from typing import Literal, NamedTuple
 import torch
 from torch import Tensor
 
-from physic_core.types import Unknown
+from physic_core.types import AffineAmbiguity
 
 __all__ = ["Alignment", "align", "apply_alignment"]
 
@@ -51,7 +51,7 @@ class Alignment:
 
     scale: float
     shift: float
-    unknown: Unknown
+    unknown: AffineAmbiguity
     inlier_share: float
     residual: float
 
@@ -79,7 +79,7 @@ def align(
     valid: Tensor,
     target_points: Tensor,
     target_valid: Tensor,
-    unknown: Unknown,
+    unknown: AffineAmbiguity,
     *,
     tolerance: float = 0.1,
     iterations: int = 128,
@@ -170,7 +170,7 @@ def _common(
     return chosen[usable]
 
 
-def _relative_system(source: Tensor, target: Tensor, trust: Tensor, unknown: Unknown, axes: str) -> _System:
+def _relative_system(source: Tensor, target: Tensor, trust: Tensor, unknown: AffineAmbiguity, axes: str) -> _System:
     depth = target[:, 2]
     one, zero = torch.ones_like(depth), torch.zeros_like(depth)
     if unknown == "inverse_scale_shift":
@@ -186,7 +186,7 @@ def _relative_system(source: Tensor, target: Tensor, trust: Tensor, unknown: Unk
     return _System(torch.stack((*side, last), 1), torch.stack((goal[:, 0], goal[:, 1], one), 1), trust)
 
 
-def _scale_bounds(source: Tensor, target: Tensor, unknown: Unknown) -> tuple[float, float]:
+def _scale_bounds(source: Tensor, target: Tensor, unknown: AffineAmbiguity) -> tuple[float, float]:
     """Scales under which the aligned map spreads about as much as the target.
 
     Without them a scene that is mostly one wall is best explained by a scale of zero: everything on the wall.
@@ -207,7 +207,7 @@ def _scale_bounds(source: Tensor, target: Tensor, unknown: Unknown) -> tuple[flo
 
 def _ransac(
     system: _System,
-    unknown: Unknown,
+    unknown: AffineAmbiguity,
     tolerance: float,
     iterations: int,
     bounds: tuple[float, float],
@@ -232,7 +232,7 @@ def _refine(
     system: _System,
     model: Tensor,
     depth: Tensor,
-    unknown: Unknown,
+    unknown: AffineAmbiguity,
     tolerance: float,
     residual: str,
     bounds: tuple[float, float],
@@ -260,7 +260,7 @@ def _refine(
     return model
 
 
-def _solve(A: Tensor, b: Tensor, unknown: Unknown) -> Tensor:
+def _solve(A: Tensor, b: Tensor, unknown: AffineAmbiguity) -> Tensor:
     """Solve (G, 2, 2) normal equations; NaN where one is singular; t = 0 for "scale"."""
     if unknown == "scale":
         s = b[:, 0] / A[:, 0, 0]
@@ -272,7 +272,7 @@ def _solve(A: Tensor, b: Tensor, unknown: Unknown) -> Tensor:
     return torch.where(solvable[:, None], torch.stack((s, t), -1) / determinant[:, None], math.nan)
 
 
-def _relative_depth_error(source: Tensor, target: Tensor, model: Tensor, unknown: Unknown) -> Tensor:
+def _relative_depth_error(source: Tensor, target: Tensor, model: Tensor, unknown: AffineAmbiguity) -> Tensor:
     """(M,) |Z_aligned / Z - 1|."""
     s, t = model[0], model[1]
     if unknown == "inverse_scale_shift":
@@ -283,5 +283,5 @@ def _relative_depth_error(source: Tensor, target: Tensor, model: Tensor, unknown
     return (aligned / target[:, 2] - 1).abs()
 
 
-def _nothing(unknown: Unknown) -> Alignment:
+def _nothing(unknown: AffineAmbiguity) -> Alignment:
     return Alignment(scale=1.0, shift=0.0, unknown=unknown, inlier_share=0.0, residual=math.inf)

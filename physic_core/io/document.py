@@ -14,12 +14,21 @@ from physic_core.files.strict_json import from_json, to_json
 from physic_core.geometry.upright import gltf_from_camera
 from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS
 from physic_core.io.output import SCHEMA
-from physic_core.types import Diagnostic, Provenance, StageRecord
+from physic_core.types import CameraTrust, CheckResult, Provenance, StageRecord
 
 if TYPE_CHECKING:
     from physic_core.types import Person, Reconstruction
 
-__all__ = ["SCHEMA", "SCHEMA_VERSION", "checks_from", "from_text", "stages_from", "to_document", "to_text"]
+__all__ = [
+    "SCHEMA",
+    "SCHEMA_VERSION",
+    "checks_from",
+    "from_text",
+    "stages_from",
+    "to_document",
+    "to_text",
+    "trust_from",
+]
 
 SCHEMA_VERSION = 1
 
@@ -62,6 +71,7 @@ def to_document(
             "width": camera.width,
             "height": camera.height,
             "source": camera.source,
+            "trust": camera.trust,
         },
         "checks": [_check(check) for check in reconstruction.checks],
         "warnings": reconstruction.warnings,
@@ -139,10 +149,19 @@ def stages_from(records: Sequence[Mapping[str, Any]]) -> tuple[StageRecord, ...]
     )
 
 
-def checks_from(records: Sequence[Mapping[str, Any]]) -> tuple[Diagnostic, ...]:
+def trust_from(camera: Mapping[str, Any]) -> CameraTrust:
+    """The trust of a document's ``intrinsics``; earlier documents state it by the first word of ``source``."""
+    if "trust" in camera:
+        return CameraTrust(camera["trust"])
+    if camera["source"].startswith(("given", "EXIF", "measured")):
+        return CameraTrust.KNOWN
+    return CameraTrust.GUESSED if camera["source"].startswith("default") else CameraTrust.ESTIMATED
+
+
+def checks_from(records: Sequence[Mapping[str, Any]]) -> tuple[CheckResult, ...]:
     """The ``checks`` of a document -> diagnostics."""
     return tuple(
-        Diagnostic(
+        CheckResult(
             name=record["name"],
             value=from_json(record["value"]),
             threshold=from_json(record["threshold"]),
@@ -167,7 +186,7 @@ def _person(index: int, person: Person) -> dict[str, Any]:
     }
 
 
-def _check(check: Diagnostic) -> dict[str, Any]:
+def _check(check: CheckResult) -> dict[str, Any]:
     return {
         "name": check.name,
         "person": check.person,

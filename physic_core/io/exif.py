@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from physic_core.types import Intrinsics
+from physic_core.types import CameraTrust, Intrinsics
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -60,7 +60,8 @@ def intrinsics_from_exif(
     share = max(fx, fy) / max(width, height)
     if not _FOCAL_RANGE[0] <= share <= _FOCAL_RANGE[1]:
         return None, f"the focal length in the EXIF data was ignored: {share:.2g} times the long side is no camera's"
-    return Intrinsics(fx, fy, (width - 1) / 2, (height - 1) / 2, width, height, source), None
+    camera = Intrinsics(fx, fy, (width - 1) / 2, (height - 1) / 2, width, height, source, CameraTrust.KNOWN)
+    return camera, None
 
 
 def _focal_px(

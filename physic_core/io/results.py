@@ -19,7 +19,7 @@ from physic_core.io.arrays import (
     checksum,
     to_arrays,
 )
-from physic_core.io.document import checks_from, from_text, stages_from, to_document, to_text
+from physic_core.io.document import checks_from, from_text, stages_from, to_document, to_text, trust_from
 from physic_core.io.output import (
     ARRAYS_FILE,
     DOCUMENT_FILE,
@@ -164,6 +164,7 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
             width=camera["width"],
             height=camera["height"],
             source=camera["source"],
+            trust=trust_from(camera),
         ),
         scene=Scene(
             points=arrays["scene_points"],

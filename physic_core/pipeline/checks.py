@@ -51,7 +51,7 @@ import numpy as np
 
 from physic_core.body.joints import joint_pair
 from physic_core.metrics.consistency import lean_deg, stands
-from physic_core.types import Diagnostic
+from physic_core.types import CheckResult
 
 if TYPE_CHECKING:
     from physic_core.engine.settings import EngineSettings
@@ -66,7 +66,7 @@ class Check:
     """What one name stands for.
 
     Attributes:
-        name: as in :class:`physic_core.types.Diagnostic`.
+        name: as in :class:`physic_core.types.CheckResult`.
         of: whom it is about.
         bound: the least or the most that is fine.
         threshold: that bound; a setting of the engine may replace it.
@@ -146,7 +146,7 @@ _NO_FLOOR = {
 }
 
 
-def diagnose(evidence: Evidence, solution: Solution, settings: EngineSettings) -> tuple[Diagnostic, ...]:
+def diagnose(evidence: Evidence, solution: Solution, settings: EngineSettings) -> tuple[CheckResult, ...]:
     """All checks of a photo, then those of its people in turn, each by the order of ``CHECKS``."""
     found = [*_of_photo(evidence, solution, settings)]
     for person in range(len(solution.people)):
@@ -154,12 +154,12 @@ def diagnose(evidence: Evidence, solution: Solution, settings: EngineSettings) -
     return tuple(found)
 
 
-def failed_checks(diagnostics: Sequence[Diagnostic], person: int) -> tuple[str, ...]:
+def failed_checks(diagnostics: Sequence[CheckResult], person: int) -> tuple[str, ...]:
     """Names of the checks about one person that do not hold."""
     return tuple(d.name for d in diagnostics if d.person == person and not d.ok)
 
 
-def warnings_of(diagnostics: Sequence[Diagnostic]) -> tuple[str, ...]:
+def warnings_of(diagnostics: Sequence[CheckResult]) -> tuple[str, ...]:
     """What the user should doubt of the whole result, and who of its people has no place or no body."""
     return tuple(
         d.message if d.person is None else f"person {d.person}: {d.message}"
@@ -170,7 +170,7 @@ def warnings_of(diagnostics: Sequence[Diagnostic]) -> tuple[str, ...]:
 
 def _judged(
     name: str, value: float | None, advice: str, *, ok: bool | None = None, threshold: float | None = None
-) -> Diagnostic:
+) -> CheckResult:
     """A value against its bound; ``advice`` is the message where it does not hold."""
     check = CHECKS[name]
     bound = check.threshold if threshold is None else threshold
@@ -179,10 +179,10 @@ def _judged(
     if ok is None:
         ok = value is None or (value >= bound if check.bound == "least" else value <= bound)
     message = advice if not ok else check.meaning if value is not None else f"not measured: {check.meaning}"
-    return Diagnostic(name, None if value is None else float(value), float(bound), check.unit, ok, message)
+    return CheckResult(name, None if value is None else float(value), float(bound), check.unit, ok, message)
 
 
-def _of_photo(evidence: Evidence, solution: Solution, settings: EngineSettings) -> Iterator[Diagnostic]:
+def _of_photo(evidence: Evidence, solution: Solution, settings: EngineSettings) -> Iterator[CheckResult]:
     told = solution.diagnostics
     share, scene = told["scene"]["alignment"]["inlier_share"], settings.scene
     asked = scene.source != "metric_depth"  # else the point map is not used, and may say what it will
@@ -212,7 +212,7 @@ def _of_photo(evidence: Evidence, solution: Solution, settings: EngineSettings) 
     yield from _focal(evidence, solution)
 
 
-def _floor(told: Mapping[str, Any], settings: EngineSettings) -> Iterator[Diagnostic]:
+def _floor(told: Mapping[str, Any], settings: EngineSettings) -> Iterator[CheckResult]:
     scene, reason = settings.scene, told["reason"]
     searched = reason != "switched_off"
     instead = "people are not held to the ground, and heights are unknown"
@@ -235,7 +235,7 @@ def _floor(told: Mapping[str, Any], settings: EngineSettings) -> Iterator[Diagno
     )
 
 
-def _scale(evidence: Evidence, solution: Solution) -> Iterator[Diagnostic]:
+def _scale(evidence: Evidence, solution: Solution) -> Iterator[CheckResult]:
     sigma, scale = evidence.depth.scale_sigma, solution.scene.scale
     yield _judged(
         "scale_sigma",
@@ -260,7 +260,7 @@ def _scale(evidence: Evidence, solution: Solution) -> Iterator[Diagnostic]:
     )
 
 
-def _focal(evidence: Evidence, solution: Solution) -> Iterator[Diagnostic]:
+def _focal(evidence: Evidence, solution: Solution) -> Iterator[CheckResult]:
     camera = solution.intrinsics
     yield _judged(
         "focal_known",
@@ -287,7 +287,7 @@ def _focal(evidence: Evidence, solution: Solution) -> Iterator[Diagnostic]:
     )
 
 
-def _of_person(evidence: Evidence, solution: Solution, person: int) -> Iterator[Diagnostic]:
+def _of_person(evidence: Evidence, solution: Solution, person: int) -> Iterator[CheckResult]:
     told = solution.people[person]
     lost = evidence.lost[person] if evidence.lost else ()
     yield _judged(
@@ -340,7 +340,7 @@ def _of_person(evidence: Evidence, solution: Solution, person: int) -> Iterator[
     )
 
 
-def _lean(solution: Solution, person: int, whole: bool) -> Diagnostic:
+def _lean(solution: Solution, person: int, whole: bool) -> CheckResult:
     joints, floor = solution.joints[person], solution.scene.floor
     part = math.nan
     if whole and floor is not None and np.isfinite(joints).all() and stands(joints):

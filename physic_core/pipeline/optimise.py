@@ -27,7 +27,7 @@ from physic_core.geometry.tensors import tensor
 from physic_core.geometry.visibility import vertex_normals
 from physic_core.pipeline.estimate import feet_pixels
 from physic_core.pipeline.measures import depth_ratio, seen_share, support_gap
-from physic_core.types import BodyParameters, Intrinsics, Plane, Scene
+from physic_core.types import BodyParameters, CameraTrust, Intrinsics, Plane, Scene
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
@@ -127,11 +127,11 @@ def _trust(camera: Intrinsics) -> int:
     return int(camera.known) - int(camera.guessed)
 
 
-def _camera_source(K: Tensor, evidence: Evidence) -> str:
+def _camera_source(K: Tensor, evidence: Evidence) -> tuple[str, CameraTrust]:
     for camera in (evidence.intrinsics, evidence.depth.intrinsics):
         if camera is not None and torch.equal(K, torch.from_numpy(camera.matrix)):
-            return camera.source
-    return "point map and metric depth"
+            return camera.source, camera.trust
+    return "point map and metric depth", CameraTrust.ESTIMATED
 
 
 def _stage_placement(
@@ -268,7 +268,7 @@ def _describe(
             float(K[1, 2]),
             width,
             height,
-            _camera_source(K, evidence),
+            *_camera_source(K, evidence),
         ),
         scene=Scene(
             points=(scene.points * s).float().numpy(),

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 from physic_core.cache.code import Code  # at once, before any backend: it notices code that is edited from then on
 from physic_core.configuration.model import as_config
-from physic_core.configuration.resolve import require_whole, resolve
+from physic_core.configuration.resolve import require_available, resolve
 from physic_core.discovery.plugins import discover
 from physic_core.errors import InputError
 from physic_core.io.output import image_digest, photo_digest
 from physic_core.io.photo import Photo, check_image, prepare, read_photo
 from physic_core.pipeline.stages import Stages
-from physic_core.types import Intrinsics, Person, Reconstruction
+from physic_core.types import CameraTrust, Intrinsics, Person, Reconstruction
 
 if TYPE_CHECKING:
     import os
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from physic_core.pipeline.estimate import Evidence
     from physic_core.pipeline.optimise import Solution
     from physic_core.pipeline.stages import Progress
-    from physic_core.types import Diagnostic, UInt8Array
+    from physic_core.types import CheckResult, UInt8Array
 
 __all__ = ["reconstruct", "reconstruct_photo"]
 
@@ -51,7 +51,8 @@ def reconstruct(
         image: (H, W, 3) uint8 RGB, upright.
         config: a Config, a preset's name, the path of a TOML file, or its tables; preset "embedded" where None.
         registry: of the backends; what is installed where None.
-        intrinsics: the camera of ``image``, where it is known; ``[photo]`` of the config goes first.
+        intrinsics: the camera of ``image``. It counts as known unless its ``trust`` is "guessed"; ``[photo]`` of the
+            config replaces it.
         progress: told when each stage begins.
 
     Returns:
@@ -70,6 +71,8 @@ def reconstruct(
             f"intrinsics must be physic_core.types.Intrinsics, got {type(intrinsics).__name__}: "
             "pass Intrinsics(fx, fy, cx, cy, width, height) in px of the image"
         )
+    if intrinsics is not None and not intrinsics.guessed:
+        intrinsics = replace(intrinsics, trust=CameraTrust.KNOWN)
     photo = Photo(check_image(image), intrinsics)
     found = _reconstruct(photo, _plan(as_config(config), registry), progress)
     return replace(found, photo=image_digest(photo.image))
@@ -93,7 +96,7 @@ def reconstruct_photo(
 
 def _plan(config: Config, registry: Registry | None) -> ResolvedPipeline:
     plan = resolve(config, discover() if registry is None else registry)
-    require_whole(plan)
+    require_available(plan)
     return plan
 
 
@@ -147,9 +150,9 @@ def _with_camera(photo: Photo, settings: PhotoSettings) -> Photo:
     height, width = photo.image.shape[:2]
     file_width, file_height = photo.file_size or (width, height)
     if settings.intrinsics is not None:
-        given = Intrinsics(*settings.intrinsics, file_width, file_height)
+        given = Intrinsics(*settings.intrinsics, file_width, file_height, trust=CameraTrust.KNOWN)
     elif settings.focal_px is not None:
-        given = Intrinsics.from_focal(settings.focal_px, file_width, file_height)
+        given = Intrinsics.from_focal(settings.focal_px, file_width, file_height, trust=CameraTrust.KNOWN)
     else:
         return photo
     return replace(photo, intrinsics=given.resized(width, height))
@@ -158,7 +161,7 @@ def _with_camera(photo: Photo, settings: PhotoSettings) -> Photo:
 def _result(
     evidence: Evidence,
     solution: Solution,
-    checks: tuple[Diagnostic, ...],
+    checks: tuple[CheckResult, ...],
     faces: Any,
     body_model: str,
     config: Config,

@@ -205,13 +205,13 @@ class Stages:
         return answer
 
     def _accepted(self, title: str, answer: object, expect: type[Answer], faults: Faults[Answer]) -> Answer:
-        from physic_core.cache.answers import settled
+        from physic_core.cache.answers import canonical
 
         wrong = _wrong(answer, expect, faults)
         if wrong:
             raise BackendOutputError(f"{title} answered what the interface does not allow:\n  " + "\n  ".join(wrong))
         assert isinstance(answer, expect)
-        return settled(answer)
+        return canonical(answer)
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from dataclasses import fields
 from numbers import Real
 from typing import TYPE_CHECKING, Any, get_args
 
-from physic_core.types import BodyParameters, Intrinsics, Keypoints, Mesh, RestMesh, Unknown
+from physic_core.types import AffineAmbiguity, BodyParameters, Intrinsics, Keypoints, Mesh, RestMesh
 
 if TYPE_CHECKING:
     from physic_core.types import (
@@ -133,8 +133,8 @@ def pointmap_faults(pointmap: Pointmap, height: int, width: int) -> list[str]:
             if (seen[:, 2] <= 0).any():
                 share = float((seen[:, 2] <= 0).mean())
                 faults.append(f"z must be > 0 where valid (z forward), {share:.0%} of the valid points lie behind")
-    if pointmap.unknown not in get_args(Unknown):
-        faults.append(f"unknown must be one of {', '.join(get_args(Unknown))}, got {pointmap.unknown!r}")
+    if pointmap.unknown not in get_args(AffineAmbiguity):
+        faults.append(f"unknown must be one of {', '.join(get_args(AffineAmbiguity))}, got {pointmap.unknown!r}")
     return faults + _camera(pointmap.intrinsics, height, width) + _notes(pointmap.notes)
 
 

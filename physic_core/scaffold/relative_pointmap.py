@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.interfaces import Options, RelativePointmap
-from physic_core.types import Intrinsics, Pointmap
+from physic_core.types import CameraTrust, Intrinsics, Pointmap
 
 if TYPE_CHECKING:
     from physic_core.types import Hints, UInt8Array
@@ -32,7 +32,7 @@ class Template(RelativePointmap):
         """Image (H, W, 3) -> points (H, W, 3): x right, y down, z forward, up to a scale."""
         height, width = image.shape[:2]
         camera = hints.intrinsics or Intrinsics.from_focal(
-            1.2 * max(height, width), width, height, "default: 1.2 sides"
+            1.2 * max(height, width), width, height, "default: 1.2 sides", CameraTrust.GUESSED
         )
         v, u = np.mgrid[:height, :width]  # integer pixel coordinates are pixel centres
         x, y = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy

@@ -16,7 +16,7 @@ from pydantic import Field
 from physic_core import interfaces
 from physic_core.cache import answers as module
 from physic_core.cache import code
-from physic_core.cache.answers import Answers, settled
+from physic_core.cache.answers import Answers, canonical
 from physic_core.discovery.plugins import required_versions
 from physic_core.files.archive import read_archive, write_archive
 from physic_core.types import DepthMap, Hands, Hints, Intrinsics, Keypoints, People, Provenance
@@ -172,20 +172,20 @@ NAMESAKE = dataclass(frozen=True)(type("DepthMap", (DepthMap,), {"__annotations_
 def test_what_no_interface_speaks_of_is_not_kept_and_stays_as_it_is(cache: Answers, answer: DepthMap):
     cache.keep(ask(cache), answer)
     assert not cache._folder.exists()
-    assert settled(answer) is answer
+    assert canonical(answer) is answer
     assert cache.notes == []
 
 
 def test_settled_answers_are_what_is_read_again():
     wide = np.random.default_rng(0).normal(size=(8, 6)).T
     people = People(np.zeros((0, 6, 8), bool), np.zeros((0, 4)), np.zeros(0), keypoints=Keypoints(wide, wide, "coco17"))
-    same = settled(people)
+    same = canonical(people)
     assert same.keypoints is not None
     assert same.keypoints.points.flags.c_contiguous
     np.testing.assert_array_equal(same.keypoints.points, wide)
-    assert type(settled(DepthMap(wide, scale_sigma=np.float32(0.5))).scale_sigma) is float  # type: ignore[arg-type]
-    assert settled(DepthMap(wide, notes=["a"])).notes == ("a",)  # type: ignore[arg-type]
-    assert settled(wide).flags.c_contiguous
+    assert type(canonical(DepthMap(wide, scale_sigma=np.float32(0.5))).scale_sigma) is float  # type: ignore[arg-type]
+    assert canonical(DepthMap(wide, notes=["a"])).notes == ("a",)  # type: ignore[arg-type]
+    assert canonical(wide).flags.c_contiguous
 
 
 def damages() -> list[Callable[[Path], object]]:

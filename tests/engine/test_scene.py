@@ -15,7 +15,7 @@ from physic_core.engine.settings import SceneSettings
 from physic_core.errors import BackendOutputError
 from physic_core.geometry.camera import intrinsics_matrix, pixel_grid, pixel_rays, project
 from physic_core.geometry.plane import height
-from physic_core.types import Unknown
+from physic_core.types import AffineAmbiguity
 
 ROWS, COLUMNS = 120, 160
 HEIGHT_M = 1.5
@@ -43,7 +43,7 @@ def noise(seed: int = 0) -> Tensor:
     return torch.randn(ROWS, COLUMNS, dtype=torch.float64, generator=torch.Generator().manual_seed(seed))
 
 
-def relative(unknown: Unknown) -> Tensor:
+def relative(unknown: AffineAmbiguity) -> Tensor:
     points = RAYS * DEPTH[..., None]
     if unknown == "scale":
         return points / 2
@@ -58,7 +58,7 @@ def angle_deg(a: Tensor, b: Tensor) -> float:
 
 @pytest.mark.parametrize("unknown", ["scale", "scale_shift", "inverse_scale_shift"])
 @pytest.mark.parametrize("preset", ["default", "paper"])
-def test_metres_come_back_whatever_was_unknown(unknown: Unknown, preset: str) -> None:
+def test_metres_come_back_whatever_was_unknown(unknown: AffineAmbiguity, preset: str) -> None:
     noisy = DEPTH * (1 + 0.02 * noise())
     state = build_scene(
         relative(unknown), ALL, unknown, noisy, K_metric=K, floor_mask=ON_FLOOR, feet_px=FEET,

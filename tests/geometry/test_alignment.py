@@ -13,12 +13,12 @@ from torch import Tensor
 
 from physic_core.geometry.alignment import Alignment, align, apply_alignment
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
-from physic_core.types import Unknown
+from physic_core.types import AffineAmbiguity
 
 ROWS, COLUMNS = 60, 80
 ALL = torch.ones((ROWS, COLUMNS), dtype=torch.bool)
 RAYS = pixel_rays(ROWS, COLUMNS, intrinsics_matrix(70.0, 70.0, 39.5, 29.5, torch.zeros((), dtype=torch.float64)))
-KINDS: tuple[Unknown, ...] = ("scale", "scale_shift", "inverse_scale_shift")
+KINDS: tuple[AffineAmbiguity, ...] = ("scale", "scale_shift", "inverse_scale_shift")
 
 
 def random(*shape: int, seed: int = 0) -> Tensor:
@@ -33,7 +33,7 @@ def room() -> Tensor:
     return RAYS * depth[..., None]
 
 
-def relative(points: Tensor, unknown: Unknown, scale: float, shift: float) -> Tensor:
+def relative(points: Tensor, unknown: AffineAmbiguity, scale: float, shift: float) -> Tensor:
     """The relative map that ``scale`` and ``shift`` bring back to ``points``."""
     z = points[..., 2]
     if unknown == "scale":
@@ -45,7 +45,7 @@ def relative(points: Tensor, unknown: Unknown, scale: float, shift: float) -> Te
 
 @pytest.mark.parametrize("unknown", KINDS)
 @pytest.mark.parametrize("residual", ["relative", "metric"])
-def test_a_clean_map_is_put_back_exactly(unknown: Unknown, residual: str) -> None:
+def test_a_clean_map_is_put_back_exactly(unknown: AffineAmbiguity, residual: str) -> None:
     target = room()
     shift = {"scale": 0.0, "scale_shift": 0.4, "inverse_scale_shift": 0.05}[unknown]
     source = relative(target, unknown, 2.5, shift)
@@ -57,7 +57,7 @@ def test_a_clean_map_is_put_back_exactly(unknown: Unknown, residual: str) -> Non
 
 
 @pytest.mark.parametrize("unknown", KINDS)
-def test_forty_percent_outliers_and_noise_cost_less_than_a_percent(unknown: Unknown) -> None:
+def test_forty_percent_outliers_and_noise_cost_less_than_a_percent(unknown: AffineAmbiguity) -> None:
     target = room()
     shift = {"scale": 0.0, "scale_shift": 0.4, "inverse_scale_shift": 0.05}[unknown]
     clean = relative(target, unknown, 2.5, shift)
@@ -74,7 +74,7 @@ def test_forty_percent_outliers_and_noise_cost_less_than_a_percent(unknown: Unkn
 
 @given(st.sampled_from(KINDS), st.floats(0.01, 100.0), st.floats(0.0, 0.9))
 @settings(max_examples=40, deadline=None)
-def test_any_scale_and_shift_is_recovered(unknown: Unknown, scale: float, shift: float) -> None:
+def test_any_scale_and_shift_is_recovered(unknown: AffineAmbiguity, scale: float, shift: float) -> None:
     target = room()
     if unknown == "scale":
         shift = 0.0
@@ -132,7 +132,7 @@ NOTHING = {"scale": 1.0, "shift": 0.0, "inlier_share": 0.0, "residual": math.inf
 
 
 @pytest.mark.parametrize("unknown", KINDS)
-def test_nothing_in_common_is_a_result_and_no_error(unknown: Unknown) -> None:
+def test_nothing_in_common_is_a_result_and_no_error(unknown: AffineAmbiguity) -> None:
     none = torch.zeros_like(ALL)
     assert align(room(), none, room(), ALL, unknown) == Alignment(unknown=unknown, **NOTHING)  # type: ignore[arg-type]
 

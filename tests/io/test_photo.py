@@ -397,7 +397,7 @@ def test_the_35_mm_equivalent_is_read_by_the_diagonal(tmp_path):
     photo = read_photo(save_with_exif(tmp_path / "a.jpg", f35=26))
     focal = 26 * math.hypot(WIDTH, HEIGHT) / math.hypot(36, 24)
     assert photo.intrinsics == Intrinsics(
-        focal, focal, 47.5, 35.5, WIDTH, HEIGHT, "EXIF: 26 mm (35 mm equivalent, by the diagonal)"
+        focal, focal, 47.5, 35.5, WIDTH, HEIGHT, "EXIF: 26 mm (35 mm equivalent, by the diagonal)", "known"
     )
     assert photo.notes == ()
 
@@ -412,6 +412,8 @@ def test_a_full_frame_camera_has_the_same_focal_length_by_either_rule(tmp_path):
     assert sensor.fx == pytest.approx(50 / 36 * 360, rel=1e-6)
     assert equivalent.fx == pytest.approx(sensor.fx, rel=1e-6)
     assert sensor.source == "EXIF: 50 mm and the sensor's resolution"
+    assert equivalent.known
+    assert sensor.known
 
 
 def test_the_sensor_s_resolution_counts_the_pixels_that_the_camera_wrote(tmp_path):

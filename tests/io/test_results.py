@@ -91,6 +91,26 @@ def test_the_result_saves_and_loads_itself(tmp_path, reconstruction):
     assert_same(reconstruction, Reconstruction.load(str(tmp_path)))
 
 
+@pytest.mark.parametrize(
+    ("source", "trust"),
+    [
+        ("given", "known"),
+        ("EXIF: 50 mm and the sensor's resolution", "known"),
+        ("measured by the phone", "known"),
+        ("default (0.95 x the long side)", "guessed"),
+        ("vanishing points", "estimated"),
+    ],
+)
+def test_a_result_of_before_trust_was_written_states_it_by_its_source(tmp_path, reconstruction, source, trust):
+    save_reconstruction(reconstruction, tmp_path)
+    path = tmp_path / "reconstruction.json"
+    document = json.loads(path.read_text())
+    document["intrinsics"]["source"] = source
+    del document["intrinsics"]["trust"]
+    path.write_text(json.dumps(document))
+    assert load_reconstruction(tmp_path).intrinsics.trust == trust
+
+
 def test_numbers_that_are_not_finite_survive(tmp_path, reconstruction):
     person = replace(reconstruction.people[0], score=math.nan, vertices=reconstruction.people[0].vertices * np.nan)
     before = replace(reconstruction, people=(person, *reconstruction.people[1:]))

@@ -16,7 +16,7 @@ from physic_core.engine.scene.build import edge_ratio_at, outlier_mask
 from physic_core.engine.settings import HumanSettings
 from physic_core.geometry.alignment import Alignment, align, apply_alignment
 from physic_core.geometry.pointmap import depth_edges, depth_to_pointmap
-from physic_core.types import Unknown
+from physic_core.types import AffineAmbiguity
 
 __all__ = ["Placement", "align_original", "human_points", "place", "placed_original"]
 
@@ -27,7 +27,7 @@ _FAR_WEIGHT = 0.05
 def align_original(
     points: Tensor,
     valid: Tensor,
-    unknown: Unknown,
+    unknown: AffineAmbiguity,
     scene_points: Tensor,
     scene_valid: Tensor,
     people_mask: Tensor,

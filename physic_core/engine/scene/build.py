@@ -30,7 +30,7 @@ from physic_core.geometry.pointmap import (
     unsupported,
 )
 from physic_core.geometry.released_pointmap import floor_lattice, four_neighbour_normals, normal_outliers
-from physic_core.types import Unknown
+from physic_core.types import AffineAmbiguity
 from physic_core.types.short_repr import ShortRepr
 
 __all__ = [
@@ -86,7 +86,7 @@ class SceneState(ShortRepr):
 def build_scene(
     points: Tensor,
     valid: Tensor,
-    unknown: Unknown,
+    unknown: AffineAmbiguity,
     metric_depth: Tensor,
     *,
     K: Tensor | None = None,
@@ -300,7 +300,7 @@ def alignment_diagnostics(alignment: Alignment) -> dict[str, Any]:
 def _align_to_metric(
     points: Tensor,
     valid: Tensor,
-    unknown: Unknown,
+    unknown: AffineAmbiguity,
     metric_depth: Tensor,
     metric_valid: Tensor,
     K: Tensor | None,

@@ -123,7 +123,7 @@ class EmbeddedPointmap(RelativePointmap):
 
     def _camera(self, image: NDArray[np.uint8], hints: Hints) -> tuple[Intrinsics, _Edges, list[str]]:
         """The camera that is known, or that straight edges give, or the default; what the edges say; and notes."""
-        from physic_core.types import Intrinsics
+        from physic_core.types import CameraTrust, Intrinsics
 
         from .focal import stable_frame
         from .gravity import gravity_from_frame, upright_gravity
@@ -146,7 +146,8 @@ class EmbeddedPointmap(RelativePointmap):
                 return camera, _Edges(frame, gravity_from_frame(frame)), [note]
             focal = self.options.default_focal * max(width, height)
             source = f"default ({self.options.default_focal:g} x the long side)"
-            camera, notes = Intrinsics.from_focal(focal, width, height, source), [f"focal length is a {source}"]
+            camera = Intrinsics.from_focal(focal, width, height, source, CameraTrust.GUESSED)
+            notes = [f"focal length is a {source}"]
         else:
             camera, notes = given, []
         if segments is None:

@@ -198,6 +198,7 @@ def test_points_lie_on_their_pixels_rays_at_a_median_depth_of_one(scene: Pointma
     camera = scene.intrinsics
     assert camera is not None
     assert (camera.fx, camera.source) == (pytest.approx(0.95 * 320), "default (0.95 x the long side)")
+    assert camera.guessed
     assert scene.unknown == "inverse_scale_shift"
     assert scene.valid.mean() > 0.8
     points = scene.points[scene.valid]

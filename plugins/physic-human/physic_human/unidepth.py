@@ -74,7 +74,7 @@ class UniDepth(Hosted, MetricDepth):
         network = self._host.loaded()
         height, width = image.shape[:2]
         told = hints.intrinsics if self.options.use_camera else None
-        if told is not None and told.source.startswith("default"):
+        if told is not None and told.guessed:
             told = None  # a guess of others is no better than its own
         answer = self._run(network, image, told)
         depth = to_numpy(answer["depth"]).reshape(-1)

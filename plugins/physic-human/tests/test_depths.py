@@ -12,7 +12,7 @@ import torch
 
 from physic_core.adapters.devices import check_device
 from physic_core.errors import BackendError
-from physic_core.types import DepthMap, Hints, Intrinsics, Pointmap
+from physic_core.types import CameraTrust, DepthMap, Hints, Intrinsics, Pointmap
 from physic_human.moge import Moge1, Moge1Options
 from physic_human.unidepth import UniDepth, UniDepthOptions
 from physic_testing.conformance import parametrize_with_checks
@@ -100,7 +100,7 @@ def test_unidepths_own_camera_comes_back_in_the_centres_of_pixels(unidepth: UniD
 
 
 def test_a_camera_that_is_only_a_default_is_not_told(unidepth: UniDepth) -> None:
-    camera = Intrinsics(500.0, 500.0, 31.5, 23.5, 64, 48, "default: 60 degrees")
+    camera = Intrinsics(500.0, 500.0, 31.5, 23.5, 64, 48, "60 degrees", CameraTrust.GUESSED)
     found = unidepth.infer(np.zeros((48, 64, 3), np.uint8), Hints(intrinsics=camera))
     assert found.intrinsics is not None
     assert found.intrinsics.fx == 400

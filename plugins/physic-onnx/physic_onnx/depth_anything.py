@@ -21,7 +21,7 @@ from .one_graph import WEIGHTS, OneGraph, OneGraphOptions
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from physic_core.types import DepthMap, FloatArray, Hints, Intrinsics, Pointmap, UInt8Array, Unknown
+    from physic_core.types import AffineAmbiguity, DepthMap, FloatArray, Hints, Intrinsics, Pointmap, UInt8Array
 
     from .one_graph import Speaking
 
@@ -267,7 +267,7 @@ def _inverse_depth(depth: FloatArray) -> tuple[FloatArray, FloatArray]:
     return 1 / np.where(lost, 1.0, depth), lost
 
 
-def _open(speaking: Speaking, third: bool) -> Unknown:
+def _open(speaking: Speaking, third: bool) -> AffineAmbiguity:
     """What the answer leaves open; networks of several views find a camera, and so no shift is left."""
     if not third:
         return "inverse_scale_shift"

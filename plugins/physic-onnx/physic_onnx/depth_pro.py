@@ -69,7 +69,7 @@ class DepthPro(OneGraph, MetricDepth):
         camera = Intrinsics.from_focal(own, width, height, "DepthPro")
         notes = [f"focal length {own:.0f} px from DepthPro"]
         known = known_camera(hints, image) if self.options.use_known_focal else None
-        if known is not None and not known.source.startswith("default"):
+        if known is not None and not known.guessed:
             depth, camera = metres_of_focal(depth, known.fx, own), known
             notes = []
             if abs(known.fx / own - 1) > _TELLING:

@@ -7,7 +7,7 @@ a photo that both are asked about is run once.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -17,7 +17,7 @@ from physic_core import weights
 from physic_core.adapters.affine_pointmap import half_diagonal, recover_camera, settle
 from physic_core.adapters.pictures import resample
 from physic_core.interfaces import Backend, MetricDepth, Options, RelativePointmap
-from physic_core.types import DepthMap, Intrinsics, Pointmap
+from physic_core.types import CameraTrust, DepthMap, Intrinsics, Pointmap
 
 from .moge_network import MogeRunner, runner_for
 from .options import OnnxOptions
@@ -26,7 +26,7 @@ from .sessions import open_network
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-    from physic_core.types import BoolArray, FloatArray, Hints, UInt8Array, Unknown
+    from physic_core.types import AffineAmbiguity, BoolArray, FloatArray, Hints, UInt8Array
 
 __all__ = ["Moge2Depth", "Moge2Pointmap", "MogeOptions"]
 
@@ -102,9 +102,10 @@ class _Moge(Backend):
         else:
             found = recover_camera(raw.points, raw.mask)
             focal_px = found.fx * half_diagonal(height, width) / half_diagonal(seen_height, seen_width)
-            source = "MoGe-2" if found.determined else "default: MoGe-2 saw a scene too flat to tell"
-            camera = Intrinsics.from_focal(focal_px, width, height, source)
+            camera = Intrinsics.from_focal(focal_px, width, height, "MoGe-2")
             if not found.determined:
+                source = "default: MoGe-2 saw a scene too flat to tell"
+                camera = replace(camera, source=source, trust=CameraTrust.GUESSED)
                 notes.append(f"MoGe-2 saw a scene too flat to tell the focal length: {focal_px:.0f} px is a guess")
         mask = resample(raw.confidence, height, width) > 0.5
         depth = resample(raw.points[..., 2], height, width)
@@ -122,7 +123,7 @@ class Moge2Depth(_Moge, MetricDepth):
             BackendError: it is not loaded, or sees no surface at all.
         """
         known = hints.intrinsics
-        if known is not None and known.source.startswith("default"):
+        if known is not None and known.guessed:
             known = None
         solved = self._ask(image, known, metric=True)
         return DepthMap(solved.points[..., 2].copy(), solved.camera, notes=solved.notes)
@@ -141,7 +142,7 @@ class Moge2Pointmap(_Moge, RelativePointmap):
             BackendError: it is not loaded, or sees no surface at all.
         """
         solved = self._ask(image, hints.intrinsics, metric=False)
-        unknown: Unknown = "scale" if solved.determined else "scale_shift"
+        unknown: AffineAmbiguity = "scale" if solved.determined else "scale_shift"
         return Pointmap(solved.points, solved.valid, unknown, solved.camera, solved.notes)
 
 

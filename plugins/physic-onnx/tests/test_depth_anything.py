@@ -387,6 +387,7 @@ class TestCamera:
         answer = relative(contract_graph(), default_fov=60.0).infer(ramp(196, 140), Hints())
         assert answer.intrinsics.fx == pytest.approx(98 / math.tan(math.radians(30)))
         assert answer.intrinsics.source == "default (field of view 60 degrees along the long side)"
+        assert answer.intrinsics.guessed
         assert answer.notes == ("focal length is a default (field of view 60 degrees along the long side)",)
 
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from physic_core.errors import BackendError, WeightsMissingError
-from physic_core.types import Hints, Intrinsics
+from physic_core.types import CameraTrust, Hints, Intrinsics
 from physic_onnx.depth_pro import INVERSE, METRES, DepthPro, DepthProOptions, prepare
 from physic_testing import check_backend
 from physic_testing.worlds import build_world
@@ -111,7 +111,7 @@ class TestContract:
         assert own.notes == ("focal length 100 px from DepthPro",)
 
     def test_default_camera_gives_way_to_the_networks(self, contract_graph):
-        guess = Intrinsics.from_focal(300.0, 128, 96, "default (0.95 x the long side)")
+        guess = Intrinsics.from_focal(300.0, 128, 96, "0.95 x the long side", CameraTrust.GUESSED)
         assert loaded(contract_graph()).infer(ramp(), Hints(intrinsics=guess)).intrinsics.source == "DepthPro"
 
     def test_known_camera_may_be_of_another_size(self, contract_graph):

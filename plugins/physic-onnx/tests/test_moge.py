@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from scipy.ndimage import map_coordinates
 
 from physic_core.errors import BackendError, WeightsMissingError
-from physic_core.types import Hints, Intrinsics
+from physic_core.types import CameraTrust, Hints, Intrinsics
 from physic_onnx.moge import Moge2Depth, Moge2Pointmap, MogeOptions
 from physic_onnx.moge_network import size_seen
 from physic_testing import check_backend
@@ -337,7 +337,7 @@ class TestWorld:
 
     def test_default_camera_does_not_overrule_what_the_depth_network_sees(self, loaded):
         world = build_world("stand", 0, (320, 240))
-        guess = Intrinsics.from_focal(900.0, 320, 240, "default: nothing is known")
+        guess = Intrinsics.from_focal(900.0, 320, 240, "nothing is known", CameraTrust.GUESSED)
         found = loaded(Moge2Depth).infer(world.empty_image, Hints(intrinsics=guess))
         assert found.intrinsics.fx == pytest.approx(world.intrinsics.fx, rel=1e-5)
         np.testing.assert_allclose(found.depth, world.empty_depth, rtol=1e-5)
@@ -388,6 +388,7 @@ class TestOddAnswers:
         found = backend.infer(photo, Hints())
         assert found.unknown == "scale_shift"
         assert found.intrinsics.source == "default: MoGe-2 saw a scene too flat to tell"
+        assert found.intrinsics.guessed
         assert found.notes[1] == "MoGe-2 saw a scene too flat to tell the focal length: 70 px is a guess"
         assert found.valid.all()
 

@@ -92,7 +92,7 @@ class DepthPro(Pretrained, MetricDepth):
     ) -> tuple[Intrinsics, tuple[str, ...]]:
         """The camera that scales the depth, and notes."""
         own = None if degrees is None else focal_from_fov(degrees, width)
-        if self.options.use_known_focal and given is not None and not given.source.startswith("default"):
+        if self.options.use_known_focal and given is not None and not given.guessed:
             if own is None or abs(given.fx / own - 1) <= _TELLING:
                 return given, ()
             note = f"DepthPro took the focal length for {own:.0f} px; its depth is scaled to {given.fx:.0f} px"

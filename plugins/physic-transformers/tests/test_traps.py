@@ -14,7 +14,7 @@ from scipy.ndimage import map_coordinates
 
 from physic_core.errors import BackendError, DeviceError
 from physic_core.pipeline.validation import depth_faults, keypoints_faults, people_faults, pointmap_faults
-from physic_core.types import Hints, Intrinsics, People
+from physic_core.types import CameraTrust, Hints, Intrinsics, People
 from physic_transformers.depth_anything import (
     DepthAnythingMetric,
     DepthAnythingRelative,
@@ -148,7 +148,7 @@ class TestDepthPro:
         assert answer.notes == ("DepthPro took the focal length for 50 px; its depth is scaled to 200 px",)
 
     def test_a_focal_length_that_is_a_guess_gives_way_to_its_own(self) -> None:
-        guessed = Intrinsics.from_focal(200.0, 100, 60, "default (1.2 x the long side)")
+        guessed = Intrinsics.from_focal(200.0, 100, 60, "1.2 x the long side", CameraTrust.GUESSED)
         np.testing.assert_allclose(self.asked(0.5, 90.0, Hints(intrinsics=guessed)).depth, 1.0, rtol=1e-5)
 
     def test_its_own_focal_length_can_be_insisted_on(self) -> None:

@@ -85,13 +85,13 @@ def accuracy(
     trial, others = _split(overrides)
     config, noisy = _configs(preset, noise_seed, trial, others)
 
-    from physic_core.configuration.resolve import check, require_whole, resolve
+    from physic_core.configuration.resolve import check, require_available, resolve
     from physic_core.discovery.plugins import discover
     from physic_core.files.atomic import check_writable
 
     registry = discover()
     check(config, registry)
-    require_whole(resolve(noisy, registry))
+    require_available(resolve(noisy, registry))
     check_writable(out)
 
     from physic_testing.bench.accuracy import Work

@@ -13,6 +13,7 @@ from physic_core.metrics.pose import BODY_JOINTS, mpjpe_mm, pa_mpjpe_mm
 
 if TYPE_CHECKING:
     from physic_core.types import (
+        AffineAmbiguity,
         Bodies,
         ContactProbability,
         DepthMap,
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
         People,
         Pointmap,
         UInt8Array,
-        Unknown,
     )
     from physic_testing.conformance.cases import Case
     from physic_testing.conformance.subject import Subject
@@ -164,7 +164,7 @@ def _delta1(ratio: FloatArray) -> float:
     return float((np.maximum(ratio, 1 / ratio) < 1.25).mean())
 
 
-def _fitted(z: FloatArray, truth: FloatArray, unknown: Unknown) -> FloatArray:
+def _fitted(z: FloatArray, truth: FloatArray, unknown: AffineAmbiguity) -> FloatArray:
     """Depth (M,) after the least-squares fit of what is unknown, in shares of the true depth."""
     if unknown == "inverse_scale_shift":
         design, target = np.stack([truth / z, truth], axis=1), np.ones_like(truth)

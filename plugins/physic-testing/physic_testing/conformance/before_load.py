@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from physic_core.discovery.error_text import describe
-from physic_core.discovery.readiness import lacks
+from physic_core.discovery.readiness import missing_requirements
 from physic_testing.conformance.expect import NotJudged, NotMet, expect
 from physic_testing.conformance.guard import no_network
 from physic_testing.conformance.run import Check
@@ -24,7 +24,7 @@ MOST_SECONDS = 0.25
 def check_says_quickly_and_twice_what_is_missing(subject: Subject) -> None:
     """`missing` reads no weights, and says the same when it is asked again."""
     backend = _fresh(subject)
-    first, again, seconds = _asked(subject, "missing()", lambda: lacks(backend))
+    first, again, seconds = _asked(subject, "missing()", lambda: missing_requirements(backend))
     expect(first == again, "missing() to say the same twice", f"{first!r}, then {again!r}")
     _expect_quick("missing()", seconds, "Look whether files are there; open them in load().")
 

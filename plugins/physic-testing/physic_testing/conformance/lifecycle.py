@@ -8,7 +8,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from physic_core.discovery.error_text import describe
-from physic_core.discovery.readiness import lacks
+from physic_core.discovery.readiness import missing_requirements
 from physic_core.errors import PhysicError
 from physic_testing.conformance.asking import difference
 from physic_testing.conformance.expect import NotJudged, NotMet, expect
@@ -73,7 +73,7 @@ def check_loads_or_says_what_is_missing(subject: Subject) -> None:
     backend = _fresh(subject)
     with no_network() as asked:
         try:
-            lacking = lacks(backend)
+            lacking = missing_requirements(backend)
         except PhysicError as error:
             raise NotMet("missing() to return a tuple of texts, empty where nothing is missing", str(error)) from error
     expect(not asked, "missing() to use no network", f"it asks for {', '.join(dict.fromkeys(asked))}")

@@ -9,7 +9,7 @@ import numpy as np
 
 from physic_core.discovery.error_text import describe
 from physic_core.errors import PhysicError
-from physic_core.types import Unknown
+from physic_core.types import AffineAmbiguity
 from physic_testing.conformance.answering import check_needs_no_hints
 from physic_testing.conformance.asking import form_faults, inputs
 from physic_testing.conformance.expect import NotJudged, NotMet, expect
@@ -90,7 +90,7 @@ def check_pixels_are_counted_from_their_centres(subject: Subject) -> None:
 def check_unknown_suffices(subject: Subject) -> None:
     """Fitting what `unknown` names brings the points to the truth about as well as anything could."""
     answer, truth = subject.answer(), subject.case("one person").truth.empty_depth
-    errors = {kind: aligned_error(_depth(answer), truth, kind) for kind in get_args(Unknown)}
+    errors = {kind: aligned_error(_depth(answer), truth, kind) for kind in get_args(AffineAmbiguity)}
     best = min(errors, key=lambda kind: errors[kind])
     own = errors[answer.unknown]
     expect(
@@ -174,7 +174,7 @@ CHECKS: tuple[Check, ...] = (
     Check(check_points_cover_the_photo, _READ),
     Check(check_points_lie_like_the_photo, _READ),
     Check(check_farther_is_larger, _READ, after=_UPRIGHT),
-    Check(check_unknown_suffices, "physic_core.types.Unknown", after=("farther_is_larger", *_UPRIGHT)),
+    Check(check_unknown_suffices, "physic_core.types.AffineAmbiguity", after=("farther_is_larger", *_UPRIGHT)),
     Check(check_z_is_not_the_length_of_the_ray, _READ, after=("unknown_suffices", "farther_is_larger")),
     Check(check_frame_is_opencv, _READ),
     Check(check_given_camera_is_used, _CAMERA, after=("frame_is_opencv",)),

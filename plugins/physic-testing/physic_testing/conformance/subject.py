@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from physic_core.configuration.faults import from_pydantic
 from physic_core.discovery.error_text import describe
 from physic_core.discovery.local_modules import split
-from physic_core.discovery.readiness import lacks
+from physic_core.discovery.readiness import missing_requirements
 from physic_core.errors import BackendError, ConfigError, PhysicError
 from physic_core.interfaces import INTERFACES, Backend
 from physic_core.pipeline.image_check import infer
@@ -148,7 +148,7 @@ class Subject:
                 raise NotJudged("it cannot be constructed: see 'constructs_with_its_defaults'") from error
             try:
                 with no_network():
-                    lacking = lacks(backend)
+                    lacking = missing_requirements(backend)
             except PhysicError as error:
                 raise NotJudged("it cannot be loaded: see 'loads_or_says_what_is_missing'") from error
             if lacking:

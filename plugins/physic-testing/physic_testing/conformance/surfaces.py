@@ -11,7 +11,7 @@ from physic_testing.conformance.expect import NotJudged, expect
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.types import BoolArray, FloatArray, Intrinsics, Unknown
+    from physic_core.types import AffineAmbiguity, BoolArray, FloatArray, Intrinsics
 
 __all__ = [
     "aligned_error",
@@ -41,7 +41,7 @@ def order_agreement(first: FloatArray, second: FloatArray) -> float:
     return float(((a - a.mean()) * (b - b.mean())).mean()) / spread if spread > 0 else 0.0
 
 
-def aligned_error(z: FloatArray, truth: FloatArray, unknown: Unknown) -> float:
+def aligned_error(z: FloatArray, truth: FloatArray, unknown: AffineAmbiguity) -> float:
     """Median share of the true depth that remains when what is unknown has been fitted; inf if nothing is common.
 
     Args:
@@ -109,7 +109,7 @@ def expect_farther_is_larger(z: FloatArray, truth: FloatArray) -> None:
     )
 
 
-def expect_along_z(z: FloatArray, truth: FloatArray, camera: Intrinsics, unknown: Unknown) -> None:
+def expect_along_z(z: FloatArray, truth: FloatArray, camera: Intrinsics, unknown: AffineAmbiguity) -> None:
     """The numbers are depth along the optical axis, not length along the ray."""
     rows, columns = np.mgrid[: truth.shape[0], : truth.shape[1]]
     stretch = np.sqrt(1 + ((columns - camera.cx) / camera.fx) ** 2 + ((rows - camera.cy) / camera.fy) ** 2)

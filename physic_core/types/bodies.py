@@ -1,0 +1,138 @@
+"""Bodies and hands in 3D, and contact probabilities on their surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
+
+from physic_core.types.short_repr import ShortRepr
+
+if TYPE_CHECKING:
+    from physic_core.types.arrays import BoolArray, FloatArray, IntArray
+
+__all__ = ["Bodies", "BodyParameters", "ContactProbability", "Hands", "Mesh", "RestMesh"]
+
+
+@dataclass(frozen=True)
+class BodyParameters(ShortRepr):
+    """SMPL-X-named parameters of N bodies: rotation vectors, radians, SMPL-X joint order, flat hand mean, no hand PCA.
+
+    Attributes:
+        global_orient: (N, 3) rotation about the pelvis joint.
+        body_pose: (N, 63) joints 1-21.
+        left_hand_pose: (N, 45) index, middle, pinky, ring, thumb.
+        right_hand_pose: (N, 45).
+        jaw_pose: (N, 3).
+        leye_pose: (N, 3).
+        reye_pose: (N, 3).
+        betas: (N, K) shape, unit variance, meaningful for one body model only.
+        expression: (N, E), E = 0 where the body has none.
+        transl: (N, 3) metres, added after posing.
+    """
+
+    global_orient: FloatArray
+    body_pose: FloatArray
+    left_hand_pose: FloatArray
+    right_hand_pose: FloatArray
+    jaw_pose: FloatArray
+    leye_pose: FloatArray
+    reye_pose: FloatArray
+    betas: FloatArray
+    expression: FloatArray
+    transl: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.transl)
+
+    def __getitem__(self, rows: slice | BoolArray | IntArray) -> BodyParameters:
+        """The people selected by a slice, a mask (N,) or indices."""
+        return BodyParameters(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+
+
+@dataclass(frozen=True)
+class Mesh(ShortRepr):
+    """Surfaces of N bodies in one topology.
+
+    Attributes:
+        name: of the topology ("smplx", "smpl", "mhr").
+        vertices: (N, V, 3) metres, camera frame.
+        faces: (F, 3) int, the same for all.
+        rest: (V, 3) metres, a body of this topology in the T-pose (y up, facing +z, its left on +x), of any shape, or
+            None. It gives the correspondence between the vertices of this topology and those of another.
+    """
+
+    name: str
+    vertices: FloatArray
+    faces: IntArray
+    rest: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class RestMesh(ShortRepr):
+    """One body in the T-pose: y up, facing +z, its left on +x, palms down.
+
+    Attributes:
+        topology: name of the mesh ("smpl", "smplx").
+        vertices: (V, 3) metres.
+        faces: (F, 3) int.
+    """
+
+    topology: str
+    vertices: FloatArray
+    faces: IntArray
+
+
+@dataclass(frozen=True)
+class Bodies(ShortRepr):
+    """The result of a BodyEstimator. Body i belongs to person i.
+
+    Bodies of another model than the configured one are converted to it from ``joints``, and from ``mesh`` if given.
+    Rotations are used if the model is "embedded", "smplx" or "smpl" (joints 0-21 as SMPL's, hands zero), which share
+    the T-pose. Any other model may leave rotations and shape zero, and must give joints or a mesh.
+
+    Attributes:
+        parameters: of N bodies, in metres and in the camera frame.
+        body_model: name of the body model that the parameters are for ("embedded", "smplx", "smpl", "mhr").
+        observed: (N, 55) bool, joints that the photo shows, or None if the backend does not report it.
+        joints: (N, 55, 3) metres, camera frame: the SMPL-X joints as the backend places them, NaN where unknown. None
+            if the parameters alone define them.
+        mesh: the surfaces, or None.
+    """
+
+    parameters: BodyParameters
+    body_model: str
+    observed: BoolArray | None = None
+    joints: FloatArray | None = None
+    mesh: Mesh | None = None
+
+
+@dataclass(frozen=True)
+class Hands(ShortRepr):
+    """The result of a HandEstimator.
+
+    Attributes:
+        rotvecs: (N, 2, 15, 3) radians, left then right, SMPL-X order, flat hand mean.
+        confidence: (N, 2) in [0, 1]; 0 where no hand was found (its rotations are then ignored).
+        wrists: (N, 2, 3) radians, global rotation of each hand from the T-pose to the camera frame (not relative to the
+            forearm), left then right, or None. The forearm is then turned to fit the hand.
+    """
+
+    rotvecs: FloatArray
+    confidence: FloatArray
+    wrists: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class ContactProbability(ShortRepr):
+    """The result of a ContactPrior.
+
+    Attributes:
+        probability: (N, V) in [0, 1], how likely each vertex touches the scene.
+        topology: name of the mesh that has the V vertices.
+        rest: that mesh in the T-pose. Required if it is not the bodies' own mesh, and used to transfer the
+            probabilities to it.
+    """
+
+    probability: FloatArray
+    topology: str
+    rest: RestMesh | None = None

@@ -1,0 +1,69 @@
+"""Geometry per pixel: point maps, depth maps and the floor plane."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from physic_core.types.short_repr import ShortRepr
+
+if TYPE_CHECKING:
+    from physic_core.types.arrays import BoolArray, FloatArray
+    from physic_core.types.camera import Intrinsics
+
+__all__ = ["AffineAmbiguity", "DepthMap", "Plane", "Pointmap"]
+
+AffineAmbiguity = Literal["scale", "scale_shift", "inverse_scale_shift"]
+"""What separates a relative depth Z' from a metric depth Z:
+``Z = s Z'`` | ``Z = s Z' + t`` | ``1 / Z = s / Z' + t``."""
+
+
+@dataclass(frozen=True)
+class Plane(ShortRepr):
+    """An oriented plane. The height of a point X above it is ``normal . X + offset``.
+
+    Attributes:
+        normal: (3,) unit vector that points up, out of the floor, to the camera's side.
+        offset: height of the camera above the plane, in the units of the points (metres once scaled).
+    """
+
+    normal: FloatArray
+    offset: float
+
+
+@dataclass(frozen=True)
+class Pointmap(ShortRepr):
+    """A 3D point for every pixel, in the camera frame, ambiguous as ``unknown`` states.
+
+    Attributes:
+        points: (H, W, 3) float32; z > 0 where valid.
+        valid: (H, W) bool.
+        unknown: what separates the points from metres.
+        intrinsics: the camera that the points fit, or None if the backend does not know it.
+        notes: plain sentences for the user ("focal length is a default").
+    """
+
+    points: FloatArray
+    valid: BoolArray
+    unknown: AffineAmbiguity
+    intrinsics: Intrinsics | None = None
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class DepthMap(ShortRepr):
+    """Metric depth.
+
+    Attributes:
+        depth: (H, W) float32 metres along z (not along the ray), NaN where unknown.
+        intrinsics: the camera that the backend estimated or knows, or None. If its ``trust`` is "known" and the point
+            map's is not, it is used as it is. Two estimated cameras are averaged, and depths are rescaled with the
+            focal length.
+        scale_sigma: standard deviation of log(scale) that the backend estimates, or None.
+        notes: plain sentences for the user ("scale from the soles of 2 people").
+    """
+
+    depth: FloatArray
+    intrinsics: Intrinsics | None = None
+    scale_sigma: float | None = None
+    notes: tuple[str, ...] = ()

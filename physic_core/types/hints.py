@@ -1,0 +1,43 @@
+"""What earlier backends found, for those that can use it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from physic_core.types.short_repr import ShortRepr
+
+if TYPE_CHECKING:
+    from physic_core.types.arrays import BoolArray
+    from physic_core.types.bodies import Bodies
+    from physic_core.types.camera import Intrinsics
+    from physic_core.types.depth import Plane, Pointmap
+    from physic_core.types.people import Keypoints, People
+
+__all__ = ["Hints"]
+
+
+@dataclass(frozen=True)
+class Hints(ShortRepr):
+    """What is already known of the photo when a backend is called. A backend may ignore all of it.
+
+    Attributes:
+        intrinsics: camera, if the user, the file or an earlier backend gave it.
+        people: of the original photo.
+        keypoints: of the original photo.
+        hole: (H, W) bool, pixels of the given image that an inpainter made up.
+        scene: relative point map of the inpainted photo.
+        original: relative point map of the original photo, aligned to ``scene`` outside the people.
+        floor: floor plane in the units of ``scene``.
+        bodies: in metres, not yet placed in the scene, of the configured body model. ``joints`` are given if that model
+            is a file of the user's, which no backend can load.
+    """
+
+    intrinsics: Intrinsics | None = None
+    people: People | None = None
+    keypoints: Keypoints | None = None
+    hole: BoolArray | None = None
+    scene: Pointmap | None = None
+    original: Pointmap | None = None
+    floor: Plane | None = None
+    bodies: Bodies | None = None

@@ -1,0 +1,54 @@
+"""People in the image: masks, boxes and 2D keypoints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from physic_core.types.short_repr import ShortRepr
+
+if TYPE_CHECKING:
+    from physic_core.types.arrays import BoolArray, FloatArray
+
+__all__ = ["Keypoints", "People"]
+
+
+@dataclass(frozen=True)
+class Keypoints(ShortRepr):
+    """2D keypoints of N people. Row i belongs to person i.
+
+    Attributes:
+        points: (N, J, 2) float px.
+        confidence: (N, J) float in [0, 1]. 0 means not seen; the point is then ignored.
+        skeleton: name of the joint set: "coco17", "coco23" (with feet), "blazepose33", "halpe26",
+            "coco_wholebody133"; see :data:`physic_core.body.landmarks.DETECTED`.
+        world: (N, J, 3) metres, or None. Axes of a camera that looks straight at the person (x right, y down, z away),
+            origin between the hips: what single-person pose networks call world landmarks.
+    """
+
+    points: FloatArray
+    confidence: FloatArray
+    skeleton: str
+    world: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class People(ShortRepr):
+    """The result of a Segmenter. An image without people gives N = 0, never None.
+
+    Attributes:
+        masks: (N, H, W) bool, visible pixels of each person. Masks of two people do not overlap.
+        boxes: (N, 4) float px, x0 y0 x1 y1, half open like a slice: ``mask[y0:y1, x0:x1]`` holds the person.
+        scores: (N,) float in [0, 1].
+        floor: (H, W) bool, pixels of the ground that people stand on, or None if the backend does not segment it.
+        keypoints: joints that the person detector found along with the boxes, or None.
+    """
+
+    masks: BoolArray
+    boxes: FloatArray
+    scores: FloatArray
+    floor: BoolArray | None = None
+    keypoints: Keypoints | None = None
+
+    def __len__(self) -> int:
+        return len(self.masks)

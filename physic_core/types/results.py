@@ -1,0 +1,157 @@
+"""The result of a run: scene, people and contact of one photo."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from physic_core.types.short_repr import ShortRepr
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from physic_core.types.arrays import BoolArray, FloatArray, UInt8Array
+    from physic_core.types.bodies import BodyParameters
+    from physic_core.types.camera import Intrinsics
+    from physic_core.types.depth import Plane
+    from physic_core.types.records import CheckResult, StageRecord
+
+__all__ = ["Person", "Reconstruction", "Scene"]
+
+
+@dataclass(frozen=True)
+class Scene(ShortRepr):
+    """The scene without its people, metres, camera frame.
+
+    Attributes:
+        points: (H, W, 3) float32.
+        normals: (H, W, 3) float32, unit, facing the camera; zero where unreliable.
+        colors: (H, W, 3) uint8 RGB of the inpainted photo.
+        valid: (H, W) bool.
+        floor: plane, or None where none was found.
+        floor_points: (M, 3) float32 sampled on the plane.
+        scale: the factor that the joint optimisation applied to the scene (already in the points).
+        scale_sigma: standard deviation of log(scale) as estimated by the metric depth backend, or None.
+    """
+
+    points: FloatArray
+    normals: FloatArray
+    colors: UInt8Array
+    valid: BoolArray
+    floor: Plane | None
+    floor_points: FloatArray
+    scale: float = 1.0
+    scale_sigma: float | None = None
+
+
+@dataclass(frozen=True)
+class Person(ShortRepr):
+    """One reconstructed person, metres, camera frame.
+
+    If the body estimator failed for a person, parameters, vertices and joints are NaN and no vertex is in contact.
+
+    Attributes:
+        box: (4,) px, x0 y0 x1 y1.
+        score: in [0, 1].
+        mask: (H, W) bool.
+        keypoints: (J, 2) px.
+        keypoint_confidence: (J,).
+        parameters: a batch of one.
+        vertices: (V, 3) float32.
+        joints: (55, 3) float32.
+        contact: (V,) bool.
+        distance: (V,) float32, signed distance to the scene or the floor: negative inside, inf beyond the
+            search radius.
+        failed_checks: names of the ``Reconstruction.checks`` about this person that failed.
+    """
+
+    box: FloatArray
+    score: float
+    mask: BoolArray
+    keypoints: FloatArray
+    keypoint_confidence: FloatArray
+    parameters: BodyParameters
+    vertices: FloatArray
+    joints: FloatArray
+    contact: BoolArray
+    distance: FloatArray
+    failed_checks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Reconstruction(ShortRepr):
+    """People, scene and contact of one photo, in one metric camera frame.
+
+    Attributes:
+        image: (H, W, 3) uint8 RGB, upright, as reconstructed.
+        intrinsics: of ``image``.
+        scene: the scene.
+        people: best detection score first.
+        faces: (F, 3) int32, of every person's mesh.
+        body_model: name of the body model of the people's parameters.
+        skeleton: name of the joint set of the people's keypoints.
+        stages: in order.
+        diagnostics: numbers reported by the engine, by stage.
+        warnings: what to doubt, in plain sentences: the messages of failed ``checks`` of the photo, and of those that
+            left a person without a position or a body.
+        notes: how the numbers were obtained, in plain sentences ("scale from the soles of 2 people").
+        config: the resolved configuration.
+        checks: all self-checks of the result, passed or failed.
+        photo: digest of the photo file, if there was one, then of its pixels, separated by a space.
+    """
+
+    image: UInt8Array
+    intrinsics: Intrinsics
+    scene: Scene
+    people: tuple[Person, ...]
+    faces: NDArray[np.int32]
+    body_model: str
+    skeleton: str
+    stages: tuple[StageRecord, ...] = ()
+    diagnostics: Mapping[str, Any] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    config: Mapping[str, Any] = field(default_factory=dict)
+    checks: tuple[CheckResult, ...] = ()
+    photo: str = ""
+
+    def __repr__(self) -> str:
+        people, warnings, sigma = len(self.people), len(self.warnings), self.scene.scale_sigma
+        refused = any(check.name == "floor" and not check.ok for check in self.checks)
+        parts = (
+            "1 person" if people == 1 else f"{people} people",
+            f"{self.intrinsics.width} x {self.intrinsics.height}",
+            "no floor" if self.scene.floor is None else "floor assumed" if refused else "floor found",
+            "scale of unknown error" if sigma is None else f"scale ±{100 * sigma:.0f} %",
+            "1 warning" if warnings == 1 else f"{warnings or 'no'} warnings",
+        )
+        return f"Reconstruction({', '.join(parts)})"
+
+    def save(self, folder: str, *, preview: bool = True, overwrite: bool = False) -> None:
+        """Write ``reconstruction.json``, ``.npz``, the GLB files and ``preview.png`` into ``folder``.
+
+        Args:
+            folder: created if it does not exist. An earlier result of the same photo in it is replaced.
+            preview: whether to write ``preview.png``.
+            overwrite: whether to replace the result of another photo, and result files that were edited. Files that no
+                run wrote are never replaced.
+
+        Raises:
+            OutputError: the folder cannot be written, or a file of the user's would be lost.
+        """
+        from physic_core import save_reconstruction
+
+        save_reconstruction(self, folder, preview=preview, overwrite=overwrite)
+
+    @classmethod
+    def load(cls, folder: str) -> Reconstruction:
+        """Read what :meth:`save` wrote.
+
+        Raises:
+            InputError: a file is missing, or of another schema version.
+        """
+        from physic_core import load_reconstruction
+
+        return load_reconstruction(folder)

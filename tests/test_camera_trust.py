@@ -1,0 +1,39 @@
+"""What decides how far a camera is trusted: its ``trust``, and never the text of its ``source``."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from physic_core.types import CameraTrust, Intrinsics
+
+TEXTS = (
+    "given",
+    "EXIF: 50 mm",
+    "measured by lines",
+    "default (1.2 x the long side)",
+    "Default",
+    "a network",
+)
+
+
+@pytest.mark.parametrize("source", TEXTS)
+def test_no_text_makes_a_camera_known_or_guessed(source: str):
+    camera = Intrinsics.from_focal(500.0, 640, 480, source)
+    assert camera.trust is CameraTrust.ESTIMATED
+    assert not camera.known
+    assert not camera.guessed
+
+
+@pytest.mark.parametrize("trust", CameraTrust)
+def test_trust_is_stated_by_the_enum_or_its_value_and_kept_when_resized(trust: CameraTrust):
+    camera = Intrinsics(500.0, 500.0, 319.5, 239.5, 640, 480, "a text", trust)
+    assert camera == Intrinsics(500.0, 500.0, 319.5, 239.5, 640, 480, "a text", trust.value)  # type: ignore[arg-type]
+    assert camera.resized(320, 240).trust is trust
+    assert (camera.known, camera.guessed) == (trust == "known", trust == "guessed")
+
+
+def test_any_other_trust_is_refused():
+    with pytest.raises(ValueError, match="'sure' is not a valid CameraTrust"):
+        replace(Intrinsics.from_focal(500.0, 640, 480), trust="sure")
