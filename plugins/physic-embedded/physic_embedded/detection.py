@@ -56,7 +56,8 @@ def box_iou(box: Float, boxes: Float) -> Float:
     sides = np.clip(np.minimum(box[2:], boxes[:, 2:]) - np.maximum(box[:2], boxes[:, :2]), 0.0, None)
     shared = sides.prod(axis=1)
     union = (box[2:] - box[:2]).prod() + (boxes[:, 2:] - boxes[:, :2]).prod(axis=1) - shared
-    return shared / np.maximum(union, 1e-9)
+    overlap: Float = shared / np.maximum(union, 1e-9)
+    return overlap
 
 
 def decode(

@@ -107,7 +107,7 @@ def fit_fingers(landmarks: Float, rest: HandRest) -> FingerFit:
         """(P, 26) angles -> (P, 15, 3)."""
         turned = angles[..., None] * rest.axes.reshape(45, 3)[joints]
         out = np.zeros((len(angles), 15, 3))
-        np.add.at(out, (slice(None), joints // 3), turned)
+        np.add.at(out, (slice(None), joints // 3), turned)  # type: ignore[arg-type]  # a slice is an index
         return out
 
     def directions(x: Float) -> tuple[Float, Float]:
@@ -135,7 +135,8 @@ def fit_fingers(landmarks: Float, rest: HandRest) -> FingerFit:
         """Forward differences, all columns in one call."""
         step = 1e-6
         ahead = residuals(np.concatenate([x[None], x + step * np.eye(len(x))]))
-        return (ahead[1:] - ahead[0]).T / step
+        columns: Float = (ahead[1:] - ahead[0]).T / step
+        return columns
 
     inner = 1e-3
     first = np.clip(_bend(bones, palm, start, rest, joints), low + inner, high - inner)

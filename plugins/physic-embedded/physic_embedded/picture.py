@@ -95,9 +95,10 @@ class Picture:
         corner = np.array([[0.5, 0.5], [1.5, 0.5], [0.5, 1.5]])
         at = (square.to_photo(corner, size) + 0.5) * scale - 0.5
         matrix = np.stack([at[1] - at[0], at[2] - at[0], at[0]], axis=1)
-        return cv2.warpAffine(
+        cut: Image = cv2.warpAffine(
             level, matrix, (size, size), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_CONSTANT
         )
+        return cut
 
 
 @dataclass(frozen=True)

@@ -70,10 +70,11 @@ class Pose:
         import cv2
 
         at = (self.square.from_photo(points, LANDMARK_SIZE) - 0.5).astype(np.float32)
-        return cv2.remap(
+        logits: Float = cv2.remap(
             self.mask.astype(np.float32), at[..., 0], at[..., 1], cv2.INTER_LINEAR,
             borderMode=cv2.BORDER_CONSTANT, borderValue=-30.0,
         )  # fmt: skip
+        return logits
 
 
 def person_square(hip: Float, end: Float) -> Square:

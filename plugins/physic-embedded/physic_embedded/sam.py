@@ -68,10 +68,11 @@ class Embedding:
 
         half = 0.5 / self.cell - 0.5
         matrix = np.array([[1.0 / self.cell, 0.0, half], [0.0, 1.0 / self.cell, half]])
-        return cv2.warpAffine(
+        moved: NDArray[np.float32] = cv2.warpAffine(
             np.ascontiguousarray(logits, np.float32), matrix, (self.width, self.height),
             flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REPLICATE,
         )  # fmt: skip
+        return moved
 
 
 @dataclass(frozen=True)

@@ -105,7 +105,7 @@ def _frugal_session() -> type[InferenceSession]:
     shrink = ort.RunOptions()
     shrink.add_run_config_entry("memory.enable_memory_arena_shrinkage", "cpu:0")
 
-    class FrugalSession(ort.InferenceSession):  # type: ignore[misc, name-defined]
+    class FrugalSession(ort.InferenceSession):  # type: ignore[misc]
         def run(self, output_names: Any, input_feed: Any, run_options: Any = None) -> Any:
             return super().run(output_names, input_feed, run_options or shrink)
 

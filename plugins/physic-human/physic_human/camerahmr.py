@@ -109,7 +109,7 @@ class CameraHmr(Hosted, BodyEstimator):
         checkpoint, mean = self._host.file(_CHECKPOINT), self._host.file(_MEAN)
         self._body = open_smpl(self.options.smpl_file)
         checkout = self._host.checkout
-        constants = checkout.load("core.constants")
+        constants: Any = checkout.load("core.constants")
         constants.SMPL_MEAN_PARAMS_FILE = str(mean)  # its own path begins at the folder that Python was started in
         kind = checkout.attribute("CameraHMR")
         with computing(checkout, device):
@@ -139,7 +139,9 @@ class CameraHmr(Hosted, BodyEstimator):
         regions = [padded(box, 1.0, self.options.margin) for box in people.boxes]
         centres, sides = np.array([r[0] for r in regions]), np.array([r[1][0] for r in regions])
         focal = self._own_focal(image) if self.options.focal == "own" else math.sqrt(intrinsics.fx * intrinsics.fy)
-        rotations, betas, weak = [], [], []
+        rotations: list[FloatArray] = []
+        betas: list[FloatArray] = []
+        weak: list[FloatArray] = []
         for rows in batches(len(people), self.options.batch):
             crops = np.concatenate([self._crop(image, box) for box in people.boxes[rows]])
             one = self._run(network, crops, centres[rows], sides[rows], focal, intrinsics)
@@ -147,7 +149,9 @@ class CameraHmr(Hosted, BodyEstimator):
                 to.append(what)
         place = translation_of_crop(np.concatenate(weak), centres, sides, intrinsics)
         bodies = posed_bodies(body, np.concatenate(rotations), np.concatenate(betas), place)
-        return replace(bodies, observed=observed_joints(keypoints, *image.shape[:2], self.options.seen_confidence))
+        return replace(
+            bodies, observed=observed_joints(keypoints, image.shape[0], image.shape[1], self.options.seen_confidence)
+        )
 
     def _crop(self, image: UInt8Array, box: FloatArray) -> FloatArray:
         """(1, 3, 256, 256), black outside of the image."""

@@ -81,11 +81,13 @@ class Hamer(ManoHands):
 
     def _region(self, box: FloatArray) -> FloatArray:
         taller = max((box[2] - box[0]) / ASPECT - (box[3] - box[1]), 0.0)
-        return box + np.array([0.0, -taller / 2, 0.0, taller / 2])
+        region: FloatArray = box + np.array([0.0, -taller / 2, 0.0, taller / 2])
+        return region
 
     def _fed(self, crop: UInt8Array) -> FloatArray:
         """(3, 256, 256), red, green, blue."""
-        return planes(crop, IMAGENET_MEAN, IMAGENET_STD)[0]
+        plane: FloatArray = planes(crop, IMAGENET_MEAN, IMAGENET_STD)[0]
+        return plane
 
     def _run(self, network: object, crops: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Fingers (M, 15, 3, 3) and wrists (M, 1, 3, 3), as of right hands."""

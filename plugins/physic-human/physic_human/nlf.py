@@ -108,7 +108,7 @@ class Nlf(BodyEstimator):
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", DeprecationWarning)  # of TorchScript as a whole: NLF is in nothing else
-                network = torch.jit.load(str(path), map_location=device)
+                network = torch.jit.load(str(path), map_location=device)  # type: ignore[no-untyped-call]
         except Exception as error:  # whatever a file can be instead
             raise BackendError(
                 f"{path} cannot be read as TorchScript: {type(error).__name__}: {error}; "
@@ -144,7 +144,9 @@ class Nlf(BodyEstimator):
             return no_bodies(self.options.body)
         found = self._ask(image, people.boxes, intrinsics)
         bodies = self._as_smplx(found) if self.options.body == "smplx" else self._as_smpl(found)
-        return replace(bodies, observed=observed_joints(keypoints, *image.shape[:2], self.options.seen_confidence))
+        return replace(
+            bodies, observed=observed_joints(keypoints, image.shape[0], image.shape[1], self.options.seen_confidence)
+        )
 
     def _ask(self, image: UInt8Array, boxes: FloatArray, intrinsics: Intrinsics) -> dict[str, FloatArray]:
         """What the network says of each person, lengths still in its own units."""

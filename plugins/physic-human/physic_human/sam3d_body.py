@@ -218,7 +218,7 @@ class Sam3dBody(Hosted, BodyEstimator):
         return Bodies(
             parameters_of(zero, betas, place),
             "mhr",
-            observed=observed_joints(keypoints, *image.shape[:2], self.options.seen_confidence),
+            observed=observed_joints(keypoints, image.shape[0], image.shape[1], self.options.seen_confidence),
             joints=joints_of_keypoints(points + place[:, None]),
             mesh=mesh,
         )

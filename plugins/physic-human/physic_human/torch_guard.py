@@ -29,7 +29,8 @@ def guarded_torch(hub: Callable[..., Any], *, trusted: bool) -> Iterator[list[An
         here, hub_load, load = threading.get_ident(), torch.hub.load, torch.load
 
         def own_hub_load(*args: Any, **options: Any) -> Any:
-            return (hub if threading.get_ident() == here else hub_load)(*args, **options)
+            own: Callable[..., Any] = hub if threading.get_ident() == here else hub_load
+            return own(*args, **options)
 
         read: list[Any] = []
 
@@ -39,7 +40,7 @@ def guarded_torch(hub: Callable[..., Any], *, trusted: bool) -> Iterator[list[An
             read.append(load(*args, **(options if trusted else options | {"weights_only": True})))
             return read[-1]
 
-        torch.hub.load, torch.load = own_hub_load, own_load  # type: ignore[assignment]
+        torch.hub.load, torch.load = own_hub_load, own_load
         try:
             yield read
         finally:

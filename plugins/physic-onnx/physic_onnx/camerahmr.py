@@ -118,7 +118,9 @@ class CameraHmr(OneGraph, BodyEstimator):
         mesh = _mesh(speaking, feed, vertices[0] + transl[:, None]) if vertices else None
         rotations = np.concatenate([orient.reshape(-1, 1, 3, 3), pose], axis=1)
         bodies = bodies_from_smpl(rotations, betas, transl, joints=joints + transl[:, None], mesh=mesh)
-        return replace(bodies, observed=observed_joints(keypoints, *image.shape[:2], self.options.seen_confidence))
+        return replace(
+            bodies, observed=observed_joints(keypoints, image.shape[0], image.shape[1], self.options.seen_confidence)
+        )
 
 
 def _regions(crops: list[Crop]) -> tuple[FloatArray, FloatArray]:

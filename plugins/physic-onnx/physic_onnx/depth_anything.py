@@ -21,7 +21,16 @@ from .one_graph import WEIGHTS, OneGraph, OneGraphOptions
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from physic_core.types import AffineAmbiguity, DepthMap, FloatArray, Hints, Intrinsics, Pointmap, UInt8Array
+    from physic_core.types import (
+        AffineAmbiguity,
+        BoolArray,
+        DepthMap,
+        FloatArray,
+        Hints,
+        Intrinsics,
+        Pointmap,
+        UInt8Array,
+    )
 
     from .one_graph import Speaking
 
@@ -196,7 +205,8 @@ class DepthAnythingRelative(OneGraph, RelativePointmap):
 
         if not third:
             return _size(speaking, image, self.options.side or 518, self.options.max_patches)
-        free = capped(*longest_side(*image.shape[:2], self.options.side or 504, PATCH), self.options.max_patches)
+        height, width = image.shape[:2]
+        free = capped(*longest_side(height, width, self.options.side or 504, PATCH), self.options.max_patches)
         return _fixed_or(speaking, free)
 
     def _camera(
@@ -233,7 +243,8 @@ def prepare(image: UInt8Array, rows: int, columns: int, *, normalised: bool = Tr
 def _size(speaking: Speaking, image: UInt8Array, side: int, most: int) -> tuple[int, int]:
     from physic_core.adapters.patch_grid import capped, least_scaled
 
-    return _fixed_or(speaking, capped(*least_scaled(*image.shape[:2], side, PATCH), most))
+    height, width = image.shape[:2]
+    return _fixed_or(speaking, capped(*least_scaled(height, width, side, PATCH), most))
 
 
 def _fixed_or(speaking: Speaking, free: tuple[int, int]) -> tuple[int, int]:
@@ -258,7 +269,7 @@ def _ask(
     return [values, *more], squash_note(image, rows, columns, speaking.network.name) if fixed else ()
 
 
-def _inverse_depth(depth: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _inverse_depth(depth: FloatArray) -> tuple[FloatArray, BoolArray]:
     """1 / depth and where there is none; both (h, w)."""
     import numpy as np
 

@@ -96,7 +96,7 @@ class DepthAnything3(OneGraph, MetricDepth):
         from .depth_maps import fixed_size
 
         rows, columns = fixed_size(self.speaking().shape("image"))
-        free = capped(*longest_side(*image.shape[:2], self.options.side, PATCH), self.options.max_patches)
+        free = capped(*longest_side(image.shape[0], image.shape[1], self.options.side, PATCH), self.options.max_patches)
         return rows or free[0], columns or free[1]
 
 

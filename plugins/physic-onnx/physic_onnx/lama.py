@@ -191,7 +191,7 @@ def _torchscript(path: Path, device: str) -> Callable[[FloatArray, FloatArray], 
     try:
         with warnings.catch_warnings():  # torch has newer formats, but the file is published in this one
             warnings.simplefilter("ignore", DeprecationWarning)
-            module = torch.jit.load(str(path), map_location=where).eval()
+            module = torch.jit.load(str(path), map_location=where).eval()  # type: ignore[no-untyped-call]
     except RuntimeError as cause:
         raise BackendError(f"torch cannot open {path} as TorchScript: {cause}") from cause
 
@@ -203,6 +203,7 @@ def _torchscript(path: Path, device: str) -> Callable[[FloatArray, FloatArray], 
                 raise BackendError(
                     f"{path.name} does not take an image (1, 3, H, W) and a mask (1, 1, H, W) as LaMa does: {cause}"
                 ) from cause
-        return answer.float().cpu().numpy()
+        filled: FloatArray = answer.float().cpu().numpy()
+        return filled
 
     return run

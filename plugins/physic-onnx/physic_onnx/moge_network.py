@@ -168,7 +168,7 @@ _RUNNERS: WeakValueDictionary[Hashable, MogeRunner] = WeakValueDictionary()
 def _run(network: Network, match: Match, image: UInt8Array, tokens: int) -> AffinePoints:
     import numpy as np
 
-    seen = squash(image, *size_seen(*image.shape[:2], tokens), "bilinear-antialias")
+    seen = squash(image, *size_seen(image.shape[0], image.shape[1], tokens), "bilinear-antialias")
     feed: dict[str, NDArray[np.generic]] = {
         "image": planes(seen),  # the graph subtracts mean and divides by deviation itself
         # The published files take it without dimensions, and refuse one of shape (1,).

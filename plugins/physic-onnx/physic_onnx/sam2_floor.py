@@ -38,7 +38,7 @@ def floor_mask(networks: Sam2Networks, photo: Encoded, people: People, *, border
         people: with their masks.
         border: whether to look at the lower edge of the photo, too.
     """
-    anybody = people.masks.any(axis=0)
+    anybody: BoolArray = np.asarray(people.masks.any(axis=0))
     points = ground_points(people)
     if border:
         points = np.concatenate([points, border_points(anybody)])
@@ -78,7 +78,7 @@ def feet_of(people: People) -> FloatArray:
 
 def ground_points(people: People) -> FloatArray:
     """(P, 2) px about the feet, on nobody and on the photo."""
-    anybody = people.masks.any(axis=0)
+    anybody: BoolArray = np.asarray(people.masks.any(axis=0))
     height, width = anybody.shape
     feet = feet_of(people)
     points = (feet[:, None, :2] + AROUND * feet[:, None, 2:]).reshape(-1, 2)
@@ -136,7 +136,7 @@ def _middles(people: People) -> FloatArray:
 def _chests(people: People) -> float:
     """Row of the chests, above which there is hardly any ground; a third of the photo where nobody is."""
     if not len(people):
-        return people.masks.shape[1] / 3
+        return int(people.masks.shape[1]) / 3
     return float(np.median(people.boxes[:, 1] + 0.35 * (people.boxes[:, 3] - people.boxes[:, 1])))
 
 
@@ -148,7 +148,7 @@ def _like_ground(ground: BoolArray, mask: BoolArray, points: FloatArray, people:
     """
     x, y = np.rint(points).astype(int).T
     held, area = float(ground[y, x].mean()), int(ground.sum())
-    anybody = people.masks.any(axis=0)
+    anybody: BoolArray = np.asarray(people.masks.any(axis=0))
     on_people = float((mask & anybody).sum() / max(1, anybody.sum()))
     if held < 0.6 or area < 0.01 * ground.size or on_people > 0.5:
         return 0.0

@@ -231,7 +231,8 @@ def _clean(mask: BoolArray, radius: float) -> BoolArray:
     # A hole is background that the border of the crop cannot reach; only small ones are filled: an arm akimbo stays.
     _, parts, stats, _ = cv2.connectedComponentsWithStats((~kept).astype(np.uint8), connectivity=4)
     small = stats[:, cv2.CC_STAT_AREA] < 0.01 * np.count_nonzero(kept)
-    return kept | (small[parts] & ~kept)
+    filled: BoolArray = kept | (small[parts] & ~kept)
+    return filled
 
 
 def _tight(mask: BoolArray) -> NDArray[np.float64]:

@@ -111,4 +111,5 @@ def _enlarge(small: UInt8Array, shape: tuple[int, int], factor: int) -> UInt8Arr
     u = (np.arange(width, dtype=np.float32) - (factor - 1) / 2) / factor
     v = (np.arange(height, dtype=np.float32) - (factor - 1) / 2) / factor
     grid_u, grid_v = np.meshgrid(u, v)
-    return cv2.remap(small, grid_u, grid_v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    large: UInt8Array = cv2.remap(small, grid_u, grid_v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return large

@@ -8,7 +8,7 @@ channels, without which a rough floor is filled from the smoothest place in the 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -94,7 +94,8 @@ def complete(
     assert level is not None
     if factor == 1:
         colours = _unpad(level.channels, radius)[:, :, :3]
-        return np.clip(colours + 0.5, 0, 255).astype(np.uint8)
+        filled: UInt8Array = np.clip(colours + 0.5, 0, 255).astype(np.uint8)
+        return filled
     return _transfer(image, mask, level, distance, radius, factor)
 
 
@@ -106,7 +107,8 @@ def _texture(image: UInt8Array, mask: BoolArray) -> Float:
     known = cv2.erode((~mask).astype(np.uint8), np.ones((3, 3), np.uint8)).astype(np.float32)
     slopes = [np.abs(cv2.Sobel(gray, cv2.CV_32F, dx, 1 - dx, ksize=1)) * known for dx in (1, 0)]
     share = np.maximum(cv2.boxFilter(known, -1, (5, 5)), 1e-6)
-    return _TEXTURE_WEIGHT * np.stack([cv2.boxFilter(s, -1, (5, 5)) / share for s in slopes], axis=2)
+    texture: Float = np.stack([cv2.boxFilter(s, -1, (5, 5)) / share for s in slopes], axis=2)
+    return _TEXTURE_WEIGHT * texture
 
 
 def _shrink(channels: Float, hole: BoolArray, inside: BoolArray, factor: int) -> tuple[Float, BoolArray, BoolArray]:
@@ -119,7 +121,7 @@ def _shrink(channels: Float, hole: BoolArray, inside: BoolArray, factor: int) ->
     hole, inside = np.pad(hole, pad), np.pad(inside, pad)
     known = inside & ~hole
 
-    def blocks(x: NDArray[np.generic]) -> NDArray[np.generic]:
+    def blocks(x: NDArray[np.generic]) -> Any:
         return x.reshape(x.shape[0] // factor, factor, x.shape[1] // factor, factor, *x.shape[2:])
 
     count = blocks(known).sum(axis=(1, 3), dtype=np.float32)
@@ -140,7 +142,8 @@ def _sources(hole: BoolArray, inside: BoolArray, radius: int) -> BoolArray:
 
     usable = np.pad(inside & ~hole, radius).astype(np.uint8)
     eroded = cv2.erode(usable, np.ones((2 * radius + 1,) * 2, np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=0)
-    return eroded.astype(bool)
+    usable_centres: BoolArray = eroded.astype(bool)
+    return usable_centres
 
 
 def _make_level(
@@ -244,7 +247,8 @@ def _search(level: _Level, radius: int, rng: np.random.Generator) -> Float:
         difference = (found * root[rows]).reshape(len(rows), -1) - wanted[rows]
         y, x = np.divmod(sources, level.stride)
         away = _MOVE_COST[0] * ((y - home_y[rows]) / height) ** 2 + _MOVE_COST[1] * ((x - home_x[rows]) / width) ** 2
-        return np.einsum("ij,ij->i", difference, difference) + away.astype(np.float32)
+        distance: Float = np.einsum("ij,ij->i", difference, difference) + away.astype(np.float32)
+        return distance
 
     everyone = np.arange(len(level.targets))
     best = measure(everyone, level.field)

@@ -141,6 +141,8 @@ class DepthAnythingRelative(_DepthAnything, RelativePointmap):
 def _answer(network: Network, image: UInt8Array, options: DepthAnythingOptions) -> FloatArray:
     """(h, w) what the network sees, at its own size."""
     patch = int(network.config.patch_size)
-    size = capped(*least_scaled(*image.shape[:2], options.side, patch), options.max_patches, patch)
+    height, width = image.shape[:2]
+    size = capped(*least_scaled(height, width, options.side, patch), options.max_patches, patch)
     pixels = planes(squash(image, *size, "bicubic-antialias"), IMAGENET_MEAN, IMAGENET_STD)
-    return array(network.run(pixel_values=pixels).predicted_depth)[0]
+    depth: FloatArray = array(network.run(pixel_values=pixels).predicted_depth)[0]
+    return depth

@@ -133,4 +133,4 @@ def pixels(image: UInt8Array, side: int) -> FloatArray:
 
 def _side(config: Any) -> int:
     """Width and height of the network's input: 1536 px of the published one."""
-    return round(int(config.patch_size) / min(config.scaled_images_ratios))
+    return round(int(config.patch_size) / float(min(config.scaled_images_ratios)))

@@ -92,7 +92,7 @@ class GroundedSam2(Pretrained, Segmenter):
         options, size = self.options, (image.shape[0], image.shape[1])
         pixels = _detector_pixels(image)
         boxes, scores = self._boxes(pixels, options.people_words, options.person_score, size)
-        places = np.zeros((0, 4))
+        places: FloatArray = np.zeros((0, 4))
         if options.floor_words:
             places, _ = self._boxes(pixels, options.floor_words, options.box_threshold, size)
         logits = self._masks(image, np.concatenate([boxes, places]))
@@ -169,5 +169,5 @@ def named_boxes(logits: FloatArray, boxes: FloatArray, box_threshold: float, tex
 
 
 def _detector_pixels(image: NDArray[np.uint8]) -> FloatArray:
-    height, width = between_edges(*image.shape[:2], _SHORT, _LONG)
+    height, width = between_edges(image.shape[0], image.shape[1], _SHORT, _LONG)
     return planes(squash(image, height, width, "bilinear-antialias"), IMAGENET_MEAN, IMAGENET_STD)

@@ -68,7 +68,7 @@ def pixels(image: UInt8Array) -> FloatArray:
     rows, columns = margins(*image.shape[:2])
     framed = np.pad(image, ((rows, rows), (columns, columns), (0, 0)), mode="reflect")
     tensor = torch.from_numpy(planes(framed))
-    size = least_change(*framed.shape[:2], _FRAME, _MULTIPLE)
+    size = least_change(framed.shape[0], framed.shape[1], _FRAME, _MULTIPLE)
     resized = torch.nn.functional.interpolate(tensor, size, mode="bilinear", align_corners=True).numpy()
     centred: FloatArray = (resized - np.float32(0.5)) / np.float32(0.5)
     return centred

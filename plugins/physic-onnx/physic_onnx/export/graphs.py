@@ -115,7 +115,8 @@ def example(name: str, rows: int = 2) -> tuple[Tensor, ...]:
 def _held(module: nn.Module, shown: Tensor) -> tuple[Tensor, Tensor]:
     """Faces and rest; the exporter takes the names off outputs that depend on no input at all."""
     nothing = shown.size(0) * 0
-    return module.faces + nothing, module.rest + nothing  # type: ignore[operator]
+    faces, rest = module.get_buffer("faces"), module.get_buffer("rest")
+    return faces + nothing, rest + nothing
 
 
 def _faces(faces: Any) -> Tensor:
