@@ -267,13 +267,14 @@ def test_the_table_of_the_module_and_of_the_documentation_are_the_checks(reposit
 
 
 def test_diagnostics_are_written_and_read_back() -> None:
-    from physic_core.io.document import _check, _encode, checks_from
+    from physic_core.files.strict_json import to_json
+    from physic_core.io.document import _check, checks_from
 
     found = (
         CheckResult("floating", 0.2, 0.05, "m", False, "the body hangs in the air", 1),
         CheckResult("ruler", None, 0.5, "share", True, "not measured"),
     )
-    assert checks_from(json.loads(json.dumps(_encode([_check(d) for d in found])))) == found
+    assert checks_from(json.loads(json.dumps(to_json([_check(d) for d in found])))) == found
 
 
 # ---- what is measured on the mesh ------------------------------------------------------------------------------------
