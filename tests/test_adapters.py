@@ -1,13 +1,11 @@
-"""What is written of the adapters of published estimators: one row each, as they are registered; tests that exist."""
+"""The table of the adapters of published estimators: one row each, as they are registered."""
 
 from __future__ import annotations
 
-import ast
 import importlib
 import importlib.util
 import re
 import sys
-from functools import cache
 from pathlib import Path
 from types import ModuleType
 
@@ -17,7 +15,6 @@ from physic_core.weights import read_manifest
 
 ROOT = Path(__file__).parents[1]
 TABLE = ROOT / "plugins" / "ADAPTERS.md"
-TRAPS = ROOT / "plugins" / "TRAPS.md"
 CHECKED = ("real weights", "real class with random weights", "exact-contract graph", "stub")
 """Ways in which an adapter's contract was checked; a row names one or more, and may add of what."""
 FORBIDS = ("non-commercial", "research only", "CC-BY-NC", "no commercial use")
@@ -77,31 +74,6 @@ def test_every_row_passes_the_kit() -> None:
     """The plugins' own tests run it; ``python tools/adapters_table.py --write`` writes what came of them."""
     for interface, name, _, kit, _ in rows():
         assert re.fullmatch(r"passes(, \d+ runs)?", kit), f"{interface} {name}: {kit}"
-
-
-def test_every_trap_names_tests_that_exist() -> None:
-    text = TRAPS.read_text("utf-8")
-    traps = re.split(r"\n- ", text)[1:]
-    assert traps
-    for trap in traps:
-        named = re.findall(r"`([\w/.-]+\.py(?:::\w+)+)`", trap)
-        assert named, f"no test guards: {trap}"
-        for one in named:
-            path, _, name = one.partition("::")
-            assert name in _tests_of(ROOT / path), one
-
-
-@cache
-def _tests_of(path: Path) -> frozenset[str]:
-    """Names of the tests of a file, "test_x" or "TestX::test_y"; nothing of it is run."""
-    tree = ast.parse(path.read_text("utf-8"))
-    found = set()
-    for node in tree.body:
-        if isinstance(node, ast.FunctionDef):
-            found.add(node.name)
-        if isinstance(node, ast.ClassDef):
-            found |= {f"{node.name}::{own.name}" for own in node.body if isinstance(own, ast.FunctionDef)}
-    return frozenset(name for name in found if name.rpartition("::")[2].startswith("test_"))
 
 
 def test_weights_that_forbid_commerce_say_so(tool: ModuleType) -> None:

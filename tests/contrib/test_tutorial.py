@@ -41,7 +41,8 @@ def test_the_tutorial_holds_from_the_first_block_to_the_last(environment: Any, w
     assert first.text.splitlines() == [
         "python3 -m venv .venv",
         ". .venv/bin/activate",
-        "pip install -c ~/physic/constraints.txt -e ~/physic -e ~/physic/plugins/physic-mock",
+        "pip install -c ~/physic/constraints.txt -e ~/physic \\",
+        "    -e ~/physic/plugins/physic-testing -e ~/physic/plugins/physic-mock",
     ]
     assert all((ROOT / name).exists() for name in re.findall(r"~/physic/(\S+)", first.text))
     environment.install(*wheels.glob("*.whl"))

@@ -1,4 +1,4 @@
-"""The table of wrong backends x checks, as markdown: ``python tests/conformance/table.py``."""
+"""The table of wrong backends x checks, as markdown: ``python plugins/physic-testing/tests/conformance/table.py``."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ def _own_environment(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def repository() -> Path:
-    return Path(__file__).parents[1]
+    return Path(__file__).parent
 
 
 class Site:

@@ -1,0 +1,44 @@
+"""physic-core and physic-embedded work where physic-testing is not installed."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+RUN = """
+import sys
+sys.modules["physic_testing"] = None  # an import of it fails
+from physic_core.cli import main
+main(sys.argv[1:])
+"""
+
+
+def run(*arguments: str, plugins: str) -> subprocess.CompletedProcess[str]:
+    environment = os.environ | {"PHYSIC_PLUGINS": plugins}
+    command = [sys.executable, "-c", RUN, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, env=environment, timeout=600, check=False)
+
+
+def test_a_photo_is_reconstructed(repository: Path, tmp_path: Path):
+    photo = repository / "examples" / "basketball.png"
+    arguments = ("run", str(photo), "-o", str(tmp_path / "out"), "--set", "photo.max_side=320", "--no-cache")
+    done = run(*arguments, plugins="physic-embedded")
+    assert done.returncode == 0, done.stderr
+    assert json.loads((tmp_path / "out" / "reconstruction.json").read_text())["people"]
+
+
+def test_its_commands_are_not_there_and_the_others_are():
+    assert run("plugins", "--json", plugins="physic-embedded").returncode == 0
+    done = run("bench", plugins="physic-embedded")
+    assert done.returncode == 2
+    assert "No such command 'bench'" in done.stderr
+
+
+def test_without_a_restriction_it_is_a_broken_plugin_and_nothing_more():
+    done = run("plugins", "--json", plugins="physic-embedded,physic-testing")
+    assert done.returncode == 0, done.stderr
+    (broken,) = json.loads(done.stdout)["broken"]
+    assert broken["distribution"] == "physic-testing"
