@@ -6,6 +6,7 @@ A message says what was wrong, what came, and what to do.
 from __future__ import annotations
 
 __all__ = [
+    "AmbiguousBackendError",
     "BackendError",
     "BackendNotFoundError",
     "BackendOutputError",
@@ -17,6 +18,7 @@ __all__ = [
     "NoPersonError",
     "OutputError",
     "PhysicError",
+    "PluginError",
     "WeightsMissingError",
 ]
 
@@ -57,12 +59,20 @@ class BackendNotFoundError(BackendError):
     """A backend name that nothing installed offers."""
 
 
+class AmbiguousBackendError(BackendError):
+    """A backend name that several distributions offer; "distribution:name" chooses one."""
+
+
 class WeightsMissingError(BackendError):
     """Files that a backend needs and that are not on this machine; the message says how to get each."""
 
 
 class BackendOutputError(BackendError):
     """A backend that answered something that its interface does not allow."""
+
+
+class PluginError(PhysicError):
+    """A plugin whose command cannot be imported, or is not a command."""
 
 
 class NoPersonError(PhysicError):

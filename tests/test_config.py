@@ -406,3 +406,14 @@ def test_an_override_that_is_no_toml_is_refused():
     text = refusal(overrides=["inpainter.backend=te lea"])  # the words in the brackets are Python's
     assert text.startswith("--set inpainter.backend=te lea: the value is not valid TOML (")
     assert text.endswith("); texts need quotes")
+
+
+@pytest.mark.parametrize(("name", "limit"), [("my.toml", 1_000_000), ("reconstruction.json", 100_000_000)])
+def test_a_file_that_is_too_large_for_a_config_is_not_read(tmp_path: Path, name: str, limit: int):
+    file = tmp_path / name
+    with file.open("wb") as stream:
+        stream.truncate(10 * limit)
+    with pytest.raises(
+        ConfigError, match=rf"cannot read the config .*: it has {10 * limit:,} bytes, more than {limit:,}; "
+    ):
+        load_config(file)

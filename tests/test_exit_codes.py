@@ -13,6 +13,7 @@ from physic_core.cli import main
 from physic_core.cli.exit_codes import EXIT_CODES, MEANINGS, exit_code
 
 CODES = {
+    "AmbiguousBackendError": 2,
     "BackendError": 5,
     "BackendNotFoundError": 2,
     "BackendOutputError": 5,
@@ -24,6 +25,7 @@ CODES = {
     "NoPersonError": 3,
     "OutputError": 2,
     "PhysicError": 1,
+    "PluginError": 5,
     "WeightsMissingError": 4,
 }
 
@@ -91,8 +93,9 @@ class Unbuilt(Odd):
 
 @hookimpl
 def physic_backends():
-    names = ("lacking", "odd", "unbuilt")
-    return [BackendRecord("inpainter", name, f"physic_odd:{name.capitalize()}", api=1) for name in names]
+    names = ("lacking", "odd", "unbuilt", "absent")
+    records = [BackendRecord("inpainter", name, f"physic_odd:{name.capitalize()}", api=1) for name in names]
+    return [*records, BackendRecord("inpainter", "newer", "physic_odd:Odd", api=2)]
 """
 
 
@@ -107,6 +110,18 @@ def physic_backends():
         # What a user has to bring first is the files.
         (("config", "check", "--preset", "mock", "--set", "inpainter.backend=lacking", "--set", "run.device=cuda"), 4),
         (("config", "check", "--preset", "mock", "--set", "inpainter.backend=unbuilt"), 5),
+        *(
+            ((*command, name), 5)
+            for name in ("absent", "newer")
+            for command in (("plugins", "doctor"), ("plugins", "check"))
+        ),
+        *(
+            ((*command, "--preset", "mock", "--set", f"inpainter.backend={name}"), 5)
+            for name in ("absent", "newer")
+            for command in (("run", "photo.jpg"), ("config", "check"))
+        ),
+        (("config", "check", "--preset", "mock", "--set", "body_model.path=no/such.npz"), 4),
+        (("config", "check", "--preset", "mock", "--set", "body_model.path=wrong.npz"), 2),
         (("config", "show", "missing.toml"), 2),
         (("config", "init", "no/such/folder.toml"), 2),
         (("run", "photo.jpg", "--preset", "mock", "--focal-px", "1", "--intrinsics", "1,1,1,1"), 2),
@@ -137,5 +152,6 @@ def test_every_command_ends_with_the_documented_code(
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-odd,physic-mock,physic-testing")
     monkeypatch.setattr("physic_core.configuration.resolve.gpu_is_seen", lambda: False)
     site.install("physic-odd", PLUGIN)
+    Path("wrong.npz").write_text("no body")
     done = physic(*arguments)
     assert done.exit_code == code, done.output

@@ -143,7 +143,7 @@ def test_what_lies_beside_the_module_is_not_found(tmp_path: Path):
     folder = file.parent
     (folder / "own_helper.py").write_text("raise SystemExit('imported')")
     (folder / "own_depth.py").write_text("import own_helper\n" + DEPTH)
-    with pytest.raises(ConfigError) as caught:
+    with pytest.raises(BackendError) as caught:
         kind(file)
     assert str(caught.value).endswith(
         "ModuleNotFoundError: No module named 'own_helper' (own_depth.py:1); own_helper lies in "
@@ -160,7 +160,7 @@ def test_a_name_that_python_knows_is_refused(tmp_path: Path, name: str, whose: s
         load(tmp_path, name)
     assert str(caught.value).startswith(f"another module is called {name} (")
     assert str(caught.value).endswith(f"{whose}): rename {tmp_path / name}.py")
-    with pytest.raises(ConfigError, match=f"another module is called {name} "):
+    with pytest.raises(BackendError, match=f"another module is called {name} "):
         check(load_config(preset="mock", overrides=[f"metric_depth.backend={tmp_path}/{name}:MyDepth"]), discover())
 
 

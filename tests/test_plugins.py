@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from physic_core.cli import main
-from physic_core.discovery.entry_points import misplaced
+from physic_core.discovery.misplaced import misplaced
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import Registry
 from physic_core.errors import BackendError
@@ -295,6 +295,15 @@ def test_doctor_names_the_lost_plugins_and_what_to_do(site, monkeypatch):
     assert "missing  physic-mine 1.0: it has no entry point in the group 'physic.plugins'" in done.output
 
 
+def test_the_listing_names_plugins_of_another_group_in_one_line(site, monkeypatch):
+    monkeypatch.setenv("PHYSIC_PLUGINS", "heuristics,physic-mine,physic-mock")
+    installed_as(site, "physic-mine", "")
+    assert CliRunner().invoke(main, ["plugins"]).stderr == ""
+    installed_as(site, "heuristics", "physic_plugins")
+    done = CliRunner().invoke(main, ["plugins"])
+    assert done.stderr == "not read, wrong entry-point group: heuristics 1.0; see `physic plugins doctor`\n"
+
+
 # ---- lists of weights ------------------------------------------------------------------------------------------------
 
 WITH_WEIGHTS = (
@@ -322,7 +331,7 @@ def test_a_list_of_weights_is_known_and_not_read(site):
     [
         ("return 3", "physic_weights() must return the path of a TOML file or folder, got int"),
         ("return None", "physic_weights() must return the path of a TOML file or folder, got NoneType"),
-        ("return '/no/such/folder'", "physic_weights() names /no/such/folder, which is not there"),
+        ("return '/no/such/folder'", "physic_weights() names /no/such/folder, which does not exist"),
         ("raise RuntimeError('no')", "physic_weights() fails: RuntimeError: no (physic_own.py:8)"),
         ("raise SystemExit(3)", "physic_weights() fails: SystemExit: 3 (physic_own.py:8)"),
     ],

@@ -12,7 +12,7 @@ from physic_core.configuration.model import Config, load_config
 from physic_core.configuration.resolve import check, load_checked, resolve
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord, BrokenPlugin, Origin, Registry
-from physic_core.errors import BackendError, ConfigError, InputError
+from physic_core.errors import BackendError, ConfigError, InputError, PhysicError
 from physic_core.interfaces import INTERFACES
 
 OWNER = Origin("mine", "physic-mine", "0.2")
@@ -44,8 +44,8 @@ def config(flag: dict[str, Any] | None = None, **tables: Any) -> Config:
     return load_config(flags={"config": choices | tables, "--flag": flag or {}})
 
 
-def refusal(chosen: Config, own: Registry) -> str:
-    with pytest.raises(ConfigError) as caught:
+def refusal(chosen: Config, own: Registry, kind: type[PhysicError] = ConfigError) -> str:
+    with pytest.raises(kind) as caught:
         check(chosen, own)
     return str(caught.value)
 
@@ -85,11 +85,10 @@ def test_names_and_options_are_told_all_at_once_with_their_paths():
     depth = {"backend": "own", "options": {"resolution_level": 12, "resolution_levle": 3}}
     chosen = config(metric_depth=depth, inpainter={"backend": "onw"}, body_model={"path": "/no/SMPLX.npz"})
     assert refusal(chosen, registry()) == (
-        "config: 4 errors\n"
+        "config: 3 errors\n"
         "inpainter.backend                       no inpainter named 'onw'; installed: own. Did you mean 'own'?\n"
         "metric_depth.options.resolution_level   should be <= 9 (got 12)\n"
         "metric_depth.options.resolution_levle   unknown option. Did you mean 'resolution_level'?\n"
-        "body_model.path                         no file at /no/SMPLX.npz\n"
         f"Python: {sys.executable}"
     )
 
@@ -150,7 +149,7 @@ def test_a_missing_backend_beside_a_broken_plugin_keeps_the_cause():
 
 def test_a_backend_whose_module_is_broken_is_one_of_the_faults(site):
     (site.folder / "physic_halfway.py").write_text("import no_such_engine\n")
-    assert refusal(config(segmenter={"backend": "physic_halfway:S"}), registry()) == (
+    assert refusal(config(segmenter={"backend": "physic_halfway:S"}), registry(), BackendError) == (
         "config: 1 error\n"
         "segmenter.backend   segmenter 'physic_halfway:S' (named in the config) cannot be imported from "
         "physic_halfway:S: ModuleNotFoundError: No module named 'no_such_engine' (physic_halfway.py:1)"
@@ -159,7 +158,7 @@ def test_a_backend_whose_module_is_broken_is_one_of_the_faults(site):
 
 def test_a_class_of_another_interface_is_one_of_the_faults():
     kind = backend("segmenter")
-    assert refusal(config(), registry(inpainter=kind)) == (
+    assert refusal(config(), registry(inpainter=kind), BackendError) == (
         "config: 1 error\n"
         f"inpainter.backend   inpainter 'own' (physic-mine 0.2): {kind} "
         "is no subclass of physic_core.interfaces.Inpainter"
@@ -199,7 +198,7 @@ def test_a_third_party_that_takes_the_names_of_a_preset_breaks_nobody_who_uses_t
 
 def test_options_that_are_no_pydantic_model_are_refused():
     kind = backend("inpainter", options=dict)  # type: ignore[arg-type]
-    assert refusal(config(), registry(inpainter=kind)) == (
+    assert refusal(config(), registry(inpainter=kind), BackendError) == (
         "config: 1 error\n"
         "inpainter.backend   inpainter 'own' (physic-mine 0.2): its Options is no subclass of "
         "physic_core.interfaces.Options"
@@ -208,7 +207,7 @@ def test_options_that_are_no_pydantic_model_are_refused():
 
 def test_a_method_that_takes_other_arguments_is_found_before_it_is_called():
     kind = type("Own", (backend("inpainter"),), {"infer": lambda self, image: image})
-    assert refusal(config(), registry(inpainter=kind)) == (
+    assert refusal(config(), registry(inpainter=kind), BackendError) == (
         "config: 1 error\n"
         "inpainter.backend   inpainter 'own' (physic-mine 0.2): infer(self, image) should take image, mask: "
         "too many positional arguments"
@@ -254,7 +253,7 @@ def test_a_constructor_that_explains_itself_is_left_to_speak():
 
 def test_a_class_that_lacks_a_method_is_one_of_the_faults():
     kind = type("Own", (interfaces.Inpainter,), {})
-    assert refusal(config(), registry(inpainter=kind)) == (
+    assert refusal(config(), registry(inpainter=kind), BackendError) == (
         "config: 1 error\n"
         f"inpainter.backend   inpainter 'own' (physic-mine 0.2): {kind} has no method infer, "
         "which the interface inpainter asks for"
@@ -268,3 +267,10 @@ def test_the_example_swaps_the_inpainter_alone(repository):
     assert set(chosen.values()) == {"embedded"}
     flag = resolve(load_config(overrides=["inpainter.backend=telea"]), discover())
     assert pipeline.backends["inpainter"].provenance == flag.backends["inpainter"].provenance
+
+
+def test_faults_of_a_plugin_beside_one_of_the_user_are_a_config_error():
+    kind = type("Own", (interfaces.Inpainter,), {})
+    message = refusal(config(segmenter={"backend": "onw"}), registry(inpainter=kind))
+    assert "has no method infer" in message
+    assert "no segmenter named 'onw'" in message

@@ -28,6 +28,10 @@ _LARGEST_MATRIX = 2**24
 _DEEPEST = 8
 _MOST_NUMBERS = 2**60
 """Of an array whose empty axes are taken for one: of 8 bytes each, numpy can count no more."""
+_MOST_KEYS = 4096
+"""Keys of all dictionaries and sets of a pickle: keys with one hash take time that grows with their number squared."""
+_LARGEST_MEMO = 2**31
+"""Python writes 0, 1, 2, ...; larger numbers could share one hash."""
 _LONGEST_TEXT = 80
 _CODE = re.compile(r"[biufcSU][0-9]{1,6}")
 
@@ -283,10 +287,22 @@ def _with_keys_checked(opcode: bytes, keys: slice) -> Callable[[Any], None]:
     load = _PYTHON.dispatch[opcode[0]]
 
     def checked(unpickler: Any) -> None:
-        _check_keys(unpickler.stack[keys])
+        hashed = unpickler.stack[keys]
+        _check_keys(hashed)
+        unpickler.num_keys += len(hashed)
+        if unpickler.num_keys > _MOST_KEYS:
+            raise pickle.UnpicklingError(f"its dictionaries have more than {_MOST_KEYS} keys")
         load(unpickler)
 
     return checked
+
+
+def _load_put(unpickler: Any) -> None:
+    """As Python's, for the numbers that Python writes."""
+    number = int(unpickler.readline()[:-1])
+    if not 0 <= number < _LARGEST_MEMO:
+        raise pickle.UnpicklingError(f"it numbers an object as {number}")
+    unpickler.memo[number] = unpickler.stack[-1]
 
 
 class _Unpickler(pickle._Unpickler):
@@ -294,7 +310,10 @@ class _Unpickler(pickle._Unpickler):
         **_PYTHON.dispatch,
         **{opcode[0]: _with_keys_checked(opcode, keys) for opcode, keys in _HASHED},
         pickle.BYTEARRAY8[0]: _load_bytearray8,
+        pickle.PUT[0]: _load_put,
     }
+
+    num_keys = 0
 
     def find_class(self, module: str, name: str) -> Any:
         """What a pickle may name; classes of stand-ins alone, whose state no pickle can set.

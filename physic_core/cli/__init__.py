@@ -1,6 +1,6 @@
 """The command ``physic``.
 
-Everything that costs time to import is imported by the command that needs it: ``physic --help`` knows only click.
+A command is imported when it runs: ``physic --help`` imports click and the registration modules of plugins alone.
 """
 
 from __future__ import annotations
@@ -9,28 +9,24 @@ from typing import Any
 
 import click
 
-from physic_core.cli.cache import cache
-from physic_core.cli.config import config
 from physic_core.cli.exit_codes import INTERRUPTED, MEANINGS, exit_code
 from physic_core.cli.groups import ExtensibleGroup
-from physic_core.cli.plugins import plugins
-from physic_core.cli.run import run
-from physic_core.cli.weights import weights
-from physic_core.discovery.error_text import traceback_text
 from physic_core.errors import PhysicError
 
 __all__ = ["main"]
 
 
-class _Group(ExtensibleGroup):
+class _Main(ExtensibleGroup):
     def invoke(self, ctx: click.Context) -> Any:
-        """Turn our errors into a message and the exit code of their class; PHYSIC_DEBUG=1 shows the traceback."""
+        """Print our errors and exit with the code of their class; PHYSIC_DEBUG=1 prints the traceback."""
         try:
             return super().invoke(ctx)
         except (KeyboardInterrupt, click.Abort):
             click.echo("Aborted!", err=True)
             ctx.exit(INTERRUPTED)
         except PhysicError as error:
+            from physic_core.discovery.error_text import traceback_text
+
             click.echo(f"{traceback_text(error)}Error: {error}", err=True)
             ctx.exit(exit_code(error))
 
@@ -43,18 +39,21 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
         ctx.exit()
 
 
+_COMMANDS = {
+    "cache": ("physic_core.cli.cache:cache", "Show or clear what is kept between runs."),
+    "config": ("physic_core.cli.config:config", "Check, show or create a configuration."),
+    "plugins": ("physic_core.cli.plugins:plugins", "List installed backends; show, diagnose or create one."),
+    "run": ("physic_core.cli.run:run", "Reconstruct people, scene and contact from PHOTO."),
+    "weights": ("physic_core.cli.weights:weights", "List, fetch and verify the weights that plugins need."),
+}
+
 # The \b keeps click from wrapping the lines into one.
 _EPILOG = "\b\nExit codes:\n" + "\n".join(f"  {code:<3}  {meaning}" for code, meaning in MEANINGS.items())
 
 
-@click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]}, epilog=_EPILOG)
-@click.option("--version", is_flag=True, is_eager=True, expose_value=False, callback=_print_version, help="Print it.")
+@click.group(cls=_Main, own=_COMMANDS, context_settings={"help_option_names": ["-h", "--help"]}, epilog=_EPILOG)
+@click.option(
+    "--version", is_flag=True, is_eager=True, expose_value=False, callback=_print_version, help="Print the version."
+)
 def main() -> None:
     """One photo in; people, scene and contact out, in one metric frame."""
-
-
-main.add_command(run)
-main.add_command(plugins)
-main.add_command(config)
-main.add_command(cache)
-main.add_command(weights)

@@ -19,7 +19,7 @@ __all__ = ["cache"]
 
 @click.group()
 def cache() -> None:
-    """Look at what is kept between runs, or remove it: backends' answers, maps between bodies, copies of models."""
+    """Show or clear what is kept between runs: outputs of backends, maps between bodies, copies of body models."""
 
 
 @cache.command()

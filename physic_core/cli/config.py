@@ -22,7 +22,7 @@ __all__ = ["config"]
 
 @click.group()
 def config() -> None:
-    """Check, show or begin a configuration."""
+    """Check, show or create a configuration."""
 
 
 def _arguments(command: Callable[..., None]) -> Callable[..., None]:
@@ -35,9 +35,10 @@ def _arguments(command: Callable[..., None]) -> Callable[..., None]:
 @_arguments
 @click.pass_context
 def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> None:
-    """Check FILE, options of backends included, and list what is missing on this machine; nothing is loaded.
+    """Check FILE, including the options of backends, and list what is missing on this machine.
 
-    Ends with code 2 if the configuration has errors, or if its device is not there, and with 4 if files are missing.
+    No backend is loaded; a body model of your own is opened. Exits with code 2 if the configuration or the body model
+    has errors or the device is missing, with 4 if files are missing, and with 5 if a backend is broken.
     """
     from physic_core.configuration.resolve import load_checked, missing_device, missing_files, missing_report, resolve
     from physic_core.discovery.plugins import discover
@@ -48,6 +49,11 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
     found = load_checked(registry, file, preset=preset, overrides=overrides)
     plan = resolve(found, registry)
     files, device, further = missing_files(plan), missing_device(plan), remarks(plan, registry)
+    path = found.body_model.path
+    if path is not None and Path(path).exists():
+        from physic_core.body import load_body
+
+        load_body(path)
     click.echo(f"{file or f'preset {preset}' if file or preset else 'preset embedded'}: no errors")
     if files or device:
         click.echo(missing_report((*files, *device), "; a run would stop"))

@@ -71,10 +71,10 @@ class Finding:
 def doctor(
     ctx: click.Context, name: str | None, interface: str | None, device: str, timeout: float, as_json: bool
 ) -> None:
-    """Load every installed backend in turn, or those called NAME, and say what is missing.
+    """Load each installed backend, or those called NAME, and report what is missing or broken.
 
-    "missing" is what a backend says that it lacks, such as a file that you bring; "BROKEN" is anything else, and ends
-    with code 5.
+    "missing": the backend itself reports that something is missing, such as a file that you have to provide.
+    "BROKEN": anything else; the command then exits with code 5.
     """
     from physic_core.discovery.plugins import discover
 
@@ -106,7 +106,7 @@ def findings(
         load: tries one.
         whole: whether broken plugins belong to the question.
     """
-    from physic_core.discovery.entry_points import misplaced
+    from physic_core.discovery.misplaced import misplaced
 
     for claim in claims:
         if claim.problem:

@@ -1,8 +1,15 @@
-"""The exit code of every command, by the class of its error; the only place that knows them."""
+"""The exit code of every command, by the class of its error; the only place that knows them.
+
+2 is for what the user can correct in arguments or configuration: an unknown name, an ambiguous name, a wrong option.
+5 is for what the author of a plugin has to correct: a backend or command that cannot be imported, that was written for
+another version of its interface, that does not implement it, or that fails when it runs. A configuration with mistakes
+of both kinds ends with 2. ``physic run``, ``config check``, ``plugins check`` and ``plugins doctor`` all follow this.
+"""
 
 from __future__ import annotations
 
 from physic_core.errors import (
+    AmbiguousBackendError,
     BackendError,
     BackendNotFoundError,
     BodyModelError,
@@ -12,6 +19,7 @@ from physic_core.errors import (
     InputError,
     NoPersonError,
     OutputError,
+    PluginError,
     WeightsMissingError,
 )
 
@@ -28,10 +36,11 @@ MEANINGS = {
     BACKEND: "a backend or plugin failed",
     INTERRUPTED: "Ctrl-C",
 }
-"""What ``physic --help`` and README say of each."""
+"""As printed by ``physic --help`` and listed in README."""
 
 EXIT_CODES: dict[type[Exception], int] = {
     BodyModelError: USAGE,
+    AmbiguousBackendError: USAGE,
     BackendNotFoundError: USAGE,
     ConfigError: USAGE,
     DeviceError: USAGE,
@@ -41,10 +50,11 @@ EXIT_CODES: dict[type[Exception], int] = {
     DownloadError: WEIGHTS,
     WeightsMissingError: WEIGHTS,
     BackendError: BACKEND,
+    PluginError: BACKEND,
 }
-"""A class that is not listed has the code of its nearest base."""
+"""A class that is not listed has the code of its nearest base class."""
 
 
 def exit_code(error: BaseException) -> int:
-    """The code that a command ends with after this error."""
+    """The code with which a command ends after this error."""
     return next((EXIT_CODES[kind] for kind in type(error).__mro__ if kind in EXIT_CODES), OTHER)

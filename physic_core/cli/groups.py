@@ -1,89 +1,122 @@
-"""Groups of commands that installed plugins can add to."""
+"""Groups of commands that are imported when they run: the core's own, and those that installed plugins add."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from physic_core.errors import PhysicError
-
 if TYPE_CHECKING:
-    from physic_core.discovery.records import InstalledCommand
+    from physic_core.discovery.commands import InstalledCommand
 
 __all__ = ["ExtensibleGroup"]
 
 
 class ExtensibleGroup(click.Group):
-    """A group whose commands are its own and those that plugins add by the hook ``physic_commands``.
+    """A group with the core's own commands and those that plugins add by the hook ``physic_commands``.
 
-    Plugins are looked for only when help is printed or when a command is not one of the group's own. A plugin's
-    command is imported when it is run. The group's own commands win over a plugin's command of the same name.
+    No command is imported to list it: ``--help`` prints summaries. Plugins are only searched when help is printed or
+    when a command is not one of the core's, which always win over a plugin's command of the same name.
+
+    Args:
+        path: the words after ``physic`` that call the group; empty for ``physic`` itself.
+        own: name -> ("package.module:function", summary) of the core's own commands.
     """
 
-    prefix: str = ""
-    """How the group itself is called after ``physic``; empty for ``physic``."""
+    def __init__(
+        self, *args: Any, path: str = "", own: Mapping[str, tuple[str, str]] | None = None, **settings: Any
+    ) -> None:
+        super().__init__(*args, **settings)
+        self.path = path
+        self.own = dict(own or {})
 
     def _added(self) -> dict[str, InstalledCommand]:
-        from physic_core.discovery.entry_points import find
+        from physic_core.discovery.commands import find_commands
 
         added: dict[str, InstalledCommand] = {}
-        for command in find().commands:
-            group, _, name = command.record.name.rpartition(" ")
-            if group == self.prefix and name not in self.commands:
+        for command in find_commands():
+            path, _, name = command.record.name.rpartition(" ")
+            if path == self.path and name not in self.own:
                 added.setdefault(name, command)
         return added
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Names of all commands, the plugins' ones included."""
-        return sorted({*super().list_commands(ctx), *self._added()})
+        """Names of all commands, including those of plugins."""
+        return sorted({*self.own, *self._added()})
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """The group's own command, or a plugin's, imported now."""
-        own = super().get_command(ctx, cmd_name)
-        if own is not None:
+        """Import a command of the core or of a plugin; None if there is none of this name."""
+        if cmd_name in self.own:
+            module, _, attribute = self.own[cmd_name][0].partition(":")
+            own: click.Command = getattr(import_module(module), attribute)
             return own
-        added = self._added().get(cmd_name)
-        return _load(added) if added is not None else None
+        command = self._added().get(cmd_name)
+        return None if command is None else _load(command)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command that the arguments call.
+
+        Raises:
+            UsageError: there is none; if a known distribution adds it, the message names the distribution.
+        """
+        name = args[0]
+        if not name.startswith("-") and self.get_command(ctx, name) is None:
+            from physic_core.discovery.catalog import COMMANDS, how_to_install
+
+            full_name = f"{self.path} {name}".strip()
+            if (distribution := COMMANDS.get(full_name)) is not None:
+                raise click.UsageError(
+                    f"'physic {full_name}' is a command of {distribution}, which is {_why_absent(distribution)}: "
+                    f"{how_to_install(distribution)}"
+                )
+            raise click.exceptions.NoSuchCommand(name, possibilities=self.list_commands(ctx), ctx=ctx)
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the list of commands without importing those of plugins."""
-        added = self._added()
-        names = sorted({*self.commands, *added})
-        limit = formatter.width - 6 - max(map(len, names), default=0)
-        rows = []
-        for name in names:
-            own = self.commands.get(name)
-            if own is None:
-                rows.append((name, added[name].record.summary))
-            elif not own.hidden:
-                rows.append((name, own.get_short_help_str(limit)))
-        if rows:
-            with formatter.section("Commands"):
-                formatter.write_dl(rows)
+        """Write the list of commands and their summaries."""
+        summaries = {name: command.record.summary for name, command in self._added().items()}
+        summaries |= {name: summary for name, (_, summary) in self.own.items()}
+        with formatter.section("Commands"):
+            formatter.write_dl(sorted(summaries.items()))
+
+
+def _why_absent(distribution: str) -> str:
+    """Why the commands of a known distribution are not there."""
+    from physic_core.discovery.entry_points import find
+
+    found = find()
+    for broken in found.broken:
+        if broken.origin.distribution == distribution:
+            return f"broken ({broken.cause})"
+    if found.restriction is not None:
+        return f"not installed, or hidden by PHYSIC_PLUGINS='{found.restriction}'"
+    return "not installed"
 
 
 def _load(command: InstalledCommand) -> click.Command:
     """Import a plugin's command.
 
     Raises:
-        PhysicError: it cannot be imported, or is no ``click.Command``.
+        PluginError: it cannot be imported, or is not a ``click.Command``.
     """
-    from importlib import import_module
-
     from physic_core.discovery.error_text import describe
+    from physic_core.errors import PluginError
 
     record = command.record
     module, _, attribute = record.target.partition(":")
     try:
         found = getattr(import_module(module), attribute)
-    except Exception as error:
-        raise PhysicError(
+    except (Exception, SystemExit) as error:
+        raise PluginError(
             f"the command '{record.name}' of {command.origin} cannot be imported: {describe(error, module)}"
         ) from error
     if not isinstance(found, click.Command):
-        raise PhysicError(
+        raise PluginError(
             f"the command '{record.name}' of {command.origin} should be a click.Command, "
-            f"and {record.target} is {type(found).__name__}"
+            f"but {record.target} is a {type(found).__name__}"
         )
     return found

@@ -16,9 +16,9 @@ __all__ = ["new"]
 @click.option("--interface", required=True, metavar="NAME", help="What its backend is: metric_depth, inpainter, ...")
 @click.option("--folder", type=click.Path(path_type=Path), help="Where to.  [default: physic-NAME]")
 def new(name: str, interface: str, folder: Path | None) -> None:
-    """Write a plugin with a backend called NAME, which passes its conformance test, to begin your own from.
+    """Create a plugin, physic-NAME, with one backend called NAME that passes the conformance kit.
 
-    The distribution is called physic-NAME.
+    Replace its placeholder by your own code.
     """
     from physic_core.discovery.plugins import core_version, discover
     from physic_core.interfaces import INTERFACES

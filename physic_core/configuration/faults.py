@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
-from physic_core.errors import ConfigError
+from physic_core.errors import BackendError, ConfigError
 
 if TYPE_CHECKING:
     from pydantic import BaseModel, ValidationError
@@ -40,11 +40,13 @@ class Fault:
 
     Attributes:
         path: dotted, as in the file: "metric_depth.options.scale".
-        message: what is wrong, what came, what to do.
+        message: what is wrong, what was given, what to do.
+        of_plugin: whether the author of a plugin has to correct it, rather than the user.
     """
 
     path: str
     message: str
+    of_plugin: bool = False
 
 
 @dataclass(frozen=True)
@@ -62,8 +64,10 @@ class Findings:
     cause: BaseException | None = None
 
 
-def config_error(faults: Iterable[Fault], source: Callable[[str], str], title: str, footer: str = "") -> ConfigError:
-    """All faults in one message, those of one file or flag together.
+def config_error(
+    faults: Iterable[Fault], source: Callable[[str], str], title: str, footer: str = ""
+) -> ConfigError | BackendError:
+    """One error for all faults, those of one file or flag together; a BackendError if all are faults of plugins.
 
     Args:
         faults: at least one.
@@ -80,7 +84,8 @@ def config_error(faults: Iterable[Fault], source: Callable[[str], str], title: s
         width = max(len(f.path) for f in group)
         lines = [f"{f.path:<{width}}   {f.message}" for f in group]
         blocks.append("\n".join([f"{label}: {len(group)} error{'s' * (len(group) > 1)}", *lines]))
-    return ConfigError("\n".join([*blocks, *([footer] if footer else [])]))
+    kind = BackendError if all(fault.of_plugin for group in groups.values() for fault in group) else ConfigError
+    return kind("\n".join([*blocks, *([footer] if footer else [])]))
 
 
 def from_pydantic(error: ValidationError, model: type[BaseModel], path: str = "", kind: str = "key") -> list[Fault]:

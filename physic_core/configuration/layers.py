@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from physic_core.configuration.faults import closest
+from physic_core.discovery.claims import normal_name
 from physic_core.discovery.local_modules import in_folder
-from physic_core.discovery.records import normal_name
 from physic_core.errors import ConfigError
 from physic_core.files.strict_json import from_json
 from physic_core.interfaces import INTERFACES
@@ -30,6 +30,9 @@ Layer = tuple[str, Mapping[str, Any]]
 _VARIABLE = "PHYSIC__"
 _EXCLUSIVE = (("photo", ("focal_px", "intrinsics")), ("body_model", ("name", "path")))
 """Keys of a table that say the same thing: the layer that sets one silences the others of the layers below."""
+
+_LARGEST = {".toml": 1_000_000, ".json": 100_000_000}
+"""Bytes of a config file; every setting written out takes 40,000, and the result of a photo of 40 people 200,000."""
 
 
 def preset_names() -> tuple[str, ...]:
@@ -169,7 +172,10 @@ def _read_result(path: Path) -> dict[str, Any]:
 def _read_text(path: Path, cure: str) -> str:
     if path.exists() and not path.is_file() and not path.is_dir():  # a pipe would wait for ever
         raise ConfigError(f"cannot read the config {path}: it is not a regular file; {cure}")
+    limit = _LARGEST.get(path.suffix, _LARGEST[".toml"])
     try:
+        if (size := path.stat().st_size) > limit and path.is_file():
+            raise ConfigError(f"cannot read the config {path}: it has {size:,} bytes, more than {limit:,}; {cure}")
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise ConfigError(f"no config file at {path}: check the path") from None

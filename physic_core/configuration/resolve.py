@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +16,13 @@ from physic_core.configuration.faults import Fault, Findings, config_error, from
 from physic_core.configuration.model import load_config
 from physic_core.discovery.error_text import describe
 from physic_core.discovery.readiness import gpu_is_seen, missing_requirements
-from physic_core.errors import BackendError, BackendNotFoundError, PhysicError, WeightsMissingError
+from physic_core.errors import (
+    AmbiguousBackendError,
+    BackendError,
+    BackendNotFoundError,
+    PhysicError,
+    WeightsMissingError,
+)
 from physic_core.interfaces import INTERFACES
 from physic_core.types import Provenance
 
@@ -119,10 +124,10 @@ def missing(plan: ResolvedPipeline) -> tuple[str, ...]:
 
 
 def missing_files(plan: ResolvedPipeline) -> tuple[str, ...]:
-    """The part of :func:`missing` that the backends report, a text for each file.
+    """The missing files: those that the backends report, and the file of the body model.
 
     Raises:
-        BackendError: a backend cannot say.
+        BackendError: the ``missing`` of a backend fails.
     """
     found: dict[str, list[str]] = {}
     for resolved in plan.backends.values():
@@ -131,8 +136,12 @@ def missing_files(plan: ResolvedPipeline) -> tuple[str, ...]:
                 found.setdefault(text, []).append(resolved.title)
         except PhysicError as error:
             raise BackendError(f"{resolved.title}: {error}") from error
-    # Two backends may lack the same file, and are to say so once.
-    return tuple(f"{' and '.join(titles)}: {text}" for text, titles in found.items())
+    # A file that is missing for two backends is listed once.
+    texts = [f"{' and '.join(titles)}: {text}" for text, titles in found.items()]
+    path = plan.config.body_model.path
+    if path is not None and not Path(path).exists():
+        texts.append(f"body_model.path: no file at {path}: check the path, or remove it to use the embedded body")
+    return tuple(texts)
 
 
 def missing_device(plan: ResolvedPipeline) -> tuple[str, ...]:
@@ -191,7 +200,7 @@ def load_checked(registry: Registry, file: str | os.PathLike[str] | None = None,
 
 def _choose(config: Config, registry: Registry) -> dict[str, _Choice]:
     tables = {name: config.choice(name).model_dump() for name in INTERFACES}
-    chosen, found = _look(tables | {"body_model": {"path": config.body_model.path}}, registry)
+    chosen, found = _look(tables, registry)
     if found.faults:
         raise config_error(found.faults, config.source, "config", found.footer) from found.cause
     return chosen
@@ -217,17 +226,15 @@ def _look(tables: Mapping[str, Any], registry: Registry) -> tuple[dict[str, _Cho
             kind = registry.load_concrete_class(claim)
             chosen[interface] = _check_options(claim, kind, options if isinstance(options, dict) else {})
         except BackendNotFoundError as error:
-            faults.append(Fault(f"{interface}.backend", registry.explain_missing(interface, name)))
-            cause, footer = cause or error.__cause__, f"Python: {sys.executable}"
+            message, _, python = str(error).partition("\nPython: ")
+            faults.append(Fault(f"{interface}.backend", message))
+            cause, footer = cause or error.__cause__, f"Python: {python}" if python else footer
         except BackendError as error:
-            faults.append(Fault(f"{interface}.backend", str(error)))
+            is_choice = isinstance(error, AmbiguousBackendError)
+            faults.append(Fault(f"{interface}.backend", str(error), of_plugin=not is_choice))
             cause = cause or error
         except _OptionFaults as error:
             faults += error.faults
-    body = tables.get("body_model")
-    path = body.get("path") if isinstance(body, dict) else None
-    if isinstance(path, str) and not Path(path).is_file():
-        faults.append(Fault("body_model.path", f"no file at {path}"))
     return chosen, Findings(tuple(faults), footer, cause)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-__all__ = ["CATALOG", "distribution_for", "how_to_install", "known_names"]
+__all__ = ["CATALOG", "COMMANDS", "distribution_for", "how_to_install", "known_names"]
 
 CATALOG: dict[str, dict[str, tuple[str, ...]]] = {
     "physic-embedded": {
@@ -62,7 +62,10 @@ CATALOG: dict[str, dict[str, tuple[str, ...]]] = {
         "segmenter": ("eomt-hf", "grounded-sam2-hf", "sam3-hf"),
     },
 }
-"""Distribution -> interface -> names; a test holds it to what the distributions register."""
+"""Distribution -> interface -> names of backends; a test compares it with what the distributions register."""
+
+COMMANDS = dict.fromkeys(("bench", "plugins check", "plugins compare"), "physic-testing")
+"""Command of ``physic`` -> the known distribution that adds it; a test compares it with what that registers."""
 
 
 def distribution_for(interface: str | None, name: str) -> str | None:
@@ -86,7 +89,7 @@ def _names(offers: dict[str, tuple[str, ...]], interface: str | None) -> tuple[s
 
 def how_to_install(distribution: str) -> str:
     """What to run; our own distributions come from a checkout, as there is no release of them yet."""
-    if distribution not in CATALOG:
+    if distribution not in CATALOG and distribution not in COMMANDS.values():
         return f"`pip install {distribution}`"
     folder = "contrib" if distribution == "physic-omnieraser" else "plugins"
     return f"`pip install -e {folder}/{distribution}` in a checkout of PhySIC"

@@ -27,12 +27,15 @@ A plugin adds a subcommand to ``physic`` by naming a ``click.Command``, which is
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pluggy
 
-from physic_core.discovery.records import BackendRecord, CommandRecord
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from physic_core.discovery.records import BackendRecord, CommandRecord
 
 __all__ = ["PROJECT", "hookimpl", "physic_backends", "physic_commands", "physic_weights"]
 

@@ -9,8 +9,9 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from importlib.metadata import EntryPoint, PackageNotFoundError, requires, version
 
-from physic_core.discovery.entry_points import GROUP, find
-from physic_core.discovery.records import normal_name
+from physic_core.discovery.claims import normal_name
+from physic_core.discovery.entry_points import find
+from physic_core.discovery.registration import GROUP
 from physic_core.discovery.registry import Registry
 
 __all__ = ["GROUP", "core_version", "discover", "required_versions"]

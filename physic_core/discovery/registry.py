@@ -11,13 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.discovery import local_modules
 from physic_core.discovery.catalog import CATALOG, distribution_for, how_to_install, known_names
-from physic_core.discovery.error_text import describe
-from physic_core.discovery.local_modules import TARGET
-from physic_core.discovery.records import (
+from physic_core.discovery.claims import (
     BY_CLASS,
     BY_HAND,
     IN_CONFIG,
-    BackendRecord,
     BrokenPlugin,
     Claim,
     Manifest,
@@ -25,7 +22,10 @@ from physic_core.discovery.records import (
     normal_name,
     problem_of,
 )
-from physic_core.errors import BackendError, BackendNotFoundError
+from physic_core.discovery.error_text import describe
+from physic_core.discovery.local_modules import TARGET
+from physic_core.discovery.records import BackendRecord
+from physic_core.errors import AmbiguousBackendError, BackendError, BackendNotFoundError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -122,7 +122,8 @@ class Registry:
 
         Raises:
             BackendNotFoundError: nothing installed offers it.
-            BackendError: two distributions offer it, or it was written for another version of its interface.
+            AmbiguousBackendError: two distributions offer it.
+            BackendError: one distribution offers it twice, or it was written for another version of its interface.
         """
         _, target = local_modules.split(name)
         distribution, colon, rest = target.rpartition(":")
@@ -134,7 +135,8 @@ class Registry:
         if not found:
             raise self._not_found(interface, target)
         if len(found) > 1:
-            raise BackendError(self.explain_rivals(found))
+            several = len({claim.origin.distribution for claim in found}) > 1
+            raise (AmbiguousBackendError if several else BackendError)(self.explain_rivals(found))
         if found[0].problem:
             raise BackendError(f"{found[0]} cannot be used: {found[0].problem}")
         return found[0]
@@ -303,14 +305,22 @@ def _imported(target: str, title: str, origin: Origin) -> object:
     """What "package.module:Class" names, with or without a folder before it."""
     folder, target = local_modules.split(target)
     module, _, path = target.partition(":")
+    found: object = None
     try:
-        found: object = importlib.import_module(module) if folder is None else local_modules.load(folder, module)
+        found = importlib.import_module(module) if folder is None else local_modules.load(folder, module)
         for part in path.split("."):
             found = getattr(found, part)
     except (Exception, SystemExit) as cause:  # a plugin's door: whatever its module does wrong, say whose it is
         advice = _advice(origin, folder, module, cause)
-        raise BackendError(f"{title}: {describe(cause, module, origin.plugin)}{advice}") from cause
+        named_wrong = found is not None or _is_not_found(module, cause)
+        kind = BackendNotFoundError if origin in (IN_CONFIG, BY_CLASS) and named_wrong else BackendError
+        raise kind(f"{title}: {describe(cause, module, origin.plugin)}{advice}") from cause
     return found
+
+
+def _is_not_found(module: str, cause: BaseException) -> bool:
+    """Whether the module itself does not exist, rather than one that it imports."""
+    return isinstance(cause, ModuleNotFoundError) and (cause.name is None or f"{module}.".startswith(f"{cause.name}."))
 
 
 def _advice(origin: Origin, folder: Path | None, module: str, cause: BaseException) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from physic_core.discovery.records import normal_name
+from physic_core.discovery.claims import normal_name
 from physic_core.errors import ConfigError, PhysicError
 from physic_core.weights.close_names import in_words, near
 from physic_core.weights.manifest import WeightSet, read_manifest

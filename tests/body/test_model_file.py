@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_matrix, csr_matrix
 
+from physic_core.body.array_pickle import read_pickle
 from physic_core.body.model_file import MANO, SMPL, read_model
 from physic_core.errors import BodyModelError
 
@@ -338,3 +339,24 @@ def test_other_bodies_are_named(tmp_path: Path, vertices: int, words: str) -> No
     with pytest.raises(BodyModelError) as caught:
         read_model(path, MANO)
     assert words in str(caught.value)
+
+
+COLLIDING = 2**61 - 1  # the hash of its multiples is 0
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        pickle.dumps({COLLIDING * i: None for i in range(5000)}),
+        pickle.dumps([{COLLIDING * i: None for i in range(1000)} for _ in range(5)]),
+        pickle.dumps(frozenset(COLLIDING * i for i in range(5000))),
+        b"(" + b"".join(b"Np%d\n" % (COLLIDING * i) for i in range(10)) + b"d.",
+    ],
+    ids=["one dictionary", "many dictionaries", "a set", "the memo"],
+)
+def test_keys_that_share_one_hash_are_refused_before_they_take_long(content: bytes, tmp_path: Path) -> None:
+    (tmp_path / "MANO.pkl").write_bytes(content)
+    with pytest.raises(BodyModelError, match="MANO"):
+        read_model(tmp_path / "MANO.pkl", MANO)
+    with pytest.raises(pickle.UnpicklingError, match=r"keys|numbers an object"):
+        read_pickle(tmp_path / "MANO.pkl")

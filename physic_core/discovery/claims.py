@@ -1,0 +1,133 @@
+"""Which installed plugin offers which backend, and whether the record can be used; nothing is imported for it."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from typing import TYPE_CHECKING
+
+from physic_core.discovery.local_modules import TARGET
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from physic_core.discovery.records import BackendRecord
+
+__all__ = [
+    "BY_CLASS",
+    "BY_HAND",
+    "IN_CONFIG",
+    "BrokenPlugin",
+    "Claim",
+    "Manifest",
+    "Origin",
+    "normal_name",
+    "problem_of",
+]
+
+_NAME = re.compile(r"[a-z0-9]+([.-][a-z0-9]+)*")
+_RESERVED = ("none",)
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Who made a claim.
+
+    Attributes:
+        plugin: import name of the plugin's module.
+        distribution: installed distribution.
+        version: of the distribution.
+        seconds: time that the plugin took to say what it offers.
+    """
+
+    plugin: str
+    distribution: str
+    version: str = ""
+    seconds: float = field(default=0.0, compare=False)
+
+    def __str__(self) -> str:
+        return f"{self.distribution} {self.version}".strip()
+
+
+BY_HAND = Origin("", "registered by hand")
+IN_CONFIG = Origin("", "named in the config")
+BY_CLASS = Origin("", "a class that no plugin registers")
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One backend, as somebody offers it.
+
+    Attributes:
+        record: what it is.
+        origin: who offers it.
+        problem: why it cannot be used, in words; empty where nothing speaks against it.
+    """
+
+    record: BackendRecord
+    origin: Origin
+    problem: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.record.interface} '{self.record.name}' ({self.origin})"
+
+
+@dataclass(frozen=True)
+class BrokenPlugin:
+    """A plugin that could not say what it offers.
+
+    Attributes:
+        origin: which one.
+        cause: in one line.
+        error: the exception itself, if there was one.
+    """
+
+    origin: Origin
+    cause: str
+    error: BaseException | None = field(default=None, compare=False)
+
+    def __str__(self) -> str:
+        return f"{self.origin} ({self.cause})"
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """Where a plugin lists its weights.
+
+    Attributes:
+        origin: whose it is.
+        path: a TOML file, or a folder of them, for :func:`physic_core.weights.read_manifest`.
+    """
+
+    origin: Origin
+    path: Path
+
+
+def problem_of(record: BackendRecord, origin: Origin) -> str:
+    """What speaks against using a record as it stands; empty where nothing does."""
+    from physic_core.interfaces import INTERFACES
+
+    if record.interface not in INTERFACES:
+        close = get_close_matches(str(record.interface), INTERFACES, n=1)
+        hint = f"did you mean '{close[0]}'?" if close else f"there are: {', '.join(INTERFACES)}"
+        return f"no interface named '{record.interface}'; {hint}"
+    if not isinstance(record.name, str) or not _NAME.fullmatch(record.name) or record.name in _RESERVED:
+        return f"its name should be of a-z, 0-9 and hyphens, and not 'none', got {record.name!r}"
+    if isinstance(record.target, str) and not TARGET.fullmatch(record.target):
+        return f"its target should be 'package.module:Class', got {record.target!r}"
+    ours = INTERFACES[record.interface].api
+    if not isinstance(record.api, int):
+        return f"its api should be a whole number such as {ours}, got {record.api!r}"
+    if record.api != ours:
+        older = "physic-core" if record.api > ours else origin.distribution
+        return (
+            f"written for version {record.api} of the interface {record.interface}, "
+            f"and this physic-core has version {ours}: upgrade {older}"
+        )
+    return ""
+
+
+def normal_name(distribution: str) -> str:
+    """A distribution's name as it is compared: without regard to case and to the kind of dash."""
+    return re.sub(r"[-_.]+", "-", distribution).lower()

@@ -1,0 +1,88 @@
+"""Installed distributions that were meant to be plugins, but whose entry points are not in the group of plugins."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from importlib.metadata import Distribution, distributions, entry_points
+
+from physic_core.discovery.claims import Origin, normal_name
+from physic_core.discovery.registration import GROUP, named_plugins
+
+__all__ = ["Misplaced", "misplaced", "plugins_in_other_groups"]
+
+_CORE = re.compile(r"physic[-_.]core(?![\w-])", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Misplaced:
+    """An installed distribution that looks like a plugin, but has no entry point in our group.
+
+    Attributes:
+        origin: the distribution.
+        cause: what is wrong and what to do, in one line.
+        group: the group of its entry points, if its name resembles ours; else empty.
+    """
+
+    origin: Origin
+    cause: str
+    group: str = ""
+
+
+def misplaced(
+    installed: Iterable[Distribution] | None = None, *, environment: Mapping[str, str] = os.environ
+) -> tuple[Misplaced, ...]:
+    """Installed distributions that look like plugins, but that :func:`find` does not find.
+
+    Their entry points are in a group whose name resembles ours, or they are called physic-... and have none.
+
+    Args:
+        installed: distributions; None for those of this Python.
+        environment: as for :func:`find`.
+    """
+    wanted = named_plugins(environment)
+    known: dict[str, Misplaced | None] = {}
+    for found in distributions() if installed is None else installed:
+        name = found.metadata["Name"] or ""
+        key = normal_name(name)
+        # The first of a name is the one that Python imports.
+        if name and key not in known and key != "physic-core" and (wanted is None or key in wanted):
+            known[key] = _misplaced(found, name)
+    return tuple(row for _, row in sorted(known.items()) if row is not None)
+
+
+def plugins_in_other_groups(environment: Mapping[str, str] = os.environ) -> tuple[Misplaced, ...]:
+    """The rows of :func:`misplaced` that have a ``group``, in less time: no metadata of other distributions is read."""
+    found = entry_points()
+    similar = {group for group in found.groups if group != GROUP and (_is_named_ours(group) or _is_close(group))}
+    entries = (entry for group in similar for entry in found.select(group=group))
+    owners = {entry.dist.name: entry.dist for entry in entries if entry.dist is not None}
+    return tuple(row for row in misplaced(owners.values(), environment=environment) if row.group)
+
+
+def _is_named_ours(group: str) -> bool:
+    return "physic" in re.split(r"[^a-z0-9]+", group.lower())
+
+
+def _is_close(group: str) -> bool:
+    return bool(get_close_matches(group, [GROUP], cutoff=0.8))
+
+
+def _misplaced(found: Distribution, name: str) -> Misplaced | None:
+    groups = sorted({entry.group for entry in found.entry_points})
+    if GROUP in groups:
+        return None
+    origin = Origin("", name, found.metadata["Version"] or "")
+    cure = f'write [project.entry-points."{GROUP}"] in its pyproject.toml, and install it again'
+    uses_core = any(_CORE.match(line) for line in found.requires or ())
+    for group in groups:
+        if _is_named_ours(group) or (uses_core and _is_close(group)):
+            return Misplaced(origin, f"its entry points are in the group '{group}', which is not read: {cure}", group)
+    if normal_name(name).startswith("physic-"):
+        return Misplaced(
+            origin, f"it has no entry point in the group '{GROUP}', so that no backend of it is found: {cure}"
+        )
+    return None

@@ -1,0 +1,153 @@
+"""Commands that plugins add to ``physic`` and to ``physic plugins``."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import Any
+
+import click
+import pytest
+from click.testing import CliRunner, Result
+
+from physic_core.cli import main
+from physic_core.discovery.catalog import COMMANDS, how_to_install
+from physic_core.discovery.commands import find_commands
+
+PLUGIN = """
+from physic_core import CommandRecord, hookimpl
+
+@hookimpl
+def physic_commands():
+    return [
+        CommandRecord("hello", "physic_hello_commands:hello", "Greet."),
+        CommandRecord("plugins hello", "physic_hello_commands:hello", "Greet the plugins."),
+        CommandRecord("run", "physic_hello_commands:hello", "Not this one."),
+        CommandRecord("absent", "physic_hello_commands:absent"),
+        CommandRecord("lost", "physic_hello_nowhere:lost"),
+        CommandRecord("number", "physic_hello_commands:number"),
+    ]
+"""
+COMMAND = """
+import click
+
+@click.command()
+@click.option("--name", default="you")
+def hello(name):
+    click.echo(f"hello {name}")
+
+number = 3
+"""
+
+
+def physic(*arguments: str) -> Result:
+    return CliRunner().invoke(main, list(arguments))
+
+
+@pytest.fixture
+def plugin(site: Any) -> Any:
+    site.install("physic-hello", PLUGIN)
+    (site.folder / "physic_hello_commands.py").write_text(COMMAND)
+    return site
+
+
+@pytest.mark.parametrize("group", [(), ("plugins",)], ids=str)
+def test_a_plugin_adds_a_command(plugin: Any, group: tuple[str, ...]):
+    done = physic(*group, "hello", "--name", "world")
+    assert (done.exit_code, done.output) == (0, "hello world\n")
+    summary = "Greet the plugins." if group else "Greet."
+    assert f"  hello    {summary}\n" in physic(*group, "--help").output
+
+
+def test_own_commands_win(plugin: Any):
+    assert "Not this one." not in physic("--help").output
+    assert "Reconstruct people" in physic("run", "--help").output
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        (
+            "lost",
+            "the command 'lost' of physic-hello 1.0 cannot be imported: "
+            "ModuleNotFoundError: No module named 'physic_hello_nowhere'",
+        ),
+        (
+            "absent",
+            "the command 'absent' of physic-hello 1.0 cannot be imported: "
+            "AttributeError: module 'physic_hello_commands' has no attribute 'absent'",
+        ),
+        (
+            "number",
+            "the command 'number' of physic-hello 1.0 should be a click.Command, "
+            "but physic_hello_commands:number is a int",
+        ),
+    ],
+)
+def test_a_broken_command_is_an_error_of_the_plugin_and_breaks_no_other(plugin: Any, name: str, message: str):
+    done = physic(name)
+    assert (done.exit_code, done.stdout, done.stderr) == (5, "", f"Error: {message}\n")
+    assert physic("hello").exit_code == 0
+    assert physic("--help").exit_code == 0
+
+
+def test_a_plugin_that_is_broken_breaks_no_command(site: Any):
+    site.install("physic-broken", "raise SystemExit('no licence')")
+    assert physic("--help").exit_code == 0
+    assert physic("nonsense").exit_code == 2
+
+
+def test_help_imports_no_command(plugin: Any):
+    (plugin.folder / "physic_hello_commands.py").write_text("raise SystemExit('imported')")
+    code = (
+        "import sys\n"
+        "from physic_core.cli import main\n"
+        "main(sys.argv[1:], standalone_mode=False)\n"
+        "banned = {'torch', 'numpy', 'pydantic', 'physic_hello_commands', 'physic_core.cli.run'}\n"
+        "print('imported:', sorted(banned & set(sys.modules)))\n"
+    )
+    command = [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(plugin.folder)!r})\n{code}"]
+    for arguments in (["--help"], ["plugins", "--help"]):
+        done = subprocess.run([*command, *arguments], capture_output=True, text=True, check=True, timeout=120)
+        assert "hello" in done.stdout
+        assert done.stdout.endswith("imported: []\n")
+
+
+def test_a_restriction_hides_the_commands_of_other_plugins(plugin: Any, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-hello")
+    assert physic("hello").exit_code == 0
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
+    done = physic("hello")
+    assert (done.exit_code, "No such command 'hello'" in done.stderr) == (2, True)
+    assert "hello" not in physic("--help").output
+
+
+def test_a_misspelt_command_names_the_nearest(plugin: Any):
+    done = physic("hallo")
+    assert done.exit_code == 2
+    assert "Did you mean 'hello'?" in done.stderr
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_known_command_that_is_not_installed_names_its_distribution(name: str, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
+    done = physic(*name.split())
+    assert done.exit_code == 2
+    assert " ".join(done.stderr.split()).endswith(
+        f"Error: 'physic {name}' is a command of physic-testing, which is not installed, or hidden by "
+        f"PHYSIC_PLUGINS='physic-mock': {how_to_install('physic-testing')}"
+    )
+    assert how_to_install("physic-testing") == "`pip install -e plugins/physic-testing` in a checkout of PhySIC"
+
+
+def test_the_catalog_lists_the_commands_of_our_distributions():
+    assert {c.record.name: c.origin.distribution for c in find_commands(environment={})} == COMMANDS
+
+
+def test_every_own_command_can_be_imported_under_its_name():
+    for group in (main, main.get_command(click.Context(main), "plugins")):
+        assert isinstance(group, click.Group)
+        for name in group.own:  # type: ignore[attr-defined]
+            command = group.get_command(click.Context(group), name)
+            assert command is not None
+            assert command.name == name
