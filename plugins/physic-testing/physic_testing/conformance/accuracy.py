@@ -10,6 +10,14 @@ import numpy as np
 from physic_core.metrics.contact_scores import contact_scores
 from physic_core.metrics.matching import mask_iou
 from physic_core.metrics.pose import BODY_JOINTS, mpjpe_mm, pa_mpjpe_mm
+from physic_testing.conformance.truth import (
+    contact_on_embedded,
+    posed_bodies,
+    rotation_errors_deg,
+    true_hands,
+    true_keypoints,
+    true_wrists,
+)
 
 if TYPE_CHECKING:
     from physic_core.types import (
@@ -65,7 +73,7 @@ def measure(interface: str, answer: Any, case: Case) -> dict[str, float]:
         case: with a truth.
 
     Raises:
-        NotJudged: a world does not know this kind of truth.
+        CheckSkipped: a world does not know this kind of truth.
     """
     return _MEASURES[interface](answer, case)
 
@@ -126,8 +134,6 @@ def _relative_pointmap(answer: Pointmap, case: Case) -> dict[str, float]:
 
 
 def _keypoint_detector(answer: Keypoints, case: Case) -> dict[str, float]:
-    from physic_testing.conformance.keypoint_detector import true_keypoints
-
     points, true, seen, _ = true_keypoints(answer, case.truth)
     sides = (case.people.boxes[:, 2:] - case.people.boxes[:, :2]).max(axis=1)[:, None]
     error = np.linalg.norm(points - true, axis=2)
@@ -135,28 +141,22 @@ def _keypoint_detector(answer: Keypoints, case: Case) -> dict[str, float]:
 
 
 def _body_estimator(answer: Bodies, case: Case) -> dict[str, float]:
-    from physic_testing.conformance.body_estimator import posed
-
-    joints, true = posed(answer)[1][:, BODY_JOINTS], case.truth.joints[:, BODY_JOINTS].astype(np.float64)
+    joints, true = posed_bodies(answer)[1][:, BODY_JOINTS], case.truth.joints[:, BODY_JOINTS].astype(np.float64)
     return {"MPJPE, mm": float(mpjpe_mm(joints, true).mean()), "PA-MPJPE, mm": float(pa_mpjpe_mm(joints, true).mean())}
 
 
 def _hand_estimator(answer: Hands, case: Case) -> dict[str, float]:
-    from physic_testing.conformance.hand_estimator import finger_errors, true_hands, true_wrists
-
     shown = answer.confidence > 0
     found = {"hands found": float(shown.mean())}
     if shown.any():
-        found["degrees"] = float(finger_errors(answer.rotvecs, true_hands(case.truth))[shown].mean())
+        found["degrees"] = float(rotation_errors_deg(answer.rotvecs, true_hands(case.truth))[shown].mean())
         if answer.wrists is not None:
-            found["wrist degrees"] = float(finger_errors(answer.wrists, true_wrists(case.truth))[shown].mean())
+            found["wrist degrees"] = float(rotation_errors_deg(answer.wrists, true_wrists(case.truth))[shown].mean())
     return found
 
 
 def _contact_prior(answer: ContactProbability, case: Case) -> dict[str, float]:
-    from physic_testing.conformance.contact_prior import on_the_bodies
-
-    scores = contact_scores(on_the_bodies(answer).probability > _SURE, case.truth.contact)
+    scores = contact_scores(contact_on_embedded(answer).probability > _SURE, case.truth.contact)
     return {"F1": scores.f1_mean, "precision": scores.precision_mean, "recall": scores.recall_mean}
 
 

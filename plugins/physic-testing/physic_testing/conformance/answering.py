@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from physic_core.discovery.error_text import describe
 from physic_core.errors import ConfigError, PhysicError
 from physic_testing.conformance.asking import as_views, difference, inputs
-from physic_testing.conformance.expect import NotJudged, NotMet, expect
-from physic_testing.conformance.run import Check
+from physic_testing.conformance.check import Check
+from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.subject import FIRST
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ def check_takes_views(subject: Subject) -> None:
     try:
         answer = subject.ask(subject.loaded(case), case, as_views(inputs(subject.interface, case)))
     except Exception as error:
-        raise NotMet(
+        raise CheckFailed(
             "an answer to arrays that are read-only and have strides of their own",
             describe(error, subject.kind),
             "np.ascontiguousarray(image) before torch.from_numpy; a copy before writing.",
@@ -116,7 +116,7 @@ def check_keeps_nothing_between_photos(subject: Subject) -> None:
     try:
         again = subject.ask(subject.loaded(case), case)
     except Exception as error:
-        raise NotMet("an answer to the same photo again", describe(error, subject.kind)) from error
+        raise CheckFailed("an answer to the same photo again", describe(error, subject.kind)) from error
     told = difference(first, again)
     expect(
         not told,
@@ -139,7 +139,7 @@ def check_needs_no_hints(subject: Subject) -> None:
     except PhysicError:
         return
     except Exception as error:
-        raise NotMet(
+        raise CheckFailed(
             "an answer to Hints(), in which everything is None, or a PhysicError that names what is missing",
             describe(error, subject.kind),
         ) from error
@@ -152,9 +152,9 @@ def _expect_answer(subject: Subject, name: str, hint: str = "") -> None:
     case = subject.case(name)
     wanted = f"an answer of the right form to a photo of {case.size}, {_what(name)}"
     if isinstance(attempt.error, ConfigError):
-        raise NotJudged(f"not ready: {attempt.error}")
+        raise CheckSkipped(f"not ready: {attempt.error}")
     if attempt.error is not None:
-        raise NotMet(wanted, describe(attempt.error, subject.kind), hint) from attempt.error
+        raise CheckFailed(wanted, describe(attempt.error, subject.kind), hint) from attempt.error
     expect(not attempt.faults, wanted, "; ".join(attempt.faults), hint)
 
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.discovery.error_text import describe
 from physic_core.discovery.readiness import missing_requirements
-from physic_testing.conformance.expect import NotJudged, NotMet, expect
+from physic_testing.conformance.check import Check
+from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.guard import no_network
-from physic_testing.conformance.run import Check
 
 if TYPE_CHECKING:
     from physic_testing.conformance.subject import Subject
@@ -53,7 +53,7 @@ def _asked(subject: Subject, name: str, ask: Callable[[], Any]) -> tuple[Any, An
             try:
                 answers.append(ask())
             except Exception as error:
-                raise NotMet(f"{name} to answer before load()", describe(error, subject.kind)) from error
+                raise CheckFailed(f"{name} to answer before load()", describe(error, subject.kind)) from error
             best = min(best, time.process_time() - start)
             if len(answers) > 1 and best < MOST_SECONDS:
                 break
@@ -74,7 +74,7 @@ def _fresh(subject: Subject) -> Any:
     try:
         return subject.construct()
     except Exception as error:
-        raise NotJudged("it cannot be constructed: see 'constructs_with_its_defaults'") from error
+        raise CheckSkipped("it cannot be constructed: see 'constructs_with_its_defaults'") from error
 
 
 _BACKEND = "physic_core.interfaces.Backend"

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from physic_testing.conformance.answering import CHECKS_OF_HINTS, CHECKS_OF_PEOPLE
-from physic_testing.conformance.expect import NotJudged, expect
-from physic_testing.conformance.keypoint_detector import mirrored_order
+from physic_testing.conformance.check import Check
+from physic_testing.conformance.expect import expect
 from physic_testing.conformance.rows import check_rows_follow_the_people
-from physic_testing.conformance.run import Check
+from physic_testing.conformance.truth import embedded_body, mirrored_order, model_of, posed_bodies
 
 if TYPE_CHECKING:
-    from physic_core.body.model import BodyModel
-    from physic_core.types import Bodies, FloatArray, Intrinsics
+    from physic_core.types import FloatArray, Intrinsics
     from physic_testing.conformance.subject import Subject
 
-__all__ = ["CHECKS", "posed"]
+__all__ = ["CHECKS"]
 
 FACTOR = 3.0
 LEAST_INSIDE, MARGIN = 0.6, 0.25
@@ -28,31 +26,12 @@ _KNOWN = ("embedded", "smplx")
 _ROTATIONS = ("global_orient", "body_pose", "left_hand_pose", "right_hand_pose", "jaw_pose", "leye_pose", "reye_pose")
 
 
-def posed(bodies: Bodies) -> tuple[FloatArray, FloatArray]:
-    """Vertices (N, V, 3) and joints (N, 55, 3) in metres; of other bodies, after they were carried over as in a run.
-
-    Raises:
-        NotJudged: they are of a body that has to be brought along.
-    """
-    import torch
-
-    from physic_core.body.conversion import to_model
-    from physic_core.body.parameters import rotations_from_parameters
-    from physic_core.geometry.tensors import tensor
-
-    model = _model(bodies)
-    p = to_model(bodies, model).parameters
-    with torch.no_grad():
-        out = model(rotations_from_parameters(p), tensor(p.betas), tensor(p.transl))
-    return out.vertices.double().numpy(), out.joints.double().numpy()
-
-
 def check_body_model_is_known(subject: Subject) -> None:
     """`body_model` names a body, and shape and expression have its sizes; or joints or a surface say where it is."""
     from physic_core.body.conversion import can_carry
 
     bodies = subject.answer()
-    told = can_carry(bodies, _embedded())
+    told = can_carry(bodies, embedded_body())
     expect(
         told or bodies.body_model in _KNOWN,
         f"the name of a body model, {', '.join(_KNOWN)}, or joints of SMPL-X, or a mesh with its T-pose",
@@ -60,7 +39,7 @@ def check_body_model_is_known(subject: Subject) -> None:
     )
     if told and bodies.body_model != "embedded":
         return
-    model, parameters = _model(bodies), bodies.parameters
+    model, parameters = model_of(bodies), bodies.parameters
     for name, wanted in (("betas", model.num_betas), ("expression", model.num_expression)):
         count = getattr(parameters, name).shape[1]
         expect(count == wanted, f"{name} of {wanted} components for the body {bodies.body_model!r}", f"{count}")
@@ -79,7 +58,7 @@ def check_enough_is_told_of_everybody(subject: Subject) -> None:
     from physic_core.body.conversion import to_model
 
     bodies = subject.answer()
-    carried = to_model(bodies, _model(bodies)).parameters.transl
+    carried = to_model(bodies, model_of(bodies)).parameters.transl
     lost = np.isnan(carried[:, 0]) & np.isfinite(bodies.parameters.transl[:, 0])
     expect(
         not lost.any(),
@@ -107,7 +86,7 @@ def check_surface_is_where_the_joints_are(subject: Subject) -> None:
 
 def check_bodies_are_in_front(subject: Subject) -> None:
     """People are in front of the camera: z is forward."""
-    z = posed(subject.answer())[1][:, 0, 2]
+    z = posed_bodies(subject.answer())[1][:, 0, 2]
     expect(
         bool((z > 0).all()),
         "a pelvis in front of the camera, z > 0 (OpenCV: x right, y down, z forward)",
@@ -118,7 +97,7 @@ def check_bodies_are_in_front(subject: Subject) -> None:
 
 def check_bodies_are_in_metres(subject: Subject) -> None:
     """People are about as far away as they truly are."""
-    joints, truth = posed(subject.answer())[1], subject.case("one person").truth
+    joints, truth = posed_bodies(subject.answer())[1], subject.case("one person").truth
     own, true = (np.linalg.norm(j[:, 0], axis=1) for j in (joints, truth.joints))
     ratio = float(np.median(own / true))
     expect(
@@ -132,7 +111,7 @@ def check_bodies_are_in_metres(subject: Subject) -> None:
 def check_bodies_are_seen_at_their_people(subject: Subject) -> None:
     """Projected with the given camera, most joints fall into the person's box."""
     case = subject.case("one person")
-    pixels = _project(posed(subject.answer())[1][:, :22], case.intrinsics)
+    pixels = _project(posed_bodies(subject.answer())[1][:, :22], case.intrinsics)
     boxes = case.people.boxes
     grown = MARGIN * (boxes[:, 2:] - boxes[:, :2]).max(axis=1)[:, None, None]
     inside = (pixels > boxes[:, None, :2] - grown) & (pixels < boxes[:, None, 2:] + grown)
@@ -149,7 +128,8 @@ def check_bodies_are_upright(subject: Subject) -> None:
     """The way from pelvis to head points in the photo where the person's does."""
     case = subject.case("one person")
     own, true = (
-        _direction(_project(joints, case.intrinsics)) for joints in (posed(subject.answer())[1], case.truth.joints)
+        _direction(_project(joints, case.intrinsics))
+        for joints in (posed_bodies(subject.answer())[1], case.truth.joints)
     )
     turn = float(np.degrees(np.arccos(np.clip((own * true).sum(axis=1), -1, 1))).max())
     expect(
@@ -164,7 +144,10 @@ def check_left_is_the_bodys_left(subject: Subject) -> None:
     """The body faces where the person faces: left limbs are on the person's left."""
     from physic_core.body import JOINT_NAMES
 
-    joints, true = posed(subject.answer())[1][:, :22], subject.case("one person").truth.joints[:, :22].astype(float)
+    joints, true = (
+        posed_bodies(subject.answer())[1][:, :22],
+        subject.case("one person").truth.joints[:, :22].astype(float),
+    )
     other = mirrored_order(JOINT_NAMES[:22])
     sided = np.array(other) != np.arange(22)
     joints, true = joints - joints[:, :1], true - true[:, :1]
@@ -176,21 +159,6 @@ def check_left_is_the_bodys_left(subject: Subject) -> None:
         f"{1000 * right:.0f} mm off as they are, {1000 * swapped:.0f} mm with left and right exchanged",
         "Are the sides exchanged, or does the body face away?",
     )
-
-
-@lru_cache(maxsize=1)
-def _embedded() -> BodyModel:
-    from physic_core.body import load_body
-
-    return load_body("embedded")
-
-
-def _model(bodies: Bodies) -> BodyModel:
-    from physic_core.body.conversion import can_carry
-
-    if not can_carry(bodies, _embedded()):
-        raise NotJudged(f"the body {bodies.body_model!r} has to be brought along")
-    return _embedded()
 
 
 def _longest(rotvecs: FloatArray) -> float:

@@ -9,8 +9,8 @@ import numpy as np
 from physic_core.errors import PhysicError
 from physic_testing.conformance.accuracy import measure
 from physic_testing.conformance.asking import form_faults, inputs
-from physic_testing.conformance.expect import NotJudged, expect
-from physic_testing.conformance.run import Check
+from physic_testing.conformance.check import Check
+from physic_testing.conformance.expect import CheckSkipped, expect
 
 if TYPE_CHECKING:
     from physic_testing.conformance.subject import Subject
@@ -37,7 +37,7 @@ def check_colours_are_taken_as_rgb(subject: Subject) -> None:
     try:
         answer = subject.ask(subject.loaded(case), case, exchanged)
     except PhysicError as error:
-        raise NotJudged("it refuses a photo whose red and blue are exchanged") from error
+        raise CheckSkipped("it refuses a photo whose red and blue are exchanged") from error
     if form_faults(subject.interface, answer, case):
         return
     other = _error(subject.interface, measure(subject.interface, answer, case))

@@ -13,7 +13,7 @@ from physic_core.errors import PhysicError
 from physic_testing.conformance.accuracy import BETTER, mean_of, measure
 from physic_testing.conformance.asking import form_faults, inputs
 from physic_testing.conformance.cases import SIZE, case_of_world
-from physic_testing.conformance.expect import NotJudged
+from physic_testing.conformance.expect import CheckSkipped
 from physic_testing.conformance.subject import find_subject
 from physic_testing.worlds import build_world
 
@@ -170,8 +170,8 @@ def _row(subject: Subject, worlds: Sequence[tuple[str, int]], size: tuple[int, i
             else:
                 errors.append(measure(subject.interface, answer, case))
         except (Exception, SystemExit) as error:  # a plugin's door
-            cause = error.__cause__ if isinstance(error, NotJudged) and error.__cause__ is not None else error
-            said = isinstance(cause, (NotJudged, PhysicError))
+            cause = error.__cause__ if isinstance(error, CheckSkipped) and error.__cause__ is not None else error
+            said = isinstance(cause, (CheckSkipped, PhysicError))
             problems.append(str(error) if said else describe(cause, subject.kind))
             tracebacks.append(traceback_text(cause))
     subject.close()

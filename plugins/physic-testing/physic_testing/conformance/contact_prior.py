@@ -5,15 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from physic_testing.conformance.answering import CHECKS_OF_PEOPLE
-from physic_testing.conformance.expect import NotJudged, NotMet, expect
+from physic_testing.conformance.check import Check
+from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.rows import check_rows_follow_the_people
-from physic_testing.conformance.run import Check
+from physic_testing.conformance.truth import contact_on_embedded
 
 if TYPE_CHECKING:
-    from physic_core.types import ContactProbability
     from physic_testing.conformance.subject import Subject
 
-__all__ = ["CHECKS", "on_the_bodies"]
+__all__ = ["CHECKS"]
 
 
 def check_mesh_is_the_bodies_own(subject: Subject) -> None:
@@ -34,19 +34,19 @@ def check_mesh_it_brings_is_a_t_pose(subject: Subject) -> None:
     from physic_core.errors import BodyModelError
 
     try:
-        on_the_bodies(answer)
+        contact_on_embedded(answer)
     except BodyModelError as error:
-        raise NotMet("a mesh in the T-pose: metres, y up, facing +z, its left on +x", str(error)) from error
+        raise CheckFailed("a mesh in the T-pose: metres, y up, facing +z, its left on +x", str(error)) from error
 
 
 def check_contact_is_more_likely_where_bodies_touch(subject: Subject) -> None:
     """Vertices that touch have a higher mean probability than the others."""
     answer, truth = subject.answer(), subject.case("one person").truth
     if not truth.contact.any():
-        raise NotJudged("nobody touches anything")
+        raise CheckSkipped("nobody touches anything")
     if not answer.probability.any():
-        raise NotJudged("it says nothing of this photo")
-    probability = on_the_bodies(answer).probability
+        raise CheckSkipped("it says nothing of this photo")
+    probability = contact_on_embedded(answer).probability
     touching = float(probability[truth.contact].mean())
     others = float(probability[~truth.contact & truth.outer].mean())
     expect(
@@ -55,14 +55,6 @@ def check_contact_is_more_likely_where_bodies_touch(subject: Subject) -> None:
         f"{touching:.2f} there, {others:.2f} elsewhere",
         "1 is contact.",
     )
-
-
-def on_the_bodies(answer: ContactProbability) -> ContactProbability:
-    """Contact on the mesh of the worlds' bodies."""
-    from physic_core.body import load_body
-    from physic_core.body.conversion import contact_to_model
-
-    return contact_to_model(answer, load_body("embedded"))
 
 
 _READ = "physic_core.types.ContactProbability"

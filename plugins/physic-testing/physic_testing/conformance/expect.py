@@ -1,17 +1,17 @@
-"""How a check speaks: what was expected, what came, what it may be, and where to read more."""
+"""How a check fails or is skipped."""
 
 from __future__ import annotations
 
-__all__ = ["NotJudged", "NotMet", "expect"]
+__all__ = ["CheckFailed", "CheckSkipped", "expect"]
 
 
-class NotMet(AssertionError):
+class CheckFailed(AssertionError):
     """A backend does not do what its interface promises.
 
     Args:
-        expected: what the contract asks, with units.
-        got: what came, with units.
-        hint: what it may be, in words; empty where nothing suggests itself.
+        expected: what the contract requires, with units.
+        got: what the backend returned or did, with units.
+        hint: a likely cause; empty where none suggests itself.
     """
 
     def __init__(self, expected: str, got: str, hint: str = "") -> None:
@@ -19,15 +19,15 @@ class NotMet(AssertionError):
         super().__init__(f"expected {expected}; got {got}{f'. {hint}' if hint else ''}")
 
 
-class NotJudged(Exception):
-    """A check has nothing to judge by; the message says why."""
+class CheckSkipped(Exception):
+    """A check cannot be tested; the message gives the reason."""
 
 
-def expect(holds: bool, expected: str, got: str, hint: str = "") -> None:
-    """Go on where something holds.
+def expect(condition: bool, expected: str, got: str, hint: str = "") -> None:
+    """Raise CheckFailed unless the condition is true.
 
     Raises:
-        NotMet: it does not.
+        CheckFailed: with the other arguments.
     """
-    if not holds:
-        raise NotMet(expected, got, hint)
+    if not condition:
+        raise CheckFailed(expected, got, hint)

@@ -7,46 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_testing.conformance.answering import CHECKS_OF_PEOPLE
-from physic_testing.conformance.expect import NotJudged, expect
+from physic_testing.conformance.check import Check
+from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.rows import check_rows_follow_the_people
-from physic_testing.conformance.run import Check
+from physic_testing.conformance.truth import rotation_errors_deg, true_hands, true_wrists
 
 if TYPE_CHECKING:
-    from physic_core.types import FloatArray
     from physic_testing.conformance.subject import Subject
-    from physic_testing.worlds import World
 
-__all__ = ["CHECKS", "finger_errors", "true_hands", "true_wrists"]
+__all__ = ["CHECKS"]
 
 MOST_WRIST_DEG = 60.0
-
-
-def true_hands(world: World) -> FloatArray:
-    """(N, 2, 15, 3) rotation vectors of a world's hands, left then right."""
-    truth = world.parameters
-    both: FloatArray = np.stack([truth.left_hand_pose, truth.right_hand_pose], axis=1).reshape(-1, 2, 15, 3)
-    return both
-
-
-def true_wrists(world: World) -> FloatArray:
-    """(N, 2, 3) rotation vectors of a world's hands from the T-pose to the camera's frame, left then right."""
-    from physic_core.body import JOINT_INDEX
-    from physic_core.body.bones import world_from_local
-    from physic_core.body.parameters import rotations_from_parameters
-    from physic_core.body.rotations import log
-
-    turns = world_from_local(rotations_from_parameters(world.parameters).double().numpy())
-    wrists: FloatArray = log(turns[:, [JOINT_INDEX["left_wrist"], JOINT_INDEX["right_wrist"]]])
-    return wrists
-
-
-def finger_errors(rotvecs: FloatArray, truth: FloatArray) -> FloatArray:
-    """Angles (...) in degrees between rotation vectors (..., 3)."""
-    from scipy.spatial.transform import Rotation
-
-    first, second = (Rotation.from_rotvec(r.reshape(-1, 3).astype(np.float64)) for r in (rotvecs, truth))
-    angles: FloatArray = np.degrees((first.inv() * second).magnitude()).reshape(rotvecs.shape[:-1])
-    return angles
 
 
 def check_angles_are_radians(subject: Subject) -> None:
@@ -61,8 +32,8 @@ def check_left_comes_first(subject: Subject) -> None:
     photo = _photo_with_hands(subject)
     hands, truth = subject.answer(photo), true_hands(subject.case(photo).truth)
     shown = hands.confidence > 0
-    right = float(finger_errors(hands.rotvecs, truth)[shown].mean())
-    swapped = float(finger_errors(hands.rotvecs, truth[:, ::-1])[shown].mean())
+    right = float(rotation_errors_deg(hands.rotvecs, truth)[shown].mean())
+    swapped = float(rotation_errors_deg(hands.rotvecs, truth[:, ::-1])[shown].mean())
     expect(
         swapped > 0.5 * right,
         "the left hand first, then the right one",
@@ -78,8 +49,8 @@ def check_wrists_are_in_the_cameras_frame(subject: Subject) -> None:
     if hands.wrists is None:
         return
     shown = hands.confidence > 0
-    off = float(finger_errors(hands.wrists, truth)[shown].mean())
-    swapped = float(finger_errors(hands.wrists, truth[:, ::-1])[shown].mean())
+    off = float(rotation_errors_deg(hands.wrists, truth)[shown].mean())
+    swapped = float(rotation_errors_deg(hands.wrists, truth[:, ::-1])[shown].mean())
     expect(
         min(off, swapped) < MOST_WRIST_DEG,
         f"rotations from the T-pose to the camera's frame, within {MOST_WRIST_DEG:.0f} degrees",
@@ -95,8 +66,8 @@ def check_left_wrist_comes_first(subject: Subject) -> None:
     if hands.wrists is None:
         return
     shown = hands.confidence > 0
-    off = float(finger_errors(hands.wrists, truth)[shown].mean())
-    swapped = float(finger_errors(hands.wrists, truth[:, ::-1])[shown].mean())
+    off = float(rotation_errors_deg(hands.wrists, truth)[shown].mean())
+    swapped = float(rotation_errors_deg(hands.wrists, truth[:, ::-1])[shown].mean())
     expect(
         off < swapped,
         "the left wrist first, then the right one",
@@ -110,7 +81,7 @@ def _photo_with_hands(subject: Subject) -> str:
     for name in ("one person", "close"):
         if (subject.answer(name).confidence > 0).any():
             return name
-    raise NotJudged("it finds no hand in the photos")
+    raise CheckSkipped("it finds no hand in the photos")
 
 
 _READ = "physic_core.types.Hands"

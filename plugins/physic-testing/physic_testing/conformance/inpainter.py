@@ -8,8 +8,8 @@ import numpy as np
 
 from physic_core.discovery.error_text import describe
 from physic_core.errors import PhysicError
-from physic_testing.conformance.expect import NotMet, expect
-from physic_testing.conformance.run import Check
+from physic_testing.conformance.check import Check
+from physic_testing.conformance.expect import CheckFailed, expect
 
 if TYPE_CHECKING:
     from physic_testing.conformance.subject import Subject
@@ -66,7 +66,7 @@ def check_an_empty_mask_changes_nothing(subject: Subject) -> None:
     try:
         answer = subject.ask(subject.loaded(case), case, (case.photo.copy(), np.zeros_like(case.hole)))
     except Exception as error:
-        raise NotMet("the photo itself for an empty mask", describe(error, subject.kind)) from error
+        raise CheckFailed("the photo itself for an empty mask", describe(error, subject.kind)) from error
     same = isinstance(answer, np.ndarray) and np.array_equal(answer, case.photo)
     expect(same, "the photo itself for an empty mask", "another image")
 
@@ -83,7 +83,7 @@ def check_a_full_mask_is_borne(subject: Subject) -> None:
     except PhysicError:
         return
     except Exception as error:
-        raise NotMet(wanted, describe(error, subject.kind)) from error
+        raise CheckFailed(wanted, describe(error, subject.kind)) from error
     faults = form_faults(subject.interface, answer, case)
     expect(not faults, wanted, "; ".join(faults))
 

@@ -7,16 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_testing.conformance.answering import CHECKS_OF_PEOPLE
-from physic_testing.conformance.expect import NotJudged, expect
+from physic_testing.conformance.check import Check
+from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.rows import check_rows_follow_the_people
-from physic_testing.conformance.run import Check
+from physic_testing.conformance.truth import mirrored_order, true_keypoints
 
 if TYPE_CHECKING:
-    from physic_core.types import BoolArray, FloatArray, Keypoints
     from physic_testing.conformance.subject import Subject
-    from physic_testing.worlds import World
 
-__all__ = ["CHECKS", "joint_counts", "true_keypoints"]
+__all__ = ["CHECKS", "joint_counts"]
 
 MOST_ERROR = 0.25
 """Median error as a share of the larger side of the person's box."""
@@ -27,22 +26,6 @@ def joint_counts() -> dict[str, int]:
     from physic_core.body.landmarks import DETECTED
 
     return {name: len(joints) for name, joints in DETECTED.items()}
-
-
-def true_keypoints(answer: Keypoints, world: World) -> tuple[FloatArray, FloatArray, BoolArray, str]:
-    """Answered points (N, J, 2), true ones, which of them the photo shows, and the joint set that they share.
-
-    Raises:
-        NotJudged: a world knows no truth of this joint set.
-    """
-    from physic_core.body.landmarks import DETECTED, known_keypoints
-    from physic_testing.conformance.joint_sets import world_keypoints
-
-    if answer.skeleton not in DETECTED or "hand21" in answer.skeleton:
-        raise NotJudged(f"worlds know no keypoints of the skeleton {answer.skeleton!r}")
-    known = known_keypoints(answer)
-    truth, visible = world_keypoints(world, known.skeleton)
-    return known.points, truth, visible & (known.confidence > 0), known.skeleton
 
 
 def check_skeleton_is_known(subject: Subject) -> None:
@@ -62,7 +45,7 @@ def check_joints_lie_on_the_person(subject: Subject) -> None:
     answer, truth = subject.answer(), subject.case("one person").truth
     points, true, seen, _ = true_keypoints(answer, truth)
     if not seen.any():
-        raise NotJudged("it is sure of no joint")
+        raise CheckSkipped("it is sure of no joint")
     sides = (truth.boxes[:, 2:] - truth.boxes[:, :2]).max(axis=1)[:, None]
     error = float(np.median((np.linalg.norm(points - true, axis=2) / sides)[seen]))
     turned = float(np.median((np.linalg.norm(points[..., ::-1] - true, axis=2) / sides)[seen]))
@@ -87,7 +70,7 @@ def check_left_is_the_persons_left(subject: Subject) -> None:
     other = mirrored_order(SKELETONS[name])
     sided = seen & seen[:, other] & (np.array(other) != np.arange(len(other)))
     if not sided.any():
-        raise NotJudged("it sees no pair of joints")
+        raise CheckSkipped("it sees no pair of joints")
     right = float(np.linalg.norm(points - true, axis=2)[sided].mean())
     swapped = float(np.linalg.norm(points[:, other] - true, axis=2)[sided].mean())
     expect(
@@ -104,7 +87,7 @@ def check_world_points_are_metres(subject: Subject) -> None:
     answer = subject.answer()
     names = SKELETONS.get(answer.skeleton, ())
     if answer.world is None or "left_ankle" not in names:
-        raise NotJudged("it answers no world points")
+        raise CheckSkipped("it answers no world points")
     height = answer.world[:, [names.index("left_ankle"), names.index("right_ankle")], 1].mean(axis=1)
     height = height - answer.world[:, names.index("nose"), 1]
     expect(
@@ -117,17 +100,6 @@ def check_world_points_are_metres(subject: Subject) -> None:
         "metres: 0.5-3 m from nose to ankles of a standing person",
         f"{np.round(height, 2).tolist()}",
     )
-
-
-def mirrored_order(names: tuple[str, ...]) -> list[int]:
-    """Index of each joint's twin on the other side; its own where it has none."""
-    place = {name: i for i, name in enumerate(names)}
-
-    def twin(name: str) -> str:
-        side, _, rest = name.partition("_")
-        return {"left": f"right_{rest}", "right": f"left_{rest}"}.get(side, name)
-
-    return [place.get(twin(name), i) for i, name in enumerate(names)]
 
 
 _READ = "physic_core.types.Keypoints"

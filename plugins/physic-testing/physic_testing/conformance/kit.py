@@ -28,8 +28,8 @@ from physic_testing.conformance.subject import Subject, find_subject
 
 if TYPE_CHECKING:
     from physic_core.discovery.registry import Registry
+    from physic_testing.conformance.check import Check
     from physic_testing.conformance.report import Report
-    from physic_testing.conformance.run import Check
     from physic_testing.conformance.subject import OptionsFor
 
 __all__ = ["BoundCheck", "check_backend", "checks_for", "parametrize_with_checks", "start"]

@@ -11,9 +11,9 @@ from physic_core.discovery.error_text import describe
 from physic_core.discovery.readiness import missing_requirements
 from physic_core.errors import PhysicError
 from physic_testing.conformance.asking import difference
-from physic_testing.conformance.expect import NotJudged, NotMet, expect
+from physic_testing.conformance.check import Check
+from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.guard import no_network, resident_megabytes
-from physic_testing.conformance.run import Check
 
 if TYPE_CHECKING:
     from physic_testing.conformance.cases import Case
@@ -32,7 +32,7 @@ def check_constructs_with_its_defaults(subject: Subject) -> None:
     try:
         subject.construct()
     except Exception as error:
-        raise NotMet("a backend from its options", describe(error, subject.kind)) from error
+        raise CheckFailed("a backend from its options", describe(error, subject.kind)) from error
 
 
 def check_constructs_offline(subject: Subject) -> None:
@@ -59,7 +59,7 @@ def check_constructs_cheaply(subject: Subject) -> None:
         memory = min(memory, resident_megabytes() - before)
         if best < MOST_SECONDS and memory < MOST_MEGABYTES:
             return
-    raise NotMet(
+    raise CheckFailed(
         f"a constructor of less than {MOST_SECONDS} s of processor time and {MOST_MEGABYTES:.0f} MB",
         f"{best:.2f} s and {memory:.0f} MB, each time",
         "Read weights in load().",
@@ -69,24 +69,26 @@ def check_constructs_cheaply(subject: Subject) -> None:
 def check_loads_or_says_what_is_missing(subject: Subject) -> None:
     """`missing` says offline what is missing; else `load` works, or raises a PhysicError that says it."""
     if "needs_cuda" in subject.capabilities and subject.device == "cpu":
-        raise NotJudged("needs a GPU: give the device 'cuda'")
+        raise CheckSkipped("needs a GPU: give the device 'cuda'")
     backend = _fresh(subject)
     with no_network() as asked:
         try:
             lacking = missing_requirements(backend)
         except PhysicError as error:
-            raise NotMet("missing() to return a tuple of texts, empty where nothing is missing", str(error)) from error
+            raise CheckFailed(
+                "missing() to return a tuple of texts, empty where nothing is missing", str(error)
+            ) from error
     expect(not asked, "missing() to use no network", f"it asks for {', '.join(dict.fromkeys(asked))}")
     if lacking:
         _expect_help("; ".join(lacking))
-        raise NotJudged(f"not ready: {'; '.join(lacking)}")
+        raise CheckSkipped(f"not ready: {'; '.join(lacking)}")
     try:
         backend.load(subject.device)
     except PhysicError as error:
         _expect_help(str(error))
-        raise NotJudged(f"not ready: {error}") from error
+        raise CheckSkipped(f"not ready: {error}") from error
     except Exception as error:
-        raise NotMet(
+        raise CheckFailed(
             "load() to work, or a physic_core.errors.BackendError that says which file is missing and where to get it",
             describe(error, subject.kind),
         ) from error
@@ -105,7 +107,7 @@ def check_refuses_a_missing_device(subject: Subject) -> None:
     except PhysicError:
         return
     except Exception as error:
-        raise NotMet(
+        raise CheckFailed(
             f"load({MISSING_DEVICE!r}) to raise a physic_core.errors.DeviceError, or to do without a device",
             describe(error, subject.kind),
             "physic_core.adapters.devices.check_device(device) says it in words.",
@@ -121,7 +123,7 @@ def check_says_so_if_it_is_not_loaded(subject: Subject) -> None:
     except PhysicError:
         return
     except Exception as error:
-        raise NotMet(
+        raise CheckFailed(
             "infer() before load() to work, or to raise a physic_core.errors.BackendError",
             describe(error, subject.kind),
         ) from error
@@ -144,7 +146,7 @@ def check_load_and_close_may_be_repeated(subject: Subject) -> None:
             call()
         except Exception as error:
             before = "" if i else ", on a fresh backend"
-            raise NotMet(f"{step} to do no harm{before}", describe(error, subject.kind)) from error
+            raise CheckFailed(f"{step} to do no harm{before}", describe(error, subject.kind)) from error
 
 
 def check_answers_again_after_close(subject: Subject) -> None:
@@ -158,7 +160,7 @@ def check_answers_again_after_close(subject: Subject) -> None:
         backend.load(subject.device)
         again = subject.ask(backend, case)
     except Exception as error:
-        raise NotMet("an answer after load(), close(), load()", describe(error, subject.kind)) from error
+        raise CheckFailed("an answer after load(), close(), load()", describe(error, subject.kind)) from error
     finally:
         _quietly_closed(backend)
     if "stochastic" not in subject.capabilities:
@@ -170,7 +172,7 @@ def _fresh(subject: Subject, case: Case | None = None) -> Any:
     try:
         return subject.construct(case)
     except Exception as error:
-        raise NotJudged("it cannot be constructed: see 'constructs_with_its_defaults'") from error
+        raise CheckSkipped("it cannot be constructed: see 'constructs_with_its_defaults'") from error
 
 
 def _quietly_closed(backend: Any) -> None:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_testing.conformance.expect import NotJudged, expect
-from physic_testing.conformance.run import Check
+from physic_testing.conformance.check import Check
+from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.surfaces import (
     expect_along_z,
     expect_camera_of_photo,
@@ -45,7 +45,7 @@ def check_depth_is_in_metres(subject: Subject) -> None:
     depth, truth = subject.answer().depth, subject.case("one person").truth.empty_depth
     both = np.isfinite(depth) & np.isfinite(truth)
     if not both.any():
-        raise NotJudged("no depth is known")
+        raise CheckSkipped("no depth is known")
     ratio = float(np.median(depth[both] / truth[both]))
     units = {100.0: "Is it centimetres?", 1000.0: "Is it millimetres?"}
     hint = next((words for factor, words in units.items() if factor / FACTOR < ratio < factor * FACTOR), "")
@@ -77,7 +77,7 @@ def check_scale_sigma_is_a_deviation(subject: Subject) -> None:
     """`scale_sigma` is None, or a standard deviation of the logarithm of the scale."""
     sigma = subject.answer().scale_sigma
     if sigma is None:
-        raise NotJudged("it answers no scale_sigma")
+        raise CheckSkipped("it answers no scale_sigma")
     expect(
         0 < float(sigma) < 3,
         "a standard deviation of log(scale) above 0 and below 3: 0.1 is ten percent; or None",

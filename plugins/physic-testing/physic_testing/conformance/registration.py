@@ -16,8 +16,8 @@ from pydantic.json_schema import PydanticJsonSchemaWarning
 from physic_core.discovery.error_text import describe
 from physic_core.discovery.registry import call_fault
 from physic_core.interfaces import INTERFACES
-from physic_testing.conformance.expect import NotJudged, NotMet, expect
-from physic_testing.conformance.run import Check
+from physic_testing.conformance.check import Check
+from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 
 if TYPE_CHECKING:
     from physic_testing.conformance.subject import Subject
@@ -48,7 +48,7 @@ def check_registration_is_light(subject: Subject) -> None:
     """Listing the plugin imports nothing heavy: the user pays for it at every `physic plugins`."""
     claim = subject.claim
     if claim is None or not claim.origin.plugin:
-        raise NotJudged("no plugin registers it")
+        raise CheckSkipped("no plugin registers it")
     seen = _registration(claim.origin.plugin, tuple(sys.path))
     expect(not seen["broken"], "a plugin that can be listed", "; ".join(seen["broken"]))
     heavy = sorted(HEAVY & set(seen["new"]))
@@ -92,7 +92,7 @@ def check_options_are_a_closed_model(subject: Subject) -> None:
     except ValidationError as error:
         if any(fault["type"] == "extra_forbidden" for fault in error.errors()):
             return
-    raise NotMet(
+    raise CheckFailed(
         "unknown options to be refused: a user's spelling mistake must not pass",
         "a model that takes {'no_such_option_': 1}",
         "Derive Options from physic_core.interfaces.Options and leave its model_config alone.",
@@ -126,7 +126,7 @@ def check_options_go_through_json(subject: Subject) -> None:
         options = subject.options()
         back = kind.model_validate(json.loads(json.dumps(options.model_dump(mode="json"))))
     except Exception as error:  # pydantic raises many kinds
-        raise NotMet("options that can be written as JSON", describe(error, subject.kind)) from error
+        raise CheckFailed("options that can be written as JSON", describe(error, subject.kind)) from error
     expect(back == options, "options that come back from JSON as they were", f"{back!r} instead of {options!r}")
 
 

@@ -12,9 +12,9 @@ from physic_core.errors import PhysicError
 from physic_core.types import AffineAmbiguity
 from physic_testing.conformance.answering import check_needs_no_hints
 from physic_testing.conformance.asking import form_faults, inputs
-from physic_testing.conformance.expect import NotJudged, NotMet, expect
+from physic_testing.conformance.check import Check
+from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.metric_depth import check_answers_its_camera, check_camera_is_the_photos
-from physic_testing.conformance.run import Check
 from physic_testing.conformance.surfaces import (
     aligned_error,
     expect_along_z,
@@ -109,7 +109,7 @@ def check_camera_may_be_unknown(subject: Subject) -> None:
     try:
         answer = subject.ask(subject.loaded(case), case, (image, replace(hints, intrinsics=None)))
     except Exception as error:
-        raise NotMet("points for a photo whose camera is not known", describe(error, subject.kind)) from error
+        raise CheckFailed("points for a photo whose camera is not known", describe(error, subject.kind)) from error
     faults = form_faults(subject.interface, answer, case)
     expect(not faults, "points for a photo whose camera is not known", "; ".join(faults))
 
@@ -124,9 +124,9 @@ def check_photo_after_scene(subject: Subject) -> None:
             subject.loaded(case), case, (case.photo.copy(), replace(hints, hole=None, scene=case.scene))
         )
     except PhysicError as error:
-        raise NotMet("points of the photo with its people", describe(error, subject.kind)) from error
+        raise CheckFailed("points of the photo with its people", describe(error, subject.kind)) from error
     except Exception as error:
-        raise NotMet(
+        raise CheckFailed(
             "points of the photo with its people, hints.scene given and hints.hole None",
             describe(error, subject.kind),
         ) from error
@@ -146,7 +146,7 @@ def _seen(subject: Subject) -> tuple[_Axis, _Axis]:
     answer, camera = subject.answer(), subject.case("one person").intrinsics
     rows, columns = np.nonzero(answer.valid)
     if len(rows) < 64:
-        raise NotJudged("too few points are valid")
+        raise CheckSkipped("too few points are valid")
     points = answer.points[rows, columns].astype(np.float64)
     across = _fit(columns - camera.cx, points[:, 0], points[:, 2], camera.fx)
     return across, _fit(rows - camera.cy, points[:, 1], points[:, 2], camera.fy)

@@ -9,7 +9,7 @@ import numpy as np
 
 from physic_core.discovery.error_text import describe
 from physic_testing.conformance.asking import inputs
-from physic_testing.conformance.expect import NotJudged, NotMet, expect
+from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
@@ -26,11 +26,11 @@ def check_rows_follow_the_people(subject: Subject) -> None:
     try:
         again = subject.ask(subject.loaded(case), case, turned)
     except Exception as error:
-        raise NotMet("an answer about the same people in reverse order", describe(error, subject.kind)) from error
+        raise CheckFailed("an answer about the same people in reverse order", describe(error, subject.kind)) from error
     first, second = _rows(answer, count), _rows(again, count)
     apart = np.abs(first[:, None] - second[None]).mean(axis=2)
     if not apart.any():
-        raise NotJudged("it answers the same for everybody")
+        raise CheckSkipped("it answers the same for everybody")
     kept, swapped = float(np.trace(apart)), float(np.trace(apart[::-1]))
     expect(
         swapped < 0.5 * kept,

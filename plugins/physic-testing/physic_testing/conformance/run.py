@@ -4,49 +4,21 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 from physic_core.discovery.error_text import describe
 from physic_core.errors import PhysicError
-from physic_testing.conformance.expect import NotJudged, NotMet
+from physic_testing.conformance.accuracy import accuracy_of
+from physic_testing.conformance.expect import CheckFailed, CheckSkipped
 from physic_testing.conformance.report import Report, Result
 
 if TYPE_CHECKING:
+    from physic_testing.conformance.check import Check
     from physic_testing.conformance.subject import Subject
 
-__all__ = ["Check", "Run"]
-
-
-@dataclass(frozen=True)
-class Check:
-    """One property of a backend.
-
-    Attributes:
-        function: raises NotMet where the property does not hold, NotJudged where it cannot be told.
-        read: where to read more.
-        after: checks that must not have failed, or this one would only repeat what they say.
-        unless: capabilities with which it does not apply.
-        only_with: capabilities without which it does not apply.
-    """
-
-    function: Callable[[Subject], None]
-    read: str
-    after: tuple[str, ...] = ()
-    unless: frozenset[str] = frozenset()
-    only_with: frozenset[str] = frozenset()
-
-    @property
-    def name(self) -> str:
-        """The function's, without "check_"."""
-        return self.function.__name__.removeprefix("check_")
-
-    @property
-    def summary(self) -> str:
-        """First line of its docstring."""
-        return (self.function.__doc__ or "").strip().partition("\n")[0]
+__all__ = ["Run", "require_known"]
 
 
 class Run:
@@ -86,8 +58,6 @@ class Run:
 
     def report(self) -> Report:
         """Run whatever has not run yet, and close the backend."""
-        from physic_testing.conformance.accuracy import accuracy_of
-
         results = tuple(self.result(name) for name in self.checks)
         accuracy = accuracy_of(self.subject)
         self.subject.close()
@@ -112,7 +82,7 @@ class Run:
                 # None of the contract's affairs, and must not decide by the settings of who runs the check.
                 warnings.simplefilter("ignore")
                 check.function(self.subject)
-        except NotMet as failure:
+        except CheckFailed as failure:
             return Result(
                 name,
                 "failed",
@@ -122,7 +92,7 @@ class Run:
                 read=check.read,
                 error=failure.__cause__,
             )
-        except NotJudged as reason:
+        except CheckSkipped as reason:
             return Result(name, "skipped", reason=str(reason))
         except Exception as error:
             got = describe(error, self.subject.kind)

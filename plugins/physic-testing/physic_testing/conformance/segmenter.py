@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.metrics.matching import mask_iou
-from physic_testing.conformance.expect import NotJudged, expect
-from physic_testing.conformance.run import Check
+from physic_testing.conformance.check import Check
+from physic_testing.conformance.expect import CheckSkipped, expect
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
@@ -40,7 +40,7 @@ def check_boxes_hold_their_masks(subject: Subject) -> None:
     """Each box x0 y0 x1 y1 holds its mask, half open like a slice, and is not much larger."""
     answer = subject.answer()
     if not len(answer):
-        raise NotJudged("nobody was found")
+        raise CheckSkipped("nobody was found")
     for mask, box in zip(answer.masks, answer.boxes, strict=True):
         inside = np.zeros_like(mask)
         x0, y0, x1, y1 = (max(0, round(float(value))) for value in box)
@@ -65,7 +65,7 @@ def check_scores_fall(subject: Subject) -> None:
     """People come best score first."""
     scores = subject.answer("several people").scores
     if len(scores) < 2:
-        raise NotJudged("fewer than two people were found")
+        raise CheckSkipped("fewer than two people were found")
     expect(bool((np.diff(scores) <= 0).all()), "the best score first", f"{np.round(scores, 3).tolist()}")
 
 
@@ -73,7 +73,7 @@ def check_floor_is_under_the_people(subject: Subject) -> None:
     """The floor's mask, if there is one, lies mostly on the floor."""
     floor, truth = subject.answer().floor, subject.case("one person").truth
     if floor is None or not floor.any():
-        raise NotJudged("it marks no floor")
+        raise CheckSkipped("it marks no floor")
     share = float(truth.empty_floor_mask[floor].mean())
     expect(
         share >= 0.5,
@@ -87,7 +87,7 @@ def check_floor_leaves_people_out(subject: Subject) -> None:
     """A pixel is a person's or the floor's, not both."""
     answer = subject.answer()
     if answer.floor is None or not answer.floor.any() or not len(answer):
-        raise NotJudged("it marks no floor")
+        raise CheckSkipped("it marks no floor")
     share = float(answer.masks.any(axis=0)[answer.floor].mean())
     expect(share < 0.1, "a floor that leaves out the pixels of people", f"{share:.0%} of it lies on people")
 

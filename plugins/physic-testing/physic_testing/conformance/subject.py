@@ -18,7 +18,7 @@ from physic_core.interfaces import INTERFACES, Backend
 from physic_core.pipeline.image_check import infer
 from physic_testing.conformance.asking import changed, form_faults, inputs
 from physic_testing.conformance.cases import SIZE, build_case
-from physic_testing.conformance.expect import NotJudged
+from physic_testing.conformance.expect import CheckSkipped
 from physic_testing.conformance.guard import no_network
 
 if TYPE_CHECKING:
@@ -136,29 +136,29 @@ class Subject:
         """The backend that answers, loaded; the same for all cases that need the same options.
 
         Raises:
-            NotJudged: it cannot be constructed or loaded, or the device is not there.
+            CheckSkipped: it cannot be constructed or loaded, or the device is not there.
         """
         if "needs_cuda" in self.capabilities and self.device == "cpu":
-            raise NotJudged("needs a GPU: give the device 'cuda'")
+            raise CheckSkipped("needs a GPU: give the device 'cuda'")
         key = case.name if callable(self._options) and case.world is not None else ""
         if key not in self._loaded:
             try:
                 backend = self.construct(case)
             except Exception as error:
-                raise NotJudged("it cannot be constructed: see 'constructs_with_its_defaults'") from error
+                raise CheckSkipped("it cannot be constructed: see 'constructs_with_its_defaults'") from error
             try:
                 with no_network():
                     lacking = missing_requirements(backend)
             except PhysicError as error:
-                raise NotJudged("it cannot be loaded: see 'loads_or_says_what_is_missing'") from error
+                raise CheckSkipped("it cannot be loaded: see 'loads_or_says_what_is_missing'") from error
             if lacking:
-                raise NotJudged(f"not ready: {'; '.join(lacking)}")
+                raise CheckSkipped(f"not ready: {'; '.join(lacking)}")
             try:
                 backend.load(self.device)
             except PhysicError as error:
-                raise NotJudged(f"not ready: {error}") from error
+                raise CheckSkipped(f"not ready: {error}") from error
             except Exception as error:
-                raise NotJudged("it cannot be loaded: see 'loads_or_says_what_is_missing'") from error
+                raise CheckSkipped("it cannot be loaded: see 'loads_or_says_what_is_missing'") from error
             self._loaded[key] = backend
         return self._loaded[key]
 
@@ -171,7 +171,7 @@ class Subject:
         """What came of showing the photo; shown once only, and always FIRST before any other.
 
         Raises:
-            NotJudged: the backend does not get as far as being asked.
+            CheckSkipped: the backend does not get as far as being asked.
         """
         if name not in self._attempts:
             if name != FIRST:
@@ -184,15 +184,15 @@ class Subject:
         """The answer to a photo, of the right form.
 
         Raises:
-            NotJudged: there is none; other checks say why.
+            CheckSkipped: there is none; other checks say why.
         """
         attempt = self.attempt(name)
         if isinstance(attempt.error, ConfigError):
-            raise NotJudged(f"not ready: {attempt.error}")
+            raise CheckSkipped(f"not ready: {attempt.error}")
         if attempt.error is not None:
-            raise NotJudged(f"it did not answer the photo '{name}': {describe(attempt.error, self.kind)}")
+            raise CheckSkipped(f"it did not answer the photo '{name}': {describe(attempt.error, self.kind)}")
         if attempt.faults:
-            raise NotJudged(f"its answer to the photo '{name}' has the wrong form")
+            raise CheckSkipped(f"its answer to the photo '{name}' has the wrong form")
         return attempt.answer
 
     @property
