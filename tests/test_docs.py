@@ -115,6 +115,23 @@ def test_the_continuous_integration_runs_the_test_command_of_the_readme():
     assert (ROOT / ".ci" / "run").read_text().rstrip().splitlines()[-2:] == ["make test", "exec make kernels"]
 
 
+def test_the_import_order_of_the_architecture_is_the_contract():
+    (shown,) = re.findall(r"^```text\n(cli\n.*?)^```", (ROOT / "ARCHITECTURE.md").read_text(), re.M | re.S)
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
+    (layers,) = [contract["layers"] for contract in contracts if contract["type"] == "layers"]
+    assert shown.splitlines() == layers
+
+
+@pytest.mark.parametrize("page", ["ARCHITECTURE.md", "README.md", "CONTRIBUTING.md", "docs/api.md"])
+def test_every_file_that_a_paper_names_is_there(page: str):
+    text = (ROOT / page).read_text()
+    for name in re.findall(r"`([a-z_]+/[\w./-]+?)/?`", text):
+        assert (ROOT / name).exists() or (ROOT / "physic_core" / name).exists(), name
+    for folder, names in re.findall(r"^\| file in `(.*?)/` .*?\n\|[-|]+\n((?:\|.*\n)+)", text, re.M):
+        for name in re.findall(r"`([\w*]+\.py)`", "\n".join(row.split("|")[1] for row in names.splitlines())):
+            assert list((ROOT / "physic_core" / folder).glob(name)), name
+
+
 def test_the_readme_is_short():
     assert len((ROOT / "README.md").read_text().split()) <= 1200
 
