@@ -1,4 +1,4 @@
-"""The border names every fault of an answer: what was expected and what came."""
+"""Each interface names every violation of a result: what was expected and what was returned."""
 
 from __future__ import annotations
 
@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.pipeline import validation as border
+from physic_core.interfaces import (
+    BodyEstimator,
+    ContactPrior,
+    HandEstimator,
+    Inpainter,
+    KeypointDetector,
+    MetricDepth,
+    RelativePointmap,
+    Segmenter,
+)
 from physic_core.types import (
     Bodies,
     BodyParameters,
@@ -19,6 +28,7 @@ from physic_core.types import (
     People,
     Pointmap,
 )
+from physic_testing import violations
 
 H, W = 97, 131
 
@@ -46,20 +56,20 @@ def parameters() -> BodyParameters:
 
 def test_right_answers_have_no_faults() -> None:
     points = np.ones((H, W, 3), np.float32)
-    assert border.people_faults(people(), H, W) == []
-    assert border.people_faults(replace(people(), keypoints=keypoints()), H, W) == []
-    assert border.keypoints_faults(keypoints(), 2) == []
-    assert border.pointmap_faults(Pointmap(points, np.ones((H, W), bool), "scale"), H, W) == []
-    assert border.depth_faults(DepthMap(points[..., 0]), H, W) == []
-    assert border.bodies_faults(Bodies(parameters(), "embedded"), 2) == []
-    assert border.hands_faults(Hands(np.zeros((2, 2, 15, 3)), np.zeros((2, 2))), 2) == []
-    assert border.contact_faults(ContactProbability(np.zeros((2, 9)), "t"), 2, 9, "t") == []
-    assert border.image_faults(np.zeros((H, W, 3), np.uint8), H, W) == []
+    assert violations(Segmenter, people(), height=H, width=W) == []
+    assert violations(Segmenter, replace(people(), keypoints=keypoints()), height=H, width=W) == []
+    assert violations(KeypointDetector, keypoints(), people=2) == []
+    assert violations(RelativePointmap, Pointmap(points, np.ones((H, W), bool), "scale"), height=H, width=W) == []
+    assert violations(MetricDepth, DepthMap(points[..., 0]), height=H, width=W) == []
+    assert violations(BodyEstimator, Bodies(parameters(), "embedded"), people=2) == []
+    assert violations(HandEstimator, Hands(np.zeros((2, 2, 15, 3)), np.zeros((2, 2))), people=2) == []
+    assert violations(ContactPrior, ContactProbability(np.zeros((2, 9)), "t"), people=2, vertices=9, topology="t") == []
+    assert violations(Inpainter, np.zeros((H, W, 3), np.uint8), height=H, width=W) == []
 
 
 def test_nobody_is_a_right_answer() -> None:
     nobody = People(np.zeros((0, H, W), bool), np.zeros((0, 4), np.float32), np.zeros(0, np.float32))
-    assert border.people_faults(nobody, H, W) == []
+    assert violations(Segmenter, nobody, height=H, width=W) == []
 
 
 @pytest.mark.parametrize(
@@ -78,7 +88,7 @@ def test_nobody_is_a_right_answer() -> None:
     ],
 )
 def test_people(change: dict[str, np.ndarray], fault: str) -> None:
-    assert border.people_faults(replace(people(), **change), H, W) == [fault]
+    assert violations(Segmenter, replace(people(), **change), height=H, width=W) == [fault]
 
 
 @pytest.mark.parametrize(
@@ -95,25 +105,25 @@ def test_people(change: dict[str, np.ndarray], fault: str) -> None:
     ],
 )
 def test_depth(depth: np.ndarray, fault: str) -> None:
-    assert border.depth_faults(DepthMap(depth), H, W) == [fault]
+    assert violations(MetricDepth, DepthMap(depth), height=H, width=W) == [fault]
 
 
 def test_pointmap_behind_the_camera() -> None:
     points = np.ones((H, W, 3), np.float32)
     points[..., 2] = -1
-    assert border.pointmap_faults(Pointmap(points, np.ones((H, W), bool), "scale"), H, W) == [
+    assert violations(RelativePointmap, Pointmap(points, np.ones((H, W), bool), "scale"), height=H, width=W) == [
         "z must be > 0 where valid (z forward), 100% of the valid points lie behind"
     ]
 
 
 def test_pointmap_without_a_valid_pixel() -> None:
     empty = Pointmap(np.ones((H, W, 3), np.float32), np.zeros((H, W), bool), "scale")
-    assert border.pointmap_faults(empty, H, W) == ["no pixel is valid"]
+    assert violations(RelativePointmap, empty, height=H, width=W) == ["no pixel is valid"]
 
 
 def test_bodies() -> None:
     wrong = replace(parameters(), body_pose=np.zeros((2, 69), np.float32), transl=np.full((2, 3), np.nan))
-    assert border.bodies_faults(Bodies(wrong, "embedded"), 2) == [
+    assert violations(BodyEstimator, Bodies(wrong, "embedded"), people=2) == [
         "body_pose must be (2, 63), got (2, 69)",
         "transl must be finite, 6 values are not",
     ]
@@ -123,32 +133,32 @@ def test_numbers_that_are_lost_for_some_people_only_are_no_fault() -> None:
     """They are dealt with one by one; see physic_core.pipeline.partial_answers."""
     transl = np.zeros((2, 3), np.float32)
     transl[1] = np.nan
-    assert border.bodies_faults(Bodies(replace(parameters(), transl=transl), "embedded"), 2) == []
+    assert violations(BodyEstimator, Bodies(replace(parameters(), transl=transl), "embedded"), people=2) == []
     confidence = np.full((2, 17), 0.5, np.float32)
     confidence[0, 3] = np.nan
-    assert border.keypoints_faults(replace(keypoints(), confidence=confidence), 2) == []
+    assert violations(KeypointDetector, replace(keypoints(), confidence=confidence), people=2) == []
     confidence[1, 3] = 7
-    assert border.keypoints_faults(replace(keypoints(), confidence=confidence), 2) == [
+    assert violations(KeypointDetector, replace(keypoints(), confidence=confidence), people=2) == [
         "confidence must lie in [0, 1], got 0 to 7"
     ]
     confidence[:] = np.nan
-    assert border.keypoints_faults(replace(keypoints(), confidence=confidence), 2) == [
+    assert violations(KeypointDetector, replace(keypoints(), confidence=confidence), people=2) == [
         "confidence must lie in [0, 1], got nan to nan"
     ]
     probability = np.full((2, 5), 0.5)
     probability[1] = np.nan
-    assert border.contact_faults(ContactProbability(probability, "t"), 2, 5, "t") == []
+    assert violations(ContactPrior, ContactProbability(probability, "t"), people=2, vertices=5, topology="t") == []
     rotvecs = np.zeros((2, 2, 15, 3))
     rotvecs[0] = np.nan
-    assert border.hands_faults(Hands(rotvecs, np.full((2, 2), 0.9)), 2) == []
+    assert violations(HandEstimator, Hands(rotvecs, np.full((2, 2), 0.9)), people=2) == []
     rotvecs[1] = np.nan
-    assert border.hands_faults(Hands(rotvecs, np.full((2, 2), 0.9)), 2) == [
+    assert violations(HandEstimator, Hands(rotvecs, np.full((2, 2), 0.9)), people=2) == [
         "rotvecs must be finite, 180 values are not"
     ]
 
 
 def test_keypoints_of_another_number_of_people() -> None:
-    assert border.keypoints_faults(keypoints(), 3) == [
+    assert violations(KeypointDetector, keypoints(), people=3) == [
         "points must be (3, 17, 2), got (2, 17, 2)",
         "confidence must be (3, 17), got (2, 17)",
     ]
@@ -156,9 +166,11 @@ def test_keypoints_of_another_number_of_people() -> None:
 
 def test_contact_on_another_mesh() -> None:
     wrong = ContactProbability(np.zeros((2, 6890)), "smpl")
-    assert border.contact_faults(wrong, 2, 10475, "smplx") == ["topology must be 'smplx' as the bodies', got 'smpl'"]
+    assert violations(ContactPrior, wrong, people=2, vertices=10475, topology="smplx") == [
+        "topology must be 'smplx' as the bodies', got 'smpl'"
+    ]
 
 
 def test_unseen_hand_may_hold_anything() -> None:
     hands = Hands(np.full((2, 2, 15, 3), np.nan), np.zeros((2, 2)))
-    assert border.hands_faults(hands, 2) == []
+    assert violations(HandEstimator, hands, people=2) == []

@@ -10,13 +10,13 @@ import torch
 
 from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.errors import InputError
-from physic_core.interfaces import Inpainter
-from physic_core.pipeline import validation as border
-from physic_core.pipeline.image_check import infer
+from physic_core.interfaces import Inpainter, InpainterRequest
+from physic_core.interfaces.backend import call
 from physic_core.pipeline.stages import Stages
 from physic_core.types import Provenance
 
 PHOTO = np.full((6, 8, 3), 7, np.uint8)
+MASK = np.zeros((6, 8), bool)
 WANTED = "the image must be a numpy array (H, W, 3) of uint8 RGB, got "
 STRANGE = [
     (PHOTO / np.float32(255), "(6, 8, 3) float32: convert it before the call"),
@@ -47,12 +47,12 @@ class Counting(Inpainter):
 def test_what_is_no_photo_reaches_no_backend(image: Any, got: str):
     backend = Counting()
     with pytest.raises(InputError) as caught:
-        infer(backend, (image, None))
+        call(backend, InpainterRequest(image, MASK))
     assert str(caught.value) == WANTED + got
     who = ResolvedBackend(backend, Provenance("inpainter", "mine", "my_plugin", "my-dist", "1.0", {}, ""))
     stages = Stages("cpu", 1)
     with pytest.raises(InputError) as caught:
-        stages.ask("inpainting", who, (image, None), np.ndarray, lambda a: border.image_faults(a, 6, 8))
+        stages.call("inpainting", who, InpainterRequest(image, MASK))
     assert str(caught.value) == WANTED + got
     assert backend.events == []
     assert stages.records == []
@@ -60,5 +60,5 @@ def test_what_is_no_photo_reaches_no_backend(image: Any, got: str):
 
 def test_a_photo_comes_as_it_is():
     backend = Counting()
-    assert infer(backend, (PHOTO, None)) is PHOTO
+    assert call(backend, InpainterRequest(PHOTO, MASK)) is PHOTO
     assert backend.events == ["infer"]

@@ -70,8 +70,8 @@ class Pipeline:
     error: Exception | None = None
     calls: list[tuple[Any, Any]] = field(default_factory=list)
 
-    def reconstruct_photo(self, path: Any, config: Any, *, registry: Any, progress: Any) -> Result_:
-        self.calls.append((path, config))
+    def reconstruct_photo(self, path: Any, plan: Any, *, progress: Any) -> Result_:
+        self.calls.append((path, plan.config))
         progress("people", 0, 2)
         if self.error is not None:
             raise self.error

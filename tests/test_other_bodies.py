@@ -13,15 +13,16 @@ from physic_core import load_config, reconstruct
 from physic_core.body import load_body
 from physic_core.body.conversion import rest_mesh_of
 from physic_core.body.parameters import rotations_from_parameters
-from physic_core.cache.answers import settled
+from physic_core.cache.answers import canonical
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord
 from physic_core.errors import BodyModelError
 from physic_core.files.archive import pack, read_archive, unpack, write_archive
-from physic_core.pipeline import partial_answers as salvage
-from physic_core.pipeline import validation as border
+from physic_core.interfaces import BodyEstimator, ContactPrior, HandEstimator
+from physic_core.pipeline.partial_answers import drop_nonfinite_bodies, drop_nonfinite_hands, select_people
 from physic_core.types import Bodies, BodyParameters, ContactProbability, Hands, Mesh, Reconstruction, RestMesh
 from physic_mock import backends
+from physic_testing import violations
 from physic_testing.worlds import World, build_world
 
 FACES = np.array([[0, 1, 2], [1, 2, 3]], np.int32)
@@ -53,17 +54,19 @@ def contact() -> ContactProbability:
 
 
 def test_right_answers_have_no_faults() -> None:
-    assert border.bodies_faults(bodies(), 2) == []
-    assert border.bodies_faults(bodies(0), 0) == []
-    assert border.hands_faults(hands(), 2) == []
-    assert border.contact_faults(contact(), 2, 9, "physic-embedded-1") == []
+    assert violations(BodyEstimator, bodies(), people=2) == []
+    assert violations(BodyEstimator, bodies(0), people=0) == []
+    assert violations(HandEstimator, hands(), people=2) == []
+    assert violations(ContactPrior, contact(), people=2, vertices=9, topology="physic-embedded-1") == []
 
 
 def test_faces_may_be_integers_of_any_width() -> None:
     for kind in (np.int32, np.int64, np.uint32):
         told = bodies()
         assert told.mesh is not None
-        assert border.bodies_faults(replace(told, mesh=replace(told.mesh, faces=FACES.astype(kind))), 2) == []
+        assert (
+            violations(BodyEstimator, replace(told, mesh=replace(told.mesh, faces=FACES.astype(kind))), people=2) == []
+        )
 
 
 @pytest.mark.parametrize(
@@ -98,14 +101,14 @@ def test_faces_may_be_integers_of_any_width() -> None:
     ],
 )
 def test_faults_of_bodies(change: dict[str, object], fault: str) -> None:
-    assert border.bodies_faults(replace(bodies(), **change), 2) == [fault]  # type: ignore[arg-type]
+    assert violations(BodyEstimator, replace(bodies(), **change), people=2) == [fault]  # type: ignore[arg-type]
 
 
 def test_faults_of_wrists() -> None:
-    assert border.hands_faults(replace(hands(), wrists=np.zeros((2, 2, 3, 3))), 2) == [
+    assert violations(HandEstimator, replace(hands(), wrists=np.zeros((2, 2, 3, 3))), people=2) == [
         "wrists must be (2, 2, 3), got (2, 2, 3, 3)"
     ]
-    assert border.hands_faults(replace(hands(), wrists=np.full((2, 2, 3), np.nan)), 2) == [
+    assert violations(HandEstimator, replace(hands(), wrists=np.full((2, 2, 3), np.nan)), people=2) == [
         "wrists must be finite, 9 values are not"
     ]
 
@@ -131,15 +134,15 @@ def test_faults_of_wrists() -> None:
     ],
 )
 def test_faults_of_contact_on_another_mesh(change: dict[str, object], fault: str) -> None:
-    assert border.contact_faults(replace(contact(), **change), 2, 9, "embedded") == [fault]  # type: ignore[arg-type]
+    assert violations(ContactPrior, replace(contact(), **change), people=2, vertices=9, topology="embedded") == [fault]  # type: ignore[arg-type]
 
 
 def test_a_body_whose_mesh_is_nan_is_lost_with_all_that_is_its_own() -> None:
     told = bodies()
     assert told.mesh is not None
     told.mesh.vertices[0, 2] = np.nan
-    assert border.bodies_faults(told, 2) == []
-    kept, lost = salvage.bodies_or_nan(told)
+    assert violations(BodyEstimator, told, people=2) == []
+    kept, lost = drop_nonfinite_bodies(told)
     assert lost.tolist() == [True, False]
     assert kept.mesh is not None
     assert kept.joints is not None
@@ -153,9 +156,9 @@ def test_a_body_whose_mesh_is_nan_is_lost_with_all_that_is_its_own() -> None:
 def test_hands_whose_wrists_are_nan_are_not_found() -> None:
     wrists = np.zeros((2, 2, 3))
     wrists[0, 1] = np.nan  # of a hand that was not found: means nothing
-    assert not salvage.found_hands(replace(hands(), wrists=wrists))[1].any()
+    assert not drop_nonfinite_hands(replace(hands(), wrists=wrists))[1].any()
     wrists[0, 0] = np.nan
-    kept, lost = salvage.found_hands(replace(hands(), wrists=wrists))
+    kept, lost = drop_nonfinite_hands(replace(hands(), wrists=wrists))
     assert lost.tolist() == [True, False]
     assert kept.confidence[0].tolist() == [0, 0]
     assert kept.wrists is not None
@@ -163,7 +166,7 @@ def test_hands_whose_wrists_are_nan_are_not_found() -> None:
 
 
 def test_some_of_the_bodies_share_their_faces() -> None:
-    some = salvage.rows_of(bodies(), np.array([False, True]))
+    some = select_people(bodies(), np.array([False, True]))
     assert some.joints is not None
     assert some.mesh is not None
     assert some.mesh.rest is not None
@@ -181,7 +184,7 @@ def test_answers_with_the_new_fields_are_kept(answer: Bodies | Hands | ContactPr
     for path, array in told.items():
         np.testing.assert_array_equal(again[path], array)
         assert again[path].dtype == array.dtype
-    assert type(settled(answer)) is type(answer)
+    assert type(canonical(answer)) is type(answer)
 
 
 def test_answers_that_were_kept_before_these_fields_are_read() -> None:
@@ -312,7 +315,7 @@ def test_contact_on_a_mesh_that_is_no_body_is_left_out(world: World) -> None:
     result = run(world, OddContact, "contact_prior")
     warning = next(w for w in result.warnings if "contact_prior" in w)
     assert warning.startswith("contact_prior 'other' (registered by hand): the mesh 'shuffled' is 1.7")
-    assert warning.endswith("arms stretched out sideways; contact is told from distances alone")
+    assert warning.endswith("arms stretched out sideways; contact is computed from distances alone")
 
 
 def test_hands_that_say_how_they_lie_are_put_onto_the_arms(world: World) -> None:

@@ -25,7 +25,8 @@ from physic_core.errors import (
 )
 from physic_core.io.output import file_digest
 from physic_core.io.photo import Photo, read_photo
-from physic_core.pipeline.estimate import dilate, feet_pixels, with_hands
+from physic_core.pipeline.conversion import with_hands
+from physic_core.pipeline.estimate import dilate, feet_pixels
 from physic_core.pipeline.run import _with_camera, reconstruct_photo
 from physic_core.types import Bodies, Hands, Hints, Intrinsics, Keypoints, People, Reconstruction
 from physic_mock import backends
@@ -57,7 +58,7 @@ def test_a_wrong_answer_names_backend_stage_and_fault(world: World) -> None:
     with pytest.raises(BackendOutputError) as error:
         run(world, Transposed, "metric_depth")
     assert str(error.value) == (
-        "metric_depth 'wrong' (registered by hand), stage 'metric depth' answered what the interface does not allow:\n"
+        "metric_depth 'wrong' (registered by hand), stage 'metric depth' returned what the interface does not allow:\n"
         "  depth must be (240, 320), got (320, 240)"
     )
 
@@ -70,7 +71,7 @@ def test_an_answer_of_another_type(world: World) -> None:
     with pytest.raises(BackendOutputError) as error:
         run(world, Nothing, "inpainter")
     assert str(error.value) == (
-        "inpainter 'wrong' (registered by hand), stage 'inpainting' answered what the interface does not allow:\n"
+        "inpainter 'wrong' (registered by hand), stage 'inpainting' returned what the interface does not allow:\n"
         "  expected ndarray, got NoneType"
     )
 

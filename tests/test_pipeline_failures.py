@@ -15,7 +15,7 @@ from physic_core import load_config, reconstruct
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord
 from physic_core.errors import BackendOutputError
-from physic_core.pipeline import validation as border
+from physic_core.interfaces import BodyEstimator, KeypointDetector, MetricDepth, RelativePointmap, Segmenter
 from physic_core.types import (
     Bodies,
     BodyParameters,
@@ -27,6 +27,7 @@ from physic_core.types import (
     Reconstruction,
 )
 from physic_mock import backends
+from physic_testing import violations
 from physic_testing.worlds import World, build_world
 
 WRONG = "{} 'wrong' (registered by hand), stage '{}'"
@@ -111,7 +112,7 @@ def test_nan_everywhere_stops_a_run_that_needs_the_answer(
     with pytest.raises(BackendOutputError) as error:
         run(world, interface, base, change)
     title = WRONG.format(interface, stage)
-    assert str(error.value) == "\n  ".join([f"{title} answered what the interface does not allow:", *faults])
+    assert str(error.value) == "\n  ".join([f"{title} returned what the interface does not allow:", *faults])
 
 
 # ---- optional --------------------------------------------------------------------------------------------------------
@@ -138,9 +139,9 @@ ANSWERED = "person 0: no numbers came for this person from {}: what builds on th
         ),
         (
             nans("rotvecs", "confidence"),
-            " answered what the interface does not allow: confidence must lie in [0, 1], got nan to nan",
+            " returned what the interface does not allow: confidence must lie in [0, 1], got nan to nan",
         ),
-        (lambda a: None, " answered what the interface does not allow: expected Hands, got NoneType"),
+        (lambda a: None, " returned what the interface does not allow: expected Hands, got NoneType"),
     ],
     ids=["fails", "NaN", "nothing"],
 )
@@ -170,11 +171,11 @@ def test_without_hands_the_fingers_stay_as_they_were(
         ),
         (
             nans("probability"),
-            " answered what the interface does not allow: probability must lie in [0, 1], got nan to nan",
+            " returned what the interface does not allow: probability must lie in [0, 1], got nan to nan",
         ),
         (
             lambda a: replace(a, topology="smpl"),
-            " answered what the interface does not allow: topology must be 'physic-embedded-1' as the bodies', "
+            " returned what the interface does not allow: topology must be 'physic-embedded-1' as the bodies', "
             "got 'smpl'",
         ),
     ],
@@ -183,7 +184,7 @@ def test_without_hands_the_fingers_stay_as_they_were(
 def test_without_a_contact_prior_distances_tell_contact(world: World, change: Callable[[Any], Any], told: str) -> None:
     result = run(world, "contact_prior", backends.MockContactPrior, change)
     title = WRONG.format("contact_prior", "contact prior")
-    assert f"{title}{told}; contact is told from distances alone" in result.warnings
+    assert f"{title}{told}; contact is computed from distances alone" in result.warnings
     assert ANSWERED.format("contact_prior") in result.warnings
     plain = without(world, "contact_prior")
     np.testing.assert_array_equal(result.people[0].contact, plain.people[0].contact)
@@ -202,7 +203,7 @@ def test_without_a_mask_the_floor_is_sought_all_the_same(world: World, floor: ob
     result = run(world, "segmenter", backends.MockSegmenter, lambda a: replace(a, floor=floor))
     title = WRONG.format("segmenter", "people")
     assert (
-        f"{title} answered what the interface does not allow: {fault}; the floor is sought without its mask"
+        f"{title} returned what the interface does not allow: {fault}; the floor is sought without its mask"
         in result.warnings
     )
     plain = run(world, "segmenter", backends.MockSegmenter, lambda a: replace(a, floor=None))
@@ -270,11 +271,11 @@ def one_nan(array: np.ndarray) -> np.ndarray:
 )  # fmt: skip
 def test_the_border_tells_what_came_instead(answer: Any, changes: dict[str, Any], faults: list[str]) -> None:
     told = {
-        People: lambda a: border.people_faults(a, H, W),
-        Keypoints: lambda a: border.keypoints_faults(a, 2),
-        Pointmap: lambda a: border.pointmap_faults(a, H, W),
-        DepthMap: lambda a: border.depth_faults(a, H, W),
-        Bodies: lambda a: border.bodies_faults(a, 2),
+        People: lambda a: violations(Segmenter, a, height=H, width=W),
+        Keypoints: lambda a: violations(KeypointDetector, a, people=2),
+        Pointmap: lambda a: violations(RelativePointmap, a, height=H, width=W),
+        DepthMap: lambda a: violations(MetricDepth, a, height=H, width=W),
+        Bodies: lambda a: violations(BodyEstimator, a, people=2),
     }[type(answer)]
     assert told(answer) == []
     assert told(replace(answer, **changes))[: len(faults) or 1] == faults

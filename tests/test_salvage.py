@@ -16,7 +16,13 @@ from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord
 from physic_core.engine.joint import solve as joint
 from physic_core.errors import BackendOutputError
-from physic_core.pipeline import partial_answers as salvage
+from physic_core.pipeline.partial_answers import (
+    drop_nonfinite_bodies,
+    drop_nonfinite_hands,
+    drop_nonfinite_keypoints,
+    expand_contact,
+    select_people,
+)
 from physic_core.types import Bodies, ContactProbability, Hands, Keypoints, Person, Reconstruction
 from physic_mock import backends
 from physic_testing.worlds import World, build_world
@@ -57,7 +63,7 @@ def spoilt(values: np.ndarray) -> np.ndarray:
 
 class SeeOne(backends.MockSegmenter):
     def infer(self, image):
-        return salvage.rows_of(super().infer(image), np.arange(2) == KEPT)
+        return select_people(super().infer(image), np.arange(2) == KEPT)
 
 
 class LoseBody(backends.MockBodyEstimator):
@@ -202,7 +208,7 @@ def test_a_body_for_nobody_is_still_refused(world: World) -> None:
     with pytest.raises(BackendOutputError) as error:
         run(world, Broken, "body_estimator")
     assert str(error.value) == (
-        "body_estimator 'wrong' (registered by hand), stage 'bodies' answered what the interface does not allow:\n"
+        "body_estimator 'wrong' (registered by hand), stage 'bodies' returned what the interface does not allow:\n"
         "  transl must be finite, 6 values are not"
     )
 
@@ -213,26 +219,26 @@ def test_a_body_for_nobody_is_still_refused(world: World) -> None:
 def test_lost_rows_become_what_stands_for_nothing() -> None:
     points = np.ones((3, 4, 2))
     points[1, 2] = np.nan
-    keypoints, lost = salvage.seen_keypoints(Keypoints(points, np.full((3, 4), 0.5), "x", np.full((3, 4, 3), 2.0)))
+    keypoints, lost = drop_nonfinite_keypoints(Keypoints(points, np.full((3, 4), 0.5), "x", np.full((3, 4, 3), 2.0)))
     assert lost.tolist() == [False, True, False]
     assert keypoints.confidence[:, 0].tolist() == [0.5, 0, 0.5]
     np.testing.assert_array_equal(keypoints.points[1], points[0])
     assert np.isfinite(keypoints.points).all()
     assert np.isnan(points[1, 2]).all()  # the backend's own array is left alone
-    unseen, lost = salvage.seen_keypoints(Keypoints(points, np.zeros((3, 4)), "x"))
+    unseen, lost = drop_nonfinite_keypoints(Keypoints(points, np.zeros((3, 4)), "x"))
     assert not lost.any()
     assert unseen.points is points
 
     hands = Hands(np.full((2, 2, 15, 3), 0.5), np.array([[0.9, 0.0], [0.9, 0.9]]))
     hands.rotvecs[0, 1] = hands.rotvecs[1, 0] = np.nan
-    hands, lost = salvage.found_hands(hands)
+    hands, lost = drop_nonfinite_hands(hands)
     assert lost.tolist() == [False, True]
     assert hands.confidence.tolist() == [[0.9, 0.0], [0.0, 0.0]]
 
 
 def test_contact_of_some_is_put_among_all() -> None:
     asked = np.array([True, False, True])
-    contact, lost = salvage.contact_of_all(ContactProbability(np.array([[0.25], [np.nan]]), "t"), asked)
+    contact, lost = expand_contact(ContactProbability(np.array([[0.25], [np.nan]]), "t"), asked)
     assert contact.probability.tolist() == [[0.25], [0.0], [0.0]]
     assert lost.tolist() == [False, False, True]
 
@@ -240,12 +246,12 @@ def test_contact_of_some_is_put_among_all() -> None:
 def test_rows_of_an_answer_are_those_of_all_its_arrays(world: World) -> None:
     people = backends.MockSegmenter().infer(world.image)
     rows = np.array([False, True])
-    some = salvage.rows_of(people, rows)
+    some = select_people(people, rows)
     assert len(some) == 1
     np.testing.assert_array_equal(some.masks[0], people.masks[1])
     np.testing.assert_array_equal(some.boxes[0], people.boxes[1])
     assert some.floor is people.floor
-    assert salvage.rows_of(people, np.array([True, True])) is people
+    assert select_people(people, np.array([True, True])) is people
 
 
 def test_a_body_that_is_lost_in_one_number_is_lost() -> None:
@@ -253,7 +259,7 @@ def test_a_body_that_is_lost_in_one_number_is_lost() -> None:
 
     values = {f.name: np.zeros((2, 3), np.float32) for f in fields(BodyParameters)}
     values["betas"][1, 2] = np.inf
-    bodies, lost = salvage.bodies_or_nan(Bodies(BodyParameters(**values), "embedded"))
+    bodies, lost = drop_nonfinite_bodies(Bodies(BodyParameters(**values), "embedded"))
     assert lost.tolist() == [False, True]
     assert np.isnan(bodies.parameters.transl[1]).all()
     assert (bodies.parameters.transl[0] == 0).all()

@@ -14,12 +14,13 @@ from physic_core.cache import code
 from physic_core.cache.answers import Answers
 from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.errors import BackendError, BackendOutputError, InputError, NoPersonError, PhysicError
-from physic_core.pipeline import validation as border
+from physic_core.interfaces import MetricDepthRequest
 from physic_core.pipeline.stages import Stages
-from physic_core.types import DepthMap, Provenance
+from physic_core.types import DepthMap, Hints, Intrinsics, Provenance
 
 SHAPE = (6, 8)
 PHOTO = np.zeros((*SHAPE, 3), np.uint8)
+REQUEST = MetricDepthRequest(PHOTO, Hints())
 
 
 class Counting(interfaces.MetricDepth):
@@ -35,7 +36,7 @@ class Counting(interfaces.MetricDepth):
     def load(self, device="cpu"):
         self.note("load", f" on {device}")
 
-    def infer(self, image, scale=1):
+    def infer(self, image, hints):
         self.note("infer")
         return self.answer
 
@@ -69,21 +70,12 @@ def resolved(backend: Counting) -> ResolvedBackend:
     return ResolvedBackend(backend, Provenance("metric_depth", backend.name, "p", "my-dist", "1.0", {}, ""))
 
 
-def ask(stages: Stages, backend: Counting, *inputs: object, again: bool = False) -> DepthMap:
-    return stages.ask(
-        "depth", resolved(backend), inputs or (PHOTO,), DepthMap, lambda a: border.depth_faults(a, *SHAPE), again=again
-    )
+def ask(stages: Stages, backend: Counting, request: MetricDepthRequest = REQUEST, *, last: bool = True) -> DepthMap:
+    return stages.call("depth", resolved(backend), request, last=last)
 
 
 def if_it_can(stages: Stages, backend: Counting) -> DepthMap | None:
-    return stages.ask_if_it_can(
-        "depth",
-        resolved(backend),
-        (PHOTO,),
-        DepthMap,
-        lambda a: border.depth_faults(a, *SHAPE),
-        otherwise="all is flat",
-    )
+    return stages.call_optional("depth", resolved(backend), REQUEST, otherwise="all is flat")
 
 
 # ---- loading and closing ---------------------------------------------------------------------------------------------
@@ -108,7 +100,7 @@ def test_a_backend_that_was_never_asked_is_neither_loaded_nor_closed(events: lis
 
 def test_where_memory_is_short_a_backend_is_closed_after_its_last_question(events: list[str]):
     stages, a, b = Stages("cpu", 3, low_memory=True), Counting("a"), Counting("b")
-    ask(stages, a, again=True)
+    ask(stages, a, last=False)
     ask(stages, a)
     ask(stages, b)
     stages.close()
@@ -135,7 +127,7 @@ def test_a_backend_that_cannot_be_closed_costs_a_warning(events: list[str]):
     assert events[-2:] == ["close a", "close b"]
     assert stages.warnings == [
         f"metric_depth 'a' (my-dist 1.0) cannot be closed: OSError: gone {LOADS}; "
-        "the result is whole, but memory may be lost"
+        "the result is complete, but memory may be lost"
     ]
 
 
@@ -199,17 +191,18 @@ def test_a_wrong_answer_is_told_with_all_that_is_wrong(answer: object, fault: st
     backend.answer = answer
     with pytest.raises(BackendOutputError) as error:
         ask(Stages("cpu", 1), backend)
-    assert str(error.value) == f"{TITLE} answered what the interface does not allow:\n  {fault}"
+    assert str(error.value) == f"{TITLE} returned what the interface does not allow:\n  {fault}"
 
 
-def test_an_answer_that_cannot_even_be_looked_at_is_a_wrong_answer():
-    def faults(answer: DepthMap) -> list[str]:
+def test_an_answer_that_cannot_even_be_looked_at_is_a_wrong_answer(monkeypatch: pytest.MonkeyPatch):
+    def check(result: DepthMap, request: MetricDepthRequest) -> list[str]:
         raise AttributeError("'list' object has no attribute 'ndim'")
 
+    monkeypatch.setattr(interfaces.MetricDepth, "check", check)
     with pytest.raises(BackendOutputError) as error:
-        Stages("cpu", 1).ask("depth", resolved(Counting()), (PHOTO,), DepthMap, faults)
+        ask(Stages("cpu", 1), Counting())
     assert str(error.value) == (
-        f"{TITLE} answered what the interface does not allow:\n"
+        f"{TITLE} returned what the interface does not allow:\n"
         "  DepthMap cannot be read: AttributeError: 'list' object has no attribute 'ndim'"
     )
 
@@ -224,7 +217,7 @@ def test_a_run_goes_on_without_what_it_can_do_without():
     assert if_it_can(stages, right) is not None
     assert stages.warnings == [
         f"{TITLE}: FileNotFoundError: w.pt {LOADS}; all is flat",
-        f"{TITLE} answered what the interface does not allow: depth must be (6, 8), got (8, 6); all is flat",
+        f"{TITLE} returned what the interface does not allow: depth must be (6, 8), got (8, 6); all is flat",
     ]
     assert [record.failed for record in stages.records] == [True, True, False]
 
@@ -240,8 +233,8 @@ def run(tmp_path: Path) -> Callable[[], Stages]:
 
 def test_what_was_answered_once_is_neither_asked_nor_loaded_for(events: list[str], run: Callable[[], Stages]):
     first, second = run(), run()
-    told = ask(first, Counting(), PHOTO)
-    again = ask(second, Counting(), PHOTO)
+    told = ask(first, Counting())
+    again = ask(second, Counting())
     second.close()
     assert events == ["load a on cpu", "infer a"]
     np.testing.assert_array_equal(told.depth, again.depth)
@@ -253,9 +246,10 @@ def test_what_was_answered_once_is_neither_asked_nor_loaded_for(events: list[str
 
 
 def test_another_question_is_asked(events: list[str], run: Callable[[], Stages]):
-    for inputs in ((PHOTO,), (PHOTO + 1,), (PHOTO, 2)):
-        ask(run(), Counting(), *inputs)
-    ask(run(), Counting("b"), PHOTO)
+    known = Hints(Intrinsics.from_focal(9.0, 8, 6))
+    for request in (REQUEST, MetricDepthRequest(PHOTO + 1, Hints()), MetricDepthRequest(PHOTO, known)):
+        ask(run(), Counting(), request)
+    ask(run(), Counting("b"))
     assert [event for event in events if event.startswith("infer")] == ["infer a"] * 3 + ["infer b"]
 
 
@@ -270,12 +264,13 @@ def test_failures_and_wrong_answers_are_not_kept(run: Callable[[], Stages]):
     assert not stages.records[0].cached
 
 
-def test_a_kept_answer_must_pass_the_border_too(events: list[str], run: Callable[[], Stages], tmp_path: Path):
+def test_a_kept_answer_must_pass_the_check_too(
+    events: list[str], run: Callable[[], Stages], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     ask(run(), Counting())
     stages, (file,) = run(), (tmp_path / "answers").iterdir()
-    told = stages.ask(
-        "depth", resolved(Counting()), (PHOTO,), DepthMap, lambda a: [] if "infer a" in events[2:] else ["x"]
-    )
+    monkeypatch.setattr(interfaces.MetricDepth, "check", lambda *_: [] if "infer a" in events[2:] else ["x"])
+    told = ask(stages, Counting())
     assert told.depth.shape == SHAPE
     stages.close()
     assert events == ["load a on cpu", "infer a", "load a on cpu", "infer a", "close a"]

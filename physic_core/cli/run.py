@@ -110,12 +110,13 @@ def run(
     # What fails cheaply fails first: nothing is loaded before config, files, device and output folder have held.
     registry = discover()
     config = load_checked(registry, file, preset=preset, overrides=overrides, flags=flags)
-    require_available(resolve(config, registry))
+    plan = resolve(config, registry)
+    require_available(plan)
     with _terminable(), _reserved(photo, out, overwrite) as folder:
         from physic_core.pipeline.run import reconstruct_photo
 
         with _said_by_plugins() as said, _progress() as progress:
-            result = reconstruct_photo(photo, config, registry=registry, progress=progress)
+            result = reconstruct_photo(photo, plan, progress=progress)
             result.save(str(folder), overwrite=overwrite)
     for line in said:
         click.echo(line, err=True)

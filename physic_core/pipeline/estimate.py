@@ -1,24 +1,43 @@
-"""The first half of the method: everything that the estimators can say about one photo.
+"""The first half of the method: call the estimators on one photo, in the order of the paper.
 
-The order lets each backend see what it may need as a hint: the floor and the camera before the bodies, the bodies
-before the metric depth, so that a classical backend can use the human as its ruler.
+Each backend gets the results before it as hints: camera and floor before the bodies, bodies before the metric depth, so
+that a classical backend can use the people as its ruler.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.errors import BodyModelError, NoPersonError
-from physic_core.pipeline import partial_answers as salvage
-from physic_core.pipeline import validation as border
+from physic_core.errors import NoPersonError
+from physic_core.interfaces import (
+    BodyEstimatorRequest,
+    ContactPriorRequest,
+    HandEstimatorRequest,
+    InpainterRequest,
+    KeypointDetectorRequest,
+    MetricDepthRequest,
+    RelativePointmapRequest,
+    Segmenter,
+    SegmenterRequest,
+)
+from physic_core.interfaces.backend import violations
+from physic_core.interfaces.body_estimator import finite_bodies
+from physic_core.pipeline.conversion import bodies_for_backends, convert_bodies, transfer_contact, with_hands
+from physic_core.pipeline.partial_answers import (
+    drop_nonfinite_bodies,
+    drop_nonfinite_hands,
+    drop_nonfinite_keypoints,
+    expand_contact,
+    select_people,
+)
 from physic_core.types import (
     Bodies,
     ContactProbability,
     DepthMap,
-    Hands,
     Hints,
     Intrinsics,
     Keypoints,
@@ -35,12 +54,12 @@ if TYPE_CHECKING:
     from physic_core.pipeline.stages import Stages
     from physic_core.types import BoolArray, FloatArray, UInt8Array
 
-__all__ = ["Evidence", "dilate", "feet_pixels", "perceive", "with_hands"]
+__all__ = ["Evidence", "dilate", "feet_pixels", "perceive"]
 
 
 @dataclass(frozen=True)
 class Evidence(ShortRepr):
-    """What the estimators said, in the camera frame of ``intrinsics``.
+    """The results of all estimators, in the camera frame of ``intrinsics``.
 
     Attributes:
         image: (H, W, 3) uint8 RGB.
@@ -53,10 +72,10 @@ class Evidence(ShortRepr):
         scene: relative point map of ``empty``.
         original: relative point map of ``image``.
         floor: in the units of ``scene``, or None.
-        bodies: N bodies with their hands.
-        contact: contact prior, zero where no backend was configured.
+        bodies: N bodies with their hands, of the configured body model.
+        contact: contact prior, zero if no backend was configured.
         depth: metric depth of ``empty``.
-        lost: per person, the interfaces whose backend answered no numbers for them; such a person has unseen
+        lost: per person, the interfaces whose backend returned no finite values for them. Such a person has unseen
             keypoints, a body of NaN, flat hands or no prior contact.
     """
 
@@ -83,127 +102,51 @@ def perceive(
     model: BodyModel,
     stages: Stages,
 ) -> Evidence:
-    """Ask every backend of ``plan`` about ``image`` (H, W, 3).
+    """Call every backend of ``plan`` on a photo.
+
+    Args:
+        image: (H, W, 3) uint8 RGB.
+        given: camera of the photo, or None.
+        plan: the backends and settings of the run.
+        model: body model that all bodies are converted to.
+        stages: calls the backends and keeps the record of the run.
 
     Raises:
-        NoPersonError: nobody was found.
-        BackendError: a backend failed.
-        BackendOutputError: a backend answered what its interface does not allow.
+        NoPersonError: the segmenter found nobody.
+        BackendError: a required backend failed.
+        BackendOutputError: a required backend returned what its interface does not allow.
     """
-    height, width = image.shape[:2]
-    backends = plan.backends
+    run = _Estimators(plan.backends, model, stages)
 
-    people = stages.ask(
-        "people",
-        backends["segmenter"],
-        (image,),
-        People,
-        lambda a: border.people_faults(replace(a, floor=None), height, width),
-    )
-    people = _with_floor_if_it_can(people, backends["segmenter"], stages)
-    if not len(people):
-        raise NoPersonError(
-            f"no person was found in the photo of {width} x {height} px by {backends['segmenter'].title}: "
-            "use a photo that shows at least one head and torso, or another segmenter"
-        )
-    n = len(people)
-    lost: dict[str, BoolArray] = {}
-    if people.keypoints is not None:
-        own, lost["segmenter"] = salvage.seen_keypoints(people.keypoints)
-        people = replace(people, keypoints=own)
-    keypoints = stages.ask(
-        "keypoints",
-        backends["keypoint_detector"],
-        (image, people),
-        Keypoints,
-        lambda a: border.keypoints_faults(a, n),
-    )
-    keypoints, lost["keypoint_detector"] = salvage.seen_keypoints(keypoints)
+    people = run.people(image)
+    keypoints = run.keypoints(image, people)
 
-    hole = dilate(np.logical_or.reduce(people.masks), max(4.0, plan.photo.mask_growth * max(height, width)))
-    empty = stages.ask(
-        "inpainting",
-        backends["inpainter"],
-        (image, hole),
-        np.ndarray,
-        lambda a: border.image_faults(a, height, width),
-    )
+    hole = dilate(np.logical_or.reduce(people.masks), max(4.0, plan.photo.mask_growth * max(image.shape[:2])))
+    empty = stages.call("inpainting", plan.backends["inpainter"], InpainterRequest(image, hole))
 
-    hints = Hints(intrinsics=given, people=people, keypoints=keypoints, hole=hole)
-    scene = stages.ask(
-        "scene point map",
-        backends["relative_pointmap"],
-        (empty, hints),
-        Pointmap,
-        lambda a: border.pointmap_faults(a, height, width),
-        again=True,
-    )
+    # What is empty in the photo gives the scene; the photo itself gives the people's depth.
+    hints = Hints(given, people, keypoints, hole)
+    scene = run.pointmap("scene point map", empty, hints, last=False)
     camera = given or scene.intrinsics or _camera_of(scene)
-    hints = replace(hints, intrinsics=camera, scene=scene)
-    original = stages.ask(
-        "photo point map",
-        backends["relative_pointmap"],
-        (image, replace(hints, hole=None)),
-        Pointmap,
-        lambda a: border.pointmap_faults(a, height, width),
-    )
-    stages.note(*scene.notes, *original.notes)
-
+    hints = replace(hints, intrinsics=camera, hole=None, scene=scene)
+    original = run.pointmap("photo point map", image, hints)
     with stages.engine("relative floor"):
         floor = _relative_floor(scene, people, hole, keypoints, plan.engine)
         hints = replace(hints, floor=floor, original=_aligned(original, scene, hole, plan.engine))
 
-    bodies = stages.ask(
-        "bodies",
-        backends["body_estimator"],
-        (image, people, camera, keypoints, hints),
-        Bodies,
-        lambda a: border.bodies_faults(a, n),
-    )
-    bodies, lost["body_estimator"] = salvage.bodies_or_nan(bodies)
-    if bodies.body_model != model.name:
-        bodies = _carried(bodies, model, backends["body_estimator"].title, stages)
-        lost["body_estimator"] |= ~border.sound_bodies(bodies)
-    embodied = ~lost["body_estimator"]
-    if "hand_estimator" in backends:
-        hands = stages.ask_if_it_can(
-            "hands",
-            backends["hand_estimator"],
-            (image, people, keypoints),
-            Hands,
-            lambda a: border.hands_faults(a, n),
-            otherwise="fingers stay as the body_estimator posed them",
-        )
-        lost["hand_estimator"] = np.ones(n, bool)
-        if hands is not None:
-            hands, lost["hand_estimator"] = salvage.found_hands(hands)
-            bodies = with_hands(bodies, hands, model)
-    # Whoever has no body is not shown to those who build on bodies.
-    seen, whole = salvage.rows_of(people, embodied), _shown(salvage.rows_of(bodies, embodied), model)
-    hints = replace(hints, people=seen, keypoints=salvage.rows_of(keypoints, embodied), bodies=whole)
-    contact = ContactProbability(np.zeros((n, model.num_vertices), np.float32), model.topology)
-    if "contact_prior" in backends:
-        some = stages.ask_if_it_can(
-            "contact prior",
-            backends["contact_prior"],
-            (image, seen, whole),
-            ContactProbability,
-            lambda a: border.contact_faults(a, len(seen), model.num_vertices, model.topology),
-            otherwise="contact is told from distances alone",
-        )
-        if some is not None and some.topology != model.topology:
-            some = _carried_contact(some, model, backends["contact_prior"].title, stages)
-        lost["contact_prior"] = np.ones(n, bool)
-        if some is not None:
-            contact, lost["contact_prior"] = salvage.contact_of_all(some, embodied)
-    depth = stages.ask(
-        "metric depth",
-        backends["metric_depth"],
-        (empty, hints),
-        DepthMap,
-        lambda a: border.depth_faults(a, height, width),
-    )
+    bodies = run.bodies(BodyEstimatorRequest(image, people, camera, keypoints, hints))
+    bodies = run.hands(HandEstimatorRequest(image, people, keypoints), bodies)
+    # Backends that build on bodies see only people who have one.
+    embodied = ~run.missing["body_estimator"]
+    seen = select_people(people, embodied)
+    seen_bodies = bodies_for_backends(select_people(bodies, embodied), model)
+    contact = run.contact(image, seen, seen_bodies, embodied)
+
+    seen_keypoints = select_people(keypoints, embodied)
+    hints = replace(hints, people=seen, keypoints=seen_keypoints, hole=hole, bodies=seen_bodies)
+    depth = stages.call("metric depth", plan.backends["metric_depth"], MetricDepthRequest(empty, hints))
     stages.note(*depth.notes)
+
     return Evidence(
         image=image,
         intrinsics=camera,
@@ -218,8 +161,111 @@ def perceive(
         bodies=bodies,
         contact=contact,
         depth=depth,
-        lost=tuple(tuple(name for name, who in lost.items() if who[i]) for i in range(n)),
+        lost=run.missing_per_person(len(people)),
     )
+
+
+@dataclass(frozen=True)
+class _Estimators:
+    """Calls the backends that report on people, and notes for whom their results are not finite.
+
+    Attributes:
+        backends: by interface.
+        model: body model that results are converted to.
+        stages: calls the backends and keeps the record of the run.
+        missing: interface -> (N,) bool, people without finite values from its backend.
+    """
+
+    backends: Mapping[str, ResolvedBackend]
+    model: BodyModel
+    stages: Stages
+    missing: dict[str, BoolArray] = field(default_factory=dict)
+
+    def people(self, image: UInt8Array) -> People:
+        """Segment the people; at least one."""
+        segmenter, request = self.backends["segmenter"], SegmenterRequest(image)
+        people = self.stages.call("people", segmenter, request, unchecked=("floor",))
+        if wrong := violations(Segmenter, people, request):
+            self.stages.warn(
+                f"{segmenter.title}, stage 'people' returned what the interface does not allow: {'; '.join(wrong)}; "
+                "the floor is sought without its mask"
+            )
+            people = replace(people, floor=None)
+        if not len(people):
+            height, width = image.shape[:2]
+            raise NoPersonError(
+                f"no person was found in the photo of {width} x {height} px by {segmenter.title}: "
+                "use a photo that shows at least one head and torso, or another segmenter"
+            )
+        if people.keypoints is not None:
+            own, self.missing["segmenter"] = drop_nonfinite_keypoints(people.keypoints)
+            people = replace(people, keypoints=own)
+        return people
+
+    def keypoints(self, image: UInt8Array, people: People) -> Keypoints:
+        """Detect the joints of all people in the image."""
+        detector, request = self.backends["keypoint_detector"], KeypointDetectorRequest(image, people)
+        found = self.stages.call("keypoints", detector, request)
+        keypoints, self.missing["keypoint_detector"] = drop_nonfinite_keypoints(found)
+        return keypoints
+
+    def pointmap(self, stage: str, image: UInt8Array, hints: Hints, *, last: bool = True) -> Pointmap:
+        """Estimate a relative point map of the inpainted photo or of the photo."""
+        estimator, request = self.backends["relative_pointmap"], RelativePointmapRequest(image, hints)
+        pointmap = self.stages.call(stage, estimator, request, last=last)
+        self.stages.note(*pointmap.notes)
+        return pointmap
+
+    def bodies(self, request: BodyEstimatorRequest) -> Bodies:
+        """Estimate the bodies, of the configured body model; NaN for people who are ``missing``."""
+        estimator = self.backends["body_estimator"]
+        found = self.stages.call("bodies", estimator, request)
+        bodies, missing = drop_nonfinite_bodies(found)
+        if bodies.body_model != self.model.name:
+            bodies = convert_bodies(bodies, self.model, estimator.title, self.stages)
+            missing |= ~finite_bodies(bodies)
+        self.missing["body_estimator"] = missing
+        return bodies
+
+    def hands(self, request: HandEstimatorRequest, bodies: Bodies) -> Bodies:
+        """The bodies with estimated fingers, if a backend is configured and works."""
+        if "hand_estimator" not in self.backends:
+            return bodies
+        otherwise = "fingers stay as the body_estimator posed them"
+        found = self.stages.call_optional("hands", self.backends["hand_estimator"], request, otherwise=otherwise)
+        if found is None:
+            self.missing["hand_estimator"] = np.ones(len(request.people), bool)
+            return bodies
+        hands, self.missing["hand_estimator"] = drop_nonfinite_hands(found)
+        return with_hands(bodies, hands, self.model)
+
+    def contact(self, image: UInt8Array, people: People, bodies: Bodies, embodied: BoolArray) -> ContactProbability:
+        """Contact probabilities of all N people on the body model; 0 without a backend or a body.
+
+        Args:
+            image: (H, W, 3) uint8 RGB.
+            people: those who have a body.
+            bodies: theirs.
+            embodied: (N,) bool, who they are.
+        """
+        model, n = self.model, len(embodied)
+        none = ContactProbability(np.zeros((n, model.num_vertices), np.float32), model.topology)
+        if "contact_prior" not in self.backends:
+            return none
+        prior, otherwise = self.backends["contact_prior"], "contact is computed from distances alone"
+        request = ContactPriorRequest(image, people, bodies, topology=model.topology, vertices=model.num_vertices)
+        found = self.stages.call_optional("contact prior", prior, request, otherwise=otherwise)
+        if found is not None and found.topology != model.topology:
+            found = transfer_contact(found, model, prior.title, self.stages)
+        if found is None:
+            self.missing["contact_prior"] = np.ones(n, bool)
+            return none
+        contact, self.missing["contact_prior"] = expand_contact(found, embodied)
+        return contact
+
+    def missing_per_person(self, people: int) -> tuple[tuple[str, ...], ...]:
+        """Per person, the interfaces without finite values for them."""
+        return tuple(tuple(name for name, who in self.missing.items() if who[i]) for i in range(people))
 
 
 def dilate(mask: BoolArray, radius_px: float) -> BoolArray:
@@ -233,7 +279,7 @@ def dilate(mask: BoolArray, radius_px: float) -> BoolArray:
 
 
 def feet_pixels(keypoints: Keypoints, height: int, width: int, confidence: float = 0.5) -> FloatArray:
-    """(M, 2) px: heels and toes that are seen with ``confidence`` inside the image."""
+    """Heels and toes inside the image with more than ``confidence``, (M, 2) px."""
     from physic_core.body.landmarks import DETECTED
 
     names = DETECTED.get(keypoints.skeleton, ())
@@ -242,89 +288,6 @@ def feet_pixels(keypoints: Keypoints, height: int, width: int, confidence: float
     seen &= (points >= 0).all(-1) & (points[..., 0] <= width - 1) & (points[..., 1] <= height - 1)
     chosen: FloatArray = points[seen]
     return chosen
-
-
-def with_hands(bodies: Bodies, hands: Hands, model: BodyModel) -> Bodies:
-    """The bodies with the finger rotations of every hand whose confidence is above zero.
-
-    Hands that say how they lie as a whole are put onto the arms, as far as they are sure.
-    """
-    if hands.wrists is not None:
-        from physic_core.body.wrists import WRIST_RANGE, stitch
-
-        return replace(bodies, parameters=stitch(bodies.parameters, hands, model, WRIST_RANGE))
-    p, found = bodies.parameters, hands.confidence > 0
-    flat = hands.rotvecs.reshape(len(p), 2, 45).astype(p.left_hand_pose.dtype)
-    left = np.where(found[:, :1], flat[:, 0], p.left_hand_pose)
-    right = np.where(found[:, 1:], flat[:, 1], p.right_hand_pose)
-    return replace(bodies, parameters=replace(p, left_hand_pose=left, right_hand_pose=right))
-
-
-def _carried(bodies: Bodies, model: BodyModel, who: str, stages: Stages) -> Bodies:
-    """Bodies of another model than the configured one, as bodies of that; with a note that says how near they come.
-
-    Raises:
-        BodyModelError: nothing tells where they are but parameters of a model that is not there, or of nobody is
-            enough told.
-    """
-    from physic_core.body.conversion import can_carry, carry
-    from physic_core.cache.maps import kept_correspondence
-
-    if not can_carry(bodies, model):
-        cure = "name = 'embedded'" if bodies.body_model == "embedded" else f"path = the file of a '{bodies.body_model}'"
-        raise BodyModelError(
-            f"{who} gives bodies for the body model '{bodies.body_model}', "
-            f"but the configuration loads '{model.name}': set [body_model] {cure}, "
-            f"or choose a body_estimator that gives '{model.name}'"
-        )
-    try:
-        found = carry(bodies, model, kept_correspondence)
-    except BodyModelError as error:
-        raise BodyModelError(f"{who}: {error}") from error
-    if not border.sound_bodies(found.bodies).any():
-        raise BodyModelError(
-            f"{who} gives bodies for the body model '{bodies.body_model}' with too few joints to carry them over to "
-            f"'{model.name}': both hips, and both shoulders or the neck, are needed of at least one person"
-        )
-    stages.note(found.note(bodies.body_model))
-    return found.bodies
-
-
-def _carried_contact(
-    contact: ContactProbability, model: BodyModel, who: str, stages: Stages
-) -> ContactProbability | None:
-    """Contact on another mesh, on the model's own; None, with a warning, where the mesh is none of a body."""
-    from physic_core.body.conversion import contact_to_model
-    from physic_core.cache.maps import kept_correspondence
-
-    try:
-        carried = contact_to_model(contact, model, kept_correspondence)
-    except BodyModelError as error:
-        stages.warn(f"{who}: {error}; contact is told from distances alone")
-        return None
-    stages.note(f"contact carried over from the mesh '{contact.topology}' to '{model.topology}'")
-    return carried
-
-
-def _shown(bodies: Bodies, model: BodyModel) -> Bodies:
-    """Bodies for those who build on them: with joints where nobody but us can load the model."""
-    from physic_core.body.conversion import with_joints
-
-    return bodies if model.name == "embedded" else with_joints(bodies, model)
-
-
-def _with_floor_if_it_can(people: People, segmenter: ResolvedBackend, stages: Stages) -> People:
-    """The people, without a floor mask that is none, and then with a warning."""
-    if people.floor is None:
-        return people
-    faults = border.floor_faults(people.floor, *people.masks.shape[1:])
-    if not faults:
-        return people
-    stages.warn(
-        f"{segmenter.title}, stage 'people' answered what the interface does not allow: {'; '.join(faults)}; "
-        "the floor is sought without its mask"
-    )
-    return replace(people, floor=None)
 
 
 def _camera_of(pointmap: Pointmap) -> Intrinsics:

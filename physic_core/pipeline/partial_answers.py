@@ -1,8 +1,7 @@
-"""Keeps the people whom a backend understood, where it answered NaN for others of the same photo.
+"""Keeps the people for whom a backend returned finite values, if those of others in the same photo are not.
 
-Each function takes a validated result (:mod:`physic_core.pipeline.validation`) and returns it with the rows of the
-people that are lost set to what stands for "nothing is known". :func:`rows_of` picks the rows of some people, for a
-backend that may not see the others.
+Each function takes a checked result and returns it with the rows of non-finite people replaced by values that mean
+"unknown", and (N,) bool: who they are. :func:`select_people` selects rows, for backends that must not see the others.
 """
 
 from __future__ import annotations
@@ -12,99 +11,113 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from physic_core.pipeline import validation as border
+from physic_core.interfaces.body_estimator import finite_bodies
+from physic_core.interfaces.contact_prior import finite_contact
+from physic_core.interfaces.hand_estimator import finite_hands
+from physic_core.interfaces.keypoint_detector import finite_keypoints
 from physic_core.types import BodyParameters
 
 if TYPE_CHECKING:
     from physic_core.types import Bodies, BoolArray, ContactProbability, Hands, Keypoints, People
 
 __all__ = [
-    "bodies_or_nan",
-    "contact_of_all",
-    "found_hands",
-    "rows_of",
-    "seen_keypoints",
+    "drop_nonfinite_bodies",
+    "drop_nonfinite_hands",
+    "drop_nonfinite_keypoints",
+    "expand_contact",
+    "select_people",
 ]
 
-Answer = TypeVar("Answer", "People", "Keypoints", "Bodies")
+Result = TypeVar("Result", "People", "Keypoints", "Bodies")
 
 
 _SHARED = ("floor", "faces", "rest")
 """Arrays without a row for each person."""
 
 
-def seen_keypoints(keypoints: Keypoints) -> tuple[Keypoints, BoolArray]:
-    """Keypoints of N people, those of lost people all unseen, and (N,) bool who is lost.
+def drop_nonfinite_keypoints(keypoints: Keypoints) -> tuple[Keypoints, BoolArray]:
+    """Set the confidence of people with non-finite keypoints to 0.
 
-    Where an unseen point lies means nothing, but all at one spot, or none of a number, would be no pose to start from:
-    lost people get the points of one who is not.
+    Their points are replaced by those of another person: the optimisation starts from points, and NaN or a single spot
+    is no pose.
+
+    Returns:
+        Keypoints of N people, and (N,) bool who had non-finite ones.
     """
-    sound = border.sound_keypoints(keypoints)
-    if sound.all():
-        return keypoints, ~sound
-    one = int(sound.argmax())
-    confidence = np.where(sound[:, None], keypoints.confidence, 0)
+    finite = finite_keypoints(keypoints)
+    if finite.all():
+        return keypoints, ~finite
+    one = int(finite.argmax())
+    confidence = np.where(finite[:, None], keypoints.confidence, 0)
     points, world = keypoints.points.copy(), keypoints.world
-    points[~sound] = points[one]
+    points[~finite] = points[one]
     if world is not None:
         world = world.copy()
-        world[~sound] = world[one]
-    return replace(keypoints, points=points, confidence=confidence, world=world), ~sound
+        world[~finite] = world[one]
+    return replace(keypoints, points=points, confidence=confidence, world=world), ~finite
 
 
-def bodies_or_nan(bodies: Bodies) -> tuple[Bodies, BoolArray]:
-    """Bodies of N people, those of lost people NaN throughout, and (N,) bool who is lost."""
-    lost = ~border.sound_bodies(bodies)
+def drop_nonfinite_bodies(bodies: Bodies) -> tuple[Bodies, BoolArray]:
+    """Set all numbers of people with a non-finite body to NaN; also returns (N,) bool who they are."""
+    lost = ~finite_bodies(bodies)
     if not lost.any():
         return bodies, lost
     names = [field.name for field in fields(BodyParameters)]
-    blank = replace(bodies, parameters=_blanked(bodies.parameters, lost, **dict.fromkeys(names, np.nan)))
-    mesh = None if bodies.mesh is None else _blanked(bodies.mesh, lost, vertices=np.nan)
-    return _blanked(replace(blank, mesh=mesh), lost, joints=np.nan), lost
+    blank = replace(bodies, parameters=_fill_rows(bodies.parameters, lost, **dict.fromkeys(names, np.nan)))
+    mesh = None if bodies.mesh is None else _fill_rows(bodies.mesh, lost, vertices=np.nan)
+    return _fill_rows(replace(blank, mesh=mesh), lost, joints=np.nan), lost
 
 
-def found_hands(hands: Hands) -> tuple[Hands, BoolArray]:
-    """Hands of N people, those of lost people not found, and (N,) bool who is lost."""
-    lost = ~border.sound_hands(hands)
-    return (_blanked(hands, lost, rotvecs=0.0, confidence=0.0, wrists=0.0) if lost.any() else hands), lost
+def drop_nonfinite_hands(hands: Hands) -> tuple[Hands, BoolArray]:
+    """Mark non-finite hands as not found; also returns (N,) bool whose they are."""
+    lost = ~finite_hands(hands)
+    return (_fill_rows(hands, lost, rotvecs=0.0, confidence=0.0, wrists=0.0) if lost.any() else hands), lost
 
 
-def contact_of_all(contact: ContactProbability, asked: BoolArray) -> tuple[ContactProbability, BoolArray]:
-    """Contact of the people who were ``asked`` about, (N,) bool, with those of all N: 0 for the rest and the lost."""
+def expand_contact(contact: ContactProbability, called: BoolArray) -> tuple[ContactProbability, BoolArray]:
+    """Contact of the people of a call -> contact of all N people, 0 for the others and for non-finite rows.
+
+    Args:
+        contact: of the people selected by ``called``.
+        called: (N,) bool.
+
+    Returns:
+        Contact of N people, and (N,) bool whose rows were not finite.
+    """
     probability = contact.probability
-    sound = border.sound_contact(contact)
-    lost = np.zeros(len(asked), bool)
-    lost[asked] = ~sound
-    whole = np.zeros((len(asked), probability.shape[1]), probability.dtype)
-    whole[asked & ~lost] = probability[sound]
+    finite = finite_contact(contact)
+    lost = np.zeros(len(called), bool)
+    lost[called] = ~finite
+    whole = np.zeros((len(called), probability.shape[1]), probability.dtype)
+    whole[called & ~lost] = probability[finite]
     return replace(contact, probability=whole), lost
 
 
-def rows_of(answer: Answer, rows: BoolArray) -> Answer:
-    """An answer about N people -> about those of ``rows``, (N,) bool; what all people share is kept."""
+def select_people(result: Result, rows: BoolArray) -> Result:
+    """A result for N people -> for those of ``rows``, (N,) bool; what all people share is kept."""
     if rows.all():
-        return answer
-    kept: Answer = replace(answer, **_picked(answer, rows))
+        return result
+    kept: Result = replace(result, **_select(result, rows))
     return kept
 
 
-def _picked(answer: Any, rows: BoolArray) -> dict[str, Any]:
+def _select(result: Any, rows: BoolArray) -> dict[str, Any]:
     changed: dict[str, Any] = {}
-    for field in fields(answer):
-        value = getattr(answer, field.name)
+    for field in fields(result):
+        value = getattr(result, field.name)
         if isinstance(value, np.ndarray) and field.name not in _SHARED:
             changed[field.name] = value[rows]
         elif is_dataclass(value) and not isinstance(value, type):
-            changed[field.name] = replace(value, **_picked(value, rows))
+            changed[field.name] = replace(value, **_select(value, rows))
     return changed
 
 
-def _blanked(answer: Any, lost: BoolArray, **blanks: float) -> Any:
-    """A copy with the rows of lost people set to one number a field."""
+def _fill_rows(result: Any, lost: BoolArray, **blanks: float) -> Any:
+    """A copy with the rows of some people set to one number per field."""
     changed = {}
     for name, blank in blanks.items():
-        value = getattr(answer, name)
+        value = getattr(result, name)
         if value is not None:
             changed[name] = value.copy()
             changed[name][lost] = blank
-    return replace(answer, **changed)
+    return replace(result, **changed)

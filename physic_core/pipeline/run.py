@@ -1,7 +1,7 @@
-"""One photo in; people, scene and contact out. The method of the paper, top to bottom.
+"""One photo in; people, scene and contact out.
 
-Estimators look at the photo (:mod:`physic_core.pipeline.estimate`), the engine makes one metric frame of what they say
-(:mod:`physic_core.pipeline.optimise`), and what came of it is checked (:mod:`physic_core.pipeline.checks`).
+The three steps of the method are :func:`physic_core.pipeline.estimate.perceive` (the estimators),
+:func:`physic_core.pipeline.optimise.solve` (the engine) and :func:`physic_core.pipeline.checks.diagnose` (self-checks).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from physic_core.cache.code import Code  # at once, before any backend: it notices code that is edited from then on
 from physic_core.configuration.model import as_config
-from physic_core.configuration.resolve import require_available, resolve
+from physic_core.configuration.resolve import ResolvedPipeline, require_available, resolve
 from physic_core.discovery.plugins import discover
 from physic_core.errors import InputError
 from physic_core.io.output import image_digest, photo_digest
@@ -27,19 +27,20 @@ if TYPE_CHECKING:
     from typing import Any
 
     from physic_core.configuration.model import Config, PhotoSettings
-    from physic_core.configuration.resolve import ResolvedPipeline
     from physic_core.discovery.registry import Registry
     from physic_core.pipeline.estimate import Evidence
     from physic_core.pipeline.optimise import Solution
     from physic_core.pipeline.stages import Progress
     from physic_core.types import CheckResult, UInt8Array
 
+    Configuration = ResolvedPipeline | Config | Mapping[str, Any] | str | os.PathLike[str] | None
+
 __all__ = ["reconstruct", "reconstruct_photo"]
 
 
 def reconstruct(
     image: UInt8Array,
-    config: Config | Mapping[str, Any] | str | os.PathLike[str] | None = None,
+    config: Configuration = None,
     *,
     registry: Registry | None = None,
     intrinsics: Intrinsics | None = None,
@@ -49,22 +50,23 @@ def reconstruct(
 
     Args:
         image: (H, W, 3) uint8 RGB, upright.
-        config: a Config, a preset's name, the path of a TOML file, or its tables; preset "embedded" where None.
-        registry: of the backends; what is installed where None.
+        config: a Config, the name of a preset, the path of a TOML file, or its tables; preset "embedded" if None. Or a
+            ResolvedPipeline, whose backends are used as they are.
+        registry: of the backends; the installed ones if None. Not used with a ResolvedPipeline.
         intrinsics: the camera of ``image``. It counts as known unless its ``trust`` is "guessed"; ``[photo]`` of the
             config replaces it.
-        progress: told when each stage begins.
+        progress: called when each stage begins.
 
     Returns:
         Everything in metres in the OpenCV camera frame (x right, y down, z forward).
 
     Raises:
         InputError: the image or its intrinsics cannot be used.
-        ConfigError: the configuration does not hold.
-        WeightsMissingError: backends lack files, all of which it lists; nothing was computed.
-        DeviceError: the device is not there.
+        ConfigError: the configuration is invalid.
+        WeightsMissingError: files of backends are missing, all of which it lists; nothing was computed.
+        DeviceError: the device does not exist.
         NoPersonError: nobody was found.
-        BackendError: a backend failed, or answered what its interface does not allow.
+        BackendError: a required backend failed, or returned what its interface does not allow.
     """
     if intrinsics is not None and not isinstance(intrinsics, Intrinsics):
         raise InputError(
@@ -74,28 +76,32 @@ def reconstruct(
     if intrinsics is not None and not intrinsics.guessed:
         intrinsics = replace(intrinsics, trust=CameraTrust.KNOWN)
     photo = Photo(check_image(image), intrinsics)
-    found = _reconstruct(photo, _plan(as_config(config), registry), progress)
+    found = _reconstruct(photo, _plan(config, registry), progress)
     return replace(found, photo=image_digest(photo.image))
 
 
 def reconstruct_photo(
     path: str | os.PathLike[str],
-    config: Config | Mapping[str, Any] | str | os.PathLike[str] | None = None,
+    config: Configuration = None,
     *,
     registry: Registry | None = None,
     progress: Progress | None = None,
 ) -> Reconstruction:
-    """:func:`reconstruct` for a photo file, which may know its camera (EXIF) and its orientation.
+    """:func:`reconstruct` for a photo file, whose EXIF data may give camera and orientation.
 
-    The file is read once config, device and backends have held.
+    The file is read after config, device and backends have been checked.
     """
-    plan = _plan(as_config(config), registry)
+    plan = _plan(config, registry)
     photo = read_photo(path)
     return replace(_reconstruct(photo, plan, progress), photo=photo_digest(path, photo.image))
 
 
-def _plan(config: Config, registry: Registry | None) -> ResolvedPipeline:
-    plan = resolve(config, discover() if registry is None else registry)
+def _plan(config: Configuration, registry: Registry | None) -> ResolvedPipeline:
+    """Backends and settings of a run; backends that are constructed already are used as they are."""
+    if isinstance(config, ResolvedPipeline):
+        plan = config
+    else:
+        plan = resolve(as_config(config), discover() if registry is None else registry)
     require_available(plan)
     return plan
 

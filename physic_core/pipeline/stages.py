@@ -1,4 +1,4 @@
-"""Runs the stages of one reconstruction: loads backends when first asked, times them, checks what they answer."""
+"""Runs the stages of one reconstruction: loads backends at their first call, times them, checks their results."""
 
 from __future__ import annotations
 
@@ -7,34 +7,34 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, TypeVar
+from dataclasses import replace
+from typing import TYPE_CHECKING, cast
 
 from physic_core import errors
 from physic_core.discovery.error_text import describe, traceback_text
 from physic_core.errors import BackendError, BackendOutputError, PhysicError
-from physic_core.pipeline.image_check import check_photo, infer
-from physic_core.pipeline.validation import tensor_advice
+from physic_core.interfaces.backend import Result, call, interface_of, violations
+from physic_core.interfaces.checks import require_photo
 from physic_core.types import StageRecord
 
 if TYPE_CHECKING:
     from physic_core.cache.answers import Answers, Question
     from physic_core.configuration.resolve import ResolvedBackend
+    from physic_core.interfaces import Request
 
-__all__ = ["Progress", "Stages"]
+__all__ = ["Progress", "Stages", "wrap_plugin_errors"]
 
-Answer = TypeVar("Answer")
-Faults = Callable[[Answer], list[str]]
 Progress = Callable[[str, int, int], None]
-"""Called with a stage's name, its number from 0, and how many there are, as the stage begins."""
+"""Called at the start of a stage with its name, its number from 0, and the number of stages."""
 
 
 class Stages:
     """The record of one run.
 
     Attributes:
-        records: what has run so far.
-        warnings: what the user should doubt, in plain words, each once.
-        notes: how the numbers came about, in plain words, each once.
+        records: the stages that have run so far.
+        warnings: what the user should doubt, one plain sentence each.
+        notes: how the numbers were obtained, one plain sentence each.
     """
 
     def __init__(
@@ -50,8 +50,8 @@ class Stages:
         Args:
             device: where backends are loaded.
             total: how many stages there will be.
-            progress: told when each begins.
-            answers: of earlier runs; every backend is asked where None.
+            progress: called when each begins.
+            answers: cached results of earlier runs; every backend is called if None.
             low_memory: close each backend right after its last use.
         """
         self.records: list[StageRecord] = []
@@ -65,98 +65,101 @@ class Stages:
         self._loaded: dict[int, ResolvedBackend] = {}
 
     def warn(self, *texts: str) -> None:
-        """Keep each warning once, in order."""
+        """Add warnings; each is kept once."""
         self.warnings += [t for t in dict.fromkeys(texts) if t not in self.warnings]
 
     def note(self, *texts: str) -> None:
-        """Keep each note once, in order."""
+        """Add notes; each is kept once."""
         self.notes += [t for t in dict.fromkeys(texts) if t not in self.notes]
 
     @contextmanager
     def engine(self, name: str) -> Iterator[None]:
-        """Time a stage that is ours."""
+        """Time a stage of the engine."""
         self._begin(name)
         start = time.perf_counter()
         yield
         self.records.append(StageRecord(name, time.perf_counter() - start))
 
-    def ask(
+    def call(
         self,
         name: str,
         resolved: ResolvedBackend,
-        inputs: tuple[object, ...],
-        expect: type[Answer],
-        faults: Faults[Answer],
+        request: Request[Result],
         *,
-        again: bool = False,
-    ) -> Answer:
-        """Ask one backend, or find what it answered to the same in an earlier run.
+        last: bool = True,
+        unchecked: tuple[str, ...] = (),
+    ) -> Result:
+        """Call one backend, or read its result for the same request from the cache.
 
         Args:
             name: of the stage.
             resolved: the backend; it is loaded if it is not yet.
-            inputs: arguments of its ``infer``.
-            expect: what the answer must be an instance of.
-            faults: what else is wrong with an answer.
-            again: whether the backend will be asked once more.
+            request: of the backend's interface.
+            last: whether this is the last call of the backend in this run.
+            unchecked: fields of the result that the caller checks itself.
+
+        Returns:
+            A result that its interface allows.
 
         Raises:
-            InputError: the first of ``inputs`` is no photo; the backend is not loaded.
-            BackendError: the backend failed, with something that is not a PhysicError of ours.
-            PhysicError: the backend refused; the class is its own, and the message names it.
-            BackendOutputError: it answered what its interface does not allow.
+            InputError: the image of ``request`` is no photo; the backend is not loaded.
+            BackendError: the backend failed with an error that is no PhysicError of the core.
+            PhysicError: the backend refused the request; the class is the backend's choice, the message names it.
+            BackendOutputError: its interface does not allow what it returned.
         """
-        check_photo(inputs[0])
+        require_photo(request.image)
         self._begin(name)
-        title = f"{resolved.title}, stage '{name}'"
+        interface, title = interface_of(type(resolved.backend)), f"{resolved.title}, stage '{name}'"
         start, loading, cached, failed = time.perf_counter(), 0.0, False, True
+
+        def wrong(result: object) -> list[str]:
+            if unchecked and isinstance(result, interface.Result):
+                result = replace(result, **dict.fromkeys(unchecked))  # type: ignore[type-var]
+            return violations(interface, result, request)
+
         try:
-            question = self._question(title, resolved, inputs)
-            answer = self._remembered(question, expect, faults)
-            cached = answer is not None
-            if answer is None:
-                with _door(title, resolved):
+            question = self._question(title, resolved, request.arguments)
+            result = self._cached(question, wrong)
+            cached = result is not None
+            if result is None:
+                with wrap_plugin_errors(title, resolved):
                     loading = self._load(resolved)
                     start = time.perf_counter()
-                    given = infer(resolved.backend, inputs)
-                answer = self._accepted(title, given, expect, faults)
+                    result = call(resolved.backend, request)
+                result = _accepted(title, result, wrong(result))
             seconds, failed = time.perf_counter() - start, False
             if question is not None and not cached:
                 assert self._answers is not None
-                self._answers.keep(question, answer)
+                self._answers.keep(question, result)
         finally:
             if failed:
                 seconds = time.perf_counter() - start
             self.records.append(StageRecord(name, seconds, loading, resolved.provenance, cached, failed))
-            if self._low_memory and not again:
+            if self._low_memory and last:
                 self._close(resolved)
                 gc.collect()  # networks tend to hold themselves
-        return answer
+        return cast("Result", result)
 
-    def ask_if_it_can(
-        self,
-        name: str,
-        resolved: ResolvedBackend,
-        inputs: tuple[object, ...],
-        expect: type[Answer],
-        faults: Faults[Answer],
-        *,
-        otherwise: str,
-    ) -> Answer | None:
-        """:meth:`ask` a backend that the run can do without: where it fails, warn and answer None.
+    def call_optional(
+        self, name: str, resolved: ResolvedBackend, request: Request[Result], *, otherwise: str
+    ) -> Result | None:
+        """:meth:`call` a backend that the run can do without: if it fails, warn and return None.
 
         Args:
-            otherwise: what is done without it, in words that end the warning.
+            name: of the stage.
+            resolved: the backend.
+            request: of the backend's interface.
+            otherwise: what is done without its result; ends the warning.
         """
         try:
-            return self.ask(name, resolved, inputs, expect, faults)
+            return self.call(name, resolved, request)
         except PhysicError as error:
             self.warn(f"{_one_line(error)}; {otherwise}")
             _print_traceback(error)
             return None
 
     def close(self) -> None:
-        """Close every backend that is loaded, and leave the cache in order; a backend that cannot costs a warning."""
+        """Close every loaded backend, and trim the cache; a backend that cannot be closed costs a warning."""
         for resolved in list(self._loaded.values()):
             self._close(resolved)
         if self._answers is not None:
@@ -168,7 +171,7 @@ class Stages:
             self._progress(name, len(self.records), self._total)
 
     def _load(self, resolved: ResolvedBackend) -> float:
-        """Load a backend if it is not yet, and answer how long it took, s."""
+        """Load a backend if it is not yet, and return the seconds it took."""
         start = time.perf_counter()
         if id(resolved.backend) not in self._loaded:
             self._loaded[id(resolved.backend)] = resolved  # before: what is half loaded is closed too
@@ -179,44 +182,39 @@ class Stages:
         if self._loaded.pop(id(resolved.backend), None) is None:
             return
         try:
-            with _door(f"{resolved.title} cannot be closed", resolved):
+            with wrap_plugin_errors(f"{resolved.title} cannot be closed", resolved):
                 resolved.backend.close()
         except PhysicError as error:
-            self.warn(f"{_one_line(error)}; the result is whole, but memory may be lost")
+            self.warn(f"{_one_line(error)}; the result is complete, but memory may be lost")
             _print_traceback(error)
 
     def _question(self, title: str, resolved: ResolvedBackend, inputs: tuple[object, ...]) -> Question | None:
         if self._answers is None:
             return None
-        with _door(title, resolved):
+        with wrap_plugin_errors(title, resolved):
             return self._answers.question(resolved.backend, resolved.provenance, self._device, inputs)
 
-    def _remembered(self, question: Question | None, expect: type[Answer], faults: Faults[Answer]) -> Answer | None:
+    def _cached(self, question: Question | None, wrong: Callable[[object], list[str]]) -> object | None:
         if self._answers is None or question is None:
             return None
-        answer = self._answers.find(question)
-        if answer is None:
+        result = self._answers.find(question)
+        if result is not None and (found := wrong(result)):
+            self._answers.drop(question, found[0])
             return None
-        wrong = _wrong(answer, expect, faults)
-        if wrong:
-            self._answers.drop(question, wrong[0])
-            return None
-        assert isinstance(answer, expect)
-        return answer
+        return result
 
-    def _accepted(self, title: str, answer: object, expect: type[Answer], faults: Faults[Answer]) -> Answer:
-        from physic_core.cache.answers import canonical
 
-        wrong = _wrong(answer, expect, faults)
-        if wrong:
-            raise BackendOutputError(f"{title} answered what the interface does not allow:\n  " + "\n  ".join(wrong))
-        assert isinstance(answer, expect)
-        return canonical(answer)
+def _accepted(title: str, result: object, wrong: list[str]) -> object:
+    from physic_core.cache.answers import canonical
+
+    if wrong:
+        raise BackendOutputError(f"{title} returned what the interface does not allow:\n  " + "\n  ".join(wrong))
+    return canonical(result)
 
 
 @contextmanager
-def _door(title: str, resolved: ResolvedBackend) -> Iterator[None]:
-    """A plugin's door: whatever comes out of it says who failed where."""
+def wrap_plugin_errors(title: str, resolved: ResolvedBackend) -> Iterator[None]:
+    """Turn whatever a plugin raises into a PhysicError that names the backend and the stage."""
     try:
         yield
     except PhysicError as error:
@@ -225,15 +223,6 @@ def _door(title: str, resolved: ResolvedBackend) -> Iterator[None]:
         raise known(f"{title}: {error}") from error
     except (Exception, SystemExit) as cause:
         raise BackendError(f"{title}: {describe(cause, type(resolved.backend))}") from cause
-
-
-def _wrong(answer: object, expect: type[Answer], faults: Faults[Answer]) -> list[str]:
-    if not isinstance(answer, expect):
-        return [f"expected {expect.__name__}, got {type(answer).__name__}{tensor_advice(answer)}"]
-    try:
-        return faults(answer)
-    except Exception as cause:  # fields of kinds that nobody thought of
-        return [f"{expect.__name__} cannot be read: {type(cause).__name__}: {cause}"]
 
 
 def _print_traceback(error: Exception) -> None:

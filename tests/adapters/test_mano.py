@@ -7,7 +7,8 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.adapters.mano import hands_from_mano, no_hands
 from physic_core.adapters.rotations import mirrored
-from physic_core.pipeline.validation import hands_faults
+from physic_core.interfaces import HandEstimator
+from physic_testing import violations
 
 RNG = np.random.default_rng(0)
 FINGERS, WRISTS = RNG.normal(0, 0.4, (2, 15, 3)), RNG.normal(0, 1, (2, 1, 3))
@@ -21,7 +22,7 @@ def test_left_comes_first_and_is_mirrored_back() -> None:
     assert hands.wrists is not None
     np.testing.assert_allclose(hands.wrists[1], [mirrored(WRISTS[0, 0]), WRISTS[1, 0]], atol=1e-6)
     np.testing.assert_allclose(hands.confidence, [[0, 0], [0.8, 0.9]], atol=1e-6)
-    assert hands_faults(hands, 2) == []
+    assert violations(HandEstimator, hands, people=2) == []
 
 
 def test_what_was_mirrored_back_already_is_left_alone() -> None:
@@ -57,7 +58,7 @@ def test_a_hand_that_is_not_a_number_was_not_found() -> None:
 
 
 def test_nobody_has_no_hands() -> None:
-    assert hands_faults(no_hands(0), 0) == []
+    assert violations(HandEstimator, no_hands(0), people=0) == []
     empty = hands_from_mano(3, np.zeros(0, int), np.zeros(0, bool), np.zeros((0, 15, 3)), np.zeros(0))
-    assert hands_faults(empty, 3) == []
+    assert violations(HandEstimator, empty, people=3) == []
     assert not empty.confidence.any()

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from physic_core.adapters.people import distinct_masks, people_from_masks, tight_boxes
-from physic_core.pipeline.validation import people_faults
+from physic_core.interfaces import Segmenter
 from physic_core.types import Keypoints
+from physic_testing import violations
 
 SIZE = (6, 8)
 
@@ -67,7 +68,7 @@ def test_nobody_has_masks_of_the_photo_s_size():
     people = people_from_masks([], None, np.zeros(0), size=SIZE)
     assert people.masks.shape == (0, *SIZE)
     assert people.boxes.shape == (0, 4)
-    assert people_faults(people, *SIZE) == []
+    assert violations(Segmenter, people, height=SIZE[0], width=SIZE[1]) == []
 
 
 def test_a_mask_does_not_reach_far_out_of_its_box():
@@ -82,7 +83,7 @@ def test_a_mask_does_not_reach_far_out_of_its_box():
 def test_whatever_the_masks_the_answer_holds_to_the_interface(logits, sharp):
     masks = logits > 0 if sharp else logits
     people = people_from_masks(list(masks), None, np.linspace(0.9, 0.1, len(masks)), np.ones(SIZE, bool), size=SIZE)
-    assert people_faults(people, *SIZE) == []
+    assert violations(Segmenter, people, height=SIZE[0], width=SIZE[1]) == []
     assert (people.masks.any(0) == (logits > 0).any(0)).all() if len(masks) else len(people) == 0
 
 

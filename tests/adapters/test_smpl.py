@@ -6,7 +6,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from physic_core.adapters.smpl import bodies_from_smpl, no_bodies, parameters_of
-from physic_core.pipeline.validation import bodies_faults
+from physic_core.interfaces import BodyEstimator
+from physic_testing import violations
 
 RNG = np.random.default_rng(0)
 POSE, BETAS, PLACE = RNG.normal(0, 0.4, (2, 24, 3)), RNG.normal(0, 1, (2, 10)), RNG.normal((0, 0, 4), 1, (2, 3))
@@ -22,7 +23,7 @@ def test_joints_0_to_21_keep_their_rotations_and_the_hands_are_dropped() -> None
     np.testing.assert_allclose(p.transl, PLACE, atol=1e-6)
     assert bodies.body_model == "smpl"
     assert bodies.joints is None
-    assert bodies_faults(bodies, 2) == []
+    assert violations(BodyEstimator, bodies, people=2) == []
 
 
 def test_matrices_flat_vectors_and_22_joints_do_as_well() -> None:
@@ -50,4 +51,4 @@ def test_parameters_of_all_55_joints_land_in_their_fields() -> None:
 
 
 def test_nobody_is_a_whole_answer() -> None:
-    assert bodies_faults(no_bodies("smplx"), 0) == []
+    assert violations(BodyEstimator, no_bodies("smplx"), people=0) == []

@@ -10,13 +10,14 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from physic_core.body import load_body
-from physic_core.pipeline.validation import hands_faults
+from physic_core.interfaces import HandEstimator
 from physic_core.types import Keypoints, People
 from physic_embedded.fingers import FINGERS, HandRest, fit_fingers
 from physic_embedded.hands import EmbeddedHands, EmbeddedHandsOptions
 from physic_embedded.palm import HandLook, arm_square, hand_landmarks, next_square, palm_square
 from physic_embedded.picture import Picture, Square
 from physic_embedded.sessions import open_session
+from physic_testing import violations
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -170,7 +171,7 @@ def estimator() -> EmbeddedHands:
 def test_no_hand_is_found_where_there_is_none(estimator: EmbeddedHands, skeleton: str) -> None:
     image = np.full((200, 300, 3), 128, np.uint8)
     hands = estimator.infer(image, *arm(image, skeleton))
-    assert hands_faults(hands, 1) == []
+    assert violations(HandEstimator, hands, people=1) == []
     assert hands.confidence.max() == 0
 
 

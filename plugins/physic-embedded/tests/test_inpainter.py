@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from physic_core.errors import BackendError
-from physic_core.pipeline.validation import image_faults
+from physic_core.interfaces import Inpainter
 from physic_embedded.inpainter import MiGan, MiGanOptions
+from physic_testing import violations
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +30,7 @@ def test_only_the_hole_changes_at_any_size(inpainter: MiGan, height: int, width:
     mask[height // 3 : height // 2, width // 4 : width // 2] = True
     before = image.copy()
     filled = inpainter.infer(image, mask)
-    assert image_faults(filled, height, width) == []
+    assert violations(Inpainter, filled, height=height, width=width) == []
     np.testing.assert_array_equal(filled[~mask], image[~mask])
     np.testing.assert_array_equal(image, before)
     assert (filled[mask] != image[mask]).any()

@@ -8,10 +8,11 @@ import cv2
 import numpy as np
 import pytest
 
-from physic_core.pipeline.validation import keypoints_faults
+from physic_core.interfaces import KeypointDetector
 from physic_core.types import People
 from physic_embedded.keypoints import EmbeddedKeypoints, EmbeddedKeypointsOptions
 from physic_embedded.segmenter import EmbeddedSegmenter, EmbeddedSegmenterOptions
+from physic_testing import violations
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -48,7 +49,7 @@ def test_people_of_another_segmenter_get_the_same_joints(
     detector: EmbeddedKeypoints, people: People, image: NDArray[np.uint8]
 ) -> None:
     found = detector.infer(image, replace(people, keypoints=None))
-    assert keypoints_faults(found, 2) == []
+    assert violations(KeypointDetector, found, people=2) == []
     assert people.keypoints is not None
     clear = people.keypoints.confidence > 0.5
     apart = np.linalg.norm(found.points - people.keypoints.points, axis=-1)
@@ -63,7 +64,7 @@ def test_a_mask_without_a_person_gets_no_confidence(detector: EmbeddedKeypoints)
     mask[:, 40:200, 100:180] = True
     grey = np.full((240, 320, 3), 128, np.uint8)
     found = detector.infer(grey, People(mask, np.array([[100, 40, 180, 200.0]]), np.ones(1)))
-    assert keypoints_faults(found, 1) == []
+    assert violations(KeypointDetector, found, people=1) == []
     assert found.confidence.max() == 0
 
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from physic_core.errors import BackendError
-from physic_core.pipeline.validation import people_faults
+from physic_core.interfaces import Segmenter
 from physic_embedded.detection import Detection, anchor_centers, box_iou, decode
 from physic_embedded.floor import ground_points
 from physic_embedded.masks import PersonMask, mask_boxes, separate
@@ -20,6 +20,7 @@ from physic_embedded.pose import LEFT_RIGHT, Pose
 from physic_embedded.sam import Embedding, embed, prompt
 from physic_embedded.segmenter import EmbeddedSegmenter, EmbeddedSegmenterOptions
 from physic_embedded.sessions import open_session
+from physic_testing import violations
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -263,7 +264,7 @@ def test_people_are_found_all_along_a_panorama(segmenter: EmbeddedSegmenter, ima
 
 
 def test_the_example_photo_has_two_people(people: People, image: NDArray[np.uint8]) -> None:
-    assert people_faults(people, *image.shape[:2]) == []
+    assert violations(Segmenter, people, height=image.shape[0], width=image.shape[1]) == []
     assert len(people) == 2
     assert (np.diff(people.scores) <= 0).all()
     assert people.boxes[0, 2] < 200 < 400 < people.boxes[1, 0]
@@ -326,7 +327,7 @@ def test_a_mirror_image_swaps_sides(segmenter: EmbeddedSegmenter, people: People
 def test_nobody_is_found_where_nobody_is(segmenter: EmbeddedSegmenter, shape: tuple[int, int]) -> None:
     noise = np.random.default_rng(0).integers(0, 255, (*shape, 3), np.uint8)
     found = segmenter.infer(noise)
-    assert people_faults(found, *shape) == []
+    assert violations(Segmenter, found, height=shape[0], width=shape[1]) == []
     assert len(found) == 0
     assert found.floor is not None
     assert not found.floor.any()

@@ -10,7 +10,16 @@ import torch
 from physic_core.body import load_body
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.errors import BackendError
-from physic_core.pipeline import validation as border
+from physic_core.interfaces import (
+    BodyEstimator,
+    ContactPrior,
+    HandEstimator,
+    Inpainter,
+    KeypointDetector,
+    MetricDepth,
+    RelativePointmap,
+    Segmenter,
+)
 from physic_core.types import Hints, Intrinsics, Keypoints, People
 from physic_mock import NOISE_VERSION, physic_backends
 from physic_mock.backends import (
@@ -29,6 +38,7 @@ from physic_mock.humans import BodyOptions, HandOptions
 from physic_mock.keypoints import KeypointOptions
 from physic_mock.pixels import SegmenterOptions
 from physic_mock.recognition import MockOptions
+from physic_testing import violations
 from physic_testing.worlds import build_world, labels
 
 WORLDS = ("stand", "sit_on_stool", "hug")
@@ -85,20 +95,24 @@ def test_every_answer_passes_the_border(world):
     people = MockSegmenter().infer(world.image)
     count = len(people)
     assert count == len(world.masks)
-    assert border.people_faults(people, height, width) == []
+    assert violations(Segmenter, people, height=height, width=width) == []
     keypoints = MockKeypointDetector().infer(world.image, people)
-    assert border.keypoints_faults(keypoints, count) == []
+    assert violations(KeypointDetector, keypoints, people=count) == []
     hole = people.masks.any(axis=0)
     empty = MockInpainter().infer(world.image, hole)
-    assert border.image_faults(empty, height, width) == []
+    assert violations(Inpainter, empty, height=height, width=width) == []
     for image, hints in ((empty, Hints(hole=hole)), (world.image, Hints())):
-        assert border.pointmap_faults(MockRelativePointmap().infer(image, hints), height, width) == []
-        assert border.depth_faults(MockMetricDepth().infer(image, hints), height, width) == []
+        assert (
+            violations(RelativePointmap, MockRelativePointmap().infer(image, hints), height=height, width=width) == []
+        )
+        assert violations(MetricDepth, MockMetricDepth().infer(image, hints), height=height, width=width) == []
     bodies = MockBodyEstimator().infer(world.image, people, world.intrinsics, keypoints, Hints())
-    assert border.bodies_faults(bodies, count) == []
-    assert border.hands_faults(MockHandEstimator().infer(world.image, people, keypoints), count) == []
+    assert violations(BodyEstimator, bodies, people=count) == []
+    assert violations(HandEstimator, MockHandEstimator().infer(world.image, people, keypoints), people=count) == []
     contact = MockContactPrior().infer(world.image, people, bodies)
-    assert border.contact_faults(contact, count, world.vertices.shape[1], world.topology) == []
+    assert (
+        violations(ContactPrior, contact, people=count, vertices=world.vertices.shape[1], topology=world.topology) == []
+    )
 
 
 def test_without_noise_the_answers_are_the_truth(world):

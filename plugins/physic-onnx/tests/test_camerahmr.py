@@ -9,9 +9,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from physic_core.errors import BackendError
-from physic_core.pipeline.validation import bodies_faults
+from physic_core.interfaces import BodyEstimator
 from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People
 from physic_onnx.camerahmr import CameraHmr
+from physic_testing import violations
 from physic_testing.conformance import check_backend
 
 from .pose_worlds import normalised, region, sampled, whose
@@ -133,7 +134,7 @@ def test_the_given_camera_sets_the_depth(recorded: Any) -> None:
 
 def test_smpls_joints_0_to_21_are_told_and_its_hands_are_left_out(recorded: Any) -> None:
     found = ask(recorded()[0])
-    assert bodies_faults(found, 2) == []
+    assert violations(BodyEstimator, found, people=2) == []
     assert found.body_model == "smpl"
     assert np.allclose(found.parameters.body_pose.reshape(2, 21, 3), [0.1, 0, 0], atol=1e-6)
     assert not found.parameters.left_hand_pose.any()

@@ -11,9 +11,10 @@ import pytest
 from physic_core.body import load_body
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.errors import BackendError
-from physic_core.pipeline.validation import contact_faults
+from physic_core.interfaces import ContactPrior
 from physic_core.types import Bodies, ContactProbability, People
 from physic_onnx.deco import Deco
+from physic_testing import violations
 from physic_testing.conformance import check_backend
 
 from .pose_worlds import whose
@@ -78,7 +79,7 @@ def coloured() -> np.ndarray:
 
 def test_it_is_shown_bgr_letterboxed_on_white(deco: Any) -> None:
     found = deco().infer(coloured(), people((100, 20, 140, 220)), bodies(1))
-    assert contact_faults(found, 1, MODEL.num_vertices, MODEL.topology) == []
+    assert violations(ContactPrior, found, people=1, vertices=MODEL.num_vertices, topology=MODEL.topology) == []
     middle, edge = found.probability.reshape(3, 2).T
     assert np.allclose(middle, np.array([50, 100, 200]) / 255, atol=1e-3)  # blue, green, red
     assert np.allclose(edge, 1.0, atol=1e-3)  # white beside a narrow box

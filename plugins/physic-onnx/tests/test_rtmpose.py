@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from physic_core.errors import BackendError
-from physic_core.pipeline.validation import keypoints_faults
+from physic_core.interfaces import KeypointDetector
 from physic_core.types import People
 from physic_onnx.rtmpose import RtmPose
+from physic_testing import violations
 from physic_testing.conformance import check_backend
 
 from .pose_worlds import joints, normalised, region, sampled
@@ -74,7 +75,7 @@ BOX = (50.0, 20.0, 150.0, 180.0)
 @pytest.mark.parametrize("split", [2, 3])
 def test_colours_are_found_where_they_are_and_in_their_order(rtmpose: Any, size: tuple[int, int], split: int) -> None:
     found = rtmpose(size=size, split=split).infer(blobs(PLACES), people(BOX))
-    assert keypoints_faults(found, 1) == []
+    assert violations(KeypointDetector, found, people=1) == []
     assert found.skeleton == "coco17"
     apart = np.abs(found.points[0, :3] - PLACES).max()
     print(f"{size}: {apart:.2f} px of the photo; a pixel of the input is {BOX[3] * 1.25 / size[0]:.2f} px")

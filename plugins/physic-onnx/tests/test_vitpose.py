@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from physic_core.errors import BackendError, PhysicError, WeightsMissingError
-from physic_core.pipeline.validation import keypoints_faults
+from physic_core.interfaces import KeypointDetector
 from physic_core.types import People
 from physic_onnx.vitpose import VitPose
+from physic_testing import violations
 from physic_testing.conformance import check_backend
 
 from .pose_worlds import joints, normalised, region, sampled
@@ -98,7 +99,7 @@ BOX = (50.0, 20.0, 150.0, 180.0)
 @pytest.mark.parametrize("kind", list(PORTS))
 def test_colours_are_found_where_they_are_and_in_their_order(vitpose: Any, kind: str) -> None:
     found = vitpose(kind).infer(blobs((200, 260), PLACES), people(BOX))
-    assert keypoints_faults(found, 1) == []
+    assert violations(KeypointDetector, found, people=1) == []
     assert found.skeleton == "coco17"
     apart = np.linalg.norm(found.points[0, :3] - PLACES, axis=1)
     print(f"{kind}: {apart.max():.2f} px of the photo; a cell is {BOX[3] * 1.25 / 64:.1f} px")

@@ -9,9 +9,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from physic_core.errors import BackendError
-from physic_core.pipeline.validation import hands_faults
+from physic_core.interfaces import HandEstimator
 from physic_core.types import Keypoints, People
 from physic_onnx.wilor import MINI, WHOLE, Wilor
+from physic_testing import violations
 from physic_testing.conformance import check_backend
 
 from .pose_worlds import sampled
@@ -107,7 +108,7 @@ def test_swapping_channels_is_a_switch(recorded: Any) -> None:
 @pytest.mark.parametrize("matrices", [False, True])
 def test_left_hands_are_mirrored_back_and_come_first(recorded: Any, matrices: bool) -> None:
     found = recorded(WHOLE, matrices)[0].infer(IMAGE, PEOPLE, hands_at(LEFT, RIGHT))
-    assert hands_faults(found, 1) == []
+    assert violations(HandEstimator, found, people=1) == []
     assert np.allclose(found.rotvecs[0, 0], [0.1, -0.2, -0.3], atol=1e-5)
     assert np.allclose(found.rotvecs[0, 1], [0.2, 0.2, 0.3], atol=1e-5)
     assert found.wrists is not None

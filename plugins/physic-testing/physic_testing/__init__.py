@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING, Any
 from physic_core import CommandRecord, hookimpl
 
 if TYPE_CHECKING:
-    from physic_testing.conformance import Report, check_backend, parametrize_with_checks
+    from physic_testing.conformance import Report, check_backend, parametrize_with_checks, violations
     from physic_testing.worlds import WORLDS, World, build_world
 
-__all__ = ["WORLDS", "Report", "World", "build_world", "check_backend", "parametrize_with_checks"]
+__all__ = ["WORLDS", "Report", "World", "build_world", "check_backend", "parametrize_with_checks", "violations"]
 
 _ON_FIRST_USE = {
     "Report": "physic_testing.conformance",
     "check_backend": "physic_testing.conformance",
     "parametrize_with_checks": "physic_testing.conformance",
+    "violations": "physic_testing.conformance",
     "WORLDS": "physic_testing.worlds",
     "World": "physic_testing.worlds",
     "build_world": "physic_testing.worlds",

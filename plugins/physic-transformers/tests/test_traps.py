@@ -13,8 +13,9 @@ import torch
 from scipy.ndimage import map_coordinates
 
 from physic_core.errors import BackendError, DeviceError
-from physic_core.pipeline.validation import depth_faults, keypoints_faults, people_faults, pointmap_faults
+from physic_core.interfaces import KeypointDetector, MetricDepth, RelativePointmap, Segmenter
 from physic_core.types import CameraTrust, Hints, Intrinsics, People
+from physic_testing import violations
 from physic_transformers.depth_anything import (
     DepthAnythingMetric,
     DepthAnythingRelative,
@@ -90,11 +91,12 @@ class TestWithoutTorchvision:
         answer = backend.infer(WIDE, *rest)
         backend.close()
         if name == "vitpose":
-            faults = keypoints_faults(answer, 1)
+            faults = violations(KeypointDetector, answer, people=1)
         elif not rest:
-            faults = people_faults(answer, 60, 100)
+            faults = violations(Segmenter, answer, height=60, width=100)
         else:
-            faults = (pointmap_faults if name == "relative" else depth_faults)(answer, 60, 100)
+            kind = RelativePointmap if name == "relative" else MetricDepth
+            faults = violations(kind, answer, height=60, width=100)
         assert faults == []
 
     def made(self, saved: Callable[..., Path], name: str, dtype: Any) -> Any:

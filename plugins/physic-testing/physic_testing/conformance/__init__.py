@@ -22,9 +22,19 @@ good a backend is they report and never judge.
 
 from __future__ import annotations
 
+from physic_testing.conformance.asking import violations
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.kit import check_backend, checks_for, parametrize_with_checks
 from physic_testing.conformance.report import Report, Result
 from physic_testing.conformance.subject import CAPABILITIES
 
-__all__ = ["CAPABILITIES", "Check", "Report", "Result", "check_backend", "checks_for", "parametrize_with_checks"]
+__all__ = [
+    "CAPABILITIES",
+    "Check",
+    "Report",
+    "Result",
+    "check_backend",
+    "checks_for",
+    "parametrize_with_checks",
+    "violations",
+]

@@ -10,6 +10,7 @@ import numpy as np
 from physic_core.metrics.contact_scores import contact_scores
 from physic_core.metrics.matching import mask_iou
 from physic_core.metrics.pose import BODY_JOINTS, mpjpe_mm, pa_mpjpe_mm
+from physic_testing.conformance.expect import CheckSkipped
 from physic_testing.conformance.truth import (
     contact_on_embedded,
     posed_bodies,
@@ -75,6 +76,8 @@ def measure(interface: str, answer: Any, case: Case) -> dict[str, float]:
     Raises:
         CheckSkipped: a world does not know this kind of truth.
     """
+    if interface not in _MEASURES:
+        raise CheckSkipped(f"no truth is known for the interface {interface}")
     return _MEASURES[interface](answer, case)
 
 

@@ -1,94 +1,76 @@
-"""What a backend of each interface is asked, what its answer must look like, and whether two answers are the same."""
+"""What a backend is given for a case, whether its interface allows the result, and whether two results agree."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.pipeline import validation as border
-from physic_core.types import (
-    Bodies,
-    ContactProbability,
-    DepthMap,
-    Hands,
-    Hints,
-    Keypoints,
-    People,
-    Pointmap,
-)
-from physic_testing.conformance.cases import known_hints
+from physic_core.interfaces import INTERFACES
+from physic_core.interfaces.backend import violations as check_result
+from physic_core.types import Hints, People
 
 if TYPE_CHECKING:
+    from physic_core.interfaces import Backend, Request
     from physic_testing.conformance.cases import Case
 
-__all__ = ["ANSWERS", "arrays", "as_views", "changed", "difference", "form_faults", "inputs"]
-
-ANSWERS: dict[str, type] = {
-    "segmenter": People,
-    "inpainter": np.ndarray,
-    "metric_depth": DepthMap,
-    "relative_pointmap": Pointmap,
-    "keypoint_detector": Keypoints,
-    "body_estimator": Bodies,
-    "hand_estimator": Hands,
-    "contact_prior": ContactProbability,
-}
-"""Interface -> what its backends answer."""
+__all__ = ["arrays", "as_views", "changed", "difference", "form_faults", "inputs", "request_for", "violations"]
 
 _SAME = 1e-3  # of the largest value; threads of a network add up in any order
 _SAME_SHARE = 1e-3  # of the pixels of a mask or an image
 _SAME_GREY = 2
 
 
-def inputs(interface: str, case: Case) -> tuple[Any, ...]:
-    """Arguments of ``infer``, copied: nobody else sees what a backend does to them."""
-    seen = Hints(intrinsics=case.intrinsics, people=case.people, keypoints=case.keypoints, hole=case.hole)
-    given: dict[str, tuple[Any, ...]] = {
-        "segmenter": (case.photo,),
-        "inpainter": (case.photo, case.hole),
-        "metric_depth": (case.empty, known_hints(case)),
-        "relative_pointmap": (case.empty, seen),
-        "keypoint_detector": (case.photo, case.people),
-        "body_estimator": (
-            case.photo,
-            case.people,
-            case.intrinsics,
-            case.keypoints,
-            replace(seen, hole=None, scene=case.scene, original=case.original, floor=case.floor),
-        ),
-        "hand_estimator": (case.photo, case.people, case.keypoints),
-        "contact_prior": (case.photo, case.people, case.bodies),
+def request_for(interface: str, case: Case) -> Request[Any]:
+    """What a backend of an interface is given for a case, copied: nobody else sees what a backend does to it."""
+    kind = INTERFACES[interface]
+    known: dict[str, Any] = {
+        "image": case.empty if kind.sees == "inpainted" else case.photo,
+        "mask": case.hole,
+        "people": case.people,
+        "intrinsics": case.intrinsics,
+        "keypoints": case.keypoints,
+        "bodies": case.bodies,
+        "hints": Hints(**{name: getattr(case, name) for name in kind.hints}),
     }
+    given = {field.name: known[field.name] for field in fields(kind.Request) if not field.kw_only}
     # Copies of read-only arrays can be written to: a backend that does must be found, not stopped.
-    return deepcopy(given[interface])
+    return deepcopy(kind.Request(**given))
+
+
+def inputs(interface: str, case: Case) -> tuple[Any, ...]:
+    """Arguments of ``infer`` for a case, copied."""
+    return request_for(interface, case).arguments
 
 
 def form_faults(interface: str, answer: Any, case: Case) -> list[str]:
-    """What is wrong with an answer's type, shapes, dtypes and ranges; nothing about its truth."""
-    expected = ANSWERS[interface]
-    if not isinstance(answer, expected):
-        return [f"infer must return a {_name(expected)}, got {_name(type(answer))}{border.tensor_advice(answer)}"]
-    height, width = case.photo.shape[:2]
-    count = len(case.people)
-    faults: dict[str, Callable[[Any], list[str]]] = {
-        "segmenter": lambda a: border.people_faults(a, height, width),
-        "inpainter": lambda a: border.image_faults(a, height, width),
-        "metric_depth": lambda a: border.depth_faults(a, height, width),
-        "relative_pointmap": lambda a: border.pointmap_faults(a, height, width),
-        "keypoint_detector": lambda a: border.keypoints_faults(a, count),
-        "body_estimator": lambda a: border.bodies_faults(a, count),
-        "hand_estimator": lambda a: border.hands_faults(a, count),
-        # On which mesh is a check of its own.
-        "contact_prior": lambda a: border.contact_faults(a, count, a.probability.shape[-1], a.topology),
+    """What is wrong with a result's type, shapes, dtypes and ranges; nothing about its truth."""
+    return check_result(INTERFACES[interface], answer, request_for(interface, case))
+
+
+def violations(
+    interface: type[Backend], result: object, *, height: int = 1, width: int = 1, people: int = 0, **more: Any
+) -> list[str]:
+    """How a result violates its interface, one sentence each: for unit tests that call no backend.
+
+    Args:
+        interface: such as ``MetricDepth``.
+        result: what ``infer`` returned.
+        height: of the image that was given, px.
+        width: of the same.
+        people: number of people that were given.
+        more: keyword-only fields of the interface's request.
+    """
+    image = np.zeros((height, width, 3), np.uint8)
+    masks = np.zeros((people, height, width), bool)
+    known = {"image": image, "people": People(masks, np.zeros((people, 4)), np.zeros(people))}
+    given: dict[str, Any] = {
+        field.name: known.get(field.name) for field in fields(interface.Request) if not field.kw_only
     }
-    try:
-        return faults[interface](answer)
-    except (AttributeError, IndexError, TypeError, ValueError) as error:
-        return [f"the {_name(expected)} holds something that cannot be read: {type(error).__name__}: {error}"]
+    return check_result(interface, result, interface.Request(**given, **more))
 
 
 def arrays(thing: Any, path: str = "") -> Iterator[tuple[str, Any]]:
@@ -169,7 +151,3 @@ def _close(a: float, b: float) -> bool:
 
 def _has_nan(array: Any) -> bool:
     return bool(array.dtype.kind == "f")
-
-
-def _name(kind: type) -> str:
-    return "numpy array" if kind is np.ndarray else kind.__name__

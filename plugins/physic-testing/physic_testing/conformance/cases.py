@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.types import Bodies, Hints, Keypoints, People, Plane, Pointmap
+from physic_core.types import Bodies, Keypoints, People, Plane, Pointmap
 from physic_testing.worlds import build_world
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, Intrinsics, UInt8Array
     from physic_testing.worlds import World
 
-__all__ = ["CASES", "SIZE", "Case", "build_case", "case_of_world", "known_hints"]
+__all__ = ["CASES", "SIZE", "Case", "build_case", "case_of_world"]
 
 SIZE = (320, 240)
 """Width and height of the ordinary photos, px."""
@@ -135,20 +135,6 @@ def case_of_world(name: str, world: World) -> Case:
         original=Pointmap(original, np.isfinite(original).all(axis=2), "scale", world.intrinsics),
         floor=Plane(world.floor.normal, world.floor.offset / SCENE_UNIT),
         world=world,
-    )
-
-
-def known_hints(case: Case) -> Hints:
-    """Everything that is known of a photo when the metric depth is asked, the last of all."""
-    return Hints(
-        intrinsics=case.intrinsics,
-        people=case.people,
-        keypoints=case.keypoints,
-        hole=case.hole,
-        scene=case.scene,
-        original=case.original,
-        floor=case.floor,
-        bodies=case.bodies,
     )
 
 

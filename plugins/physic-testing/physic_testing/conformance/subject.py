@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from pydantic import ValidationError
 
@@ -15,7 +15,7 @@ from physic_core.discovery.local_modules import split
 from physic_core.discovery.readiness import missing_requirements
 from physic_core.errors import BackendError, ConfigError, PhysicError
 from physic_core.interfaces import INTERFACES, Backend
-from physic_core.pipeline.image_check import infer
+from physic_core.interfaces.checks import require_photo
 from physic_testing.conformance.asking import changed, form_faults, inputs
 from physic_testing.conformance.cases import SIZE, build_case
 from physic_testing.conformance.expect import CheckSkipped
@@ -165,7 +165,8 @@ class Subject:
     def ask(self, backend: Backend, case: Case, arguments: tuple[Any, ...] | None = None) -> Any:
         """What a backend answers to a case, or to other arguments in its place; errors go through."""
         given = inputs(self.interface, case) if arguments is None else arguments
-        return infer(backend, given)
+        require_photo(given[0])
+        return cast("Any", backend).infer(*given)
 
     def attempt(self, name: str) -> Attempt:
         """What came of showing the photo; shown once only, and always FIRST before any other.

@@ -1,14 +1,16 @@
 from __future__ import annotations
 
+import inspect
 import socket
+from dataclasses import fields
 
 import numpy as np
 import pytest
 from right_backends import SIZE
 
-from physic_core.interfaces import INTERFACES
+from physic_core.interfaces import INTERFACES, Backend
 from physic_core.types import DepthMap
-from physic_testing.conformance.asking import ANSWERS, as_views, changed, difference, inputs
+from physic_testing.conformance.asking import as_views, changed, difference, inputs
 from physic_testing.conformance.cases import CASES, build_case
 from physic_testing.conformance.guard import no_network, resident_megabytes
 from physic_testing.conformance.surfaces import aligned_error, order_agreement
@@ -16,8 +18,10 @@ from physic_testing.conformance.surfaces import aligned_error, order_agreement
 DEPTH = np.random.default_rng(0).uniform(1, 5, (20, 30))
 
 
-def test_every_interface_has_inputs_and_an_answer():
-    assert set(ANSWERS) == set(INTERFACES)
+@pytest.mark.parametrize("interface", INTERFACES.values())
+def test_a_request_has_the_arguments_of_infer_in_their_order(interface: type[Backend]):
+    arguments = list(inspect.signature(vars(interface)["infer"]).parameters)
+    assert arguments[1:] == [field.name for field in fields(interface.Request) if not field.kw_only]
 
 
 @pytest.mark.parametrize("name", CASES)

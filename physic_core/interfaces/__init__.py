@@ -1,0 +1,65 @@
+"""The eight interfaces that a plugin can implement: what each is given, what it returns, how a result is checked.
+
+Images are (H, W, 3) uint8 RGB numpy arrays, upright. The frame is the OpenCV camera's (x right, y down, z forward),
+in metres; integer pixel coordinates are pixel centres. The core checks the image before it calls a backend. A backend
+never edits its input, reports other bad input with a :class:`physic_core.errors.PhysicError`, and returns the same
+result for the same input and options.
+
+Each interface has a version, ``api``. It rises when backends written for the previous version no longer work; then the
+backends of that interface, and of no other, are refused until their records state the new version.
+
+Constructing a backend is cheap and offline. ``load`` reads weights, ``close`` drops them; both may be called twice.
+
+A plugin whose weights are to be fetched lists them in TOML files, and names their folder by the hook ``physic_weights``
+(:mod:`physic_core.discovery.hookspecs`). :mod:`physic_core.weights` finds them, and knows which are missing.
+"""
+
+from __future__ import annotations
+
+from physic_core.interfaces.backend import Backend, Options, Request
+from physic_core.interfaces.body_estimator import BodyEstimator, BodyEstimatorRequest
+from physic_core.interfaces.contact_prior import ContactPrior, ContactPriorRequest
+from physic_core.interfaces.hand_estimator import HandEstimator, HandEstimatorRequest
+from physic_core.interfaces.inpainter import Inpainter, InpainterRequest
+from physic_core.interfaces.keypoint_detector import KeypointDetector, KeypointDetectorRequest
+from physic_core.interfaces.metric_depth import MetricDepth, MetricDepthRequest
+from physic_core.interfaces.relative_pointmap import RelativePointmap, RelativePointmapRequest
+from physic_core.interfaces.segmenter import Segmenter, SegmenterRequest
+
+__all__ = [
+    "INTERFACES",
+    "Backend",
+    "BodyEstimator",
+    "BodyEstimatorRequest",
+    "ContactPrior",
+    "ContactPriorRequest",
+    "HandEstimator",
+    "HandEstimatorRequest",
+    "Inpainter",
+    "InpainterRequest",
+    "KeypointDetector",
+    "KeypointDetectorRequest",
+    "MetricDepth",
+    "MetricDepthRequest",
+    "Options",
+    "RelativePointmap",
+    "RelativePointmapRequest",
+    "Request",
+    "Segmenter",
+    "SegmenterRequest",
+]
+
+INTERFACES: dict[str, type[Backend]] = {
+    c.interface: c
+    for c in (
+        Segmenter,
+        Inpainter,
+        MetricDepth,
+        RelativePointmap,
+        KeypointDetector,
+        BodyEstimator,
+        HandEstimator,
+        ContactPrior,
+    )
+}
+"""Interface name in configs -> class."""

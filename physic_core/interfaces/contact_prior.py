@@ -1,0 +1,97 @@
+"""Interface ContactPrior: which vertices are likely to touch the scene."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from physic_core.interfaces.backend import Backend, Request
+from physic_core.interfaces.checks import (
+    check_array,
+    check_faces,
+    check_finite,
+    check_type,
+    check_unit_range,
+    finite_rows,
+    judged_rows,
+    length,
+)
+from physic_core.types import ContactProbability, RestMesh
+
+if TYPE_CHECKING:
+    from physic_core.types import Bodies, BoolArray, People, UInt8Array
+
+__all__ = ["ContactPrior", "ContactPriorRequest", "finite_contact"]
+
+
+@dataclass(frozen=True)
+class ContactPriorRequest(Request[ContactProbability]):
+    """What a ContactPrior is given.
+
+    Attributes:
+        image: (H, W, 3) uint8 RGB, the photo.
+        people: N people.
+        bodies: of the N people, of the configured body model, with ``joints`` if that is a file of the user's.
+        topology: mesh of ``bodies``, or None if any mesh will do. Not passed to ``infer``.
+        vertices: number of vertices of ``topology``. Not passed to ``infer``.
+    """
+
+    people: People
+    bodies: Bodies
+    topology: str | None = field(default=None, kw_only=True)
+    vertices: int | None = field(default=None, kw_only=True)
+
+
+class ContactPrior(Backend):
+    """Predicts which vertices are likely to touch the scene (paper: DECO)."""
+
+    interface = "contact_prior"
+    api = 1
+    Request = ContactPriorRequest
+    Result = ContactProbability
+
+    @abstractmethod
+    def infer(self, image: UInt8Array, people: People, bodies: Bodies) -> ContactProbability:
+        """N people with their bodies -> a probability per vertex.
+
+        The probabilities may be on any mesh. If it is not the mesh of the bodies, give that mesh in the T-pose as
+        ``rest``: the core transfers the probabilities.
+        """
+
+    @classmethod
+    def check(cls, result: ContactProbability, request: ContactPriorRequest) -> Iterator[str]:
+        """N rows of probabilities in [0, 1] on the mesh of the bodies, or on one that comes with the result."""
+        vertices, topology = request.vertices, request.topology
+        if topology is None or vertices is None:
+            vertices = result.probability.shape[-1]
+        elif result.topology != topology:
+            if result.rest is None:
+                yield f"topology must be {topology!r} as the bodies', got {result.topology!r}"
+                return
+            wrong = list(_check_rest(result.rest, result.topology))
+            if wrong:
+                yield from wrong
+                return
+            vertices = len(result.rest.vertices)
+        wrong = list(check_array("probability", result.probability, (len(request.people), vertices), "float"))
+        yield from wrong or check_unit_range("probability", result.probability[judged_rows(finite_contact(result))])
+
+
+def finite_contact(contact: ContactProbability) -> BoolArray:
+    """(N,) bool: people whose probabilities are all finite."""
+    return finite_rows([contact.probability], len(contact.probability))
+
+
+def _check_rest(rest: RestMesh, topology: str) -> Iterator[str]:
+    wrong_type = list(check_type(rest, RestMesh, "rest"))
+    if wrong_type:
+        yield from wrong_type
+        return
+    vertices = length(rest.vertices)
+    if rest.topology != topology:
+        yield f"rest must be the mesh {topology!r} that the probabilities are on, got {rest.topology!r}"
+    wrong = list(check_array("rest.vertices", rest.vertices, (vertices, 3), "float"))
+    yield from wrong or check_finite("rest.vertices", rest.vertices)
+    yield from check_faces("rest.faces", rest.faces, vertices)

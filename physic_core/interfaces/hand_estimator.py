@@ -1,0 +1,85 @@
+"""Interface HandEstimator: finger poses."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from physic_core.interfaces.backend import Backend, Request
+from physic_core.interfaces.checks import (
+    check_array,
+    check_finite,
+    check_unit_range,
+    finite_rows,
+    is_finite,
+    judged_rows,
+)
+from physic_core.types import Hands
+
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray, Keypoints, People, UInt8Array
+
+__all__ = ["HandEstimator", "HandEstimatorRequest", "finite_hands"]
+
+
+@dataclass(frozen=True)
+class HandEstimatorRequest(Request[Hands]):
+    """What a HandEstimator is given.
+
+    Attributes:
+        image: (H, W, 3) uint8 RGB, the photo.
+        people: N people.
+        keypoints: of the N people.
+    """
+
+    people: People
+    keypoints: Keypoints
+
+
+class HandEstimator(Backend):
+    """Estimates finger poses (paper: WiLoR)."""
+
+    interface = "hand_estimator"
+    api = 1
+    Request = HandEstimatorRequest
+    Result = Hands
+
+    @abstractmethod
+    def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
+        """N people -> 15 rotations a hand with a confidence; confidence 0 where no hand is visible.
+
+        With ``wrists``, the global rotation of each hand, the forearm is turned to fit the hand as far as the
+        confidence allows.
+        """
+
+    @classmethod
+    def check(cls, result: Hands, request: HandEstimatorRequest) -> Iterator[str]:
+        """N x 2 hands; rotations with a confidence above 0 are finite."""
+        n = len(request.people)
+        wrong = [
+            *check_array("rotvecs", result.rotvecs, (n, 2, 15, 3), "float"),
+            *check_array("confidence", result.confidence, (n, 2), "float"),
+        ]
+        if result.wrists is not None:
+            wrong += check_array("wrists", result.wrists, (n, 2, 3), "float")
+        yield from wrong
+        if wrong:
+            return
+        rows = judged_rows(finite_hands(result))
+        confidence = result.confidence[rows]
+        yield from check_unit_range("confidence", confidence)
+        yield from check_finite("rotvecs", result.rotvecs[rows][confidence > 0])
+        if result.wrists is not None:
+            yield from check_finite("wrists", result.wrists[rows][confidence > 0])
+
+
+def finite_hands(hands: Hands) -> BoolArray:
+    """(N,) bool: people whose confidence is finite, and so are all rotations of hands that were found."""
+    absent = hands.confidence <= 0
+    finite = finite_rows([hands.confidence], len(hands.confidence))
+    finite &= (is_finite(hands.rotvecs).all((-2, -1)) | absent).all(1)
+    if hands.wrists is not None:
+        finite &= (is_finite(hands.wrists).all(-1) | absent).all(1)
+    return finite

@@ -1,0 +1,86 @@
+"""Interface KeypointDetector: 2D joints of known people."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from physic_core.interfaces.backend import Backend, Request
+from physic_core.interfaces.checks import (
+    check_array,
+    check_finite,
+    check_type,
+    check_unit_range,
+    finite_rows,
+    is_finite,
+    judged_rows,
+)
+from physic_core.types import Keypoints
+
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray, People, UInt8Array
+
+__all__ = ["KeypointDetector", "KeypointDetectorRequest", "check_keypoints", "finite_keypoints"]
+
+
+@dataclass(frozen=True)
+class KeypointDetectorRequest(Request[Keypoints]):
+    """What a KeypointDetector is given.
+
+    Attributes:
+        image: (H, W, 3) uint8 RGB, the photo.
+        people: N people.
+    """
+
+    people: People
+
+
+class KeypointDetector(Backend):
+    """Detects 2D joints of known people (paper: ViTPose whole-body)."""
+
+    interface = "keypoint_detector"
+    api = 1
+    Request = KeypointDetectorRequest
+    Result = Keypoints
+
+    @abstractmethod
+    def infer(self, image: UInt8Array, people: People) -> Keypoints:
+        """Image (H, W, 3) and N people -> N rows of keypoints."""
+
+    @classmethod
+    def check(cls, result: Keypoints, request: KeypointDetectorRequest) -> Iterator[str]:
+        """N rows of J points and confidences in [0, 1]; points with a confidence above 0 are finite."""
+        yield from check_keypoints(result, len(request.people))
+
+
+def check_keypoints(keypoints: Keypoints, people: int) -> Iterator[str]:
+    """Yield how keypoints of ``people`` people violate the interface; a Segmenter may return them too."""
+    joints = keypoints.points.shape[1] if getattr(keypoints.points, "ndim", 0) == 3 else 0
+    wrong = [
+        *check_type(keypoints.skeleton, str, "skeleton"),
+        *check_array("points", keypoints.points, (people, joints, 2), "float"),
+        *check_array("confidence", keypoints.confidence, (people, joints), "float"),
+    ]
+    if keypoints.world is not None:
+        wrong += check_array("world", keypoints.world, (people, joints, 3), "float")
+    yield from wrong
+    if wrong:
+        return
+    rows = judged_rows(finite_keypoints(keypoints))
+    confidence = keypoints.confidence[rows]
+    yield from check_unit_range("confidence", confidence)
+    yield from check_finite("points", keypoints.points[rows][confidence > 0])
+    if keypoints.world is not None:
+        yield from check_finite("world", keypoints.world[rows][confidence > 0])
+
+
+def finite_keypoints(keypoints: Keypoints) -> BoolArray:
+    """(N,) bool: people whose confidence is finite, and so are all points with a confidence above 0."""
+    unseen = keypoints.confidence <= 0
+    finite = finite_rows([keypoints.confidence], len(keypoints.points))
+    finite &= (is_finite(keypoints.points).all(-1) | unseen).all(1)
+    if keypoints.world is not None:
+        finite &= (is_finite(keypoints.world).all(-1) | unseen).all(1)
+    return finite

@@ -1,0 +1,67 @@
+"""Interface MetricDepth: depth in metres."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+from numbers import Real
+from typing import TYPE_CHECKING
+
+from physic_core.interfaces.backend import Backend, Request
+from physic_core.interfaces.checks import check_array, check_camera, check_notes, is_finite
+from physic_core.types import DepthMap
+
+if TYPE_CHECKING:
+    from physic_core.types import Hints, UInt8Array
+
+__all__ = ["MetricDepth", "MetricDepthRequest"]
+
+
+@dataclass(frozen=True)
+class MetricDepthRequest(Request[DepthMap]):
+    """What a MetricDepth is given.
+
+    Attributes:
+        image: (H, W, 3) uint8 RGB, the photo with its people inpainted.
+        hints: what is known of the photo. ``people``, ``keypoints`` and ``bodies`` are those who have a body.
+    """
+
+    hints: Hints
+
+
+class MetricDepth(Backend):
+    """Estimates depth in metres (paper: DepthPro).
+
+    Called last, so that a classical method can measure with what is known of the people.
+    """
+
+    interface = "metric_depth"
+    api = 1
+    Request = MetricDepthRequest
+    Result = DepthMap
+    sees = "inpainted"
+    hints = ("intrinsics", "people", "keypoints", "hole", "scene", "original", "floor", "bodies")
+
+    @abstractmethod
+    def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
+        """Image (H, W, 3) -> z-depth in metres; ``image`` is the inpainted photo."""
+
+    @classmethod
+    def check(cls, result: DepthMap, request: MetricDepthRequest) -> Iterator[str]:
+        """Positive depth or NaN, (H, W), known for at least one pixel; a camera of this image if there is one."""
+        height, width = request.image.shape[:2]
+        wrong = list(check_array("depth", result.depth, (height, width), "float"))
+        yield from wrong
+        if not wrong:
+            known = result.depth[is_finite(result.depth)]
+            if not len(known):
+                yield "depth is NaN or infinite everywhere"
+            elif (known <= 0).any():
+                yield f"depth must be > 0 m or NaN, the smallest is {float(known.min()):g}"
+        sigma = result.scale_sigma
+        if sigma is not None and not (isinstance(sigma, Real) and 0 <= sigma < math.inf):
+            yield f"scale_sigma must be a number >= 0 or None, got {sigma!r}"
+        yield from check_camera(result.intrinsics, height, width)
+        yield from check_notes(result.notes)

@@ -1,0 +1,75 @@
+"""Interface Segmenter: the people in a photo, and the ground that they stand on."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from physic_core.interfaces.backend import Backend, Request
+from physic_core.interfaces.checks import check_array, check_finite, check_type, check_unit_range, length
+from physic_core.interfaces.keypoint_detector import check_keypoints
+from physic_core.types import Keypoints, People
+
+if TYPE_CHECKING:
+    from physic_core.types import UInt8Array
+
+__all__ = ["Segmenter", "SegmenterRequest"]
+
+
+@dataclass(frozen=True)
+class SegmenterRequest(Request[People]):
+    """What a Segmenter is given.
+
+    Attributes:
+        image: (H, W, 3) uint8 RGB, the photo.
+    """
+
+
+class Segmenter(Backend):
+    """Segments people and, if it can, the ground that they stand on (paper: GroundingDINO + SAM2)."""
+
+    interface = "segmenter"
+    api = 1
+    Request = SegmenterRequest
+    Result = People
+
+    @abstractmethod
+    def infer(self, image: UInt8Array) -> People:
+        """Image (H, W, 3) -> people, best score first; N = 0 if there is nobody."""
+
+    @classmethod
+    def check(cls, result: People, request: SegmenterRequest) -> Iterator[str]:
+        """Masks, boxes and scores of N people in the image, disjoint masks, and a floor mask if there is one."""
+        height, width = request.image.shape[:2]
+        n = length(result.masks)
+        wrong = [
+            *check_array("masks", result.masks, (n, height, width), "bool"),
+            *check_array("boxes", result.boxes, (n, 4), "float"),
+            *check_array("scores", result.scores, (n,), "float"),
+        ]
+        if result.floor is not None:
+            wrong += check_array("floor", result.floor, (height, width), "bool")
+        yield from wrong
+        if not wrong and n:
+            yield from _check_values(result, height, width)
+        if result.keypoints is not None:
+            wrong_type = list(check_type(result.keypoints, Keypoints, "keypoints"))
+            yield from wrong_type or check_keypoints(result.keypoints, n)
+
+
+def _check_values(people: People, height: int, width: int) -> Iterator[str]:
+    yield from check_unit_range("scores", people.scores)
+    yield from check_finite("boxes", people.boxes)
+    empty = [i for i in range(len(people)) if not people.masks[i].any()]
+    if empty:
+        yield f"every person needs at least one pixel, masks {empty} are empty"
+    boxes = people.boxes
+    outside = (boxes < 0).any(1) | (boxes[:, 2] > width) | (boxes[:, 3] > height)
+    flipped = (boxes[:, 2:] <= boxes[:, :2]).any(1)
+    if (outside | flipped).any():
+        bad = boxes[outside | flipped][0]
+        yield f"boxes must be x0 y0 x1 y1 inside the {width} x {height} px image, got {bad.tolist()}"
+    if people.masks.sum(0, dtype="int64").max() > 1:
+        yield "masks of two people overlap: every pixel belongs to one person at most"

@@ -1,0 +1,86 @@
+"""Converts bodies, hands and contact of any backend to the configured body model."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.errors import BodyModelError
+from physic_core.interfaces.body_estimator import finite_bodies
+
+if TYPE_CHECKING:
+    from physic_core.body.model import BodyModel
+    from physic_core.pipeline.stages import Stages
+    from physic_core.types import Bodies, ContactProbability, Hands
+
+__all__ = ["bodies_for_backends", "convert_bodies", "transfer_contact", "with_hands"]
+
+
+def with_hands(bodies: Bodies, hands: Hands, model: BodyModel) -> Bodies:
+    """Replace the finger rotations of every hand whose confidence is above 0.
+
+    If ``hands.wrists`` are given, forearms and wrists are turned to fit the hands, as far as the confidence allows.
+    """
+    if hands.wrists is not None:
+        from physic_core.body.wrists import WRIST_RANGE, stitch
+
+        return replace(bodies, parameters=stitch(bodies.parameters, hands, model, WRIST_RANGE))
+    p, found = bodies.parameters, hands.confidence > 0
+    flat = hands.rotvecs.reshape(len(p), 2, 45).astype(p.left_hand_pose.dtype)
+    left = np.where(found[:, :1], flat[:, 0], p.left_hand_pose)
+    right = np.where(found[:, 1:], flat[:, 1], p.right_hand_pose)
+    return replace(bodies, parameters=replace(p, left_hand_pose=left, right_hand_pose=right))
+
+
+def convert_bodies(bodies: Bodies, model: BodyModel, who: str, stages: Stages) -> Bodies:
+    """Convert bodies of another body model to the configured one, and note the remaining error.
+
+    Raises:
+        BodyModelError: they come with neither joints nor mesh, or with too few joints for every person.
+    """
+    from physic_core.body.conversion import can_carry, carry
+    from physic_core.cache.maps import kept_correspondence
+
+    if not can_carry(bodies, model):
+        cure = "name = 'embedded'" if bodies.body_model == "embedded" else f"path = the file of a '{bodies.body_model}'"
+        raise BodyModelError(
+            f"{who} gives bodies for the body model '{bodies.body_model}', "
+            f"but the configuration loads '{model.name}': set [body_model] {cure}, "
+            f"or choose a body_estimator that gives '{model.name}'"
+        )
+    try:
+        found = carry(bodies, model, kept_correspondence)
+    except BodyModelError as error:
+        raise BodyModelError(f"{who}: {error}") from error
+    if not finite_bodies(found.bodies).any():
+        raise BodyModelError(
+            f"{who} gives bodies for the body model '{bodies.body_model}' with too few joints to carry them over to "
+            f"'{model.name}': both hips, and both shoulders or the neck, are needed of at least one person"
+        )
+    stages.note(found.note(bodies.body_model))
+    return found.bodies
+
+
+def transfer_contact(
+    contact: ContactProbability, model: BodyModel, who: str, stages: Stages
+) -> ContactProbability | None:
+    """Transfer contact from another mesh to the configured model's; None, and a warning, if the mesh is no body."""
+    from physic_core.body.conversion import contact_to_model
+    from physic_core.cache.maps import kept_correspondence
+
+    try:
+        carried = contact_to_model(contact, model, kept_correspondence)
+    except BodyModelError as error:
+        stages.warn(f"{who}: {error}; contact is computed from distances alone")
+        return None
+    stages.note(f"contact carried over from the mesh '{contact.topology}' to '{model.topology}'")
+    return carried
+
+
+def bodies_for_backends(bodies: Bodies, model: BodyModel) -> Bodies:
+    """Bodies as other backends are given them: with joints if the body model is a file that backends cannot load."""
+    from physic_core.body.conversion import with_joints
+
+    return bodies if model.name == "embedded" else with_joints(bodies, model)

@@ -1,0 +1,61 @@
+"""A run constructs each backend once."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from PIL import Image
+
+from physic_core.cli import main
+from physic_core.configuration.model import load_config
+from physic_core.configuration.resolve import resolve
+from physic_core.discovery.plugins import discover
+from physic_core.errors import NoPersonError
+from physic_core.interfaces import INTERFACES, Backend
+from physic_core.pipeline.run import reconstruct_photo
+from physic_mock.backends import MockSegmenter
+from physic_testing.worlds import build_world
+
+ONCE = Counter(dict.fromkeys(INTERFACES, 1))
+
+
+@pytest.fixture
+def constructed(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
+    """How often a backend of each interface is constructed. Nobody is found, so that no run takes long."""
+    counts: Counter[str] = Counter()
+    plain = Backend.__init__
+
+    def count(self, options=None):
+        counts[self.interface] += 1
+        plain(self, options)
+
+    def nobody(self, image):
+        raise NoPersonError("nobody was found")
+
+    monkeypatch.setattr(Backend, "__init__", count)
+    monkeypatch.setattr(MockSegmenter, "infer", nobody)
+    return counts
+
+
+@pytest.fixture
+def photo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.chdir(tmp_path)
+    Image.fromarray(build_world("stand").image).save("photo.png")
+    return "photo.png"
+
+
+def test_a_run_of_the_command_line_constructs_each_backend_once(constructed: Counter[str], photo: str):
+    done = CliRunner().invoke(main, ["run", photo, "--preset", "mock", "--no-cache"])
+    assert "nobody was found" in done.output
+    assert constructed == ONCE
+
+
+def test_a_resolved_pipeline_serves_many_photos(constructed: Counter[str], photo: str):
+    plan = resolve(load_config(preset="mock", overrides=["run.cache=false"]), discover())
+    for _ in range(2):
+        with pytest.raises(NoPersonError):
+            reconstruct_photo(photo, plan)
+    assert constructed == ONCE
