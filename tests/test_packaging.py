@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import ast
 import re
+import shutil
+import subprocess
 import sys
 import tomllib
 from pathlib import Path
@@ -122,6 +124,14 @@ def test_every_plugin_is_installed_by(file: str):
     lines = set((ROOT / file).read_text().splitlines())
     assert {f"-e plugins/{name}" for name in PROJECTS if name != "physic-core"} <= lines
     assert "-c constraints.txt" in lines
+
+
+@pytest.mark.skipif(shutil.which("make") is None, reason="needs make")
+def test_the_tests_of_make_quick_are_there():
+    done = subprocess.run(["make", "-n", "quick"], cwd=ROOT, capture_output=True, text=True, check=True)
+    named = [word for word in done.stdout.split() if re.match("(tests|plugins)/.*", word)]
+    assert len(named) > 20
+    assert [word for word in named if not (ROOT / word).exists()] == []
 
 
 @pytest.mark.parametrize("name", [n for n in PROJECTS if n != "physic-core"])
