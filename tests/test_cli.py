@@ -610,7 +610,7 @@ def test_init_lists_every_key_with_its_meaning():
     text = template("embedded", discover())
     keys = {(table, key) for table, keys in _tables(text).items() for key in keys}
     plan = resolve(load_config(), discover())
-    for stage in ("scene", "human", "joint", "contact"):
+    for stage in ("scene", "placement", "joint", "contact"):
         assert {(f"engine.{stage}", f.name) for f in fields(getattr(plan.engine, stage))} <= keys
     for interface, chosen in plan.backends.items():
         assert {(f"{interface}.options", name) for name in chosen.provenance.options} <= keys

@@ -147,20 +147,20 @@ def test_a_body_model_path_is_relative_to_its_file(write):
 
 @pytest.mark.parametrize("preset", PRESETS)
 def test_every_preset_of_the_engine_is_what_a_config_may_say(preset):
-    said = {stage: asdict(getattr(PRESETS[preset], stage)) for stage in ("scene", "human", "joint", "contact")}
+    said = {stage: asdict(getattr(PRESETS[preset], stage)) for stage in ("scene", "placement", "joint", "contact")}
     assert as_config({"engine": {"preset": "default", **said}}).engine.settings() == PRESETS[preset]
 
 
 def test_engine_overrides_reach_the_settings():
     config = load_config(overrides=["engine.preset=paper", "engine.scene.far_m=20", "engine.scene.floor=off"])
     settings = config.engine.settings()
-    assert (settings.scene.far_m, settings.scene.floor, settings.scene.align_hypotheses) == (20.0, "off", 20)
+    assert (settings.scene.far_m, settings.scene.floor, settings.scene.align_residual) == (20.0, "off", "metric")
     strict = load_config(
-        overrides=["engine.joint.frozen=['root']", "engine.human.robust_m=inf", "engine.joint.steps=40"]
+        overrides=["engine.joint.frozen=['root']", "engine.placement.robust_m=inf", "engine.joint.steps=40"]
     )
     joint = strict.engine.settings().joint
     assert (joint.frozen, joint.steps) == (("root",), 40)
-    assert strict.engine.settings().human.robust_m == float("inf")
+    assert strict.engine.settings().placement.robust_m == float("inf")
 
 
 def test_the_plain_tables_build_the_same_config():
@@ -224,7 +224,7 @@ def written(config: Config) -> str:
     from physic_core.io.document import to_text
 
     tables = config.as_dict()
-    tables["engine"]["human"] = {"robust_m": "Infinity"}
+    tables["engine"]["placement"] = {"robust_m": "Infinity"}
     Path("reconstruction.json").write_bytes(to_text({"schema": "physic.reconstruction", "config": tables}))
     return "reconstruction.json"
 
@@ -233,7 +233,7 @@ def test_a_result_stands_for_the_configuration_that_made_it(write):
     file = write('extends = "mock"\n[photo]\nfocal_px = 700\n[inpainter.options]\nnoise = 2.0\n')
     config = load_config(file)
     again = load_config(written(config), overrides=["run.device=cuda"])
-    assert again.engine.settings().human.robust_m == float("inf")
+    assert again.engine.settings().placement.robust_m == float("inf")
     assert again.as_dict() | {"engine": 0, "run": 0} == config.as_dict() | {"engine": 0, "run": 0}
     assert again.source("inpainter.backend") == "reconstruction.json"
     assert load_config(write('extends = "reconstruction.json"\n')).photo.focal_px == 700
@@ -268,20 +268,20 @@ def test_every_fault_is_told_at_once_with_path_source_and_suggestion(write):
         '[inpaintr]\nbackend = "telea"\n'
         '[segmenter]\nbackend = "none"\n'
         "[photo]\nmax_side = 3\nfocal = 2\nmask_growth = 'wide'\n"
-        "[engine.scene]\nfloor_hypothesis = 3\nfloor = 'flat'\n"
+        "[engine.scene]\nfloor_under_peple = 3\nfloor = 'flat'\n"
         "[run]\ndevice = 3\n"
     )
     assert refusal(file, overrides=["engine.joint=3"]) == (
         "config.toml: 9 errors\n"
-        "photo.max_side                  should be >= 128 (got 3)\n"
-        "photo.mask_growth               should be a number (got 'wide')\n"
-        "photo.focal                     unknown key. Did you mean 'focal_px'?\n"
-        "run.device                      should be a text (got 3)\n"
-        "colour                          unknown key\n"
-        "inpaintr                        unknown key. Did you mean 'inpainter'?\n"
-        "segmenter.backend               should name a backend: only hand_estimator and contact_prior may be 'none'\n"
-        "engine.scene.floor              should be 'disparity', 'metric' or 'off' (got 'flat')\n"
-        "engine.scene.floor_hypothesis   unknown setting. Did you mean 'floor_hypotheses'?\n"
+        "photo.max_side                   should be >= 128 (got 3)\n"
+        "photo.mask_growth                should be a number (got 'wide')\n"
+        "photo.focal                      unknown key. Did you mean 'focal_px'?\n"
+        "run.device                       should be a text (got 3)\n"
+        "colour                           unknown key\n"
+        "inpaintr                         unknown key. Did you mean 'inpainter'?\n"
+        "segmenter.backend                should name a backend: only hand_estimator and contact_prior may be 'none'\n"
+        "engine.scene.floor               should be 'disparity', 'metric' or 'off' (got 'flat')\n"
+        "engine.scene.floor_under_peple   unknown setting. Did you mean 'floor_under_people'?\n"
         "--set: 1 error\n"
         "engine.joint   should be a table (got 3)"
     )
@@ -330,13 +330,12 @@ def test_a_device_is_called_as_torch_calls_it(device: str):
         ("engine.contact.distance_m=-0.1", "engine.contact.distance_m   should be >= 0 (got -0.1)"),
         ("engine.contact.distance_m=nan", "engine.contact.distance_m   should be a finite number (got nan)"),
         ("engine.contact.distance_m=inf", "engine.contact.distance_m   should be a finite number (got inf)"),
-        ("engine.scene.align_hypotheses=0", "engine.scene.align_hypotheses   should be > 0 (got 0)"),
-        ("engine.scene.floor_min_share=1.5", "engine.scene.floor_min_share   should be <= 1 (got 1.5)"),
-        ("engine.scene.edge_ratio=1", "engine.scene.edge_ratio   should be > 1 (got 1)"),
+        ("engine.joint.refresh_steps=0", "engine.joint.refresh_steps   should be > 0 (got 0)"),
+        ("engine.placement.min_confidence=1.5", "engine.placement.min_confidence   should be <= 1 (got 1.5)"),
         ("engine.joint.depth_sigma=0", "engine.joint.depth_sigma   should be > 0 (got 0)"),
         ("engine.joint.facing_deg=400", "engine.joint.facing_deg   should be <= 180 (got 400)"),
-        ("engine.human.max_points=-1", "engine.human.max_points   should be >= 0 (got -1)"),
-        ("engine.scene.floor_reanchor=1", "engine.scene.floor_reanchor   should be true or false (got 1)"),
+        ("engine.placement.floor_weight=-1", "engine.placement.floor_weight   should be >= 0 (got -1)"),
+        ("engine.scene.floor_under_people=1", "engine.scene.floor_under_people   should be true or false (got 1)"),
     ],
 )
 def test_a_value_that_does_not_hold_says_what_it_should_be(override: str, expected: str):

@@ -147,7 +147,7 @@ def full_toml(found: Config, registry: Registry) -> str:
         who = chosen.provenance
         tables[name]["options"] = dict(who.options)
         otherwise[f"{name}.options"] = f"default of {who.distribution} {who.version}".rstrip()
-    for stage in ("scene", "human", "joint", "contact"):
+    for stage in ("scene", "placement", "joint", "contact"):
         tables["engine"][stage] = asdict(getattr(plan.engine, stage))
         otherwise[f"engine.{stage}"] = f"engine preset {found.engine.preset}"
 

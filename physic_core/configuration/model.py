@@ -138,7 +138,7 @@ class EngineChoice(_Table):
 
     preset: str = Field(default="default", description="preset of the engine's settings")
     scene: dict[str, Any] = Field(default_factory=dict, description="stage 1: scene, camera, floor")
-    human: dict[str, Any] = Field(default_factory=dict, description="stage 2: each body moved onto its points")
+    placement: dict[str, Any] = Field(default_factory=dict, description="stage 2: each body moved onto its points")
     joint: dict[str, Any] = Field(default_factory=dict, description="stage 3: everything together")
     contact: dict[str, Any] = Field(default_factory=dict, description="the contact map")
 

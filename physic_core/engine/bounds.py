@@ -15,7 +15,6 @@ __all__ = [
     "Positive",
     "PositiveCount",
     "PositiveOrInfinite",
-    "Ratio",
     "RobustKind",
     "Share",
 ]
@@ -25,7 +24,6 @@ Positive = Annotated[float, Interval(gt=0, lt=math.inf)]
 PositiveOrInfinite = Annotated[float, Gt(0)]
 NotNegative = Annotated[float, Interval(ge=0, lt=math.inf)]
 Share = Annotated[float, Interval(ge=0, le=1)]
-Ratio = Annotated[float, Gt(1)]
 Degrees = Annotated[float, Interval(gt=0, le=180)]
 Count = Annotated[int, Ge(0)]
 PositiveCount = Annotated[int, Gt(0)]

@@ -10,9 +10,12 @@ from physic_core.engine.joint.terms import plane_height
 from physic_core.engine.settings import ContactSettings, EngineSettings
 from physic_core.geometry.neighbors import NearestScene, near_boxes
 
-__all__ = ["contact_map", "contact_surface", "surface_distance"]
+__all__ = ["REACH_M", "contact_map", "contact_surface", "surface_distance"]
 
-_SPREAD_M = 0.02  # scene points lie this dense: a vertex between four of them is on the surface, not 1 cm off it
+REACH_M = 0.15
+"""Distances beyond are reported as infinite, metres; no preset calls a vertex that lies deeper a contact."""
+
+_SPREAD_M = 0.02  # spacing of scene points: a vertex between four of them is on the surface, not 1 cm off it
 
 
 def contact_map(
@@ -21,7 +24,6 @@ def contact_map(
     floor: tuple[Tensor, float] | None,
     outer: Tensor,
     settings: ContactSettings,
-    normals: Tensor | None = None,
     free: Tensor | None = None,
 ) -> tuple[Tensor, Tensor]:
     """Contact and signed distance of every vertex.
@@ -32,25 +34,20 @@ def contact_map(
         floor: unit normal (3,) and offset in metres, or None where there is no floor.
         outer: (V,) or (..., V) bool, vertices that may touch anything: not those of cavities.
         settings: of the contact map.
-        normals: (..., V, 3) unit, out of the body; without them ``settings.facing`` asks nothing.
         free: (..., V) bool, as in :func:`surface_distance`.
 
     Returns:
         contact: (..., V) bool.
         distance: (..., V) metres, negative inside; inf where neither scene nor floor is within reach.
     """
-    distance, against = surface_distance(vertices, scene, settings, free)
+    distance = surface_distance(vertices, scene, settings, free)
     if floor is not None:
         normal, offset = floor
         normal = normal.to(vertices)
         height = plane_height(vertices, normal, vertices.new_tensor(offset))
-        height = torch.where(height.abs() < settings.reach_m, height, torch.full_like(height, torch.inf))
-        nearer = height.abs() < distance.abs()
-        distance = torch.where(nearer, height, distance)
-        against = torch.where(nearer[..., None], normal, against)
+        height = torch.where(height.abs() < REACH_M, height, torch.full_like(height, torch.inf))
+        distance = torch.where(height.abs() < distance.abs(), height, distance)
     contact = (distance <= settings.distance_m) & (distance >= -settings.inside_m) & outer
-    if settings.facing and normals is not None:
-        contact = contact & ((normals * against).sum(-1) <= 0)
     return contact, distance
 
 
@@ -73,25 +70,24 @@ def contact_surface(
         points = torch.cat([points, problem.floor_points * scale])
         normals = torch.cat([normals, plane[0].expand_as(problem.floor_points)])
         plane = None
-    reach = settings.contact.reach_m
-    near = near_boxes(points, vertices, reach)
-    return NearestScene(points[near], normals[near], reach), plane
+    near = near_boxes(points, vertices, REACH_M)
+    return NearestScene(points[near], normals[near], REACH_M), plane
 
 
 def surface_distance(
     vertices: Tensor, scene: NearestScene, settings: ContactSettings, free: Tensor | None = None
-) -> tuple[Tensor, Tensor]:
-    """Signed distance (..., V) of each vertex to the surface that the scene samples, and its normals (..., V, 3).
+) -> Tensor:
+    """Signed distance (..., V) of each vertex to the surface that the scene samples, metres.
 
     "plane" measures along the normal of the nearest point, so that gaps between points do not count as distance; past
     the rim of a surface, where the nearest point lies far to the side, the way to the rim is added. A point without a
     normal has no inside: its distance is positive, and so is that of vertices which are ``free`` (..., V), see
-    :mod:`physic_core.geometry.free_space`. Beyond reach the distance is inf and the normal means nothing.
+    :mod:`physic_core.geometry.free_space`. Beyond reach the distance is inf.
     """
-    nearest = scene.query(vertices, radius=settings.reach_m)
+    nearest = scene.query(vertices, radius=REACH_M)
     far = torch.full_like(nearest.distance, torch.inf)
     if not len(scene.points):
-        return far, torch.zeros_like(vertices)
+        return far
     normals = scene.normals[nearest.index].to(vertices)
     way = vertices - scene.points[nearest.index]
     along = (normals * way).sum(-1)
@@ -102,4 +98,4 @@ def surface_distance(
         known = normals.square().sum(-1) > 0.5
         plane = torch.sqrt(along.square() + torch.relu(beside - _SPREAD_M).square())
         magnitude = torch.where(known, plane, magnitude)
-    return torch.where(nearest.found, torch.where(inside, -magnitude, magnitude), far), normals
+    return torch.where(nearest.found, torch.where(inside, -magnitude, magnitude), far)

@@ -1,6 +1,6 @@
-"""Eq. 1: bring a point map that leaves something open onto another one.
+"""Align a point map of unknown scale, or scale and shift, to another one (paper Eq. 1).
 
-What is open is named by :data:`physic_core.types.AffineAmbiguity`. Each kind is solved in the space where it is linear:
+What is unknown is named by :data:`physic_core.types.AffineAmbiguity`. Each kind is solved where it is linear:
 
 =====================  ======================  ==============================================
 unknown                meaning                 residual of a pixel, as a share of its depth
@@ -11,7 +11,7 @@ unknown                meaning                 residual of a pixel, as a share o
 =====================  ======================  ==============================================
 
 RANSAC scores all hypotheses with one fixed tolerance, so that they can be compared; robust least squares on the
-consensus then sets the numbers. "scale_shift" uses X and Y as well, as in the paper, since only they tell the scale of
+consensus then sets the numbers. "scale_shift" uses X and Y as well, as in the paper, since only they show the scale of
 a scene that is nearly at one depth.
 """
 
@@ -26,8 +26,10 @@ from torch import Tensor
 
 from physic_core.types import AffineAmbiguity
 
-__all__ = ["Alignment", "align", "apply_alignment"]
+__all__ = ["Alignment", "AlignmentOptions", "align", "apply_alignment", "options_as_released"]
 
+_SEED = 0
+_MAX_PIXELS = 20_000  # drawn where more are valid in both maps; more change little
 _FEWEST_PIXELS = 16
 _REFINEMENTS = 20
 _SCORED_PIXELS = 4096
@@ -37,8 +39,30 @@ _FLAT_SHARE = 0.05
 
 
 @dataclass(frozen=True)
+class AlignmentOptions:
+    """How Eq. 1 is fitted.
+
+    Attributes:
+        tolerance: a pixel agrees when its residual is below this share of its depth. It is the same for all
+            hypotheses, so that their counts can be compared.
+        hypotheses: RANSAC draws; 20 in the released code.
+        residual: "relative" as in the table above; "metric" multiplies it by the depth, which is Eq. 1 as printed, and
+            lets what is far away decide.
+    """
+
+    tolerance: float = 0.1
+    hypotheses: int = 128
+    residual: Literal["relative", "metric"] = "relative"
+
+
+def options_as_released(tolerance: float) -> AlignmentOptions:
+    """Eq. 1 as printed, with the 20 hypotheses of the released code."""
+    return AlignmentOptions(tolerance, hypotheses=20, residual="metric")
+
+
+@dataclass(frozen=True)
 class Alignment:
-    """How one point map lies on another.
+    """Scale and shift that put one point map onto another.
 
     Attributes:
         scale: s > 0.
@@ -81,13 +105,9 @@ def align(
     target_valid: Tensor,
     unknown: AffineAmbiguity,
     *,
-    tolerance: float = 0.1,
-    iterations: int = 128,
-    residual: Literal["relative", "metric"] = "relative",
+    options: AlignmentOptions | None = None,
     axes: Literal["xyz", "z"] = "xyz",
     weight: Tensor | None = None,
-    max_pixels: int = 20_000,
-    seed: int = 0,
 ) -> Alignment:
     """Find the scale and shift that put ``relative_points`` onto ``target_points`` (Eq. 1).
 
@@ -97,20 +117,16 @@ def align(
         target_points: (..., 3) of the same pixels.
         target_valid: (...) bool.
         unknown: which formula to fit.
-        tolerance: a pixel agrees when its residual is below this share of its depth.
-        iterations: hypotheses drawn.
-        residual: "relative" as in the table above; "metric" multiplies it by the depth, which is Eq. 1 as printed, and
-            lets what is far away decide.
+        options: of the fit; the defaults of :class:`AlignmentOptions` where None.
         axes: "z" leaves X and Y out of "scale_shift", for a target whose camera is not known.
         weight: (...) >= 0, how much each pixel counts in every step and in ``inlier_share``; equally where None.
-        max_pixels: pixels looked at, drawn at random where there are more.
-        seed: of the draws; the same seed gives the same answer.
 
     Returns:
         The alignment. Too few common pixels, or none that agree, give ``inlier_share`` 0 and the identity.
     """
-    generator = torch.Generator().manual_seed(seed)
-    chosen = _common(relative_points, valid, target_points, target_valid, max_pixels, generator)
+    options = options or AlignmentOptions()
+    generator = torch.Generator().manual_seed(_SEED)
+    chosen = _common_pixels(relative_points, valid, target_points, target_valid, generator)
     source, target = (p.reshape(-1, 3)[chosen].double() for p in (relative_points, target_points))
     trust = torch.ones_like(source[:, 2]) if weight is None else weight.flatten()[chosen].double()
     if int((trust > 0).sum()) < _FEWEST_PIXELS:
@@ -118,12 +134,12 @@ def align(
     trust = trust / trust.sum()
     system = _relative_system(source, target, trust, unknown, axes)
     bounds = _scale_bounds(source[:, 2], target[:, 2], unknown)
-    best = _ransac(system, unknown, tolerance, iterations, bounds, generator)
+    best = _ransac(system, unknown, options, bounds, generator)
     if best is None:
         return _nothing(unknown)
-    model = _refine(system, best, target[:, 2], unknown, tolerance, residual, bounds)
+    model = _refine(system, best, target[:, 2], unknown, options, bounds)
     error = _relative_depth_error(source, target, model, unknown)
-    inlier = error < tolerance
+    inlier = error < options.tolerance
     if not bool(inlier.any()):
         return _nothing(unknown)
     return Alignment(
@@ -157,12 +173,12 @@ def apply_alignment(points: Tensor, alignment: Alignment) -> Tensor:
     return torch.where(torch.isinf(factor)[..., None], math.inf, points * factor[..., None])
 
 
-def _common(
-    relative: Tensor, valid: Tensor, target: Tensor, target_valid: Tensor, most: int, generator: torch.Generator
+def _common_pixels(
+    relative: Tensor, valid: Tensor, target: Tensor, target_valid: Tensor, generator: torch.Generator
 ) -> Tensor:
-    """(M,) flat indices of pixels that both maps know, at most ``most`` of them, in random order."""
+    """(M,) flat indices of pixels that are valid in both maps, at most ``_MAX_PIXELS``, in random order."""
     chosen = (valid & target_valid).flatten().nonzero()[:, 0]
-    chosen = chosen[torch.randperm(len(chosen), generator=generator)[:most].to(chosen.device)]
+    chosen = chosen[torch.randperm(len(chosen), generator=generator)[:_MAX_PIXELS].to(chosen.device)]
     usable = torch.ones_like(chosen, dtype=torch.bool)
     for points in (relative, target):
         some = points.reshape(-1, 3)[chosen]
@@ -208,22 +224,21 @@ def _scale_bounds(source: Tensor, target: Tensor, unknown: AffineAmbiguity) -> t
 def _ransac(
     system: _System,
     unknown: AffineAmbiguity,
-    tolerance: float,
-    iterations: int,
+    options: AlignmentOptions,
     bounds: tuple[float, float],
     generator: torch.Generator,
 ) -> Tensor | None:
     """The hypothesis with the smallest truncated squared error, or None where no pixel agrees with any."""
     size = 1 if unknown == "scale" else 2
-    drawn = torch.multinomial(system.trust.cpu(), iterations * size, replacement=True, generator=generator)
-    picks = drawn.view(iterations, size).to(system.b.device)
+    drawn = torch.multinomial(system.trust.cpu(), options.hypotheses * size, replacement=True, generator=generator)
+    picks = drawn.view(options.hypotheses, size).to(system.b.device)
     A, b = system.A[picks].flatten(1, 2), system.b[picks].flatten(1, 2)
     models = _solve(A.mT @ A, (A.mT @ b[..., None])[..., 0], unknown)
     models = models[torch.isfinite(models).all(-1) & (models[:, 0] > bounds[0]) & (models[:, 0] < bounds[1])]
     if not len(models):
         return None
     scored = _System(*(part[:_SCORED_PIXELS] for part in system))
-    cost = (scored.errors(models) / tolerance**2).clamp_(max=1.0) @ scored.trust
+    cost = (scored.errors(models) / options.tolerance**2).clamp_(max=1.0) @ scored.trust
     best = int(cost.argmin())
     return models[best] if float(cost[best]) < float(scored.trust.sum()) * (1 - 1e-9) else None
 
@@ -233,15 +248,14 @@ def _refine(
     model: Tensor,
     depth: Tensor,
     unknown: AffineAmbiguity,
-    tolerance: float,
-    residual: str,
+    options: AlignmentOptions,
     bounds: tuple[float, float],
 ) -> Tensor:
     """Least squares on the consensus, reweighted by a Geman-McClure kernel at the consensus' own spread."""
-    scale = torch.ones_like(depth) if residual == "relative" else depth / depth.median()
+    scale = torch.ones_like(depth) if options.residual == "relative" else depth / depth.median()
     for _ in range(_REFINEMENTS):
         error = system.errors(model[None])[0]
-        inlier = error < tolerance**2
+        inlier = error < options.tolerance**2
         if int(inlier.sum()) < _FEWEST_PIXELS:
             return model
         # 1.4826 makes a median absolute deviation a standard deviation; the floor keeps exact data solvable.

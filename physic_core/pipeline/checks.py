@@ -56,7 +56,7 @@ from physic_core.types import CheckResult
 if TYPE_CHECKING:
     from physic_core.engine.settings import EngineSettings
     from physic_core.pipeline.estimate import Evidence
-    from physic_core.pipeline.optimise import Solution
+    from physic_core.pipeline.solution import Solution
 
 __all__ = ["CHECKS", "Check", "diagnose", "failed_checks", "warnings_of"]
 
@@ -183,6 +183,9 @@ def _judged(
 
 
 def _of_photo(evidence: Evidence, solution: Solution, settings: EngineSettings) -> Iterator[CheckResult]:
+    from physic_core.engine.placement import human_points
+    from physic_core.engine.scene import build
+
     told = solution.diagnostics
     share, scene = told["scene"]["alignment"]["inlier_share"], settings.scene
     asked = scene.source != "metric_depth"  # else the point map is not used, and may say what it will
@@ -190,22 +193,23 @@ def _of_photo(evidence: Evidence, solution: Solution, settings: EngineSettings) 
         "scene_alignment",
         share if asked else None,
         f"the scene's scale is doubtful: point map and metric depth agree on {share:.0%} of the pixels within "
-        f"{scene.align_tolerance:.0%}: try another metric_depth or relative_pointmap"
+        f"{build.ALIGN_TOLERANCE:.0%}: try another metric_depth or relative_pointmap"
         if share > 0
         else "point map and metric depth agree nowhere: the scene is the metric depth alone",
-        ok=not asked or (share > 0 and share >= scene.align_min_share),
-        threshold=scene.align_min_share,
+        ok=not asked or (share > 0 and share >= build.ALIGN_LEAST_SHARE),
+        threshold=build.ALIGN_LEAST_SHARE,
     )
-    share, human = told["placement"]["alignment"]["inlier_share"], settings.human
+    share = told["placement"]["alignment"]["inlier_share"]
     yield _judged(
         "photo_alignment",
         share,
         "people's distance to the scene is doubtful: the photo and its inpainted picture agree on "
-        f"{share:.0%} of the background within {human.align_tolerance:.0%}: try another inpainter or relative_pointmap"
+        f"{share:.0%} of the background within {human_points.ALIGN_TOLERANCE:.0%}: "
+        "try another inpainter or relative_pointmap"
         if share > 0
         else "the photo and its inpainted picture have no background in common: people are placed by size alone",
-        ok=share > 0 and share >= human.align_min_share,
-        threshold=human.align_min_share,
+        ok=share > 0 and share >= human_points.ALIGN_LEAST_SHARE,
+        threshold=human_points.ALIGN_LEAST_SHARE,
     )
     yield from _floor(told["scene"]["floor"], settings)
     yield from _scale(evidence, solution)
@@ -213,7 +217,9 @@ def _of_photo(evidence: Evidence, solution: Solution, settings: EngineSettings) 
 
 
 def _floor(told: Mapping[str, Any], settings: EngineSettings) -> Iterator[CheckResult]:
-    scene, reason = settings.scene, told["reason"]
+    from physic_core.engine.scene.floor import least_share
+
+    reason = told["reason"]
     searched = reason != "switched_off"
     instead = "people are not held to the ground, and heights are unknown"
     if told.get("source") == "people":
@@ -224,7 +230,7 @@ def _floor(told: Mapping[str, Any], settings: EngineSettings) -> Iterator[CheckR
         f"no floor was found: {_NO_FLOOR.get(reason, reason)}; {instead}: "
         "use a photo that shows the ground at the feet",
         ok=reason == "found" or not searched,
-        threshold=min(scene.floor_min_share, scene.floor_mask_min_share, scene.floor_feet_min_share),
+        threshold=least_share(settings.scene.floor),
     )
     wrong = told["mask_reason"]
     yield _judged(

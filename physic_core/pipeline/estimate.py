@@ -302,17 +302,20 @@ def _camera_of(pointmap: Pointmap) -> Intrinsics:
 def _relative_floor(
     scene: Pointmap, people: People, hole: BoolArray, keypoints: Keypoints, settings: EngineSettings
 ) -> Plane | None:
-    from physic_core.engine.scene.build import fit_relative_floor
+    from physic_core.engine.scene.floor import fit_relative_floor
+    from physic_core.geometry.floor import FloorEvidence
     from physic_core.geometry.tensors import tensor
 
     height, width = hole.shape
     fit = fit_relative_floor(
         tensor(scene.points),
         tensor(scene.valid),
-        floor_mask=None if people.floor is None else tensor(people.floor),
-        hole=tensor(hole),
-        feet_px=tensor(feet_pixels(keypoints, height, width)),
-        settings=settings.scene,
+        FloorEvidence(
+            mask=None if people.floor is None else tensor(people.floor),
+            hole=tensor(hole),
+            feet_px=tensor(feet_pixels(keypoints, height, width)),
+        ),
+        settings.scene.floor,
     )
     return None if fit is None else Plane(fit.normal.numpy(), float(fit.offset))
 
@@ -330,6 +333,6 @@ def _aligned(original: Pointmap, scene: Pointmap, hole: BoolArray, settings: Eng
         tensor(scene.points),
         tensor(scene.valid),
         tensor(hole),
-        settings.human,
+        settings.placement,
     )
     return replace(original, points=apply_alignment(points, alignment).numpy(), unknown=scene.unknown)

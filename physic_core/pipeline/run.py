@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from physic_core.configuration.model import Config, PhotoSettings
     from physic_core.discovery.registry import Registry
     from physic_core.pipeline.estimate import Evidence
-    from physic_core.pipeline.optimise import Solution
+    from physic_core.pipeline.solution import Solution
     from physic_core.pipeline.stages import Progress
     from physic_core.types import CheckResult, UInt8Array
 

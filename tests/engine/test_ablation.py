@@ -14,7 +14,7 @@ from physic_core.engine.presets import PRESETS
 from physic_core.engine.presets.ablation import ABLATION, rows
 from physic_core.errors import ConfigError
 
-STAGES = ("scene", "human", "joint", "contact")
+STAGES = ("scene", "placement", "joint", "contact")
 
 
 def difference(one, other):
@@ -42,7 +42,7 @@ def test_each_row_adds_one_term_to_the_row_before():
     assert steps == [
         {"joint.contact_weight"},
         {"joint.penetration_weight"},
-        {"human.chamfer_weight", "joint.depth_weight", "joint.depth_relief_weight"},
+        {"placement.chamfer_weight", "joint.depth_weight", "joint.depth_relief_weight"},
         {"joint.occlusion_aware"},
         {"scene.floor", "joint.floor"},
     ]
@@ -55,7 +55,7 @@ def test_the_first_row_has_neither_contact_nor_depth_nor_floor():
     for base in ("paper", "default", "release"):
         first = rows(base)["L_reg + L_j2d"]
         assert (first.joint.contact_weight, first.joint.penetration_weight, first.joint.depth_weight) == (0, 0, 0)
-        assert (first.human.chamfer_weight, first.scene.floor, first.joint.occlusion_aware) == (0, "off", False)
+        assert (first.placement.chamfer_weight, first.scene.floor, first.joint.occlusion_aware) == (0, "off", False)
         assert first.joint.reprojection_weight > 0 < first.joint.regularisation_weight
 
 

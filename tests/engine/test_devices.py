@@ -12,7 +12,7 @@ from physic_core.engine.contact import contact_map
 from physic_core.engine.joint.acceptance import total_of
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.placement.human_points import place
+from physic_core.engine.placement.place import PersonEvidence, PosedBodies, place
 from physic_core.engine.presets import PRESETS
 from physic_core.geometry.neighbors import NearestScene
 from physic_core.geometry.visibility import vertex_normals
@@ -116,14 +116,21 @@ def test_cuda_places_and_tells_contact_as_the_cpu_does(two):
         body = model(problem.rotations0, problem.betas0, problem.transl0)
         normals = vertex_normals(body.vertices, model.faces)
         shift = problem.transl0.new_tensor([0.1, 0.0, 0.4])
+        nothing = [problem.scene_points[:0] for _ in range(2)]
         placed = place(
-            body.vertices + shift, normals, model.landmarks(body, "blazepose33") + shift, problem.transl0 + shift,
-            problem.keypoints, problem.keypoint_confidence, problem.K,
-            [problem.scene_points[:0] for _ in range(2)], problem.masks, outer=model.outer,
-        )  # fmt: skip
+            PosedBodies(
+                vertices=body.vertices + shift,
+                normals=normals,
+                landmarks=model.landmarks(body, "blazepose33") + shift,
+                transl=problem.transl0 + shift,
+                outer=model.outer,
+            ),
+            PersonEvidence(problem.keypoints, problem.keypoint_confidence, nothing, problem.masks),
+            problem.K,
+        )
         scene = NearestScene(problem.scene_points, problem.scene_normals)
         plane = (problem.floor_normal, problem.floor_offset)
-        contact, distance = contact_map(body.vertices, scene, plane, model.outer, PRESETS["default"].contact, normals)
+        contact, distance = contact_map(body.vertices, scene, plane, model.outer, PRESETS["default"].contact)
         assert placed.transl.device.type == contact.device.type == device
         answers.append((placed.transl.cpu(), contact.cpu(), distance.cpu()))
     (place_a, contact_a, distance_a), (place_b, contact_b, distance_b) = answers

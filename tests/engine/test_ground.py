@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 import roma
 import torch
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.presets import PRESETS
-from physic_core.engine.scene.floor_below_people import cuts_people, floor_under_people
+from physic_core.engine.scene.floor_below_people import floor_cuts_people, floor_under_people, plane_cuts_people
+from physic_core.geometry.floor import FIRMNESS, PlaneFit
 from physic_core.geometry.rotations import rotvec_to_rotmat
 
 FLOOR_Y = 1.3  # of the stage
-FIRMNESS = PRESETS["default"].scene.floor_firmness
 TURN = rotvec_to_rotmat(torch.tensor([math.radians(12.0), 0.0, math.radians(-4.0)]))
 """The camera looks down by 12 degrees and is held a little askew."""
 UP = TURN @ torch.tensor([0.0, -1.0, 0.0])
@@ -149,9 +149,18 @@ def test_nobody_has_no_floor(people):
 def test_a_plane_through_everybody_is_a_table_and_one_through_some_is_not(people):
     vertices, _, soles = people
     floor = -float((vertices[:, soles] @ UP).min())
-    assert not cuts_people(vertices, UP, floor)
-    assert not cuts_people(vertices, UP, floor - 0.1)
-    assert cuts_people(vertices, UP, floor - 0.8)
+    assert not plane_cuts_people(vertices, UP, floor)
+    assert not plane_cuts_people(vertices, UP, floor - 0.1)
+    assert plane_cuts_people(vertices, UP, floor - 0.8)
     raised = shifted(people, 1, 1.0)[0]
-    assert not cuts_people(raised, UP, floor - 0.8)
-    assert not cuts_people(vertices[:0], UP, floor - 0.8)
+    assert not plane_cuts_people(raised, UP, floor - 0.8)
+    assert not plane_cuts_people(vertices[:0], UP, floor - 0.8)
+
+
+def test_a_floor_of_a_mask_is_never_taken_for_furniture(people):
+    vertices, _, soles = people
+    table = -float((vertices[:, soles] @ UP).min()) - 0.8
+    fit = PlaneFit(UP, table, torch.ones(2, 2, dtype=torch.bool), 0.5, 0.0, "lower image")
+    assert floor_cuts_people(fit, vertices)
+    assert not floor_cuts_people(replace(fit, source="floor mask"), vertices)
+    assert not floor_cuts_people(None, vertices)

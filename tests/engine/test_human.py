@@ -7,20 +7,27 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import pytest
 import torch
 from torch import Tensor
 
-from physic_core.engine.placement.human_points import Placement, align_original, human_points, place, placed_original
-from physic_core.engine.placement.solvers import closed_form, descend
+from physic_core.body.joints import joint_pair
+from physic_core.engine.placement import human_points as human
+from physic_core.engine.placement import place as placing
+from physic_core.engine.placement import solvers
+from physic_core.engine.placement.human_points import align_original, human_points, original_in_scene
+from physic_core.engine.placement.people import Detections, place_people
+from physic_core.engine.placement.place import PersonEvidence, Placement, PosedBodies, place
+from physic_core.engine.placement.solvers import closed_form, gauss_newton
 from physic_core.engine.placement.terms import Chamfer, Reprojection, Rows, Standing, Subject
 from physic_core.engine.presets import PRESETS
-from physic_core.engine.settings import HumanSettings
+from physic_core.engine.scene import cleaning
+from physic_core.engine.settings import PlacementSettings
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays, project
 
-DEFAULT, PAPER = PRESETS["default"].human, PRESETS["paper"].human
+DEFAULT, PAPER = PRESETS["default"].placement, PRESETS["paper"].placement
 AXES = torch.tensor([0.25, 0.85, 0.15], dtype=torch.float64)
 UP = torch.tensor([0.0, -1.0, 0.0], dtype=torch.float64)
 
@@ -39,13 +46,13 @@ LANDMARKS = JOINTS * torch.tensor([0.2, 0.75, 0.1])
 SOLES = (VERTICES[:, 1] > 0.8).nonzero()[:, 0]
 TRUE = torch.tensor([[0.3, 0.45, 4.0], [-0.9, 0.45, 5.0]], dtype=torch.float64)
 START = TRUE + torch.tensor([[0.2, -0.1, 0.9], [-0.1, 0.1, -0.8]])
-FLOOR = {"floor_normal": UP, "floor_offset": 0.45 + 0.85, "soles": SOLES}
+FLOOR = {"floor": (UP, 0.45 + 0.85), "soles": SOLES}
 
 
 class Picture:
     """Two ellipsoids seen by a camera of a given width."""
 
-    def __init__(self, columns: int = 320, farther: float = 1.0, settings: HumanSettings = DEFAULT) -> None:
+    def __init__(self, columns: int = 320, farther: float = 1.0, settings: PlacementSettings = DEFAULT) -> None:
         rows = columns * 3 // 4
         focal = 0.8 * columns
         self.K = intrinsics_matrix(focal, focal, (columns - 1) / 2, (rows - 1) / 2, TRUE[0, 0])
@@ -61,7 +68,7 @@ class Picture:
         self.keypoints = project(LANDMARKS + TRUE[:, None], self.K)
         self.confidence = torch.ones(2, 17, dtype=torch.float64)
 
-    def place(self, settings: HumanSettings = DEFAULT, **options: object) -> Placement:
+    def place(self, settings: PlacementSettings = DEFAULT, **options: object) -> Placement:
         given: dict[str, object] = {
             "vertices": VERTICES + START[:, None],
             "normals": NORMALS.expand(2, -1, -1),
@@ -69,12 +76,14 @@ class Picture:
             "transl": START,
             "keypoints": self.keypoints,
             "confidence": self.confidence,
-            "K": self.K,
             "points": self.points,
             "masks": self.masks,
-            "settings": settings,
-        }
-        return place(**(given | options))  # type: ignore[arg-type]
+        } | options
+        bodies, evidence = (
+            kind(**{f.name: given[f.name] for f in fields(kind) if f.name in given})
+            for kind in (PosedBodies, PersonEvidence)
+        )
+        return place(bodies, evidence, self.K, given.get("floor"), settings)
 
 
 def error_cm(placement: Placement) -> Tensor:
@@ -111,7 +120,9 @@ def test_the_papers_solver_finds_the_place_too() -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_the_papers_solver_leaves_nobody_farther_off_their_keypoints(seed: int) -> None:
+def test_the_papers_solver_leaves_nobody_farther_off_their_keypoints(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Points that lie elsewhere than the keypoints say, from starts that are far off and from starts that fit."""
     draws = torch.Generator().manual_seed(seed)
     picture = Picture(160, farther=(0.75, 1.3)[seed % 2], settings=PAPER)
@@ -129,7 +140,8 @@ def test_the_papers_solver_leaves_nobody_farther_off_their_keypoints(seed: int) 
 
     before = misses(came)
     bound = misses(picture.place(PAPER, **start).transl)
-    free = misses(picture.place(replace(PAPER, keypoint_bound=False), **start).transl)
+    monkeypatch.setattr(placing, "within_keypoints", lambda person, x, *_: x)
+    free = misses(picture.place(PAPER, **start).transl)
     print("before", before.tolist(), "bound", bound.tolist(), "free", free.tolist())
     assert (bound <= before + 1e-9).all()
     assert (free > 1.5 * before).any()
@@ -154,7 +166,7 @@ def test_only_those_whose_feet_are_seen_have_an_offset() -> None:
 
 
 def test_a_foot_in_the_air_is_not_pulled_down() -> None:
-    high = FLOOR | {"floor_offset": 0.45 + 0.85 + 0.8}
+    high = FLOOR | {"floor": (UP, 0.45 + 0.85 + 0.8)}
     assert error_cm(Picture().place(**high, feet_seen=torch.tensor([True, True]))).max() < 3
 
 
@@ -162,26 +174,27 @@ def test_several_people_are_placed_as_each_alone() -> None:
     picture = Picture()
     together = picture.place()
     for i in (0, 1):
-        alone = place(
-            (VERTICES + START[i])[None], NORMALS[None], (LANDMARKS + START[i])[None], START[i : i + 1],
-            picture.keypoints[i : i + 1], picture.confidence[i : i + 1], picture.K, picture.points[i : i + 1],
-            picture.masks[i : i + 1],
-        )  # fmt: skip
+        row = slice(i, i + 1)
+        bodies = PosedBodies((VERTICES + START[i])[None], NORMALS[None], (LANDMARKS + START[i])[None], START[row])
+        evidence = PersonEvidence(
+            picture.keypoints[row], picture.confidence[row], picture.points[row], picture.masks[row]
+        )
+        alone = place(bodies, evidence, picture.K)
         assert torch.equal(alone.transl[0], together.transl[i])
 
 
 def test_nobody_is_a_result() -> None:
     picture = Picture()
+    bodies = PosedBodies(VERTICES[None][:0], NORMALS[None][:0], LANDMARKS[None][:0], START[:0])
     none = place(
-        VERTICES[None][:0], NORMALS[None][:0], LANDMARKS[None][:0], START[:0], picture.keypoints[:0],
-        picture.confidence[:0], picture.K, [], picture.masks[:0],
-    )  # fmt: skip
+        bodies, PersonEvidence(picture.keypoints[:0], picture.confidence[:0], [], picture.masks[:0]), picture.K
+    )
     assert none.transl.shape == (0, 3)
     assert none.diagnostics == ()
 
 
 @pytest.mark.parametrize("settings", [DEFAULT, PAPER])
-def test_one_who_fails_does_not_spoil_the_other(settings: HumanSettings) -> None:
+def test_one_who_fails_does_not_spoil_the_other(settings: PlacementSettings) -> None:
     picture = Picture(160, settings=settings)
     good = picture.place(settings).transl[1]
     broken = VERTICES + START[:, None]
@@ -193,15 +206,17 @@ def test_one_who_fails_does_not_spoil_the_other(settings: HumanSettings) -> None
     assert placed.diagnostics[1]["problem"] is None
 
 
-def test_the_union_of_masks_and_the_released_reprojection_place_too() -> None:
-    released = PRESETS["release"].human
+def test_the_union_of_masks_and_the_released_reprojection_place_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    released = PRESETS["release"].placement
     picture = Picture(160, settings=released)
     picture.confidence = 10 * picture.confidence  # as the released code weighs the body's
-    assert (released.visibility, released.reprojection_loss) == ("released", "released")
+    assert released.method == "released"
     near = TRUE + torch.tensor([0.05, -0.05, 0.15])
     start = {"transl": near, "vertices": VERTICES + near[:, None], "landmarks": LANDMARKS + near[:, None]}
     placed = picture.place(released, **start)
-    lost = picture.place(replace(released, lbfgs_line_search=False), **start)
+    with monkeypatch.context() as patch:
+        patch.setattr(solvers, "_LINE_SEARCH", None)
+        lost = picture.place(released, **start)
     print("with a line search", error_cm(placed), "without", error_cm(lost))
     assert error_cm(placed).max() < 2
     assert error_cm(lost).max() > 5
@@ -321,7 +336,8 @@ def test_closed_form_is_exact_for_exact_keypoints() -> None:
     assert found[3] == 0
 
 
-def test_descent_never_raises_the_energy_and_leaves_fixed_numbers_alone() -> None:
+def test_descent_never_raises_the_energy_and_leaves_fixed_numbers_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(solvers, "ITERATIONS", 1)
     person = subject()
     term = Reprojection(person, replace(DEFAULT, robust_px_share=math.inf))
 
@@ -331,7 +347,7 @@ def test_descent_never_raises_the_energy_and_leaves_fixed_numbers_alone() -> Non
     values, x = [], torch.zeros(4, dtype=torch.float64)
     for _ in range(5):
         values.append(energy(x))
-        x = descend([term], x, (0, 2), 1)
+        x = gauss_newton([term], x, (0, 2))
     assert values == sorted(values, reverse=True)
     assert (x[1], x[3]) == (0.0, 0.0)
 
@@ -352,7 +368,7 @@ def test_the_photo_is_aligned_outside_its_people_and_carries_them_along() -> Non
     found = align_original(relative, EVERYWHERE, "scale", RAYS * BACKGROUND[..., None], EVERYWHERE, PERSON)
     assert found.scale == pytest.approx(3.0)
     assert found.inlier_share > 0.95
-    placed = placed_original(relative, found, None)
+    placed = original_in_scene(relative, found, None)
     torch.testing.assert_close(placed[PERSON][:, 2], torch.full((int(PERSON.sum()),), 2.0, dtype=torch.float64))
 
 
@@ -362,15 +378,14 @@ def test_where_two_maps_disagree_the_background_at_the_peoples_depth_decides() -
     photo = torch.where(photo > 5, photo * 1.3, photo)  # the far wall, most of the picture, came out farther
     assert float((photo > 5).double().mean()) > 0.5
 
-    def scale(share: float) -> float:
-        settings = replace(DEFAULT, align_depth_share=share)
+    def scale(settings: PlacementSettings) -> float:
         scene_points = RAYS * scene[..., None]
         return align_original(
             RAYS * photo[..., None], EVERYWHERE, "scale", scene_points, EVERYWHERE, PERSON, settings
         ).scale
 
-    assert scale(0.15) == pytest.approx(1.0, abs=0.01)
-    assert scale(0.0) == pytest.approx(1 / 1.3, abs=0.01)
+    assert scale(DEFAULT) == pytest.approx(1.0, abs=0.01)
+    assert scale(PAPER) == pytest.approx(1 / 1.3, abs=0.01)
 
 
 def test_far_background_takes_no_part_where_that_is_wanted() -> None:
@@ -386,7 +401,7 @@ def test_aligned_points_are_put_on_the_rays_of_the_scenes_camera() -> None:
     K = intrinsics_matrix(150.0, 150.0, 59.5, 44.5, TRUE[0, 0])
     scene = RAYS * BACKGROUND[..., None]
     found = align_original(scene / 2, EVERYWHERE, "scale", scene, EVERYWHERE, PERSON)
-    placed = placed_original(scene / 2, found, K)
+    placed = original_in_scene(scene / 2, found, K)
     expected = pixel_rays(ROWS, COLUMNS, K) * BACKGROUND[..., None]
     torch.testing.assert_close(placed, expected)
 
@@ -395,7 +410,7 @@ def test_without_a_common_background_nobody_has_points() -> None:
     scene = RAYS * BACKGROUND[..., None]
     found = align_original(scene, EVERYWHERE, "scale", scene, EVERYWHERE, EVERYWHERE)
     assert found.inlier_share == 0
-    assert len(human_points(placed_original(scene, found, None), EVERYWHERE, PERSON)) == 0
+    assert len(human_points(original_in_scene(scene, found, None), EVERYWHERE, PERSON)) == 0
 
 
 def test_points_that_float_at_the_rim_are_no_human_points() -> None:
@@ -406,18 +421,21 @@ def test_points_that_float_at_the_rim_are_no_human_points() -> None:
     assert len(points) > 0.85 * int(PERSON.sum())
 
 
-def test_a_speck_of_background_in_the_mask_is_no_human_point() -> None:
+def test_a_speck_of_background_in_the_mask_is_no_human_point(monkeypatch: pytest.MonkeyPatch) -> None:
     depth = torch.where(PERSON, 2.0, 5.0).double()
     depth[50:52, 60:62] = 5.0
-    for settings in (DEFAULT, replace(PAPER, outlier_neighbors=0.1)):
+    monkeypatch.setattr(cleaning, "KNN_SHARE", 0.1)
+    for settings in (DEFAULT, PAPER):
         points = human_points(RAYS * depth[..., None], EVERYWHERE, PERSON, settings)
         assert points[:, 2].max() == 2.0
 
 
-def test_no_more_points_than_asked_for_spread_over_the_person() -> None:
-    points = human_points(RAYS * 2.0, EVERYWHERE, PERSON, replace(DEFAULT, max_points=100))
+def test_no_more_points_than_the_limit_spread_over_the_person(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(human, "MAX_POINTS", 100)
+    points = human_points(RAYS * 2.0, EVERYWHERE, PERSON, DEFAULT)
     assert points.shape == (100, 3)
-    every = human_points(RAYS * 2.0, EVERYWHERE, PERSON, replace(DEFAULT, max_points=0))
+    monkeypatch.setattr(human, "MAX_POINTS", 10_000)
+    every = human_points(RAYS * 2.0, EVERYWHERE, PERSON, DEFAULT)
     assert len(every) == int(PERSON.sum())
     torch.testing.assert_close(points.mean(0), every.mean(0), atol=0.01, rtol=0)
 
@@ -432,7 +450,7 @@ BOTH = torch.tensor([True, True])
 
 def over_floor(metres: float) -> dict[str, object]:
     """A floor so far below the feet, which the photo shows."""
-    return FLOOR | {"floor_offset": 0.45 + 0.85 + metres, "feet_seen": BOTH}
+    return FLOOR | {"floor": (UP, 0.45 + 0.85 + metres), "feet_seen": BOTH}
 
 
 def test_who_stands_on_a_platform_keeps_their_place_and_their_depth() -> None:
@@ -455,9 +473,11 @@ def test_who_stands_on_the_floor_is_grounded() -> None:
         assert placed.diagnostics[0]["foot_height_m"] == pytest.approx(0.0, abs=0.01)
 
 
-def test_near_the_camera_less_is_well_above_the_floor() -> None:
+def test_near_the_camera_less_is_well_above_the_floor(monkeypatch: pytest.MonkeyPatch) -> None:
     """One is 4 m away, the other 5 m, and the floor 40 cm below both."""
-    placed = Picture().place(replace(DEFAULT, stand_reach_share=0.09), **over_floor(0.4))
+    with monkeypatch.context() as patch:
+        patch.setattr(placing, "_STAND_REACH_SHARE", 0.09)
+        placed = Picture().place(**over_floor(0.4))
     assert placed.grounded.tolist() == [False, True]
     assert placed.diagnostics[0]["foot_height_m"] is None
     assert placed.diagnostics[1]["foot_height_m"] is not None
@@ -482,9 +502,29 @@ def test_who_has_no_points_or_shows_no_feet_or_has_no_floor_counts_as_grounded()
 
 def test_nobody_is_grounded_where_nobody_is() -> None:
     picture = Picture()
-    none = place(
-        VERTICES[None][:0], NORMALS[None][:0], LANDMARKS[None][:0], START[:0], picture.keypoints[:0],
-        picture.confidence[:0], picture.K, [], picture.masks[:0], **over_floor(0.6) | {"feet_seen": BOTH[:0]},
-    )  # fmt: skip
+    bodies = PosedBodies(VERTICES[None][:0], NORMALS[None][:0], LANDMARKS[None][:0], START[:0], soles=SOLES)
+    evidence = PersonEvidence(picture.keypoints[:0], picture.confidence[:0], [], picture.masks[:0], BOTH[:0])
+    none = place(bodies, evidence, picture.K, (UP, 1.9))
     assert none.grounded.shape == (0,)
     assert none.grounded.dtype == torch.bool
+
+
+def test_another_floor_moves_only_those_who_stand_on_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    picture = Picture(farther=1.15)
+    bodies = PosedBodies(
+        VERTICES + START[:, None], NORMALS.expand(2, -1, -1), LANDMARKS + START[:, None], START, soles=SOLES
+    )
+    observed = torch.ones(2, 55, dtype=torch.bool)
+    observed[1, joint_pair("ankle")] = False
+    seen = Detections("unknown", picture.keypoints, picture.confidence, observed, picture.points, picture.masks)
+    on_floor = place_people(bodies, seen, picture.K, FLOOR["floor"], DEFAULT)
+    without = place_people(bodies, seen, picture.K, None, DEFAULT)
+    assert [p.on_floor for p in on_floor.placement.people] == [True, False]
+    assert not torch.equal(on_floor.placement.transl[0], without.placement.transl[0])
+    solved = []
+    solve = placing._place_person
+    monkeypatch.setattr(placing, "_place_person", lambda *given: solved.append(given) or solve(*given))
+    again = place_people(bodies, seen, picture.K, None, DEFAULT, before=on_floor)
+    assert len(solved) == 1
+    assert torch.equal(again.placement.transl, without.placement.transl)
+    assert again.placement.diagnostics == without.placement.diagnostics

@@ -21,9 +21,13 @@ from physic_core.engine.joint.limbs import limb_parts
 from physic_core.engine.joint.released_reprojection import released_keypoint_weights
 from physic_core.engine.joint.released_visibility import mean_face_normals, visible_part_shares
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.placement.human_points import human_points, place
+from physic_core.engine.placement.human_points import human_points
+from physic_core.engine.placement.place import PersonEvidence, PosedBodies, place
 from physic_core.engine.presets import PRESETS
-from physic_core.engine.scene.build import build_scene, outlier_mask
+from physic_core.engine.scene.build import build_scene
+from physic_core.engine.scene.camera import Cameras
+from physic_core.engine.scene.cleaning import outlier_mask
+from physic_core.geometry.floor import FloorEvidence
 from physic_core.geometry.neighbors import NearestScene
 from physic_core.geometry.released_pointmap import four_neighbour_normals
 
@@ -178,16 +182,15 @@ def test_stages_one_and_two_put_the_body_where_the_published_objective_is_lowest
     posed = model(rotations, betas, transl)
     weight = released_keypoint_weights(SKELETON, problem.keypoints, problem.keypoint_confidence, problem.masks)
     placed = place(
-        posed.vertices,
-        mean_face_normals(posed.vertices, model.faces),
-        model.landmarks(posed, SKELETON),
-        transl,
-        problem.keypoints,
-        weight,
+        PosedBodies(
+            posed.vertices,
+            mean_face_normals(posed.vertices, model.faces),
+            model.landmarks(posed, SKELETON),
+            transl,
+        ),
+        PersonEvidence(problem.keypoints, weight, [published.human_points], problem.masks),
         problem.K,
-        [published.human_points],
-        problem.masks,
-        RELEASE.human,
+        settings=RELEASE.placement,
     )
     assert float((placed.keypoint_transl - published["one/out/s1_end/param/transl"]).norm()) < 1e-5
     # The objective there, of which the stored value has the constant part of two keypoints that no body has.
@@ -233,9 +236,9 @@ def test_stage_one_is_the_published_one(published: Published) -> None:
         torch.from_numpy(evidence.scene.valid),
         evidence.scene.unknown,
         torch.from_numpy(evidence.depth.depth),
-        K=published["camera/K"].double(),
-        floor_mask=published.bits("one/in/floor_mask"),
-        settings=RELEASE.scene,
+        Cameras(published["camera/K"].double()),
+        FloorEvidence(published.bits("one/in/floor_mask")),
+        RELEASE.scene,
     )
     assert int((scene.valid != published.bits("one/out/pre/inlier")).sum()) <= 8  # ties among neighbours
     assert len(scene.floor_points) == len(published.floor)
@@ -256,8 +259,10 @@ def test_stage_one_is_the_published_one(published: Published) -> None:
 def test_outliers_are_the_published_ones(published: Published) -> None:
     points = published.points()
     valid = torch.isfinite(points).all(-1)
-    drop = outlier_mask(torch.where(valid[..., None], points, 0.0), valid, RELEASE.scene)
+    drop = outlier_mask(torch.where(valid[..., None], points, 0.0), valid, RELEASE.scene.outliers)
     assert torch.equal(valid & ~drop, published.bits("one/out/pre/inlier_points"))
     person = published.human_map()
-    kept = human_points(person, torch.isfinite(person).all(-1), published.bits("one/in/person_pixel"), RELEASE.human)
+    kept = human_points(
+        person, torch.isfinite(person).all(-1), published.bits("one/in/person_pixel"), RELEASE.placement
+    )
     assert torch.equal(kept, published.human_points)

@@ -15,7 +15,7 @@ from physic_core.engine.joint.released_reprojection import released_keypoint_wei
 from physic_core.engine.joint.released_visibility import faces_optical_axis, mean_face_normals, visible_part_shares
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.presets import PRESETS
-from physic_core.engine.scene.build import outlier_mask
+from physic_core.engine.scene.cleaning import outlier_mask
 from physic_core.geometry.camera import project
 from physic_core.geometry.neighbors import NearestScene
 from physic_core.geometry.released_pointmap import floor_lattice, four_neighbour_normals, normal_outliers
@@ -278,6 +278,6 @@ def test_outliers_count_the_point_itself_among_its_neighbours() -> None:
     points = torch.stack([columns, rows, torch.full_like(rows, 50.0)], -1)
     points[0, :2] += torch.tensor([0.0, 0.0, 40.0])
     points[-1, -1] += torch.tensor([0.0, 0.0, 30.0])
-    drop = outlier_mask(points, torch.ones(40, 60, dtype=torch.bool), RELEASE.scene)
+    drop = outlier_mask(points, torch.ones(40, 60, dtype=torch.bool), RELEASE.scene.outliers)
     assert drop.sum() == 1
     assert drop[-1, -1]

@@ -10,10 +10,15 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.presets import PRESETS
-from physic_core.engine.scene.build import SceneState, build_scene, edge_ratio_at, fit_relative_floor
+from physic_core.engine.scene import build, cleaning
+from physic_core.engine.scene.build import SceneState
+from physic_core.engine.scene.camera import Cameras
+from physic_core.engine.scene.cleaning import edge_ratio
+from physic_core.engine.scene.floor import fit_relative_floor
 from physic_core.engine.settings import SceneSettings
 from physic_core.errors import BackendOutputError
 from physic_core.geometry.camera import intrinsics_matrix, pixel_grid, pixel_rays, project
+from physic_core.geometry.floor import FloorEvidence
 from physic_core.geometry.plane import height
 from physic_core.types import AffineAmbiguity
 
@@ -72,6 +77,23 @@ def test_metres_come_back_whatever_was_unknown(unknown: AffineAmbiguity, preset:
     assert state.floor_offset == pytest.approx(HEIGHT_M, abs=0.02)
     assert state.K[0, 0] == pytest.approx(140.0, rel=0.01)
     assert height(state.floor_points, state.floor_normal, state.floor_offset).abs().max() < 1e-4
+
+
+def build_scene(
+    points: Tensor,
+    valid: Tensor,
+    unknown: AffineAmbiguity,
+    metric_depth: Tensor,
+    *,
+    K: Tensor | None = None,
+    K_metric: Tensor | None = None,
+    K_pointmap: Tensor | None = None,
+    floor_mask: Tensor | None = None,
+    feet_px: Tensor | None = None,
+    settings: SceneSettings | None = None,
+) -> SceneState:
+    cameras, floor = Cameras(K, K_metric, K_pointmap), FloorEvidence(mask=floor_mask, feet_px=feet_px)
+    return build.build_scene(points, valid, unknown, metric_depth, cameras, floor, settings)
 
 
 def scene(**options: object) -> SceneState:
@@ -150,10 +172,10 @@ def test_depth_edges_are_not_valid_but_keep_their_own_surfaces_normal() -> None:
     torch.testing.assert_close(state.normals[50, 100], torch.tensor([0.0, 0.0, -1.0], dtype=torch.float64))
 
 
-def test_the_grazing_far_floor_is_not_taken_for_an_edge() -> None:
-    strict = SceneSettings(edge_ratio=1.01)
+def test_the_grazing_far_floor_is_not_taken_for_an_edge(monkeypatch: pytest.MonkeyPatch) -> None:
     without = build_scene(RAYS * DEPTH[..., None], ALL, "scale", DEPTH, K=K, settings=SceneSettings(floor="off"))
-    with_floor = build_scene(RAYS * DEPTH[..., None], ALL, "scale", DEPTH, K=K, settings=strict)
+    monkeypatch.setattr(cleaning, "EDGE_RATIO", 1.01)
+    with_floor = build_scene(RAYS * DEPTH[..., None], ALL, "scale", DEPTH, K=K)
     far_floor = ON_FLOOR & (DEPTH > 4) & (DEPTH < 5.5)
     far_floor[:, 95:145] = False
     assert bool(with_floor.valid[far_floor].all())
@@ -225,12 +247,12 @@ def test_metric_depth_that_knows_nothing_is_an_error() -> None:
 
 
 def test_relative_floor_has_the_units_of_the_map() -> None:
-    fit = fit_relative_floor(RAYS * DEPTH[..., None] / 7, ALL, floor_mask=ON_FLOOR, feet_px=FEET)
+    fit = fit_relative_floor(RAYS * DEPTH[..., None] / 7, ALL, FloorEvidence(ON_FLOOR, feet_px=FEET))
     assert fit is not None
     assert fit.offset == pytest.approx(HEIGHT_M / 7, rel=0.01)
     assert angle_deg(fit.normal, UP) < 0.1
-    assert fit_relative_floor(RAYS * 3.0, ALL) is None
-    assert fit_relative_floor(RAYS * DEPTH[..., None], ALL, settings=SceneSettings(floor="off")) is None
+    assert fit_relative_floor(RAYS * 3.0, ALL, FloorEvidence()) is None
+    assert fit_relative_floor(RAYS * DEPTH[..., None], ALL, FloorEvidence(), "off") is None
 
 
 def test_floor_points_are_densest_where_the_feet_are() -> None:
@@ -239,7 +261,7 @@ def test_floor_points_are_densest_where_the_feet_are() -> None:
     foot = RAYS[100, 60] * FLOOR[100, 60]
     near = (state.floor_points - foot).norm(dim=-1) < 0.2
     assert int(near.sum()) == pytest.approx(math.pi * 0.2**2 / 0.025**2, rel=0.1)
-    assert len(state.floor_points) <= SceneSettings().floor_max_points
+    assert len(state.floor_points) <= 40_000
     assert len(scene(settings=PAPER).floor_points) == 10_000
 
 
@@ -255,10 +277,10 @@ def test_diagnostics_are_plain_numbers() -> None:
 
 
 def test_the_same_slope_is_an_edge_at_every_resolution() -> None:
-    assert edge_ratio_at(1.05, 768, 1024) == pytest.approx(1.05)
-    assert edge_ratio_at(1.05, 1536, 2048) == pytest.approx(1.05**0.5)
-    assert edge_ratio_at(1.05, 100, 100) == pytest.approx(1.05**2)
-    assert edge_ratio_at(math.inf, 10, 10) == math.inf
+    assert edge_ratio("grid", 768, 1024) == pytest.approx(1.05)
+    assert edge_ratio("grid", 1536, 2048) == pytest.approx(1.05**0.5)
+    assert edge_ratio("grid", 100, 100) == pytest.approx(1.05**2)
+    assert edge_ratio("knn", 10, 10) == math.inf
 
 
 def test_float32_in_float32_out() -> None:

@@ -9,19 +9,17 @@ import pytest
 
 from physic_core.engine import settings as module
 from physic_core.engine.presets import PRESETS
-from physic_core.engine.settings import EngineSettings, HumanSettings, SceneSettings
+from physic_core.engine.settings import EngineSettings, PlacementSettings, SceneSettings
 
 
 def test_presets_hold_ours_and_the_papers() -> None:
     assert PRESETS["default"] == EngineSettings()
     paper = PRESETS["paper"]
-    assert (paper.human.reprojection_weight, paper.human.chamfer_weight) == (5000.0, 0.6)
-    assert (paper.human.iterations, paper.human.learning_rate, paper.human.lbfgs_steps) == (30, 1e-2, 2)
-    assert paper.human.facing_deg == 70.0
-    assert (paper.scene.floor, paper.scene.floor_tolerance_m) == ("metric", 0.01)
+    assert (paper.placement.reprojection_weight, paper.placement.chamfer_weight) == (5000.0, 0.6)
+    assert (paper.placement.method, paper.scene.floor, paper.scene.align_residual) == ("paper", "metric", "metric")
 
 
-@pytest.mark.parametrize("settings", [SceneSettings, HumanSettings, module.JointSettings, module.ContactSettings])
+@pytest.mark.parametrize("settings", [SceneSettings, PlacementSettings, module.JointSettings, module.ContactSettings])
 def test_every_field_is_told_in_the_docstring(settings: type) -> None:
     assert is_dataclass(settings)
     told = set(re.findall(r"^\s{8}(\w+): ", settings.__doc__ or "", flags=re.MULTILINE))

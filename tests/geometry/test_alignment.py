@@ -11,7 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from physic_core.geometry.alignment import Alignment, align, apply_alignment
+from physic_core.geometry import alignment
+from physic_core.geometry.alignment import (
+    Alignment,
+    AlignmentOptions,
+    align,
+    apply_alignment,
+    options_as_released,
+)
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
 from physic_core.types import AffineAmbiguity
 
@@ -49,7 +56,7 @@ def test_a_clean_map_is_put_back_exactly(unknown: AffineAmbiguity, residual: str
     target = room()
     shift = {"scale": 0.0, "scale_shift": 0.4, "inverse_scale_shift": 0.05}[unknown]
     source = relative(target, unknown, 2.5, shift)
-    found = align(source, ALL, target, ALL, unknown, residual=residual)  # type: ignore[arg-type]
+    found = align(source, ALL, target, ALL, unknown, options=AlignmentOptions(residual=residual))  # type: ignore[arg-type]
     assert (found.scale, found.shift) == (pytest.approx(2.5), pytest.approx(shift))
     assert found.inlier_share == 1.0
     assert found.residual < 1e-9
@@ -64,7 +71,7 @@ def test_forty_percent_outliers_and_noise_cost_less_than_a_percent(unknown: Affi
     noise = 1 + 0.02 * torch.randn(ROWS, COLUMNS, dtype=torch.float64, generator=torch.Generator().manual_seed(5))
     bad = random(ROWS, COLUMNS, seed=1) < 0.4
     source = clean * torch.where(bad, 1.3 + 2 * random(ROWS, COLUMNS, seed=2), noise)[..., None]
-    found = align(source, ALL, target, ALL, unknown, tolerance=0.1)
+    found = align(source, ALL, target, ALL, unknown)
     back = apply_alignment(clean, found)[..., 2]
     error = float((back / target[..., 2] - 1).abs().median())
     print(f"{unknown}: scale {found.scale:.4f} of 2.5, shift {found.shift:.4f} of {shift}, depth error {error:.2%}")
@@ -105,7 +112,7 @@ def test_metric_residuals_are_the_papers_least_squares() -> None:
     target = room()
     noise = 0.01 * (random(ROWS, COLUMNS, 3, seed=4) - 0.5)
     source = relative(target, "scale_shift", 2.0, 0.5) + noise
-    found = align(source, ALL, target, ALL, "scale_shift", residual="metric", iterations=20)
+    found = align(source, ALL, target, ALL, "scale_shift", options=options_as_released(0.1))
     A = np.zeros((3 * ROWS * COLUMNS, 2))
     A[:, 0] = source.reshape(-1).numpy()
     A[2::3, 1] = 1.0
@@ -152,20 +159,22 @@ def test_a_mirrored_map_has_a_low_share_and_a_positive_scale() -> None:
 
 
 def test_inverse_shift_keeps_each_point_on_its_ray_and_tells_infinity() -> None:
-    alignment = Alignment(1.0, -0.1, "inverse_scale_shift", 1.0, 0.0)
+    found = Alignment(1.0, -0.1, "inverse_scale_shift", 1.0, 0.0)
     points = torch.tensor([[1.0, 2.0, 5.0], [1.0, 2.0, 10.0], [1.0, 2.0, 20.0]], dtype=torch.float64)
-    placed = apply_alignment(points, alignment)
+    placed = apply_alignment(points, found)
     # 1 / (1 / 5 - 0.1) = 10, on the same ray; the horizon is at 10, and beyond it there is nothing.
     torch.testing.assert_close(placed[0], torch.tensor([2.0, 4.0, 10.0], dtype=torch.float64))
     assert torch.isinf(placed[1:]).all()
 
 
-def test_the_same_seed_gives_the_same_bits() -> None:
+def test_the_same_seed_gives_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
     target = room()
     source = relative(target, "scale_shift", 2.0, 0.5) * (1 + 0.05 * random(ROWS, COLUMNS, seed=9))[..., None]
-    first = align(source, ALL, target, ALL, "scale_shift", seed=3, max_pixels=500)
-    assert align(source, ALL, target, ALL, "scale_shift", seed=3, max_pixels=500) == first
-    assert align(source, ALL, target, ALL, "scale_shift", seed=4, max_pixels=500) != first
+    monkeypatch.setattr(alignment, "_MAX_PIXELS", 500)
+    first = align(source, ALL, target, ALL, "scale_shift")
+    assert align(source, ALL, target, ALL, "scale_shift") == first
+    monkeypatch.setattr(alignment, "_SEED", 4)
+    assert align(source, ALL, target, ALL, "scale_shift") != first
 
 
 def test_weights_decide_between_two_halves_that_disagree() -> None:

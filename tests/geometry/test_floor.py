@@ -10,8 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
+from physic_core.geometry import floor, floor_metric, floor_ransac
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
-from physic_core.geometry.floor import PlaneFit, fit_floor
+from physic_core.geometry.floor import FloorEvidence, FloorSearch, PlaneFit
 from physic_core.geometry.floor_metric import fit_floor_metric
 from physic_core.geometry.pointmap import normals
 
@@ -21,6 +22,10 @@ ALL = torch.ones((ROWS, COLUMNS), dtype=torch.bool)
 NONE = torch.zeros_like(ALL)
 PERSON = NONE.clone()
 PERSON[60:165, 100:130] = True
+
+
+def fit_floor(points: Tensor, valid: Tensor, normals: Tensor | None = None, **evidence: Tensor | None) -> FloorSearch:
+    return floor.fit_floor(points, valid, FloorEvidence(**evidence), normals)
 
 
 def noise(seed: int = 0) -> Tensor:
@@ -62,7 +67,7 @@ def test_the_floor_of_a_furnished_room_is_found_under_noise(pitch: float, roll: 
     normal = up(pitch, roll)
     depth, on_floor = room(normal)
     points = RAYS * (depth * (1 + 0.01 * noise()))[..., None]
-    found = fit_floor(points.float(), ALL, floor_mask=on_floor if masked else None)
+    found = fit_floor(points.float(), ALL, mask=on_floor if masked else None)
     assert found.reason == "found"
     plane = found.plane
     assert isinstance(plane, PlaneFit)
@@ -81,7 +86,7 @@ def test_the_unit_of_the_map_does_not_matter(unit: float) -> None:
     normal = up(12)
     depth, _ = room(normal)
     points = RAYS * (unit * depth)[..., None]
-    plane = fit_floor(points, ALL, hypotheses=200).plane
+    plane = fit_floor(points, ALL).plane
     assert plane is not None
     assert plane.offset == pytest.approx(1.5 * unit, rel=1e-3)
     assert angle_deg(plane.normal, normal) < 0.05
@@ -108,15 +113,17 @@ def test_an_inpainted_bulge_where_the_people_were_moves_nothing() -> None:
     assert plane.offset == pytest.approx(1.5, abs=0.02)
 
 
-def test_holes_weigh_less_than_what_was_seen() -> None:
+def test_holes_weigh_less_than_what_was_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     normal = up(12)
-    floor = meet(normal, 1.5).clamp(max=20)
+    ground = meet(normal, 1.5).clamp(max=20)
     sunk = meet(normal, 1.9).clamp(max=20)
     hole = NONE.clone()
     hole[90:, :130] = True  # more than half of the lower picture is made up, and wrong
-    points = RAYS * torch.where(hole, sunk, floor)[..., None]
-    trusted = fit_floor(points, ALL, hole=hole, hole_weight=1.0, max_below=1.0).plane
-    weighed = fit_floor(points, ALL, hole=hole, hole_weight=0.3, max_below=1.0).plane
+    points = RAYS * torch.where(hole, sunk, ground)[..., None]
+    monkeypatch.setattr(floor, "MAX_BELOW", 1.0)
+    weighed = fit_floor(points, ALL, hole=hole).plane
+    monkeypatch.setattr(floor_ransac, "HOLE_WEIGHT", 1.0)
+    trusted = fit_floor(points, ALL, hole=hole).plane
     assert trusted is not None
     assert weighed is not None
     assert trusted.offset == pytest.approx(1.9, abs=0.05)
@@ -129,7 +136,7 @@ def test_feet_keep_the_horizon_and_set_the_height() -> None:
     near_feet = (slice(120, 160), slice(90, 140))
     seen[near_feet] = meet(normal, 1.5)[near_feet]  # the ground that the people stand on lies nearer
     feet = torch.tensor([[110.0, 140.0], [120.0, 142.0]])
-    plain = fit_floor(RAYS * seen[..., None], ALL, feet_px=feet, reanchor=False).plane
+    plain = fit_floor(RAYS * seen[..., None], ALL).plane
     moved = fit_floor(RAYS * seen[..., None], ALL, feet_px=feet).plane
     assert plain is not None
     assert moved is not None
@@ -173,7 +180,7 @@ def test_a_mask_on_a_table_is_not_followed() -> None:
     on_table = NONE.clone()
     on_table[95:140, 60:180] = True
     points = RAYS * torch.where(on_table, table, floor)[..., None]
-    found = fit_floor(points, ALL, floor_mask=on_table)
+    found = fit_floor(points, ALL, mask=on_table)
     assert found.mask_reason == "below_plane"
     assert found.plane is not None
     assert found.plane.offset == pytest.approx(1.5, abs=0.02)
@@ -192,10 +199,11 @@ def test_a_ceiling_is_no_floor() -> None:
     assert found.plane is None or float(found.plane.normal[1]) < -0.9
 
 
-def test_a_tilted_camera_beyond_the_roll_limit_finds_none() -> None:
+def test_a_tilted_camera_beyond_the_roll_limit_finds_none(monkeypatch: pytest.MonkeyPatch) -> None:
     points = RAYS * meet(up(15, 40), 1.5).clamp(max=8)[..., None]
     assert fit_floor(points, ALL).plane is None
-    assert fit_floor(points, ALL, max_roll_deg=50).plane is not None
+    monkeypatch.setattr(floor_ransac, "MAX_ROLL_DEG", 50.0)
+    assert fit_floor(points, ALL).plane is not None
 
 
 def test_rubble_is_no_floor() -> None:
@@ -223,10 +231,10 @@ def test_points_at_infinity_and_lies_about_validity_do_no_harm() -> None:
     assert not plane.inliers[0].any()
 
 
-def test_the_same_seed_gives_the_same_bits() -> None:
+def test_every_search_gives_the_same_bits() -> None:
     depth, _ = room(up(12))
     points = RAYS * (depth * (1 + 0.02 * noise()))[..., None]
-    first, second = fit_floor(points, ALL, seed=1).plane, fit_floor(points, ALL, seed=1).plane
+    first, second = fit_floor(points, ALL).plane, fit_floor(points, ALL).plane
     assert first is not None
     assert second is not None
     assert torch.equal(first.normal, second.normal)
@@ -252,9 +260,10 @@ def test_the_papers_search_needs_a_mask() -> None:
     assert fit_floor_metric(points, normals(points, ALL), ALL, NONE).reason == "no_pixels"
 
 
-def test_the_papers_search_refuses_points_without_a_plane() -> None:
+def test_the_papers_search_refuses_points_without_a_plane(monkeypatch: pytest.MonkeyPatch) -> None:
     points = RAYS * (1 + 5 * torch.rand(ROWS, COLUMNS, 1, generator=torch.Generator().manual_seed(0)))
-    found = fit_floor_metric(points, normals(points, ALL, math.inf), ALL, ALL, min_share=0.3)
+    monkeypatch.setattr(floor_metric, "LEAST_SHARE", 0.3)
+    found = fit_floor_metric(points, normals(points, ALL, math.inf), ALL, ALL)
     assert (found.plane, found.reason) == (None, "no_consensus")
 
 
@@ -271,7 +280,7 @@ def walled(normal: Tensor, camera_height: float = 1.5, askew_deg: float = 20.0) 
 
 
 def fitted(depth: Tensor, floor_mask: Tensor | None = None, surfaces: Tensor | None = None) -> PlaneFit:
-    plane = fit_floor(RAYS * depth[..., None], ALL, floor_mask=floor_mask, normals=surfaces).plane
+    plane = fit_floor(RAYS * depth[..., None], ALL, mask=floor_mask, normals=surfaces).plane
     assert plane is not None
     return plane
 
@@ -287,7 +296,7 @@ def test_feet_on_the_front_of_a_counter_do_not_move_a_masked_floor(spills: bool)
     if spills:
         mask[150:] = True  # the mask covers the foot of the counter, too
     feet = torch.tensor([[50.0, 150.0], [70.0, 152.0]])
-    plane = fit_floor(RAYS * depth[..., None], ALL, floor_mask=mask, feet_px=feet).plane
+    plane = fit_floor(RAYS * depth[..., None], ALL, mask=mask, feet_px=feet).plane
     assert plane is not None
     assert (plane.source, plane.reanchored) == ("floor mask", 1.0)
     assert plane.offset == pytest.approx(1.5, abs=0.01)
@@ -304,8 +313,8 @@ def test_feet_beside_the_mask_move_the_floor_to_the_ground_round_them() -> None:
     mask[60:150, 150:172] = False  # the people themselves
     feet = torch.tensor([[158.0, 142.0], [164.0, 143.0]])
     points = RAYS * depth[..., None]
-    plain = fit_floor(points, ALL, floor_mask=mask, feet_px=feet, reanchor=False).plane
-    moved = fit_floor(points, ALL, floor_mask=mask, feet_px=feet).plane
+    plain = fit_floor(points, ALL, mask=mask).plane
+    moved = fit_floor(points, ALL, mask=mask, feet_px=feet).plane
     assert plain is not None
     assert moved is not None
     assert (plain.offset, plain.reanchored) == (pytest.approx(1.5, abs=0.01), 1.0)
@@ -314,15 +323,16 @@ def test_feet_beside_the_mask_move_the_floor_to_the_ground_round_them() -> None:
     assert torch.equal(plain.normal, moved.normal)
 
 
-def test_how_far_round_the_feet_the_floor_is_looked_at_can_be_set() -> None:
+def test_the_floor_is_looked_at_within_a_window_round_the_feet(monkeypatch: pytest.MonkeyPatch) -> None:
     normal = up(12)
     depth = meet(normal, 1.5).clamp(max=20)
     mask = depth < 20
     mask[100:, 90:150] = False  # 30 pixels to either side of the foot
     depth[100:, 60:180] *= 0.95
     points, feet = RAYS * depth[..., None], torch.tensor([[120.0, 145.0]])
-    near = fit_floor(points, ALL, floor_mask=mask, feet_px=feet).plane
-    wide = fit_floor(points, ALL, floor_mask=mask, feet_px=feet, feet_window=0.2).plane
+    near = fit_floor(points, ALL, mask=mask, feet_px=feet).plane
+    monkeypatch.setattr(floor, "FEET_WINDOW", 0.2)
+    wide = fit_floor(points, ALL, mask=mask, feet_px=feet).plane
     assert near is not None
     assert wide is not None
     assert near.reanchored == 1.0
@@ -370,13 +380,14 @@ def test_a_small_bent_floor_leans_on_what_the_room_tells(pitch: float, amount: f
 
 
 @pytest.mark.parametrize("masked", [False, True])
-def test_surfaces_that_tell_nothing_change_nothing(masked: bool) -> None:
+def test_surfaces_that_show_no_direction_change_nothing(masked: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     depth, on_floor = walled(up(15, 5))
     points = RAYS * (depth * (1 + 0.01 * noise()))[..., None]
     mask = on_floor if masked else None
-    plain = fit_floor(points, ALL, floor_mask=mask)
-    unknown = fit_floor(points, ALL, floor_mask=mask, normals=torch.zeros_like(points))
-    vague = fit_floor(points, ALL, floor_mask=mask, normals=normals(points, ALL), firmness=1.0)
+    plain = fit_floor(points, ALL, mask=mask)
+    unknown = fit_floor(points, ALL, mask=mask, normals=torch.zeros_like(points))
+    monkeypatch.setattr(floor, "FIRMNESS", 1.0)
+    vague = fit_floor(points, ALL, mask=mask, normals=normals(points, ALL))
     assert plain.plane is not None
     for other in (unknown, vague):
         assert other.plane is not None

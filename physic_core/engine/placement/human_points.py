@@ -1,4 +1,4 @@
-"""Stage 2: the people's own points in the metric scene (paper Sec. 3.2), and the way to :func:`place` their bodies.
+"""Stage 2: the people's own points in the metric scene (paper Sec. 3.2).
 
 The point map of the original photo is aligned to the scene outside the people, which carries their points along.
 OpenCV camera frame, metres.
@@ -11,17 +11,32 @@ import math
 import torch
 from torch import Tensor
 
-from physic_core.engine.placement.place import Placement, place
-from physic_core.engine.scene.build import edge_ratio_at, outlier_mask
-from physic_core.engine.settings import HumanSettings
-from physic_core.geometry.alignment import Alignment, align, apply_alignment
+from physic_core.engine.placement.settings import PlacementSettings
+from physic_core.engine.scene.cleaning import edge_ratio, outlier_mask
+from physic_core.engine.scene.settings import Outliers
+from physic_core.geometry.alignment import Alignment, AlignmentOptions, align, apply_alignment, options_as_released
 from physic_core.geometry.pointmap import depth_edges, depth_to_pointmap
 from physic_core.types import AffineAmbiguity
 
-__all__ = ["Placement", "align_original", "human_points", "place", "placed_original"]
+__all__ = ["ALIGN_LEAST_SHARE", "ALIGN_TOLERANCE", "FAR_M", "align_original", "human_points", "original_in_scene"]
 
+ALIGN_TOLERANCE = 0.15
+"""The two point maps agree at a pixel where they differ by less than this share of the depth. A tighter one, below
+0.1, follows whichever surface agrees best and lets the others go, where the network saw two different rooms."""
+
+ALIGN_LEAST_SHARE = 0.5
+"""Below this share of agreeing background the alignment is reported as doubtful."""
+
+FAR_M = 50.0
+"""Background beyond takes no part in the alignment, metres."""
+
+MAX_POINTS = 3000
+"""Points of one person at most: the nearest-point searches of Eq. 4 take as long as there are points."""
+
+_MASK_GROWTH = 0.01  # of the long image side: a network smears depth round people
+_DEPTH_SHARE = 0.15  # of the range of inverse depths, over which the weight of background falls off
+_FAR_WEIGHT = 0.05  # of background far from the people's depth
 _MARGIN_PX = 8
-_FAR_WEIGHT = 0.05
 
 
 def align_original(
@@ -31,48 +46,45 @@ def align_original(
     scene_points: Tensor,
     scene_valid: Tensor,
     people_mask: Tensor,
-    settings: HumanSettings | None = None,
-    *,
+    settings: PlacementSettings | None = None,
     far: float = math.inf,
 ) -> Alignment:
-    """Align the original photo's point map to the scene's, outside the people.
+    """Align the point map of the original photo to that of the scene (Eq. 1), on the background of the people.
 
     Args:
         points: (H, W, 3) point map of the original photo.
         valid: (H, W) bool.
-        unknown: what it leaves open towards the scene.
+        unknown: what is unknown of it against the scene.
         scene_points: (H, W, 3) point map of the scene, in metres or in any unit.
         scene_valid: (H, W) bool.
-        people_mask: (H, W) bool, all people; grown by ``settings.mask_dilation``, since a network smears depth there.
-        settings: of stage 2; preset "default" where None.
-        far: scene pixels beyond are left out, in the unit of the scene; give ``settings.far_m`` for a metric scene.
+        people_mask: (H, W) bool, all people.
+        settings: of stage 2; preset "default" where None. The robust method grows the people's mask, and weighs
+            background by how near it is to the people's own depth.
+        far: scene pixels beyond are left out, in the unit of the scene; ``FAR_M`` for a metric scene.
 
     Returns:
         The alignment; ``inlier_share`` 0 where the two have nothing in common.
     """
-    settings = settings or HumanSettings()
-    radius = round(settings.mask_dilation * max(people_mask.shape))
+    settings = settings or PlacementSettings()
+    radius = round(_MASK_GROWTH * max(people_mask.shape)) if settings.robust else 0
     background = ~_dilate(people_mask, radius) & (scene_points[..., 2] <= far)
-    weight = None
-    if settings.align_depth_share > 0:
-        weight = _at_peoples_depth(points[..., 2], valid, people_mask, background, settings.align_depth_share)
+    options, weight = options_as_released(ALIGN_TOLERANCE), None
+    if settings.robust:
+        options = AlignmentOptions(ALIGN_TOLERANCE)
+        weight = _nearness_to_people(points[..., 2], valid, people_mask, background)
     return align(
         points,
         valid & background,
         scene_points,
         scene_valid & background,
         unknown,
-        tolerance=settings.align_tolerance,
-        iterations=settings.align_hypotheses,
-        residual=settings.align_residual,
+        options=options,
         weight=weight,
-        max_pixels=settings.align_max_pixels,
-        seed=settings.seed,
     )
 
 
-def placed_original(points: Tensor, alignment: Alignment, K: Tensor | None) -> Tensor:
-    """The original photo's point map in the scene: aligned, and put on the pixels' rays where ``K`` (3, 3) is given.
+def original_in_scene(points: Tensor, alignment: Alignment, K: Tensor | None) -> Tensor:
+    """The point map of the original photo in the scene: aligned, and put on the rays of ``K`` (3, 3) if given.
 
     Returns:
         (H, W, 3) metres; NaN throughout where the alignment found nothing in common, so that nobody gets points whose
@@ -84,8 +96,8 @@ def placed_original(points: Tensor, alignment: Alignment, K: Tensor | None) -> T
     return aligned if K is None else depth_to_pointmap(aligned[..., 2], K)
 
 
-def human_points(points: Tensor, valid: Tensor, mask: Tensor, settings: HumanSettings | None = None) -> Tensor:
-    """The points of one person, without what floats between them and the background.
+def human_points(points: Tensor, valid: Tensor, mask: Tensor, settings: PlacementSettings | None = None) -> Tensor:
+    """The points of one person, without those that float between person and background.
 
     Args:
         points: (H, W, 3) metres, of the original photo, aligned to the scene.
@@ -94,26 +106,29 @@ def human_points(points: Tensor, valid: Tensor, mask: Tensor, settings: HumanSet
         settings: of stage 2; preset "default" where None.
 
     Returns:
-        (M, 3) metres; M = 0 where the mask holds nothing valid. At most ``settings.max_points``, evenly picked.
+        (M, 3) metres; M = 0 where the mask holds nothing valid. At most ``MAX_POINTS``, evenly picked; all of them
+        with the paper's methods.
     """
-    settings = settings or HumanSettings()
+    settings = settings or PlacementSettings()
+    outliers: Outliers = "grid" if settings.robust else "knn"
     box = _box(mask)
     if box is None:
         return points.new_zeros((0, 3))
-    ratio = edge_ratio_at(settings.edge_ratio, *mask.shape)
+    rows, columns = mask.shape
+    ratio = edge_ratio(outliers, rows, columns)
     cloud, inside = points[box], mask[box]
     known = valid[box] & torch.isfinite(cloud).all(-1) & (cloud[..., 2] > 0)
     cloud = torch.where(known[..., None], cloud, 0.0)
     # The edges look past the mask: its rim is where the network mixes person and background.
     own = known & inside & ~depth_edges(cloud[..., 2], known, ratio)
-    chosen = cloud[own & ~outlier_mask(cloud, own, settings, size=(mask.shape[0], mask.shape[1]))]
-    if settings.max_points and len(chosen) > settings.max_points:
-        pick = torch.linspace(0, len(chosen) - 1, settings.max_points, dtype=torch.float64, device=chosen.device)
+    chosen = cloud[own & ~outlier_mask(cloud, own, outliers, size=(rows, columns))]
+    if settings.robust and len(chosen) > MAX_POINTS:
+        pick = torch.linspace(0, len(chosen) - 1, MAX_POINTS, dtype=torch.float64, device=chosen.device)
         chosen = chosen[pick.round().long()]
     return chosen
 
 
-def _at_peoples_depth(depth: Tensor, valid: Tensor, people: Tensor, background: Tensor, share: float) -> Tensor | None:
+def _nearness_to_people(depth: Tensor, valid: Tensor, people: Tensor, background: Tensor) -> Tensor | None:
     """(H, W) weight of background that is about as near as the people, where the two maps have to agree.
 
     Two runs of a network on two pictures do not agree everywhere; on whole pictures sky and far walls have the
@@ -128,7 +143,7 @@ def _at_peoples_depth(depth: Tensor, valid: Tensor, people: Tensor, background: 
     extent = spread[1] - spread[0]
     if not extent > 0:
         return None
-    gap = torch.maximum(low - inverse, inverse - high).clamp(min=0) / (share * extent)
+    gap = torch.maximum(low - inverse, inverse - high).clamp(min=0) / (_DEPTH_SHARE * extent)
     return _FAR_WEIGHT + (1 - _FAR_WEIGHT) * torch.exp(-0.5 * gap.square())
 
 

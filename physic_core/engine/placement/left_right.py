@@ -1,6 +1,6 @@
-"""Left and right of a pair of limbs, where the keypoints have them the other way round than the body.
+"""Left and right keypoints of arms or legs that a detector has swapped.
 
-Detectors mix up the arms or the legs of a person now and then, and a body that follows them twists its trunk.
+Detectors do that now and then, and a body that follows them twists its trunk.
 """
 
 from __future__ import annotations
@@ -14,46 +14,48 @@ from torch import Tensor
 from physic_core.body.joints import SIDES
 from physic_core.body.landmarks import SKELETONS
 
-__all__ = ["PAIRS", "Sides", "tell_sides"]
+__all__ = ["PAIRS", "Sides", "fix_left_right_swaps"]
 
 _FINGERS = tuple(f"{f}{k}" for f in ("thumb", "index", "middle", "ring", "pinky") for k in ("1", "2", "3", "_tip"))
 PAIRS: dict[str, tuple[str, ...]] = {
     "arms": ("elbow", "wrist", "hand_root", *_FINGERS),
     "legs": ("knee", "ankle", "heel", "big_toe", "small_toe", "foot_tip"),
 }
-"""Pair of limbs -> points that are mixed up together: shoulders and hips keep their sides."""
+"""Pair of limbs -> points that are swapped together: shoulders and hips keep their sides."""
 
-_LEAST = 0.1  # of the person: a smaller mean difference is no reason to exchange anything
+_LEAST = 0.1  # of the person's size: a smaller mean difference is no reason to exchange anything
 
 
 @dataclass(frozen=True)
 class Sides:
-    """Which keypoint each point of the body is to be held against.
+    """Keypoints after left and right are corrected.
 
     Attributes:
-        order: (B, J) int64.
-        exchanged: per person, the pairs whose left and right are exchanged in it.
+        order: (B, J) int64, for each point of the body its column among the detected keypoints.
+        exchanged: per person, the pairs of limbs whose left and right are exchanged.
     """
 
     order: Tensor
     exchanged: tuple[tuple[str, ...], ...]
 
 
-def tell_sides(skeleton: str, keypoints: Tensor, confidence: Tensor, expected: Tensor, most_deg: float) -> Sides:
-    """Exchange left and right of a pair of limbs whose keypoints lie the other way round than the body's.
+def fix_left_right_swaps(
+    skeleton: str, keypoints: Tensor, confidence: Tensor, expected: Tensor, most_deg: float
+) -> Sides:
+    """Exchange the left and right keypoints of a pair of limbs that a detector has swapped.
 
-    What counts is the way from each left point to its right one: keypoints that are mixed up have drawn the body aside
-    and have changed its size, but not which way it goes from its left to its right.
+    Compared are the directions from each left point to its right one. Swapped keypoints have moved the placed body
+    aside and changed its size, but not the direction from its left to its right.
 
-    A person whose arms and legs would both be exchanged keeps them as they are: their body is turned the other way,
-    and who of the two is right cannot be told from here.
+    Where both arms and legs of a person would be exchanged, none are: the body faces the other way, and nothing here
+    shows whether the body or its keypoints are wrong.
 
     Args:
-        skeleton: name of the joint set; nothing is exchanged in one that no body knows.
+        skeleton: name of the joint set; nothing is exchanged in an unknown one.
         keypoints: (B, J, 2) px.
         confidence: (B, J).
-        expected: (B, J, 2) px, where the body's points are seen.
-        most_deg: a pair is exchanged where these ways differ by more in the mean, longer ones counting more; 180
+        expected: (B, J, 2) px, projected points of the placed bodies.
+        most_deg: a pair is exchanged where the mean of these directions differs by more, weighted by their length; 180
             exchanges nothing.
     """
     people, count = confidence.shape
@@ -65,14 +67,14 @@ def tell_sides(skeleton: str, keypoints: Tensor, confidence: Tensor, expected: T
     }
     exchanged: list[tuple[str, ...]] = []
     for person, (found, body, sure) in enumerate(zip(keypoints, expected, confidence, strict=True)):
-        whole = torch.isfinite(body).all(-1)
-        sure = torch.where(whole & torch.isfinite(found).all(-1), sure, 0.0)
-        size = (body[whole].amax(0) - body[whole].amin(0)).max() if bool(whole.any()) else body.new_zeros(())
-        mixed = tuple(
+        finite = torch.isfinite(body).all(-1)
+        sure = torch.where(finite & torch.isfinite(found).all(-1), sure, 0.0)
+        size = (body[finite].amax(0) - body[finite].amin(0)).max() if bool(finite.any()) else body.new_zeros(())
+        swapped = tuple(
             pair
             for pair, (left, right) in limbs.items()
             if most_deg < 180
-            and _mixed(
+            and _is_swapped(
                 found[right] - found[left],
                 body[right] - body[left],
                 torch.minimum(sure[left], sure[right]),
@@ -80,16 +82,16 @@ def tell_sides(skeleton: str, keypoints: Tensor, confidence: Tensor, expected: T
                 most_deg,
             )
         )
-        if len(mixed) == len(PAIRS):
-            mixed = ()
-        for left, right in (limbs[pair] for pair in mixed):
+        if len(swapped) == len(PAIRS):
+            swapped = ()
+        for left, right in (limbs[pair] for pair in swapped):
             order[person, [*left, *right]] = torch.as_tensor([*right, *left], device=order.device)
-        exchanged.append(mixed)
+        exchanged.append(swapped)
     return Sides(order, tuple(exchanged))
 
 
-def _mixed(found: Tensor, body: Tensor, weight: Tensor, size: Tensor, most_deg: float) -> bool:
-    """Whether ways (n, 2) that were found lead away from the body's, by weights (n,), 0 where one is not known."""
+def _is_swapped(found: Tensor, body: Tensor, weight: Tensor, size: Tensor, most_deg: float) -> bool:
+    """Whether directions (n, 2) of keypoints oppose the body's (n, 2), by weights (n,), 0 where one is unknown."""
     found, body = (torch.where(weight[:, None] > 0, ways, 0.0) for ways in (found, body))
     along = (weight * (found * body).sum(-1)).sum()
     lengths = (weight * found.norm(dim=-1) * body.norm(dim=-1)).sum()

@@ -1,16 +1,16 @@
 """Stage 2: each body moved onto its keypoints (Eq. 2) and onto its points (Eq. 3-4); translation only.
 
-Preset "default" minimises, for each person alone and by Gauss-Newton steps with nearest points found anew,
+The robust method minimises, for each person alone and by Gauss-Newton steps with nearest points found anew,
 
     lambda_j2d mean_j rho(|pi(J_j + t) - u_j|^2 / size^2)
     + lambda_d (mean_v min_p rho(|v + t - e^g p|^2) + mean_p min_v rho(|e^g p - v - t|^2))
     + floor_weight rho(h(t)^2) + offset cost (g / sigma)^2
 
 over the translation t and, where the person's feet are seen and stand on a known floor, the depth offset g: monocular
-depth sees people farther away than the floor under their feet, and without g that pulls the body off its floor. Who
-without g has both feet well above the floor stands on steps or lies on a bed, and has none. Means and shares make all
-terms independent of the picture's resolution. Preset "paper" is plain squares and sums with Adam and L-BFGS, and no
-body ends farther off its keypoints than it came.
+depth sees people farther away than the floor under their feet, and without g that pulls the body off its floor. A
+person whose feet, without g, are both well above the floor stands on steps or lies on a bed, and has none. Means and
+shares make all terms independent of the picture's resolution. The paper's methods are plain squares and sums with Adam
+and L-BFGS.
 
 Works on the CPU in float64: a few thousand points and k-d trees are faster there than anywhere else.
 """
@@ -19,17 +19,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any
 
 import torch
 from torch import Tensor
 
 from physic_core.engine.joint.released_visibility import faces_optical_axis
+from physic_core.engine.placement.settings import PlacementSettings
 from physic_core.engine.placement.solvers import (
     adam,
     closed_form,
-    descend,
+    gauss_newton,
     lbfgs,
     loss,
     reprojection_loss,
@@ -44,32 +45,97 @@ from physic_core.engine.placement.terms import (
     Subject,
     Term,
 )
-from physic_core.engine.settings import HumanSettings
 from physic_core.geometry.camera import project
 from physic_core.geometry.plane import height
 from physic_core.geometry.visibility import facing, inside_mask
 from physic_core.types.short_repr import ShortRepr
 
-__all__ = ["Placement", "place"]
+__all__ = ["PersonEvidence", "PersonPlacement", "Placement", "PosedBodies", "place"]
 
-_ROUNDS = 2
+_MIN_POINTS = 50  # human points and camera-facing vertices; with fewer, keypoints alone place a body
+_FACING_DEG = 70.0  # between a vertex's normal and the direction to the camera
+_RELEASED_FACING_DEG = 80.0
+_STAND_REACH_SHARE = 0.15  # ``stand_reach_m`` as a share of the distance from the camera; the smaller one counts
+_ROUNDS = 2  # of choosing the camera-facing vertices
 _MOVED_M = 1e-3
 
 
 @dataclass(frozen=True)
+class PosedBodies:
+    """B bodies as estimated, metres, camera frame.
+
+    Attributes:
+        vertices: (B, V, 3).
+        normals: (B, V, 3) unit, out of the mesh.
+        landmarks: (B, J, 3), in the order of the keypoints.
+        transl: (B, 3), translation that vertices and landmarks include.
+        outer: (V,) bool, False for vertices inside mouth and eyes; all True where None.
+        soles: (S,) int64 vertices that can touch the floor; where None, nobody is held to the floor.
+    """
+
+    vertices: Tensor
+    normals: Tensor
+    landmarks: Tensor
+    transl: Tensor
+    outer: Tensor | None = None
+    soles: Tensor | None = None
+
+
+@dataclass(frozen=True)
+class PersonEvidence:
+    """What the photo shows of B people.
+
+    Attributes:
+        keypoints: (B, J, 2) px.
+        confidence: (B, J) in [0, 1].
+        points: B tensors (M_i, 3) metres, see :func:`physic_core.engine.placement.human_points.human_points`.
+        masks: (B, H, W) bool, visible pixels of each person.
+        feet_seen: (B,) bool, people whose feet the photo shows; where None, nobody is held to the floor.
+    """
+
+    keypoints: Tensor
+    confidence: Tensor
+    points: Sequence[Tensor]
+    masks: Tensor
+    feet_seen: Tensor | None = None
+
+
+@dataclass(frozen=True)
+class PersonPlacement(ShortRepr):
+    """One person's solution, float64 on the CPU.
+
+    Attributes:
+        move: (3,) metres, added to the estimated translation.
+        depth_offset: factor on the depth of the person's points.
+        grounded: False for a person on furniture or steps.
+        on_floor: whether the floor took part; a person of whom it did not is placed alike with another floor.
+        keypoint_move: (3,) metres, by the keypoints alone (Eq. 2).
+        diagnostics: see :class:`Placement`.
+    """
+
+    move: Tensor
+    depth_offset: float
+    grounded: bool
+    on_floor: bool
+    keypoint_move: Tensor
+    diagnostics: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
 class Placement(ShortRepr):
-    """Where the bodies are.
+    """B placed bodies.
 
     Attributes:
         transl: (B, 3) metres.
         depth_offset: (B,) factor on the depth of a person's points that makes them agree with the body; 1 where they
-            were tied to the scene.
-        grounded: (B,) bool, False for who stands, sits or lies with both feet well above the floor.
+            are fixed to the scene.
+        grounded: (B,) bool, False for a person who stands, sits or lies with both feet well above the floor.
         diagnostics: one mapping a person: "keypoints" and "facing_vertices" and "points" used, "reprojection_px" and
             "chamfer_m" (medians) at start and end, "losses" (term of Eq. 3 -> its energy at "start" and "end"),
-            "moved_m", "depth_offset", "grounded", "foot_height_m" over the floor (None without one, and for who is
-            elsewhere), and "problem" in plain words or None.
-        keypoint_transl: (B, 3) metres, where the keypoints alone (Eq. 2) put them.
+            "moved_m", "depth_offset", "grounded", "foot_height_m" over the floor (None without one, and for a person
+            who is not on it), and "problem" in plain words or None.
+        keypoint_transl: (B, 3) metres, by the keypoints alone (Eq. 2).
+        people: each person's solution.
     """
 
     transl: Tensor
@@ -77,132 +143,89 @@ class Placement(ShortRepr):
     grounded: Tensor
     diagnostics: tuple[Mapping[str, Any], ...]
     keypoint_transl: Tensor
-
-
-class _Placed(NamedTuple):
-    """One person: translation to add (3,), depth offset, whether grounded, diagnostics, and Eq. 2's translation."""
-
-    move: Tensor
-    offset: float
-    grounded: bool
-    diagnostics: dict[str, Any]
-    by_keypoints: Tensor
+    people: tuple[PersonPlacement, ...] = ()
 
 
 def place(
-    vertices: Tensor,
-    normals: Tensor,
-    landmarks: Tensor,
-    transl: Tensor,
-    keypoints: Tensor,
-    confidence: Tensor,
+    bodies: PosedBodies,
+    evidence: PersonEvidence,
     K: Tensor,
-    points: Sequence[Tensor],
-    masks: Tensor,
-    settings: HumanSettings | None = None,
-    *,
-    outer: Tensor | None = None,
-    floor_normal: Tensor | None = None,
-    floor_offset: float = 0.0,
-    soles: Tensor | None = None,
-    feet_seen: Tensor | None = None,
+    floor: tuple[Tensor, float] | None = None,
+    settings: PlacementSettings | None = None,
+    placed: Sequence[PersonPlacement | None] | None = None,
 ) -> Placement:
-    """Move B posed bodies; each is solved alone, and one that cannot be placed keeps its translation.
+    """Move B posed bodies; each is solved alone, and one that cannot be placed keeps its translation (Eq. 2-4).
 
     Args:
-        vertices: (B, V, 3) metres, camera frame, posed with ``transl``.
-        normals: (B, V, 3) unit, out of the mesh.
-        landmarks: (B, J, 3) of the same bodies, in the keypoints' order.
-        transl: (B, 3) metres, where the body estimator put them.
-        keypoints: (B, J, 2) px.
-        confidence: (B, J) in [0, 1].
+        bodies: as estimated.
+        evidence: of the same people.
         K: (3, 3) px.
-        points: B tensors (M_i, 3) metres, see :func:`physic_core.engine.placement.human_points.human_points`.
-        masks: (B, H, W) bool, visible pixels of each person.
+        floor: normal (3,), unit, up, and offset in metres; None where there is no floor.
         settings: of stage 2; preset "default" where None.
-        outer: (V,) bool, False for vertices inside mouth and eyes; all True where None.
-        floor_normal: (3,) unit, up, or None where there is no floor.
-        floor_offset: of the floor, metres.
-        soles: (S,) int64 vertices that can touch the floor; without them nobody stands.
-        feet_seen: (B,) bool, whose feet the photo shows; without it nobody stands.
+        placed: for each person a solution that is known already, or None to solve; all are solved where None.
     """
-    settings = settings or HumanSettings()
-    if settings.visibility == "released":
-        masks = masks.any(0, keepdim=True).expand_as(masks)
-    people = _people(
-        vertices, normals, landmarks, keypoints, confidence, K, points, masks, settings, outer, floor_normal,
-        floor_offset, soles, feet_seen,
-    )  # fmt: skip
-    placed = [_place_one(person, settings) for person in people]
-    if not placed:
+    settings = settings or PlacementSettings()
+    known = placed or [None] * len(bodies.transl)
+    people = tuple(
+        _place_person(_subject(i, bodies, evidence, K, floor, settings), settings) if done is None else done
+        for i, done in enumerate(known)
+    )
+    transl = bodies.transl
+    if not people:
         return Placement(transl, transl.new_ones((0,)), torch.ones_like(transl[:, 0], dtype=torch.bool), (), transl)
     return Placement(
-        transl=transl + torch.stack([p.move for p in placed]).to(transl),
-        depth_offset=torch.tensor([p.offset for p in placed], dtype=transl.dtype, device=transl.device),
-        grounded=torch.tensor([p.grounded for p in placed], device=transl.device),
-        diagnostics=tuple(p.diagnostics for p in placed),
-        keypoint_transl=transl + torch.stack([p.by_keypoints for p in placed]).to(transl),
+        transl=transl + torch.stack([p.move for p in people]).to(transl),
+        depth_offset=torch.tensor([p.depth_offset for p in people], dtype=transl.dtype, device=transl.device),
+        grounded=torch.tensor([p.grounded for p in people], device=transl.device),
+        diagnostics=tuple(p.diagnostics for p in people),
+        keypoint_transl=transl + torch.stack([p.keypoint_move for p in people]).to(transl),
+        people=people,
     )
 
 
-def _people(
-    vertices: Tensor,
-    normals: Tensor,
-    landmarks: Tensor,
-    keypoints: Tensor,
-    confidence: Tensor,
+def _subject(
+    i: int,
+    bodies: PosedBodies,
+    evidence: PersonEvidence,
     K: Tensor,
-    points: Sequence[Tensor],
-    masks: Tensor,
-    settings: HumanSettings,
-    outer: Tensor | None,
-    floor_normal: Tensor | None,
-    floor_offset: float,
-    soles: Tensor | None,
-    feet_seen: Tensor | None,
-) -> list[Subject]:
-    def plain(x: Tensor) -> Tensor:
-        return x.detach().to("cpu", torch.float64)
+    floor: tuple[Tensor, float] | None,
+    settings: PlacementSettings,
+) -> Subject:
+    """Person i, with usable keypoints and points only."""
+    uv, confidence = _on_cpu(evidence.keypoints[i]), _on_cpu(evidence.confidence[i])
+    landmarks, vertices, cloud = (_on_cpu(x) for x in (bodies.landmarks[i], bodies.vertices[i], evidence.points[i]))
+    used = (confidence >= settings.min_confidence) & torch.isfinite(uv).all(-1) & torch.isfinite(landmarks).all(-1)
+    # As released, who is hidden behind another is visible.
+    mask = (evidence.masks.any(0) if settings.method == "released" else evidence.masks[i]).cpu()
+    rows, columns = mask.shape
+    size = torch.tensor([columns, rows], dtype=torch.float64)
+    plane, soles = torch.zeros(4, dtype=torch.float64), vertices[:0]
+    if floor is not None and bodies.soles is not None and evidence.feet_seen is not None and evidence.feet_seen[i]:
+        plane = torch.cat((_on_cpu(floor[0]), torch.tensor([floor[1]], dtype=torch.float64)))
+        soles = vertices[bodies.soles.cpu()]
+    return Subject(
+        landmarks=landmarks[used],
+        keypoints=uv[used],
+        confidence=confidence[used],
+        size=_extent(uv[used], mask) if settings.robust else size,
+        vertices=vertices,
+        normals=_on_cpu(bodies.normals[i]),
+        outer=torch.ones(len(vertices), dtype=torch.bool) if bodies.outer is None else bodies.outer.cpu(),
+        points=cloud[torch.isfinite(cloud).all(-1)],
+        mask=mask,
+        soles=soles,
+        plane=plane,
+        K=_on_cpu(K),
+        people=len(bodies.transl),
+    )
 
-    keep = torch.ones(vertices.shape[1], dtype=torch.bool) if outer is None else outer.cpu()
-    rows, columns = masks.shape[-2:]
-    people = []
-    for i in range(len(vertices)):
-        uv, trust, joints = plain(keypoints[i]), plain(confidence[i]), plain(landmarks[i])
-        used = (trust >= settings.min_confidence) & torch.isfinite(uv).all(-1) & torch.isfinite(joints).all(-1)
-        uv, cloud = uv[used], plain(points[i])
-        size = torch.tensor([columns, rows], dtype=torch.float64)
-        if settings.normalisation == "person":
-            size = _extent(uv, masks[i].cpu())
-        body = plain(vertices[i])
-        stands = floor_normal is not None and soles is not None and feet_seen is not None and bool(feet_seen[i])
-        plane = torch.zeros(4, dtype=torch.float64)
-        feet = body[:0]
-        if stands and floor_normal is not None and soles is not None:
-            plane = torch.cat((plain(floor_normal), torch.tensor([floor_offset], dtype=torch.float64)))
-            feet = body[soles.cpu()]
-        people.append(
-            Subject(
-                landmarks=joints[used],
-                keypoints=uv,
-                confidence=trust[used],
-                size=size,
-                vertices=body,
-                normals=plain(normals[i]),
-                outer=keep,
-                points=cloud[torch.isfinite(cloud).all(-1)],
-                mask=masks[i].cpu(),
-                soles=feet,
-                plane=plane,
-                K=plain(K),
-                people=len(vertices),
-            )
-        )
-    return people
+
+def _on_cpu(x: Tensor) -> Tensor:
+    return x.detach().to("cpu", torch.float64)
 
 
 def _extent(keypoints: Tensor, mask: Tensor) -> Tensor:
-    """(2,) the diagonal of the person's box in the picture, px, twice: what a 2D error is measured against."""
+    """(2,) the diagonal of the person's box in the picture, px, twice: 2D errors are shares of it."""
     corners = keypoints
     if bool(mask.any()):
         rows, columns = mask.any(1).nonzero()[:, 0], mask.any(0).nonzero()[:, 0]
@@ -214,98 +237,178 @@ def _extent(keypoints: Tensor, mask: Tensor) -> Tensor:
     return diagonal.expand(2)
 
 
-def _place_one(person: Subject, settings: HumanSettings) -> _Placed:
+@dataclass(frozen=True)
+class _Fit:
+    """Translation and log depth offset x (4,) by Eq. 3-4.
+
+    Attributes:
+        x: (4,).
+        seen: (V,) bool, the camera-facing vertices of Eq. 4.
+        chamfer_m: median distance before and after; None where there were too few points or vertices.
+        grounded: False for a person on furniture or steps.
+    """
+
+    x: Tensor
+    seen: Tensor
+    chamfer_m: tuple[float, float] | None = None
+    grounded: bool = True
+
+    @property
+    def pairs(self) -> Tensor | None:
+        """``seen`` where Eq. 4 took part."""
+        return None if self.chamfer_m is None else self.seen
+
+
+def _place_person(person: Subject, settings: PlacementSettings) -> PersonPlacement:
     start = torch.zeros(4, dtype=torch.float64)
-    x, by_keypoints, problem, chamfer = start, start, None, None
-    grounded = True
-    seen = torch.zeros(len(person.vertices), dtype=torch.bool)
+    on_floor = person.on_floor
+    fit, by_keypoints = _Fit(start, torch.zeros(len(person.vertices), dtype=torch.bool)), start
     if not bool(torch.isfinite(person.vertices).all()):
-        problem = "the body is not finite, it was left where it is"
+        problem: str | None = "the body is not finite, it was left where it is"
     else:
-        x, problem = _fit_keypoints(person, settings)
-        by_keypoints = x
+        by_keypoints, problem = _fit_keypoints(person, settings)
+        fit = replace(fit, x=by_keypoints)
         if settings.chamfer_weight > 0:
-            x, seen, chamfer, grounded = _fit_points(person, x, settings)
-            if not grounded:
+            fit = _fit_points(person, by_keypoints, settings)
+            if not fit.grounded:
                 person = person._replace(soles=person.soles[:0])
-            if chamfer is None and problem is None:
+            if fit.chamfer_m is None and problem is None:
                 problem = (
-                    f"{len(person.points)} points and {int(seen.sum())} camera-facing vertices of the person, "
-                    f"{settings.min_points} of each are needed: placed by keypoints alone"
+                    f"{len(person.points)} points and {int(fit.seen.sum())} camera-facing vertices of the person, "
+                    f"{_MIN_POINTS} of each are needed: placed by keypoints alone"
                 )
-        x = _bounded(person, x, seen if chamfer is not None else None, settings)
-        if not bool(torch.isfinite(x).all()) or float((person.vertices[:, 2] + x[2]).median()) < NEAREST_M:
-            x = by_keypoints = start
+        if settings.method == "paper":
+            fit = replace(fit, x=_bounded_by_keypoints(person, fit, settings))
+        if not bool(torch.isfinite(fit.x).all()) or float((person.vertices[:, 2] + fit.x[2]).median()) < NEAREST_M:
+            fit, by_keypoints = replace(fit, x=start), start
             problem = "no translation in front of the camera fits, the body was left where it is"
-    foot = float(height(person.soles + x[:3], person.plane[:3], person.plane[3]).min()) if person.stands else None
-    offset = math.exp(float(x[3]))
-    diagnostics = {
+    return PersonPlacement(
+        move=fit.x[:3],
+        depth_offset=math.exp(float(fit.x[3])),
+        grounded=fit.grounded,
+        on_floor=on_floor,
+        keypoint_move=by_keypoints[:3],
+        diagnostics=_diagnostics(person, fit, problem, settings),
+    )
+
+
+def _diagnostics(person: Subject, fit: _Fit, problem: str | None, settings: PlacementSettings) -> dict[str, Any]:
+    start, x = torch.zeros_like(fit.x), fit.x
+    foot = None
+    if person.on_floor:
+        foot = float(height(person.soles + x[:3], person.plane[:3], person.plane[3]).min())
+    return {
         "keypoints": len(person.keypoints),
         "points": len(person.points),
-        "facing_vertices": int(seen.sum()),
+        "facing_vertices": int(fit.seen.sum()),
         "reprojection_px": (_reprojection_px(person, start), _reprojection_px(person, x)),
-        "chamfer_m": chamfer,
-        "losses": _losses(person, x, seen if chamfer is not None else None, settings),
+        "chamfer_m": fit.chamfer_m,
+        "losses": _losses(person, fit, settings),
         "moved_m": float(torch.linalg.vector_norm(x[:3])),
-        "depth_offset": offset,
+        "depth_offset": math.exp(float(x[3])),
         "foot_height_m": foot,
-        "grounded": grounded,
+        "grounded": fit.grounded,
         "problem": problem,
     }
-    return _Placed(x[:3], offset, grounded, diagnostics, by_keypoints[:3])
 
 
-def _losses(person: Subject, x: Tensor, seen: Tensor | None, settings: HumanSettings) -> dict[str, dict[str, float]]:
-    """Each term of Eq. 3 that took part, where the body was and at x; of the vertices ``seen`` at last."""
+def _losses(person: Subject, fit: _Fit, settings: PlacementSettings) -> dict[str, dict[str, float]]:
+    """Each term of Eq. 3 that took part, where the body was estimated and at its end."""
     terms: dict[str, Term] = {}
     if not bool(torch.isfinite(person.vertices).all()):
         return {}
     if len(person.keypoints) >= FEWEST_KEYPOINTS:
         terms["reprojection"] = Reprojection(person, settings)
-    if seen is not None:
-        terms["chamfer"] = Chamfer(person, seen, settings)
-        if _is_free(person, settings):
+    if fit.pairs is not None:
+        terms["chamfer"] = Chamfer(person, fit.pairs, settings)
+        if _has_offset(person, settings):
             terms["floor"] = Standing(person, settings)
-    ends = {"start": torch.zeros_like(x), "end": x}
-    told = {name: {end: loss(term, at) for end, at in ends.items()} for name, term in terms.items()}
-    if "reprojection" in told and settings.reprojection_loss == "released":
+    ends = {"start": torch.zeros_like(fit.x), "end": fit.x}
+    losses = {name: {end: loss(term, at) for end, at in ends.items()} for name, term in terms.items()}
+    if "reprojection" in losses and settings.method == "released":
         weight = settings.reprojection_weight
-        told["reprojection"] = {
-            e: weight * float(reprojection_loss(person, at[:3], settings)) for e, at in ends.items()
+        losses["reprojection"] = {
+            end: weight * float(reprojection_loss(person, at[:3], settings)) for end, at in ends.items()
         }
-    return told
+    return losses
 
 
-def _is_free(person: Subject, settings: HumanSettings) -> bool:
-    """Whether the person's points may be nearer or farther than the scene says."""
-    return settings.solver != "adam_lbfgs" and person.stands and settings.depth_offset_sigma > 0
+def _has_offset(person: Subject, settings: PlacementSettings) -> bool:
+    """Whether the person's points may be nearer or farther than in the scene."""
+    return settings.robust and person.on_floor and settings.depth_offset_sigma > 0
 
 
-def _fit_keypoints(person: Subject, settings: HumanSettings) -> tuple[Tensor, str | None]:
-    """Eq. 2: x, and what stood in the way."""
+def _fit_keypoints(person: Subject, settings: PlacementSettings) -> tuple[Tensor, str | None]:
+    """Eq. 2: x (4,), and why there is none."""
     if len(person.keypoints) < FEWEST_KEYPOINTS:
         return torch.zeros(4, dtype=torch.float64), (
             f"{len(person.keypoints)} keypoints have confidence {settings.min_confidence:g} or more, "
             f"{FEWEST_KEYPOINTS} are needed to place a body by them"
         )
-    if settings.solver == "adam_lbfgs":
+    if not settings.robust:
         return adam(person, settings), None
-    return descend([Reprojection(person, settings)], closed_form(person), (0, 1, 2), settings.iterations), None
+    return gauss_newton([Reprojection(person, settings)], closed_form(person), (0, 1, 2)), None
 
 
-def _bounded(person: Subject, x: Tensor, seen: Tensor | None, settings: HumanSettings) -> Tensor:
-    """x, or a place near it where the keypoints fit no worse than they came, if the settings want it."""
-    if not settings.keypoint_bound or len(person.keypoints) < FEWEST_KEYPOINTS:
-        return x
-    came, term = torch.zeros_like(x), Reprojection(person, settings)
-    most = loss(term, came), _reprojection_px(person, came) or 0.0
+def _fit_points(person: Subject, x: Tensor, settings: PlacementSettings) -> _Fit:
+    """Eq. 3-4 from x (4,). The camera-facing vertices are chosen again once, where the body has moved."""
+    seen = _camera_facing(person, x, settings)
+    if len(person.points) < _MIN_POINTS or int(seen.sum()) < _MIN_POINTS:
+        return _Fit(x, seen)
+    chamfer = Chamfer(person, seen, settings)
+    before = chamfer.median(x)
+    if not settings.robust:
+        x = lbfgs(person, x, chamfer, settings)
+        return _Fit(x, seen, (before, chamfer.median(x)))
+    others: list[Term] = [Reprojection(person, settings)] if len(person.keypoints) >= FEWEST_KEYPOINTS else []
+    grounded = not _is_on_furniture(person, x, [chamfer, *others], settings)
+    offset = grounded and _has_offset(person, settings)
+    if offset:
+        others.insert(0, Standing(person, settings))
+    for _ in range(_ROUNDS):
+        last = x
+        x = gauss_newton([chamfer, *others], x, (0, 1, 2, 3) if offset else (0, 1, 2))
+        again = _camera_facing(person, x, settings)
+        if float((x - last).abs().max()) < _MOVED_M or int(again.sum()) < _MIN_POINTS:
+            break
+        seen, chamfer = again, Chamfer(person, again, settings)
+    return _Fit(x, seen, (before, chamfer.median(x)), grounded)
+
+
+def _is_on_furniture(person: Subject, x: Tensor, terms: list[Term], settings: PlacementSettings) -> bool:
+    """Whether points and keypoints, fixed to the scene, put both feet well above the floor."""
+    if not settings.stand_reach_m or not _has_offset(person, settings):
+        return False
+    fixed = gauss_newton(terms, x, (0, 1, 2))
+    lower = float(height(person.soles + fixed[:3], person.plane[:3], person.plane[3]).min())
+    away = float((person.vertices[:, 2] + fixed[2]).median())
+    return lower > min(settings.stand_reach_m, _STAND_REACH_SHARE * away)
+
+
+def _camera_facing(person: Subject, x: Tensor, settings: PlacementSettings) -> Tensor:
+    """(V,) bool: V_cf of Eq. 4, facing the camera and projected into the person's own mask."""
+    moved = person.vertices + x[:3]
+    if settings.method == "released":
+        seen = faces_optical_axis(person.normals, _RELEASED_FACING_DEG)
+    else:
+        seen = facing(person.normals, moved, _FACING_DEG)
+    seen = seen & (moved[:, 2] > NEAREST_M)
+    return seen & person.outer & inside_mask(project(moved, person.K), person.mask)
+
+
+def _bounded_by_keypoints(person: Subject, fit: _Fit, settings: PlacementSettings) -> Tensor:
+    """x (4,), or the nearest one at which the keypoints fit no worse than they did at the estimate."""
+    if len(person.keypoints) < FEWEST_KEYPOINTS:
+        return fit.x
+    came, term = torch.zeros_like(fit.x), Reprojection(person, settings)
+    largest = loss(term, came), _reprojection_px(person, came) or 0.0
 
     def fits(at: Tensor) -> bool:
-        return loss(term, at) <= most[0] and (_reprojection_px(person, at) or 0.0) <= most[1]
+        return loss(term, at) <= largest[0] and (_reprojection_px(person, at) or 0.0) <= largest[1]
 
-    # Of as many pairs as Eq. 4 has; without points any number leads to the keypoints alone.
-    pairs = 1 if seen is None else int(seen.sum()) + len(person.points)
-    return within_keypoints(person, x, settings.chamfer_weight * pairs, settings, fits)
+    # As stiff as all pairs of Eq. 4 together; without points any number leads to the keypoints alone.
+    pairs = 1 if fit.pairs is None else int(fit.pairs.sum()) + len(person.points)
+    return within_keypoints(person, fit.x, settings.chamfer_weight * pairs, settings, fits)
 
 
 def _reprojection_px(person: Subject, x: Tensor) -> float | None:
@@ -314,55 +417,3 @@ def _reprojection_px(person: Subject, x: Tensor) -> float | None:
         return None
     uv = project(person.landmarks + x[:3], person.K)
     return float(torch.linalg.vector_norm(uv - person.keypoints, dim=-1).median())
-
-
-def _camera_facing(person: Subject, x: Tensor, settings: HumanSettings) -> Tensor:
-    """(V,) bool: V_cf of Eq. 4, turned to the camera and projected into the person's own mask."""
-    moved = person.vertices + x[:3]
-    if settings.visibility == "released":
-        turned = faces_optical_axis(person.normals, settings.facing_deg)
-    else:
-        turned = facing(person.normals, moved, settings.facing_deg)
-    turned = turned & (moved[:, 2] > NEAREST_M)
-    return turned & person.outer & inside_mask(project(moved, person.K), person.mask)
-
-
-def _is_elsewhere(person: Subject, x: Tensor, terms: list[Term], settings: HumanSettings) -> bool:
-    """Whether the person's points and keypoints, tied to the scene, put both feet well above the floor."""
-    if not settings.stand_reach_m or not _is_free(person, settings):
-        return False
-    tied = descend(terms, x, (0, 1, 2), settings.iterations)
-    lower = float(height(person.soles + tied[:3], person.plane[:3], person.plane[3]).min())
-    away = float((person.vertices[:, 2] + tied[2]).median())
-    return lower > min(settings.stand_reach_m, settings.stand_reach_share * away)
-
-
-def _fit_points(
-    person: Subject, x: Tensor, settings: HumanSettings
-) -> tuple[Tensor, Tensor, tuple[float, float] | None, bool]:
-    """Eq. 3-4: x, the camera-facing vertices, the median distance before and after, None where it was not done, and
-    whether grounded.
-
-    The camera-facing vertices are picked again once, where the body has moved.
-    """
-    seen = _camera_facing(person, x, settings)
-    if len(person.points) < settings.min_points or int(seen.sum()) < settings.min_points:
-        return x, seen, None, True
-    chamfer = Chamfer(person, seen, settings)
-    before = chamfer.median(x)
-    if settings.solver == "adam_lbfgs":
-        x = lbfgs(person, x, chamfer, settings)
-        return x, seen, (before, chamfer.median(x)), True
-    others: list[Term] = [Reprojection(person, settings)] if len(person.keypoints) >= FEWEST_KEYPOINTS else []
-    grounded = not _is_elsewhere(person, x, [chamfer, *others], settings)
-    free = grounded and _is_free(person, settings)
-    if free:
-        others.insert(0, Standing(person, settings))
-    for _ in range(_ROUNDS):
-        last = x
-        x = descend([chamfer, *others], x, (0, 1, 2, 3) if free else (0, 1, 2), settings.iterations)
-        again = _camera_facing(person, x, settings)
-        if float((x - last).abs().max()) < _MOVED_M or int(again.sum()) < settings.min_points:
-            break
-        seen, chamfer = again, Chamfer(person, again, settings)
-    return x, seen, (before, chamfer.median(x)), grounded

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.joint.released_reprojection import released_reprojection
+from physic_core.engine.placement.settings import PlacementSettings
 from physic_core.engine.placement.terms import (
     FEWEST_KEYPOINTS,
     NEAREST_M,
@@ -19,15 +20,22 @@ from physic_core.engine.placement.terms import (
     Term,
     Tied,
 )
-from physic_core.engine.settings import HumanSettings
 from physic_core.geometry.camera import project
 from physic_core.geometry.robust import cauchy
 
-__all__ = ["adam", "closed_form", "descend", "lbfgs", "loss", "reprojection_loss", "within_keypoints"]
+__all__ = ["adam", "closed_form", "gauss_newton", "lbfgs", "loss", "reprojection_loss", "within_keypoints"]
 
-_SETTLED_M = 1e-5
+ITERATIONS = 30
+"""Gauss-Newton steps at most, and Adam's steps on Eq. 2 (paper Sec. 4.1)."""
+
+# Of the paper's methods (Sec. 4.1): "two iterations of L-BFGS" are two steps of so many inner iterations.
+_LEARNING_RATE = 1e-2
+_LBFGS_STEPS, _LBFGS_INNER = 2, 15
+_LINE_SEARCH: str | None = "strong_wolfe"  # the printed unit step leads away from the minimum of the released energy
+
+_CONVERGED_M = 1e-5
 _HALVINGS = 6
-_MOST_OFFSET = math.log(1e3)  # of depth, either way
+_MAX_OFFSET = math.log(1e3)  # of depth, either way
 _DOUBLINGS = 40
 
 
@@ -51,11 +59,14 @@ def closed_form(person: Subject) -> Tensor:
     return torch.cat((move, torch.zeros(1, dtype=torch.float64)))
 
 
-def descend(terms: Sequence[Term], x: Tensor, free: Sequence[int], iterations: int) -> Tensor:
-    """Gauss-Newton with reweighting; a step that does not lower the energy is halved."""
+def gauss_newton(terms: Sequence[Term], x: Tensor, free: Sequence[int]) -> Tensor:
+    """Minimise the sum of robust terms from x (4,) by iteratively reweighted Gauss-Newton steps.
+
+    Only the numbers of x with an index in ``free`` change. A step that does not lower the energy is halved.
+    """
     index = torch.tensor(free)
     rows = [r for term in terms for r in term.rows(x)]
-    for _ in range(iterations):
+    for _ in range(ITERATIONS):
         scales = [_robust_scale(r) for r in rows]
         energy = _energy(rows, scales)
         A = torch.zeros((4, 4), dtype=torch.float64)
@@ -70,8 +81,8 @@ def descend(terms: Sequence[Term], x: Tensor, free: Sequence[int], iterations: i
         step = torch.zeros_like(x)
         step[index] = torch.linalg.solve(A, -b)
         for _ in range(_HALVINGS):
-            # The exponential of a larger offset, which only bodies beyond all measure ask for, may be no number.
-            if abs(float(x[3] + step[3])) <= _MOST_OFFSET:
+            # The exponential of a larger offset, which only absurd bodies lead to, may overflow.
+            if abs(float(x[3] + step[3])) <= _MAX_OFFSET:
                 tried = [r for term in terms for r in term.rows(x + step)]
                 if _energy(tried, scales) <= energy:
                     x, rows = x + step, tried
@@ -79,7 +90,7 @@ def descend(terms: Sequence[Term], x: Tensor, free: Sequence[int], iterations: i
             step = step / 2
         else:
             break
-        if float(step.abs().max()) < _SETTLED_M:
+        if float(step.abs().max()) < _CONVERGED_M:
             break
     return x
 
@@ -105,22 +116,21 @@ def loss(term: Term, x: Tensor) -> float:
     return _energy(rows, [r.scale for r in rows])
 
 
-def adam(person: Subject, settings: HumanSettings) -> Tensor:
+def adam(person: Subject, settings: PlacementSettings) -> Tensor:
     """Eq. 2 as the paper minimises it: gradient descent with Adam."""
     move = torch.zeros(3, dtype=torch.float64, requires_grad=True)
-    optimizer = torch.optim.Adam([move], lr=settings.learning_rate)
-    for _ in range(settings.iterations):
+    optimizer = torch.optim.Adam([move], lr=_LEARNING_RATE)
+    for _ in range(ITERATIONS):
         optimizer.zero_grad()
         reprojection_loss(person, move, settings).backward()  # type: ignore[no-untyped-call]
         optimizer.step()
     return torch.cat((move.detach(), torch.zeros(1, dtype=torch.float64)))
 
 
-def lbfgs(person: Subject, x: Tensor, chamfer: Chamfer, settings: HumanSettings) -> Tensor:
-    """Eq. 3 as the paper minimises it: L-BFGS of unit rate; with a line search where the settings ask for it."""
+def lbfgs(person: Subject, x: Tensor, chamfer: Chamfer, settings: PlacementSettings) -> Tensor:
+    """Eq. 3 as the paper minimises it: L-BFGS of unit rate, here with a line search."""
     move = x[:3].clone().requires_grad_()
-    search = "strong_wolfe" if settings.lbfgs_line_search else None
-    optimizer = torch.optim.LBFGS([move], lr=1.0, max_iter=settings.lbfgs_inner, line_search_fn=search)
+    optimizer = torch.optim.LBFGS([move], lr=1.0, max_iter=_LBFGS_INNER, line_search_fn=_LINE_SEARCH)
 
     def energy() -> Tensor:
         optimizer.zero_grad()
@@ -132,15 +142,15 @@ def lbfgs(person: Subject, x: Tensor, chamfer: Chamfer, settings: HumanSettings)
         total.backward()  # type: ignore[no-untyped-call]
         return total
 
-    for _ in range(settings.lbfgs_steps):
+    for _ in range(_LBFGS_STEPS):
         optimizer.step(energy)  # type: ignore[no-untyped-call]
     return torch.cat((move.detach(), x[3:]))
 
 
 def within_keypoints(
-    person: Subject, x: Tensor, stiffness: float, settings: HumanSettings, fits: Callable[[Tensor], bool]
+    person: Subject, x: Tensor, stiffness: float, settings: PlacementSettings, fits: Callable[[Tensor], bool]
 ) -> Tensor:
-    """The place nearest to x, by Eq. 3 with its pairs kept, whose keypoints fit; where the body came from if none does.
+    """The translation nearest to x, by Eq. 3 with its pairs kept, whose keypoints fit; zero if none does.
 
     Squared distances to kept partners are, but for a constant, ``stiffness |t - x|^2``.
 
@@ -149,23 +159,23 @@ def within_keypoints(
         x: the minimum of Eq. 3.
         stiffness: weight of the squared distance from there.
         settings: of stage 2.
-        fits: whether the keypoints fit at a place.
+        fits: whether the keypoints fit at a translation.
     """
     tied, reprojection = Tied(x, stiffness), Reprojection(person, settings)
     for _ in range(_DOUBLINGS):
         if fits(x):
             return x
         reprojection.weight = 2 * reprojection.weight
-        x = descend([tied, reprojection], x, (0, 1, 2), settings.iterations)
+        x = gauss_newton([tied, reprojection], x, (0, 1, 2))
     return torch.zeros_like(x)
 
 
-def reprojection_loss(person: Subject, move: Tensor, settings: HumanSettings) -> Tensor:
+def reprojection_loss(person: Subject, move: Tensor, settings: PlacementSettings) -> Tensor:
     """L_j2d after a move (3,), unweighted: ()."""
     seen = project(person.landmarks + move, person.K)
-    if settings.reprojection_loss == "released":
+    if settings.method == "released":
         one = (seen[None], person.keypoints[None], person.confidence[None])
         return released_reprojection(*one, person.size, person.people).sum()
     error = (seen - person.keypoints) / person.size
     total = (person.confidence * error.square().sum(-1)).sum()
-    return total / person.confidence.sum() if settings.reprojection_mean else total
+    return total / person.confidence.sum() if settings.robust else total

@@ -1,6 +1,6 @@
 """The terms of stage 2: residuals with their slopes by x = (t, g), a translation and a log depth offset.
 
-Each term answers :class:`Rows`, so that one Gauss-Newton solver serves them all. Float64, CPU, metres and pixels.
+Each term returns :class:`Rows`, so that one Gauss-Newton solver serves them all. Float64, CPU, metres and pixels.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ import torch
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from physic_core.engine.settings import HumanSettings
+from physic_core.engine.placement.human_points import MAX_POINTS
+from physic_core.engine.placement.settings import PlacementSettings
 from physic_core.geometry.camera import project
 from physic_core.geometry.plane import height
 
@@ -25,10 +26,11 @@ NEAREST_M = 0.1
 """Nothing of a person is nearer to the camera than this, metres."""
 
 _OFFSET_COST_M = 0.05
+_FLOOR_ROBUST_M = 0.3  # a foot that is much farther from the floor is not on it
 
 
 class Subject(NamedTuple):
-    """What is known of one person, float64 on the CPU; N landmarks, F vertices, M points, S soles."""
+    """One person to be placed, float64 on the CPU; N landmarks, V vertices, M points, S soles."""
 
     landmarks: Tensor  # (N, 3)
     keypoints: Tensor  # (N, 2)
@@ -45,7 +47,8 @@ class Subject(NamedTuple):
     people: int = 1  # in the picture
 
     @property
-    def stands(self) -> bool:
+    def on_floor(self) -> bool:
+        """Whether the feet are seen and there is a floor that they may stand on."""
         return len(self.soles) > 0
 
 
@@ -61,9 +64,9 @@ class Rows(NamedTuple):
 class Reprojection:
     """lambda_j2d times Eq. 2, a confidence-weighted mean or sum, in shares of the person's (or the image's) size."""
 
-    def __init__(self, person: Subject, settings: HumanSettings) -> None:
+    def __init__(self, person: Subject, settings: PlacementSettings) -> None:
         self.person = person
-        total = person.confidence.sum() if settings.reprojection_mean else 1.0
+        total = person.confidence.sum() if settings.robust else 1.0
         self.weight = settings.reprojection_weight * person.confidence / total
         self.scale = settings.robust_px_share
 
@@ -82,12 +85,13 @@ class Reprojection:
 class Chamfer:
     """lambda_d times Eq. 4 between the camera-facing vertices and the person's points, both ways."""
 
-    def __init__(self, person: Subject, seen: Tensor, settings: HumanSettings) -> None:
-        self.vertices = _thinned(person.vertices[seen], settings.max_points)
+    def __init__(self, person: Subject, seen: Tensor, settings: PlacementSettings) -> None:
+        self.vertices = _thinned(person.vertices[seen], MAX_POINTS) if settings.robust else person.vertices[seen]
         self.points = person.points
         self.vertex_tree, self.point_tree = cKDTree(self.vertices.numpy()), cKDTree(self.points.numpy())
-        mean = settings.reduction == "mean"
-        self.weights = [settings.chamfer_weight / (n if mean else 1) for n in (len(self.vertices), len(self.points))]
+        # Means do not depend on the resolution; Eq. 4 is printed as sums.
+        counts = (len(self.vertices), len(self.points))
+        self.weights = [settings.chamfer_weight / (n if settings.robust else 1) for n in counts]
         self.scale = settings.robust_m
 
     def matched(self, x: Tensor) -> tuple[Tensor, Tensor]:
@@ -120,7 +124,7 @@ class Chamfer:
 class Standing:
     """The lower foot on the floor, and what a depth offset costs."""
 
-    def __init__(self, person: Subject, settings: HumanSettings) -> None:
+    def __init__(self, person: Subject, settings: PlacementSettings) -> None:
         self.person, self.settings = person, settings
 
     def rows(self, x: Tensor) -> list[Rows]:
@@ -132,13 +136,13 @@ class Standing:
         foot = lowest.new_tensor([settings.floor_weight])
         cost = lowest.new_tensor([settings.chamfer_weight * (_OFFSET_COST_M / settings.depth_offset_sigma) ** 2])
         return [
-            Rows(lowest, upward, foot, settings.floor_robust_m),
+            Rows(lowest, upward, foot, _FLOOR_ROBUST_M),
             Rows(x[3].reshape(1, 1), only_offset, cost, math.inf),
         ]
 
 
 class Tied:
-    """Translation held to a place: ``weight |t - place|^2``."""
+    """Translation tied to a place: ``weight |t - place|^2``."""
 
     def __init__(self, place: Tensor, weight: float) -> None:
         self.place, self.weight = place, weight
@@ -153,7 +157,7 @@ Term = Reprojection | Chamfer | Standing | Tied
 
 
 def _thinned(points: Tensor, most: int) -> Tensor:
-    """At most ``most`` of (N, 3), evenly picked; all where ``most`` is 0."""
-    if not most or len(points) <= most:
+    """At most ``most`` of (N, 3), evenly picked."""
+    if len(points) <= most:
         return points
     return points[torch.linspace(0, len(points) - 1, most, dtype=torch.float64).round().long()]

@@ -53,7 +53,13 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from physic_core.engine.settings import ContactSettings, EngineSettings, HumanSettings, JointSettings, SceneSettings
+from physic_core.engine.settings import (
+    ContactSettings,
+    EngineSettings,
+    JointSettings,
+    PlacementSettings,
+    SceneSettings,
+)
 
 __all__ = ["PRESETS"]
 
@@ -64,39 +70,20 @@ _PRINTED_CONTACT_M = 0.04
 
 _PAPER = EngineSettings(
     scene=SceneSettings(
-        align_hypotheses=20,
         align_residual="metric",
         intrinsics="pointmap",
-        edge_ratio=math.inf,
         outliers="knn",
+        far_m=math.inf,
         floor="metric",
-        floor_hypotheses=200,
-        floor_mask_min_share=0.0,
-        floor_max_below=1.0,
-        floor_reanchor=False,
         floor_under_people=False,
         carve_m=0.0,
-        floor_grid=100,
-        far_m=math.inf,
     ),
-    human=HumanSettings(
-        align_hypotheses=20,
-        align_residual="metric",
-        align_depth_share=0.0,
-        mask_dilation=0.0,
-        edge_ratio=math.inf,
-        outliers="knn",
-        max_points=0,
-        solver="adam_lbfgs",
-        reduction="sum",
-        normalisation="image",
-        reprojection_mean=False,
+    placement=PlacementSettings(
+        method="paper",
         reprojection_weight=5000.0,
-        keypoint_bound=True,
-        lbfgs_line_search=True,
         min_confidence=0.5,
         seen_confidence=1.0,
-        mixed_sides_deg=180.0,
+        swapped_sides_deg=180.0,
         robust_px_share=math.inf,
         robust_m=math.inf,
         depth_offset_sigma=0.0,
@@ -171,14 +158,7 @@ _PAPER = EngineSettings(
 _RELEASE = replace(
     _PAPER,
     scene=replace(_PAPER.scene, normals="released"),
-    human=replace(
-        _PAPER.human,
-        visibility="released",
-        facing_deg=80.0,
-        reprojection_loss="released",
-        reprojection_mean=True,
-        keypoint_bound=False,
-    ),
+    placement=replace(_PAPER.placement, method="released"),
     joint=replace(
         _PAPER.joint,
         visibility="released",
@@ -202,18 +182,10 @@ _PROX_VERTICES = 60.0  # of the mesh that PROX sums over, a square decimetre
 _PROX_PRIOR = 4.78**2 / 2  # of a squared radian; rotations are written as two columns, which move twice as far
 
 _PROX = EngineSettings(
-    scene=SceneSettings(
-        source="metric_depth",
-        align_hypotheses=20,
-        edge_ratio=math.inf,
-        outliers="off",
-        floor="off",
-        floor_under_people=False,
-        carve_m=0.0,
-    ),
-    human=HumanSettings(
+    scene=SceneSettings(source="metric_depth", outliers="off", floor="off", floor_under_people=False, carve_m=0.0),
+    placement=PlacementSettings(
         seen_confidence=1.0,
-        mixed_sides_deg=180.0,
+        swapped_sides_deg=180.0,
         chamfer_weight=0.0,
         depth_offset_sigma=0.0,
         floor_weight=0.0,

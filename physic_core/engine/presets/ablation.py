@@ -66,11 +66,11 @@ _PENETRATION: Overrides = {
     "joint": {"penetration_weight": 0.0},
 }
 # The paper's MPJPE falls by half where depth joins: before, stage 2 has not seen it either.
-_DEPTH: Overrides = {"human": {"chamfer_weight": 0.0}, "joint": {"depth_weight": 0.0, "depth_relief_weight": 0.0}}
+_DEPTH: Overrides = {"placement": {"chamfer_weight": 0.0}, "joint": {"depth_weight": 0.0, "depth_relief_weight": 0.0}}
 _OCCLUSION: Overrides = {"joint": {"occlusion_aware": False}}
 _FLOOR: Overrides = {
     "scene": {"floor": "off", "floor_under_people": False},
-    "human": {"floor_weight": 0.0},
+    "placement": {"floor_weight": 0.0},
     "joint": {"floor": "off"},
 }
 

@@ -9,42 +9,38 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import torch
 from torch import Tensor
 
-from physic_core.engine.scene.camera import camera_of, of_one_camera
-from physic_core.engine.settings import HumanSettings, SceneSettings
-from physic_core.errors import BackendOutputError
-from physic_core.geometry.alignment import Alignment, align, apply_alignment
-from physic_core.geometry.camera import unproject
-from physic_core.geometry.floor import FloorSearch, PlaneFit, fit_floor
-from physic_core.geometry.floor_metric import fit_floor_metric
-from physic_core.geometry.plane import height, sample_plane
-from physic_core.geometry.pointmap import (
-    depth_edges,
-    depth_to_pointmap,
-    knn_outliers,
-    normals,
-    unsupported,
+from physic_core.engine.scene.camera import Cameras, scene_camera, with_common_camera
+from physic_core.engine.scene.cleaning import KNN_SHARE, edge_ratio, outlier_mask
+from physic_core.engine.scene.floor import (
+    feet_on_floor,
+    floor_diagnostics,
+    floor_grid,
+    search_floor,
 )
-from physic_core.geometry.released_pointmap import floor_lattice, four_neighbour_normals, normal_outliers
+from physic_core.engine.scene.settings import SceneSettings
+from physic_core.errors import BackendOutputError
+from physic_core.geometry.alignment import Alignment, AlignmentOptions, align, apply_alignment, options_as_released
+from physic_core.geometry.floor import FloorEvidence, PlaneFit
+from physic_core.geometry.plane import height, sample_plane
+from physic_core.geometry.pointmap import depth_edges, depth_to_pointmap, normals
+from physic_core.geometry.released_pointmap import four_neighbour_normals, normal_outliers
 from physic_core.types import AffineAmbiguity
 from physic_core.types.short_repr import ShortRepr
 
-__all__ = [
-    "SceneState",
-    "alignment_diagnostics",
-    "build_scene",
-    "edge_ratio_at",
-    "fit_relative_floor",
-    "outlier_mask",
-    "search_floor",
-]
+__all__ = ["ALIGN_LEAST_SHARE", "ALIGN_TOLERANCE", "SceneState", "alignment_diagnostics", "build_scene"]
 
-_REFERENCE_SIDE = 1024
-_FLOOR_THICKNESS = 0.01
+ALIGN_TOLERANCE = 0.1
+"""Point map and metric depth agree at a pixel where they differ by less than this share of the depth."""
+
+ALIGN_LEAST_SHARE = 0.5
+"""Below this share of agreeing pixels the alignment is reported as doubtful."""
+
+_FLOOR_THICKNESS = 0.01  # of the depth
 
 
 @dataclass(frozen=True)
@@ -82,88 +78,66 @@ class SceneState(ShortRepr):
         """(H, W) metres along z, NaN where no point is valid."""
         return torch.where(self.valid, self.points[..., 2], torch.nan)
 
+    @property
+    def floor_plane(self) -> tuple[Tensor, float] | None:
+        """Normal and offset of the floor, or None."""
+        return None if self.floor_normal is None else (self.floor_normal, self.floor_offset)
+
 
 def build_scene(
     points: Tensor,
     valid: Tensor,
     unknown: AffineAmbiguity,
     metric_depth: Tensor,
-    *,
-    K: Tensor | None = None,
-    K_metric: Tensor | None = None,
-    K_pointmap: Tensor | None = None,
-    floor_mask: Tensor | None = None,
-    hole: Tensor | None = None,
-    feet_px: Tensor | None = None,
+    cameras: Cameras | None = None,
+    floor_evidence: FloorEvidence | None = None,
     settings: SceneSettings | None = None,
 ) -> SceneState:
-    """Put a relative point map into metres and describe it.
+    """Scale a relative point map to metres; estimate its camera, normals and floor; drop what lies on no surface.
 
     Args:
         points: (H, W, 3) relative point map of the inpainted photo.
         valid: (H, W) bool.
         unknown: what the point map leaves open.
         metric_depth: (H, W) metres along z, NaN where unknown.
-        K: (3, 3) px, the camera where it is known: it wins over all others, and every point is put on its ray.
-        K_metric: (3, 3) px, the camera that the metric depth was made for, or None.
-        K_pointmap: (3, 3) px, the camera that the point map saw, or None; of "both" only.
-        floor_mask: (H, W) bool, pixels that a segmenter calls floor, or None.
-        hole: (H, W) bool, inpainted pixels, or None.
-        feet_px: (F, 2) px, floor pixels at people's soles, or None.
+        cameras: those that are known.
+        floor_evidence: floor mask, inpainted pixels and feet, each where known.
         settings: of stage 1; preset "default" where None.
 
     Raises:
-        BackendOutputError: the metric depth knows no pixel, or there is no camera to be had.
+        BackendOutputError: the metric depth has no valid pixel, or the camera cannot be estimated.
     """
-    settings = settings or SceneSettings()
+    settings, evidence = settings or SceneSettings(), floor_evidence or FloorEvidence()
+    cameras = cameras or Cameras()
     if settings.intrinsics == "both":
-        points, metric_depth, K_metric = of_one_camera(points, metric_depth, K, K_metric, K_pointmap)
-    metric_valid = torch.isfinite(metric_depth) & (metric_depth > 0)
-    if not bool(metric_valid.any()):
-        raise BackendOutputError(
-            "the metric depth knows no pixel: every depth is NaN, infinite or not positive; "
-            "use another metric_depth backend, or check its notes"
-        )
-    alignment = _align_to_metric(points, valid, unknown, metric_depth, metric_valid, K, K_metric, settings)
-    depth_alone = settings.source == "metric_depth"
-    if alignment.inlier_share > 0 and not depth_alone:
-        placed = apply_alignment(points, alignment)
-        known = valid
-    else:
-        placed = depth_to_pointmap(metric_depth, camera_of(None, K, K_metric, points, valid, settings))
-        known = metric_valid
-    known = known & torch.isfinite(placed).all(-1) & (placed[..., 2] > 0)
-    camera = camera_of(placed, K, K_metric, points, known, settings)
-    if K is not None or settings.intrinsics != "pointmap":
-        placed = depth_to_pointmap(placed[..., 2], camera)
-    placed = torch.where(known[..., None], placed, 0.0)
-    known = known & (placed[..., 2] <= settings.far_m)
-
-    ratio = edge_ratio_at(settings.edge_ratio, *valid.shape)
-    released = settings.normals == "released"
-    surface = four_neighbour_normals(placed, known) if released else normals(placed, known, ratio)
-    edges = depth_edges(placed[..., 2], known, ratio)
-    drop = outlier_mask(placed, known & ~edges, settings)
-    if released:
-        kept = known & ~edges & ~drop
-        drop[kept] = normal_outliers(placed[kept], surface[kept], int(settings.outlier_neighbors * min(valid.shape)))
-    search = search_floor(placed, known & ~drop, surface, floor_mask, hole, feet_px, settings)
+        points, metric_depth, cameras = with_common_camera(points, metric_depth, cameras)
+    alignment = _align_to_metric(points, valid, unknown, metric_depth, cameras, settings)
+    placed, known, camera = _metric_points(points, valid, metric_depth, alignment, cameras, settings)
+    surface, edges, outliers = _surface(placed, known, settings)
+    search = search_floor(placed, known & ~outliers, surface, evidence, settings.floor)
     floor = search.plane
     if floor is not None:
-        # A floor that is seen at a grazing angle looks like a depth edge; its plane tells that it is none.
+        # A floor that is seen at a grazing angle looks like a depth edge; its plane shows that it is none.
         z = placed[..., 2]
         on_floor = known & floor.inliers & (height(placed, floor.normal, floor.offset).abs() < _FLOOR_THICKNESS * z)
-        edges, drop = edges & ~on_floor, drop & ~on_floor
+        edges, outliers = edges & ~on_floor, outliers & ~on_floor
         bare = on_floor & (surface == 0).all(-1)
         surface = torch.where(bare[..., None], floor.normal.to(surface), surface)
-    clean = known & ~edges & ~drop
+    clean = known & ~edges & ~outliers
+    if floor is None:
+        floor_points = placed.new_zeros((0, 3))
+    elif settings.floor == "metric":
+        floor_points = floor_grid(floor, placed[known])
+    else:
+        feet = feet_on_floor(floor, evidence.feet_px, camera, settings.far_m)
+        floor_points = sample_plane(floor.normal, floor.offset, placed[clean], centres=feet)
     return SceneState(
         points=placed,
         normals=surface,
         valid=clean,
         floor_normal=None if floor is None else floor.normal,
         floor_offset=0.0 if floor is None else floor.offset,
-        floor_points=_floor_points(floor, placed, known if settings.floor_grid else clean, feet_px, camera, settings),
+        floor_points=floor_points,
         floor_inlier_share=search.inlier_share,
         K=camera,
         alignment=alignment,
@@ -172,118 +146,78 @@ def build_scene(
             "alignment": alignment_diagnostics(alignment),
             "valid_share": _share(clean),
             "edge_share": _share(edges),
-            "outlier_share": _share(drop),
-            "floor": _floor_diagnostics(search),
+            "outlier_share": _share(outliers),
+            "floor": floor_diagnostics(search),
             "fx_px": float(camera[0, 0]),
             "fy_px": float(camera[1, 1]),
         },
     )
 
 
-def fit_relative_floor(
+def _align_to_metric(
     points: Tensor,
     valid: Tensor,
-    floor_mask: Tensor | None = None,
-    hole: Tensor | None = None,
-    feet_px: Tensor | None = None,
-    settings: SceneSettings | None = None,
-) -> PlaneFit | None:
-    """The floor in the units of a relative point map, before its scale is known; None where there is none.
-
-    Always in inverse depth, since a tolerance in metres means nothing here; ``settings.floor`` "off" finds none.
-    Arguments as in :func:`build_scene`.
-    """
-    settings = settings or SceneSettings()
-    if settings.floor == "off":
-        return None
-    return _inverse_depth_search(points, valid, None, floor_mask, hole, feet_px, settings).plane
-
-
-def search_floor(
-    points: Tensor,
-    valid: Tensor,
-    surface: Tensor,
-    floor_mask: Tensor | None,
-    hole: Tensor | None,
-    feet_px: Tensor | None,
+    unknown: AffineAmbiguity,
+    metric_depth: Tensor,
+    cameras: Cameras,
     settings: SceneSettings,
-) -> FloorSearch:
-    """The floor of a metric point map (H, W, 3) with normals ``surface`` (H, W, 3), by the strategy of the settings."""
-    if settings.floor == "off":
-        return FloorSearch(None, "switched_off")
-    if settings.floor == "metric":
-        return fit_floor_metric(
-            points,
-            surface,
-            valid,
-            floor_mask,
-            tolerance_m=settings.floor_tolerance_m,
-            hypotheses=settings.floor_hypotheses,
-            min_share=settings.floor_mask_min_share,
-            max_below=settings.floor_max_below,
-            seed=settings.seed,
+) -> Alignment:
+    """Eq. 1. Without any camera the target has no X and Y, and depth alone is aligned."""
+    metric_valid = _positive(metric_depth)
+    if not bool(metric_valid.any()):
+        raise BackendOutputError(
+            "the metric depth knows no pixel: every depth is NaN, infinite or not positive; "
+            "use another metric_depth backend, or check its notes"
         )
-    return _inverse_depth_search(points, valid, surface, floor_mask, hole, feet_px, settings)
+    camera = cameras.metric_depth if cameras.metric_depth is not None else cameras.given
+    depth = torch.where(metric_valid, metric_depth, 1.0)
+    if camera is not None:
+        target = depth_to_pointmap(depth, camera.to(depth))
+    else:
+        target = torch.stack((torch.zeros_like(depth), torch.zeros_like(depth), depth), -1)
+    as_printed = settings.align_residual == "metric"
+    options = options_as_released(ALIGN_TOLERANCE) if as_printed else AlignmentOptions(ALIGN_TOLERANCE)
+    axes: Literal["xyz", "z"] = "z" if camera is None else "xyz"
+    return align(points, valid, target, metric_valid, unknown, options=options, axes=axes)
 
 
-def _inverse_depth_search(
+def _metric_points(
     points: Tensor,
     valid: Tensor,
-    surface: Tensor | None,
-    floor_mask: Tensor | None,
-    hole: Tensor | None,
-    feet_px: Tensor | None,
+    metric_depth: Tensor,
+    alignment: Alignment,
+    cameras: Cameras,
     settings: SceneSettings,
-) -> FloorSearch:
-    return fit_floor(
-        points,
-        valid,
-        floor_mask=floor_mask,
-        hole=hole,
-        feet_px=feet_px,
-        tolerance=settings.floor_tolerance,
-        mask_slack=settings.floor_mask_slack,
-        hypotheses=settings.floor_hypotheses,
-        min_share=settings.floor_min_share,
-        mask_min_share=settings.floor_mask_min_share,
-        feet_min_share=settings.floor_feet_min_share,
-        reanchor=settings.floor_reanchor,
-        max_below=settings.floor_max_below,
-        max_roll_deg=settings.floor_max_roll_deg,
-        hole_weight=settings.floor_hole_weight,
-        lower_share=settings.floor_lower_share,
-        normals=surface,
-        firmness=settings.floor_firmness,
-        feet_window=settings.floor_feet_window,
-        seed=settings.seed,
-    )
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Points (H, W, 3) in metres, which of them are known (H, W), and their camera (3, 3).
 
-
-def edge_ratio_at(ratio: float, rows: int, columns: int) -> float:
-    """The depth ratio over 3 x 3 pixels that means the same slope as ``ratio`` in a picture of 1024 px.
-
-    At most its square: in small pictures real edges are as sharp as in large ones.
+    The metric depth alone, where the settings want it so, or where it agrees with the point map nowhere.
     """
-    return ratio ** min(2.0, _REFERENCE_SIDE / max(rows, columns, 1)) if math.isfinite(ratio) else ratio
+    if alignment.inlier_share > 0 and settings.source == "pointmap":
+        placed, known = apply_alignment(points, alignment), valid
+    else:
+        placed = depth_to_pointmap(metric_depth, scene_camera(points, valid, cameras, "metric"))
+        known = _positive(metric_depth)
+    known = known & torch.isfinite(placed).all(-1) & (placed[..., 2] > 0)
+    camera = scene_camera(placed, known, cameras, settings.intrinsics)
+    if cameras.given is not None or settings.intrinsics != "pointmap":
+        placed = depth_to_pointmap(placed[..., 2], camera)
+    placed = torch.where(known[..., None], placed, 0.0)
+    return placed, known & (placed[..., 2] <= settings.far_m), camera
 
 
-def outlier_mask(
-    points: Tensor, valid: Tensor, settings: SceneSettings | HumanSettings, size: tuple[int, int] | None = None
-) -> Tensor:
-    """(H, W) bool, valid points (H, W, 3) to be dropped, by the strategy of the settings.
-
-    ``size`` is the (H, W) of the whole picture where ``points`` is only a part of it.
-    """
-    rows, columns = size or (valid.shape[0], valid.shape[1])
-    if settings.outliers == "off" or not bool(valid.any()):
-        return torch.zeros_like(valid)
-    if settings.outliers == "grid":
-        return unsupported(points[..., 2], valid, edge_ratio_at(settings.edge_ratio, rows, columns))
-    drop = torch.zeros_like(valid)
-    # The released code counts the point itself among its neighbours.
-    neighbors = max(1, int(settings.outlier_neighbors * min(rows, columns)) - 1)
-    drop[valid] = knn_outliers(points[valid], neighbors, settings.outlier_sigma)
-    return drop
+def _surface(points: Tensor, known: Tensor, settings: SceneSettings) -> tuple[Tensor, Tensor, Tensor]:
+    """Normals (H, W, 3), depth edges (H, W) bool, and outliers (H, W) bool that are no edges."""
+    rows, columns = known.shape
+    ratio = edge_ratio(settings.outliers, rows, columns)
+    released = settings.normals == "released"
+    surface = four_neighbour_normals(points, known) if released else normals(points, known, ratio)
+    edges = depth_edges(points[..., 2], known, ratio)
+    outliers = outlier_mask(points, known & ~edges, settings.outliers)
+    if released:
+        kept = known & ~edges & ~outliers
+        outliers[kept] = normal_outliers(points[kept], surface[kept], int(KNN_SHARE * min(rows, columns)))
+    return surface, edges, outliers
 
 
 def alignment_diagnostics(alignment: Alignment) -> dict[str, Any]:
@@ -297,85 +231,8 @@ def alignment_diagnostics(alignment: Alignment) -> dict[str, Any]:
     }
 
 
-def _align_to_metric(
-    points: Tensor,
-    valid: Tensor,
-    unknown: AffineAmbiguity,
-    metric_depth: Tensor,
-    metric_valid: Tensor,
-    K: Tensor | None,
-    K_metric: Tensor | None,
-    settings: SceneSettings,
-) -> Alignment:
-    """Eq. 1. Without any camera the target has no X and Y, and depth alone is aligned."""
-    camera = K_metric if K_metric is not None else K
-    depth = torch.where(metric_valid, metric_depth, 1.0)
-    if camera is not None:
-        target = depth_to_pointmap(depth, camera.to(depth))
-    else:
-        target = torch.stack((torch.zeros_like(depth), torch.zeros_like(depth), depth), -1)
-    return align(
-        points,
-        valid,
-        target,
-        metric_valid,
-        unknown,
-        tolerance=settings.align_tolerance,
-        iterations=settings.align_hypotheses,
-        residual=settings.align_residual,
-        axes="z" if camera is None else "xyz",
-        max_pixels=settings.align_max_pixels,
-        seed=settings.seed,
-    )
-
-
-def _floor_points(
-    floor: PlaneFit | None,
-    points: Tensor,
-    valid: Tensor,
-    feet_px: Tensor | None,
-    camera: Tensor,
-    settings: SceneSettings,
-) -> Tensor:
-    if floor is None:
-        return points.new_zeros((0, 3))
-    if settings.floor_grid:
-        return floor_lattice(floor.normal, floor.offset, points[valid], settings.floor_grid)
-    centres = None
-    if feet_px is not None and len(feet_px):
-        rays = unproject(feet_px.to(points), points.new_ones(len(feet_px)), camera)
-        steepness = -(rays @ floor.normal)
-        seen = steepness > 1e-3
-        centres = rays[seen] * (floor.offset / steepness[seen])[:, None]
-        centres = centres[centres[:, 2] <= settings.far_m]
-    return sample_plane(
-        floor.normal,
-        floor.offset,
-        points[valid],
-        centres=centres,
-        spacing=settings.floor_spacing_m,
-        near=settings.floor_near_m,
-        max_points=settings.floor_max_points,
-    )
-
-
-def _floor_diagnostics(search: FloorSearch) -> dict[str, Any]:
-    told: dict[str, Any] = {
-        "reason": search.reason,
-        "inlier_share": search.inlier_share,
-        "below_share": search.below_share,
-        "mask_reason": search.mask_reason,
-    }
-    if search.plane is not None:
-        x, y, z = (float(c) for c in search.plane.normal)
-        told |= {
-            "source": search.plane.source,
-            "camera_height_m": search.plane.offset,
-            "pitch_deg": math.degrees(math.atan2(-z, -y)),
-            "roll_deg": math.degrees(math.atan2(x, -y)),
-            "reanchored": search.plane.reanchored,
-        }
-    return told
+def _positive(depth: Tensor) -> Tensor:
+    return torch.isfinite(depth) & (depth > 0)
 
 
 def _share(mask: Tensor) -> float:

@@ -1,50 +1,81 @@
-"""Stage 1's camera: the one that is known, or what point map and metric depth tell of it; and both of them for it."""
+"""The camera of stage 1: the given one, or one estimated from point map and metric depth."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import torch
 from torch import Tensor
 
-from physic_core.engine.settings import SceneSettings
 from physic_core.geometry.camera import focal_px, intrinsics_matrix, mean_camera
 from physic_core.geometry.pointmap import intrinsics_from_pointmap
 
-__all__ = ["camera_of", "of_one_camera"]
+__all__ = ["Cameras", "scene_camera", "with_common_camera"]
 
 
-def of_one_camera(
-    points: Tensor, depth: Tensor, K: Tensor | None, K_metric: Tensor | None, K_pointmap: Tensor | None
-) -> tuple[Tensor, Tensor, Tensor | None]:
-    """Point map and metric depth for the camera that is used, and that camera; None where none is known.
+@dataclass(frozen=True)
+class Cameras:
+    """Cameras of a photo, each (3, 3) px or None where unknown.
 
-    What a depth network sees is the size of things, pixels times Z / f: with a longer focal length they are farther
-    away. A point map's depths, whose unit is open, stay.
+    Attributes:
+        given: a known camera: it overrides all others, and every point is put on its rays.
+        metric_depth: the camera that the metric depth was estimated for.
+        pointmap: the camera that the relative point map was estimated for.
     """
-    used = K
-    if used is None and K_metric is not None and K_pointmap is not None:
-        used = mean_camera(K_metric.to(torch.float64), K_pointmap.to(K_metric.device, torch.float64))
-    if used is None:
-        return points, depth, K_metric if K_metric is not None else K_pointmap
-    if K_pointmap is not None:
-        shrunk = torch.diagonal(K_pointmap)[:2].to(points) / torch.diagonal(used)[:2].to(points)
-        points = torch.cat((points[..., :2] * shrunk, points[..., 2:]), -1)
-    if K_metric is not None:
-        depth = depth * (focal_px(used) / focal_px(K_metric))
-    return points, depth, used
+
+    given: Tensor | None = None
+    metric_depth: Tensor | None = None
+    pointmap: Tensor | None = None
 
 
-def camera_of(
-    placed: Tensor | None,
-    K: Tensor | None,
-    K_metric: Tensor | None,
+def with_common_camera(points: Tensor, depth: Tensor, cameras: Cameras) -> tuple[Tensor, Tensor, Cameras]:
+    """Convert point map and metric depth to one camera: the given one, else the mean of both, else the only one.
+
+    A depth network sees the size of things, pixels times Z / f: with a longer focal length they are farther away. The
+    depths of a point map stay, since their unit is unknown.
+
+    Args:
+        points: (H, W, 3), any unit.
+        depth: (H, W) metres.
+        cameras: of the photo.
+
+    Returns:
+        The converted points, the converted depth, and the cameras, ``metric_depth`` now the common one.
+    """
+    common, metric, pointmap = cameras.given, cameras.metric_depth, cameras.pointmap
+    if common is None and metric is not None and pointmap is not None:
+        common = mean_camera(metric.to(torch.float64), pointmap.to(metric.device, torch.float64))
+    if common is None:
+        return points, depth, replace(cameras, metric_depth=metric if metric is not None else pointmap)
+    if pointmap is not None:
+        factor = torch.diagonal(pointmap)[:2].to(points) / torch.diagonal(common)[:2].to(points)
+        points = torch.cat((points[..., :2] * factor, points[..., 2:]), -1)
+    if metric is not None:
+        depth = depth * (focal_px(common) / focal_px(metric))
+    return points, depth, replace(cameras, metric_depth=common)
+
+
+def scene_camera(
     points: Tensor,
     valid: Tensor,
-    settings: SceneSettings,
+    cameras: Cameras,
+    preferred: Literal["both", "metric", "pointmap"] = "both",
 ) -> Tensor:
-    """(3, 3) float64: the given camera, else what the settings prefer, else whatever there is."""
-    if K is not None:
-        return K.to(points.device, torch.float64)
-    if K_metric is not None and (settings.intrinsics != "pointmap" or placed is None):
-        return K_metric.to(points.device, torch.float64)
-    fx, fy, cx, cy = intrinsics_from_pointmap(points if placed is None else placed, valid)
+    """(3, 3) float64: the given camera, else the preferred one, else that of the point map (H, W, 3) itself.
+
+    Args:
+        points: point map, any unit.
+        valid: (H, W) bool.
+        cameras: of the photo.
+        preferred: see ``SceneSettings.intrinsics``.
+
+    Raises:
+        BackendOutputError: the camera cannot be estimated from the point map.
+    """
+    if cameras.given is not None:
+        return cameras.given.to(points.device, torch.float64)
+    if cameras.metric_depth is not None and preferred != "pointmap":
+        return cameras.metric_depth.to(points.device, torch.float64)
+    fx, fy, cx, cy = intrinsics_from_pointmap(points, valid)
     return intrinsics_matrix(fx, fy, cx, cy, torch.zeros((), dtype=torch.float64, device=points.device))

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.metrics.matching import Matching
     from physic_core.pipeline.estimate import Evidence
-    from physic_core.pipeline.optimise import Solution
+    from physic_core.pipeline.solution import Solution
     from physic_core.types import BoolArray, FloatArray, Intrinsics, Scene
     from physic_testing.worlds import World
 

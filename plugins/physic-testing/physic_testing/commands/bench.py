@@ -150,7 +150,7 @@ def speed(sections: str, repeats: int, preset: str, size: tuple[int, int], seed:
 
 def _split(overrides: tuple[str, ...]) -> tuple[list[str], list[str]]:
     """Settings of the engine, as "engine.joint.x=1", and those of backends."""
-    stages = ("scene.", "human.", "joint.", "contact.")
+    stages = ("scene.", "placement.", "joint.", "contact.")
     full = [f"engine.{text}" if text.strip().startswith(stages) else text.strip() for text in overrides]
     if any(text.startswith("engine.preset") for text in full):
         raise ConfigError("--set engine.preset=...: say it with --preset NAME, or with --rows full,NAME")

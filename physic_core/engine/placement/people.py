@@ -1,0 +1,145 @@
+"""Stage 2 for all people of a photo: placed, their swapped keypoints corrected, and those of them placed again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from physic_core.body.joints import JOINT_INDEX, joint_pair
+from physic_core.engine.joint.limbs import confirmed_joints, placing_keypoints
+from physic_core.engine.joint.released_reprojection import released_keypoint_weights
+from physic_core.engine.placement.left_right import fix_left_right_swaps
+from physic_core.engine.placement.place import PersonEvidence, PersonPlacement, Placement, PosedBodies, place
+from physic_core.engine.placement.settings import PlacementSettings
+from physic_core.geometry.camera import project
+
+__all__ = ["Detections", "PlacedPeople", "place_people"]
+
+_ANKLES = joint_pair("ankle")
+
+
+@dataclass(frozen=True)
+class Detections:
+    """What detectors and estimators report of B people.
+
+    Attributes:
+        skeleton: name of the joint set.
+        keypoints: (B, J, 2) px.
+        confidence: (B, J) in [0, 1].
+        observed: (B, 55) bool, joints that the body estimator saw; None where it does not say, which counts as all.
+        points: B tensors (M_i, 3) metres, the people's own points in the scene.
+        masks: (B, H, W) bool, visible pixels of each person.
+    """
+
+    skeleton: str
+    keypoints: Tensor
+    confidence: Tensor
+    observed: Tensor | None
+    points: Sequence[Tensor]
+    masks: Tensor
+
+
+@dataclass(frozen=True)
+class PlacedPeople:
+    """B people at their places.
+
+    Attributes:
+        placement: of all, by the corrected keypoints.
+        keypoints: (B, J, 2) px, swaps of left and right corrected.
+        confidence: (B, J), likewise.
+        observed: (B, 55) bool, joints that the photo shows.
+        exchanged: per person, the pairs of limbs whose left and right were exchanged.
+        detected: the placement by the keypoints as detected.
+    """
+
+    placement: Placement
+    keypoints: Tensor
+    confidence: Tensor
+    observed: Tensor
+    exchanged: tuple[tuple[str, ...], ...]
+    detected: Placement
+
+
+def place_people(
+    bodies: PosedBodies,
+    detections: Detections,
+    K: Tensor,
+    floor: tuple[Tensor, float] | None,
+    settings: PlacementSettings,
+    before: PlacedPeople | None = None,
+) -> PlacedPeople:
+    """Place B posed bodies, exchange keypoints whose left and right a detector swapped, and place those people again.
+
+    Args:
+        bodies: as estimated, with one landmark for each keypoint.
+        detections: of the same people.
+        K: (3, 3) px.
+        floor: normal (3,) and offset, or None.
+        settings: of stage 2.
+        before: the same people, placed with another floor: people whose feet are on none keep their places.
+    """
+    columns = list(range(detections.keypoints.shape[1]))
+    if settings.method != "released":
+        columns = placing_keypoints(detections.skeleton, len(columns))
+    used = replace(bodies, landmarks=bodies.landmarks[:, columns])
+
+    def placed_by(given: Detections, known: list[PersonPlacement | None]) -> Placement:
+        return place(used, _evidence(given, columns, settings), K, floor, settings, known)
+
+    known: list[PersonPlacement | None] = [None] * len(bodies.transl)
+    if before is not None:
+        known = [None if person.on_floor else person for person in before.detected.people]
+    detected = placed_by(detections, known)
+    moved = bodies.landmarks + (detected.transl.to(bodies.transl) - bodies.transl)[:, None]
+    sides = fix_left_right_swaps(
+        detections.skeleton, detections.keypoints, detections.confidence, project(moved, K), settings.swapped_sides_deg
+    )
+    placement = detected
+    if any(sides.exchanged):
+        detections = replace(
+            detections,
+            keypoints=detections.keypoints.take_along_dim(sides.order[..., None], 1),
+            confidence=detections.confidence.take_along_dim(sides.order, 1),
+        )
+        known = [None if pairs else person for pairs, person in zip(sides.exchanged, detected.people, strict=True)]
+        placement = placed_by(detections, known)
+    return PlacedPeople(
+        placement=placement,
+        keypoints=detections.keypoints,
+        confidence=detections.confidence,
+        observed=_observed(detections, settings),
+        exchanged=sides.exchanged,
+        detected=detected,
+    )
+
+
+def _evidence(detections: Detections, columns: list[int], settings: PlacementSettings) -> PersonEvidence:
+    weight, masks = detections.confidence, detections.masks
+    if settings.method == "released":
+        on_device = masks.to(weight.device)
+        weight = released_keypoint_weights(detections.skeleton, detections.keypoints, weight, on_device)
+    return PersonEvidence(
+        keypoints=detections.keypoints[:, columns],
+        confidence=weight[:, columns],
+        points=detections.points,
+        masks=masks,
+        feet_seen=_observed(detections, settings)[:, _ANKLES].any(1),
+    )
+
+
+def _observed(detections: Detections, settings: PlacementSettings) -> Tensor:
+    """(B, 55) bool: joints that the body estimator or a confident keypoint saw."""
+    keypoints = detections.keypoints
+    reported = detections.observed
+    if reported is None:
+        reported = torch.ones((len(keypoints), len(JOINT_INDEX)), dtype=torch.bool)
+    return reported.to(keypoints.device) | confirmed_joints(
+        detections.skeleton,
+        keypoints,
+        detections.confidence,
+        detections.masks.to(keypoints.device),
+        settings.seen_confidence,
+    )

@@ -1,0 +1,189 @@
+"""RANSAC for a floor in inverse depth: 1 / Z = a x + b y + c over the ray (x, y, 1) of a pixel.
+
+Pixels are averaged over square blocks first. A plane is linear in inverse depth, so that the mean is exact on it, and
+calmer than single pixels.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+__all__ = ["BlockSamples", "fit_plane", "plane_shares", "sample_blocks"]
+
+LOWER_SHARE = 0.6
+"""Part of the picture, from below, in which a floor is searched where no mask shows it."""
+
+FEWEST_SAMPLES = 40
+
+HOLE_WEIGHT = 0.3
+"""Weight of inpainted pixels: an inpainter mostly continues the floor, but also the furniture."""
+
+MAX_ROLL_DEG = 25.0
+"""Largest sideways tilt of a floor in the picture: photos are taken nearly upright."""
+
+_HYPOTHESES = 1000
+_SEED = 0
+_SAMPLES = 16_000
+_SCORED_SAMPLES = 2000
+_FINALISTS = 32  # hypotheses that are scored on all samples
+_REFITS = 8
+_UP_COSINE = math.cos(math.radians(15.0))  # least, of a floor's normal with the up that the surfaces show
+_UP_SIGMA = math.radians(3.0)  # expected error of that up
+_UP_SHARE = 0.05  # its weight, as a share of the floor's own pixels: their errors are those of a few bends
+
+
+class BlockSamples(NamedTuple):
+    """M blocks of pixels.
+
+    Attributes:
+        rays: (M, 3) mean ray (x, y, 1).
+        inverse: (M,) mean inverse depth.
+        weight: (M,) less for inpainted pixels.
+        candidate: (M,) bool, blocks that may lie on the floor: those of the mask, or of the lower part of the picture.
+        watched: (M,) bool, blocks of the lower part, where nothing may lie below the floor.
+    """
+
+    rays: Tensor
+    inverse: Tensor
+    weight: Tensor
+    candidate: Tensor
+    watched: Tensor
+
+
+def sample_blocks(
+    rays: Tensor, inverse: Tensor, valid: Tensor, mask: Tensor | None, hole: Tensor | None
+) -> BlockSamples:
+    """Average square blocks of pixels.
+
+    Args:
+        rays: (H, W, 3), X / Z.
+        inverse: (H, W), 1 / Z.
+        valid: (H, W) bool.
+        mask: (H, W) bool, candidate pixels; the lower part of the picture where None.
+        hole: (H, W) bool, inpainted pixels, or None.
+    """
+    rows, columns = valid.shape
+    block = max(1, math.ceil(math.sqrt(rows * columns / _SAMPLES)))
+    while True:
+        share = _block_mean(valid.to(inverse), block)
+        candidate = share > 0
+        if mask is not None:
+            candidate &= _block_mean((mask & valid).to(inverse), block) > 0.5 * share
+        if mask is None or block == 1 or int(candidate.sum()) >= 10 * FEWEST_SAMPLES:
+            break
+        block = block // 2
+    scale = share.clamp(min=torch.finfo(share.dtype).tiny).reciprocal()
+    mean_inverse = _block_mean(inverse, block) * scale
+    mean_rays = torch.stack([_block_mean(rays[..., i], block) * scale for i in range(3)], -1)
+    down = torch.linspace(0, 1, len(share), dtype=share.dtype, device=share.device)[:, None].expand(share.shape)
+    lower = down >= 1 - LOWER_SHARE
+    weight = torch.ones_like(share)
+    if hole is not None:
+        weight = 1 - (1 - HOLE_WEIGHT) * _block_mean(hole.to(inverse), block)
+    known = share > 0
+    return BlockSamples(
+        rays=mean_rays[known].double(),
+        inverse=mean_inverse[known].double(),
+        weight=weight[known].double(),
+        candidate=(candidate if mask is not None else lower & candidate)[known],
+        watched=lower[known],
+    )
+
+
+def _block_mean(x: Tensor, block: int) -> Tensor:
+    """(H, W) -> mean over block x block pixels; the last block of a row or column may be smaller."""
+    if block == 1:
+        return x
+    blocks: Tensor = torch.nn.functional.avg_pool2d(x[None, None], block, ceil_mode=True)[0, 0]
+    return blocks
+
+
+def fit_plane(samples: BlockSamples, tolerance: float, least_rise: float, up: Tensor | None) -> Tensor | None:
+    """RANSAC, then reweighted least squares on the consensus.
+
+    Args:
+        samples: at least ``FEWEST_SAMPLES`` candidates.
+        tolerance: largest error of an inlier, inverse depth.
+        least_rise: least increase of inverse depth from the top of the picture to its bottom.
+        up: (3,) unit, up as the surfaces of the scene show it, or None.
+
+    Returns:
+        (3,) plane a, b, c, which points down; None where no hypothesis is level.
+    """
+    slope = least_rise / float(samples.rays[:, 1].max() - samples.rays[:, 1].min())
+    generator = torch.Generator().manual_seed(_SEED)
+    planes = _draw_planes(samples, slope, up, generator)
+    if not len(planes):
+        return None
+    counted = samples.candidate | samples.watched
+    if int(counted.sum()) > 2 * _SCORED_SAMPLES:
+        order = torch.randperm(len(counted), generator=generator).to(counted.device)
+        some = order[counted[order]][:_SCORED_SAMPLES]
+        planes = planes[_score(samples, planes, tolerance, some).topk(min(_FINALISTS, len(planes))).indices]
+    best = _score(samples, planes, tolerance, counted.nonzero()[:, 0]).argmax()
+    return _refine(samples, planes[best], tolerance, slope, up)
+
+
+def _draw_planes(samples: BlockSamples, slope: float, up: Tensor | None, generator: torch.Generator) -> Tensor:
+    """(G, 3) level planes through three random candidates each."""
+    index = samples.candidate.nonzero()[:, 0]
+    odds = samples.weight[index].float().cpu()
+    drawn = torch.multinomial(odds, 3 * _HYPOTHESES, replacement=True, generator=generator).to(index.device)
+    triples = index[drawn].view(_HYPOTHESES, 3)
+    planes, singular = torch.linalg.solve_ex(samples.rays[triples], samples.inverse[triples])
+    planes = planes[(singular == 0) & torch.isfinite(planes).all(-1)]
+    level: Tensor = planes[_is_level(planes, slope, up)]
+    return level
+
+
+def _is_level(planes: Tensor, slope: float, up: Tensor | None) -> Tensor:
+    """(..., 3) -> (...) bool: seen from above, not rolled sideways, and square to up where that is known."""
+    # Nearer towards the bottom of the picture is seen from above; a / b is the tangent of the camera's roll.
+    level: Tensor = planes[..., 0].abs() <= math.tan(math.radians(MAX_ROLL_DEG)) * planes[..., 1]
+    if up is not None:
+        level = level & (-(planes @ up.to(planes)) > _UP_COSINE * torch.linalg.vector_norm(planes, dim=-1))
+    return level & (planes[..., 1] > slope)
+
+
+def _refine(samples: BlockSamples, plane: Tensor, tolerance: float, slope: float, up: Tensor | None) -> Tensor:
+    for _ in range(_REFITS):
+        error = (samples.inverse - samples.rays @ plane) / tolerance
+        weight = samples.weight * samples.candidate * (1 - error.square()).clamp(min=0).square()
+        weighted = samples.rays * weight[:, None]
+        moments = weighted.T @ samples.rays
+        if up is not None:
+            # The part of the plane across up is an angle times its length: as if seen with an error of that angle.
+            across = torch.eye(3, dtype=plane.dtype, device=plane.device) - torch.outer(up, up).to(plane)
+            angle = float(torch.linalg.vector_norm(plane)) * _UP_SIGMA
+            moments = moments + _UP_SHARE * weight.sum() * (tolerance / angle) ** 2 * across
+        refit, singular = torch.linalg.solve_ex(moments, weighted.T @ samples.inverse)
+        if int(singular) != 0 or not bool(_is_level(refit, slope, up)):
+            break
+        plane = refit
+    return plane
+
+
+def _score(samples: BlockSamples, planes: Tensor, tolerance: float, some: Tensor) -> Tensor:
+    """(G,) weight on each plane less weight clearly below it; what is lower in the picture counts up to double."""
+    rays, inverse = samples.rays[some].float(), samples.inverse[some].float()
+    low, high = rays[:, 1].min(), rays[:, 1].max()
+    weight = samples.weight[some].float() * (1 + (rays[:, 1] - low) / (high - low).clamp(min=1e-12))
+    error = inverse - planes.float() @ rays.T
+    on = (error.abs() < tolerance).float() @ (weight * samples.candidate[some])
+    below = (error < -2 * tolerance).float() @ (weight * samples.watched[some])
+    return on - below
+
+
+def plane_shares(samples: BlockSamples, plane: Tensor, tolerance: float) -> tuple[float, float]:
+    """Share of the candidates on a plane (3,), and share of the watched blocks two tolerances or more below it."""
+    error = samples.inverse - samples.rays @ plane
+
+    def share(found: Tensor, among: Tensor) -> float:
+        weight = samples.weight * among
+        return float((weight * found).sum() / weight.sum()) if bool(among.any()) else 0.0
+
+    return share(error.abs() < tolerance, samples.candidate), share(error < -2 * tolerance, samples.watched)

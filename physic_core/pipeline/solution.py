@@ -1,0 +1,174 @@
+"""The engine's result as numbers: scaled scene, posed people, contact map and measures of each person."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import torch
+
+from physic_core.body.parameters import parameters_from_rotations
+from physic_core.engine.contact import REACH_M, contact_map, contact_surface
+from physic_core.engine.joint.limbs import observed_parts
+from physic_core.geometry.free_space import fronts, in_free_space
+from physic_core.geometry.visibility import vertex_normals
+from physic_core.pipeline.measures import depth_ratio, seen_share, support_gap
+from physic_core.types import BodyParameters, CameraTrust, Intrinsics, Plane, Scene
+from physic_core.types.short_repr import ShortRepr
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from physic_core.engine.joint.problem import JointProblem, JointResult
+    from physic_core.engine.scene.build import SceneState
+    from physic_core.engine.settings import EngineSettings
+    from physic_core.pipeline.estimate import Evidence
+    from physic_core.types import BoolArray, FloatArray
+
+__all__ = ["Solution", "describe"]
+
+
+@dataclass(frozen=True)
+class Solution(ShortRepr):
+    """What the engine found, metres, camera frame of ``intrinsics``; N people.
+
+    Attributes:
+        intrinsics: the camera of all projections.
+        scene: without people, its final scale applied.
+        parameters: of N bodies.
+        vertices: (N, V, 3) float32.
+        joints: (N, 55, 3) float32.
+        contact: (N, V) bool.
+        distance: (N, V) float32, signed, inf where nothing is near.
+        people: per person, name -> number, for diagnosis and reports.
+        failures: per person, why stage 3 left them at their start, "" where it did not.
+        diagnostics: numbers by stage.
+    """
+
+    intrinsics: Intrinsics
+    scene: Scene
+    parameters: BodyParameters
+    vertices: FloatArray
+    joints: FloatArray
+    contact: BoolArray
+    distance: FloatArray
+    people: tuple[Mapping[str, Any], ...]
+    failures: tuple[str, ...]
+    diagnostics: Mapping[str, Any]
+
+
+def describe(
+    evidence: Evidence,
+    scene: SceneState,
+    problem: JointProblem,
+    placement: Mapping[str, Any],
+    result: JointResult,
+    settings: EngineSettings,
+) -> Solution:
+    """Arrays and diagnostics of a solved photo.
+
+    Args:
+        evidence: of the estimators.
+        scene: as stage 3 leaves it, but for its scale.
+        problem: of stage 3, with that scene.
+        placement: diagnostics of stage 2: "alignment", and one mapping a person under "people".
+        result: of stage 3.
+        settings: of the engine.
+    """
+    s = result.scene_scale
+    K, (height, width) = scene.K, evidence.hole.shape
+    floor = None
+    if scene.floor_normal is not None:
+        floor = Plane(scene.floor_normal.numpy(), float(scene.floor_offset * s))
+    contact, distance, measured = measure_contacts(problem, result, settings)
+    people = tuple(
+        {**{f"placement_{k}": v for k, v in start.items()}, **end, **more}
+        for start, end, more in zip(placement["people"], result.diagnostics, measured, strict=True)
+    )
+    return Solution(
+        intrinsics=Intrinsics(
+            float(K[0, 0]),
+            float(K[1, 1]),
+            float(K[0, 2]),
+            float(K[1, 2]),
+            width,
+            height,
+            *_camera_source(K, evidence),
+        ),
+        scene=Scene(
+            points=(scene.points * s).float().numpy(),
+            normals=scene.normals.float().numpy(),
+            colors=evidence.empty,
+            valid=scene.valid.numpy(),
+            floor=floor,
+            floor_points=(scene.floor_points * s).float().numpy(),
+            scale=s,
+            scale_sigma=evidence.depth.scale_sigma,
+        ),
+        parameters=parameters_from_rotations(result.rotations, result.betas, problem.expression0, result.transl),
+        vertices=result.vertices.float().cpu().numpy(),
+        joints=result.joints.float().cpu().numpy(),
+        contact=contact.cpu().numpy(),
+        distance=distance.float().cpu().numpy(),
+        people=people,
+        failures=result.failures,
+        diagnostics={
+            "scene": dict(scene.diagnostics),
+            "placement": {"alignment": placement["alignment"]},
+            "joint": {
+                "losses": {name: {"start": a, "end": b} for name, (a, b) in result.losses.items()},
+                "scene_scale": s,
+                "steps": result.steps,
+                "evaluations": result.evaluations,
+            },
+        },
+    )
+
+
+def _camera_source(K: Tensor, evidence: Evidence) -> tuple[str, CameraTrust]:
+    for camera in (evidence.intrinsics, evidence.depth.intrinsics):
+        if camera is not None and torch.equal(K, torch.from_numpy(camera.matrix)):
+            return camera.source, camera.trust
+    return "point map and metric depth", CameraTrust.ESTIMATED
+
+
+def measure_contacts(
+    problem: JointProblem, result: JointResult, settings: EngineSettings
+) -> tuple[Tensor, Tensor, list[dict[str, float | None]]]:
+    """Contact (N, V) bool, signed distance (N, V) metres, and the measures of each person.
+
+    People with non-finite vertices get no contacts and infinite distance.
+    """
+    s, model = result.scene_scale, problem.model
+    finite = torch.isfinite(result.vertices).flatten(1).all(1)
+    rows = finite.nonzero(as_tuple=True)[0]
+    contact = torch.zeros(result.vertices.shape[:2], dtype=torch.bool, device=result.vertices.device)
+    distance = torch.full_like(result.vertices[..., 0], torch.inf)
+    measured: list[dict[str, float | None]] = [{} for _ in finite]
+    if not len(rows):
+        return contact, distance, measured
+    vertices = result.vertices[rows]
+    outward = vertex_normals(vertices, model.faces)
+    may_touch = model.outer.expand(len(rows), -1)
+    if settings.contact.observed:
+        may_touch = may_touch & observed_parts(model.part_names, problem.observed[rows])[:, model.part_of_vertex]
+    plane = None if problem.floor_normal is None else (problem.floor_normal, problem.floor_offset * s)
+    scene, ground = contact_surface(problem, vertices, s, settings)
+    free = None
+    if settings.joint.free_space and problem.scene_depth is not None:
+        free = in_free_space(vertices / s, fronts(problem.scene_depth), problem.K)
+    contact[rows], distance[rows] = contact_map(vertices, scene, ground, may_touch, settings.contact, free)
+    up, height = plane or (vertices.new_tensor([0.0, -1.0, 0.0]), None)
+    for row, (i, body, normals) in enumerate(zip(rows.tolist(), vertices, outward, strict=True)):
+        seen = problem.masks[i]
+        measured[i] = {
+            "seen_share": seen_share(body, normals, model.faces, model.outer, seen, problem.K),
+            "support_gap_m": support_gap(
+                body, result.joints[i], normals, may_touch[row], distance[i], up.to(body), height, REACH_M
+            ),
+        }
+        if problem.human_depth is not None:
+            depth = problem.human_depth * s
+            measured[i]["depth_ratio"] = depth_ratio(body, normals, model.outer, seen, problem.K, depth)
+    return contact, distance, measured
