@@ -110,6 +110,7 @@ def joint_error_mm(joints: np.ndarray, truth: np.ndarray) -> float:
     return 1000 * float(np.linalg.norm((s * flip).sum() / (a**2).sum() * a @ (u * flip) @ vt - b, axis=1).mean())
 
 
+@pytest.mark.slow
 def test_stage_3_brings_people_nearer_to_the_truth(cases):
     rows = []
     for case in cases:

@@ -233,6 +233,7 @@ def test_depth_in_centimetres(check):
     check()
 
 
+@pytest.mark.slow
 def test_pytest_gets_one_test_a_check_and_one_that_something_ran(pytester: pytest.Pytester):
     pytester.makepyfile(
         test_conformance="""
