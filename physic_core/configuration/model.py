@@ -162,6 +162,11 @@ class RunSettings(_Table):
         description="where the networks run: 'cpu', 'cuda' or 'cuda:N'; the engine stays on the CPU",
         json_schema_extra={"pattern": f"^({DEVICE.pattern})$"},
     )
+    threads: int = Field(
+        default=1,
+        ge=1,
+        description="CPU threads of engine and fits; more than 1 is rarely faster and can change last bits",
+    )
     low_memory: bool = Field(default=False, description="close each backend right after its last use")
     cache: bool = Field(default=True, description="keep the backends' answers, and use those of earlier runs")
     cache_mb: int = Field(default=2000, ge=0, description="what all kept answers may take together, megabytes")

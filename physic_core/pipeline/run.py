@@ -6,8 +6,6 @@ The three steps of the method are :func:`physic_core.pipeline.estimate.perceive`
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -107,6 +105,7 @@ def _plan(config: Configuration, registry: Registry | None) -> ResolvedPipeline:
 
 
 def _reconstruct(photo: Photo, plan: ResolvedPipeline, progress: Progress | None) -> Reconstruction:
+    from physic_core.adapters.threads import limited_threads
     from physic_core.body import load_body
     from physic_core.cache.answers import Answers
     from physic_core.pipeline.checks import diagnose
@@ -124,7 +123,7 @@ def _reconstruct(photo: Photo, plan: ResolvedPipeline, progress: Progress | None
     )
     stages.note(*photo.notes)
     model = load_body(plan.body_model)
-    with _single_thread():
+    with limited_threads(run.threads):
         try:
             evidence = perceive(photo.image, photo.intrinsics, plan, model, stages)
         finally:
@@ -136,19 +135,6 @@ def _reconstruct(photo: Photo, plan: ResolvedPipeline, progress: Progress | None
 
 _OWN_STAGES = 6
 """The second point map, the relative floor, and the engine's four."""
-
-
-@contextmanager
-def _single_thread() -> Iterator[None]:
-    """One torch thread inside: beside another busy process two made fits of this size up to 45 times slower."""
-    import torch
-
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
 
 
 def _with_camera(photo: Photo, settings: PhotoSettings) -> Photo:

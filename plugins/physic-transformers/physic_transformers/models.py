@@ -6,12 +6,13 @@ little. Nothing is fetched from here; ``physic weights fetch NAME`` does that.
 
 from __future__ import annotations
 
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import Field
 
 from physic_core.adapters.devices import check_device
+from physic_core.adapters.threads import limited_threads
 from physic_core.errors import BackendError, DeviceError, WeightsMissingError
 from physic_core.interfaces import Backend, Options
 from physic_transformers.folders import WHERE, Part, check_type, find_folder, fingerprint_of, lacks
@@ -67,7 +68,7 @@ class Network:
         import torch
 
         call = getattr(self._model, method) if method else self._model
-        with torch.inference_mode(), _threads(self._threads):
+        with torch.inference_mode(), limited_threads(self._threads) if self._threads else nullcontext():
             return call(**{name: self._tensor(name, value) for name, value in inputs.items()})
 
     def _tensor(self, name: str, value: Any) -> Any:
@@ -202,21 +203,6 @@ def _check_whole(folder: Path, part: Part, told: Any) -> None:
             f"{folder} has not all weights of {part.kind}: {len(absent)} are expected and not found ({names}); "
             "it is another model, or of another version"
         )
-
-
-@contextmanager
-def _threads(count: int) -> Iterator[None]:
-    import torch
-
-    before = torch.get_num_threads()
-    if count in (0, before):
-        yield
-        return
-    torch.set_num_threads(count)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
 
 
 @contextmanager

@@ -118,14 +118,10 @@ def run_one(case: Case, work: Work) -> Record:
         "name", "seed", "people" (truth), "false_alarms", "error" of perception, and "rows" by their keys: each with
         "people" and "scene" as :class:`physic_testing.bench.judge.Judge` gives them, "seconds", "warnings" and "error".
     """
-    import torch
+    from physic_core.adapters.threads import limited_threads
 
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
+    with limited_threads(work.config.run.threads):
         return _record(case, work)
-    finally:
-        torch.set_num_threads(before)
 
 
 def _record(case: Case, work: Work) -> Record:

@@ -116,8 +116,7 @@ def measure_speed(
     Raises:
         ConfigError: a section, size or preset that does not exist, or no rounds.
     """
-    import torch
-
+    from physic_core.adapters.threads import limited_threads
     from physic_core.body import load_body
     from physic_core.engine.presets import PRESETS
 
@@ -135,18 +134,14 @@ def measure_speed(
     }
     rows: list[SpeedRow] = []
     notes: list[str] = []
-    before = torch.get_num_threads()
-    # As the pipeline runs it: for tensors of this size a second thread costs more than it brings.
-    torch.set_num_threads(1)
-    try:
+    # As the pipeline runs it.
+    with limited_threads():
         for section in sections:
             if progress is not None:
                 progress(SECTIONS[section])
             more, said = measures[section]()
             rows += more
             notes += said
-    finally:
-        torch.set_num_threads(before)
     return SpeedReport(_machine(), preset, seed, repeats, tuple(rows), tuple(notes))
 
 
@@ -206,16 +201,13 @@ class _Bench:
         return self._compare("size", {name: self._problem(size=_SIZES[name]) for name in names})
 
     def threads(self) -> tuple[list[SpeedRow], list[str]]:
-        import torch
+        from physic_core.adapters.threads import limited_threads
 
         problem = self._problem()
 
         def run(threads: int) -> None:
-            torch.set_num_threads(threads)
-            try:
+            with limited_threads(threads):
                 _solve(problem, self.settings)
-            finally:
-                torch.set_num_threads(1)
 
         counts = [n for n in (1, 2, 4, 8, 16) if n <= _cores()]
         runs = {f"{n} threads" if n > 1 else "1 thread": lambda n=n: run(n) for n in counts}

@@ -1,0 +1,25 @@
+"""CPU threads of torch and BLAS."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from threadpoolctl import threadpool_info
+
+from physic_core.adapters.threads import limited_threads
+
+
+def blas_threads() -> list[int]:
+    return [pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"]
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_threads_are_limited_inside_and_restored_after(count: int) -> None:
+    np.linalg.inv(np.eye(3))
+    torch_before, blas_before = torch.get_num_threads(), blas_threads()
+    assert blas_before
+    with limited_threads(count):
+        assert torch.get_num_threads() == count
+        assert max(blas_threads()) <= count
+    assert (torch.get_num_threads(), blas_threads()) == (torch_before, blas_before)
