@@ -72,7 +72,7 @@ def test_an_answer_of_another_type(world: World) -> None:
         run(world, Nothing, "inpainter")
     assert str(error.value) == (
         "inpainter 'wrong' (registered by hand), stage 'inpainting' returned what the interface does not allow:\n"
-        "  expected ndarray, got NoneType"
+        "  image must be a numpy array (240, 320, 3), got NoneType"
     )
 
 

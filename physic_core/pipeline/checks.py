@@ -1,4 +1,4 @@
-"""What a reconstruction says of its own trust: every number that can tell, what it is held against, and what to do.
+"""Self-checks of a reconstruction: what is measured, its bound, and what to do if a check fails.
 
 Of the whole photo (``person`` is None):
 
@@ -35,7 +35,7 @@ person_depth     <= 0.4   share   by which the depth at the person's pixels diff
 depth_order      <= 0.1   share   of the vertices in front of a person who hides them
 ===============  =======  ======  ====================================================================================
 
-Where there is nothing to measure, ``value`` is None and the check holds. Names, units and directions are stable; the
+If there is nothing to measure, ``value`` is None and the check passes. Names, units and directions are stable; the
 bounds of ``floor``, ``scene_alignment`` and ``photo_alignment`` follow the engine's settings.
 """
 
@@ -58,21 +58,21 @@ if TYPE_CHECKING:
     from physic_core.pipeline.estimate import Evidence
     from physic_core.pipeline.solution import Solution
 
-__all__ = ["CHECKS", "Check", "diagnose", "failed_checks", "warnings_of"]
+__all__ = ["CHECKS", "CheckSpec", "diagnose", "failed_checks", "warnings_of"]
 
 
 @dataclass(frozen=True)
-class Check:
-    """What one name stands for.
+class CheckSpec:
+    """One self-check: what it measures, and its bound.
 
     Attributes:
         name: as in :class:`physic_core.types.CheckResult`.
-        of: whom it is about.
-        bound: the least or the most that is fine.
-        threshold: that bound; a setting of the engine may replace it.
+        of: what it is about.
+        bound: whether the threshold is the least or the most that passes.
+        threshold: the bound; a setting of the engine may replace it.
         unit: of threshold and value.
         meaning: what the number is, in plain words.
-        warns: whether it is told among the warnings where it does not hold.
+        warns: whether a failed check is also a warning of the result.
     """
 
     name: str
@@ -84,14 +84,14 @@ class Check:
     warns: bool
 
 
-def _photo(name: str, bound: Literal["least", "most"], threshold: float, unit: str, meaning: str) -> Check:
-    return Check(name, "photo", bound, threshold, unit, meaning, warns=True)
+def _photo(name: str, bound: Literal["least", "most"], threshold: float, unit: str, meaning: str) -> CheckSpec:
+    return CheckSpec(name, "photo", bound, threshold, unit, meaning, warns=True)
 
 
 def _person(
     name: str, bound: Literal["least", "most"], threshold: float, unit: str, meaning: str, warns: bool = False
-) -> Check:
-    return Check(name, "person", bound, threshold, unit, meaning, warns)
+) -> CheckSpec:
+    return CheckSpec(name, "person", bound, threshold, unit, meaning, warns)
 
 
 _SHARE, _YES = "share", "1: yes"
@@ -134,8 +134,8 @@ _ALL = (
     _person("depth_order", "most", 0.1, _SHARE, "of the vertices in front of a person who hides them"),
 )
 
-CHECKS: Mapping[str, Check] = {check.name: check for check in _ALL}
-"""Every check by its name, in the order in which results hold them."""
+CHECKS: Mapping[str, CheckSpec] = {check.name: check for check in _ALL}
+"""Name -> check, in the order of the results."""
 
 _KNEES, _ANKLES = joint_pair("knee"), joint_pair("ankle")
 _NO_FLOOR = {
@@ -147,7 +147,7 @@ _NO_FLOOR = {
 
 
 def diagnose(evidence: Evidence, solution: Solution, settings: EngineSettings) -> tuple[CheckResult, ...]:
-    """All checks of a photo, then those of its people in turn, each by the order of ``CHECKS``."""
+    """Run all checks: those of the photo, then those of each person, in the order of ``CHECKS``."""
     found = [*_of_photo(evidence, solution, settings)]
     for person in range(len(solution.people)):
         found += [replace(diagnostic, person=person) for diagnostic in _of_person(evidence, solution, person)]
@@ -155,12 +155,12 @@ def diagnose(evidence: Evidence, solution: Solution, settings: EngineSettings) -
 
 
 def failed_checks(diagnostics: Sequence[CheckResult], person: int) -> tuple[str, ...]:
-    """Names of the checks about one person that do not hold."""
+    """Names of the checks of one person that failed."""
     return tuple(d.name for d in diagnostics if d.person == person and not d.ok)
 
 
 def warnings_of(diagnostics: Sequence[CheckResult]) -> tuple[str, ...]:
-    """What the user should doubt of the whole result, and who of its people has no place or no body."""
+    """Messages of failed checks of the photo, and of those that left a person without a position or a body."""
     return tuple(
         d.message if d.person is None else f"person {d.person}: {d.message}"
         for d in diagnostics
@@ -171,7 +171,7 @@ def warnings_of(diagnostics: Sequence[CheckResult]) -> tuple[str, ...]:
 def _judged(
     name: str, value: float | None, advice: str, *, ok: bool | None = None, threshold: float | None = None
 ) -> CheckResult:
-    """A value against its bound; ``advice`` is the message where it does not hold."""
+    """Compare a value with its bound; ``advice`` is the message if the check fails."""
     check = CHECKS[name]
     bound = check.threshold if threshold is None else threshold
     if value is not None and math.isnan(value):
@@ -186,8 +186,8 @@ def _of_photo(evidence: Evidence, solution: Solution, settings: EngineSettings) 
     from physic_core.engine.placement import human_points
     from physic_core.engine.scene import build
 
-    told = solution.diagnostics
-    share, scene = told["scene"]["alignment"]["inlier_share"], settings.scene
+    report = solution.diagnostics
+    share, scene = report["scene"]["alignment"]["inlier_share"], settings.scene
     asked = scene.source != "metric_depth"  # else the point map is not used, and may say what it will
     yield _judged(
         "scene_alignment",
@@ -199,7 +199,7 @@ def _of_photo(evidence: Evidence, solution: Solution, settings: EngineSettings) 
         ok=not asked or (share > 0 and share >= build.ALIGN_LEAST_SHARE),
         threshold=build.ALIGN_LEAST_SHARE,
     )
-    share = told["placement"]["alignment"]["inlier_share"]
+    share = report["placement"]["alignment"]["inlier_share"]
     yield _judged(
         "photo_alignment",
         share,
@@ -211,28 +211,28 @@ def _of_photo(evidence: Evidence, solution: Solution, settings: EngineSettings) 
         ok=share > 0 and share >= human_points.ALIGN_LEAST_SHARE,
         threshold=human_points.ALIGN_LEAST_SHARE,
     )
-    yield from _floor(told["scene"]["floor"], settings)
+    yield from _floor(report["scene"]["floor"], settings)
     yield from _scale(evidence, solution)
     yield from _focal(evidence, solution)
 
 
-def _floor(told: Mapping[str, Any], settings: EngineSettings) -> Iterator[CheckResult]:
+def _floor(report: Mapping[str, Any], settings: EngineSettings) -> Iterator[CheckResult]:
     from physic_core.engine.scene.floor import least_share
 
-    reason = told["reason"]
+    reason = report["reason"]
     searched = reason != "switched_off"
     instead = "people are not held to the ground, and heights are unknown"
-    if told.get("source") == "people":
+    if report.get("source") == "people":
         instead = "it is assumed at the people's feet, and its height is only as accurate as their pose"
     yield _judged(
         "floor",
-        (told["inlier_share"] if reason == "found" else 0.0) if searched else None,
+        (report["inlier_share"] if reason == "found" else 0.0) if searched else None,
         f"no floor was found: {_NO_FLOOR.get(reason, reason)}; {instead}: "
         "use a photo that shows the ground at the feet",
         ok=reason == "found" or not searched,
         threshold=least_share(settings.scene.floor),
     )
-    wrong = told["mask_reason"]
+    wrong = report["mask_reason"]
     yield _judged(
         "floor_mask",
         None if reason != "found" else float(wrong is None),
@@ -256,7 +256,7 @@ def _scale(evidence: Evidence, solution: Solution) -> Iterator[CheckResult]:
         "look at the people's sizes, children and wrong focal lengths do this",
     )
     # The depth at the pixels of people comes at the final scale; a ruler is held against the depth as it was given.
-    ratios = [ratio / scale for told in solution.people if (ratio := _number(told, "depth_ratio"))]
+    ratios = [ratio / scale for report in solution.people if (ratio := _number(report, "depth_ratio"))]
     middle = median(ratios) if ratios else None
     yield _judged(
         "ruler",
@@ -294,24 +294,24 @@ def _focal(evidence: Evidence, solution: Solution) -> Iterator[CheckResult]:
 
 
 def _of_person(evidence: Evidence, solution: Solution, person: int) -> Iterator[CheckResult]:
-    told = solution.people[person]
+    report = solution.people[person]
     lost = evidence.lost[person] if evidence.lost else ()
     yield _judged(
         "answered",
         float(len(lost)),
         f"no numbers came for this person from {', '.join(lost)}: what builds on them is left out; try another backend",
     )
-    yield _judged("placed", float(not told.get("placement_problem")), str(told.get("placement_problem")))
+    yield _judged("placed", float(not report.get("placement_problem")), str(report.get("placement_problem")))
     failure = solution.failures[person]
     yield _judged("optimised", float(not failure), f"stays where the placement left them: {failure}")
     yield _judged(
         "reprojection",
-        _number(told, "reprojection_share"),
+        _number(report, "reprojection_share"),
         "confident keypoints miss the body: its pose is doubtful, look at it over the photo in preview.png",
     )
     yield _judged(
         "visible",
-        _number(told, "seen_share"),
+        _number(report, "seen_share"),
         "most of the body is hidden or outside the photo: what is not seen is a guess",
     )
     legs = _legs_seen(evidence, person)
@@ -322,18 +322,18 @@ def _of_person(evidence: Evidence, solution: Solution, person: int) -> Iterator[
     )
     yield _judged(
         "penetration",
-        _number(told, "penetration_share"),
+        _number(report, "penetration_share"),
         "the body cuts into the scene: its place or the scene behind it is wrong, do not use its contacts",
     )
-    # Whose legs nobody sees may stand on them anywhere.
-    whole = legs is None or legs == 2
+    # With an unseen leg nothing tells whether anything supports the person.
+    both_legs = legs is None or legs == 2
     yield _judged(
         "floating",
-        _number(told, "support_gap_m") if whole else None,
+        _number(report, "support_gap_m") if both_legs else None,
         "the body hangs in the air: its distance or the floor is wrong, or what carries it is missing in the scene",
     )
-    yield _lean(solution, person, whole)
-    ratio = _number(told, "depth_ratio")
+    yield _lean(solution, person, both_legs)
+    ratio = _number(report, "depth_ratio")
     yield _judged(
         "person_depth",
         None if not ratio else _factor(ratio),
@@ -341,15 +341,15 @@ def _of_person(evidence: Evidence, solution: Solution, person: int) -> Iterator[
     )
     yield _judged(
         "depth_order",
-        _number(told, "depth_order_share"),
+        _number(report, "depth_order_share"),
         "the body lies in front of a person who hides it in the photo: who is nearer is doubtful",
     )
 
 
-def _lean(solution: Solution, person: int, whole: bool) -> CheckResult:
+def _lean(solution: Solution, person: int, both_legs: bool) -> CheckResult:
     joints, floor = solution.joints[person], solution.scene.floor
     part = math.nan
-    if whole and floor is not None and np.isfinite(joints).all() and stands(joints):
+    if both_legs and floor is not None and np.isfinite(joints).all() and stands(joints):
         _, part = lean_deg(joints, floor)
     way = "towards the camera" if part > 0 else "away from the camera"
     return _judged(
@@ -361,16 +361,16 @@ def _lean(solution: Solution, person: int, whole: bool) -> CheckResult:
 
 
 def _legs_seen(evidence: Evidence, person: int) -> int | None:
-    """How many legs show a knee or an ankle; None where the backend does not say what it saw."""
+    """Number of legs with a visible knee or ankle; None if the backend does not report visible joints."""
     observed = evidence.bodies.observed
     return None if observed is None else int((observed[person][_KNEES] | observed[person][_ANKLES]).sum())
 
 
 def _factor(ratio: float) -> float:
-    """By what share the larger of two exceeds the smaller, by their ratio."""
+    """Share by which the larger of two numbers exceeds the smaller, from their ratio."""
     return math.exp(abs(math.log(ratio))) - 1
 
 
-def _number(told: Mapping[str, Any], name: str) -> float | None:
-    value = told.get(name)
+def _number(report: Mapping[str, Any], name: str) -> float | None:
+    value = report.get(name)
     return None if value is None else float(value)

@@ -1,4 +1,4 @@
-"""What only the meshes tell of each person's trustworthiness: how much is seen, what carries them, how far they are.
+"""Measures of each person from the meshes, for the self-checks: visible share, gap to the support, depth ratio.
 
 OpenCV camera frame, metres.
 """
@@ -27,9 +27,9 @@ _FEWEST = 20  # vertices with a depth, for a median
 def seen_share(
     vertices: Tensor, normals: Tensor, faces: Tensor, outer: Tensor, mask: Tensor, K: Tensor
 ) -> float | None:
-    """Share of the surface turned to the camera that lies in the person's mask; None where nothing is.
+    """Share of the surface that faces the camera and lies in the person's mask; None if nothing faces the camera.
 
-    What the frame cuts off, and what others or objects hide, is not in it.
+    What the frame cuts off, and what others or objects occlude, does not count as visible.
 
     Args:
         vertices: (V, 3) metres.
@@ -54,10 +54,10 @@ def support_gap(
     floor_offset: float | None,
     reach: float,
 ) -> float | None:
-    """Metres between what may carry the person and the nearest surface or floor, 0 where it touches.
+    """Gap between the supporting vertices and the nearest surface or floor, metres; 0 if they touch.
 
-    What may carry are the feet of one who stands, and of others all that faces down. Where nothing is within reach of
-    it, the answer is ``reach``, or the height over the floor; None where no part of the person may touch anything.
+    The supporting vertices are the feet of a standing person, and all that face down otherwise. With no surface within
+    ``reach`` the gap is the height above the floor, or ``reach`` without a floor; None if no vertex may touch anything.
 
     Args:
         vertices: (V, 3).
@@ -86,7 +86,7 @@ def support_gap(
 def depth_ratio(
     vertices: Tensor, normals: Tensor, outer: Tensor, mask: Tensor, K: Tensor, depth: Tensor
 ) -> float | None:
-    """How much farther a depth map sees a person than their body is; None where they have too few pixels in common.
+    """Median ratio of a depth map to the depth of the body at its visible vertices; None with too few of them.
 
     Args:
         vertices: (V, 3) metres.
