@@ -1,4 +1,4 @@
-"""What a reconstruction says of itself where there is no ground truth: does it agree with the photo, and with itself?
+"""Measures of a reconstruction without ground truth: its agreement with the photo, and with itself.
 
 Everything is in metres in the OpenCV camera frame (x right, y down, z forward), unless a name says px or deg.
 """
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.body.joints import JOINT_INDEX, joint_pair
+from physic_core.body.posture import lean_deg, stands_straight
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,9 +28,7 @@ __all__ = [
     "contact_distance",
     "inside_share",
     "keypoint_error_px",
-    "lean_deg",
     "lowest_height",
-    "stands",
     "summarise",
 ]
 
@@ -39,11 +37,6 @@ VISIBLE = 0.3
 
 DEEP = 0.03
 """Metres inside the scene from which a vertex counts as deep inside."""
-
-_HIPS, _KNEES, _ANKLES = joint_pair("hip"), joint_pair("knee"), joint_pair("ankle")
-_NECK = JOINT_INDEX["neck"]
-_STRAIGHT_KNEE_DEG = 140.0
-_STRAIGHT_HIP_DEG = 35.0
 
 
 @dataclass(frozen=True)
@@ -110,7 +103,9 @@ def consistency(reconstruction: Reconstruction, model: BodyModel) -> tuple[Perso
             person.keypoint_confidence[columns],
             size=(width, height),
         )
-        lean, to_camera = lean_deg(person.joints, floor) if floor and stands(person.joints) else (math.nan, math.nan)
+        lean, to_camera = (
+            lean_deg(person.joints, floor) if floor and stands_straight(person.joints) else (math.nan, math.nan)
+        )
         answers.append(
             PersonConsistency(
                 keypoint_error_px=error,
@@ -174,30 +169,6 @@ def lowest_height(vertices: Array, floor: Plane | None) -> float:
     return float((vertices @ np.asarray(floor.normal) + floor.offset).min())
 
 
-def stands(joints: Array) -> bool:
-    """Whether (55, 3) joints stand: both knees over 140 degrees, the trunk within 35 degrees of the legs' line."""
-    hips, knees, ankles = (np.asarray(joints, np.float64)[pair] for pair in (_HIPS, _KNEES, _ANKLES))
-    bends = [180.0 - _angle_deg(k - h, a - k) for h, k, a in zip(hips, knees, ankles, strict=True)]
-    trunk = np.asarray(joints[_NECK], np.float64) - hips.mean(0)
-    return min(bends) > _STRAIGHT_KNEE_DEG and _angle_deg(trunk, hips.mean(0) - ankles.mean(0)) < _STRAIGHT_HIP_DEG
-
-
-def lean_deg(joints: Array, floor: Plane) -> tuple[float, float]:
-    """Tilt of the line from between the ankles to the neck against the floor's normal, and its part to the camera.
-
-    Returns:
-        the tilt in degrees, and its signed component in the upright plane through camera and ankles: positive where
-        the neck is nearer to the camera than the ankles are.
-    """
-    normal = np.asarray(floor.normal, np.float64)
-    foot = np.asarray(joints, np.float64)[_ANKLES].mean(0)
-    body = np.asarray(joints[_NECK], np.float64) - foot
-    towards = -foot - (-foot @ normal) * normal  # the camera is the origin
-    length = float(np.linalg.norm(towards))
-    part = math.nan if length < 1e-9 else math.degrees(math.atan2(body @ towards / length, body @ normal))
-    return _angle_deg(body, normal), part
-
-
 def _known_part(skeleton: str, count: int) -> tuple[str, list[int]]:
     """The points of J keypoints that bodies have; all of them where nobody knows the joint set."""
     from physic_core.body.landmarks import DETECTED, known_part
@@ -221,11 +192,6 @@ def _landmarks_px(person: Person, reconstruction: Reconstruction, model: BodyMod
         points = model.landmarks(output, skeleton)[0].cpu().numpy().astype(np.float64)
     spots = points @ reconstruction.intrinsics.matrix.T
     return np.asarray(spots[:, :2] / spots[:, 2:])
-
-
-def _angle_deg(first: Array, second: Array) -> float:
-    cross = float(np.linalg.norm(np.cross(first, second)))
-    return math.degrees(math.atan2(cross, float(first @ second)))
 
 
 def _mean(values: list[float]) -> float:

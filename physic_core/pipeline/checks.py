@@ -50,7 +50,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from physic_core.body.joints import joint_pair
-from physic_core.metrics.consistency import lean_deg, stands
+from physic_core.body.posture import lean_deg, stands_straight
 from physic_core.types import CheckResult
 
 if TYPE_CHECKING:
@@ -349,7 +349,7 @@ def _of_person(evidence: Evidence, solution: Solution, person: int) -> Iterator[
 def _lean(solution: Solution, person: int, both_legs: bool) -> CheckResult:
     joints, floor = solution.joints[person], solution.scene.floor
     part = math.nan
-    if both_legs and floor is not None and np.isfinite(joints).all() and stands(joints):
+    if both_legs and floor is not None and np.isfinite(joints).all() and stands_straight(joints):
         _, part = lean_deg(joints, floor)
     way = "towards the camera" if part > 0 else "away from the camera"
     return _judged(

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import torch
 
+from physic_core.body.posture import stands_straight
 from physic_core.geometry.camera import project
 from physic_core.geometry.visibility import facing, inside_mask, vertex_areas
-from physic_core.metrics.consistency import stands
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -71,7 +71,7 @@ def support_gap(
     """
     height = vertices @ up
     carrying = may_touch & (normals @ up < _DOWNWARD)
-    if carrying.any() and stands(joints.detach().cpu().numpy()):
+    if carrying.any() and stands_straight(joints.detach().cpu().numpy()):
         carrying = carrying & (height < float(height[carrying].min()) + _LOWEST_M)
     if not carrying.any():
         return None

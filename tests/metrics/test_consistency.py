@@ -13,14 +13,13 @@ from hypothesis import strategies as st
 
 from physic_core.body import load_body
 from physic_core.body.parameters import parameters_from_rotations
+from physic_core.body.posture import lean_deg, stands_straight
 from physic_core.metrics.consistency import (
     consistency,
     contact_distance,
     inside_share,
     keypoint_error_px,
-    lean_deg,
     lowest_height,
-    stands,
     summarise,
 )
 from physic_core.types import BodyParameters, Intrinsics, Person, Plane, Reconstruction, Scene
@@ -121,8 +120,8 @@ def test_a_lean_towards_the_camera_is_measured_with_its_sign(model, lean):
 
 
 def test_a_bent_person_does_not_stand(model):
-    assert stands(standing(model).joints)
-    assert not stands(standing(model, knee=1.0).joints)
+    assert stands_straight(standing(model).joints)
+    assert not stands_straight(standing(model, knee=1.0).joints)
     (person,) = consistency(reconstruction_of(model, [standing(model, knee=1.0)]), model)
     assert math.isnan(person.lean_deg)
 
