@@ -1,7 +1,4 @@
-"""What can go wrong, one class for each thing that a caller may want to catch.
-
-A message says what was wrong, what came, and what to do.
-"""
+"""The errors that PhySIC raises; each message states what is wrong, what was given, and what to do."""
 
 from __future__ import annotations
 
@@ -24,7 +21,7 @@ __all__ = [
 
 
 class PhysicError(Exception):
-    """Base of every error that PhySIC raises on purpose."""
+    """Base class of every error that PhySIC raises."""
 
 
 class InputError(PhysicError):
@@ -32,19 +29,19 @@ class InputError(PhysicError):
 
 
 class OutputError(PhysicError):
-    """A place that cannot be written."""
+    """A file or folder that cannot be written."""
 
 
 class ConfigError(PhysicError):
-    """A configuration that does not hold; the message lists every fault at once."""
+    """An invalid configuration; the message lists all faults."""
 
 
 class DeviceError(PhysicError):
-    """A compute device that is not there."""
+    """A compute device that does not exist on this machine."""
 
 
 class DownloadError(PhysicError):
-    """Weights that could not be fetched, or not without the user's word about their licence."""
+    """Weights that could not be fetched, or whose licence the user has not accepted."""
 
 
 class BodyModelError(PhysicError):
@@ -56,7 +53,7 @@ class BackendError(PhysicError):
 
 
 class BackendNotFoundError(BackendError):
-    """A backend name that nothing installed offers."""
+    """A backend name that no installed plugin offers."""
 
 
 class AmbiguousBackendError(BackendError):
@@ -64,11 +61,11 @@ class AmbiguousBackendError(BackendError):
 
 
 class WeightsMissingError(BackendError):
-    """Files that a backend needs and that are not on this machine; the message says how to get each."""
+    """Files that a run needs and that are missing on this machine; the message states how to get each."""
 
 
 class BackendOutputError(BackendError):
-    """A backend that answered something that its interface does not allow."""
+    """A backend whose output its interface does not allow."""
 
 
 class PluginError(PhysicError):
@@ -76,4 +73,4 @@ class PluginError(PhysicError):
 
 
 class NoPersonError(PhysicError):
-    """A photo in which nobody was found."""
+    """A photo in which no person was found."""

@@ -182,10 +182,10 @@ class Answers:
 
 
 def canonical(answer: T) -> T:
-    """An answer as it will be when it is read again, to the last bit of all that is computed from it.
+    """Convert an output to what reading it from the cache returns, so that both give the same results bit for bit.
 
-    The order of an array in memory changes sums, so it becomes that of C; and numpy's own numbers become Python's.
-    What cannot be kept is answered as it is.
+    Arrays become C-contiguous, since their order in memory changes sums; NumPy scalars become Python numbers. An output
+    that cannot be kept is returned unchanged.
     """
     try:
         same: T = _opened(*_packed(answer))

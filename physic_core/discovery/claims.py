@@ -32,13 +32,13 @@ _RESERVED = ("none",)
 
 @dataclass(frozen=True)
 class Origin:
-    """Who made a claim.
+    """The plugin that offers something.
 
     Attributes:
         plugin: import name of the plugin's module.
         distribution: installed distribution.
         version: of the distribution.
-        seconds: time that the plugin took to say what it offers.
+        seconds: time to import the plugin and call its hooks.
     """
 
     plugin: str
@@ -57,12 +57,12 @@ BY_CLASS = Origin("", "a class that no plugin registers")
 
 @dataclass(frozen=True)
 class Claim:
-    """One backend, as somebody offers it.
+    """One backend offered by one plugin.
 
     Attributes:
-        record: what it is.
-        origin: who offers it.
-        problem: why it cannot be used, in words; empty where nothing speaks against it.
+        record: of the backend.
+        origin: the plugin.
+        problem: why it cannot be used; empty if it can.
     """
 
     record: BackendRecord
@@ -75,7 +75,7 @@ class Claim:
 
 @dataclass(frozen=True)
 class BrokenPlugin:
-    """A plugin that could not say what it offers.
+    """A plugin that cannot be imported, or one of whose hooks fails.
 
     Attributes:
         origin: which one.
@@ -93,10 +93,10 @@ class BrokenPlugin:
 
 @dataclass(frozen=True)
 class Manifest:
-    """Where a plugin lists its weights.
+    """The list of weights of a plugin.
 
     Attributes:
-        origin: whose it is.
+        origin: the plugin.
         path: a TOML file, or a folder of them, for :func:`physic_core.weights.read_manifest`.
     """
 
@@ -105,7 +105,7 @@ class Manifest:
 
 
 def problem_of(record: BackendRecord, origin: Origin) -> str:
-    """What speaks against using a record as it stands; empty where nothing does."""
+    """Why a record cannot be used; empty if it can."""
     from physic_core.interfaces import INTERFACES
 
     if record.interface not in INTERFACES:
@@ -129,5 +129,5 @@ def problem_of(record: BackendRecord, origin: Origin) -> str:
 
 
 def normal_name(distribution: str) -> str:
-    """A distribution's name as it is compared: without regard to case and to the kind of dash."""
+    """A distribution's name in lower case, with hyphens, for comparison."""
     return re.sub(r"[-_.]+", "-", distribution).lower()

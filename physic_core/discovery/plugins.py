@@ -42,7 +42,7 @@ def discover(
     environment: Mapping[str, str] = os.environ,
     clock: Callable[[], float] = time.perf_counter,
 ) -> Registry:
-    """Ask every installed plugin what it offers; a broken one becomes a row, never an error.
+    """Find the backends of all installed plugins. A broken plugin is listed in ``broken`` and raises nothing.
 
     Args:
         installed: entry points; None for those of this Python.

@@ -1,4 +1,4 @@
-"""Whether a backend can be used on this machine, as far as that can be told without importing it."""
+"""Whether a backend can be used on this machine, estimated without importing it."""
 
 from __future__ import annotations
 
@@ -105,11 +105,11 @@ def _readiness(
 
 
 def missing_requirements(backend: Backend) -> tuple[str, ...]:
-    """What a backend says that it lacks on this machine, one text each; what it says goes through a plugin's door.
+    """Call ``missing()`` of a backend: what it needs and does not find on this machine, one text each.
 
     Raises:
-        BackendError: it cannot say, or says what is no list of texts.
-        PhysicError: it refuses in words of its own.
+        BackendError: ``missing()`` fails, or does not return texts.
+        PhysicError: raised by the backend itself.
     """
     try:
         answer: object = backend.missing()

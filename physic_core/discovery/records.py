@@ -13,7 +13,7 @@ __all__ = ["BackendRecord", "CommandRecord"]
 
 @dataclass(frozen=True)
 class BackendRecord:
-    """What a plugin says about one backend.
+    """One backend of a plugin.
 
     Attributes:
         interface: "segmenter", "inpainter", "metric_depth", "relative_pointmap", "keypoint_detector", "body_estimator",

@@ -1,4 +1,4 @@
-"""Which backends there are, by interface and name, and what to say when one is not there."""
+"""The available backends by interface and name, and the message when one is not found."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class Registry:
         return f"Registry({', '.join(parts)})"
 
     def register(self, record: BackendRecord, origin: Origin = BY_HAND) -> None:
-        """Offer one more backend; one that was registered by hand before under the same name gives way.
+        """Add a backend; it replaces one that was registered by hand under the same name.
 
         Raises:
             BackendError: the record cannot be used as it stands.
@@ -105,15 +105,15 @@ class Registry:
         self._claims.append(claim)
 
     def names(self, interface: str) -> tuple[str, ...]:
-        """Names on offer for an interface, sorted."""
+        """Names of the backends of an interface, sorted."""
         return tuple(sorted({str(c.record.name) for c in self._claims if c.record.interface == interface}))
 
     def rivals(self, claim: Claim) -> tuple[Claim, ...]:
-        """The claims of others to the same name."""
+        """Other backends of the same interface and name."""
         return tuple(c for c in self if _key(c) == _key(claim) and c is not claim)
 
     def get(self, interface: str, name: str) -> Claim:
-        """Look a backend up.
+        """Look up a backend.
 
         Args:
             interface: "metric_depth", ...
@@ -178,7 +178,7 @@ class Registry:
         return found
 
     def load_concrete_class(self, claim: Claim) -> type[Backend]:
-        """The same, of a class that can be constructed.
+        """Import a backend and check that its class implements the whole interface.
 
         Raises:
             BackendError: it cannot be imported, is no class of its interface, lacks a method of it, or its ``infer``
@@ -193,7 +193,7 @@ class Registry:
         return kind
 
     def explain_rivals(self, claims: Iterable[Claim]) -> str:
-        """What to do about several claims to one name; one line."""
+        """How to choose between several backends of one name; one line."""
         claims = sorted(claims, key=lambda c: c.origin.distribution)
         record = claims[0].record
         offer = f"{_a(record.interface)} named '{record.name}'"
