@@ -1,5 +1,6 @@
-"""Surfaces that nobody saw give way to the bodies that hid them: points in a body move behind it, along their rays, and
-so do points before a body where the photo shows it.
+"""Inpainted surfaces give way to the bodies that hid them.
+
+Points inside a body move behind it, along their rays, and so do points before a body where the photo shows it.
 
 Metres, camera frame.
 """

@@ -9,7 +9,7 @@ from torch import Tensor
 
 __all__ = ["CoarseMesh", "clusters", "coarse_mesh"]
 
-_EQUAL_M = 1e-9  # rounding does not tell such distances apart
+_EQUAL_M = 1e-9  # smaller differences of distances are rounding errors
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class CoarseMesh:
     Attributes:
         ids: (v,) int64, which vertices of the fine mesh.
         faces: (F, 3) int64 into ``ids``, turned as in the fine mesh.
-        of_vertex: (V,) int64 into ``ids``, who stands for each vertex of the fine mesh.
+        of_vertex: (V,) int64 into ``ids``, the coarse vertex that represents each vertex of the fine mesh.
     """
 
     ids: Tensor

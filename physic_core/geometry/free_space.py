@@ -1,7 +1,7 @@
-"""What the camera sees past: a point map shows fronts, and whatever is before them is in the open.
+"""Free space: a point map shows the fronts of surfaces, and whatever lies before them is in the open.
 
-Past the rim of a surface the nearest point of the scene lies on that rim, and its normal says nothing of which side of
-it one is on: a calf before a seat is under the seat's plane and not inside the seat. The depth map tells the two apart.
+Past the rim of a surface the nearest point of the scene lies on that rim, and its normal does not show on which side of
+it a point lies: a calf before a seat is under the plane of the seat, but not inside it. The depth map shows which.
 Metres, camera frame.
 """
 

@@ -1,4 +1,4 @@
-"""Which way is up in a photo, from the surfaces that it shows.
+"""The direction of up in a photo, from the normals of its surfaces.
 
 Man-made surfaces are level or upright, and so is the ground: up is the direction that level normals follow and upright
 ones are square to (Gupta, Arbelaez and Malik, CVPR 2013, sec. 3).
@@ -20,7 +20,7 @@ _FEWEST = 200
 
 
 class Gravity(NamedTuple):
-    """Up, and how well the surfaces tell it.
+    """Up, and how clearly the surfaces show it.
 
     Attributes:
         up: (3,) unit, float64, camera frame.

@@ -4,7 +4,7 @@ Three strategies give one answer: ``kdtree`` (exact, the default), ``brute`` (ex
 ``grid`` (the paper's 128^3 lookup, sec. 4.1: approximate; held to the released code's).
 
 The scene is searched in its own units. Where the optimisation has scaled it by ``s``, the vertices are divided by ``s``
-instead, since scaling all points keeps who is nearest to whom: no structure is ever rebuilt for a new scale.
+instead, since scaling all points keeps the nearest one of each: no structure is ever rebuilt for a new scale.
 """
 
 from __future__ import annotations

@@ -65,7 +65,7 @@ def sample_plane(
     if centres is None or not len(centres):
         centres = points[torch.linalg.vector_norm(points, dim=-1).argmin()][None]
     middles = (centres - origin) @ axes.T
-    # Half of the points at most go to the neighbourhoods; one disc alone tells how fine that can be at best.
+    # Half of the points at most go to the neighbourhoods; one disc alone limits how fine that can be.
     fine = max(spacing, math.sqrt(2 * math.pi * near**2 / max_points))
     close = _discs(middles, near, fine)
     while len(close) > max(max_points // 2, len(middles)):

@@ -48,7 +48,7 @@ def depth_edges(depth: Tensor, valid: Tensor, ratio: float = 1.05) -> Tensor:
 
     Args:
         depth: (H, W) > 0 where valid, any unit.
-        valid: (H, W) bool; invalid pixels count for nobody.
+        valid: (H, W) bool; invalid pixels are ignored.
         ratio: above 1; "inf" finds none.
 
     Returns:
@@ -130,7 +130,7 @@ def unsupported(depth: Tensor, valid: Tensor, ratio: float = 1.05, rings: tuple[
 
     Args:
         depth: (H, W) > 0 where valid, any unit.
-        valid: (H, W) bool; invalid pixels support nobody.
+        valid: (H, W) bool; invalid pixels support none.
         ratio: similar means within this ratio over the two steps of a 3 x 3 window, and more in proportion farther off.
         rings: distances of the eight neighbours, px; each ring must support the pixel.
 

@@ -8,6 +8,8 @@ minimum over (depth, face) in one integer: the order of the work changes nothing
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import torch
 from torch import Tensor
 
@@ -69,7 +71,7 @@ def rasterise(pixels: Tensor, z: Tensor, faces: Tensor, height: int, width: int)
     """
     batch, device = len(pixels), pixels.device
     nothing = torch.iinfo(torch.int64).max
-    buffer = torch.full((batch * height * width,), nothing, dtype=torch.int64, device=device)
+    pictures = torch.full((batch, height, width), nothing, dtype=torch.int64, device=device)
     corner, depth = pixels[:, faces].flatten(0, 1), z[:, faces].flatten(0, 1)  # (B * F, 3, 2), (B * F, 3)
     body = torch.arange(batch, device=device).repeat_interleave(len(faces))
     name = torch.arange(len(faces), device=device).repeat(batch)
@@ -80,29 +82,31 @@ def rasterise(pixels: Tensor, z: Tensor, faces: Tensor, height: int, width: int)
     extent = (high - low + 1).amax(1)
     # Rows of a picture go down: seen from its front, a counter-clockwise triangle has a negative area here.
     drawn = (doubled < 0) & (depth.amin(1) > _NEAR_M) & (low <= high).all(1)
+    triangles = _Triangles(corner, depth, low, high, body, name)
     least = 0
     for side in _sides(max(height, width)):
         chosen = (drawn & (extent > least) & (extent <= side)).nonzero(as_tuple=True)[0]
         least = side
         for rows in torch.split(chosen, max(1, _BLOCK // (side * side))):
-            _draw(buffer, corner[rows], depth[rows], low[rows], high[rows], side, body[rows], name[rows], height, width)
-    face = torch.where(buffer == nothing, torch.full_like(buffer, -1), buffer & 0xFFFFFFFF)
-    return face.view(batch, height, width)
+            _draw(pictures, _Triangles(*(part[rows] for part in triangles)), side)
+    return torch.where(pictures == nothing, torch.full_like(pictures, -1), pictures & 0xFFFFFFFF)
 
 
-def _draw(
-    buffer: Tensor,
-    corner: Tensor,
-    depth: Tensor,
-    low: Tensor,
-    high: Tensor,
-    side: int,
-    body: Tensor,
-    name: Tensor,
-    height: int,
-    width: int,
-) -> None:
+class _Triangles(NamedTuple):
+    """n triangles in the pictures of several bodies."""
+
+    corner: Tensor  # (n, 3, 2) px
+    depth: Tensor  # (n, 3)
+    low: Tensor  # (n, 2) px, first pixel of their boxes
+    high: Tensor  # (n, 2) px, last pixel
+    body: Tensor  # (n,) int64, whose picture
+    name: Tensor  # (n,) int64, of the face
+
+
+def _draw(pictures: Tensor, triangles: _Triangles, side: int) -> None:
     """Triangles of one bucket: every pixel of a square of ``side`` from ``low``, against the three edges."""
+    corner, depth, low, high, body, name = triangles
+    _, height, width = pictures.shape
     steps = torch.arange(side, device=corner.device, dtype=corner.dtype)
     x, y = (low[:, k, None] + steps for k in range(2))  # (n, side)
     a, b, c = corner.unbind(1)
@@ -120,7 +124,7 @@ def _draw(
     pixel = (body[which] * height + low[which, 1].long() + row) * width + low[which, 0].long() + column
     # Bits of positive floats are in the order of the numbers.
     key = (z.float().view(torch.int32).long() << 32) | name[which]
-    buffer.scatter_reduce_(0, pixel, key, "amin")
+    pictures.view(-1).scatter_reduce_(0, pixel, key, "amin")
 
 
 def _fit(vertices: Tensor, size: int) -> Tensor:

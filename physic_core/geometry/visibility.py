@@ -47,7 +47,7 @@ def vertex_normals(vertices: Tensor, faces: Tensor, around: Tensor | None = None
     Args:
         vertices: (..., V, 3) metres.
         faces: (F, 3) int64.
-        around: from :func:`faces_around`, for a mesh that is asked often: several times as fast. Some rows of it alone
+        around: from :func:`faces_around`, for a mesh that is used often: several times as fast. Some rows of it alone
             ask for those vertices alone.
 
     Returns:
@@ -224,7 +224,7 @@ def self_occlusion(
         part_of_vertex: (V,) int64.
         parts: those that can become occluded; the paper and its code take the limbs, not trunk and head.
         share: of a part's vertices that must be hidden by other parts.
-        coarse: of the same body: its vertices are asked, each for all that it stands for; several times as fast.
+        coarse: of the same body: its vertices are tested, each for all that it represents; several times as fast.
     """
     if coarse is None:
         hidden, face = hidden_from_camera(vertices, faces)

@@ -170,7 +170,7 @@ def lowest_height(vertices: Array, floor: Plane | None) -> float:
 
 
 def _known_part(skeleton: str, count: int) -> tuple[str, list[int]]:
-    """The points of J keypoints that bodies have; all of them where nobody knows the joint set."""
+    """The points of J keypoints that bodies have; all of them where the joint set is unknown."""
     from physic_core.body.landmarks import DETECTED, known_part
 
     return known_part(skeleton) if skeleton in DETECTED else (skeleton, list(range(count)))

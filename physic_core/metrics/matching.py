@@ -1,4 +1,4 @@
-"""Who is who: one-to-one matching of predicted to true people before anything is compared.
+"""One-to-one matching of predicted to true people, before anything is compared.
 
 As few people as the gate allows stay unmatched; among such matchings the one of least total cost (Hungarian method).
 """
@@ -30,8 +30,8 @@ class Matching:
     Attributes:
         predicted: (M,) int64, matched predictions; ``predicted[i]`` is the person ``truth[i]``.
         truth: (M,) int64, in increasing order.
-        missed: (K,) int64, true people whom nobody matched.
-        false_alarms: (L,) int64, predictions that matched nobody.
+        missed: (K,) int64, true people without a match.
+        false_alarms: (L,) int64, predictions without a match.
     """
 
     predicted: Indices

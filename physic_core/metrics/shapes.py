@@ -1,4 +1,4 @@
-"""What goes into a metric must fit together: a wrong shape is told before it broadcasts into a wrong number."""
+"""Checks of the shapes of a metric's inputs: a wrong shape is refused before it broadcasts into a wrong number."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def solve(evidence: Evidence, settings: EngineSettings, model: BodyModel, stages
             placed = place_people(bodies.posed, detections, bodies.K(scene), None, settings.placement, before=placed)
     with stages.engine("joint optimisation"):
         problem = _joint_problem(evidence, scene, photo, bodies, placed, model)
-        # Where nothing of the background agrees, nobody's own depth is known, and the warning says so.
+        # Without a common background no person's own depth is known; a warning reports it.
         blind = problem.human_depth is None
         result = optimize(problem, replace(settings.joint, depth_weight=0.0) if blind else settings.joint)
     with stages.engine("contact"):

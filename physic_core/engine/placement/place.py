@@ -195,7 +195,7 @@ def _subject(
     uv, confidence = _on_cpu(evidence.keypoints[i]), _on_cpu(evidence.confidence[i])
     landmarks, vertices, cloud = (_on_cpu(x) for x in (bodies.landmarks[i], bodies.vertices[i], evidence.points[i]))
     used = (confidence >= settings.min_confidence) & torch.isfinite(uv).all(-1) & torch.isfinite(landmarks).all(-1)
-    # As released, who is hidden behind another is visible.
+    # As released: a person hidden behind another counts as visible.
     mask = (evidence.masks.any(0) if settings.method == "released" else evidence.masks[i]).cpu()
     rows, columns = mask.shape
     size = torch.tensor([columns, rows], dtype=torch.float64)
