@@ -4,7 +4,7 @@ import json
 import re
 import sys
 import tomllib
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -566,7 +566,7 @@ def test_show_says_where_each_value_is_from():
 
 @pytest.mark.parametrize("preset", preset_names())
 def test_show_all_prints_toml_that_comes_to_the_same_settings(preset: str):
-    config = load_config(preset=preset, overrides=["engine.joint.steps=40"])
+    config = load_config(preset=preset, overrides=["engine.joint.optimiser.steps=40"])
     printed = tomllib.loads(full_toml(config, discover()))
     again = load_config(flags={"shown": printed})
     assert again.engine.settings() == config.engine.settings()
@@ -575,7 +575,9 @@ def test_show_all_prints_toml_that_comes_to_the_same_settings(preset: str):
 
 
 def test_show_all_names_who_decides_what_nobody_said():
-    shown = physic("config", "show", "--all", "--preset", "light-cpu", "--set", "engine.joint.steps=40").stdout
+    shown = physic(
+        "config", "show", "--all", "--preset", "light-cpu", "--set", "engine.joint.optimiser.steps=40"
+    ).stdout
     assert "short_side = 322  # preset light-cpu\nmax_tokens = 3600  # default of physic-embedded 0.1.0\n" in shown
     assert "\nsteps = 40  # --set\n" in shown
     assert "# engine preset default\n" in shown
@@ -606,12 +608,19 @@ def test_init_writes_the_preset_as_it_is_and_uncommented(preset: str):
     assert {k: b.provenance for k, b in opened.backends.items()} == {k: b.provenance for k, b in plain.backends.items()}
 
 
+def _keys(table, settings):
+    """(table, key) of all settings, those of tables inside too."""
+    values = {f.name: getattr(settings, f.name) for f in fields(settings)}
+    inner = [_keys(f"{table}.{name}", value) for name, value in values.items() if is_dataclass(value)]
+    return {(table, name) for name, value in values.items() if not is_dataclass(value)}.union(*inner)
+
+
 def test_init_lists_every_key_with_its_meaning():
     text = template("embedded", discover())
     keys = {(table, key) for table, keys in _tables(text).items() for key in keys}
     plan = resolve(load_config(), discover())
     for stage in ("scene", "placement", "joint", "contact"):
-        assert {(f"engine.{stage}", f.name) for f in fields(getattr(plan.engine, stage))} <= keys
+        assert _keys(f"engine.{stage}", getattr(plan.engine, stage)) <= keys
     for interface, chosen in plan.backends.items():
         assert {(f"{interface}.options", name) for name in chosen.provenance.options} <= keys
     for name in ("photo", "body_model", "run"):

@@ -148,7 +148,7 @@ def test_a_body_model_path_is_relative_to_its_file(write):
 @pytest.mark.parametrize("preset", PRESETS)
 def test_every_preset_of_the_engine_is_what_a_config_may_say(preset):
     said = {stage: asdict(getattr(PRESETS[preset], stage)) for stage in ("scene", "placement", "joint", "contact")}
-    assert as_config({"engine": {"preset": "default", **said}}).engine.settings() == PRESETS[preset]
+    assert as_config({"engine": {"preset": preset, **said}}).engine.settings() == PRESETS[preset]
 
 
 def test_engine_overrides_reach_the_settings():
@@ -156,15 +156,15 @@ def test_engine_overrides_reach_the_settings():
     settings = config.engine.settings()
     assert (settings.scene.far_m, settings.scene.floor, settings.scene.align_residual) == (20.0, "off", "metric")
     strict = load_config(
-        overrides=["engine.joint.frozen=['root']", "engine.placement.robust_m=inf", "engine.joint.steps=40"]
+        overrides=["engine.joint.frozen=['root']", "engine.placement.robust_m=inf", "engine.joint.optimiser.steps=40"]
     )
     joint = strict.engine.settings().joint
-    assert (joint.frozen, joint.steps) == (("root",), 40)
+    assert (joint.frozen, joint.optimiser.steps) == (("root",), 40)
     assert strict.engine.settings().placement.robust_m == float("inf")
 
 
 def test_the_plain_tables_build_the_same_config():
-    config = load_config(preset="mock", overrides=["photo.focal_px=900", "engine.joint.contact_weight=0.5"])
+    config = load_config(preset="mock", overrides=["photo.focal_px=900", "engine.joint.contact.weight=0.5"])
     assert load_config(preset="mock", flags={"again": config.as_dict()}).as_dict() == config.as_dict()
 
 
@@ -330,10 +330,10 @@ def test_a_device_is_called_as_torch_calls_it(device: str):
         ("engine.contact.distance_m=-0.1", "engine.contact.distance_m   should be >= 0 (got -0.1)"),
         ("engine.contact.distance_m=nan", "engine.contact.distance_m   should be a finite number (got nan)"),
         ("engine.contact.distance_m=inf", "engine.contact.distance_m   should be a finite number (got inf)"),
-        ("engine.joint.refresh_steps=0", "engine.joint.refresh_steps   should be > 0 (got 0)"),
+        ("engine.joint.optimiser.refresh_steps=0", "engine.joint.optimiser.refresh_steps   should be > 0 (got 0)"),
         ("engine.placement.min_confidence=1.5", "engine.placement.min_confidence   should be <= 1 (got 1.5)"),
-        ("engine.joint.depth_sigma=0", "engine.joint.depth_sigma   should be > 0 (got 0)"),
-        ("engine.joint.facing_deg=400", "engine.joint.facing_deg   should be <= 180 (got 400)"),
+        ("engine.joint.contact.sigma_m=0", "engine.joint.contact.sigma_m   should be > 0 (got 0)"),
+        ("engine.joint.visibility.facing_deg=400", "engine.joint.visibility.facing_deg   should be <= 180 (got 400)"),
         ("engine.placement.floor_weight=-1", "engine.placement.floor_weight   should be >= 0 (got -1)"),
         ("engine.scene.floor_under_people=1", "engine.scene.floor_under_people   should be true or false (got 1)"),
     ],

@@ -15,6 +15,7 @@ import pytest
 import torch
 
 from physic_core.body import load_body
+from physic_core.engine.presets import PRESETS
 from physic_core.engine.settings import EngineSettings
 from physic_core.geometry.visibility import vertex_normals
 from physic_core.pipeline import checks as diagnosis
@@ -68,7 +69,7 @@ def case(**changes: Any) -> tuple[Any, Any, EngineSettings]:
             "placement": {"alignment": {"inlier_share": known["photo_share"]}},
         },
     )
-    return evidence, solution, EngineSettings()
+    return evidence, solution, PRESETS["default"]
 
 
 def failing(**changes: Any) -> list[tuple[str, int | None]]:

@@ -14,7 +14,6 @@ from physic_core import cli
 from physic_core.configuration import model as config
 from physic_core.configuration.resolve import check, resolve
 from physic_core.discovery.plugins import discover
-from physic_core.engine.presets import PRESETS
 
 ROOT = Path(__file__).parents[1]
 PAPERS = [page for page in ROOT.glob("*.md") if page.name != "CHANGELOG.md"]
@@ -72,17 +71,6 @@ def test_the_example_of_a_camera_fits_its_photo():
     camera = Intrinsics(*map(float, words[words.index("--intrinsics") + 1].split(",")), width, height)
     prepare(replace(photo, intrinsics=camera), 1280)
     assert (camera.cx, camera.cy) == ((width - 1) / 2, (height - 1) / 2)
-
-
-def test_the_page_says_which_presets_do_not_run_the_written_out_terms():
-    plain = [
-        name
-        for name, preset in sorted(PRESETS.items())
-        if "point" in (preset.joint.contact_metric, preset.joint.penetration_metric)
-        or preset.joint.depth_form != "pixels"
-    ]
-    (row,) = [line for line in (ROOT / "ARCHITECTURE.md").read_text().splitlines() if line.startswith("| `terms.py`")]
-    assert re.findall(r"`(\w+)`", row) == plain
 
 
 @pytest.mark.parametrize("words", commands("make"), ids=" ".join)

@@ -62,7 +62,7 @@ NOISE = {
 MOCK = [
     f"{interface}.options.{name}={value}" for interface, options in NOISE.items() for name, value in options.items()
 ]
-STAGE_2 = ['engine.joint.frozen=["root", "pose", "hands", "betas", "translation"]', "engine.joint.steps=1"]
+STAGE_2 = ['engine.joint.frozen=["root", "pose", "hands", "betas", "translation"]', "engine.joint.optimiser.steps=1"]
 DEPTH_SCALE = 1.1  # the mock's metric depth is this much too large
 
 

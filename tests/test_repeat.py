@@ -37,7 +37,7 @@ def test_a_run_is_repeated_from_its_result(tmp_path: Path, monkeypatch: pytest.M
         "--set",
         "hand_estimator.backend=none",
         "--set",
-        "engine.joint.steps=20",
+        "engine.joint.optimiser.steps=20",
         "--intrinsics",
         "400,410,160,120",
     )

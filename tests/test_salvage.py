@@ -176,7 +176,7 @@ def test_what_else_is_lost_of_a_person_is_named_and_their_body_is_kept(
 def test_whom_the_optimisation_cannot_take_along_is_named_and_the_other_goes_on(
     world: World, sound: Reconstruction, alone: Person, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    plain = joint._sound
+    plain = joint._finite_energy
 
     def one_is_not(energy):
         fine = plain(energy)
@@ -184,7 +184,7 @@ def test_whom_the_optimisation_cannot_take_along_is_named_and_the_other_goes_on(
             fine[LOST] = False
         return fine
 
-    monkeypatch.setattr(joint, "_sound", one_is_not)
+    monkeypatch.setattr(joint, "_finite_energy", one_is_not)
     result = reconstruct(world.image, "mock")
     assert "optimised" in result.people[LOST].failed_checks
     assert "person 0: stays where the placement left them: the energy of the start is not a number" in result.warnings

@@ -41,7 +41,7 @@ def test_every_preset_holds(schema, name: str):
     [
         "",
         'extends = "mock"\n[photo]\nmax_side = 640',
-        'extends = "../base.toml"\n[engine]\npreset = "paper"\n[engine.joint]\nsteps = 40',
+        'extends = "../base.toml"\n[engine]\npreset = "paper"\n[engine.joint.optimiser]\nsteps = 40',
         '[inpainter]\nbackend = "telea"\noptions = {radius_px = 3.0}',
         '[inpainter]\nbackend = "physic-opencv:telea"\noptions = {radius_px = 3.0}',
         '[inpainter]\nbackend = "my_pkg.fill:Fill"\noptions = {anything = 1}',

@@ -6,12 +6,12 @@ import inspect
 import re
 import textwrap
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, Any, get_type_hints
 
 from physic_core.cli.listing import in_words
 from physic_core.cli.toml import toml_value
-from physic_core.configuration.model import load_config, stage_tables
+from physic_core.configuration.model import load_config, settings_table, stage_tables
 from physic_core.engine.settings import EngineSettings
 from physic_core.errors import BackendError
 from physic_core.interfaces import INTERFACES
@@ -49,8 +49,8 @@ def template(preset: str, registry: Registry) -> str:
         own = {key: getattr(model, key) for key in type(model).model_fields if key not in stage_tables()}
         lines += _table(name, own, _meanings(type(model)))
     settings = found.engine.settings()
-    for stage, kind in get_type_hints(EngineSettings).items():
-        lines += _table(f"engine.{stage}", asdict(getattr(settings, stage)), _engine_meanings(stage, kind), kind)
+    for stage in fields(settings):
+        lines += _settings(f"engine.{stage.name}", getattr(settings, stage.name))
     return "\n".join(lines) + "\n"
 
 
@@ -95,9 +95,20 @@ def _meanings(model: type[BaseModel]) -> dict[str, str]:
     }
 
 
-def _engine_meanings(stage: str, kind: type) -> dict[str, str]:
-    """The same of a stage's settings: meanings from the docstring, kinds from the annotations."""
-    schema = stage_tables()[stage].model_json_schema()
+def _settings(name: str, settings: Any) -> list[str]:
+    """A table of the engine's settings, and one for each settings object in it."""
+    values = {field.name: getattr(settings, field.name) for field in fields(settings)}
+    own = {key: value for key, value in values.items() if not is_dataclass(value)}
+    lines = _table(name, own, _engine_meanings(type(settings)), type(settings))
+    for key, value in values.items():
+        if is_dataclass(value):
+            lines += _settings(f"{name}.{key}", value)
+    return lines
+
+
+def _engine_meanings(kind: type) -> dict[str, str]:
+    """Settings of a class -> their meanings from the docstring, and their kinds from the annotations."""
+    schema = settings_table(kind).model_json_schema()
     parts, said = schema.get("$defs", {}), _attributes(kind)
     return {
         # Every key of the table may be missing, which is no value that it may hold.

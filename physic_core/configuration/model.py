@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import fields, is_dataclass
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, get_origin, get_type_hints
@@ -42,7 +42,7 @@ from physic_core.configuration.layers import (
     source_of,
 )
 from physic_core.engine.presets import PRESETS as ENGINE_PRESETS
-from physic_core.engine.settings import EngineSettings
+from physic_core.engine.settings import EngineSettings, with_overrides
 from physic_core.interfaces import INTERFACES
 
 __all__ = [
@@ -57,6 +57,7 @@ __all__ = [
     "as_config",
     "load_config",
     "preset_names",
+    "settings_table",
     "stage_tables",
 ]
 
@@ -144,14 +145,11 @@ class EngineChoice(_Table):
 
     def settings(self) -> EngineSettings:
         """The engine's settings, overrides applied."""
-        preset = ENGINE_PRESETS[self.preset]
         changed = {
-            stage: replace(
-                getattr(preset, stage), **table.model_validate(getattr(self, stage)).model_dump(exclude_unset=True)
-            )
-            for stage, table in stage_tables().items()
+            stage: table.model_validate(getattr(self, stage)).model_dump(exclude_unset=True)
+            for stage, table in stage_tables(self.preset).items()
         }
-        return replace(preset, **changed)
+        return with_overrides(ENGINE_PRESETS[self.preset], changed)
 
 
 class RunSettings(_Table):
@@ -304,7 +302,7 @@ def _engine_faults(engine: Any) -> list[Fault]:
         message = f"no engine preset named '{preset}'; there are: {', '.join(names)}{closest(preset, names)}"
         return [Fault("engine.preset", message)]
     faults = []
-    for stage, table in stage_tables().items():
+    for stage, table in stage_tables(preset).items():
         if isinstance(engine.get(stage), dict):
             try:
                 table.model_validate(engine[stage])
@@ -314,14 +312,24 @@ def _engine_faults(engine: Any) -> list[Fault]:
 
 
 @cache
-def stage_tables() -> dict[str, type[_Table]]:
-    """Stage -> a table with the stage's settings as keys, none of them needed, and no text taken for a number."""
-    tables: dict[str, type[_Table]] = {}
-    for stage, kind in get_type_hints(EngineSettings).items():
-        hints = get_type_hints(kind, include_extras=True)
-        keys: dict[str, Any] = {f.name: (_as_in_toml(hints[f.name]) | None, None) for f in fields(kind)}
-        tables[stage] = create_model(kind.__name__, __base__=_StrictTable, **keys)
-    return tables
+def stage_tables(preset: str = "default") -> dict[str, type[_Table]]:
+    """Stage -> a table with the stage's settings as keys, none of them required, and no text taken for a number.
+
+    Args:
+        preset: of the engine; the terms of stage 3 and their settings depend on it.
+    """
+    settings = ENGINE_PRESETS[preset]
+    return {f.name: settings_table(type(getattr(settings, f.name))) for f in fields(settings)}  # type: ignore[arg-type]
+
+
+@cache
+def settings_table(kind: Any) -> type[_Table]:
+    """A settings class as a table; settings in it are tables of their own."""
+    hints = get_type_hints(kind, include_extras=True)
+    own = {f.name: hints[f.name] for f in fields(kind)}
+    kinds = {n: settings_table(h) if is_dataclass(h) else h for n, h in own.items()}  # type: ignore[arg-type]
+    keys: dict[str, Any] = {name: (_as_in_toml(hint) | None, None) for name, hint in kinds.items()}
+    return create_model(kind.__name__, __base__=_StrictTable, **keys)
 
 
 def _as_in_toml(hint: Any) -> Any:

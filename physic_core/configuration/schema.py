@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel
@@ -46,15 +47,15 @@ def config_schema(registry: Registry) -> dict[str, Any]:
         "run": RunSettings,
         "engine": EngineChoice,
     }
-    models = [*tables.values(), *stage_tables().values(), *(kind for kind in kinds.values() if kind is not None)]
+    stages = dict.fromkeys(table for preset in PRESETS for table in stage_tables(preset).values())
+    models = [*tables.values(), *stages, *(kind for kind in kinds.values() if kind is not None)]
     places, top = models_json_schema([(model, "validation") for model in dict.fromkeys(models)])
     parts = top.get("$defs", {})
-    for model in (*tables.values(), *stage_tables().values()):
+    for model in (*tables.values(), *stages):
         parts[places[model, "validation"]["$ref"].rpartition("/")[2]].pop("required", None)
-    engine = parts[places[EngineChoice, "validation"]["$ref"].rpartition("/")[2]]["properties"]
-    engine["preset"] |= {"enum": sorted(PRESETS)}
-    for stage, table in stage_tables().items():
-        engine[stage] = places[table, "validation"] | {"description": engine[stage]["description"]}
+    engine = parts[places[EngineChoice, "validation"]["$ref"].rpartition("/")[2]]
+    engine["properties"]["preset"] |= {"enum": sorted(PRESETS)}
+    engine["allOf"] = [_of_preset(preset, places) for preset in PRESETS]
     interfaces = {}
     for interface in INTERFACES:
         options = {
@@ -79,6 +80,15 @@ def config_schema(registry: Registry) -> dict[str, Any]:
         },
         "$defs": parts,
     }
+
+
+def _of_preset(preset: str, places: Mapping[Any, Any]) -> dict[str, Any]:
+    """Which settings the stages have where an engine's preset is chosen, or is the default."""
+    chosen: dict[str, Any] = {"properties": {"preset": {"const": preset}}}
+    if preset != EngineChoice.model_fields["preset"].default:
+        chosen["required"] = ["preset"]
+    tables = {stage: places[table, "validation"] for stage, table in stage_tables(preset).items()}
+    return {"if": chosen, "then": {"properties": tables}}
 
 
 def _names(registry: Registry, claim: Claim) -> tuple[str, ...]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from physic_core.engine.joint.distances import plane_height
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.terms import plane_height
 from physic_core.engine.settings import ContactSettings, EngineSettings
 from physic_core.geometry.neighbors import NearestScene, near_boxes
 
@@ -66,7 +66,7 @@ def contact_surface(
     """
     points, normals = problem.scene_points * scale, problem.scene_normals
     plane = None if problem.floor_normal is None else (problem.floor_normal, problem.floor_offset * scale)
-    if plane is not None and problem.floor_points is not None and settings.joint.floor == "points":
+    if plane is not None and problem.floor_points is not None and settings.joint.conventions.floor == "points":
         points = torch.cat([points, problem.floor_points * scale])
         normals = torch.cat([normals, plane[0].expand_as(problem.floor_points)])
         plane = None

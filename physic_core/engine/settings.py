@@ -8,15 +8,16 @@ switches it off. Change some of them with :func:`dataclasses.replace`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Literal
+from collections.abc import Mapping
+from dataclasses import dataclass, field, is_dataclass, replace
+from typing import Any, Literal, TypeVar
 
 from physic_core.engine.bounds import NotNegative
 from physic_core.engine.joint.settings import JointSettings
 from physic_core.engine.placement.settings import PlacementSettings
 from physic_core.engine.scene.settings import SceneSettings
 
-__all__ = ["ContactSettings", "EngineSettings", "JointSettings", "PlacementSettings", "SceneSettings"]
+__all__ = ["ContactSettings", "EngineSettings", "JointSettings", "PlacementSettings", "SceneSettings", "with_overrides"]
 
 
 @dataclass(frozen=True)
@@ -37,11 +38,28 @@ class ContactSettings:
     observed: bool = True
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class EngineSettings:
-    """Settings of all stages."""
+    """Settings of the whole engine, one object per stage; the kind of ``joint`` is the energy of stage 3."""
 
     scene: SceneSettings = field(default_factory=SceneSettings)
     placement: PlacementSettings = field(default_factory=PlacementSettings)
-    joint: JointSettings = field(default_factory=JointSettings)
+    joint: JointSettings
     contact: ContactSettings = field(default_factory=ContactSettings)
+
+
+_Settings = TypeVar("_Settings")
+
+
+def with_overrides(settings: _Settings, overrides: Mapping[str, Any]) -> _Settings:
+    """Settings with some fields replaced; a mapping for a field that holds settings itself replaces fields of those.
+
+    Args:
+        settings: a dataclass.
+        overrides: field -> value.
+    """
+    changed = {
+        name: with_overrides(getattr(settings, name), value) if is_dataclass(getattr(settings, name)) else value
+        for name, value in overrides.items()
+    }
+    return replace(settings, **changed)  # type: ignore[type-var]

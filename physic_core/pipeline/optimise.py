@@ -6,7 +6,7 @@ contact map (Sec. 3.3).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import torch
@@ -15,7 +15,7 @@ from physic_core.body.landmarks import known_keypoints
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.engine.joint.final_scene import finalize_scene
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.released_visibility import mean_face_normals
+from physic_core.engine.joint.released.visibility import mean_face_normals
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.placement.human_points import FAR_M, align_original, human_points, original_in_scene
 from physic_core.engine.placement.people import Detections, PlacedPeople, place_people
@@ -65,7 +65,7 @@ def solve(evidence: Evidence, settings: EngineSettings, model: BodyModel, stages
         problem = _joint_problem(evidence, scene, photo, bodies, placed, model)
         # Without a common background no person's own depth is known; a warning reports it.
         blind = problem.human_depth is None
-        result = optimize(problem, replace(settings.joint, depth_weight=0.0) if blind else settings.joint)
+        result = optimize(problem, settings.joint.without("depth") if blind else settings.joint)
     with stages.engine("contact"):
         scene, problem = finalize_scene(scene, problem, result, tensor(evidence.hole), settings.scene)
         placement = {

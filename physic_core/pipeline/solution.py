@@ -156,7 +156,7 @@ def measure_contacts(
     plane = None if problem.floor_normal is None else (problem.floor_normal, problem.floor_offset * s)
     scene, ground = contact_surface(problem, vertices, s, settings)
     free = None
-    if settings.joint.free_space and problem.scene_depth is not None:
+    if settings.joint.conventions.free_space and problem.scene_depth is not None:
         free = in_free_space(vertices / s, fronts(problem.scene_depth), problem.K)
     contact[rows], distance[rows] = contact_map(vertices, scene, ground, may_touch, settings.contact, free)
     up, height = plane or (vertices.new_tensor([0.0, -1.0, 0.0]), None)

@@ -14,16 +14,23 @@ from physic_core.engine.presets import PRESETS
 from physic_core.engine.presets.ablation import ABLATION, rows
 from physic_core.errors import ConfigError
 
+from .adjusted import adjusted
+
 STAGES = ("scene", "placement", "joint", "contact")
 
 
 def difference(one, other):
     """{stage.field} in which two settings differ."""
+
+    def differing(path, a, b):
+        if isinstance(a, dict):
+            return {name for key in a for name in differing(f"{path}.{key}", a[key], b[key])}
+        return {path} if a != b else set()
+
     return {
-        f"{stage}.{name}"
+        name
         for stage in STAGES
-        for name, value in asdict(getattr(one, stage)).items()
-        if value != asdict(getattr(other, stage))[name]
+        for name in differing(stage, asdict(getattr(one, stage)), asdict(getattr(other, stage)))
     }
 
 
@@ -40,23 +47,27 @@ def test_each_row_adds_one_term_to_the_row_before():
     papers = list(rows("paper").values())
     steps = [difference(a, b) for a, b in pairwise(papers[:6])]
     assert steps == [
-        {"joint.contact_weight"},
-        {"joint.penetration_weight"},
-        {"placement.chamfer_weight", "joint.depth_weight", "joint.depth_relief_weight"},
-        {"joint.occlusion_aware"},
-        {"scene.floor", "joint.floor"},
+        {"joint.contact.weight"},
+        {"joint.penetration.weight"},
+        {"placement.chamfer_weight", "joint.depth.weight"},
+        {"joint.visibility.occlusion_aware"},
+        {"scene.floor"},
     ]
     ours = list(rows("default").values())
-    assert difference(ours[3], ours[4]) == {"joint.occlusion_aware"}
-    assert difference(ours[5], ours[6]) == {"joint.contact_source"}
+    assert difference(ours[3], ours[4]) == {"joint.visibility.occlusion_aware"}
+    assert difference(ours[5], ours[6]) == {"joint.contact.source"}
 
 
 def test_the_first_row_has_neither_contact_nor_depth_nor_floor():
     for base in ("paper", "default", "release"):
         first = rows(base)["L_reg + L_j2d"]
-        assert (first.joint.contact_weight, first.joint.penetration_weight, first.joint.depth_weight) == (0, 0, 0)
-        assert (first.placement.chamfer_weight, first.scene.floor, first.joint.occlusion_aware) == (0, "off", False)
-        assert first.joint.reprojection_weight > 0 < first.joint.regularisation_weight
+        assert (first.joint.contact.weight, first.joint.penetration.weight, first.joint.depth.weight) == (0, 0, 0)
+        assert (first.placement.chamfer_weight, first.scene.floor, first.joint.visibility.occlusion_aware) == (
+            0,
+            "off",
+            False,
+        )
+        assert first.joint.reprojection.weight > 0
 
 
 def test_no_such_preset():
@@ -77,17 +88,17 @@ def standing(make_stage):
 
 @pytest.mark.parametrize("row", ABLATION, ids=[row.name for row in ABLATION])
 def test_every_row_runs_and_tells_its_terms(standing, row):
-    settings = row.settings(PRESETS["default"]).joint
-    # As the pipeline does where stage 1 was told to look for no floor.
-    problem = standing.problem if settings.floor == "plane" else replace(standing.problem, floor_normal=None)
-    settings = replace(settings, steps=8, refresh_steps=4)
+    full = row.settings(PRESETS["default"])
+    # As the pipeline does where stage 1 looks for no floor.
+    problem = replace(standing.problem, floor_normal=None) if full.scene.floor == "off" else standing.problem
+    settings = adjusted(full.joint, optimiser__steps=8, optimiser__refresh_steps=4)
     result = optimize(problem, settings)
     assert result.failures == ("",)
     assert torch.isfinite(result.vertices).all()
     wanted = {
-        "contact": settings.contact_weight,
-        "penetration": settings.penetration_weight,
-        "depth": settings.depth_weight,
-        "floor": settings.floor_weight * (settings.floor == "plane"),
+        "contact": settings.contact.weight,
+        "penetration": settings.penetration.weight,
+        "depth": settings.depth.weight if hasattr(settings, "depth") else 0.0,
+        "floor": settings.floor.weight if hasattr(settings, "floor") and full.scene.floor != "off" else 0.0,
     }
     assert {name for name in wanted if name in result.losses} == {name for name, weight in wanted.items() if weight}

@@ -9,11 +9,11 @@ import torch
 
 from physic_core.engine.joint.acceptance import accept, best_of, per_person, total_of, values_of
 from physic_core.engine.joint.optimiser import minimise
+from physic_core.engine.joint.settings import AdamSettings, LbfgsSettings
 from physic_core.engine.joint.state import State
-from physic_core.engine.presets import PRESETS
 
-LBFGS = replace(PRESETS["default"].joint, steps=40, refresh_steps=20, tolerance=0.0)
-ADAM = replace(LBFGS, optimiser="adam", learning_rate=0.5, steps=200, refresh_steps=50)
+LBFGS = LbfgsSettings(steps=40, refresh_steps=20, tolerance=0.0)
+ADAM = AdamSettings(learning_rate=0.5, steps=200, refresh_steps=50)
 STARTS = torch.tensor([[0.0, 0.0, 2.0], [1.0, 0.0, 3.0]]).double()
 GOALS = torch.tensor([[0.3, -0.2, 2.5], [0.8, 0.1, 3.4]]).double()
 

@@ -17,11 +17,12 @@ from physic_core.engine.presets import PRESETS
 from physic_core.geometry.neighbors import NearestScene
 from physic_core.geometry.visibility import vertex_normals
 
+from .adjusted import adjusted, with_conventions
+
 DEFAULT = PRESETS["default"].joint
 HERE = {
     "default": DEFAULT,
-    "raw": replace(DEFAULT, parameters="raw"),
-    "points": replace(PRESETS["prox"].joint, nearest_every_step=False),
+    "points": with_conventions(PRESETS["prox"].joint, nearest_every_step=False),
 }
 needs_cuda = pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device here")
 
@@ -94,7 +95,7 @@ def test_cuda_has_the_cpus_energy(two, name):
 @needs_cuda
 def test_cuda_ends_where_the_cpu_does(two):
     problem = replace(two.problem, transl0=two.problem.transl0 + torch.tensor([0.0, -0.05, 0.1]))
-    here, there = (optimize(as_double(problem, d), replace(DEFAULT, steps=30)) for d in ("cpu", "cuda"))
+    here, there = (optimize(as_double(problem, d), adjusted(DEFAULT, optimiser__steps=30)) for d in ("cpu", "cuda"))
     assert (there.vertices.cpu() - here.vertices).norm(dim=-1).amax() < 2e-3
     assert there.scene_scale == pytest.approx(here.scene_scale, abs=1e-3)
     assert torch.equal(there.occluded.cpu(), here.occluded)
@@ -103,7 +104,7 @@ def test_cuda_ends_where_the_cpu_does(two):
 @needs_cuda
 def test_cuda_repeats_itself_bit_for_bit(two):
     problem = replace(two.problem, model=two.problem.model.to("cuda")).as_model()
-    one, again = (optimize(problem, replace(DEFAULT, steps=20)) for _ in range(2))
+    one, again = (optimize(problem, adjusted(DEFAULT, optimiser__steps=20)) for _ in range(2))
     assert torch.equal(one.vertices, again.vertices)
 
 

@@ -14,11 +14,20 @@ from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.landmarks import SKELETONS
 from physic_core.engine.joint.context import representatives
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.limbs import keypoint_weights, limb_parts, observed_parts, seen_keypoints, stands
-from physic_core.engine.joint.point_clouds import HumanCloud
+from physic_core.engine.joint.limbs import (
+    keypoint_weights,
+    keypoints_of_observed_limbs,
+    limb_parts,
+    observed_parts,
+    stands,
+)
+from physic_core.engine.joint.terms.chamfer import HumanCloud
+from physic_core.engine.joint.terms.surface import SurfaceTerms
 from physic_core.engine.joint.visibility import around
 from physic_core.engine.presets import PRESETS
 from physic_core.geometry.visibility import inside_mask, vertex_areas
+
+from .adjusted import adjusted, with_conventions
 
 SETTINGS = PRESETS["default"].joint
 
@@ -54,7 +63,7 @@ def test_without_a_spacing_every_outer_vertex_stays(body):
 
 def test_thinning_changes_the_energy_little(standing):
     problem = replace(standing.problem, transl0=standing.problem.transl0 + torch.tensor([0.0, 0.04, 0.0]))
-    thin, full = (JointEnergy(problem, replace(SETTINGS, vertex_spacing_m=s))() for s in (0.02, 0.0))
+    thin, full = (JointEnergy(problem, adjusted(SETTINGS, visibility__vertex_spacing_m=s))() for s in (0.02, 0.0))
     for name in ("contact", "floor", "soles"):
         assert thin[name].item() == pytest.approx(full[name].item(), rel=0.05), name
 
@@ -77,7 +86,7 @@ def test_keypoints_go_with_their_limb(skeleton):
     observed = torch.ones(1, 55, dtype=torch.bool)
     observed[0, [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_wrist"]]] = False
     names = SKELETONS[skeleton]
-    seen = seen_keypoints(skeleton, observed, len(names))[0]
+    seen = keypoints_of_observed_limbs(skeleton, observed, len(names))[0]
     unseen = {name for name, s in zip(names, seen.tolist(), strict=True) if not s}
     assert {"left_ankle", "right_wrist"} <= unseen
     feet = {n for n in names if n.startswith("left_") and n.endswith(("toe", "heel", "foot_tip"))}
@@ -87,7 +96,7 @@ def test_keypoints_go_with_their_limb(skeleton):
 
 def test_a_joint_set_that_no_body_knows_counts_whole():
     assert keypoint_weights("custom", 7) == [1.0] * 7
-    assert seen_keypoints("custom", torch.zeros(2, 55, dtype=torch.bool), 7).all()
+    assert keypoints_of_observed_limbs("custom", torch.zeros(2, 55, dtype=torch.bool), 7).all()
 
 
 def test_keypoints_outside_the_image_count_nothing(standing):
@@ -97,7 +106,7 @@ def test_keypoints_outside_the_image_count_nothing(standing):
     confidence = standing.problem.keypoint_confidence.clone()
     confidence[0, 2] = 0.2
     energy = JointEnergy(replace(standing.problem, keypoints=keypoints, keypoint_confidence=confidence), SETTINGS)
-    weight = energy.fixed.keypoint_weight[0]
+    weight = energy.context.keypoints.weight[0]
     assert weight[:4].tolist() == pytest.approx([0, 0, 0.02, 1])
 
 
@@ -123,7 +132,7 @@ def test_who_leans_on_a_wall_is_not_balanced(make_stage, standing):
     def balanced(gap, **changes):
         wall = ([-2.0, -1.0, back + gap], [2.0, 1.3, back + gap + 0.1])
         problem = make_stage([({}, (0.0, 0.0, 3.5))], [wall]).problem
-        return JointEnergy(replace(problem, **changes), SETTINGS).touch.balanced.tolist()
+        return JointEnergy(replace(problem, **changes), SETTINGS).active["balance"].tolist()
 
     untouched = torch.zeros_like(standing.problem.contact_probability)
     assert balanced(0.0) == [0.0]
@@ -165,9 +174,10 @@ def test_a_person_without_points_has_no_chamfer(standing):
 
 def test_depth_is_read_where_the_photo_shows_the_person(standing):
     energy = JointEnergy(standing.problem, SETTINGS)
-    rows = energy.visible.depth_weight[0] > 0
-    vertices = standing.vertices[0, energy.fixed.ids[rows]]
-    seen = energy.visible.log_seen[0, rows].exp()
+    rows = energy.active["depth"][0] > 0
+    vertices = standing.vertices[0, energy.context.ids[rows]]
+    (surface,) = (term for term in energy.terms if isinstance(term, SurfaceTerms))
+    seen = surface.parts.depth.log_seen[0, rows].exp()
     print(f"{rows.sum()} vertices, median {1e3 * (vertices[:, 2] - seen).abs().median():.1f} mm")
     assert rows.sum() > 300
     assert (vertices[:, 2] - seen).abs().median() < 0.005
@@ -175,11 +185,11 @@ def test_depth_is_read_where_the_photo_shows_the_person(standing):
 
 def test_points_of_the_floor_are_left_to_the_plane(standing):
     energy = JointEnergy(standing.problem, SETTINGS)
-    height = standing.problem.floor_offset - energy.fixed.surface[:, 1]
-    assert height.amin() > SETTINGS.floor_band_m
-    without = JointEnergy(standing.problem, replace(SETTINGS, floor="off"))
-    assert len(without.fixed.surface) > len(energy.fixed.surface)
-    assert (without.touch.floor_weight == 0).all()
+    height = standing.problem.floor_offset - energy.context.surface[:, 1]
+    assert height.amin() > 0.05
+    without = JointEnergy(standing.problem, with_conventions(SETTINGS, floor="ignored"))
+    assert len(without.context.surface) > len(energy.context.surface)
+    assert (without.active["floor"] == 0).all()
     assert "floor" not in without()
 
 
@@ -187,8 +197,8 @@ def test_points_without_a_normal_are_no_surface(standing):
     normals = standing.problem.scene_normals.clone()
     normals[::2] = 0
     problem = replace(standing.problem, scene_normals=normals)
-    half = JointEnergy(problem, replace(SETTINGS, floor="off"))
-    assert len(half.fixed.surface) == pytest.approx(len(normals) / 2, abs=1)
+    half = JointEnergy(problem, with_conventions(SETTINGS, floor="ignored"))
+    assert len(half.context.surface) == pytest.approx(len(normals) / 2, abs=1)
 
 
 @given(seed=st.integers(0, 2**16), reach=st.floats(0, 30))

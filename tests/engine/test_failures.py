@@ -7,13 +7,16 @@ from dataclasses import replace
 import pytest
 import torch
 
+from physic_core.engine.joint import schedule
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.state import GROUPS
 from physic_core.engine.presets import PRESETS
 
+from .adjusted import adjusted
+
 # The scene's one scale is all that joins people who stand apart: held, each must end as alone.
-DEFAULT = replace(PRESETS["default"].joint, steps=30, refresh_steps=15, frozen=("scale",))
-PAPER = replace(PRESETS["paper"].joint, steps=12, refresh_steps=6, frozen=("scale",))
+DEFAULT = adjusted(PRESETS["default"].joint, optimiser__steps=30, optimiser__refresh_steps=15, frozen=("scale",))
+PAPER = adjusted(PRESETS["paper"].joint, optimiser__steps=12, optimiser__refresh_steps=6, frozen=("scale",))
 NAN, INF = float("nan"), float("inf")
 
 
@@ -24,7 +27,7 @@ def two(make_stage):
 
 @pytest.mark.parametrize("free", [(), ("scale",)])
 def test_held_people_stay_where_they_were_placed(two, free):
-    held = replace(DEFAULT, frozen=tuple(group for group in GROUPS if group not in free))
+    held = adjusted(DEFAULT, frozen=tuple(group for group in GROUPS if group not in free))
     result = optimize(two.problem, held)
     assert result.failures == ("", "")
     assert torch.equal(result.transl, two.problem.transl0)
@@ -93,8 +96,9 @@ def test_the_other_ends_as_alone(start, way, what):
 
 
 @pytest.mark.parametrize("what", ["empty mask", "keypoints = nan", "betas0 = nan"])
-def test_with_other_starts_too(two, what):
-    every = replace(DEFAULT, steps=10, refresh_steps=5, starts=3, start_doubt=0.0)
+def test_with_other_starts_too(two, what, monkeypatch):
+    monkeypatch.setattr(schedule, "RESTART_ERROR", 0.0)
+    every = adjusted(DEFAULT, optimiser__steps=10, optimiser__refresh_steps=5, restarts=3)
     result = optimize(broken(two.problem, what), every)
     alone = optimize(two.problem.pick(torch.tensor([1])), every)
     assert result.failures[1] == ""

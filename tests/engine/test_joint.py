@@ -12,13 +12,18 @@ import torch
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
+from physic_core.engine.joint.terms import reprojection
 from physic_core.engine.presets import PRESETS
+from physic_core.engine.presets.paper import PaperJoint
 from physic_core.errors import PhysicError
+
+from .adjusted import adjusted, with_conventions
 
 pytestmark = pytest.mark.kernels
 
 SETTINGS = PRESETS["default"].joint
-SHORT = replace(SETTINGS, steps=20)
+STATIC = adjusted(SETTINGS, contact__source="static")
+SHORT = adjusted(SETTINGS, optimiser__steps=20)
 ALONE = [({}, (0.0, 0.0, 3.5))]
 SITTING = {
     "left_hip": (-1.5, 0.0, 0.1),
@@ -74,7 +79,7 @@ def test_who_floats_or_sinks_ends_on_the_floor(standing, lift):
 
 def test_a_noisy_start_comes_close(standing):
     start = moved(standing.problem, by=(0.0, 0.0, 0.3), turn=0.05)
-    before = optimize(start, replace(SETTINGS, steps=0))
+    before = optimize(start, adjusted(SETTINGS, optimiser__steps=0))
     after = optimize(start, SETTINGS)
     print(f"{error_mm(before, standing).item():.0f} -> {error_mm(after, standing).item():.0f} mm")
     assert error_mm(before, standing) > 280
@@ -113,7 +118,7 @@ def test_legs_hidden_by_a_box_are_not_pushed_out_of_it(make_stage):
     """The box's front is all that the camera knows of it, and the legs are right behind."""
     stage = make_stage([({}, (0.0, 0.0, 3.2))], boxes=[((-0.6, 0.55, 2.9), (0.6, 1.3, 3.12))])
     aware = optimize(stage.problem, SHORT)
-    blind = optimize(stage.problem, replace(SHORT, occlusion_aware=False))
+    blind = optimize(stage.problem, adjusted(SHORT, visibility__occlusion_aware=False))
     print(f"aware {error_mm(aware, stage).item():.1f} mm, blind {error_mm(blind, stage).item():.1f} mm")
     legs = stage.vertices[0, :, 1] > 0.7
     assert aware.occluded[0][legs].float().mean() > 0.9
@@ -146,10 +151,10 @@ def test_who_stands_on_a_step_is_not_pulled_to_the_floor(make_stage):
 def test_what_is_hardly_higher_than_the_floor_is_no_step(make_stage, high, pulled):
     stage = make_stage(ALONE, boxes=[((-0.5, 1.3 - high, 3.1), (0.5, 1.3, 4.0))], stands_at=1.3 - high)
     energy = JointEnergy(stage.problem, SETTINGS)
-    assert energy.touch.sole_weight.tolist() == [[pulled, pulled]]
+    assert energy.active["soles"].tolist() == [[pulled, pulled]]
 
 
-def test_legs_that_the_photo_does_not_show_feel_no_floor(standing):
+def test_legs_that_the_photo_does_not_show_feel_no_floor(standing, monkeypatch):
     """A floor drawn through the shins, and a person who is cut at the hips: nothing there may pull or push."""
     model, problem = standing.problem.model, standing.problem
     observed = problem.observed.clone()
@@ -158,16 +163,16 @@ def test_legs_that_the_photo_does_not_show_feel_no_floor(standing):
     cut = replace(problem, observed=observed, floor_offset=0.9)
     energy = JointEnergy(cut, SETTINGS)
     legs = torch.tensor([name.endswith(("upper_leg", "lower_leg", "foot")) for name in model.part_names])
-    on_legs = legs[model.part_of_vertex[energy.fixed.ids]]
-    for weight in (energy.touch.contact_weight, energy.touch.floor_weight, energy.touch.penetration_weight):
+    on_legs = legs[model.part_of_vertex[energy.context.ids]]
+    for weight in (energy.active["contact"], energy.active["floor"], energy.active["penetration"]):
         assert (weight[0, on_legs] == 0).all()
-    assert (energy.touch.sole_weight == 0).all()
-    unguessed = replace(SETTINGS, unseen_keypoint_weight=0.0)
-    assert (JointEnergy(cut, unguessed).fixed.keypoint_weight[0, 25:] == 0).all()  # knees, ankles, heels, toes
-    for settings in (SETTINGS, unguessed):
-        result = optimize(cut, settings)
+    assert (energy.active["soles"] == 0).all()
+    for unseen_weight in (0.4, 0.0):
+        monkeypatch.setattr(reprojection, "_UNSEEN_WEIGHT", unseen_weight)
+        result = optimize(cut, SETTINGS)
         assert error_mm(result, standing) < 10
         assert "lowest_sole_m" not in result.diagnostics[0]
+    assert (JointEnergy(cut, SETTINGS).context.keypoints.weight[0, 25:] == 0).all()  # knees, ankles, heels, toes
 
 
 def test_unseen_feet_a_little_under_the_floor_are_pushed_out_and_leave_the_scene_its_scale(standing):
@@ -179,9 +184,9 @@ def test_unseen_feet_a_little_under_the_floor_are_pushed_out_and_leave_the_scene
     shown = replace(problem, floor_offset=problem.floor_offset - 0.1)
     sunk = JointEnergy(replace(shown, observed=observed), SETTINGS)
     legs = torch.tensor([name.endswith(("upper_leg", "lower_leg", "foot")) for name in model.part_names])
-    on_legs = legs[model.part_of_vertex[sunk.fixed.ids]]
-    share = SETTINGS.floor_unseen_share * JointEnergy(shown, SETTINGS).touch.floor_weight
-    torch.testing.assert_close(sunk.touch.floor_weight[0, on_legs], share[0, on_legs])
+    on_legs = legs[model.part_of_vertex[sunk.context.ids]]
+    share = 0.3 * JointEnergy(shown, SETTINGS).active["floor"]
+    torch.testing.assert_close(sunk.active["floor"][0, on_legs], share[0, on_legs])
     floor = sunk()["floor"]
     assert floor.item() > 0
     (slope,) = torch.autograd.grad(floor.sum(), [sunk.state.values["scale"]], allow_unused=True)
@@ -193,7 +198,7 @@ def test_depth_that_disagrees_with_the_floor_goes_into_the_offset(standing):
     result = optimize(problem, SETTINGS)
     assert result.diagnostics[0]["depth_offset"] == pytest.approx(-math.log(1.15), abs=0.04)
     assert error_mm(result, standing) < 60
-    tied = optimize(problem, replace(SHORT, depth_offset_sigma=0.0))
+    tied = optimize(problem, adjusted(SHORT, depth__offset_sigma=0.0))
     assert error_mm(tied, standing) > 2 * error_mm(result, standing)
 
 
@@ -210,7 +215,7 @@ def test_the_people_are_a_ruler_for_the_scene(standing):
     print(f"scale {result.scene_scale:.3f}, wanted {1 / 1.12:.3f}")
     assert result.scene_scale == pytest.approx(1 / 1.12, abs=0.05)
     assert abs(result.diagnostics[0]["lowest_sole_m"]) < 0.005
-    fixed = optimize(large, replace(SHORT, frozen=("scale",)))
+    fixed = optimize(large, adjusted(SHORT, frozen=("scale",)))
     assert fixed.scene_scale == 1.0
 
 
@@ -237,18 +242,10 @@ def test_the_energy_does_not_depend_on_the_resolution(standing):
         assert fine_terms[name].item() == pytest.approx(value.item(), rel=0.03, abs=0.02), name
 
 
-EVERYTHING = replace(
-    SETTINGS,
-    contact_source="static",
-    contact_mean=True,
-    contact_angle_deg=60.0,
-)
-
-
 @pytest.mark.parametrize(
     "settings",
-    [*(PRESETS[name].joint for name in ("default", "paper", "release", "prox")), EVERYTHING],
-    ids=["default", "paper", "release", "prox", "everything"],
+    [*(PRESETS[name].joint for name in ("default", "paper", "release", "prox")), STATIC],
+    ids=["default", "paper", "release", "prox", "static"],
 )
 def test_gradient_of_the_whole_energy(make_stage, settings):
     """Along random directions, against differences, in float64, with people, box, floor and depth all in play."""
@@ -261,10 +258,10 @@ def test_gradient_of_the_whole_energy(make_stage, settings):
     }
     problem = replace(problem, model=problem.model.to(dtype=torch.float64), **double)
     # Nearest points and signs may switch between two evaluations: hold them, as a line search does.
-    energy = JointEnergy(problem, replace(settings, nearest_every_step=False))
+    energy = JointEnergy(problem, with_conventions(settings, nearest_every_step=False))
     here = energy.state.pack()
     generator = torch.Generator().manual_seed(0)
-    size = 0.05 if settings.parameters == "whitened" else 1e-3
+    size = 0.05 if energy.state.whitened else 1e-3
     energy.state.load(here + size * torch.randn(len(here), generator=generator, dtype=torch.float64))
     here = energy.state.pack()
     terms = energy()
@@ -277,7 +274,7 @@ def test_gradient_of_the_whole_energy(make_stage, settings):
         slopes[name] = torch.cat(
             [(torch.zeros_like(p) if g is None else g).reshape(-1) for g, p in zip(gradients, parameters, strict=True)]
         )
-    if settings.depth_weight and settings.depth_form == "chamfer":
+    if isinstance(settings, PaperJoint):
         del slopes["depth"]  # its nearest neighbours are found at every evaluation
     way = torch.nn.functional.normalize(torch.randn(len(here), generator=generator, dtype=torch.float64), dim=0)
     ends = []
@@ -344,12 +341,12 @@ def test_losses_are_told_at_start_and_end(standing):
     }
     start, end = (sum(pair[k] for pair in result.losses.values()) for k in (0, 1))
     assert end < 0.05 * start
-    assert 0 < result.evaluations <= 2 * SETTINGS.steps + 8
+    assert 0 < result.evaluations <= 2 * SETTINGS.optimiser.steps + 8
 
 
 def test_the_same_problem_gives_the_same_answer_bit_for_bit(standing):
     start = moved(standing.problem, by=(0.0, 0.0, 0.1), turn=0.05)
-    first, second = (optimize(start, replace(SETTINGS, steps=20)) for _ in range(2))
+    first, second = (optimize(start, adjusted(SETTINGS, optimiser__steps=20)) for _ in range(2))
     assert torch.equal(first.vertices, second.vertices)
     assert first.scene_scale == second.scene_scale
 
@@ -360,13 +357,13 @@ def test_nearest_strategies_agree(make_stage, nearest):
     seat = seat_of(make_stage(people))
     stage = make_stage(people, boxes=[((-0.4, seat, 2.7), (0.4, 1.3, 3.3))])
     want = JointEnergy(stage.problem, SETTINGS)()
-    got = JointEnergy(stage.problem, replace(SETTINGS, nearest=nearest))()
+    got = JointEnergy(stage.problem, with_conventions(SETTINGS, nearest=nearest))()
     tolerance = 0.1 if nearest == "grid" else 1e-4
     assert got["contact"].item() == pytest.approx(want["contact"].item(), rel=tolerance)
 
 
 def test_the_papers_energy_goes_down(standing):
-    paper = replace(PRESETS["paper"].joint, steps=70)
+    paper = adjusted(PRESETS["paper"].joint, optimiser__steps=70)
     result = optimize(moved(standing.problem, by=(0.0, -0.08, 0.1)), paper)
     start, end = (sum(pair[k] for pair in result.losses.values()) for k in (0, 1))
     assert set(result.losses) == {"reprojection", "depth", "contact", "penetration", "regularisation", "scale"}
@@ -376,7 +373,7 @@ def test_the_papers_energy_goes_down(standing):
 
 def test_progress_reaches_one(standing):
     told: list[float] = []
-    optimize(standing.problem, replace(SETTINGS, steps=10, refresh_steps=5), told.append)
+    optimize(standing.problem, adjusted(SETTINGS, optimiser__steps=10, optimiser__refresh_steps=5), told.append)
     assert told == sorted(told)
     assert told[-1] == 1.0
 
@@ -391,7 +388,7 @@ def test_numbers_of_another_float_type_are_taken_as_the_models(standing):
         human_depth=problem.human_depth.double(),
         observed=problem.observed,
     )
-    few = replace(SETTINGS, steps=3)
+    few = adjusted(SETTINGS, optimiser__steps=3)
     assert torch.equal(optimize(double, few).vertices, optimize(problem, few).vertices)
 
 
@@ -404,35 +401,35 @@ def test_shapes_that_do_not_fit_are_all_named(standing):
 
 
 @pytest.mark.parametrize(
-    ("form", "message"),
+    ("preset", "message"),
     [
         (
-            "pixels",
-            "the depth term compares pixels, but there is no human_depth: give it, or set depth_form = 'chamfer' with"
-            " human_points, or depth_weight = 0",
+            "default",
+            "the depth term compares pixels, but there is no human_depth: give it, or set"
+            " engine.joint.depth.weight = 0",
         ),
         (
-            "chamfer",
+            "paper",
             "the depth term compares point clouds, but there are neither human_points nor human_depth: give one, or"
-            " set depth_weight = 0",
+            " set engine.joint.depth.weight = 0",
         ),
     ],
 )
-def test_depth_without_its_data_is_refused(standing, form, message):
-    problem = replace(standing.problem, human_depth=None)
+def test_depth_without_its_data_is_refused(standing, preset, message):
+    problem, joint = replace(standing.problem, human_depth=None), PRESETS[preset].joint
     with pytest.raises(PhysicError) as caught:
-        optimize(problem, replace(SETTINGS, depth_form=form))
+        optimize(problem, joint)
     assert str(caught.value) == message
-    optimize(problem, replace(SETTINGS, depth_form=form, depth_weight=0.0, steps=2))
+    optimize(problem, adjusted(joint.without("depth"), optimiser__steps=2))
 
 
 def test_who_is_elsewhere_is_not_pulled_to_the_floor_from_afar(two):
     problem = moved(two.problem, by=(0.0, -0.15, 0.0))
     everybody = JointEnergy(problem, SETTINGS)
     one = JointEnergy(replace(problem, grounded=torch.tensor([False, True])), SETTINGS)
-    assert everybody.touch.lower_sole_weight.tolist() == [1, 1]
-    assert one.touch.lower_sole_weight.tolist() == [0, 1]
-    assert torch.equal(one.touch.sole_weight, everybody.touch.sole_weight)
+    assert everybody.active["lower_sole"].tolist() == [1, 1]
+    assert one.active["lower_sole"].tolist() == [0, 1]
+    assert torch.equal(one.active["soles"], everybody.active["soles"])
     told, of_all = one()["soles"].tolist(), everybody()["soles"].tolist()
     assert told[0] < of_all[0] - 1
     assert told[1] == of_all[1]
@@ -443,9 +440,9 @@ def test_who_is_elsewhere_has_the_depth_offset_of_those_without_a_floor(two):
     state = JointEnergy(replace(two.problem, grounded=grounded), SETTINGS).state
     with torch.no_grad():
         state.values["offset"].fill_(1.0)
-    sigmas = [SETTINGS.depth_offset_alone_sigma, SETTINGS.depth_offset_sigma]
+    sigmas = [SETTINGS.depth.offset_alone_sigma, SETTINGS.depth.offset_sigma]
     assert state.unpack().offset.tolist() == pytest.approx(sigmas)
-    tied = replace(SETTINGS, depth_offset_alone_sigma=0.0, steps=10)
+    tied = adjusted(SETTINGS, depth__offset_alone_sigma=0.0, optimiser__steps=10)
     farther = replace(two.problem, human_depth=1.15 * two.problem.human_depth)
     result = optimize(replace(farther, grounded=grounded), tied)
     assert result.diagnostics[0]["depth_offset"] == 0.0
@@ -461,7 +458,7 @@ def test_who_is_picked_stays_where_they_stand(two):
     assert two.problem.pick(torch.tensor([1])).grounded is None
     rotations = two.problem.rotations0.clone()
     rotations[0, 3] = torch.nan
-    result = optimize(replace(told, rotations0=rotations), replace(SETTINGS, steps=2))
+    result = optimize(replace(told, rotations0=rotations), adjusted(SETTINGS, optimiser__steps=2))
     assert result.failures[1] == ""
     with pytest.raises(PhysicError) as caught:
         optimize(replace(told, grounded=grounded[:1]), SETTINGS)

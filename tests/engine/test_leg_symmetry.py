@@ -7,7 +7,7 @@ import roma
 import torch
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.joint.leg_symmetry import leg_asymmetry
+from physic_core.engine.joint.terms.leg_symmetry import leg_asymmetry
 
 
 def test_mirrored_legs_are_alike_and_others_cost_the_square_of_their_angle():

@@ -9,11 +9,11 @@ import torch
 
 from physic_core.engine.joint.acceptance import total_of
 from physic_core.engine.joint.optimiser import _Curvature, minimise
+from physic_core.engine.joint.settings import AdamSettings, LbfgsSettings
 from physic_core.engine.joint.state import State
-from physic_core.engine.presets import PRESETS
 
-LBFGS = PRESETS["default"].joint
-ADAM = replace(LBFGS, optimiser="adam", learning_rate=0.1, steps=100, refresh_steps=30, tolerance=0.0)
+LBFGS = LbfgsSettings()
+ADAM = AdamSettings(learning_rate=0.1, steps=100, refresh_steps=30)
 
 
 class Bowl:

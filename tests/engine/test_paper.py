@@ -15,8 +15,10 @@ from physic_core.engine.presets import PRESETS
 from physic_core.geometry.camera import project
 from physic_testing.worlds import build_world
 
+from .adjusted import adjusted
+
 PAPER = PRESETS["paper"].joint
-SHORT = replace(PAPER, steps=20, refresh_steps=10, learning_rate=2e-3)
+SHORT = adjusted(PAPER, optimiser__steps=20, optimiser__refresh_steps=10, optimiser__learning_rate=2e-3)
 
 
 def floor_grid(problem):
@@ -73,7 +75,7 @@ def test_stage_three_moves_in_a_world(name):
 
 def test_one_person_who_diverges_takes_nothing_from_the_other(start):
     """Pulled at by keypoints a million pixels away, the first person ends anywhere, and the second as alone."""
-    settings = replace(SHORT, frozen=("scale",))
+    settings = adjusted(SHORT, frozen=("scale",))
     keypoints = start.keypoints.clone()
     keypoints[0, ::2] = 1e6 * start.K[0, 2]
     alone = optimize(start.pick(torch.tensor([1])), settings)
@@ -90,15 +92,15 @@ def test_reprojection_is_the_sum_over_keypoints(start):
         height, width = start.masks.shape[-2:]
         inside = ((start.keypoints >= 0) & (start.keypoints < torch.tensor([width, height]))).all(-1)
         off = ((seen - start.keypoints) / torch.tensor([width, height])).square().sum(-1)
-        want = 10_000 * (inside * energy.fixed.keypoint_weight * off).sum(-1)
+        want = 10_000 * (inside * energy.context.keypoints.weight * off).sum(-1)
         torch.testing.assert_close(energy()["reprojection"], want, rtol=1e-4, atol=1e-4)
 
 
 def test_visible_vertices_are_regularised_and_hidden_ones_more(make_stage):
     stage = make_stage([({}, (0.0, 0.0, 3.2))], boxes=[((-0.6, 0.55, 2.9), (0.6, 1.3, 3.12))])
     energy = JointEnergy(floor_grid(stage.problem), PAPER)
-    weight = energy._mesh_weight()
-    hidden = energy.visible.hidden | ~energy.visible.in_play
+    weight = energy.active["regularisation"]
+    hidden = energy.visibility.hidden | ~energy.visibility.in_play
     assert 0.2 < hidden.float().mean() < 0.95
     assert weight[~hidden].unique().tolist() == [1.0]
     assert weight[hidden].unique().tolist() == [12.0]
@@ -114,21 +116,21 @@ def test_the_root_turns_for_nothing(start):
 
 def test_camera_facing_vertices_are_picked_once_and_hidden_ones_again(start):
     energy = JointEnergy(start, PAPER)
-    facing, hidden = energy.visible.facing, energy.visible.hidden
+    facing, hidden = energy.visibility.facing, energy.visibility.hidden
     with torch.no_grad():
         energy.state.values["translation"][:, 0] += 0.3
     energy.refresh()
-    assert torch.equal(energy.visible.facing, facing)
-    assert not torch.equal(energy.visible.hidden, hidden)
+    assert torch.equal(energy.visibility.facing, facing)
+    assert not torch.equal(energy.visibility.hidden, hidden)
 
 
 def test_contact_outside_the_picture_counts(make_stage):
     """So near that the picture cuts the feet off, which stand on the samples of the floor."""
     stage = make_stage([({}, (0.0, 0.0, 1.8))])
     energy = JointEnergy(floor_grid(stage.problem), PAPER)
-    soles = torch.cat(energy.fixed.soles)
-    assert not energy.visible.in_play[0, soles].any()
-    assert (energy.touch.contact_weight[0, soles] > 0).float().mean() > 0.9
+    soles = torch.cat(energy.context.soles)
+    assert not energy.visibility.in_play[0, soles].any()
+    assert (energy.active["contact"][0, soles] > 0).float().mean() > 0.9
 
 
 def test_penetration_looks_as_far_as_a_metre(make_stage):
@@ -140,7 +142,8 @@ def test_penetration_looks_as_far_as_a_metre(make_stage):
     problem = replace(floor_grid(stage.problem), scene_points=wall, scene_normals=normals, floor_normal=None)
     with torch.no_grad():
         far, near = (
-            JointEnergy(problem, replace(PAPER, penetration_reach_m=reach))()["penetration"] for reach in (1.0, 0.15)
+            JointEnergy(problem, adjusted(PAPER, penetration__max_depth_m=reach))()["penetration"]
+            for reach in (1.0, 0.15)
         )
     assert far > 10
     assert near == 0

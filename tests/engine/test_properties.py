@@ -12,7 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.joint import terms
+from physic_core.engine.joint.distances import plane_height, root_relative, signed_distance
+from physic_core.engine.joint.terms.contact import contact_energy
+from physic_core.engine.joint.terms.depth import depth_energy
+from physic_core.engine.joint.terms.limits import limit_energy
+from physic_core.engine.joint.terms.penetration import penetration_energy
+from physic_core.engine.joint.terms.reprojection import reprojection_energy
+from physic_core.engine.joint.terms.soles import sole_energy
 from physic_core.geometry.robust import cauchy, geman_mcclure, pseudo_huber
 
 RHO = partial(cauchy, c=2.0)
@@ -30,8 +36,8 @@ def draw(seed, *shape, low=-1.0, high=1.0):
 def test_depth_does_not_know_how_large_the_world_is(seed, k):
     z, seen, weight = draw(seed, 2, 7, low=1, high=6), draw(seed + 1, 2, 7), draw(seed + 2, 2, 7, low=0)
     scale, offset = draw(seed + 3), draw(seed + 4, 2)
-    here = terms.depth_at_pixels(z, seen, weight, scale, offset, 0.03, RHO)
-    there = terms.depth_at_pixels(k * z, seen, weight, scale + math.log(k), offset, 0.03, RHO)
+    here = depth_energy(z, seen, weight, scale, offset, 0.03, RHO)
+    there = depth_energy(k * z, seen, weight, scale + math.log(k), offset, 0.03, RHO)
     torch.testing.assert_close(here, there)
 
 
@@ -40,9 +46,9 @@ def test_depth_does_not_know_how_large_the_world_is(seed, k):
 def test_nothing_outside_penetrates_and_deeper_costs_more(seed, slack):
     signed, weight = draw(seed, 3, 8, low=-0.2, high=0.2), draw(seed + 1, 3, 8, low=0)
     rho = partial(pseudo_huber, c=2.0)
-    assert terms.penetration(signed.abs(), weight, slack, 0.02, rho).eq(0).all()
-    shallow = terms.penetration(signed, weight, slack, 0.02, rho)
-    deep = terms.penetration(signed - 0.01, weight, slack, 0.02, rho)
+    assert penetration_energy(signed.abs(), weight, slack, 0.02, rho).eq(0).all()
+    shallow = penetration_energy(signed, weight, slack, 0.02, rho)
+    deep = penetration_energy(signed - 0.01, weight, slack, 0.02, rho)
     assert (deep >= shallow).all()
 
 
@@ -51,7 +57,7 @@ def test_nothing_outside_penetrates_and_deeper_costs_more(seed, slack):
 def test_contact_is_the_same_on_either_side_and_bounded_where_it_lets_go(seed):
     distance, weight = draw(seed, 2, 9), draw(seed + 1, 2, 9, low=0)
     rho = partial(geman_mcclure, c=3.0)
-    one, other = (terms.contact((d / 0.02).square(), weight, rho) for d in (distance, -distance))
+    one, other = (contact_energy((d / 0.02).square(), weight, rho) for d in (distance, -distance))
     assert torch.equal(one, other)
     assert (one <= 9.0 * weight.sum(-1) + 1e-9).all()
 
@@ -62,9 +68,9 @@ def test_height_and_signed_distance_agree_on_a_plane(seed, offset):
     normal = torch.nn.functional.normalize(draw(seed, 3), dim=0)
     vertices = draw(seed + 1, 2, 6, 3)
     on_plane = draw(seed + 2, 2, 6, 3)
-    on_plane = on_plane - (terms.plane_height(on_plane, normal, torch.tensor(offset)))[..., None] * normal
-    height = terms.plane_height(vertices, normal, torch.tensor(offset))
-    torch.testing.assert_close(terms.signed_distance(vertices, on_plane, normal.expand_as(vertices)), height)
+    on_plane = on_plane - (plane_height(on_plane, normal, torch.tensor(offset)))[..., None] * normal
+    height = plane_height(vertices, normal, torch.tensor(offset))
+    torch.testing.assert_close(signed_distance(vertices, on_plane, normal.expand_as(vertices)), height)
 
 
 @few
@@ -73,8 +79,8 @@ def test_regularisation_does_not_see_where_a_body_is_and_how_it_is_turned(seed):
     vertices, pelvis = draw(seed, 2, 6, 3), draw(seed + 1, 2, 3)
     root = roma.rotvec_to_rotmat(3 * draw(seed + 2, 2, 3))
     turn, move = roma.rotvec_to_rotmat(3 * draw(seed + 3, 3)), draw(seed + 4, 3)
-    here = terms.root_relative(vertices, pelvis, root)
-    there = terms.root_relative(vertices @ turn.T + move, pelvis @ turn.T + move, turn @ root)
+    here = root_relative(vertices, pelvis, root)
+    there = root_relative(vertices @ turn.T + move, pelvis @ turn.T + move, turn @ root)
     torch.testing.assert_close(here, there)
 
 
@@ -83,7 +89,7 @@ def test_regularisation_does_not_see_where_a_body_is_and_how_it_is_turned(seed):
 def test_reprojection_is_zero_only_where_it_hits_and_never_negative(seed, per_axis):
     observed, weight = draw(seed, 2, 5, 2, low=0, high=300), draw(seed + 1, 2, 5, low=0.1)
     unit = draw(seed + 2, 2, 1, low=1, high=9)
-    call = partial(terms.reprojection, weight=weight, unit=unit, rho=RHO, per_axis=per_axis)
+    call = partial(reprojection_energy, weight=weight, unit=unit, rho=RHO, per_axis=per_axis)
     assert call(observed, observed).eq(0).all()
     assert call(observed + draw(seed + 3, 2, 5, 2), observed).gt(0).all()
 
@@ -93,7 +99,7 @@ def test_reprojection_is_zero_only_where_it_hits_and_never_negative(seed, per_ax
 def test_only_the_lower_foot_is_pulled_from_afar(seed, left, right):
     lowest = torch.tensor([[left, right]], dtype=torch.float64, requires_grad=True)
     far = partial(cauchy, c=0.1)
-    value = terms.soles(lowest, 1e-9 * torch.ones(1, 2).double(), torch.ones(1).double(), far, far)
+    value = sole_energy(lowest, 1e-9 * torch.ones(1, 2).double(), torch.ones(1).double(), far, far)
     value.sum().backward()
     lower = 0 if left <= right else 1
     if abs(left - right) > 1e-6 and abs(min(left, right)) > 1e-3:
@@ -109,6 +115,6 @@ def test_hinges_are_free_within_their_range_alone(seed, bend):
         turns[0, JOINT_INDEX[name], axis] = sign * bend
     if bend > math.pi:  # beyond half a turn a joint counts as bent the other way: it is out of range in any case
         return
-    cost = terms.joint_limits(roma.rotvec_to_rotmat(turns)).item()
+    cost = limit_energy(roma.rotvec_to_rotmat(turns)).item()
     beyond = max(0.0, -bend, bend - 2.7)
     assert cost == pytest.approx(4 * (12 * beyond) ** 2, abs=1e-6)

@@ -18,8 +18,8 @@ from physic_core.body.landmarks import DETECTED, SKELETONS
 from physic_core.engine.contact import contact_map, contact_surface
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.limbs import limb_parts
-from physic_core.engine.joint.released_reprojection import released_keypoint_weights
-from physic_core.engine.joint.released_visibility import mean_face_normals, visible_part_shares
+from physic_core.engine.joint.released.reprojection import released_keypoint_weights
+from physic_core.engine.joint.released.visibility import mean_face_normals, visible_part_shares
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.placement.human_points import human_points
 from physic_core.engine.placement.place import PersonEvidence, PosedBodies, place
@@ -62,13 +62,13 @@ def at(published: Published, state: str) -> JointEnergy:
         for group, value in published.raw(state).items():
             energy.state.values[group].copy_(value)
     if state in ("s1_start", "s1_end"):  # nobody has looked yet
-        everywhere = torch.ones_like(energy.visible.in_mask)
-        energy.visible = replace(energy.visible, in_mask=everywhere, facing=everywhere, hidden=~everywhere)
+        everywhere = torch.ones_like(energy.visibility.in_mask)
+        energy.visibility = replace(energy.visibility, in_mask=everywhere, facing=everywhere, hidden=~everywhere)
     else:
         # Limbs are looked at anew after 30 steps, when all of them are seen.
         again = state in ("s3_it31", "s3_it50", "s3_end", "probe")
         limbs = published.bits(f"one/out/{'probe' if again else 's3_start'}/vertex_self_occluded")
-        energy.visible = replace(energy.visible, hidden=~energy.visible.in_mask | limbs)
+        energy.visibility = replace(energy.visibility, hidden=~energy.visibility.in_mask | limbs)
     return energy
 
 
@@ -119,8 +119,8 @@ def test_every_gradient_is_the_published_one(published: Published, state: str) -
 def test_what_is_seen_is_looked_at_once_where_the_keypoints_put_the_body(published: Published) -> None:
     energy = JointEnergy(published.problem(), RELEASE.joint)
     for _ in range(2):
-        assert torch.equal(energy.visible.in_mask, published.bits("one/out/s3_start/vertex_in_mask"))
-        assert torch.equal(energy.visible.facing, published.bits("one/out/s3_start/vertex_camera_facing"))
+        assert torch.equal(energy.visibility.in_mask, published.bits("one/out/s3_start/vertex_in_mask"))
+        assert torch.equal(energy.visibility.facing, published.bits("one/out/s3_start/vertex_camera_facing"))
         with torch.no_grad():
             energy.state.values["translation"] += 0.2
         energy.refresh()
@@ -142,8 +142,8 @@ def test_limbs_are_seen_by_the_published_share(published: Published, state: str)
 
 def test_keypoints_weigh_as_published(published: Published) -> None:
     columns = JOINT_SETS[SKELETON]
-    fixed = JointEnergy(published.problem(), RELEASE.joint).fixed
-    assert torch.equal(fixed.keypoint_weight, published["one/out/pre/keypoint_weight"][:, columns])
+    context = JointEnergy(published.problem(), RELEASE.joint).context
+    assert torch.equal(context.keypoints.weight, published["one/out/pre/keypoint_weight"][:, columns])
 
 
 def test_each_keypoint_pulls_alike_in_every_joint_set(published: Published) -> None:
@@ -159,13 +159,13 @@ def test_each_keypoint_pulls_alike_in_every_joint_set(published: Published) -> N
     problem = published.problem()
     points = torch.full((1, 33, 2), 300.0)
     given = replace(problem, keypoints=points, keypoint_confidence=torch.ones(1, 33), skeleton="blazepose33")
-    fixed = JointEnergy(given, RELEASE.joint).fixed
-    assert fixed.keypoint_weight[0, SKELETONS["blazepose33"].index("left_knee")] == 10
+    context = JointEnergy(given, RELEASE.joint).context
+    assert context.keypoints.weight[0, SKELETONS["blazepose33"].index("left_knee")] == 10
 
 
 def test_nearest_points_are_those_of_the_published_grid(published: Published) -> None:
     points = torch.cat([published.scene[0], published.floor])
-    scene = NearestScene(points, torch.zeros_like(points), 10.0, RELEASE.joint.nearest)
+    scene = NearestScene(points, torch.zeros_like(points), 10.0, RELEASE.joint.conventions.nearest)
     query = published["one/in/knn/query"]
     found = scene.query(query)
     same = found.index == published["one/out/knn/s1.0/idx"].long()

@@ -11,14 +11,16 @@ import torch
 from physic_core.body.landmarks import DETECTED, SKELETONS
 from physic_core.engine.contact import contact_map, contact_surface
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.released_reprojection import released_keypoint_weights, released_reprojection
-from physic_core.engine.joint.released_visibility import faces_optical_axis, mean_face_normals, visible_part_shares
+from physic_core.engine.joint.released.reprojection import released_keypoint_weights, released_reprojection
+from physic_core.engine.joint.released.visibility import faces_optical_axis, mean_face_normals, visible_part_shares
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.presets import PRESETS
 from physic_core.engine.scene.cleaning import outlier_mask
 from physic_core.geometry.camera import project
 from physic_core.geometry.neighbors import NearestScene
 from physic_core.geometry.released_pointmap import floor_lattice, four_neighbour_normals, normal_outliers
+
+from .adjusted import adjusted
 
 RELEASE, PAPER = PRESETS["release"], PRESETS["paper"]
 
@@ -116,7 +118,7 @@ def test_two_people_share_the_mean_and_keep_their_own_points(pair) -> None:
         alone = JointEnergy(released(moved).pick(torch.tensor([i])), RELEASE.joint)()
         assert float(energies["reprojection"][i].detach()) == pytest.approx(float(alone["reprojection"].detach()) / 2)
         assert float(energies["contact"][i].detach()) == pytest.approx(float(alone["contact"].detach()), rel=1e-4)
-    result = optimize(released(moved), replace(RELEASE.joint, steps=40))
+    result = optimize(released(moved), adjusted(RELEASE.joint, optimiser__steps=40))
     assert result.failures == ("", "")
     off = [(v - pair.vertices).norm(dim=-1).mean(1) for v in (started(moved), result.vertices)]
     assert (off[1] < off[0]).all()
@@ -142,9 +144,9 @@ def test_the_robust_loss_takes_each_axis_by_itself(standing) -> None:
     problem = released(standing.problem, transl0=standing.problem.transl0 - torch.tensor([0.0, 0.05, 0.0]))
     energy = JointEnergy(problem, RELEASE.joint)
     value = float(energy()["contact"].detach())
-    vertices = problem.model(problem.rotations0, problem.betas0, problem.transl0).vertices[:, energy.fixed.ids]
-    way = (vertices - energy.scene.points[energy.touch.near]).double()
-    active = energy.touch.contact_weight > 0
+    vertices = problem.model(problem.rotations0, problem.betas0, problem.transl0).vertices[:, energy.context.ids]
+    way = (vertices - energy.contacts.points).double()
+    active = energy.active["contact"] > 0
     assert active.any()
     by_hand = (torch.sqrt(way[active].square() + 1) - 1).sum()
     assert value == pytest.approx(0.7 * float(by_hand), rel=1e-5)
@@ -155,7 +157,7 @@ def test_the_robust_loss_takes_each_axis_by_itself(standing) -> None:
 def test_the_mesh_is_held_without_its_root_and_with_its_pelvis(standing) -> None:
     problem = released(standing.problem)
     energy = JointEnergy(problem, RELEASE.joint)
-    weight = energy._mesh_weight()
+    weight = energy.active["regularisation"]
     assert set(weight.unique().tolist()) == {0.0, 12.0}
     before = float(energy()["regularisation"].detach())
     with torch.no_grad():
@@ -167,7 +169,7 @@ def test_the_mesh_is_held_without_its_root_and_with_its_pelvis(standing) -> None
     betas[0, 0] += 1.0
     zero = torch.zeros_like(problem.transl0)
     moved = (model(rotations, betas, zero).vertices - model(rotations, problem.betas0, zero).vertices)[
-        :, energy.fixed.ids
+        :, energy.context.ids
     ]
     assert before == 0
     assert after == pytest.approx(45 * float((weight * moved.square().sum(-1)).sum()), rel=1e-4)
@@ -183,13 +185,15 @@ def test_translation_is_held_to_the_body_estimators(standing) -> None:
 
 def test_masks_and_facing_are_looked_at_once_where_the_keypoints_put_the_body(standing) -> None:
     problem = released(standing.problem)
-    there = JointEnergy(problem, RELEASE.joint).visible
+    there = JointEnergy(problem, RELEASE.joint).visibility
     beside = problem.transl0 + torch.tensor([0.4, 0.0, 0.0])
     energy = JointEnergy(replace(problem, transl0=beside, keypoint_transl=problem.transl0), RELEASE.joint)
-    assert not torch.equal(JointEnergy(replace(problem, transl0=beside), RELEASE.joint).visible.in_mask, there.in_mask)
+    assert not torch.equal(
+        JointEnergy(replace(problem, transl0=beside), RELEASE.joint).visibility.in_mask, there.in_mask
+    )
     for _ in range(2):
-        assert torch.equal(energy.visible.in_mask, there.in_mask)
-        assert torch.equal(energy.visible.facing, there.facing)
+        assert torch.equal(energy.visibility.in_mask, there.in_mask)
+        assert torch.equal(energy.visibility.facing, there.facing)
         energy.refresh()
 
 

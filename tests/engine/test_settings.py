@@ -3,23 +3,44 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import FrozenInstanceError, fields, is_dataclass
 
 import pytest
 
-from physic_core.engine import settings as module
 from physic_core.engine.presets import PRESETS
-from physic_core.engine.settings import EngineSettings, PlacementSettings, SceneSettings
+from physic_core.engine.presets.default import DefaultJoint
+from physic_core.engine.settings import EngineSettings
 
 
 def test_presets_hold_ours_and_the_papers() -> None:
-    assert PRESETS["default"] == EngineSettings()
+    assert PRESETS["default"] == EngineSettings(joint=DefaultJoint())
     paper = PRESETS["paper"]
     assert (paper.placement.reprojection_weight, paper.placement.chamfer_weight) == (5000.0, 0.6)
     assert (paper.placement.method, paper.scene.floor, paper.scene.align_residual) == ("paper", "metric", "metric")
 
 
-@pytest.mark.parametrize("settings", [SceneSettings, PlacementSettings, module.JointSettings, module.ContactSettings])
+def settings_of(presets: Iterable[object]) -> list[type]:
+    """The classes of all settings, those inside others too."""
+    found: dict[type, None] = {}
+    for one in presets:
+        inner = [getattr(one, f.name) for f in fields(one)]  # type: ignore[arg-type]
+        found |= dict.fromkeys([type(one), *settings_of([value for value in inner if is_dataclass(value)])])
+    found.pop(EngineSettings, None)
+    return list(found)
+
+
+def test_no_class_has_more_than_sixteen_settings_and_stage_three_at_most_sixty() -> None:
+    def count(settings: object) -> int:
+        values = [getattr(settings, f.name) for f in fields(settings)]  # type: ignore[arg-type]
+        return sum(count(value) if is_dataclass(value) else 1 for value in values)
+
+    assert count(PRESETS["default"].joint) <= 60
+    for kind in settings_of([preset.joint for preset in PRESETS.values()]):
+        assert len(fields(kind)) <= 16, kind
+
+
+@pytest.mark.parametrize("settings", settings_of(PRESETS.values()), ids=lambda kind: kind.__name__)
 def test_every_field_is_told_in_the_docstring(settings: type) -> None:
     assert is_dataclass(settings)
     told = set(re.findall(r"^\s{8}(\w+): ", settings.__doc__ or "", flags=re.MULTILINE))

@@ -101,9 +101,9 @@ def test_who_may_not_have_an_offset_has_none():
 @pytest.mark.parametrize("whitened", [True, False])
 def test_all_stray_from_zero_at_the_start(whitened):
     state = State(*start(), whitened=whitened)
-    assert all((value == 0).all() for value in state.strayed())
+    assert all((value == 0).all() for value in state.deviation())
     state.load(state.pack() + 0.5)
-    people, scale = state.strayed()
+    people, scale = state.deviation()
     assert scale.shape == ()
     sizes = {
         "root": 3 if whitened else 6,
@@ -115,7 +115,9 @@ def test_all_stray_from_zero_at_the_start(whitened):
         "warp": 1,
     }
     numbers = {group: float(i) for i, group in enumerate(sizes)}
-    assert state.per_number(numbers).tolist() == [numbers[group] for group, size in sizes.items() for _ in range(size)]
+    assert state.per_parameter(numbers).tolist() == [
+        numbers[group] for group, size in sizes.items() for _ in range(size)
+    ]
     assert people.shape == (2, sum(sizes.values()))
     assert all(torch.allclose(value, torch.full_like(value, 0.5)) for value in (people, scale))
 
@@ -126,8 +128,8 @@ def test_each_group_strays_in_its_own_columns(whitened):
     for group in (g for g in GROUPS if g != "scale"):
         with torch.no_grad():
             state.values[group] += 1.0
-        own = state.per_number({g: float(g == group) for g in GROUPS if g != "scale"})
-        torch.testing.assert_close(state.strayed()[0], own.expand(2, -1), atol=1e-6, rtol=0)
+        own = state.per_parameter({g: float(g == group) for g in GROUPS if g != "scale"})
+        torch.testing.assert_close(state.deviation()[0], own.expand(2, -1), atol=1e-6, rtol=0)
         with torch.no_grad():
             state.values[group] -= 1.0
 

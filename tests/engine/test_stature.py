@@ -10,8 +10,11 @@ import torch
 
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
+from physic_core.engine.joint.terms.stature import STATURE_SIGMA
 from physic_core.engine.presets import PRESETS
 from physic_core.engine.scene.stature import stature_of, stature_prior
+
+from .adjusted import adjusted
 
 JOINT = PRESETS["default"].joint
 
@@ -72,12 +75,20 @@ def test_scene_and_stature_share_a_disagreement_as_two_measurements_do(standing,
         scale_sigma=scale_sigma,
     )
     # Pose and place have next to no say in it: only how large the person is, and how large the scene.
-    settings = replace(
-        JOINT, frozen=("pose", "hands", "root"), translation_weight=0.0, depth_offset_sigma=0.0, tolerance=0.0,
-        regularisation_sigma_m=10.0, balance_weight=0.0, steps=120, stature_weight=stature_weight, scale_weight=1.0,
-    )  # fmt: skip
+    settings = adjusted(
+        JOINT,
+        frozen=("pose", "hands", "root"),
+        optimiser__tolerance=0.0,
+        optimiser__steps=120,
+        depth__offset_sigma=0.0,
+        regularisation__translation_weight=0.0,
+        regularisation__sigma_m=10.0,
+        balance__weight=0.0,
+        stature__weight=stature_weight,
+        scene_scale__weight=1.0,
+    )
     result = optimize(large, settings)
-    precision = settings.shape_weight / spread_of_stature(body) ** 2 + stature_weight / settings.stature_sigma**2
+    precision = settings.regularisation.shape_weight / spread_of_stature(body) ** 2 + stature_weight / STATURE_SIGMA**2
     expected = -math.log(too_large) * scale_sigma**2 / (scale_sigma**2 + 1 / precision)
     grown = math.log(float(body.stature(result.betas)) / float(body.stature(problem.betas0)))
     print(
@@ -89,4 +100,4 @@ def test_scene_and_stature_share_a_disagreement_as_two_measurements_do(standing,
 
 
 def test_no_weight_no_term(standing):
-    assert "stature" not in JointEnergy(standing.problem, replace(JOINT, stature_weight=0.0))()
+    assert "stature" not in JointEnergy(standing.problem, adjusted(JOINT, stature__weight=0.0))()

@@ -1,4 +1,4 @@
-"""The terms of vertices with their derivative written out are those of the plain functions, to the last digits."""
+"""The fused energies of the surface have the values and gradients of the reference, to the last digits."""
 
 from __future__ import annotations
 
@@ -8,20 +8,21 @@ import pytest
 import torch
 
 from physic_core.engine.joint.energy import JointEnergy
+from physic_core.engine.joint.terms.surface import SurfaceTerms, reference_surface_energies
+from physic_core.engine.joint.terms.surface_fused import fused_surface_energies
 from physic_core.engine.presets import PRESETS
 
-DEFAULT = replace(PRESETS["default"].joint, nearest_every_step=False)
+from .adjusted import adjusted, with_conventions
+
+DEFAULT = PRESETS["default"].joint
 SETTINGS = {
     "default": DEFAULT,
-    "metres": replace(DEFAULT, scene_unit="metres"),
-    "frozen": replace(DEFAULT, frozen=("scale", "warp", "offset")),
-    "no plane": replace(DEFAULT, floor="points"),
-    "neither contact nor mesh": replace(DEFAULT, contact_weight=0.0, regularisation_weight=0.0),
-    "contact alone": replace(DEFAULT, depth_weight=0.0, penetration_weight=0.0, floor_weight=0.0),
-    "squares": replace(DEFAULT, depth_loss="square", contact_loss="square", penetration_loss="square"),
-    "other losses": replace(DEFAULT, depth_loss="barron", contact_loss="pseudo_huber", penetration_loss="cauchy"),
-    "absolute": replace(DEFAULT, depth_loss="absolute", contact_loss="barron", penetration_loss="absolute"),
+    "frozen": adjusted(DEFAULT, frozen=("scale", "warp", "offset")),
+    "no plane": with_conventions(DEFAULT, floor="points"),
+    "no contact": adjusted(DEFAULT, contact__weight=0.0),
+    "contact alone": adjusted(DEFAULT, depth__weight=0.0, penetration__weight=0.0, floor__weight=0.0),
 }
+LOSSES = ("square", "pseudo_huber", "cauchy", "geman_mcclure", "barron", "absolute")
 UNALIKE = (0.7, 1.3)  # what the gradient of each person's energy is multiplied by
 
 
@@ -51,20 +52,40 @@ def slopes(energy: JointEnergy, value: torch.Tensor) -> list[torch.Tensor]:
     return [torch.zeros_like(p) if g is None else g for g, p in zip(found, parameters, strict=True)]
 
 
-@pytest.mark.parametrize("name", SETTINGS)
-def test_written_out_and_plain_are_one(sunk, name):
-    energy = JointEnergy(sunk, SETTINGS[name])
+def surface_of(energy: JointEnergy) -> SurfaceTerms:
+    (surface,) = (term for term in energy.terms if isinstance(term, SurfaceTerms))
+    return surface
+
+
+def assert_alike(energy: JointEnergy) -> dict[str, torch.Tensor]:
+    """Fused and reference energies have the same values and gradients; the fused ones."""
     somewhere(energy)
-    fast = energy()
-    energy._written_out = False
-    plain = energy()
-    assert list(fast) == list(plain)
-    assert {"reprojection", "limits"} < set(plain)
-    for term, value in plain.items():
-        torch.testing.assert_close(fast[term], value, rtol=1e-9, atol=1e-12, msg=term)
+    surface = surface_of(energy)
+    assert surface.energies is fused_surface_energies
+    fused = energy()
+    surface.energies = reference_surface_energies
+    reference = energy()
+    assert list(fused) == list(reference)
+    for term, value in reference.items():
+        torch.testing.assert_close(fused[term], value, rtol=1e-9, atol=1e-12, msg=term)
         if value.requires_grad:
-            for ours, theirs in zip(slopes(energy, fast[term]), slopes(energy, value), strict=True):
+            for ours, theirs in zip(slopes(energy, fused[term]), slopes(energy, value), strict=True):
                 torch.testing.assert_close(ours, theirs, rtol=1e-7, atol=1e-9, msg=term)
+    return fused
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+def test_fused_and_reference_energies_are_alike(sunk, name):
+    assert {"reprojection", "limits"} < set(assert_alike(JointEnergy(sunk, SETTINGS[name])))
+
+
+@pytest.mark.parametrize("kind", LOSSES)
+def test_fused_and_reference_energies_are_alike_with_other_losses(sunk, kind):
+    energy = JointEnergy(sunk, DEFAULT)
+    terms = surface_of(energy)
+    sums = {name: getattr(terms.surface, name) for name in ("depth", "contact", "penetration")}
+    terms.surface = replace(terms.surface, **{name: replace(one, kind=kind) for name, one in sums.items()})
+    assert_alike(energy)
 
 
 def test_every_term_has_something_to_say_there(sunk):
@@ -77,17 +98,6 @@ def test_every_term_has_something_to_say_there(sunk):
 
 def test_without_a_scene_there_is_the_floor(sunk):
     nothing = sunk.scene_points.new_zeros(0, 3)
-    energy = JointEnergy(replace(sunk, scene_points=nothing, scene_normals=nothing), DEFAULT)
-    somewhere(energy)
-    fast = energy()
-    energy._written_out = False
-    plain = energy()
-    assert fast["penetration"].eq(0).all()
-    assert fast["floor"].gt(0).all()
-    for term, value in plain.items():
-        torch.testing.assert_close(fast[term], value, rtol=1e-9, atol=1e-12, msg=term)
-
-
-@pytest.mark.parametrize("preset", ["paper", "release", "prox"])
-def test_distances_to_points_are_left_to_the_plain_functions(sunk, preset):
-    assert not JointEnergy(sunk, PRESETS[preset].joint)._written_out
+    energies = assert_alike(JointEnergy(replace(sunk, scene_points=nothing, scene_normals=nothing), DEFAULT))
+    assert energies["penetration"].eq(0).all()
+    assert energies["floor"].gt(0).all()

@@ -12,8 +12,21 @@ import torch
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.bounds import RobustKind
-from physic_core.engine.joint import terms
+from physic_core.engine.joint.distances import hinge_angles, lowest_height, plane_height, root_relative, signed_distance
+from physic_core.engine.joint.settings import AdamSettings
+from physic_core.engine.joint.terms.balance import balance_energy
+from physic_core.engine.joint.terms.chamfer import chamfer_energy
+from physic_core.engine.joint.terms.contact import contact_energy
+from physic_core.engine.joint.terms.depth import depth_energy
+from physic_core.engine.joint.terms.limits import limit_energy
+from physic_core.engine.joint.terms.penetration import penetration_energy
+from physic_core.engine.joint.terms.point_penetration import point_penetration_energy
+from physic_core.engine.joint.terms.regularisation import mesh_deviation, prior
+from physic_core.engine.joint.terms.reprojection import reprojection_energy
+from physic_core.engine.joint.terms.soles import sole_energy
+from physic_core.engine.joint.visibility import HIDDEN_LIMB_SHARE
 from physic_core.engine.presets import PRESETS
+from physic_core.engine.presets.paper import CONTACT_REACH_M
 from physic_core.geometry.robust import cauchy, geman_mcclure, pseudo_huber, robust
 
 RHO = partial(cauchy, c=2.0)
@@ -39,14 +52,14 @@ def check(function, *inputs):
 def test_gradient_of_reprojection():
     observed, weight = rand(2, 5, 2, seed=1, grad=False), rand(2, 5, seed=2, low=0, grad=False)
     unit = torch.tensor([[0.3], [0.5]], dtype=torch.float64)
-    check(lambda p: terms.reprojection(p, observed, weight, unit, RHO), rand(2, 5, 2))
+    check(lambda p: reprojection_energy(p, observed, weight, unit, RHO), rand(2, 5, 2))
 
 
 def test_gradient_of_depth_at_pixels():
     seen, weight = rand(2, 6, seed=1, low=0.5, high=1.5, grad=False), rand(2, 6, seed=2, low=0, grad=False)
 
     def f(z, log_scale, offset):
-        return terms.depth_at_pixels(z, seen, weight, log_scale, offset, 0.03, RHO)
+        return depth_energy(z, seen, weight, log_scale, offset, 0.03, RHO)
 
     check(f, rand(2, 6, low=2, high=5), rand(seed=3), rand(2, seed=4))
 
@@ -54,55 +67,55 @@ def test_gradient_of_depth_at_pixels():
 def test_gradient_of_chamfer():
     points = rand(7, 3, seed=1, grad=False)
     check(
-        lambda v: terms.chamfer(v, points, torch.tensor([0, 3, 6, 2]), torch.tensor([0, 1, 2, 3, 0, 1, 2]), 2.5),
+        lambda v: chamfer_energy(v, points, torch.tensor([0, 3, 6, 2]), torch.tensor([0, 1, 2, 3, 0, 1, 2]), 2.5),
         rand(4, 3),
     )
 
 
 def test_gradient_of_distances():
     normals = torch.nn.functional.normalize(rand(2, 5, 3, seed=2, grad=False), dim=-1)
-    check(lambda v, p: terms.signed_distance(v, p, normals), rand(2, 5, 3), rand(2, 5, 3, seed=1))
+    check(lambda v, p: signed_distance(v, p, normals), rand(2, 5, 3), rand(2, 5, 3, seed=1))
     normal = torch.tensor([0.0, -0.8, 0.6], dtype=torch.float64)
-    check(lambda v, o: terms.plane_height(v, normal, o), rand(2, 5, 3), rand(seed=1))
+    check(lambda v, o: plane_height(v, normal, o), rand(2, 5, 3), rand(seed=1))
 
 
 def test_gradient_of_contact_and_penetration():
     weight = rand(2, 9, seed=2, low=0, grad=False)
-    check(lambda q: terms.contact(q, weight, partial(geman_mcclure, c=2.0)), rand(2, 9, low=0, high=9))
+    check(lambda q: contact_energy(q, weight, partial(geman_mcclure, c=2.0)), rand(2, 9, low=0, high=9))
     rho = partial(pseudo_huber, c=2.0)
-    check(lambda d: terms.penetration(d, weight, 0.01, 0.02, rho), rand(2, 9, low=-0.1, high=0.1))
+    check(lambda d: penetration_energy(d, weight, 0.01, 0.02, rho), rand(2, 9, low=-0.1, high=0.1))
     signed = rand(2, 9, seed=3, grad=False)
-    check(lambda q: terms.penetration_by_points(q, signed, weight, rho), rand(2, 9, low=0, high=9))
+    check(lambda q: point_penetration_energy(q, signed, weight, rho), rand(2, 9, low=0, high=9))
 
 
 def test_gradient_of_soles():
     weight, lower = torch.tensor([[1.0, 1.0], [1.0, 0.0], [0.0, 0.0]]).double(), torch.tensor([2.0, 1.0, 0.0]).double()
 
     def f(lowest):
-        return terms.soles(lowest, weight, lower, partial(geman_mcclure, c=0.06), partial(cauchy, c=0.1))
+        return sole_energy(lowest, weight, lower, partial(geman_mcclure, c=0.06), partial(cauchy, c=0.1))
 
     check(f, rand(3, 2, low=-0.1, high=0.2))
-    check(terms.lowest_height, rand(2, 40))
+    check(lowest_height, rand(2, 40))
 
 
 def test_gradient_of_regularisation():
     start, weight = rand(2, 6, 3, seed=3, grad=False), rand(2, 6, seed=4, low=0, grad=False)
 
     def f(v, pelvis, turn):
-        return terms.mesh_deviation(terms.root_relative(v, pelvis, roma.rotvec_to_rotmat(turn)), start, weight)
+        return mesh_deviation(root_relative(v, pelvis, roma.rotvec_to_rotmat(turn)), start, weight)
 
     check(f, rand(2, 6, 3), rand(2, 3, seed=1), rand(2, 3, seed=2))
-    check(lambda x: terms.prior(x, torch.tensor([2.0, 2.0, 0.5]).double()), rand(2, 3))
+    check(lambda x: prior(x, torch.tensor([2.0, 2.0, 0.5]).double()), rand(2, 3))
 
 
 def test_gradient_of_joint_limits():
-    check(lambda x: terms.joint_limits(roma.rotvec_to_rotmat(x)), rand(2, 55, 3, low=-0.9, high=0.9))
+    check(lambda x: limit_energy(roma.rotvec_to_rotmat(x)), rand(2, 55, 3, low=-0.9, high=0.9))
 
 
 def test_gradient_of_balance():
     up = torch.nn.functional.normalize(torch.tensor([0.1, -1.0, -0.2], dtype=torch.float64), dim=0)
     weight = torch.tensor([1.0, 0.5]).double()
-    check(lambda m, j: terms.balance(m, j, up, weight, RHO), rand(2, 3), rand(2, 55, 3, seed=1))
+    check(lambda m, j: balance_energy(m, j, up, weight, RHO), rand(2, 3), rand(2, 55, 3, seed=1))
 
 
 # ---- values
@@ -113,16 +126,16 @@ def test_reprojection_by_hand():
     observed = torch.tensor([[[10.0, 10.0], [20.0, 20.0]]])
     weight = torch.tensor([[1.0, 0.5]])
     # 5 px off, in units of 2 px, half weight: 0.5 * 2.5^2.
-    value = terms.reprojection(projected, observed, weight, torch.tensor([[2.0]]), square)
+    value = reprojection_energy(projected, observed, weight, torch.tensor([[2.0]]), square)
     assert value.item() == pytest.approx(0.5 * 6.25)
-    both_axes = terms.reprojection(projected, observed, weight, torch.tensor([[3.0, 4.0]]), square)
+    both_axes = reprojection_energy(projected, observed, weight, torch.tensor([[3.0, 4.0]]), square)
     assert both_axes.item() == pytest.approx(0.5 * (1 + 1))
 
 
 def test_reprojection_is_the_same_at_every_resolution():
     projected, observed, weight = rand(1, 5, 2, grad=False), rand(1, 5, 2, seed=1, grad=False), torch.ones(1, 5)
-    one = terms.reprojection(projected, observed, weight, torch.tensor([[0.3]]).double(), RHO)
-    four = terms.reprojection(4 * projected, 4 * observed, weight, torch.tensor([[1.2]]).double(), RHO)
+    one = reprojection_energy(projected, observed, weight, torch.tensor([[0.3]]).double(), RHO)
+    four = reprojection_energy(4 * projected, 4 * observed, weight, torch.tensor([[1.2]]).double(), RHO)
     torch.testing.assert_close(one, four)
 
 
@@ -130,67 +143,65 @@ def test_depth_vanishes_where_the_map_is_scale_and_offset_away():
     z = rand(2, 6, low=2, high=5, grad=False)
     log_scale, offset = torch.tensor(0.1).double(), torch.tensor([0.2, -0.05]).double()
     seen = z.log() - log_scale - offset[:, None]
-    value = terms.depth_at_pixels(z, seen, torch.ones(2, 6), log_scale, offset, 0.03, RHO)
+    value = depth_energy(z, seen, torch.ones(2, 6), log_scale, offset, 0.03, RHO)
     torch.testing.assert_close(value, torch.zeros(2).double())
 
 
 def test_depth_does_not_grow_with_the_number_of_vertices():
     z, seen = rand(1, 6, low=2, high=5, grad=False), rand(1, 6, seed=1, grad=False)
     weight, none = rand(1, 6, seed=2, low=0, grad=False), torch.zeros(1).double()
-    once = terms.depth_at_pixels(z, seen, weight, none[0], none, 0.5, RHO)
-    twice = terms.depth_at_pixels(z.repeat(1, 2), seen.repeat(1, 2), weight.repeat(1, 2), none[0], none, 0.5, RHO)
+    once = depth_energy(z, seen, weight, none[0], none, 0.5, RHO)
+    twice = depth_energy(z.repeat(1, 2), seen.repeat(1, 2), weight.repeat(1, 2), none[0], none, 0.5, RHO)
     torch.testing.assert_close(once, twice)
 
 
 def test_depth_of_a_person_that_the_map_does_not_show_is_nothing():
     none = torch.zeros(1, 6)
-    value = terms.depth_at_pixels(none + 3, none, none, none[0, 0], none[:, 0], 0.03, RHO)
+    value = depth_energy(none + 3, none, none, none[0, 0], none[:, 0], 0.03, RHO)
     assert value.item() == 0
 
 
 def test_chamfer_equals_the_plain_sum():
     vertices, points = rand(4, 3, grad=False), rand(7, 3, seed=1, grad=False)
     pairs = (vertices[:, None] - points[None]).square().sum(-1)
-    got = terms.chamfer(vertices, points, pairs.argmin(1), pairs.argmin(0), 1.0)
+    got = chamfer_energy(vertices, points, pairs.argmin(1), pairs.argmin(0), 1.0)
     torch.testing.assert_close(got, pairs.amin(1).sum() + pairs.amin(0).sum())
 
 
 def test_contact_pulls_from_both_sides_of_the_surface():
     d = torch.tensor([[-0.03, 0.03]], dtype=torch.float64, requires_grad=True)
-    terms.contact((d / 0.02).square(), torch.ones(1, 2), RHO).sum().backward()
+    contact_energy((d / 0.02).square(), torch.ones(1, 2), RHO).sum().backward()
     assert d.grad[0, 0] < 0 < d.grad[0, 1]
     torch.testing.assert_close(d.grad[0, 0], -d.grad[0, 1])
 
 
 def test_penetration_is_zero_outside_and_within_its_slack():
     d = torch.tensor([[0.1, 0.0, -0.009, -0.03]])
-    each = terms.penetration(d[0][:, None], torch.ones(4, 1), 0.01, 0.02, square)
+    each = penetration_energy(d[0][:, None], torch.ones(4, 1), 0.01, 0.02, square)
     assert each.tolist() == pytest.approx([0, 0, 0, 1.0])
 
 
 def test_penetration_as_printed_counts_only_what_is_behind_the_normal():
-    value = terms.penetration_by_points(
-        torch.tensor([[4.0, 4.0]]), torch.tensor([[-0.1, 0.1]]), torch.ones(1, 2), square
-    )
+    value = point_penetration_energy(torch.tensor([[4.0, 4.0]]), torch.tensor([[-0.1, 0.1]]), torch.ones(1, 2), square)
     assert value.item() == 4.0
 
 
 def test_a_flat_sole_is_as_high_as_it_is_and_a_tiptoe_as_its_toes():
-    assert terms.lowest_height(torch.full((1, 50), 0.07)).item() == pytest.approx(0.07)
+    assert lowest_height(torch.full((1, 50), 0.07)).item() == pytest.approx(0.07)
     tiptoe = torch.cat([torch.zeros(1, 10), torch.full((1, 90), 0.08)], 1)
-    assert terms.lowest_height(tiptoe).item() == 0
+    assert lowest_height(tiptoe).item() == 0
 
 
 def test_the_foot_in_the_air_is_let_be_and_the_lower_one_is_pulled():
     lowest = torch.tensor([[0.25, 0.08]], dtype=torch.float64, requires_grad=True)
     ones = torch.ones(1, 2).double()
-    terms.soles(lowest, ones, ones[:, 0], partial(geman_mcclure, c=0.06), partial(cauchy, c=0.1)).sum().backward()
+    sole_energy(lowest, ones, ones[:, 0], partial(geman_mcclure, c=0.06), partial(cauchy, c=0.1)).sum().backward()
     assert lowest.grad[0, 0] < 0.02 * lowest.grad[0, 1]
     assert lowest.grad[0, 1] > 0.05
 
 
 def test_soles_of_unseen_feet_weigh_nothing():
-    value = terms.soles(torch.full((1, 2), torch.inf), torch.zeros(1, 2), torch.zeros(1), RHO, RHO)
+    value = sole_energy(torch.full((1, 2), torch.inf), torch.zeros(1, 2), torch.zeros(1), RHO, RHO)
     assert value.item() == 0
 
 
@@ -198,9 +209,9 @@ def test_mesh_deviation_does_not_see_a_rigid_motion():
     start, pelvis = rand(1, 8, 3, grad=False), rand(1, 3, seed=1, grad=False)
     turn = roma.rotvec_to_rotmat(torch.tensor([[0.3, -1.0, 0.2]]).double())
     moved = start @ turn.mT + torch.tensor([1.0, 2.0, 3.0])
-    now = terms.root_relative(moved, pelvis @ turn[0].T + torch.tensor([1.0, 2.0, 3.0]), turn)
-    before = terms.root_relative(start, pelvis, torch.eye(3).double()[None])
-    torch.testing.assert_close(terms.mesh_deviation(now, before, torch.ones(1, 8)), torch.zeros(1).double())
+    now = root_relative(moved, pelvis @ turn[0].T + torch.tensor([1.0, 2.0, 3.0]), turn)
+    before = root_relative(start, pelvis, torch.eye(3).double()[None])
+    torch.testing.assert_close(mesh_deviation(now, before, torch.ones(1, 8)), torch.zeros(1).double())
 
 
 def turned(**joints):
@@ -212,23 +223,23 @@ def turned(**joints):
 
 def test_hinges_measure_flexion_whatever_the_twist():
     bent = turned(left_knee=(1.0, 0, 0), right_knee=(0.5, 0, 0), left_elbow=(0, -1.2, 0), right_elbow=(0, 0.7, 0))
-    assert terms.hinge_angles(bent)[0].tolist() == pytest.approx([1.0, 0.5, 1.2, 0.7])
+    assert hinge_angles(bent)[0].tolist() == pytest.approx([1.0, 0.5, 1.2, 0.7])
     twist = turned(left_knee=(0, 0.6, 0), right_elbow=(0.8, 0, 0))
-    assert terms.hinge_angles(bent @ twist)[0].tolist() == pytest.approx([1.0, 0.5, 1.2, 0.7])
+    assert hinge_angles(bent @ twist)[0].tolist() == pytest.approx([1.0, 0.5, 1.2, 0.7])
 
 
 def test_limits_are_one_sided():
-    assert terms.joint_limits(turned(left_knee=(2.0, 0, 0), left_elbow=(0, -2.0, 0))).item() == 0
-    assert terms.joint_limits(turned(left_knee=(-0.25, 0, 0))).item() == pytest.approx(9.0)
-    assert terms.joint_limits(turned(right_elbow=(0, -0.25, 0))).item() == pytest.approx(9.0)
-    assert terms.joint_limits(turned(left_knee=(2.95, 0, 0))).item() == pytest.approx(9.0)
+    assert limit_energy(turned(left_knee=(2.0, 0, 0), left_elbow=(0, -2.0, 0))).item() == 0
+    assert limit_energy(turned(left_knee=(-0.25, 0, 0))).item() == pytest.approx(9.0)
+    assert limit_energy(turned(right_elbow=(0, -0.25, 0))).item() == pytest.approx(9.0)
+    assert limit_energy(turned(left_knee=(2.95, 0, 0))).item() == pytest.approx(9.0)
 
 
 def test_knees_and_elbows_bend_as_the_body_does(body):
     """A positive knee angle brings the foot back, a positive elbow angle brings the hand forward."""
     rest = body(*body.zero_pose(1)).joints[0]
     rotations = turned(left_knee=(0.5, 0, 0), right_elbow=(0, 0.5, 0), left_elbow=(0, -0.5, 0)).float()
-    assert (terms.hinge_angles(rotations)[0, [0, 2, 3]] > 0).all()
+    assert (hinge_angles(rotations)[0, [0, 2, 3]] > 0).all()
     moved = body(rotations, *body.zero_pose(1)[1:]).joints[0] - rest
     assert moved[JOINT_INDEX["left_ankle"], 2] < -0.1
     assert moved[JOINT_INDEX["left_wrist"], 2] > 0.1
@@ -242,7 +253,7 @@ def test_balance_lets_stand_and_rights_who_leans(body):
 
     def value(angle):
         turn = roma.rotvec_to_rotmat(torch.tensor([angle, 0.0, 0.0]))
-        return terms.balance(mass @ turn.T, output.joints @ turn.T, up, torch.ones(1), square).item()
+        return balance_energy(mass @ turn.T, output.joints @ turn.T, up, torch.ones(1), square).item()
 
     assert value(0.0) == 0
     assert value(math.radians(15)) > 5
@@ -252,7 +263,7 @@ def test_balance_lets_stand_and_rights_who_leans(body):
 def test_balance_is_finite_when_the_camera_looks_straight_down():
     up = torch.tensor([0.0, 0.0, -1.0], dtype=torch.float64)
     mass = rand(1, 3)
-    terms.balance(mass, rand(1, 55, 3, seed=1), up, torch.ones(1), RHO).sum().backward()
+    balance_energy(mass, rand(1, 55, 3, seed=1), up, torch.ones(1), RHO).sum().backward()
     assert torch.isfinite(mass.grad).all()
 
 
@@ -263,7 +274,7 @@ def test_every_loss_that_settings_can_name_exists():
 
 def test_the_papers_weights_are_those_printed():
     paper = PRESETS["paper"].joint
-    assert (paper.reprojection_weight, paper.depth_weight) == (10_000, 0.005)
-    assert (paper.contact_weight, paper.penetration_weight, paper.regularisation_weight) == (0.7, 0.3, 45)
-    assert (paper.optimiser, paper.steps, paper.learning_rate, paper.refresh_steps) == ("adam", 100, 0.01, 30)
-    assert (paper.contact_reach_m, paper.self_occlusion_share, paper.facing_deg) == (0.15, 0.3, 70)
+    assert (paper.reprojection.weight, paper.depth.weight) == (10_000, 0.005)
+    assert (paper.contact.weight, paper.penetration.weight, paper.regularisation.weight) == (0.7, 0.3, 45)
+    assert paper.optimiser == AdamSettings(steps=100, learning_rate=0.01, refresh_steps=30)
+    assert (CONTACT_REACH_M, HIDDEN_LIMB_SHARE, paper.conventions.facing_deg) == (0.15, 0.3, 70)

@@ -11,10 +11,14 @@ from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.landmarks import SKELETONS
 from physic_core.engine.joint.context import STATIC_CONTACTS
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.limbs import confirmed_joints, keypoint_weights, seen_keypoints
+from physic_core.engine.joint.limbs import confirmed_joints, keypoint_weights, keypoints_of_observed_limbs
 from physic_core.engine.joint.solve import optimize
+from physic_core.engine.joint.terms import reprojection
+from physic_core.engine.joint.terms.surface import SurfaceTerms
 from physic_core.engine.presets import PRESETS
 from physic_core.geometry.rotations import rotvec_to_rotmat
+
+from .adjusted import adjusted, term_of
 
 SETTINGS = PRESETS["default"].joint
 NAMES = SKELETONS["blazepose33"]
@@ -59,16 +63,19 @@ def test_a_joint_set_that_no_body_knows_shows_nothing():
 
 def test_likely_parts_count_where_the_prior_says_nothing(standing):
     nobody = replace(standing.problem, contact_probability=0 * standing.problem.contact_probability)
-    fixed = JointEnergy(nobody, replace(SETTINGS, contact_static_weight=0.25)).fixed
+    energy = JointEnergy(nobody, adjusted(SETTINGS, contact__static_weight=0.25))
+    prior = term_of(energy, SurfaceTerms).parts.contact.prior
     likely = torch.zeros(nobody.model.num_vertices, dtype=torch.bool)
     for name in STATIC_CONTACTS:
         likely[nobody.model.contact_sets[name]] = True
-    torch.testing.assert_close(fixed.prior[0], 0.25 * likely[fixed.ids].float())
+    torch.testing.assert_close(prior[0], 0.25 * likely[energy.context.ids].float())
 
 
 def test_the_prior_goes_before_likely_parts(standing):
-    prior = JointEnergy(standing.problem, replace(SETTINGS, contact_static_weight=0.0)).fixed.prior
-    both = JointEnergy(standing.problem, replace(SETTINGS, contact_static_weight=0.25)).fixed.prior
+    prior, both = (
+        term_of(JointEnergy(standing.problem, settings), SurfaceTerms).parts.contact.prior
+        for settings in (adjusted(SETTINGS, contact__static_weight=weight) for weight in (0.0, 0.25))
+    )
     assert (prior > 0).any()
     torch.testing.assert_close(both[prior > 0], prior[prior > 0])
 
@@ -93,34 +100,36 @@ def sole_height(problem, vertices):
     return float((sole @ problem.floor_normal + problem.floor_offset).min())
 
 
-def test_an_unseen_foot_that_hovers_comes_down(standing):
-    problem, settings = lifted(standing, 0.06), replace(SETTINGS, unseen_keypoint_weight=0.0)
+def test_an_unseen_foot_that_hovers_comes_down(standing, monkeypatch):
+    monkeypatch.setattr(reprojection, "_UNSEEN_WEIGHT", 0.0)
+    problem = lifted(standing, 0.06)
     start = problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0).vertices
     assert 0.03 < sole_height(problem, start) < 0.1
     pulled, left = (
-        sole_height(problem, optimize(problem, replace(settings, unseen_sole_weight=weight)).vertices)
-        for weight in (SETTINGS.unseen_sole_weight, 0.0)
+        sole_height(problem, optimize(problem, adjusted(SETTINGS, soles__unseen_weight=weight)).vertices)
+        for weight in (SETTINGS.soles.unseen_weight, 0.0)
     )
     assert pulled < left - 0.02
     assert left > 0.03
 
 
-def test_guessed_keypoints_count_by_their_own_weight_and_not_at_the_border_of_the_photo(standing):
+def test_guessed_keypoints_count_by_their_own_weight_and_not_at_the_border_of_the_photo(standing, monkeypatch):
+    monkeypatch.setattr(reprojection, "_UNSEEN_WEIGHT", 0.5)
     problem = lifted(standing, 0.06)
-    hidden = ~seen_keypoints(problem.skeleton, problem.observed, problem.keypoints.shape[1])
+    hidden = ~keypoints_of_observed_limbs(problem.skeleton, problem.observed, problem.keypoints.shape[1])
     assert hidden.sum() >= 2
     keypoints, confidence = problem.keypoints.clone(), torch.where(hidden, 0.1, 1.0)
     first = int(hidden[0].nonzero()[0])
     keypoints[0, first, 1] = problem.masks.shape[-2] - 2
     guessed = replace(problem, keypoints=keypoints, keypoint_confidence=confidence)
-    fixed = JointEnergy(guessed, replace(SETTINGS, unseen_keypoint_weight=0.5)).fixed
+    context = JointEnergy(guessed, SETTINGS).context
     expected = torch.where(hidden, 0.05, 1.0) * torch.tensor(keypoint_weights("blazepose33", 33))
     expected[0, first] = 0.0
-    torch.testing.assert_close(fixed.keypoint_weight.to(expected), expected)
-    assert (fixed.confident == ~hidden).all()
+    torch.testing.assert_close(context.keypoints.weight.to(expected), expected)
+    assert (context.keypoints.confident == ~hidden).all()
 
 
-def test_guessed_keypoints_bring_a_hidden_foot_back(standing):
+def test_guessed_keypoints_bring_a_hidden_foot_back(standing, monkeypatch):
     """A leg that nobody sees is 7 degrees too far to the side, its ankle 10 cm."""
     problem, hip, ankle = lifted(standing, 0.0), JOINT_INDEX["left_hip"], JOINT_INDEX["left_ankle"]
     posed = problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0)
@@ -128,8 +137,8 @@ def test_guessed_keypoints_bring_a_hidden_foot_back(standing):
     aside[:, hip] = aside[:, hip] @ rotvec_to_rotmat(torch.tensor([0.0, 0.0, 0.12]))
 
     def off(weight):
-        settings = replace(SETTINGS, unseen_keypoint_weight=weight)
-        end = optimize(replace(problem, rotations0=aside), settings).joints
+        monkeypatch.setattr(reprojection, "_UNSEEN_WEIGHT", weight)
+        end = optimize(replace(problem, rotations0=aside), SETTINGS).joints
         return float((end - posed.joints)[0, ankle].norm())
 
     assert off(0.0) > 0.08
@@ -137,12 +146,12 @@ def test_guessed_keypoints_bring_a_hidden_foot_back(standing):
 
 
 def test_an_unseen_foot_high_up_is_let_go(standing):
-    assert JointEnergy(lifted(standing, 0.06), SETTINGS).touch.unseen_sole_weight.tolist() == [[1.0, 0.0]]
-    assert JointEnergy(lifted(standing, 0.35), SETTINGS).touch.unseen_sole_weight.tolist() == [[0.0, 0.0]]
+    assert JointEnergy(lifted(standing, 0.06), SETTINGS).active["unseen_soles"].tolist() == [[1.0, 0.0]]
+    assert JointEnergy(lifted(standing, 0.35), SETTINGS).active["unseen_soles"].tolist() == [[0.0, 0.0]]
 
 
 def test_a_person_without_a_floor_may_be_nearer_than_depth_says(standing):
     problem = replace(standing.problem, floor_normal=None)
     assert "offset" in JointEnergy(problem, SETTINGS).state.free
-    tied = JointEnergy(problem, replace(SETTINGS, depth_offset_alone_sigma=0.0))
+    tied = JointEnergy(problem, adjusted(SETTINGS, depth__offset_alone_sigma=0.0))
     assert "offset" not in tied.state.free

@@ -15,8 +15,10 @@ from physic_core.engine.joint.local_depth_scale import log_factor, warp_share
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.presets import PRESETS
 
+from .adjusted import adjusted
+
 SETTINGS = PRESETS["default"].joint
-STIFF = replace(SETTINGS, warp_sigma=0.0)
+STIFF = adjusted(SETTINGS, scene_scale__local_sigma=0.0)
 UP = torch.nn.functional.normalize(torch.tensor([0.05, -1.0, -0.2], dtype=torch.float64), dim=0)
 OFFSET = 1.3
 SITTING = {
@@ -191,7 +193,7 @@ def test_a_warp_is_felt_as_a_scene_that_is_warped(make_stage, high, log):
     energy = JointEnergy(problem, SETTINGS)
     untouched = energy()
     with torch.no_grad():
-        energy.state.values["warp"].fill_(log / SETTINGS.warp_sigma)
+        energy.state.values["warp"].fill_(log / SETTINGS.scene_scale.local_sigma)
     energy.refresh()
     warped = replace(problem, scene_points=points * torch.exp(log * share)[:, None])
     other = JointEnergy(warped, SETTINGS)
@@ -269,7 +271,7 @@ def test_without_an_expected_warp_there_is_none(sitting):
     result = optimize(problem, replace(STIFF, steps=20))
     assert result.warp.tolist() == [0.0]
     assert result.diagnostics[0]["warp"] == 0.0
-    frozen = optimize(problem, replace(SETTINGS, frozen=("warp",), steps=20))
+    frozen = optimize(problem, adjusted(SETTINGS, frozen=("warp",), optimiser__steps=20))
     assert torch.equal(frozen.vertices, result.vertices)
 
 
@@ -281,14 +283,14 @@ def test_without_a_surface_there_is_no_warp(sitting, left):
     bare = replace(problem, scene_points=problem.scene_points[keep], scene_normals=problem.scene_normals[keep])
     assert "warp" in JointEnergy(problem, SETTINGS).state.free
     assert "warp" not in JointEnergy(bare, SETTINGS).state.free
-    assert optimize(bare, replace(SETTINGS, steps=5)).warp.tolist() == [0.0]
+    assert optimize(bare, adjusted(SETTINGS, optimiser__steps=5)).warp.tolist() == [0.0]
 
 
 def test_a_surface_out_of_reach_warps_nobody(sitting):
     problem = sitting[0].problem
     wall = problem.scene_points[:, 2] > 7.9
     bare = replace(problem, scene_points=problem.scene_points[wall], scene_normals=problem.scene_normals[wall])
-    assert optimize(bare, replace(SETTINGS, steps=5)).warp.tolist() == [0.0]
+    assert optimize(bare, adjusted(SETTINGS, optimiser__steps=5)).warp.tolist() == [0.0]
 
 
 def test_who_is_left_out_has_no_warp(make_stage):
@@ -296,13 +298,15 @@ def test_who_is_left_out_has_no_warp(make_stage):
     points, rotations = stage.problem.scene_points, stage.problem.rotations0.clone()
     rotations[0, 3] = torch.nan
     moved = torch.where(furniture[:, None], 0.96 * points, points)
-    result = optimize(replace(stage.problem, rotations0=rotations, scene_points=moved), replace(SETTINGS, steps=20))
+    result = optimize(
+        replace(stage.problem, rotations0=rotations, scene_points=moved), adjusted(SETTINGS, optimiser__steps=20)
+    )
     assert result.warp[0] == 0.0
     assert result.warp[1] > 0.01
 
 
 def test_the_same_warp_bit_for_bit(sitting):
     problem = with_furniture(sitting, 0.96)
-    first, second = (optimize(problem, replace(SETTINGS, steps=20)) for _ in range(2))
+    first, second = (optimize(problem, adjusted(SETTINGS, optimiser__steps=20)) for _ in range(2))
     assert torch.equal(first.warp, second.warp)
     assert torch.equal(first.vertices, second.vertices)

@@ -9,17 +9,17 @@ from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.landmarks import SKELETONS
-from physic_core.engine.joint.terms import hinge_angles
+from physic_core.engine.joint.distances import hinge_angles
 from physic_core.geometry.visibility import inside_mask
 
 __all__ = [
     "confirmed_joints",
     "is_finger",
     "keypoint_weights",
+    "keypoints_of_observed_limbs",
     "limb_parts",
     "observed_parts",
     "placing_keypoints",
-    "seen_keypoints",
     "stands",
 ]
 
@@ -108,7 +108,7 @@ def keypoint_weights(skeleton: str, count: int) -> list[float]:
     return weights
 
 
-def seen_keypoints(skeleton: str, observed: Tensor, count: int) -> Tensor:
+def keypoints_of_observed_limbs(skeleton: str, observed: Tensor, count: int) -> Tensor:
     """Keypoints of limbs that the photo shows: (B, 55) bool -> (B, J) bool.
 
     Those of the face, and those of a joint set that no body knows, always count as seen.

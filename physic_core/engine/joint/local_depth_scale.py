@@ -9,7 +9,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.terms import plane_height
+from physic_core.engine.joint.distances import plane_height
 
 __all__ = ["log_factor", "warp_share"]
 

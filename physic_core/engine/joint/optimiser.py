@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.joint.acceptance import Energy, accept, per_person, total_of
-from physic_core.engine.settings import JointSettings
+from physic_core.engine.joint.settings import AdamSettings, LbfgsSettings
 
 __all__ = ["Trace", "minimise"]
 
@@ -48,36 +48,40 @@ class Trace:
     totals: tuple[float, ...]
 
 
-def minimise(energy: Energy, settings: JointSettings, progress: Callable[[float], None] | None = None) -> Trace:
+def minimise(
+    energy: Energy, settings: LbfgsSettings | AdamSettings, progress: Callable[[float], None] | None = None
+) -> Trace:
     """Lower ``energy`` by moving its state in place.
 
     Args:
         energy: refreshed, and finite at its present state.
-        settings: of stage 3.
-        progress: told the share of steps that are done.
+        settings: of the optimiser, which they also choose.
+        progress: called with the share of steps that are done.
     """
     state = energy.state
     origin = state.pack()
-    run = _adam_block if settings.optimiser == "adam" else _lbfgs_block
     memory = Memory()
     done = evaluations = taken = 0
     totals: list[float] = []
-    settled = False
+    converged = False
     while done < settings.steps and state.parameters():
         if done:
             energy.refresh()
         steps = min(settings.refresh_steps, settings.steps - done)
-        block = run(energy, settings, steps, memory)
+        if isinstance(settings, AdamSettings):
+            block = _adam_block(energy, settings, steps, memory)
+        else:
+            block = _lbfgs_block(energy, settings, steps, memory)
         totals.append(block.before)
         evaluations += block.evaluations
         taken += block.steps
         done += steps
         if progress is not None:
             progress(done / settings.steps)
-        settled = settings.tolerance > 0 and block.before - block.after < settings.tolerance * abs(block.before)
-        if settled:
+        converged = isinstance(settings, LbfgsSettings) and _converged(block, settings.tolerance)
+        if converged:
             break
-    if not settled:  # else nobody has moved enough since the last update to be seen otherwise
+    if not converged:  # else nobody has moved enough since the last update to be seen otherwise
         energy.refresh()
     start, end = accept(energy, state.pack(), origin)
     totals.append(math.fsum(end.values()))
@@ -96,6 +100,11 @@ class Block:
     steps: int
 
 
+def _converged(block: Block, tolerance: float) -> bool:
+    """Whether the steps between two refreshes lowered the energy by less than a share of it."""
+    return tolerance > 0 and block.before - block.after < tolerance * abs(block.before)
+
+
 class Memory:
     """What an optimiser keeps over a refresh."""
 
@@ -104,7 +113,7 @@ class Memory:
         self.adam: torch.optim.Adam | None = None
 
 
-def _lbfgs_block(energy: Energy, settings: JointSettings, steps: int, memory: Memory) -> Block:
+def _lbfgs_block(energy: Energy, settings: LbfgsSettings, steps: int, memory: Memory) -> Block:
     """L-BFGS on one view. What it has learnt of the curvature it keeps: the next view is nearly the same energy."""
     state = energy.state
     parameters = state.parameters()
@@ -204,7 +213,7 @@ class _Curvature:
         return way.to(gradient.dtype)
 
 
-def _adam_block(energy: Energy, settings: JointSettings, steps: int, memory: Memory) -> Block:
+def _adam_block(energy: Energy, settings: AdamSettings, steps: int, memory: Memory) -> Block:
     """Adam on one view: its path goes on over refreshes, uphill too, and ends where it ends.
 
     People whose gradients are not numbers are put back to the step before and held there until the next view.

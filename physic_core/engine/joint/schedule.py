@@ -1,4 +1,4 @@
-"""The course of the joint optimisation: where it starts from, and when the scene joins."""
+"""The course of the joint optimisation: its start poses, and when the scene joins."""
 
 from __future__ import annotations
 
@@ -12,10 +12,15 @@ from torch import Tensor
 from physic_core.engine.joint.acceptance import best_of, per_person, values_of
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.optimiser import Trace, minimise
-from physic_core.engine.settings import JointSettings
+from physic_core.engine.joint.settings import JointSettings, LbfgsSettings
 from physic_core.geometry.camera import project
 
-__all__ = ["VARIANTS", "run"]
+__all__ = ["RESTART_ERROR", "VARIANTS", "pick_starts", "run"]
+
+RESTART_ERROR = 0.04
+"""Other starts are tried for people whose keypoints are still off by this share of the person at the end."""
+
+_SCENE_TERMS = ("contact", "penetration", "floor", "soles")
 
 Progress = Callable[[float], None]
 
@@ -32,13 +37,13 @@ def run(energy: JointEnergy, settings: JointSettings, progress: Progress | None 
     Args:
         energy: refreshed, and finite at its present state.
         settings: of stage 3.
-        progress: told the share of steps that are done.
+        progress: called with the share of steps that are done.
     """
     origin = energy.state.pack()
     first = _follow(energy, settings, progress)
-    if settings.starts == 1 or settings.parameters != "whitened":
+    if settings.start_poses == 1:
         return first
-    if not bool((_reprojection_share(energy) >= settings.start_doubt).any()):
+    if not bool((_reprojection_share(energy) >= RESTART_ERROR).any()):
         return first
     reached = energy.state.pack()
     energy.state.load(origin)
@@ -59,23 +64,16 @@ def run(energy: JointEnergy, settings: JointSettings, progress: Progress | None 
 
 def _follow(energy: JointEnergy, settings: JointSettings, progress: Progress | None) -> Trace:
     """Minimise from the present state: at first without the scene, where the settings say so."""
-    alone = round(settings.scene_after * settings.steps)
+    optimiser = settings.optimiser
+    alone = round(settings.scene_after * optimiser.steps)
     if not alone:
-        return minimise(energy, settings, progress)
+        return minimise(energy, optimiser, progress)
     origin = energy.state.pack()
-    energy.settings = replace(
-        settings,
-        contact_weight=0.0,
-        penetration_weight=0.0,
-        floor_weight=0.0,
-        sole_weight=0.0,
-        lower_sole_weight=0.0,
-    )
+    energy.excluded = _SCENE_TERMS
+    first = minimise(energy, replace(optimiser, steps=alone), _part(progress, 0.0, alone / optimiser.steps))
+    energy.excluded = ()
     energy.refresh()
-    first = minimise(energy, replace(energy.settings, steps=alone), _part(progress, 0.0, alone / settings.steps))
-    energy.settings = settings
-    energy.refresh()
-    rest = replace(settings, steps=settings.steps - alone)
+    rest = replace(optimiser, steps=optimiser.steps - alone)
     trace = minimise(energy, rest, _part(progress, settings.scene_after, 1.0))
     final = energy.state.pack()
     energy.state.load(origin)
@@ -88,19 +86,25 @@ def _follow(energy: JointEnergy, settings: JointSettings, progress: Progress | N
 
 
 def pick_starts(energy: JointEnergy, settings: JointSettings) -> int:
-    """Try other starts for who is doubtful, leave everybody at their best, and say how many evaluations it took.
+    """Try other starts for people whose keypoints are off, and leave everybody at their best.
 
-    Each start is followed for the steps up to the first refresh, with all people at once; who is not doubtful, and the
-    scene's scale, stay with the body estimator's.
+    Each start is followed for the steps up to the first refresh, with all people at once. The others, and the scene's
+    scale, stay with the body estimator's.
+
+    Returns:
+        evaluations that it took.
     """
     state = energy.state
-    probe = replace(settings, steps=min(settings.refresh_steps, settings.steps), tolerance=0.0)
+    optimiser = settings.optimiser
+    probe = replace(optimiser, steps=min(optimiser.refresh_steps, optimiser.steps))
+    if isinstance(probe, LbfgsSettings):
+        probe = replace(probe, tolerance=0.0)
     origin = state.pack()
     evaluations = minimise(energy, probe).evaluations
     energy.refresh()
     best, kept = _of_each(energy), {group: value.detach().clone() for group, value in state.values.items()}
-    doubtful = _reprojection_share(energy) >= settings.start_doubt
-    for tilt, farther in VARIANTS[: settings.starts - 1] if bool(doubtful.any()) else ():
+    doubtful = _reprojection_share(energy) >= RESTART_ERROR
+    for tilt, farther in VARIANTS[: settings.start_poses - 1] if bool(doubtful.any()) else ():
         state.load(origin)
         state.displace(doubtful, tilt, farther)
         energy.refresh()
@@ -130,12 +134,12 @@ def _of_each(energy: JointEnergy) -> Tensor:
 @torch.no_grad()
 def _reprojection_share(energy: JointEnergy) -> Tensor:
     """(B,) mean error of confident keypoints as a share of the person; infinite for who has none."""
-    problem, fixed = energy.problem, energy.fixed
+    problem, context = energy.problem, energy.context
     estimate = energy.state.unpack()
-    posed = fixed.pose(estimate.rotations, estimate.betas, estimate.transl, problem.expression0)
-    error = (project(posed[problem.skeleton], problem.K) - fixed.keypoints).norm(dim=-1)
-    confident = fixed.confident.to(error.dtype)
-    mean = (confident * error).sum(1) / confident.sum(1).clamp(min=1.0) / fixed.person_px
+    posed = context.pose(estimate.rotations, estimate.betas, estimate.transl, problem.expression0)
+    error = (project(posed[problem.skeleton], problem.K) - context.keypoints.points).norm(dim=-1)
+    confident = context.keypoints.confident.to(error.dtype)
+    mean = (confident * error).sum(1) / confident.sum(1).clamp(min=1.0) / context.person_px
     return torch.where(confident.any(1), mean, torch.inf)
 
 

@@ -1,4 +1,4 @@
-"""Stage 3: people and scene together (paper sec. 3.3, Eq. 5), and what came of it, person by person, as numbers."""
+"""Stage 3: people and scene are optimised together (paper sec. 3.3, Eq. 5), with diagnostics for each person."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
+from physic_core.engine.joint.distances import lowest_height, plane_height, signed_distance
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.local_depth_scale import warp_share
 from physic_core.engine.joint.optimiser import Trace
 from physic_core.engine.joint.problem import JointProblem, JointResult, finite_people
 from physic_core.engine.joint.schedule import run
+from physic_core.engine.joint.settings import JointSettings
 from physic_core.engine.joint.state import Estimate
-from physic_core.engine.joint.terms import lowest_height, plane_height, signed_distance
-from physic_core.engine.settings import JointSettings
 from physic_core.geometry.camera import project
 from physic_core.geometry.visibility import depth_order_violations
 
@@ -38,7 +38,7 @@ def optimize(
     Args:
         problem: placed people and their scene.
         settings: of stage 3.
-        progress: told the share of the work that is done, 0-1.
+        progress: called with the share of the work that is done, 0-1.
 
     Raises:
         PhysicError: shapes that do not fit together, or a depth term without its data.
@@ -53,12 +53,12 @@ def optimize(
     while healthy.any():
         rows = healthy.nonzero(as_tuple=True)[0]
         energy = JointEnergy(problem.pick(rows), settings)
-        sound = _sound(energy)
-        if sound.all():
+        finite = _finite_energy(energy)
+        if finite.all():
             break
-        for i in rows[~sound].tolist():
+        for i in rows[~finite].tolist():
             failures[i] = _NO_ENERGY
-        healthy[rows[~sound]] = False
+        healthy[rows[~finite]] = False
         energy = None
     if energy is None:
         return _untouched(problem, tuple(failures))
@@ -66,8 +66,8 @@ def optimize(
     return _result(problem, energy, trace, healthy.nonzero(as_tuple=True)[0], tuple(failures))
 
 
-def _sound(energy: JointEnergy) -> Tensor:
-    """(B,) bool: whose terms and gradients are all numbers."""
+def _finite_energy(energy: JointEnergy) -> Tensor:
+    """(B,) bool: people whose terms and gradients are all finite."""
     people = len(energy.problem)
     per_person = torch.stack([v for v in energy().values() if v.shape == (people,)])
     parameters = [energy.state.values[g] for g in energy.state.free if g != "scale"]
@@ -116,9 +116,9 @@ def _result(
     )
     output = problem.model(rotations, betas, transl, problem.expression0)
     hidden = energy.occluded(output.vertices[rows])
-    told = _diagnostics(energy, estimate, output.vertices[rows], hidden)
+    measured = _diagnostics(energy, estimate, output.vertices[rows], hidden)
     diagnostics: list[Mapping[str, float]] = [{} for _ in failures]
-    for i, numbers in zip(rows.tolist(), told, strict=True):
+    for i, numbers in zip(rows.tolist(), measured, strict=True):
         diagnostics[i] = numbers
     return replace(
         start,
@@ -149,32 +149,32 @@ def _diagnostics(energy: JointEnergy, estimate: Estimate, vertices: Tensor, hidd
     occluded_share: vertices that objects, others or the own body hide.
     depth_order_share: vertices in front of a person who hides them in the photo.
     """
-    problem, fixed, settings = energy.problem, energy.fixed, energy.settings
-    tracked = vertices[:, fixed.ids]
-    posed = fixed.pose(estimate.rotations, estimate.betas, estimate.transl, problem.expression0)
-    error = (project(posed[problem.skeleton], problem.K) - fixed.keypoints).norm(dim=-1)
-    confident = fixed.confident
+    problem, context = energy.problem, energy.context
+    tracked = vertices[:, context.ids]
+    posed = context.pose(estimate.rotations, estimate.betas, estimate.transl, problem.expression0)
+    error = (project(posed[problem.skeleton], problem.K) - context.keypoints.points).norm(dim=-1)
+    confident = context.keypoints.confident
     scale = float(estimate.log_scale.exp())
-    scene, touch = energy.scene, energy.touch
+    scene, visibility = energy.scene, energy.visibility
     warp = estimate.warp[:, None]
     near = scene.query(tracked / warp.exp()[..., None], scale)
-    distance = torch.full_like(fixed.area, torch.inf)
+    distance = torch.full_like(context.area, torch.inf)
     if len(scene.points):
         points = scene.points[near.index]
         factor = scale * torch.exp(warp * warp_share(points, problem.floor_normal, problem.floor_offset))
         signed = signed_distance(tracked, points * factor[..., None], scene.normals[near.index])
         distance = torch.where(near.found, signed, distance)
     height: Tensor | None = None
-    if problem.floor_normal is not None and settings.floor != "off":
+    if problem.floor_normal is not None and context.conventions.floor != "ignored":
         offset = tracked.new_tensor(problem.floor_offset * scale)
         height = plane_height(tracked, problem.floor_normal, offset)
-    counted = (touch.penetration_weight > 0) & (distance < -_DEEP_M)
-    gap = torch.where(energy.visible.in_play, distance, torch.inf)
+    counted = (energy.active["penetration"] > 0) & (distance < -_DEEP_M)
+    gap = torch.where(visibility.in_play, distance, torch.inf)
     if height is not None:
-        counted = counted | (energy.visible.in_play & (height < -_DEEP_M))
-        gap = torch.where(energy.visible.in_play, torch.minimum(gap, height), gap)
+        counted = counted | (visibility.in_play & (height < -_DEEP_M))
+        gap = torch.where(visibility.in_play, torch.minimum(gap, height), gap)
     behind = depth_order_violations(vertices, project(vertices, problem.K), problem.masks)
-    told = []
+    people = []
     for i in range(len(problem)):
         numbers = {
             "occluded_share": float(hidden[i].float().mean()),
@@ -184,18 +184,18 @@ def _diagnostics(energy: JointEnergy, estimate: Estimate, vertices: Tensor, hidd
         }
         if confident[i].any():
             numbers["reprojection_px"] = float(error[i][confident[i]].mean())
-            numbers["reprojection_share"] = numbers["reprojection_px"] / float(fixed.person_px[i])
-        seen = fixed.area[i] * energy.visible.in_play[i]
+            numbers["reprojection_share"] = numbers["reprojection_px"] / float(context.person_px[i])
+        seen = context.area[i] * visibility.in_play[i]
         if seen.sum() > 0:
             numbers["penetration_share"] = float((seen * counted[i]).sum() / seen.sum())
         if torch.isfinite(gap[i]).any():
             numbers["floating_m"] = max(0.0, float(gap[i].amin()))
         heights = [
             float(lowest_height(height[i : i + 1, sole]))
-            for sole, foot in zip(fixed.soles, fixed.feet_seen[i].tolist(), strict=True)
+            for sole, foot in zip(context.soles, context.feet_seen[i].tolist(), strict=True)
             if height is not None and foot and len(sole)
         ]
         if heights:
             numbers["lowest_sole_m"] = min(heights)
-        told.append(numbers)
-    return told
+        people.append(numbers)
+    return people

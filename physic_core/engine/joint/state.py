@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import roma
 import torch
@@ -19,7 +20,10 @@ from physic_core.errors import PhysicError
 from physic_core.geometry.rotations import rotvec_to_rotmat
 from physic_core.types.short_repr import ShortRepr
 
-__all__ = ["GROUPS", "Estimate", "State"]
+if TYPE_CHECKING:
+    from physic_core.engine.joint.context import JointContext
+
+__all__ = ["GROUPS", "Estimate", "State", "raw_state"]
 
 GROUPS: tuple[str, ...] = ("root", "pose", "hands", "betas", "translation", "scale", "offset", "warp")
 """Groups that can be frozen: root rotation, joints 1-21, both hands, shape, translation, scene scale, depth
@@ -130,9 +134,8 @@ class State:
             "offset": offset_sigma,
             "warp": warp_sigma,
         }
-        self._offset_free = (
-            torch.ones(people, device=device, dtype=dtype) if offset_free is None else offset_free.to(dtype)
-        )
+        self.offset_free = torch.ones(people, device=device, dtype=torch.bool) if offset_free is None else offset_free
+        self._moves_offset = self.offset_free.to(dtype)
         self.values: dict[str, Tensor] = self._initial()
         self.free: tuple[str, ...] = tuple(g for g in GROUPS if g not in frozen)
         for group in self.free:
@@ -198,7 +201,7 @@ class State:
             start.betas + values["betas"] * sigmas["betas"],
             start.transl + (pelvis - self._pelvis),
             values["scale"] * sigmas["scale"],
-            values["offset"] * sigmas["offset"] * self._offset_free,
+            values["offset"] * sigmas["offset"] * self._moves_offset,
             values["warp"] * sigmas["warp"],
         )
 
@@ -211,20 +214,20 @@ class State:
             values["betas"],
             values["translation"],
             values["scale"].clamp(min=1e-3).log(),
-            values["offset"] * self._offset_free,
+            values["offset"] * self._moves_offset,
             values["warp"],
         )
 
-    def strayed(self) -> tuple[Tensor, Tensor]:
-        """How far people (B, P) and the scene's scale () have left the start.
+    def deviation(self) -> tuple[Tensor, Tensor]:
+        """Deviation of people's parameters (B, P) and of the scene's scale () from the start.
 
         All groups but the scale stand side by side in the order of :data:`GROUPS`, in units of the expected spread
         where whitened, else in the units of the raw numbers.
         """
         return self._side_by_side(self.values) - self._started, self.values["scale"] - self._origin["scale"]
 
-    def per_number(self, of_group: Mapping[str, float]) -> Tensor:
-        """A number for each group, as (P,) for the columns of :meth:`strayed`."""
+    def per_parameter(self, of_group: Mapping[str, float]) -> Tensor:
+        """A number for each group, as (P,) for the columns of :meth:`deviation`."""
         sizes = zip(_OF_PEOPLE, self._sizes, strict=True)
         return self._started.new_tensor([of_group[group] for group, size in sizes for _ in range(size)])
 
@@ -287,3 +290,18 @@ class State:
         if packed.shape != (sum(sizes),):
             raise PhysicError(f"the packed state must be ({sum(sizes)},), got {tuple(packed.shape)}")
         return torch.split(packed, sizes)
+
+
+def raw_state(context: JointContext, frozen: Sequence[str]) -> State:
+    """Raw parameters without depth offsets and warps, as gradient descent of the paper moves them.
+
+    Args:
+        context: of the run.
+        frozen: groups that stay as they are. The scale does as well where neither scene nor floor shows it.
+    """
+    problem = context.problem
+    stay = {*frozen, "offset", "warp"}
+    if not len(context.surface) and problem.floor_normal is None:
+        stay.add("scale")
+    start = (problem.rotations0, problem.betas0, problem.transl0, context.start.joints[:, 0])
+    return State(*start, whitened=False, frozen=sorted(stay))

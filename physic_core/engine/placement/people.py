@@ -10,7 +10,7 @@ from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.engine.joint.limbs import confirmed_joints, placing_keypoints
-from physic_core.engine.joint.released_reprojection import released_keypoint_weights
+from physic_core.engine.joint.released.reprojection import released_keypoint_weights
 from physic_core.engine.placement.left_right import fix_left_right_swaps
 from physic_core.engine.placement.place import PersonEvidence, PersonPlacement, Placement, PosedBodies, place
 from physic_core.engine.placement.settings import PlacementSettings

@@ -25,7 +25,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.released_visibility import faces_optical_axis
+from physic_core.engine.joint.released.visibility import faces_optical_axis
 from physic_core.engine.placement.settings import PlacementSettings
 from physic_core.engine.placement.solvers import (
     adam,

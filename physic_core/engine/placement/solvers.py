@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.released_reprojection import released_reprojection
+from physic_core.engine.joint.released.reprojection import released_reprojection
 from physic_core.engine.placement.settings import PlacementSettings
 from physic_core.engine.placement.terms import (
     FEWEST_KEYPOINTS,

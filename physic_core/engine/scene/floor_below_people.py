@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.joint.terms import lowest_height, plane_height
+from physic_core.engine.joint.distances import lowest_height, plane_height
 from physic_core.engine.scene.build import SceneState
 from physic_core.geometry.floor import FIRMNESS, PlaneFit
 from physic_core.geometry.gravity import gravity

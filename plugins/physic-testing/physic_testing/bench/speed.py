@@ -17,7 +17,7 @@ from physic_core.errors import ConfigError
 
 if TYPE_CHECKING:
     from physic_core.engine.joint.problem import JointProblem
-    from physic_core.engine.settings import JointSettings
+    from physic_core.engine.joint.settings import JointSettings
 
 __all__ = ["SECTIONS", "SpeedReport", "SpeedRow", "format_report", "measure_speed"]
 

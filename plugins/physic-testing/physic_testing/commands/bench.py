@@ -54,7 +54,7 @@ def bench() -> None:
     "overrides",
     metavar="KEY=VALUE",
     multiple=True,
-    help="A setting of the engine (joint.depth_weight=10) makes a trial beside the full row; one of a backend "
+    help="A setting of the engine (joint.depth.weight=10) makes a trial beside the full row; one of a backend "
     "(metric_depth.options...) changes all rows. May be repeated.",
 )
 @click.option("--jobs", metavar="J", type=click.IntRange(1), default=1, show_default=True, help="Processes.")

@@ -77,7 +77,7 @@ def test_the_name_of_evidence_changes_with_whatever_changes_it(config):
         )
     ]
     assert len(set(keys)) == len(keys)
-    trial = load_config(preset="mock", overrides=["engine.joint.steps=3"])
+    trial = load_config(preset="mock", overrides=["engine.joint.optimiser.steps=3"])
     assert cases.evidence_key(CASE, resolve(trial, registry)) == keys[0]
 
 
@@ -224,19 +224,19 @@ def test_every_command_of_the_page_can_be_given(repository):
 
 def test_a_trial_stands_beside_the_full_row(tmp_path, known_worlds):
     common = ["accuracy", "--worlds", "1", "--size", "160x120", "--cache", str(tmp_path / "cache"), "-o"]
-    told = bench(*common, str(tmp_path / "out"), "--set", "joint.steps=0")
+    told = bench(*common, str(tmp_path / "out"), "--set", "joint.optimiser.steps=0")
     assert told.exit_code == 0, told.output
     assert "Trial" in told.output.splitlines()
     document = json.loads((tmp_path / "out" / "results.json").read_text())
     assert list(document["summary"]) == ["full", "trial"]
-    assert document["settings"]["rows"]["trial"]["label"] == "full, joint.steps=0"
-    assert document["settings"]["rows"]["trial"]["engine"]["joint"]["steps"] == 0
+    assert document["settings"]["rows"]["trial"]["label"] == "full, joint.optimiser.steps=0"
+    assert document["settings"]["rows"]["trial"]["engine"]["joint"]["optimiser"]["steps"] == 0
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--set", "joint.stepz=0"], "stepz"),
+        (["--set", "joint.optimiser.stepz=0"], "stepz"),
         (["--set", "engine.preset=paper"], "say it with --preset NAME"),
         (["--preset", "best"], "no engine preset named 'best'"),
         (["--rows", "fll"], "no row named 'fll'"),

@@ -11,6 +11,7 @@ import torch
 from physic_core.body import load_body
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.presets import PRESETS
+from physic_core.engine.settings import with_overrides
 from physic_core.errors import ConfigError
 from physic_core.geometry.neighbors import NearestScene
 from physic_testing.bench.speed import SECTIONS, SpeedReport, SpeedRow, format_report, measure_speed
@@ -70,14 +71,14 @@ def test_sitters_have_a_seat(body):
 
 def test_stage_three_makes_the_problem_better(body):
     problem = crowd(body, 2, SMALL)
-    result = optimize(problem, replace(PRESETS["default"].joint, steps=20))
+    result = optimize(problem, with_overrides(PRESETS["default"].joint, {"optimiser": {"steps": 20}}))
     start, end = (sum(pair[k] for pair in result.losses.values()) for k in (0, 1))
     assert end < 0.5 * start
     assert result.failures == ("", "")
 
 
 def test_the_same_problem_is_solved_the_same_bit_for_bit(body):
-    settings = replace(PRESETS["default"].joint, steps=25)
+    settings = with_overrides(PRESETS["default"].joint, {"optimiser": {"steps": 25}})
     first, second = (optimize(crowd(body, 2, SMALL), settings) for _ in range(2))
     for name in ("rotations", "betas", "transl", "vertices", "joints", "occluded"):
         assert torch.equal(getattr(first, name), getattr(second, name)), name

@@ -11,7 +11,7 @@ import roma
 import torch
 
 from physic_core.body import load_body
-from physic_core.engine.joint.terms import hinge_angles
+from physic_core.engine.joint.distances import hinge_angles
 from physic_core.errors import InputError
 from physic_testing.worlds.actions import SOLO, draw_person, turned
 from physic_testing.worlds.furniture import moved

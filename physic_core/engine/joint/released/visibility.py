@@ -1,4 +1,4 @@
-"""What the released code sees of people: all masks as one, looked at once, and limbs by the first face on each ray.
+"""Visibility as in the released code: all masks as one, looked up once, and limbs by the first face on each ray.
 
 Which vertices lie on the masks and face the camera is decided where the keypoints alone have put the bodies, and kept;
 the limbs that the body hides are found anew at each refresh.
@@ -15,13 +15,11 @@ import torch
 from torch import Tensor
 
 from physic_core.body.model import BodyOutput
-from physic_core.engine.joint.context import Fixed
+from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.limbs import limb_parts
-from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.visibility import Shadows, Visible, look
-from physic_core.engine.settings import JointSettings
+from physic_core.engine.joint.visibility import HIDDEN_LIMB_SHARE, SelfOcclusion, Visibility, update_visibility
 
-__all__ = ["faces_optical_axis", "look_once", "mean_face_normals", "visible_part_shares"]
+__all__ = ["faces_optical_axis", "mean_face_normals", "update_released_visibility", "visible_part_shares"]
 
 
 def mean_face_normals(vertices: Tensor, faces: Tensor) -> Tensor:
@@ -64,38 +62,31 @@ def visible_part_shares(vertices: Tensor, faces: Tensor, part_of_vertex: Tensor,
     return torch.tensor([own[part == p].mean() if (part == p).any() else 1.0 for p in parts], dtype=torch.float64)
 
 
-def look_once(
-    problem: JointProblem,
-    settings: JointSettings,
-    fixed: Fixed,
-    output: BodyOutput,
-    shadows: Shadows,
-    before: Visible | None,
-) -> Visible:
-    """What the released code sees.
+def update_released_visibility(
+    context: JointContext, bodies: BodyOutput, self_occlusion: SelfOcclusion, last: Visibility | None
+) -> Visibility:
+    """Visibility as in the released code.
 
     Args:
-        problem: with finite people only.
-        settings: of stage 3.
-        fixed: what stays as it is.
-        output: the posed bodies now, all vertices.
-        shadows: of these people.
-        before: what was seen at the last look; None at the first, which is where the keypoints alone put the bodies.
+        context: of the run.
+        bodies: posed now, all vertices.
+        self_occlusion: of these people.
+        last: the last visibility; None at first, when bodies are taken to be where the keypoints alone put them.
     """
-    model, ids = problem.model, fixed.ids
-    if before is None and problem.keypoint_transl is not None:
+    problem, model, ids = context.problem, context.problem.model, context.ids
+    if last is None and problem.keypoint_transl is not None:
         way = (problem.keypoint_transl - problem.transl0)[:, None]
-        output = replace(output, vertices=output.vertices + way, joints=output.joints + way)
-    now = look(problem, settings, fixed, output, shadows)
-    if before is None:
-        in_mask, normals = now.in_mask, mean_face_normals(output.vertices, model.faces)[:, ids]
-        facing = faces_optical_axis(normals, settings.facing_deg) & in_mask
+        bodies = replace(bodies, vertices=bodies.vertices + way, joints=bodies.joints + way)
+    now = update_visibility(context, bodies, self_occlusion, last)
+    if last is None:
+        in_mask, normals = now.in_mask, mean_face_normals(bodies.vertices, model.faces)[:, ids]
+        facing = faces_optical_axis(normals, context.conventions.facing_deg) & in_mask
     else:
-        in_mask, facing = before.in_mask, before.facing
+        in_mask, facing = last.in_mask, last.facing
     parts = torch.tensor(limb_parts(model.part_names), device=ids.device)
-    lost = torch.zeros_like(in_mask)
-    for i, vertices in enumerate(output.vertices):
+    hidden_limbs = torch.zeros_like(in_mask)
+    for i, vertices in enumerate(bodies.vertices):
         shares = visible_part_shares(vertices, model.faces, model.part_of_vertex, parts.tolist())
-        hidden = parts[(shares < 1 - settings.self_occlusion_share).to(parts.device)]
-        lost[i] = torch.isin(model.part_of_vertex[ids], hidden)
-    return replace(now, in_play=fixed.seen_part, in_mask=in_mask, hidden=~in_mask | lost, facing=facing)
+        hidden = parts[(shares < 1 - HIDDEN_LIMB_SHARE).to(parts.device)]
+        hidden_limbs[i] = torch.isin(model.part_of_vertex[ids], hidden)
+    return replace(now, in_play=context.seen_part, in_mask=in_mask, hidden=~in_mask | hidden_limbs, facing=facing)

@@ -1,4 +1,4 @@
-"""The paper's depth term (Eq. 4): people's visible vertices against their points, both ways, nearest to nearest."""
+"""The paper's depth term L_d (Eq. 4): people's visible vertices against their points, both ways, nearest to nearest."""
 
 from __future__ import annotations
 
@@ -8,13 +8,46 @@ import torch
 from scipy.spatial import cKDTree
 from torch import Tensor
 
+from physic_core.engine.bounds import NotNegative
+from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.terms import chamfer
+from physic_core.engine.joint.term import PosedBodies, View
 from physic_core.errors import PhysicError
 from physic_core.geometry.camera import pixel_grid, unproject
 from physic_core.types.short_repr import ShortRepr
 
-__all__ = ["HumanCloud"]
+__all__ = ["ChamferSettings", "ChamferTerm", "HumanCloud", "chamfer_energy"]
+
+
+@dataclass(frozen=True)
+class ChamferSettings:
+    """Chamfer distance between visible vertices and human points.
+
+    Attributes:
+        weight: lambda_d of Eq. 5, of square metres; 0 removes the term.
+    """
+
+    weight: NotNegative = 0.005
+
+
+def chamfer_energy(
+    vertices: Tensor, points: Tensor, nearest_point: Tensor, nearest_vertex: Tensor, point_weight: float
+) -> Tensor:
+    """L_d (Eq. 4) of one person: ``sum_v min_p |v - p|^2 + sum_p min_v |p - v|^2``.
+
+    Args:
+        vertices: (n, 3) camera-facing vertices, metres.
+        points: (m, 3) human points in the scaled scene, metres.
+        nearest_point: (n,) int64, of each vertex.
+        nearest_vertex: (m,) int64, of each point.
+        point_weight: how many of the original points each stands for.
+
+    Returns:
+        () square metres.
+    """
+    to_points = (vertices - points[nearest_point]).square().sum()
+    to_vertices = (points - vertices[nearest_vertex]).square().sum()
+    return to_points + point_weight * to_vertices
 
 
 @dataclass(frozen=True)
@@ -32,8 +65,8 @@ class HumanCloud(ShortRepr):
     trees: tuple[cKDTree, ...]
 
     @classmethod
-    def of(cls, problem: JointProblem, most: int) -> HumanCloud:
-        """From ``human_points``, or from ``human_depth`` under each mask; at most ``most`` a person, evenly picked.
+    def of(cls, problem: JointProblem, most: int = 0) -> HumanCloud:
+        """From ``human_points``, or from ``human_depth`` under each mask; evenly picked, at most ``most``, 0 for all.
 
         Raises:
             PhysicError: the problem has neither.
@@ -47,7 +80,7 @@ class HumanCloud(ShortRepr):
         else:
             raise PhysicError(
                 "the depth term compares point clouds, but there are neither human_points nor human_depth: give one,"
-                " or set depth_weight = 0"
+                " or set engine.joint.depth.weight = 0"
             )
         clouds = [c[torch.isfinite(c).all(-1)] for c in clouds]
         step = [max(1, -(-len(c) // most)) if most else 1 for c in clouds]
@@ -79,10 +112,29 @@ class HumanCloud(ShortRepr):
         _, nearest_point = self.trees[i].query(now / scale)
         _, nearest_vertex = cKDTree(now, balanced_tree=False).query(points.cpu().double().numpy())
         device = vertices.device
-        return chamfer(
+        return chamfer_energy(
             vertices,
             points,
             torch.from_numpy(nearest_point).to(device),
             torch.from_numpy(nearest_vertex).to(device),
             self.share[i],
         )
+
+
+class ChamferTerm:
+    """Eq. 4 of all people."""
+
+    def __init__(self, settings: ChamferSettings, context: JointContext) -> None:
+        self._weight = settings.weight
+        self._cloud = HumanCloud.of(context.problem) if settings.weight else None
+        self.active: dict[str, Tensor] = {}
+
+    def refresh(self, view: View) -> None:
+        """Choose the camera-facing vertices."""
+        self.active = {"depth": view.visibility.facing}
+
+    def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
+        """ "depth"."""
+        if self._cloud is None:
+            return {}
+        return {"depth": self._weight * self._cloud(bodies.vertices, self.active["depth"], bodies.estimate.log_scale)}

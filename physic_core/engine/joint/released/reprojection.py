@@ -11,10 +11,15 @@ from torch import Tensor
 
 from physic_core.body.joints import SIDES
 from physic_core.body.landmarks import DETECTED, SKELETONS
+from physic_core.engine.joint.context import JointContext, Keypoints
 from physic_core.engine.joint.limbs import is_finger
+from physic_core.engine.joint.problem import JointProblem
+from physic_core.engine.joint.term import PosedBodies, View
+from physic_core.engine.joint.terms.reprojection import finite_keypoints
+from physic_core.geometry.camera import project
 from physic_core.geometry.visibility import near_mask
 
-__all__ = ["released_keypoint_weights", "released_reprojection"]
+__all__ = ["ReleasedReprojectionTerm", "released_keypoint_weights", "released_keypoints", "released_reprojection"]
 
 _LEAST_CONFIDENCE = 0.5
 _LEAST_HAND_CONFIDENCE = 0.7
@@ -68,6 +73,40 @@ def released_reprojection(projected: Tensor, observed: Tensor, weight: Tensor, s
     """
     error = ((projected - observed) / size).abs().sum(-1)
     return (weight * error).sum(-1) / (2 * _KEYPOINTS * people)
+
+
+def released_keypoints(problem: JointProblem, person_px: Tensor, observed: Tensor) -> Keypoints:
+    """Keypoints with the weights of :func:`released_keypoint_weights`.
+
+    Args:
+        problem: with finite people only.
+        person_px: not used.
+        observed: not used.
+    """
+    points, confidence = finite_keypoints(problem)
+    weight = released_keypoint_weights(problem.skeleton, points, confidence, problem.masks)
+    return Keypoints(points, weight, weight > 0)
+
+
+class ReleasedReprojectionTerm:
+    """The mean absolute error of all people's keypoints, as shares of the picture."""
+
+    def __init__(self, context: JointContext, weight: float) -> None:
+        self._context, self._weight = context, weight
+        height, width = context.problem.masks.shape[-2:]
+        self._size = context.person_px.new_tensor([width, height])
+        self.active = {"reprojection": context.keypoints.weight}
+
+    def refresh(self, view: View) -> None:
+        """Keypoints do not depend on the view."""
+
+    def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
+        """ "reprojection"."""
+        keypoints = self._context.keypoints
+        projected = project(bodies.keypoints, self._context.problem.K)
+        people = len(projected)
+        error = released_reprojection(projected, keypoints.points, keypoints.weight, self._size, people)
+        return {"reprojection": self._weight * error} if self._weight else {}
 
 
 def _is_of_body(name: str) -> bool:

@@ -1,0 +1,60 @@
+"""What an energy takes of a problem: which vertices, keypoints, limbs and surfaces count, and how they are found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from torch import Tensor
+
+from physic_core.engine.bounds import NearestStrategy
+
+if TYPE_CHECKING:
+    from physic_core.body.model import BodyOutput
+    from physic_core.engine.joint.context import JointContext, Keypoints
+    from physic_core.engine.joint.problem import JointProblem
+    from physic_core.engine.joint.visibility import SelfOcclusion, Visibility
+
+__all__ = ["Conventions"]
+
+
+@dataclass(frozen=True)
+class Conventions:
+    """Fixed choices of one energy; each preset states its own.
+
+    Attributes:
+        weigh_keypoints: (problem, (B,) stature in px, (B, 55) bool joints that count as seen) -> keypoints.
+        update_visibility: (context, posed bodies, self-occlusion, last visibility or None) -> visibility.
+        search_radius_m: how far vertices look for scene points, metres.
+        facing_deg: see :class:`physic_core.engine.joint.settings.VisibilitySettings`, as the next three.
+        mask_tolerance: see there.
+        vertex_spacing_m: see there.
+        count_vertices: every vertex counts 1; else it counts by the surface that it stands for.
+        observed_limbs_only: limbs that the photo does not show take no part; else all limbs count as seen.
+        static_contacts: feet, hands, thighs, seat and back of everybody are contact vertices, instead of the prior's.
+        merge_masks: all people's masks are taken as one; else each person has their own.
+        coarse_self_occlusion: self-occlusion is found on vertices 2 cm apart, each for those round it.
+        floor: "plane" measures against the fitted plane, "points" adds samples of it to the scene, "ignored" neither.
+        along_normals: distances are along normals: scene points without one are left out.
+        free_space: what lies before all that the depth map shows is inside nothing.
+        nearest: strategy of the search for nearest points.
+        nearest_every_step: nearest points are looked up at every evaluation, not only when visibility is updated.
+    """
+
+    weigh_keypoints: Callable[[JointProblem, Tensor, Tensor], Keypoints]
+    update_visibility: Callable[[JointContext, BodyOutput, SelfOcclusion, Visibility | None], Visibility]
+    search_radius_m: float
+    facing_deg: float
+    mask_tolerance: float
+    vertex_spacing_m: float
+    count_vertices: bool = False
+    observed_limbs_only: bool = True
+    static_contacts: bool = False
+    merge_masks: bool = False
+    coarse_self_occlusion: bool = False
+    floor: Literal["plane", "points", "ignored"] = "plane"
+    along_normals: bool = False
+    free_space: bool = False
+    nearest: NearestStrategy = "kdtree"
+    nearest_every_step: bool = False

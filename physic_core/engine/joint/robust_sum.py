@@ -1,0 +1,46 @@
+"""Weighted sums of robust residuals, with their derivatives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from torch import Tensor
+
+from physic_core.geometry.robust import robust, unit_robust
+
+__all__ = ["RobustSum"]
+
+
+@dataclass(frozen=True)
+class RobustSum:
+    """``sum_v w_v rho(r_v^2 / sigma^2)`` of residuals (B, n); made by :meth:`of`.
+
+    Attributes:
+        kind: of loss, see :mod:`physic_core.geometry.robust`.
+        scale: of the loss, in sigmas.
+        sigma: expected residual.
+        weight: (B, n).
+        value_weight: (B, n) weights of the values of the loss of unit scale.
+        slope_weight: (B, n) weights of its derivatives.
+    """
+
+    kind: str
+    scale: float
+    sigma: float
+    weight: Tensor
+    value_weight: Tensor
+    slope_weight: Tensor
+
+    @classmethod
+    def of(cls, kind: str, scale: float, sigma: float, weight: Tensor) -> RobustSum:
+        """With weights (B, n) and an expected residual ``sigma``."""
+        return cls(kind, scale, sigma, weight, weight * scale**2, weight * (2.0 / sigma**2))
+
+    def rho(self, squared: Tensor) -> Tensor:
+        """Robust loss of squared residuals in sigmas, differentiable."""
+        return robust(self.kind, squared, self.scale)
+
+    def with_slope(self, residual: Tensor) -> tuple[Tensor, Tensor]:
+        """Value of each person (B,), and its derivative by the residuals (B, n)."""
+        loss, slope = unit_robust(self.kind, (residual * (1.0 / (self.sigma * self.scale))).square(), self.scale)
+        return (self.value_weight * loss).sum(1), self.slope_weight * residual * slope

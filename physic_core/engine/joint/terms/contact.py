@@ -1,0 +1,98 @@
+"""Contact term L_c: vertices that are expected to touch the scene are pulled onto its surface (paper Eq. 6)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import torch
+from torch import Tensor
+
+from physic_core.engine.bounds import NotNegative, Positive
+from physic_core.engine.joint.context import STATIC_CONTACTS, JointContext
+from physic_core.engine.joint.robust_sum import RobustSum
+from physic_core.engine.joint.term import Rho, View
+
+__all__ = ["ContactSettings", "ContactTerm", "contact_energy"]
+
+
+@dataclass(frozen=True)
+class ContactSettings:
+    """Contact with scene and floor, along their normals, so that a vertex may slide on a surface at no cost.
+
+    Attributes:
+        weight: lambda_c of Eq. 5; 0 removes the term.
+        source: contact vertices are those of the "prior", or "static" parts of every body: feet, hands, thighs, seat
+            and back.
+        static_weight: static parts where the prior expects no contact count by this weight; 0 leaves them out.
+        max_distance_m: contact vertices farther from scene and floor are left alone, metres.
+        sigma_m: expected error of the surface, metres.
+        outlier_sigmas: beyond this many sigmas a distance counts as an outlier (Geman-McClure).
+    """
+
+    weight: NotNegative = 1.25
+    source: Literal["prior", "static"] = "prior"
+    static_weight: NotNegative = 0.4
+    max_distance_m: Positive = 0.15
+    sigma_m: Positive = 0.02
+    outlier_sigmas: Positive = 3.5
+
+
+def contact_energy(squared: Tensor, weight: Tensor, rho: Rho) -> Tensor:
+    """L_c (Eq. 6): ``sum_v w_v rho(d_v^2)``, on either side of the surface.
+
+    Args:
+        squared: (B, V) squared distance to the scene or the floor, in units of its expected error.
+        weight: (B, V): contact vertices that are near something; 0 for the others.
+        rho: robust loss, redescending where far contacts should let go.
+
+    Returns:
+        (B,).
+    """
+    return (weight * rho(squared)).sum(-1)
+
+
+class ContactTerm:
+    """Eq. 6 for vertices that face a surface within reach: the nearer of scene and floor.
+
+    Behind an object only the floor is known.
+
+    Attributes:
+        prior: (B, n) weight of each vertex by its contact probability.
+        on_scene: (B, n) bool, contact is with the scene; else with the floor.
+        touching: (B, n) bool, within reach of a surface that they face, on a limb that the photo shows.
+    """
+
+    def __init__(self, settings: ContactSettings, context: JointContext) -> None:
+        self.settings, self._context = settings, context
+        probability = context.contact_probability
+        prior = torch.where(context.is_contact, probability, torch.zeros_like(probability))
+        if settings.static_weight:
+            model = context.problem.model
+            static = torch.zeros(model.num_vertices, dtype=torch.bool, device=prior.device)
+            for name in STATIC_CONTACTS:
+                static[model.contact_sets[name]] = True
+            prior = torch.where(static[context.ids], prior.clamp(min=settings.static_weight), prior)
+        self.prior = prior
+        self.active: dict[str, Tensor] = {}
+        self.on_scene = self.touching = torch.zeros_like(context.is_contact)
+
+    def refresh(self, view: View) -> None:
+        """Choose the vertices near a surface that they face, weighed by how squarely they face it."""
+        contacts, reach = view.contacts, self.settings.max_distance_m
+        to_scene, to_floor = contacts.signed.abs(), contacts.height.abs()
+        can_scene = contacts.found & (to_scene < reach) & (contacts.facing_scene > 0)
+        can_floor = (to_floor < reach) & (contacts.facing_floor > 0)
+        self.on_scene = can_scene & (~can_floor | (to_scene <= to_floor))
+        self.touching = (can_scene | can_floor) & view.visibility.in_play
+        # Only what faces a surface can lie on it: the rim of a foot is over the floor, and does not touch it.
+        square = torch.where(self.on_scene, contacts.facing_scene, contacts.facing_floor).clamp(min=0.0)
+        weight = self._context.area * self.prior * square
+        self.active = {"contact": torch.where(self.touching, weight, torch.zeros_like(weight))}
+
+    def robust_sum(self) -> RobustSum | None:
+        """Weights of the distances to what is touched; None where the term is off."""
+        s = self.settings
+        if not s.weight:
+            return None
+        return RobustSum.of("geman_mcclure", s.outlier_sigmas, s.sigma_m, s.weight * self.active["contact"])

@@ -1,0 +1,56 @@
+"""Leg-symmetry term: legs that the photo does not show are alike, more likely than an estimator guesses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from torch import Tensor
+
+from physic_core.body.joints import JOINT_INDEX
+from physic_core.engine.bounds import NotNegative
+from physic_core.engine.joint.context import JointContext
+from physic_core.engine.joint.term import PosedBodies, View
+
+__all__ = ["LegSymmetrySettings", "LegSymmetryTerm", "leg_asymmetry"]
+
+_LEFT_LEG, _RIGHT_LEG = (
+    [JOINT_INDEX[f"{side}_{name}"] for name in ("hip", "knee", "ankle")] for side in ("left", "right")
+)
+_SIGMA = 0.25  # radians that legs of people are apart
+
+
+@dataclass(frozen=True)
+class LegSymmetrySettings:
+    """Unlike legs, where the photo shows neither knees nor ankles.
+
+    Attributes:
+        weight: of the term; 0 removes it.
+    """
+
+    weight: NotNegative = 2.0
+
+
+def leg_asymmetry(rotations: Tensor) -> Tensor:
+    """Asymmetry of the legs: ``sum_j 2 (1 - cos a_j) / sigma^2`` over hips, knees and ankles, where a_j is the angle
+    from the mirrored right joint to the left one: (B, 55, 3, 3) -> (B,)."""
+    flip = rotations.new_tensor([1.0, -1.0, -1.0])
+    mirrored = rotations[:, _RIGHT_LEG] * flip[:, None] * flip
+    return (rotations[:, _LEFT_LEG] - mirrored).square().sum((-1, -2, -3)) / (2 * _SIGMA**2)
+
+
+class LegSymmetryTerm:
+    """Asymmetry of the legs of people whose legs the photo does not show."""
+
+    def __init__(self, settings: LegSymmetrySettings, context: JointContext) -> None:
+        self._weight = settings.weight
+        self._is_on = bool(settings.weight) and bool(context.legs_unseen.any())
+        self.active = {"symmetry": context.legs_unseen.to(context.area.dtype)}
+
+    def refresh(self, view: View) -> None:
+        """Which limbs the photo shows stays as it is."""
+
+    def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
+        """ "symmetry"; nothing where all legs are seen."""
+        if not self._is_on:
+            return {}
+        return {"symmetry": self._weight * (self.active["symmetry"] * leg_asymmetry(bodies.estimate.rotations))}

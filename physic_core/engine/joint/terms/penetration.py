@@ -1,0 +1,76 @@
+"""Penetration term L_i: vertices inside the scene are pushed out (paper Eq. 7)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from physic_core.engine.bounds import NotNegative, Positive
+from physic_core.engine.joint.context import JointContext
+from physic_core.engine.joint.robust_sum import RobustSum
+from physic_core.engine.joint.term import Rho, View
+
+__all__ = ["PenetrationSettings", "PenetrationTerm", "penetration_energy"]
+
+
+@dataclass(frozen=True)
+class PenetrationSettings:
+    """Vertices inside the scene, along its normals.
+
+    Attributes:
+        weight: lambda_i of Eq. 5; 0 removes the term.
+        max_depth_m: vertices deeper inside are left alone, metres.
+        slack_m: depth that is not punished, metres.
+        sigma_m: expected error of the surface, metres.
+        outlier_sigmas: beyond this many sigmas the pull is constant (pseudo-Huber).
+    """
+
+    weight: NotNegative = 0.3
+    max_depth_m: Positive = 0.15
+    slack_m: NotNegative = 0.005
+    sigma_m: Positive = 0.02
+    outlier_sigmas: Positive = 2.0
+
+
+def penetration_energy(signed: Tensor, weight: Tensor, slack: float, sigma: float, rho: Rho) -> Tensor:
+    """L_i (Eq. 7) by signed distance: ``sum_v w_v rho(max(0, -d_v - slack)^2 / sigma^2)``.
+
+    Args:
+        signed: (B, V) metres, negative inside.
+        weight: (B, V), 0 for vertices that are hidden, unobserved, or near nothing.
+        slack: depth that is not punished, metres.
+        sigma: expected error of the surface, metres.
+        rho: robust loss.
+
+    Returns:
+        (B,).
+    """
+    depth = torch.relu(-signed - slack) / sigma
+    return (weight * rho(depth.square())).sum(-1)
+
+
+class PenetrationTerm:
+    """Eq. 7 for visible vertices near the scene and not in free space."""
+
+    def __init__(self, settings: PenetrationSettings, context: JointContext, *, occlusion_aware: bool) -> None:
+        self.settings, self._context, self._occlusion_aware = settings, context, occlusion_aware
+        self.active: dict[str, Tensor] = {}
+
+    def refresh(self, view: View) -> None:
+        """Choose the vertices near the scene; hidden ones are left out."""
+        contacts, visibility = view.contacts, view.visibility
+        near = contacts.found & (contacts.distance < self.settings.max_depth_m) & visibility.in_play
+        near = near & ~contacts.in_free_space
+        if self._occlusion_aware:
+            near = near & ~visibility.hidden
+        area = self._context.area
+        self.active = {"penetration": torch.where(near, area, torch.zeros_like(area))}
+
+    def robust_sum(self) -> RobustSum | None:
+        """Weights of the depth beyond the slack; None where the term is off."""
+        s = self.settings
+        if not s.weight:
+            return None
+        return RobustSum.of("pseudo_huber", s.outlier_sigmas, s.sigma_m, s.weight * self.active["penetration"])

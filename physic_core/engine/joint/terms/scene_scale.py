@@ -1,0 +1,44 @@
+"""Scene-scale term: the scene keeps the scale of the metric depth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from torch import Tensor
+
+from physic_core.engine.bounds import NotNegative
+from physic_core.engine.joint.term import PosedBodies, View
+
+__all__ = ["DEPTH_SCALE_SIGMA", "SceneScaleSettings", "SceneScaleTerm"]
+
+DEPTH_SCALE_SIGMA = 0.1
+"""Expected error of log(scale) of a metric depth that states none."""
+
+
+@dataclass(frozen=True)
+class SceneScaleSettings:
+    """Change of the scene's scale.
+
+    Attributes:
+        weight: of the squared change, in units of its expected size.
+        local_sigma: expected error of the logarithm of the depth of what is round a person, beside that of the whole
+            scene; 0 leaves the scene as it is.
+    """
+
+    weight: NotNegative = 1.5
+    local_sigma: NotNegative = 0.1
+
+
+class SceneScaleTerm:
+    """``w x^2`` of the deviation ``x`` of the scale from the start (``State.deviation``)."""
+
+    def __init__(self, weight: float) -> None:
+        self._weight = weight
+        self.active: dict[str, Tensor] = {}
+
+    def refresh(self, view: View) -> None:
+        """The scale does not depend on the view."""
+
+    def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
+        """ "scale", (1,)."""
+        return {"scale": self._weight * bodies.scale_deviation.square().reshape(1)}

@@ -1,0 +1,121 @@
+"""Sole term: feet near the floor stand on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from physic_core.engine.bounds import NotNegative
+from physic_core.engine.joint.context import JointContext
+from physic_core.engine.joint.distances import lowest_height
+from physic_core.engine.joint.term import Rho, View
+from physic_core.geometry.robust import robust
+
+__all__ = ["SoleSettings", "SoleTerm", "sole_energy"]
+
+_SIGMA_M, _OUTLIER_SIGMAS = 0.015, 2.0  # a foot farther from the floor than about 3 cm is in the air
+_LOWER_SIGMA_M, _LOWER_OUTLIER_SIGMAS = 0.04, 2.0
+_LOWER_REACH_M = 0.4  # farther from the floor, the lower foot is left alone too
+_UNSEEN_SIGMA_M, _UNSEEN_OUTLIER_SIGMAS = 0.05, 3.0
+_UNSEEN_SIGMAS = 4.0  # an unseen foot that would be this far off is not the floor's to mend
+_STEP_SHARE = 0.3  # of a sole's vertices that must be over a step
+
+
+@dataclass(frozen=True)
+class SoleSettings:
+    """Height of the soles over the floor; the lowest twentieth of a sole is its height.
+
+    Attributes:
+        weight: of each seen foot that is near the floor.
+        lower_weight: of the lower seen foot, which is pulled from farther away.
+        unseen_weight: of each foot that the photo does not show: most feet stand on the floor.
+    """
+
+    weight: NotNegative = 2.0
+    lower_weight: NotNegative = 4.0
+    unseen_weight: NotNegative = 4.0
+
+
+def sole_energy(lowest: Tensor, weight: Tensor, lower_weight: Tensor, near: Rho, far: Rho) -> Tensor:
+    """Soles on the floor: ``sum_f w_f near(h_f^2) + w far(min_f h_f^2)``.
+
+    ``near`` redescends within centimetres, so that a foot in the air stays there; ``far`` does not, and pulls the
+    lower foot alone: somebody who stands, walks or runs has at most one foot far from the ground.
+
+    Args:
+        lowest: (B, 2) height of the left and the right sole, metres.
+        weight: (B, 2), 0 for a foot that was not seen.
+        lower_weight: (B,), 0 for people who may float (feet not seen, or known to touch nothing).
+        near: robust loss of squared metres.
+        far: robust loss of squared metres.
+
+    Returns:
+        (B,).
+    """
+    seen = weight > 0
+    lower = torch.where(seen, lowest, torch.full_like(lowest, torch.inf)).amin(-1)
+    # Unseen feet may be anywhere, infinitely far too: out before their weight of 0 makes them not-a-number.
+    lower = torch.where(seen.any(-1), lower, torch.zeros_like(lower))
+    lowest = torch.where(seen, lowest, torch.zeros_like(lowest))
+    return (weight * near(lowest.square())).sum(-1) + lower_weight * far(lower.square())
+
+
+class SoleTerm:
+    """Heights of both soles; evaluated by :class:`physic_core.engine.joint.terms.surface.SurfaceTerms`."""
+
+    def __init__(self, settings: SoleSettings, context: JointContext) -> None:
+        self.settings, self._context = settings, context
+        self._all_seen = bool(context.feet_seen.all())
+        self.active: dict[str, Tensor] = {}
+
+    @property
+    def is_on(self) -> bool:
+        """Whether there are a floor and a weight."""
+        s = self.settings
+        return self._context.floor_normal is not None and bool(s.weight or s.lower_weight or s.unseen_weight)
+
+    def refresh(self, view: View) -> None:
+        """Choose the feet: not on a step, which contact attends to; the lower one where the prior expects contact."""
+        context, contacts = self._context, view.contacts
+        far = torch.full_like(context.area[:, 0], torch.inf)
+        heights = [contacts.height[:, rows] for rows in context.soles]
+        lowest = torch.stack([lowest_height(h) if h.shape[1] else far for h in heights], 1)
+        on_step = contacts.on_step & (contacts.signed.abs() < contacts.height)
+        stepped = torch.stack([_share(on_step[:, rows]) > _STEP_SHARE for rows in context.soles], 1)
+        on_floor = context.feet_seen & torch.isfinite(lowest) & ~stepped
+        likely = torch.stack([_share(context.is_contact[:, rows]) > 0 for rows in context.soles], 1)
+        lower = torch.where(on_floor, lowest, torch.full_like(lowest, torch.inf)).amin(1)
+        pulled = (on_floor & likely).any(1) & ~stepped.any(1) & (lower.abs() < _LOWER_REACH_M)
+        if context.problem.grounded is not None:
+            pulled = pulled & context.problem.grounded
+        unseen = ~context.feet_seen & (lowest.abs() < _UNSEEN_SIGMAS * _UNSEEN_SIGMA_M) & ~stepped
+        dtype = context.area.dtype
+        self.active = {
+            "soles": on_floor.to(dtype),
+            "lower_sole": pulled.to(dtype),
+            "unseen_soles": unseen.to(dtype),
+        }
+
+    def energy(self, lowest: Tensor) -> Tensor:
+        """Of the heights (B, 2) of both soles -> (B,)."""
+        s = self.settings
+
+        def near(squared: Tensor) -> Tensor:
+            return robust("geman_mcclure", squared / _SIGMA_M**2, _OUTLIER_SIGMAS)
+
+        def far(squared: Tensor) -> Tensor:
+            return robust("cauchy", squared / _LOWER_SIGMA_M**2, _LOWER_OUTLIER_SIGMAS)
+
+        weight, lower_weight = s.weight * self.active["soles"], s.lower_weight * self.active["lower_sole"]
+        seen = sole_energy(lowest, weight, lower_weight, near, far)
+        if self._all_seen:
+            return seen
+        unseen = robust("geman_mcclure", (lowest / _UNSEEN_SIGMA_M).square(), _UNSEEN_OUTLIER_SIGMAS)
+        return seen + s.unseen_weight * (self.active["unseen_soles"] * unseen).sum(1)
+
+
+def _share(flags: Tensor) -> Tensor:
+    """(B, n) bool -> (B,) share that is set; 0 for n = 0."""
+    return flags.sum(1) / max(1, flags.shape[1])

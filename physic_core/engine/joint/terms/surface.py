@@ -1,0 +1,213 @@
+"""The terms of vertices near the scene, evaluated together: depth, contact, penetration, floor, soles, mesh.
+
+They share the distances to scene and floor. :func:`reference_surface_energies` adds up the equations of the terms;
+:func:`physic_core.engine.joint.terms.surface_fused.fused_surface_energies` gives the same values and gradients in one
+node of the graph. A preset chooses the function (preset "default" the fused one); the tests hold one to the other.
+
+Distances count in the unit of the scene, which scales with it: a smaller scene with smaller people is no better one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from physic_core.engine.joint.context import JointContext
+from physic_core.engine.joint.distances import lowest_height, plane_height, root_relative
+from physic_core.engine.joint.robust_sum import RobustSum
+from physic_core.engine.joint.state import State
+from physic_core.engine.joint.term import PosedBodies, View
+from physic_core.engine.joint.terms.contact import ContactTerm, contact_energy
+from physic_core.engine.joint.terms.depth import DepthTerm, depth_energy
+from physic_core.engine.joint.terms.floor import FloorTerm
+from physic_core.engine.joint.terms.penetration import PenetrationTerm, penetration_energy
+from physic_core.engine.joint.terms.regularisation import RegularisationTerm, mesh_deviation
+from physic_core.engine.joint.terms.soles import SoleTerm
+
+__all__ = [
+    "SURFACE_ENERGIES",
+    "Surface",
+    "SurfaceEnergies",
+    "SurfaceParts",
+    "SurfaceTerms",
+    "reference_surface_energies",
+]
+
+SURFACE_ENERGIES = ("depth", "contact", "penetration", "floor", "mesh")
+
+
+@dataclass(frozen=True)
+class Surface:
+    """What the terms use of the last view. B people, n tracked vertices.
+
+    Attributes:
+        depth: sum over the differences of logarithms of depth; None where a term is off, as the next three.
+        contact: sum over the distances to what is touched.
+        penetration: sum over the depth inside the scene beyond the slack.
+        floor: sum over the depth under the floor.
+        mesh_weight: (B, n) of the squared distance of a vertex from where it was at the start, in the root's frame.
+        log_seen: (B, n) logarithm of the depth map at the vertices.
+        on_scene: (B, n) bool, contact is with the scene; else with the floor.
+        penetration_slack: metres.
+        in_play: (B, n) bool, vertices from which the floor may learn its scale; for the others ``last_scale`` holds.
+        relative: (B, 3, n) at the start in the root's frame, metres.
+        normals: (B, 3, n) of the nearest scene points, None without a scene.
+        plane_distance: (B, n) of their planes from the camera, unscaled.
+        warp_share: (B, n) how much of their person's warp they take, None where warps are frozen.
+        floor_normal: (3,) unit, None without a floor.
+        floor_offset: of the floor, metres, unscaled.
+        last_scale: of the scene, in the last view.
+        soles: rows of the left and the right sole's vertices.
+    """
+
+    depth: RobustSum | None
+    contact: RobustSum | None
+    penetration: RobustSum | None
+    floor: RobustSum | None
+    mesh_weight: Tensor
+    log_seen: Tensor
+    on_scene: Tensor
+    penetration_slack: float
+    in_play: Tensor
+    relative: Tensor
+    normals: Tensor | None
+    plane_distance: Tensor
+    warp_share: Tensor | None
+    floor_normal: Tensor | None
+    floor_offset: float
+    last_scale: float
+    soles: tuple[Tensor, Tensor]
+
+
+SurfaceEnergies = Callable[[Surface, Tensor, Tensor, Tensor, Tensor, Tensor, Tensor], tuple[Tensor, Tensor]]
+"""Signature of :func:`reference_surface_energies`."""
+
+
+def reference_surface_energies(
+    surface: Surface, vertices: Tensor, pelvis: Tensor, root: Tensor, log_scale: Tensor, offset: Tensor, warp: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Weighted energies of the surface, by the equations of the terms.
+
+    Args:
+        surface: of the last view.
+        vertices: (B, n, 3) metres.
+        pelvis: (B, 3) metres.
+        root: (B, 3, 3) rotation of the root.
+        log_scale: () of the scene.
+        offset: (B,) logarithm of the depth offset of each person.
+        warp: (B,) logarithm of the factor on what is round each person.
+
+    Returns:
+        energies: (5, B) of :data:`SURFACE_ENERGIES`, 0 where a term is off.
+        lowest: (B, 2) height of the left and the right sole, in the unit of the scene; 0 without a sole.
+    """
+    scale = log_scale.exp()
+    zero = torch.zeros_like(offset)
+    energies = dict.fromkeys(SURFACE_ENERGIES, zero)
+    signed = height = torch.zeros_like(surface.plane_distance)
+    if surface.normals is not None:
+        factor = 1.0 if surface.warp_share is None else torch.exp(warp[:, None] * surface.warp_share)
+        signed = (surface.normals.transpose(1, 2) * vertices).sum(-1) / scale - factor * surface.plane_distance
+    if surface.floor_normal is not None:
+        height = plane_height(vertices, surface.floor_normal, surface.floor_offset * scale) / scale
+    if surface.depth is not None:
+        s = surface.depth
+        mean = depth_energy(vertices[..., 2], surface.log_seen, s.weight, log_scale, offset, s.sigma, s.rho)
+        energies["depth"] = s.weight.sum(1) * mean
+    if surface.contact is not None:
+        s = surface.contact
+        distance = torch.where(surface.on_scene, signed, height)
+        energies["contact"] = contact_energy((distance / s.sigma).square(), s.weight, s.rho)
+    if surface.penetration is not None:
+        s = surface.penetration
+        energies["penetration"] = penetration_energy(signed, s.weight, surface.penetration_slack, s.sigma, s.rho)
+    if surface.floor is not None:
+        s = surface.floor
+        # Legs that nobody sees may be pushed up, but are no ruler: the scale of the last view stands.
+        guessed = (height * scale + surface.floor_offset * (surface.last_scale - scale)) / scale.detach()
+        above = torch.where(surface.in_play, height, guessed)
+        energies["floor"] = penetration_energy(above, s.weight, 0.0, s.sigma, s.rho)
+    relative = root_relative(vertices, pelvis, root)
+    energies["mesh"] = mesh_deviation(relative, surface.relative.transpose(1, 2), surface.mesh_weight)
+    lowest = [lowest_height(height.index_select(1, rows)) if len(rows) else zero for rows in surface.soles]
+    return torch.stack([energies[name] for name in SURFACE_ENERGIES]), torch.stack(lowest, 1)
+
+
+@dataclass(frozen=True)
+class SurfaceParts:
+    """The terms that :class:`SurfaceTerms` evaluates together."""
+
+    depth: DepthTerm
+    contact: ContactTerm
+    penetration: PenetrationTerm
+    floor: FloorTerm
+    soles: SoleTerm
+    regularisation: RegularisationTerm
+
+    @property
+    def all(self) -> tuple[DepthTerm | ContactTerm | PenetrationTerm | FloorTerm | SoleTerm | RegularisationTerm, ...]:
+        """In the order of the energies."""
+        return (self.depth, self.contact, self.penetration, self.floor, self.soles, self.regularisation)
+
+
+class SurfaceTerms:
+    """Depth, contact, penetration, floor, soles and regularisation, in this order.
+
+    Args:
+        context: of the run.
+        state: of the run.
+        parts: the terms, each of which chooses what takes part in it.
+        energies: the function that evaluates them: the reference, or the fused one.
+
+    Attributes:
+        surface: of the last view.
+    """
+
+    def __init__(self, context: JointContext, state: State, parts: SurfaceParts, energies: SurfaceEnergies) -> None:
+        self.context, self.parts, self.energies = context, parts, energies
+        self._warp_is_free = "warp" in state.free
+        self.surface: Surface
+        self.active: dict[str, Tensor] = {}
+
+    def refresh(self, view: View) -> None:
+        """Let each term choose what takes part, and gather it."""
+        parts, context, contacts = self.parts, self.context, view.contacts
+        for part in parts.all:
+            part.refresh(view)
+        self.active = {name: weight for part in parts.all for name, weight in part.active.items()}
+        no_scene = torch.zeros_like(context.area)
+        self.surface = Surface(
+            depth=parts.depth.robust_sum(),
+            contact=parts.contact.robust_sum(),
+            penetration=parts.penetration.robust_sum(),
+            floor=parts.floor.robust_sum(),
+            mesh_weight=self.active["regularisation"],
+            log_seen=parts.depth.log_seen,
+            on_scene=parts.contact.on_scene,
+            penetration_slack=parts.penetration.settings.slack_m,
+            in_play=view.visibility.in_play,
+            relative=context.relative.transpose(1, 2).contiguous(),
+            normals=contacts.normals.transpose(1, 2).contiguous() if contacts.normals is not None else None,
+            plane_distance=contacts.plane_distance if contacts.plane_distance is not None else no_scene,
+            warp_share=contacts.warp_share if self._warp_is_free else None,
+            floor_normal=context.floor_normal,
+            floor_offset=context.problem.floor_offset,
+            last_scale=view.scale,
+            soles=context.soles,
+        )
+
+    def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
+        """ "depth", "contact", "penetration", "floor", "soles" and "regularisation", without what is off."""
+        parts, surface, e = self.parts, self.surface, bodies.estimate
+        values, lowest = self.energies(
+            surface, bodies.vertices, bodies.joints[:, 0], e.rotations[:, 0], e.log_scale, e.offset, e.warp
+        )
+        sums = (surface.depth, surface.contact, surface.penetration, surface.floor)
+        energies = {n: v for n, v, on in zip(SURFACE_ENERGIES, values[:4], sums, strict=False) if on is not None}
+        if parts.soles.is_on:
+            energies["soles"] = parts.soles.energy(lowest)
+        energies["regularisation"] = parts.regularisation.energy(values[4], bodies.deviation)
+        return energies

@@ -1,0 +1,145 @@
+"""The energy of preset "prox": that of Hassan et al., ICCV 2019, as the paper compares with it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import ClassVar
+
+import torch
+
+from physic_core.engine.bounds import NotNegative
+from physic_core.engine.joint.context import JointContext
+from physic_core.engine.joint.conventions import Conventions
+from physic_core.engine.joint.settings import JointSettings, LbfgsSettings
+from physic_core.engine.joint.state import State, raw_state
+from physic_core.engine.joint.term import Term
+from physic_core.engine.joint.terms.limits import LimitSettings, LimitTerm
+from physic_core.engine.joint.terms.point_contact import PointContactTerm
+from physic_core.engine.joint.terms.point_penetration import PointPenetrationSettings, PointPenetrationTerm
+from physic_core.engine.joint.terms.printed_regularisation import ParameterPriorTerm
+from physic_core.engine.joint.terms.reprojection import ReprojectionTerm, confident_keypoints
+from physic_core.engine.joint.visibility import update_visibility
+from physic_core.geometry.robust import robust
+
+__all__ = ["ProxContactSettings", "ProxJoint", "ProxPriorSettings", "ProxReprojectionSettings"]
+
+_FULL_HD_PX = 1920  # long side of PROX's pictures, in whose pixels its reprojection is robust
+_REPROJECTION_SCALE_PX = 100.0
+_REACH_M = 0.5  # how far contact and penetration look
+_CONTACT_SCALE_M = 0.05  # where PROX's contact lets go
+_CONTACT_ANGLE_DEG = 45.0
+_VERTICES = 60.0  # of the mesh that PROX sums over, a square decimetre
+_POSE_WEIGHT = 4.78**2 / 2  # of a squared radian; rotations are written as two columns, which move twice as far
+_FACING_DEG, _MASK_TOLERANCE, _VERTEX_SPACING_M = 70.0, 0.01, 0.02
+
+
+@dataclass(frozen=True)
+class ProxReprojectionSettings:
+    """Reprojection, in pixels of a picture that is 1920 px long.
+
+    Attributes:
+        weight: of the term; 0 removes it.
+    """
+
+    weight: NotNegative = 1.0
+
+
+@dataclass(frozen=True)
+class ProxContactSettings:
+    """Contact of static body parts with the scene.
+
+    Attributes:
+        weight: of the mean robust distance, which saturates at the square of its scale (in PROX at 1); 0 removes it.
+    """
+
+    weight: NotNegative = 1e4 / _CONTACT_SCALE_M**2
+
+
+@dataclass(frozen=True)
+class ProxPriorSettings:
+    """Priors of the parameters.
+
+    Attributes:
+        pose_weight: of joints and fingers.
+        shape_weight: of the shape.
+    """
+
+    pose_weight: NotNegative = _POSE_WEIGHT
+    shape_weight: NotNegative = 25.0
+
+
+@dataclass(frozen=True)
+class ProxJoint(JointSettings):
+    """Stage 3 as in PROX: people alone move, first without contact and penetration.
+
+    Attributes:
+        frozen: groups that stay as they are: root, pose, hands, betas, translation, scale.
+        optimiser: L-BFGS.
+        reprojection: keypoints.
+        contact: contact with the scene.
+        penetration: vertices inside the scene.
+        prior: of the parameters.
+        limits: knees and elbows.
+    """
+
+    frozen: tuple[str, ...] = ("scale", "offset")
+    optimiser: LbfgsSettings = field(default_factory=lambda: LbfgsSettings(120, 30, 0.0))
+    reprojection: ProxReprojectionSettings = field(default_factory=ProxReprojectionSettings)
+    contact: ProxContactSettings = field(default_factory=ProxContactSettings)
+    penetration: PointPenetrationSettings = field(default_factory=lambda: PointPenetrationSettings(_VERTICES, _REACH_M))
+    prior: ProxPriorSettings = field(default_factory=ProxPriorSettings)
+    limits: LimitSettings = field(default_factory=LimitSettings)
+
+    scene_after: ClassVar[float] = 0.75
+
+    @property
+    def conventions(self) -> Conventions:
+        """Static contacts, all limbs count as seen, and there is no floor."""
+        return Conventions(
+            weigh_keypoints=partial(confident_keypoints, power=2.0),
+            update_visibility=update_visibility,
+            search_radius_m=max(_REACH_M, self.penetration.max_depth_m),
+            facing_deg=_FACING_DEG,
+            mask_tolerance=_MASK_TOLERANCE,
+            vertex_spacing_m=_VERTEX_SPACING_M,
+            observed_limbs_only=False,
+            static_contacts=True,
+            floor="ignored",
+            nearest_every_step=True,
+        )
+
+    def initial_state(self, context: JointContext) -> State:
+        """Rotations as their first two columns, translation and shape."""
+        return raw_state(context, self.frozen)
+
+    def terms(self, context: JointContext, state: State) -> Sequence[Term]:
+        """PROX's energy without self-penetration and bending prior."""
+        unit = torch.full_like(context.person_px[:, None], max(context.problem.masks.shape[-2:]) / _FULL_HD_PX)
+        others = dict.fromkeys(("root", "translation", "offset", "warp"), 0.0)
+        p = self.prior
+        return [
+            ReprojectionTerm(
+                context,
+                self.reprojection.weight,
+                unit,
+                partial(robust, "geman_mcclure", c=_REPROJECTION_SCALE_PX),
+                per_axis=True,
+            ),
+            PointContactTerm(
+                context,
+                self.contact.weight,
+                _REACH_M,
+                partial(robust, "geman_mcclure", c=_CONTACT_SCALE_M),
+                mean=True,
+                max_angle_deg=_CONTACT_ANGLE_DEG,
+            ),
+            PointPenetrationTerm(
+                self.penetration, context, partial(robust, "absolute", c=1.0), lambda view: view.visibility.in_play
+            ),
+            ParameterPriorTerm(
+                state, {"pose": p.pose_weight, "hands": p.pose_weight, "betas": p.shape_weight, **others}
+            ),
+            LimitTerm(self.limits),
+        ]

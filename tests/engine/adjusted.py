@@ -1,0 +1,43 @@
+"""Settings with some values changed, for tests: ``adjusted(joint, contact__weight=0.0, restarts=1)``."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import Any, TypeVar
+
+from physic_core.engine.joint.conventions import Conventions
+from physic_core.engine.joint.energy import JointEnergy
+from physic_core.engine.joint.settings import JointSettings
+from physic_core.engine.settings import with_overrides
+
+Settings = TypeVar("Settings")
+T = TypeVar("T")
+
+
+def adjusted(settings: Settings, **changes: Any) -> Settings:
+    """A double underscore leads into the settings of a term."""
+    overrides: dict[str, Any] = {}
+    for path, value in changes.items():
+        *tables, name = path.split("__")
+        place = overrides
+        for table in tables:
+            place = place.setdefault(table, {})
+        place[name] = value
+    return with_overrides(settings, overrides)
+
+
+def with_conventions(joint: JointSettings, **changes: Any) -> JointSettings:
+    """Settings of stage 3 whose energy has some other conventions."""
+
+    class Other(type(joint)):  # type: ignore[misc]
+        @property
+        def conventions(self) -> Conventions:
+            return replace(super().conventions, **changes)
+
+    return Other(**{f.name: getattr(joint, f.name) for f in fields(joint)})
+
+
+def term_of(energy: JointEnergy, kind: type[T]) -> T:
+    """The one term of a class."""
+    (found,) = (term for term in energy.terms if isinstance(term, kind))
+    return found
