@@ -96,11 +96,7 @@ class Evidence(ShortRepr):
 
 
 def perceive(
-    image: UInt8Array,
-    given: Intrinsics | None,
-    plan: ResolvedPipeline,
-    model: BodyModel,
-    stages: Stages,
+    image: UInt8Array, given: Intrinsics | None, plan: ResolvedPipeline, model: BodyModel, stages: Stages
 ) -> Evidence:
     """Call every backend of ``plan`` on a photo.
 
