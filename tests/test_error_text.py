@@ -113,7 +113,7 @@ def test_check_names_the_line_and_shows_the_traceback_on_demand(broken: Path, de
     assert ("Traceback (most recent call last)" in done.output) is debug
     assert ("return self.options.nothere" in done.output) is debug
     as_json = json.loads(CliRunner().invoke(main, ["plugins", "check", "raises", "--json"]).stdout)
-    (found,) = [r for r in as_json[0]["results"] if r["check"] == "answers_in_the_right_form"]
+    (found,) = [r for r in as_json[0]["results"] if r["check"] == "returns_valid_output"]
     assert ("traceback" in found) is debug
 
 
@@ -181,7 +181,7 @@ def test_pytest_names_the_line_and_shows_the_traceback_on_demand(broken: Path, d
         "def test_conformance(check):\n"
         "    check()\n"
     )
-    only = "test_mine.py::test_conformance[answers_in_the_right_form]"
+    only = "test_mine.py::test_conformance[returns_valid_output]"
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", only],
         cwd=tmp_path,

@@ -325,7 +325,7 @@ def test_it_is_named_wherever_it_is_asked():
     claim = registry.get("metric_depth", "own")
     assert str(examine(registry, claim, "cpu")) == f"BROKEN   metric_depth 'own' (registered by hand): {says}"
     report = check_backend("own", "metric_depth", registry=registry, size=(96, 72))
-    assert [(f.check, f.got) for f in report.failures] == [("loads_or_says_what_is_missing", says)]
+    assert [(f.check, f.got) for f in report.failures] == [("loads_or_reports_what_is_missing", says)]
 
 
 def test_a_backend_that_asks_the_network_what_it_lacks_fails_the_kit():
@@ -338,5 +338,5 @@ def test_a_backend_that_asks_the_network_what_it_lacks_fails_the_kit():
 
     kind = type("Own", (interfaces.MetricDepth,), {"missing": look, "infer": lambda self, image, hints: None})
     report = check_backend(kind, size=(96, 72))
-    failure = next(f for f in report.failures if f.check == "loads_or_says_what_is_missing")
+    failure = next(f for f in report.failures if f.check == "loads_or_reports_what_is_missing")
     assert (failure.expected, failure.got) == ("missing() to use no network", "it asks for example.org")

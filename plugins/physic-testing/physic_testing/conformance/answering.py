@@ -19,48 +19,48 @@ _BUFFER = "Does it hand out one buffer again and again?"
 __all__ = ["CHECKS", "CHECKS_OF_HINTS", "CHECKS_OF_PEOPLE", "check_needs_no_hints"]
 
 
-def check_answers_in_the_right_form(subject: Subject) -> None:
-    """An ordinary photo gets an answer of the right types, shapes, dtypes and ranges."""
+def check_returns_valid_output(subject: Subject) -> None:
+    """For an ordinary photo the output has the right types, shapes, dtypes and ranges."""
     _expect_answer(subject, "one person")
 
 
-def check_answers_several_people(subject: Subject) -> None:
-    """So does a photo of several people."""
+def check_accepts_several_people(subject: Subject) -> None:
+    """For a photo of several people the output is valid."""
     _expect_answer(subject, "several people")
 
 
-def check_answers_an_odd_size(subject: Subject) -> None:
-    """So does a photo whose sides are multiples of nothing: 131 x 97 px."""
+def check_accepts_an_odd_size(subject: Subject) -> None:
+    """For a photo of 131 x 97 px, multiples of no patch size, the output is valid."""
     _expect_answer(subject, "odd size", "Does it pad or crop to a multiple of 14, 16 or 32, and forget to go back?")
 
 
-def check_answers_a_portrait(subject: Subject) -> None:
-    """So does a photo that is higher than wide."""
+def check_accepts_a_portrait(subject: Subject) -> None:
+    """For a photo that is higher than wide the output is valid."""
     _expect_answer(subject, "portrait", "Does it mix up width and height?")
 
 
-def check_answers_a_photo_without_people(subject: Subject) -> None:
-    """Where nobody is, the answer has N = 0 rows; it is no error and not None."""
+def check_accepts_a_photo_without_people(subject: Subject) -> None:
+    """For a photo without people the output has N = 0 rows; it is neither an error nor None."""
     _expect_answer(subject, "nobody", "Nobody is an answer too: arrays of 0 rows.")
 
 
-def check_bears_a_blank_photo(subject: Subject) -> None:
-    """A photo of one grey is answered in the right form, or refused with a PhysicError."""
+def check_accepts_or_refuses_a_blank_photo(subject: Subject) -> None:
+    """For a photo of one grey the output is valid, or infer raises a PhysicError."""
     _expect_answer_or_refusal(subject, "blank", "Does it divide by a range or a deviation that is 0?")
 
 
-def check_bears_a_tiny_photo(subject: Subject) -> None:
-    """So is one of 32 x 24 px."""
+def check_accepts_or_refuses_a_tiny_photo(subject: Subject) -> None:
+    """For a photo of 32 x 24 px the output is valid, or infer raises a PhysicError."""
     _expect_answer_or_refusal(subject, "tiny", "Does it round a size down to 0?")
 
 
-def check_bears_a_large_photo(subject: Subject) -> None:
-    """So is a large one."""
+def check_accepts_or_refuses_a_large_photo(subject: Subject) -> None:
+    """For a large photo the output is valid, or infer raises a PhysicError."""
     _expect_answer_or_refusal(subject, "large", "Does it assume the size that its network sees?")
 
 
-def check_leaves_its_input_alone(subject: Subject) -> None:
-    """Nothing that was handed over has changed afterwards."""
+def check_does_not_modify_its_input(subject: Subject) -> None:
+    """infer does not change its arguments."""
     subject.answer()
     edited = {name: attempt.edited for name, attempt in subject.attempts.items() if attempt.edited}
     places = sorted({place for found in edited.values() for place in found})
@@ -72,8 +72,8 @@ def check_leaves_its_input_alone(subject: Subject) -> None:
     )
 
 
-def check_takes_views(subject: Subject) -> None:
-    """Arrays may be read-only and lie backwards in memory: photos turned by their EXIF tag do."""
+def check_accepts_array_views(subject: Subject) -> None:
+    """Input arrays may be read-only and have negative strides: photos turned by their EXIF tag have."""
     first, case = subject.answer("odd size"), subject.case("odd size")
     try:
         answer = subject.ask(subject.loaded(case), case, as_views(inputs(subject.interface, case)))
@@ -88,8 +88,8 @@ def check_takes_views(subject: Subject) -> None:
         expect(not told, "the same answer to a view of the same photo", told)
 
 
-def check_answers_the_same_again(subject: Subject) -> None:
-    """A fresh backend with the same options gives the same answer to its first photo."""
+def check_is_deterministic(subject: Subject) -> None:
+    """A second instance with the same options returns the same output for the first photo."""
     first, case = subject.answer(FIRST), subject.case(FIRST)
     backend = subject.construct(case)
     try:
@@ -105,8 +105,8 @@ def check_answers_the_same_again(subject: Subject) -> None:
     )
 
 
-def check_keeps_nothing_between_photos(subject: Subject) -> None:
-    """An answer does not depend on the photos before, and does not change when the next one is asked."""
+def check_keeps_no_state_between_photos(subject: Subject) -> None:
+    """An output does not depend on earlier photos, and no later call changes it."""
     first, case = subject.answer(FIRST), subject.case(FIRST)
     for name in ("one person", "blank"):
         subject.attempt(name)
@@ -127,7 +127,7 @@ def check_keeps_nothing_between_photos(subject: Subject) -> None:
 
 
 def check_needs_no_hints(subject: Subject) -> None:
-    """Without any hint a photo is answered in the right form, or refused with a PhysicError."""
+    """Without hints the output is valid, or infer raises a PhysicError."""
     from physic_core.types import Hints
     from physic_testing.conformance.asking import form_faults
 
@@ -186,22 +186,22 @@ def _close(backend: object) -> None:
 _TYPES, _BACKEND = "physic_core.types", "physic_core.interfaces"
 _ALONE = frozenset({"stochastic"})
 CHECKS: tuple[Check, ...] = (
-    Check(check_answers_in_the_right_form, _TYPES, after=("infer_takes_what_is_given",)),
-    Check(check_answers_several_people, _TYPES),
-    Check(check_answers_an_odd_size, _TYPES),
-    Check(check_answers_a_portrait, _TYPES),
-    Check(check_bears_a_blank_photo, _BACKEND),
-    Check(check_bears_a_tiny_photo, _BACKEND),
-    Check(check_bears_a_large_photo, _BACKEND),
-    Check(check_leaves_its_input_alone, _BACKEND),
-    Check(check_answers_the_same_again, _BACKEND, unless=_ALONE),
-    Check(check_keeps_nothing_between_photos, _BACKEND, unless=_ALONE, after=("answers_the_same_again",)),
-    Check(check_takes_views, _BACKEND, after=("keeps_nothing_between_photos", "leaves_its_input_alone")),
+    Check(check_returns_valid_output, _TYPES, after=("infer_has_the_right_signature",)),
+    Check(check_accepts_several_people, _TYPES),
+    Check(check_accepts_an_odd_size, _TYPES),
+    Check(check_accepts_a_portrait, _TYPES),
+    Check(check_accepts_or_refuses_a_blank_photo, _BACKEND),
+    Check(check_accepts_or_refuses_a_tiny_photo, _BACKEND),
+    Check(check_accepts_or_refuses_a_large_photo, _BACKEND),
+    Check(check_does_not_modify_its_input, _BACKEND),
+    Check(check_is_deterministic, _BACKEND, unless=_ALONE),
+    Check(check_keeps_no_state_between_photos, _BACKEND, unless=_ALONE, after=("is_deterministic",)),
+    Check(check_accepts_array_views, _BACKEND, after=("keeps_no_state_between_photos", "does_not_modify_its_input")),
 )
 """Of every interface."""
 
 CHECKS_OF_HINTS: tuple[Check, ...] = (Check(check_needs_no_hints, "physic_core.types.Hints"),)
 """Of interfaces whose backends are given hints."""
 
-CHECKS_OF_PEOPLE: tuple[Check, ...] = (Check(check_answers_a_photo_without_people, _TYPES),)
+CHECKS_OF_PEOPLE: tuple[Check, ...] = (Check(check_accepts_a_photo_without_people, _TYPES),)
 """Of interfaces whose answers have a row a person."""

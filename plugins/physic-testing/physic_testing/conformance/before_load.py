@@ -21,16 +21,16 @@ MOST_SECONDS = 0.25
 """Processor time that an answer may take: every chosen backend is asked in every run, before anything else."""
 
 
-def check_says_quickly_and_twice_what_is_missing(subject: Subject) -> None:
-    """`missing` reads no weights, and says the same when it is asked again."""
+def check_missing_is_fast_and_repeatable(subject: Subject) -> None:
+    """`missing` reads no weights, and returns the same when it is called again."""
     backend = _fresh(subject)
     first, again, seconds = _asked(subject, "missing()", lambda: missing_requirements(backend))
     expect(first == again, "missing() to say the same twice", f"{first!r}, then {again!r}")
     _expect_quick("missing()", seconds, "Look whether files are there; open them in load().")
 
 
-def check_fingerprint_is_told_before_load(subject: Subject) -> None:
-    """`fingerprint` is a text, quickly told without a network or `load`, and the same for the same weights."""
+def check_fingerprint_works_before_load(subject: Subject) -> None:
+    """`fingerprint` returns a text fast, offline and before `load`, and the same text for the same weights."""
     backend, other = _fresh(subject), _fresh(subject)
     first, again, seconds = _asked(subject, "fingerprint()", backend.fingerprint)
     for told in (first, again):
@@ -81,10 +81,10 @@ _BACKEND = "physic_core.interfaces.Backend"
 _CONSTRUCTED = ("constructs_with_its_defaults",)
 SAYINGS: tuple[Check, ...] = (
     Check(
-        check_says_quickly_and_twice_what_is_missing,
+        check_missing_is_fast_and_repeatable,
         f"{_BACKEND}.missing",
-        after=(*_CONSTRUCTED, "loads_or_says_what_is_missing"),
+        after=(*_CONSTRUCTED, "loads_or_reports_what_is_missing"),
     ),
-    Check(check_fingerprint_is_told_before_load, f"{_BACKEND}.fingerprint", after=_CONSTRUCTED),
+    Check(check_fingerprint_works_before_load, f"{_BACKEND}.fingerprint", after=_CONSTRUCTED),
 )
 """Both are asked in every run, of every backend."""

@@ -27,7 +27,7 @@ _ROTATIONS = ("global_orient", "body_pose", "left_hand_pose", "right_hand_pose",
 
 
 def check_body_model_is_known(subject: Subject) -> None:
-    """`body_model` names a body, and shape and expression have its sizes; or joints or a surface say where it is."""
+    """`body_model` names a known body, and shape and expression have its sizes; or joints or a mesh are given."""
     from physic_core.body.conversion import can_carry
 
     bodies = subject.answer()
@@ -53,8 +53,8 @@ def check_angles_are_radians(subject: Subject) -> None:
         expect(longest < 2 * np.pi + 0.01, f"rotation vectors in radians, up to 6.28, in {name}", f"{longest:.1f}")
 
 
-def check_enough_is_told_of_everybody(subject: Subject) -> None:
-    """Where joints say where a body of another model is, they include hips, and shoulders or neck."""
+def check_joints_suffice_to_convert_bodies(subject: Subject) -> None:
+    """Joints of a body of another model include hips, and shoulders or neck, so that it can be converted."""
     from physic_core.body.conversion import to_model
 
     bodies = subject.answer()
@@ -183,7 +183,7 @@ _READ, _PARAMETERS = "physic_core.types.Bodies", "physic_core.types.BodyParamete
 _FORM = ("body_model_is_known", "angles_are_radians")
 _PLACED = (
     *_FORM,
-    "enough_is_told_of_everybody",
+    "joints_suffice_to_convert_bodies",
     "surface_is_where_the_joints_are",
     "bodies_are_in_front",
     "bodies_are_in_metres",
@@ -194,7 +194,7 @@ CHECKS: tuple[Check, ...] = (
     *CHECKS_OF_HINTS,
     Check(check_body_model_is_known, _READ),
     Check(check_angles_are_radians, _PARAMETERS),
-    Check(check_enough_is_told_of_everybody, _READ, after=_FORM),
+    Check(check_joints_suffice_to_convert_bodies, _READ, after=_FORM),
     Check(check_surface_is_where_the_joints_are, _READ, after=_FORM),
     Check(check_bodies_are_in_front, _PARAMETERS, after=_PLACED[:4]),
     Check(check_bodies_are_in_metres, _PARAMETERS, after=_PLACED[:5]),

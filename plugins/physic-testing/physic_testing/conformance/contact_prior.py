@@ -17,7 +17,7 @@ __all__ = ["CHECKS"]
 
 
 def check_mesh_is_the_bodies_own(subject: Subject) -> None:
-    """`topology` is that of the bodies' mesh, with one probability a vertex; or it brings its mesh along."""
+    """`topology` is that of the bodies' mesh, with one probability a vertex; or `rest` gives another mesh."""
     answer, truth = subject.answer(), subject.case("one person").truth
     if answer.rest is not None and answer.topology != truth.topology:
         return
@@ -27,7 +27,7 @@ def check_mesh_is_the_bodies_own(subject: Subject) -> None:
 
 
 def check_mesh_it_brings_is_a_t_pose(subject: Subject) -> None:
-    """A mesh that it brings along is a body in the T-pose, in metres, so that contact can be carried over."""
+    """A mesh in `rest` is a body in the T-pose, in metres, so that contact can be transferred."""
     answer = subject.answer()
     if answer.rest is None:
         return

@@ -19,7 +19,7 @@ __all__ = ["CHECKS"]
 _SEEN = 8  # grey levels by which a pixel visibly differs
 
 
-def check_the_rest_stays(subject: Subject) -> None:
+def check_pixels_outside_the_mask_are_unchanged(subject: Subject) -> None:
     """Where the mask is False, every pixel keeps its value."""
     case, answer = subject.case("one person"), subject.answer()
     apart = (answer != case.photo).any(axis=2) & ~case.hole
@@ -71,8 +71,8 @@ def check_an_empty_mask_changes_nothing(subject: Subject) -> None:
     expect(same, "the photo itself for an empty mask", "another image")
 
 
-def check_a_full_mask_is_borne(subject: Subject) -> None:
-    """Everything to remove: an image of the right form, or a refusal with a PhysicError."""
+def check_accepts_or_refuses_a_full_mask(subject: Subject) -> None:
+    """For a mask of the whole photo the output is valid, or infer raises a PhysicError."""
     from physic_testing.conformance.asking import form_faults
 
     subject.answer()
@@ -90,10 +90,10 @@ def check_a_full_mask_is_borne(subject: Subject) -> None:
 
 _READ = "physic_core.interfaces.Inpainter"
 CHECKS: tuple[Check, ...] = (
-    Check(check_the_rest_stays, _READ),
-    Check(check_the_hole_is_filled, _READ, after=("the_rest_stays",)),
-    Check(check_the_fill_is_rgb, _READ, after=("the_rest_stays", "the_hole_is_filled")),
-    Check(check_an_empty_mask_changes_nothing, _READ, after=("the_rest_stays",)),
-    Check(check_a_full_mask_is_borne, _READ),
+    Check(check_pixels_outside_the_mask_are_unchanged, _READ),
+    Check(check_the_hole_is_filled, _READ, after=("pixels_outside_the_mask_are_unchanged",)),
+    Check(check_the_fill_is_rgb, _READ, after=("pixels_outside_the_mask_are_unchanged", "the_hole_is_filled")),
+    Check(check_an_empty_mask_changes_nothing, _READ, after=("pixels_outside_the_mask_are_unchanged",)),
+    Check(check_accepts_or_refuses_a_full_mask, _READ),
 )
 """In the order in which they make sense."""

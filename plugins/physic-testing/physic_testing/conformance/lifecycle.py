@@ -36,7 +36,7 @@ def check_constructs_with_its_defaults(subject: Subject) -> None:
 
 
 def check_constructs_offline(subject: Subject) -> None:
-    """The constructor asks no network, not even a name server: downloads belong into load, if anywhere."""
+    """The constructor uses no network, not even a name server: downloads belong into load, if anywhere."""
     options = subject.options()
     with no_network() as asked, suppress(Exception):  # 'constructs_with_its_defaults' says what else it raises
         subject.kind(options)
@@ -66,8 +66,8 @@ def check_constructs_cheaply(subject: Subject) -> None:
     )
 
 
-def check_loads_or_says_what_is_missing(subject: Subject) -> None:
-    """`missing` says offline what is missing; else `load` works, or raises a PhysicError that says it."""
+def check_loads_or_reports_what_is_missing(subject: Subject) -> None:
+    """`missing` lists offline what is missing; else `load` works, or raises a PhysicError with the cause."""
     if "needs_cuda" in subject.capabilities and subject.device == "cpu":
         raise CheckSkipped("needs a GPU: give the device 'cuda'")
     backend = _fresh(subject)
@@ -115,7 +115,7 @@ def check_refuses_a_missing_device(subject: Subject) -> None:
     _quietly_closed(backend)
 
 
-def check_says_so_if_it_is_not_loaded(subject: Subject) -> None:
+def check_infer_before_load_works_or_raises(subject: Subject) -> None:
     """`infer` before `load` works, or raises a PhysicError."""
     subject.answer()
     try:
@@ -149,8 +149,8 @@ def check_load_and_close_may_be_repeated(subject: Subject) -> None:
             raise CheckFailed(f"{step} to do no harm{before}", describe(error, subject.kind)) from error
 
 
-def check_answers_again_after_close(subject: Subject) -> None:
-    """After `close` and another `load` it answers as before."""
+def check_works_again_after_close(subject: Subject) -> None:
+    """After `close` and another `load` the output is the same as before."""
     first = subject.answer("odd size")
     case = subject.case("odd size")
     backend = _fresh(subject, case)
@@ -181,24 +181,24 @@ def _quietly_closed(backend: Any) -> None:
 
 
 _BACKEND = "physic_core.interfaces.Backend"
-_WHOLE = ("target_is_a_whole_class", "options_have_defaults")
+_WHOLE = ("target_is_a_concrete_class", "options_have_defaults")
 _CONSTRUCTED = ("constructs_with_its_defaults",)
 BEFORE: tuple[Check, ...] = (
     Check(check_constructs_offline, _BACKEND, after=_WHOLE),
     Check(check_constructs_with_its_defaults, _BACKEND, after=(*_WHOLE, "constructs_offline")),
     Check(check_constructs_cheaply, _BACKEND, after=_CONSTRUCTED),
-    Check(check_loads_or_says_what_is_missing, _BACKEND, after=_CONSTRUCTED),
-    Check(check_refuses_a_missing_device, "physic_core.adapters.devices", after=("loads_or_says_what_is_missing",)),
+    Check(check_loads_or_reports_what_is_missing, _BACKEND, after=_CONSTRUCTED),
+    Check(check_refuses_a_missing_device, "physic_core.adapters.devices", after=("loads_or_reports_what_is_missing",)),
 )
 """Before a backend is asked anything."""
 
 AFTER: tuple[Check, ...] = (
-    Check(check_says_so_if_it_is_not_loaded, _BACKEND),
+    Check(check_infer_before_load_works_or_raises, _BACKEND),
     Check(check_load_and_close_may_be_repeated, _BACKEND),
     Check(
-        check_answers_again_after_close,
+        check_works_again_after_close,
         _BACKEND,
-        after=("load_and_close_may_be_repeated", "answers_the_same_again", "keeps_nothing_between_photos"),
+        after=("load_and_close_may_be_repeated", "is_deterministic", "keeps_no_state_between_photos"),
     ),
 )
 """Once it has answered."""

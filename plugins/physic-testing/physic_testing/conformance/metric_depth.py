@@ -64,12 +64,12 @@ def check_depth_is_along_z(subject: Subject) -> None:
 
 
 def check_camera_is_the_photos(subject: Subject) -> None:
-    """A camera that is answered has a focal length and a principal point in pixels of the photo."""
+    """Returned intrinsics have a focal length and a principal point in pixels of the photo."""
     expect_camera_of_photo(subject.answer().intrinsics, subject.case("one person").intrinsics)
 
 
-def check_answers_its_camera(subject: Subject) -> None:
-    """A backend that claims 'returns_intrinsics' does."""
+def check_returns_its_camera(subject: Subject) -> None:
+    """A backend with the capability 'returns_intrinsics' returns intrinsics."""
     expect(subject.answer().intrinsics is not None, "the camera, as its capability 'returns_intrinsics' says", "None")
 
 
@@ -95,7 +95,7 @@ CHECKS: tuple[Check, ...] = (
     Check(check_depth_is_in_metres, _READ),
     Check(check_depth_is_along_z, _READ, after=("depth_lies_like_the_photo", "farther_is_larger")),
     Check(check_camera_is_the_photos, _READ),
-    Check(check_answers_its_camera, _READ, only_with=_CALLED),
+    Check(check_returns_its_camera, _READ, only_with=_CALLED),
     Check(check_scale_sigma_is_a_deviation, _READ),
 )
 """In the order in which they make sense."""

@@ -66,7 +66,7 @@ def check_registration_is_light(subject: Subject) -> None:
     )
 
 
-def check_target_is_a_whole_class(subject: Subject) -> None:
+def check_target_is_a_concrete_class(subject: Subject) -> None:
     """The target is a subclass of its interface without abstract methods."""
     wanted = INTERFACES[subject.interface]
     name = f"physic_core.interfaces.{wanted.__name__}"
@@ -75,14 +75,14 @@ def check_target_is_a_whole_class(subject: Subject) -> None:
     expect(not missing, f"all methods of {name}", f"a class without {', '.join(missing)}")
 
 
-def check_infer_takes_what_is_given(subject: Subject) -> None:
+def check_infer_has_the_right_signature(subject: Subject) -> None:
     """`infer` takes the arguments of its interface, in their order."""
     wanted = list(inspect.signature(INTERFACES[subject.interface].infer).parameters)  # type: ignore[attr-defined]
     fault = call_fault(subject.kind, subject.interface)
     expect(not fault, f"infer({', '.join(wanted)})", fault)
 
 
-def check_options_are_a_closed_model(subject: Subject) -> None:
+def check_options_refuse_unknown_keys(subject: Subject) -> None:
     """`Options` is a pydantic model that refuses keys it does not know."""
     options = subject.kind.Options
     is_model = isinstance(options, type) and issubclass(options, BaseModel)
@@ -106,7 +106,7 @@ def check_options_have_defaults(subject: Subject) -> None:
 
 
 def check_options_are_described(subject: Subject) -> None:
-    """Every option says what it is, for `physic plugins show`."""
+    """Every option has a description, for `physic plugins show`."""
     silent = [name for name, field in subject.kind.Options.model_fields.items() if not field.description]
     expect(
         not silent,
@@ -116,7 +116,7 @@ def check_options_are_described(subject: Subject) -> None:
     )
 
 
-def check_options_go_through_json(subject: Subject) -> None:
+def check_options_survive_json(subject: Subject) -> None:
     """Options have a JSON schema, and come back from JSON as they were: results and editors need both."""
     kind = subject.kind.Options
     try:
@@ -146,11 +146,11 @@ def _registration(plugin: str, path: tuple[str, ...]) -> dict[str, Any]:
 _HOOK, _OPTIONS = "physic_core.discovery.hookspecs", "physic_core.interfaces.Options"
 CHECKS: tuple[Check, ...] = (
     Check(check_registration_is_light, _HOOK),
-    Check(check_target_is_a_whole_class, "physic_core.interfaces"),
-    Check(check_infer_takes_what_is_given, "physic_core.interfaces", after=("target_is_a_whole_class",)),
-    Check(check_options_are_a_closed_model, _OPTIONS),
-    Check(check_options_have_defaults, _OPTIONS, after=("options_are_a_closed_model",)),
-    Check(check_options_are_described, _OPTIONS, after=("options_are_a_closed_model",)),
-    Check(check_options_go_through_json, _OPTIONS, after=("options_have_defaults",)),
+    Check(check_target_is_a_concrete_class, "physic_core.interfaces"),
+    Check(check_infer_has_the_right_signature, "physic_core.interfaces", after=("target_is_a_concrete_class",)),
+    Check(check_options_refuse_unknown_keys, _OPTIONS),
+    Check(check_options_have_defaults, _OPTIONS, after=("options_refuse_unknown_keys",)),
+    Check(check_options_are_described, _OPTIONS, after=("options_refuse_unknown_keys",)),
+    Check(check_options_survive_json, _OPTIONS, after=("options_have_defaults",)),
 )
 """In the order in which they make sense."""

@@ -14,7 +14,7 @@ from physic_testing.conformance.answering import check_needs_no_hints
 from physic_testing.conformance.asking import form_faults, inputs
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
-from physic_testing.conformance.metric_depth import check_answers_its_camera, check_camera_is_the_photos
+from physic_testing.conformance.metric_depth import check_camera_is_the_photos, check_returns_its_camera
 from physic_testing.conformance.surfaces import (
     aligned_error,
     expect_along_z,
@@ -101,8 +101,8 @@ def check_unknown_suffices(subject: Subject) -> None:
     )
 
 
-def check_camera_may_be_unknown(subject: Subject) -> None:
-    """Without `hints.intrinsics`, as for most photos, it answers all the same."""
+def check_works_without_intrinsics(subject: Subject) -> None:
+    """Without `hints.intrinsics`, which most photos lack, the output is valid."""
     subject.answer()
     case = subject.case("one person")
     image, hints = inputs(subject.interface, case)
@@ -114,8 +114,8 @@ def check_camera_may_be_unknown(subject: Subject) -> None:
     expect(not faults, "points for a photo whose camera is not known", "; ".join(faults))
 
 
-def check_photo_after_scene(subject: Subject) -> None:
-    """The pipeline's second call, for the photo with its people and with `hints.scene`, is answered."""
+def check_accepts_the_photo_after_the_scene(subject: Subject) -> None:
+    """In the pipeline's second call, with the photo of the people and `hints.scene`, the output is valid."""
     subject.answer()
     case = subject.case("one person")
     _, hints = inputs(subject.interface, case)
@@ -180,9 +180,9 @@ CHECKS: tuple[Check, ...] = (
     Check(check_given_camera_is_used, _CAMERA, after=("frame_is_opencv",)),
     Check(check_pixels_are_counted_from_their_centres, _CAMERA, after=("given_camera_is_used",)),
     Check(check_camera_is_the_photos, _CAMERA),
-    Check(check_answers_its_camera, _CAMERA, only_with=frozenset({"returns_intrinsics"})),
-    Check(check_camera_may_be_unknown, "physic_core.types.Hints"),
-    Check(check_needs_no_hints, "physic_core.types.Hints", after=("camera_may_be_unknown",)),
-    Check(check_photo_after_scene, "physic_core.interfaces.RelativePointmap"),
+    Check(check_returns_its_camera, _CAMERA, only_with=frozenset({"returns_intrinsics"})),
+    Check(check_works_without_intrinsics, "physic_core.types.Hints"),
+    Check(check_needs_no_hints, "physic_core.types.Hints", after=("works_without_intrinsics",)),
+    Check(check_accepts_the_photo_after_the_scene, "physic_core.interfaces.RelativePointmap"),
 )
 """In the order in which they make sense."""

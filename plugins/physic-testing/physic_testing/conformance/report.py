@@ -106,7 +106,7 @@ class Report:
         judged = {r.check: r for r in self.results if r.outcome != "skipped"}
         if not judged:
             return next((r.reason for r in self.results), "there was no check to run")
-        form = next((r for r in self.results if r.check == "answers_in_the_right_form"), None)
+        form = next((r for r in self.results if r.check == "returns_valid_output"), None)
         return form.reason if form is not None and form.outcome == "skipped" else ""
 
     @property

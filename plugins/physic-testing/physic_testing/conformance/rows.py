@@ -19,7 +19,7 @@ __all__ = ["check_rows_follow_the_people"]
 
 
 def check_rows_follow_the_people(subject: Subject) -> None:
-    """Row i is about person i: asked about the same people in reverse, the rows come in reverse."""
+    """Row i is person i: for the same people in reverse order, the rows are in reverse order."""
     answer, case = subject.answer("several people"), subject.case("several people")
     count = len(case.people)
     turned = tuple(_reversed(a, count) for a in inputs(subject.interface, case))

@@ -53,7 +53,7 @@ class Run:
     @property
     def not_asked(self) -> str:
         """Why the backend could not be asked anything, empty where it was."""
-        form = self.result("answers_in_the_right_form")
+        form = self.result("returns_valid_output")
         return form.reason if form.outcome == "skipped" else ""
 
     def report(self) -> Report:

@@ -61,8 +61,8 @@ def check_boxes_hold_their_masks(subject: Subject) -> None:
         )
 
 
-def check_scores_fall(subject: Subject) -> None:
-    """People come best score first."""
+def check_scores_are_sorted(subject: Subject) -> None:
+    """People are sorted by score, the best first."""
     scores = subject.answer("several people").scores
     if len(scores) < 2:
         raise CheckSkipped("fewer than two people were found")
@@ -83,7 +83,7 @@ def check_floor_is_under_the_people(subject: Subject) -> None:
     )
 
 
-def check_floor_leaves_people_out(subject: Subject) -> None:
+def check_floor_excludes_people(subject: Subject) -> None:
     """A pixel is a person's or the floor's, not both."""
     answer = subject.answer()
     if answer.floor is None or not answer.floor.any() or not len(answer):
@@ -102,8 +102,8 @@ _READ = "physic_core.types.People"
 CHECKS: tuple[Check, ...] = (
     Check(check_masks_lie_on_people, _READ),
     Check(check_boxes_hold_their_masks, _READ),
-    Check(check_scores_fall, _READ),
+    Check(check_scores_are_sorted, _READ),
     Check(check_floor_is_under_the_people, _READ),
-    Check(check_floor_leaves_people_out, _READ, after=("floor_is_under_the_people",)),
+    Check(check_floor_excludes_people, _READ, after=("floor_is_under_the_people",)),
 )
 """In the order in which they make sense."""

@@ -150,7 +150,7 @@ class Subject:
                 with no_network():
                     lacking = missing_requirements(backend)
             except PhysicError as error:
-                raise CheckSkipped("it cannot be loaded: see 'loads_or_says_what_is_missing'") from error
+                raise CheckSkipped("it cannot be loaded: see 'loads_or_reports_what_is_missing'") from error
             if lacking:
                 raise CheckSkipped(f"not ready: {'; '.join(lacking)}")
             try:
@@ -158,7 +158,7 @@ class Subject:
             except PhysicError as error:
                 raise CheckSkipped(f"not ready: {error}") from error
             except Exception as error:
-                raise CheckSkipped("it cannot be loaded: see 'loads_or_says_what_is_missing'") from error
+                raise CheckSkipped("it cannot be loaded: see 'loads_or_reports_what_is_missing'") from error
             self._loaded[key] = backend
         return self._loaded[key]
 

@@ -171,11 +171,11 @@ def test_a_report_of_no_checks_is_no_success():
 
 def test_capabilities_choose_checks():
     report = check_backend(Stochastic, size=SIZE)
-    assert outcome(report, "answers_the_same_again").reason == "stochastic"
-    assert outcome(report, "keeps_nothing_between_photos").reason == "stochastic"
+    assert outcome(report, "is_deterministic").reason == "stochastic"
+    assert outcome(report, "keeps_no_state_between_photos").reason == "stochastic"
     assert report.ok
     again = check_backend(Stochastic, size=SIZE, capabilities=())
-    assert outcome(again, "answers_the_same_again").outcome == "passed"
+    assert outcome(again, "is_deterministic").outcome == "passed"
 
 
 def test_a_backend_that_needs_a_gpu_is_asked_nothing_without_one():

@@ -82,7 +82,7 @@ def test_stages_check_its_results():
 def test_the_kit_calls_it_and_checks_its_results():
     assert check_backend(Flat, size=SIZE).ok
     report = check_backend(Turned, size=SIZE)
-    form = {failure.check: failure for failure in report.failures}["answers_in_the_right_form"]
+    form = {failure.check: failure for failure in report.failures}["returns_valid_output"]
     assert "normals must be (120, 160, 3), got (160, 120, 3)" in form.got
 
 

@@ -25,7 +25,7 @@ def test_a_right_backend_passes_every_check_that_can_be_judged(kind: type[interf
     report = check_backend(kind, size=SIZE)
     assert report.ok, report.text
     left_out = {r.check for r in report.results if r.outcome == "skipped"}
-    assert left_out <= {"registration_is_light", "answers_its_camera"}
+    assert left_out <= {"registration_is_light", "returns_its_camera"}
 
 
 @pytest.mark.parametrize("mistake", WRONG, ids=lambda mistake: mistake.id)
@@ -46,7 +46,7 @@ def test_every_check_catches_somebody(interface: str):
     everywhere = {m.check for m in WRONG}
     assert own & common <= everywhere
     # Checks that several interfaces share without any difference need one wrong backend only.
-    assert own - common - caught <= {"needs_no_hints", "answers_a_photo_without_people", "rows_follow_the_people"}
+    assert own - common - caught <= {"needs_no_hints", "accepts_a_photo_without_people", "rows_follow_the_people"}
 
 
 def test_every_mistake_has_a_name_of_its_own():
@@ -73,7 +73,7 @@ def test_a_check_builds_only_on_checks_before_it(interface: str):
     seen: set[str] = set()
     for check in checks_for(interface):
         assert check.name not in seen, f"{check.name} comes twice"
-        assert set(check.after) <= seen | {"answers_the_same_again", "keeps_nothing_between_photos"}, check.name
+        assert set(check.after) <= seen | {"is_deterministic", "keeps_no_state_between_photos"}, check.name
         seen.add(check.name)
 
 

@@ -94,18 +94,18 @@ WRONG.append(
 )
 
 
-@wrong("no infer", "target_is_a_whole_class")
+@wrong("no infer", "target_is_a_concrete_class")
 class Abstract(Knowing, interfaces.MetricDepth):
     pass
 
 
-@wrong("infer without hints", "infer_takes_what_is_given")
+@wrong("infer without hints", "infer_has_the_right_signature")
 class Narrow(RightMetricDepth):
     def infer(self, image):
         return super().infer(image, Hints())
 
 
-@wrong("options that take any key", "options_are_a_closed_model")
+@wrong("options that take any key", "options_refuse_unknown_keys")
 class Open(RightMetricDepth):
     class Options(RightOptions):
         model_config = ConfigDict(extra="ignore")
@@ -123,7 +123,7 @@ class Silent(RightMetricDepth):
         gain: float = 1.0
 
 
-@wrong("an option that JSON cannot hold", "options_go_through_json")
+@wrong("an option that JSON cannot hold", "options_survive_json")
 class Unwritable(RightMetricDepth):
     class Options(RightOptions):
         dtype: Any = Field(np.float32, description="Type of the answer.")
@@ -153,7 +153,7 @@ class Heavy(RightMetricDepth):
         self.weights = np.ones(16_000_000)
 
 
-@wrong("missing weights as FileNotFoundError", "loads_or_says_what_is_missing")
+@wrong("missing weights as FileNotFoundError", "loads_or_reports_what_is_missing")
 class Lost(RightMetricDepth):
     def load(self, device="cpu"):
         raise FileNotFoundError("my_depth.onnx")
@@ -167,7 +167,7 @@ class Fast(RightMetricDepth):
         super().load(device)
 
 
-@wrong("not loaded as AttributeError", "says_so_if_it_is_not_loaded")
+@wrong("not loaded as AttributeError", "infer_before_load_works_or_raises")
 class Surprised(RightMetricDepth):
     def infer(self, image, hints):
         if not self.loaded:
@@ -183,7 +183,7 @@ class ClosesOnce(RightMetricDepth):
         super().close()
 
 
-@wrong("no second load", "answers_again_after_close")
+@wrong("no second load", "works_again_after_close")
 class LoadsOnce(RightMetricDepth):
     ever = False
 
@@ -195,7 +195,7 @@ class LoadsOnce(RightMetricDepth):
 
 # ---- the form of answers ---------------------------------------------------------------------------------------------
 
-FORM = "answers_in_the_right_form"
+FORM = "returns_valid_output"
 altered(RightMetricDepth, "depth as float16 text", FORM, lambda a, *_: replace(a, depth=a.depth.astype(str)))
 altered(RightMetricDepth, "whole numbers", FORM, lambda a, *_: replace(a, depth=a.depth.astype(np.int32)))
 altered(RightMetricDepth, "a batch axis", FORM, lambda a, *_: replace(a, depth=a.depth[None]))
@@ -219,14 +219,14 @@ altered(RightContact, "a probability below 0", FORM, lambda a, *_: replace(a, pr
 restless(
     RightMetricDepth,
     "one person at most",
-    "answers_several_people",
+    "accepts_several_people",
     lambda image, hints: hints.people is not None and len(hints.people) > 1,
     IndexError("index 1 is out of bounds"),
 )
 altered(
     RightSegmenter,
     "masks that overlap",
-    "answers_several_people",
+    "accepts_several_people",
     lambda a, *_: replace(a, masks=a.masks | (np.roll(a.masks, 1, axis=0) & (len(a.masks) > 1))),
 )
 
@@ -240,40 +240,40 @@ def lying(answer: Any, *_: Any) -> Any:
     return replace(answer, depth=answer.depth.T) if answer.depth.shape[0] > answer.depth.shape[1] else answer
 
 
-altered(RightMetricDepth, "padded to a multiple of 8", "answers_an_odd_size", padded)
-altered(RightMetricDepth, "portraits left lying", "answers_a_portrait", lying)
+altered(RightMetricDepth, "padded to a multiple of 8", "accepts_an_odd_size", padded)
+altered(RightMetricDepth, "portraits left lying", "accepts_a_portrait", lying)
 altered(
     RightSegmenter,
     "None for nobody",
-    "answers_a_photo_without_people",
+    "accepts_a_photo_without_people",
     lambda a, *_: a if len(a) else None,
 )
 for right in (RightKeypoints, RightBodies, RightHands, RightContact):
     restless(
         right,
         "nobody is an error",
-        "answers_a_photo_without_people",
+        "accepts_a_photo_without_people",
         lambda image, people, *_: not len(people),
         ValueError("need at least one array to stack"),
     )
 restless(
     RightMetricDepth,
     "blank is an error",
-    "bears_a_blank_photo",
+    "accepts_or_refuses_a_blank_photo",
     lambda image, *_: image.std() == 0,
     ZeroDivisionError("float division by zero"),
 )
 restless(
     RightMetricDepth,
     "tiny is an error",
-    "bears_a_tiny_photo",
+    "accepts_or_refuses_a_tiny_photo",
     lambda image, *_: image.shape[-1] == 3 and min(image.shape[:2]) < 32,
     ValueError("output size (0, 1)"),
 )
 restless(
     RightMetricDepth,
     "large is an error",
-    "bears_a_large_photo",
+    "accepts_or_refuses_a_large_photo",
     lambda image, *_: max(image.shape[:2]) > 512,
     AssertionError("at most 512 px"),
 )
@@ -282,7 +282,7 @@ restless(
 # ---- asking changes nothing ------------------------------------------------------------------------------------------
 
 
-@wrong("writes into the photo", "leaves_its_input_alone")
+@wrong("writes into the photo", "does_not_modify_its_input")
 class Writing(RightMetricDepth):
     def infer(self, image, hints):
         answer = super().infer(image, hints)
@@ -290,7 +290,7 @@ class Writing(RightMetricDepth):
         return answer
 
 
-@wrong("writes into the hints", "leaves_its_input_alone")
+@wrong("writes into the hints", "does_not_modify_its_input")
 class WritingHints(RightMetricDepth):
     def infer(self, image, hints):
         answer = super().infer(image, hints)
@@ -299,14 +299,14 @@ class WritingHints(RightMetricDepth):
         return answer
 
 
-@wrong("hidden randomness", "answers_the_same_again")
+@wrong("hidden randomness", "is_deterministic")
 class Random(RightMetricDepth):
     def infer(self, image, hints):
         answer = super().infer(image, hints)
         return replace(answer, depth=answer.depth * np.random.default_rng().normal(1, 0.01, answer.depth.shape))
 
 
-@wrong("a mean over photos", "keeps_nothing_between_photos")
+@wrong("a mean over photos", "keeps_no_state_between_photos")
 class Remembering(RightMetricDepth):
     scale = 1.0
 
@@ -320,7 +320,7 @@ class Remembering(RightMetricDepth):
         self.scale = 1.0
 
 
-@wrong("one buffer for every answer", "keeps_nothing_between_photos")
+@wrong("one buffer for every answer", "keeps_no_state_between_photos")
 class Recycling(RightMetricDepth):
     def load(self, device="cpu"):
         super().load(device)
@@ -336,7 +336,7 @@ class Recycling(RightMetricDepth):
 restless(
     RightMetricDepth,
     "arrays of its own kind only",
-    "takes_views",
+    "accepts_array_views",
     lambda image, *_: min(image.strides) < 0,
     ValueError("tensors with negative strides are not currently supported"),
 )
@@ -403,7 +403,7 @@ restless(
 )
 
 
-@wrong("a camera that it promised", "answers_its_camera")
+@wrong("a camera that it promised", "returns_its_camera")
 class Forgetful(RightMetricDepth):
     capabilities: ClassVar[tuple[str, ...]] = ("returns_intrinsics",)
 
@@ -477,7 +477,7 @@ altered(RightPointmap, "a focal length in shares of the width", "camera_is_the_p
 restless(
     RightPointmap,
     "a camera that is there",
-    "camera_may_be_unknown",
+    "works_without_intrinsics",
     lambda image, hints: hints.intrinsics is None,
     AttributeError("'NoneType' object has no attribute 'fx'"),
 )
@@ -491,13 +491,13 @@ restless(
 restless(
     RightPointmap,
     "no second call",
-    "photo_after_scene",
+    "accepts_the_photo_after_the_scene",
     lambda image, hints: hints.scene is not None,
     BackendError("one call is enough"),
 )
 
 
-@wrong("a camera that it promised", "answers_its_camera")
+@wrong("a camera that it promised", "returns_its_camera")
 class ForgetfulPoints(RightPointmap):
     capabilities: ClassVar[tuple[str, ...]] = ("returns_intrinsics",)
 
@@ -541,7 +541,7 @@ altered(RightSegmenter, "the photo as every box", "boxes_hold_their_masks", loos
 altered(
     RightSegmenter,
     "worst score first",
-    "scores_fall",
+    "scores_are_sorted",
     lambda a, *_: replace(a, masks=a.masks[::-1], boxes=a.boxes[::-1], scores=a.scores[::-1]),
 )
 altered(
@@ -550,20 +550,20 @@ altered(
     "floor_is_under_the_people",
     lambda a, *_: replace(a, floor=None if a.floor is None else ~a.floor & ~a.masks.any(axis=0)),
 )
-altered(RightSegmenter, "people who are floor", "floor_leaves_people_out", floor_over_people)
+altered(RightSegmenter, "people who are floor", "floor_excludes_people", floor_over_people)
 
 
 # ---- inpainting ------------------------------------------------------------------------------------------------------
 
 
-@wrong("an inverted mask", "the_rest_stays")
+@wrong("an inverted mask", "pixels_outside_the_mask_are_unchanged")
 class Inverting(RightInpainter):
     def infer(self, image, mask):
         self.look_up(image)
         return np.where(~mask[..., None] & mask.any(), np.uint8(127), image)
 
 
-@wrong("a second compression", "the_rest_stays")
+@wrong("a second compression", "pixels_outside_the_mask_are_unchanged")
 class Compressing(RightInpainter):
     def infer(self, image, mask):
         filled = super().infer(image, mask)
@@ -592,7 +592,7 @@ restless(
 restless(
     RightInpainter,
     "a full mask is an error",
-    "a_full_mask_is_borne",
+    "accepts_or_refuses_a_full_mask",
     lambda image, mask: bool(mask.all()),
     IndexError("index 0 is out of bounds"),
 )

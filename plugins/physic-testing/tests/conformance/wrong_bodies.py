@@ -81,7 +81,7 @@ def against_the_forearm(told, image, people, keypoints):
     return replace(told, wrists=0.1 * np.ones_like(told.wrists))
 
 
-altered(OtherBodies, "joints without hips", "enough_is_told_of_everybody", hipless)
+altered(OtherBodies, "joints without hips", "joints_suffice_to_convert_bodies", hipless)
 altered(OtherBodies, "joints in millimetres", "bodies_are_in_metres", lambda a, *_: replace(a, joints=1000 * a.joints))
 altered(
     OtherBodies,

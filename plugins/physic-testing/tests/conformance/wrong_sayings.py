@@ -9,7 +9,7 @@ import time
 from right_backends import RightMetricDepth
 from wrong_backends import wrong
 
-MISSING, FINGERPRINT = "says_quickly_and_twice_what_is_missing", "fingerprint_is_told_before_load"
+MISSING, FINGERPRINT = "missing_is_fast_and_repeatable", "fingerprint_works_before_load"
 COUNT = itertools.count()
 
 
@@ -20,7 +20,7 @@ def work() -> None:
         pass
 
 
-@wrong("what is missing told by a number", "loads_or_says_what_is_missing")
+@wrong("what is missing told by a number", "loads_or_reports_what_is_missing")
 class Counting(RightMetricDepth):
     def missing(self):
         return 0
