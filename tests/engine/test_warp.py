@@ -13,9 +13,11 @@ from hypothesis import strategies as st
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.local_depth_scale import log_factor, warp_share
 from physic_core.engine.joint.solve import optimize
+from physic_core.engine.joint.terms.surface import SurfaceTerms, reference_surface_energies
+from physic_core.engine.joint.terms.surface_fused import fused_surface_energies
 from physic_core.engine.presets import PRESETS
 
-from .adjusted import adjusted
+from .adjusted import adjusted, term_of
 
 SETTINGS = PRESETS["default"].joint
 STIFF = adjusted(SETTINGS, scene_scale__local_sigma=0.0)
@@ -154,8 +156,8 @@ def sitter(make_stage, places=((0.0, 0.0, 3.0),)):
     return stage, (OFFSET - points[:, 1] > 0.02) & (points[:, 2] < 7.9)
 
 
-@pytest.mark.parametrize("metric", ["plane", "point"])
-def test_gradient_of_contact_and_penetration_by_the_warp(make_stage, metric):
+@pytest.mark.parametrize("energies", [fused_surface_energies, reference_surface_energies])
+def test_gradient_of_contact_and_penetration_by_the_warp(make_stage, energies):
     stage, _ = sitter(make_stage, [(-0.6, 0.0, 3.0), (0.6, 0.0, 3.2)])
     double = {
         f.name: value.double()
@@ -163,7 +165,8 @@ def test_gradient_of_contact_and_penetration_by_the_warp(make_stage, metric):
         if isinstance(value := getattr(stage.problem, f.name), torch.Tensor) and value.is_floating_point()
     }
     problem = replace(stage.problem, model=stage.problem.model.to(dtype=torch.float64), **double)
-    energy = JointEnergy(problem, replace(SETTINGS, contact_metric=metric, penetration_metric=metric))
+    energy = JointEnergy(problem, SETTINGS)
+    term_of(energy, SurfaceTerms).energies = energies
 
     def touching(warp):
         energy.state.values["warp"] = warp
@@ -197,9 +200,11 @@ def test_a_warp_is_felt_as_a_scene_that_is_warped(make_stage, high, log):
     energy.refresh()
     warped = replace(problem, scene_points=points * torch.exp(log * share)[:, None])
     other = JointEnergy(warped, SETTINGS)
-    for weight in ("on_scene", "contact_weight"):
-        here, there = (getattr(e.touch, weight) > 0 for e in (energy, other))
-        assert (here != there).sum() <= 0.02 * there.sum(), weight  # the rim of what is in reach
+    for here, there in (
+        [term_of(e, SurfaceTerms).parts.contact.on_scene for e in (energy, other)],
+        [e.active["contact"] > 0 for e in (energy, other)],
+    ):
+        assert (here != there).sum() <= 0.02 * there.sum()  # the rim of what is in reach
     felt, wanted = energy(), other()
     for name in ("contact", "penetration"):
         assert felt[name].item() == pytest.approx(wanted[name].item(), rel=0.01, abs=1e-3), name
@@ -268,7 +273,7 @@ def test_each_person_has_their_own_warp(make_stage):
 def test_without_an_expected_warp_there_is_none(sitting):
     problem = with_furniture(sitting, 0.96)
     assert "warp" not in JointEnergy(problem, STIFF).state.free
-    result = optimize(problem, replace(STIFF, steps=20))
+    result = optimize(problem, adjusted(STIFF, optimiser__steps=20))
     assert result.warp.tolist() == [0.0]
     assert result.diagnostics[0]["warp"] == 0.0
     frozen = optimize(problem, adjusted(SETTINGS, frozen=("warp",), optimiser__steps=20))
