@@ -1,4 +1,4 @@
-"""What several commands ask of their arguments."""
+"""Checks of arguments that several commands share."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ __all__ = ["class_here", "require_interface"]
 
 
 def require_interface(name: str | None) -> None:
-    """Refuse what is no interface's name; None is allowed.
+    """Check that ``name`` is an interface; None is allowed.
 
     Raises:
-        UsageError: with the names that there are, and the nearest one.
+        UsageError: it is not; the message lists the interfaces and suggests the closest one.
     """
     from physic_core.configuration.faults import closest
     from physic_core.interfaces import INTERFACES
@@ -23,7 +23,7 @@ def require_interface(name: str | None) -> None:
 
 
 def class_here(name: str) -> str:
-    """A backend's name as given on the command line; a "module:Class" may lie in the current folder."""
+    """Return a backend name of the command line; a "module:Class" may be in the current folder."""
     from pathlib import Path
 
     from physic_core.discovery.local_modules import in_folder

@@ -1,4 +1,4 @@
-"""``physic cache``: what is kept of answers, of maps between bodies and of body models, and how to be rid of it."""
+"""``physic cache``: show and clear cached backend outputs, mesh maps and body models."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def cache() -> None:
 
 @cache.command()
 def info() -> None:
-    """Print where answers are kept, how many of which backend, and what they take; and maps and models, if any."""
+    """Print the cache folders, and the number and size of cached files for each backend."""
     from physic_core.cache.lru_folder import kept
 
     folder = _folder()
@@ -39,7 +39,7 @@ def info() -> None:
 
 @cache.command()
 def clear() -> None:
-    """Remove every kept answer, map and model, and print what was removed; results of runs stay."""
+    """Delete all cached files and print what was deleted; results of runs are kept."""
     from physic_core.cache.lru_folder import clear as remove
 
     folder = _folder()
@@ -62,7 +62,7 @@ def _folder() -> Path:
 
 
 def _by_backend(files: Iterable[Kept]) -> list[str]:
-    """A line for each interface and backend, by name."""
+    """One line for each interface and backend, sorted by name."""
     groups: dict[tuple[str, str], list[Kept]] = {}
     for file in files:
         interface, _, rest = file.path.name.partition("-")
@@ -75,7 +75,7 @@ def _by_backend(files: Iterable[Kept]) -> list[str]:
 
 
 def _others() -> list[tuple[Path, str, tuple[str, str]]]:
-    """What else is kept: folder, suffix of its files, and their name for one and for several."""
+    """The other caches: folder, file suffix, and their singular and plural name."""
     from physic_core.cache.lru_folder import MAP_SUFFIX, MODEL_SUFFIX
 
     kinds = (

@@ -1,4 +1,4 @@
-"""``physic config``: check a configuration, show it resolved, begin a new one."""
+"""``physic config``: check, show or create a configuration."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def config() -> None:
 
 def _arguments(command: Callable[..., None]) -> Callable[..., None]:
     command = click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Change one value.")(command)
-    command = click.option("--preset", metavar="NAME", help="Preset to look at instead of a file.")(command)
+    command = click.option("--preset", metavar="NAME", help="Preset to use instead of a file.")(command)
     return click.argument("file", required=False, type=click.Path(path_type=Path))(command)
 
 
@@ -66,7 +66,7 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
 @_arguments
 @click.option("--all", "whole", is_flag=True, help="Also print the default values of backends and engine.")
 def show(file: Path | None, preset: str | None, overrides: tuple[str, ...], whole: bool) -> None:
-    """Print the resolved configuration of FILE, and where each value is from."""
+    """Print the resolved configuration of FILE and the source of each value."""
     found = _load(file, preset, overrides)
     if whole:
         from physic_core.discovery.plugins import discover
@@ -78,7 +78,7 @@ def show(file: Path | None, preset: str | None, overrides: tuple[str, ...], whol
 
 @config.command()
 def schema() -> None:
-    """Print the JSON Schema of a config, options of the installed backends included, for your editor.
+    """Print the JSON Schema of a configuration for your editor, with the options of installed backends.
 
     With `physic config schema > physic.schema.json`, the first line `#:schema physic.schema.json` of a TOML file lets
     editors complete and check it (Even Better TOML, Taplo and others).
@@ -93,9 +93,9 @@ def schema() -> None:
 @click.argument("file", type=click.Path(path_type=Path), default=Path("physic.toml"))
 @click.option("--preset", metavar="NAME", default="embedded", show_default=True, help="Preset to build on.")
 def init(file: Path, preset: str) -> None:
-    """Write a config to FILE in which every setting is listed with its meaning, and commented out.
+    """Write a configuration to FILE that lists every setting with its meaning, commented out.
 
-    Options of backends are those of the preset's backends, as far as they are installed.
+    It lists the options of the backends that the preset uses, if they are installed.
     """
     from physic_core.cli.template import template
     from physic_core.discovery.plugins import discover
@@ -124,7 +124,7 @@ def _refuse_both(file: Path | None, preset: str | None) -> None:
 
 
 def resolved_toml(found: Config) -> str:
-    """A config as TOML, each value with its source as a comment."""
+    """Format a configuration as TOML, with the source of each value as a comment."""
     blocks = []
     for name, table in found.as_dict().items():
         blocks += _table(name, table, lambda path: f"  # {found.source(path)}")
@@ -132,10 +132,10 @@ def resolved_toml(found: Config) -> str:
 
 
 def full_toml(found: Config, registry: Registry) -> str:
-    """The same with every option of the chosen backends and every setting of the engine.
+    """Format a configuration as TOML with all options of its backends and all settings of the engine.
 
     Raises:
-        ConfigError: names or options that do not hold, all at once.
+        ConfigError: names or options are invalid; the message lists all errors.
     """
     from dataclasses import asdict
 
@@ -161,7 +161,7 @@ def full_toml(found: Config, registry: Registry) -> str:
 
 
 def _says(found: Config, path: str) -> bool:
-    """Whether the config itself has a value at a dotted path."""
+    """Whether the configuration sets a value at a dotted path."""
     table: Any = found.as_dict()
     for key in path.split("."):
         if not isinstance(table, dict) or key not in table:
@@ -182,5 +182,5 @@ def _table(path: str, table: Mapping[str, Any], note: Callable[[str], str]) -> l
 
 
 def _is_value(value: Any) -> bool:
-    """TOML has no word for None, and tables come after values."""
+    """Whether a value is neither None, which TOML cannot express, nor a table, which comes after values."""
     return value is not None and not isinstance(value, dict)

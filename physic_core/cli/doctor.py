@@ -1,6 +1,6 @@
-"""``physic plugins doctor``: every installed backend loaded in turn, each in a process of its own.
+"""``physic plugins doctor``: load every installed backend, each in its own process.
 
-A backend may take Python with it, never return, or eat all memory: nothing of this stops the others.
+A backend that crashes Python, hangs, or uses all memory does not affect the others.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ _MARK = "physic-doctor: "
 
 @dataclass(frozen=True)
 class Finding:
-    """What came of loading one backend.
+    """Result of loading one backend.
 
     Attributes:
-        interface: "metric_depth", ...; "-" of a plugin that could not say what it offers.
+        interface: "metric_depth", ...; "-" for a plugin whose backends could not be listed.
         backend: its name.
         owner: distribution and version.
-        state: "ok"; "missing" where it says itself what it lacks; "broken" for all else.
+        state: "ok"; "missing" if the backend itself reports missing files; "broken" for all other errors.
         message: what is missing or broken.
-        seconds: to import, construct, load and close it.
-        traceback: of what it raised, where ``PHYSIC_DEBUG`` asks for it; else empty.
+        seconds: time to import, construct, load and close it, s.
+        traceback: of its exception if ``PHYSIC_DEBUG`` is set; else "".
     """
 
     interface: str
@@ -57,7 +57,7 @@ class Finding:
 
     @property
     def title(self) -> str:
-        """Which backend of whom."""
+        """Interface, name and owner of the backend."""
         return self.owner if self.backend == "-" else f"{self.interface} '{self.backend}' ({self.owner})"
 
 
@@ -65,7 +65,7 @@ class Finding:
 @click.argument("name", required=False)
 @click.option("--interface", metavar="NAME", help="Only backends of this interface.")
 @click.option("--device", default="cpu", show_default=True, metavar="NAME", help="cpu, cuda or cuda:N.")
-@click.option("--timeout", default=300.0, show_default=True, metavar="SECONDS", help="Patience with one backend.")
+@click.option("--timeout", default=300.0, show_default=True, metavar="SECONDS", help="Time limit for each backend.")
 @click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON.")
 @click.pass_context
 def doctor(
@@ -98,13 +98,13 @@ def doctor(
 def findings(
     registry: Registry, claims: Iterable[Claim], load: Callable[[Claim], Finding], whole: bool = True
 ) -> Iterable[Finding]:
-    """A finding for each claim, in turn, and then for each plugin that could not say what it offers, or is not seen.
+    """Yield a finding for each backend, then for each plugin that is broken or not recognised.
 
     Args:
-        registry: what is installed.
-        claims: those to look at.
-        load: tries one.
-        whole: whether broken plugins belong to the question.
+        registry: the installed plugins.
+        claims: the backends to load.
+        load: function that loads one backend.
+        whole: whether to include broken plugins.
     """
     from physic_core.discovery.misplaced import misplaced
 
@@ -121,7 +121,7 @@ def findings(
 
 
 def examine(registry: Registry, claim: Claim, device: str) -> Finding:
-    """Import, construct, load and close a backend with its default options, here."""
+    """Import, construct, load and close a backend with default options, in this process."""
     from physic_core.discovery.readiness import missing_requirements
     from physic_core.errors import PhysicError
 
@@ -149,7 +149,7 @@ def examine(registry: Registry, claim: Claim, device: str) -> Finding:
 
 
 def in_its_own_process(claim: Claim, device: str, timeout: float) -> Finding:
-    """The same in a process of its own, that sees the same modules."""
+    """Run :func:`examine` in a new process with the same import path."""
     record = claim.record
     look = f"import sys; from {__name__} import _main; _main(*sys.argv[1:])"
     # A name with a colon is that of a class.

@@ -1,9 +1,9 @@
-"""The exit code of every command, by the class of its error; the only place that knows them.
+"""Exit codes of all commands, by class of error.
 
-2 is for what the user can correct in arguments or configuration: an unknown name, an ambiguous name, a wrong option.
-5 is for what the author of a plugin has to correct: a backend or command that cannot be imported, that was written for
-another version of its interface, that does not implement it, or that fails when it runs. A configuration with mistakes
-of both kinds ends with 2. ``physic run``, ``config check``, ``plugins check`` and ``plugins doctor`` all follow this.
+2: the user can correct it in the arguments or the configuration, such as an unknown name or an invalid option.
+5: the author of a plugin has to correct it, such as a backend or command that cannot be imported, that was written for
+another version of its interface, that does not implement it, or that fails at run time. A configuration with errors of
+both kinds exits with 2. ``physic run``, ``config check``, ``plugins check`` and ``plugins doctor`` all use these codes.
 """
 
 from __future__ import annotations
@@ -56,5 +56,5 @@ EXIT_CODES: dict[type[Exception], int] = {
 
 
 def exit_code(error: BaseException) -> int:
-    """The code with which a command ends after this error."""
+    """Return the exit code of a command that ended with this error."""
     return next((EXIT_CODES[kind] for kind in type(error).__mro__ if kind in EXIT_CODES), OTHER)

@@ -1,4 +1,4 @@
-"""Groups of commands that are imported when they run: the core's own, and those that installed plugins add."""
+"""Command groups that import a command only when it runs: those of the core and of plugins."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class ExtensibleGroup(click.Group):
 
 
 def _why_absent(distribution: str) -> str:
-    """Why the commands of a known distribution are not there."""
+    """Explain why the commands of a known distribution are not available."""
     from physic_core.discovery.entry_points import find
 
     found = find()

@@ -1,4 +1,4 @@
-"""The tables and texts of ``physic plugins``."""
+"""Tables and texts of ``physic plugins``."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def listing(registry: Registry, interface: str | None = None) -> str:
 
 
 def as_dicts(registry: Registry, interface: str | None = None) -> dict[str, Any]:
-    """The same for machines: backends and broken plugins, plain values."""
+    """The table of ``physic plugins`` as JSON-ready dictionaries: backends and broken plugins."""
     claims = [claim for claim in registry if interface in (None, claim.record.interface)]
     return {
         "backends": [_as_dict(registry, claim) for claim in claims],
@@ -59,7 +59,7 @@ def as_dicts(registry: Registry, interface: str | None = None) -> dict[str, Any]
 
 
 def detail(registry: Registry, claim: Claim) -> str:
-    """All that is known of one backend, its options included."""
+    """Describe one backend, including its options."""
     record, status = claim.record, _status(registry, claim)
     module = claim.origin.plugin
     options: list[str] = []
@@ -95,7 +95,7 @@ def detail(registry: Registry, claim: Claim) -> str:
 
 
 def _lacks(kind: type[Backend]) -> tuple[str, ...]:
-    """What a backend with its default options lacks; nothing where it cannot say, which the doctor tells."""
+    """What a backend with default options reports as missing; empty if it cannot be constructed."""
     try:
         return missing_requirements(kind())
     except Exception:  # a plugin's door: its constructor
@@ -103,7 +103,7 @@ def _lacks(kind: type[Backend]) -> tuple[str, ...]:
 
 
 def _files(registry: Registry, claim: Claim, kind: type[Backend]) -> list[str]:
-    """Where the sets of weights that its options name by default lie, or are sought."""
+    """Paths of the weight sets in its default options, or the folders that are searched."""
     from physic_core.weights.folders import places_in_words
     from physic_core.weights.locate import look
     from physic_core.weights.manifest import read_manifest
@@ -126,7 +126,7 @@ def _files(registry: Registry, claim: Claim, kind: type[Backend]) -> list[str]:
 
 
 def columns(rows: Sequence[tuple[str, ...]]) -> str:
-    """Rows as a table; the last column may be of any length."""
+    """Format rows as a table; the last column can have any length."""
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]) - 1)]
     return "\n".join("  ".join([*(f"{t:<{w}}" for t, w in zip(row, widths, strict=False)), row[-1]]) for row in rows)
 
@@ -206,7 +206,7 @@ _BOUNDS = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusive
 
 
 def in_words(schema: dict[str, Any], parts: dict[str, Any]) -> str:
-    """A JSON schema in words: "number > 0, <= 50"."""
+    """Describe the allowed values of a JSON schema, as in "number > 0, <= 50"."""
     if len(schema.get("allOf", ())) == 1:  # pydantic before 2.9
         schema = schema["allOf"][0]
     if "$ref" in schema:

@@ -24,7 +24,7 @@ _COMMANDS = {
 
 @click.group(cls=ExtensibleGroup, path="plugins", own=_COMMANDS, invoke_without_command=True)
 @click.option("--interface", metavar="NAME", help="Only backends of this interface.")
-@click.option("--json", "as_json", is_flag=True, help="Print it as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 @click.pass_context
 def plugins(ctx: click.Context, interface: str | None, as_json: bool) -> None:
     """List installed backends; show, diagnose or create one."""
@@ -53,10 +53,10 @@ def show(name: str) -> None:
 
 
 def details(registry: Registry, name: str) -> str:
-    """The text of ``physic plugins show NAME``.
+    """Return the text of ``physic plugins show NAME``.
 
     Raises:
-        BackendNotFoundError: no backend is called so.
+        BackendNotFoundError: no backend has this name.
     """
     from physic_core.cli.listing import detail
 

@@ -1,4 +1,4 @@
-"""``physic run``: one photo to a folder of results."""
+"""``physic run``: reconstruct one photo and write a folder of results."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class _Intrinsics(click.ParamType[Any]):
 
 
 class _Path(click.ParamType[Path]):
-    """Any path; whether it can be used is told by whoever opens it."""
+    """Any path; the code that opens it reports errors."""
 
     name = "path"
 
@@ -124,12 +124,12 @@ def run(
 
 
 class _Terminated(BaseException):
-    """Somebody wants the process gone; no plugin's door holds this."""
+    """The process received SIGTERM; not an Exception, so that no plugin error handler catches it."""
 
 
 @contextmanager
 def _terminable() -> Iterator[None]:
-    """SIGTERM ends Python on the spot: here it ends the block first, as Ctrl-C does, and then the process."""
+    """Turn SIGTERM into an exception, so that cleanup runs as for Ctrl-C, and then end the process."""
     before = signal.getsignal(signal.SIGTERM)
     if threading.current_thread() is not threading.main_thread() or before is not signal.SIG_DFL:
         yield
@@ -150,9 +150,9 @@ def _terminable() -> Iterator[None]:
 
 @contextmanager
 def _reserved(photo: Path, out: Path | None, overwrite: bool) -> Iterator[Path]:
-    """The folder for the results, which can be written without loss; no empty one is left behind.
+    """Yield an output folder that is writable and loses no data; an empty one is deleted at the end.
 
-    This is seen to before minutes are spent.
+    This is checked before the run, which can take minutes.
     """
     from physic_core.files.atomic import check_writable
     from physic_core.io.output import check_folder
@@ -172,7 +172,7 @@ def _reserved(photo: Path, out: Path | None, overwrite: bool) -> Iterator[Path]:
 
 
 def _digest(photo: Path) -> str:
-    """Digests of the photo, as far as it can be read."""
+    """Digests of the photo, if it can be read."""
     from physic_core.errors import InputError
     from physic_core.io.output import file_digest, photo_digest
     from physic_core.io.photo import read_photo
@@ -185,9 +185,9 @@ def _digest(photo: Path) -> str:
 
 
 def _default_folder(photo: Path, digest: str, overwrite: bool) -> tuple[Path, list[Path]]:
-    """The first folder of the photo's name that is new, or holds its own result; and what was made.
+    """Return the first folder named after the photo that is new or has its own result, and created folders.
 
-    A new one is made at once: of two runs at the same time, each gets its own.
+    A new folder is created at once, so that two simultaneous runs use different ones.
     """
     from physic_core.io.output import photo_of_result, same_photo
 
@@ -213,7 +213,7 @@ def _default_folder(photo: Path, digest: str, overwrite: bool) -> tuple[Path, li
 
 
 def _remove(folders: list[Path]) -> None:
-    """Take back the folders that we made, as far as they are empty."""
+    """Delete the folders that were created, if they are empty."""
     for folder in reversed(folders):
         with suppress(OSError):  # the deepest may never have been made
             folder.rmdir()
@@ -221,7 +221,7 @@ def _remove(folders: list[Path]) -> None:
 
 @contextmanager
 def _said_by_plugins() -> Iterator[list[str]]:
-    """What plugins named ``physic_*`` log at level INFO, each line once, such as what their networks run on."""
+    """Collect the INFO log lines of plugins named ``physic_*``, each once, such as the device that is used."""
     said: list[str] = []
 
     class Listener(logging.Handler):
@@ -245,7 +245,7 @@ def _said_by_plugins() -> Iterator[list[str]]:
 
 @contextmanager
 def _progress() -> Iterator[Callable[[str, int, int], None]]:
-    """A bar on a terminal, one line a stage elsewhere; both on stderr, so that stdout holds the summary alone."""
+    """Progress bar on a terminal, otherwise one line for each stage; on stderr, so that stdout has only the summary."""
     if not sys.stderr.isatty():
         yield lambda name, done, total: click.echo(f"[{done + 1}/{total}] {name}", err=True)
         return

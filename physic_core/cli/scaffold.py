@@ -1,4 +1,4 @@
-"""``physic plugins new``: begin a plugin."""
+"""``physic plugins new``: create the files of a new plugin."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ __all__ = ["new"]
 
 @click.command()
 @click.argument("name")
-@click.option("--interface", required=True, metavar="NAME", help="What its backend is: metric_depth, inpainter, ...")
-@click.option("--folder", type=click.Path(path_type=Path), help="Where to.  [default: physic-NAME]")
+@click.option("--interface", required=True, metavar="NAME", help="Interface, such as metric_depth.")
+@click.option("--folder", type=click.Path(path_type=Path), help="Output folder.  [default: physic-NAME]")
 def new(name: str, interface: str, folder: Path | None) -> None:
     """Create a plugin, physic-NAME, with one backend called NAME that passes the conformance kit.
 
-    Replace its placeholder by your own code.
+    Then replace the placeholder by your own code.
     """
     from physic_core.discovery.plugins import core_version, discover
     from physic_core.interfaces import INTERFACES

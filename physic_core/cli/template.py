@@ -1,4 +1,4 @@
-"""The file that ``physic config init`` writes: every key with its value, its meaning and what it may hold."""
+"""The file that ``physic config init`` writes: every key with its value, meaning and allowed values."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ _HEAD = """\
 
 
 def template(preset: str, registry: Registry) -> str:
-    """A config that builds on a preset, with every other line commented out.
+    """Return a configuration that extends a preset, with every other line commented out.
 
-    Without the single # in front of its lines it is the preset, written out.
+    Without the single # at the start of its lines, it is equal to the preset.
 
     Args:
         preset: its name.
@@ -86,7 +86,7 @@ def _prose(text: str) -> list[str]:
 
 
 def _meanings(model: type[BaseModel]) -> dict[str, str]:
-    """What each field of a pydantic model is, and what it may hold."""
+    """Meaning and allowed values of each field of a pydantic model."""
     schema = model.model_json_schema()
     properties, parts = schema.get("properties", {}), schema.get("$defs", {})
     return {
@@ -96,7 +96,7 @@ def _meanings(model: type[BaseModel]) -> dict[str, str]:
 
 
 def _settings(name: str, settings: Any) -> list[str]:
-    """A table of the engine's settings, and one for each settings object in it."""
+    """Format settings of the engine as a table, with one more table for each nested settings object."""
     values = {field.name: getattr(settings, field.name) for field in fields(settings)}
     own = {key: value for key, value in values.items() if not is_dataclass(value)}
     lines = _table(name, own, _engine_meanings(type(settings)), type(settings))
@@ -107,7 +107,7 @@ def _settings(name: str, settings: Any) -> list[str]:
 
 
 def _engine_meanings(kind: type) -> dict[str, str]:
-    """Settings of a class -> their meanings from the docstring, and their kinds from the annotations."""
+    """Meaning of each setting from the docstring, and its type from the annotation."""
     schema = settings_table(kind).model_json_schema()
     parts, said = schema.get("$defs", {}), _attributes(kind)
     return {
@@ -122,14 +122,14 @@ def _with_kind(meaning: str, kind: str) -> str:
 
 
 def _attributes(kind: type) -> dict[str, str]:
-    """The ``Attributes:`` of a docstring, a text each."""
+    """Parse the ``Attributes:`` section of a docstring: name -> text."""
     _, _, section = inspect.cleandoc(kind.__doc__ or "").partition("Attributes:\n")
     found = re.finditer(r"^    (\w+): (.*(?:\n {8}.*)*)", section, re.M)
     return {one[1]: _plain(" ".join(one[2].split())) for one in found}
 
 
 def _plain(text: str) -> str:
-    """Without the marks that only documentation pages read."""
+    """Remove reStructuredText markup."""
     stages = {kind.__name__: f"[engine.{stage}]" for stage, kind in get_type_hints(EngineSettings).items()}
     text = re.sub(r":class:`(\w+)`", lambda found: stages.get(found[1], found[1]), text)
     return text.replace("``", "")

@@ -1,4 +1,4 @@
-"""``physic weights``: what the plugins' networks need, where it is, and how to get it."""
+"""``physic weights``: list, download and verify the weights of installed plugins."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ if TYPE_CHECKING:
 
 __all__ = ["weights"]
 
-_JSON = click.option("--json", "as_json", is_flag=True, help="Print it as JSON.")
+_JSON = click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 _USE = {True: "yes", False: "NO", None: "not said"}
 
 
 @click.group()
 def weights() -> None:
-    """List, fetch and verify the weights that plugins need.
+    """List, download and verify the weights that plugins need.
 
-    They are sought in the folders of PHYSIC_WEIGHTS, in your folder for caches, and in that of Hugging Face; only
-    `fetch` uses the network.
+    Searched are the folders of PHYSIC_WEIGHTS, your cache folder, and the cache of Hugging Face. Only `fetch` uses the
+    network.
     """
 
 
 @weights.command("list")
-@click.option("--missing", is_flag=True, help="Only what is not here.")
+@click.option("--missing", is_flag=True, help="Only sets that are missing, incomplete or of unexpected size.")
 @_JSON
 def list_(missing: bool, as_json: bool) -> None:
-    """List every set of weights: whose, how large, under which licence, and whether it is here."""
+    """List all weight sets: plugin, size, licence, and whether they are on this machine."""
     library = _library()
     sets = [one for one in library.sets if not (missing and _state(one) == "here")]
     if as_json:
@@ -64,7 +64,7 @@ def list_(missing: bool, as_json: bool) -> None:
 @click.argument("name")
 @_JSON
 def show(name: str, as_json: bool) -> None:
-    """Say all that is known of the weights NAME: licence, files, sources, and where they lie or are sought."""
+    """Show the weight set NAME: licence, files, sources, and paths or searched folders."""
     one = _library().get(name)
     click.echo(json.dumps(_as_dict(one), indent=2) if as_json else _details(one))
 
@@ -76,20 +76,19 @@ def show(name: str, as_json: bool) -> None:
     "--accept-license",
     "accept",
     is_flag=True,
-    help="Accept a licence that does not allow every use, or that asks for an account.",
+    help="Accept a licence that restricts use or requires an account.",
 )
 @click.option(
     "--to",
     type=click.Path(path_type=Path, file_okay=False),
     metavar="FOLDER",
-    help="Put the files there, as for a machine without a network; PHYSIC_WEIGHTS names it there.",
+    help="Download to this folder, for a machine without network. Set PHYSIC_WEIGHTS to it there.",
 )
 @click.pass_context
 def fetch(ctx: click.Context, names: tuple[str, ...], accept: bool, to: Path | None) -> None:
-    """Fetch the weights called NAME..., as far as they are not here, and hold them against size and hash.
+    """Download the missing files of the weight sets NAME..., and verify their size and hash.
 
-    What an interrupted fetch has brought is kept, and the next one goes on from there. Ends with code 4 if anything is
-    still missing.
+    An interrupted download continues the next time. Exits with code 4 if a file is still missing.
     """
     from physic_core.weights.fetch import fetch as bring
 
@@ -118,9 +117,9 @@ def fetch(ctx: click.Context, names: tuple[str, ...], accept: bool, to: Path | N
 @_JSON
 @click.pass_context
 def verify(ctx: click.Context, names: tuple[str, ...], as_json: bool) -> None:
-    """Hold the files that are here against their published sizes and SHA-256; all sets, or those called NAME.
+    """Compare files with their published size and SHA-256; all sets, or only those called NAME.
 
-    Ends with code 4 if a file differs, or if a file of a set called NAME is missing.
+    Exits with code 4 if a file differs, or if a file of a set called NAME is missing.
     """
     from physic_core.weights.locate import look
     from physic_core.weights.verify import difference
@@ -163,7 +162,7 @@ def verify(ctx: click.Context, names: tuple[str, ...], as_json: bool) -> None:
 @click.argument("name")
 @click.argument("file", required=False)
 def where(name: str, file: str | None) -> None:
-    """Print the path of the weights NAME, or of one FILE of them, and nothing else."""
+    """Print only the path of the weight set NAME, or of one FILE in it."""
     from physic_core.discovery.plugins import discover
     from physic_core.weights.library import read_library
     from physic_core.weights.locate import locate
@@ -187,7 +186,7 @@ def _echo_row(row: dict[str, str]) -> None:
 
 
 def _state(one: Listed) -> str:
-    """Whether a set is here; a size that is not the published one shows, a hash is for `verify`."""
+    """State of a set: missing, incomplete, or present; sizes are compared, hashes only by `verify`."""
     from physic_core.weights.locate import look
 
     here = look(one.weights)
@@ -200,7 +199,7 @@ def _state(one: Listed) -> str:
 
 
 def _where(one: Listed) -> str:
-    """Where a set lies."""
+    """Paths of a set."""
     from physic_core.weights.locate import look
 
     here = look(one.weights)
@@ -250,7 +249,7 @@ def _size(size: int | None) -> str:
 
 @contextmanager
 def _progress(name: str) -> Iterator[Progress]:
-    """A bar a file on a terminal; one line a file elsewhere; both on stderr."""
+    """Progress bar for each file on a terminal, otherwise one line for each file; on stderr."""
     if not sys.stderr.isatty():
         begun: set[str] = set()
 

@@ -166,8 +166,8 @@ class RunSettings(_Table):
         description="CPU threads of engine and fits; more than 1 is rarely faster and can change last bits",
     )
     low_memory: bool = Field(default=False, description="close each backend right after its last use")
-    cache: bool = Field(default=True, description="keep the backends' answers, and use those of earlier runs")
-    cache_mb: int = Field(default=2000, ge=0, description="what all kept answers may take together, megabytes")
+    cache: bool = Field(default=True, description="cache the outputs of backends, and reuse those of earlier runs")
+    cache_mb: int = Field(default=2000, ge=0, description="maximum size of the cache, megabytes")
 
     @field_validator("device")
     @classmethod

@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all."""
+"""Write files completely or not at all."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ __all__ = ["check_writable", "replacing"]
 
 @contextmanager
 def replacing(folder: Path) -> Iterator[Callable[[str], Path]]:
-    """Gives out temporary paths for named files of ``folder``, and renames them all once the block ends well.
+    """Yield a function that returns temporary paths for files of ``folder``; on success, rename all of them.
 
     Raises:
-        OutputError: the folder cannot be written, its disk is full, or a folder has the name of a file.
+        OutputError: the folder cannot be written, the disk is full, or a folder has the name of a file.
     """
     paths: dict[str, Path] = {}
     token = secrets.token_hex(4)
@@ -43,10 +43,13 @@ def replacing(folder: Path) -> Iterator[Callable[[str], Path]]:
 
 
 def check_writable(folder: str | os.PathLike[str]) -> Path:
-    """Makes ``folder`` where it is missing, and tries to write in it, so that a run does not end in vain.
+    """Create ``folder`` if missing and check that it can be written, before a long run starts.
+
+    Returns:
+        The folder.
 
     Raises:
-        OutputError: it is a file, or cannot be made or written.
+        OutputError: it is a file, or cannot be created or written.
     """
     folder = Path(folder)
     try:

@@ -1,16 +1,15 @@
-"""Where weights are, what they are, and how to get them.
+"""Find, verify and download the weights of networks.
 
-A plugin lists its weights in TOML files (:mod:`physic_core.weights.manifest`); a backend asks here for the file that
-it is to read. Nothing here goes to the network but :mod:`physic_core.weights.fetch`, and only ``physic weights fetch``
-calls that.
+A plugin describes its weights in TOML files (:mod:`physic_core.weights.manifest`). A backend calls :func:`locate` to
+get the path of a file. Only :mod:`physic_core.weights.fetch` uses the network, and only ``physic weights fetch`` calls
+it.
 
-Weights are sought, in this order, in
+These places are searched, in this order:
 
-1. the folders of the environment variable ``PHYSIC_WEIGHTS``, as ``<folder>/<set>/<file>``; and as ``<folder>/<file>``
-   where nothing else can be meant: the file has exactly the published size, or, where no size is published, the file
-   is called after its set,
-2. the user's folder for caches, ``.../physic/weights/<set>/<file>``,
-3. Hugging Face's own cache, if ``huggingface_hub`` is installed.
+1. The folders in the environment variable ``PHYSIC_WEIGHTS``, for ``<folder>/<set>/<file>``. ``<folder>/<file>`` is
+   also accepted if it has exactly the published size, or, if no size is published, if its name is the name of the set.
+2. The user's cache folder, for ``.../physic/weights/<set>/<file>``.
+3. The cache of Hugging Face, if ``huggingface_hub`` is installed.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Which names are meant by one that is none."""
+"""Suggest existing names for an unknown name."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ _SURE = 0.8
 
 
 def near(name: str, names: Sequence[str]) -> list[str]:
-    """Up to four names that may be meant, the likeliest first.
+    """Return up to four similar names, the most similar first.
 
-    The beginning tells more than the end: many a name ends alike ("-onnx", "-hf"), and whoever knows the network alone
-    writes "moge-2".
+    A common beginning counts more than a common end. Many names have the same end ("-onnx", "-hf"), and users often
+    write only the beginning, such as "moge-2".
     """
     if alike := get_close_matches(name, names, n=1, cutoff=_SURE):
         return alike
@@ -28,11 +28,11 @@ def near(name: str, names: Sequence[str]) -> list[str]:
 
 
 def in_words(names: Sequence[str]) -> str:
-    """Names as a choice: "'a', 'b' or 'c'"."""
+    """Format names as a choice: "'a', 'b' or 'c'"."""
     quoted = [f"'{name}'" for name in names]
     return " or ".join([", ".join(quoted[:-1]), quoted[-1]] if len(quoted) > 1 else quoted)
 
 
 def _shared(one: str, other: str) -> int:
-    """How many letters two names begin with alike."""
+    """Length of the common prefix of two names."""
     return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(one, other, strict=False)))

@@ -1,4 +1,4 @@
-"""Fetches a set: what lacks of it, from where the plugin's list says, held against size and hash."""
+"""Download the missing files of a weight set and verify their size and SHA-256."""
 
 from __future__ import annotations
 
@@ -33,20 +33,21 @@ def fetch(
     to: Path | None = None,
     progress: Progress = lambda name, done, total: None,
 ) -> tuple[str, ...]:
-    """Fetch the files of a set that are not here.
+    """Download the files of a set that are missing.
 
     Args:
         weights: the set.
-        accept: whether the user accepts a licence that does not allow every use, or that asks for an account.
-        to: folder that gets the whole set, as ``<to>/<set>/<file>``; None for the user's folder for caches, and for
-            Hugging Face's own cache where the files are from its hub and lie there as they do in the set.
-        progress: told about each piece.
+        accept: whether the user accepts a licence that restricts use, or that requires an account.
+        to: folder for the complete set, as ``<to>/<set>/<file>``. None for the default: the cache of Hugging Face if
+            the files come from one of its repositories with the same relative paths, else the user's cache folder.
+        progress: called with the path of a file, the bytes downloaded so far, and the total if known.
 
     Returns:
-        Paths in the set of the files that were fetched.
+        Paths of the downloaded files, relative to the set.
 
     Raises:
-        DownloadError: the licence is not accepted, there is no source, or what stopped it; what has come is kept.
+        DownloadError: the licence is not accepted, a file has no source, a library is not installed, or a download
+            failed. Partial downloads are kept.
     """
     lacking = _lacking(weights, to)
     if not lacking:
@@ -77,7 +78,7 @@ def fetch(
 
 
 def terms(weights: WeightSet) -> str:
-    """What the licence of a set allows, and how to get access, in lines."""
+    """Format the licence of a set and how to get access to it, as lines of text."""
     use = {True: "is allowed", False: "is NOT allowed", None: "is not spoken of: read the licence"}
     lines = [f"  licence     {weights.license}", f"  commercial  use {use[weights.commercial]}"]
     if weights.account:
@@ -107,7 +108,7 @@ def _lacking(weights: WeightSet, to: Path | None) -> list[WeightFile]:
 
 
 def _refuse_others(weights: WeightSet, here: Mapping[str, Path]) -> None:
-    """What has another size than the published file is not fetched over, since it may be the user's own."""
+    """Raise an error for a file of another size than published: it may be the user's own and is never replaced."""
     for file in weights.files:
         path = here.get(file.path)
         if path is not None and file.bytes not in (None, size := path.stat().st_size):
@@ -140,7 +141,7 @@ def _require_libraries(files: list[WeightFile]) -> None:
 
 
 def _lies_in_hubs_cache(weights: WeightSet) -> bool:
-    """Whether all files are of one repository and lie in it as they do in the set, under one folder or none."""
+    """Whether all files come from one repository with the same relative paths, optionally below one folder."""
     places = set()
     for file in weights.files:
         origin = file.origin
@@ -182,7 +183,7 @@ def _fetch_file(weights: WeightSet, file: WeightFile, folder: Path, in_hubs_cach
 
 
 def _copied(here: Path | None, file: WeightFile, target: Path) -> bool:
-    """Whether a whole file of another place could serve, and was copied."""
+    """Copy a valid file from another place to ``target``; False if there is none."""
     if here is None or difference(here, file):
         return False
     part = target.with_name(f"{target.name}.copy")
@@ -201,7 +202,7 @@ def _by_hand_instead(target: Path) -> str:
 
 
 def _retrieve(url: str, target: Path, file: WeightFile, tell: Callable[[int, int | None], None], advice: str) -> None:
-    """A file from the web through pooch, which holds it against its hash and puts it in place."""
+    """Download a file with pooch, which verifies its hash and moves it into place."""
     import logging
 
     import pooch  # type: ignore[import-untyped]
@@ -225,7 +226,7 @@ def _retrieve(url: str, target: Path, file: WeightFile, tell: Callable[[int, int
 
 
 def _take_out(archive: Path, origin: WebSource, file: WeightFile, target: Path) -> None:
-    """One file out of a zip, under a name of our own; names inside the zip decide no place on this machine."""
+    """Extract one file of a zip to ``target``; names inside the zip never determine the path."""
     part = target.with_name(f"{target.name}.member")
     try:
         with zipfile.ZipFile(archive) as opened, writing(part):
@@ -246,9 +247,12 @@ def _take_out(archive: Path, origin: WebSource, file: WeightFile, target: Path) 
 
 
 def _member(opened: zipfile.ZipFile, origin: WebSource, file: WeightFile) -> tuple[str, str]:
-    """The name inside a zip of what the list means, or how the zip differs from what the list says of it, in words.
+    """Find the zip member that the manifest names.
 
-    The list may leave out the folders inside the zip, as long as one file alone is meant.
+    The manifest may leave out the folders inside the zip if exactly one member matches.
+
+    Returns:
+        The member's name, and an error text that is empty if there is no error.
     """
     names = [info.filename for info in opened.infolist() if not info.is_dir()]
     found = [origin.member] if origin.member in names else [n for n in names if n.endswith(f"/{origin.member}")]

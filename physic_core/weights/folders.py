@@ -1,4 +1,4 @@
-"""The folders that weights are sought in; nothing here goes to the network."""
+"""The folders that are searched for weights; nothing here uses the network."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ def user_folders() -> tuple[Path, ...]:
 
 
 def own_folder() -> Path | None:
-    """Where ``physic weights fetch`` puts files, or None where the user has no home for them."""
+    """Folder to which ``physic weights fetch`` downloads; None if the user has no home folder."""
     return place("weights")
 
 
 def loose(folder: Path, weights: WeightSet, file: WeightFile) -> Path | None:
-    """The file right inside a folder, without that of its set, where nothing else can be meant."""
+    """Find a file directly in a folder, without the subfolder of its set; None if the match is not certain."""
     path = folder / Path(file.path).name
     if not path.is_file():
         return None
@@ -37,7 +37,7 @@ def loose(folder: Path, weights: WeightSet, file: WeightFile) -> Path | None:
 
 
 def in_hub_cache(file: WeightFile) -> Path | None:
-    """The file in Hugging Face's cache, if that library is installed and has it."""
+    """Path of a file in the cache of Hugging Face; None if it is not there or the library is not installed."""
     origin = file.origin
     if not isinstance(origin, HubSource) or find_spec("huggingface_hub") is None:
         return None
@@ -52,7 +52,7 @@ def in_hub_cache(file: WeightFile) -> Path | None:
 
 
 def _hub_folder(repository: str) -> Path:
-    """Where Hugging Face's library keeps a repository, by the variables that it reads."""
+    """Cache folder of a repository, from the environment variables of ``huggingface_hub``."""
     home = os.environ.get("HF_HOME") or os.path.join(os.environ.get("XDG_CACHE_HOME") or "~/.cache", "huggingface")
     old = os.environ.get("HUGGINGFACE_HUB_CACHE") or os.path.join(home, "hub")
     cache = os.path.expandvars(os.path.expanduser(os.environ.get("HF_HUB_CACHE") or old))
@@ -60,7 +60,7 @@ def _hub_folder(repository: str) -> Path:
 
 
 def places_in_words(name: str) -> str:
-    """Where the set of a name is sought."""
+    """Describe the folders that are searched for a set."""
     own = own_folder()
     folders = [*user_folders(), *([own] if own is not None else [])]
     words = [str(folder / name) for folder in folders]

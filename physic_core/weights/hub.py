@@ -1,7 +1,8 @@
-"""Brings a file from Hugging Face's hub into its library's own cache.
+"""Download a file from a Hugging Face repository into the cache of ``huggingface_hub``.
 
-The library says what the file is, under which login, from which mirror, and links it into its cache. The bytes we bring
-ourselves, since the library (2.x) drops what has come of a file when it is interrupted, and ours goes on from there.
+The library resolves the file, the login and the mirror, and links the file into its cache. The bytes are downloaded by
+:mod:`physic_core.weights.transfer`, because the library (2.x) discards a partial download when it is interrupted. Ours
+resumes it.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ _SHA256, _GIT = re.compile(r"[0-9a-f]{64}"), re.compile(r"[0-9a-f]{40}")
 
 @dataclass(frozen=True)
 class _Remote:
-    """What the hub says of a file."""
+    """Metadata of a file in a repository."""
 
     url: str
     tag: str
@@ -34,19 +35,19 @@ class _Remote:
 
 
 def from_hub(file: WeightFile, target: Path | None, tell: Tell, advice: str = "") -> Path:
-    """Fetch a file of the hub.
+    """Download a file from a Hugging Face repository.
 
     Args:
-        file: with a source of the hub.
-        target: where it is to lie; None for the library's own cache.
-        tell: told about each piece.
-        advice: what to do where the hub has no such file.
+        file: a file with a source ``hf://...``.
+        target: path to write to; None for the library's own cache.
+        tell: progress callback: bytes downloaded so far, and the total if known.
+        advice: text for the error if the repository does not have the file.
 
     Returns:
-        Where it lies.
+        Path of the file.
 
     Raises:
-        DownloadError: what stopped it, and what to do.
+        DownloadError: the download failed; the message states the cause and what to do.
     """
     import huggingface_hub as hub
     from huggingface_hub import constants
@@ -90,7 +91,7 @@ def _offline() -> bool:
 
 
 def _ask(origin: HubSource, file: WeightFile, advice: str) -> _Remote:
-    """What the hub has now under that name, refused at once where it is not what the list says."""
+    """Request the metadata of a file; raise an error if it differs from the manifest."""
     from huggingface_hub import constants, get_hf_file_metadata, hf_hub_url
 
     url = hf_hub_url(origin.repository, origin.path, revision=origin.revision, endpoint=constants.ENDPOINT)
@@ -112,7 +113,7 @@ def _ask(origin: HubSource, file: WeightFile, advice: str) -> _Remote:
 
 
 def _unlike_tag(path: Path, tag: str) -> str:
-    """How a file differs from what the hub's tag promises, which is a hash of its content."""
+    """Describe how a file differs from its ETag, which is a hash of its content; "" if it matches."""
     if _SHA256.fullmatch(tag) and (found := sha256_of(path)) != tag:
         return f"its SHA-256 is {found} instead of {tag}"
     if _GIT.fullmatch(tag) and (found := git_hash(path)) != tag:
@@ -128,7 +129,7 @@ def _access(origin: HubSource) -> str:
 
 @contextmanager
 def _in_words(origin: HubSource, advice: str) -> Iterator[None]:
-    """The library's errors, with what to do."""
+    """Convert errors of the library to DownloadError with advice."""
     from huggingface_hub import constants, errors
 
     name = f"hf://{origin.repository}"

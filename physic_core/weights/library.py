@@ -1,4 +1,4 @@
-"""The sets of weights of all installed plugins."""
+"""The weight sets of all installed plugins."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ __all__ = ["Library", "Listed", "read_library"]
 
 @dataclass(frozen=True)
 class Listed:
-    """A set, and whose it is.
+    """A weight set and the plugin that lists it.
 
     Attributes:
-        origin: the plugin that lists it.
+        origin: the plugin.
         weights: the set.
     """
 
@@ -32,21 +32,21 @@ class Listed:
 
 @dataclass(frozen=True)
 class Library:
-    """What is listed.
+    """All listed weight sets.
 
     Attributes:
-        sets: by name, then by distribution.
-        broken: plugins whose lists do not hold, and why.
+        sets: sorted by name, then by distribution.
+        broken: plugins with invalid manifests, and the cause.
     """
 
     sets: tuple[Listed, ...]
     broken: tuple[tuple[Origin, str], ...]
 
     def get(self, name: str) -> Listed:
-        """The set of a name; "distribution:name" where two plugins list the same.
+        """Return the set with a name; use "distribution:name" if two plugins list the same name.
 
         Raises:
-            ConfigError: there is none, or more than one.
+            ConfigError: no set has this name, or more than one.
         """
         distribution, _, bare = name.rpartition(":")
         asked = normal_name(distribution)
@@ -66,7 +66,7 @@ class Library:
 
 
 def read_library(manifests: Iterable[Manifest]) -> Library:
-    """Read the lists of plugins; one that does not hold takes nothing from the others."""
+    """Read the manifests of plugins; an invalid one does not affect the others."""
     sets: list[Listed] = []
     broken: list[tuple[Origin, str]] = []
     for manifest in manifests:

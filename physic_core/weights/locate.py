@@ -1,4 +1,4 @@
-"""From the name of a set, or a path of the user's own, to a file on this machine."""
+"""Find weight files on this machine, by the name of a set or a path of the user."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ __all__ = ["Found", "fingerprint", "locate", "look", "missing", "other_sizes", "
 
 @dataclass(frozen=True)
 class Found:
-    """What is here of a set.
+    """The files of a set that are on this machine.
 
     Attributes:
-        folder: that holds all of its files at their paths, or None.
-        files: path on this machine by path in the set, of the files that are here.
+        folder: folder with all files at their relative paths; None if there is no such folder.
+        files: path relative to the set -> path on this machine, for the files that were found.
     """
 
     folder: Path | None
@@ -30,20 +30,20 @@ class Found:
 
 
 def locate(manifest: Path, value: str, file: str | None = None) -> Path:
-    """The file or folder that an option ``weights`` stands for.
+    """Return the path of a weight file, or of the folder of a set.
 
     Args:
-        manifest: the plugin's TOML file, or folder of them.
-        value: the name of a set, or a path of the user's own.
-        file: one file of the set, or of the user's folder; None for the whole.
+        manifest: the plugin's TOML file, or a folder of TOML files.
+        value: the option ``weights``: the name of a set, or a path of the user.
+        file: one file of the set or of the user's folder; None for the complete set.
 
     Returns:
-        The file; the folder where ``file`` is None and the set has several files, or the user named one. A path of the
-        user's own that is a file is given as it is.
+        Path of the file. If ``file`` is None and the set has several files, or the user named a folder, path of the
+        folder. If the user named a file, that path unchanged.
 
     Raises:
-        WeightsMissingError: what is missing, where it was sought, and how to get it.
-        BackendError: the manifest does not hold.
+        WeightsMissingError: files are missing; the message lists the searched folders and how to get the files.
+        BackendError: the manifest is invalid.
     """
     weights = read_manifest(manifest).get(value)
     if weights is None:
@@ -63,10 +63,10 @@ def locate(manifest: Path, value: str, file: str | None = None) -> Path:
 
 
 def missing(manifest: Path, value: str, file: str | None = None) -> tuple[str, ...]:
-    """What :func:`locate` would find missing, one line each with how to get it; nothing where all is here.
+    """List the files that :func:`locate` would not find, one line each with how to get it; empty if none.
 
     Raises:
-        BackendError: the manifest does not hold.
+        BackendError: the manifest is invalid.
     """
     try:
         locate(manifest, value, file)
@@ -76,7 +76,7 @@ def missing(manifest: Path, value: str, file: str | None = None) -> tuple[str, .
 
 
 def fingerprint(manifest: Path, value: str) -> str:
-    """A text that changes with the weights, and not with the place where they lie; empty where they are not here."""
+    """Return a text that changes with the content of the weights, not with their path; "" if they are missing."""
     try:
         found = locate(manifest, value)
     except WeightsMissingError:
@@ -94,7 +94,7 @@ def fingerprint(manifest: Path, value: str) -> str:
 
 
 def look(weights: WeightSet) -> Found:
-    """What is here of a set: all of it from one place if one place has it all."""
+    """Search all places for the files of a set; a place that has all of them is preferred."""
     pieces: dict[str, Path] = {}
     for found in _places(weights):
         if len(found) == len(weights.files):
@@ -107,9 +107,9 @@ def look(weights: WeightSet) -> Found:
 
 
 def other_sizes(weights: WeightSet) -> str:
-    """Which files are here, but of other sizes than the published ones, in one line; empty where none is.
+    """Describe in one line the files whose size differs from the published one; "" if there are none.
 
-    They may be the user's own, and are taken as they are.
+    They may be the user's own files, and are used as they are.
     """
     here = look(weights).files
     sizes = [(file, here[file.path].stat().st_size) for file in weights.files if file.path in here]
@@ -122,7 +122,7 @@ def other_sizes(weights: WeightSet) -> str:
 
 
 def way_to_get(weights: WeightSet) -> str:
-    """How to get a set, in words."""
+    """Describe how to get a set."""
     if not any(file.source for file in weights.files):
         return weights.advice
     command = f"`physic weights fetch {weights.name}"
@@ -136,7 +136,7 @@ def way_to_get(weights: WeightSet) -> str:
 
 
 def size_in_words(size: int | None) -> str:
-    """ "141 MB"; empty where it is not known."""
+    """Format a size in bytes, as in "141 MB"; "" if it is None."""
     if size is None:
         return ""
     for unit, digits in ((1e9, "GB"), (1e6, "MB"), (1e3, "kB")):
@@ -146,7 +146,7 @@ def size_in_words(size: int | None) -> str:
 
 
 def _places(weights: WeightSet) -> list[dict[str, Path]]:
-    """The files of a set that each place has, place by place."""
+    """The files of a set that each searched place has, in the order of the search."""
     own = own_folder()
     candidates = [
         {file.path: folder / weights.name / file.path for file in weights.files}
@@ -164,7 +164,7 @@ def _known(places: Mapping[str, Path | None]) -> dict[str, Path]:
 
 
 def _common_folder(found: Mapping[str, Path]) -> Path | None:
-    """The folder in which all files lie at their paths in the set."""
+    """The folder that contains all files at their relative paths; None if there is none."""
     folders = set()
     for path, place in found.items():
         depth = len(Path(path).parts)
@@ -175,7 +175,7 @@ def _common_folder(found: Mapping[str, Path]) -> Path | None:
 
 
 def _lack(weights: WeightSet, lacking: list[str]) -> str:
-    """What is missing of a set and how to get it, in one line."""
+    """Describe in one line the missing files of a set and how to get them."""
     facts = ", ".join(fact for fact in (size_in_words(weights.bytes), weights.license) if fact)
     if not lacking:
         what = " lie in several places, and have to be in one folder"
@@ -187,7 +187,7 @@ def _lack(weights: WeightSet, lacking: list[str]) -> str:
 
 
 def _own_path(manifest: Path, value: str, file: str | None) -> Path:
-    """A path that the user gave in place of a name."""
+    """Path that the user gave instead of the name of a set."""
     path = Path(value).expanduser()
     if not value.strip():
         raise WeightsMissingError("no weights are named: give a name of `physic weights list`, or a path")
@@ -206,7 +206,7 @@ def _own_path(manifest: Path, value: str, file: str | None) -> Path:
 
 
 def _identity(path: Path, file: WeightFile | None = None) -> str:
-    """The hash of a file as it is published, or else its size and its time."""
+    """The published hash of a file if known, else its size and modification time."""
     status = path.stat()
     if file is not None and file.sha256 is not None and file.bytes == status.st_size:
         return file.sha256

@@ -1,23 +1,23 @@
-"""What a plugin says about its weights: TOML files with one table a set.
+"""Manifests: TOML files in which a plugin describes its weights, one table for each set.
 
 ::
 
     [moge-2-vits-normal]
     summary = "MoGe-2 ViT-S: metric points, normals, focal length"
     license = "MIT"
-    commercial = true      # left out where the licence does not say
-    account = false        # whether an account has to be given access first
+    commercial = true      # leave out if the licence does not state it
+    account = false        # whether an account with granted access is required
     homepage = "https://huggingface.co/Ruicheng/moge-2-vits-normal-onnx"
-    advice = ""            # how to get what cannot be fetched
+    advice = ""            # how to get files that have no source
     [[moge-2-vits-normal.files]]
-    path = "model.onnx"    # inside the folder of the set
+    path = "model.onnx"    # relative to the folder of the set
     bytes = 140852051
     sha256 = "24ea..."
     source = "hf://Ruicheng/moge-2-vits-normal-onnx/model.onnx"
 
-A source is ``hf://owner/repository/path``, with ``@revision`` at its end if need be, or a web address, with ``#member``
-at its end where the file lies inside a zip (its path there, or the end of it if no other file ends so); a file without
-a source is brought by the user.
+A source is ``hf://owner/repository/path``, optionally followed by ``@revision``, or a web address. For a file inside a
+zip, add ``#member`` to the address: the member's path, or the end of it if that is unique. The user has to provide a
+file without a source.
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ _HASH = re.compile(r"[0-9a-f]{64}")
 
 @dataclass(frozen=True)
 class HubSource:
-    """A file in a repository of Hugging Face's hub.
+    """A file in a Hugging Face repository.
 
     Attributes:
         repository: "owner/name".
-        path: inside it.
+        path: relative to the repository.
         revision: branch, tag or commit.
     """
 
@@ -61,8 +61,8 @@ class WebSource:
     """A file at a web address.
 
     Attributes:
-        url: of the file, or of the zip that holds it.
-        member: name inside that zip, or its end; empty where the file is no member of one.
+        url: of the file, or of the zip that contains it.
+        member: path inside the zip, or the end of that path; "" if the URL is the file itself.
     """
 
     url: str
@@ -74,10 +74,10 @@ class WeightFile:
     """One file of a set.
 
     Attributes:
-        path: inside the set's folder, with "/".
-        bytes: size, where it is published.
-        sha256: 64 hexadecimal digits, where they are published.
-        source: where it can be fetched from; empty where the user brings it.
+        path: relative to the folder of the set, with "/".
+        bytes: published size; None if unknown.
+        sha256: published SHA-256, 64 hexadecimal digits; None if unknown.
+        source: where to download it from; "" if the user has to provide it.
     """
 
     path: str
@@ -87,7 +87,7 @@ class WeightFile:
 
     @property
     def origin(self) -> HubSource | WebSource | None:
-        """The source, taken apart."""
+        """The parsed source; None if there is none."""
         if found := _HUB.fullmatch(self.source):
             return HubSource(found[1], found[2], found[3] or "main")
         if self.source:
@@ -98,16 +98,16 @@ class WeightFile:
 
 @dataclass(frozen=True)
 class WeightSet:
-    """Files that belong together.
+    """The weight files of one network.
 
     Attributes:
-        name: in options and commands.
+        name: used in options and commands.
         summary: one line.
-        license: in words.
-        commercial: whether the licence allows commercial use; None where it does not say.
-        account: whether an account has to be given access before it can be fetched.
-        homepage: where to read more.
-        advice: how to get what cannot be fetched.
+        license: name of the licence.
+        commercial: whether the licence allows commercial use; None if it does not state it.
+        account: whether an account with granted access is required for the download.
+        homepage: URL with more information.
+        advice: how to get files that have no source.
         files: at least one.
     """
 
@@ -122,21 +122,23 @@ class WeightSet:
 
     @property
     def bytes(self) -> int | None:
-        """Size of all files, or None where one is not known."""
+        """Size of all files, or None if one size is unknown."""
         sizes = [file.bytes for file in self.files]
         return None if None in sizes else sum(size for size in sizes if size is not None)
 
     @property
     def is_free(self) -> bool:
-        """Whether it may be fetched without a word about its licence: for any use, and by anybody."""
+        """Whether the set can be downloaded without accepting its licence: commercial use allowed, no account."""
         return self.commercial is True and not self.account
 
 
 def read_manifest(path: Path) -> Mapping[str, WeightSet]:
-    """The sets of a TOML file, or of all TOML files in a folder; read once as long as the files stay as they are.
+    """Read the sets of a TOML file, or of all TOML files in a folder, by name.
+
+    The result is cached until a file changes.
 
     Raises:
-        BackendError: there is no such file, or what it says does not hold; every fault at once.
+        BackendError: the file is missing or invalid; the message lists all errors.
     """
     path = Path(path)
     files = tuple(sorted(path.glob("*.toml"))) if path.is_dir() else (path,)
@@ -148,7 +150,7 @@ def read_manifest(path: Path) -> Mapping[str, WeightSet]:
 
 
 def is_inside(path: str) -> bool:
-    """Whether a path of a manifest or a zip stays inside its folder, on every system."""
+    """Whether a relative path stays inside its folder, on every operating system."""
     parts = PurePosixPath(path).parts
     plain = not (path.startswith("/") or "\\" in path or ":" in path or "\0" in path or PureWindowsPath(path).drive)
     return plain and bool(parts) and ".." not in parts and not path.endswith("/")
@@ -200,7 +202,7 @@ _FILE_KEYS: dict[str, tuple[type, bool, str]] = {
 
 
 def _set(name: str, table: Any, faults: list[str]) -> WeightSet | None:
-    """One table; what is wrong with it is added to ``faults``."""
+    """Parse one table; errors are appended to ``faults``."""
     if not _NAME.fullmatch(name):
         faults.append("should be of a-z, 0-9, and single hyphens, dots or underscores between them")
     if not isinstance(table, dict):
@@ -261,7 +263,7 @@ def _is_source(source: str) -> bool:
 
 
 def _keys(table: Mapping[str, Any], known: Mapping[str, tuple[type, bool, str]], at: str, faults: list[str]) -> bool:
-    """Whether a table has the keys that it needs, of the kinds that they should be."""
+    """Whether a table has all required keys with the right types; errors are appended to ``faults``."""
     before = len(faults)
     for key in table:
         if key not in known:

@@ -1,4 +1,4 @@
-"""The sets of weights that backends want, by record and by config: which are missing, and which are of other sizes."""
+"""The weight sets that backends require: which are missing, and which have unexpected sizes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["missing_sets", "remarks"]
 
 
 def missing_sets(registry: Registry, claim: Claim) -> tuple[str, ...] | None:
-    """Which of the sets of weights that a record names are not here; None where that cannot be told."""
+    """Names of the missing sets of a backend's record; None if this cannot be determined."""
     lists = [manifest.path for manifest in registry.manifests if manifest.origin == claim.origin]
     found = []
     try:
@@ -32,10 +32,10 @@ def missing_sets(registry: Registry, claim: Claim) -> tuple[str, ...] | None:
 
 
 def remarks(plan: ResolvedPipeline, registry: Registry) -> tuple[str, ...]:
-    """What stops no run, and may not be what the user wants: files of other sizes than the published ones.
+    """Warnings about files whose size differs from the published one; they do not stop a run.
 
     Raises:
-        BackendError: a plugin's list of weights does not hold.
+        BackendError: the manifest of a plugin is invalid.
     """
     found: dict[str, None] = {}
     for resolved in plan.backends.values():

@@ -1,4 +1,4 @@
-"""Brings a file from a web address, and goes on where an earlier try stopped."""
+"""Download a file over HTTP and resume an interrupted download."""
 
 from __future__ import annotations
 
@@ -28,28 +28,28 @@ _RANGE = re.compile(r"bytes (\d+)-")
 
 
 class _Broken(Exception):
-    """The connection ended before the file did."""
+    """The connection ended before the download was complete."""
 
 
 class _Changed(Exception):
-    """What has come is not the beginning of what would come now."""
+    """The partial download belongs to another version of the remote file."""
 
 
 @dataclass(frozen=True)
 class Transfer:
-    """A downloader for :func:`pooch.retrieve` that resumes.
+    """A downloader for :func:`pooch.retrieve` that resumes partial downloads.
 
-    What has come is kept in a ``.part`` file, and a ``.part.of`` beside it says of which file it is. Where neither a
-    hash nor the server's tag could tell that the rest belongs to the same file, it begins anew.
+    The partial content is kept in a ``.part`` file. A ``.part.of`` file beside it identifies the remote file. If
+    neither a hash nor an ETag can prove that both parts belong to the same file, the download starts again.
 
     Attributes:
-        part: where the pieces are kept.
-        size: how many bytes there have to be, where it is known.
-        hashed: whether the whole will be held against a hash afterwards.
-        tag: of the file's version, if it is known beforehand.
-        headers: sent along.
-        advice: what to do where the server refuses, or has no such file.
-        tell: told about each piece.
+        part: path of the partial file.
+        size: expected size in bytes, if known.
+        hashed: whether a hash of the complete file is verified afterwards.
+        tag: ETag of the expected version, if known.
+        headers: HTTP headers of the request.
+        advice: text for the error if the server refuses the request or does not have the file.
+        tell: progress callback: bytes downloaded so far, and the total if known.
     """
 
     part: Path
@@ -61,19 +61,19 @@ class Transfer:
     tell: Tell = lambda done, total: None
 
     def __call__(self, url: str, output_file: str | os.PathLike[str], pooch: object = None) -> None:
-        """Bring all of ``url`` to ``output_file``; pooch's own argument is not needed.
+        """Download ``url`` to ``output_file``; the argument ``pooch`` is ignored.
 
         Raises:
-            DownloadError: what stopped it, and what to do; what has come is kept.
+            DownloadError: the download failed; the partial file is kept.
         """
         self.bring(url)
         self.place(output_file)
 
     def bring(self, url: str) -> None:
-        """Bring all of ``url`` to the part file.
+        """Download ``url`` to the partial file.
 
         Raises:
-            DownloadError: what stopped it, and what to do; what has come is kept.
+            DownloadError: the download failed; the partial file is kept.
         """
         tries, anew = 0, False
         while True:
@@ -93,13 +93,13 @@ class Transfer:
                 time.sleep(1.0)  # a router that restarts, a server that moves on
 
     def place(self, output_file: str | os.PathLike[str]) -> None:
-        """Move what has come to where it belongs."""
+        """Move the complete download to ``output_file``."""
         with writing(Path(output_file)):
             os.replace(self.part, output_file)
             self._of.unlink(missing_ok=True)
 
     def forget(self) -> None:
-        """Drop what has come."""
+        """Delete the partial file."""
         with writing(self.part):
             self.part.unlink(missing_ok=True)
             self._of.unlink(missing_ok=True)
@@ -116,7 +116,7 @@ class Transfer:
         return f"; {size_in_words(here)} of it are kept, and the next fetch goes on from there" if here else ""
 
     def _continue(self, url: str) -> None:
-        """One connection."""
+        """Download over one connection."""
         import requests
 
         have, validator = self._resumable(url)
@@ -148,7 +148,7 @@ class Transfer:
             raise _Broken(_in_words(error)) from error
 
     def _resumable(self, url: str) -> tuple[int, str]:
-        """How many bytes are here of what would come now, and the tag that the server gave with them."""
+        """Bytes of the partial file that can be kept, and the ETag stored with them."""
         have = self._here()
         if not have:
             return 0, ""
@@ -200,10 +200,10 @@ class Transfer:
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Say in words what keeps a file from being written.
+    """Convert an OSError while writing to a DownloadError with an explanation.
 
     Raises:
-        DownloadError: the disk is full, the folder may not be written, or what else the system says.
+        DownloadError: the disk is full, the folder is read-only, or another error of the system.
     """
     import requests
 
@@ -216,7 +216,7 @@ def writing(path: Path) -> Iterator[None]:
 
 
 def unwritable(folder: Path, error: OSError) -> DownloadError:
-    """What the system says where a folder cannot be written, in words."""
+    """Build the error for a folder that cannot be written."""
     if error.errno in (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)):
         return DownloadError(_no_room(folder))
     return DownloadError(
@@ -239,7 +239,7 @@ def _no_room(folder: Path, size: int | None = None) -> str:
 
 
 def _lock(file: IO[bytes], part: Path) -> None:
-    """Two fetches into one file would spoil it; the lock goes with the process, whatever ends that."""
+    """Lock the partial file, so that two downloads cannot write it; the lock ends with the process."""
     try:
         import fcntl
     except ImportError:  # Windows
@@ -253,7 +253,7 @@ def _lock(file: IO[bytes], part: Path) -> None:
 
 
 def _goes_on(answer: Any, have: int) -> bool:
-    """Whether an answer is the rest of the file from a place on."""
+    """Whether a response continues the file at byte ``have``."""
     found = _RANGE.match(answer.headers.get("Content-Range", ""))
     return answer.status_code == 206 and found is not None and int(found[1]) == have
 
@@ -266,7 +266,7 @@ def _total(answer: Any, have: int) -> int | None:
 
 
 def _strong(headers: Mapping[str, str]) -> str:
-    """What a server can be asked by whether a file is still the same."""
+    """The strong ETag of a response, which identifies a version of the file; "" if there is none."""
     tag = headers.get("ETag", "")
     return tag if tag and not tag.startswith("W/") else headers.get("Last-Modified", "")
 

@@ -1,4 +1,4 @@
-"""Holds files against what a plugin's list says of them."""
+"""Compare files with the size and the SHA-256 in a manifest."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _CHUNK = 1 << 20
 
 
 def difference(path: Path, file: WeightFile) -> str:
-    """How a file differs from what is published, in words; empty where it does not."""
+    """Describe how a file differs from its manifest entry; "" if it matches."""
     size = path.stat().st_size
     if file.bytes is not None and size != file.bytes:
         return f"it has {size} bytes instead of {file.bytes}"
@@ -29,7 +29,7 @@ def sha256_of(path: Path) -> str:
 
 
 def git_hash(path: Path) -> str:
-    """The hash that git gives a file, which Hugging Face's hub names small files by."""
+    """The git blob hash of a file, by which Hugging Face identifies small files."""
     return _digest(path, hashlib.sha1(f"blob {path.stat().st_size}\0".encode(), usedforsecurity=False))
 
 
