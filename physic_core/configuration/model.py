@@ -41,8 +41,7 @@ from physic_core.configuration.layers import (
     read,
     source_of,
 )
-from physic_core.engine.presets import PRESETS as ENGINE_PRESETS
-from physic_core.engine.settings import EngineSettings, with_overrides
+from physic_core.engine.settings import PRESET_NAMES, EngineSettings, with_overrides
 from physic_core.interfaces import INTERFACES
 
 __all__ = [
@@ -149,7 +148,7 @@ class EngineChoice(_Table):
             stage: table.model_validate(getattr(self, stage)).model_dump(exclude_unset=True)
             for stage, table in stage_tables(self.preset).items()
         }
-        return with_overrides(ENGINE_PRESETS[self.preset], changed)
+        return with_overrides(_engine_preset(self.preset), changed)
 
 
 class RunSettings(_Table):
@@ -297,10 +296,12 @@ def _engine_faults(engine: Any) -> list[Fault]:
     preset = engine.get("preset", "default")
     if not isinstance(preset, str):
         return []
-    if preset not in ENGINE_PRESETS:
-        names = sorted(ENGINE_PRESETS)
+    if preset not in PRESET_NAMES:
+        names = sorted(PRESET_NAMES)
         message = f"no engine preset named '{preset}'; there are: {', '.join(names)}{closest(preset, names)}"
         return [Fault("engine.preset", message)]
+    if not any(isinstance(engine.get(stage.name), dict) for stage in fields(EngineSettings)):
+        return []
     faults = []
     for stage, table in stage_tables(preset).items():
         if isinstance(engine.get(stage), dict):
@@ -311,6 +312,13 @@ def _engine_faults(engine: Any) -> list[Fault]:
     return faults
 
 
+def _engine_preset(name: str) -> EngineSettings:
+    # The terms of stage 3 import torch, which a configuration without engine settings does not need.
+    from physic_core.engine.presets import PRESETS
+
+    return PRESETS[name]
+
+
 @cache
 def stage_tables(preset: str = "default") -> dict[str, type[_Table]]:
     """Stage -> a table with the stage's settings as keys, none of them required, and no text taken for a number.
@@ -318,7 +326,7 @@ def stage_tables(preset: str = "default") -> dict[str, type[_Table]]:
     Args:
         preset: of the engine; the terms of stage 3 and their settings depend on it.
     """
-    settings = ENGINE_PRESETS[preset]
+    settings = _engine_preset(preset)
     return {f.name: settings_table(type(getattr(settings, f.name))) for f in fields(settings)}  # type: ignore[arg-type]
 
 

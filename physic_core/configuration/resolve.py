@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -72,7 +73,6 @@ class ResolvedPipeline:
     Attributes:
         backends: by interface; an optional interface that the config leaves out is not in it.
         photo: how the photo is prepared.
-        engine: the engine's settings.
         body_model: "embedded", or the path of an SMPL-X file.
         device: "cpu", "cuda" or "cuda:N".
         config: what all this was made of.
@@ -80,10 +80,14 @@ class ResolvedPipeline:
 
     backends: Mapping[str, ResolvedBackend]
     photo: PhotoSettings
-    engine: EngineSettings
     body_model: str
     device: str
     config: Config
+
+    @cached_property
+    def engine(self) -> EngineSettings:
+        """The engine's settings. Importing them imports torch."""
+        return self.config.engine.settings()
 
 
 @dataclass(frozen=True)
@@ -104,7 +108,6 @@ def resolve(config: Config, registry: Registry) -> ResolvedPipeline:
     return ResolvedPipeline(
         backends=MappingProxyType(backends),
         photo=config.photo,
-        engine=config.engine.settings(),
         body_model=config.body_model.source,
         device=config.run.device,
         config=config,

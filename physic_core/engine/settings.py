@@ -17,7 +17,18 @@ from physic_core.engine.joint.settings import JointSettings
 from physic_core.engine.placement.settings import PlacementSettings
 from physic_core.engine.scene.settings import SceneSettings
 
-__all__ = ["ContactSettings", "EngineSettings", "JointSettings", "PlacementSettings", "SceneSettings", "with_overrides"]
+__all__ = [
+    "PRESET_NAMES",
+    "ContactSettings",
+    "EngineSettings",
+    "JointSettings",
+    "PlacementSettings",
+    "SceneSettings",
+    "with_overrides",
+]
+
+PRESET_NAMES = ("default", "paper", "release", "prox")
+"""Names of :data:`physic_core.engine.presets.PRESETS`, which imports torch."""
 
 
 @dataclass(frozen=True)

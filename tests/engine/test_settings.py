@@ -10,7 +10,7 @@ import pytest
 
 from physic_core.engine.presets import PRESETS
 from physic_core.engine.presets.default import DefaultJoint
-from physic_core.engine.settings import EngineSettings
+from physic_core.engine.settings import PRESET_NAMES, EngineSettings
 
 
 def test_presets_hold_ours_and_the_papers() -> None:
@@ -50,3 +50,7 @@ def test_every_field_is_told_in_the_docstring(settings: type) -> None:
 def test_settings_cannot_be_edited_in_place() -> None:
     with pytest.raises(FrozenInstanceError):
         PRESETS["default"].scene.far_m = 3.0  # type: ignore[misc]
+
+
+def test_the_names_of_the_presets_are_known_without_their_energies():
+    assert tuple(PRESETS) == PRESET_NAMES
