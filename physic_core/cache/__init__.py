@@ -1,3 +1,3 @@
-"""Keeps what took long to compute in the user's folder for caches, so that it is computed once."""
+"""Caches of slow computations in the user's cache folder."""
 
 from __future__ import annotations

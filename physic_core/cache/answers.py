@@ -1,12 +1,11 @@
-"""Answers of backends, kept by content: asked the same again, a backend need not be asked, nor loaded.
+"""Cache of backend outputs, addressed by content: with equal inputs, a backend is neither called nor loaded.
 
-What an answer is kept under is a digest of all that it can depend on: what the backend is given, which backend it is
-(interface, name, distribution, version, code, the libraries that it and the core require, options, device, the files
-that options name, and what the backend itself states with ``fingerprint``), and the version of its interface. So a run
-that swaps one backend asks that one, and further only those that are given something else because of it.
+The key is a digest of everything that can change an output: the inputs; the backend (interface, name, distribution,
+version, code, required libraries, options, device, files in the options, and its ``fingerprint``); and the version of
+its interface. If you change one backend, only it and the backends whose inputs change run again.
 
-Answers lie in ``$XDG_CACHE_HOME/physic/answers``, or in the system's own place for caches. Set ``PHYSIC_CACHE`` to
-another folder, or to "off".
+The folder is ``$XDG_CACHE_HOME/physic/answers``, or the system's default cache folder. Set ``PHYSIC_CACHE`` to another
+folder, or to "off".
 """
 
 from __future__ import annotations
@@ -63,11 +62,11 @@ _CLASSES = (
 
 @dataclass(frozen=True)
 class Question:
-    """What was asked of whom, as far as an answer can depend on it.
+    """The cache key of one call of a backend.
 
     Attributes:
-        name: of the file that keeps the answer.
-        who: the backend, in words for those who look into the file.
+        name: of the cache file.
+        who: description of the backend, stored in the file.
     """
 
     name: str
@@ -75,18 +74,19 @@ class Question:
 
 
 class Answers:
-    """The answers that one folder keeps.
+    """The cached outputs in one folder.
 
     Attributes:
-        notes: what went wrong with it, in plain words for the user; nothing that went wrong changes a result.
+        notes: problems with the cache, as text for the user; they never change a result.
     """
 
     def __init__(self, folder: Path, limit: int, code: Code | None = None) -> None:
-        """
+        """Open the cache in a folder.
+
         Args:
-            folder: made when the first answer is kept.
-            limit: bytes that all answers together may take.
-            code: tells which code a backend is.
+            folder: created when the first output is stored.
+            limit: maximum size of all files, bytes.
+            code: computes digests of the backends' code.
         """
         self.notes: list[str] = []
         self._folder = folder
@@ -98,14 +98,15 @@ class Answers:
 
     @classmethod
     def in_users_folder(cls, megabytes: int, code: Code | None = None) -> Answers | None:
-        """The user's own cache, or None where the environment switches it off."""
+        """Open the cache in the user's cache folder; None if it is disabled."""
         folder = answers_folder()
         return None if folder is None else cls(folder, megabytes * 1_000_000, code)
 
     def question(self, backend: Backend, who: Provenance, device: str, inputs: tuple[object, ...]) -> Question | None:
-        """What an answer is kept under; None where this backend's answers are not kept.
+        """Compute the key of a call; None if the outputs of this backend are not cached.
 
-        Whatever the backend's own ``fingerprint`` raises is passed on.
+        Raises:
+            Exception: whatever the backend's ``fingerprint`` raises.
         """
         kind = type(backend)
         code = self._code.of(kind) if kind.cacheable else None
@@ -128,7 +129,7 @@ class Answers:
         return Question(f"{who.interface}-{_plain(who.backend)}-{name}{SUFFIX}", told)
 
     def find(self, question: Question) -> object | None:
-        """The answer, if it is kept; a damaged file is dropped, and so is one that keeps another question's answer."""
+        """Read a cached output; None if there is none. A damaged file, or one with another key, is deleted."""
         path = self._folder / question.name
         try:
             arrays, document = read_archive(path)
@@ -144,7 +145,7 @@ class Answers:
         return answer
 
     def drop(self, question: Question, why: str) -> None:
-        """Forget an answer that is not what it should be."""
+        """Delete a cached output that is invalid, and add a note with the reason."""
         path = self._folder / question.name
         try:
             path.rmdir() if path.is_dir() and not path.is_symlink() else path.unlink(missing_ok=True)
@@ -154,7 +155,7 @@ class Answers:
             self.notes.append(f"the cache holds what is not its own: {path} ({why}); {end}")
 
     def keep(self, question: Question, answer: object) -> None:
-        """Keep an answer, if it is made of what can be kept; a disk that cannot be written costs a note, no more."""
+        """Store an output if its types can be stored; a disk error only adds a note."""
         try:
             arrays, document = _packed(answer)
         except TypeError:
@@ -174,7 +175,7 @@ class Answers:
             self.notes += [note] * (note not in self.notes)
 
     def tidy(self) -> None:
-        """Make room, if this run took some, and let go of what was asked."""
+        """Delete old files if this run stored any, and release the inputs of this run."""
         self._digester = Digester()
         if self._written:
             shrink(self._folder, self._limit)
@@ -210,7 +211,7 @@ def _opened(arrays: dict[str, Any], document: Any) -> Any:
 
 
 def _files(options: Any) -> Iterator[list[Any]]:
-    """Path, size and time of every file that the values of options name."""
+    """Path, size and modification time of every file that the options name."""
     if isinstance(options, Mapping):
         options = list(options.values())
     if isinstance(options, tuple | list):
@@ -225,5 +226,5 @@ def _files(options: Any) -> Iterator[list[Any]]:
 
 
 def _plain(name: str) -> str:
-    """A backend's name as part of a file's."""
+    """Convert a backend's name to a part of a file name."""
     return re.sub(r"[^\w.-]+", "_", name)[:60]

@@ -1,6 +1,6 @@
-"""Which code a class is: so that an answer of yesterday's code is not taken for one of today's.
+"""Digest of the source code of a class, so that the output of older code is not reused.
 
-An installed version names its code; a plugin that is being written keeps its version while its code changes.
+A version number identifies the code of an installed release, but not that of a plugin under development.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ _MANY = 2000
 
 
 class Code:
-    """Takes digests of classes, and looks at what a module belongs to once."""
+    """Computes digests of classes; the files of each package are read only once."""
 
     def __init__(self) -> None:
         self._modules: dict[Path, bytes | None] = {}
 
     def of(self, kind: type) -> str | None:
-        """Digest of the packages in which a class and its bases are written.
+        """Digest of the packages that define a class and its bases.
 
-        Sources count with their contents, other files (weights, tables) with size and time. For a module that lies in
-        no package, the modules beside it count.
+        Sources count with their content, other files (weights, tables) with size and modification time. For a module
+        outside any package, the modules in the same folder count.
 
         Returns:
-            None where no digest can name it: it is made in a function, typed into a session, or its files were edited
-            after this process began, so that what runs may not be what they say.
+            The digest. None if there is no reliable one: the class is defined in a function or an interactive session,
+                or its files were modified after this process started.
         """
         whole = hashlib.blake2b(digest_size=_BYTES)
         for base in kind.__mro__:
@@ -58,7 +58,7 @@ class Code:
 
 
 def _files(module: Path) -> list[Path]:
-    """The files of the topmost package that holds a module."""
+    """The files of the top-level package that contains a module."""
     root = module.parent
     if not (root / "__init__.py").is_file():
         return sorted(root.glob("*.py"))
@@ -74,7 +74,7 @@ def _files(module: Path) -> list[Path]:
 
 
 def _digest(files: list[Path]) -> bytes | None:
-    """Digest of files, or None if one was edited under way."""
+    """Digest of files; None if one was modified while it was read."""
     whole = hashlib.blake2b(digest_size=_BYTES)
     try:
         for path in files:

@@ -1,4 +1,4 @@
-"""One number for what a backend is given: equal contents, equal number."""
+"""Digests of backend inputs: equal content, equal digest."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ _BYTES = 20
 
 
 class Digester:
-    """Takes digests, of each array once: the same photo is shown to backend after backend."""
+    """Computes digests; each array is read only once, since several backends get the same photo."""
 
     def __init__(self) -> None:
         self._arrays: dict[int, tuple[AnyArray, bytes]] = {}
 
     def digest(self, *things: object) -> str:
-        """Hexadecimal digest of arrays, numbers, texts, tuples, lists, mappings and dataclasses of these.
+        """Hexadecimal digest of arrays, numbers, strings, tuples, lists, mappings and dataclasses of these.
 
-        Arrays must keep their contents as long as this digester is used.
+        Arrays must not be modified while this object is in use.
 
         Raises:
-            TypeError: there is something else among them.
+            TypeError: a value has another type.
         """
         whole = hashlib.blake2b(digest_size=_BYTES)
         self._feed(whole, things)
         return whole.hexdigest()
 
     def _feed(self, whole: Any, thing: Any) -> None:
-        """Feed a thing with its kind and its length before it, so that no two things give the same bytes."""
+        """Hash a value after its type and length, so that different values never give the same bytes."""
         if isinstance(thing, np.ndarray):
             whole.update(f"array {thing.dtype.str} {thing.shape};".encode() + self._array(thing))
         elif thing is None or isinstance(thing, bool | int | float | np.generic):

@@ -1,4 +1,4 @@
-"""A folder of kept files that is bounded in size: what was unused for longest goes first."""
+"""A folder of cache files with a maximum size; the least recently used file is deleted first."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ _LEFT_OVER_S = 3600.0
 
 @dataclass(frozen=True)
 class Kept:
-    """One file.
+    """One cache file.
 
     Attributes:
-        path: where it lies.
+        path: of the file.
         size: bytes.
-        used: when it was written or last read, s since the epoch.
+        used: when it was last written or read, s since the epoch.
     """
 
     path: Path
@@ -37,18 +37,18 @@ class Kept:
 
 
 def kept(folder: Path, suffix: str = SUFFIX) -> list[Kept]:
-    """All that ``folder`` keeps, unused for longest first; nothing where there is no such folder."""
+    """List the cache files of ``folder``, least recently used first; empty if there is no such folder."""
     return sorted(_files(folder, f"[!.]*{suffix}"), key=lambda file: (file.used, file.path))
 
 
 def touch(path: Path) -> None:
-    """Note that a file was used just now."""
+    """Mark a file as used now."""
     with suppress(OSError):
         os.utime(path)
 
 
 def shrink(folder: Path, limit: int, suffix: str = SUFFIX) -> None:
-    """Remove files until those that are left take ``limit`` bytes at most, and what dead writers left behind."""
+    """Delete leftovers of interrupted writes, then the least recently used files beyond ``limit`` bytes."""
     for file in _half_written(folder, suffix):
         if file.used < time.time() - _LEFT_OVER_S:
             _remove(file)
@@ -62,7 +62,7 @@ def shrink(folder: Path, limit: int, suffix: str = SUFFIX) -> None:
 
 
 def clear(folder: Path, suffix: str = SUFFIX) -> list[Kept]:
-    """Remove every file that ``folder`` keeps, and answer what was removed."""
+    """Delete all cache files of ``folder`` and return those that were deleted."""
     for file in _half_written(folder, suffix):
         _remove(file)
     return [file for file in kept(folder, suffix) if _remove(file)]

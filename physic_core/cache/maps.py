@@ -1,4 +1,4 @@
-"""Maps between the meshes of bodies, kept beside the backends' answers in the user's cache folder."""
+"""Cache of the maps between body meshes."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ __all__ = ["kept_correspondence"]
 
 
 def kept_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
-    """:func:`physic_core.body.correspondence.correspondence`, kept for the next time.
+    """:func:`physic_core.body.correspondence.correspondence`, cached.
 
     Raises:
-        BodyModelError: as there.
+        BodyModelError: as in that function.
     """
     folder, name = maps_folder(), f"{_plain(rest.topology)}-{model.topology}-{_digest(rest, model)}{MAP_SUFFIX}"
     path = None if folder is None else folder / name
@@ -58,7 +58,7 @@ def _read(path: Path, vertices: int, others: int) -> Correspondence | None:
 
 
 def _write(path: Path, found: Correspondence) -> None:
-    """A disk that cannot be written costs the seconds of the next time, no more."""
+    """Store a map; a disk error is ignored, since the map can be computed again in seconds."""
     arrays = {
         "corners": found.corners.astype(np.int32),
         "shares": found.shares.astype(np.float32),

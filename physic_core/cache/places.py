@@ -1,4 +1,4 @@
-"""Where caches lie: ``$XDG_CACHE_HOME/physic``, or the system's own place for them."""
+"""Cache folders: ``$XDG_CACHE_HOME/physic``, or the system's default cache folder."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ SWITCH = "PHYSIC_CACHE"
 
 
 def place(name: str, switch: str = "") -> Path | None:
-    """The folder of one cache, or None if it is switched off, or if the user has no home for it.
+    """Folder of one cache; None if it is disabled or the user has no home folder.
 
     Args:
         name: of the cache.
-        switch: environment variable that holds another folder, or "off"; empty where there is none.
+        switch: environment variable with another folder, or "off"; "" if there is none.
     """
     wish = os.environ.get(switch, "") if switch else ""
     if wish.lower() in ("off", "0", "no", "false"):
@@ -38,15 +38,15 @@ def place(name: str, switch: str = "") -> Path | None:
 
 
 def answers_folder() -> Path | None:
-    """Where answers of backends are kept, or None if they are not."""
+    """Cache folder of backend outputs; None if disabled."""
     return place("answers", SWITCH)
 
 
 def maps_folder() -> Path | None:
-    """Where maps between the meshes of bodies are kept, or None if they are not."""
+    """Cache folder of maps between body meshes; None if disabled."""
     return place("maps", SWITCH)
 
 
 def models_folder() -> Path | None:
-    """Where plain copies of the user's body models are kept, or None if they are not."""
+    """Cache folder of converted body models; None if disabled."""
     return place("models", SWITCH)

@@ -40,11 +40,11 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 
 
 _COMMANDS = {
-    "cache": ("physic_core.cli.cache:cache", "Show or clear what is kept between runs."),
+    "cache": ("physic_core.cli.cache:cache", "Show or clear the cache."),
     "config": ("physic_core.cli.config:config", "Check, show or create a configuration."),
     "plugins": ("physic_core.cli.plugins:plugins", "List installed backends; show, diagnose or create one."),
     "run": ("physic_core.cli.run:run", "Reconstruct people, scene and contact from PHOTO."),
-    "weights": ("physic_core.cli.weights:weights", "List, fetch and verify the weights that plugins need."),
+    "weights": ("physic_core.cli.weights:weights", "List, download and verify the weights that plugins need."),
 }
 
 # The \b keeps click from wrapping the lines into one.

@@ -19,7 +19,7 @@ __all__ = ["cache"]
 
 @click.group()
 def cache() -> None:
-    """Show or clear what is kept between runs: outputs of backends, maps between bodies, copies of body models."""
+    """Show or clear the cache: outputs of backends, maps between body meshes, copies of body models."""
 
 
 @cache.command()

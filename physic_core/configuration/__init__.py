@@ -1,1 +1,1 @@
-"""From presets, files, environment and flags to one validated configuration, and from it to backends."""
+"""Build one validated configuration from presets, files, environment and flags, and backends from it."""

@@ -1,4 +1,4 @@
-"""Faults of a configuration, in the words of its file: ``path.in.the.file   what is wrong (got what)``."""
+"""Errors of a configuration, formatted as ``path.in.the.file   what is wrong (got what)``."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ _KINDS = {
 
 @dataclass(frozen=True)
 class Fault:
-    """One thing that is wrong.
+    """One error.
 
     Attributes:
         path: dotted, as in the file: "metric_depth.options.scale".
-        message: what is wrong, what was given, what to do.
-        of_plugin: whether the author of a plugin has to correct it, rather than the user.
+        message: what is wrong, the value that was given, and what to do.
+        of_plugin: whether the author of a plugin has to correct it, and not the user.
     """
 
     path: str
@@ -51,12 +51,12 @@ class Fault:
 
 @dataclass(frozen=True)
 class Findings:
-    """What one check found.
+    """Result of one check.
 
     Attributes:
-        faults: all of them.
-        footer: a last line of the message, if any.
-        cause: what one of the faults comes from.
+        faults: all errors.
+        footer: last line of the message; may be empty.
+        cause: exception that caused one of the errors, if any.
     """
 
     faults: tuple[Fault, ...] = ()
@@ -67,13 +67,16 @@ class Findings:
 def config_error(
     faults: Iterable[Fault], source: Callable[[str], str], title: str, footer: str = ""
 ) -> ConfigError | BackendError:
-    """One error for all faults, those of one file or flag together; a BackendError if all are faults of plugins.
+    """Build one exception for all errors, grouped by file or flag.
 
     Args:
         faults: at least one.
-        source: path -> the file or flag that the value comes from.
-        title: what to name for a value that nobody set.
-        footer: a last line, if any.
+        source: path -> the file or flag that set the value.
+        title: heading for values that no file or flag set.
+        footer: last line; may be empty.
+
+    Returns:
+        A BackendError if all errors are those of plugins, else a ConfigError.
     """
     groups: dict[str, list[Fault]] = {}
     for fault in dict.fromkeys(faults):
@@ -89,13 +92,13 @@ def config_error(
 
 
 def from_pydantic(error: ValidationError, model: type[BaseModel], path: str = "", kind: str = "key") -> list[Fault]:
-    """Pydantic's findings in our words.
+    """Convert errors of pydantic.
 
     Args:
-        error: what validation raised.
-        model: what was validated; its fields are suggested for unknown keys.
-        path: dotted path of the table that was validated.
-        kind: what an unknown key is called, "key" or "option".
+        error: the exception of the validation.
+        model: the validated model; its fields are suggested for unknown keys.
+        path: dotted path of the validated table.
+        kind: word for an unknown key, "key" or "option".
     """
     faults = []
     for found in error.errors(include_url=False):
@@ -110,7 +113,7 @@ def from_pydantic(error: ValidationError, model: type[BaseModel], path: str = ""
 
 
 def closest(name: str, known: Iterable[str]) -> str:
-    """ ". Did you mean 'x'?", or nothing."""
+    """Return ". Did you mean 'x'?", or "" if no known name is similar."""
     close = get_close_matches(name, list(known), n=1)
     return f". Did you mean '{close[0]}'?" if close else ""
 
@@ -134,7 +137,7 @@ def _in_words(found: Any) -> str:
 
 
 def _fields_at(model: type[BaseModel], loc: list[str]) -> list[str]:
-    """Names of the fields of the model nested at ``loc``; none where there is no model."""
+    """Field names of the nested model at ``loc``; empty if there is none."""
     fields = model.model_fields
     for part in loc:
         inner = fields[part].annotation if part in fields else None

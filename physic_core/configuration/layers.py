@@ -1,7 +1,7 @@
-"""The layers of a configuration: presets, files, the environment, ``--set`` and single flags, later ones winning.
+"""Layers of a configuration: presets, files, environment, ``--set`` and flags; later ones override earlier ones.
 
-Each layer is a label and plain tables. The label of the layer that set a value is kept, so that an error and
-``physic config show`` can name the file, the variable or the flag that it comes from.
+A layer is a label and a nested dictionary. The label of the layer that set a value is stored. Errors and ``physic
+config show`` use it to name the file, variable or flag.
 """
 
 from __future__ import annotations
@@ -36,33 +36,35 @@ _LARGEST = {".toml": 1_000_000, ".json": 100_000_000}
 
 
 def preset_names() -> tuple[str, ...]:
-    """Presets in this package, sorted."""
+    """Names of the presets in this package, sorted."""
     return tuple(sorted(p.name[:-5] for p in _presets().iterdir() if p.name.endswith(".toml")))
 
 
 def is_path(name: str) -> bool:
-    """Whether a text names a file rather than a preset."""
+    """Whether a text is the path of a file and not the name of a preset."""
     return name.endswith((".toml", ".json")) or "/" in name or os.sep in name
 
 
 def read(file: str | os.PathLike[str] | None, base: str) -> list[Layer]:
-    """Layers of a file and of all that it builds on, or of a preset where there is no file.
+    """Read the layers of a file and of everything that it extends, or of a preset.
 
     Args:
-        file: a TOML file, or the ``reconstruction.json`` of a run, whose configuration stands alone.
-        base: preset that a TOML file without ``extends``, or no file, builds on.
+        file: a TOML file, or the ``reconstruction.json`` of a run, which extends nothing; None for the preset only.
+        base: preset that a TOML file without ``extends`` extends.
 
     Raises:
-        ConfigError: something of it cannot be read.
+        ConfigError: a file or preset cannot be read.
     """
     return _read_preset(base) if file is None else _read_file(Path(file), base)
 
 
 def environment_layers(environment: Mapping[str, str]) -> list[Layer]:
-    """``PHYSIC__INPAINTER__BACKEND=telea`` is ``inpainter.backend=telea``; an empty variable says nothing.
+    """Layers of environment variables: ``PHYSIC__INPAINTER__BACKEND=telea`` sets ``inpainter.backend``.
+
+    Empty variables are ignored.
 
     Raises:
-        ConfigError: a variable that is no setting.
+        ConfigError: the name of a variable is not a valid setting.
     """
     layers: list[Layer] = []
     for name in sorted(n for n, value in environment.items() if n.startswith(_VARIABLE) and value.strip()):
@@ -74,16 +76,20 @@ def environment_layers(environment: Mapping[str, str]) -> list[Layer]:
 
 
 def override_layers(overrides: Sequence[str]) -> list[Layer]:
-    """Layers of ``--set a.b=c``, c in TOML; a bare word is taken as a string.
+    """Layers of ``--set a.b=c``; c is TOML, or a string without quotes.
 
     Raises:
-        ConfigError: one is no assignment.
+        ConfigError: a text has not the form KEY=VALUE.
     """
     return [("--set", _with_folder(_parse_override(text), Path())) for text in overrides]
 
 
 def merge(layers: Iterable[Layer]) -> tuple[dict[str, Any], dict[str, str]]:
-    """All layers laid over one another, and by dotted path the label of the layer that set a value."""
+    """Merge layers; later ones override earlier ones.
+
+    Returns:
+        The merged tables; and dotted path -> label of the layer that set the value.
+    """
     merged: dict[str, Any] = {}
     sources: dict[str, str] = {}
     for label, table in layers:
@@ -92,7 +98,7 @@ def merge(layers: Iterable[Layer]) -> tuple[dict[str, Any], dict[str, str]]:
 
 
 def source_of(sources: Mapping[str, str], path: str) -> str:
-    """The layer that set a value or a table, or the value that a path leads into; "default" where none did."""
+    """Label of the layer that set the value, table or parent at a dotted path; "default" if none did."""
     if f"{path}." in sources:
         return sources[f"{path}."]
     while path:
@@ -116,7 +122,7 @@ def _read_preset(name: str) -> list[Layer]:
 
 
 def _read_file(path: Path, base: str, seen: tuple[Path, ...] = ()) -> list[Layer]:
-    """A file's layers, what it extends first."""
+    """Layers of a file, after those of the file that it extends."""
     if path.resolve() in seen:
         chain = " -> ".join(str(p) for p in (*seen, path.resolve()))
         raise ConfigError(f"{path} extends itself: {chain}")
@@ -142,7 +148,7 @@ def _read_file(path: Path, base: str, seen: tuple[Path, ...] = ()) -> list[Layer
 
 
 def _with_folder(table: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """The table, in which each class of a file in ``folder`` is named with its folder, so that it is found later."""
+    """Add ``folder`` to the names of classes in local files, so that they are found from any folder."""
     for choice in (table.get(interface) for interface in INTERFACES):
         if isinstance(choice, dict) and isinstance(choice.get("backend"), str):
             choice["backend"] = in_folder(choice["backend"], folder)
@@ -157,7 +163,7 @@ def _read_toml(path: Path) -> dict[str, Any]:
 
 
 def _read_result(path: Path) -> dict[str, Any]:
-    """The configuration in a ``reconstruction.json``."""
+    """Configuration of a ``reconstruction.json``."""
     try:
         document = json.loads(_read_text(path, "name the reconstruction.json of a run"))
     except ValueError as error:
@@ -202,7 +208,7 @@ def _assignment(key: str, value: str, label: str) -> dict[str, Any]:
 
 
 def _merge(base: dict[str, Any], layer: Mapping[str, Any], label: str, sources: dict[str, str], at: str = "") -> None:
-    """Lay a layer over ``base``, in place, and note where each value came from."""
+    """Merge a layer into ``base`` in place, and record the source of each value."""
     for key, value in layer.items():
         path = f"{at}{key}"
         below = base.get(key)
@@ -220,7 +226,7 @@ def _merge(base: dict[str, Any], layer: Mapping[str, Any], label: str, sources: 
 
 
 def _same_backend(one: Any, other: Any) -> bool:
-    """Whether two names may mean one backend, as "embedded" and "physic-embedded:embedded" do."""
+    """Whether two names can mean the same backend, such as "embedded" and "physic-embedded:embedded"."""
     if not (isinstance(one, str) and isinstance(other, str)):
         return bool(one == other)
     (owner, colon, name), (other_owner, other_colon, other_name) = one.rpartition(":"), other.rpartition(":")
@@ -228,7 +234,7 @@ def _same_backend(one: Any, other: Any) -> bool:
 
 
 def _silence(path: str, below: dict[str, Any], layer: Mapping[str, Any]) -> None:
-    """Drop what a layer makes meaningless: another backend's options, the other way to say the same."""
+    """Remove values that a layer makes invalid: options of another backend, and alternatives of a setting."""
     if path in INTERFACES and "backend" in layer and not _same_backend(layer["backend"], below.get("backend")):
         below.pop("options", None)
     for table, keys in _EXCLUSIVE:

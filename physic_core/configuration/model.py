@@ -1,10 +1,11 @@
-"""The configuration: TOML tables -> one checked object that knows names, not classes.
+"""The configuration: from TOML tables to one validated object that contains names, not classes.
 
-A config is made of layers, later ones winning: a preset, the files that ``extends`` chains, the user's file, variables
-``PHYSIC__...`` of the environment, ``--set``, and single flags (:mod:`physic_core.configuration.layers`).
+The layers are a preset, the files of ``extends``, the user's file, environment variables ``PHYSIC__...``, ``--set``,
+and flags. Later layers override earlier ones (:mod:`physic_core.configuration.layers`).
 
-This is the first of two checks: shape, names of keys, kinds of values and the engine's settings, offline and without
-a plugin. :mod:`physic_core.configuration.resolve` does the second, each backend's own options; both are told together.
+This is the first of two checks. It checks structure, keys, types and the settings of the engine, without network or
+plugins. :mod:`physic_core.configuration.resolve` is the second: it checks the options of each backend. Errors of both
+are reported together.
 """
 
 from __future__ import annotations
@@ -85,7 +86,7 @@ class BackendChoice(_Table):
 
 
 class PhotoSettings(_Table):
-    """``[photo]``: what is known of the photo and how it is prepared."""
+    """``[photo]``: known properties of the photo, and how it is prepared."""
 
     max_side: int = Field(default=1280, ge=128, description="longer photos are reduced to this long side, px; 640-1920")
     focal_px: float | None = Field(
@@ -114,7 +115,7 @@ class PhotoSettings(_Table):
 
 
 class BodyModelChoice(_Table):
-    """``[body_model]``: the embedded body, or a file of the user's own."""
+    """``[body_model]``: the embedded body, or a file of the user."""
 
     name: str | None = Field(default=None, description="'embedded'")
     path: str | None = Field(default=None, description="an official SMPLX_*.npz; relative to the config file")
@@ -129,12 +130,12 @@ class BodyModelChoice(_Table):
 
     @property
     def source(self) -> str:
-        """What :func:`physic_core.body.load_body` is asked for."""
+        """Argument for :func:`physic_core.body.load_body`."""
         return self.path or self.name or "embedded"
 
 
 class EngineChoice(_Table):
-    """``[engine]``: a preset of the engine, and what differs from it, stage by stage."""
+    """``[engine]``: a preset of the engine, and settings of each stage that override it."""
 
     preset: str = Field(default="default", description="preset of the engine's settings")
     scene: dict[str, Any] = Field(default_factory=dict, description="stage 1: scene, camera, floor")
@@ -143,7 +144,7 @@ class EngineChoice(_Table):
     contact: dict[str, Any] = Field(default_factory=dict, description="the contact map")
 
     def settings(self) -> EngineSettings:
-        """The engine's settings, overrides applied."""
+        """Settings of the preset with the overrides applied."""
         changed = {
             stage: table.model_validate(getattr(self, stage)).model_dump(exclude_unset=True)
             for stage, table in stage_tables(self.preset).items()
@@ -152,7 +153,7 @@ class EngineChoice(_Table):
 
 
 class RunSettings(_Table):
-    """``[run]``: where it runs, and what it spends."""
+    """``[run]``: device, threads and memory."""
 
     device: str = Field(
         default="cpu",
@@ -200,11 +201,11 @@ class Config(_Table):
         return chosen
 
     def source(self, path: str) -> str:
-        """Where the value at a dotted path comes from: a file, a flag, "preset embedded" or "default"."""
+        """Source of the value at a dotted path: a file, a flag, "preset embedded" or "default"."""
         return source_of(self._sources, path)
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain tables, as a TOML file would hold them; unset values are left out, and paths hold from anywhere."""
+        """Convert to nested dictionaries as in a TOML file, without unset values and with absolute paths."""
         tables = self.model_dump(mode="json", exclude_none=True)
         if self.body_model.path is not None:
             tables["body_model"]["path"] = str(Path(self.body_model.path).expanduser().absolute())
@@ -220,21 +221,21 @@ def load_config(
     environment: Mapping[str, str] | None = None,
     further: Callable[[Mapping[str, Any]], Findings] | None = None,
 ) -> Config:
-    """Read, merge and check a configuration.
+    """Read, merge and validate a configuration.
 
     Args:
-        file: a TOML file; it names what it builds on with ``extends``, a preset or another file. Or the
-            ``reconstruction.json`` of a run, to repeat it.
-        preset: what a file without ``extends``, or no file at all, builds on.
-        overrides: "a.b=c" each, c in TOML; a bare word is taken as a string.
-        flags: tables by the name of the flag that sets them, as in ``{"--focal-px": {"photo": {"focal_px": 900.0}}}``.
-        environment: ``PHYSIC__INPAINTER__BACKEND=telea`` in it goes over the file, and under the overrides; None for
-            this process's.
-        further: one more check of the merged tables, told together with the others;
-            :func:`physic_core.configuration.resolve.load_checked` gives one that knows the installed backends.
+        file: a TOML file, which may extend a preset or another file with ``extends``; or the ``reconstruction.json`` of
+            a run, to repeat it.
+        preset: the preset to use without a file, or with a file that has no ``extends``.
+        overrides: texts "a.b=c"; c is TOML, or a string without quotes.
+        flags: flag -> the tables that it sets, such as ``{"--focal-px": {"photo": {"focal_px": 900.0}}}``.
+        environment: variables such as ``PHYSIC__INPAINTER__BACKEND=telea``, which override the file; ``overrides``
+            override them. None for ``os.environ``.
+        further: one more check of the merged tables, reported together with the others;
+            :func:`physic_core.configuration.resolve.load_checked` passes one that knows the installed backends.
 
     Raises:
-        ConfigError: every fault at once.
+        ConfigError: the configuration is invalid; the message lists all errors.
     """
     base = preset or DEFAULT_PRESET
     layers = [
@@ -247,13 +248,13 @@ def load_config(
 
 
 def as_config(config: Config | str | os.PathLike[str] | Mapping[str, Any] | None) -> Config:
-    """A config from what Python callers pass: a Config, a preset's name, a file, tables, or None.
+    """Convert what Python callers pass to a Config: a Config, name of a preset, path, mapping, or None.
 
-    A text is the name of a preset unless it ends in ".toml" or ".json" or holds a slash; tables are laid over the
+    A string is the name of a preset unless it ends in ".toml" or ".json" or contains a slash. A mapping overrides the
     default preset.
 
     Raises:
-        ConfigError: every fault at once.
+        ConfigError: the configuration is invalid; the message lists all errors.
     """
     if isinstance(config, Config):
         return config
@@ -290,7 +291,7 @@ def _choice_faults(merged: Mapping[str, Any]) -> list[Fault]:
 
 
 def _engine_faults(engine: Any) -> list[Fault]:
-    """Faults of the preset's name and of the overrides."""
+    """Errors in the name of the preset and in the overrides."""
     if not isinstance(engine, dict):
         return []
     preset = engine.get("preset", "default")
@@ -321,10 +322,10 @@ def _engine_preset(name: str) -> EngineSettings:
 
 @cache
 def stage_tables(preset: str = "default") -> dict[str, type[_Table]]:
-    """Stage -> a table with the stage's settings as keys, none of them required, and no text taken for a number.
+    """Stage -> pydantic model of its settings; all keys are optional, and strings are not converted to numbers.
 
     Args:
-        preset: of the engine; the terms of stage 3 and their settings depend on it.
+        preset: of the engine; it determines the terms of stage 3 and their settings.
     """
     settings = _engine_preset(preset)
     return {f.name: settings_table(type(getattr(settings, f.name))) for f in fields(settings)}  # type: ignore[arg-type]
@@ -332,7 +333,7 @@ def stage_tables(preset: str = "default") -> dict[str, type[_Table]]:
 
 @cache
 def settings_table(kind: Any) -> type[_Table]:
-    """A settings class as a table; settings in it are tables of their own."""
+    """Build a pydantic model from a settings class; nested settings become nested models."""
     hints = get_type_hints(kind, include_extras=True)
     own = {f.name: hints[f.name] for f in fields(kind)}
     kinds = {n: settings_table(h) if is_dataclass(h) else h for n, h in own.items()}  # type: ignore[arg-type]
@@ -341,5 +342,5 @@ def settings_table(kind: Any) -> type[_Table]:
 
 
 def _as_in_toml(hint: Any) -> Any:
-    """A tuple is written as a list in TOML."""
+    """Convert a tuple annotation to the list that TOML has."""
     return Annotated[hint, Strict(False)] if get_origin(hint) is tuple else hint

@@ -1,4 +1,4 @@
-"""Config and registry -> the backends that a run asks: the second check, each backend's own options."""
+"""Construct the backends of a configuration; the second check, of each backend's own options."""
 
 from __future__ import annotations
 
@@ -49,11 +49,11 @@ __all__ = [
 
 @dataclass(frozen=True)
 class ResolvedBackend:
-    """A backend ready to be asked, and who it is.
+    """A constructed backend with its provenance.
 
     Attributes:
         backend: constructed, weights not loaded.
-        provenance: its name, distribution, version, options and licence.
+        provenance: name, distribution, version, options and licence.
     """
 
     backend: Backend
@@ -61,21 +61,21 @@ class ResolvedBackend:
 
     @property
     def title(self) -> str:
-        """For messages: "segmenter 'embedded' (physic-embedded 0.1.0)"."""
+        """Name for messages: "segmenter 'embedded' (physic-embedded 0.1.0)"."""
         who = self.provenance
         return f"{who.interface} '{who.backend}' ({f'{who.distribution} {who.version}'.strip()})"
 
 
 @dataclass(frozen=True)
 class ResolvedPipeline:
-    """All that a run needs to know.
+    """Everything that a run needs.
 
     Attributes:
-        backends: by interface; an optional interface that the config leaves out is not in it.
+        backends: by interface; without optional interfaces that the configuration leaves out.
         photo: how the photo is prepared.
         body_model: "embedded", or the path of an SMPL-X file.
         device: "cpu", "cuda" or "cuda:N".
-        config: what all this was made of.
+        config: the configuration that was resolved.
     """
 
     backends: Mapping[str, ResolvedBackend]
@@ -101,8 +101,8 @@ def resolve(config: Config, registry: Registry) -> ResolvedPipeline:
     """Construct one backend for each interface; no weights are loaded and no network is used.
 
     Raises:
-        ConfigError: names or options that do not hold, all at once.
-        BackendError: a backend's constructor failed.
+        ConfigError: names or options are invalid; the message lists all errors.
+        BackendError: the constructor of a backend failed.
     """
     backends = {name: _construct(name, choice) for name, choice in _choose(config, registry).items()}
     return ResolvedPipeline(
@@ -115,13 +115,13 @@ def resolve(config: Config, registry: Registry) -> ResolvedPipeline:
 
 
 def missing(plan: ResolvedPipeline) -> tuple[str, ...]:
-    """What a run lacks on this machine, one text each with whose lack it is; asked offline.
+    """List what a run lacks on this machine, one text for each item; no network is used.
 
-    That is what the chosen backends lack, and a GPU where the config asks for one and none is seen; whether torch can
-    use one that is seen is told by :func:`physic_core.adapters.devices.check_device` alone.
+    These are files that the chosen backends report as missing, and a GPU if the configuration needs one and none is
+    found. Only :func:`physic_core.adapters.devices.check_device` checks that torch can use the GPU.
 
     Raises:
-        BackendError: a backend cannot say.
+        BackendError: the ``missing`` of a backend fails.
     """
     return (*missing_files(plan), *missing_device(plan))
 
@@ -158,14 +158,12 @@ def missing_device(plan: ResolvedPipeline) -> tuple[str, ...]:
 
 
 def require_available(plan: ResolvedPipeline) -> None:
-    """Refuse a run in which a chosen backend lacks anything, optional ones included: the user asked for them.
-
-    A GPU that lacks too is told along with it.
+    """Raise an error if a chosen backend, even of an optional interface, or the device is not available.
 
     Raises:
-        WeightsMissingError: all that is missing, and how to get each.
-        DeviceError: nothing else is missing, and torch does not find the device.
-        BackendError: a backend cannot say.
+        WeightsMissingError: files are missing; the message lists them, how to get each, and a missing GPU.
+        DeviceError: only the device is missing.
+        BackendError: the ``missing`` of a backend fails.
     """
     if files := missing_files(plan):
         raise WeightsMissingError(missing_report((*files, *missing_device(plan)), ", and nothing was computed"))
@@ -173,7 +171,7 @@ def require_available(plan: ResolvedPipeline) -> None:
 
 
 def missing_report(texts: Sequence[str], end: str) -> str:
-    """Several texts of :func:`missing` under one head."""
+    """Join several texts of :func:`missing` below one heading."""
     head = "1 thing is missing" if len(texts) == 1 else f"{len(texts)} things are missing"
     return "\n".join([f"{head}{end}:", *("  " + text.replace("\n", "\n    ") for text in texts)])
 
@@ -182,21 +180,21 @@ def check(config: Config, registry: Registry) -> None:
     """Check names and options without constructing anything.
 
     Raises:
-        ConfigError: names or options that do not hold, all at once.
+        ConfigError: names or options are invalid; the message lists all errors.
     """
     _choose(config, registry)
 
 
 def load_checked(registry: Registry, file: str | os.PathLike[str] | None = None, **settings: Any) -> Config:
-    """:func:`physic_core.configuration.model.load_config`, with names and options of backends checked in the same go.
+    """:func:`physic_core.configuration.model.load_config`, with names and options of backends checked too.
 
     Args:
-        registry: what is installed.
-        file: as there.
-        settings: preset, overrides, flags and environment, as there.
+        registry: the installed plugins.
+        file: as in ``load_config``.
+        settings: preset, overrides, flags and environment, as in ``load_config``.
 
     Raises:
-        ConfigError: every fault at once.
+        ConfigError: the configuration is invalid; the message lists all errors.
     """
     return load_config(file, **settings, further=lambda tables: _look(tables, registry)[1])
 
@@ -210,9 +208,9 @@ def _choose(config: Config, registry: Registry) -> dict[str, _Choice]:
 
 
 def _look(tables: Mapping[str, Any], registry: Registry) -> tuple[dict[str, _Choice], Findings]:
-    """The backends that merged tables choose, and what is wrong with names and options.
+    """The backends that merged tables choose, and the errors in names and options.
 
-    What is no table, or names nothing, is left to the check of the config's own shape.
+    Values that are not a table or have no name are left to the check of the structure.
     """
     chosen: dict[str, _Choice] = {}
     faults: list[Fault] = []

@@ -1,4 +1,4 @@
-"""The JSON Schema of a configuration file, options of the installed backends included, for editors."""
+"""JSON Schema of a configuration file for editors, with the options of the installed backends."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ _ELSEWHERE = {
 
 
 def config_schema(registry: Registry) -> dict[str, Any]:
-    """Draft 2020-12; every key may be missing, since a file says only what differs from what it extends.
+    """Return the JSON Schema (draft 2020-12); all keys are optional, since a file only lists differences.
 
-    A backend whose options cannot be read is listed without them.
+    A backend whose options cannot be read is included without them.
     """
     claims = {(c.record.interface, name): c for c in registry if not c.problem for name in _names(registry, c)}
     kinds = {key: _options(registry, claim) for key, claim in claims.items()}
@@ -83,7 +83,7 @@ def config_schema(registry: Registry) -> dict[str, Any]:
 
 
 def _of_preset(preset: str, places: Mapping[Any, Any]) -> dict[str, Any]:
-    """Which settings the stages have where an engine's preset is chosen, or is the default."""
+    """Settings of the stages for one preset of the engine."""
     chosen: dict[str, Any] = {"properties": {"preset": {"const": preset}}}
     if preset != EngineChoice.model_fields["preset"].default:
         chosen["required"] = ["preset"]
@@ -92,13 +92,13 @@ def _of_preset(preset: str, places: Mapping[Any, Any]) -> dict[str, Any]:
 
 
 def _names(registry: Registry, claim: Claim) -> tuple[str, ...]:
-    """What a config may call a backend: by its bare name only where nobody else offers the name."""
+    """The valid names of a backend; its bare name only if no other backend has it."""
     name, qualified = claim.record.name, f"{claim.origin.distribution}:{claim.record.name}"
     return (qualified,) if registry.rivals(claim) else (name, qualified)
 
 
 def _interface(interface: str, options: dict[str, Any], summaries: dict[str, str]) -> dict[str, Any]:
-    """Schema of one interface's table; which options there are depends on the backend."""
+    """Schema of one interface's table; the allowed options depend on the backend."""
     names = [{"const": name, "description": summaries[name]} for name in options]
     if interface in OPTIONAL_INTERFACES:
         names.append({"const": "none", "description": "leave it out"})

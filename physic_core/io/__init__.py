@@ -1,1 +1,1 @@
-"""Photos in, results out: everything that touches files."""
+"""Read photos, and write and read reconstructions."""

@@ -1,7 +1,7 @@
-"""A reconstruction as named arrays: what ``reconstruction.npz`` holds.
+"""Convert a reconstruction to the named arrays of ``reconstruction.npz``.
 
-Everything is in metres in the OpenCV camera's frame (x right, y down, z forward); pixels count from the centre of the
-top left one. H and W are image rows and columns, F faces, V vertices, J keypoints, K shape components, E expression
+Lengths are in metres. The frame is the OpenCV camera's (x right, y down, z forward). Pixel (0, 0) is the centre of the
+top left pixel. H and W are image rows and columns, F faces, V vertices, J keypoints, K shape components, E expression
 components, M floor points. Person ``i`` counts from 0.
 """
 
@@ -29,12 +29,12 @@ __all__ = ["PERSON_ARRAYS", "SHARED_ARRAYS", "ArraySpec", "checksum", "to_arrays
 
 @dataclass(frozen=True)
 class ArraySpec:
-    """What one array of the file is.
+    """Name, dtype, shape and meaning of one array in the file.
 
     Attributes:
-        name: key in the file; ``person_{i}_`` goes before those of a person.
-        dtype: as stored; "floating" for float32 or float64 as the backend gave it, "text" for a unicode string.
-        shape: sizes, by the letters of this module's docstring.
+        name: key in the file; names of a person's arrays start with ``person_{i}_``.
+        dtype: as stored; "floating" for float32 or float64 as the backend returned it, "text" for a unicode string.
+        shape: sizes, with the letters of this module's docstring.
         meaning: unit, frame and content.
     """
 
@@ -91,7 +91,7 @@ _STORED_AS_IS = ("float32", "float64")
 
 
 def to_arrays(reconstruction: Reconstruction) -> dict[str, AnyArray]:
-    """Reconstruction -> arrays of the documented names and dtypes."""
+    """Convert a reconstruction to arrays, with the names, dtypes and shapes that this module documents."""
     scene = reconstruction.scene
     floor = np.empty((0, 3)) if scene.floor is None else np.asarray(scene.floor.normal)[None]
     values: dict[str, Any] = {
@@ -114,7 +114,7 @@ def to_arrays(reconstruction: Reconstruction) -> dict[str, AnyArray]:
 
 
 def checksum(path: Path) -> str:
-    """What ties ``reconstruction.json`` to its arrays: a CRC-32 over the archive's names and CRC-32s."""
+    """CRC-32 over the names and CRC-32s of an npz file, which links it to its ``reconstruction.json``."""
     with zipfile.ZipFile(path) as archive:
         content = "".join(f"{entry.filename} {entry.CRC:08x}\n" for entry in archive.infolist())
     return f"{zlib.crc32(content.encode()):08x}"

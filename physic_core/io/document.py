@@ -1,4 +1,4 @@
-"""A reconstruction's words and numbers: what ``reconstruction.json`` says."""
+"""Convert a reconstruction without its arrays to and from ``reconstruction.json``."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ def to_document(
     arrays_checksum: str,
     digests: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
-    """Reconstruction -> JSON-ready dictionary.
+    """Convert a reconstruction to a JSON-ready dictionary.
 
     Args:
-        reconstruction: what to describe.
-        files: names of the files that lie beside the document.
-        arrays_checksum: of ``reconstruction.npz``.
-        digests: of the files beside the document, by name, as far as they are written.
+        reconstruction: the reconstruction.
+        files: names of the other files in the folder.
+        arrays_checksum: checksum of ``reconstruction.npz``.
+        digests: file name -> digest, for the files that are already written.
     """
     camera, scene = reconstruction.intrinsics, reconstruction.scene
     floor = scene.floor
@@ -103,7 +103,7 @@ def to_document(
 
 
 def to_text(document: Mapping[str, Any]) -> bytes:
-    """JSON-ready dictionary -> UTF-8 JSON, strict (no NaN), rows of numbers on one line."""
+    """Encode a dictionary as strict UTF-8 JSON (no NaN), with each row of numbers on one line."""
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
     # A newline never stands inside a JSON string, so only lists match.
     text = _NUMBERS.sub(lambda match: "[" + " ".join(match[1].split()) + "]", text)
@@ -112,10 +112,14 @@ def to_text(document: Mapping[str, Any]) -> bytes:
 
 
 def from_text(content: bytes, name: str) -> dict[str, Any]:
-    """UTF-8 JSON -> dictionary, NaN and infinities still by their names.
+    """Decode UTF-8 JSON to a dictionary; NaN and infinities are still strings.
+
+    Args:
+        content: bytes of the file.
+        name: of the file, for error messages.
 
     Raises:
-        InputError: it is damaged, not a reconstruction's, or of another schema version.
+        InputError: it is damaged, is not a reconstruction, or has another schema version.
     """
     try:
         document = json.loads(content.decode("utf-8"))
@@ -135,7 +139,7 @@ def from_text(content: bytes, name: str) -> dict[str, Any]:
 
 
 def stages_from(records: Sequence[Mapping[str, Any]]) -> tuple[StageRecord, ...]:
-    """The ``stages`` of a document -> records."""
+    """Parse the ``stages`` of a document."""
     return tuple(
         StageRecord(
             record["name"],
@@ -150,7 +154,7 @@ def stages_from(records: Sequence[Mapping[str, Any]]) -> tuple[StageRecord, ...]
 
 
 def trust_from(camera: Mapping[str, Any]) -> CameraTrust:
-    """The trust of a document's ``intrinsics``; earlier documents state it by the first word of ``source``."""
+    """Parse the trust of a document's ``intrinsics``; older documents have it as the first word of ``source``."""
     if "trust" in camera:
         return CameraTrust(camera["trust"])
     if camera["source"].startswith(("given", "EXIF", "measured")):
@@ -159,7 +163,7 @@ def trust_from(camera: Mapping[str, Any]) -> CameraTrust:
 
 
 def checks_from(records: Sequence[Mapping[str, Any]]) -> tuple[CheckResult, ...]:
-    """The ``checks`` of a document -> diagnostics."""
+    """Parse the ``checks`` of a document."""
     return tuple(
         CheckResult(
             name=record["name"],

@@ -1,4 +1,4 @@
-"""The camera that a photo's EXIF block describes."""
+"""Read camera intrinsics from the EXIF data of a photo."""
 
 from __future__ import annotations
 
@@ -28,24 +28,27 @@ _FOCAL_RANGE = (0.3, 15.0)  # of the long side: a 118 degree lens to a 4 degree 
 
 
 def is_turned(orientation: int) -> bool:
-    """Whether an EXIF orientation swaps width and height."""
+    """Whether an EXIF orientation (1-8) swaps width and height."""
     return orientation in (5, 6, 7, 8)
 
 
 def intrinsics_from_exif(
     tags: Mapping[int, Any], stored: tuple[int, int], width: int, height: int, orientation: int = 1
 ) -> tuple[Intrinsics | None, str | None]:
-    """EXIF tags -> camera of the upright photo, and a note where a stated focal length had to be ignored.
+    """Compute the intrinsics of the upright photo from its EXIF tags.
 
-    ``FocalLengthIn35mmFilm`` is taken first, by the diagonal of the 36 x 24 mm frame; else ``FocalLength`` with the
-    focal plane's resolution.
+    ``FocalLengthIn35mmFilm`` has priority, relative to the diagonal of the 36 x 24 mm frame. Otherwise ``FocalLength``
+    is used with the resolution of the focal plane.
 
     Args:
         tags: the Exif IFD, tag number -> value.
-        stored: (width, height) px of the file's own pixel grid, before any turn or reduction.
-        width: of the upright photo as it will be used, px.
-        height: of the same.
+        stored: (width, height) px of the stored pixel grid, before rotation or resizing.
+        width: of the upright photo at the size that is used, px.
+        height: of the upright photo at the size that is used, px.
         orientation: EXIF orientation, 1-8.
+
+    Returns:
+        The intrinsics, or None if the tags do not determine them; and a note if a focal length was ignored, else None.
     """
     focal = _focal_px(tags, stored, width, height, orientation)
     if focal is None:
@@ -86,13 +89,16 @@ def _focal_px(
 
 
 def _same_shape(original: tuple[float, float], stored: tuple[int, int]) -> bool:
-    """Equal aspect within 2 %, either way up: some software turns the pixels and leaves the tags."""
+    """Whether two aspects are equal within 2 %, also after a turn by 90 degrees.
+
+    Some software turns the pixels and keeps the tags.
+    """
     aspects = original[0] / original[1], original[1] / original[0]
     return any(abs(aspect * stored[1] / stored[0] - 1.0) < 0.02 for aspect in aspects)
 
 
 def _number(value: Any) -> float | None:
-    """A positive finite number, or None: EXIF writers leave zeros, 0/0 and text for "unknown"."""
+    """Convert a tag to a positive finite number; None otherwise, since cameras write 0, 0/0 or text for "unknown"."""
     try:
         number = float(value)
     except (TypeError, ValueError, ZeroDivisionError):

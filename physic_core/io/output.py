@@ -1,4 +1,4 @@
-"""Where results may be written: never over the photo, nor over a file that no earlier run wrote."""
+"""Check where results may be written: never over the photo, nor over a file that no earlier run wrote."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _PERSON = re.compile(r"person_\d+\.glb")
 
 
 def file_digest(path: str | os.PathLike[str]) -> str:
-    """What tells a file from others, whatever it is called; "" where there is no file that can be read."""
+    """Digest of a file's content; "" if it cannot be read."""
     with suppress(OSError, ValueError):
         if os.path.isfile(path):  # a pipe would wait for ever
             with open(path, "rb") as file:
@@ -50,29 +50,29 @@ def file_digest(path: str | os.PathLike[str]) -> str:
 
 
 def image_digest(image: UInt8Array) -> str:
-    """What tells an array of pixels from others."""
+    """Digest of an array of pixels."""
     shape = "x".join(map(str, image.shape))
     return f"pixels-sha256:{hashlib.sha256(shape.encode() + image.tobytes()).hexdigest()}"
 
 
 def photo_digest(path: str | os.PathLike[str], image: UInt8Array) -> str:
-    """Both digests of a photo file, so that a result of the file is known to be one of its pixels."""
+    """Digests of a photo's file and of its pixels, so that a result matches the photo by either of them."""
     return " ".join(filter(None, (file_digest(path), image_digest(image))))
 
 
 def same_photo(one: str, other: str) -> bool:
-    """Whether two photos have a digest in common, of the file or of the pixels."""
+    """Whether two texts of digests have one in common, of the file or of the pixels."""
     return one == other or not set(one.split()).isdisjoint(other.split())
 
 
 def photo_of_result(folder: str | os.PathLike[str]) -> str | None:
-    """Digests of the photo whose result lies in a folder; "" where that does not state it, None without a result."""
+    """Digests of the photo of the result in a folder; "" if the result has none, None if there is no result."""
     document = _document(Path(folder))
     return None if document is None else str(document.get("photo", ""))
 
 
 def files_of_result(folder: str | os.PathLike[str]) -> frozenset[str]:
-    """Names of the files of the result that lies in a folder, as far as they are names that results have."""
+    """File names of the result in a folder, limited to names that results can have."""
     document = _document(Path(folder))
     files = None if document is None else document.get("files")
     named = [str(name) for name in files] if isinstance(files, list) else []
@@ -80,16 +80,16 @@ def files_of_result(folder: str | os.PathLike[str]) -> frozenset[str]:
 
 
 def _digests_of_result(folder: str | os.PathLike[str]) -> dict[str, str] | None:
-    """File digests by name, as the result in a folder states them; None where it was written before they were."""
+    """File name -> digest, from the result in a folder; None if an older version wrote it without digests."""
     document = _document(Path(folder))
     digests = None if document is None else document.get("digests")
     return {name: str(digest) for name, digest in digests.items()} if isinstance(digests, dict) else None
 
 
 def own_files(folder: str | os.PathLike[str]) -> frozenset[str]:
-    """Names of the files in a folder that an earlier run wrote and that are as it left them.
+    """Names of the files in a folder that an earlier run wrote and nobody changed since.
 
-    A link is the user's, and so is a file with another digest. The document cannot state its own digest and is known
+    Links and files with another digest belong to the user. The document cannot contain its own digest and is recognised
     by its content.
     """
     folder = Path(folder)
@@ -110,17 +110,17 @@ def own_files(folder: str | os.PathLike[str]) -> frozenset[str]:
 def check_folder(
     folder: str | os.PathLike[str], photo: str, *, overwrite: bool = False, names: Iterable[str] | None = None
 ) -> None:
-    """See that writing a result loses nothing of the user's; the folder need not exist.
+    """Check that writing a result to a folder overwrites no data of the user; the folder need not exist.
 
     Args:
-        folder: where the result goes.
+        folder: where the result will be written.
         photo: digests of its photo.
-        overwrite: whether the result of another photo may be replaced, and files of a result that were changed since.
-        names: of the files that will be written; None for all that a result may have.
+        overwrite: allow replacing the result of another photo, and files of a result that were changed.
+        names: of the files that will be written; None for all that a result can have.
 
     Raises:
-        OutputError: the photo itself, files that no run wrote, or changed ones have these names, or another photo's
-            result is there.
+        OutputError: a file with one of these names is the photo, was not written by a run, or was changed; or the
+            folder has the result of another photo.
     """
     folder = Path(folder)
     present = [name for name in (_names_in(folder) if names is None else names) if os.path.lexists(folder / name)]
@@ -155,7 +155,7 @@ def _names_in(folder: Path) -> list[str]:
 
 
 def _document(folder: Path) -> dict[str, Any] | None:
-    """The document of a result; None where there is none, or something else."""
+    """The document of the result in a folder; None if there is no valid one."""
     path = folder / DOCUMENT_FILE
     try:
         document = json.loads(path.read_bytes()) if path.is_file() else None

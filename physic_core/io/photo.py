@@ -1,4 +1,4 @@
-"""Photos in: one upright RGB image and what its file says about the camera."""
+"""Read a photo: upright 8-bit RGB pixels, and the camera from its EXIF data."""
 
 from __future__ import annotations
 
@@ -42,10 +42,9 @@ class Photo(ShortRepr):
 
     Attributes:
         image: (H, W, 3) uint8 RGB, upright.
-        intrinsics: of ``image``, or None where the file does not tell.
-        notes: what was done to the pixels, in plain words.
-        file_size: width and height of the upright file, px, where reading it reduced it; None where they are the
-            image's.
+        intrinsics: of ``image``; None if the file has no usable EXIF data.
+        notes: conversions of the pixels, as text for the user.
+        file_size: (width, height) of the upright file, px, if the image was reduced while reading; None if it was not.
     """
 
     image: UInt8Array
@@ -55,12 +54,12 @@ class Photo(ShortRepr):
 
 
 def read_photo(path: str | os.PathLike[str]) -> Photo:
-    """Photo file -> upright 8-bit RGB, its EXIF camera, and notes on every conversion.
+    """Read a photo file as upright 8-bit RGB, with its EXIF camera and a note for each conversion.
 
-    Above 24 Mpx the photo is reduced while reading, by a whole factor (JPEG decodes straight to the smaller size).
+    A photo above 24 Mpx is reduced by an integer factor while reading. JPEG is decoded directly at the smaller size.
 
     Raises:
-        InputError: the file is missing, no image, damaged, too small or too large.
+        InputError: the file is missing, is not an image, is damaged, or is too small or too large.
     """
     path = Path(path)
     _check_file(path)
@@ -72,10 +71,11 @@ def read_photo(path: str | os.PathLike[str]) -> Photo:
 
 
 def prepare(photo: Photo, max_side: int) -> Photo:
-    """The same photo with its long side at most ``max_side`` px, resampled by area; intrinsics follow.
+    """Resize a photo so that its long side is at most ``max_side`` px (area resampling), and its intrinsics.
 
     Raises:
-        InputError: the short side falls below ``MIN_SIDE``, or the intrinsics are of another image or no camera's.
+        InputError: the short side would be below ``MIN_SIDE`` px, or the intrinsics are invalid or have another image
+            size.
     """
     height, width = photo.image.shape[:2]
     if photo.intrinsics is not None:
@@ -118,10 +118,13 @@ def _check_camera(camera: Intrinsics, width: int, height: int) -> None:
 
 
 def check_image(image: Any) -> UInt8Array:
-    """An array that claims to be a photo -> (H, W, 3) uint8 RGB, contiguous.
+    """Validate an image and return it as a contiguous array.
+
+    Returns:
+        (H, W, 3) uint8 RGB.
 
     Raises:
-        InputError: it is of another type, dtype, shape or size.
+        InputError: wrong type, dtype, shape or size.
     """
     if not isinstance(image, np.ndarray):
         raise InputError(
@@ -197,7 +200,7 @@ def _is_heif(path: Path) -> bool:
 
 
 def _open_heif(path: Path) -> Image.Image:
-    """HEIC through the optional package ``pillow-heif``, which phones' photos need."""
+    """Open HEIC, the format of many phones, with the optional package ``pillow-heif``."""
     try:
         from pillow_heif import register_heif_opener  # type: ignore[import-not-found, unused-ignore]
     except ImportError:
@@ -257,10 +260,10 @@ def _read(image: Image.Image, path: Path) -> Photo:
 
 
 def _without_end(path: Path, mode: str, size: tuple[int, int]) -> Image.Image | None:
-    """A JPEG whose end marker alone is missing, decoded as ``image.draft`` left it; None where pixels are missing too.
+    """Decode a JPEG that lacks only its end marker; None if pixels are missing too.
 
-    libjpeg makes up what is missing. So the data are ended in three ways, which only decode alike where all pixels
-    are there already: at once, with more data before the end, and with the marks between parts of a picture.
+    libjpeg invents missing pixels. So the data are completed in three ways: with the end marker, with other bytes
+    before it, and with restart markers. If all pixels are present, the three results are equal.
     """
     data = path.read_bytes().rstrip(b"\xff")  # in the picture itself 0 follows each of these
     more = bytes(range(1, 255))
@@ -285,7 +288,7 @@ def _frame_notes(image: Image.Image) -> tuple[str, ...]:
 
 
 def _is_deep(image: Image.Image) -> bool:
-    """Whether the file holds 16 bits a colour; Pillow itself keeps that only of grey ones."""
+    """Whether the file has 16 bits per channel; Pillow keeps these only for grey images."""
     if image.mode.startswith("I"):
         return True
     tiles = getattr(image, "tile", None) or ()
@@ -303,7 +306,7 @@ def _exif(image: Image.Image) -> tuple[int, dict[int, Any]]:
 
 
 def _to_rgb(image: Image.Image, deep: bool, path: Path) -> tuple[Image.Image, list[str]]:
-    """Any Pillow mode -> RGB, and what that did."""
+    """Convert any Pillow mode to RGB, with a note for each conversion."""
     notes = ["16 bits a channel were scaled to 8"] if deep else []
     if image.mode.startswith("I"):
         image = _grey_from_deep(image, path)

@@ -1,4 +1,4 @@
-"""Results out and back in: one folder for one photo."""
+"""Write a reconstruction to a folder and read it back."""
 
 from __future__ import annotations
 
@@ -52,14 +52,23 @@ def save_reconstruction(
     preview: bool = True,
     overwrite: bool = False,
 ) -> tuple[Path, ...]:
-    """Writes ``reconstruction.json`` and ``.npz``, then the GLB files and ``preview.png``, and says where they lie.
+    """Write ``reconstruction.json``, ``reconstruction.npz``, the GLB files and ``preview.png`` to a folder.
 
-    Every file is written beside its place and renamed. Numbers are stored with the dtypes of
-    :mod:`physic_core.io.arrays`. An earlier result of the same photo is replaced, that of another photo and files
-    that were changed since, with ``overwrite`` alone; files that no run wrote, and the photo itself, never are.
+    Files are written to temporary names and then renamed. Numbers have the dtypes of :mod:`physic_core.io.arrays`. An
+    earlier result of the same photo is replaced. The result of another photo and changed files are replaced only with
+    ``overwrite``. The photo, and files that no run wrote, are never replaced.
+
+    Args:
+        reconstruction: what to save.
+        folder: created if missing.
+        preview: whether to write ``preview.png``.
+        overwrite: whether to replace another photo's result, or changed files of a result.
+
+    Returns:
+        Paths of the written files.
 
     Raises:
-        OutputError: the folder cannot be written, or something would be lost.
+        OutputError: the folder cannot be written, or data of the user would be lost.
     """
     from physic_core.visual.glb import glb_files
 
@@ -101,10 +110,10 @@ def save_reconstruction(
 
 
 def load_reconstruction(folder: str | os.PathLike[str]) -> Reconstruction:
-    """Reads back what :func:`save` wrote.
+    """Read a reconstruction that :func:`save_reconstruction` wrote.
 
     Raises:
-        InputError: a file is missing, damaged, of another run or of another schema version.
+        InputError: a file is missing, damaged, from another run, or of another schema version.
     """
     folder = Path(folder)
     document = from_text(_content(folder / DOCUMENT_FILE), str(folder / DOCUMENT_FILE))

@@ -266,7 +266,7 @@ def _total(answer: Any, have: int) -> int | None:
 
 
 def _strong(headers: Mapping[str, str]) -> str:
-    """The strong ETag of a response, which identifies a version of the file; "" if there is none."""
+    """The strong ETag of a response, else its Last-Modified date; "" if it has neither."""
     tag = headers.get("ETag", "")
     return tag if tag and not tag.startswith("W/") else headers.get("Last-Modified", "")
 
