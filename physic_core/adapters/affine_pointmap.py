@@ -1,9 +1,8 @@
-"""The focal length and the shift of an affine point map: points that are right up to a scale and a shift along z.
+"""Recover focal length and z-shift of an affine point map (known up to scale and z-shift).
 
-Networks such as MoGe answer points (x, y, z) for which some shift s and focal length f put every point on the ray of
-its pixel: f x / (z + s) = u and f y / (z + s) = v, u and v counted from the middle of the image. For each shift the
-best f has a closed form, so what is left is to find one number, and the best shift is sought among all that leave the
-points in front of the camera.
+Networks such as MoGe return points (x, y, z). For some shift s and focal length f, every point is on the ray of its
+pixel: f x / (z + s) = u and f y / (z + s) = v, with u and v relative to the image centre. For each shift, the best f
+has a closed form, so only s is searched. All shifts that keep the points in front of the camera are considered.
 """
 
 from __future__ import annotations
@@ -31,14 +30,15 @@ _LARGEST_DOUBT = 0.7
 
 @dataclass(frozen=True)
 class AffineCamera:
-    """What makes an affine point map that of a pinhole camera.
+    """The pinhole camera of an affine point map.
 
     Attributes:
         fx: focal length along x, px.
-        fy: focal length along y, px; the same unless two were given.
-        shift: to be added to z, in the units of the points.
-        determined: whether the points tell the focal length. Those of a flat wall that faces the camera do not; the
-            shift is then the smallest that leaves all in front of the camera, and the focal length the best for it.
+        fy: focal length along y, px; equal to ``fx`` unless two were given.
+        shift: to add to z, in the units of the points.
+        determined: whether the points determine the focal length. Those of a flat wall parallel to the image do not.
+            The shift is then the smallest that keeps all points in front of the camera, and the focal length is the
+            best for it.
         given: whether the focal length was given.
     """
 
@@ -49,28 +49,28 @@ class AffineCamera:
     given: bool = False
 
     def intrinsics(self, width: int, height: int, source: str) -> Intrinsics:
-        """The camera, its principal point in the image centre; "guessed" unless ``determined``."""
+        """Intrinsics with the principal point in the image centre; trust is "guessed" unless ``determined``."""
         trust = CameraTrust.ESTIMATED if self.determined else CameraTrust.GUESSED
         return replace(Intrinsics.from_focal(self.fx, width, height, source, trust), fy=self.fy)
 
 
 def half_diagonal(height: int, width: int) -> float:
-    """Pixels in which MoGe's own code counts its focal length: focal_px / half_diagonal is the number it gives."""
+    """Half the image diagonal, px: the unit of the focal length in MoGe's own code."""
     return float((height**2 + width**2) ** 0.5 / 2)
 
 
 def recover_camera(
     points: FloatArray, mask: BoolArray, focal_px: float | tuple[float, float] | None = None
 ) -> AffineCamera:
-    """Find the focal length and the shift of an affine point map, by least squares in the image plane.
+    """Estimate focal length and shift of an affine point map by least squares in the image plane.
 
     Args:
-        points: (H, W, 3), x right, y down, z forward, up to scale and shift along z.
-        mask: (H, W) bool, which points count.
-        focal_px: the focal length where it is known, or that along x and that along y; then the shift is sought only.
+        points: (H, W, 3), x right, y down, z forward, up to scale and z-shift.
+        mask: (H, W) bool, valid points.
+        focal_px: known focal length, or those along x and y; then only the shift is estimated. None if unknown.
 
     Raises:
-        BackendError: too few points, or no focal length above zero fits them.
+        BackendError: too few points, or no positive focal length fits them.
     """
     import numpy as np
 
@@ -103,18 +103,18 @@ def recover_camera(
 def settle(
     z: FloatArray, mask: BoolArray, found: AffineCamera, camera: Intrinsics, scale: float = 1.0
 ) -> tuple[FloatArray, BoolArray]:
-    """Put an affine point map on the rays of a camera; of the points themselves only z is still needed.
+    """Move an affine point map onto the rays of a camera.
 
     Args:
-        z: (H, W) of the points.
-        mask: (H, W) bool, which of them count.
-        found: of :func:`recover_camera`.
+        z: (H, W), z of the points.
+        mask: (H, W) bool, valid points.
+        found: result of :func:`recover_camera`.
         camera: of the image.
-        scale: metres a unit of the points, or 1.
+        scale: metres per unit of the points, or 1.
 
     Returns:
-        (H, W, 3) float32 points, each on the ray of its pixel with the depth (z + shift) * scale, NaN where they do
-        not count; and (H, W) bool where they do: inside the mask, finite and in front of the camera.
+        (H, W, 3) float32 points on the rays of their pixels with depth (z + shift) * scale, NaN where invalid; and (H,
+        W) bool, the valid points: inside the mask, finite, in front of the camera.
     """
     import numpy as np
 
@@ -147,9 +147,9 @@ class _Problem:
     uv: FloatArray
 
     def lowest_shift(self) -> tuple[float, float]:
-        """The shift that brings the nearest point to the camera, and a length that tells how large the points are.
+        """The shift that moves the nearest point to the camera, and a length scale of the points.
 
-        Few points that are much nearer than all others are wrong, and do not bound the shift.
+        A few points much nearer than all others are outliers and do not limit the shift.
         """
         import numpy as np
 
@@ -166,7 +166,7 @@ class _Problem:
         return dot / square
 
     def error(self, shift: float) -> float:
-        """What the best focal length above zero leaves, without the constant uv . uv."""
+        """Squared error with the best positive focal length, without the constant uv . uv."""
         dot, square = self._sums(shift, 1, 2)
         return -dot * abs(dot) / square
 
@@ -177,7 +177,7 @@ class _Problem:
         return dot_2 * square - dot * square_3
 
     def error_at_1(self, shift: float) -> float:
-        """What the focal length 1 leaves, without the constant uv . uv."""
+        """Squared error with focal length 1, without the constant uv . uv."""
         dot, square = self._sums(shift, 1, 2)
         return square - 2 * dot
 
@@ -187,10 +187,10 @@ class _Problem:
         return dot_2 - square_3
 
     def doubt(self, shift: float) -> float:
-        """How wrong the points are, as a share of their distance, over how much their distances differ.
+        """Relative error of the points, divided by the relative variation of their distances.
 
-        Points that are all equally far show the ratio of focal length and distance only, and errors as large as the
-        differences hide these.
+        Points at equal distance only determine the ratio of focal length and distance. Errors as large as the variation
+        have the same effect.
         """
         import numpy as np
 
@@ -217,7 +217,7 @@ class _Problem:
 def _least(
     error: Callable[[float], float], slope: Callable[[float], float], lowest: float, nearest: FloatArray
 ) -> float:
-    """The shift above ``lowest`` of the least error: the best of a grid, then the zero of the slope around it."""
+    """Minimise ``error`` above ``lowest``: best point of a grid, then the zero of the slope near it."""
     import numpy as np
     from scipy.optimize import brentq
 
@@ -230,7 +230,7 @@ def _least(
 
 
 def _sampled(points: FloatArray, mask: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """(n, 3) points and (n, 2) pixels, from the middle in half diagonals, where the mask holds."""
+    """(n, 3) points and (n, 2) pixels inside the mask; pixels relative to the centre, in half diagonals."""
     import numpy as np
 
     height, width = mask.shape

@@ -1,4 +1,4 @@
-"""The camera that a photo's depth is told for: the one that is known, or a guess that says so."""
+"""The camera to use for a photo's depth: the known one, or a guess that is marked as such."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["guessed_camera", "known_camera"]
 
 
 def known_camera(hints: Hints, image: NDArray[Any]) -> Intrinsics | None:
-    """The camera of the hints for this image, whatever size it was given for."""
+    """Intrinsics from the hints, resized to this image; None if there are none."""
     camera, (height, width) = hints.intrinsics, image.shape[:2]
     if camera is None or (camera.width, camera.height) == (width, height):
         return camera
@@ -24,7 +24,7 @@ def known_camera(hints: Hints, image: NDArray[Any]) -> Intrinsics | None:
 
 
 def guessed_camera(fov_deg: float, image: NDArray[Any]) -> tuple[Intrinsics, tuple[str, ...]]:
-    """A camera of this field of view along the long side of the image, where no other is known; and a note."""
+    """A camera with this field of view (degrees) along the image's long side, and a note for the user."""
     height, width = image.shape[:2]
     source = f"default (field of view {fov_deg:g} degrees along the long side)"
     focal = focal_from_fov(fov_deg, max(height, width))

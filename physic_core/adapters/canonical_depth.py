@@ -1,9 +1,8 @@
-"""Depth of a canonical camera, and what the photo's own focal length makes of it.
+"""Convert the depth of a canonical camera to metres with the photo's focal length.
 
-A network cannot tell a near small thing from a far large one without the focal length. Metric networks therefore answer
-for a camera of one fixed focal length, and the metres follow by a factor: z is proportional to the focal length of the
-picture that the network saw, in px of that picture. A picture that was squashed to another aspect has two focal
-lengths; each formula says which one it means.
+Size and distance are ambiguous without the focal length. Metric networks therefore estimate depth for a camera of one
+fixed focal length. Metric depth is proportional to the focal length of the network's input image, in px of that image.
+An image resized to another aspect has two focal lengths; each formula states which one it uses.
 """
 
 from __future__ import annotations
@@ -27,10 +26,10 @@ _LEAST_INVERSE, _MOST_INVERSE = 1e-4, 1e4  # of metres in metres_from_inverse: w
 
 
 def focal_from_fov(fov_deg: float, width: float) -> float:
-    """Focal length in px of a picture ``width`` px wide that sees ``fov_deg`` degrees from its left to its right edge.
+    """Focal length in px of an image ``width`` px wide with a horizontal field of view of ``fov_deg`` degrees.
 
     Raises:
-        ValueError: an angle that no pinhole camera has.
+        ValueError: the angle is not between 0 and 180 degrees.
     """
     if not 0 < fov_deg < 180:
         raise ValueError(f"a field of view lies between 0 and 180 degrees, got {fov_deg:g}")
@@ -38,20 +37,20 @@ def focal_from_fov(fov_deg: float, width: float) -> float:
 
 
 def focal_px_of(fx: float, fy: float) -> float:
-    """The one focal length of nearly square pixels: the mean of the two axes, px."""
+    """Mean focal length of the two axes, px, for nearly square pixels."""
     return 0.5 * (fx + fy)
 
 
 def focal_in_frame(focal_px: float, width: float, frame_width: float) -> float:
-    """The horizontal focal length of a picture ``width`` px wide, once it is resized to ``frame_width`` px."""
+    """Horizontal focal length of an image after resizing it from ``width`` to ``frame_width`` px."""
     return focal_px * frame_width / width
 
 
 def metres_from_inverse(raw: FloatArray, focal_px: float, width: float) -> FloatArray:
-    """Metres from canonical inverse depth, that of a camera whose focal length is the width of its picture.
+    """Convert canonical inverse depth, of a camera whose focal length is its image width, to metres.
 
-    ``1 / z = raw * width / focal_px``. Inverse depth may be resampled before this, and metres should not be after it:
-    between a near and a far surface the mean of the inverses is what the network was trained for.
+    ``1 / z = raw * width / focal_px``. Resample inverse depth before this conversion, not metres after it: networks are
+    trained so that between a near and a far surface the mean of the inverses is right.
 
     Args:
         raw: (h, w) canonical inverse depth, at any resolution.
@@ -69,11 +68,11 @@ def metres_from_inverse(raw: FloatArray, focal_px: float, width: float) -> Float
 
 
 def metres_from_canonical(raw: FloatArray, focal_px: float, canonical_focal_px: float) -> FloatArray:
-    """Metres from the depth that a camera of ``canonical_focal_px`` would have seen: ``raw * focal_px / canonical``.
+    """Convert the depth of a camera of ``canonical_focal_px`` to metres: ``raw * focal_px / canonical``.
 
     Args:
         raw: (h, w) depth for the canonical camera, m.
-        focal_px: of the picture as the network saw it, in its px: the photo's own times the factor of the resize.
+        focal_px: focal length of the network's input image, px: the photo's focal length times the resize factor.
         canonical_focal_px: 1000 for Metric3D v2, 300 for Depth Anything 3.
 
     Returns:
@@ -86,12 +85,12 @@ def metres_from_canonical(raw: FloatArray, focal_px: float, canonical_focal_px: 
 
 
 def metres_of_focal(depth: FloatArray, focal_px: float, seen_focal_px: float) -> FloatArray:
-    """Depth for the focal length that is known, from depth for the one that a network believed in.
+    """Rescale depth from the focal length that a network estimated to the known one.
 
     Args:
-        depth: (h, w) m, as a network gave it.
-        focal_px: what is known.
-        seen_focal_px: what the network believed, in px of the same picture.
+        depth: (h, w) m, output of the network.
+        focal_px: known focal length, px.
+        seen_focal_px: focal length that the network estimated, px of the same image.
 
     Returns:
         (h, w) float32 metres along z.

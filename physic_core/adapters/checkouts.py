@@ -1,10 +1,10 @@
-"""Code that the user brings: a folder with somebody's repository, imported without touching anything else.
+"""Import code from a repository that the user has checked out, isolated from other modules.
 
-Research repositories call their packages ``core``, ``models`` or ``utils``, so that two of them cannot be imported
-side by side. Here each has its own modules: they are in ``sys.modules`` only while its code runs, and names of others
-are put back afterwards. What a checkout imports from the environment (torch, timm, ...) is shared as usual.
+Research repositories often name their packages ``core``, ``models`` or ``utils``, so two of them cannot be imported
+together. Here each has its own modules. They are in ``sys.modules`` only while the code of the checkout runs, and other
+modules of these names are restored afterwards. Packages of the environment (torch, timm, ...) are shared.
 
-Code of a checkout is run with the user's rights. Only folders that the user named are imported.
+The code runs with the user's rights. Only folders that the user named are imported.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ _lock = threading.RLock()
 
 
 class Checkout:
-    """One repository of the user's.
+    """A repository that the user has checked out.
 
     Args:
-        folder: its root; "" where its package is installed in the environment instead, then nothing is set apart.
+        folder: its root; "" if its package is installed in the environment, and then nothing is isolated.
         name: of the project, for messages.
-        package: module that its code is imported from, "core.camerahmr_model"; the file must be there.
+        package: main module, such as "core.camerahmr_model"; its file must exist.
         homepage: where to get it.
         option: the backend's option that names the folder, for messages.
         needs: modules of the environment that its code imports.
@@ -69,7 +69,7 @@ class Checkout:
         self._is_inside = False
 
     def missing(self) -> tuple[str, ...]:
-        """What is lacking before its code can be imported, in words; imports nothing of it."""
+        """List what is missing to import its code; nothing of it is imported."""
         lacking = [fault] if (fault := self._fault()) else []
         absent = [need for need in self.needs if need not in sys.modules and not _exists(need)]
         if absent:
@@ -80,10 +80,11 @@ class Checkout:
         return tuple(lacking)
 
     def load(self, module: str | None = None) -> ModuleType:
-        """A module of it, imported; by default its main one.
+        """Import a module of the checkout; by default the main one.
 
         Raises:
-            WeightsMissingError: the folder is not there or is another one, or a package of the environment is missing.
+            WeightsMissingError: the folder is missing or is another project, or a package of the environment is
+                missing.
             BackendError: its code cannot be imported.
         """
         fault = self._fault()
@@ -101,10 +102,10 @@ class Checkout:
                 ) from error
 
     def attribute(self, name: str, module: str | None = None) -> Any:
-        """A class or function of a module of it.
+        """Return a class or function from a module of the checkout.
 
         Raises:
-            WeightsMissingError: as of :meth:`load`.
+            WeightsMissingError: as in :meth:`load`.
             BackendError: its code cannot be imported, or has no such name.
         """
         found = self.load(module)
@@ -117,9 +118,9 @@ class Checkout:
 
     @contextmanager
     def inside(self) -> Iterator[None]:
-        """While its code runs: its folder is first on the path, and its modules are the ones that imports find.
+        """Context in which the folder is first on ``sys.path`` and imports find its modules.
 
-        One checkout at a time, whatever the thread: code that is inside waits for no other.
+        Only one checkout is active at a time, in all threads.
         """
         if self.folder is None:
             yield
@@ -149,11 +150,11 @@ class Checkout:
                 self._is_inside = False
 
     def close(self) -> None:
-        """Forget its modules."""
+        """Discard its modules."""
         self._modules, self._own = {}, None
 
     def fingerprint(self) -> str:
-        """A text that changes with its Python files, and not with the place of the folder; "" where it is not there."""
+        """A text that changes with its Python files, not with the path of the folder; "" if it is missing."""
         import hashlib
 
         if self.folder is None or not self.folder.is_dir():
@@ -211,9 +212,9 @@ def _exists(module: str) -> bool:
 
 
 def _top_names(root: Path) -> dict[str, Path | None]:
-    """Names under which modules of the folder are imported -> the folder of a package without ``__init__.py``, or None.
+    """Top-level module names in the folder -> folder of a package without ``__init__.py``, else None.
 
-    Such a package is looked for after every other one of its name in the whole path, so it is made by hand.
+    Python prefers any other package of the same name on the path to such a package, so it is created explicitly.
     """
     names: dict[str, Path | None] = {}
     for place in root.iterdir() if root.is_dir() else ():
@@ -235,7 +236,7 @@ def _namespace(folder: Path) -> ModuleType:
 
 
 def _taken(names: Mapping[str, Path | None]) -> dict[str, ModuleType]:
-    """Modules of these top-level names, taken out of ``sys.modules``."""
+    """Remove the modules of these top-level names from ``sys.modules`` and return them."""
     found = [key for key in sys.modules if key.partition(".")[0] in names]
     return {key: sys.modules.pop(key) for key in found}
 

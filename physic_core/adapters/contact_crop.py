@@ -1,7 +1,7 @@
-"""The picture of one person that DECO-like contact networks are shown: a grown box, letterboxed on white, in BGR.
+"""Network input for DECO-like contact networks: an enlarged box, letterboxed on white, in BGR.
 
-Such networks were trained on files as OpenCV reads them, so channels come in the order blue, green, red, while mean and
-deviation of ImageNet keep theirs.
+Such networks were trained on images read by OpenCV. So channels are in the order blue, green, red, but mean and
+standard deviation of ImageNet keep their RGB order.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _WHITE = 255
 
 
 def grown_window(box: FloatArray, height: int, width: int, growth: float = GROWTH) -> tuple[slice, slice]:
-    """Rows and columns of a box (4,) x0 y0 x1 y1 px, grown and cut at the image's edges; at least one pixel."""
+    """Rows and columns of a box (4,) x0 y0 x1 y1 px, enlarged and clipped to the image; at least one pixel."""
     x0, y0, x1, y1 = (float(v) for v in box)
     dx, dy = growth * (x1 - x0), growth * (y1 - y0)
     return _span(y0 - dy, y1 + dy, height), _span(x0 - dx, x1 + dx, width)
@@ -36,13 +36,13 @@ def contact_crop(
     growth: float = GROWTH,
     fit: Literal["letterbox", "squash"] = "letterbox",
 ) -> FloatArray:
-    """The network's input (3, 256, 256) float32 for one person.
+    """Return the network input (3, 256, 256) float32 for one person.
 
     Args:
         image: (H, W, 3) uint8 RGB.
-        box: (4,) px, half open.
-        growth: share of its size by which the box grows on every side.
-        fit: "letterbox" keeps the proportions and fills up with white; "squash" stretches the box to a square.
+        box: (4,) x0 y0 x1 y1 px, half open.
+        growth: the box is enlarged by this share of its size on every side.
+        fit: "letterbox" keeps the aspect and pads with white; "squash" stretches the box to a square.
     """
     import cv2
     import numpy as np

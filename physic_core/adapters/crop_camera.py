@@ -1,9 +1,9 @@
-"""The camera of a square crop and the camera of the whole photo: weak perspective there, a translation in metres here.
+"""Convert the weak-perspective camera of a square crop to a translation in the photo's camera, and back.
 
-Networks that see one person or one hand in a square crop answer three numbers (s, tx, ty): the body's origin is seen
-at ``centre + side / 2 * s * (tx, ty)``, and one metre is ``side / 2 * s`` px there. In the whole photo's camera that is
-the translation whose origin is seen at the same pixel and at the depth at which a metre has that many pixels
-(CLIFF, Li et al. 2022, with the principal point in place of the image's centre).
+Networks for the crop of one person or hand return three numbers (s, tx, ty). The body's origin projects to ``centre +
+side / 2 * s * (tx, ty)``, and one metre is ``side / 2 * s`` px long there. The translation in the photo's camera
+projects to the same pixel, at the depth at which one metre is that long (CLIFF, Li et al. 2022, with the principal
+point instead of the image centre).
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ _SMALLEST = 1e-6  # of |s|: what a network answers for nobody must not become an
 
 
 def translation_of_crop(weak: FloatArray, centres: FloatArray, sides: FloatArray, camera: Intrinsics) -> FloatArray:
-    """Where the bodies' origins are in the camera of the whole photo.
+    """Translations of bodies in the photo's camera.
 
     Args:
         weak: (N, 3) s, tx, ty of each crop; s > 0.
-        centres: (N, 2) px of the photo, the middle of each crop; integer coordinates are pixel centres.
-        sides: (N,) px of the photo, the whole side of each square crop.
+        centres: (N, 2) px of the photo, centre of each crop; integer coordinates are pixel centres.
+        sides: (N,) px of the photo, full side length of each square crop.
         camera: of the photo; focal lengths along x and y may differ.
 
     Returns:
-        (N, 3) metres, camera frame; NaN where s is not above zero, for then nothing was seen.
+        (N, 3) metres, camera frame; NaN where s is not positive.
     """
     import numpy as np
 
@@ -42,14 +42,14 @@ def translation_of_crop(weak: FloatArray, centres: FloatArray, sides: FloatArray
 
 
 def told_of_crops(centres: FloatArray, sides: FloatArray, focal: float, camera: Intrinsics) -> dict[str, FloatArray]:
-    """What CameraHMR's network is told of boxes and camera, by its own names, float32.
+    """Inputs of CameraHMR's network for boxes and camera, float32, by the network's own names.
 
-    It takes the middle of the image for the principal point, so boxes are told as they lie about the true one.
+    The network assumes the principal point in the image centre, so boxes are shifted by the difference.
 
     Args:
         centres: (N, 2) px of the photo.
         sides: (N,) px of the photo.
-        focal: px, the one that the network is to believe.
+        focal: focal length for the network, px.
         camera: of the photo.
     """
     import numpy as np
@@ -68,7 +68,7 @@ def told_of_crops(centres: FloatArray, sides: FloatArray, focal: float, camera: 
 def crop_of_translation(
     translations: FloatArray, centres: FloatArray, sides: FloatArray, camera: Intrinsics
 ) -> FloatArray:
-    """The inverse of :func:`translation_of_crop`: (N, 3) metres with z > 0 -> (N, 3) s, tx, ty."""
+    """Inverse of :func:`translation_of_crop`: (N, 3) metres with z > 0 -> (N, 3) s, tx, ty."""
     import numpy as np
 
     points = translations.astype(np.float64)

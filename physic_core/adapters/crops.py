@@ -1,13 +1,13 @@
-"""A person's or a hand's box, cut out of the photo at the size that a network wants, and points carried back.
+"""Crop the box of a person or hand at the network's input size, and map points back to the photo.
 
-Boxes are half open, integer coordinates are pixel centres (:mod:`physic_core.types`). Networks differ in where they put
-the box on the grid of their input, and what is told in one grid and read in the other is off by half a pixel:
+Boxes are half open, integer coordinates are pixel centres (:mod:`physic_core.types`). Networks differ in how they align
+the box with the pixel grid of their input. A wrong choice shifts the result by half a pixel:
 
-- "corners": the middles of first and last pixel lie on the edges of the box (unbiased data processing, ViTPose with 17
-  joints);
-- "halves": the middle of the box is pixel coordinate width / 2, height / 2 (MMPose's affine, RTMPose, ViTPose with 133
-  joints; HMR 2.0, WiLoR);
-- "areas": pixels are cells that tile the box (what resampling a cut-out with half-pixel centres does).
+- "corners": the centres of the first and last pixel are on the edges of the box (unbiased data processing, ViTPose with
+  17 joints);
+- "halves": the centre of the box is pixel coordinate (width / 2, height / 2) (MMPose's affine, RTMPose, ViTPose with
+  133 joints; HMR 2.0, WiLoR);
+- "areas": pixels are cells that tile the box (as in resampling with half-pixel centres).
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ Grid = Literal["corners", "halves", "areas"]
 
 @dataclass(frozen=True)
 class Crop:
-    """Where the pixels of an upright cut-out lie in the photo: ``photo = origin + step * crop``.
+    """Mapping from the pixels of an upright crop to the photo: ``photo = origin + step * crop``.
 
     Attributes:
         origin: x and y of crop pixel (0, 0), px of the photo.
-        step: photo px from one crop pixel to the next, along x and y; x is negative in a mirrored crop.
-        width: of the cut-out, px.
-        height: of the cut-out, px.
+        step: photo px per crop pixel along x and y; x is negative in a mirrored crop.
+        width: of the crop, px.
+        height: of the crop, px.
     """
 
     origin: tuple[float, float]
@@ -40,14 +40,14 @@ class Crop:
     height: int
 
     def to_photo(self, points: FloatArray) -> FloatArray:
-        """Points (..., 2) in px of the cut-out -> px of the photo."""
+        """Points (..., 2) in px of the crop -> px of the photo."""
         import numpy as np
 
         found: FloatArray = np.asarray(self.origin) + np.asarray(self.step) * points
         return found
 
     def to_crop(self, points: FloatArray) -> FloatArray:
-        """Points (..., 2) in px of the photo -> px of the cut-out."""
+        """Points (..., 2) in px of the photo -> px of the crop."""
         import numpy as np
 
         found: FloatArray = (points - np.asarray(self.origin)) / np.asarray(self.step)
@@ -55,22 +55,22 @@ class Crop:
 
     @property
     def matrix(self) -> FloatArray:
-        """(2, 3), px of the cut-out -> px of the photo."""
+        """(2, 3) affine matrix, px of the crop -> px of the photo."""
         import numpy as np
 
         return np.array([[self.step[0], 0.0, self.origin[0]], [0.0, self.step[1], self.origin[1]]])
 
 
 def padded(box: FloatArray, aspect: float, padding: float = 1.25) -> tuple[FloatArray, FloatArray]:
-    """Middle (2,) and size (2,) of the smallest region of a fixed shape around a box, then enlarged.
+    """Smallest region of a fixed aspect around a box, enlarged: centre (2,) and size (2,).
 
     Args:
-        box: (4,) x0 y0 x1 y1, half open.
+        box: (4,) x0 y0 x1 y1 px of the photo, half open.
         aspect: width over height.
         padding: factor on both sides.
 
     Returns:
-        The middle in pixel-centre coordinates, and width and height, px of the photo. An empty box counts as one pixel.
+        Centre in pixel-centre coordinates, and width and height, px of the photo. An empty box counts as one pixel.
     """
     import numpy as np
 
@@ -84,15 +84,15 @@ def padded(box: FloatArray, aspect: float, padding: float = 1.25) -> tuple[Float
 def crop_of(
     box: FloatArray, width: int, height: int, *, padding: float = 1.25, grid: Grid, mirrored: bool = False
 ) -> Crop:
-    """The cut-out of ``width`` x ``height`` px around a box that keeps the photo's proportions.
+    """Crop of ``width`` x ``height`` px around a box, with the aspect of the photo's pixels kept.
 
     Args:
-        box: (4,) x0 y0 x1 y1, half open, px of the photo; may lie partly outside.
-        width: of the cut-out.
-        height: of the cut-out.
-        padding: how much larger than the box the region is.
-        grid: where the region lies on the grid of the cut-out.
-        mirrored: exchange left and right about the middle of the region.
+        box: (4,) x0 y0 x1 y1, half open, px of the photo; may be partly outside.
+        width: of the crop, px.
+        height: of the crop, px.
+        padding: size of the region relative to the box.
+        grid: alignment of the region with the pixel grid of the crop.
+        mirrored: exchange left and right about the centre of the region.
     """
     import numpy as np
 
@@ -111,19 +111,19 @@ def crop_of(
 
 
 def blur_before_shrinking(crop: Crop) -> float:
-    """Standard deviation, px of the photo, of the blur that HMR 2.0 and WiLoR give a region before they shrink it."""
+    """Standard deviation, px of the photo, of the anti-aliasing blur of HMR 2.0 and WiLoR."""
     half = abs(crop.step[0]) / 2
     return (half - 1) / 2 if half > 1.1 else 0.0
 
 
 def cut(image: UInt8Array, crop: Crop, *, fill: int = 0, sigma: float = 0.0) -> UInt8Array:
-    """The cut-out (height, width, 3) of an image (H, W, 3), bilinear.
+    """Resample a crop (height, width, 3) from an image (H, W, 3), bilinear.
 
     Args:
         image: uint8.
         crop: which pixels.
-        fill: value outside of the image.
-        sigma: px of the photo, standard deviation of a blur beforehand; 0 blurs nothing.
+        fill: value outside the image.
+        sigma: standard deviation of a Gaussian blur before resampling, px of the photo; 0 for none.
     """
     import cv2
     import numpy as np

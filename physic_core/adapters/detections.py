@@ -1,7 +1,7 @@
-"""Boxes of detectors: their forms, how much two share, and which of several mean one thing.
+"""Boxes of detectors: conversion, overlap and non-maximum suppression.
 
-Corners are x0 y0 x1 y1 px, half open like a slice: the edges of pixels, so that resizing a photo multiplies them. A
-point on a pixel's centre has integer coordinates, and lies half a pixel inside.
+Boxes are x0 y0 x1 y1 px, half open like a slice. Their coordinates are pixel edges, so resizing a photo multiplies
+them. A point at a pixel centre has integer coordinates; as an edge coordinate it is half a pixel larger.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ __all__ = ["Detections", "box_iou", "boxes_in_photo", "corners_of_centred", "nms
 
 @dataclass(frozen=True)
 class Detections:
-    """People as a detector sees them, best score first.
+    """Detected people, best score first.
 
     Attributes:
         boxes: (N, 4) x0 y0 x1 y1 px of the photo, half open, inside it.
         scores: (N,) in [0, 1].
-        keypoints: N rows, where the detector saw joints on its way.
+        keypoints: N rows if the detector also detects joints, else None.
     """
 
     boxes: FloatArray
@@ -36,7 +36,7 @@ class Detections:
         return len(self.boxes)
 
     def __getitem__(self, rows: Any) -> Detections:
-        """Those that a slice, indices or a mask picks."""
+        """Select rows by slice, indices or mask."""
         from dataclasses import replace
 
         joints = self.keypoints
@@ -72,9 +72,9 @@ def box_iou(boxes: FloatArray, others: FloatArray) -> FloatArray:
 
 
 def nms(boxes: FloatArray, scores: FloatArray, overlap: float) -> NDArray[np.intp]:
-    """Rows of the boxes that stay, best score first.
+    """Non-maximum suppression: indices of the boxes to keep, best score first.
 
-    A box goes when one with a better score that stays overlaps it by more than ``overlap`` (intersection over union).
+    A box is removed if its intersection over union with a kept box of a better score is more than ``overlap``.
 
     Args:
         boxes: (N, 4) x0 y0 x1 y1.
@@ -95,13 +95,16 @@ def nms(boxes: FloatArray, scores: FloatArray, overlap: float) -> NDArray[np.int
 def boxes_in_photo(
     boxes: FloatArray, height: int, width: int, smallest: float = 1.0
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Boxes cut at the edges of a photo, and which of them are then still ``smallest`` px wide and high.
+    """Clip boxes to the photo, and mark those that are still at least ``smallest`` px wide and high.
 
     Args:
-        boxes: (N, 4) x0 y0 x1 y1 px; those that are not finite do not stay.
+        boxes: (N, 4) x0 y0 x1 y1 px; boxes with non-finite coordinates are not kept.
         height: of the photo, px.
         width: of the photo, px.
         smallest: px.
+
+    Returns:
+        (N, 4) clipped boxes, and (N,) bool, which to keep.
     """
     import numpy as np
 

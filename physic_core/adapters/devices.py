@@ -1,4 +1,4 @@
-"""Which compute devices there are."""
+"""Check compute devices."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ DEVICE = re.compile(r"cpu|cuda(?::([0-9]+))?")
 
 
 def check_device(device: str) -> None:
-    """Refuse a device that is not there; "cpu" is accepted without importing torch.
+    """Raise an error if a device does not exist; "cpu" is accepted without importing torch.
 
     Args:
         device: "cpu", "cuda" or "cuda:N".
 
     Raises:
-        DeviceError: no such kind of device, no GPU, or no GPU of that number.
+        DeviceError: unknown kind of device, no GPU, or no GPU of that number.
     """
     found = DEVICE.fullmatch(device)
     if not found:

@@ -1,6 +1,6 @@
-"""From disparity, as relative depth networks answer it, to points.
+"""Convert the disparity of relative depth networks to points.
 
-Disparity is inverse depth up to scale and shift; networks are trained with 0 for infinity, and answer it for the sky.
+Disparity is inverse depth up to scale and shift. Networks are trained with 0 for infinity, and return it for the sky.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _SKY = 0.004  # ranges of the disparity
 
 
 def gap_of_disparity(disparity: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Disparity over that of infinity, at least a little, and where it is the sky or no number; both (h, w)."""
+    """Clip disparity (h, w) to a small positive minimum; also return a mask (h, w) of sky and NaN pixels."""
     import numpy as np
 
     low, high = np.percentile(disparity, [1, 99])
@@ -33,12 +33,12 @@ def points_of_gap(gap: FloatArray, lost: BoolArray, camera: Intrinsics) -> tuple
     """Points on the rays of a camera with z = 1 / gap, in units of the median distance.
 
     Args:
-        gap: (h, w) inverse depth above 0, at any size.
-        lost: (h, w) where it says nothing; not everywhere.
+        gap: (h, w) positive inverse depth, at any resolution.
+        lost: (h, w) bool, pixels without a value; not all.
         camera: of the photo.
 
     Returns:
-        (H, W, 3) float32 and (H, W), which of them count.
+        (H, W, 3) float32 points, and (H, W) bool, which are valid.
     """
     import numpy as np
 

@@ -1,7 +1,7 @@
-"""Boxes of hands from the keypoints of people, so that no detector of hands is needed.
+"""Boxes of hands from the keypoints of people, without a hand detector.
 
-Whole-body keypoints have 21 points a hand: their box is that of the points. Others have a wrist and an elbow: a hand is
-beyond the wrist, in the direction of the forearm, and about three quarters of its length.
+Whole-body skeletons have 21 points per hand, and the box is their bounding box. Other skeletons have a wrist and an
+elbow. There the hand is assumed beyond the wrist, in the direction of the forearm, with three quarters of its length.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ _EDGE = 0.5
 
 @dataclass(frozen=True)
 class HandBoxes:
-    """M hands of N people, in the order of the people, left before right.
+    """M hands of N people, sorted by person, left before right.
 
     Attributes:
         person: (M,) row of the person.
         right: (M,) whether it is the right hand.
-        boxes: (M, 4) px, x0 y0 x1 y1, half open, around the hand without any margin.
-        confidence: (M,) in [0, 1], of the keypoints that it was told from.
+        boxes: (M, 4) x0 y0 x1 y1 px, half open, tight around the hand.
+        confidence: (M,) in [0, 1], of the keypoints that the box is computed from.
     """
 
     person: IntArray
@@ -55,12 +55,12 @@ class HandBoxes:
 
 
 def hand_boxes(keypoints: Keypoints, *, least_confidence: float = 0.5, least_size_px: float = 16.0) -> HandBoxes:
-    """Where hands are seen.
+    """Boxes of the visible hands.
 
     Args:
         keypoints: of N people, in any skeleton; one without arms gives no hands.
-        least_confidence: mean of the 21 points of a hand, or the lower one of wrist and elbow.
-        least_size_px: the longer side; smaller hands are left out.
+        least_confidence: minimum of the mean over the 21 points of a hand, or of the lower one of wrist and elbow.
+        least_size_px: minimum of the longer side, px; smaller hands are left out.
     """
     import numpy as np
 
@@ -82,7 +82,7 @@ def hand_boxes(keypoints: Keypoints, *, least_confidence: float = 0.5, least_siz
 
 
 def _of_points(points: FloatArray, sure: FloatArray, skeleton: str, side: int) -> tuple[FloatArray, float] | None:
-    """Least and greatest coordinates of the 21 points, and their mean confidence."""
+    """Minimum and maximum coordinates of the 21 points, and their mean confidence."""
     import numpy as np
 
     if skeleton not in _HANDS:
@@ -92,7 +92,7 @@ def _of_points(points: FloatArray, sure: FloatArray, skeleton: str, side: int) -
 
 
 def _of_arm(points: FloatArray, sure: FloatArray, skeleton: str, side: int) -> tuple[FloatArray, float] | None:
-    """Least and greatest coordinates of a square beyond the wrist, and the confidence of wrist and elbow."""
+    """Minimum and maximum coordinates of a square beyond the wrist, and the confidence of wrist and elbow."""
     import numpy as np
 
     if skeleton not in _ARMS:

@@ -1,7 +1,7 @@
-"""Where a pose network puts its joints: peaks of heat maps to a part of a pixel, and of SimCC's two lines.
+"""Decode joints from the output of pose networks: heat maps to sub-pixel peaks, and SimCC.
 
-All functions take people and joints at once and answer points in px of the network's own grid, integer coordinates at
-the middle of its cells; :class:`physic_core.adapters.crops.Crop` carries them into the photo.
+All functions process people and joints at once. They return points in px of the network's own grid; integer coordinates
+are cell centres. :class:`physic_core.adapters.crops.Crop` maps them to the photo.
 """
 
 from __future__ import annotations
@@ -36,15 +36,15 @@ def peaks(heatmaps: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def refined_peaks(heatmaps: FloatArray, *, sigma: float = 0.8, radius: int = 5) -> tuple[FloatArray, FloatArray]:
-    """Peaks to a part of a cell: one Newton step on the logarithm of the smoothed map (DARK, arXiv:1910.06278).
+    """Sub-cell peaks: one Newton step on the logarithm of the smoothed map (DARK, arXiv:1910.06278).
 
-    The logarithm of a Gaussian is a parabola, so that one step from the highest cell reaches its middle. Where the map
-    has no peak there, or one that is more than a cell away, the highest cell itself is answered.
+    The logarithm of a Gaussian is a parabola, so one step from the highest cell reaches its centre. If the map has no
+    peak there, or one more than a cell away, the centre of the highest cell is returned.
 
     Args:
         heatmaps: (N, J, h, w).
-        sigma: cells, of the Gaussian that smooths the map.
-        radius: cells, at which it is cut off.
+        sigma: standard deviation of the smoothing Gaussian, cells.
+        radius: cells at which it is truncated.
 
     Returns:
         Points (N, J, 2), and the values (N, J) of the unsmoothed maps at their highest cells.
@@ -75,7 +75,7 @@ def refined_peaks(heatmaps: FloatArray, *, sigma: float = 0.8, radius: int = 5) 
 
 
 def simcc_peaks(along_x: FloatArray, along_y: FloatArray, split: float = 2.0) -> tuple[FloatArray, FloatArray]:
-    """Joints of a network that classifies x and y apart (SimCC, arXiv:2107.03332).
+    """Joints of a network that classifies x and y separately (SimCC, arXiv:2107.03332).
 
     Args:
         along_x: (N, J, split * width).
@@ -92,7 +92,7 @@ def simcc_peaks(along_x: FloatArray, along_y: FloatArray, split: float = 2.0) ->
 
 
 def as_confidence(scores: FloatArray, full: float = 1.0) -> FloatArray:
-    """Scores of any shape as a share in [0, 1] of the score that stands for certainty; NaN and less than 0 are 0."""
+    """Scores divided by ``full`` and clipped to [0, 1], any shape; NaN becomes 0."""
     import numpy as np
 
     found: FloatArray = np.clip(np.nan_to_num(scores / full, nan=0.0), 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""Filling what a mask covers, and nothing else."""
+"""Inpaint the pixels of a mask and keep all others unchanged."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ __all__ = ["check_mask", "fill_within", "widened"]
 
 
 def check_mask(image: UInt8Array, mask: BoolArray) -> BoolArray:
-    """The mask as bool.
+    """Validate a mask (H, W) for an image (H, W, 3) and return it as bool.
 
     Raises:
-        BackendError: it has another size than the image (H, W, 3), or leaves nothing to go by.
+        BackendError: its size differs from the image's, or it covers the complete image.
     """
     import numpy as np
 
@@ -35,16 +35,16 @@ def check_mask(image: UInt8Array, mask: BoolArray) -> BoolArray:
 def fill_within(
     image: UInt8Array, mask: BoolArray, rim: float, fill: Callable[[UInt8Array, BoolArray], UInt8Array]
 ) -> UInt8Array:
-    """Fill the mask, and leave the very same pixels outside of it.
+    """Inpaint the mask; pixels outside it stay bit for bit the same.
 
     Args:
         image: (H, W, 3).
         mask: (H, W), True = fill.
-        rim: share of the long side by which the hole that is shown is wider.
-        fill: of the image and the wider hole; called only where there is a hole.
+        rim: the mask passed to ``fill`` is dilated by this share of the long side.
+        fill: inpainting function of the image and the dilated mask; not called for an empty mask.
 
     Raises:
-        BackendError: the mask has another size or leaves nothing to go by.
+        BackendError: the mask's size differs from the image's, or it covers the complete image.
     """
     import numpy as np
 
@@ -53,7 +53,10 @@ def fill_within(
 
 
 def widened(mask: BoolArray, share: float) -> BoolArray:
-    """A mask dilated by a disc of this share of its long side; the mask itself where that left nothing to go by."""
+    """Dilate a mask by a disc whose radius is this share of its long side.
+
+    The mask is unchanged if the result would cover the complete image.
+    """
     radius = round(share * max(mask.shape))
     if not radius:
         return mask

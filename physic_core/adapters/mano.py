@@ -1,7 +1,7 @@
-"""Hands from a network that knows right hands only, as MANO networks do: left ones are shown to it in a mirror.
+"""Convert the output of right-hand networks (MANO) to hands; left hands are mirrored for the network.
 
-MANO orders its joints as SMPL-X does (index, middle, pinky, ring, thumb, each from its base), and rotation matrices
-that a network answers are relative to the flat hand, as here.
+MANO orders its joints as SMPL-X does (index, middle, pinky, ring, thumb, each from its base). Its rotation matrices are
+relative to the flat hand, as here.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ FINGER_JOINTS = 15
 
 
 def no_hands(count: int) -> Hands:
-    """Of ``count`` people no hand was found."""
+    """Result for ``count`` people without a detected hand."""
     import numpy as np
 
     return Hands(np.zeros((count, 2, FINGER_JOINTS, 3), np.float32), np.zeros((count, 2), np.float32))
@@ -36,25 +36,25 @@ def hands_from_mano(
     *,
     left_in_mirror: bool = True,
 ) -> Hands:
-    """The answer of a HandEstimator from M single hands.
+    """Assemble the output of a HandEstimator from M single hands.
 
     Args:
         count: N people.
-        person: (M,) row of the person whose hand it is.
-        right: (M,) whether it is the right one.
+        person: (M,) row of the person.
+        right: (M,) whether it is the right hand.
         fingers: (M, 15, 3) rotation vectors, (M, 45), or (M, 15, 3, 3) matrices, as of right hands.
         confidence: (M,) in [0, 1].
-        wrists: (M, 3), (M, 1, 3) or (M, 1, 3, 3), of the whole hand from the T-pose to the camera frame of the picture
-            that the network saw; None where it says nothing.
-        left_in_mirror: whether left hands were shown in a mirror and their answers are still as of right ones; False
-            where somebody mirrored them back already.
+        wrists: (M, 3), (M, 1, 3) or (M, 1, 3, 3), rotation of the hand from the T-pose to the camera frame of the
+            network's input image; None if the network does not estimate it.
+        left_in_mirror: whether left hands are results of mirrored images, still as right hands; False if they are
+            already mirrored back.
 
     Returns:
-        N people's hands; one whose numbers are not finite is as if it had not been found. Of several answers for the
-        same hand, the most confident one counts.
+        Hands of N people. A hand with non-finite values counts as not detected. Of several results for the same hand,
+        the most confident one is used.
 
     Raises:
-        ValueError: the shapes do not fit.
+        ValueError: the shapes do not match.
     """
     import numpy as np
 

@@ -1,4 +1,7 @@
-"""Which joints of a body the photo shows, told by the keypoints: body networks answer hidden limbs like seen ones."""
+"""Find the joints of a body that are visible in the photo, from keypoints.
+
+Body networks also return a pose for hidden limbs, without marking it.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +17,13 @@ __all__ = ["observed_joints"]
 
 @dataclass(frozen=True)
 class _Rows:
-    """Which keypoint of a skeleton is which, left then right.
+    """Rows of a skeleton's keypoints, left then right.
 
     Attributes:
         limbs: shoulder, elbow, wrist, hip, knee, ankle.
-        feet: heel and toes; empty where the skeleton has none.
+        feet: heel and toes; empty if the skeleton has none.
         face: nose, eyes and ears.
-        hands: the points of a hand; empty where the skeleton has none.
+        hands: the points of a hand; empty if the skeleton has none.
     """
 
     limbs: Mapping[str, tuple[int, int]]
@@ -55,20 +58,20 @@ _PELVIS, _LOWER_SPINE, _CHEST, _OF_FACE = 0, (3, 6), 9, (12, 15, 22, 23, 24)
 
 
 def observed_joints(keypoints: Keypoints, height: int, width: int, least: float = 0.5) -> BoolArray | None:
-    """Joints of SMPL-X whose keypoints are seen inside the image.
+    """SMPL-X joints whose keypoints are confident and inside the image.
 
-    Joints without a keypoint go with their neighbours: collars with shoulders, the foot's joint with heel or toes;
-    neck, head, jaw and eyes with any point of the face; the pelvis with a hip, the chest with a shoulder, the spine
-    between with both; fingers with half of the hand's points, or with the wrist.
+    Joints without a keypoint depend on their neighbours: collars on shoulders; the foot's joint on heel or toes; neck,
+    head, jaw and eyes on any point of the face; the pelvis on a hip, the chest on a shoulder, the spine between them on
+    both; fingers on half of the hand's points, or on the wrist.
 
     Args:
         keypoints: of N people.
         height: of the image, px.
         width: of the image, px.
-        least: confidence from which a keypoint is seen.
+        least: minimum confidence of a visible keypoint.
 
     Returns:
-        (N, 55) bool, or None for a skeleton that is not known here.
+        (N, 55) bool, or None if the skeleton is not supported.
     """
     import numpy as np
 

@@ -1,6 +1,6 @@
-"""Panoptic queries, a class and a mask each, to people and the floor (MaskFormer, Mask2Former, EoMT).
+"""Convert panoptic queries (MaskFormer, Mask2Former, EoMT) to people and floor.
 
-Every query claims the pixels that its mask and its class make likelier than any other's do.
+A query has a class and a mask. Each pixel belongs to the query with the largest product of class and mask probability.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Padded:
         self.inner = sides if height <= width else sides[::-1]
 
     def to_photo(self, grid: FloatArray) -> FloatArray:
-        """(h, w) values over the whole frame -> (H, W) float32 values of the photo's pixels, bilinear."""
+        """Resample (h, w) values of the complete frame to (H, W) float32 pixels of the photo, bilinear."""
         import cv2
         import numpy as np
 
@@ -75,7 +75,7 @@ class Padded:
 
 
 def framed(image: UInt8Array, padded: Padded) -> FloatArray:
-    """A photo as the network sees it, (1, 3, S, S); the frame is black before it is normalised, not grey."""
+    """Network input (1, 3, S, S) of a photo; the padding is black before normalisation, not grey."""
     import numpy as np
 
     square = np.zeros((padded.frame, padded.frame, 3), np.uint8)
@@ -94,17 +94,17 @@ def people_and_floor(
     held: float = 0.8,
     smallest: int = 1,
 ) -> People:
-    """What panoptic queries say of people and of the floor.
+    """Masks of people and of the floor from panoptic queries.
 
     Args:
-        class_logits: (Q, C + 1), the last class is none.
+        class_logits: (Q, C + 1); the last class is "no object".
         mask_logits: (Q, h, w), above 0 inside.
         to_photo: (h, w) of one query -> (H, W) of the photo.
         size: H and W of the photo, px.
-        labels: names of the C classes; people are "person", the floor what is named in ``FLOOR``.
-        threshold: queries whose class is less likely are not heard.
-        held: a query must win this share of its own mask, or it is taken for a part of others.
-        smallest: people of fewer px are left out.
+        labels: names of the C classes; people are "person", floor classes are those in ``FLOOR``.
+        threshold: queries with a lower class probability are ignored.
+        held: minimum share of its own mask that a query must win; otherwise it counts as a part of others.
+        smallest: people with fewer px are left out.
 
     Raises:
         ValueError: C is not the number of labels.

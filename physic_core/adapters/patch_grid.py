@@ -1,4 +1,4 @@
-"""The size at which a photo is shown to a transformer that cuts it into patches: whole patches, aspect nearly kept."""
+"""Input sizes for vision transformers: multiples of the patch size, with nearly the photo's aspect."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ __all__ = ["capped", "least_scaled", "longest_side"]
 
 
 def least_scaled(height: int, width: int, side: int, patch: int = 14) -> tuple[int, int]:
-    """The rule of DPT, and so of Depth Anything: one side becomes ``side``, the one that changes the photo less.
+    """Input size of DPT and Depth Anything: one side becomes ``side``, the one that changes the size less.
 
-    A photo larger than that keeps its short side at ``side``, a smaller one its long side.
+    For a photo larger than ``side``, this is the short side; for a smaller one, the long side.
 
     Args:
         height: of the photo, px.
@@ -19,7 +19,7 @@ def least_scaled(height: int, width: int, side: int, patch: int = 14) -> tuple[i
         patch: px.
 
     Returns:
-        Rows and columns, each the nearest multiple of ``patch``, and at least one.
+        Rows and columns, px, each the nearest multiple of ``patch`` and at least one patch.
     """
     tall, wide = side / height, side / width
     scale = wide if abs(1 - wide) < abs(1 - tall) else tall
@@ -27,13 +27,13 @@ def least_scaled(height: int, width: int, side: int, patch: int = 14) -> tuple[i
 
 
 def longest_side(height: int, width: int, side: int, patch: int = 14) -> tuple[int, int]:
-    """The rule of Depth Anything 3: the long side becomes ``side``, then each goes to the nearest multiple, ties up.
+    """Input size of Depth Anything 3: the long side becomes ``side``, then both are rounded, ties up.
 
     Args:
         height: of the photo, px.
         width: of the photo, px.
         side: px.
-        patch: px.
+        patch: px; both sides are multiples of it.
     """
     scale = side / max(height, width)
     rows, columns = max(1, round(height * scale)), max(1, round(width * scale))
@@ -41,9 +41,9 @@ def longest_side(height: int, width: int, side: int, patch: int = 14) -> tuple[i
 
 
 def capped(rows: int, columns: int, most: int, patch: int = 14) -> tuple[int, int]:
-    """The same size, or the largest of about its aspect with at most ``most`` patches.
+    """Reduce a size to at most ``most`` patches with about the same aspect; unchanged if it has fewer.
 
-    Time and memory of a transformer grow with the square of their number: long panoramas would be ruinous.
+    Time and memory of a transformer grow with the square of the number of patches.
     """
     patches = (rows // patch) * (columns // patch)
     if patches <= most:

@@ -1,4 +1,4 @@
-"""Masks of single people, as networks give them, to what a Segmenter answers."""
+"""Convert the masks of networks to the output of a Segmenter."""
 
 from __future__ import annotations
 
@@ -29,20 +29,19 @@ def people_from_masks(
     reach: float = 0.25,
     smallest: int = 1,
 ) -> People:
-    """People, best score first, whose masks do not overlap and whose boxes are tight.
+    """People, best score first, with disjoint masks and tight boxes.
 
-    A pixel that several claim goes to the largest logit; where masks are bool, to the best score. Who is left without
-    ``smallest`` pixels is nobody. The floor gives way to people.
+    A pixel of several masks goes to the largest logit, or for bool masks to the best score. People with fewer than
+    ``smallest`` pixels are removed. Pixels of people are removed from the floor.
 
     Args:
-        masks: N of (H, W), logits (above 0 inside) or bool; they are looked at one after another, so a generator keeps
-            a large photo out of memory.
-        boxes: (N, 4) x0 y0 x1 y1 px of what found them, beyond which their masks do not reach far; None for no limit.
+        masks: N of (H, W), logits (above 0 inside) or bool; processed one by one, so a generator saves memory.
+        boxes: (N, 4) x0 y0 x1 y1 px of the detector, which limit the masks; None for no limit.
         scores: (N,) in [0, 1].
         floor: (H, W) bool or None.
         size: H and W, px.
         keypoints: N rows, or None.
-        reach: how far a mask may reach out of its box, in widths and heights of the box.
+        reach: how far a mask may extend outside its box, in widths and heights of the box.
         smallest: px.
     """
     import numpy as np
@@ -76,7 +75,7 @@ def people_from_masks(
 
 
 def tight_boxes(masks: BoolArray) -> FloatArray:
-    """(N, H, W) -> (N, 4) x0 y0 x1 y1 px, half open, zeros for a mask without pixels."""
+    """Bounding boxes of masks: (N, H, W) -> (N, 4) x0 y0 x1 y1 px, half open; zeros for an empty mask."""
     import numpy as np
 
     boxes: FloatArray = np.zeros((len(masks), 4))
@@ -88,12 +87,12 @@ def tight_boxes(masks: BoolArray) -> FloatArray:
 
 
 def distinct_masks(masks: BoolArray, scores: FloatArray, overlap: float = 0.8) -> NDArray[np.intp]:
-    """Rows, best score first, of masks that mean different people.
+    """Indices, best score first, of masks after removing duplicates of the same person.
 
-    Two masks mean one person when they share more than ``overlap`` of their union: a detector saw that one twice.
+    Two masks are of the same person if their intersection over union is more than ``overlap``.
 
     Args:
-        masks: (N, H, W) bool, at any scale.
+        masks: (N, H, W) bool, at any resolution.
         scores: (N,).
         overlap: in [0, 1].
     """
@@ -111,7 +110,7 @@ def distinct_masks(masks: BoolArray, scores: FloatArray, overlap: float = 0.8) -
 
 
 def _within(box: FloatArray, reach: float, size: tuple[int, int]) -> BoolArray:
-    """(H, W) pixels of a box that is grown by ``reach`` of its sides on each side."""
+    """(H, W) bool, pixels of a box enlarged by ``reach`` of its size on each side."""
     import numpy as np
 
     grow = reach * (box[2:] - box[:2])

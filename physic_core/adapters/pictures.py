@@ -1,7 +1,6 @@
-"""Photos into the form in which networks take them, and maps back: resizing, letterboxes, normalisation.
+"""Prepare photos for networks and map results back: resizing, letterboxing, normalisation.
 
-Integer pixel coordinates are pixel centres, so that coordinate x of an image becomes (x + 0.5) s - 0.5 in the same
-image s times as large.
+Integer pixel coordinates are pixel centres. So coordinate x of an image becomes (x + 0.5) s - 0.5 after resizing by s.
 """
 
 from __future__ import annotations
@@ -74,7 +73,7 @@ def squash(image: NDArray[Any], height: int, width: int, how: Resampling = "bili
 
 
 def resample(values: NDArray[Any], height: int, width: int) -> FloatArray:
-    """Map (H, W) or (H, W, C) -> float32 of another size, bilinear between pixel centres; NaN spreads to neighbours."""
+    """Resize a map (H, W) or (H, W, C) to float32, bilinear between pixel centres; NaN spreads to neighbours."""
     import numpy as np
 
     return np.asarray(squash(np.asarray(values, np.float32), height, width, "bilinear"))
@@ -82,14 +81,14 @@ def resample(values: NDArray[Any], height: int, width: int) -> FloatArray:
 
 @dataclass(frozen=True)
 class Letterbox:
-    """How a photo lies in a canvas of another shape.
+    """Position of a photo in a canvas of another aspect.
 
     Attributes:
-        scale: canvas pixels a photo pixel, before the size was rounded.
-        left: columns of the canvas before the photo begins.
-        top: rows of the canvas before it begins.
+        scale: canvas pixels per photo pixel, before the size was rounded.
+        left: columns of the canvas left of the photo.
+        top: rows of the canvas above the photo.
         inner: height and width of the photo in the canvas, px.
-        size: height and width of the photo itself, px.
+        size: height and width of the original photo, px.
     """
 
     scale: float
@@ -99,29 +98,29 @@ class Letterbox:
     size: tuple[int, int]
 
     def to_photo(self, points: NDArray[Any]) -> FloatArray:
-        """Pixel coordinates (..., 2) x y of the canvas -> of the photo."""
+        """Pixel coordinates (..., 2) x y: canvas -> photo."""
         import numpy as np
 
         return np.asarray((points - self._offset() + 0.5) / self._factor() - 0.5, np.float64)
 
     def to_canvas(self, points: NDArray[Any]) -> FloatArray:
-        """Pixel coordinates (..., 2) x y of the photo -> of the canvas."""
+        """Pixel coordinates (..., 2) x y: photo -> canvas."""
         import numpy as np
 
         return np.asarray((points + 0.5) * self._factor() - 0.5 + self._offset(), np.float64)
 
     def edges_to_photo(self, boxes: NDArray[Any]) -> FloatArray:
-        """Half-open boxes (..., 4) x0 y0 x1 y1 of the canvas -> of the photo: edges between pixels, not centres."""
+        """Half-open boxes (..., 4) x0 y0 x1 y1: canvas -> photo; these are pixel edges, not centres."""
         import numpy as np
 
         return np.asarray((boxes - np.tile(self._offset(), 2)) / np.tile(self._factor(), 2), np.float64)
 
     def crop(self, values: NDArray[Any]) -> NDArray[Any]:
-        """The photo's part of a map (h, w, ...) of the canvas, a view."""
+        """View of the photo's part of a map (h, w, ...) of the canvas."""
         return values[self.top : self.top + self.inner[0], self.left : self.left + self.inner[1]]
 
     def map_to_photo(self, values: NDArray[Any]) -> FloatArray:
-        """The photo's part of a map (h, w) or (h, w, C) of the canvas, at the size of the photo, bilinear."""
+        """Resize the photo's part of a map (h, w) or (h, w, C) of the canvas to the photo's size, bilinear."""
         return resample(self.crop(values), *self.size)
 
     def _factor(self) -> FloatArray:
@@ -144,15 +143,15 @@ def letterbox(
     multiple: int | None = None,
     how: Resampling = "bilinear",
 ) -> tuple[NDArray[Any], Letterbox]:
-    """Resize a photo with its aspect into a canvas.
+    """Resize a photo into a canvas, keeping its aspect.
 
     Args:
         image: (H, W, 3) uint8 or float32.
         height: of the canvas, px.
         width: of the canvas, px.
-        fill: of what the photo leaves free, one value or one a channel.
-        where: the photo lies.
-        multiple: the canvas is cut to the smallest multiple of this that holds the photo.
+        fill: padding value, one or one per channel.
+        where: position of the photo.
+        multiple: crop the canvas to the smallest multiple of this that contains the photo; None to keep it.
         how: see :data:`Resampling`.
     """
     import numpy as np

@@ -1,7 +1,7 @@
-"""A user's SMPL or MANO file for published code that unpickles it.
+"""Convert a user's SMPL or MANO file to plain NumPy arrays, for published code that unpickles it.
 
-The published pickles name chumpy, which new Pythons cannot have, and whoever unpickles a file runs what it says. So
-such code is given a copy that holds arrays of numpy and nothing else.
+The published pickles need chumpy, which does not work with new versions of Python. Unpickling a file can run any code
+in it. So such code gets a copy that contains only NumPy arrays.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ _DIGEST = 32
 
 @contextmanager
 def plain_model(path: str | Path, family: Literal["smpl", "mano"]) -> Iterator[Path]:
-    """A copy of a body model, for ``pickle.load(file, encoding="latin1")`` and for smplx, which calls that.
+    """Yield the path of a converted body model, for ``pickle.load(file, encoding="latin1")`` and smplx.
 
-    It is kept in the cache (``physic cache clear`` removes it), checked before each use and written anew where it is
-    damaged; where nothing is cached, it is there for the block only. Its name begins as that of the file does.
+    The copy is cached (``physic cache clear`` removes it). It is verified before each use, and written again if
+    damaged. With the cache disabled it exists only inside the block. Its name starts like that of the original.
 
     Args:
-        path: of the user's file, a published ``.pkl`` or ``.npz``.
-        family: whose it is.
+        path: the user's file, a published ``.pkl`` or ``.npz``.
+        family: type of the model.
 
     Raises:
-        BodyModelError: there is no such file, it is none of this family, it is damaged, or it could run code.
+        BodyModelError: the file is missing, has another type, is damaged, or could run code.
     """
     from physic_core.body.model_file import MANO, SMPL
     from physic_core.cache.lru_folder import MODEL_SUFFIX
@@ -79,7 +79,7 @@ def _is_whole(copy: Path, digest: str) -> bool:
 
 
 def _keep(folder: Path, name: str, source: Path, layout: Layout, digest: str) -> bool:
-    """Whether the copy could be written."""
+    """Write the copy to the cache; False if that fails."""
     from physic_core.files.atomic import replacing
 
     content = _content(source, layout, digest)

@@ -1,4 +1,4 @@
-"""Rotations as networks answer them, matrices or vectors, as the rotation vectors of this project."""
+"""Convert the rotations of networks, matrices or vectors, to rotation vectors."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ def rotvecs_of(rotations: FloatArray, joints: int) -> FloatArray:
     """Rotation vectors (N, joints, 3) float64, radians.
 
     Args:
-        rotations: (N, joints, 3) or (N, 3 joints) rotation vectors, or (N, joints, 3, 3) matrices, which need not be
-            quite orthonormal; a rotation that is not finite, or no rotation at all, becomes NaN.
-        joints: how many there are, which tells matrices of one joint from vectors of three.
+        rotations: (N, joints, 3) or (N, 3 joints) rotation vectors, or (N, joints, 3, 3) matrices, approximately
+            orthonormal. Non-finite or invalid rotations become NaN.
+        joints: number of joints; it distinguishes matrices of one joint from vectors of three.
 
     Raises:
-        ValueError: the shape is none of these.
+        ValueError: another shape.
     """
     import numpy as np
     from scipy.spatial.transform import Rotation
@@ -43,7 +43,7 @@ def rotvecs_of(rotations: FloatArray, joints: int) -> FloatArray:
 
 
 def mirrored(rotvecs: FloatArray) -> FloatArray:
-    """The same rotations seen in a mirror that exchanges left and right (x -> -x): (..., 3) becomes (x, -y, -z)."""
+    """Rotation vectors after exchanging left and right (x -> -x): (..., 3) becomes (x, -y, -z)."""
     import numpy as np
 
     out: FloatArray = rotvecs * np.array([1.0, -1.0, -1.0])

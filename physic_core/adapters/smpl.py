@@ -1,6 +1,6 @@
-"""Bodies from SMPL parameters: joints 0-21 of SMPL are those of SMPL-X, and so are their rotations.
+"""Convert SMPL parameters to bodies: joints 0-21 and their rotations are the same in SMPL-X.
 
-SMPL's joints 22 and 23, the hands, have no counterpart: SMPL-X's wrists already turn the hand. They are left out.
+SMPL's joints 22 and 23, the hands, are left out: SMPL-X has no such joints, its wrists already rotate the hands.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ _SMPLX_JOINTS = 55
 def parameters_of(
     rotvecs: FloatArray, betas: FloatArray, transl: FloatArray, expression: FloatArray | None = None
 ) -> BodyParameters:
-    """SMPL-X-named parameters as float32.
+    """Body parameters with SMPL-X names, float32.
 
     Args:
-        rotvecs: (N, 22, 3), or (N, 55, 3) with jaw, eyes and hands, radians; zero where there are none.
-        betas: (N, K).
+        rotvecs: (N, 22, 3), or (N, 55, 3) with jaw, eyes and hands, radians; zero for joints without an estimate.
+        betas: (N, K) shape.
         transl: (N, 3) metres.
-        expression: (N, E); E = 0 where None.
+        expression: (N, E); None for E = 0.
     """
     import numpy as np
 
@@ -67,17 +67,16 @@ def bodies_from_smpl(
     """N bodies of the model "smpl".
 
     Args:
-        rotations: (N, 24, 3), (N, 72) rotation vectors or (N, 24, 3, 3) matrices of SMPL's joints relative to their
-            parents; 22 joints do as well.
+        rotations: (N, 24, 3), (N, 72) rotation vectors in radians, or (N, 24, 3, 3) matrices, of SMPL's joints relative
+            to their parents; 22 joints are also accepted.
         betas: (N, K) SMPL shape.
         transl: (N, 3) metres, added after posing.
-        joints: (N, 24, 3) or (N, 22, 3) metres, camera frame, where SMPL has its joints; None where nobody evaluated
-            the body.
-        mesh: SMPL's surfaces, or None.
-        observed: (N, 55) bool, or None.
+        joints: (N, 24, 3) or (N, 22, 3) metres, camera frame, joint positions of SMPL; None if not evaluated.
+        mesh: SMPL meshes, or None.
+        observed: (N, 55) bool, visible joints, or None.
 
     Raises:
-        ValueError: a shape does not fit.
+        ValueError: a shape does not match.
     """
     import numpy as np
 
@@ -91,7 +90,7 @@ def bodies_from_smpl(
 
 
 def no_bodies(body_model: str, num_betas: int = 10) -> Bodies:
-    """The answer about nobody."""
+    """Result for an image without people."""
     import numpy as np
 
     none = np.zeros((0, SHARED_JOINTS, 3), np.float32)

@@ -12,8 +12,8 @@ __all__ = ["limited_threads"]
 def limited_threads(count: int = 1) -> Iterator[None]:
     """Use ``count`` threads inside the block and restore the earlier numbers after it.
 
-    For tensors of the size of a body a second thread costs more than it gains: beside another busy process, two threads
-    made fits up to 45 times slower. torch has a thread pool of its own, which threadpoolctl does not reach.
+    For tensors of the size of a body, a second thread costs more than it gains. With another busy process, two threads
+    made fits up to 45 times slower. torch has its own thread pool, which threadpoolctl does not control.
 
     Args:
         count: threads, at least 1.
