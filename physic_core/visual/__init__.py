@@ -1,1 +1,1 @@
-"""Pictures and meshes of a reconstruction: the preview, renderings and GLB files."""
+"""Images and meshes of a reconstruction: preview, renderings and GLB files."""

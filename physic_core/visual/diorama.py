@@ -1,4 +1,4 @@
-"""People and scene as small models, built once and drawn from several sides."""
+"""Simplified meshes of people and scene, built once and drawn from several views."""
 
 from __future__ import annotations
 
@@ -40,18 +40,18 @@ _POINTS = 150_000
 
 @dataclass(frozen=True)
 class Diorama:
-    """What the preview draws, camera frame, metres.
+    """Geometry and colours that the preview draws; camera frame, metres.
 
     Attributes:
-        people: bodies, or None where there are none.
+        people: bodies; None if there are none.
         people_colors: (N * V, 3) sRGB in 0-1.
-        surface: the scene as a mesh, or None where nothing of it is valid.
-        surface_colors: of its vertices.
-        points: (M, 3) of the scene: they show what a mesh seen edge on does not.
-        point_colors: (M, 3).
+        surface: mesh of the scene; None if no pixel is valid.
+        surface_colors: sRGB of its vertices.
+        points: (M, 3) points of the scene; they show surfaces that are seen edge on, which a mesh does not.
+        point_colors: (M, 3) sRGB in 0-1.
         upright: (4, 4), see :func:`physic_core.geometry.upright.gltf_from_camera`.
-        low: (3,) corner of the box round the people, upright frame; round most of the scene where there is nobody.
-        high: (3,) the opposite corner.
+        low: (3,) minimum corner of the box around the people, upright frame; around most of the scene without people.
+        high: (3,) maximum corner.
         has_floor: whether y = 0 is a floor.
     """
 
@@ -68,12 +68,12 @@ class Diorama:
 
 
 def person_color(index: int) -> tuple[int, int, int]:
-    """sRGB of a person."""
+    """sRGB colour of a person, 0-255."""
     return PERSON_COLORS[index % len(PERSON_COLORS)]
 
 
 def build_diorama(reconstruction: Reconstruction) -> Diorama:
-    """Reconstruction -> models; people with a coordinate that is not finite are left out."""
+    """Build the geometry of a reconstruction; people with non-finite vertices are left out."""
     scene, limit = reconstruction.scene, far_limit(reconstruction)
     matrix = gltf_from_camera(scene.floor)
     whole = [
@@ -101,7 +101,7 @@ def build_diorama(reconstruction: Reconstruction) -> Diorama:
 
 
 def _cloud(scene: Scene, limit: float) -> tuple[Array, Array]:
-    """Points (M, 3) of the scene up to a depth, and their sRGB colours."""
+    """Scene points (M, 3) up to a depth in metres, and their sRGB colours."""
     stride = max(1, math.ceil(math.sqrt(scene.valid.size / _POINTS)))
     points, valid = scene.points[::stride, ::stride], scene.valid[::stride, ::stride]
     with np.errstate(invalid="ignore"):

@@ -1,8 +1,8 @@
-"""GLB files of a reconstruction: metres, y up, opening upright in a viewer.
+"""GLB files of a reconstruction: metres, y up, upright in a viewer.
 
-Points are moved by :func:`physic_core.geometry.upright.gltf_from_camera`; each file has the matrix in its ``extras``.
-The scene is textured with the photo without people and unlit, since a photo brings its own light; people are a matte
-mannequin that the viewer lights, with what touches the scene in red.
+Points are transformed by :func:`physic_core.geometry.upright.gltf_from_camera`; each file has this matrix in its
+``extras``. The scene is textured with the photo without people. It is unlit, since a photo contains its own lighting.
+People are matte and lit by the viewer, with contact vertices in red.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ _BODY_MATERIAL = {
 
 
 def glb_files(reconstruction: Reconstruction) -> Iterator[tuple[str, bytes]]:
-    """Yields file name and content of ``scene.glb``, ``person_0.glb``, ... and ``combined.glb``.
+    """Yield name and content of ``scene.glb``, ``person_0.glb``, ... and ``combined.glb``.
 
-    The file of a person without a body is empty: glTF knows no NaN.
+    The file of a person without a body is empty, since glTF does not support NaN.
     """
     matrix = gltf_from_camera(reconstruction.scene.floor)
     surface = scene_surface(reconstruction.scene, far_limit(reconstruction))
@@ -92,7 +92,7 @@ def _person_mesh(person: Person, faces: NDArray[np.int32], matrix: NDArray[np.fl
 
 
 def _linear(rgb: tuple[int, int, int]) -> UInt8Array:
-    """sRGB 0-255 -> linear 0-255, which is what glTF's vertex colours are in."""
+    """sRGB 0-255 -> linear 0-255, as glTF's vertex colours require."""
     share = np.array(rgb) / 255.0
     linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     return np.round(linear * 255).astype(np.uint8)
@@ -114,7 +114,7 @@ def _export(meshes: dict[str, Any], texture: bytes | None, extras: dict[str, Any
         scene.add_geometry(mesh, node_name=name, geom_name=name)
 
     def dress(buffers: Any, tree: dict[str, Any]) -> None:
-        """Writes materials and texture itself: trimesh has no unlit material and re-encodes pictures."""
+        """Write materials and texture; trimesh has no unlit material and re-encodes images."""
         tree["materials"] = [_SCENE_MATERIAL, _BODY_MATERIAL] if texture else [_BODY_MATERIAL]
         for mesh in tree["meshes"]:
             for primitive in mesh["primitives"]:

@@ -1,4 +1,4 @@
-"""The pictures of a preview that share the photo's view, and the contact maps; each (H, W, 3) uint8 RGB."""
+"""Panels of the preview in the photo's view, and contact maps; each (H, W, 3) uint8 RGB."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ _PELVIS, _NECK = JOINT_INDEX["pelvis"], JOINT_INDEX["neck"]
 
 @dataclass(frozen=True)
 class ContactPicture:
-    """One person from several sides.
+    """One person from several views.
 
     Attributes:
         picture: (H, W, 3) uint8 RGB.
-        views: name of each view and the column of its middle.
+        views: name of each view and its centre column, px.
     """
 
     picture: UInt8Array
@@ -55,7 +55,7 @@ class ContactPicture:
 
 
 def photo_panel(image: UInt8Array, width: int, height: int) -> UInt8Array:
-    """The photo at the panel's size."""
+    """Resize the photo to the panel."""
     import cv2
 
     way = cv2.INTER_AREA if width < image.shape[1] else cv2.INTER_LINEAR
@@ -63,7 +63,7 @@ def photo_panel(image: UInt8Array, width: int, height: int) -> UInt8Array:
 
 
 def overlay_panel(reconstruction: Reconstruction, diorama: Diorama, width: int, height: int) -> UInt8Array:
-    """The bodies over the photo, the nearer before the farther."""
+    """Draw the bodies over the photo; nearer ones hide farther ones."""
     photo = photo_panel(reconstruction.image, width, height)
     if diorama.people is None:
         return photo
@@ -72,7 +72,7 @@ def overlay_panel(reconstruction: Reconstruction, diorama: Diorama, width: int, 
 
 
 def depth_range(reconstruction: Reconstruction) -> tuple[float, float]:
-    """Depths in metres where the colours of the depth panel begin and end."""
+    """Minimum and maximum depth of the colour map, metres."""
     scene = reconstruction.scene
     depth = scene.points[..., 2][scene.valid & np.isfinite(scene.points[..., 2])]
     if not depth.size:
@@ -83,7 +83,7 @@ def depth_range(reconstruction: Reconstruction) -> tuple[float, float]:
 
 
 def depth_panel(reconstruction: Reconstruction, width: int, height: int) -> UInt8Array:
-    """Depth of the scene without people in colours, people outlined in white, unknown in grey."""
+    """Draw the depth of the scene without people, with outlines of people in white and unknown depth in grey."""
     import cv2
 
     def shrunk(array: NDArray[Any]) -> NDArray[Any]:
@@ -101,7 +101,7 @@ def depth_panel(reconstruction: Reconstruction, width: int, height: int) -> UInt
 
 
 def colored_depth(depth: NDArray[Any], near: float, far: float) -> UInt8Array:
-    """Depth (H, W) metres -> turbo colours by its logarithm, near red, far blue."""
+    """Depth (H, W) metres -> turbo colours of its logarithm, near red, far blue."""
     import cv2
 
     share = np.clip(np.log(far / np.clip(depth, near, far)) / np.log(far / near), 0.0, 1.0)
@@ -110,7 +110,10 @@ def colored_depth(depth: NDArray[Any], near: float, far: float) -> UInt8Array:
 
 
 def contact_picture(reconstruction: Reconstruction, index: int, width: int, height: int) -> ContactPicture:
-    """One person in their own pose, what touches in red: front, back, and the underside up to 1.5 times as large."""
+    """Draw one person from the front, the back and below, with contact vertices in red.
+
+    The view from below is enlarged by up to 1.5 times.
+    """
     person = reconstruction.people[index]
     matrix = gltf_from_camera(reconstruction.scene.floor)
     vertices, joints = transform(matrix, person.vertices), transform(matrix, person.joints)
@@ -137,7 +140,7 @@ def contact_picture(reconstruction: Reconstruction, index: int, width: int, heig
 
 
 def _around(joints: Array) -> dict[str, tuple[Array, Array]]:
-    """Right and top axes (upright frame) of the views of one person's front, back and underside."""
+    """Right and top axes (upright frame) of the front, back and underside views of one person."""
     up = np.array([0.0, 1.0, 0.0])
     left = joints[_LEFT_HIP] - joints[_RIGHT_HIP] + joints[_LEFT_SHOULDER] - joints[_RIGHT_SHOULDER]
     spine = _unit(joints[_NECK] - joints[_PELVIS], up)

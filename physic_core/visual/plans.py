@@ -1,4 +1,4 @@
-"""The preview's views from the side and from above: orthographic, upright, to scale."""
+"""Side and top views of the preview: orthographic, upright, to scale."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ _AXES = {"right": (1.0, 0.0, 0.0), "up": (0.0, 1.0, 0.0), "ahead": (0.0, 0.0, -1
 
 @dataclass(frozen=True)
 class Plan:
-    """A parallel view of the scene and what to write on it, px.
+    """An orthographic view of the scene and the positions of its labels, px.
 
     Attributes:
         picture: (H, W, 3) uint8 RGB.
-        pixels_per_metre: its scale.
-        floor_row: where the floor lies, or None where there is none or it faces the eye.
-        camera: column and row of the camera, or None where it lies outside.
-        columns: distance ahead of the camera in whole metres -> column; empty where that runs along the rows.
+        pixels_per_metre: scale.
+        floor_row: row of the floor; None if there is no floor, or in the top view.
+        camera: column and row of the camera; None if it is outside.
+        columns: distance from the camera in whole metres -> column; empty if that axis is vertical.
     """
 
     picture: UInt8Array
@@ -58,7 +58,7 @@ class Plan:
 
 
 def side_plan(diorama: Diorama, width: int, height: int) -> Plan:
-    """Seen from the camera's right, level with the floor: the camera looks to the picture's right."""
+    """View from the camera's right, parallel to the floor; the camera looks to the right of the image."""
     low, high, eye = diorama.low, diorama.high, diorama.upright[:3, 3]
     bottom = min(low[1], 0.0) if diorama.has_floor else low[1]
     rows = [bottom - 0.35, high[1] + 0.25]
@@ -75,7 +75,7 @@ def side_plan(diorama: Diorama, width: int, height: int) -> Plan:
 
 
 def above_plan(diorama: Diorama, width: int, height: int) -> Plan:
-    """Seen from straight above, cut at the people's height: the camera looks to the picture's top."""
+    """View from above, clipped at the height of the people; the camera looks to the top of the image."""
     low, high = diorama.low, diorama.high
     across, ahead = [low[0] - 0.9, high[0] + 0.9], [-high[2] - 0.9, -low[2] + 0.9]
     ahead, across = _with_camera(ahead, across, [-0.3, -0.3, 0.3], height, width)
@@ -88,12 +88,12 @@ def above_plan(diorama: Diorama, width: int, height: int) -> Plan:
 def _with_camera(
     ahead: list[float], across: list[float], camera: Sequence[float], along: int, beside: int
 ) -> tuple[list[float], list[float]]:
-    """The ranges widened to hold the camera, where the picture stays large enough for it.
+    """Extend the ranges to include the camera, if the scene then stays large enough.
 
     Args:
-        ahead: range of metres ahead of the camera.
-        across: range of the other axis.
-        camera: start ahead, then the range of the other axis that the camera needs.
+        ahead: range of distances ahead of the camera, metres.
+        across: range of the other axis, metres.
+        camera: start of ``ahead``, then the range of the other axis that the camera needs, metres.
         along: px along ``ahead``.
         beside: px along ``across``.
     """
@@ -114,7 +114,7 @@ def _fitted(
     width: int,
     height: int,
 ) -> Orthographic:
-    """The view that holds both ranges of metres along named axes, and cuts away what lies nearer than ``cut``."""
+    """View that contains both ranges (metres) of the named axes, clipped nearer than ``cut``."""
     along, top, towards = (np.array(_AXES[name]) for name in axes)
     scale = min(width / (columns[1] - columns[0]), height / (rows[1] - rows[0]))
     # What room is left over goes above, so that the ground is at the bottom of every picture.
@@ -140,7 +140,10 @@ def _picture(
     surface: Array | None,
     faint_below: float,
 ) -> UInt8Array:
-    """Scene and people. ``surface`` is each mesh vertex's place along the view, faint below ``faint_below``."""
+    """Draw scene and people.
+
+    ``surface`` is the coordinate of each mesh vertex along the view; vertices below ``faint_below`` are drawn faint.
+    """
     paper = np.array(GROUND) / 255
     picture = np.broadcast_to(paper.astype(np.float32), (view.height, view.width, 3))
     tints = np.where(faint[:, None], _FAINT * diorama.point_colors + (1 - _FAINT) * paper, diorama.point_colors)
@@ -159,13 +162,13 @@ def _picture(
 
 
 def _spot(diorama: Diorama, view: Orthographic, point: tuple[float, float, float]) -> tuple[float, float]:
-    """Column and row of a point of the upright frame."""
+    """Column and row of a point in the upright frame."""
     turn = diorama.upright[:3, :3]
     column, row, _ = view.project((turn.T @ (np.array(point) - diorama.upright[:3, 3]))[None])[0]
     return float(column), float(row)
 
 
 def _inside(diorama: Diorama, view: Orthographic) -> tuple[float, float] | None:
-    """Column and row of the camera where the picture holds it."""
+    """Column and row of the camera; None if it is outside the image."""
     column, row, _ = view.project(np.zeros((1, 3)))[0]
     return (float(column), float(row)) if 0 <= column < view.width and 0 <= row < view.height else None

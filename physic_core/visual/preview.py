@@ -1,4 +1,4 @@
-"""``preview.png``: one picture from which a person sees whether a reconstruction worked."""
+"""``preview.png``: one image to check the quality of a reconstruction."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ _PLAIN = str.maketrans({"×": "x", "—": "-", "–": "-", "−": "-", "’": "'
 
 @dataclass(frozen=True)
 class _Frame:
-    """Where a panel lies: its picture without its title, px."""
+    """Position and size of a panel without its title, px."""
 
     x: int
     y: int
@@ -57,14 +57,14 @@ class _Frame:
 
 
 def preview_png(reconstruction: Reconstruction) -> bytes:
-    """Reconstruction -> the preview as a PNG."""
+    """Render the preview and encode it as PNG."""
     buffer = io.BytesIO()
     preview_image(reconstruction).save(buffer, "PNG", compress_level=2)
     return buffer.getvalue()
 
 
 def preview_image(reconstruction: Reconstruction) -> Image.Image:
-    """Photo, bodies over the photo, depth; scene and people from the side and from above; contact. 1800 px wide."""
+    """Render photo, overlay and depth; side and top view; contact. The image is 1800 px wide."""
     height, width = reconstruction.image.shape[:2]
     diorama = build_diorama(reconstruction)
     frames = _layout(width / height)
@@ -96,7 +96,7 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
 
 
 def headline(reconstruction: Reconstruction) -> str:
-    """The facts that a picture cannot show, in one line."""
+    """One line of text with facts that the image cannot show."""
     camera, scene = reconstruction.intrinsics, reconstruction.scene
     facts = [
         f"{camera.width} x {camera.height} px",
@@ -129,7 +129,7 @@ def _count(people: int) -> str:
 
 
 def _layout(aspect: float) -> tuple[_Frame, ...]:
-    """Frames of photo, overlay, depth, side, above and contact, below the headline."""
+    """Frames of photo, overlay, depth, side, top and contact panels, below the headline."""
     room = WIDTH - 2 * _MARGIN
     third = (room - 2 * _GAP) // 3
     if aspect > 1.05:
@@ -161,7 +161,7 @@ def _paste(page: Image.Image, frame: _Frame, title: str, picture: UInt8Array) ->
 
 
 def _name_people(pen: ImageDraw.ImageDraw, frame: _Frame, reconstruction: Reconstruction) -> None:
-    """Each person's number above their head, or beside it where the photo ends there."""
+    """Draw each person's number above their head, or beside it at the top edge of the photo."""
     camera = Perspective(reconstruction.intrinsics, frame.width, frame.height)
     for index, person in enumerate(reconstruction.people):
         spots = camera.project(np.asarray(person.joints[[_HEAD, _NECK]], np.float64))
@@ -177,13 +177,13 @@ def _name_people(pen: ImageDraw.ImageDraw, frame: _Frame, reconstruction: Recons
 
 
 def _chip(pen: ImageDraw.ImageDraw, x: float, y: float, index: int) -> None:
-    """A person's number on their colour."""
+    """Draw a person's number on their colour."""
     pen.ellipse((x - 11, y - 11, x + 11, y + 11), fill=person_color(index), outline=(255, 255, 255), width=2)
     pen.text((x, y), str(index), font=_font(14), fill=(20, 20, 20), anchor="mm")
 
 
 def _depth_bar(page: Image.Image, frame: _Frame, ends: tuple[float, float]) -> None:
-    """What the colours mean, in metres, beside the panel's title."""
+    """Draw the colour scale in metres, beside the panel's title."""
     pen = ImageDraw.Draw(page)
     near, far = ends
     room = max(frame.width, _CELL)
@@ -226,7 +226,7 @@ def _plan(page: Image.Image, frame: _Frame, title: str, plan: Plan) -> None:
 
 
 def _camera(pen: ImageDraw.ImageDraw, frame: _Frame, plan: Plan) -> None:
-    """A small camera whose lens points to the right from the side, to the top from above."""
+    """Draw a camera symbol; it looks to the right in the side view, to the top in the top view."""
     assert plan.camera is not None
     x, y = frame.x + plan.camera[0], frame.y + plan.camera[1]
     sideways = bool(plan.columns)
@@ -272,7 +272,7 @@ def _contact(page: Image.Image, frame: _Frame, reconstruction: Reconstruction) -
 
 
 def _grid(count: int, frame: _Frame) -> tuple[int, int]:
-    """Columns and rows of cells that draw ``count`` people largest, each three views wide."""
+    """Columns and rows of cells that show ``count`` people as large as possible, each cell three views wide."""
 
     def scale(across: int) -> float:
         return min(frame.width / across / 2.6, (frame.height / math.ceil(count / across) - 54) / 1.8)
@@ -298,7 +298,7 @@ def _text(
 
 
 def _cut(text: str, size: int, width: float) -> str:
-    """One line of at most ``width`` px."""
+    """Shorten a text to one line of at most ``width`` px."""
     line = " ".join(text.translate(_PLAIN).split())
     font = _font(size)
     if font.getlength(line) <= width:
@@ -309,7 +309,7 @@ def _cut(text: str, size: int, width: float) -> str:
 
 
 def _wrap(text: str, size: int, width: float) -> list[str]:
-    """Facts on as few lines as hold them."""
+    """Join facts to as few lines as possible, each at most ``width`` px."""
     font, lines = _font(size), [""]
     for fact in text.split("  ·  "):
         longer = f"{lines[-1]}  ·  {fact}" if lines[-1] else fact
@@ -321,7 +321,7 @@ def _wrap(text: str, size: int, width: float) -> list[str]:
 
 
 def _ticks(near: float, far: float) -> list[float]:
-    """Round depths in metres between two depths: 1, 2, 5, 10, ..., and what lies between where those are few."""
+    """Round depths between two depths in metres: 1, 2, 5, 10, ..., with more values if these are few."""
     powers = [10.0**power for power in range(math.floor(math.log10(near)), math.ceil(math.log10(far)) + 1)]
     for factors in ((1, 2, 5), (1, 1.5, 2, 3, 4, 5, 7), tuple(1 + step / 10 for step in range(90))):
         ticks = [power * factor for power in powers for factor in factors if near <= power * factor <= far]

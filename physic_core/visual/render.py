@@ -1,6 +1,6 @@
-"""Pictures of bodies and points by ray casts and splats: no display and no GPU.
+"""Render bodies by ray casting and points by splatting, without display or GPU.
 
-Colours are sRGB in 0-1; a picture's row 0 is its top.
+Colours are sRGB in 0-1; row 0 of an image is its top.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ __all__ = ["Figures", "Layer", "Orthographic", "Perspective", "Viewer", "behind"
 
 
 class Viewer(Protocol):
-    """Where a picture is taken from; pictures have ``height`` x ``width`` px."""
+    """A virtual camera; its images have ``height`` x ``width`` px."""
 
     @property
     def width(self) -> int:
-        """Columns of the picture."""
+        """Columns of the image."""
 
     @property
     def height(self) -> int:
-        """Rows of the picture."""
+        """Rows of the image."""
 
     def project(self, points: Array) -> Array:
         """(N, 3) metres -> (N, 3): column and row in px, and distance from the eye in metres."""
@@ -39,12 +39,12 @@ class Viewer(Protocol):
         """Columns and rows (N,) px -> origins and unit directions (N, 3)."""
 
     def lights(self) -> Array:
-        """(3, 3): unit directions towards right, top and eye of the picture."""
+        """(3, 3): unit vectors towards the right, the top and the eye."""
 
 
 @dataclass(frozen=True)
 class Perspective:
-    """A pinhole camera at the origin of the OpenCV frame, drawn at any size of picture."""
+    """A pinhole camera at the origin of the OpenCV frame, at any image size."""
 
     intrinsics: Intrinsics
     width: int
@@ -72,16 +72,16 @@ class Perspective:
 
 @dataclass(frozen=True)
 class Orthographic:
-    """A parallel view.
+    """An orthographic camera.
 
     Attributes:
-        center: (3,) metres, what lies in the middle of the picture.
-        right: (3,) unit vector along the picture's rows.
-        top: (3,) unit vector towards the picture's top, at a right angle to ``right``.
+        center: (3,) metres, the point in the image centre.
+        right: (3,) unit vector along the rows of the image.
+        top: (3,) unit vector towards the top of the image, orthogonal to ``right``.
         pixels_per_metre: scale.
         width: px.
         height: px.
-        start: metres in front of ``center`` where rays start: what lies before is cut away.
+        start: metres in front of ``center`` where rays start; nearer geometry is clipped.
     """
 
     center: Array
@@ -94,11 +94,11 @@ class Orthographic:
 
     @property
     def towards_eye(self) -> Array:
-        """(3,) unit vector out of the picture."""
+        """(3,) unit vector from the image plane to the eye."""
         return np.cross(self.right, self.top)
 
     def project(self, points: Array) -> Array:
-        """See :class:`Viewer`; the eye stands 1000 m in front of ``center``."""
+        """See :class:`Viewer`; the eye is 1000 m in front of ``center``."""
         offset = points - self.center
         return np.stack(
             [
@@ -123,7 +123,7 @@ class Orthographic:
 
 @dataclass(frozen=True)
 class Figures:
-    """Several bodies of one topology, ready for ray casts.
+    """Several bodies of one topology, prepared for ray casting.
 
     Attributes:
         vertices: (N * V, 3) metres.
@@ -140,12 +140,12 @@ class Figures:
 
 @dataclass(frozen=True)
 class Layer:
-    """A picture with transparency.
+    """An image with transparency.
 
     Attributes:
         color: (H, W, 3) float32, premultiplied by ``alpha``.
         alpha: (H, W) float32.
-        distance: (H, W) float32 from the eye as :meth:`Viewer.project` counts it, inf where empty.
+        distance: (H, W) float32 from the eye as in :meth:`Viewer.project`, metres; inf where empty.
     """
 
     color: NDArray[np.float32]
@@ -154,12 +154,12 @@ class Layer:
 
 
 def figures(bodies: Sequence[Array], faces: NDArray[Any], *, smooth: bool = True) -> Figures | None:
-    """Vertices of N bodies, each (V, 3), and their common faces -> figures; None where there is nothing to draw.
+    """Prepare N bodies with common faces for ray casting; None if there are no bodies.
 
     Args:
-        bodies: vertices of each.
-        faces: (F, 3) of one.
-        smooth: whether normals are needed; without them they are zero.
+        bodies: vertices of each body, (V, 3) metres.
+        faces: (F, 3) of one body.
+        smooth: whether to compute normals; otherwise they are zero.
     """
     import trimesh
     from trimesh.ray.ray_pyembree import RayMeshIntersector
@@ -175,13 +175,13 @@ def figures(bodies: Sequence[Array], faces: NDArray[Any], *, smooth: bool = True
 
 
 def draw(shapes: Figures, viewer: Viewer, colors: Array, *, lit: bool = True, samples: int = 2) -> Layer:
-    """Picture of bodies or surfaces.
+    """Render bodies or surfaces.
 
     Args:
-        shapes: what to draw, in the viewer's frame.
-        viewer: where from.
+        shapes: what to render, in the viewer's frame.
+        viewer: the camera.
         colors: (N * V, 3) sRGB of each vertex.
-        lit: whether light falls on it; a photo's colours need none.
+        lit: whether to apply lighting; colours of a photo need none.
         samples: rays along each side of a pixel.
     """
     import cv2
@@ -213,12 +213,12 @@ def draw(shapes: Figures, viewer: Viewer, colors: Array, *, lit: bool = True, sa
 
 
 def over(layer: Layer, picture: NDArray[np.float32], opacity: float = 1.0) -> NDArray[np.float32]:
-    """Layer over an opaque picture (H, W, 3) in 0-1."""
+    """Composite a layer over an opaque image (H, W, 3) in 0-1."""
     return layer.color * opacity + picture * (1.0 - opacity * layer.alpha[..., None])
 
 
 def splat(viewer: Viewer, points: Array, colors: Array) -> Layer:
-    """Points (N, 3) with sRGB colours (N, 3) as squares of 3 px; nearer ones hide farther ones."""
+    """Draw points (N, 3) with sRGB colours (N, 3) as squares of 3 px; nearer ones hide farther ones."""
     shape = viewer.height + 2, viewer.width + 2  # a rim of one pixel, so that the squares need no clipping
     color, distance = np.zeros((*shape, 3), np.float32), np.full(shape, np.inf, np.float32)
     spots = viewer.project(points)
@@ -241,7 +241,7 @@ def splat(viewer: Viewer, points: Array, colors: Array) -> Layer:
 
 
 def behind(back: Layer, front: Layer, margin: float) -> Layer:
-    """Two layers as one: ``front`` shows unless ``back`` is nearer by more than ``margin`` metres."""
+    """Merge two layers: ``front`` is visible unless ``back`` is nearer by more than ``margin`` metres."""
     first = (front.alpha[..., None] > 0) & ~(back.distance < front.distance - margin)[..., None]
     under = front.color + back.color * (1.0 - front.alpha[..., None])
     veil = front.alpha + back.alpha * (1.0 - front.alpha)
@@ -255,7 +255,7 @@ def behind(back: Layer, front: Layer, margin: float) -> Layer:
 def _trace(
     shapes: Figures, viewer: Viewer, colors: Array, columns: Array, rows: Array, lit: bool
 ) -> tuple[NDArray[np.int64], Array, Array]:
-    """Which rays hit, and colour and distance there."""
+    """Cast rays; return the indices of those that hit, and colour and distance of each hit."""
     origins, ways = viewer.rays(columns, rows)
     triangle = shapes.caster.intersects_first(origins, ways)
     hit = np.flatnonzero(triangle >= 0)
@@ -270,7 +270,7 @@ def _trace(
 
 
 def _barycentric(triangles: Array, origins: Array, ways: Array) -> tuple[Array, Array]:
-    """Rays (N, 3) that meet triangles (N, 3, 3) -> weights of the corners (N, 3), and the meeting points (N, 3)."""
+    """Rays (N, 3) that hit triangles (N, 3, 3) -> barycentric weights (N, 3) and hit points (N, 3)."""
     first, second = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     normal = np.cross(first, second)
     slope = (normal * ways).sum(-1)
@@ -286,7 +286,7 @@ def _barycentric(triangles: Array, origins: Array, ways: Array) -> tuple[Array, 
 
 
 def _shade(normals: Array, ways: Array, lights: Array, base: Array) -> Array:
-    """A plain mannequin: key light over the eye's left shoulder, light from above, darker rims."""
+    """Matte shading: key light from the upper left of the eye, light from above, darker rims."""
     right, top, eye = lights
     key = eye + 0.7 * top - 0.5 * right
     key /= np.linalg.norm(key)

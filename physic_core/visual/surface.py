@@ -1,4 +1,4 @@
-"""The scene's pixel grid as a triangle mesh."""
+"""Triangle mesh of the scene's pixel grid."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ _ACROSS = 0.15  # sine of the angle between the step and the surface: up to 9 de
 
 @dataclass(frozen=True)
 class Surface:
-    """A triangle mesh over some of the pixels.
+    """A triangle mesh of a subset of the pixels.
 
     Attributes:
         vertices: (V, 3) float32 metres, camera frame.
-        faces: (F, 3) int64, counter-clockwise as the camera sees them.
+        faces: (F, 3) int64, counter-clockwise as seen from the camera.
         pixels: (V, 2) int64, column and row of each vertex.
     """
 
@@ -46,19 +46,19 @@ class Surface:
 
 
 def far_limit(reconstruction: Reconstruction) -> float:
-    """Depth in metres beyond which the scene says nothing about the people: three times the farthest, at least 8 m."""
+    """Maximum depth in metres that is relevant for the people: three times the farthest, at least 8 m."""
     depths = [float(np.median(person.vertices[:, 2])) for person in reconstruction.people]
     finite = [depth for depth in depths if math.isfinite(depth)]
     return max(8.0, 3.0 * max(finite)) if finite else 20.0
 
 
 def scene_surface(scene: Scene, limit: float, max_vertices: int = MAX_VERTICES) -> Surface:
-    """Every n-th pixel of a scene, joined where neighbours lie on one surface.
+    """Mesh every n-th pixel of a scene, joining neighbours on the same surface.
 
     Args:
         scene: point map of (H, W) pixels.
         limit: depth in metres beyond which pixels are left out.
-        max_vertices: what n is chosen for.
+        max_vertices: upper limit of the number of vertices, which determines n.
     """
     height, width = scene.valid.shape
     stride = max(1, math.ceil(math.sqrt(height * width / max_vertices)))
@@ -95,7 +95,7 @@ def scene_surface(scene: Scene, limit: float, max_vertices: int = MAX_VERTICES) 
 
 
 def _without_shards(faces: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """The faces of those pieces that hold more than ``SHARD`` of all vertices: flying pixels make small ones."""
+    """Remove connected components with at most ``SHARD`` of all vertices, which come from flying pixels."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
