@@ -10,7 +10,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from physic_core.engine.joint.state import GROUPS, State
+from physic_core.engine.joint.state import GROUPS, Spread, State
 from physic_core.errors import PhysicError
 
 K = 4
@@ -70,7 +70,7 @@ def test_the_face_is_kept():
 
 def test_one_unit_is_the_expected_move():
     rotations, betas, transl, pelvis = start()
-    state = State(rotations, betas, transl, pelvis, scale_sigma=0.1, offset_sigma=0.2, warp_sigma=0.06)
+    state = State(rotations, betas, transl, pelvis, spread=Spread(scale=0.1, offset=0.2, warp=0.06))
     with torch.no_grad():
         for group in GROUPS:
             state.values[group].zero_()

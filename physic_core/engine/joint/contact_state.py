@@ -1,4 +1,4 @@
-"""What each vertex is near to: the nearest scene point, and the floor's plane."""
+"""Nearest scene point of each vertex, and its distances to the scene and to the floor. Camera frame, metres."""
 
 from __future__ import annotations
 
@@ -16,29 +16,29 @@ from physic_core.geometry.neighbors import NearestScene, near_boxes
 __all__ = ["WANDER_M", "ContactState", "scene_near", "update_contacts"]
 
 WANDER_M = 0.6
-"""How far people may move, metres, before the scene round them has to be gathered anew."""
+"""How far people may move, metres, before the search structure of nearby scene points is built again."""
 
-_LEVEL = 0.7  # cosine: a surface that one can stand on
-_STEP_M = 0.1  # metres over the floor: what is lower is the floor, as the point map bends it
+_LEVEL = 0.7  # cosine between a normal and up: a level surface
+_STEP_M = 0.1  # metres over the floor: lower points belong to the floor, which the point map bends
 
 
 @dataclass(frozen=True)
 class ContactState:
-    """Nearest points and distances of the tracked vertices (B, n), at one moment.
+    """Nearest points and distances of the tracked vertices (B, n) at one state.
 
     Attributes:
         found: bool, a scene point is within reach.
         distance: to that point, metres.
         signed: along its normal, metres, negative inside; inf where none is within reach.
         height: over the floor's plane, metres; inf where there is no plane.
-        facing_scene: cosine between the body's normal and the way into the scene's surface; 0 without a scene.
-        facing_floor: the same for the floor.
-        on_step: bool, the nearest point is on a level surface clearly over the floor.
-        in_free_space: bool, before all that the depth map shows.
-        points: (B, n, 3) nearest scene points, unscaled; None without a scene, as what follows.
+        facing_scene: cosine between the body's normal and minus the scene's normal; 0 without a scene.
+        facing_floor: cosine between the body's normal and minus the floor's normal.
+        on_step: bool, the nearest point is on a level surface more than 10 cm over the floor.
+        in_free_space: bool, nearer to the camera than the depth map at its pixel.
+        points: (B, n, 3) nearest scene points, unscaled; None without a scene, as are the fields below.
         normals: (B, n, 3) of those points.
         plane_distance: of the planes through those points from the camera, ``n . p``, unscaled.
-        warp_share: how much of their person's warp those points take.
+        warp_share: share of their person's warp that applies to those points, 0-1.
     """
 
     found: Tensor
@@ -56,7 +56,7 @@ class ContactState:
 
 
 def scene_near(context: JointContext, vertices: Tensor, scale: float) -> NearestScene:
-    """Search structure of the surface round people (B, V, 3), wide enough for them to move."""
+    """Search structure of the scene points near people (B, V, 3), with a margin for their motion."""
     radius, nearest = context.conventions.search_radius_m, context.conventions.nearest
     if nearest == "grid":  # its nodes depend on the extent of the scene
         return NearestScene(context.surface, context.surface_normals, radius, "grid")
@@ -71,12 +71,12 @@ def update_contacts(
     """Find the nearest scene points and measure the distances to them and to the floor.
 
     Args:
-        context: of the run.
+        context: constants of this optimisation.
         body_normals: (B, n, 3) unit.
         scene: from :func:`scene_near`.
-        vertices: (B, n, 3) tracked vertices now, metres.
-        scale: of the scene, now.
-        warp: (B,) of what is round each person, now.
+        vertices: (B, n, 3) tracked vertices, metres.
+        scale: of the scene.
+        warp: (B,) log of the local depth scale near each person.
     """
     problem, plane = context.problem, context.floor_normal
     warped = vertices / warp.exp()[:, None, None]

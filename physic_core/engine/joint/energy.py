@@ -16,27 +16,26 @@ from physic_core.engine.joint.visibility import SelfOcclusion, Visibility, occlu
 
 __all__ = ["JointEnergy"]
 
-_MARGIN_M = 0.1  # the scene round people is gathered anew before they have moved all the way that it allows
+_MARGIN_M = 0.1  # the search structure is built again this far before its margin is used up
 
 
 class JointEnergy:
     """Energy of B people and their scene, as a function of its :attr:`state`.
 
-    Between two calls of :meth:`refresh` visibility stays fixed, and with it what takes part in each term; unless the
-    energy looks up nearest points at every evaluation, they stay fixed as well. The energy is then smooth, as a line
-    search needs it.
+    Between two calls of :meth:`refresh` visibility and the weights of each term stay fixed. Nearest points stay fixed
+    as well, unless ``Conventions.nearest_every_step`` is set. The energy is then smooth, as a line search needs it.
 
     Args:
         problem: with finite people only.
         settings: of stage 3; they list the terms.
 
     Attributes:
-        context: what stays fixed for the whole run.
+        context: constants of this optimisation.
         state: the free parameters.
         terms: of the energy.
-        visibility: what the photo shows, since the last refresh.
-        contacts: what vertices are near to, since the last refresh or evaluation.
-        scene: search structure of the surface round the people.
+        visibility: of the vertices, at the last refresh.
+        contacts: nearest points and distances, at the last refresh or evaluation.
+        scene: search structure of the scene points near the people.
         evaluations: calls so far.
 
     Raises:
@@ -60,12 +59,12 @@ class JointEnergy:
 
     @property
     def active(self) -> dict[str, Tensor]:
-        """Weights of what takes part in each term, by the names that the terms give them."""
+        """Weights of vertices, feet or people in each term, by the names that the terms give them."""
         return {name: weight for term in self.terms for name, weight in term.active.items()}
 
     @torch.no_grad()
     def refresh(self) -> None:
-        """Update visibility, nearest points and what takes part, at the present state."""
+        """Update visibility, nearest points and the weights of each term at the present state."""
         problem, context = self.problem, self.context
         estimate = self.state.unpack()
         bodies = problem.model(estimate.rotations, estimate.betas, estimate.transl, problem.expression0)

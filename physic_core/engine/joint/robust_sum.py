@@ -13,7 +13,7 @@ __all__ = ["RobustSum"]
 
 @dataclass(frozen=True)
 class RobustSum:
-    """``sum_v w_v rho(r_v^2 / sigma^2)`` of residuals (B, n); made by :meth:`of`.
+    """``sum_v w_v rho(r_v^2 / sigma^2)`` of residuals (B, n); built by :meth:`of`.
 
     Attributes:
         kind: of loss, see :mod:`physic_core.geometry.robust`.

@@ -1,4 +1,4 @@
-"""The course of the joint optimisation: its start poses, and when the scene joins."""
+"""Schedule of the joint optimisation: restarts, and the step at which contact and penetration start."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from physic_core.geometry.camera import project
 __all__ = ["RESTART_ERROR", "VARIANTS", "pick_starts", "run"]
 
 RESTART_ERROR = 0.04
-"""Other starts are tried for people whose keypoints are still off by this share of the person at the end."""
+"""Restarts are tried for people whose final reprojection error exceeds this share of the person's size."""
 
 _SCENE_TERMS = ("contact", "penetration", "floor", "soles")
 
@@ -28,7 +28,7 @@ _TILT = math.radians(15.0)
 _FARTHER = math.log(1.1)
 
 VARIANTS: tuple[tuple[float, float], ...] = ((_TILT, 0.0), (-_TILT, 0.0), (0.0, _FARTHER), (0.0, -_FARTHER))
-"""Other starts: a turn about the camera's horizontal axis, radians, and a change of the logarithm of depth."""
+"""Restarts: a rotation about the camera's horizontal axis, radians, and a change of the logarithm of depth."""
 
 
 def run(energy: JointEnergy, settings: JointSettings, progress: Progress | None = None) -> Trace:
@@ -37,7 +37,7 @@ def run(energy: JointEnergy, settings: JointSettings, progress: Progress | None 
     Args:
         energy: refreshed, and finite at its present state.
         settings: of stage 3.
-        progress: called with the share of steps that are done.
+        progress: called with the completed share of the steps, 0-1.
     """
     origin = energy.state.pack()
     first = _follow(energy, settings, progress)
@@ -63,7 +63,7 @@ def run(energy: JointEnergy, settings: JointSettings, progress: Progress | None 
 
 
 def _follow(energy: JointEnergy, settings: JointSettings, progress: Progress | None) -> Trace:
-    """Minimise from the present state: at first without the scene, where the settings say so."""
+    """Minimise from the present state; the first steps leave out the scene where the settings delay it."""
     optimiser = settings.optimiser
     alone = round(settings.scene_after * optimiser.steps)
     if not alone:
@@ -86,13 +86,13 @@ def _follow(energy: JointEnergy, settings: JointSettings, progress: Progress | N
 
 
 def pick_starts(energy: JointEnergy, settings: JointSettings) -> int:
-    """Try other starts for people whose keypoints are off, and leave everybody at their best.
+    """Try restarts for people with a large reprojection error, and set each person to their best start.
 
-    Each start is followed for the steps up to the first refresh, with all people at once. The others, and the scene's
-    scale, stay with the body estimator's.
+    Each start is optimised up to the first refresh, for all people at once. The other people and the scene's scale
+    keep the start by the body estimator.
 
     Returns:
-        evaluations that it took.
+        Number of evaluations.
     """
     state = energy.state
     optimiser = settings.optimiser
@@ -126,14 +126,14 @@ def pick_starts(energy: JointEnergy, settings: JointSettings) -> int:
 
 @torch.no_grad()
 def _of_each(energy: JointEnergy) -> Tensor:
-    """(B,) the energy of each person; infinite where it is not a number."""
+    """(B,) energy of each person; inf where it is not finite."""
     total = per_person(energy())
     return torch.where(torch.isfinite(total), total, torch.inf)
 
 
 @torch.no_grad()
 def _reprojection_share(energy: JointEnergy) -> Tensor:
-    """(B,) mean error of confident keypoints as a share of the person; infinite for who has none."""
+    """(B,) mean error of confident keypoints as a share of the person's size; inf for a person without them."""
     problem, context = energy.problem, energy.context
     estimate = energy.state.unpack()
     posed = context.pose(estimate.rotations, estimate.betas, estimate.transl, problem.expression0)
@@ -144,5 +144,5 @@ def _reprojection_share(energy: JointEnergy) -> Tensor:
 
 
 def _part(progress: Progress | None, begin: float, end: float) -> Progress | None:
-    """The same report for a part of the way."""
+    """Map progress 0-1 to the interval from ``begin`` to ``end``."""
     return None if progress is None else lambda share: progress(begin + (end - begin) * share)

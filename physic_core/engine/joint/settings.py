@@ -1,4 +1,4 @@
-"""Settings of stage 3 that every preset has: what is frozen, and the optimiser. Each preset adds those of its terms."""
+"""Settings of stage 3 that all presets share: frozen groups and the optimiser. Each preset adds those of its terms."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class JointSettings(ABC):
     A preset of the engine is a subclass: its fields are the settings of its terms, and :meth:`terms` lists them.
 
     Attributes:
-        frozen: groups that stay as they are: root, pose, hands, betas, translation, scale, offset, warp.
+        frozen: parameter groups that are kept constant: root, pose, hands, betas, translation, scale, offset, warp.
         optimiser: of the energy.
     """
 
@@ -80,12 +80,12 @@ class JointSettings(ABC):
     optimiser: LbfgsSettings | AdamSettings = field(default_factory=LbfgsSettings)
 
     scene_after: ClassVar[float] = 0.0
-    """Share of the steps before contact and penetration join; 0 is from the beginning."""
+    """Share of the steps that leave out contact and penetration; 0 includes them from the first step."""
 
     @property
     @abstractmethod
     def conventions(self) -> Conventions:
-        """What this energy takes of a problem."""
+        """Which vertices, keypoints and limbs count in this energy."""
 
     @abstractmethod
     def initial_state(self, context: JointContext) -> State:
@@ -97,9 +97,9 @@ class JointSettings(ABC):
 
     @property
     def start_poses(self) -> int:
-        """Start poses that are tried for each person whose keypoints are off; 1 is the body estimator's alone."""
+        """Number of start poses for each person with a large reprojection error; 1 is the estimated pose alone."""
         return 1
 
     def without(self, term: str) -> Self:
-        """The same settings with the weight of one term at 0, where the energy has such a term."""
+        """A copy with the weight of one term set to 0, if the energy has such a term."""
         return replace(self, **{term: replace(getattr(self, term), weight=0.0)}) if hasattr(self, term) else self

@@ -1,4 +1,4 @@
-"""Stage 3: people and scene are optimised together (paper sec. 3.3, Eq. 5), with diagnostics for each person."""
+"""Stage 3: joint optimisation of people and scene (paper sec. 3.3, Eq. 5), with diagnostics for each person."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from physic_core.geometry.visibility import depth_order_violations
 
 __all__ = ["JointProblem", "JointResult", "optimize"]
 
-_DEEP_M = 0.03  # a vertex deeper inside than this is an error that one sees
+_DEEP_M = 0.03  # deeper vertices are a visible error
 
 _NOT_FINITE = "the start is not made of numbers, or lies behind the camera"
 _NO_ENERGY = "the energy of the start is not a number"
@@ -30,18 +30,18 @@ _NO_ENERGY = "the energy of the start is not a number"
 def optimize(
     problem: JointProblem, settings: JointSettings, progress: Callable[[float], None] | None = None
 ) -> JointResult:
-    """Move people and scene until they agree with the photo and with each other.
+    """Minimise the joint energy over people and scene.
 
-    One energy for all people and the one scale of their scene; each person keeps their own mask. A person whose start
-    cannot be optimised stays there and is named in ``failures``; the others go on without them.
+    One energy covers all people and the scale of the scene. A person with a non-finite start keeps it and is listed in
+    ``failures``; the others are optimised without that person.
 
     Args:
         problem: placed people and their scene.
         settings: of stage 3.
-        progress: called with the share of the work that is done, 0-1.
+        progress: called with the completed share of the work, 0-1.
 
     Raises:
-        PhysicError: shapes that do not fit together, or a depth term without its data.
+        PhysicError: inconsistent shapes, or a depth term without its data.
     """
     problem.check()
     problem = problem.as_model()
@@ -103,7 +103,7 @@ def _untouched(problem: JointProblem, failures: tuple[str, ...]) -> JointResult:
 def _result(
     problem: JointProblem, energy: JointEnergy, trace: Trace, rows: Tensor, failures: tuple[str, ...]
 ) -> JointResult:
-    """Put the optimised people back among those who were left out."""
+    """Merge the optimised people with those who were left out."""
     estimate = energy.state.unpack()
     start = _untouched(problem, failures)
     rotations, betas, transl = (
@@ -138,16 +138,16 @@ def _result(
 
 
 def _diagnostics(energy: JointEnergy, estimate: Estimate, vertices: Tensor, hidden: Tensor) -> list[dict[str, float]]:
-    """One dict of numbers per optimised person; what could not be measured is left out.
+    """One dict of numbers per optimised person; values that could not be measured are left out.
 
     reprojection_px, reprojection_share: mean 2D error of confident keypoints, px and share of the stature in px.
     lowest_sole_m: height of the lower sole over the floor.
-    penetration_share: surface more than 3 cm inside the scene or under the floor, of what the photo shows.
-    floating_m: gap between the body and whatever it is nearest to; 0 where it touches.
-    depth_offset: log of how much farther the depth map saw the person than they are.
-    warp: log of the factor on the depth of what is round them, beside the scene's.
-    occluded_share: vertices that objects, others or the own body hide.
-    depth_order_share: vertices in front of a person who hides them in the photo.
+    penetration_share: share of the visible surface that lies over 3 cm inside the scene or under the floor.
+    floating_m: gap between the body and the nearest surface; 0 where it touches.
+    depth_offset: log of the ratio of the depth map to the person's depth.
+    warp: log of the local depth scale near the person, relative to the scene's scale.
+    occluded_share: share of vertices that objects, other people or the own body hide.
+    depth_order_share: share of vertices in front of a person who hides them in the photo.
     """
     problem, context = energy.problem, energy.context
     tracked = vertices[:, context.ids]

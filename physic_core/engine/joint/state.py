@@ -1,9 +1,8 @@
-"""What the joint optimisation moves: bodies, one scene scale, a depth offset and a warp a person; and how they are
-written.
+"""Free parameters of the joint optimisation: bodies, one scene scale, a depth offset and a depth warp per person.
 
-Whitened, every free number is a deviation from the start in units of how far it may be expected to move, so that one
-step length suits them all and their sum of squares is a prior. Raw, they are the quantities themselves, with rotations
-as their first two columns, as the paper's gradient descent takes them.
+Whitened parameters are deviations from the start, divided by their expected spread. One step length then suits all of
+them, and their sum of squares is a Gaussian prior. Raw parameters are the quantities themselves, with each rotation as
+the first two columns of its matrix, as in the paper's gradient descent. OpenCV camera frame, metres.
 """
 
 from __future__ import annotations
@@ -57,15 +56,15 @@ _DEPTH_SIGMA = 0.05  # of log z
 
 @dataclass(frozen=True)
 class Estimate(ShortRepr):
-    """Bodies and scene at one moment.
+    """Parameters of bodies and scene at one state.
 
     Attributes:
         rotations: (B, 55, 3, 3).
         betas: (B, K).
         transl: (B, 3) metres.
-        log_scale: () logarithm of the factor on the scene.
-        offset: (B,) logarithm of how much farther than the scene the depth map sees each person.
-        warp: (B,) logarithm of the factor on what is round each person, beside that of the scene.
+        log_scale: () log of the factor on the scene.
+        offset: (B,) log of the ratio between the depth map at each person and the scene's depth.
+        warp: (B,) log of the local depth scale near each person, relative to the scene's scale.
     """
 
     rotations: Tensor
@@ -76,20 +75,36 @@ class Estimate(ShortRepr):
     warp: Tensor
 
 
+@dataclass(frozen=True)
+class Spread:
+    """Expected spreads of the logarithms of scale, depth offset and depth warp, by which they are whitened.
+
+    Attributes:
+        scale: of log(scale).
+        offset: of the depth offsets, or (B,) that of each person.
+        warp: of the depth warps.
+    """
+
+    scale: float = 0.1
+    offset: float | Tensor = 0.2
+    warp: float = 0.06
+
+
+_DEFAULT_SPREAD = Spread()
+
+
 class State:
-    """The free numbers of B people and their scene.
+    """The free parameters of B people and their scene.
 
     Args:
         rotations: (B, 55, 3, 3) at the start.
         betas: (B, K) at the start.
         transl: (B, 3) metres, at the start.
-        pelvis: (B, 3) metres, the pelvis joint at the start: whitened, bodies move along and across its ray.
-        whitened: see the module.
-        frozen: groups that stay as they are.
-        scale_sigma: expected spread of log(scale).
-        offset_sigma: expected spread of the depth offset, or (B,) that of each person.
-        offset_free: (B,) bool, people whose offset may move at all; None is everybody.
-        warp_sigma: expected spread of the warps.
+        pelvis: (B, 3) metres, the pelvis joint at the start. Whitened translations are along and across its ray.
+        whitened: whitened parameters; else raw ones (see the module).
+        frozen: groups of :data:`GROUPS` that are kept constant.
+        spread: expected spreads of scale, depth offset and warp.
+        offset_free: (B,) bool, people with a free depth offset; None is all people.
 
     Raises:
         PhysicError: an unknown group.
@@ -104,10 +119,8 @@ class State:
         *,
         whitened: bool = True,
         frozen: Sequence[str] = (),
-        scale_sigma: float = 0.1,
-        offset_sigma: float | Tensor = 0.2,
+        spread: Spread = _DEFAULT_SPREAD,
         offset_free: Tensor | None = None,
-        warp_sigma: float = 0.06,
     ) -> None:
         unknown = sorted(set(frozen) - set(GROUPS))
         if unknown:
@@ -130,9 +143,9 @@ class State:
             "hands": _HAND_SIGMA,
             "betas": _BETA_SIGMA,
             "translation": torch.tensor([_RAY_SIGMA, _RAY_SIGMA, _DEPTH_SIGMA], device=device, dtype=dtype),
-            "scale": scale_sigma,
-            "offset": offset_sigma,
-            "warp": warp_sigma,
+            "scale": spread.scale,
+            "offset": spread.offset,
+            "warp": spread.warp,
         }
         self.offset_free = torch.ones(people, device=device, dtype=torch.bool) if offset_free is None else offset_free
         self._moves_offset = self.offset_free.to(dtype)
@@ -172,14 +185,14 @@ class State:
         }
 
     def unpack(self) -> Estimate:
-        """The bodies and the scene that the free numbers stand for; differentiable."""
+        """Convert the free parameters to bodies and scene; differentiable."""
         return self._unpack_whitened() if self.whitened else self._unpack_raw()
 
     def _unpack_whitened(self) -> Estimate:
         start, values, sigmas = self._start, self.values, self._sigmas
         first, body = start.rotations[:, :1], start.rotations[:, _BODY]
         face, hands = start.rotations[:, 22:25], start.rotations[:, _HANDS]
-        # All turns at once: the root's from outside, in the common frame, the others in their joint's own.
+        # All rotations at once. The root's is applied in the camera frame, the others in the frame of their joint.
         turns = torch.cat(
             [
                 (values["root"] * sigmas["root"])[:, None],
@@ -221,13 +234,13 @@ class State:
     def deviation(self) -> tuple[Tensor, Tensor]:
         """Deviation of people's parameters (B, P) and of the scene's scale () from the start.
 
-        All groups but the scale stand side by side in the order of :data:`GROUPS`, in units of the expected spread
-        where whitened, else in the units of the raw numbers.
+        Columns are all groups but the scale, in the order of :data:`GROUPS`. Units are expected spreads if whitened,
+        else those of the raw parameters.
         """
         return self._side_by_side(self.values) - self._started, self.values["scale"] - self._origin["scale"]
 
     def per_parameter(self, of_group: Mapping[str, float]) -> Tensor:
-        """A number for each group, as (P,) for the columns of :meth:`deviation`."""
+        """One number per group, expanded to (P,) for the columns of :meth:`deviation`."""
         sizes = zip(_OF_PEOPLE, self._sizes, strict=True)
         return self._started.new_tensor([of_group[group] for group, size in sizes for _ in range(size)])
 
@@ -239,12 +252,12 @@ class State:
 
     @torch.no_grad()
     def displace(self, who: Tensor, tilt: float, farther: float) -> None:
-        """Turn some people about the camera's horizontal axis, and move them along their ray; whitened only.
+        """Rotate some people about the camera's horizontal axis and move them along their ray; whitened only.
 
         Args:
             who: (B,) bool.
             tilt: radians.
-            farther: to be added to the logarithm of depth.
+            farther: added to the logarithm of depth.
         """
         rows = who.to(self._start.transl.dtype)
         if "root" in self.free:
@@ -257,13 +270,13 @@ class State:
         return [self.values[group] for group in self.free]
 
     def pack(self) -> Tensor:
-        """All free numbers in one (n,) vector, a copy."""
+        """All free parameters in one (n,) vector, a copy."""
         none = self._start.transl.new_zeros(0)
         return torch.cat([none, *(v.detach().reshape(-1) for v in self.parameters())])
 
     @torch.no_grad()
     def load(self, packed: Tensor) -> None:
-        """Put back what :meth:`pack` gave.
+        """Set all free parameters from a vector of :meth:`pack`.
 
         Raises:
             PhysicError: a vector of another length.
@@ -273,12 +286,12 @@ class State:
 
     @property
     def people(self) -> int:
-        """How many."""
+        """Number of people B."""
         return len(self._start.transl)
 
     @torch.no_grad()
     def put(self, packed: Tensor, who: Tensor) -> None:
-        """Put some people, (B,) bool, where a vector of :meth:`pack` has them; the others and the scale stay."""
+        """Set some people, (B,) bool, from a vector of :meth:`pack`; the others and the scale do not change."""
         for group, part in zip(self.free, self._parts(packed), strict=True):
             value = self.values[group]
             if group != "scale":
@@ -293,11 +306,11 @@ class State:
 
 
 def raw_state(context: JointContext, frozen: Sequence[str]) -> State:
-    """Raw parameters without depth offsets and warps, as gradient descent of the paper moves them.
+    """Raw parameters without depth offsets and warps, for the paper's gradient descent.
 
     Args:
-        context: of the run.
-        frozen: groups that stay as they are. The scale does as well where neither scene nor floor shows it.
+        context: constants of this optimisation.
+        frozen: groups that are kept constant. The scale is kept as well if there is neither scene nor floor.
     """
     problem = context.problem
     stay = {*frozen, "offset", "warp"}

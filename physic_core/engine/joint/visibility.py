@@ -1,4 +1,7 @@
-"""What the photo shows of each vertex: masks, self-occlusion, facing. Updated whenever people have moved a while."""
+"""Visibility of each vertex: inside its mask, not self-occluded, facing the camera.
+
+The optimiser updates it every few steps. OpenCV camera frame, metres and pixels.
+"""
 
 from __future__ import annotations
 
@@ -33,21 +36,21 @@ __all__ = [
 HIDDEN_LIMB_SHARE = 0.3
 """A limb segment is hidden when this share of its vertices lies behind other parts; as released."""
 
-_STILL_M = 0.01  # people who moved less than this in the mean, across their rays, keep their self-occlusion
+_STILL_M = 0.01  # people whose mean motion across their rays is below this keep their self-occlusion
 
 
 @dataclass(frozen=True)
 class Visibility:
-    """What the photo shows of people. n are the tracked vertices.
+    """Visibility of B people; n tracked vertices.
 
     Attributes:
         uv: (B, n, 2) px, projected vertices.
         normals: (B, n, 3) of the body, unit.
-        in_play: (B, n) bool, inside the image and on a limb that the photo shows: may touch and penetrate.
-        in_mask: (B, n) bool, on the own mask: not hidden by an object or another person.
+        in_play: (B, n) bool, inside the image and on a visible limb; takes part in contact and penetration.
+        in_mask: (B, n) bool, inside the mask of its person: not hidden by an object or another person.
         hidden: (B, n) bool, hidden by objects, other people or the own body.
-        facing: (B, n) bool, camera-facing and on the own mask.
-        unobstructed: (B, n) bool, camera-facing and behind no face of the own body.
+        facing: (B, n) bool, camera-facing and inside the mask of its person.
+        unobstructed: (B, n) bool, camera-facing and not self-occluded.
     """
 
     uv: Tensor
@@ -60,10 +63,10 @@ class Visibility:
 
 
 class SelfOcclusion:
-    """Self-occlusion of moving people: rays are cast again only for people who have moved.
+    """Self-occlusion of moving people. Rays are cast again only for people who have moved.
 
     Args:
-        context: of the run.
+        context: constants of this optimisation.
     """
 
     def __init__(self, context: JointContext) -> None:
@@ -87,7 +90,7 @@ class SelfOcclusion:
             hidden_limbs: on a limb that counts as hidden.
         """
         away = vertices[..., 2].mean(1).abs().clamp(min=1e-6)[:, None, None]
-        # Nearer and farther along the same rays, a body looks the same.
+        # Motion along the rays does not change the self-occlusion.
         seen = vertices / away
         if self._seen is None:
             shadow = self._cast(vertices)
@@ -111,8 +114,8 @@ def update_visibility(
 
     Args:
         context: of the run.
-        bodies: posed now, all vertices.
-        self_occlusion: of these people.
+        bodies: posed at the present state, all vertices.
+        self_occlusion: of the B people.
         last: not used.
     """
     problem, conventions = context.problem, context.conventions
@@ -138,7 +141,7 @@ def update_visibility(
 def keep_facing(
     context: JointContext, bodies: BodyOutput, self_occlusion: SelfOcclusion, last: Visibility | None
 ) -> Visibility:
-    """As :func:`update_visibility`, with the camera-facing vertices of the first time.
+    """As :func:`update_visibility`, but camera-facing vertices stay those of the first update.
 
     "The camera-facing mask remains stable throughout optimization" (paper sec. 4.1).
     """
@@ -156,18 +159,18 @@ def occluded_vertices(context: JointContext, vertices: Tensor, self_occlusion: S
 
 
 def masks_of(context: JointContext) -> Tensor:
-    """(B, H, W) bool mask of each person, or of all people together for each."""
+    """(B, H, W) bool: the mask of each person, or B copies of the union of all masks."""
     masks = context.problem.masks
     return masks.any(0, keepdim=True).expand_as(masks) if context.conventions.merge_masks else masks
 
 
 def _in_image(uv: Tensor, vertices: Tensor, masks: Tensor) -> Tensor:
-    # Behind the camera nothing is seen, whatever the clamped division gives.
+    # Points behind the camera are not visible, although the clamped division gives them a pixel.
     return inside_image(uv, *masks.shape[-2:]) & (vertices[..., 2] > 0)
 
 
 def around(uv: Tensor, masks: Tensor, reach: Tensor) -> Tensor:
-    """Whether the pixels at and round each coordinate are on the mask: (B, V, 2), (B, H, W), (B,) px -> (9, B, V)."""
+    """Mask at each coordinate and its eight neighbours: (B, V, 2), (B, H, W), (B,) px -> (9, B, V) bool."""
     height, width = masks.shape[-2:]
     steps = torch.tensor([-1.0, 0.0, 1.0], device=uv.device, dtype=uv.dtype) * reach[:, None]
     u, v = ((uv[..., None, :, axis] + steps[..., None]) for axis in (0, 1))  # (B, 3, V): three columns and three rows

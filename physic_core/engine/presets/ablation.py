@@ -1,4 +1,4 @@
-"""The rows of the paper's Table 3, of its static contacts and of PROX, as what differs from a preset's full model."""
+"""Ablations: the rows of the paper's Table 3, static contacts, and PROX, as overrides of a preset."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ Overrides = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Row:
-    """One row.
+    """One row of the ablation table.
 
     Attributes:
         name: in the paper's notation.
-        overrides: what differs from the full model.
+        overrides: settings that differ from the full model.
         preset: the row is this preset instead, whatever the full model is.
     """
 
@@ -64,7 +64,7 @@ _PENETRATION: Overrides = {
     "scene": {"carve_m": 0.0},
     "joint": {"penetration": {"weight": 0.0}},
 }
-# The paper's MPJPE falls by half where depth joins: before, stage 2 has not seen it either.
+# The paper's MPJPE halves with the depth term: without it stage 2 does not use depth either.
 _DEPTH: Overrides = {"placement": {"chamfer_weight": 0.0}, "joint": {"depth": {"weight": 0.0}}}
 _OCCLUSION: Overrides = {"joint": {"visibility": {"occlusion_aware": False}}}
 _FLOOR: Overrides = {

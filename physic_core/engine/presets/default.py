@@ -1,4 +1,7 @@
-"""The energy of preset "default": what measures best."""
+"""Preset "default": the joint energy with the best measured results.
+
+It minimises Eq. 5 with the terms below, by L-BFGS on whitened parameters. Residuals are divided by their expected size.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ import torch
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.conventions import Conventions
 from physic_core.engine.joint.settings import JointSettings, LbfgsSettings, VisibilitySettings
-from physic_core.engine.joint.state import State
+from physic_core.engine.joint.state import Spread, State
 from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.terms.balance import BalanceSettings, BalanceTerm
 from physic_core.engine.joint.terms.contact import ContactSettings, ContactTerm
@@ -41,10 +44,10 @@ class DefaultJoint(JointSettings):
     counts as an outlier. A weight of 0 removes a term.
 
     Attributes:
-        frozen: groups that stay as they are: root, pose, hands, betas, translation, scale, offset, warp.
+        frozen: parameter groups that are kept constant: root, pose, hands, betas, translation, scale, offset, warp.
         optimiser: L-BFGS on whitened parameters.
-        restarts: start poses of each person whose keypoints are off at the end, the best of which is kept: 1 is the
-            body estimator's alone, 3 adds the body tilted by 15 degrees to either side about the camera's horizontal
+        restarts: start poses of each person with a large final reprojection error, the best of which is kept: 1 is the
+            estimated pose alone, 3 adds the body tilted by 15 degrees to either side about the camera's horizontal
             axis, 5 adds it 10 % nearer and farther as well.
         visibility: which vertices the photo shows.
         reprojection: keypoints.
@@ -95,7 +98,7 @@ class DefaultJoint(JointSettings):
 
     @property
     def start_poses(self) -> int:
-        """As the settings have it."""
+        """The setting ``restarts``."""
         return self.restarts
 
     def initial_state(self, context: JointContext) -> State:
@@ -110,17 +113,19 @@ class DefaultJoint(JointSettings):
         if not len(context.surface) or not self.scene_scale.local_sigma:
             frozen.add("warp")
         if not len(context.surface) and problem.floor_normal is None:
-            frozen.add("scale")  # nothing is left that shows the scale
+            frozen.add("scale")  # nothing constrains the scale
         return State(
             problem.rotations0,
             problem.betas0,
             problem.transl0,
             context.start.joints[:, 0],
             frozen=sorted(frozen),
-            scale_sigma=DEPTH_SCALE_SIGMA if problem.scale_sigma is None else problem.scale_sigma,
-            offset_sigma=offset_sigma,
+            spread=Spread(
+                scale=DEPTH_SCALE_SIGMA if problem.scale_sigma is None else problem.scale_sigma,
+                offset=offset_sigma,
+                warp=self.scene_scale.local_sigma,
+            ),
             offset_free=offset_sigma > 0,
-            warp_sigma=self.scene_scale.local_sigma,
         )
 
     def terms(self, context: JointContext, state: State) -> Sequence[Term]:

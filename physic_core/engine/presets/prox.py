@@ -1,4 +1,15 @@
-"""The energy of preset "prox": that of Hassan et al., ICCV 2019, as the paper compares with it."""
+"""Preset "prox": the energy of PROX (Hassan et al., ICCV 2019), the baseline of the paper.
+
+Deviations from the publication:
+
+- The scene is an unprojected depth map, as in the paper's comparison.
+- The pose prior is the distance to the estimated pose, instead of VPoser.
+- The seven phases are two: without and with the scene.
+- The exponential bending prior is a one-sided limit.
+- Nearest scene points are searched within half a metre, and the body's vertices are thinned.
+- Self-penetration, jaw and expression are left out.
+- Neck and hip keypoints, which PROX ignores, count.
+"""
 
 from __future__ import annotations
 
@@ -27,8 +38,8 @@ __all__ = ["ProxContactSettings", "ProxJoint", "ProxPriorSettings", "ProxReproje
 
 _FULL_HD_PX = 1920  # long side of PROX's pictures, in whose pixels its reprojection is robust
 _REPROJECTION_SCALE_PX = 100.0
-_REACH_M = 0.5  # how far contact and penetration look
-_CONTACT_SCALE_M = 0.05  # where PROX's contact lets go
+_REACH_M = 0.5  # search radius of contact and penetration
+_CONTACT_SCALE_M = 0.05  # scale of the robust loss of contact
 _CONTACT_ANGLE_DEG = 45.0
 _VERTICES = 60.0  # of the mesh that PROX sums over, a square decimetre
 _POSE_WEIGHT = 4.78**2 / 2  # of a squared radian; rotations are written as two columns, which move twice as far
@@ -72,10 +83,10 @@ class ProxPriorSettings:
 
 @dataclass(frozen=True)
 class ProxJoint(JointSettings):
-    """Stage 3 as in PROX: people alone move, first without contact and penetration.
+    """Stage 3 as in PROX: the scene is constant; the first steps leave out contact and penetration.
 
     Attributes:
-        frozen: groups that stay as they are: root, pose, hands, betas, translation, scale.
+        frozen: parameter groups that are kept constant: root, pose, hands, betas, translation, scale.
         optimiser: L-BFGS.
         reprojection: keypoints.
         contact: contact with the scene.
@@ -96,7 +107,7 @@ class ProxJoint(JointSettings):
 
     @property
     def conventions(self) -> Conventions:
-        """Static contacts, all limbs count as seen, and there is no floor."""
+        """Static contacts, all limbs count as visible, and there is no floor."""
         return Conventions(
             weigh_keypoints=partial(confident_keypoints, power=2.0),
             update_visibility=update_visibility,

@@ -1,4 +1,24 @@
-"""The energy of preset "release": that of the published code."""
+"""Preset "release": the joint energy of the published code.
+
+Measured on a problem of the released code (one person, 2570 vertices): terms agree within 2e-5, gradients within 5e-5
+of the largest entry, stage 1 within 1 um; outliers, grid and contact map agree exactly; stage 3 ends 2.0 mm from the
+released result. Deviations, with their effect on that problem where it was measured:
+
+- Stage 2 uses a line search. It ends 2 um from the minimum of the released objective. Without it the released code ends
+  100 mm from the minimum, and 5.5 mm from its own result when it is run again.
+- Limbs are hidden if less than 0.7 of their vertices are visible. Grazing rays change this share by up to 0.05 when
+  vertices move by 1 um, in the released code too. At the first update one limb of twelve is visible here
+  and hidden there.
+- Bodies have 69 of the 133 keypoints, each weighted as in the released code: stage 1 differs by 9.6 mm with them,
+  stage 2 by 2.9 mm. The root of a hand is left out of the mean confidence by which a hand is rejected.
+- The floor is searched with 200 hypotheses of three points each: .01 mm. Of 455 points that are dropped by their
+  normals 8 differ, by ties among their neighbours.
+- A vertex outside the box of the grid is searched exactly. The released code then searches all vertices exactly (there
+  was no such vertex).
+- The scene is not enlarged before stage 2 (factor 1 there), and fx and fy are not averaged (equal there).
+- After stage 3 people return to their start if their own energy is lower there. Not measured.
+- Vertices inside eyes and mouth are left out. Not measured.
+"""
 
 from __future__ import annotations
 
@@ -34,9 +54,9 @@ class ReleasedJoint(PaperJoint):
     """Stage 3 as published: distances by axis, absolute reprojection errors, and all masks as one.
 
     Attributes:
-        frozen: groups that stay as they are: root, pose, hands, betas, translation, scale.
+        frozen: parameter groups that are kept constant: root, pose, hands, betas, translation, scale.
         optimiser: Adam.
-        visibility: which vertices the photo shows.
+        visibility: of vertices.
         reprojection: keypoints.
         depth: human points.
         contact: contact with the scene.

@@ -1,1 +1,1 @@
-"""What the published code does otherwise than the paper prints; for preset "release"."""
+"""Parts of the released code that differ from the printed equations; for preset "release"."""

@@ -18,10 +18,10 @@ _ROOT_WEIGHT = 50.0
 
 
 def without_root(pose: LandmarkModel, rotations: Tensor, betas: Tensor, expression: Tensor) -> Tensor:
-    """Tracked vertices (B, n, 3) of bodies whose root does not turn: their pelvis lies where the shape puts it.
+    """Tracked vertices (B, n, 3), metres, with the identity as root rotation and without translation.
 
     Args:
-        pose: poses them.
+        pose: poses the tracked vertices.
         rotations: (B, 55, 3, 3).
         betas: (B, K).
         expression: (B, E).
@@ -34,8 +34,8 @@ def without_root(pose: LandmarkModel, rotations: Tensor, betas: Tensor, expressi
 class ReleasedRegularisationTerm:
     """``lambda_reg (sum_v w_v |v - v0|^2 + 50 |r - r0|^2 + |t - t0|^2)``.
 
-    Vertices v are those without root rotation; r are the two columns of the root's rotation; t0 is the body estimator's
-    translation.
+    v: vertices without root rotation. r: the first two columns of the root's rotation. t: translation. t0 is the
+    translation by the body estimator.
     """
 
     def __init__(

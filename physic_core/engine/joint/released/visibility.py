@@ -1,7 +1,7 @@
-"""Visibility as in the released code: all masks as one, looked up once, and limbs by the first face on each ray.
+"""Visibility as in the released code: one union of all masks, and hidden limbs by ray casting.
 
-Which vertices lie on the masks and face the camera is decided where the keypoints alone have put the bodies, and kept;
-the limbs that the body hides are found anew at each refresh.
+Vertices inside the masks and camera-facing vertices are found once, with bodies placed by the keypoints alone (Eq. 2).
+Hidden limbs are found at each refresh.
 """
 
 from __future__ import annotations
@@ -33,21 +33,21 @@ def mean_face_normals(vertices: Tensor, faces: Tensor) -> Tensor:
 
 
 def faces_optical_axis(normals: Tensor, max_angle_deg: float) -> Tensor:
-    """Whether normals (..., 3) are within an angle of the way back along the optical axis: (...) bool."""
+    """Whether normals (..., 3) are within an angle of the direction (0, 0, -1) to the camera: (...) bool."""
     return -normals[..., 2] > math.cos(math.radians(max_angle_deg))
 
 
 def visible_part_shares(vertices: Tensor, faces: Tensor, part_of_vertex: Tensor, parts: Sequence[int]) -> Tensor:
     """Share of each part's vertices whose ray from the camera first meets their own part.
 
-    A ray that meets nothing, as some do along the silhouette, sees nothing: a share moves by up to 0.05 when all
+    Rays along the silhouette may miss the mesh; such vertices count as hidden. A share changes by up to 0.05 when all
     vertices move by a micrometre.
 
     Args:
         vertices: (V, 3) metres, camera frame.
         faces: (F, 3) int64.
         part_of_vertex: (V,) int64.
-        parts: P of them.
+        parts: P part numbers.
 
     Returns:
         (P,) float64; 1 for a part without vertices.
@@ -69,9 +69,9 @@ def update_released_visibility(
 
     Args:
         context: of the run.
-        bodies: posed now, all vertices.
-        self_occlusion: of these people.
-        last: the last visibility; None at first, when bodies are taken to be where the keypoints alone put them.
+        bodies: posed at the present state, all vertices.
+        self_occlusion: of the B people.
+        last: the last visibility; None at the first update, which uses the positions by the keypoints alone.
     """
     problem, model, ids = context.problem, context.problem.model, context.ids
     if last is None and problem.keypoint_transl is not None:
