@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 __all__ = ["AffineCamera", "half_diagonal", "recover_camera", "settle"]
 
 _GRID = 64
-"""Rows and columns that are looked at, as upstream does: the points of a photo say the same thing many times."""
+"""Rows and columns of the sampled grid, as upstream: neighbouring points are redundant."""
 _FEWEST = 64
-"""Points below which the grid has missed what there is to see, and all points are asked."""
+"""With fewer valid points on the grid, points are sampled from all valid ones."""
 _LARGEST_DOUBT = 0.7
 """Of :meth:`_Problem.doubt`: log(focal) is off by about two thirds of it."""
 

@@ -22,7 +22,7 @@ __all__ = [
     "metres_of_focal",
 ]
 
-_LEAST_INVERSE, _MOST_INVERSE = 1e-4, 1e4  # of metres in metres_from_inverse: what lies farther is told as 10 km
+_LEAST_INVERSE, _MOST_INVERSE = 1e-4, 1e4  # 1 / m in metres_from_inverse; larger depths become 10 km
 
 
 def focal_from_fov(fov_deg: float, width: float) -> float:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["crop_of_translation", "told_of_crops", "translation_of_crop"]
 
-_SMALLEST = 1e-6  # of |s|: what a network answers for nobody must not become an infinite depth
+_SMALLEST = 1e-6  # minimum |s|: output for an empty crop must not become an infinite depth
 
 
 def translation_of_crop(weak: FloatArray, centres: FloatArray, sides: FloatArray, camera: Intrinsics) -> FloatArray:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 __all__ = ["as_confidence", "peaks", "refined_peaks", "simcc_peaks"]
 
 _FLOOR, _CEILING = 1e-3, 50.0  # of a heat map before its logarithm
-_FARTHEST = 1.0  # cells that a peak may lie beside the highest cell
+_FARTHEST = 1.0  # maximum distance of a peak from the highest cell, cells
 
 
 def peaks(heatmaps: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -43,7 +43,7 @@ _STORED = "iufc"
 """Numbers shrink too little to pay for the time of compressing them; masks and texts are compressed."""
 
 _VERSION = 3
-"""To be raised when a kept answer would be read as something else, or a border lets less pass."""
+"""Version of the file format; increase it if old files would be read differently or fail a stricter validation."""
 
 _CLASSES = (
     types.Bodies,
@@ -138,7 +138,7 @@ class Answers:
             answer: object = _opened(arrays, document["answer"])
         except OSError:
             return None
-        except Exception as error:  # whatever a class of ours says to fields that are not its own
+        except Exception as error:  # any error of a dataclass that gets unexpected fields
             self.drop(question, str(error))
             return None
         touch(path)
@@ -167,7 +167,7 @@ class Answers:
             write_archive(self._folder / question.name, arrays, document, stored=_STORED)
             self._written = True
         except (OSError, OutputError) as error:
-            if (self._folder / question.name).is_dir():  # in the way of one answer, not of all
+            if (self._folder / question.name).is_dir():  # it blocks only this file
                 note = f"an answer of a backend cannot be kept: {error}"
             else:
                 cure = "name another folder in PHYSIC_CACHE, or switch it off"

@@ -11,7 +11,7 @@ from pathlib import Path
 __all__ = ["MAP_SUFFIX", "MODEL_SUFFIX", "SUFFIX", "Kept", "clear", "kept", "shrink", "touch"]
 
 SUFFIX = ".answer.npz"
-"""Of the files that keep backends' answers. A cache touches no file without its suffix, wherever its folder is."""
+"""Suffix of cached backend outputs. A cache never touches a file without its suffix."""
 MAP_SUFFIX = ".map.npz"
 """Of those that keep maps between the meshes of bodies (:mod:`physic_core.cache.maps`)."""
 MODEL_SUFFIX = ".model.pkl"

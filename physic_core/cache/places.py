@@ -25,7 +25,7 @@ def place(name: str, switch: str = "") -> Path | None:
     if wish:
         return Path(wish)
     base = os.environ.get("XDG_CACHE_HOME", "")
-    if not os.path.isabs(base):  # the standard says that a relative one is not valid
+    if not os.path.isabs(base):  # the XDG standard ignores relative paths
         try:
             home = Path.home()
         except RuntimeError:

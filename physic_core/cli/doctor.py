@@ -140,7 +140,7 @@ def examine(registry: Registry, claim: Claim, device: str) -> Finding:
         step = "close()"
         backend.close()
     except PhysicError as error:
-        # What a backend says of itself is a lack; that it cannot even be imported, or asked, is no word of its own.
+        # "missing" is only what the backend itself reports; a failed import or call is "broken".
         state: Literal["missing", "broken"] = "broken" if step in ("import", "missing()") else "missing"
         return _finding(claim, state, str(error).removeprefix(str(claim)).lstrip(": "), error)
     except (Exception, SystemExit) as error:

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 __all__ = ["as_dicts", "columns", "detail", "in_words", "listing"]
 
 WIDEST = 40
-"""Characters of a licence or of needs in the table; ``physic plugins show`` and JSON have them whole."""
+"""Maximum characters of a licence or of needs in the table; ``physic plugins show`` and JSON do not shorten them."""
 
 SLOW_SECONDS = 0.5
-"""A plugin that takes longer to say what it offers is named: its registration module imports too much."""
+"""Seconds after which registration counts as slow and is reported: the module imports too much."""
 
 
 def listing(registry: Registry, interface: str | None = None) -> str:

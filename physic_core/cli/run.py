@@ -143,7 +143,7 @@ def _terminable() -> Iterator[None]:
         yield
     except _Terminated:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        os.kill(os.getpid(), signal.SIGTERM)  # so that whoever waits for us sees what ended us
+        os.kill(os.getpid(), signal.SIGTERM)  # so that the parent process sees the signal
     finally:
         signal.signal(signal.SIGTERM, before)
 
@@ -162,7 +162,7 @@ def _reserved(photo: Path, out: Path | None, overwrite: bool) -> Iterator[Path]:
     parts = [*reversed(folder.absolute().parents), folder.absolute()]
     made += [part for part in parts if not os.path.exists(part)]  # Path's own raises where the way there is closed
     try:
-        if digest:  # else whoever reads the photo says what is wrong with it
+        if digest:  # otherwise reading the photo reports the error
             check_folder(folder, digest, overwrite=overwrite)
         check_writable(folder)
         yield folder
@@ -205,7 +205,7 @@ def _default_folder(photo: Path, digest: str, overwrite: bool) -> tuple[Path, li
             if whose is None or not (overwrite or same_photo(whose, digest)):
                 continue
         except OSError:
-            pass  # whoever tries to write there says what is wrong
+            pass  # writing there reports the error
         if folder != first:
             click.echo(f"{first}{os.sep} is taken: results go to {folder}{os.sep}", err=True)
         return folder, [folder] * made
@@ -230,7 +230,7 @@ def _said_by_plugins() -> Iterator[list[str]]:
                 if record.getMessage() not in said:
                     said.append(record.getMessage())
             elif record.levelno >= logging.WARNING and len(root.handlers) == 1 and logging.lastResort:
-                logging.lastResort.handle(record)  # which would print it if nobody listened
+                logging.lastResort.handle(record)  # the default output of records without a handler
 
     root, listener = logging.getLogger(), Listener(logging.INFO)
     level = root.level

@@ -111,7 +111,7 @@ def _engine_meanings(kind: type) -> dict[str, str]:
     schema = settings_table(kind).model_json_schema()
     parts, said = schema.get("$defs", {}), _attributes(kind)
     return {
-        # Every key of the table may be missing, which is no value that it may hold.
+        # Every key is optional, but "unset" is not an allowed value.
         name: _with_kind(said.get(name, ""), in_words(one, parts).removesuffix(" or unset"))
         for name, one in schema["properties"].items()
     }

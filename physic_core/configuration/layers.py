@@ -29,7 +29,7 @@ Layer = tuple[str, Mapping[str, Any]]
 
 _VARIABLE = "PHYSIC__"
 _EXCLUSIVE = (("photo", ("focal_px", "intrinsics")), ("body_model", ("name", "path")))
-"""Keys of a table that say the same thing: the layer that sets one silences the others of the layers below."""
+"""Alternative keys of a table: a layer that sets one removes the others of earlier layers."""
 
 _LARGEST = {".toml": 1_000_000, ".json": 100_000_000}
 """Bytes of a config file; every setting written out takes 40,000, and the result of a photo of 40 people 200,000."""

@@ -178,7 +178,7 @@ class RunSettings(_Table):
 
 
 class Config(_Table):
-    """A whole configuration; :func:`load_config` makes one."""
+    """A complete, validated configuration; created by :func:`load_config`."""
 
     segmenter: BackendChoice
     inpainter: BackendChoice

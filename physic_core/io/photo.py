@@ -227,7 +227,7 @@ def _read(image: Image.Image, path: Path) -> Photo:
             f"{MIN_SIDE} px; give a larger photo"
         )
     notes = list(_frame_notes(image))
-    deep = _is_deep(image)  # asked before the pixels are decoded, which drops the file's own mode
+    deep = _is_deep(image)  # before decoding, which discards the mode of the file
     factor = math.ceil(math.sqrt(stored[0] * stored[1] / _KEEP_PIXELS))
     try:
         if factor > 1:
@@ -283,7 +283,7 @@ def _without_end(path: Path, mode: str, size: tuple[int, int]) -> Image.Image | 
 
 def _frame_notes(image: Image.Image) -> tuple[str, ...]:
     frames = getattr(image, "n_frames", 1)
-    # A phone's MPO holds a preview or a depth picture behind the photo: nothing is lost by leaving it.
+    # The MPO file of a phone has a preview or a depth image after the photo, which is not needed.
     return (f"only the first of {frames} frames is used",) if frames > 1 and image.format != "MPO" else ()
 
 
@@ -301,7 +301,7 @@ def _exif(image: Image.Image) -> tuple[int, dict[int, Any]]:
         orientation = exif.get(ORIENTATION, 1)
         tags = dict(exif.get_ifd(EXIF_IFD))
     except _PILLOW_DAMAGE:
-        return 1, {}  # the pixels are sound: a broken EXIF block only loses the focal length
+        return 1, {}  # the pixels are valid: a damaged EXIF block only loses the focal length
     return (orientation if orientation in range(2, 9) else 1), tags
 
 

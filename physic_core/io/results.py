@@ -79,10 +79,10 @@ def save_reconstruction(
     folder = check_writable(folder)
     earlier = own_files(folder)
     stale = [folder / name for name in earlier.difference(names)]
-    # Of earlier pictures, which lie there until the new ones do.
+    # Digests of the earlier images, which stay until the new ones are written.
     digests = {name: file_digest(folder / name) for name in earlier.intersection(names) if name != DOCUMENT_FILE}
     with replacing(folder) as temporary:
-        # The document first: should the process end between the two, the folder is known to hold a result.
+        # The document first: if the process ends between the two, the folder is still recognised as a result.
         document_file, arrays_file = temporary(DOCUMENT_FILE), temporary(ARRAYS_FILE)
         write_arrays(arrays_file, to_arrays(reconstruction), stored="f")
         arrays_checksum = checksum(arrays_file)

@@ -146,7 +146,7 @@ def _around(joints: Array) -> dict[str, tuple[Array, Array]]:
     spine = _unit(joints[_NECK] - joints[_PELVIS], up)
     front = _unit(np.cross(left, spine), np.array([0.0, 0.0, 1.0]))
     top = up - (up @ front) * front
-    # Somebody who lies on the back shows the front upwards: their head then points to the picture's top.
+    # The front of a person lying on the back points up: draw their head at the top of the image.
     top = _unit(top if np.linalg.norm(top) > 0.5 else spine - (spine @ front) * front, up)
     level = front - (front @ up) * up
     level = _unit(level if np.linalg.norm(level) > 0.5 else top - (top @ up) * up, np.array([0.0, 0.0, 1.0]))

@@ -31,7 +31,7 @@ GROUND = (214, 215, 213)
 
 _SLAB = 0.4  # metres beside the people that the side view shows in full colour
 _FAINT = 0.3  # share of its colour that what stands farther away keeps
-_THICK = 0.03  # metres by which a point must lie before the surface to be seen
+_THICK = 0.03  # metres; a point is hidden only if the surface is nearer by more than this
 _WORTH = 0.85  # share of its scale that a view may lose to take the camera in
 _VEIL = 0.6  # a person's opacity behind something: one must still see the feet behind the table
 

@@ -22,10 +22,10 @@ STEP = 1.06
 """Depth ratio between neighbours that is always one surface; 1.03-1.1 works."""
 
 STEEP_STEP = 1.2
-"""Depth ratio between neighbours that is one surface only where both normals lie across the step (a floor far away)."""
+"""Depth ratio up to which neighbours are joined if both normals are across the step (such as a distant floor)."""
 
 SHARD = 0.002
-"""Share of the surface's vertices that a piece of it must hold."""
+"""Minimum share of all vertices of a connected component."""
 
 _ACROSS = 0.15  # sine of the angle between the step and the surface: up to 9 degrees is along it
 

@@ -207,7 +207,7 @@ def _retrieve(url: str, target: Path, file: WeightFile, tell: Callable[[int, int
 
     import pooch  # type: ignore[import-untyped]
 
-    pooch.get_logger().setLevel(logging.WARNING)  # we say ourselves what we do
+    pooch.get_logger().setLevel(logging.WARNING)  # we report progress ourselves
     transfer = Transfer(
         target.with_name(f"{target.name}.part"),
         file.bytes,

@@ -45,7 +45,7 @@ def in_hub_cache(file: WeightFile) -> Path | None:
         return None  # without the library, whose import takes time
     try:
         from huggingface_hub import try_to_load_from_cache
-    except ImportError:  # a broken one is as good as none: the message about what is missing says where it was sought
+    except ImportError:  # ignored like a missing library: the error lists the searched folders
         return None
     found = try_to_load_from_cache(origin.repository, origin.path, revision=origin.revision)
     return Path(found) if isinstance(found, str) else None

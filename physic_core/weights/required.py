@@ -26,7 +26,7 @@ def missing_sets(registry: Registry, claim: Claim) -> tuple[str, ...] | None:
                 return None
             if missing(path, name):
                 found.append(name)
-    except PhysicError:  # a list that does not hold, which `physic weights list` tells
+    except PhysicError:  # an invalid manifest, which `physic weights list` reports
         return None
     return tuple(found) if claim.record.weights else None
 
