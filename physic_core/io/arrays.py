@@ -50,7 +50,7 @@ SHARED_ARRAYS: tuple[ArraySpec, ...] = (
     ArraySpec("scene_points", "float32", ("H", "W", 3), "scene without people, m, camera frame"),
     ArraySpec("scene_normals", "float32", ("H", "W", 3), "unit, camera frame, facing the camera; 0 where unreliable"),
     ArraySpec("scene_colors", "uint8", ("H", "W", 3), "RGB of the photo without people"),
-    ArraySpec("scene_valid", "bool", ("H", "W"), "which pixels of the scene arrays count"),
+    ArraySpec("scene_valid", "bool", ("H", "W"), "which pixels of the scene arrays are valid"),
     ArraySpec(
         "floor_points", "float32", ("M", 3), "sampled on the floor plane, m, camera frame; M = 0 without a floor"
     ),
@@ -59,7 +59,7 @@ SHARED_ARRAYS: tuple[ArraySpec, ...] = (
     ArraySpec("body_model", "text", (), "name of the body model that the parameters are for"),
     ArraySpec("skeleton", "text", (), "name of the joint set of the keypoints"),
 )
-"""Arrays that are there once."""
+"""Arrays that do not depend on a person."""
 
 PERSON_ARRAYS: tuple[ArraySpec, ...] = (
     ArraySpec("box", "floating", (4,), "x0 y0 x1 y1, px, half open"),

@@ -87,7 +87,7 @@ def _digests_of_result(folder: str | os.PathLike[str]) -> dict[str, str] | None:
 
 
 def own_files(folder: str | os.PathLike[str]) -> frozenset[str]:
-    """Names of the files in a folder that an earlier run wrote and nobody changed since.
+    """Names of the files in a folder that an earlier run wrote and that are unchanged since.
 
     Links and files with another digest belong to the user. The document cannot contain its own digest and is recognised
     by its content.
