@@ -1,1 +1,1 @@
-"""Which plugins are installed, and which backends, weights and commands they offer."""
+"""Find installed plugins, and their backends, weights and commands."""

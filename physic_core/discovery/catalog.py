@@ -1,4 +1,4 @@
-"""Which known distribution offers which backend, and how to install it: only for hints in messages."""
+"""Known distributions and their backends, with install commands; used only for hints in messages."""
 
 from __future__ import annotations
 
@@ -62,10 +62,10 @@ CATALOG: dict[str, dict[str, tuple[str, ...]]] = {
         "segmenter": ("eomt-hf", "grounded-sam2-hf", "sam3-hf"),
     },
 }
-"""Distribution -> interface -> names of backends; a test compares it with what the distributions register."""
+"""Distribution -> interface -> names of backends; a test compares it with the records of the distributions."""
 
 COMMANDS = dict.fromkeys(("bench", "plugins check", "plugins compare"), "physic-testing")
-"""Command of ``physic`` -> the known distribution that adds it; a test compares it with what that registers."""
+"""Command of ``physic`` -> its known distribution; a test compares it with the records of that distribution."""
 
 
 def distribution_for(interface: str | None, name: str) -> str | None:
@@ -88,7 +88,7 @@ def _names(offers: dict[str, tuple[str, ...]], interface: str | None) -> tuple[s
 
 
 def how_to_install(distribution: str) -> str:
-    """What to run; our own distributions come from a checkout, as there is no release of them yet."""
+    """The install command; first-party distributions are installed from a checkout, as they are not released yet."""
     if distribution not in CATALOG and distribution not in COMMANDS.values():
         return f"`pip install {distribution}`"
     folder = "contrib" if distribution == "physic-omnieraser" else "plugins"

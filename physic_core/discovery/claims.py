@@ -1,4 +1,4 @@
-"""Which installed plugin offers which backend, and whether the record can be used; nothing is imported for it."""
+"""Backends offered by installed plugins, and whether their records are valid. No backend is imported."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _RESERVED = ("none",)
 
 @dataclass(frozen=True)
 class Origin:
-    """The plugin that offers something.
+    """The plugin of a backend, command or list of weights.
 
     Attributes:
         plugin: import name of the plugin's module.
@@ -78,8 +78,8 @@ class BrokenPlugin:
     """A plugin that cannot be imported, or one of whose hooks fails.
 
     Attributes:
-        origin: which one.
-        cause: in one line.
+        origin: the plugin.
+        cause: of the failure, one line.
         error: the exception itself, if there was one.
     """
 

@@ -1,4 +1,4 @@
-"""The commands that installed plugins add to ``physic``."""
+"""Find the commands that installed plugins add to ``physic``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Calls the hooks of all installed plugins: their backends and lists of weights, and which plugins are broken."""
+"""Call the hooks of all installed plugins; collect backends, lists of weights and broken plugins."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ __all__ = ["Found", "find", "origin_of"]
 
 @dataclass(frozen=True)
 class Found:
-    """What the installed plugins offer.
+    """Results of the hooks of all installed plugins.
 
     Attributes:
         claims: backends.
@@ -69,7 +69,7 @@ def find(
     for entry in sorted(entries, key=lambda e: (distribution_of(e)[0], e.name)):
         start = clock()
         try:
-            # What a plugin prints must not get into the output of a command.
+            # Output of a plugin must not mix with the output of a command.
             with redirect_stdout(sys.stderr):
                 manager = load_plugin(entry)
                 records = records_of(manager, "physic_backends", BackendRecord)
@@ -79,7 +79,7 @@ def find(
             claims += [Claim(record, origin, problem_of(record, origin)) for record in records]
             manifests += [Manifest(origin, path) for path in weights]
             broken += [BrokenPlugin(origin, *complaint) for complaint in complaints]
-        # SystemExit too: a plugin that calls sys.exit() at import must not take `physic plugins` with it.
+        # SystemExit too: a plugin that calls sys.exit() at import must not end `physic plugins`.
         except (Exception, SystemExit) as error:
             cause = str(error) if isinstance(error, BadPluginError) else describe(error, module_of(entry))
             broken.append(BrokenPlugin(origin_of(entry), cause, error))
@@ -95,7 +95,7 @@ def origin_of(entry: EntryPoint, seconds: float = 0.0) -> Origin:
 def _manifests(
     manager: pluggy.PluginManager, entry: EntryPoint
 ) -> tuple[list[Path], list[tuple[str, BaseException | None]]]:
-    """The lists of weights of one plugin, unread, and what is wrong with the others; the backends stay."""
+    """Lists of weights of one plugin, unread, and the errors of invalid ones; its backends are kept."""
     paths: list[Path] = []
     complaints: list[tuple[str, BaseException | None]] = []
     for implementation in manager.hook.physic_weights.get_hookimpls():

@@ -1,4 +1,4 @@
-"""What a plugin's exception says in one line, with the place in the plugin where it arose."""
+"""One-line text of a plugin's exception, with file and line in the plugin."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import PurePath
 __all__ = ["debugging", "describe", "traceback_text"]
 
 _OURS = ("physic_core", "importlib", "pluggy")
-"""They call a plugin or import it: the line of an error that ends in one of them says nothing of the plugin."""
+"""Modules that call or import plugins: their frames are skipped, since they do not locate a plugin's error."""
 
 
 def describe(error: BaseException, *owners: str | type) -> str:
@@ -19,22 +19,24 @@ def describe(error: BaseException, *owners: str | type) -> str:
     The place is the innermost frame in the owners' own code, else the innermost of all.
 
     Args:
-        error: what was raised.
+        error: the exception.
         owners: the plugin's modules, by name, or its classes.
     """
     message = str(error)
     text = f"{type(error).__name__}: {message}" if message else type(error).__name__
-    place = "" if isinstance(error, SyntaxError) else _place(error, owners)  # a SyntaxError names its place itself
+    place = (
+        "" if isinstance(error, SyntaxError) else _place(error, owners)
+    )  # the text of a SyntaxError contains its place
     return f"{text} ({place})" if place else text
 
 
 def debugging() -> bool:
-    """Whether ``PHYSIC_DEBUG`` asks for tracebacks."""
+    """Whether ``PHYSIC_DEBUG`` is set to show tracebacks."""
     return os.environ.get("PHYSIC_DEBUG", "0") not in ("", "0")
 
 
 def traceback_text(error: BaseException | None) -> str:
-    """The traceback of an exception and of its causes where ``PHYSIC_DEBUG`` asks for it, else an empty text."""
+    """The traceback of an exception and of its causes if ``PHYSIC_DEBUG`` is set, else an empty text."""
     return "".join(traceback.format_exception(error)) if error is not None and debugging() else ""
 
 

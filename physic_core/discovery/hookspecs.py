@@ -1,7 +1,7 @@
-"""The hooks that a plugin may implement: its backends, its list of weights, and commands that it adds to ``physic``.
+"""Hooks that a plugin may implement: its backends, its list of weights, and commands that it adds to ``physic``.
 
-A plugin is a distribution with an entry point in the group ``physic.plugins`` that names a module, and that module says
-what it offers::
+A plugin is a distribution with an entry point in the group ``physic.plugins`` that names a module. The
+hooks of that module return its backends::
 
     from physic_core import BackendRecord, hookimpl
 
@@ -9,10 +9,10 @@ what it offers::
     def physic_backends():
         return [BackendRecord("metric_depth", "my-depth", "my_pkg.depth:MyDepth", api=1, summary="Depth from ...")]
 
-The module holds nothing else and imports nothing heavy: it runs whenever somebody lists the installed backends.
+The module holds nothing else and imports nothing heavy: it is imported whenever installed backends are listed.
 
 A plugin whose weights are not inside its wheel lists them in TOML files (:mod:`physic_core.weights.manifest`), and
-says where those are::
+returns their folder::
 
     @hookimpl
     def physic_weights():
@@ -47,7 +47,7 @@ hookimpl = pluggy.HookimplMarker(PROJECT)
 
 @hookspec
 def physic_backends() -> Sequence[BackendRecord]:  # type: ignore[empty-body]
-    """Say which backends this plugin offers; called once whenever plugins are discovered."""
+    """Return the backends of this plugin; called once per discovery."""
 
 
 @hookspec
@@ -57,4 +57,4 @@ def physic_commands() -> Sequence[CommandRecord]:  # type: ignore[empty-body]
 
 @hookspec
 def physic_weights() -> Path:  # type: ignore[empty-body]
-    """Say where this plugin's list of weights is: a TOML file, or a folder of them; a plugin may go without."""
+    """Return the path of this plugin's list of weights: a TOML file, or a folder of them; optional."""

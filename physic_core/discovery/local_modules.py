@@ -1,8 +1,8 @@
-"""Modules of the user's own, named in a config as "module:Class": one module out of one folder.
+"""Load a user's own module, named in a config as "module:Class", from one folder.
 
-Neither the folder of a config nor the current one gets onto Python's path, where any library would find a file called
-like something that it tries to import. The module that is named is loaded from its file; of a package (a folder with
-``__init__.py``), relative imports reach the rest. A name that Python knows already is refused, not hidden.
+Neither the config's folder nor the current one is added to ``sys.path``, since a file there could shadow an import of a
+library. The named module is loaded from its file. In a package (a folder with ``__init__.py``) relative imports work. A
+name that Python can import already is refused, not hidden.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ __all__ = ["TARGET", "in_folder", "load", "split"]
 
 _DOTTED = r"[^\W\d]\w*(?:\.[^\W\d]\w*)*"
 TARGET = re.compile(rf"{_DOTTED}:{_DOTTED}")
-"""What a target written as text looks like."""
+"""Pattern of a target "module:Class"."""
 
 _WITH_FOLDER = re.compile(rf"(?s)(?P<folder>.*)[/\\](?P<target>{TARGET.pattern})")
 _lock = threading.RLock()
@@ -31,10 +31,10 @@ def in_folder(name: str, folder: Path) -> str:
 
     Args:
         name: as written in a config; "sub/module:Class" names a folder itself.
-        folder: where the config lies, which relative folders start from.
+        folder: of the config; base of relative folders.
 
     Returns:
-        The name as it is where it is no "module:Class", or where the folder does not hold the module.
+        The unchanged name if it is not "module:Class", or if the folder does not contain the module.
     """
     own, target = split(name)
     if not TARGET.fullmatch(target):
@@ -45,18 +45,18 @@ def in_folder(name: str, folder: Path) -> str:
 
 
 def split(name: str) -> tuple[Path | None, str]:
-    """The folder and the rest of a name as :func:`in_folder` writes it; (None, name) where no folder stands in it."""
+    """The folder and the rest of a name as :func:`in_folder` writes it; (None, name) if it contains no folder."""
     match = _WITH_FOLDER.fullmatch(name)
     return (None, name) if match is None else (Path(match["folder"] or "/"), match["target"])
 
 
 def load(folder: Path, name: str) -> ModuleType:
-    """Import the module ``name`` out of ``folder``, and nothing else that lies there.
+    """Import the module ``name`` from ``folder``, and no other file of it.
 
     Raises:
-        ModuleNotFoundError: it is not there, or imports what is not.
+        ModuleNotFoundError: the module, or one that it imports, does not exist.
         ImportError: another module of this name is installed, or comes from another folder.
-        Exception: whatever it raises itself.
+        Exception: raised by the module.
     """
     if _file(folder, name) is None:
         raise ModuleNotFoundError(f"there is no {name.replace('.', '/')}.py in {folder}")
@@ -77,10 +77,10 @@ def _file(folder: Path, name: str) -> Path | None:
 
 
 def _known(top: str) -> ModuleSpec | None:
-    """What Python finds by this name without us."""
+    """Spec that Python finds for this name by itself, or None."""
     try:
         return importlib.util.find_spec(top)
-    except ValueError:  # imported already, by somebody who did not say from where
+    except ValueError:  # already imported, without a spec
         return ModuleSpec(top, None)
 
 
@@ -90,7 +90,7 @@ def _places(spec: ModuleSpec) -> set[Path]:
 
 
 def _execute(top: str, own: Path) -> None:
-    """Run a module's file; a folder without ``__init__.py`` becomes a package of what lies in it."""
+    """Run a module's file; a folder without ``__init__.py`` becomes a package of its files."""
     if own.suffix == ".py":
         inside = [str(own.parent)] if own.name == "__init__.py" else None
         spec = importlib.util.spec_from_file_location(top, own, submodule_search_locations=inside)

@@ -1,4 +1,4 @@
-"""Installed distributions that were meant to be plugins, but whose entry points are not in the group of plugins."""
+"""Find installed distributions that look like plugins, but have no entry point in the group ``physic.plugins``."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Misplaced:
 
     Attributes:
         origin: the distribution.
-        cause: what is wrong and what to do, in one line.
+        cause: the error and its remedy, one line.
         group: the group of its entry points, if its name resembles ours; else empty.
     """
 
@@ -48,7 +48,7 @@ def misplaced(
     for found in distributions() if installed is None else installed:
         name = found.metadata["Name"] or ""
         key = normal_name(name)
-        # The first of a name is the one that Python imports.
+        # Python imports the first distribution of a name.
         if name and key not in known and key != "physic-core" and (wanted is None or key in wanted):
             known[key] = _misplaced(found, name)
     return tuple(row for _, row in sorted(known.items()) if row is not None)

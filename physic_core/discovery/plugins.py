@@ -1,4 +1,4 @@
-"""What is installed: the backends of all plugins, and the versions of distributions."""
+"""Discover the backends of all installed plugins, and the versions of distributions."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def core_version() -> str:
 
 
 def required_versions(distribution: str) -> dict[str, str]:
-    """Versions of what a distribution requires, its extras aside, by normal name; nothing where it is not installed."""
+    """Versions of a distribution's requirements without extras, by normal name; empty if it is not installed."""
     found = {}
     with suppress(PackageNotFoundError, ValueError):  # ValueError: the name is empty
         for line in requires(distribution) or ():

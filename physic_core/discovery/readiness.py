@@ -30,13 +30,13 @@ _TRACES = ("/proc/driver/nvidia/version", "/dev/nvidiactl", "/dev/dxg")
 
 @dataclass(frozen=True)
 class Readiness:
-    """What is to be expected of a backend.
+    """Expected usability of a backend.
 
     Attributes:
-        word: "ready"; "unsure" where it needs what only loading it can tell; "not ready" where something is missing on
+        word: "ready"; "unsure" where only loading it can show; "not ready" where something is missing on
             this machine; "ambiguous" where its own distribution offers the name twice; "refused" and "broken" where
             no config can choose it as it is.
-        why: in words; may be empty where it is ready.
+        why: the reason; may be empty where it is ready.
     """
 
     word: Word
@@ -53,13 +53,13 @@ def readiness(
     gpu: Callable[[], bool] | None = None,
     missing_sets: Callable[[Registry, Claim], Sequence[str] | None] | None = None,
 ) -> Readiness:
-    """Look whether a backend's module, and the packages, the GPU and the weights that its record names, are there.
+    """Check that a backend's module and the packages, GPU and weights of its record are available.
 
     Args:
-        registry: that the claim is from.
+        registry: of the claim.
         claim: the backend.
         gpu: whether there is a GPU; None for :func:`gpu_is_seen`.
-        missing_sets: looks for weights, as :func:`physic_core.weights.required.missing_sets`. None leaves weights out.
+        missing_sets: finds missing weights, as :func:`physic_core.weights.required.missing_sets`. None skips them.
     """
     if claim.problem:
         return Readiness("refused", claim.problem)
@@ -105,7 +105,7 @@ def _readiness(
 
 
 def missing_requirements(backend: Backend) -> tuple[str, ...]:
-    """Call ``missing()`` of a backend: what it needs and does not find on this machine, one text each.
+    """Call ``missing()`` of a backend: its missing requirements on this machine, one text each.
 
     Raises:
         BackendError: ``missing()`` fails, or does not return texts.
@@ -125,14 +125,14 @@ def missing_requirements(backend: Backend) -> tuple[str, ...]:
 
 
 def gpu_is_seen() -> bool:
-    """Whether an NVIDIA driver is at work here; torch would know better, and takes seconds to say so."""
+    """Whether an NVIDIA driver is loaded; faster than importing torch, which takes seconds."""
     return shutil.which("nvidia-smi") is not None or any(Path(trace).exists() for trace in _TRACES)
 
 
 def _is_there(module: str) -> bool:
-    """Whether a module can be found; its package is looked into only if somebody has imported it already."""
+    """Whether a module can be found; submodules are searched only if the package is already imported."""
     top = module.partition(".")[0]
     try:
         return find_spec(module if top in sys.modules else top) is not None
-    except (ImportError, ValueError, AttributeError):  # a package inside is broken, or hides its own specification
+    except (ImportError, ValueError, AttributeError):  # a parent package is broken, or has no spec
         return top in sys.modules

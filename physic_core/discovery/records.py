@@ -1,4 +1,4 @@
-"""What the hooks of a plugin return: its backends and its commands, each named by a text that is imported on use."""
+"""Records that plugin hooks return: backends and commands, each with an import target that is loaded on use."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ class BackendRecord:
         interface: "segmenter", "inpainter", "metric_depth", "relative_pointmap", "keypoint_detector", "body_estimator",
             "hand_estimator" or "contact_prior".
         name: the backend's name in configs, lower case with hyphens.
-        target: "package.module:Class", imported when the backend is first used. In a registry built by hand, the class
-            itself will do.
-        api: version of the interface that the backend was written for, such as 1; a core with another one refuses it.
+        target: "package.module:Class", imported when the backend is first used. In a registry built by hand, it may
+            be the class itself.
+        api: version of the interface that the backend implements, such as 1; a core with another version refuses it.
         summary: one line for ``physic plugins``.
-        weights_license: licence of the weights in words; empty where there are none.
-        needs: what it needs beyond its distribution, one word or phrase each ("GPU", "a checkpoint file").
-        homepage: where to read more.
-        packages: import names of what else has to be installed, such as that of an extra; ``physic plugins`` looks for
-            them without importing them.
-        weights: names of the sets of its plugin's list of weights that it reads where no option says otherwise;
-            ``physic plugins`` looks for their files, which answers the need "weights".
+        weights_license: licence of the weights; empty without weights.
+        needs: requirements beyond its distribution, one word or phrase each ("GPU", "a checkpoint file").
+        homepage: URL of its documentation.
+        packages: import names of further requirements, such as those of an extra; ``physic plugins`` searches them
+            without an import.
+        weights: sets of its plugin's list of weights that it reads by default; ``physic plugins`` checks their files
+            for the need "weights".
     """
 
     interface: str
@@ -49,7 +49,7 @@ class CommandRecord:
     """A command that a plugin adds to ``physic``.
 
     Attributes:
-        name: how it is called, such as "bench" for ``physic bench``, or "plugins check" for ``physic plugins check``.
+        name: of the command, such as "bench" for ``physic bench``, or "plugins check" for ``physic plugins check``.
         target: "package.module:function" of a ``click.Command``, imported when the command is run.
         summary: one line for ``--help``.
     """

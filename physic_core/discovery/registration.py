@@ -1,7 +1,7 @@
-"""Loads the registration modules of plugins: with hookspecs.py the only module that knows pluggy.
+"""Load the registration modules of plugins. Only this module and hookspecs.py use pluggy.
 
 pluggy's own loader stops at the first broken plugin and does not report which plugin returned which record. So entry
-points are loaded one by one, each with a plugin manager of its own. ``physic --help`` waits for this module, so it
+points are loaded one by one, each with its own plugin manager. ``physic --help`` imports this module, so it
 imports little.
 """
 
@@ -24,7 +24,7 @@ _HOOKS = ("physic_backends", "physic_commands", "physic_weights")
 
 
 class BadPluginError(Exception):
-    """A plugin that loads but does not do what a plugin must."""
+    """A plugin that loads but violates the hook specification."""
 
 
 def selected(

@@ -1,4 +1,4 @@
-"""The available backends by interface and name, and the message when one is not found."""
+"""Registry of available backends by interface and name, with error messages for missing ones."""
 
 from __future__ import annotations
 
@@ -48,18 +48,18 @@ __all__ = [
 class Registry:
     """Backends by interface and name.
 
-    :func:`physic_core.discovery.plugins.discover` builds one of all that is installed. One built by hand adds to
-    what is installed::
+    :func:`physic_core.discovery.plugins.discover` builds one of all installed plugins. One built by hand adds
+    to the installed backends::
 
         registry = Registry()
         registry.register(BackendRecord("metric_depth", "mine", MyDepth, api=1))
 
     Args:
         claims: further backends; where two claim one name, users write "distribution:name".
-        broken: further plugins that could not be read, or not as a whole.
-        restriction: value of ``PHYSIC_PLUGINS`` that hid the rest, None where nothing did.
-        manifests: further lists of weights; none of them has been read.
-        installed: whether it begins with everything that is installed; False for one that is empty.
+        broken: further plugins that failed, completely or in part.
+        restriction: value of ``PHYSIC_PLUGINS`` that hides all other plugins; None if it is not set.
+        manifests: further lists of weights, unread.
+        installed: whether to include the installed plugins; False starts with an empty registry.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class Registry:
 
     def __iter__(self) -> Iterator[Claim]:
         """Every claim, by interface, name and distribution."""
-        # As text, since a plugin's mistake may be a name that is none.
+        # As text, since an invalid record may have a name that is not a string.
         return iter(sorted(self._claims, key=lambda c: (str(c.record.interface), str(c.record.name), str(c.origin))))
 
     def __repr__(self) -> str:
@@ -95,12 +95,12 @@ class Registry:
         """Add a backend; it replaces one that was registered by hand under the same name.
 
         Raises:
-            BackendError: the record cannot be used as it stands.
+            BackendError: the record is invalid.
         """
         claim = Claim(record, origin)
         if problem := problem_of(record, origin):
             raise BackendError(f"{claim} cannot be registered: {problem}")
-        if origin == BY_HAND:  # the cell of a notebook is run again and again
+        if origin == BY_HAND:  # a notebook cell may run several times
             self._claims = [old for old in self._claims if (old.origin, _key(old)) != (BY_HAND, _key(claim))]
         self._claims.append(claim)
 
@@ -117,7 +117,7 @@ class Registry:
 
         Args:
             interface: "metric_depth", ...
-            name: a name; "distribution:name" where two distributions offer the same; "package.module:Class" for a class
+            name: a name; "distribution:name" where two distributions offer it; "package.module:Class" for a class
                 that no plugin registers, with a folder before it ("/folder/module:Class") for one in a file of its own.
 
         Raises:
@@ -142,9 +142,9 @@ class Registry:
         return found[0]
 
     def called(self, name: str) -> tuple[Claim, ...]:
-        """Every claim to a name, or to "distribution:name", whatever its interface; at least one.
+        """All claims to a name, or to "distribution:name", of any interface; at least one.
 
-        "package.module:Class" is a class that no plugin registers, and is imported to see what it is.
+        "package.module:Class" is a class that no plugin registers, and is imported to find its interface.
 
         Raises:
             BackendNotFoundError: there is none.
@@ -162,7 +162,7 @@ class Registry:
         return tuple(found)
 
     def load_class(self, claim: Claim) -> type[Backend]:
-        """Import what a claim points at.
+        """Import the target of a claim.
 
         Raises:
             BackendError: the target cannot be imported, or is no class of its interface.
@@ -204,11 +204,11 @@ class Registry:
         return f"{' and '.join(str(c.origin) for c in claims)} each offer {offer}: write {choices} to choose"
 
     def explain_missing(self, interface: str, name: str) -> str:
-        """Why there is no such backend, and what to do about it; one line."""
+        """The reason why there is no such backend, and its remedy; one line."""
         return self._explain(interface, name, self.names(interface), interface)
 
     def _explain(self, kind: str, name: str, names: tuple[str, ...], interface: str | None) -> str:
-        """The same for one interface, or for all where it is None."""
+        """The message for one interface, or for all where it is None."""
         asked, _, bare = name.rpartition(":")
         owners = dict.fromkeys(
             c.origin.distribution for c in self if c.record.name == bare and interface in (None, c.record.interface)
@@ -216,7 +216,7 @@ class Registry:
         says = [f"no {kind} named '{name}'; installed: {', '.join(names) or 'none'}"]
         restricted = self.restriction is not None
         if restricted:
-            # First, since what the rest advises may be done already and hidden by this.
+            # First, since a restriction may hide plugins that the later advice would install.
             says.append(f"PHYSIC_PLUGINS='{self.restriction}' hides every other plugin: unset it, or add to it")
         if asked and owners and self._knows(asked):
             says.append(f"'{bare}' comes from {' and '.join(owners)}")
@@ -225,7 +225,7 @@ class Registry:
         elif close := get_close_matches(bare, names, n=1):
             says.append(f"Did you mean '{close[0]}'?")
         elif close := get_close_matches(bare, known_names(interface), n=1):
-            # Nothing installed is near, so this one comes from a distribution that is not.
+            # No installed name is similar: a distribution that is not installed may offer it.
             known = distribution_for(interface, close[0]) or close[0]
             cure = how_to_install(known)
             if restricted:
@@ -239,10 +239,10 @@ class Registry:
         return ". ".join(says).replace("?.", "?")
 
     def _explain_distribution(self, distribution: str, name: str) -> list[str]:
-        """Why a distribution that a name was qualified with offers nothing, and what to do about it."""
+        """The reason why the distribution of a qualified name offers no such backend, and its remedy."""
         asked = normal_name(distribution)
         if any(normal_name(broken.origin.distribution) == asked for broken in self.broken):
-            return []  # the list of broken plugins says why
+            return []  # the list of broken plugins has the reason
         known = dict.fromkeys((*(normal_name(c.origin.distribution) for c in self), *CATALOG))
         if asked not in known and (close := get_close_matches(asked, known, n=1)):
             return [f"Did you mean '{close[0]}:{name}'?"]
@@ -295,14 +295,14 @@ def _claim_of_class(name: str) -> Claim:
 
 
 def _record_of_class(interface: str, name: str) -> BackendRecord:
-    """The record of a class that no plugin registers: as it states no version, it is taken to be for this core's."""
+    """The record of a class that no plugin registers: without a stated version, the core's is assumed."""
     from physic_core.interfaces import INTERFACES
 
     return BackendRecord(interface, local_modules.split(name)[1], name, api=INTERFACES[interface].api)
 
 
 def _imported(target: str, title: str, origin: Origin) -> object:
-    """What "package.module:Class" names, with or without a folder before it."""
+    """Import "package.module:Class", with or without a folder before it."""
     folder, target = local_modules.split(target)
     module, _, path = target.partition(":")
     found: object = None
@@ -310,7 +310,7 @@ def _imported(target: str, title: str, origin: Origin) -> object:
         found = importlib.import_module(module) if folder is None else local_modules.load(folder, module)
         for part in path.split("."):
             found = getattr(found, part)
-    except (Exception, SystemExit) as cause:  # a plugin's door: whatever its module does wrong, say whose it is
+    except (Exception, SystemExit) as cause:  # any error of a plugin's module: name the plugin
         advice = _advice(origin, folder, module, cause)
         named_wrong = found is not None or _is_not_found(module, cause)
         kind = BackendNotFoundError if origin in (IN_CONFIG, BY_CLASS) and named_wrong else BackendError
@@ -324,7 +324,7 @@ def _is_not_found(module: str, cause: BaseException) -> bool:
 
 
 def _advice(origin: Origin, folder: Path | None, module: str, cause: BaseException) -> str:
-    """What to do where a module that a user names is not found, or one that it imports; nothing for other faults."""
+    """Remedy if a named module, or one that it imports, is not found; empty for other errors."""
     missing = cause.name if isinstance(cause, ModuleNotFoundError) else None
     if origin not in (IN_CONFIG, BY_CLASS) or missing is None:
         return ""

@@ -1,5 +1,5 @@
-"""The fixed optimisation: scene (stage 1), human (stage 2), joint (stage 3), contact map.
+"""The optimisation engine: scene (stage 1), placement of people (stage 2), joint (stage 3), contact map.
 
-Torch in, torch out; the engine knows nothing of configs, files or plugins. Import the modules by name; this package
-itself imports nothing.
+Inputs and outputs are torch tensors. The engine does not use configs, files or plugins. Import its modules by name;
+this package imports nothing.
 """

@@ -1,4 +1,4 @@
-"""What a setting may hold, as types whose bounds can be read from outside."""
+"""Types of settings with their bounds as annotations, for validation and schemas."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = [
     "Share",
 ]
 
-# What a field may hold stands beside it; whoever reads settings from outside can check it without a list of names.
+# Bounds are part of the field's type: config readers check values without a separate list of names.
 Positive = Annotated[float, Interval(gt=0, lt=math.inf)]
 PositiveOrInfinite = Annotated[float, Gt(0)]
 NotNegative = Annotated[float, Interval(ge=0, lt=math.inf)]

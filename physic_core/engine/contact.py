@@ -1,4 +1,4 @@
-"""The contact map: which vertices of a body touch the scene or the floor (paper sec. 3.3), and how far each is off."""
+"""Contact map: contact label and signed distance of each body vertex to scene and floor (paper sec. 3.3)."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from physic_core.geometry.neighbors import NearestScene, near_boxes
 __all__ = ["REACH_M", "contact_map", "contact_surface", "surface_distance"]
 
 REACH_M = 0.15
-"""Distances beyond are reported as infinite, metres; no preset calls a vertex that lies deeper a contact."""
+"""Search radius, metres: larger distances are reported as inf. The contact thresholds of all presets are smaller."""
 
-_SPREAD_M = 0.02  # spacing of scene points: a vertex between four of them is on the surface, not 1 cm off it
+_SPREAD_M = 0.02  # metres, spacing of scene points: a vertex between four of them is on the surface, not 1 cm from it
 
 
 def contact_map(
@@ -32,7 +32,7 @@ def contact_map(
         vertices: (..., V, 3) metres, camera frame.
         scene: the scene's points and normals, already scaled; its radius is the farthest distance it reports.
         floor: unit normal (3,) and offset in metres, or None where there is no floor.
-        outer: (V,) or (..., V) bool, vertices that may touch anything: not those of cavities.
+        outer: (V,) or (..., V) bool, vertices that may be in contact: False inside mouth and eyes.
         settings: of the contact map.
         free: (..., V) bool, as in :func:`surface_distance`.
 
@@ -54,9 +54,9 @@ def contact_map(
 def contact_surface(
     problem: JointProblem, vertices: Tensor, scale: float, settings: EngineSettings
 ) -> tuple[NearestScene, tuple[Tensor, float] | None]:
-    """What bodies can touch, as stage 3 had it: the scaled scene round them, and the floor's plane.
+    """Surfaces for contact, as in stage 3: the scaled scene near the bodies, and the floor's plane.
 
-    Where stage 3 takes the floor by samples of it, they are among the scene's points, and there is no plane.
+    If stage 3 uses samples of the floor, they are among the scene's points, and the plane is None.
 
     Args:
         problem: of stage 3.
@@ -77,12 +77,12 @@ def contact_surface(
 def surface_distance(
     vertices: Tensor, scene: NearestScene, settings: ContactSettings, free: Tensor | None = None
 ) -> Tensor:
-    """Signed distance (..., V) of each vertex to the surface that the scene samples, metres.
+    """Signed distance (..., V) of each vertex to the surface sampled by the scene points, metres.
 
-    "plane" measures along the normal of the nearest point, so that gaps between points do not count as distance; past
-    the rim of a surface, where the nearest point lies far to the side, the way to the rim is added. A point without a
-    normal has no inside: its distance is positive, and so is that of vertices which are ``free`` (..., V), see
-    :mod:`physic_core.geometry.free_space`. Beyond reach the distance is inf.
+    "plane" measures along the normal of the nearest point, so that gaps between points do not count as distance; beyond
+    the rim of a surface, the distance to the rim is added. The distance is positive at points without a normal, and for
+    vertices in free space, ``free`` (..., V) bool, see :mod:`physic_core.geometry.free_space`. Beyond the search radius
+    it is inf.
     """
     nearest = scene.query(vertices, radius=REACH_M)
     far = torch.full_like(nearest.distance, torch.inf)

@@ -2,7 +2,7 @@
 
 :class:`SceneSettings` (stage 1), :class:`PlacementSettings` (stage 2), :class:`JointSettings` (stage 3) and
 :class:`ContactSettings` (the contact map); :class:`EngineSettings` holds the four. The defaults are preset "default";
-the others are in :mod:`physic_core.engine.presets`. Each field says what it is, which values are good, and which value
+the others are in :mod:`physic_core.engine.presets`. Each field gives its meaning, its useful values, and the value that
 switches it off. Change some of them with :func:`dataclasses.replace`.
 """
 
@@ -36,11 +36,11 @@ class ContactSettings:
     """The contact map.
 
     Attributes:
-        distance_m: a vertex nearer than this to the scene or the floor touches it, metres; 0.02 as released.
-        inside_m: a vertex that lies at most this far inside touches it too, metres; 0.15 as released. 0.05 is how far
-            flesh and cushions give way.
+        distance_m: a vertex nearer than this to the scene or the floor is in contact, metres; 0.02 as released.
+        inside_m: a vertex at most this far inside is in contact too, metres; 0.15 as released. 0.05 is the usual
+            compression of soft tissue and cushions.
         metric: "plane" measures along the normal of the surface, "point" to the nearest point.
-        observed: only on limbs that the photo shows.
+        observed: contact only on visible limbs.
     """
 
     distance_m: NotNegative = 0.02

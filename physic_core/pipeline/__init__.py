@@ -1,1 +1,1 @@
-"""The method of the paper, one photo at a time: call the backends, validate their results, run the engine, check."""
+"""The pipeline for one photo: call the backends, validate their results, run the engine, run the self-checks."""

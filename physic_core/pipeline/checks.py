@@ -6,15 +6,15 @@ Of the whole photo (``person`` is None):
 name             bound    unit    what is measured
 ===============  =======  ======  ====================================================================================
 scene_alignment  >= 0.5   share   of the pixels, on which point map and metric depth agree (stage 1, Eq. 1)
-photo_alignment  >= 0.5   share   of the background that the point maps of the photo and of the empty picture agree on
+photo_alignment  >= 0.5   share   of the background on which the point maps of photo and inpainted photo agree
 floor            >= 0.15  share   of the searched pixels that lie on the floor; 0 where none was found
-floor_mask       >= 1     1: yes  whether the pixels that the segmenter calls floor are one
-scale_sigma      <= 0.15  log     standard deviation of log(scale), as the metric depth states it
+floor_mask       >= 1     1: yes  whether the segmenter's floor pixels lie on a plane
+scale_sigma      <= 0.15  log     standard deviation of log(scale), given with the metric depth
 scale_change     <= 0.25  share   by which the joint optimisation rescaled the scene
-ruler            <= 0.5   share   by which the metric depth and the sizes of the people differ, median over them
-focal_known      >= 1     1: yes  whether anything in the photo or its file tells the focal length
-principal_point  <= 0.15  share   of the photo's width or height, by which it lies off the photo's centre
-focal_agreement  <= 0.2   share   by which backends' focal lengths differ from the one that was used, at most
+ruler            <= 0.5   share   by which metric depth and sizes of people differ, median over people
+focal_known      >= 1     1: yes  whether the photo or its file gives the focal length
+principal_point  <= 0.15  share   of the photo's width or height, by which it differs from the photo's centre
+focal_agreement  <= 0.2   share   by which backends' focal lengths differ from the used one, at most
 ===============  =======  ======  ====================================================================================
 
 Of each person:
@@ -22,17 +22,17 @@ Of each person:
 ===============  =======  ======  ====================================================================================
 name             bound    unit    what is measured
 ===============  =======  ======  ====================================================================================
-answered         <= 0     count   backends that answered no numbers for this person
+answered         <= 0     count   backends that returned no finite values for this person
 placed           >= 1     1: yes  whether keypoints and depth placed the body (stage 2)
-optimised        >= 1     1: yes  whether the joint optimisation took this person along (stage 3)
-reprojection     <= 0.03  share   of the body's height in the picture, by which the keypoints miss the body
-visible          >= 0.4   share   of the surface turned to the camera that the photo shows
-legs_seen        >= 2     count   legs whose knee or ankle the photo shows; one that is not seen is a guess
+optimised        >= 1     1: yes  whether the joint optimisation included this person (stage 3)
+reprojection     <= 0.03  share   reprojection error relative to the body's height in the picture
+visible          >= 0.4   share   of the camera-facing surface that is visible in the photo
+legs_seen        >= 2     count   legs with a visible knee or ankle; the pose of an invisible leg is a guess
 penetration      <= 0.1   share   of the visible surface that lies over 3 cm inside the scene or the floor
-floating         <= 0.05  m       from what could carry the person to the nearest surface or floor
+floating         <= 0.05  m       from the supporting vertices to the nearest surface or floor
 lean             <= 12    deg     tilt of a person who stands, towards the camera or away from it
 person_depth     <= 0.4   share   by which the depth at the person's pixels differs from their body's
-depth_order      <= 0.1   share   of the vertices in front of a person who hides them
+depth_order      <= 0.1   share   of the vertices in front of a person who occludes them
 ===============  =======  ======  ====================================================================================
 
 If there is nothing to measure, ``value`` is None and the check passes. Names, units and directions are stable; the
@@ -67,11 +67,11 @@ class CheckSpec:
 
     Attributes:
         name: as in :class:`physic_core.types.CheckResult`.
-        of: what it is about.
+        of: "photo" or "person".
         bound: whether the threshold is the least or the most that passes.
         threshold: the bound; a setting of the engine may replace it.
         unit: of threshold and value.
-        meaning: what the number is, in plain words.
+        meaning: of the value, one phrase for people.
         warns: whether a failed check is also a warning of the result.
     """
 
@@ -108,7 +108,7 @@ _ALL = (
     _photo("scale_sigma", "most", 0.15, "log", "standard deviation of log(scale) as the metric depth states it"),
     # Worlds whose depth is 10 % off need 0.13; photos 0.14 at most.
     _photo("scale_change", "most", 0.25, _SHARE, "by which the joint optimisation rescaled the scene"),
-    # Networks see people farther than the floor they stand on: 0 to 0.4 in photos, 0.56 where the depth is wrong.
+    # Networks estimate people farther than the floor under them: 0 to 0.4 in photos, 0.56 where the depth is wrong.
     _photo("ruler", "most", 0.5, _SHARE, "by which the metric depth and the sizes of the people differ"),
     _photo("focal_known", "least", 1, _YES, "whether the photo or its file tells the focal length"),
     _photo("principal_point", "most", 0.15, _SHARE, "of the photo's width or height, by which it lies off the centre"),
@@ -119,18 +119,18 @@ _ALL = (
     _person("optimised", "least", 1, _YES, "whether the joint optimisation took this person along", warns=True),
     # Photos 0.004-0.012 where the body is right, 0.017 where most of it is hidden.
     _person("reprojection", "most", 0.03, _SHARE, "of the body's height, by which the keypoints miss the body"),
-    # Whole people 0.77-0.98; cut at the waist 0.46-0.75; behind another's back 0.23, and there the body is a guess.
+    # Full bodies 0.77-0.98; cut at the waist 0.46-0.75; behind another's back 0.23, and there the body is a guess.
     _person("visible", "least", 0.4, _SHARE, "of the surface turned to the camera that the photo shows"),
     _person("legs_seen", "least", 2, "count", "legs whose knee or ankle the photo shows"),
-    # Photos 0.03 at most; a tenth is a whole limb.
+    # Photos 0.03 at most; a tenth is an entire limb.
     _person("penetration", "most", 0.1, _SHARE, "of the visible surface that lies over 3 cm inside the scene"),
-    # 0 wherever photos and worlds show the feet; 5 cm are seen as a gap.
+    # 0 if the feet are visible; 5 cm are a visible gap.
     _person("floating", "most", 0.05, "m", "from what could carry the person to the nearest surface or floor"),
-    # People who stand or walk: up to 4 in photos, 3 in worlds. Sideways tilt is in the picture, and so never a slip.
+    # People who stand or walk: up to 4 in photos, 3 in worlds. Sideways tilt is visible in the photo and not checked.
     _person("lean", "most", 12, "deg", "tilt of a person who stands, towards the camera or away from it"),
-    # Photos 0-0.32, worlds 0-0.02; 0.58 where the photo's point map went onto the scene wrongly.
+    # Photos 0-0.32, worlds 0-0.02; 0.58 where the photo's point map was aligned wrongly.
     _person("person_depth", "most", 0.4, _SHARE, "by which the depth at the person's pixels differs from the body's"),
-    # Photos 0, but for a hidden person: 0.04.
+    # Photos 0; a hidden person 0.04.
     _person("depth_order", "most", 0.1, _SHARE, "of the vertices in front of a person who hides them"),
 )
 
@@ -188,7 +188,7 @@ def _of_photo(evidence: Evidence, solution: Solution, settings: EngineSettings) 
 
     report = solution.diagnostics
     share, scene = report["scene"]["alignment"]["inlier_share"], settings.scene
-    asked = scene.source != "metric_depth"  # else the point map is not used, and may say what it will
+    asked = scene.source != "metric_depth"  # else the point map is not used
     yield _judged(
         "scene_alignment",
         share if asked else None,
@@ -255,7 +255,7 @@ def _scale(evidence: Evidence, solution: Solution) -> Iterator[CheckResult]:
         f"the people and the metric depth disagree: the scene was rescaled by {scale:.2f}; "
         "look at the people's sizes, children and wrong focal lengths do this",
     )
-    # The depth at the pixels of people comes at the final scale; a ruler is held against the depth as it was given.
+    # Depth at people's pixels has the final scale; this check compares with the depth before scaling.
     ratios = [ratio / scale for report in solution.people if (ratio := _number(report, "depth_ratio"))]
     middle = median(ratios) if ratios else None
     yield _judged(
@@ -325,7 +325,7 @@ def _of_person(evidence: Evidence, solution: Solution, person: int) -> Iterator[
         _number(report, "penetration_share"),
         "the body cuts into the scene: its place or the scene behind it is wrong, do not use its contacts",
     )
-    # With an unseen leg nothing tells whether anything supports the person.
+    # With an invisible leg the support of the person is unknown.
     both_legs = legs is None or legs == 2
     yield _judged(
         "floating",

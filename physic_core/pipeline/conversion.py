@@ -1,4 +1,4 @@
-"""Converts bodies, hands and contact of any backend to the configured body model."""
+"""Convert bodies, hands and contact of any backend to the configured body model."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ __all__ = ["bodies_for_backends", "convert_bodies", "transfer_contact", "with_ha
 def with_hands(bodies: Bodies, hands: Hands, model: BodyModel) -> Bodies:
     """Replace the finger rotations of every hand whose confidence is above 0.
 
-    If ``hands.wrists`` are given, forearms and wrists are turned to fit the hands, as far as the confidence allows.
+    If ``hands.wrists`` are given, forearms and wrists are rotated to fit the hands, weighted by confidence.
     """
     if hands.wrists is not None:
         from physic_core.body.wrists import WRIST_RANGE, stitch
@@ -35,10 +35,10 @@ def with_hands(bodies: Bodies, hands: Hands, model: BodyModel) -> Bodies:
 
 
 def convert_bodies(bodies: Bodies, model: BodyModel, who: str, stages: Stages) -> Bodies:
-    """Convert bodies of another body model to the configured one, and note the remaining error.
+    """Convert bodies of another body model to the configured one, and add the remaining error to the notes.
 
     Raises:
-        BodyModelError: they come with neither joints nor mesh, or with too few joints for every person.
+        BodyModelError: they have neither joints nor mesh, or too few joints for all people.
     """
     from physic_core.body.conversion import can_carry, carry
     from physic_core.cache.maps import kept_correspondence
@@ -66,7 +66,7 @@ def convert_bodies(bodies: Bodies, model: BodyModel, who: str, stages: Stages) -
 def transfer_contact(
     contact: ContactProbability, model: BodyModel, who: str, stages: Stages
 ) -> ContactProbability | None:
-    """Transfer contact from another mesh to the configured model's; None, and a warning, if the mesh is no body."""
+    """Transfer contact from another mesh to the configured model's; None, and a warning, for an unknown mesh."""
     from physic_core.body.conversion import contact_to_model
     from physic_core.cache.maps import kept_correspondence
 
@@ -80,7 +80,7 @@ def transfer_contact(
 
 
 def bodies_for_backends(bodies: Bodies, model: BodyModel) -> Bodies:
-    """Bodies as other backends are given them: with joints if the body model is a file that backends cannot load."""
+    """Bodies as hints for other backends: with joints, if the body model is a file that backends cannot load."""
     from physic_core.body.conversion import with_joints
 
     return bodies if model.name == "embedded" else with_joints(bodies, model)

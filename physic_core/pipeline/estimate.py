@@ -1,7 +1,7 @@
-"""The first half of the method: call the estimators on one photo, in the order of the paper.
+"""Run the estimator backends on one photo, in the order of the paper.
 
-Each backend gets the results before it as hints: camera and floor before the bodies, bodies before the metric depth, so
-that a classical backend can use the people as its ruler.
+Each backend gets earlier results as hints. Bodies come before metric depth, so that a classical depth backend can
+estimate its scale from the size of people. OpenCV camera frame.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Evidence(ShortRepr):
         camera_given: whether the user or the file gave it.
         people: N people.
         keypoints: of the N people.
-        hole: (H, W) bool, what the inpainter filled.
+        hole: (H, W) bool, inpainted pixels.
         empty: (H, W, 3) uint8 RGB, the photo without its people.
         scene: relative point map of ``empty``.
         original: relative point map of ``image``.
@@ -98,19 +98,19 @@ class Evidence(ShortRepr):
 def perceive(
     image: UInt8Array, given: Intrinsics | None, plan: ResolvedPipeline, model: BodyModel, stages: Stages
 ) -> Evidence:
-    """Call every backend of ``plan`` on a photo.
+    """Call all backends of ``plan`` on a photo.
 
     Args:
         image: (H, W, 3) uint8 RGB.
         given: camera of the photo, or None.
         plan: the backends and settings of the run.
         model: body model that all bodies are converted to.
-        stages: calls the backends and keeps the record of the run.
+        stages: calls the backends and records the run.
 
     Raises:
-        NoPersonError: the segmenter found nobody.
+        NoPersonError: the segmenter found no person.
         BackendError: a required backend failed.
-        BackendOutputError: a required backend returned what its interface does not allow.
+        BackendOutputError: a required backend returned an invalid result.
     """
     run = _Estimators(plan.backends, model, stages)
 
@@ -120,7 +120,7 @@ def perceive(
     hole = dilate(np.logical_or.reduce(people.masks), max(4.0, plan.photo.mask_growth * max(image.shape[:2])))
     empty = stages.call("inpainting", plan.backends["inpainter"], InpainterRequest(image, hole))
 
-    # What is empty in the photo gives the scene; the photo itself gives the people's depth.
+    # The inpainted photo gives the scene; the original photo gives the people's depth.
     hints = Hints(given, people, keypoints, hole)
     scene = run.pointmap("scene point map", empty, hints, last=False)
     camera = given or scene.intrinsics or _camera_of(scene)
@@ -132,7 +132,7 @@ def perceive(
 
     bodies = run.bodies(BodyEstimatorRequest(image, people, camera, keypoints, hints))
     bodies = run.hands(HandEstimatorRequest(image, people, keypoints), bodies)
-    # Backends that build on bodies see only people who have one.
+    # Backends that need bodies get only people with finite bodies.
     embodied = ~run.missing["body_estimator"]
     seen = select_people(people, embodied)
     seen_bodies = bodies_for_backends(select_people(bodies, embodied), model)
@@ -163,7 +163,7 @@ def perceive(
 
 @dataclass(frozen=True)
 class _Estimators:
-    """Calls the backends that report on people, and notes for whom their results are not finite.
+    """Calls the backends, and records the people with non-finite results.
 
     Attributes:
         backends: by interface.
@@ -178,7 +178,7 @@ class _Estimators:
     missing: dict[str, BoolArray] = field(default_factory=dict)
 
     def people(self, image: UInt8Array) -> People:
-        """Segment the people; at least one."""
+        """Segment the people; raises NoPersonError if there are none."""
         segmenter, request = self.backends["segmenter"], SegmenterRequest(image)
         people = self.stages.call("people", segmenter, request, unchecked=("floor",))
         if wrong := violations(Segmenter, people, request):
@@ -224,7 +224,7 @@ class _Estimators:
         return bodies
 
     def hands(self, request: HandEstimatorRequest, bodies: Bodies) -> Bodies:
-        """The bodies with estimated fingers, if a backend is configured and works."""
+        """The bodies with estimated fingers, if a backend is configured and does not fail."""
         if "hand_estimator" not in self.backends:
             return bodies
         otherwise = "fingers stay as the body_estimator posed them"
@@ -240,9 +240,9 @@ class _Estimators:
 
         Args:
             image: (H, W, 3) uint8 RGB.
-            people: those who have a body.
-            bodies: theirs.
-            embodied: (N,) bool, who they are.
+            people: those with a finite body.
+            bodies: their bodies.
+            embodied: (N,) bool, people with a finite body.
         """
         model, n = self.model, len(embodied)
         none = ContactProbability(np.zeros((n, model.num_vertices), np.float32), model.topology)

@@ -1,4 +1,4 @@
-"""Measures of each person from the meshes, for the self-checks: visible share, gap to the support, depth ratio.
+"""Measures of each person for the self-checks: visible share, gap to the support, depth ratio.
 
 OpenCV camera frame, metres.
 """
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 __all__ = ["depth_ratio", "seen_share", "support_gap"]
 
-_FACING_DEG = 70.0  # beyond, a vertex lies at the rim, where a mask that is off by a pixel decides
-_DOWNWARD = -0.3  # cosine: what carries a body faces down
-_LOWEST_M = 0.1  # of the body, from below: the feet of one who stands
+_FACING_DEG = 70.0  # degrees; vertices beyond lie at the rim, where one pixel of the mask decides
+_DOWNWARD = -0.3  # cosine between a normal and up: supporting vertices face down
+_LOWEST_M = 0.1  # metres above the lowest vertex: the feet of a standing person
 _FEWEST = 20  # vertices with a depth, for a median
 
 
@@ -29,7 +29,7 @@ def seen_share(
 ) -> float | None:
     """Share of the surface that faces the camera and lies in the person's mask; None if nothing faces the camera.
 
-    What the frame cuts off, and what others or objects occlude, does not count as visible.
+    Parts outside the frame or occluded by people or objects are not visible.
 
     Args:
         vertices: (V, 3) metres.
@@ -56,8 +56,9 @@ def support_gap(
 ) -> float | None:
     """Gap between the supporting vertices and the nearest surface or floor, metres; 0 if they touch.
 
-    The supporting vertices are the feet of a standing person, and all that face down otherwise. With no surface within
-    ``reach`` the gap is the height above the floor, or ``reach`` without a floor; None if no vertex may touch anything.
+    The supporting vertices are the feet of a standing person, and all downward-facing vertices otherwise. With no
+    surface within ``reach`` the gap is the height above the floor, or ``reach`` without a floor; None if no
+    vertex may touch anything.
 
     Args:
         vertices: (V, 3).
@@ -66,8 +67,8 @@ def support_gap(
         may_touch: (V,) bool.
         distance: (V,) signed, to scene or floor; inf beyond ``reach``.
         up: (3,) unit.
-        floor_offset: with ``up`` the floor's plane; None without a floor.
-        reach: of ``distance``.
+        floor_offset: the floor is ``up . X + floor_offset = 0``, metres; None without a floor.
+        reach: search radius of ``distance``, metres.
     """
     height = vertices @ up
     carrying = may_touch & (normals @ up < _DOWNWARD)
@@ -105,5 +106,5 @@ def depth_ratio(
 
 
 def _turned(vertices: Tensor, normals: Tensor, outer: Tensor) -> Tensor:
-    """(V,) bool: towards the camera, and in front of it."""
+    """(V,) bool: outer vertices that face the camera and are in front of it."""
     return facing(normals, vertices, _FACING_DEG) & outer & (vertices[:, 2] > 0)

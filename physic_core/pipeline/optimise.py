@@ -1,7 +1,7 @@
-"""The second half of the method: the engine's three stages on the estimators' results, then the contact map.
+"""Run the engine on the estimators' results: stages 1 to 3, then the contact map.
 
-In the order of the paper: the scene in metres (Sec. 3.1), the people in it (Sec. 3.2), all of it together and the
-contact map (Sec. 3.3).
+Stage 1 builds the metric scene (paper Sec. 3.1), stage 2 places the people (Sec. 3.2), stage 3 optimises scene and
+people jointly (Sec. 3.3). OpenCV camera frame, metres.
 """
 
 from __future__ import annotations
@@ -47,9 +47,9 @@ __all__ = ["solve"]
 def solve(evidence: Evidence, settings: EngineSettings, model: BodyModel, stages: Stages) -> Solution:
     """Run the engine on the device of ``model``.
 
-    The pipeline keeps that on the CPU, where nearest points and ray casts run in any case.
+    The pipeline uses the CPU, since nearest-point search and ray casts run there.
     """
-    # Eighty steps of L-BFGS multiply a rounding error by millions: float32 would show each CPU's kernels in the result.
+    # Eighty L-BFGS steps amplify rounding errors a million times: float32 results would differ between CPUs.
     model = model.to(dtype=torch.float64)
     with stages.engine("scene"):
         scene = _metric_scene(evidence, settings)
@@ -63,7 +63,7 @@ def solve(evidence: Evidence, settings: EngineSettings, model: BodyModel, stages
             placed = place_people(bodies.posed, detections, bodies.K(scene), None, settings.placement, before=placed)
     with stages.engine("joint optimisation"):
         problem = _joint_problem(evidence, scene, photo, bodies, placed, model)
-        # Without a common background no person's own depth is known; a warning reports it.
+        # Without a common background the depth of people is unknown; a warning reports it.
         blind = problem.human_depth is None
         result = optimize(problem, settings.joint.without("depth") if blind else settings.joint)
     with stages.engine("contact"):
@@ -105,7 +105,7 @@ def _cameras(evidence: Evidence) -> Cameras:
     if pointmap is not None and metric is not None and _trust(pointmap) < _trust(metric):
         pointmap = None
     if keep and metric is not None and metric.known:
-        metric = None  # its depth is what it is, whatever camera it is used with
+        metric = None  # its depth does not depend on the camera
     return Cameras(
         given=torch.from_numpy(evidence.intrinsics.matrix) if keep else None,
         metric_depth=None if metric is None else torch.from_numpy(metric.matrix),
@@ -127,9 +127,9 @@ class _AlignedPhoto:
 
     Attributes:
         alignment: of its background to the scene.
-        points: (H, W, 3) metres; NaN throughout where nothing of the background agrees.
+        points: (H, W, 3) metres; all NaN if no background pixel agrees.
         valid: (H, W) bool.
-        people: per person (M_i, 3) metres, their own points.
+        people: per person (M_i, 3) metres, human points.
     """
 
     alignment: Alignment
@@ -169,7 +169,7 @@ class _EstimatedBodies:
         rotations: (B, 55, 3, 3).
         betas: (B, K).
         expression: (B, E).
-        keypoints: (B, J, 2) px, those that bodies have.
+        keypoints: (B, J, 2) px, those with a landmark on the body.
         confidence: (B, J).
         skeleton: of these keypoints.
     """
@@ -186,7 +186,7 @@ class _EstimatedBodies:
         return scene.K.to(self.betas)
 
     def moved(self, placed: PlacedPeople) -> Tensor:
-        """(B, V, 3) vertices at their places."""
+        """(B, V, 3) vertices of the placed bodies, metres."""
         return self.posed.vertices + (placed.placement.transl - self.posed.transl)[:, None]
 
 

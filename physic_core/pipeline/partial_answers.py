@@ -1,7 +1,7 @@
-"""Keeps the people for whom a backend returned finite values, if those of others in the same photo are not.
+"""Handle backend results that are non-finite for some people: mark those people and keep the others.
 
-Each function takes a checked result and returns it with the rows of non-finite people replaced by values that mean
-"unknown", and (N,) bool: who they are. :func:`select_people` selects rows, for backends that must not see the others.
+Each function takes a checked result. It returns the result with the rows of non-finite people replaced by values for
+"unknown", and a mask (N,) bool of these people. :func:`select_people` selects the rows of some people.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ _SHARED = ("floor", "faces", "rest")
 def drop_nonfinite_keypoints(keypoints: Keypoints) -> tuple[Keypoints, BoolArray]:
     """Set the confidence of people with non-finite keypoints to 0.
 
-    Their points are replaced by those of another person: the optimisation starts from points, and NaN or a single spot
-    is no pose.
+    Their points are replaced by those of another person, since the optimisation needs finite start points that form a
+    pose.
 
     Returns:
-        Keypoints of N people, and (N,) bool who had non-finite ones.
+        Keypoints of N people, and (N,) bool, people with non-finite ones.
     """
     finite = finite_keypoints(keypoints)
     if finite.all():
@@ -58,7 +58,7 @@ def drop_nonfinite_keypoints(keypoints: Keypoints) -> tuple[Keypoints, BoolArray
 
 
 def drop_nonfinite_bodies(bodies: Bodies) -> tuple[Bodies, BoolArray]:
-    """Set all numbers of people with a non-finite body to NaN; also returns (N,) bool who they are."""
+    """Set all values of people with a non-finite body to NaN; also returns (N,) bool, these people."""
     lost = ~finite_bodies(bodies)
     if not lost.any():
         return bodies, lost
@@ -69,7 +69,7 @@ def drop_nonfinite_bodies(bodies: Bodies) -> tuple[Bodies, BoolArray]:
 
 
 def drop_nonfinite_hands(hands: Hands) -> tuple[Hands, BoolArray]:
-    """Mark non-finite hands as not found; also returns (N,) bool whose they are."""
+    """Mark non-finite hands as not found; also returns (N,) bool, people with such hands."""
     lost = ~finite_hands(hands)
     return (_fill_rows(hands, lost, rotvecs=0.0, confidence=0.0, wrists=0.0) if lost.any() else hands), lost
 
@@ -82,7 +82,7 @@ def expand_contact(contact: ContactProbability, called: BoolArray) -> tuple[Cont
         called: (N,) bool.
 
     Returns:
-        Contact of N people, and (N,) bool whose rows were not finite.
+        Contact of N people, and (N,) bool, people with non-finite rows.
     """
     probability = contact.probability
     finite = finite_contact(contact)
@@ -94,7 +94,7 @@ def expand_contact(contact: ContactProbability, called: BoolArray) -> tuple[Cont
 
 
 def select_people(result: Result, rows: BoolArray) -> Result:
-    """A result for N people -> for those of ``rows``, (N,) bool; what all people share is kept."""
+    """A result for N people -> for those of ``rows``, (N,) bool; fields without rows per person are kept."""
     if rows.all():
         return result
     kept: Result = replace(result, **_select(result, rows))

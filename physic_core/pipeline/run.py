@@ -1,6 +1,6 @@
-"""One photo in; people, scene and contact out.
+"""Reconstruct people, scene and contact from one photo.
 
-The three steps of the method are :func:`physic_core.pipeline.estimate.perceive` (the estimators),
+The three steps are :func:`physic_core.pipeline.estimate.perceive` (the estimators),
 :func:`physic_core.pipeline.optimise.solve` (the engine) and :func:`physic_core.pipeline.checks.diagnose` (self-checks).
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from physic_core.cache.code import Code  # at once, before any backend: it notices code that is edited from then on
+from physic_core.cache.code import Code  # imported before any backend: it detects later edits of their code
 from physic_core.configuration.model import as_config
 from physic_core.configuration.resolve import ResolvedPipeline, require_available, resolve
 from physic_core.discovery.plugins import discover
@@ -61,10 +61,10 @@ def reconstruct(
     Raises:
         InputError: the image or its intrinsics cannot be used.
         ConfigError: the configuration is invalid.
-        WeightsMissingError: files of backends are missing, all of which it lists; nothing was computed.
+        WeightsMissingError: files of backends are missing; the message lists all. Nothing was computed.
         DeviceError: the device does not exist.
-        NoPersonError: nobody was found.
-        BackendError: a required backend failed, or returned what its interface does not allow.
+        NoPersonError: no person was found.
+        BackendError: a required backend failed, or returned an invalid result.
     """
     if intrinsics is not None and not isinstance(intrinsics, Intrinsics):
         raise InputError(

@@ -1,4 +1,4 @@
-"""The engine's result as numbers: scaled scene, posed people, contact map and measures of each person."""
+"""Result of the engine as arrays: scaled scene, posed people, contact map and measures of each person."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ __all__ = ["Solution", "describe"]
 
 @dataclass(frozen=True)
 class Solution(ShortRepr):
-    """What the engine found, metres, camera frame of ``intrinsics``; N people.
+    """Result of the engine for N people; OpenCV camera frame of ``intrinsics``, metres.
 
     Attributes:
         intrinsics: the camera of all projections.
@@ -40,9 +40,9 @@ class Solution(ShortRepr):
         vertices: (N, V, 3) float32.
         joints: (N, 55, 3) float32.
         contact: (N, V) bool.
-        distance: (N, V) float32, signed, inf where nothing is near.
+        distance: (N, V) float32, signed, metres, negative inside; inf beyond the search radius.
         people: per person, name -> number, for diagnosis and reports.
-        failures: per person, why stage 3 left them at their start, "" where it did not.
+        failures: per person, reason why stage 3 kept their start, "" if it did not.
         diagnostics: numbers by stage.
     """
 
@@ -70,9 +70,9 @@ def describe(
 
     Args:
         evidence: of the estimators.
-        scene: as stage 3 leaves it, but for its scale.
+        scene: final scene before its scale is applied.
         problem: of stage 3, with that scene.
-        placement: diagnostics of stage 2: "alignment", and one mapping a person under "people".
+        placement: diagnostics of stage 2: "alignment", and one mapping per person under "people".
         result: of stage 3.
         settings: of the engine.
     """

@@ -1,4 +1,4 @@
-"""Runs the stages of one reconstruction: loads backends at their first call, times them, checks their results."""
+"""Run the stages of one reconstruction: load backends at their first call, time them, check their results."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ class Stages:
 
     Attributes:
         records: the stages that have run so far.
-        warnings: what the user should doubt, one plain sentence each.
-        notes: how the numbers were obtained, one plain sentence each.
+        warnings: doubts about the result, one sentence each.
+        notes: how results were obtained, one sentence each.
     """
 
     def __init__(
@@ -48,9 +48,9 @@ class Stages:
     ) -> None:
         """
         Args:
-            device: where backends are loaded.
-            total: how many stages there will be.
-            progress: called when each begins.
+            device: torch device of the backends.
+            total: number of stages.
+            progress: called when each stage begins.
             answers: cached results of earlier runs; every backend is called if None.
             low_memory: close each backend right after its last use.
         """
@@ -93,19 +93,19 @@ class Stages:
 
         Args:
             name: of the stage.
-            resolved: the backend; it is loaded if it is not yet.
+            resolved: the backend; loaded at its first call.
             request: of the backend's interface.
             last: whether this is the last call of the backend in this run.
             unchecked: fields of the result that the caller checks itself.
 
         Returns:
-            A result that its interface allows.
+            The checked result.
 
         Raises:
             InputError: the image of ``request`` is no photo; the backend is not loaded.
-            BackendError: the backend failed with an error that is no PhysicError of the core.
-            PhysicError: the backend refused the request; the class is the backend's choice, the message names it.
-            BackendOutputError: its interface does not allow what it returned.
+            BackendError: the backend raised an error that is not a PhysicError of the core.
+            PhysicError: the backend refused the request; the backend chooses the class, the message names the backend.
+            BackendOutputError: the backend returned an invalid result.
         """
         require_photo(request.image)
         self._begin(name)
@@ -137,7 +137,7 @@ class Stages:
             self.records.append(StageRecord(name, seconds, loading, resolved.provenance, cached, failed))
             if self._low_memory and last:
                 self._close(resolved)
-                gc.collect()  # networks tend to hold themselves
+                gc.collect()  # networks often have reference cycles
         return cast("Result", result)
 
     def call_optional(
@@ -149,7 +149,7 @@ class Stages:
             name: of the stage.
             resolved: the backend.
             request: of the backend's interface.
-            otherwise: what is done without its result; ends the warning.
+            otherwise: consequence of a failure; ends the warning.
         """
         try:
             return self.call(name, resolved, request)
@@ -159,7 +159,7 @@ class Stages:
             return None
 
     def close(self) -> None:
-        """Close every loaded backend, and trim the cache; a backend that cannot be closed costs a warning."""
+        """Close every loaded backend, and trim the cache; a failure to close a backend is a warning."""
         for resolved in list(self._loaded.values()):
             self._close(resolved)
         if self._answers is not None:
@@ -171,10 +171,10 @@ class Stages:
             self._progress(name, len(self.records), self._total)
 
     def _load(self, resolved: ResolvedBackend) -> float:
-        """Load a backend if it is not yet, and return the seconds it took."""
+        """Load a backend at its first call; returns the seconds it took."""
         start = time.perf_counter()
         if id(resolved.backend) not in self._loaded:
-            self._loaded[id(resolved.backend)] = resolved  # before: what is half loaded is closed too
+            self._loaded[id(resolved.backend)] = resolved  # before loading: a half-loaded backend is closed too
             resolved.backend.load(self._device)
         return time.perf_counter() - start
 
@@ -214,19 +214,19 @@ def _accepted(title: str, result: object, wrong: list[str]) -> object:
 
 @contextmanager
 def wrap_plugin_errors(title: str, resolved: ResolvedBackend) -> Iterator[None]:
-    """Turn whatever a plugin raises into a PhysicError that names the backend and the stage."""
+    """Convert any exception of a plugin to a PhysicError that names the backend and the stage."""
     try:
         yield
     except PhysicError as error:
         kind = type(error)
-        known = kind if kind.__module__ == errors.__name__ else BackendError  # another class may want other arguments
+        known = kind if kind.__module__ == errors.__name__ else BackendError  # other classes may need other arguments
         raise known(f"{title}: {error}") from error
     except (Exception, SystemExit) as cause:
         raise BackendError(f"{title}: {describe(cause, type(resolved.backend))}") from cause
 
 
 def _print_traceback(error: Exception) -> None:
-    """On stderr, where ``PHYSIC_DEBUG`` asks for it: the run goes on, so that nobody else shows it."""
+    """Print the traceback on stderr if ``PHYSIC_DEBUG`` is set; the run continues and would not show it."""
     if trace := traceback_text(error):
         sys.stderr.write(trace)
 

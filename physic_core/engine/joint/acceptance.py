@@ -1,9 +1,8 @@
-"""Nobody ends worse than they began: decided by each person's own energy, at the one scale of their scene.
+"""Accept the optimised state per person: no person ends with a higher energy than at the start.
 
-All people share the scene's scale, so that a person's energy is comparable between two states at one scale only. For
-the scale of each state every person takes the state in which their own energy is lower; of these, the scale with the
-lowest total is kept. Whoever did not gain is put back to their own start, and nobody else with them; and the total is
-never higher than at the start, which is one of the choices.
+All people share the scene's scale, so a person's energies in two states are comparable only at one scale. For the scale
+of each state, every person takes the state with their lower energy. The scale with the lowest total is kept. Only
+people who did not improve return to their start. The start is one of the candidates, so the total never increases.
 """
 
 from __future__ import annotations
@@ -19,11 +18,11 @@ from physic_core.engine.joint.state import State
 
 __all__ = ["Energy", "accept", "best_of", "per_person", "total_of", "values_of"]
 
-_SHARED = "scale"  # the term that belongs to the scene and to no person
+_SHARED = "scale"  # the term of the scene, not of a person
 
 
 class Energy(Protocol):
-    """What can be minimised."""
+    """An energy over a state that can be minimised."""
 
     state: State
 
@@ -40,19 +39,19 @@ def total_of(energies: Mapping[str, Tensor]) -> Tensor:
 
 
 def per_person(energies: Mapping[str, Tensor]) -> Tensor:
-    """(B,) sum of the terms of each person, without what belongs to the scene."""
+    """(B,) sum of the terms of each person, without the term of the scene."""
     return torch.stack([value for name, value in energies.items() if name != _SHARED]).sum(0)
 
 
 def values_of(energies: Mapping[str, Tensor]) -> dict[str, float]:
-    """Each term's sum."""
+    """Term -> its sum over people."""
     sums = torch.stack([value.detach().sum() for value in energies.values()]) if energies else torch.zeros(0)
     return dict(zip(energies, sums.tolist(), strict=True))
 
 
 @torch.no_grad()
 def accept(energy: Energy, end: Tensor, start: Tensor) -> tuple[dict[str, float], dict[str, float]]:
-    """Leave everybody at their end, or at their start where that is better for themselves.
+    """Set each person to the end state, or to the start where their own energy is lower there.
 
     Args:
         energy: its visibility is that of the end.
@@ -60,7 +59,7 @@ def accept(energy: Energy, end: Tensor, start: Tensor) -> tuple[dict[str, float]
         start: packed state.
 
     Returns:
-        each term at the start, and where people were left, both under the same visibility.
+        Each term at the start and at the accepted state, both under the visibility of ``end``.
     """
     state = energy.state
     state.load(start)
@@ -70,7 +69,7 @@ def accept(energy: Energy, end: Tensor, start: Tensor) -> tuple[dict[str, float]
     if not bool((_finite(after) <= _finite(before)).all()) or not _sum(after) <= _sum(before):
         best_of(energy, (end, start))
         after = energy()
-        if not _sum(after) <= _sum(before):  # terms between people bind one to where another was
+        if not _sum(after) <= _sum(before):  # terms between people depend on the other people's states
             state.load(start)
             after = before
         if not torch.equal(state.pack(), end):
@@ -80,7 +79,7 @@ def accept(energy: Energy, end: Tensor, start: Tensor) -> tuple[dict[str, float]
 
 @torch.no_grad()
 def best_of(energy: Energy, states: Sequence[Tensor], *, refresh: bool = False) -> None:
-    """Put everybody where their own energy is lowest, at the scale of the scene at which the total is.
+    """Set each person to their state of lowest energy, at the scene's scale with the lowest total.
 
     Args:
         energy: its state is changed.
@@ -108,7 +107,7 @@ def best_of(energy: Energy, states: Sequence[Tensor], *, refresh: bool = False) 
             state.put(other, better)
             mixed, own = state.pack(), torch.where(better, found, own)
         if own is not None and mixed is not None:
-            # Someone whose energy is not a number in any state counts in none, and says nothing about the others.
+            # A person with non-finite energy in all states is left out of the totals.
             known = torch.isfinite(own)
             value = (float((~known).sum()), float(own[known].sum()) + scale)
             if value < best:
@@ -119,7 +118,7 @@ def best_of(energy: Energy, states: Sequence[Tensor], *, refresh: bool = False) 
 
 
 def _finite(energies: Mapping[str, Tensor]) -> Tensor:
-    """(B,) of each person, infinite where it is not a number."""
+    """(B,) energy of each person, inf where it is not finite."""
     own = per_person(energies)
     return torch.where(torch.isfinite(own), own, torch.inf)
 

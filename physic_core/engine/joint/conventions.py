@@ -1,4 +1,4 @@
-"""What an energy takes of a problem: which vertices, keypoints, limbs and surfaces count, and how they are found."""
+"""Conventions of a preset's energy: which vertices, keypoints, limbs and surfaces count, and how they are found."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ __all__ = ["Conventions"]
 
 @dataclass(frozen=True)
 class Conventions:
-    """Fixed choices of one energy; each preset states its own.
+    """Fixed choices of one energy; each preset defines its own.
 
     Attributes:
-        weigh_keypoints: (problem, (B,) stature in px, (B, 55) bool joints that count as seen) -> keypoints.
+        weigh_keypoints: (problem, (B,) stature in px, (B, 55) bool joints that count as visible) -> keypoints.
         update_visibility: (context, posed bodies, self-occlusion, last visibility or None) -> visibility.
-        search_radius_m: how far vertices look for scene points, metres.
+        search_radius_m: search radius of vertices for scene points, metres.
         facing_deg: see :class:`physic_core.engine.joint.settings.VisibilitySettings`, as the next three.
         mask_tolerance: see there.
         vertex_spacing_m: see there.
-        count_vertices: every vertex counts 1; else it counts by the surface that it stands for.
-        observed_limbs_only: limbs that the photo does not show take no part; else all limbs count as seen.
-        static_contacts: feet, hands, thighs, seat and back of everybody are contact vertices, instead of the prior's.
-        merge_masks: all people's masks are taken as one; else each person has their own.
-        coarse_self_occlusion: self-occlusion is found on vertices 2 cm apart, each for those round it.
-        floor: "plane" measures against the fitted plane, "points" adds samples of it to the scene, "ignored" neither.
+        count_vertices: every vertex has weight 1; else its surface area.
+        observed_limbs_only: invisible limbs are left out; else all limbs count as visible.
+        static_contacts: feet, hands, thighs, seat and back of all people are contact vertices, instead of the prior's.
+        merge_masks: the union of all masks is used for all people; else each person's own mask.
+        coarse_self_occlusion: self-occlusion is computed at vertices 2 cm apart and copied to their neighbours.
+        floor: "plane" uses the fitted plane, "points" adds samples of it to the scene, "ignored" neither.
         along_normals: distances are along normals: scene points without one are left out.
-        free_space: what lies before all that the depth map shows is inside nothing.
+        free_space: vertices nearer than the depth map at their pixel do not penetrate.
         nearest: strategy of the search for nearest points.
-        nearest_every_step: nearest points are looked up at every evaluation, not only when visibility is updated.
+        nearest_every_step: nearest points are searched at every evaluation, not only when visibility is updated.
     """
 
     weigh_keypoints: Callable[[JointProblem, Tensor, Tensor], Keypoints]

@@ -9,9 +9,9 @@ from physic_core.body.joints import JOINT_INDEX
 
 __all__ = ["hinge_angles", "lowest_height", "lowest_rows", "plane_height", "root_relative", "signed_distance"]
 
-# Left and right are neighbours among the joints, and a slice is a view where a list of two is a copy.
+# Left and right joints are adjacent: a slice gives a view, a list of indices a copy.
 _KNEES, _ELBOWS = (slice(JOINT_INDEX[f"left_{name}"], JOINT_INDEX[f"right_{name}"] + 1) for name in ("knee", "elbow"))
-_LOWEST_SHARE = 0.05  # of a sole's vertices: on tiptoe no more than this touches
+_LOWEST_SHARE = 0.05  # of a sole's vertices: on tiptoe only this share touches the floor
 
 
 def signed_distance(vertices: Tensor, points: Tensor, normals: Tensor) -> Tensor:

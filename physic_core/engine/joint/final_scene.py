@@ -1,4 +1,4 @@
-"""The scene after stage 3: deformed with the people, free of inpainted points inside them, with a floor under them."""
+"""The final scene after stage 3: locally scaled near people, without inpainted points inside them, with a floor."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ _ANKLES = joint_pair("ankle")
 def finalize_scene(
     scene: SceneState, problem: JointProblem, result: JointResult, hole: Tensor, settings: SceneSettings
 ) -> tuple[SceneState, JointProblem]:
-    """Scene and problem as stage 3 leaves them, but for the scale of the scene.
+    """Final scene and problem after stage 3, before the scale of the scene is applied.
 
-    The scene takes the local depth scale of the people, inpainted points inside them are moved out, and where no floor
-    was found there may be one under their soles. The local depth scale leaves normals as they are: it turns them by
-    few degrees, half a metre and more from a person.
+    The local depth scales are applied. Inpainted points inside people are moved out. Where no floor was found, one may
+    be placed under their soles. Normals are kept: the local depth scale turns them by a few degrees only, at half a
+    metre and more from a person.
 
     Args:
         scene: of stage 1.
@@ -75,7 +75,7 @@ def finalize_scene(
 def _carved(
     scene: SceneState, bodies: Tensor, faces: Tensor, masks: Tensor, hole: Tensor, settings: SceneSettings
 ) -> SceneState:
-    """Without scene inside the bodies that hid it."""
+    """Move inpainted scene points out of the bodies (B, V, 3) that hid them."""
     unseen = hole & scene.valid
     moved, out = carved(scene.points[unseen], bodies, faces, masks[:, unseen], settings.carve_m)
     points = scene.points.clone()

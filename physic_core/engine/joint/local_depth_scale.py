@@ -1,7 +1,7 @@
-"""What lies round a person may be a little nearer or farther than the scene's one scale says.
+"""Local depth scale near each person, in addition to the global scale of the scene.
 
-Networks bend depth at low frequency, by several percent from one piece of furniture to the next. Each person has a
-warp, the logarithm of a factor on the depth of what is round them; the floor keeps its plane. Metres, camera frame.
+Depth networks have low-frequency errors of several percent between neighbouring objects. Each person has a warp: the
+logarithm of a factor on the depth of nearby scene points. The floor is not warped. Metres, camera frame.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from physic_core.engine.joint.distances import plane_height
 
 __all__ = ["log_factor", "warp_share"]
 
-_FLOOR_M, _FREE_M = 0.03, 0.15  # heights up to which nothing, and from which everything is warped
-_NEAR_M, _FAR_M = 0.2, 1.0  # from a person's box: what is nearer takes the whole warp, what is farther none
-_OWN_M = 0.02  # from two boxes: of whom is so much nearer, the warp counts most
+_FLOOR_M, _FREE_M = 0.03, 0.15  # metres over the floor: no warp below the first, full warp above the second
+_NEAR_M, _FAR_M = 0.2, 1.0  # metres from a person's box: full warp below the first, none beyond the second
+_OWN_M = 0.02  # metres: difference of distances to two boxes at which the nearer person's warp dominates
 
 
 def warp_share(points: Tensor, floor_normal: Tensor | None, floor_offset: float) -> Tensor:
-    """How much of a warp points (..., 3) take: (...) in [0, 1], 0 on the floor; all where there is no floor."""
+    """Share of a warp that applies to points (..., 3): (...) in [0, 1], 0 on the floor; 1 without a floor."""
     if floor_normal is None:
         return torch.ones_like(points[..., 0])
     high = plane_height(points, floor_normal.to(points), points.new_tensor(floor_offset))
@@ -29,7 +29,7 @@ def warp_share(points: Tensor, floor_normal: Tensor | None, floor_offset: float)
 def log_factor(
     points: Tensor, bodies: Tensor, warps: Tensor, floor_normal: Tensor | None, floor_offset: float
 ) -> Tensor:
-    """Logarithm of the factor on each point: of the nearest person, and between people a mean by their distance.
+    """Logarithm of the factor on each point: the nearest person's warp, blended by distance between people.
 
     Args:
         points: (..., 3).
@@ -54,6 +54,6 @@ def log_factor(
 
 
 def _smooth(x: Tensor) -> Tensor:
-    """From 0 at 0 to 1 at 1, level at both ends."""
+    """Smoothstep: 0 at 0, 1 at 1, with zero slope at both ends."""
     x = x.clamp(0, 1)
     return x.square() * (3 - 2 * x)

@@ -1,9 +1,8 @@
 """Minimise an energy over a state: whitened L-BFGS with a backtracking line search, or plain Adam.
 
-Both update visibility every few steps and leave out non-finite steps. Nobody ends worse than they began, which is
-decided person by person (:mod:`physic_core.engine.joint.acceptance`). The scene's scale ties all people together, so
-one L-BFGS moves them all: with a curvature of their own for each person and one for the scale it took twice as long
-and stopped centimetres short.
+Both update visibility every few steps and reject non-finite steps. No person's energy is higher at the end than at the
+start (:mod:`physic_core.engine.joint.acceptance`). The scene's scale couples all people, so one L-BFGS optimises them
+all. A separate curvature for each person and for the scale took twice as long and stopped centimetres from the minimum.
 """
 
 from __future__ import annotations
@@ -20,25 +19,25 @@ from physic_core.engine.joint.settings import AdamSettings, LbfgsSettings
 
 __all__ = ["Trace", "minimise"]
 
-_HISTORY = 40  # pairs that L-BFGS remembers: vectors of some hundred numbers cost nothing beside one evaluation
+_HISTORY = 40  # pairs that L-BFGS keeps: vectors of some hundred numbers are cheap compared with one evaluation
 _FIRST = 0.5  # length of the very first step, in units of the state
-_ARMIJO = 1e-4  # share of the promised descent that a step must keep
+_ARMIJO = 1e-4  # share of the predicted descent that a step must reach
 _TRIALS = 10  # lengths at most that a line search tries
 _BEND = 1e-8  # least cosine between a step and its change of the gradient
-_FLAT = 1e-9  # a slope below this share of the energy cannot be seen in float32
+_FLAT = 1e-9  # a slope below this share of the energy is below the resolution of float32
 _PATIENCE = 5  # steps that together have to lower the energy by the tolerance
 
 
 @dataclass(frozen=True)
 class Trace:
-    """What a minimisation did.
+    """Record of a minimisation.
 
     Attributes:
-        start: term -> weighted value of the start, seen as at the end.
+        start: term -> weighted value of the start, under the visibility at the end.
         end: term -> weighted value at the end.
-        evaluations: of energy and gradient.
-        steps: of the optimiser.
-        totals: the energy before each refresh's steps and after the last; a refresh may change it by itself.
+        evaluations: number of evaluations of energy and gradient.
+        steps: number of steps of the optimiser.
+        totals: the energy before each refresh's steps and after the last; a refresh may change the energy.
     """
 
     start: Mapping[str, float]
@@ -55,8 +54,8 @@ def minimise(
 
     Args:
         energy: refreshed, and finite at its present state.
-        settings: of the optimiser, which they also choose.
-        progress: called with the share of steps that are done.
+        settings: of the optimiser; their type selects it.
+        progress: called with the completed share of the steps, 0-1.
     """
     state = energy.state
     origin = state.pack()
@@ -81,7 +80,7 @@ def minimise(
         converged = isinstance(settings, LbfgsSettings) and _converged(block, settings.tolerance)
         if converged:
             break
-    if not converged:  # else nobody has moved enough since the last update to be seen otherwise
+    if not converged:  # else the motion since the last update is too small to change visibility
         energy.refresh()
     start, end = accept(energy, state.pack(), origin)
     totals.append(math.fsum(end.values()))
@@ -106,7 +105,7 @@ def _converged(block: Block, tolerance: float) -> bool:
 
 
 class Memory:
-    """What an optimiser keeps over a refresh."""
+    """State that an optimiser keeps over a refresh."""
 
     def __init__(self) -> None:
         self.curvature = _Curvature()
@@ -114,7 +113,7 @@ class Memory:
 
 
 def _lbfgs_block(energy: Energy, settings: LbfgsSettings, steps: int, memory: Memory) -> Block:
-    """L-BFGS on one view. What it has learnt of the curvature it keeps: the next view is nearly the same energy."""
+    """L-BFGS steps on one view. The curvature pairs are kept, since the next view's energy is nearly equal."""
     state = energy.state
     parameters = state.parameters()
     curvature = memory.curvature
@@ -161,14 +160,14 @@ def _lbfgs_block(energy: Energy, settings: LbfgsSettings, steps: int, memory: Me
 def _backtrack(
     evaluate: Callable[[Tensor], tuple[float, Tensor]], here: Tensor, way: Tensor, value: float, slope: float
 ) -> tuple[Tensor, float, Tensor] | None:
-    """The first of ever shorter steps that lowers the energy as its slope promises: place, value, gradient."""
+    """Shorten the step until the Armijo condition holds: parameters, value and gradient, or None."""
     length = 1.0
     for _ in range(_TRIALS):
         there = here + length * way
         next_value, gradient = evaluate(there)
         if next_value <= value + _ARMIJO * length * slope:
             return there, next_value, gradient
-        # The parabola through both values and the slope; a tenth at least, a half at most.
+        # Minimum of the parabola through both values and the slope, clamped to 0.1-0.5 of the step.
         excess = next_value - value - length * slope
         guess = -slope * length * length / (2 * excess) if 0 < excess < math.inf else 0.0
         length = min(max(guess, 0.1 * length), 0.5 * length) if excess < math.inf else 0.25 * length
@@ -176,10 +175,10 @@ def _backtrack(
 
 
 class _Curvature:
-    """Pairs of steps and changes of the gradient, and the quasi-Newton direction that they stand for.
+    """Pairs of steps and gradient changes, and the quasi-Newton direction from them.
 
-    The compact form of Byrd, Nocedal and Schnabel (1994): a few products with all pairs at once, however many there
-    are. In float64: the small matrices are close to singular near the end.
+    Compact form of Byrd, Nocedal and Schnabel (1994): a few matrix products with all pairs at once. In float64, since
+    the small matrices are nearly singular at the end.
     """
 
     def __init__(self) -> None:
@@ -190,7 +189,7 @@ class _Curvature:
         self._steps, self._changes = [], []
 
     def learn(self, step: Tensor, change: Tensor) -> None:
-        """Keep a pair, unless it says that the energy bends downwards there."""
+        """Keep a pair, unless its curvature is negative."""
         s, y = step.double(), change.double()
         bend, most = torch.stack([s @ y, s.norm() * y.norm()]).tolist()
         if bend > _BEND * most:
@@ -198,7 +197,7 @@ class _Curvature:
             self._changes = [*self._changes[1 - _HISTORY :], y]
 
     def descent(self, gradient: Tensor) -> Tensor:
-        """Downhill, as long as the step is expected to be."""
+        """Quasi-Newton step for a gradient (n,): (n,)."""
         g = gradient.double()
         if not self._steps:
             return -gradient * min(1.0, _FIRST / max(float(g.norm()), 1e-30))
@@ -214,9 +213,9 @@ class _Curvature:
 
 
 def _adam_block(energy: Energy, settings: AdamSettings, steps: int, memory: Memory) -> Block:
-    """Adam on one view: its path goes on over refreshes, uphill too, and ends where it ends.
+    """Adam steps on one view. Its moments are kept over refreshes, and steps may raise the energy.
 
-    People whose gradients are not numbers are put back to the step before and held there until the next view.
+    People with non-finite gradients return to the previous step and are kept there until the next view.
     """
     state = energy.state
     parameters = state.parameters()
@@ -246,14 +245,14 @@ def _adam_block(energy: Energy, settings: AdamSettings, steps: int, memory: Memo
 
 
 def _differentiate(energy: Energy, parameters: list[Tensor]) -> tuple[float, Tensor]:
-    """Fill in the gradients; the energy, and (B,) bool whose energy or gradients are not numbers."""
+    """Compute the gradients. Returns the energy, and (B,) bool: people with non-finite energy or gradients."""
     energies = energy()
     total = total_of(energies)
     gradients = torch.autograd.grad(total, parameters, allow_unused=True)
     broken = ~torch.isfinite(per_person(energies))
     for p, gradient in zip(parameters, gradients, strict=True):
         p.grad = torch.zeros_like(p) if gradient is None else gradient
-        # What is shared is nobody's own: without its gradient nobody can go on.
+        # The scale is shared: a non-finite gradient of it stops all people.
         fine = torch.isfinite(p.grad)
         broken = broken | ~(fine.reshape(len(p), -1).all(1) if p.ndim else fine | broken.any())
     return float(total.detach()), broken

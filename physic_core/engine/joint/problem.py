@@ -1,4 +1,4 @@
-"""What the joint optimisation is given and what it answers. Torch, one device; camera frame, metres and pixels."""
+"""Input and result of the joint optimisation. Torch, one device; OpenCV camera frame, metres and pixels."""
 
 from __future__ import annotations
 
@@ -40,26 +40,26 @@ class JointProblem(ShortRepr):
         betas0: (B, K) at the start.
         expression0: (B, E), kept as it is; E = 0 where the body has none.
         transl0: (B, 3) metres, at the start.
-        keypoints: (B, J, 2) px; those that are not finite count as not seen.
+        keypoints: (B, J, 2) px; non-finite ones count as not visible.
         keypoint_confidence: (B, J) in [0, 1].
         skeleton: name of the keypoints' joint set.
         K: (3, 3) px.
         masks: (B, H, W) bool, visible pixels of each person.
-        scene_points: (M, 3) metres, valid ones only.
+        scene_points: (M, 3) metres, valid points only.
         scene_normals: (M, 3) unit towards the camera, zero where unreliable.
         contact_probability: (B, V) in [0, 1].
-        observed: (B, 55) bool, joints that the photo shows.
-        scene_depth: (H, W) metres along z of the same points, NaN where there is none; None does not tell free space.
+        observed: (B, 55) bool, visible joints.
+        scene_depth: (H, W) metres along z of the same points, NaN where there is none; None leaves free space unknown.
         floor_normal: (3,) unit, up; None where no floor was found.
         floor_offset: metres of the camera over the floor: the height of X is ``floor_normal . X + floor_offset``.
         floor_points: (F, 3) samples of the plane, or None.
         human_depth: (H, W) metres along z of the original photo, aligned to the scene, NaN where unknown; or None.
         human_points: per person (M_i, 3) metres, aligned to the scene; or None.
-        scale_sigma: standard deviation of log(scale) that the metric depth states, or None.
-        grounded: (B,) bool, people who may stand on the floor, and not on or in something else; None is everybody.
-        estimated_transl: (B, 3) metres, where the body estimator put them; None is ``transl0``. For preset "release",
-            as what follows.
-        keypoint_transl: (B, 3) metres, where the keypoints alone (Eq. 2) put them; None is ``transl0``.
+        scale_sigma: standard deviation of log(scale) given with the metric depth, or None.
+        grounded: (B,) bool, people who may stand on the floor, not on or in an object; None is all people.
+        estimated_transl: (B, 3) metres, by the body estimator; None is ``transl0``. Used by preset "release".
+        keypoint_transl: (B, 3) metres, translation by the keypoints alone (Eq. 2); None is ``transl0``. Used by
+            preset "release".
     """
 
     model: BodyModel
@@ -91,10 +91,10 @@ class JointProblem(ShortRepr):
         return len(self.transl0)
 
     def check(self) -> None:
-        """Refuse what does not fit together.
+        """Check the shapes of all fields.
 
         Raises:
-            PhysicError: the message lists every field of a wrong shape, with what came and what is wanted.
+            PhysicError: the message lists every field of a wrong shape, with its shape and the expected one.
         """
         b, j = len(self), self.keypoints.shape[1]
         height, width = self.masks.shape[-2:]
@@ -133,7 +133,7 @@ class JointProblem(ShortRepr):
             raise PhysicError("joint optimisation: " + "; ".join(faults))
 
     def as_model(self) -> JointProblem:
-        """The same with every number in the float type and on the device of the body model."""
+        """A copy with all tensors in the float type and on the device of the body model."""
 
         def fit(value: Tensor) -> Tensor:
             return value.to(device=self.model.device, dtype=self.model.dtype if value.is_floating_point() else None)
@@ -146,7 +146,7 @@ class JointProblem(ShortRepr):
         return replace(self, **changed)  # type: ignore[arg-type]
 
     def pick(self, rows: Tensor) -> JointProblem:
-        """The same scene with some of its people, (n,) int64."""
+        """A copy with a selection of the people, (n,) int64."""
         changed = {name: getattr(self, name)[rows] for name in _PER_PERSON if getattr(self, name) is not None}
         if self.human_points is not None:
             changed["human_points"] = tuple(self.human_points[i] for i in rows.tolist())
@@ -166,12 +166,12 @@ class JointResult(ShortRepr):
         joints: (B, 55, 3) metres.
         warp: (B,) logarithm of a further factor on the scene round each person
             (:mod:`physic_core.engine.joint.local_depth_scale`).
-        occluded: (B, V) bool, hidden by objects, by other people or by the person themself, at the end.
-        losses: term -> its weighted value at the start and at the end, both under what was visible at the end.
-        diagnostics: per person, name -> number; what could not be measured is left out.
-        failures: per person, why they were left at their start, in words; "" for those who were optimised.
-        evaluations: of energy and gradient.
-        steps: of the optimiser.
+        occluded: (B, V) bool, hidden by objects, other people or the own body, at the end.
+        losses: term -> its weighted value at the start and at the end, both under the visibility at the end.
+        diagnostics: per person, name -> number; values that could not be measured are left out.
+        failures: per person, the reason why they keep their start; "" for those who were optimised.
+        evaluations: number of evaluations of energy and gradient.
+        steps: number of steps of the optimiser.
     """
 
     rotations: Tensor
@@ -190,7 +190,7 @@ class JointResult(ShortRepr):
 
 
 def finite_people(problem: JointProblem) -> Tensor:
-    """(B,) bool: people whose start is made of numbers and in front of the camera."""
+    """(B,) bool: people whose start is finite and in front of the camera."""
     fine = problem.transl0[:, 2] > 0
     for name in ("rotations0", "betas0", "transl0"):
         fine = fine & torch.isfinite(getattr(problem, name)).flatten(1).all(1)

@@ -1,4 +1,4 @@
-"""What a term of the joint energy is, and what it is evaluated on."""
+"""Interface of a term of the joint energy, and its inputs."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ Rho = Callable[[Tensor], Tensor]
 
 @dataclass(frozen=True)
 class View(ShortRepr):
-    """What stays fixed between two updates, so that the energy is smooth for a line search.
+    """Inputs that are fixed between two updates, so that the energy is smooth for a line search.
 
     Attributes:
-        visibility: what the photo shows of each vertex.
-        contacts: what each vertex is near to.
+        visibility: of each vertex.
+        contacts: nearest scene point of each vertex, and distances.
         vertices: (B, n, 3) tracked vertices at the update, metres.
         scale: of the scene at the update.
     """
@@ -46,7 +46,7 @@ class PosedBodies(ShortRepr):
         keypoints: (B, J, 3) metres, landmarks of the keypoints' joint set.
         estimate: parameters of bodies and scene.
         deviation: (B, P) free parameters of people minus those at the start, see ``State.deviation``.
-        scale_deviation: () the same of the scene's scale.
+        scale_deviation: () deviation of the scene's scale from the start.
     """
 
     vertices: Tensor
@@ -58,16 +58,16 @@ class PosedBodies(ShortRepr):
 
 
 class Term(Protocol):
-    """One summand of the energy (paper Eq. 5), or a few that are evaluated together.
+    """One summand of the energy (paper Eq. 5), or several that are evaluated together.
 
     Attributes:
-        active: name -> (B, n) or (B,) weights of what takes part since the last :meth:`refresh`, 0 for what does not.
+        active: name -> (B, n) or (B,) weights since the last :meth:`refresh`; 0 leaves a vertex or person out.
     """
 
     active: dict[str, Tensor]
 
     def refresh(self, view: View) -> None:
-        """Choose what takes part; it stays fixed until the next call."""
+        """Compute the weights; they stay fixed until the next call."""
 
     def __call__(self, bodies: PosedBodies) -> Mapping[str, Tensor]:
         """Weighted energies, differentiable: name -> (B,) of each person; "scale", of the scene, is (1,)."""

@@ -1,1 +1,1 @@
-"""Stage 2: people's points in the scene, and the translation of each body (paper Sec. 3.2)."""
+"""Stage 2: human points in the scene, and the translation of each body (paper Sec. 3.2)."""

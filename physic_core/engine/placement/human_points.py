@@ -1,6 +1,6 @@
-"""Stage 2: the people's own points in the metric scene (paper Sec. 3.2).
+"""Stage 2: the 3D points of each person in the metric scene (paper Sec. 3.2).
 
-The point map of the original photo is aligned to the scene outside the people, which carries their points along.
+The point map of the original photo is aligned to the scene on the background. The alignment is then applied to people.
 OpenCV camera frame, metres.
 """
 
@@ -21,19 +21,19 @@ from physic_core.types import AffineAmbiguity
 __all__ = ["ALIGN_LEAST_SHARE", "ALIGN_TOLERANCE", "FAR_M", "align_original", "human_points", "original_in_scene"]
 
 ALIGN_TOLERANCE = 0.15
-"""The two point maps agree at a pixel where they differ by less than this share of the depth. A tighter one, below
-0.1, follows whichever surface agrees best and lets the others go, where the network saw two different rooms."""
+"""The two point maps agree at a pixel where they differ by less than this share of the depth. A threshold
+below 0.1 fits only one surface if the two point maps differ."""
 
 ALIGN_LEAST_SHARE = 0.5
-"""Below this share of agreeing background the alignment is reported as doubtful."""
+"""Below this share of agreeing background the alignment is reported as unreliable."""
 
 FAR_M = 50.0
-"""Background beyond takes no part in the alignment, metres."""
+"""Background beyond this distance is left out of the alignment, metres."""
 
 MAX_POINTS = 3000
-"""Points of one person at most: the nearest-point searches of Eq. 4 take as long as there are points."""
+"""Points of one person at most: the time of Eq. 4 is proportional to their number."""
 
-_MASK_GROWTH = 0.01  # of the long image side: a network smears depth round people
+_MASK_GROWTH = 0.01  # of the long image side: networks blur depth at the silhouette
 _DEPTH_SHARE = 0.15  # of the range of inverse depths, over which the weight of background falls off
 _FAR_WEIGHT = 0.05  # of background far from the people's depth
 _MARGIN_PX = 8
@@ -54,16 +54,16 @@ def align_original(
     Args:
         points: (H, W, 3) point map of the original photo.
         valid: (H, W) bool.
-        unknown: what is unknown of it against the scene.
+        unknown: its ambiguity relative to the scene: scale, or scale and z-shift.
         scene_points: (H, W, 3) point map of the scene, in metres or in any unit.
         scene_valid: (H, W) bool.
         people_mask: (H, W) bool, all people.
-        settings: of stage 2; preset "default" where None. The robust method grows the people's mask, and weighs
-            background by how near it is to the people's own depth.
+        settings: of stage 2; preset "default" where None. The robust method grows the people's mask, and weights
+            background by its nearness to the people's depth.
         far: scene pixels beyond are left out, in the unit of the scene; ``FAR_M`` for a metric scene.
 
     Returns:
-        The alignment; ``inlier_share`` 0 where the two have nothing in common.
+        The alignment; ``inlier_share`` is 0 if the two have no common pixels.
     """
     settings = settings or PlacementSettings()
     radius = round(_MASK_GROWTH * max(people_mask.shape)) if settings.robust else 0
@@ -84,11 +84,10 @@ def align_original(
 
 
 def original_in_scene(points: Tensor, alignment: Alignment, K: Tensor | None) -> Tensor:
-    """The point map of the original photo in the scene: aligned, and put on the rays of ``K`` (3, 3) if given.
+    """The point map of the original photo in the scene: aligned, and moved onto the rays of ``K`` (3, 3) if given.
 
     Returns:
-        (H, W, 3) metres; NaN throughout where the alignment found nothing in common, so that nobody gets points whose
-        distance is unknown.
+        (H, W, 3) metres; all NaN if the alignment has no inliers, since the distance of people is then unknown.
     """
     if alignment.inlier_share == 0:
         return torch.full_like(points, math.nan)
@@ -97,7 +96,7 @@ def original_in_scene(points: Tensor, alignment: Alignment, K: Tensor | None) ->
 
 
 def human_points(points: Tensor, valid: Tensor, mask: Tensor, settings: PlacementSettings | None = None) -> Tensor:
-    """The points of one person, without those that float between person and background.
+    """The points of one person, without depth edges between person and background.
 
     Args:
         points: (H, W, 3) metres, of the original photo, aligned to the scene.
@@ -106,7 +105,7 @@ def human_points(points: Tensor, valid: Tensor, mask: Tensor, settings: Placemen
         settings: of stage 2; preset "default" where None.
 
     Returns:
-        (M, 3) metres; M = 0 where the mask holds nothing valid. At most ``MAX_POINTS``, evenly picked; all of them
+        (M, 3) metres; M = 0 if the mask has no valid point. At most ``MAX_POINTS``, evenly subsampled; all of them
         with the paper's methods.
     """
     settings = settings or PlacementSettings()
@@ -119,7 +118,7 @@ def human_points(points: Tensor, valid: Tensor, mask: Tensor, settings: Placemen
     cloud, inside = points[box], mask[box]
     known = valid[box] & torch.isfinite(cloud).all(-1) & (cloud[..., 2] > 0)
     cloud = torch.where(known[..., None], cloud, 0.0)
-    # The edges look past the mask: its rim is where the network mixes person and background.
+    # Edges are computed on a box larger than the mask: at its rim the network mixes person and background.
     own = known & inside & ~depth_edges(cloud[..., 2], known, ratio)
     chosen = cloud[own & ~outlier_mask(cloud, own, outliers, size=(rows, columns))]
     if settings.robust and len(chosen) > MAX_POINTS:
@@ -129,10 +128,10 @@ def human_points(points: Tensor, valid: Tensor, mask: Tensor, settings: Placemen
 
 
 def _nearness_to_people(depth: Tensor, valid: Tensor, people: Tensor, background: Tensor) -> Tensor | None:
-    """(H, W) weight of background that is about as near as the people, where the two maps have to agree.
+    """(H, W) weight of background by its nearness to the people's depth.
 
-    Two runs of a network on two pictures do not agree everywhere; on whole pictures sky and far walls have the
-    majority, and the ground at the feet would be off. Nearness is a difference of inverse depths over their range.
+    The point maps of two pictures differ by more than one affine map. Sky and far walls are the majority of pixels, so
+    without weights the ground at the feet would be wrong. Nearness is a difference of inverse depths over their range.
     """
     inverse = torch.where(valid & (depth > 0), 1 / depth, 0.0)
     own, others = inverse[people & (inverse > 0)], inverse[background & (inverse > 0)]
@@ -148,7 +147,7 @@ def _nearness_to_people(depth: Tensor, valid: Tensor, people: Tensor, background
 
 
 def _quantiles(values: Tensor, low: float, high: float) -> tuple[float, float]:
-    """Two quantiles of (M,) values, looking at some of them where there are many."""
+    """Two quantiles of (M,) values, on a subsample if there are many."""
     some = values[:: max(1, len(values) // 20_000)].double().sort().values
     last = len(some) - 1
     return float(some[round(low * last)]), float(some[round(high * last)])

@@ -1,6 +1,6 @@
-"""Left and right keypoints of arms or legs that a detector has swapped.
+"""Correct left-right swaps of detected arm or leg keypoints.
 
-Detectors do that now and then, and a body that follows them twists its trunk.
+Keypoint detectors sometimes swap sides, and a body fitted to swapped keypoints twists its trunk.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ PAIRS: dict[str, tuple[str, ...]] = {
     "arms": ("elbow", "wrist", "hand_root", *_FINGERS),
     "legs": ("knee", "ankle", "heel", "big_toe", "small_toe", "foot_tip"),
 }
-"""Pair of limbs -> points that are swapped together: shoulders and hips keep their sides."""
+"""Pair of limbs -> points that are swapped together: shoulders and hips are not swapped."""
 
-_LEAST = 0.1  # of the person's size: a smaller mean difference is no reason to exchange anything
+_LEAST = 0.1  # of the person's size: smaller mean differences are ignored
 
 
 @dataclass(frozen=True)
@@ -44,11 +44,11 @@ def fix_left_right_swaps(
 ) -> Sides:
     """Exchange the left and right keypoints of a pair of limbs that a detector has swapped.
 
-    Compared are the directions from each left point to its right one. Swapped keypoints have moved the placed body
-    aside and changed its size, but not the direction from its left to its right.
+    The directions from each left point to its right one are compared with those of the body. Swapped keypoints change
+    the position and size of the placed body, but not its direction from left to right.
 
-    Where both arms and legs of a person would be exchanged, none are: the body faces the other way, and nothing here
-    shows whether the body or its keypoints are wrong.
+    If both arms and legs of a person would be exchanged, none are: the body then faces the other way, and it is unknown
+    whether the body or the keypoints are wrong.
 
     Args:
         skeleton: name of the joint set; nothing is exchanged in an unknown one.

@@ -1,4 +1,4 @@
-"""Stage 2 for all people of a photo: placed, their swapped keypoints corrected, and those of them placed again."""
+"""Stage 2 for all people of a photo: place them, correct left-right swaps of keypoints, place those people again."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ _ANKLES = joint_pair("ankle")
 
 @dataclass(frozen=True)
 class Detections:
-    """What detectors and estimators report of B people.
+    """Results of detectors and estimators for B people.
 
     Attributes:
         skeleton: name of the joint set.
         keypoints: (B, J, 2) px.
         confidence: (B, J) in [0, 1].
-        observed: (B, 55) bool, joints that the body estimator saw; None where it does not say, which counts as all.
+        observed: (B, 55) bool, joints that the body estimator reports as visible; None counts as all.
         points: B tensors (M_i, 3) metres, the people's own points in the scene.
         masks: (B, H, W) bool, visible pixels of each person.
     """
@@ -44,13 +44,13 @@ class Detections:
 
 @dataclass(frozen=True)
 class PlacedPeople:
-    """B people at their places.
+    """B placed people.
 
     Attributes:
-        placement: of all, by the corrected keypoints.
+        placement: of all people, by the corrected keypoints.
         keypoints: (B, J, 2) px, swaps of left and right corrected.
         confidence: (B, J), likewise.
-        observed: (B, 55) bool, joints that the photo shows.
+        observed: (B, 55) bool, visible joints.
         exchanged: per person, the pairs of limbs whose left and right were exchanged.
         detected: the placement by the keypoints as detected.
     """
@@ -79,7 +79,7 @@ def place_people(
         K: (3, 3) px.
         floor: normal (3,) and offset, or None.
         settings: of stage 2.
-        before: the same people, placed with another floor: people whose feet are on none keep their places.
+        before: the same people, placed with another floor; people whose result does not depend on the floor keep it.
     """
     columns = list(range(detections.keypoints.shape[1]))
     if settings.method != "released":
@@ -131,7 +131,7 @@ def _evidence(detections: Detections, columns: list[int], settings: PlacementSet
 
 
 def _observed(detections: Detections, settings: PlacementSettings) -> Tensor:
-    """(B, 55) bool: joints that the body estimator or a confident keypoint saw."""
+    """(B, 55) bool: joints that the body estimator or a confident keypoint reports as visible."""
     keypoints = detections.keypoints
     reported = detections.observed
     if reported is None:

@@ -1,18 +1,18 @@
-"""Stage 2: each body moved onto its keypoints (Eq. 2) and onto its points (Eq. 3-4); translation only.
+"""Stage 2: translate each body to fit its keypoints (Eq. 2) and its human points (Eq. 3-4).
 
-The robust method minimises, for each person alone and by Gauss-Newton steps with nearest points found anew,
+The robust method minimises for each person, by Gauss-Newton steps with nearest points updated at each step,
 
     lambda_j2d mean_j rho(|pi(J_j + t) - u_j|^2 / size^2)
     + lambda_d (mean_v min_p rho(|v + t - e^g p|^2) + mean_p min_v rho(|e^g p - v - t|^2))
     + floor_weight rho(h(t)^2) + offset cost (g / sigma)^2
 
-over the translation t and, where the person's feet are seen and stand on a known floor, the depth offset g: monocular
-depth sees people farther away than the floor under their feet, and without g that pulls the body off its floor. A
-person whose feet, without g, are both well above the floor stands on steps or lies on a bed, and has none. Means and
-shares make all terms independent of the picture's resolution. The paper's methods are plain squares and sums with Adam
-and L-BFGS.
+over the translation t and the depth offset g. g is free if the person's feet are visible and stand on a known floor.
+Monocular depth places people farther away than the floor under their feet, so without g the body leaves the floor. A
+person whose feet without g are both well above the floor stands on steps or lies on a bed; g is then 0. Means and
+relative sizes make all terms independent of the resolution. The paper's methods use sums of squares with Adam and
+L-BFGS.
 
-Works on the CPU in float64: a few thousand points and k-d trees are faster there than anywhere else.
+OpenCV camera frame, metres. Float64 on the CPU, which is fastest for k-d trees of a few thousand points.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ _MIN_POINTS = 50  # human points and camera-facing vertices; with fewer, keypoin
 _FACING_DEG = 70.0  # between a vertex's normal and the direction to the camera
 _RELEASED_FACING_DEG = 80.0
 _STAND_REACH_SHARE = 0.15  # ``stand_reach_m`` as a share of the distance from the camera; the smaller one counts
-_ROUNDS = 2  # of choosing the camera-facing vertices
+_ROUNDS = 2  # of selecting the camera-facing vertices
 _MOVED_M = 1e-3
 
 
@@ -70,7 +70,7 @@ class PosedBodies:
         landmarks: (B, J, 3), in the order of the keypoints.
         transl: (B, 3), translation that vertices and landmarks include.
         outer: (V,) bool, False for vertices inside mouth and eyes; all True where None.
-        soles: (S,) int64 vertices that can touch the floor; where None, nobody is held to the floor.
+        soles: (S,) int64 vertices that can touch the floor; None disables the floor term.
     """
 
     vertices: Tensor
@@ -83,14 +83,14 @@ class PosedBodies:
 
 @dataclass(frozen=True)
 class PersonEvidence:
-    """What the photo shows of B people.
+    """Keypoints, points and masks of B people.
 
     Attributes:
         keypoints: (B, J, 2) px.
         confidence: (B, J) in [0, 1].
         points: B tensors (M_i, 3) metres, see :func:`physic_core.engine.placement.human_points.human_points`.
         masks: (B, H, W) bool, visible pixels of each person.
-        feet_seen: (B,) bool, people whose feet the photo shows; where None, nobody is held to the floor.
+        feet_seen: (B,) bool, people with visible feet; None disables the floor term.
     """
 
     keypoints: Tensor
@@ -108,8 +108,8 @@ class PersonPlacement(ShortRepr):
         move: (3,) metres, added to the estimated translation.
         depth_offset: factor on the depth of the person's points.
         grounded: False for a person on furniture or steps.
-        on_floor: whether the floor took part; a person of whom it did not is placed alike with another floor.
-        keypoint_move: (3,) metres, by the keypoints alone (Eq. 2).
+        on_floor: whether the floor was used; if not, the result does not depend on the floor.
+        keypoint_move: (3,) metres, translation by the keypoints alone (Eq. 2).
         diagnostics: see :class:`Placement`.
     """
 
@@ -127,13 +127,13 @@ class Placement(ShortRepr):
 
     Attributes:
         transl: (B, 3) metres.
-        depth_offset: (B,) factor on the depth of a person's points that makes them agree with the body; 1 where they
-            are fixed to the scene.
+        depth_offset: (B,) factor on the depth of a person's points to match the body; 1 where they are fixed to the
+            scene.
         grounded: (B,) bool, False for a person who stands, sits or lies with both feet well above the floor.
-        diagnostics: one mapping a person: "keypoints" and "facing_vertices" and "points" used, "reprojection_px" and
+        diagnostics: one mapping per person: "keypoints" and "facing_vertices" and "points" used, "reprojection_px" and
             "chamfer_m" (medians) at start and end, "losses" (term of Eq. 3 -> its energy at "start" and "end"),
             "moved_m", "depth_offset", "grounded", "foot_height_m" over the floor (None without one, and for a person
-            who is not on it), and "problem" in plain words or None.
+            who is not on it), and "problem", a message or None.
         keypoint_transl: (B, 3) metres, by the keypoints alone (Eq. 2).
         people: each person's solution.
     """
@@ -154,7 +154,7 @@ def place(
     settings: PlacementSettings | None = None,
     placed: Sequence[PersonPlacement | None] | None = None,
 ) -> Placement:
-    """Move B posed bodies; each is solved alone, and one that cannot be placed keeps its translation (Eq. 2-4).
+    """Translate B posed bodies independently (Eq. 2-4); a body that cannot be placed keeps its translation.
 
     Args:
         bodies: as estimated.
@@ -162,7 +162,7 @@ def place(
         K: (3, 3) px.
         floor: normal (3,), unit, up, and offset in metres; None where there is no floor.
         settings: of stage 2; preset "default" where None.
-        placed: for each person a solution that is known already, or None to solve; all are solved where None.
+        placed: per person, a known solution or None to solve; None solves all.
     """
     settings = settings or PlacementSettings()
     known = placed or [None] * len(bodies.transl)
@@ -225,7 +225,7 @@ def _on_cpu(x: Tensor) -> Tensor:
 
 
 def _extent(keypoints: Tensor, mask: Tensor) -> Tensor:
-    """(2,) the diagonal of the person's box in the picture, px, twice: 2D errors are shares of it."""
+    """(2,) diagonal of the person's image box, px, repeated: the unit of 2D errors."""
     corners = keypoints
     if bool(mask.any()):
         rows, columns = mask.any(1).nonzero()[:, 0], mask.any(0).nonzero()[:, 0]
@@ -255,7 +255,7 @@ class _Fit:
 
     @property
     def pairs(self) -> Tensor | None:
-        """``seen`` where Eq. 4 took part."""
+        """``seen``, or None if Eq. 4 was not used."""
         return None if self.chamfer_m is None else self.seen
 
 
@@ -313,7 +313,7 @@ def _diagnostics(person: Subject, fit: _Fit, problem: str | None, settings: Plac
 
 
 def _losses(person: Subject, fit: _Fit, settings: PlacementSettings) -> dict[str, dict[str, float]]:
-    """Each term of Eq. 3 that took part, where the body was estimated and at its end."""
+    """Each used term of Eq. 3, at the estimated translation and at the end."""
     terms: dict[str, Term] = {}
     if not bool(torch.isfinite(person.vertices).all()):
         return {}
@@ -334,12 +334,12 @@ def _losses(person: Subject, fit: _Fit, settings: PlacementSettings) -> dict[str
 
 
 def _has_offset(person: Subject, settings: PlacementSettings) -> bool:
-    """Whether the person's points may be nearer or farther than in the scene."""
+    """Whether the person's depth offset is free."""
     return settings.robust and person.on_floor and settings.depth_offset_sigma > 0
 
 
 def _fit_keypoints(person: Subject, settings: PlacementSettings) -> tuple[Tensor, str | None]:
-    """Eq. 2: x (4,), and why there is none."""
+    """Eq. 2: x (4,), and a message if it cannot be solved, else None."""
     if len(person.keypoints) < FEWEST_KEYPOINTS:
         return torch.zeros(4, dtype=torch.float64), (
             f"{len(person.keypoints)} keypoints have confidence {settings.min_confidence:g} or more, "
@@ -351,7 +351,7 @@ def _fit_keypoints(person: Subject, settings: PlacementSettings) -> tuple[Tensor
 
 
 def _fit_points(person: Subject, x: Tensor, settings: PlacementSettings) -> _Fit:
-    """Eq. 3-4 from x (4,). The camera-facing vertices are chosen again once, where the body has moved."""
+    """Eq. 3-4 from x (4,). The camera-facing vertices are selected again once, after the body has moved."""
     seen = _camera_facing(person, x, settings)
     if len(person.points) < _MIN_POINTS or int(seen.sum()) < _MIN_POINTS:
         return _Fit(x, seen)
@@ -376,7 +376,7 @@ def _fit_points(person: Subject, x: Tensor, settings: PlacementSettings) -> _Fit
 
 
 def _is_on_furniture(person: Subject, x: Tensor, terms: list[Term], settings: PlacementSettings) -> bool:
-    """Whether points and keypoints, fixed to the scene, put both feet well above the floor."""
+    """Whether a fit without depth offset has both feet well above the floor."""
     if not settings.stand_reach_m or not _has_offset(person, settings):
         return False
     fixed = gauss_newton(terms, x, (0, 1, 2))
@@ -386,7 +386,7 @@ def _is_on_furniture(person: Subject, x: Tensor, terms: list[Term], settings: Pl
 
 
 def _camera_facing(person: Subject, x: Tensor, settings: PlacementSettings) -> Tensor:
-    """(V,) bool: V_cf of Eq. 4, facing the camera and projected into the person's own mask."""
+    """(V,) bool: V_cf of Eq. 4, facing the camera and inside the person's own mask."""
     moved = person.vertices + x[:3]
     if settings.method == "released":
         seen = faces_optical_axis(person.normals, _RELEASED_FACING_DEG)
@@ -397,7 +397,7 @@ def _camera_facing(person: Subject, x: Tensor, settings: PlacementSettings) -> T
 
 
 def _bounded_by_keypoints(person: Subject, fit: _Fit, settings: PlacementSettings) -> Tensor:
-    """x (4,), or the nearest one at which the keypoints fit no worse than they did at the estimate."""
+    """x (4,), or the nearest one with a reprojection error no larger than at the estimated translation."""
     if len(person.keypoints) < FEWEST_KEYPOINTS:
         return fit.x
     came, term = torch.zeros_like(fit.x), Reprojection(person, settings)
@@ -406,13 +406,13 @@ def _bounded_by_keypoints(person: Subject, fit: _Fit, settings: PlacementSetting
     def fits(at: Tensor) -> bool:
         return loss(term, at) <= largest[0] and (_reprojection_px(person, at) or 0.0) <= largest[1]
 
-    # As stiff as all pairs of Eq. 4 together; without points any number leads to the keypoints alone.
+    # The total weight of all pairs of Eq. 4. Without points its value has no effect.
     pairs = 1 if fit.pairs is None else int(fit.pairs.sum()) + len(person.points)
     return within_keypoints(person, fit.x, settings.chamfer_weight * pairs, settings, fits)
 
 
 def _reprojection_px(person: Subject, x: Tensor) -> float | None:
-    """Median distance of the used keypoints, px."""
+    """Median reprojection error of the used keypoints, px."""
     if not len(person.keypoints):
         return None
     uv = project(person.landmarks + x[:3], person.K)

@@ -12,7 +12,7 @@ __all__ = ["PlacementSettings"]
 
 @dataclass(frozen=True)
 class PlacementSettings:
-    """Stage 2: human points in the scene, and each body moved onto them (paper Sec. 3.2, Eq. 2-4).
+    """Stage 2: human points in the scene, and the translation of each body (paper Sec. 3.2, Eq. 2-4).
 
     Attributes:
         method: "robust" minimises means of robust errors by Gauss-Newton steps. "paper" minimises the sums of squares

@@ -1,4 +1,7 @@
-"""Solvers of stage 2, over x = (t, g): Gauss-Newton for preset "default", Adam and L-BFGS as the paper says."""
+"""Solvers of stage 2 over translation and log depth offset x = (t, g): Gauss-Newton, and the paper's Adam and L-BFGS.
+
+Preset "default" uses Gauss-Newton. Camera frame, metres; float64 on the CPU.
+"""
 
 from __future__ import annotations
 
@@ -28,19 +31,19 @@ __all__ = ["adam", "closed_form", "gauss_newton", "lbfgs", "loss", "reprojection
 ITERATIONS = 30
 """Gauss-Newton steps at most, and Adam's steps on Eq. 2 (paper Sec. 4.1)."""
 
-# Of the paper's methods (Sec. 4.1): "two iterations of L-BFGS" are two steps of so many inner iterations.
+# Paper Sec. 4.1: "two iterations of L-BFGS" are two steps with this many inner iterations.
 _LEARNING_RATE = 1e-2
 _LBFGS_STEPS, _LBFGS_INNER = 2, 15
-_LINE_SEARCH: str | None = "strong_wolfe"  # the printed unit step leads away from the minimum of the released energy
+_LINE_SEARCH: str | None = "strong_wolfe"  # the printed unit step diverges on the released energy
 
 _CONVERGED_M = 1e-5
 _HALVINGS = 6
-_MAX_OFFSET = math.log(1e3)  # of depth, either way
+_MAX_OFFSET = math.log(1e3)  # of depth, absolute value
 _DOUBLINGS = 40
 
 
 def closed_form(person: Subject) -> Tensor:
-    """A start for Eq. 2: X + t_x = x (Z + t_z) is linear in t; each row counts as it does in the picture."""
+    """Initial translation (3,) for Eq. 2: X + t_x = x (Z + t_z) is linear in t; rows are weighted to image errors."""
     ray = (person.keypoints - person.K[:2, 2]) / torch.stack((person.K[0, 0], person.K[1, 1]))
     joints = person.landmarks
     zero, one = torch.zeros(len(ray), dtype=torch.float64), torch.ones(len(ray), dtype=torch.float64)
@@ -48,7 +51,7 @@ def closed_form(person: Subject) -> Tensor:
     goal = torch.cat((ray[:, 0] * joints[:, 2] - joints[:, 0], ray[:, 1] * joints[:, 2] - joints[:, 1]))
     trust = person.confidence.repeat(2)
     move = torch.zeros(3, dtype=torch.float64)
-    # Weakly tied to where the body was, for keypoints that leave its depth open.
+    # A weak prior on the estimated position, for keypoints that do not determine depth.
     tie = torch.diag(torch.tensor([1e-9, 1e-9, 1e-6], dtype=torch.float64)) * trust.sum()
     for _ in range(3):
         depth = (joints[:, 2] + move[2]).clamp(min=NEAREST_M).repeat(2)
@@ -81,7 +84,7 @@ def gauss_newton(terms: Sequence[Term], x: Tensor, free: Sequence[int]) -> Tenso
         step = torch.zeros_like(x)
         step[index] = torch.linalg.solve(A, -b)
         for _ in range(_HALVINGS):
-            # The exponential of a larger offset, which only absurd bodies lead to, may overflow.
+            # The exponential of a larger offset may overflow.
             if abs(float(x[3] + step[3])) <= _MAX_OFFSET:
                 tried = [r for term in terms for r in term.rows(x + step)]
                 if _energy(tried, scales) <= energy:
@@ -96,7 +99,7 @@ def gauss_newton(terms: Sequence[Term], x: Tensor, free: Sequence[int]) -> Tenso
 
 
 def _robust_scale(rows: Rows) -> float:
-    """The settings' scale, wider where half of the errors exceed it: a disagreement of all is no outlier."""
+    """The settings' scale, or the median error if larger, so that a common error is no outlier."""
     if not math.isfinite(rows.scale) or len(rows.error) < FEWEST_KEYPOINTS:
         return rows.scale
     return max(rows.scale, 2 * float(torch.linalg.vector_norm(rows.error, dim=-1).median()))
@@ -111,7 +114,7 @@ def _energy(rows: Sequence[Rows], scales: Sequence[float]) -> float:
 
 
 def loss(term: Term, x: Tensor) -> float:
-    """A term's share of the energy at x."""
+    """Value of one term at x (4,)."""
     rows = term.rows(x)
     return _energy(rows, [r.scale for r in rows])
 
@@ -150,9 +153,9 @@ def lbfgs(person: Subject, x: Tensor, chamfer: Chamfer, settings: PlacementSetti
 def within_keypoints(
     person: Subject, x: Tensor, stiffness: float, settings: PlacementSettings, fits: Callable[[Tensor], bool]
 ) -> Tensor:
-    """The translation nearest to x, by Eq. 3 with its pairs kept, whose keypoints fit; zero if none does.
+    """The translation nearest to x whose keypoints fit, by Eq. 3 with fixed pairs; zero if none does.
 
-    Squared distances to kept partners are, but for a constant, ``stiffness |t - x|^2``.
+    Up to a constant, squared distances of fixed pairs are ``stiffness |t - x|^2``.
 
     Args:
         person: with enough keypoints.
@@ -171,7 +174,7 @@ def within_keypoints(
 
 
 def reprojection_loss(person: Subject, move: Tensor, settings: PlacementSettings) -> Tensor:
-    """L_j2d after a move (3,), unweighted: ()."""
+    """L_j2d after a translation (3,) metres, unweighted: ()."""
     seen = project(person.landmarks + move, person.K)
     if settings.method == "released":
         one = (seen[None], person.keypoints[None], person.confidence[None])

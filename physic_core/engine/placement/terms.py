@@ -1,6 +1,6 @@
-"""The terms of stage 2: residuals with their slopes by x = (t, g), a translation and a log depth offset.
+"""Terms of stage 2: residuals and their Jacobians by x = (t, g), a translation and a log depth offset.
 
-Each term returns :class:`Rows`, so that one Gauss-Newton solver serves them all. Float64, CPU, metres and pixels.
+Each term returns :class:`Rows` for the Gauss-Newton solver. Float64, CPU, camera frame, metres and pixels.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from physic_core.geometry.plane import height
 __all__ = ["FEWEST_KEYPOINTS", "NEAREST_M", "Chamfer", "Reprojection", "Rows", "Standing", "Subject", "Term", "Tied"]
 
 FEWEST_KEYPOINTS = 3
-"""Fewer confident keypoints than this leave a translation open."""
+"""Least number of confident keypoints that determine a translation."""
 
 NEAREST_M = 0.1
-"""Nothing of a person is nearer to the camera than this, metres."""
+"""Least distance of a person from the camera, metres."""
 
 _OFFSET_COST_M = 0.05
-_FLOOR_ROBUST_M = 0.3  # a foot that is much farther from the floor is not on it
+_FLOOR_ROBUST_M = 0.3  # scale of the robust loss, metres
 
 
 class Subject(NamedTuple):
@@ -35,25 +35,25 @@ class Subject(NamedTuple):
     landmarks: Tensor  # (N, 3)
     keypoints: Tensor  # (N, 2)
     confidence: Tensor  # (N,), at least the settings' minimum
-    size: Tensor  # (2,) px that make a 2D error 1
+    size: Tensor  # (2,) px, unit of 2D errors
     vertices: Tensor  # (V, 3)
     normals: Tensor  # (V, 3)
     outer: Tensor  # (V,) bool
     points: Tensor  # (M, 3)
     mask: Tensor  # (H, W) bool
-    soles: Tensor  # (S, 3), empty where the feet are not seen or there is no floor
+    soles: Tensor  # (S, 3), empty if the feet are invisible or there is no floor
     plane: Tensor  # (4,) normal and offset of the floor
     K: Tensor  # (3, 3)
     people: int = 1  # in the picture
 
     @property
     def on_floor(self) -> bool:
-        """Whether the feet are seen and there is a floor that they may stand on."""
+        """Whether the feet are visible and there is a floor."""
         return len(self.soles) > 0
 
 
 class Rows(NamedTuple):
-    """Residuals of one kind at one x: error (N, D), slope (N, D, 4), weight (N,), robust scale."""
+    """Residuals of one term at x: error (N, D), Jacobian (N, D, 4), weight (N,), scale of the robust loss."""
 
     error: Tensor
     slope: Tensor
@@ -122,7 +122,7 @@ class Chamfer:
 
 
 class Standing:
-    """The lower foot on the floor, and what a depth offset costs."""
+    """Height of the lower foot over the floor, and the prior of the depth offset ``(g / sigma)^2``."""
 
     def __init__(self, person: Subject, settings: PlacementSettings) -> None:
         self.person, self.settings = person, settings
@@ -142,7 +142,7 @@ class Standing:
 
 
 class Tied:
-    """Translation tied to a place: ``weight |t - place|^2``."""
+    """Quadratic prior of the translation: ``weight |t - place|^2``."""
 
     def __init__(self, place: Tensor, weight: float) -> None:
         self.place, self.weight = place, weight
@@ -157,7 +157,7 @@ Term = Reprojection | Chamfer | Standing | Tied
 
 
 def _thinned(points: Tensor, most: int) -> Tensor:
-    """At most ``most`` of (N, 3), evenly picked."""
+    """At most ``most`` of points (N, 3), evenly subsampled."""
     if len(points) <= most:
         return points
     return points[torch.linspace(0, len(points) - 1, most, dtype=torch.float64).round().long()]

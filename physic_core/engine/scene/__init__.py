@@ -1,1 +1,1 @@
-"""Stage 1: the scene in metres, with its camera and floor (paper Sec. 3.1)."""
+"""Stage 1: metric scene points, camera and floor (paper Sec. 3.1)."""

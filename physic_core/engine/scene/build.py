@@ -1,6 +1,6 @@
-"""Stage 1: the scene in metres, with its camera, normals and floor (paper Sec. 3.1).
+"""Stage 1: build the metric scene, with camera, normals and floor (paper Sec. 3.1).
 
-The relative point map brings the detail, the metric depth brings the scale (Eq. 1). OpenCV camera frame (x right,
+The relative point map gives the shape, the metric depth gives the scale (Eq. 1). OpenCV camera frame (x right,
 y down, z forward).
 """
 
@@ -38,7 +38,7 @@ ALIGN_TOLERANCE = 0.1
 """Point map and metric depth agree at a pixel where they differ by less than this share of the depth."""
 
 ALIGN_LEAST_SHARE = 0.5
-"""Below this share of agreeing pixels the alignment is reported as doubtful."""
+"""Below this share of agreeing pixels the alignment is reported as unreliable."""
 
 _FLOOR_THICKNESS = 0.01  # of the depth
 
@@ -50,10 +50,10 @@ class SceneState(ShortRepr):
     Attributes:
         points: (H, W, 3); every valid point projects onto its pixel (preset "paper": as the network gave it).
         normals: (H, W, 3) unit, facing the camera; zero where unreliable.
-        valid: (H, W) bool; depth edges, outliers and what is beyond the far limit are not valid.
+        valid: (H, W) bool; False at depth edges, outliers and beyond the far limit.
         floor_normal: (3,) unit, up, or None where no floor was found.
         floor_offset: height of the camera over the floor, metres; 0 without a floor.
-        floor_points: (M, 3) on the floor, over the extent of the scene.
+        floor_points: (M, 3) on the floor, within the extent of the scene.
         floor_inlier_share: share of the searched pixels on the floor; of the best plane, where none was accepted.
         K: (3, 3) px, float64.
         alignment: of the relative point map to the metric depth.
@@ -93,12 +93,12 @@ def build_scene(
     floor_evidence: FloorEvidence | None = None,
     settings: SceneSettings | None = None,
 ) -> SceneState:
-    """Scale a relative point map to metres; estimate its camera, normals and floor; drop what lies on no surface.
+    """Scale a relative point map to metres; estimate its camera, normals and floor; drop edges and outliers.
 
     Args:
         points: (H, W, 3) relative point map of the inpainted photo.
         valid: (H, W) bool.
-        unknown: what the point map leaves open.
+        unknown: ambiguity of the point map: scale, or scale and z-shift.
         metric_depth: (H, W) metres along z, NaN where unknown.
         cameras: those that are known.
         floor_evidence: floor mask, inpainted pixels and feet, each where known.
@@ -117,7 +117,7 @@ def build_scene(
     search = search_floor(placed, known & ~outliers, surface, evidence, settings.floor)
     floor = search.plane
     if floor is not None:
-        # A floor that is seen at a grazing angle looks like a depth edge; its plane shows that it is none.
+        # A floor at a grazing angle resembles a depth edge: points on its plane are kept.
         z = placed[..., 2]
         on_floor = known & floor.inliers & (height(placed, floor.normal, floor.offset).abs() < _FLOOR_THICKNESS * z)
         edges, outliers = edges & ~on_floor, outliers & ~on_floor
@@ -191,7 +191,7 @@ def _metric_points(
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Points (H, W, 3) in metres, which of them are known (H, W), and their camera (3, 3).
 
-    The metric depth alone, where the settings want it so, or where it agrees with the point map nowhere.
+    The metric depth alone if ``settings.source`` selects it, or if it agrees with the point map at no pixel.
     """
     if alignment.inlier_share > 0 and settings.source == "pointmap":
         placed, known = apply_alignment(points, alignment), valid
@@ -207,7 +207,7 @@ def _metric_points(
 
 
 def _surface(points: Tensor, known: Tensor, settings: SceneSettings) -> tuple[Tensor, Tensor, Tensor]:
-    """Normals (H, W, 3), depth edges (H, W) bool, and outliers (H, W) bool that are no edges."""
+    """Normals (H, W, 3), depth edges (H, W) bool, and outliers (H, W) bool outside edges."""
     rows, columns = known.shape
     ratio = edge_ratio(settings.outliers, rows, columns)
     released = settings.normals == "released"

@@ -1,4 +1,4 @@
-"""The camera of stage 1: the given one, or one estimated from point map and metric depth."""
+"""Camera of stage 1: the given intrinsics, or an estimate from point map and metric depth."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Cameras:
     """Cameras of a photo, each (3, 3) px or None where unknown.
 
     Attributes:
-        given: a known camera: it overrides all others, and every point is put on its rays.
+        given: a known camera. It overrides all others, and every point is moved onto the ray of its pixel.
         metric_depth: the camera that the metric depth was estimated for.
         pointmap: the camera that the relative point map was estimated for.
     """
@@ -32,8 +32,8 @@ class Cameras:
 def with_common_camera(points: Tensor, depth: Tensor, cameras: Cameras) -> tuple[Tensor, Tensor, Cameras]:
     """Convert point map and metric depth to one camera: the given one, else the mean of both, else the only one.
 
-    A depth network sees the size of things, pixels times Z / f: with a longer focal length they are farther away. The
-    depths of a point map stay, since their unit is unknown.
+    A depth network estimates depth from the size of objects, pixels times Z / f, so metric depth is proportional to f.
+    The depths of a point map are not changed, since their unit is unknown.
 
     Args:
         points: (H, W, 3), any unit.

@@ -1,4 +1,4 @@
-"""Points of a point map that belong to no surface: depth edges and outliers (paper Sec. 3.1 and 4.1)."""
+"""Outlier removal on a point map: depth edges and isolated points (paper Sec. 3.1 and 4.1)."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ _REFERENCE_SIDE = 1024
 def edge_ratio(outliers: Outliers, rows: int, columns: int) -> float:
     """The depth ratio of an edge in a picture of (rows, columns): the same slope as ``EDGE_RATIO`` at 1024 px.
 
-    At most its square: in small pictures real edges are as sharp as in large ones. Infinite, which finds no edge,
-    where outliers are not searched in the image grid.
+    At most ``EDGE_RATIO`` squared, since real edges are as sharp in small pictures as in large ones. Infinite (no edge)
+    if ``outliers`` is not "grid".
     """
     return EDGE_RATIO ** min(2.0, _REFERENCE_SIDE / max(rows, columns, 1)) if outliers == "grid" else math.inf
 
@@ -38,7 +38,7 @@ def outlier_mask(points: Tensor, valid: Tensor, outliers: Outliers, size: tuple[
         points: (H, W, 3), any unit.
         valid: (H, W) bool.
         outliers: strategy, see :class:`SceneSettings`.
-        size: (H, W) of the whole picture, where ``points`` is only a part of it.
+        size: (H, W) of the full picture, if ``points`` is a crop of it.
     """
     rows, columns = size or (valid.shape[0], valid.shape[1])
     if outliers == "off" or not bool(valid.any()):

@@ -1,4 +1,4 @@
-"""The floor of stage 1: its search by the strategy of the settings, and its points."""
+"""Floor plane of stage 1: fit it by the configured strategy, and sample points on it."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ _GRID_SIDE = 100  # floor points along each side, as released
 def fit_relative_floor(
     points: Tensor, valid: Tensor, evidence: FloorEvidence, strategy: Strategy = "disparity"
 ) -> PlaneFit | None:
-    """The floor in the units of a relative point map, before its scale is known; None where there is none.
+    """The floor in the units of a relative point map, before its scale is known; None if none is found.
 
-    Always searched in inverse depth, since a tolerance in metres means nothing here; "off" finds none.
+    The fit is in inverse depth, since a tolerance in metres needs a known scale; "off" finds none.
 
     Args:
         points: (H, W, 3), any unit.

@@ -1,7 +1,7 @@
-"""The floor and the people on it: one that cuts through them is furniture, one that is not seen lies under their soles.
+"""Floor from people: reject a plane that cuts through them, and place a hidden floor under their soles.
 
-Behind tables and counters there is a floor all the same, and exported scenes need a ground. Its normal is the up that
-the surfaces of the scene show, its height that of the people's soles. Metres, camera frame.
+The floor may be hidden by tables and counters, but exported scenes need a ground. Its normal is the up direction
+estimated from the surfaces of the scene. Its height is that of the people's soles. OpenCV camera frame, metres.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from physic_core.geometry.gravity import gravity
 
 __all__ = ["floor_cuts_people", "floor_under_people", "plane_cuts_people", "without_floor"]
 
-_UPRIGHT = math.cos(math.radians(50.0))  # of pelvis to neck with up: lying people have no soles on the floor
-_FIRMNESS_SHARE = 0.5  # of that of a floor search: under the feet themselves a tilt hardly matters
-_APART_M = 0.2  # people whose soles differ by more do not stand on one floor
+_UPRIGHT = math.cos(math.radians(50.0))  # cosine between up and pelvis-to-neck: lying people have no soles on the floor
+_FIRMNESS_SHARE = 0.5  # of the firmness of a floor search: directly under the feet, a tilt has little effect
+_APART_M = 0.2  # metres: people whose soles differ by more do not stand on one floor
 _BELOW_M, _BELOW_SHARE = 0.05, 0.02  # metres, and of the distance: a point so far below the floor contradicts it
 _MAX_BELOW = 0.05  # of the points
-_CUT_M, _CUT_SHARE = 0.25, 0.1  # so deep under a plane, and so much of a body
+_CUT_M, _CUT_SHARE = 0.25, 0.1  # metres under a plane, and share of a body's vertices below that
 
 
 def floor_under_people(
     vertices: Tensor, joints: Tensor, soles: Tensor, points: Tensor, normals: Tensor, firmness: float = FIRMNESS
 ) -> tuple[Tensor, float] | None:
-    """The plane through the soles of upright people; None where up is unknown, or where the scene contradicts it.
+    """The plane through the soles of upright people; None if up is unknown or scene points contradict the plane.
 
     Args:
         vertices: (B, V, 3); people with non-finite vertices do not count.
@@ -63,14 +63,14 @@ def floor_under_people(
 
 
 def floor_cuts_people(floor: PlaneFit | None, vertices: Tensor) -> bool:
-    """Whether a floor goes through all people (B, V, 3): then it is a table or a seat. A floor mask is trusted."""
+    """Whether a floor cuts through all people (B, V, 3), as a table or seat does. A floor from a mask is accepted."""
     if floor is None or floor.source == "floor mask":
         return False
     return plane_cuts_people(vertices, floor.normal, floor.offset)
 
 
 def without_floor(scene: SceneState) -> SceneState:
-    """The scene whose floor was found to be furniture, as one without a floor."""
+    """A copy of the scene without its floor."""
     diagnostics = {**scene.diagnostics, "floor": {**scene.diagnostics["floor"], "reason": "through_people"}}
     return replace(
         scene,
@@ -83,6 +83,6 @@ def without_floor(scene: SceneState) -> SceneState:
 
 
 def plane_cuts_people(vertices: Tensor, normal: Tensor, offset: float) -> bool:
-    """Whether a plane goes through all people (B, V, 3); False where there are none."""
+    """Whether a plane cuts through all people (B, V, 3); False where there are none."""
     under = plane_height(vertices, normal.to(vertices), vertices.new_tensor(offset)) < -_CUT_M
     return len(vertices) > 0 and bool((under.to(vertices.dtype).mean(1) > _CUT_SHARE).all())

@@ -17,23 +17,23 @@ class SceneSettings:
     """Stage 1: metric scene points, camera, normals, floor (paper Sec. 3.1).
 
     Attributes:
-        source: where the shape of the scene comes from. "pointmap" is the relative point map, scaled to metres;
-            "metric_depth" is the metric depth alone, which the paper gives to PROX.
+        source: geometry of the scene. "pointmap" is the relative point map, scaled to metres;
+            "metric_depth" is the metric depth alone, as in the paper's comparison with PROX.
         align_residual: of Eq. 1. "relative" divides each pixel's residual by its depth and draws 128 hypotheses;
             "metric" is Eq. 1 as printed, in metres, with the 20 hypotheses of the released code.
         intrinsics: camera where none is given. "both" is the mean of the cameras of metric depth and point map, and
             the metric depth is scaled to it. "metric" takes the camera of the metric depth, else the point map's. Both
-            put every point on the ray of its pixel. "pointmap" is the paper's median; points stay as they are.
+            put every point on the ray of its pixel. "pointmap" is the paper's median; points are not moved.
         outliers: which points are dropped. "grid" drops depth edges and pixels without neighbours at a similar depth
             (fast). "knn" is the paper's mean distance to the k nearest points. "off" keeps all.
         far_m: points beyond are dropped, metres.
         normals: "own" ignores neighbours across a depth edge. "released" averages four cross products, and drops
             points whose normal differs from their neighbours'.
         floor: "disparity" fits a plane in inverse depth. "metric" is the paper's RANSAC on the points of the floor
-            mask, with its grid of floor points. "off" searches none.
-        floor_under_people: where no floor is seen, put one under the soles of people who stand or sit upright.
-        carve_m: inpainted scene that lies inside a body, or before one that the photo shows, is moved behind it, by
-            this much at most, metres; 0 leaves it where it is.
+            mask, with its grid of floor points. "off" finds no floor.
+        floor_under_people: if no floor is found, place one under the soles of people who stand or sit upright.
+        carve_m: inpainted scene points inside a body, or in front of a visible one, are moved behind it, by at most
+            this much, metres; 0 moves none.
     """
 
     source: Literal["pointmap", "metric_depth"] = "pointmap"

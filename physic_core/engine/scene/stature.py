@@ -1,8 +1,9 @@
-"""Stature as evidence: people are a ruler for their scene, as long as their own size is not free to follow it.
+"""Stature prior: the expected height of people constrains the scale of the scene.
 
-A picture shows sizes only against each other: scene scale s and stature h say one thing twice. Where they disagree by
-d, the energy ``(log s)^2 / sigma_s^2 + (log h)^2 / sigma_h^2`` under ``log h - log s = d`` gives each its share of it,
-the scene ``sigma_s^2 / (sigma_s^2 + sigma_h^2)``: the posterior of two independent measurements.
+A single picture shows only relative sizes, so scene scale s and stature h are two measurements of one unknown. If they
+disagree by d, the energy ``(log s)^2 / sigma_s^2 + (log h)^2 / sigma_h^2`` under ``log h - log s = d`` divides d
+between them. The share of the scene is ``sigma_s^2 / (sigma_s^2 + sigma_h^2)``, the posterior of two independent
+measurements.
 """
 
 from __future__ import annotations
@@ -19,11 +20,11 @@ __all__ = ["Stature", "stature_of", "stature_prior"]
 
 @dataclass(frozen=True)
 class Stature:
-    """Standing height as a function of shape. It is linear while the same vertices are crown and sole.
+    """Standing height as a linear function of shape, valid while the top and bottom vertices do not change.
 
     Attributes:
         height: (B,) metres, at the start.
-        slope: (B, K) metres a unit of shape.
+        slope: (B, K) metres per unit of shape.
         betas: (B, K) at the start.
     """
 
@@ -32,12 +33,12 @@ class Stature:
     betas: Tensor
 
     def __call__(self, betas: Tensor) -> Tensor:
-        """(B, K) -> (B,) metres."""
+        """Height of shapes (B, K): (B,) metres."""
         return self.height + (self.slope * (betas - self.betas)).sum(-1)
 
 
 def stature_of(model: BodyModel, betas: Tensor) -> Stature:
-    """Measure it round a shape (B, K)."""
+    """Linearise the standing height at a shape (B, K)."""
     with torch.enable_grad():
         start = betas.detach().clone().requires_grad_()
         height = model.stature(start)

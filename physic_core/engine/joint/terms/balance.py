@@ -1,4 +1,4 @@
-"""Balance term: the centre of mass of people who stand on their feet alone lies over their feet."""
+"""Balance term: the centre of mass of standing people lies over their feet."""
 
 from __future__ import annotations
 
@@ -17,14 +17,12 @@ from physic_core.geometry.robust import robust
 
 __all__ = ["BalanceSettings", "BalanceTerm", "balance_energy"]
 
-# Left and right are neighbours among the joints, and a slice is a view where a list of two is a copy.
+# Left and right joints are adjacent: a slice gives a view, a list of indices a copy.
 _ANKLES, _TOES = (slice(JOINT_INDEX[f"left_{name}"], JOINT_INDEX[f"right_{name}"] + 1) for name in ("ankle", "foot"))
-_STANDING_POINT = 0.35  # where, from the ankles to the balls of the feet, a quiet stander's mass is
-_SLACK_M = 0.05  # round that point that are as good
+_STANDING_POINT = 0.35  # position of the centre of mass between ankles (0) and balls of the feet (1) in quiet standing
+_SLACK_M = 0.05  # round that point without a penalty
 _SIGMA_M = 0.04  # beyond
-_LEAN_SHARE = (
-    0.006  # of the skin, a palm, on the scene over the knees: this person leans and is not balanced on their feet
-)
+_LEAN_SHARE = 0.006  # of the skin (a palm) in contact above the knees: the person leans on the scene
 
 
 @dataclass(frozen=True)
@@ -41,7 +39,7 @@ class BalanceSettings:
 def balance_energy(mass: Tensor, joints: Tensor, up: Tensor, weight: Tensor, rho: Rho) -> Tensor:
     """Centre of mass over the feet along the viewing direction: ``w rho(max(0, |(m - f) . d| - 5 cm)^2 / sigma^2)``.
 
-    A single photo shows sideways balance by itself; leaning towards or away from the camera it cannot show.
+    Sideways balance is visible in the photo. Leaning towards or away from the camera is not.
 
     Args:
         mass: (B, 3) centre of mass, metres.
@@ -57,19 +55,19 @@ def balance_energy(mass: Tensor, joints: Tensor, up: Tensor, weight: Tensor, rho
     feet = ankles + _STANDING_POINT * (toes - ankles)
     forward = torch.stack([torch.zeros_like(up[0]), torch.zeros_like(up[0]), torch.ones_like(up[0])])
     level = forward - (forward @ up) * up
-    # A camera that looks straight down has no level viewing direction: the term then vanishes with it.
+    # The viewing direction of a camera that points straight down has no horizontal part: the term is then 0.
     level = level / level.norm().clamp(min=0.1)
     lean = torch.relu(((mass - feet) @ level).abs() - _SLACK_M) / _SIGMA_M
     return weight * rho(lean.square())
 
 
 class BalanceTerm:
-    """Balance of people who stand and lean on nothing.
+    """Balance of people who stand without leaning on the scene.
 
     Args:
         settings: of the term.
-        context: of the run.
-        contact: refreshed before this term; its vertices show who leans on the scene.
+        context: constants of this optimisation.
+        contact: refreshed before this term; its vertices show which people lean on the scene.
     """
 
     def __init__(self, settings: BalanceSettings, context: JointContext, contact: ContactTerm) -> None:
@@ -77,7 +75,7 @@ class BalanceTerm:
         self.active: dict[str, Tensor] = {}
 
     def refresh(self, view: View) -> None:
-        """Choose people who stand and touch the scene nowhere over their knees."""
+        """Select people who stand without contact above their knees."""
         context, contact = self._context, self._contact
         rests = context.is_contact & context.over_knees & contact.touching & contact.on_scene
         leans = (context.area * rests).sum(1) > _LEAN_SHARE * context.area.sum(1)

@@ -1,4 +1,4 @@
-"""The paper's depth term L_d (Eq. 4): people's visible vertices against their points, both ways, nearest to nearest."""
+"""Depth term L_d as printed (paper Eq. 4): Chamfer distance between visible vertices and human points."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def chamfer_energy(
         points: (m, 3) human points in the scaled scene, metres.
         nearest_point: (n,) int64, of each vertex.
         nearest_vertex: (m,) int64, of each point.
-        point_weight: how many of the original points each stands for.
+        point_weight: number of original points per sampled point.
 
     Returns:
         () square metres.
@@ -56,8 +56,8 @@ class HumanCloud(ShortRepr):
 
     Attributes:
         points: per person (m, 3) metres.
-        share: per person, how many of the original points each of them stands for.
-        trees: per person.
+        share: per person, number of original points per sampled point.
+        trees: per person, k-d tree of the points.
     """
 
     points: tuple[Tensor, ...]
@@ -66,7 +66,7 @@ class HumanCloud(ShortRepr):
 
     @classmethod
     def of(cls, problem: JointProblem, most: int = 0) -> HumanCloud:
-        """From ``human_points``, or from ``human_depth`` under each mask; evenly picked, at most ``most``, 0 for all.
+        """From ``human_points``, or ``human_depth`` inside each mask; evenly subsampled to at most ``most``, 0 for all.
 
         Raises:
             PhysicError: the problem has neither.
@@ -89,7 +89,7 @@ class HumanCloud(ShortRepr):
         return cls(picked, share, tuple(cKDTree(p.cpu().double().numpy()) for p in picked))
 
     def __call__(self, vertices: Tensor, facing: Tensor, log_scale: Tensor) -> Tensor:
-        """Eq. 4 for each person; the points follow the scene's scale without pulling at it.
+        """Eq. 4 for each person. The points scale with the scene, without a gradient to its scale.
 
         Args:
             vertices: (B, n, 3) metres.
@@ -130,7 +130,7 @@ class ChamferTerm:
         self.active: dict[str, Tensor] = {}
 
     def refresh(self, view: View) -> None:
-        """Choose the camera-facing vertices."""
+        """Select the camera-facing vertices."""
         self.active = {"depth": view.visibility.facing}
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:

@@ -1,4 +1,4 @@
-"""Contact term L_c: vertices that are expected to touch the scene are pulled onto its surface (paper Eq. 6)."""
+"""Contact term L_c: pulls vertices with expected contact onto the scene's surface (paper Eq. 6)."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ __all__ = ["ContactSettings", "ContactTerm", "contact_energy"]
 
 @dataclass(frozen=True)
 class ContactSettings:
-    """Contact with scene and floor, along their normals, so that a vertex may slide on a surface at no cost.
+    """Contact with scene and floor, by distances along their normals: sliding along a surface has no cost.
 
     Attributes:
         weight: lambda_c of Eq. 5; 0 removes the term.
         source: contact vertices are those of the "prior", or "static" parts of every body: feet, hands, thighs, seat
             and back.
-        static_weight: static parts where the prior expects no contact count by this weight; 0 leaves them out.
-        max_distance_m: contact vertices farther from scene and floor are left alone, metres.
+        static_weight: weight of static parts without expected contact; 0 leaves them out.
+        max_distance_m: contact vertices farther from scene and floor are left out, metres.
         sigma_m: expected error of the surface, metres.
         outlier_sigmas: beyond this many sigmas a distance counts as an outlier (Geman-McClure).
     """
@@ -43,8 +43,8 @@ def contact_energy(squared: Tensor, weight: Tensor, rho: Rho) -> Tensor:
 
     Args:
         squared: (B, V) squared distance to the scene or the floor, in units of its expected error.
-        weight: (B, V): contact vertices that are near something; 0 for the others.
-        rho: robust loss, redescending where far contacts should let go.
+        weight: (B, V): weights of contact vertices near a surface; 0 for the others.
+        rho: robust loss; a redescending one ignores far contacts.
 
     Returns:
         (B,).
@@ -55,12 +55,12 @@ def contact_energy(squared: Tensor, weight: Tensor, rho: Rho) -> Tensor:
 class ContactTerm:
     """Eq. 6 for vertices that face a surface within reach: the nearer of scene and floor.
 
-    Behind an object only the floor is known.
+    Vertices hidden by an object use the floor only.
 
     Attributes:
         prior: (B, n) weight of each vertex by its contact probability.
         on_scene: (B, n) bool, contact is with the scene; else with the floor.
-        touching: (B, n) bool, within reach of a surface that they face, on a limb that the photo shows.
+        touching: (B, n) bool, within reach of a surface that they face, on a visible limb.
     """
 
     def __init__(self, settings: ContactSettings, context: JointContext) -> None:
@@ -78,20 +78,20 @@ class ContactTerm:
         self.on_scene = self.touching = torch.zeros_like(context.is_contact)
 
     def refresh(self, view: View) -> None:
-        """Choose the vertices near a surface that they face, weighed by how squarely they face it."""
+        """Select the vertices near a surface that they face, weighted by the cosine between the normals."""
         contacts, reach = view.contacts, self.settings.max_distance_m
         to_scene, to_floor = contacts.signed.abs(), contacts.height.abs()
         can_scene = contacts.found & (to_scene < reach) & (contacts.facing_scene > 0)
         can_floor = (to_floor < reach) & (contacts.facing_floor > 0)
         self.on_scene = can_scene & (~can_floor | (to_scene <= to_floor))
         self.touching = (can_scene | can_floor) & view.visibility.in_play
-        # Only what faces a surface can lie on it: the rim of a foot is over the floor, and does not touch it.
+        # Only vertices that face a surface can lie on it: the rim of a foot is over the floor without contact.
         square = torch.where(self.on_scene, contacts.facing_scene, contacts.facing_floor).clamp(min=0.0)
         weight = self._context.area * self.prior * square
         self.active = {"contact": torch.where(self.touching, weight, torch.zeros_like(weight))}
 
     def robust_sum(self) -> RobustSum | None:
-        """Weights of the distances to what is touched; None where the term is off."""
+        """Weights of the distances to the touched surface; None where the term is off."""
         s = self.settings
         if not s.weight:
             return None

@@ -1,4 +1,4 @@
-"""Depth term L_d: visible vertices are pulled to the depth that the photo shows at their pixels (paper Eq. 4)."""
+"""Depth term L_d: compares the depth of visible vertices with the depth map at their pixels (paper Eq. 4)."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from physic_core.geometry.visibility import inside_image
 __all__ = ["LEAST_DEPTH_M", "DepthSettings", "DepthTerm", "depth_energy", "offset_sigmas"]
 
 LEAST_DEPTH_M = 0.01
-"""Depth of a vertex in front of the camera, metres, below which its logarithm stays as it is."""
+"""Depth of a vertex in front of the camera, metres, below which its logarithm is clamped."""
 
 _SIGMA = 0.03  # expected error of the logarithm of depth
 _OUTLIER_SIGMAS = 2.0
-# Of people whose depth offset is free only the relief is left, which a network makes up more freely than the distance.
+# A free depth offset leaves only the relief of a person, which networks estimate less reliably than the distance.
 _RELIEF_SHARE = 2.0 / 15.0
-_EDGE_SHARE = 0.005  # of the person: nearer to the silhouette, depth is as often the background's
+_EDGE_SHARE = 0.005  # of the person's size: nearer to the silhouette, the depth often belongs to the background
 
 
 @dataclass(frozen=True)
@@ -34,9 +34,9 @@ class DepthSettings:
 
     Attributes:
         weight: lambda_d of Eq. 5; 0 removes the term.
-        offset_sigma: expected log(depth offset) between a person and their scene, of people whose feet stand on a known
-            floor; 0 ties their depth to the scene.
-        offset_alone_sigma: the same of all other people.
+        offset_sigma: expected log(depth offset) between person and scene, for people whose feet stand on a known
+            floor; 0 fixes their depth to the scene.
+        offset_alone_sigma: expected log(depth offset) of all other people.
     """
 
     weight: NotNegative = 15.0
@@ -47,15 +47,15 @@ class DepthSettings:
 def depth_energy(
     z: Tensor, log_seen: Tensor, weight: Tensor, log_scale: Tensor, offset: Tensor, sigma: float, rho: Rho
 ) -> Tensor:
-    """L_d (Eq. 4) by pixel: ``mean_v rho((log z_v - log(s d_v) - o)^2 / sigma^2)``, independent of the resolution.
+    """L_d (Eq. 4) per pixel: ``mean_v rho((log z_v - log(s d_v) - o)^2 / sigma^2)``, independent of the resolution.
 
     Args:
         z: (B, V) depth of the vertices, metres.
         log_seen: (B, V) logarithm of the depth map at their pixels, finite.
-        weight: (B, V), 0 for vertices that the depth map does not show.
-        log_scale: () of the scene, with which the depth map scales.
-        offset: (B,) logarithm of how much farther than the scene the map sees the person.
-        sigma: expected difference of the logarithms.
+        weight: (B, V), 0 for vertices without a depth.
+        log_scale: () of the scene; the depth map scales with it.
+        offset: (B,) log of the ratio between the depth map at the person and the scene's depth.
+        sigma: expected difference between the logarithms.
         rho: robust loss.
 
     Returns:
@@ -67,12 +67,12 @@ def depth_energy(
 
 
 class DepthTerm:
-    """Eq. 4 with each visible vertex compared at its own pixel, in logarithms.
+    """Eq. 4 on the logarithm of depth, with each visible vertex compared at its own pixel.
 
     Args:
         settings: of the term.
-        context: of the run.
-        state: of the run; people whose offset is free count by their relief only.
+        context: constants of this optimisation.
+        state: free parameters; people with a free offset count by their relief only.
 
     Raises:
         PhysicError: the problem has no depth map.
@@ -90,18 +90,18 @@ class DepthTerm:
         self.log_seen = torch.zeros_like(context.area)
 
     def refresh(self, view: View) -> None:
-        """Choose camera-facing, unhidden vertices well inside the mask, weighed by the pixels that they fill."""
+        """Select camera-facing, visible vertices well inside the mask, weighted by their area in pixels."""
         context, visibility = self._context, view.visibility
         self.log_seen, known = _sample(context.log_depth, visibility.uv)
         well_inside = around(visibility.uv, masks_of(context), context.person_px * _EDGE_SHARE).all(0)
         shown = visibility.unobstructed & known & well_inside & visibility.in_play
-        # Seen at a slant, a surface fills fewer pixels.
+        # A slanted surface covers fewer pixels.
         rays = torch.nn.functional.normalize(view.vertices, dim=-1)
         slope = -(visibility.normals * rays).sum(-1)
         self.active = {"depth": torch.where(shown, context.area * slope, torch.zeros_like(context.area))}
 
     def robust_sum(self) -> RobustSum | None:
-        """Weights of the differences of logarithms; None where the term is off."""
+        """Weights of the differences between logarithms of depth; None where the term is off."""
         if not self._weight:
             return None
         weight = self.active["depth"]
@@ -110,7 +110,7 @@ class DepthTerm:
 
 
 def offset_sigmas(settings: DepthSettings, context: JointContext) -> Tensor:
-    """Expected spread of each person's depth offset (B,), 0 where it is tied to the scene."""
+    """Expected spread of each person's depth offset (B,), 0 where it is fixed to the scene."""
     problem, feet_seen = context.problem, context.feet_seen
     alone = torch.full_like(problem.transl0[:, 2], settings.offset_alone_sigma)
     if context.floor_normal is None:
@@ -120,7 +120,7 @@ def offset_sigmas(settings: DepthSettings, context: JointContext) -> Tensor:
 
 
 def _sample(log_depth: Tensor | None, uv: Tensor) -> tuple[Tensor, Tensor]:
-    """The map at the nearest pixel, 0 where unknown, and where it is known: (B, n) each."""
+    """The map at the nearest pixel, 0 where unknown, and whether it is known: (B, n) each."""
     if log_depth is None:
         return torch.zeros_like(uv[..., 0]), torch.zeros_like(uv[..., 0], dtype=torch.bool)
     height, width = log_depth.shape

@@ -1,4 +1,4 @@
-"""Floor term: vertices under the floor's plane are pushed up."""
+"""Floor term: penalises vertices under the floor's plane."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ __all__ = ["FloorSettings", "FloorTerm"]
 
 _SIGMA_M = 0.015  # expected error of the plane, metres
 _OUTLIER_SIGMAS = 2.0
-_UNSEEN_SHARE = 0.3  # of the weight, for limbs that the photo does not show
-_SUNK_M = 0.2  # a person this deep in the floor has other legs, or another floor: their unseen limbs are left alone
+_UNSEEN_SHARE = 0.3  # of the weight, for invisible limbs
+_SUNK_M = 0.2  # deeper invisible limbs are left out: leg pose or floor is wrong
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class FloorTerm:
         self.active: dict[str, Tensor] = {}
 
     def refresh(self, view: View) -> None:
-        """Vertices that the photo shows count in full, the others less."""
+        """Set the weights: visible limbs count in full, the others less."""
         area = self._context.area
         shallow = view.contacts.height.amin(1, keepdim=True) > -_SUNK_M
         guessed = torch.where(shallow, _UNSEEN_SHARE * area, torch.zeros_like(area))

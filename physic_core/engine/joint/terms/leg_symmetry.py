@@ -1,4 +1,4 @@
-"""Leg-symmetry term: legs that the photo does not show are alike, more likely than an estimator guesses."""
+"""Leg-symmetry term: a prior that the left and right leg have similar poses, for legs that are not visible."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ __all__ = ["LegSymmetrySettings", "LegSymmetryTerm", "leg_asymmetry"]
 _LEFT_LEG, _RIGHT_LEG = (
     [JOINT_INDEX[f"{side}_{name}"] for name in ("hip", "knee", "ankle")] for side in ("left", "right")
 )
-_SIGMA = 0.25  # radians that legs of people are apart
+_SIGMA = 0.25  # radians, spread of the difference between left and right
 
 
 @dataclass(frozen=True)
 class LegSymmetrySettings:
-    """Unlike legs, where the photo shows neither knees nor ankles.
+    """Asymmetry of legs whose knees and ankles are both invisible.
 
     Attributes:
         weight: of the term; 0 removes it.
@@ -39,7 +39,7 @@ def leg_asymmetry(rotations: Tensor) -> Tensor:
 
 
 class LegSymmetryTerm:
-    """Asymmetry of the legs of people whose legs the photo does not show."""
+    """Asymmetry of the legs of people with invisible legs."""
 
     def __init__(self, settings: LegSymmetrySettings, context: JointContext) -> None:
         self._weight = settings.weight
@@ -47,10 +47,10 @@ class LegSymmetryTerm:
         self.active = {"symmetry": context.legs_unseen.to(context.area.dtype)}
 
     def refresh(self, view: View) -> None:
-        """Which limbs the photo shows stays as it is."""
+        """The visible limbs do not depend on the view."""
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
-        """ "symmetry"; nothing where all legs are seen."""
+        """ "symmetry"; nothing where all legs are visible."""
         if not self._is_on:
             return {}
         return {"symmetry": self._weight * (self.active["symmetry"] * leg_asymmetry(bodies.estimate.rotations))}

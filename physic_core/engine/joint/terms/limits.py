@@ -1,4 +1,4 @@
-"""Limit term: knees and elbows bend one way, and not too far."""
+"""Limit term: bounds on the flexion of knees and elbows."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _SIGMA = 1.0 / 12.0  # radians, about 5 degrees
 
 @dataclass(frozen=True)
 class LimitSettings:
-    """Knees and elbows bent the wrong way or too far.
+    """Bounds on the flexion of knees and elbows, 0 to 2.7 rad.
 
     Attributes:
         weight: of the term; 0 removes it.

@@ -21,10 +21,10 @@ class PenetrationSettings:
 
     Attributes:
         weight: lambda_i of Eq. 5; 0 removes the term.
-        max_depth_m: vertices deeper inside are left alone, metres.
-        slack_m: depth that is not punished, metres.
+        max_depth_m: deeper vertices are left out, metres.
+        slack_m: depth without a penalty, metres.
         sigma_m: expected error of the surface, metres.
-        outlier_sigmas: beyond this many sigmas the pull is constant (pseudo-Huber).
+        outlier_sigmas: beyond this many sigmas the gradient is constant (pseudo-Huber).
     """
 
     weight: NotNegative = 0.3
@@ -39,8 +39,8 @@ def penetration_energy(signed: Tensor, weight: Tensor, slack: float, sigma: floa
 
     Args:
         signed: (B, V) metres, negative inside.
-        weight: (B, V), 0 for vertices that are hidden, unobserved, or near nothing.
-        slack: depth that is not punished, metres.
+        weight: (B, V), 0 for vertices that are hidden, on invisible limbs, or far from the scene.
+        slack: depth without a penalty, metres.
         sigma: expected error of the surface, metres.
         rho: robust loss.
 

@@ -32,15 +32,15 @@ class PointContactSettings:
 
 
 class PointContactTerm:
-    """Contact vertices and their nearest scene points, whatever the photo shows of them.
+    """Contact vertices and their nearest scene points, visible or not.
 
     Args:
-        context: of the run.
+        context: constants of this optimisation.
         weight: lambda_c.
-        max_distance_m: vertices farther from the scene are left alone, metres.
+        max_distance_m: vertices farther from the scene are left out, metres.
         rho: robust loss of square metres.
-        per_axis: the robust loss takes each axis by itself (released code).
-        outside_only: only vertices outside the scene are pulled to it (released code).
+        per_axis: the robust loss is applied to each axis (released code).
+        outside_only: only vertices outside the scene count (released code).
         mean: over the vertices that touch, instead of their sum (PROX).
         max_angle_deg: a vertex touches only where its normal and the scene's lie within this angle of one line (PROX).
     """
@@ -65,7 +65,7 @@ class PointContactTerm:
         self.active: dict[str, Tensor] = {}
 
     def refresh(self, view: View) -> None:
-        """Choose the contact vertices that are near the scene."""
+        """Select the contact vertices near the scene."""
         self._contacts = contacts = view.contacts
         near = contacts.found & (contacts.distance < self._reach)
         near = near & (contacts.facing_scene.abs() >= self._least_cosine)
@@ -88,7 +88,7 @@ class PointContactTerm:
 
 
 def squared_offsets(bodies: PosedBodies, contacts: ContactState) -> Tensor:
-    """Squared way from each vertex to its nearest scene point, by axis: (B, n, 3) square metres, 0 without a scene."""
+    """Squared offset from each vertex to its nearest scene point, by axis: (B, n, 3) m^2, 0 without a scene."""
     if contacts.points is None:
         return torch.zeros_like(bodies.vertices)
     return (bodies.vertices - contacts.points * bodies.estimate.log_scale.exp()).square()

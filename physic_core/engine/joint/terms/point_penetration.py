@@ -23,7 +23,7 @@ class PointPenetrationSettings:
 
     Attributes:
         weight: lambda_i; 0 removes the term.
-        max_depth_m: vertices deeper inside are left alone, metres.
+        max_depth_m: deeper vertices are left out, metres.
     """
 
     weight: NotNegative = 0.3
@@ -40,10 +40,10 @@ class PointPenetrationTerm:
 
     Args:
         settings: of the term.
-        context: of the run.
+        context: constants of this optimisation.
         rho: robust loss of square metres.
         takes_part: (view) -> (B, n) bool, vertices that may not penetrate.
-        per_axis: the robust loss takes each axis by itself (released code).
+        per_axis: the robust loss is applied to each axis (released code).
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class PointPenetrationTerm:
         self.active: dict[str, Tensor] = {}
 
     def refresh(self, view: View) -> None:
-        """Choose the vertices near the scene."""
+        """Select the vertices near the scene."""
         self._contacts = contacts = view.contacts
         near = contacts.found & (contacts.distance < self._settings.max_depth_m) & self._takes_part(view)
         area = self._context.area

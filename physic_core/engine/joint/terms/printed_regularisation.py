@@ -1,4 +1,4 @@
-"""Regularisation as printed, L_reg of mesh and translation (paper sec. 3.3), and PROX's priors of the parameters."""
+"""Regularisation as printed: L_reg of mesh and translation (paper sec. 3.3). Also PROX's priors of the parameters."""
 
 from __future__ import annotations
 

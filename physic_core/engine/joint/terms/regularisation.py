@@ -1,4 +1,4 @@
-"""Regularisation L_reg: mesh and parameters stay near their start (paper sec. 3.3)."""
+"""Regularisation L_reg: deviation of mesh and parameters from the start (paper sec. 3.3)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class RegularisationSettings:
     Attributes:
         sigma_m: expected change of a vertex of weight 1, root-relative, metres.
         visible_weight: of visible vertices.
-        occluded_weight: of hidden and unobserved vertices.
+        occluded_weight: of hidden vertices and those on invisible limbs.
         root_weight: of the root's rotation.
         pose_weight: of the rotations of the other joints.
         hands_weight: of the rotations of the fingers.
@@ -45,7 +45,7 @@ def mesh_deviation(relative: Tensor, start: Tensor, weight: Tensor) -> Tensor:
 
     Args:
         relative: (B, V, 3) from :func:`physic_core.engine.joint.distances.root_relative`, metres.
-        start: (B, V, 3) the same at the start.
+        start: (B, V, 3) root-relative vertices at the start, metres.
         weight: (B, V).
 
     Returns:
@@ -88,7 +88,7 @@ class RegularisationTerm:
         self.active: dict[str, Tensor] = {}
 
     def refresh(self, view: View) -> None:
-        """Weigh hidden and unobserved vertices more."""
+        """Set the weights of visible and hidden vertices."""
         s = self._settings
         weight = mesh_weight(
             view, s.visible_weight, s.occluded_weight, self._context.area, occlusion_aware=self._occlusion_aware
@@ -96,5 +96,5 @@ class RegularisationTerm:
         self.active = {"regularisation": weight / s.sigma_m**2}
 
     def energy(self, mesh: Tensor, deviation: Tensor) -> Tensor:
-        """Of the mesh's deviation (B,) and the parameters' (B, P) -> (B,)."""
+        """Deviation of the mesh (B,) and of the parameters (B, P) -> energy (B,)."""
         return mesh + prior(deviation, self._prior_weight)

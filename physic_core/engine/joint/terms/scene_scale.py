@@ -1,4 +1,4 @@
-"""Scene-scale term: the scene keeps the scale of the metric depth."""
+"""Scene-scale term: deviation of the scene's scale from the metric depth."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from physic_core.engine.joint.term import PosedBodies, View
 __all__ = ["DEPTH_SCALE_SIGMA", "SceneScaleSettings", "SceneScaleTerm"]
 
 DEPTH_SCALE_SIGMA = 0.1
-"""Expected error of log(scale) of a metric depth that states none."""
+"""Expected error of log(scale), if the metric depth gives none."""
 
 
 @dataclass(frozen=True)
@@ -21,8 +21,8 @@ class SceneScaleSettings:
 
     Attributes:
         weight: of the squared change, in units of its expected size.
-        local_sigma: expected error of the logarithm of the depth of what is round a person, beside that of the whole
-            scene; 0 leaves the scene as it is.
+        local_sigma: expected error of the log local depth scale near a person, relative to the scene's scale; 0 applies
+            no local scale.
     """
 
     weight: NotNegative = 1.5

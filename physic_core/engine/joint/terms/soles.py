@@ -1,4 +1,4 @@
-"""Sole term: feet near the floor stand on it."""
+"""Sole term: pulls the soles of feet near the floor to height 0."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from physic_core.geometry.robust import robust
 
 __all__ = ["SoleSettings", "SoleTerm", "sole_energy"]
 
-_SIGMA_M, _OUTLIER_SIGMAS = 0.015, 2.0  # a foot farther from the floor than about 3 cm is in the air
+_SIGMA_M, _OUTLIER_SIGMAS = 0.015, 2.0  # a foot more than about 3 cm over the floor counts as in the air
 _LOWER_SIGMA_M, _LOWER_OUTLIER_SIGMAS = 0.04, 2.0
-_LOWER_REACH_M = 0.4  # farther from the floor, the lower foot is left alone too
+_LOWER_REACH_M = 0.4  # at a larger height the lower foot is left out too
 _UNSEEN_SIGMA_M, _UNSEEN_OUTLIER_SIGMAS = 0.05, 3.0
-_UNSEEN_SIGMAS = 4.0  # an unseen foot that would be this far off is not the floor's to mend
+_UNSEEN_SIGMAS = 4.0  # an invisible foot at a larger height is left out
 _STEP_SHARE = 0.3  # of a sole's vertices that must be over a step
 
 
 @dataclass(frozen=True)
 class SoleSettings:
-    """Height of the soles over the floor; the lowest twentieth of a sole is its height.
+    """Height of the soles over the floor: the mean of the lowest 5 % of a sole's vertices.
 
     Attributes:
-        weight: of each seen foot that is near the floor.
-        lower_weight: of the lower seen foot, which is pulled from farther away.
-        unseen_weight: of each foot that the photo does not show: most feet stand on the floor.
+        weight: of each visible foot near the floor.
+        lower_weight: of the lower visible foot, up to a larger height.
+        unseen_weight: of each invisible foot; most feet stand on the floor.
     """
 
     weight: NotNegative = 2.0
@@ -41,13 +41,13 @@ class SoleSettings:
 def sole_energy(lowest: Tensor, weight: Tensor, lower_weight: Tensor, near: Rho, far: Rho) -> Tensor:
     """Soles on the floor: ``sum_f w_f near(h_f^2) + w far(min_f h_f^2)``.
 
-    ``near`` redescends within centimetres, so that a foot in the air stays there; ``far`` does not, and pulls the
-    lower foot alone: somebody who stands, walks or runs has at most one foot far from the ground.
+    ``near`` redescends within centimetres, so that it does not pull down a foot in the air. ``far`` does not redescend.
+    It applies to the lower foot only: a person who stands, walks or runs has at most one foot far from the ground.
 
     Args:
         lowest: (B, 2) height of the left and the right sole, metres.
-        weight: (B, 2), 0 for a foot that was not seen.
-        lower_weight: (B,), 0 for people who may float (feet not seen, or known to touch nothing).
+        weight: (B, 2), 0 for an invisible foot.
+        lower_weight: (B,), 0 for people who may float (invisible feet, or no expected contact).
         near: robust loss of squared metres.
         far: robust loss of squared metres.
 
@@ -56,7 +56,7 @@ def sole_energy(lowest: Tensor, weight: Tensor, lower_weight: Tensor, near: Rho,
     """
     seen = weight > 0
     lower = torch.where(seen, lowest, torch.full_like(lowest, torch.inf)).amin(-1)
-    # Unseen feet may be anywhere, infinitely far too: out before their weight of 0 makes them not-a-number.
+    # Invisible feet may have infinite height: mask them, since 0 * inf is NaN.
     lower = torch.where(seen.any(-1), lower, torch.zeros_like(lower))
     lowest = torch.where(seen, lowest, torch.zeros_like(lowest))
     return (weight * near(lowest.square())).sum(-1) + lower_weight * far(lower.square())
@@ -77,7 +77,7 @@ class SoleTerm:
         return self._context.floor_normal is not None and bool(s.weight or s.lower_weight or s.unseen_weight)
 
     def refresh(self, view: View) -> None:
-        """Choose the feet: not on a step, which contact attends to; the lower one where the prior expects contact."""
+        """Select the feet that are not on a step, and the lower foot where the prior expects contact."""
         context, contacts = self._context, view.contacts
         far = torch.full_like(context.area[:, 0], torch.inf)
         heights = [contacts.height[:, rows] for rows in context.soles]
@@ -99,7 +99,7 @@ class SoleTerm:
         }
 
     def energy(self, lowest: Tensor) -> Tensor:
-        """Of the heights (B, 2) of both soles -> (B,)."""
+        """Heights (B, 2) of both soles, metres -> energy (B,)."""
         s = self.settings
 
         def near(squared: Tensor) -> Tensor:
@@ -117,5 +117,5 @@ class SoleTerm:
 
 
 def _share(flags: Tensor) -> Tensor:
-    """(B, n) bool -> (B,) share that is set; 0 for n = 0."""
+    """(B, n) bool -> (B,) share that is True; 0 for n = 0."""
     return flags.sum(1) / max(1, flags.shape[1])

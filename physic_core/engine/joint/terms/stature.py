@@ -1,4 +1,4 @@
-"""Stature term: people keep their height, so that they are a ruler for their scene."""
+"""Stature term: a prior on each person's height, which also constrains the scene's scale."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class StatureSettings:
     """Change of the stature, by :func:`physic_core.engine.scene.stature.stature_prior`.
 
     Attributes:
-        weight: with the weight of the scene's scale it decides whether people or scene give way where their sizes
-            disagree; 0 removes the term.
+        weight: with the weight of the scene's scale it divides a disagreement of sizes between people and
+            scene; 0 removes the term.
     """
 
     weight: NotNegative = 1.0

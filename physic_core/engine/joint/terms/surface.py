@@ -1,10 +1,10 @@
 """The terms of vertices near the scene, evaluated together: depth, contact, penetration, floor, soles, mesh.
 
-They share the distances to scene and floor. :func:`reference_surface_energies` adds up the equations of the terms;
-:func:`physic_core.engine.joint.terms.surface_fused.fused_surface_energies` gives the same values and gradients in one
-node of the graph. A preset chooses the function (preset "default" the fused one); the tests hold one to the other.
+They share the distances to scene and floor. :func:`reference_surface_energies` adds up the equations of the terms.
+:func:`physic_core.engine.joint.terms.surface_fused.fused_surface_energies` computes equal values and gradients in one
+node of the graph. A preset chooses the function (preset "default" the fused one); tests compare the two.
 
-Distances count in the unit of the scene, which scales with it: a smaller scene with smaller people is no better one.
+Distances are divided by the scene's scale, so that shrinking scene and people together does not lower the energy.
 """
 
 from __future__ import annotations
@@ -41,22 +41,22 @@ SURFACE_ENERGIES = ("depth", "contact", "penetration", "floor", "mesh")
 
 @dataclass(frozen=True)
 class Surface:
-    """What the terms use of the last view. B people, n tracked vertices.
+    """Inputs of the terms that are fixed since the last view. B people, n tracked vertices.
 
     Attributes:
-        depth: sum over the differences of logarithms of depth; None where a term is off, as the next three.
-        contact: sum over the distances to what is touched.
+        depth: robust sum over differences of log depth; None where the term is off, as in the next three.
+        contact: sum over the distances to the touched surface.
         penetration: sum over the depth inside the scene beyond the slack.
         floor: sum over the depth under the floor.
-        mesh_weight: (B, n) of the squared distance of a vertex from where it was at the start, in the root's frame.
+        mesh_weight: (B, n) of the squared deviation of a vertex from the start, in the root's frame.
         log_seen: (B, n) logarithm of the depth map at the vertices.
         on_scene: (B, n) bool, contact is with the scene; else with the floor.
         penetration_slack: metres.
-        in_play: (B, n) bool, vertices from which the floor may learn its scale; for the others ``last_scale`` holds.
+        in_play: (B, n) bool, vertices with a gradient to the floor's scale; the others use ``last_scale``.
         relative: (B, 3, n) at the start in the root's frame, metres.
         normals: (B, 3, n) of the nearest scene points, None without a scene.
         plane_distance: (B, n) of their planes from the camera, unscaled.
-        warp_share: (B, n) how much of their person's warp they take, None where warps are frozen.
+        warp_share: (B, n) share of their person's warp that applies, None where warps are frozen.
         floor_normal: (3,) unit, None without a floor.
         floor_offset: of the floor, metres, unscaled.
         last_scale: of the scene, in the last view.
@@ -98,7 +98,7 @@ def reference_surface_energies(
         root: (B, 3, 3) rotation of the root.
         log_scale: () of the scene.
         offset: (B,) logarithm of the depth offset of each person.
-        warp: (B,) logarithm of the factor on what is round each person.
+        warp: (B,) log of the local depth scale near each person.
 
     Returns:
         energies: (5, B) of :data:`SURFACE_ENERGIES`, 0 where a term is off.
@@ -126,7 +126,7 @@ def reference_surface_energies(
         energies["penetration"] = penetration_energy(signed, s.weight, surface.penetration_slack, s.sigma, s.rho)
     if surface.floor is not None:
         s = surface.floor
-        # Legs that nobody sees may be pushed up, but are no ruler: the scale of the last view stands.
+        # Invisible legs give the scale no gradient: they use the scale of the last view.
         guessed = (height * scale + surface.floor_offset * (surface.last_scale - scale)) / scale.detach()
         above = torch.where(surface.in_play, height, guessed)
         energies["floor"] = penetration_energy(above, s.weight, 0.0, s.sigma, s.rho)
@@ -157,9 +157,9 @@ class SurfaceTerms:
     """Depth, contact, penetration, floor, soles and regularisation, in this order.
 
     Args:
-        context: of the run.
-        state: of the run.
-        parts: the terms, each of which chooses what takes part in it.
+        context: constants of this optimisation.
+        state: free parameters.
+        parts: the terms.
         energies: the function that evaluates them: the reference, or the fused one.
 
     Attributes:
@@ -173,7 +173,7 @@ class SurfaceTerms:
         self.active: dict[str, Tensor] = {}
 
     def refresh(self, view: View) -> None:
-        """Let each term choose what takes part, and gather it."""
+        """Refresh each term and collect their inputs."""
         parts, context, contacts = self.parts, self.context, view.contacts
         for part in parts.all:
             part.refresh(view)
@@ -200,7 +200,7 @@ class SurfaceTerms:
         )
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
-        """ "depth", "contact", "penetration", "floor", "soles" and "regularisation", without what is off."""
+        """ "depth", "contact", "penetration", "floor", "soles" and "regularisation", without terms that are off."""
         parts, surface, e = self.parts, self.surface, bodies.estimate
         values, lowest = self.energies(
             surface, bodies.vertices, bodies.joints[:, 0], e.rotations[:, 0], e.log_scale, e.offset, e.warp

@@ -1,7 +1,7 @@
 """The energies of the surface with their derivatives written out, in one node of the graph.
 
-The arrays are short, and autograd's bookkeeping of a hundred operations costs more than they do: a quarter of stage 3.
-Axes come before vertices here: products and sums over three neighbours are slow.
+The arrays are small: autograd's overhead for a hundred operations exceeds their cost, a quarter of stage 3.
+Arrays are (B, 3, n), since reductions over a last axis of three are slow.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class _Fused(torch.autograd.Function):
             last = over + unit * (surface.floor_offset * surface.last_scale)
             under = torch.relu(-torch.where(surface.in_play, height, last))
             energies["floor"], slopes["floor"] = surface.floor.with_slope(under)
-        # In the camera's frame, in which it is as long as in the root's.
+        # In the camera frame: a rotation does not change the length.
         deviation = (points - pelvis[..., None]) - root @ surface.relative
         slopes["mesh"] = 2.0 * surface.mesh_weight[:, None] * deviation
         energies["mesh"] = 0.5 * (slopes["mesh"] * deviation).sum((1, 2))
