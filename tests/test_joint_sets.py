@@ -7,16 +7,15 @@ import pytest
 
 from physic_core import load_config, reconstruct
 from physic_core.body import load_body
-from physic_core.body.landmarks import DETECTED
 from physic_core.engine.joint.limbs import placing_keypoints
 from physic_core.metrics.consistency import consistency
 from physic_core.metrics.pose import pa_mpjpe_mm
 from physic_core.pipeline.estimate import feet_pixels
-from physic_core.types import Keypoints
+from physic_core.types import SKELETONS, Keypoints, Skeleton, skeleton_named
 from physic_testing.conformance.joint_sets import world_keypoints
 from physic_testing.worlds import World, build_world
 
-SETS = [name for name in DETECTED if "hand21" not in name]
+SETS = [name for name in SKELETONS if "hand21" not in name]
 
 
 @pytest.fixture(scope="module")
@@ -36,8 +35,8 @@ def test_the_mock_world_is_reconstructed_from(skeleton: str, world: World) -> No
     print(f"{skeleton}: vertices {apart:.0f} mm from the truth, joints {aligned[0]:.0f} mm once aligned")
     told = consistency(found, load_body("embedded"))
     assert told[0].keypoint_error_share < 0.05
-    assert found.skeleton == skeleton
-    assert person.keypoints.shape == (len(DETECTED[skeleton]), 2)
+    assert skeleton_named(found.skeleton).name == skeleton
+    assert person.keypoints.shape == (len(SKELETONS[skeleton].names), 2)
     assert aligned[0] < 40
     assert apart < 150
 
@@ -45,23 +44,23 @@ def test_the_mock_world_is_reconstructed_from(skeleton: str, world: World) -> No
 @pytest.mark.parametrize("skeleton", SETS)
 def test_a_worlds_truth_is_known_in(skeleton: str, world: World) -> None:
     points, visible = world_keypoints(world, skeleton)
-    assert points.shape == (1, len(DETECTED[skeleton]), 2)
+    assert points.shape == (1, len(SKELETONS[skeleton].names), 2)
     assert visible.shape == points.shape[:2]
     coco, _ = world_keypoints(world, "coco23")
-    for row, name in enumerate(DETECTED["coco23"]):
-        if skeleton != "blazepose33" and name in DETECTED[skeleton]:
+    for row, name in enumerate(SKELETONS["coco23"].names):
+        if skeleton != "blazepose33" and name in SKELETONS[skeleton].names:
             # Vertices of a world are kept in single precision.
-            assert np.allclose(points[0, DETECTED[skeleton].index(name)], coco[0, row], atol=1e-2)
+            assert np.allclose(points[0, SKELETONS[skeleton].names.index(name)], coco[0, row], atol=1e-2)
 
 
 def test_fingers_of_whole_hands_place_nobody() -> None:
-    assert placing_keypoints("wholebody69", 69) == list(range(29))
-    assert placing_keypoints("blazepose33", 33) == list(range(33))
-    assert placing_keypoints("of a plugin", 4) == [0, 1, 2, 3]
+    assert placing_keypoints(SKELETONS["wholebody69"]) == list(range(29))
+    assert placing_keypoints(SKELETONS["blazepose33"]) == list(range(33))
+    assert placing_keypoints(Skeleton("own", tuple("abcd"))) == [0, 1, 2, 3]
 
 
 @pytest.mark.parametrize(("skeleton", "soles"), [("coco_wholebody133", 6), ("halpe26", 6), ("coco17", 0)])
 def test_feet_are_found_in(skeleton: str, soles: int) -> None:
-    count = len(DETECTED[skeleton])
+    count = len(SKELETONS[skeleton].names)
     seen = Keypoints(np.full((1, count, 2), 10.0), np.ones((1, count)), skeleton)
     assert len(feet_pixels(seen, 100, 100)) == soles

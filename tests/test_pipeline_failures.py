@@ -237,7 +237,7 @@ def one_nan(array: np.ndarray) -> np.ndarray:
     ("answer", "changes", "faults"),
     [
         (KEYPOINTS, {"points": None}, ["points must be a numpy array (2, 0, 2), got NoneType"]),
-        (KEYPOINTS, {"skeleton": 17}, ["skeleton must be str, got int"]),
+        (KEYPOINTS, {"skeleton": 17}, ["skeleton must be a Skeleton or the name of a standard one, got int"]),
         (KEYPOINTS, {"world": KEYPOINTS.world * np.nan}, ["world must be finite, 102 values are not"]),  # type: ignore[operator]
         (KEYPOINTS, {"world": one_nan(np.ones((2, 17, 3)))}, []),  # of one person: salvage
         (

@@ -6,27 +6,21 @@ elbow. There the hand is assumed beyond the wrist, in the direction of the forea
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from physic_core.types.skeletons import SIDES, is_finger
+
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from physic_core.types import BoolArray, FloatArray, IntArray, Keypoints
 
 __all__ = ["HandBoxes", "hand_boxes"]
 
-_HANDS: Mapping[str, tuple[range, range]] = {"coco_wholebody133": (range(91, 112), range(112, 133))}
-"""Skeleton -> the 21 points of the left and of the right hand."""
-_COCO_ARMS = ((5, 7, 9), (6, 8, 10))
-_ARMS: Mapping[str, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
-    "coco17": _COCO_ARMS,
-    "coco23": _COCO_ARMS,
-    "coco_wholebody133": _COCO_ARMS,
-    "halpe26": _COCO_ARMS,
-    "wholebody69": _COCO_ARMS,
-    "blazepose33": ((11, 13, 15), (12, 14, 16)),
-}
-"""Skeleton -> shoulder, elbow and wrist of the left and of the right arm."""
+_HAND_POINTS = 21
 _BEYOND, _LENGTH, _UPPER_ARM = 0.33, 0.75, 0.9
 """Middle of a hand beyond its wrist, and its size, in lengths of the forearm; a forearm that points at the camera looks
 short, and is then taken to be 0.9 of the upper arm."""
@@ -62,17 +56,16 @@ def hand_boxes(keypoints: Keypoints, *, least_confidence: float = 0.5, least_siz
         least_confidence: minimum of the mean over the 21 points of a hand, or of the lower one of wrist and elbow.
         least_size_px: minimum of the longer side, px; smaller hands are left out.
     """
-    import numpy as np
-
     found: list[tuple[int, bool, FloatArray, float]] = []
+    row = {name: i for i, name in enumerate(keypoints.joint_set.names)}
     for person, (points, sure) in enumerate(zip(keypoints.points, keypoints.confidence, strict=True)):
-        for side in (0, 1):
-            told = _of_points(points, sure, keypoints.skeleton, side) or _of_arm(points, sure, keypoints.skeleton, side)
-            if told is None:
+        for side in SIDES:
+            hand = _from_points(points, sure, row, side) or _from_arm(points, sure, row, side)
+            if hand is None:
                 continue
-            box, confidence = told
+            box, confidence = hand
             if confidence >= least_confidence and float((box[2:] - box[:2]).max()) >= least_size_px:
-                found.append((person, side == 1, box + _EDGE, min(confidence, 1.0)))
+                found.append((person, side == "right", box + _EDGE, min(confidence, 1.0)))
     return HandBoxes(
         np.array([f[0] for f in found], np.int64),
         np.array([f[1] for f in found], bool),
@@ -81,23 +74,26 @@ def hand_boxes(keypoints: Keypoints, *, least_confidence: float = 0.5, least_siz
     )
 
 
-def _of_points(points: FloatArray, sure: FloatArray, skeleton: str, side: int) -> tuple[FloatArray, float] | None:
-    """Minimum and maximum coordinates of the 21 points, and their mean confidence."""
-    import numpy as np
-
-    if skeleton not in _HANDS:
+def _from_points(
+    points: FloatArray, sure: FloatArray, row: Mapping[str, int], side: str
+) -> tuple[FloatArray, float] | None:
+    """Minimum and maximum coordinates of the 21 points, and their mean confidence; None where there are fewer."""
+    of_side = {name: i for name, i in row.items() if name.startswith(side)}
+    hand = [i for name, i in of_side.items() if is_finger(name) or name == f"{side}_hand_root"]
+    if len(hand) < _HAND_POINTS:
         return None
-    hand = points[list(_HANDS[skeleton][side])].astype(np.float64)
-    return np.concatenate([hand.min(axis=0), hand.max(axis=0)]), float(sure[list(_HANDS[skeleton][side])].mean())
+    xy = points[hand].astype(np.float64)
+    return np.concatenate([xy.min(axis=0), xy.max(axis=0)]), float(sure[hand].mean())
 
 
-def _of_arm(points: FloatArray, sure: FloatArray, skeleton: str, side: int) -> tuple[FloatArray, float] | None:
+def _from_arm(
+    points: FloatArray, sure: FloatArray, row: Mapping[str, int], side: str
+) -> tuple[FloatArray, float] | None:
     """Minimum and maximum coordinates of a square beyond the wrist, and the confidence of wrist and elbow."""
-    import numpy as np
-
-    if skeleton not in _ARMS:
+    names = [f"{side}_{joint}" for joint in ("shoulder", "elbow", "wrist")]
+    if not all(name in row for name in names):
         return None
-    shoulder, elbow, wrist = _ARMS[skeleton][side]
+    shoulder, elbow, wrist = (row[name] for name in names)
     place = points[wrist].astype(np.float64)
     along = place - points[elbow]
     forearm = float(np.linalg.norm(along))

@@ -13,7 +13,6 @@ from torch import Tensor
 
 from physic_core.body.joints import PARENTS
 from physic_core.body.kinematics import Kinematics
-from physic_core.body.landmarks import SKELETONS, skeleton_regressor
 from physic_core.body.model import BodyModel
 from physic_core.body.parts import PART_NAMES, contact_sets, label_parts
 from physic_core.body.picks import pick_surface_points
@@ -80,7 +79,6 @@ def assemble(arrays: BodyArrays, device: torch.device | str = "cpu") -> BodyMode
     """Build the model, float32, on a device."""
     picks = derive_picks(arrays) if arrays.picks is None else arrays.picks
     kinematics, skin = _mechanics(arrays)
-    points = _ids(picks.surface_points)
     model = BodyModel(
         name=arrays.name,
         topology=arrays.topology,
@@ -91,12 +89,11 @@ def assemble(arrays: BodyArrays, device: torch.device | str = "cpu") -> BodyMode
         part_of_vertex=torch.as_tensor(picks.part_of_vertex.astype(np.int64)),
         contact_sets=_ids(picks.contact_sets),
         outer=torch.as_tensor(arrays.outer),
-        surface_points=points,
+        surface_points=_ids(picks.surface_points),
         kinematics=kinematics,
         skin=skin,
         extremes=torch.as_tensor(picks.extremes.astype(np.int64)),
         info=arrays.info,
-        regressors={name: skeleton_regressor(name, points, skin.template) for name in SKELETONS},
     )
     return model.to(device)
 

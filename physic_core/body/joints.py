@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-__all__ = ["JOINT_INDEX", "JOINT_NAMES", "NUM_JOINTS", "PARENTS", "SIDES", "joint_pair"]
+from physic_core.types.skeletons import SIDES
 
-SIDES = ("left", "right")
+__all__ = ["JOINT_INDEX", "JOINT_NAMES", "NUM_JOINTS", "PARENTS", "SIDES", "joint_pair"]
 
 _FINGERS = ("index", "middle", "pinky", "ring", "thumb")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import torch
@@ -11,13 +11,14 @@ from torch import Tensor
 
 from physic_core.body.joints import JOINT_NAMES, NUM_JOINTS, PARENTS
 from physic_core.body.kinematics import Kinematics
-from physic_core.body.landmarks import PointRegressor
+from physic_core.body.landmarks import PointRegressor, skeleton_regressor
 from physic_core.body.posing import Tree, pose_points
 from physic_core.body.skinning import Skin
 from physic_core.errors import BodyModelError
 from physic_core.geometry.coarse_mesh import CoarseMesh, coarse_mesh
 from physic_core.geometry.visibility import faces_around
 from physic_core.types.short_repr import ShortRepr
+from physic_core.types.skeletons import Skeleton, skeleton_named
 
 __all__ = ["BodyModel", "BodyOutput", "LandmarkModel"]
 
@@ -60,7 +61,7 @@ class BodyModel:
         skin: vertices of a shape; rows of its directions are shape, expression, then pose correctives.
         surface_points: landmark -> (n,) int64 ids of the vertices whose mean it is.
         extremes: (n,) int64 vertices that can be the highest or the lowest point in the T-pose.
-        regressors: joint set -> its points from joints and vertices.
+        regressors: skeletons whose points the asset itself defines; those of others follow from ``surface_points``.
         info: source and licence of the asset, in words.
         joint_names: 55 names in SMPL-X order.
         parents: index of each joint's parent, -1 for the pelvis.
@@ -79,7 +80,7 @@ class BodyModel:
     skin: Skin
     surface_points: Mapping[str, Tensor]
     extremes: Tensor
-    regressors: Mapping[str, PointRegressor]
+    regressors: Mapping[Skeleton, PointRegressor] = field(default_factory=dict)
     info: str = ""
     joint_names: tuple[str, ...] = JOINT_NAMES
     parents: tuple[int, ...] = PARENTS
@@ -165,18 +166,31 @@ class BodyModel:
         eye = torch.eye(3, dtype=like.dtype, device=like.device)
         return eye.repeat(batch, NUM_JOINTS, 1, 1), like.new_zeros(batch, self.num_betas), like.new_zeros(batch, 3)
 
-    def landmarks(self, output: BodyOutput, skeleton: str) -> Tensor:
-        """Points (B, J, 3) of a joint set (a key of ``physic_core.body.landmarks.SKELETONS``).
+    def regressor(self, skeleton: Skeleton | str) -> PointRegressor:
+        """The linear map from joints and vertices to the points of a skeleton, or of a standard one by its name.
+
+        Raises:
+            BodyModelError: no standard skeleton has this name, or a point does not lie on a body.
+        """
+        try:
+            skeleton = skeleton_named(skeleton)
+        except ValueError as error:
+            raise BodyModelError(str(error)) from error
+        own = self.regressors.get(skeleton)
+        found = skeleton_regressor(skeleton, self.surface_points) if own is None else own
+        return found.to(self.device, self.dtype)
+
+    def landmarks(self, output: BodyOutput, skeleton: Skeleton | str) -> Tensor:
+        """Points (B, J, 3) of a skeleton, in the frame and unit of ``output``.
 
         Args:
             output: with all vertices.
-            skeleton: "coco17", "coco23", "blazepose33", "wholebody69", "openpose_hand21_left" or
-                "openpose_hand21_right".
+            skeleton: or the name of a standard one.
 
         Raises:
-            BodyModelError: the joint set is not known, or the output lacks vertices.
+            BodyModelError: as :meth:`regressor`, or the output lacks vertices.
         """
-        regressor = self._regressor(skeleton)
+        regressor = self.regressor(skeleton)
         if output.vertices.shape[1] != self.num_vertices:
             raise BodyModelError(
                 f"landmarks need all {self.num_vertices} vertices, got {output.vertices.shape[1]}:"
@@ -184,18 +198,18 @@ class BodyModel:
             )
         return regressor(output.joints, output.vertices.index_select(1, regressor.vertex_ids))
 
-    def landmarks_only(self, skeletons: Sequence[str], vertex_ids: Tensor | None = None) -> LandmarkModel:
-        """A small model that poses only what some joint sets need: for fits that run many steps.
+    def landmarks_only(self, skeletons: Sequence[Skeleton | str], vertex_ids: Tensor | None = None) -> LandmarkModel:
+        """A model that poses only what some skeletons need: for fits that run many steps.
 
         Args:
-            skeletons: names of joint sets.
+            skeletons: or names of standard ones.
             vertex_ids: (n,) int64, further vertices to pose.
 
         Raises:
-            BodyModelError: a joint set is not known.
+            BodyModelError: as :meth:`regressor`.
         """
         extra = torch.zeros(0, dtype=torch.int64, device=self.device) if vertex_ids is None else vertex_ids
-        regressors = {name: self._regressor(name) for name in skeletons}
+        regressors = {skeleton: self.regressor(skeleton) for skeleton in skeletons}
         wanted = torch.cat([extra, *(r.vertex_ids for r in regressors.values())])
         sizes = [len(extra), *(len(r.vertex_ids) for r in regressors.values())]
         return LandmarkModel(self, self.skin.subset(wanted), regressors, tuple(sizes), Tree(self.kinematics))
@@ -209,12 +223,6 @@ class BodyModel:
 
     def _skin_of(self, vertex_ids: Tensor | None) -> Skin:
         return self.skin if vertex_ids is None else self.skin.subset(vertex_ids)
-
-    def _regressor(self, skeleton: str) -> PointRegressor:
-        if skeleton not in self.regressors:
-            known = ", ".join(self.regressors)
-            raise BodyModelError(f"no joint set named {skeleton!r}: choose one of {known}")
-        return self.regressors[skeleton]
 
     def _check(self, rotations: Tensor, betas: Tensor, transl: Tensor, expression: Tensor | None) -> None:
         batch = len(rotations)
@@ -240,24 +248,25 @@ class LandmarkModel:
     Attributes:
         body: the whole model.
         skin: the vertices that are posed: those asked for besides, then those of each joint set.
-        regressors: joint set -> its points from joints and its vertices.
+        regressors: skeleton -> its points from joints and its vertices.
         sizes: how many vertices each of these is.
         tree: of the body's joints.
     """
 
     body: BodyModel
     skin: Skin
-    regressors: Mapping[str, PointRegressor]
+    regressors: Mapping[Skeleton | str, PointRegressor]
     sizes: tuple[int, ...]
     tree: Tree
 
     def __call__(
         self, rotations: Tensor, betas: Tensor, transl: Tensor, expression: Tensor | None = None
-    ) -> dict[str, Tensor]:
+    ) -> dict[Skeleton | str, Tensor]:
         """Pose B bodies, arguments as of :meth:`BodyModel.__call__`; differentiable once.
 
         Returns:
-            Joint set -> (B, J, 3) metres; also "joints" (B, 55, 3) and "vertices" (B, n, 3), those asked for besides.
+            Skeleton, as it was given -> (B, J, 3) metres; also "joints" (B, 55, 3), and "vertices" (B, n, 3) of
+            ``vertex_ids``.
         """
         self.body._check(rotations, betas, transl, expression)
         shape = _coefficients(self.body.num_expression, betas, expression)

@@ -57,6 +57,7 @@ _CLASSES = (
     types.People,
     types.Pointmap,
     types.RestMesh,
+    types.Skeleton,
 )
 
 

@@ -11,13 +11,12 @@ from physic_core.interfaces.backend import Backend, Request
 from physic_core.interfaces.checks import (
     check_array,
     check_finite,
-    check_type,
     check_unit_range,
     finite_rows,
     is_finite,
     judged_rows,
 )
-from physic_core.types import Keypoints
+from physic_core.types import Keypoints, Skeleton, skeleton_named
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, People, UInt8Array
@@ -59,7 +58,7 @@ def check_keypoints(keypoints: Keypoints, people: int) -> Iterator[str]:
     """Yield how keypoints of ``people`` people violate the interface; a Segmenter may return them too."""
     joints = keypoints.points.shape[1] if getattr(keypoints.points, "ndim", 0) == 3 else 0
     wrong = [
-        *check_type(keypoints.skeleton, str, "skeleton"),
+        *_check_skeleton(keypoints.skeleton, joints),
         *check_array("points", keypoints.points, (people, joints, 2), "float"),
         *check_array("confidence", keypoints.confidence, (people, joints), "float"),
     ]
@@ -74,6 +73,19 @@ def check_keypoints(keypoints: Keypoints, people: int) -> Iterator[str]:
     yield from check_finite("points", keypoints.points[rows][confidence > 0])
     if keypoints.world is not None:
         yield from check_finite("world", keypoints.world[rows][confidence > 0])
+
+
+def _check_skeleton(skeleton: object, joints: int) -> Iterator[str]:
+    if not isinstance(skeleton, Skeleton | str):
+        yield f"skeleton must be a Skeleton or the name of a standard one, got {type(skeleton).__name__}"
+        return
+    try:
+        names = skeleton_named(skeleton).names
+    except ValueError as error:
+        yield str(error)
+        return
+    if len(names) != joints:
+        yield f"points must be those of the skeleton, {len(names)} a person, got {joints}"
 
 
 def finite_keypoints(keypoints: Keypoints) -> BoolArray:

@@ -57,7 +57,7 @@ SHARED_ARRAYS: tuple[ArraySpec, ...] = (
     ArraySpec("floor_normal", "floating", ("P", 3), "unit, up, camera frame; P = 1, or 0 where no floor was found"),
     ArraySpec("faces", "int32", ("F", 3), "vertex ids of every person's triangles, counter-clockwise from outside"),
     ArraySpec("body_model", "text", (), "name of the body model that the parameters are for"),
-    ArraySpec("skeleton", "text", (), "name of the joint set of the keypoints"),
+    ArraySpec("skeleton", "text", (), "name of the skeleton of the keypoints"),
 )
 """Arrays that do not depend on a person."""
 
@@ -105,7 +105,7 @@ def to_arrays(reconstruction: Reconstruction) -> dict[str, AnyArray]:
         "floor_normal": floor,
         "faces": reconstruction.faces,
         "body_model": reconstruction.body_model,
-        "skeleton": reconstruction.skeleton,
+        "skeleton": getattr(reconstruction.skeleton, "name", reconstruction.skeleton),
     }
     arrays = {spec.name: _stored(values[spec.name], spec) for spec in SHARED_ARRAYS}
     for index, person in enumerate(reconstruction.people):

@@ -14,7 +14,7 @@ from physic_core.files.strict_json import from_json, to_json
 from physic_core.geometry.upright import gltf_from_camera
 from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS
 from physic_core.io.output import SCHEMA
-from physic_core.types import CameraTrust, CheckResult, Provenance, StageRecord
+from physic_core.types import CameraTrust, CheckResult, Provenance, Skeleton, StageRecord
 
 if TYPE_CHECKING:
     from physic_core.types import Person, Reconstruction
@@ -24,6 +24,7 @@ __all__ = [
     "SCHEMA_VERSION",
     "checks_from",
     "from_text",
+    "skeleton_from",
     "stages_from",
     "to_document",
     "to_text",
@@ -78,7 +79,7 @@ def to_document(
         "notes": reconstruction.notes,
         "people": [_person(index, person) for index, person in enumerate(reconstruction.people)],
         "body_model": reconstruction.body_model,
-        "skeleton": reconstruction.skeleton,
+        **_skeleton(reconstruction.skeleton),
         "scene": {
             "floor": None if floor is None else {"normal": np.asarray(floor.normal), "offset": floor.offset},
             "scale": scene.scale,
@@ -176,6 +177,21 @@ def checks_from(records: Sequence[Mapping[str, Any]]) -> tuple[CheckResult, ...]
         )
         for record in records
     )
+
+
+def skeleton_from(document: Mapping[str, Any]) -> Skeleton | str:
+    """The ``skeleton`` of a document, and its ``skeleton_points`` where a detector brought its own."""
+    points = document.get("skeleton_points")
+    if points is None:
+        return str(document["skeleton"])
+    return Skeleton(document["skeleton"], tuple(points["names"]), points["on_body"], points["weights"])
+
+
+def _skeleton(skeleton: Skeleton | str) -> dict[str, Any]:
+    if isinstance(skeleton, str):
+        return {"skeleton": skeleton}
+    points = {"names": skeleton.names, "on_body": skeleton.on_body, "weights": skeleton.weights}
+    return {"skeleton": skeleton.name, "skeleton_points": points}
 
 
 def _person(index: int, person: Person) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from physic_core.io.arrays import (
     checksum,
     to_arrays,
 )
-from physic_core.io.document import checks_from, from_text, stages_from, to_document, to_text, trust_from
+from physic_core.io.document import checks_from, from_text, skeleton_from, stages_from, to_document, to_text, trust_from
 from physic_core.io.output import (
     ARRAYS_FILE,
     DOCUMENT_FILE,
@@ -188,7 +188,7 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
         people=tuple(_person(record, index, arrays) for index, record in enumerate(document["people"])),
         faces=arrays["faces"],
         body_model=document["body_model"],
-        skeleton=document["skeleton"],
+        skeleton=skeleton_from(document),
         stages=stages_from(document["stages"]),
         diagnostics=from_json(document["diagnostics"]),
         warnings=tuple(document["warnings"]),

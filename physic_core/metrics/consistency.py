@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.body.posture import lean_deg, stands_straight
+from physic_core.types import Skeleton, skeleton_named
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -89,16 +90,18 @@ def consistency(reconstruction: Reconstruction, model: BodyModel) -> tuple[Perso
         model: the body that its parameters are for.
 
     Raises:
-        BodyModelError: the parameters are for another model, or it does not know the skeleton.
+        BodyModelError: the parameters are for another model, or it lacks a point of the skeleton.
+        ValueError: no standard skeleton has the result's name.
     """
     soles = np.concatenate([model.contact_sets[f"{side}_sole"].cpu().numpy() for side in ("left", "right")])
     floor = reconstruction.scene.floor
     answers = []
+    skeleton = skeleton_named(reconstruction.skeleton)
+    columns = list(skeleton.fitted)
     for person in reconstruction.people:
         height, width = reconstruction.image.shape[:2]
-        known, columns = _known_part(reconstruction.skeleton, len(person.keypoints))
         error = keypoint_error_px(
-            _landmarks_px(person, reconstruction, model, known),
+            _landmarks_px(person, reconstruction, model, skeleton.take(columns)),
             person.keypoints[columns],
             person.keypoint_confidence[columns],
             size=(width, height),
@@ -169,14 +172,7 @@ def lowest_height(vertices: Array, floor: Plane | None) -> float:
     return float((vertices @ np.asarray(floor.normal) + floor.offset).min())
 
 
-def _known_part(skeleton: str, count: int) -> tuple[str, list[int]]:
-    """The points of J keypoints that bodies have; all of them where the joint set is unknown."""
-    from physic_core.body.landmarks import DETECTED, known_part
-
-    return known_part(skeleton) if skeleton in DETECTED else (skeleton, list(range(count)))
-
-
-def _landmarks_px(person: Person, reconstruction: Reconstruction, model: BodyModel, skeleton: str) -> Array:
+def _landmarks_px(person: Person, reconstruction: Reconstruction, model: BodyModel, skeleton: Skeleton) -> Array:
     """(J, 2) px: where the body of the parameters has the points of a joint set."""
     import torch
 

@@ -276,10 +276,7 @@ def dilate(mask: BoolArray, radius_px: float) -> BoolArray:
 
 def feet_pixels(keypoints: Keypoints, height: int, width: int, confidence: float = 0.5) -> FloatArray:
     """Heels and toes inside the image with more than ``confidence``, (M, 2) px."""
-    from physic_core.body.landmarks import DETECTED
-
-    names = DETECTED.get(keypoints.skeleton, ())
-    soles = [i for i, name in enumerate(names) if name.endswith(("heel", "toe", "foot_tip"))]
+    soles = [i for i, name in enumerate(keypoints.joint_set.names) if name.endswith(("heel", "toe", "foot_tip"))]
     points, seen = keypoints.points[:, soles], keypoints.confidence[:, soles] > confidence
     seen &= (points >= 0).all(-1) & (points[..., 0] <= width - 1) & (points[..., 1] <= height - 1)
     chosen: FloatArray = points[seen]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from physic_core.body.landmarks import known_keypoints
+from physic_core.body.landmarks import fitted_keypoints
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.engine.joint.final_scene import finalize_scene
 from physic_core.engine.joint.problem import JointProblem
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from physic_core.geometry.alignment import Alignment
     from physic_core.pipeline.estimate import Evidence
     from physic_core.pipeline.stages import Stages
-    from physic_core.types import Intrinsics
+    from physic_core.types import Intrinsics, Skeleton
 
 __all__ = ["solve"]
 
@@ -180,7 +180,7 @@ class _EstimatedBodies:
     expression: Tensor
     keypoints: Tensor
     confidence: Tensor
-    skeleton: str
+    skeleton: Skeleton
 
     def K(self, scene: SceneState) -> Tensor:
         return scene.K.to(self.betas)
@@ -192,7 +192,7 @@ class _EstimatedBodies:
 
 def _pose_bodies(evidence: Evidence, model: BodyModel, settings: PlacementSettings) -> _EstimatedBodies:
     device, dtype = model.device, model.dtype
-    parameters, known = evidence.bodies.parameters, known_keypoints(evidence.keypoints)
+    parameters, known = evidence.bodies.parameters, fitted_keypoints(evidence.keypoints)
     rotations = rotations_from_parameters(parameters, device, dtype)
     betas, expression, transl, keypoints, confidence = (
         tensor(x).to(device, dtype)
@@ -203,12 +203,12 @@ def _pose_bodies(evidence: Evidence, model: BodyModel, settings: PlacementSettin
     posed = PosedBodies(
         vertices=body.vertices,
         normals=normals_of(body.vertices, model.faces),
-        landmarks=model.landmarks(body, known.skeleton),
+        landmarks=model.landmarks(body, known.joint_set),
         transl=transl,
         outer=model.outer,
         soles=torch.cat([model.contact_sets["left_sole"], model.contact_sets["right_sole"]]),
     )
-    return _EstimatedBodies(posed, rotations, betas, expression, keypoints, confidence, known.skeleton)
+    return _EstimatedBodies(posed, rotations, betas, expression, keypoints, confidence, known.joint_set)
 
 
 def _detections(evidence: Evidence, photo: _AlignedPhoto, bodies: _EstimatedBodies) -> Detections:

@@ -16,6 +16,7 @@ from physic_core.types.hints import Hints
 from physic_core.types.people import Keypoints, People
 from physic_core.types.records import CheckResult, Provenance, StageRecord
 from physic_core.types.results import Person, Reconstruction, Scene
+from physic_core.types.skeletons import SKELETONS, Skeleton, skeleton_named
 
 if TYPE_CHECKING:
     from physic_core.types.arrays import BoolArray as BoolArray
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from physic_core.types.arrays import UInt8Array as UInt8Array
 
 __all__ = [
+    "SKELETONS",
     "AffineAmbiguity",
     "Bodies",
     "BodyParameters",
@@ -44,5 +46,7 @@ __all__ = [
     "Reconstruction",
     "RestMesh",
     "Scene",
+    "Skeleton",
     "StageRecord",
+    "skeleton_named",
 ]

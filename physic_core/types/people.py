@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from physic_core.types.short_repr import ShortRepr
+from physic_core.types.skeletons import Skeleton, skeleton_named
 
 if TYPE_CHECKING:
     from physic_core.types.arrays import BoolArray, FloatArray
@@ -20,16 +21,26 @@ class Keypoints(ShortRepr):
     Attributes:
         points: (N, J, 2) float px.
         confidence: (N, J) float in [0, 1]. 0 means not seen; the point is then ignored.
-        skeleton: name of the joint set: "coco17", "coco23" (with feet), "blazepose33", "halpe26",
-            "coco_wholebody133"; see :data:`physic_core.body.landmarks.DETECTED`.
+        skeleton: what the J points are: the name of a standard skeleton ("coco17", "coco23" with feet, "blazepose33",
+            "halpe26", "coco_wholebody133": see :data:`physic_core.types.SKELETONS`), or a :class:`Skeleton` of the
+            detector's own.
         world: (N, J, 3) metres, or None. Axes of a camera that looks straight at the person (x right, y down, z away),
             origin between the hips: what single-person pose networks call world landmarks.
     """
 
     points: FloatArray
     confidence: FloatArray
-    skeleton: str
+    skeleton: Skeleton | str
     world: FloatArray | None = None
+
+    @property
+    def joint_set(self) -> Skeleton:
+        """The skeleton. A name is looked up among the standard ones.
+
+        Raises:
+            ValueError: no standard skeleton has this name.
+        """
+        return skeleton_named(self.skeleton)
 
 
 @dataclass(frozen=True)

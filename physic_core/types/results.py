@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from physic_core.types.camera import Intrinsics
     from physic_core.types.depth import Plane
     from physic_core.types.records import CheckResult, StageRecord
+    from physic_core.types.skeletons import Skeleton
 
 __all__ = ["Person", "Reconstruction", "Scene"]
 
@@ -91,7 +92,7 @@ class Reconstruction(ShortRepr):
         people: best detection score first.
         faces: (F, 3) int32, of every person's mesh.
         body_model: name of the body model of the people's parameters.
-        skeleton: name of the joint set of the people's keypoints.
+        skeleton: of the people's keypoints, or the name of a standard one.
         stages: in order.
         diagnostics: numbers reported by the engine, by stage.
         warnings: what to doubt, in plain sentences: the messages of failed ``checks`` of the photo, and of those that
@@ -108,7 +109,7 @@ class Reconstruction(ShortRepr):
     people: tuple[Person, ...]
     faces: NDArray[np.int32]
     body_model: str
-    skeleton: str
+    skeleton: Skeleton | str
     stages: tuple[StageRecord, ...] = ()
     diagnostics: Mapping[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()

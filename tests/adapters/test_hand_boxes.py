@@ -6,10 +6,10 @@ import numpy as np
 
 from physic_core.adapters.crops import crop_of
 from physic_core.adapters.hand_boxes import hand_boxes
-from physic_core.types import Keypoints
+from physic_core.types import Keypoints, Skeleton
 
 
-def keypoints(skeleton: str, count: int, people: int = 1) -> Keypoints:
+def keypoints(skeleton: Skeleton | str, count: int, people: int = 1) -> Keypoints:
     return Keypoints(np.zeros((people, count, 2)), np.zeros((people, count)), skeleton)
 
 
@@ -71,9 +71,9 @@ def test_a_forearm_towards_the_camera_does_not_make_a_small_hand() -> None:
     np.testing.assert_allclose(box[2] - box[0], 0.75 * 90)
 
 
-def test_small_hands_and_unknown_skeletons_give_none() -> None:
+def test_small_hands_and_skeletons_without_arms_give_none() -> None:
     given = keypoints("coco17", 17)
     given.points[0, [5, 7, 9]] = [[0, 0], [0, 10], [0, 20]]
     given.confidence[0] = 1.0
     assert not len(hand_boxes(given))
-    assert hand_boxes(keypoints("a new one", 5)).boxes.shape == (0, 4)
+    assert hand_boxes(keypoints(Skeleton("own", tuple("abcde")), 5)).boxes.shape == (0, 4)

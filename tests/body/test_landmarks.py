@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
 from physic_core.body import JOINT_INDEX
-from physic_core.body.landmarks import DETECTED, SKELETONS, known_keypoints, known_part
+from physic_core.body.landmarks import fitted_keypoints
 from physic_core.body.model import BodyModel
 from physic_core.errors import BodyModelError
-from physic_core.types import Keypoints
+from physic_core.types import SKELETONS, Keypoints, Skeleton
 
 SIZES = {
     "coco17": 17,
@@ -27,35 +29,33 @@ SIZES = {
 def at_rest(embedded: BodyModel) -> dict[str, dict[str, Tensor]]:
     """Joint set -> name -> point in the T-pose."""
     output = embedded(*embedded.zero_pose())
-    return {s: dict(zip(SKELETONS[s], embedded.landmarks(output, s)[0], strict=True)) for s in SKELETONS}
+    return {s: dict(zip(SKELETONS[s].names, embedded.landmarks(output, s)[0], strict=True)) for s in SIZES}
 
 
-def test_joint_sets_have_their_sizes() -> None:
-    assert {name: len(points) for name, points in SKELETONS.items()} == SIZES
+def test_skeletons_have_their_sizes() -> None:
+    assert {name: len(points) for name, points in SKELETONS.items()} == SIZES | {
+        "coco_wholebody133": 133,
+        "halpe26": 26,
+    }
 
 
 def test_coco23_begins_with_coco17() -> None:
-    assert SKELETONS["coco23"][:17] == SKELETONS["coco17"]
-    assert SKELETONS["coco17"][5:7] == ("left_shoulder", "right_shoulder")
-    assert SKELETONS["coco23"][17:20] == ("left_big_toe", "left_small_toe", "left_heel")
+    assert SKELETONS["coco23"].names[:17] == SKELETONS["coco17"].names
+    assert SKELETONS["coco17"].names[5:7] == ("left_shoulder", "right_shoulder")
+    assert SKELETONS["coco23"].names[17:20] == ("left_big_toe", "left_small_toe", "left_heel")
 
 
 def test_blazepose_order() -> None:
-    points = SKELETONS["blazepose33"]
+    points = SKELETONS["blazepose33"].names
     known = {0: "nose", 2: "left_eye_surface", 5: "right_eye_surface", 8: "right_ear_surface", 11: "left_shoulder"}
     known |= {16: "right_wrist", 17: "left_pinky1", 20: "right_index1", 21: "left_thumb2", 23: "left_hip"}
     known |= {28: "right_ankle", 29: "left_heel", 32: "right_foot_tip"}
     assert {i: points[i] for i in known} == known
 
 
-def test_what_detectors_answer_has_its_sizes_and_no_name_twice() -> None:
-    assert {name: len(points) for name, points in DETECTED.items()} == SIZES | {"coco_wholebody133": 133, "halpe26": 26}
-    assert all(len(set(points)) == len(points) for points in DETECTED.values())
-
-
 def test_whole_body_order_is_that_of_coco_wholebody() -> None:
-    points = DETECTED["coco_wholebody133"]
-    assert points[:23] == SKELETONS["coco23"]
+    points = SKELETONS["coco_wholebody133"].names
+    assert points[:23] == SKELETONS["coco23"].names
     # Face points are 300W's: eye corners 36 39 42 45 and mouth corners 48 54, the person's right first.
     known = {23 + 36: "right_eye_outer_surface", 23 + 39: "right_eye_inner_surface", 23 + 45: "left_eye_outer_surface"}
     known |= {23 + 48: "right_mouth_corner_surface", 23 + 54: "left_mouth_corner_surface", 23 + 30: "face_point_30"}
@@ -65,32 +65,31 @@ def test_whole_body_order_is_that_of_coco_wholebody() -> None:
 
 
 def test_halpe_order() -> None:
-    points = DETECTED["halpe26"]
-    assert points[:17] == SKELETONS["coco17"]
+    points = SKELETONS["halpe26"].names
+    assert points[:17] == SKELETONS["coco17"].names
     assert points[20:] == (
         *("left_big_toe", "right_big_toe", "left_small_toe", "right_small_toe", "left_heel", "right_heel"),
     )
 
 
 @pytest.mark.parametrize(("skeleton", "known"), [("coco_wholebody133", "wholebody69"), ("halpe26", "coco23")])
-def test_the_known_part_keeps_each_points_name(skeleton: str, known: str) -> None:
-    rows = np.arange(len(DETECTED[skeleton]), dtype=float)
+def test_the_fitted_part_keeps_each_points_name(skeleton: str, known: str) -> None:
+    rows = np.arange(len(SKELETONS[skeleton]), dtype=float)
     points = np.stack([rows, rows], -1)[None]
     given = Keypoints(points, rows[None] / 200, skeleton, np.repeat(rows[None, :, None], 3, 2))
-    answer = known_keypoints(given)
-    assert answer.skeleton == known
+    answer = fitted_keypoints(given)
+    assert set(answer.joint_set.names) == set(SKELETONS[known].names)
     assert answer.world is not None
-    for row, name in enumerate(SKELETONS[known]):
-        place = DETECTED[skeleton].index(name)
+    for row, name in enumerate(answer.joint_set.names):
+        place = SKELETONS[skeleton].names.index(name)
         assert answer.points[0, row].tolist() == [place, place]
         assert answer.confidence[0, row] == place / 200
         assert answer.world[0, row].tolist() == [place] * 3
 
 
-def test_a_whole_joint_set_is_left_as_it_is() -> None:
+def test_keypoints_that_bodies_have_are_all_fitted() -> None:
     given = Keypoints(np.zeros((1, 33, 2)), np.zeros((1, 33)), "blazepose33")
-    assert known_keypoints(given) is given
-    assert known_part("coco17") == ("coco17", list(range(17)))
+    assert fitted_keypoints(given) is given
 
 
 @pytest.mark.parametrize("skeleton", ["coco23", "blazepose33", "wholebody69"])
@@ -132,22 +131,56 @@ def test_the_feet_are_feet(embedded: BodyModel, at_rest: dict[str, dict[str, Ten
         assert 0.2 < float(tip[2] - heel[2]) < 0.3
 
 
-def test_blazepose_marks_lie_by_their_shares_beside_the_points_of_the_body(
+def test_points_of_ones_own_lie_by_their_shares_between_points_of_the_body(
     embedded: BodyModel, random_pose: dict[str, Tensor]
 ) -> None:
     output = embedded(**random_pose)
-    marks = dict(zip(SKELETONS["blazepose33"], embedded.landmarks(output, "blazepose33").unbind(1), strict=True))
-    mesh = output.vertices
-    for side, other in (("left", "right"), ("right", "left")):
-        hip, over, knee, ankle = (
-            output.joints[:, JOINT_INDEX[name]]
-            for name in (f"{side}_hip", f"{other}_hip", f"{side}_knee", f"{side}_ankle")
-        )
-        heel, tip = (mesh[:, embedded.surface_points[f"{side}_{n}"]].mean(1) for n in ("heel", "foot_tip"))
-        assert torch.allclose(marks[f"{side}_hip"], hip + 0.06 * (knee - hip) + 0.08 * (over - hip), atol=1e-5)
-        assert torch.allclose(marks[f"{side}_ankle"], ankle + 0.10 * (knee - ankle), atol=1e-5)
-        assert torch.allclose(marks[f"{side}_foot_tip"], tip + 0.085 * (heel - tip) + 0.26 * (ankle - tip), atol=1e-5)
-        assert torch.equal(marks[f"{side}_knee"], knee)
+    own = Skeleton(
+        "own",
+        ("mid_thigh", "left_hip", "chin"),
+        on_body={
+            "mid_thigh": {"left_hip": 0.5, "left_knee": 0.5},
+            "left_hip": {"left_knee": 0.06, "right_hip": 0.08},
+            "chin": {"jaw": 0.3, "nose": 0.7},
+        },
+    )
+    thigh, hip, chin = embedded.landmarks(output, own).unbind(1)
+    left, right, knee, jaw = (output.joints[:, JOINT_INDEX[n]] for n in ("left_hip", "right_hip", "left_knee", "jaw"))
+    nose = output.vertices[:, embedded.surface_points["nose"]].mean(1)
+    assert torch.allclose(thigh, (left + knee) / 2, atol=1e-6)
+    assert torch.allclose(hip, left + 0.06 * (knee - left) + 0.08 * (right - left), atol=1e-6)
+    assert torch.allclose(chin, 0.3 * jaw + 0.7 * nose, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("names", "on_body", "fault"),
+    [
+        (("left_kne",), {}, "the point 'left_kne' of the skeleton 'own' is no point of a body"),
+        (("chin",), {"chin": {"jaw": 0.5}}, "sum to 0.5, not 1"),
+        (("chin",), {"chin": {"jow": 1.0}}, "the point 'chin' of the skeleton 'own' refers to jow, which no body has"),
+        (("face",), {"face": {}}, "the point 'face' of the skeleton 'own' is no point of a body"),
+    ],
+)
+def test_refuses_points_without_a_place(
+    embedded: BodyModel, names: tuple[str, ...], on_body: dict[str, dict[str, float]], fault: str
+) -> None:
+    with pytest.raises(BodyModelError) as caught:
+        embedded.regressor(Skeleton("own", names, on_body))
+    assert fault in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("fields", "fault"),
+    [
+        ({"names": ("nose", "nose")}, "names nose twice"),
+        ({"names": ("nose",), "weights": {"chin": 1.0}}, "has no point chin"),
+        ({"names": ("nose",), "weights": {"nose": -1.0}}, "weights of at least 0"),
+        ({"names": ("nose",), "on_body": {"nose": {"jaw": float("nan")}}}, "finite shares"),
+    ],
+)
+def test_a_skeleton_refuses_what_does_not_fit(fields: dict[str, Any], fault: str) -> None:
+    with pytest.raises(ValueError, match=fault):
+        Skeleton("own", **fields)
 
 
 def test_hands_run_from_wrist_to_tips(at_rest: dict[str, dict[str, Tensor]]) -> None:
@@ -166,7 +199,7 @@ def test_hands_run_from_wrist_to_tips(at_rest: dict[str, dict[str, Tensor]]) -> 
 def test_joints_among_landmarks_are_joints(embedded: BodyModel, random_pose: dict[str, Tensor]) -> None:
     output = embedded(**random_pose)
     points = embedded.landmarks(output, "coco17")
-    for row, name in enumerate(SKELETONS["coco17"]):
+    for row, name in enumerate(SKELETONS["coco17"].names):
         if name in JOINT_INDEX:
             assert torch.allclose(points[:, row], output.joints[:, JOINT_INDEX[name]], atol=1e-6)
 
@@ -200,8 +233,9 @@ def test_refuses_an_unknown_joint_set(embedded: BodyModel) -> None:
     with pytest.raises(BodyModelError) as caught:
         embedded.landmarks_only(("coco18",))
     assert str(caught.value) == (
-        "no joint set named 'coco18': choose one of"
-        " coco17, coco23, blazepose33, openpose_hand21_left, openpose_hand21_right, wholebody69"
+        "no standard skeleton is named 'coco18': choose one of coco17, coco23, blazepose33, openpose_hand21_left,"
+        " openpose_hand21_right, wholebody69, coco_wholebody133, halpe26,"
+        " or give a physic_core.types.Skeleton of your own"
     )
 
 

@@ -16,6 +16,7 @@ from physic_core.body import load_body
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.model import BodyModel
 from physic_core.engine.joint.problem import JointProblem
+from physic_testing.worlds import BLAZEPOSE
 
 FLOOR_Y = 1.3  # the camera looks level, this high over the floor
 WIDTH, HEIGHT, FOCAL = 320, 240, 280.0
@@ -98,7 +99,7 @@ def make_stage(body: BodyModel) -> Callable[..., Stage]:
         known = np.isfinite(depth)
         points, normals = (ray * depth[..., None])[known], room.face_normals[face][known]
         K = torch.tensor([[FOCAL, 0, (WIDTH - 1) / 2], [0, FOCAL, (HEIGHT - 1) / 2], [0, 0, 1]])
-        landmarks = body.landmarks(output, "blazepose33")
+        landmarks = body.landmarks(output, BLAZEPOSE)
         keypoints = landmarks[..., :2] / landmarks[..., 2:] * FOCAL + K[:2, 2]
         contact = torch.zeros(count, body.num_vertices)
         for ids in body.contact_sets.values():
@@ -111,7 +112,7 @@ def make_stage(body: BodyModel) -> Callable[..., Stage]:
             transl0=transl,
             keypoints=keypoints,
             keypoint_confidence=torch.ones(keypoints.shape[:2]),
-            skeleton="blazepose33",
+            skeleton=BLAZEPOSE,
             K=K,
             masks=masks,
             scene_points=torch.from_numpy(points).float(),

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from physic_core.body.assembly import BodyArrays, assemble, derive_picks
-from physic_core.body.landmarks import DETECTED, SKELETONS, PointRegressor
+from physic_core.body.landmarks import PointRegressor
 from physic_core.body.model import BodyModel
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.body.parts import PART_NAMES
@@ -22,17 +22,28 @@ from physic_core.engine.joint.problem import JointProblem
 from physic_core.geometry.camera import pixel_grid, unproject
 from physic_core.geometry.released_pointmap import four_neighbour_normals
 from physic_core.pipeline.estimate import Evidence
-from physic_core.types import Bodies, ContactProbability, DepthMap, Intrinsics, Keypoints, People, Pointmap
+from physic_core.types import (
+    SKELETONS,
+    Bodies,
+    ContactProbability,
+    DepthMap,
+    Intrinsics,
+    Keypoints,
+    People,
+    Pointmap,
+    Skeleton,
+)
 
-SKELETON = "wholebody131"
+_WHOLE = SKELETONS["coco_wholebody133"]
+SKELETON = Skeleton("wholebody131", tuple(name for name in _WHOLE.names if not name.endswith("hand_root")))
 """COCO-WholeBody without the roots of both hands, which no body has."""
 
 JOINT_SETS = {
     SKELETON: [j for j in range(133) if j not in (91, 112)],
-    "coco23": list(range(23)),
-    "wholebody69": [DETECTED["coco_wholebody133"].index(name) for name in SKELETONS["wholebody69"]],
+    SKELETONS["coco23"]: list(range(23)),
+    _WHOLE.take(_WHOLE.fitted): list(_WHOLE.fitted),
 }
-"""Joint set -> which of the 133 keypoints it has."""
+"""Skeleton -> which of the 133 keypoints it has."""
 
 _LIMBS = ("upper_arm", "lower_arm", "hand", "upper_leg", "lower_leg", "foot")
 _INVALID_DEPTH = 65535
@@ -141,7 +152,7 @@ class Published:
             rotations[:, rows] = roma.special_gramschmidt(raw[group]).reshape(1, -1, 3, 3)
         return rotations
 
-    def problem(self, start: str = "s3_start", skeleton: str = SKELETON) -> JointProblem:
+    def problem(self, start: str = "s3_start", skeleton: Skeleton = SKELETON) -> JointProblem:
         """Stage 3's problem.
 
         Args:
@@ -217,8 +228,8 @@ class Published:
     def body(self, rotations: Tensor) -> BodyModel:
         """The body, with its face's contour as rotations (55, 3, 3) turn the head."""
         everything = self._points133(rotations)
-        regressors = {name: replace(everything, matrix=everything.matrix[rows]) for name, rows in JOINT_SETS.items()}
-        return replace(self._body, regressors={**self._body.regressors, **regressors})
+        regressors = {kind: replace(everything, matrix=everything.matrix[rows]) for kind, rows in JOINT_SETS.items()}
+        return replace(self._body, regressors=regressors)
 
     @cached_property
     def _body(self) -> BodyModel:

@@ -122,7 +122,7 @@ def test_cuda_places_and_tells_contact_as_the_cpu_does(two):
             PosedBodies(
                 vertices=body.vertices + shift,
                 normals=normals,
-                landmarks=model.landmarks(body, "blazepose33") + shift,
+                landmarks=model.landmarks(body, problem.skeleton) + shift,
                 transl=problem.transl0 + shift,
                 outer=model.outer,
             ),

@@ -11,11 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.body.landmarks import SKELETONS
 from physic_core.engine.joint.context import representatives
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.limbs import (
-    keypoint_weights,
     keypoints_of_observed_limbs,
     limb_parts,
     observed_parts,
@@ -26,6 +24,7 @@ from physic_core.engine.joint.terms.surface import SurfaceTerms
 from physic_core.engine.joint.visibility import around
 from physic_core.engine.presets import PRESETS
 from physic_core.geometry.visibility import inside_mask, vertex_areas
+from physic_core.types import SKELETONS, Skeleton
 
 from .adjusted import adjusted, with_conventions
 
@@ -85,8 +84,8 @@ def test_only_limbs_can_be_self_occluded(body):
 def test_keypoints_go_with_their_limb(skeleton):
     observed = torch.ones(1, 55, dtype=torch.bool)
     observed[0, [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_wrist"]]] = False
-    names = SKELETONS[skeleton]
-    seen = keypoints_of_observed_limbs(skeleton, observed, len(names))[0]
+    names = SKELETONS[skeleton].names
+    seen = keypoints_of_observed_limbs(SKELETONS[skeleton], observed)[0]
     unseen = {name for name, s in zip(names, seen.tolist(), strict=True) if not s}
     assert {"left_ankle", "right_wrist"} <= unseen
     feet = {n for n in names if n.startswith("left_") and n.endswith(("toe", "heel", "foot_tip"))}
@@ -94,9 +93,9 @@ def test_keypoints_go_with_their_limb(skeleton):
     assert not any("knee" in n or "left_elbow" in n or "eye" in n for n in unseen)
 
 
-def test_a_joint_set_that_no_body_knows_counts_whole():
-    assert keypoint_weights("custom", 7) == [1.0] * 7
-    assert keypoints_of_observed_limbs("custom", torch.zeros(2, 55, dtype=torch.bool), 7).all()
+def test_points_with_names_of_their_own_count_as_seen():
+    own = Skeleton("own", tuple(f"own_{i}" for i in range(7)))
+    assert keypoints_of_observed_limbs(own, torch.zeros(2, 55, dtype=torch.bool)).all()
 
 
 def test_keypoints_outside_the_image_count_nothing(standing):

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 from physic_core.engine.joint.context import STATIC_CONTACTS
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.limbs import keypoint_weights
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.term import View
 from physic_core.engine.joint.terms.point_contact import PointContactTerm
@@ -58,7 +57,11 @@ def test_confidence_counts_by_its_power(standing):
     once, twice = (confident_keypoints(problem, none, none, power=power).weight for power in (1.0, 2.0))
     torch.testing.assert_close(twice, 0.6 * once)
     assert torch.equal(JointEnergy(problem, PROX).context.keypoints.weight, twice)
-    assert sum(weight < 1 for weight in keypoint_weights("blazepose33", 33)) == 2  # hips lie on the skin
+    plain, halved = (replace(problem.skeleton, weights=weights) for weights in ({}, {"left_hip": 0.5}))
+    full, half = (
+        confident_keypoints(replace(problem, skeleton=skeleton), none, none).weight for skeleton in (plain, halved)
+    )
+    torch.testing.assert_close(half, full * full.new_tensor([halved.weights.get(name, 1.0) for name in plain.names]))
 
 
 def test_static_contacts_need_no_prior(standing):

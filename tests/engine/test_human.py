@@ -26,6 +26,7 @@ from physic_core.engine.presets import PRESETS
 from physic_core.engine.scene import cleaning
 from physic_core.engine.settings import PlacementSettings
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays, project
+from physic_core.types import Skeleton
 
 DEFAULT, PAPER = PRESETS["default"].placement, PRESETS["paper"].placement
 AXES = torch.tensor([0.25, 0.85, 0.15], dtype=torch.float64)
@@ -516,7 +517,8 @@ def test_another_floor_moves_only_those_who_stand_on_it(monkeypatch: pytest.Monk
     )
     observed = torch.ones(2, 55, dtype=torch.bool)
     observed[1, joint_pair("ankle")] = False
-    seen = Detections("unknown", picture.keypoints, picture.confidence, observed, picture.points, picture.masks)
+    own = Skeleton("own", tuple(f"own_{i}" for i in range(picture.keypoints.shape[1])))
+    seen = Detections(own, picture.keypoints, picture.confidence, observed, picture.points, picture.masks)
     on_floor = place_people(bodies, seen, picture.K, FLOOR["floor"], DEFAULT)
     without = place_people(bodies, seen, picture.K, None, DEFAULT)
     assert [p.on_floor for p in on_floor.placement.people] == [True, False]

@@ -6,7 +6,6 @@ terms, which have no gradient, are left out: log Z(1) of the robust loss, and th
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +13,6 @@ import pytest
 import torch
 from torch import Tensor
 
-from physic_core.body.landmarks import DETECTED, SKELETONS
 from physic_core.engine.contact import contact_map, contact_surface
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.limbs import limb_parts
@@ -30,6 +28,7 @@ from physic_core.engine.scene.cleaning import outlier_mask
 from physic_core.geometry.floor import FloorEvidence
 from physic_core.geometry.neighbors import NearestScene
 from physic_core.geometry.released_pointmap import four_neighbour_normals
+from physic_core.types import SKELETONS
 
 from .published import JOINT_SETS, SKELETON, Published
 
@@ -48,11 +47,8 @@ pytestmark = pytest.mark.skipif(not FILE.is_file(), reason=f"the published optim
 
 
 @pytest.fixture(scope="module")
-def published() -> Iterator[Published]:
-    with pytest.MonkeyPatch.context() as patch:
-        whole = DETECTED["coco_wholebody133"]
-        patch.setitem(DETECTED, SKELETON, tuple(whole[j] for j in JOINT_SETS[SKELETON]))
-        yield Published(FILE)
+def published() -> Published:
+    return Published(FILE)
 
 
 def at(published: Published, state: str) -> JointEnergy:
@@ -158,9 +154,9 @@ def test_each_keypoint_pulls_alike_in_every_joint_set(published: Published) -> N
     assert values == pytest.approx([values[0]] * 3, rel=1e-5)
     problem = published.problem()
     points = torch.full((1, 33, 2), 300.0)
-    given = replace(problem, keypoints=points, keypoint_confidence=torch.ones(1, 33), skeleton="blazepose33")
+    given = replace(problem, keypoints=points, keypoint_confidence=torch.ones(1, 33), skeleton=SKELETONS["blazepose33"])
     context = JointEnergy(given, RELEASE.joint).context
-    assert context.keypoints.weight[0, SKELETONS["blazepose33"].index("left_knee")] == 10
+    assert context.keypoints.weight[0, SKELETONS["blazepose33"].names.index("left_knee")] == 10
 
 
 def test_nearest_points_are_those_of_the_published_grid(published: Published) -> None:

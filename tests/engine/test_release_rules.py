@@ -8,7 +8,6 @@ from dataclasses import replace
 import pytest
 import torch
 
-from physic_core.body.landmarks import DETECTED, SKELETONS
 from physic_core.engine.contact import contact_map, contact_surface
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.released.reprojection import released_keypoint_weights, released_reprojection
@@ -19,6 +18,7 @@ from physic_core.engine.scene.cleaning import outlier_mask
 from physic_core.geometry.camera import project
 from physic_core.geometry.neighbors import NearestScene
 from physic_core.geometry.released_pointmap import floor_lattice, four_neighbour_normals, normal_outliers
+from physic_core.types import SKELETONS, Skeleton, skeleton_named
 
 from .adjusted import adjusted
 
@@ -49,13 +49,13 @@ def weights(skeleton, confidence, points=None):
     mask = torch.zeros(1, 100, 200, dtype=torch.bool)
     mask[0, 40:60, 90:110] = True
     inside = torch.full((1, len(confidence), 2), 50.0) + torch.tensor([50.0, 0.0])
-    return released_keypoint_weights(skeleton, inside if points is None else points, torch.tensor([confidence]), mask)[
-        0
-    ].tolist()
+    return released_keypoint_weights(
+        skeleton_named(skeleton), inside if points is None else points, torch.tensor([confidence]), mask
+    )[0].tolist()
 
 
 def test_body_and_feet_count_ten_times_their_confidence_and_unsure_keypoints_nothing() -> None:
-    names = DETECTED["coco_wholebody133"]
+    names = SKELETONS["coco_wholebody133"].names
     confidence = [0.9] * len(names)
     confidence[3], confidence[40] = 0.49, 0.5
     got = weights("coco_wholebody133", confidence)
@@ -63,14 +63,16 @@ def test_body_and_feet_count_ten_times_their_confidence_and_unsure_keypoints_not
     assert got[40] == pytest.approx(0.5)
     assert got[91:] == pytest.approx([0.9] * 42)
     face = [
-        j for j, name in enumerate(SKELETONS["wholebody69"]) if "inner" in name or "outer" in name or "mouth" in name
+        j
+        for j, name in enumerate(SKELETONS["wholebody69"].names)
+        if "inner" in name or "outer" in name or "mouth" in name
     ]
     assert [weights("wholebody69", [0.9] * 69)[j] for j in face] == pytest.approx([0.9] * 6)
 
 
 @pytest.mark.parametrize("skeleton", ["coco_wholebody133", "wholebody69"])
 def test_a_hand_that_is_unsure_in_the_mean_counts_nothing(skeleton: str) -> None:
-    names = DETECTED[skeleton]
+    names = SKELETONS[skeleton].names
     left = [j for j, n in enumerate(names) if n.startswith("left_") and (n[-1].isdigit() or n.endswith("_root") or
             n.split("_")[1] in ("thumb", "index", "middle", "ring", "pinky"))]  # fmt: skip
     assert len(left) == (21 if skeleton == "coco_wholebody133" else 20)
@@ -84,7 +86,7 @@ def test_a_hand_that_is_unsure_in_the_mean_counts_nothing(skeleton: str) -> None
 
 def test_keypoints_count_up_to_16_px_round_all_masks() -> None:
     points = torch.tensor([[[73.0, 50.0], [74.0, 50.0], [125.0, 75.0], [126.0, 50.0], [math.nan, 50.0]]])
-    assert weights("custom", [1.0] * 5, points) == [0.0, 10.0, 10.0, 0.0, 0.0]
+    assert weights(Skeleton("own", tuple("abcde")), [1.0] * 5, points) == [0.0, 10.0, 10.0, 0.0, 0.0]
 
 
 def test_a_keypoint_pulls_alike_in_every_joint_set(standing) -> None:
@@ -93,9 +95,9 @@ def test_a_keypoint_pulls_alike_in_every_joint_set(standing) -> None:
     for skeleton in ("coco17", "coco23", "blazepose33", "wholebody69"):
         keypoints = project(problem.model.landmarks(body, skeleton), problem.K)
         confidence = torch.ones(keypoints.shape[:2])
-        row = SKELETONS[skeleton].index("left_knee")
+        row = SKELETONS[skeleton].names.index("left_knee")
         keypoints[0, row] += torch.tensor([16.0, -6.0])
-        given = released(problem, keypoints=keypoints, keypoint_confidence=confidence, skeleton=skeleton)
+        given = released(problem, keypoints=keypoints, keypoint_confidence=confidence, skeleton=SKELETONS[skeleton])
         found[skeleton] = float(JointEnergy(given, RELEASE.joint)()["reprojection"].detach())
     width, height = 320, 240
     assert list(found.values()) == pytest.approx([1e4 * 10 * (16 / width + 6 / height) / (2 * 133)] * 4, rel=1e-4)

@@ -8,20 +8,20 @@ import pytest
 import torch
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.body.landmarks import SKELETONS
 from physic_core.engine.joint.context import STATIC_CONTACTS
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.limbs import confirmed_joints, keypoint_weights, keypoints_of_observed_limbs
+from physic_core.engine.joint.limbs import confirmed_joints, keypoints_of_observed_limbs
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.terms import reprojection
 from physic_core.engine.joint.terms.surface import SurfaceTerms
 from physic_core.engine.presets import PRESETS
 from physic_core.geometry.rotations import rotvec_to_rotmat
+from physic_core.types import SKELETONS, Skeleton
 
 from .adjusted import adjusted, term_of
 
 SETTINGS = PRESETS["default"].joint
-NAMES = SKELETONS["blazepose33"]
+NAMES = SKELETONS["blazepose33"].names
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,7 @@ def standing(make_stage):
     return make_stage([({}, (0.0, 0.0, 3.5))])
 
 
-def confirmed(name, confidence=0.9, at=(10.0, 20.0), least=0.7, skeleton="blazepose33"):
+def confirmed(name, confidence=0.9, at=(10.0, 20.0), least=0.7, skeleton=SKELETONS["blazepose33"]):
     """Names of the joints that one keypoint confirms; the person's mask covers columns below 50."""
     keypoints = torch.full((1, len(NAMES), 2), 90.0)
     sure = torch.zeros(1, len(NAMES))
@@ -57,8 +57,9 @@ def test_a_doubtful_keypoint_shows_nothing(doubt):
     assert confirmed("left_knee", **doubt) == set()
 
 
-def test_a_joint_set_that_no_body_knows_shows_nothing():
-    assert confirmed("left_knee", skeleton="of-its-own") == set()
+def test_points_with_names_of_their_own_show_nothing():
+    own = Skeleton("own", tuple(f"own_{i}" for i in range(33)))
+    assert confirmed("left_knee", skeleton=own) == set()
 
 
 def test_likely_parts_count_where_the_prior_says_nothing(standing):
@@ -116,14 +117,14 @@ def test_an_unseen_foot_that_hovers_comes_down(standing, monkeypatch):
 def test_guessed_keypoints_count_by_their_own_weight_and_not_at_the_border_of_the_photo(standing, monkeypatch):
     monkeypatch.setattr(reprojection, "_UNSEEN_WEIGHT", 0.5)
     problem = lifted(standing, 0.06)
-    hidden = ~keypoints_of_observed_limbs(problem.skeleton, problem.observed, problem.keypoints.shape[1])
+    hidden = ~keypoints_of_observed_limbs(problem.skeleton, problem.observed)
     assert hidden.sum() >= 2
     keypoints, confidence = problem.keypoints.clone(), torch.where(hidden, 0.1, 1.0)
     first = int(hidden[0].nonzero()[0])
     keypoints[0, first, 1] = problem.masks.shape[-2] - 2
     guessed = replace(problem, keypoints=keypoints, keypoint_confidence=confidence)
     context = JointEnergy(guessed, SETTINGS).context
-    expected = torch.where(hidden, 0.05, 1.0) * torch.tensor(keypoint_weights("blazepose33", 33))
+    expected = torch.where(hidden, 0.05, 1.0) * torch.tensor([0.5 if name.endswith("_hip") else 1.0 for name in NAMES])
     expected[0, first] = 0.0
     torch.testing.assert_close(context.keypoints.weight.to(expected), expected)
     assert (context.keypoints.confident == ~hidden).all()

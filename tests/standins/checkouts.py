@@ -13,7 +13,7 @@ import torch
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from physic_core.body import load_body
-from physic_core.body.landmarks import SKELETONS
+from physic_core.types import SKELETONS
 from physic_human.sam3d_body import JOINTS_OF_KEYPOINTS, KEYPOINTS
 from physic_testing.body_files import mano_arrays, write_published
 from physic_testing.conformance.joint_sets import world_keypoints
@@ -264,11 +264,11 @@ def truth_of(world: World) -> dict[str, np.ndarray]:
 
 def toes(world: World) -> np.ndarray:
     """(4, 3) tips of the big and the small toe, of the left foot and of the right."""
-    regressor = load_body("embedded").regressors["coco23"]
+    regressor = load_body("embedded").regressor("coco23")
     given = torch.from_numpy(world.vertices.copy()).index_select(1, regressor.vertex_ids)
     points = regressor(torch.from_numpy(world.joints.copy()), given)[0].numpy()
     names = ("left_big_toe", "left_small_toe", "right_big_toe", "right_small_toe")
-    return np.asarray(points[[SKELETONS["coco23"].index(name) for name in names]])
+    return np.asarray(points[[SKELETONS["coco23"].names.index(name) for name in names]])
 
 
 SIDE = 32

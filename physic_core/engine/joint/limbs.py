@@ -8,14 +8,12 @@ import torch
 from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.body.landmarks import SKELETONS
 from physic_core.engine.joint.distances import hinge_angles
 from physic_core.geometry.visibility import inside_mask
+from physic_core.types.skeletons import Skeleton, is_finger
 
 __all__ = [
     "confirmed_joints",
-    "is_finger",
-    "keypoint_weights",
     "keypoints_of_observed_limbs",
     "limb_parts",
     "observed_parts",
@@ -35,25 +33,19 @@ _TRUNK = ("pelvis", "left_hip", "right_hip", "spine3", "left_shoulder", "right_s
 
 _MOST_FINGERS = 10  # points on fingers; with more a joint set has whole hands
 
-_LANDMARK_WEIGHTS = {
-    # BlazePose's hips lie on the surface rather than in the joint.
-    ("blazepose33", "left_hip"): 0.5,
-    ("blazepose33", "right_hip"): 0.5,
-}
-
 
 def limb_parts(part_names: Sequence[str]) -> list[int]:
     """Indices of arms, hands, legs and feet: what can be self-occluded."""
     return [i for i, name in enumerate(part_names) if name.startswith(("left_", "right_"))]
 
 
-def confirmed_joints(skeleton: str, keypoints: Tensor, confidence: Tensor, masks: Tensor, least: float) -> Tensor:
+def confirmed_joints(skeleton: Skeleton, keypoints: Tensor, confidence: Tensor, masks: Tensor, least: float) -> Tensor:
     """Joints of which a keypoint is sure and lies on the person's mask: the photo shows them, whatever else is said.
 
     A toe shows its ankle and a finger its wrist.
 
     Args:
-        skeleton: name of the joint set; one that no body knows confirms nothing.
+        skeleton: of the J keypoints.
         keypoints: (B, J, 2) px.
         confidence: (B, J).
         masks: (B, H, W) bool.
@@ -67,7 +59,7 @@ def confirmed_joints(skeleton: str, keypoints: Tensor, confidence: Tensor, masks
         return confirmed
     finite = torch.isfinite(keypoints).all(-1) & torch.isfinite(confidence)
     sure = finite & (confidence >= least) & inside_mask(torch.nan_to_num(keypoints), masks)
-    for j, name in enumerate(SKELETONS.get(skeleton, ())):
+    for j, name in enumerate(skeleton.names):
         joint = _joint_of(name)
         if joint is not None:
             confirmed[:, JOINT_INDEX[joint]] |= sure[:, j]
@@ -95,48 +87,27 @@ def observed_parts(part_names: Sequence[str], observed: Tensor) -> Tensor:
     return torch.stack(columns, 1)
 
 
-def keypoint_weights(skeleton: str, count: int) -> list[float]:
-    """How much each of J keypoints of a joint set counts before its confidence does.
-
-    Args:
-        skeleton: name of the joint set; one that no body knows gets ones.
-        count: J.
-    """
-    weights = [1.0] * count
-    for j, name in enumerate(SKELETONS.get(skeleton, ())):
-        weights[j] = _LANDMARK_WEIGHTS.get((skeleton, name), 1.0)
-    return weights
-
-
-def keypoints_of_observed_limbs(skeleton: str, observed: Tensor, count: int) -> Tensor:
+def keypoints_of_observed_limbs(skeleton: Skeleton, observed: Tensor) -> Tensor:
     """Keypoints of limbs that the photo shows: (B, 55) bool -> (B, J) bool.
 
-    Those of the face, and those of a joint set that no body knows, always count as seen.
+    Points of the face, and points with a name of the skeleton's own, always count as seen.
     """
-    seen = torch.ones(len(observed), count, dtype=torch.bool, device=observed.device)
-    for j, name in enumerate(SKELETONS.get(skeleton, ())):
+    seen = torch.ones(len(observed), len(skeleton), dtype=torch.bool, device=observed.device)
+    for j, name in enumerate(skeleton.names):
         joint = _joint_of(name)
         if joint is not None:
             seen[:, j] = observed[:, JOINT_INDEX[joint]]
     return seen
 
 
-def placing_keypoints(skeleton: str, count: int) -> list[int]:
-    """Which of J keypoints say where a body is.
+def placing_keypoints(skeleton: Skeleton) -> list[int]:
+    """Indices of the keypoints that place a body.
 
     All of them, unless a joint set has whole hands: forty points of fingers, whose pose is not known yet, would then
     outvote the body.
     """
-    names = SKELETONS.get(skeleton, ())
-    fingers = {j for j, name in enumerate(names) if is_finger(name)}
-    return [j for j in range(count) if len(fingers) <= _MOST_FINGERS or j not in fingers]
-
-
-def is_finger(landmark: str) -> bool:
-    """Whether a point of a joint set is a finger's joint or tip."""
-    return landmark.endswith(("thumb_tip", "index_tip", "middle_tip", "ring_tip", "pinky_tip")) or (
-        landmark[-1:].isdigit()
-    )
+    fingers = {j for j, name in enumerate(skeleton.names) if is_finger(name)}
+    return [j for j in range(len(skeleton)) if len(fingers) <= _MOST_FINGERS or j not in fingers]
 
 
 def _joint_of(landmark: str) -> str | None:

@@ -11,6 +11,7 @@ from torch import Tensor
 from physic_core.body.model import BodyModel
 from physic_core.errors import PhysicError
 from physic_core.types.short_repr import ShortRepr
+from physic_core.types.skeletons import Skeleton
 
 __all__ = ["JointProblem", "JointResult"]
 
@@ -42,7 +43,7 @@ class JointProblem(ShortRepr):
         transl0: (B, 3) metres, at the start.
         keypoints: (B, J, 2) px; non-finite ones count as not visible.
         keypoint_confidence: (B, J) in [0, 1].
-        skeleton: name of the keypoints' joint set.
+        skeleton: of the J keypoints.
         K: (3, 3) px.
         masks: (B, H, W) bool, visible pixels of each person.
         scene_points: (M, 3) metres, valid points only.
@@ -69,7 +70,7 @@ class JointProblem(ShortRepr):
     transl0: Tensor
     keypoints: Tensor
     keypoint_confidence: Tensor
-    skeleton: str
+    skeleton: Skeleton
     K: Tensor
     masks: Tensor
     scene_points: Tensor

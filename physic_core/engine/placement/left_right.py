@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from physic_core.body.joints import SIDES
-from physic_core.body.landmarks import SKELETONS
+from physic_core.types import Skeleton
 
 __all__ = ["PAIRS", "Sides", "fix_left_right_swaps"]
 
@@ -40,7 +40,7 @@ class Sides:
 
 
 def fix_left_right_swaps(
-    skeleton: str, keypoints: Tensor, confidence: Tensor, expected: Tensor, most_deg: float
+    skeleton: Skeleton, keypoints: Tensor, confidence: Tensor, expected: Tensor, most_deg: float
 ) -> Sides:
     """Exchange the left and right keypoints of a pair of limbs that a detector has swapped.
 
@@ -51,7 +51,7 @@ def fix_left_right_swaps(
     whether the body or the keypoints are wrong.
 
     Args:
-        skeleton: name of the joint set; nothing is exchanged in an unknown one.
+        skeleton: of the J keypoints.
         keypoints: (B, J, 2) px.
         confidence: (B, J).
         expected: (B, J, 2) px, projected points of the placed bodies.
@@ -60,7 +60,7 @@ def fix_left_right_swaps(
     """
     people, count = confidence.shape
     order = torch.arange(count, device=keypoints.device).expand(people, -1).clone()
-    row = {name: j for j, name in enumerate(SKELETONS.get(skeleton, ()))}
+    row = {name: j for j, name in enumerate(skeleton.names)}
     limbs = {
         pair: tuple([row[f"{side}_{p}"] for p in points if f"{side}_{p}" in row] for side in SIDES)
         for pair, points in PAIRS.items()

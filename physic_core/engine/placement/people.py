@@ -15,6 +15,7 @@ from physic_core.engine.placement.left_right import fix_left_right_swaps
 from physic_core.engine.placement.place import PersonEvidence, PersonPlacement, Placement, PosedBodies, place
 from physic_core.engine.placement.settings import PlacementSettings
 from physic_core.geometry.camera import project
+from physic_core.types import Skeleton
 
 __all__ = ["Detections", "PlacedPeople", "place_people"]
 
@@ -26,7 +27,7 @@ class Detections:
     """Results of detectors and estimators for B people.
 
     Attributes:
-        skeleton: name of the joint set.
+        skeleton: of the J keypoints.
         keypoints: (B, J, 2) px.
         confidence: (B, J) in [0, 1].
         observed: (B, 55) bool, joints that the body estimator reports as visible; None counts as all.
@@ -34,7 +35,7 @@ class Detections:
         masks: (B, H, W) bool, visible pixels of each person.
     """
 
-    skeleton: str
+    skeleton: Skeleton
     keypoints: Tensor
     confidence: Tensor
     observed: Tensor | None
@@ -83,7 +84,7 @@ def place_people(
     """
     columns = list(range(detections.keypoints.shape[1]))
     if settings.method != "released":
-        columns = placing_keypoints(detections.skeleton, len(columns))
+        columns = placing_keypoints(detections.skeleton)
     used = replace(bodies, landmarks=bodies.landmarks[:, columns])
 
     def placed_by(given: Detections, known: list[PersonPlacement | None]) -> Placement:

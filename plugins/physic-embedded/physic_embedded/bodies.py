@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.body.model import BodyModel
-    from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People
+    from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People, Skeleton
 
     from .bodyfit import BodyFit
     from .bodyfit_problem import FitSettings, Start
@@ -84,35 +84,35 @@ class EmbeddedBodies(BodyEstimator):
         Raises:
             BackendError: the body is not loaded, or the joint set of the keypoints has no hips that bodies know.
         """
+        from physic_core.adapters.observed import observed_joints
         from physic_core.body.parameters import parameters_from_rotations
         from physic_core.types import Bodies
 
         from .bodyfit_blind import fit_without_landmarks
         from .bodyfit_problem import FitSettings
-        from .observed import observed_joints
-        from .skeleton import fitted_keypoints
+        from .skeleton import limb_keypoints
         from .views import people_views
 
         if self._model is None:
             raise BackendError("the embedded body was asked for before it was loaded: call load() first")
-        keypoints = fitted_keypoints(keypoints)
+        keypoints = limb_keypoints(keypoints)
         settings = FitSettings(iterations=self.options.iterations)
         camera = intrinsics.matrix
-        observed = observed_joints(keypoints, intrinsics)
+        observed = observed_joints(keypoints, intrinsics.height, intrinsics.width, finger_share=0)
         if not len(people):
             rotations, betas, transl = self._model.zero_pose(0)
             return Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded", observed)
         views = people_views(keypoints, people, intrinsics)
         with _one_thread():
             fit = (_fit_with_landmarks if views.world is not None else fit_without_landmarks)(
-                self._model, views, camera, keypoints.skeleton, settings
+                self._model, views, camera, keypoints.joint_set, settings
             )
             if hints.floor is not None:
-                fit = self._on_floor(fit, views, camera, keypoints.skeleton, settings, hints.floor.normal)
+                fit = self._on_floor(fit, views, camera, keypoints.joint_set, settings, hints.floor.normal)
         return Bodies(parameters_from_rotations(fit.rotations, fit.betas, None, fit.transl), "embedded", observed)
 
     def _on_floor(
-        self, fit: BodyFit, views: Views, camera: FloatArray, skeleton: str, settings: FitSettings, up: FloatArray
+        self, fit: BodyFit, views: Views, camera: FloatArray, skeleton: Skeleton, settings: FitSettings, up: FloatArray
     ) -> BodyFit:
         """The fit repeated with what the floor says: feet are level, and who stands is upright.
 
@@ -170,7 +170,7 @@ def _one_thread() -> Iterator[None]:
 
 
 def _fit_with_landmarks(
-    model: BodyModel, views: Views, camera: FloatArray, skeleton: str, settings: FitSettings
+    model: BodyModel, views: Views, camera: FloatArray, skeleton: Skeleton, settings: FitSettings
 ) -> BodyFit:
     import numpy as np
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from physic_core.body.model import BodyModel
+    from physic_core.types import Skeleton
 
     from .bodyfit_problem import FitSettings, Start
     from .views import Views
@@ -57,7 +58,7 @@ def fit_bodies(
     model: BodyModel,
     views: Views,
     camera: FloatArray,
-    skeleton: str,
+    skeleton: Skeleton,
     start: Start,
     settings: FitSettings,
     *,

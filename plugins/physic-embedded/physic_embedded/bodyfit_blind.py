@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.body.model import BodyModel
+    from physic_core.types import Skeleton
 
     from .bodyfit import BodyFit
     from .bodyfit_problem import FitSettings
@@ -24,7 +25,7 @@ _SIT = {"hip": -1.4, "knee": 1.4}
 
 
 def fit_without_landmarks(
-    model: BodyModel, views: Views, camera: FloatArray, skeleton: str, settings: FitSettings
+    model: BodyModel, views: Views, camera: FloatArray, skeleton: Skeleton, settings: FitSettings
 ) -> BodyFit:
     """The best of fits from eight starts, all in one optimisation."""
     import numpy as np

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from physic_core.body.model import BodyModel, LandmarkModel
+    from physic_core.types import Skeleton
 
     from .views import Views
 
@@ -113,7 +114,7 @@ class FitProblem:
     """Everything that stays fixed during a fit, as tensors of the model's float type."""
 
     landmarks: LandmarkModel
-    skeleton: str
+    skeleton: Skeleton
     rows: Tensor
     hips: tuple[int, int]
     knees: tuple[int, int]
@@ -224,7 +225,7 @@ def fit_problem(
     model: BodyModel,
     views: Views,
     camera: FloatArray,
-    skeleton: str,
+    skeleton: Skeleton,
     start: Start,
     settings: FitSettings,
     floor_up: FloatArray | None,

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from physic_core.types import Skeleton
+
     from .views import Views
 
     FloatArray = NDArray[np.floating]
@@ -23,7 +25,7 @@ _STRAIGHT = 0.25  # sine of the bend under which a limb shows no hinge axis
 _SPINE_LIMIT = 1.2  # radians between hips and shoulders
 
 
-def pose_from_landmarks(landmarks: FloatArray, skeleton: str) -> tuple[FloatArray, FloatArray]:
+def pose_from_landmarks(landmarks: FloatArray, skeleton: Skeleton) -> tuple[FloatArray, FloatArray]:
     """Landmarks (J, 3) in camera axes -> root rotation (3, 3) and rotation vectors (21, 3) of joints 1 to 21.
 
     Wrists, ankles, neck and collars stay at zero. A knee that would bend forward is a wrong depth: it keeps the side of

@@ -22,15 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["EmbeddedHands", "EmbeddedHandsOptions"]
 
 SIDES = ("left", "right")
-ARMS: dict[str, tuple[tuple[int, int, tuple[int, ...]], ...]] = {
-    "blazepose33": ((13, 15, (17, 19)), (14, 16, (18, 20))),
-    "coco17": ((7, 9, ()), (8, 10, ())),
-    "coco23": ((7, 9, ()), (8, 10, ())),
-    "halpe26": ((7, 9, ()), (8, 10, ())),
-    "coco_wholebody133": ((7, 9, (96, 100, 104, 108)), (8, 10, (117, 121, 125, 129))),
-}
-"""Elbow, wrist and knuckles of the left and of the right arm, by skeleton."""
-TRUNKS = {"blazepose33": (11, 12, 23, 24), "coco17": (5, 6, 11, 12)}
+KNUCKLES = ("index1", "middle1", "ring1", "pinky1")
 
 
 class EmbeddedHandsOptions(Options):
@@ -89,18 +81,20 @@ class EmbeddedHands(HandEstimator):
         confidence = np.zeros((len(people), 2), np.float32)
         detector, landmarker = self._networks["palm_detection_full"], self._networks["hand_landmark_full"]
         picture = Picture.of(image)
+        row = {name: j for j, name in enumerate(keypoints.joint_set.names)}
+        has_arms = all(f"{side}_{joint}" in row for joint in ("shoulder", "elbow", "wrist", "hip") for side in SIDES)
         for i, (points, seen) in enumerate(zip(keypoints.points, keypoints.confidence, strict=True)):
-            for s, arm in enumerate(ARMS.get(keypoints.skeleton, ())):
-                place = _place(points, seen, arm, keypoints.skeleton)
+            for s, side in enumerate(SIDES if has_arms else ()):
+                place = _place(points, seen, row, side)
                 if place is None:
                     continue
                 around, angle = place
                 if around.side < self.options.least_size_px:
                     continue
-                look = find_hand(detector, landmarker, picture, around, angle, points[arm[1]], SIDES[s])
-                if look is None or not self._clear(look, SIDES[s]):
+                look = find_hand(detector, landmarker, picture, around, angle, points[row[f"{side}_wrist"]], side)
+                if look is None or not self._clear(look, side):
                     continue
-                rotvecs[i, s] = fit_fingers(look.world, self._rest[SIDES[s]]).rotvecs
+                rotvecs[i, s] = fit_fingers(look.world, self._rest[side]).rotvecs
                 confidence[i, s] = look.presence * (look.right if s else 1.0 - look.right)
         return Hands(rotvecs, confidence)
 
@@ -112,15 +106,16 @@ class EmbeddedHands(HandEstimator):
         return right_side and steady and look.size >= options.least_size_px and look.presence >= options.least_presence
 
 
-def _place(
-    points: FloatArray, seen: FloatArray, arm: tuple[int, int, tuple[int, ...]], skeleton: str
-) -> tuple[Square, float] | None:
+def _place(points: FloatArray, seen: FloatArray, row: dict[str, int], side: str) -> tuple[Square, float] | None:
     """Where a hand is to be looked for, see :func:`physic_embedded.palm.arm_square`; None where no wrist is seen."""
-    elbow, wrist, knuckles = arm
+    elbow, wrist = row[f"{side}_elbow"], row[f"{side}_wrist"]
     if seen[wrist] < 0.3:
         return None
-    fingers = points[list(knuckles)].mean(axis=0) if knuckles else 1.35 * points[wrist] - 0.35 * points[elbow]
-    left_shoulder, right_shoulder, left_hip, right_hip = points[list(TRUNKS.get(skeleton, TRUNKS["coco17"]))]
+    knuckles = [row[f"{side}_{name}"] for name in KNUCKLES if f"{side}_{name}" in row]
+    fingers = points[knuckles].mean(axis=0) if knuckles else 1.35 * points[wrist] - 0.35 * points[elbow]
+    left_shoulder, right_shoulder, left_hip, right_hip = (
+        points[row[name]] for name in ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
+    )
     trunk = np.linalg.norm((left_shoulder + right_shoulder - left_hip - right_hip) / 2)
     return arm_square(points[elbow], points[wrist], fingers, float(trunk))
 

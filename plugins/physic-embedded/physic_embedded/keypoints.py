@@ -10,6 +10,7 @@ from pydantic import Field
 
 from physic_core.interfaces import KeypointDetector, Options
 from physic_core.types import Keypoints
+from physic_embedded.blazepose import BLAZEPOSE
 from physic_embedded.people import detect_people
 from physic_embedded.picture import Picture, Square
 from physic_embedded.pose import landmarks, person_square
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
 __all__ = ["EmbeddedKeypoints", "EmbeddedKeypointsOptions", "keypoints_of"]
 
-SKELETON = "blazepose33"
 LEAST_FIT = 0.15
 """A pose that lies worse on the mask is not this person's."""
 
@@ -69,7 +69,7 @@ class EmbeddedKeypoints(KeypointDetector):
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
         """Image (H, W, 3) and N people -> N rows of 33 joints; confidence 0 where a person cannot be made out."""
         seen = people.keypoints
-        if self.options.reuse and seen is not None and seen.skeleton == SKELETON and len(seen.points) == len(people):
+        if self.options.reuse and seen is not None and seen.skeleton == BLAZEPOSE and len(seen.points) == len(people):
             return seen
         picture = Picture.of(image)
         looks = [self._look(picture, mask, box) for mask, box in zip(people.masks, people.boxes, strict=True)]
@@ -104,7 +104,7 @@ def keypoints_of(poses: Sequence[Pose], height: int, width: int) -> Keypoints:
     return Keypoints(
         points=np.array([p.points for p in poses], np.float32).reshape(-1, 33, 2),
         confidence=np.array([p.confidence(width, height) for p in poses], np.float32).reshape(-1, 33),
-        skeleton=SKELETON,
+        skeleton=BLAZEPOSE,
         world=np.array([p.world for p in poses], np.float32).reshape(-1, 33, 3),
     )
 

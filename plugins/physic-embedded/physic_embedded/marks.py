@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from physic_core.types import Skeleton
+
     FloatArray = NDArray[np.floating]
 
 __all__ = ["world_offset"]
@@ -50,14 +52,14 @@ _WORLD_OFFSET_CM: dict[str, tuple[float, float, float]] = {
 }
 
 
-def world_offset(skeleton: str, names: list[str]) -> FloatArray:
+def world_offset(skeleton: Skeleton, names: list[str]) -> FloatArray:
     """Metres (J, 3) to add to the world landmarks of a joint set; zeros for every set but "blazepose33".
 
     Args:
-        skeleton: joint set.
+        skeleton: of the landmarks.
         names: of its J points, in order.
     """
     import numpy as np
 
-    table = _WORLD_OFFSET_CM if skeleton == "blazepose33" else {}
+    table = _WORLD_OFFSET_CM if skeleton.name == "blazepose33" else {}
     return np.array([table.get(name, (0.0, 0.0, 0.0)) for name in names]).reshape(-1, 3) / 100

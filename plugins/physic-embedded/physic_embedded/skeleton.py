@@ -1,46 +1,54 @@
-"""Which row of a keypoint set is which joint."""
+"""The keypoints that the body fit uses, and their rows by name."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from physic_core.errors import BackendError
+from physic_core.types import SKELETONS
+from physic_core.types.skeletons import is_finger
+
 if TYPE_CHECKING:
-    from physic_core.types import Keypoints
+    from physic_core.types import Keypoints, Skeleton
 
-__all__ = ["fitted_keypoints", "point_rows"]
+__all__ = ["limb_keypoints", "point_rows"]
+
+_NEEDED = tuple(
+    f"{side}_{joint}" for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle") for side in ("left", "right")
+)
+_MOST_FINGERS = 10  # points on fingers; a skeleton with more has whole hands
 
 
-def fitted_keypoints(keypoints: Keypoints) -> Keypoints:
-    """The part of a keypoint set that body models know: whole-body sets are cut to their body and feet.
+def limb_keypoints(keypoints: Keypoints) -> Keypoints:
+    """The keypoints that bodies have, of whole-body skeletons those of COCO-17 and the feet alone.
 
     Raises:
-        BackendError: body models know no part of it.
+        BackendError: the skeleton is unknown, or lacks a joint of an arm or a leg.
     """
-    from physic_core.body.landmarks import DETECTED, SKELETONS
-    from physic_core.errors import BackendError
-
-    if keypoints.skeleton in ("coco_wholebody133", "wholebody69", "halpe26"):
-        names = DETECTED[keypoints.skeleton]
-        columns = [names.index(name) for name in SKELETONS["coco23"]]
-        return replace(
-            keypoints,
-            points=keypoints.points[:, columns],
-            confidence=keypoints.confidence[:, columns],
-            skeleton="coco23",
-            world=None if keypoints.world is None else keypoints.world[:, columns],
-        )
-    if keypoints.skeleton not in SKELETONS or "left_hip" not in SKELETONS[keypoints.skeleton]:
-        known = ", ".join(name for name, points in DETECTED.items() if "left_hip" in points and name != "wholebody69")
+    try:
+        skeleton = keypoints.joint_set
+    except ValueError as error:
+        raise BackendError(str(error)) from error
+    if missing := [name for name in _NEEDED if name not in skeleton.names]:
         raise BackendError(
-            f"keypoints of the joint set {keypoints.skeleton!r} came, and the embedded body knows {known}: "
-            "choose a keypoint detector that answers one of them"
+            f"the embedded body is fitted to shoulders, elbows, wrists, hips, knees and ankles, and the skeleton "
+            f"{skeleton.name!r} lacks {', '.join(missing)}: choose a keypoint detector that detects them"
         )
-    return keypoints
+    columns = list(skeleton.fitted)
+    if sum(is_finger(skeleton.names[i]) for i in columns) > _MOST_FINGERS:
+        columns = [i for i in columns if skeleton.names[i] in SKELETONS["coco23"].names]
+    if len(columns) == len(skeleton):
+        return keypoints
+    return replace(
+        keypoints,
+        points=keypoints.points[:, columns],
+        confidence=keypoints.confidence[:, columns],
+        skeleton=skeleton.take(columns),
+        world=None if keypoints.world is None else keypoints.world[:, columns],
+    )
 
 
-def point_rows(skeleton: str) -> dict[str, int]:
-    """Name of each point of a joint set -> its row; names as the body models have them ("left_knee", "nose", ...)."""
-    from physic_core.body.landmarks import SKELETONS
-
-    return {name: row for row, name in enumerate(SKELETONS[skeleton])}
+def point_rows(skeleton: Skeleton) -> dict[str, int]:
+    """Name of each point of a skeleton -> its row."""
+    return {name: row for row, name in enumerate(skeleton.names)}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from .shift import Standing
-from .skeleton import fitted_keypoints, point_rows
+from .skeleton import limb_keypoints, point_rows
 
 if TYPE_CHECKING:
     import numpy as np
@@ -32,8 +32,8 @@ def standing_people(keypoints: Keypoints | None, height: int, width: int) -> tup
 
     if keypoints is None or not len(keypoints.points):
         return ()
-    keypoints = fitted_keypoints(keypoints)
-    row = point_rows(keypoints.skeleton)
+    keypoints = limb_keypoints(keypoints)
+    row = point_rows(keypoints.joint_set)
     needed = [row[n] for n in ("nose", "left_shoulder", "right_shoulder", "left_hip", "right_hip")]
     needed += [row[f"{side}_{joint}"] for side in ("left", "right") for joint in ("knee", "ankle")]
     people = []

@@ -74,7 +74,7 @@ def people_views(keypoints: Keypoints, people: People, intrinsics: Intrinsics) -
     """
     import numpy as np
 
-    row = point_rows(keypoints.skeleton)
+    row = point_rows(keypoints.joint_set)
     hips = [row["left_hip"], row["right_hip"]]
     points = np.asarray(keypoints.points, np.float64)
     limits = np.array([intrinsics.width, intrinsics.height]) - 0.5

@@ -155,9 +155,9 @@ def test_a_standing_person_tells_how_high_the_camera_is() -> None:
 
 
 def keypoints(points: dict[str, tuple[float, float]]) -> Keypoints:
-    from physic_core.body.landmarks import SKELETONS
+    from physic_core.types import SKELETONS
 
-    row = np.array([[points.get(name, (50.0, 20.0)) for name in SKELETONS["coco17"]]])
+    row = np.array([[points.get(name, (50.0, 20.0)) for name in SKELETONS["coco17"].names]])
     return Keypoints(row, np.full(row.shape[:2], 0.9), "coco17")
 
 

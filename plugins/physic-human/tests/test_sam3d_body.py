@@ -359,13 +359,13 @@ def test_feet_are_turned_as_their_toes_say(name: str, most_mm: float) -> None:
 def toes_of(world: World) -> np.ndarray:
     """(N, 4, 3) tips of the big and the small toe, of the left foot and of the right."""
     from physic_core.body import load_body
-    from physic_core.body.landmarks import SKELETONS
+    from physic_core.types import SKELETONS
 
-    regressor = load_body("embedded").regressors["coco23"]
+    regressor = load_body("embedded").regressor("coco23")
     given = torch.from_numpy(world.vertices.copy()).index_select(1, regressor.vertex_ids)
     points = regressor(torch.from_numpy(world.joints.copy()), given).numpy()
     names = ("left_big_toe", "left_small_toe", "right_big_toe", "right_small_toe")
-    return points[:, [SKELETONS["coco23"].index(name) for name in names]]
+    return points[:, [SKELETONS["coco23"].names.index(name) for name in names]]
 
 
 def test_it_needs_a_gpu_and_says_so(sam: Sam3dBody) -> None:

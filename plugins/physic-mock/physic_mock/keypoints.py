@@ -8,10 +8,11 @@ import numpy as np
 from pydantic import Field
 
 from physic_core import interfaces
-from physic_core.types import Keypoints
+from physic_core.types import Keypoints, skeleton_named
 from physic_mock.noise import chance, generator
 from physic_mock.recognition import MockOptions, match_people, recognise
 from physic_testing.conformance.joint_sets import world_keypoints
+from physic_testing.worlds import SKELETONS
 
 if TYPE_CHECKING:
     from physic_core.types import People, UInt8Array
@@ -65,7 +66,8 @@ class MockKeypointDetector(interfaces.KeypointDetector):
         found = recognise(image)
         rows = match_people(found, people)
         rng = generator(found.world, options.noise_seed, "keypoints")
-        truth, visible = world_keypoints(found.world, options.skeleton)
+        skeleton = SKELETONS.get(options.skeleton) or skeleton_named(options.skeleton)
+        truth, visible = world_keypoints(found.world, skeleton)
         size = (found.world.boxes[:, 2:] - found.world.boxes[:, :2]).max(axis=1)
         sigma = options.noise * np.where(visible, options.point_noise, options.hidden_noise) * size[:, None]
         points = truth + sigma[..., None] * rng.normal(size=truth.shape)
@@ -75,16 +77,13 @@ class MockKeypointDetector(interfaces.KeypointDetector):
         for person, swaps in enumerate(chance(options.swapped, options.noise, rng.random((len(truth), 2)))):
             for limb, swap in zip((_ARM, _LEG), swaps, strict=True):
                 if swap:
-                    order = _swapped(options.skeleton, limb)
+                    order = _swapped(skeleton.names, limb)
                     points[person], confidence[person] = points[person, order], confidence[person, order]
-        return Keypoints(points=points[rows], confidence=confidence[rows], skeleton=options.skeleton)
+        return Keypoints(points=points[rows], confidence=confidence[rows], skeleton=skeleton)
 
 
-def _swapped(skeleton: str, limb: tuple[str, ...]) -> list[int]:
+def _swapped(names: tuple[str, ...], limb: tuple[str, ...]) -> list[int]:
     """Which point each point's name is given to, where left and right of one pair of limbs are mixed up."""
-    from physic_core.body.landmarks import DETECTED
-
-    names = DETECTED[skeleton]
     order = list(range(len(names)))
     for i, name in enumerate(names):
         side, _, point = name.partition("_")

@@ -10,8 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from physic_core.body import JOINT_INDEX
-from physic_core.body.landmarks import SKELETONS
-from physic_core.types import Hints, Keypoints, People
+from physic_core.types import SKELETONS, Hints, Keypoints, People
 from physic_mock import NOISE_VERSION
 from physic_mock.backends import (
     MockBodyEstimator,
@@ -369,7 +368,7 @@ def test_masks_hold_at_any_noise(world):
 def test_left_and_right_of_a_limb_are_swapped_and_nothing_else(world, people):
     options = KeypointOptions(skeleton="coco17", swapped=1, point_noise=0, hidden_noise=0)
     points = MockKeypointDetector(options).infer(world.image, people).points[0]
-    true, names = world.keypoints["coco17"][0], SKELETONS["coco17"]
+    true, names = world.keypoints["coco17"][0], SKELETONS["coco17"].names
     for i, name in enumerate(names):
         side, _, point = name.partition("_")
         if point in ("elbow", "wrist", "knee", "ankle"):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import affine_transform
 
-from physic_core.body.landmarks import DETECTED
+from physic_core.types import SKELETONS
 from physic_testing.conformance.joint_sets import world_keypoints
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def whose(world: World, box: np.ndarray) -> int | None:
 
 def joints(world: World | None, box: np.ndarray, skeleton: str) -> tuple[np.ndarray, np.ndarray]:
     """Places (J, 2) px of the photo and confidences (J,) of the person in a box."""
-    count = len(DETECTED[skeleton])
+    count = len(SKELETONS[skeleton].names)
     row = None if world is None else whose(world, box)
     if world is None or row is None:
         return standing(box, count), np.full(count, 0.4)

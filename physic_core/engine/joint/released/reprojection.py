@@ -10,14 +10,13 @@ import torch
 from torch import Tensor
 
 from physic_core.body.joints import SIDES
-from physic_core.body.landmarks import DETECTED, SKELETONS
 from physic_core.engine.joint.context import JointContext, Keypoints
-from physic_core.engine.joint.limbs import is_finger
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.term import PosedBodies, View
 from physic_core.engine.joint.terms.reprojection import finite_keypoints
 from physic_core.geometry.camera import project
 from physic_core.geometry.visibility import near_mask
+from physic_core.types.skeletons import Skeleton, is_finger
 
 __all__ = ["ReleasedReprojectionTerm", "released_keypoint_weights", "released_keypoints", "released_reprojection"]
 
@@ -29,11 +28,11 @@ _MASK_GROWTH_PX = 16  # a square of 9 px, four times
 _LONGEST_SIDE_PX = 1024  # of the pictures that the released code works on
 
 
-def released_keypoint_weights(skeleton: str, points: Tensor, confidence: Tensor, masks: Tensor) -> Tensor:
+def released_keypoint_weights(skeleton: Skeleton, points: Tensor, confidence: Tensor, masks: Tensor) -> Tensor:
     """Confidence of at least 0.5, times ten for body and feet; 0 for hands below 0.7 in the mean, and off all people.
 
     Args:
-        skeleton: name of the joint set; of an unknown one all keypoints are the body's.
+        skeleton: of the J keypoints.
         points: (B, J, 2) px.
         confidence: (B, J).
         masks: (B, H, W) bool, visible pixels of each person; their union is grown by 16 px, more in large pictures.
@@ -43,15 +42,13 @@ def released_keypoint_weights(skeleton: str, points: Tensor, confidence: Tensor,
     """
     finite = torch.isfinite(points).all(-1) & torch.isfinite(confidence)
     weight = torch.where(finite & (confidence >= _LEAST_CONFIDENCE), confidence, torch.zeros_like(confidence))
-    names = SKELETONS.get(skeleton) or DETECTED.get(skeleton, ())
+    names = skeleton.names
     for side in SIDES:
         hand = [j for j, name in enumerate(names) if _is_of_hand(name, side)]
         if hand:
             sure = weight[:, hand].mean(1, keepdim=True) >= _LEAST_HAND_CONFIDENCE
             weight[:, hand] = weight[:, hand] * sure
-    body = torch.ones(points.shape[1], dtype=torch.bool, device=points.device)
-    if names:
-        body = torch.tensor([_is_of_body(name) for name in names], device=points.device)
+    body = torch.tensor([_is_of_body(name) for name in names], device=points.device)
     height, width = masks.shape[-2:]
     reach = round(_MASK_GROWTH_PX * max(1.0, max(height, width) / _LONGEST_SIDE_PX))
     seen = near_mask(torch.nan_to_num(points), masks.any(0), reach)
@@ -110,7 +107,8 @@ class ReleasedReprojectionTerm:
 
 
 def _is_of_body(name: str) -> bool:
-    return name in SKELETONS["coco23"] or name.endswith("_foot_tip")
+    fine = name.endswith(("_inner_surface", "_outer_surface", "mouth_corner_surface", "hand_root"))
+    return not (fine or is_finger(name) or name.startswith("face_point"))
 
 
 def _is_of_hand(name: str, side: str) -> bool:

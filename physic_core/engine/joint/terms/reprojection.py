@@ -10,7 +10,7 @@ from torch import Tensor
 
 from physic_core.engine.bounds import NotNegative, Positive, Share
 from physic_core.engine.joint.context import JointContext, Keypoints
-from physic_core.engine.joint.limbs import keypoint_weights, keypoints_of_observed_limbs
+from physic_core.engine.joint.limbs import keypoints_of_observed_limbs
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.term import PosedBodies, Rho, View
 from physic_core.geometry.camera import project
@@ -126,7 +126,7 @@ def weighted_keypoints(
     """
     points, confidence = finite_keypoints(problem)
     height, width = problem.masks.shape[-2:]
-    seen = keypoints_of_observed_limbs(problem.skeleton, observed, points.shape[1])
+    seen = keypoints_of_observed_limbs(problem.skeleton, observed)
     weight = torch.where(confidence < settings.min_confidence, settings.low_confidence_weight * confidence, confidence)
     # A guess is never sure.
     from_border = torch.minimum(points, points.new_tensor([width, height]) - points).amin(-1)
@@ -157,4 +157,5 @@ def confident_keypoints(
 def _inside_and_typical(problem: JointProblem, points: Tensor, weight: Tensor) -> Tensor:
     """Weights without keypoints outside the picture, which a network made up, and less for loosely defined ones."""
     weight = weight * inside_image(points, *problem.masks.shape[-2:])
-    return weight * weight.new_tensor(keypoint_weights(problem.skeleton, points.shape[1]))
+    skeleton = problem.skeleton
+    return weight * weight.new_tensor([skeleton.weights.get(name, 1.0) for name in skeleton.names])

@@ -17,10 +17,11 @@ from physic_core.engine.joint.problem import JointProblem
 from physic_core.geometry.camera import pixel_grid, project, unproject
 from physic_core.geometry.raster import rasterise
 from physic_core.geometry.rotations import rotvec_to_rotmat
+from physic_testing.worlds.skeletons import BLAZEPOSE
 
 __all__ = ["SKELETON", "crowd"]
 
-SKELETON = "blazepose33"
+SKELETON = BLAZEPOSE
 
 _CAMERA_HEIGHT = 1.4  # metres over the floor, looking level
 _WALL_M = 7.5

@@ -1,10 +1,13 @@
-"""True keypoints of a world in every joint set that a detector may answer."""
+"""True keypoints of a world in any skeleton."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from physic_core.types import Skeleton, skeleton_named
+from physic_testing.worlds.skeletons import SKELETONS
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
@@ -13,53 +16,62 @@ if TYPE_CHECKING:
 __all__ = ["world_keypoints"]
 
 
-def world_keypoints(world: World, skeleton: str) -> tuple[FloatArray, BoolArray]:
+def world_keypoints(world: World, skeleton: Skeleton | str) -> tuple[FloatArray, BoolArray]:
     """Where the keypoints of a world's N people are, and which of them the photo shows.
 
     Args:
-        world: knows its people's bodies.
-        skeleton: a key of :data:`physic_core.body.landmarks.DETECTED`.
+        world: with its people's bodies.
+        skeleton: any, or the name of one in :data:`physic_testing.worlds.SKELETONS` or of a standard one.
 
     Returns:
-        (N, J, 2) float64 px and (N, J) bool. Points that no body has lie at the nose.
+        (N, J, 2) float64 px and (N, J) bool. Points that no body has lie at the nose, hand roots at the wrist.
 
     Raises:
-        KeyError: there is no such joint set.
+        BodyModelError: a point of the skeleton does not lie on a body.
+        ValueError: no skeleton has this name.
     """
-    if skeleton in world.keypoints:
-        return world.keypoints[skeleton], world.visible[skeleton]
+    if isinstance(skeleton, str):
+        skeleton = SKELETONS.get(skeleton) or skeleton_named(skeleton)
+    if skeleton == SKELETONS.get(skeleton.name):
+        return world.keypoints[skeleton.name], world.visible[skeleton.name]
 
     import torch
 
     from physic_core.body import load_body
-    from physic_core.body.landmarks import DETECTED, known_part
     from physic_testing.worlds.truth import project
 
-    model = load_body(world.body_model)
-    known, columns = known_part(skeleton)
-    regressor = model.regressors[known]
+    columns = list(skeleton.fitted)
+    regressor = load_body(world.body_model).regressor(skeleton.take(columns))
     vertices = torch.from_numpy(world.vertices.copy()).index_select(1, regressor.vertex_ids)
-    shown = project(regressor(torch.from_numpy(world.joints.copy()), vertices).double().numpy(), world.intrinsics)
-    seen = np.stack([_visible(world, name) for name in (DETECTED[skeleton][i] for i in columns)], 1)
-    nose = 0  # of COCO's sets, and all that are left are COCO's with more
-    points = np.repeat(shown[:, [nose]], len(DETECTED[skeleton]), axis=1)
-    visible = np.repeat(seen[:, [nose]], len(DETECTED[skeleton]), axis=1)
-    points[:, columns], visible[:, columns] = shown, seen
-    for row, name in enumerate(DETECTED[skeleton]):
-        if name.endswith("hand_root"):
-            wrist = columns.index(DETECTED[skeleton].index(name.replace("hand_root", "wrist")))
-            points[:, row], visible[:, row] = shown[:, wrist], seen[:, wrist]
+    points = np.empty((len(world.joints), len(skeleton), 2))
+    visible = np.empty(points.shape[:2], bool)
+    coco = SKELETONS["coco23"].names
+    for row, name in enumerate(skeleton.names):
+        place = name.replace("hand_root", "wrist") if name.endswith("hand_root") else "nose"
+        points[:, row] = world.keypoints["coco23"][:, coco.index(place)]
+        visible[:, row] = world.visible["coco23"][:, coco.index(place)]
+    on_body = regressor(torch.from_numpy(world.joints.copy()), vertices)
+    points[:, columns] = project(on_body.double().numpy(), world.intrinsics)
+    for row in columns:
+        visible[:, row] = _visible(world, _nearest_body_point(skeleton, skeleton.names[row]))
     return points, visible
+
+
+def _nearest_body_point(skeleton: Skeleton, name: str) -> str:
+    from physic_core.body.landmarks import BODY_POINTS
+
+    blend = skeleton.on_body.get(name, {})
+    return name if name in BODY_POINTS else max(blend, key=lambda other: blend[other])
 
 
 def _visible(world: World, name: str) -> BoolArray:
     """(N,) bool of one point of a body; the tip of a finger goes with its last joint."""
     from physic_core.body import JOINT_INDEX
-    from physic_core.body.landmarks import SKELETONS
 
     for skeleton in ("coco23", "blazepose33"):
-        if name in SKELETONS[skeleton]:
-            found: BoolArray = world.visible[skeleton][:, SKELETONS[skeleton].index(name)]
+        names = SKELETONS[skeleton].names
+        if name in names:
+            found: BoolArray = world.visible[skeleton][:, names.index(name)]
             return found
     joint = name.removesuffix("_tip") + "3" if name.endswith("_tip") else name
     return world.joints_visible[:, JOINT_INDEX[joint]]

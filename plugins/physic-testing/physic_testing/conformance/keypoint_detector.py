@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.errors import BodyModelError
+from physic_core.types import SKELETONS, Skeleton
 from physic_testing.conformance.answering import CHECKS_OF_PEOPLE
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckSkipped, expect
@@ -15,29 +17,29 @@ from physic_testing.conformance.truth import mirrored_order, true_keypoints
 if TYPE_CHECKING:
     from physic_testing.conformance.subject import Subject
 
-__all__ = ["CHECKS", "joint_counts"]
+__all__ = ["CHECKS"]
 
 MOST_ERROR = 0.25
 """Median error as a share of the larger side of the person's box."""
 
 
-def joint_counts() -> dict[str, int]:
-    """Joint set -> its number of joints."""
-    from physic_core.body.landmarks import DETECTED
-
-    return {name: len(joints) for name, joints in DETECTED.items()}
-
-
 def check_skeleton_is_known(subject: Subject) -> None:
-    """`skeleton` names a joint set that the core knows, with as many points."""
-    answer, known = subject.answer(), joint_counts()
+    """`skeleton` is the name of a standard one, or a Skeleton whose points lie on a body, with as many points."""
+    from physic_core.body import load_body
+
+    answer = subject.answer()
     expect(
-        answer.skeleton in known,
-        f"the name of a joint set: {', '.join(n for n in known if 'hand' not in n)}",
+        isinstance(answer.skeleton, Skeleton) or answer.skeleton in SKELETONS,
+        f"a Skeleton, or the name of a standard one: {', '.join(n for n in SKELETONS if 'hand' not in n)}",
         f"{answer.skeleton!r}",
     )
+    skeleton = answer.joint_set
+    try:
+        load_body("embedded").regressor(skeleton.take(skeleton.fitted))
+    except BodyModelError as error:
+        expect(False, "points that lie on a body", str(error))
     count = answer.points.shape[1]
-    expect(count == known[answer.skeleton], f"{known[answer.skeleton]} joints of {answer.skeleton!r}", f"{count}")
+    expect(count == len(skeleton), f"{len(skeleton)} joints of {skeleton.name!r}", f"{count}")
 
 
 def check_joints_lie_on_the_person(subject: Subject) -> None:
@@ -64,10 +66,8 @@ def check_joints_lie_on_the_person(subject: Subject) -> None:
 
 def check_left_is_the_persons_left(subject: Subject) -> None:
     """Left joints are on the person's own left."""
-    from physic_core.body.landmarks import SKELETONS
-
-    points, true, seen, name = true_keypoints(subject.answer(), subject.case("one person").truth)
-    other = mirrored_order(SKELETONS[name])
+    points, true, seen, skeleton = true_keypoints(subject.answer(), subject.case("one person").truth)
+    other = mirrored_order(skeleton.names)
     sided = seen & seen[:, other] & (np.array(other) != np.arange(len(other)))
     if not sided.any():
         raise CheckSkipped("it sees no pair of joints")
@@ -82,11 +82,9 @@ def check_left_is_the_persons_left(subject: Subject) -> None:
 
 def check_world_points_are_metres(subject: Subject) -> None:
     """`world`, where it is given, is in metres with y down: the head of who stands is above the feet."""
-    from physic_core.body.landmarks import SKELETONS
-
     answer = subject.answer()
-    names = SKELETONS.get(answer.skeleton, ())
-    if answer.world is None or "left_ankle" not in names:
+    names = answer.joint_set.names
+    if answer.world is None or not {"nose", "left_ankle", "right_ankle"} <= set(names):
         raise CheckSkipped("it answers no world points")
     height = answer.world[:, [names.index("left_ankle"), names.index("right_ankle")], 1].mean(axis=1)
     height = height - answer.world[:, names.index("nose"), 1]

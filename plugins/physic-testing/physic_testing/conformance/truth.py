@@ -11,7 +11,7 @@ from physic_testing.conformance.expect import CheckSkipped
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
-    from physic_core.types import Bodies, BoolArray, ContactProbability, FloatArray, Keypoints
+    from physic_core.types import Bodies, BoolArray, ContactProbability, FloatArray, Keypoints, Skeleton
     from physic_testing.worlds import World
 
 __all__ = [
@@ -27,24 +27,25 @@ __all__ = [
 ]
 
 
-def true_keypoints(answer: Keypoints, world: World) -> tuple[FloatArray, FloatArray, BoolArray, str]:
-    """The detected points and the true ones, in the joint set that both share.
+def true_keypoints(answer: Keypoints, world: World) -> tuple[FloatArray, FloatArray, BoolArray, Skeleton]:
+    """The detected points that bodies have, and the true ones.
 
     Returns:
         Detected points (N, J, 2) px, true points (N, J, 2) px, which points are visible in the photo and detected
-        (N, J) bool, and the name of the joint set.
+        (N, J) bool, and their skeleton.
 
     Raises:
-        CheckSkipped: a world has no truth for this joint set.
+        CheckSkipped: the skeleton is of a hand alone, or has no point of a body.
     """
-    from physic_core.body.landmarks import DETECTED, known_keypoints
+    from physic_core.body.landmarks import fitted_keypoints
     from physic_testing.conformance.joint_sets import world_keypoints
 
-    if answer.skeleton not in DETECTED or "hand21" in answer.skeleton:
-        raise CheckSkipped(f"worlds know no keypoints of the skeleton {answer.skeleton!r}")
-    known = known_keypoints(answer)
-    truth, visible = world_keypoints(world, known.skeleton)
-    return known.points, truth, visible & (known.confidence > 0), known.skeleton
+    known = fitted_keypoints(answer)
+    skeleton = known.joint_set
+    if "hand21" in skeleton.name or not len(skeleton):
+        raise CheckSkipped(f"worlds have no truth for the skeleton {skeleton.name!r}")
+    truth, visible = world_keypoints(world, skeleton)
+    return known.points, truth, visible & (known.confidence > 0), skeleton
 
 
 def mirrored_order(names: tuple[str, ...]) -> list[int]:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.body.model import BodyModel
-    from physic_core.types import BoolArray, FloatArray, Intrinsics, UInt8Array
+    from physic_core.types import BoolArray, FloatArray, Intrinsics, Skeleton, UInt8Array
 
 __all__ = ["BodiesTruth", "Pictures", "place_bodies", "project", "seen_by_camera", "take_pictures"]
 
@@ -66,7 +66,7 @@ class Pictures:
     caster: Caster
 
 
-def place_bodies(model: BodyModel, stage: Stage, skeletons: tuple[str, ...]) -> BodiesTruth:
+def place_bodies(model: BodyModel, stage: Stage, skeletons: tuple[Skeleton, ...]) -> BodiesTruth:
     """The stage's people as float32 parameters in the camera's frame, and the bodies that exactly these pose."""
     from scipy.spatial.transform import Rotation
 
@@ -97,13 +97,13 @@ def place_bodies(model: BodyModel, stage: Stage, skeletons: tuple[str, ...]) -> 
         expression=np.zeros((len(rows), model.num_expression), np.float32),
         transl=np.stack(transl),
     )
-    landmarks = {name: _landmarks(model, vertices, joints, name) for name in skeletons}
+    landmarks = {skeleton.name: _landmarks(model, vertices, joints, skeleton) for skeleton in skeletons}
     return BodiesTruth(parameters, vertices, joints, landmarks)
 
 
-def _landmarks(model: BodyModel, vertices: FloatArray, joints: FloatArray, skeleton: str) -> FloatArray:
+def _landmarks(model: BodyModel, vertices: FloatArray, joints: FloatArray, skeleton: Skeleton) -> FloatArray:
     """(N, J, 3) of vertices (N, V, 3) and joints (N, 55, 3): the joint set's regressor with its sum in one order."""
-    regressor = model.regressors[skeleton]
+    regressor = model.regressor(skeleton)
     ends = np.concatenate([joints, vertices[:, regressor.vertex_ids.numpy()]], axis=1)
     points: FloatArray = (regressor.matrix.numpy()[:, :, None] * ends[:, None]).sum(axis=2)
     return points

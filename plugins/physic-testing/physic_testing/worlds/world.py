@@ -19,6 +19,7 @@ from physic_core.errors import InputError
 from physic_core.types import BodyParameters, Intrinsics, Plane
 from physic_testing.worlds import labels, storage
 from physic_testing.worlds.rendering import pixel_rays
+from physic_testing.worlds.skeletons import SKELETONS
 
 # What builds a world needs torch and is imported where it is used: names and types of worlds do not.
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from physic_testing.worlds.cameras import Camera
     from physic_testing.worlds.rooms import Room
 
-__all__ = ["CONTACT_DISTANCE", "SKELETONS", "WORLDS", "World", "benchmark_worlds", "build_world"]
+__all__ = ["CONTACT_DISTANCE", "WORLDS", "World", "benchmark_worlds", "build_world"]
 
 WORLDS: tuple[str, ...] = (
     "stand",
@@ -55,9 +56,6 @@ WORLDS: tuple[str, ...] = (
 
 CONTACT_DISTANCE = 0.02
 """Metres: a vertex touches when a surface is this near, or when it lies inside (the rule of the paper's code)."""
-
-SKELETONS = ("coco17", "coco23", "blazepose33")
-"""Joint sets whose keypoints a world knows."""
 
 
 @dataclass(frozen=True)
@@ -190,7 +188,6 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
     import torch
 
     from physic_core.body import load_body
-    from physic_core.body.landmarks import SKELETONS as LANDMARKS
     from physic_testing.worlds.arithmetic import apply, dot
     from physic_testing.worlds.staging import set_stage
     from physic_testing.worlds.truth import place_bodies, project, seen_by_camera, take_pictures
@@ -198,7 +195,7 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
     model = load_body("embedded").to(dtype=torch.float64)
     stage = set_stage(model, name, seed, size)
     intrinsics, rng = stage.intrinsics, np.random.default_rng([seed, zlib.crc32(name.encode()), _COLOURS])
-    bodies = place_bodies(model, stage, SKELETONS)
+    bodies = place_bodies(model, stage, tuple(SKELETONS.values()))
     pictures = take_pictures(model, stage, intrinsics, bodies.vertices, rng)
     distance = stage.room.signed_distance(stage.camera.to_room(bodies.vertices))
     up = np.array(stage.room.ground.normal)
@@ -226,7 +223,7 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
         empty_floor_mask=pictures.empty_floor_mask,
         floor=Plane(apply(stage.camera.rotation, up), float(dot(stage.camera.position, up))),
         keypoints={name: project(points, intrinsics) for name, points in bodies.landmarks.items()},
-        visible={name: seen(points, LANDMARKS[name]) for name, points in bodies.landmarks.items()},
+        visible={name: seen(points, SKELETONS[name].names) for name, points in bodies.landmarks.items()},
         joints_visible=seen(bodies.joints, model.joint_names),
         parameters=bodies.parameters,
         body_model=model.name,

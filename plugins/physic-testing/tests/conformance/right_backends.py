@@ -99,7 +99,9 @@ class RightKeypoints(Knowing, interfaces.KeypointDetector):
         tall = (people.boxes[:, 3] - people.boxes[:, 1]).reshape(-1, 1, 1)
         flat = (points - points[:, 23:25].mean(axis=1, keepdims=True)) * 1.7 / np.maximum(tall, 1)
         world = np.concatenate([flat, np.zeros_like(flat[..., :1])], axis=2)
-        return Keypoints(points + POOR / 2 * tall * poor, case.keypoints.confidence[rows], "blazepose33", world)
+        return Keypoints(
+            points + POOR / 2 * tall * poor, case.keypoints.confidence[rows], case.keypoints.skeleton, world
+        )
 
 
 class RightBodies(Knowing, interfaces.BodyEstimator):

@@ -1,0 +1,47 @@
+"""BlazePose's 33 points, and where the network draws them on a body."""
+
+from __future__ import annotations
+
+from physic_core.types import SKELETONS, Skeleton
+from physic_core.types.skeletons import SIDES
+
+__all__ = ["BLAZEPOSE"]
+
+_SHARES = (
+    ("hip", "same knee", 0.06),
+    ("hip", "other hip", 0.08),
+    ("ankle", "same knee", 0.10),
+    ("shoulder", "other shoulder", 0.055),
+    ("shoulder", "same hip", -0.055),
+    ("heel", "same ankle", 0.16),
+    ("foot_tip", "same heel", 0.085),
+    ("foot_tip", "same ankle", 0.26),
+    ("ear_surface", "nose", 0.14),
+    ("eye_surface", "nose", 0.05),
+    ("pinky1", "same wrist", 0.23),
+    ("index1", "same wrist", 0.21),
+    ("thumb2", "same wrist", 0.12),
+)
+"""Point, body point towards which the network draws it, and share of the way. Measured by fitting the embedded body to
+31 people in 16 photos with these shares free; shares from one half of the photos lower the reprojection error on the
+other half by a fifth."""
+
+_HIP_WEIGHT = 0.5  # BlazePose marks hips on the skin, with a larger error than other joints
+
+
+def _on_body() -> dict[str, dict[str, float]]:
+    places: dict[str, dict[str, float]] = {}
+    for side, other in zip(SIDES, reversed(SIDES), strict=True):
+        for point, towards, share in _SHARES:
+            end = towards.replace("same ", f"{side}_").replace("other ", f"{other}_")
+            places.setdefault(f"{side}_{point}", {})[end] = share
+    return places
+
+
+BLAZEPOSE = Skeleton(
+    "blazepose33",
+    SKELETONS["blazepose33"].names,
+    on_body=_on_body(),
+    weights={f"{side}_hip": _HIP_WEIGHT for side in SIDES},
+)
+"""MediaPipe BlazePose with the calibration of the network in this package."""

@@ -1,0 +1,95 @@
+"""A detector with points that the core has never heard of: from a plugin through the engine, the kit and the files."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from physic_core import load_config, load_reconstruction, reconstruct
+from physic_core.body import load_body
+from physic_core.metrics.consistency import consistency
+from physic_core.metrics.pose import pa_mpjpe_mm
+from physic_core.types import Keypoints, Skeleton
+from physic_mock.keypoints import KeypointOptions, MockKeypointDetector
+from physic_mock.recognition import match_people, recognise
+from physic_testing.conformance import check_backend
+from physic_testing.conformance.joint_sets import world_keypoints
+from physic_testing.worlds import World, build_world
+
+SIDES = ("left", "right")
+BLENDS = {
+    **{f"{s}_mid_thigh": {f"{s}_hip": 0.5, f"{s}_knee": 0.5} for s in SIDES},
+    **{f"{s}_mid_shin": {f"{s}_knee": 0.5, f"{s}_ankle": 0.5} for s in SIDES},
+    **{f"{s}_deltoid": {f"{s}_shoulder": 0.8, f"{s}_elbow": 0.2} for s in SIDES},
+    **{f"{s}_watch": {f"{s}_wrist": 0.9, f"{s}_elbow": 0.1} for s in SIDES},
+    "sternum": {"left_shoulder": 0.35, "right_shoulder": 0.35, "left_hip": 0.15, "right_hip": 0.15},
+    "left_ankle": {"left_knee": 0.1},
+    "hat": {},
+}
+MARKERS = Skeleton(
+    "markers16",
+    (*BLENDS, "right_ankle", "nose", "left_heel", "right_heel", "head"),
+    on_body=BLENDS,
+    weights={"sternum": 0.5},
+)
+
+
+class MarkerDetector(MockKeypointDetector):
+    """The world's true points in a skeleton of this plugin's own."""
+
+    def infer(self, image: np.ndarray, people: object) -> Keypoints:
+        found = recognise(image)
+        points, visible = world_keypoints(found.world, MARKERS)
+        rows = match_people(found, people)
+        return Keypoints(points[rows], np.where(visible[rows], 0.95, 0.3), MARKERS)
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return build_world("stand")
+
+
+def test_truth_follows_the_skeletons_own_places(world: World) -> None:
+    points, _ = world_keypoints(world, MARKERS)
+    K, joints = world.intrinsics.matrix, world.joints[0].astype(float)
+    model = load_body("embedded")
+    hip, knee = (joints[model.joint_names.index(name)] for name in ("left_hip", "left_knee"))
+    spot = K @ ((hip + knee) / 2)
+    np.testing.assert_allclose(points[0, MARKERS.names.index("left_mid_thigh")], spot[:2] / spot[2], atol=1e-2)
+
+
+def test_the_engine_fits_points_that_the_core_has_never_heard_of(world: World, tmp_path) -> None:
+    sure = "metric_depth.options.noise=0"
+    detector = f"keypoint_detector.backend={__name__}:MarkerDetector"
+    found = reconstruct(world.image, load_config(preset="mock", overrides=[detector, sure]))
+    person = found.people[0]
+    aligned = pa_mpjpe_mm(person.joints[None, :22].astype(float), world.joints[:1, :22])[0]
+    error = consistency(found, load_body("embedded"))[0].keypoint_error_share
+    print(f"joints {aligned:.0f} mm once aligned, reprojection {error:.3f} of the box")
+    assert found.skeleton == MARKERS
+    assert person.keypoints.shape == (len(MARKERS), 2)
+    assert aligned < 40
+    assert error < 0.03
+
+    found.save(tmp_path / "result", preview=False)
+    again = load_reconstruction(tmp_path / "result")
+    assert again.skeleton == MARKERS
+    assert consistency(again, load_body("embedded"))[0].keypoint_error_share == pytest.approx(error)
+
+
+def test_the_kit_accepts_a_skeleton_of_ones_own() -> None:
+    report = check_backend(MarkerDetector(KeypointOptions()), "keypoint_detector")
+    assert report.ok, str(report)
+
+
+def test_the_kit_refuses_a_point_without_a_place() -> None:
+    lost = Skeleton("lost", ("nose", "elbow_patch"))
+
+    class Lost(MarkerDetector):
+        def infer(self, image: np.ndarray, people: object) -> Keypoints:
+            seen = super().infer(image, people)
+            return Keypoints(seen.points[:, :2], seen.confidence[:, :2], lost)
+
+    report = check_backend(Lost(KeypointOptions()), "keypoint_detector")
+    assert not report.ok
+    assert "elbow_patch" in str(report)
