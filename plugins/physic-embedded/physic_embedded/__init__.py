@@ -30,14 +30,14 @@ def physic_backends() -> list[BackendRecord]:
         BackendRecord(
             "metric_depth",
             "embedded",
-            "physic_embedded.metric:HumanRuler",
+            "physic_embedded.metric_depth:HumanRuler",
             api=1,
             summary="Scale from the people: soles on the floor where both are seen, else body size",
         ),
         BackendRecord(
             "relative_pointmap",
             "embedded",
-            "physic_embedded.pointmap:EmbeddedPointmap",
+            "physic_embedded.relative_pointmap:EmbeddedPointmap",
             api=1,
             summary="Depth Anything V2 small; shift and focal length from horizon and straight lines (M-LSD)",
             weights_license="Apache-2.0 (Depth Anything V2 Small, DINOv2, M-LSD)",
@@ -45,7 +45,7 @@ def physic_backends() -> list[BackendRecord]:
         BackendRecord(
             "keypoint_detector",
             "embedded",
-            "physic_embedded.keypoints:EmbeddedKeypoints",
+            "physic_embedded.keypoint_detector:EmbeddedKeypoints",
             api=1,
             summary="BlazePose landmarks, 33 a person, for several people",
             weights_license="Apache-2.0 (MediaPipe BlazePose)",
@@ -53,14 +53,14 @@ def physic_backends() -> list[BackendRecord]:
         BackendRecord(
             "body_estimator",
             "embedded",
-            "physic_embedded.bodies:EmbeddedBodies",
+            "physic_embedded.body_estimator:EmbeddedBodies",
             api=1,
             summary="The embedded body fitted to 2D and world landmarks with priors",
         ),
         BackendRecord(
             "hand_estimator",
             "embedded",
-            "physic_embedded.hands:EmbeddedHands",
+            "physic_embedded.hand_estimator:EmbeddedHands",
             api=1,
             summary="MediaPipe palm and hand landmarks turned into finger rotations",
             weights_license="Apache-2.0 (MediaPipe Hands)",
@@ -68,7 +68,7 @@ def physic_backends() -> list[BackendRecord]:
         BackendRecord(
             "contact_prior",
             "embedded",
-            "physic_embedded.contact:StaticContact",
+            "physic_embedded.contact_prior:StaticContact",
             api=1,
             summary="Feet, thighs, gluteus, back and hands after PROX, for every pose alike",
         ),

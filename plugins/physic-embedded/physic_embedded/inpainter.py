@@ -9,7 +9,7 @@ from pydantic import Field
 
 from physic_core.errors import BackendError
 from physic_core.interfaces import Inpainter, Options
-from physic_embedded.sessions import Networks
+from physic_embedded.networks.sessions import Networks
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, UInt8Array

@@ -9,16 +9,16 @@ from pydantic import Field
 
 from physic_core.interfaces import Options, Segmenter
 from physic_core.types import People
-from physic_embedded.floor import floor_mask
-from physic_embedded.keypoints import keypoints_of
-from physic_embedded.masks import mask_boxes, person_mask, separate
-from physic_embedded.people import find_poses
-from physic_embedded.sam import embed
-from physic_embedded.sessions import Networks
+from physic_embedded.keypoint_detector import keypoints_of
+from physic_embedded.networks.mobile_sam import embed
+from physic_embedded.networks.sessions import Networks
+from physic_embedded.segmentation.floor_mask import floor_mask
+from physic_embedded.segmentation.people import find_poses
+from physic_embedded.segmentation.person_masks import mask_boxes, person_mask, separate
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, UInt8Array
-    from physic_embedded.pose import Pose
+    from physic_embedded.networks.pose import Pose
 
 __all__ = ["EmbeddedSegmenter", "EmbeddedSegmenterOptions"]
 

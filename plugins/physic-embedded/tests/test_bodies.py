@@ -11,12 +11,12 @@ from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.errors import BackendError
 from physic_core.types import SKELETONS, Bodies, Hints, Intrinsics, Keypoints, People, Plane
-from physic_embedded.bodies import EmbeddedBodies, EmbeddedBodiesOptions
-from physic_embedded.bodyfit_lean import lean_towards_camera, standing
-from physic_embedded.bodyfit_start import pose_from_landmarks, translation_from_points
-from physic_embedded.marks import world_offset
-from physic_embedded.prior import hinges, pose_prior, resting_fingers
-from physic_embedded.views import people_views, ray_rotation
+from physic_embedded.body_estimator import EmbeddedBodies, EmbeddedBodiesOptions
+from physic_embedded.body_fit.lean import lean_towards_camera, standing
+from physic_embedded.body_fit.pose_prior import hinges, pose_prior, resting_fingers
+from physic_embedded.body_fit.start import pose_from_landmarks, translation_from_points
+from physic_embedded.body_fit.views import people_views, ray_rotation
+from physic_embedded.body_fit.world_offset import world_offset
 
 CAMERA = Intrinsics.from_focal(900.0, 1000, 800)
 IMAGE = np.zeros((800, 1000, 3), np.uint8)

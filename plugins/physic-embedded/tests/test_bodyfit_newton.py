@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from physic_embedded.bodyfit_newton import converge
+from physic_embedded.body_fit.newton import converge
 
 
 @dataclass(frozen=True)

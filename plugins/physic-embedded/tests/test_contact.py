@@ -11,7 +11,7 @@ from physic_core.body.conversion import with_joints
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.errors import BackendError
 from physic_core.types import Bodies, People
-from physic_embedded.contact import StaticContact, StaticContactOptions, sits
+from physic_embedded.contact_prior import StaticContact, StaticContactOptions, sits
 
 IMAGE = np.zeros((40, 30, 3), np.uint8)
 UPRIGHT = torch.diag(torch.tensor([1.0, -1.0, -1.0]))

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from physic_embedded.focal import manhattan_frame, stable_frame
-from physic_embedded.gravity import gravity_from_frame, upright_gravity
-from physic_embedded.lines import line_segments, outside
-from physic_embedded.sessions import open_session
+from physic_embedded.networks.line_segments import line_segments, outside
+from physic_embedded.networks.sessions import open_session
+from physic_embedded.single_view.focal import manhattan_frame, stable_frame
+from physic_embedded.single_view.gravity import gravity_from_frame, upright_gravity
 
 WIDTH, HEIGHT = 800, 600
 

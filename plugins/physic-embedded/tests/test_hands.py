@@ -12,12 +12,12 @@ from scipy.spatial.transform import Rotation
 from physic_core.body import load_body
 from physic_core.interfaces import HandEstimator
 from physic_core.types import Keypoints, People
-from physic_embedded.fingers import FINGERS, HandRest, fit_fingers
-from physic_embedded.hands import EmbeddedHands, EmbeddedHandsOptions
-from physic_embedded.palm import HandLook, arm_square, hand_landmarks, next_square, palm_square
-from physic_embedded.picture import Picture, Square
-from physic_embedded.sessions import open_session
 from physic_testing import violations
+from physic_embedded.body_fit.fingers import FINGERS, HandRest, fit_fingers
+from physic_embedded.hand_estimator import EmbeddedHands, EmbeddedHandsOptions
+from physic_embedded.networks.crops import Picture, Square
+from physic_embedded.networks.hand_landmarks import HandLook, arm_square, hand_landmarks, next_square, palm_square
+from physic_embedded.networks.sessions import open_session
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

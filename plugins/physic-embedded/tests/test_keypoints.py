@@ -10,7 +10,7 @@ import pytest
 
 from physic_core.interfaces import KeypointDetector
 from physic_core.types import People
-from physic_embedded.keypoints import EmbeddedKeypoints, EmbeddedKeypointsOptions
+from physic_embedded.keypoint_detector import EmbeddedKeypoints, EmbeddedKeypointsOptions
 from physic_embedded.segmenter import EmbeddedSegmenter, EmbeddedSegmenterOptions
 from physic_testing import violations
 

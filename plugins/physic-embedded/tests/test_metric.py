@@ -12,7 +12,7 @@ from physic_core.body.conversion import with_joints
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.errors import BackendError
 from physic_core.types import Bodies, BodyParameters, Hints, Intrinsics, People, Plane, Pointmap
-from physic_embedded.metric import HumanRuler
+from physic_embedded.metric_depth import HumanRuler
 
 HEIGHT, WIDTH = 180, 160
 CAMERA = Intrinsics.from_focal(150.0, WIDTH, HEIGHT)

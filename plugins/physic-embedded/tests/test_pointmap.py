@@ -11,14 +11,14 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.errors import BackendError
 from physic_core.types import Hints, Intrinsics, Keypoints, People, Pointmap
-from physic_embedded.depth import network_size
-from physic_embedded.edges import flying_pixels
-from physic_embedded.focal import ManhattanFrame
-from physic_embedded.gravity import Gravity
-from physic_embedded.ground import disparity_floor
-from physic_embedded.pointmap import EmbeddedPointmap
-from physic_embedded.shift import Standing, disparity_of_infinity, manhattan_share
-from physic_embedded.standing import standing_people
+from physic_embedded.networks.depth_anything import network_size
+from physic_embedded.relative_pointmap import EmbeddedPointmap
+from physic_embedded.single_view.disparity_floor import disparity_floor
+from physic_embedded.single_view.disparity_offset import Standing, disparity_of_infinity, manhattan_share
+from physic_embedded.single_view.flying_pixels import flying_pixels
+from physic_embedded.single_view.focal import ManhattanFrame
+from physic_embedded.single_view.gravity import Gravity
+from physic_embedded.single_view.standing import standing_people
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

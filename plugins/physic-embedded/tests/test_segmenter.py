@@ -11,16 +11,16 @@ from hypothesis import strategies as st
 
 from physic_core.errors import BackendError
 from physic_core.interfaces import Segmenter
-from physic_embedded.detection import Detection, anchor_centers, box_iou, decode
-from physic_embedded.floor import ground_points
-from physic_embedded.masks import PersonMask, mask_boxes, separate
-from physic_embedded.people import DETECTOR_LAYERS, believable, merge_candidates, same_body, tiles
-from physic_embedded.picture import Letterbox, Picture, Square
-from physic_embedded.pose import LEFT_RIGHT, Pose
-from physic_embedded.sam import Embedding, embed, prompt
-from physic_embedded.segmenter import EmbeddedSegmenter, EmbeddedSegmenterOptions
-from physic_embedded.sessions import open_session
 from physic_testing import violations
+from physic_embedded.networks.crops import Letterbox, Picture, Square
+from physic_embedded.networks.mobile_sam import Embedding, embed, prompt
+from physic_embedded.networks.person_detection import Detection, anchor_centers, box_iou, decode
+from physic_embedded.networks.pose import LEFT_RIGHT, Pose
+from physic_embedded.networks.sessions import open_session
+from physic_embedded.segmentation.floor_mask import ground_points
+from physic_embedded.segmentation.people import DETECTOR_LAYERS, believable, merge_candidates, same_body, tiles
+from physic_embedded.segmentation.person_masks import PersonMask, mask_boxes, separate
+from physic_embedded.segmenter import EmbeddedSegmenter, EmbeddedSegmenterOptions
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

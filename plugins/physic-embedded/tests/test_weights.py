@@ -6,7 +6,7 @@ import json
 import pytest
 
 from physic_core.errors import BackendError, DeviceError
-from physic_embedded.sessions import WEIGHTS, Networks, open_session, weights_path
+from physic_embedded.networks.sessions import WEIGHTS, Networks, open_session, weights_path
 
 MODELS = {m["file"]: m for m in json.loads((WEIGHTS / "MANIFEST.json").read_text())["models"]}
 

@@ -506,7 +506,7 @@ class TestRealNetwork:
     def test_disparity_is_that_of_the_embedded_backend(self, photo):
         import onnxruntime
 
-        from physic_embedded.depth import disparity
+        from physic_embedded.networks.depth_anything import disparity
 
         session = onnxruntime.InferenceSession(str(_packaged()), providers=["CPUExecutionProvider"])
         own = disparity(session, photo, short_side=266)

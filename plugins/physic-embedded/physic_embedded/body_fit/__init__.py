@@ -1,0 +1,1 @@
+"""The embedded body, and its fingers, fitted to landmarks."""

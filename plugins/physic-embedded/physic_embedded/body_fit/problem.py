@@ -1,0 +1,289 @@
+"""The sum of squares that a body fit makes small: keypoints, landmarks, priors, and what the floor says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import roma
+import torch
+
+from physic_core.body import JOINT_INDEX
+from physic_embedded.body_fit.limb_keypoints import point_rows
+from physic_embedded.body_fit.pose_prior import HINGE_LIMIT, hinges, pose_prior, resting_fingers
+from physic_embedded.body_fit.world_offset import world_offset
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from torch import Tensor
+
+    from physic_core.body.model import BodyModel, LandmarkModel
+    from physic_core.types import Skeleton
+    from physic_embedded.body_fit.views import Views
+
+    BoolArray = NDArray[np.bool_]
+    FloatArray = NDArray[np.floating]
+
+__all__ = ["FitProblem", "FitSettings", "FittedBody", "Start", "fit_problem"]
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """Numbers of the fit.
+
+    Attributes:
+        iterations: of L-BFGS, which choose the minimum that Newton's method then finds.
+        sigma_2d: of a keypoint, in sizes of the person.
+        sigma_3d: of a 3D landmark in metres: right, down, and away from the camera.
+        shape_weight: on the squared shape components; with 1, landmark noise shows as odd bodies.
+        stature_sigma: metres of the stature about the mean body's; landmarks say nothing about it.
+        size_sigma: logarithm of how much larger or smaller the network draws its landmarks.
+        lean_sigma: radians of the landmarks' lean towards the camera, where it is free.
+        upright_sigma: radians between the line from ankles to neck and the vertical, seen from the side.
+        level_sigma: metres between the lowest points of two feet that are both seen; a foot in the air is far outside
+            and is not pulled.
+        knee_sigma: radians by which knees of people who stand may bend more or less than where the fit starts;
+            otherwise a body that is set upright bends them until it is as short as the leaning one looked.
+    """
+
+    iterations: int = 80
+    sigma_2d: float = 0.010
+    sigma_3d: tuple[float, float, float] = (0.04, 0.04, 0.08)
+    shape_weight: float = 4.0
+    stature_sigma: float = 0.05
+    size_sigma: float = 0.1
+    lean_sigma: float = 0.05
+    upright_sigma: float = 0.03
+    knee_sigma: float = 0.12
+    level_sigma: float = 0.02
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where the fit starts, camera frame.
+
+    Attributes:
+        root: (N, 3, 3).
+        pose: (N, 21, 3) rotation vectors.
+        transl: (N, 3) metres, z > 0.
+    """
+
+    root: FloatArray
+    pose: FloatArray
+    transl: FloatArray
+
+
+# Steps of one unit of the whitened unknowns.
+_ROOT_STEP, _LOG_Z_STEP, _SIDE_STEP = 0.2, 0.05, 0.01
+_HINGE_WEIGHT = 12.0
+_SEEN = 0.5  # confidence of a joint that counts as seen
+_SOLE_STRIDE = 4  # every fourth vertex of a sole is enough to find its lowest point
+_SHARP = 150.0  # per metre, of the smooth minimum
+_TWINS = ("eye_inner", "eye_outer")  # say the same as the eyes
+_PER_PERSON = (
+    "points",
+    "weight",
+    "confidence",
+    "size",
+    "turn",
+    "world",
+    "world_weight",
+    "root",
+    "pose",
+    "log_z",
+    "side",
+    "lean",
+    "up_angle",
+    "feet",
+    "stands",
+)
+
+
+@dataclass(frozen=True)
+class FittedBody:
+    """What the unknowns stand for."""
+
+    rotations: Tensor
+    pose: Tensor
+    betas: Tensor
+    transl: Tensor
+    landmark_size: Tensor
+    lean: Tensor
+
+
+@dataclass(frozen=True)
+class FitProblem:
+    """Everything that stays fixed during a fit, as tensors of the model's float type."""
+
+    landmarks: LandmarkModel
+    skeleton: Skeleton
+    rows: Tensor
+    hips: tuple[int, int]
+    knees: tuple[int, int]
+    points: Tensor
+    weight: Tensor
+    confidence: Tensor
+    size: Tensor
+    turn: Tensor
+    world: Tensor | None
+    world_weight: Tensor
+    camera: Tensor
+    root: Tensor
+    pose: Tensor
+    mean: Tensor
+    sigma: Tensor
+    fingers: Tensor
+    log_z: Tensor
+    side: Tensor
+    lean: Tensor
+    up: Tensor
+    up_angle: Tensor
+    feet: Tensor
+    soles: tuple[int, int]
+    stands: Tensor
+    stature: Tensor
+    settings: FitSettings
+
+    @property
+    def width(self) -> int:
+        """How many unknowns a person has: root, pose, shape, translation, landmark size and lean."""
+        return 3 + 63 + len(self.stature) + 3 + 2
+
+    def pick(self, rows: Tensor) -> FitProblem:
+        """The problem of some people, (n,) int64; who is named twice is there twice."""
+        values = {name: getattr(self, name) for name in _PER_PERSON}
+        return replace(self, **{name: value[rows] for name, value in values.items() if value is not None})
+
+    def body(self, unknowns: Tensor) -> FittedBody:
+        count = len(unknowns)
+        root, pose, betas, transl, size, lean = unknowns.split([3, 63, len(self.stature), 3, 1, 1], 1)  # type: ignore[no-untyped-call]
+        rotvecs = self.pose + self.sigma * pose.view(count, 21, 3)
+        local = roma.rotvec_to_rotmat(torch.cat([_ROOT_STEP * root[:, None], rotvecs], 1))
+        rotations = torch.cat(
+            [local[:, :1] @ self.root[:, None], local[:, 1:], self.fingers.expand(count, -1, 3, 3)], 1
+        )
+        z = torch.exp(self.log_z + _LOG_Z_STEP * transl[:, 2:])
+        transl = torch.cat([(self.side + _SIDE_STEP * transl[:, :2]) * z, z], 1)
+        return FittedBody(
+            rotations,
+            rotvecs,
+            betas,
+            transl,
+            torch.exp(self.settings.size_sigma * size)[:, 0],
+            self.lean + self.settings.lean_sigma * lean[:, 0] * self.stands,
+        )
+
+    def loss(self, unknowns: Tensor) -> Tensor:
+        """(N,) what the fit makes small: all terms of each person."""
+        data, floor, _ = self.terms(unknowns)
+        return data + floor
+
+    def terms(self, unknowns: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Losses (N,) of data and priors, and of what the floor says; and the projected keypoints (N, J, 2)."""
+        s = self.settings
+        body = self.body(unknowns)
+        posed = self.landmarks(body.rotations, body.betas, body.transl)
+        joints, points = posed["joints"], posed[self.skeleton].index_select(1, self.rows)
+
+        homogeneous = points @ self.camera.T
+        projected = homogeneous[..., :2] / homogeneous[..., 2:].clamp(min=0.1)
+        miss = (projected - self.points) / (s.sigma_2d * self.size[:, None, None])
+        loss = (self.weight * 25 * torch.log1p(miss.square().sum(-1) / 25)).sum(1)
+
+        if self.world is not None:
+            hips = points[:, self.hips].mean(1, keepdim=True)
+            seen = (points - hips) @ self.turn  # rows times the rotation: back into the view's axes
+            cos, sin = torch.cos(body.lean)[:, None], torch.sin(body.lean)[:, None]
+            x, y, z = (self.world * body.landmark_size[:, None, None]).unbind(-1)
+            turned = torch.stack([x, cos * y - sin * z, sin * y + cos * z], -1)
+            rest = ((seen - turned) / points.new_tensor(s.sigma_3d)).square().sum(-1)
+            loss = loss + (self.world_weight * 9 * torch.log1p(rest / 9)).sum(1)
+
+        loss = loss + ((body.pose - self.mean) / self.sigma).square().sum((1, 2))
+        loss = loss + s.shape_weight * body.betas.square().sum(1)
+        loss = loss + (body.betas @ self.stature / s.stature_sigma).square()
+        loss = loss + unknowns[:, -2:].square().sum(1)
+        for hinge in hinges():
+            bend = hinge.sign * body.pose[:, hinge.row, hinge.axis]
+            loss = loss + (_HINGE_WEIGHT * torch.relu(-bend)).square()
+            loss = loss + (_HINGE_WEIGHT * torch.relu(bend - HINGE_LIMIT)).square()
+
+        column = ((joints[:, 12] - joints[:, 7:9].mean(1))[:, None] @ self.turn)[:, 0]
+        angle = torch.atan2(column[:, 2], -column[:, 1]) - self.up_angle
+        heights = (posed["vertices"] @ self.up).split(self.soles, 1)  # type: ignore[no-untyped-call]
+        left, right = (-torch.logsumexp(-_SHARP * h, 1) / _SHARP for h in heights)  # a smooth minimum
+        level = self.feet * 8 * torch.log1p(((left - right) / s.level_sigma).square() / 8)
+        knees = ((body.pose - self.pose)[:, self.knees, 0] / s.knee_sigma).square().sum(1)
+        vertical = self.stands * ((angle / s.upright_sigma).square() + knees)
+        return loss, vertical + level, projected
+
+
+def fit_problem(
+    model: BodyModel,
+    views: Views,
+    camera: FloatArray,
+    skeleton: Skeleton,
+    start: Start,
+    settings: FitSettings,
+    floor_up: FloatArray | None,
+    stands: BoolArray | None,
+    lean: FloatArray | None,
+) -> FitProblem:
+    """The problem of N people; arguments as of :func:`physic_embedded.body_fit.fit.fit_bodies`."""
+
+    def tensor(array: object) -> Tensor:
+        # A copy: torch takes neither read-only arrays nor negative strides.
+        return torch.as_tensor(np.array(array, order="C"), dtype=model.dtype)
+
+    count = len(views.points)
+    index = point_rows(skeleton)
+    used = [name for name in index if not any(twin in name for twin in _TWINS)]
+    rows = [index[name] for name in used]
+    prior = pose_prior(tight=views.world is None)
+    up, up_angle, feet = np.zeros(3), np.zeros(count), np.zeros(count)
+    if floor_up is not None:
+        up = np.asarray(floor_up, np.float64)
+        seen_up = np.einsum("nij,i->nj", views.turn, up)
+        up_angle = np.arctan2(seen_up[:, 2], -seen_up[:, 1])
+        ankles = views.confidence[:, [index["left_ankle"], index["right_ankle"]]].min(1)
+        feet = (ankles > _SEEN).astype(float)
+    soles = [model.contact_sets[f"{side}_sole"][::_SOLE_STRIDE] for side in ("left", "right")]
+    z = start.transl[:, 2:]
+    return FitProblem(
+        landmarks=model.landmarks_only([skeleton], torch.cat(soles)),
+        skeleton=skeleton,
+        rows=torch.as_tensor(rows),
+        hips=(used.index("left_hip"), used.index("right_hip")),
+        knees=(JOINT_INDEX["left_knee"] - 1, JOINT_INDEX["right_knee"] - 1),
+        points=tensor(views.points[:, rows]),
+        weight=tensor(views.weight[:, rows]),
+        confidence=tensor(views.confidence[:, rows]),
+        size=tensor(views.size),
+        turn=tensor(views.turn),
+        world=None if views.world is None else tensor(views.world[:, rows] + world_offset(skeleton, used)),
+        world_weight=tensor(views.world_weight[:, rows]),
+        camera=tensor(camera),
+        root=tensor(start.root),
+        pose=tensor(start.pose),
+        mean=tensor(prior.mean),
+        sigma=tensor(prior.sigma),
+        fingers=roma.rotvec_to_rotmat(tensor(resting_fingers())),
+        log_z=tensor(np.log(z)),
+        side=tensor(start.transl[:, :2] / z),
+        lean=tensor(np.zeros(count) if lean is None else lean),
+        up_angle=tensor(up_angle),
+        up=tensor(up),
+        feet=tensor(feet),
+        soles=(len(soles[0]), len(soles[1])),
+        stands=tensor(np.zeros(count) if stands is None else stands),
+        stature=_stature_per_component(model),
+        settings=settings,
+    )
+
+
+def _stature_per_component(model: BodyModel) -> Tensor:
+    """Metres (K,) that one unit of each shape component adds to the stature."""
+    with torch.no_grad():
+        units = torch.eye(model.num_betas, dtype=model.dtype)
+        return (model.stature(units) - model.stature(-units)) / 2

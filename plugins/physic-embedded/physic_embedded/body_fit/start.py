@@ -1,0 +1,139 @@
+"""A closed-form start for the body fit: limb by limb from 3D landmarks.
+
+Zero rotations are a T-pose, y up, facing +z, left on +x; every frame here has these axes.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from physic_core.body import JOINT_INDEX
+from physic_embedded.body_fit.limb_keypoints import point_rows
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.types import Skeleton
+    from physic_embedded.body_fit.views import Views
+
+    FloatArray = NDArray[np.floating]
+
+__all__ = ["place", "pose_from_landmarks", "translation_from_points"]
+
+_STRAIGHT = 0.25  # sine of the bend under which a limb shows no hinge axis
+_SPINE_LIMIT = 1.2  # radians between hips and shoulders
+
+
+def pose_from_landmarks(landmarks: FloatArray, skeleton: Skeleton) -> tuple[FloatArray, FloatArray]:
+    """Landmarks (J, 3) in camera axes -> root rotation (3, 3) and rotation vectors (21, 3) of joints 1 to 21.
+
+    Wrists, ankles, neck and collars stay at zero. A knee that would bend forward is a wrong depth: it keeps the side of
+    the pelvis.
+    """
+    row = point_rows(skeleton)
+
+    def at(name: str) -> FloatArray:
+        return np.asarray(landmarks[row[name]])
+
+    def log(matrix: FloatArray) -> FloatArray:
+        return np.asarray(Rotation.from_matrix(matrix).as_rotvec())
+
+    hips, shoulders = at("left_hip") - at("right_hip"), at("left_shoulder") - at("right_shoulder")
+    up = (at("left_shoulder") + at("right_shoulder") - at("left_hip") - at("right_hip")) / 2
+    pelvis = _frame_x(hips + 0.3 * shoulders, up)
+    chest = _frame_y(up, shoulders)
+    pose = np.zeros((21, 3))
+    twist = log(pelvis.T @ chest)
+    twist = twist * min(1.0, _SPINE_LIMIT / (float(np.linalg.norm(twist)) + 1e-9))
+    for name in ("spine1", "spine2", "spine3"):
+        pose[JOINT_INDEX[name] - 1] = twist / 3
+    chest = pelvis @ Rotation.from_rotvec(twist).as_matrix()
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        thigh = _unit(at(f"{side}_knee") - at(f"{side}_hip"))
+        shank = _unit(at(f"{side}_ankle") - at(f"{side}_knee"))
+        axis = np.cross(thigh, shank)
+        if np.linalg.norm(axis) < _STRAIGHT or axis @ pelvis[:, 0] < -0.2 * np.linalg.norm(axis):
+            axis = pelvis[:, 0]
+        leg = _frame_y(-thigh, axis)
+        pose[JOINT_INDEX[f"{side}_hip"] - 1] = log(pelvis.T @ leg)
+        local = leg.T @ shank
+        pose[JOINT_INDEX[f"{side}_knee"] - 1, 0] = np.clip(np.arctan2(-local[2], -local[1]), 0.0, 2.6)
+
+        upper = _unit(at(f"{side}_elbow") - at(f"{side}_shoulder"))
+        fore = _unit(at(f"{side}_wrist") - at(f"{side}_elbow"))
+        axis = np.cross(upper, fore)
+        if np.linalg.norm(axis) < _STRAIGHT:
+            swing = _least_rotation(np.array([sign, 0.0, 0.0]), chest.T @ upper)
+            arm = chest @ swing
+        else:
+            arm = _frame_x(sign * upper, -sign * axis)
+        pose[JOINT_INDEX[f"{side}_shoulder"] - 1] = log(chest.T @ arm)
+        pose[JOINT_INDEX[f"{side}_elbow"] - 1, 1] = -sign * np.arctan2(np.linalg.norm(axis), upper @ fore)
+    return pelvis, pose
+
+
+def translation_from_points(
+    landmarks: FloatArray, points: FloatArray, weight: FloatArray, camera: FloatArray
+) -> FloatArray | None:
+    """Where landmarks (J, 3) must be moved to project onto points (J, 2) px; linear least squares.
+
+    Args:
+        landmarks: metres, camera axes.
+        points: px.
+        weight: (J,).
+        camera: (3, 3).
+
+    Returns:
+        (3,) metres, or None where that is not in front of the camera.
+    """
+
+    u = (points - camera[:2, 2]) / camera[[0, 1], [0, 1]]
+    # (X + tx) = u (Z + tz) in both image directions
+    design = np.zeros((2, len(points), 3))
+    design[0, :, 0] = design[1, :, 1] = 1
+    design[..., 2] = -u.T
+    right = u.T * landmarks[:, 2] - landmarks[:, :2].T
+    solution = np.linalg.lstsq((design * weight[:, None]).reshape(-1, 3), (right * weight).reshape(-1), rcond=None)[0]
+    return np.asarray(solution) if solution[2] > 0.2 else None
+
+
+def place(landmarks: FloatArray, views: Views, i: int, camera: FloatArray) -> FloatArray:
+    """Where person i must stand for landmarks about the pelvis (J, 3), camera axes, to project onto the keypoints."""
+
+    found = translation_from_points(landmarks, views.points[i], views.confidence[i], camera)
+    if found is not None:
+        return found
+    ray = views.turn[i][:, 2]
+    return np.asarray(ray / ray[2] * camera[1, 1] * 1.72 / views.size[i])
+
+
+def _unit(vector: FloatArray) -> FloatArray:
+    return np.asarray(vector / (np.linalg.norm(vector) + 1e-9))
+
+
+def _frame_x(x: FloatArray, near_y: FloatArray) -> FloatArray:
+    """The frame, axes as columns, with this x and a y as near as possible to another direction."""
+
+    x = _unit(x)
+    y = _unit(near_y - near_y @ x * x)
+    return np.stack([x, y, np.cross(x, y)], 1)
+
+
+def _frame_y(y: FloatArray, near_x: FloatArray) -> FloatArray:
+    """The frame, axes as columns, with this y and an x as near as possible to another direction."""
+
+    y = _unit(y)
+    x = _unit(near_x - near_x @ y * y)
+    return np.stack([x, y, np.cross(x, y)], 1)
+
+
+def _least_rotation(start: FloatArray, end: FloatArray) -> FloatArray:
+    """The least rotation (3, 3) that turns one unit vector onto another."""
+    axis = np.cross(start, end)
+    angle = np.arctan2(np.linalg.norm(axis), start @ end)
+    if np.linalg.norm(axis) < 1e-6:
+        axis = np.array([0.0, 0.0, 1.0])  # opposite: any axis will do
+    return np.asarray(Rotation.from_rotvec(angle * _unit(axis)).as_matrix())

@@ -1,0 +1,140 @@
+"""How each person is seen: the ray, the size in the picture, and the 3D landmarks brought into the camera's axes.
+
+A single-person pose network sees a crop and answers as if its camera looked straight at the person; the photo's camera
+does not, so its landmarks belong to the person's ray and not to the optical axis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_embedded.body_fit.limb_keypoints import point_rows
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.types import Intrinsics, Keypoints, People
+
+    FloatArray = NDArray[np.floating]
+
+__all__ = ["Views", "people_views", "ray_rotation"]
+
+_STATURE = 1.72  # metres, of the body that a size in px stands for
+_OUTSIDE = 0.05  # weight left to a keypoint outside the picture, which the network can only guess
+_UNSEEN, _UNSEEN_WEIGHT = 0.3, 0.1  # a keypoint of less confidence keeps this share of its 2D weight
+_HIP_WEIGHT = 0.5  # networks mark hips on the surface, bodies have them inside
+_LEAST_WORLD_WEIGHT = 0.15
+_GUESSED = 0.05  # below this confidence, or outside the picture, a keypoint is made up
+_LEG = ("knee", "ankle", "heel", "foot_tip", "big_toe", "small_toe")
+_HANGING = {"knee": 0.4, "ankle": 0.8}  # metres under the hip, of legs of which nothing is seen
+
+
+@dataclass(frozen=True)
+class Views:
+    """What is seen of N people; J keypoints.
+
+    Attributes:
+        points: (N, J, 2) px.
+        weight: (N, J) of the 2D points.
+        confidence: (N, J), low outside the picture.
+        size: (N,) px that a standing person of 1.72 m would span at this distance.
+        turn: (N, 3, 3) rotation from the axes of a camera that looks straight at the person to this camera's.
+        world: (N, J, 3) metres in the axes of that camera, the origin between the hips; None without 3D landmarks.
+        world_weight: (N, J) of the 3D points.
+    """
+
+    points: FloatArray
+    weight: FloatArray
+    confidence: FloatArray
+    size: FloatArray
+    turn: FloatArray
+    world: FloatArray | None
+    world_weight: FloatArray
+
+
+def ray_rotation(ray: FloatArray) -> FloatArray:
+    """The least rotation (3, 3) that turns the z axis onto ``ray`` (3,), which points forward."""
+
+    z = ray / np.linalg.norm(ray)
+    axis = np.cross([0.0, 0.0, 1.0], z)
+    skew = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    return np.asarray(np.eye(3) + skew + skew @ skew / (1 + z[2]))
+
+
+def people_views(keypoints: Keypoints, people: People, intrinsics: Intrinsics) -> Views:
+    """Weights, sizes and rays of everyone. Where nothing is seen of knees and ankles, the legs hang straight down.
+
+    Args:
+        keypoints: of a joint set with hips and shoulders; one row a person.
+        people: their boxes give the size where there are no 3D landmarks.
+        intrinsics: of the photo.
+    """
+
+    row = point_rows(keypoints.joint_set)
+    hips = [row["left_hip"], row["right_hip"]]
+    points = np.asarray(keypoints.points, np.float64)
+    limits = np.array([intrinsics.width, intrinsics.height]) - 0.5
+    inside = ((points > -0.5) & (points < limits)).all(-1)
+    confidence = np.clip(np.asarray(keypoints.confidence, np.float64), 0.02, 1) * np.where(inside, 1, _OUTSIDE)
+    weight = np.where(confidence < _UNSEEN, _UNSEEN_WEIGHT, 1) * confidence
+    weight[:, hips] *= _HIP_WEIGHT
+    world = None if keypoints.world is None else np.asarray(keypoints.world, np.float64)
+    middle = points[:, hips].mean(1)
+    rays = np.stack(
+        [
+            (middle[:, 0] - intrinsics.cx) / intrinsics.fx,
+            (middle[:, 1] - intrinsics.cy) / intrinsics.fy,
+            np.ones(len(points)),
+        ],
+        -1,
+    )
+    turn = np.stack([ray_rotation(ray) for ray in rays]) if len(rays) else np.zeros((0, 3, 3))
+    if world is None:
+        size = _size_without_landmarks(points, row, people)
+    else:
+        world = world - world[:, hips].mean(1, keepdims=True)
+        size = _STATURE * _pixels_per_metre(points, world, confidence)
+    world_weight = np.maximum(confidence, _LEAST_WORLD_WEIGHT)
+    made_up = ~inside | (confidence < _GUESSED)
+    bends = [row[f"{side}_{joint}"] for side in ("left", "right") for joint in ("knee", "ankle")]
+    unseen = made_up[:, bends].all(1)
+    for side in ("left", "right"):
+        for name in _LEG:
+            joint = row.get(f"{side}_{name}")
+            if joint is None:
+                continue
+            weight[unseen, joint] = world_weight[unseen, joint] = 0
+            if world is not None and name in _HANGING:
+                down = _HANGING[name] * turn[unseen, 1]  # the camera's y axis in the axes of each view
+                world[unseen, joint] = world[unseen, row[f"{side}_hip"]] + down
+                world_weight[unseen, joint] = _LEAST_WORLD_WEIGHT
+    return Views(points, weight, confidence, size, turn, world, world_weight)
+
+
+def _pixels_per_metre(points: FloatArray, world: FloatArray, weight: FloatArray) -> FloatArray:
+    """Scale (N,) of the weak perspective that maps the landmarks to the keypoints best."""
+
+    total = weight.sum(1)[:, None, None]
+    flat = world[..., :2]
+    seen = points - (weight[..., None] * points).sum(1, keepdims=True) / total
+    known = flat - (weight[..., None] * flat).sum(1, keepdims=True) / total
+    scale = (weight * (seen * known).sum(-1)).sum(1) / ((weight * (known**2).sum(-1)).sum(1) + 1e-9)
+    extent = np.ptp(points, axis=1).max(-1)
+    # The floor is for landmarks that disagree wholly with the picture.
+    return np.asarray(np.maximum(scale, 0.1 * extent / _STATURE))
+
+
+def _size_without_landmarks(points: FloatArray, row: dict[str, int], people: People) -> FloatArray:
+    """From the box, the trunk and the shoulders, whichever is largest: each of them can only look too short."""
+
+    def middle(joint: str) -> FloatArray:
+        return (points[:, row[f"left_{joint}"]] + points[:, row[f"right_{joint}"]]) / 2
+
+    trunk = np.linalg.norm(middle("shoulder") - middle("hip"), axis=-1)
+    shoulders = np.linalg.norm(points[:, row["left_shoulder"]] - points[:, row["right_shoulder"]], axis=-1)
+    boxes = np.asarray(people.boxes, np.float64)
+    tallest = (boxes[:, 3] - boxes[:, 1]) if len(boxes) else np.zeros(0)
+    return np.asarray(np.maximum.reduce([3.3 * trunk, 4.4 * shoulders, tallest, np.ones(len(points))]))

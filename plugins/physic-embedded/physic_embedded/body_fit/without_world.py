@@ -1,0 +1,68 @@
+"""The body fit without 3D landmarks: several starts, and the one that explains the keypoints best."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from scipy.spatial.transform import Rotation
+
+from physic_core.body import JOINT_INDEX
+from physic_embedded.body_fit.fit import fit_bodies
+from physic_embedded.body_fit.pose_prior import pose_prior
+from physic_embedded.body_fit.problem import Start
+from physic_embedded.body_fit.start import place
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.body.model import BodyModel
+    from physic_core.types import Skeleton
+    from physic_embedded.body_fit.fit import BodyFit
+    from physic_embedded.body_fit.problem import FitSettings
+    from physic_embedded.body_fit.views import Views
+
+    FloatArray = NDArray[np.floating]
+
+__all__ = ["fit_without_landmarks"]
+
+_YAWS = (0.0, 1.57, 3.14, -1.57)  # radians that the starts without landmarks are turned away from facing the camera
+_SIT = {"hip": -1.4, "knee": 1.4}
+
+
+def fit_without_landmarks(
+    model: BodyModel, views: Views, camera: FloatArray, skeleton: Skeleton, settings: FitSettings
+) -> BodyFit:
+    """The best of fits from eight starts, all in one optimisation."""
+    mean = pose_prior().mean
+    sitting = mean.copy()
+    for joint, angle in _SIT.items():
+        for side in ("left", "right"):
+            sitting[JOINT_INDEX[f"{side}_{joint}"] - 1, 0] = angle
+    starts = [(yaw, pose) for pose in (mean, sitting) for yaw in _YAWS]
+    count = len(views.points)
+    facing = np.diag([1.0, -1.0, -1.0])  # y up and facing +z, seen by a camera whose y points down
+    roots, poses, places = [], [], []
+    with torch.no_grad():
+        for yaw, pose in starts:
+            root = views.turn @ facing @ Rotation.from_euler("y", yaw).as_matrix()
+            rotations, betas, transl = model.zero_pose(count)
+            rotvecs = np.concatenate([np.zeros((1, 3)), pose])
+            rotations[:, :22] = torch.from_numpy(Rotation.from_rotvec(rotvecs).as_matrix())
+            rotations[:, 0] = torch.from_numpy(root)
+            points = model.landmarks_only([skeleton])(rotations, betas, transl)[skeleton].double().numpy()
+            roots.append(root)
+            poses.append(np.broadcast_to(pose, (count, 21, 3)))
+            places.append(np.stack([place(points[i], views, i, camera) for i in range(count)]))
+    tiled = replace(
+        views,
+        **{
+            field.name: np.concatenate([getattr(views, field.name)] * len(starts))
+            for field in fields(views)
+            if getattr(views, field.name) is not None
+        },
+    )
+    start = Start(np.concatenate(roots), np.concatenate(poses), np.concatenate(places))
+    return fit_bodies(model, tiled, camera, skeleton, start, settings, starts=len(starts))

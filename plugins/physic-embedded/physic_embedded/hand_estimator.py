@@ -1,0 +1,133 @@
+"""Finger poses: hands looked for at the wrists of known people, their landmarks turned into finger rotations."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from physic_core.interfaces import HandEstimator, Options
+from physic_core.types import Hands
+from physic_embedded.body_fit.fingers import HandRest, fit_fingers
+from physic_embedded.networks.crops import Picture
+from physic_embedded.networks.hand_landmarks import arm_square, find_hand
+from physic_embedded.networks.sessions import Networks
+
+if TYPE_CHECKING:
+    from physic_core.types import FloatArray, Keypoints, People, UInt8Array
+    from physic_embedded.networks.crops import Square
+    from physic_embedded.networks.hand_landmarks import HandLook
+
+__all__ = ["EmbeddedHands", "EmbeddedHandsOptions"]
+
+SIDES = ("left", "right")
+KNUCKLES = ("index1", "middle1", "ring1", "pinky1")
+
+
+class EmbeddedHandsOptions(Options):
+    """Settings of :class:`EmbeddedHands`."""
+
+    least_size_px: float = Field(
+        default=32, ge=0, description="Smaller hands are left as they are: below 30 px fingers are a guess."
+    )
+    least_presence: float = Field(
+        default=0.7, ge=0, le=1, description="Lowest presence of a hand, as the landmark network judges."
+    )
+    largest_gap: float = Field(
+        default=0.08,
+        gt=0,
+        description="A hand whose landmarks differ from those in its mirror image by more than this share of its size "
+        "is not used; clear hands have 0.01 to 0.04.",
+    )
+    body: str = Field(
+        default="embedded", description="Body whose hand is fitted: 'embedded', or the path of your own SMPLX_*.npz."
+    )
+    threads: int = Field(default=2, ge=0, description="Threads inside one operator; 0 lets onnxruntime choose.")
+
+
+class EmbeddedHands(HandEstimator):
+    """MediaPipe Hands at the wrists of the pose, fitted with the finger joints of a body.
+
+    Which hand it is follows from the wrist; what looks like a hand of the other side is somebody else's, and is left.
+    """
+
+    Options: ClassVar[type[Options]] = EmbeddedHandsOptions
+    options: EmbeddedHandsOptions
+
+    def __init__(self, options: EmbeddedHandsOptions | None = None) -> None:
+        super().__init__(options)
+        self._networks = Networks("palm_detection_full", "hand_landmark_full")
+        self._rest: dict[str, HandRest] = {}
+
+    def load(self, device: str = "cpu") -> None:
+        """Open the two networks and read the hands of the body.
+
+        Raises:
+            DeviceError: the device is not there.
+            BodyModelError: the body is not there.
+        """
+        self._networks.open(device, self.options.threads)
+        self._rest = _hands_at_rest(self.options.body)
+
+    def close(self) -> None:
+        """Let go of networks and body."""
+        self._networks.close()
+        self._rest = {}
+
+    def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
+        """Image (H, W, 3) and N people with keypoints -> finger rotations, confidence 0 where no hand is clear."""
+        rotvecs = np.zeros((len(people), 2, 15, 3), np.float32)
+        confidence = np.zeros((len(people), 2), np.float32)
+        detector, landmarker = self._networks["palm_detection_full"], self._networks["hand_landmark_full"]
+        picture = Picture.of(image)
+        row = {name: j for j, name in enumerate(keypoints.joint_set.names)}
+        has_arms = all(f"{side}_{joint}" in row for joint in ("shoulder", "elbow", "wrist", "hip") for side in SIDES)
+        for i, (points, seen) in enumerate(zip(keypoints.points, keypoints.confidence, strict=True)):
+            for s, side in enumerate(SIDES if has_arms else ()):
+                place = _place(points, seen, row, side)
+                if place is None:
+                    continue
+                around, angle = place
+                if around.side < self.options.least_size_px:
+                    continue
+                look = find_hand(detector, landmarker, picture, around, angle, points[row[f"{side}_wrist"]], side)
+                if look is None or not self._clear(look, side):
+                    continue
+                rotvecs[i, s] = fit_fingers(look.world, self._rest[side]).rotvecs
+                confidence[i, s] = look.presence * (look.right if s else 1.0 - look.right)
+        return Hands(rotvecs, confidence)
+
+    def _clear(self, look: HandLook, side: str) -> bool:
+        """Whether a look at a hand is good enough to be used."""
+        options = self.options
+        right_side = (look.right > 0.5) == (side == "right")
+        steady = look.mirror_gap < options.largest_gap
+        return right_side and steady and look.size >= options.least_size_px and look.presence >= options.least_presence
+
+
+def _place(points: FloatArray, seen: FloatArray, row: dict[str, int], side: str) -> tuple[Square, float] | None:
+    """The square to search for a hand, as of ``arm_square``; None where no wrist is seen."""
+    elbow, wrist = row[f"{side}_elbow"], row[f"{side}_wrist"]
+    if seen[wrist] < 0.3:
+        return None
+    knuckles = [row[f"{side}_{name}"] for name in KNUCKLES if f"{side}_{name}" in row]
+    fingers = points[knuckles].mean(axis=0) if knuckles else 1.35 * points[wrist] - 0.35 * points[elbow]
+    left_shoulder, right_shoulder, left_hip, right_hip = (
+        points[row[name]] for name in ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
+    )
+    trunk = np.linalg.norm((left_shoulder + right_shoulder - left_hip - right_hip) / 2)
+    return arm_square(points[elbow], points[wrist], fingers, float(trunk))
+
+
+def _hands_at_rest(body: str) -> dict[str, HandRest]:
+    """The hands of a body in its T-pose, palms down."""
+    from physic_core.body import load_body
+
+    model = load_body(body)
+    output = model(*model.zero_pose())
+    down = np.array([0.0, -1.0, 0.0])
+    return {
+        side: HandRest.of(model.landmarks(output, f"openpose_hand21_{side}")[0].double().numpy(), down)
+        for side in SIDES
+    }

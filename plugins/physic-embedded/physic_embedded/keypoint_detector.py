@@ -1,0 +1,125 @@
+"""The 33 BlazePose joints of people that somebody found."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from physic_core.interfaces import KeypointDetector, Options
+from physic_core.types import Keypoints
+from physic_embedded.networks.blazepose import BLAZEPOSE
+from physic_embedded.networks.crops import Picture, Square
+from physic_embedded.networks.pose import landmarks, person_square
+from physic_embedded.networks.sessions import Networks
+from physic_embedded.segmentation.people import detect_people
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from physic_core.types import BoolArray, FloatArray, People, UInt8Array
+    from physic_embedded.networks.pose import Pose
+
+__all__ = ["EmbeddedKeypoints", "EmbeddedKeypointsOptions", "keypoints_of"]
+
+LEAST_FIT = 0.15
+"""A pose that lies worse on the mask is not this person's."""
+
+
+class EmbeddedKeypointsOptions(Options):
+    """Settings of :class:`EmbeddedKeypoints`."""
+
+    reuse: bool = Field(
+        default=True, description="Take joints that the segmenter already found, where they are of this skeleton."
+    )
+    lowest_score: float = Field(
+        default=0.1, ge=0, le=1, description="Detector score from which a candidate in a person's box is tried."
+    )
+    threads: int = Field(default=2, ge=0, description="Threads inside one operator; 0 lets onnxruntime choose.")
+
+
+class EmbeddedKeypoints(KeypointDetector):
+    """BlazePose heavy, skeleton "blazepose33" with world landmarks.
+
+    People of the embedded segmenter carry these joints already. For people of another segmenter, the pose that lies
+    best on the person's mask is looked for in the neighbourhood of the box.
+    """
+
+    Options: ClassVar[type[Options]] = EmbeddedKeypointsOptions
+    options: EmbeddedKeypointsOptions
+
+    def __init__(self, options: EmbeddedKeypointsOptions | None = None) -> None:
+        super().__init__(options)
+        self._networks = Networks("pose_detection", "pose_landmark_heavy")
+
+    def load(self, device: str = "cpu") -> None:
+        """Open the two networks.
+
+        Raises:
+            DeviceError: the device is not there.
+        """
+        self._networks.open(device, self.options.threads)
+
+    def close(self) -> None:
+        """Let go of the networks."""
+        self._networks.close()
+
+    def infer(self, image: UInt8Array, people: People) -> Keypoints:
+        """Image (H, W, 3) and N people -> N rows of 33 joints; confidence 0 where a person cannot be made out."""
+        seen = people.keypoints
+        if self.options.reuse and seen is not None and seen.skeleton == BLAZEPOSE and len(seen.points) == len(people):
+            return seen
+        picture = Picture.of(image)
+        looks = [self._look(picture, mask, box) for mask, box in zip(people.masks, people.boxes, strict=True)]
+        found = keypoints_of([pose for pose, _ in looks], *image.shape[:2])
+        lost = np.array([fit < LEAST_FIT for _, fit in looks], bool)
+        return replace(found, confidence=np.where(lost[:, None], np.float32(0), found.confidence))
+
+    def _look(self, picture: Picture, mask: BoolArray, box: FloatArray) -> tuple[Pose, float]:
+        """The pose that lies best on a person's mask, and how well it does."""
+        x0, y0, x1, y1 = np.asarray(box, float)
+        center = np.array([(x0 + x1 - 1) / 2, (y0 + y1 - 1) / 2])
+        side = max(x1 - x0, y1 - y0, 1.0)
+        # A whole body about the middle of the box, should the detector see nobody there.
+        starts = [(Square(center, 1.25 * side, 0.0), 3)]
+        if y1 >= picture.height - 1:
+            # The photo cuts the person off below: the box may be the upper half.
+            starts.append((Square(np.array([center[0], y1]), 2.5 * side, 0.0), 2))
+        left, top = np.maximum(np.floor(center - side), 0).astype(int)
+        right, bottom = np.ceil(center + side).astype(int) + 1
+        near = picture.levels[0][top:bottom, left:right]
+        lowest = self.options.lowest_score
+        for d in detect_people(self._networks["pose_detection"], Picture.of(near), lowest, lowest, ())[:3]:
+            hip, end = d.keypoints[:2] + np.array([left, top])
+            starts.append((person_square(hip, end), 2))
+        network = self._networks["pose_landmark_heavy"]
+        looks = [landmarks(network, picture, square, passes) for square, passes in starts]
+        return max(((pose, _fit(pose, mask)) for pose in looks), key=lambda look: look[1])
+
+
+def keypoints_of(poses: Sequence[Pose], height: int, width: int) -> Keypoints:
+    """Poses as the core's keypoints; confidence 0 outside the image."""
+    return Keypoints(
+        points=np.array([p.points for p in poses], np.float32).reshape(-1, 33, 2),
+        confidence=np.array([p.confidence(width, height) for p in poses], np.float32).reshape(-1, 33),
+        skeleton=BLAZEPOSE,
+        world=np.array([p.world for p in poses], np.float32).reshape(-1, 33, 3),
+    )
+
+
+def _fit(pose: Pose, mask: BoolArray) -> float:
+    """How well a pose explains a mask (H, W): presence times overlap of the pose's own mask with it."""
+    ys, xs = np.nonzero(mask)
+    if not len(xs):
+        return pose.score
+    step = max(1, int(max(np.ptp(xs), np.ptp(ys)) / 96))
+    pad = int(0.25 * max(np.ptp(xs), np.ptp(ys)))
+    y, x = np.mgrid[
+        max(0, ys.min() - pad) : min(mask.shape[0], ys.max() + pad + 1) : step,
+        max(0, xs.min() - pad) : min(mask.shape[1], xs.max() + pad + 1) : step,
+    ]
+    own = pose.mask_at(np.stack([x, y], axis=-1).astype(float)) > 0
+    given = mask[y, x]
+    return float(pose.score * (own & given).sum() / max((own | given).sum(), 1))

@@ -1,0 +1,261 @@
+"""Metric depth with the people as the ruler: soles on the floor where they are seen, else body size."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from physic_core.errors import BackendError
+from physic_core.interfaces import MetricDepth, Options
+from physic_core.types import DepthMap
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.body.model import BodyModel
+    from physic_core.types import Bodies, Hints, Plane, Pointmap
+
+    FloatArray = NDArray[np.floating]
+
+__all__ = ["HumanRuler", "PersonScale", "body_size_scale", "contact_scale"]
+
+
+class HumanRulerOptions(Options):
+    """Settings of the human ruler."""
+
+    rule: str = Field(
+        "auto",
+        pattern="^(auto|contact|body_size)$",
+        description="'contact' takes soles on the floor, 'body_size' torsos; 'auto' the first where it can",
+    )
+    contact_sigma: float = Field(
+        0.08, gt=0, description="what is not known of a scale from soles: stature, log standard deviation"
+    )
+    body_size_sigma: float = Field(
+        0.2, gt=0, description="what is not known of a scale from body size: stature and the person's depth"
+    )
+    most_disagreement: float = Field(
+        1.7, gt=1, description="a person whose soles say this many times more or less than their torso stands elsewhere"
+    )
+
+
+@dataclass(frozen=True)
+class PersonScale:
+    """Metres per unit of the scene as each of N people gives them, NaN where they do not.
+
+    Attributes:
+        contact: (N,) from soles on the floor.
+        body_size: (N,) from the depth of the torso.
+    """
+
+    contact: FloatArray
+    body_size: FloatArray
+
+
+class HumanRuler(MetricDepth):
+    """Scales the relative scene to metres by the people in it.
+
+    The scale that puts soles on the floor is the better one, because the relative depth of a person is often larger
+    than that of the floor under their feet: with a scale from the torso they would sink into it.
+    """
+
+    Options: ClassVar[type[Options]] = HumanRulerOptions
+    options: HumanRulerOptions
+
+    _model: BodyModel | None = None
+
+    def load(self, device: str = "cpu") -> None:
+        """Nothing is read before the body model of the people is known."""
+
+    def close(self) -> None:
+        """Drop the body model."""
+        self._model = None
+
+    def infer(self, image: NDArray[np.uint8], hints: Hints) -> DepthMap:
+        """The depth of ``hints.scene`` (H, W) in metres, with the scale that ``hints.bodies`` give it.
+
+        Raises:
+            BackendError: hints lack the scene or the bodies, or nobody can serve as the ruler.
+        """
+        if hints.scene is None or hints.bodies is None:
+            missing = "scene" if hints.scene is None else "bodies"
+            raise BackendError(
+                f"the human ruler needs hints.scene and hints.bodies, and hints.{missing} is missing: "
+                "use it in the pipeline, which asks for both before it, or choose a metric depth network"
+            )
+        if not len(hints.bodies.parameters):
+            raise BackendError("the human ruler has nobody to measure by: choose a metric depth network")
+        vertices, model = self._posed(hints.bodies)
+        count = len(vertices)
+        observed = hints.bodies.observed
+        observed = np.ones((count, 55), bool) if observed is None else np.asarray(observed)
+        nothing = np.full(count, np.nan)
+        contact = nothing if hints.floor is None else contact_scale(vertices, model, observed, hints.floor)
+        size = nothing if hints.original is None else body_size_scale(vertices, model, hints)
+        scale, sigma, notes = self._decide(PersonScale(contact, size))
+        depth = np.where(hints.scene.valid, hints.scene.points[..., 2] * scale, np.nan).astype(np.float32)
+        return DepthMap(depth, hints.scene.intrinsics or hints.intrinsics, sigma, tuple(notes))
+
+    def _posed(self, bodies: Bodies) -> tuple[FloatArray, BodyModel]:
+        import torch
+
+        from physic_core.body import load_body
+        from physic_core.body.conversion import to_model
+        from physic_core.body.parameters import rotations_from_parameters
+        from physic_core.geometry.tensors import tensor
+
+        if self._model is None:
+            self._model = load_body("embedded")
+        if bodies.body_model != "embedded":
+            if bodies.joints is None:
+                raise BackendError(
+                    f"the human ruler knows the embedded body, and the people came as {bodies.body_model!r} bodies "
+                    "without joints: use it in the pipeline, or choose a metric depth network"
+                )
+            # A body of the same joints is as high as the one whose file is not ours.
+            bodies = to_model(replace(bodies, mesh=None), self._model)
+        with torch.no_grad():
+            p = bodies.parameters
+            rotations = rotations_from_parameters(p)
+            out = self._model(rotations, tensor(p.betas), tensor(p.transl))
+        return out.vertices.double().numpy(), self._model
+
+    def _decide(self, people: PersonScale) -> tuple[float, float, list[str]]:
+        """Scale, standard deviation of its logarithm, and notes."""
+
+        options = self.options
+        contact, size = people.contact, people.body_size
+        notes: list[str] = []
+        if options.rule != "body_size" and np.isfinite(contact).any():
+            with np.errstate(invalid="ignore"):
+                off = np.abs(np.log(contact / size)) > np.log(options.most_disagreement)
+            if off.any() and not off[np.isfinite(contact)].all():
+                others = _people(int(off.sum()))
+                notes.append(f"{others} left out of the scale: not on the floor that was found")
+                contact = np.where(off, np.nan, contact)
+            scale, sigma = _combined(contact, options.contact_sigma)
+            notes.insert(0, f"scale from the soles of {_people(int(np.isfinite(contact).sum()))} on the floor")
+        elif options.rule != "contact" and np.isfinite(size).any():
+            scale, sigma = _combined(size, options.body_size_sigma)
+            seen = _people(int(np.isfinite(size).sum()))
+            notes.append(f"scale from the body size of {seen}, less sure than from soles on a floor")
+        else:
+            raise BackendError(
+                "the human ruler found no soles on a floor and no torso in the relative depth: "
+                "give hints.floor or hints.original, or choose a metric depth network"
+            )
+        return scale, sigma, notes
+
+
+def _people(count: int) -> str:
+    return "1 person" if count == 1 else f"{count} people"
+
+
+def _combined(scales: FloatArray, sigma: float) -> tuple[float, float]:
+    """Median of the logarithms; what all share in error stays, their spread averages out."""
+
+    logs = np.log(scales[np.isfinite(scales)])
+    middle = float(np.median(logs))
+    spread = 1.48 * float(np.median(np.abs(logs - middle))) / np.sqrt(len(logs)) if len(logs) > 1 else 0.0
+    return float(np.exp(middle)), float(np.hypot(sigma, spread))
+
+
+def contact_scale(vertices: FloatArray, model: BodyModel, observed: NDArray[np.bool_], floor: Plane) -> FloatArray:
+    """Metres per unit of the scene (N,) that put the lowest sole of each person on the floor.
+
+    With the plane n . X + h = 0 in units of the scene, a point X in metres lies on it for the scale -n . X / h. The
+    normal does not depend on the scale, and the lowest sole is the one with the largest.
+
+    Args:
+        vertices: (N, V, 3) metres, camera frame.
+        model: the body.
+        observed: (N, 55) joints that the photo shows.
+        floor: plane in units of the scene.
+
+    Returns:
+        (N,) NaN for people of whom no foot is seen.
+    """
+    from physic_core.body import JOINT_INDEX
+
+    scale = np.full(len(vertices), np.nan)
+    if floor.offset <= 0:
+        return scale
+    normal = np.asarray(floor.normal, np.float64)
+    for side in ("left", "right"):
+        ids = model.contact_sets[f"{side}_sole"].cpu().numpy()
+        lowest = (-vertices[:, ids] @ normal).max(1) / floor.offset
+        seen = observed[:, JOINT_INDEX[f"{side}_ankle"]] & observed[:, JOINT_INDEX[f"{side}_foot"]]
+        scale = np.fmax(scale, np.where(seen & (lowest > 0), lowest, np.nan))
+    return scale
+
+
+def body_size_scale(vertices: FloatArray, model: BodyModel, hints: Hints, rays: int = 4000) -> FloatArray:
+    """Metres per unit of the scene (N,) that put each torso at the depth that the relative map of the photo gives it.
+
+    Args:
+        vertices: (N, V, 3) metres, camera frame.
+        model: the body.
+        hints: with ``original``, its camera or ``intrinsics``, and ``people`` for the masks.
+        rays: pixels of each person to look at.
+
+    Returns:
+        (N,) NaN for people whose torso is not seen.
+    """
+
+    camera = hints.intrinsics or (hints.original.intrinsics if hints.original is not None else None)
+    if hints.original is None or hints.people is None or camera is None:
+        return np.full(len(vertices), np.nan)
+    faces = model.faces.cpu().numpy()
+    torso = model.part_of_vertex.cpu().numpy()[faces[:, 0]] == model.part_names.index("torso")
+    return np.array(
+        [
+            _torso_ratio(body, faces, torso, mask, hints.original, camera.matrix, rays)
+            for body, mask in zip(vertices, hints.people.masks, strict=True)
+        ]
+    )
+
+
+def _torso_ratio(
+    body: FloatArray,
+    faces: NDArray[np.int64],
+    torso: NDArray[np.bool_],
+    mask: NDArray[np.bool_],
+    original: Pointmap,
+    camera: FloatArray,
+    rays: int,
+) -> float:
+    """Median of body depth over map depth at the pixels of a mask where a ray meets the torso first."""
+    import trimesh
+
+    inner = _inner(mask) & original.valid
+    rows, columns = np.nonzero(inner)
+    if len(rows) < 30:
+        return float("nan")
+    chosen = np.linspace(0, len(rows) - 1, min(rays, len(rows))).astype(int)
+    rows, columns = rows[chosen], columns[chosen]
+    directions = np.stack(
+        [(columns - camera[0, 2]) / camera[0, 0], (rows - camera[1, 2]) / camera[1, 1], np.ones(len(rows))], -1
+    )
+    mesh = trimesh.Trimesh(body, faces, process=False)
+    hit = mesh.ray.intersects_first(np.zeros_like(directions), directions)
+    on_torso = (hit >= 0) & torso[hit]
+    if on_torso.sum() < 20:
+        return float("nan")
+    corners = body[faces[hit[on_torso]]]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    # The ray's direction has z = 1, so the distance along it is the depth.
+    depth = (normal * corners[:, 0]).sum(-1) / (normal * directions[on_torso]).sum(-1)
+    ratio = depth / original.points[rows[on_torso], columns[on_torso], 2]
+    return float(np.median(ratio[np.isfinite(ratio)]))
+
+
+def _inner(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """A mask without its rim, where the depth of the background bleeds in."""
+    import cv2
+
+    reach = max(1, round(0.004 * max(mask.shape)))
+    disc = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+    return np.asarray(cv2.erode(mask.astype(np.uint8), disc) > 0)

@@ -1,0 +1,55 @@
+"""Straight line segments of a photo with M-LSD."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from onnxruntime import InferenceSession
+
+__all__ = ["line_segments", "outside"]
+
+_SIDE = 512  # px of the network's square input; its answers lie on a grid of half that
+
+
+def line_segments(
+    session: InferenceSession, image: NDArray[np.uint8], threshold: float = 0.15, min_length: float = 0.015
+) -> NDArray[np.float64]:
+    """Segments of ``image``, in its pixel centres.
+
+    Args:
+        session: on ``mlsd_large_512``.
+        image: (H, W, 3) uint8 RGB.
+        threshold: least score; 0.1-0.3 works.
+        min_length: shortest segment, as a share of the long side.
+
+    Returns:
+        (M, 2, 2) float64 px: M segments, two end points, (x, y).
+    """
+    import cv2
+
+    height, width = image.shape[:2]
+    fed = np.ones((1, _SIDE, _SIDE, 4), np.float32)  # the fourth channel is ones
+    fed[0, ..., :3] = cv2.resize(image, (_SIDE, _SIDE), interpolation=cv2.INTER_AREA)
+    offsets, scores = session.run(["offsets", "scores"], {session.get_inputs()[0].name: fed})
+    row, column = np.nonzero(scores[0, ..., 0] > threshold)
+    shift = offsets[0, row, column].reshape(-1, 2, 2)
+    cells = np.stack([column, row], -1)[:, None] + shift
+    # A cell of the answer is two pixels of the input: pixel centres move by half a pixel at each resampling.
+    scale = np.array([width, height]) / _SIDE
+    ends = (2 * cells + 1) * scale - 0.5
+    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=-1)
+    return np.asarray(ends[length > min_length * max(height, width)], dtype=np.float64)
+
+
+def outside(segments: NDArray[np.float64], mask: NDArray[np.bool_], share: float = 0.3) -> NDArray[np.float64]:
+    """The segments of which at most ``share`` lies in ``mask`` (H, W), where an inpainter made the picture up."""
+
+    height, width = mask.shape
+    steps = np.linspace(0.0, 1.0, 9)[None, :, None]
+    samples = np.round(segments[:, :1] * (1 - steps) + segments[:, 1:] * steps).astype(int)
+    inside = mask[samples[..., 1].clip(0, height - 1), samples[..., 0].clip(0, width - 1)]
+    return np.asarray(segments[inside.mean(1) <= share])

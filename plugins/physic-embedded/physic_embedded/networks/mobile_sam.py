@@ -1,0 +1,146 @@
+"""Masks from points and boxes with the two MobileSAM networks."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from onnxruntime import InferenceSession
+
+    Float = NDArray[np.floating[Any]]
+
+__all__ = ["Answer", "Embedding", "embed", "prompt"]
+
+FRAME = 1024
+GRID = 256
+"""Side of the answered masks: one cell is 4 x 4 px of the 1024 px frame."""
+
+
+@dataclass(frozen=True)
+class Embedding:
+    """A photo as the mask decoder wants it.
+
+    Attributes:
+        features: (1, 256, 64, 64).
+        height: of the photo, px.
+        width: of the photo, px.
+        scale: frame px a photo px.
+    """
+
+    features: Float
+    height: int
+    width: int
+    scale: float
+
+    def to_frame(self, points: Float) -> Float:
+        """(..., 2) photo px -> px of the 1024 px frame (integer pixel centres in both)."""
+        frame: Float = (points + 0.5) * self.scale - 0.5
+        return frame
+
+    @property
+    def grid_shape(self) -> tuple[int, int]:
+        """Rows and columns of a mask's cells that lie on the photo."""
+        cell = FRAME / GRID
+        return math.ceil(self.height * self.scale / cell), math.ceil(self.width * self.scale / cell)
+
+    @property
+    def cell(self) -> float:
+        """Side of a cell of the answered masks, photo px."""
+        return FRAME / GRID / self.scale
+
+    def grid_points(self) -> Float:
+        """(rows, columns, 2) centres of the cells, photo px."""
+
+        rows, columns = self.grid_shape
+        y, x = np.mgrid[:rows, :columns]
+        points: Float = (np.stack([x, y], axis=-1) + 0.5) * self.cell - 0.5
+        return points
+
+    def to_photo(self, logits: Float) -> NDArray[np.float32]:
+        """(rows, columns) values of cells -> (H, W) values of photo pixels, bilinear."""
+        import cv2
+
+        half = 0.5 / self.cell - 0.5
+        matrix = np.array([[1.0 / self.cell, 0.0, half], [0.0, 1.0 / self.cell, half]])
+        moved: NDArray[np.float32] = cv2.warpAffine(
+            np.ascontiguousarray(logits, np.float32), matrix, (self.width, self.height),
+            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REPLICATE,
+        )  # fmt: skip
+        return moved
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Four proposals for one prompt.
+
+    Attributes:
+        logits: (4, rows, columns), above 0 inside; the first is for prompts without ambiguity, the others are whole,
+            part and part of a part.
+        iou: (4,) how well each mask fits what was meant, as the network judges.
+        raw: (4, 256, 256), for asking again.
+    """
+
+    logits: Float
+    iou: Float
+    raw: Float
+
+
+def embed(session: InferenceSession, image: NDArray[np.uint8]) -> Embedding:
+    """Encode a photo (H, W, 3) once; ``session`` is of ``mobilesam_encoder``."""
+    import cv2
+
+    h, w = image.shape[:2]
+    scale = FRAME / max(h, w)
+    nh, nw = max(1, round(h * scale)), max(1, round(w * scale))
+    small = cv2.resize(image, (nw, nh), interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
+    frame = np.zeros((FRAME, FRAME, 3), np.float32)
+    frame[:nh, :nw] = small
+    size = np.array([nh, nw], np.int64)
+    (features,) = session.run(None, {"image": frame.transpose(2, 0, 1)[None], "size": size})
+    return Embedding(features, h, w, scale)
+
+
+def prompt(
+    session: InferenceSession,
+    embedding: Embedding,
+    inside: Float,
+    outside: Float,
+    box: Float | None = None,
+    mask: Float | None = None,
+) -> Answer:
+    """Ask for the thing that holds some points and not others.
+
+    Args:
+        session: of ``mobilesam_decoder``.
+        embedding: of the photo.
+        inside: (P, 2) photo px on the thing.
+        outside: (Q, 2) photo px not on it.
+        box: (4,) x0 y0 x1 y1 photo px about it.
+        mask: (256, 256) logits, one of an earlier answer's ``raw``.
+    """
+    points = [embedding.to_frame(np.asarray(p, float).reshape(-1, 2)) for p in (inside, outside)]
+    labels = [np.ones(len(points[0])), np.zeros(len(points[1]))]
+    if box is None:
+        # The decoder wants a padding point where there is no box.
+        points.append(np.zeros((1, 2)))
+        labels.append(np.full(1, -1.0))
+    else:
+        points.append(embedding.to_frame(np.asarray(box, float).reshape(2, 2)))
+        labels.append(np.array([2.0, 3.0]))
+    raw, iou = session.run(
+        ["low_res_masks", "iou"],
+        {
+            "image_embeddings": embedding.features,
+            "point_coords": np.concatenate(points)[None].astype(np.float32),
+            "point_labels": np.concatenate(labels)[None].astype(np.float32),
+            "mask_input": np.zeros((1, 1, GRID, GRID), np.float32) if mask is None else mask[None, None],
+            "has_mask_input": np.array([0 if mask is None else 1], np.float32),
+        },
+    )
+    rows, columns = embedding.grid_shape
+    return Answer(raw[0, :, :rows, :columns], iou[0], raw[0])

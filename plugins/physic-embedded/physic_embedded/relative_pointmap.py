@@ -1,0 +1,219 @@
+"""Relative point map: Depth Anything V2, a focal length, and the disparity of infinity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from physic_core.errors import BackendError
+from physic_core.interfaces import Options, RelativePointmap
+from physic_core.types import CameraTrust, Intrinsics, Pointmap
+from physic_embedded.networks.depth_anything import disparity, resample
+from physic_embedded.networks.line_segments import line_segments, outside
+from physic_embedded.networks.sessions import open_session
+from physic_embedded.single_view.disparity_floor import disparity_floor
+from physic_embedded.single_view.disparity_offset import Standing, disparity_of_infinity
+from physic_embedded.single_view.flying_pixels import flying_pixels
+from physic_embedded.single_view.focal import stable_frame
+from physic_embedded.single_view.gravity import gravity_from_frame, upright_gravity
+from physic_embedded.single_view.standing import standing_people
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from onnxruntime import InferenceSession
+
+    from physic_core.types import Hints
+    from physic_embedded.single_view.focal import ManhattanFrame
+    from physic_embedded.single_view.gravity import Gravity
+
+    FloatArray = NDArray[np.floating]
+
+__all__ = ["EmbeddedPointmap"]
+
+_LEAST_GAP = 0.002  # ranges of the disparity between infinity and the farthest point, so that depth stays finite
+_SKY = 0.004  # ranges: the network answers 0 for the sky
+_TOO_FAR_GAP = 0.01  # ranges: farther than this the network's own noise is larger than what it says
+
+
+class EmbeddedPointmapOptions(Options):
+    """Settings of the embedded relative point map."""
+
+    short_side: int = Field(518, ge=70, description="px of the short side that the network sees; 518 as trained")
+    max_tokens: int = Field(3600, ge=64, description="cap on 14 px patches, which limits the time of long panoramas")
+    default_focal: float = Field(
+        0.95, gt=0.2, lt=5.0, description="focal length in long sides where neither file, user nor edges give one"
+    )
+    focal_from_edges: bool = Field(True, description="look for a focal length in the straight edges of the photo")
+    threads: int = Field(2, ge=0, description="threads of the network; 0 leaves the choice to onnxruntime")
+
+
+@dataclass(frozen=True)
+class _Edges:
+    """What straight edges say of the camera."""
+
+    frame: ManhattanFrame | None
+    gravity: Gravity | None
+
+
+class EmbeddedPointmap(RelativePointmap):
+    """Relative points of a photo.
+
+    The first call, for the inpainted photo, finds the focal length and the disparity of infinity. A call with
+    ``hints.scene`` takes both from it: the same camera, and the disparity that agrees with it outside the people.
+    """
+
+    Options: ClassVar[type[Options]] = EmbeddedPointmapOptions
+    options: EmbeddedPointmapOptions
+
+    _depth: InferenceSession | None = None
+    _lines: InferenceSession | None = None
+
+    def load(self, device: str = "cpu") -> None:
+        """Open the depth network and, if edges are asked for, the line network."""
+        if self._depth is None:
+            self._depth = open_session("depth_anything_v2_vits", self.options.threads, device)
+        if self._lines is None and self.options.focal_from_edges:
+            self._lines = open_session("mlsd_large_512", self.options.threads, device)
+
+    def close(self) -> None:
+        """Drop both networks."""
+        self._depth = self._lines = None
+
+    def infer(self, image: NDArray[np.uint8], hints: Hints) -> Pointmap:
+        """Image (H, W, 3) -> points whose inverse depth is known up to scale and shift; the median depth is 1.
+
+        Points farther than the network can tell, and those that hang between a near and a far surface, are not valid.
+
+        Raises:
+            BackendError: the networks are not loaded.
+        """
+        if self._depth is None:
+            raise BackendError("the embedded point map was asked before its networks were loaded: call load() first")
+        height, width = image.shape[:2]
+        raw = disparity(self._depth, image, self.options.short_side, self.options.max_tokens)
+        camera, edges, notes = self._camera(image, hints)
+        low = np.percentile(raw, 1)
+        span = max(float(np.percentile(raw, 99) - low), 1e-6)
+
+        found = _agreement(raw, hints) if hints.scene is not None else None
+        if found is None:
+            if hints.scene is not None:
+                notes.append("the photo's depth could not be matched to the scene's outside the people")
+            infinity, rule = self._infinity(raw, camera, edges, hints)
+            notes.append(rule)
+        else:
+            infinity = found.infinity
+        gap = np.maximum(raw - infinity, _LEAST_GAP * span)
+        too_far = (raw - infinity < _TOO_FAR_GAP * span) | (raw < _SKY * span)
+        lost = flying_pixels(gap) | too_far
+        if lost.all():
+            raise BackendError("the depth network saw no structure in the photo: no pixel has a depth that it can tell")
+        unit = float(np.median(gap[~lost])) if found is None else 1 / found.scale
+        depth = 1 / resample((gap / unit).astype(np.float32), height, width)
+        valid = resample(lost.astype(np.float32), height, width) < 0.5
+        columns, rows = np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32)
+        points = np.empty((height, width, 3), np.float32)
+        points[..., 0] = depth * ((columns - camera.cx) / camera.fx)[None, :]
+        points[..., 1] = depth * ((rows - camera.cy) / camera.fy)[:, None]
+        points[..., 2] = depth
+        return Pointmap(points, valid, "inverse_scale_shift", camera, tuple(notes))
+
+    def _camera(self, image: NDArray[np.uint8], hints: Hints) -> tuple[Intrinsics, _Edges, list[str]]:
+        """The camera that is known, or that straight edges give, or the default; what the edges say; and notes."""
+        height, width = image.shape[:2]
+        given = hints.intrinsics
+        if given is not None and (given.width, given.height) != (width, height):
+            given = given.resized(width, height)
+        segments = None
+        if self._lines is not None and hints.scene is None:
+            segments = line_segments(self._lines, image)
+            if hints.hole is not None:
+                segments = outside(segments, hints.hole)
+        if given is None:
+            frame = None if segments is None else stable_frame(segments, width, height)
+            if frame is not None:
+                camera = Intrinsics.from_focal(frame.focal_px, width, height, "vanishing points")
+                note = f"focal length {frame.focal_px:.0f} px from the vanishing points of straight edges"
+                return camera, _Edges(frame, gravity_from_frame(frame)), [note]
+            focal = self.options.default_focal * max(width, height)
+            source = f"default ({self.options.default_focal:g} x the long side)"
+            camera = Intrinsics.from_focal(focal, width, height, source, CameraTrust.GUESSED)
+            notes = [f"focal length is a {source}"]
+        else:
+            camera, notes = given, []
+        if segments is None:
+            return camera, _Edges(None, None), notes
+        gravity = upright_gravity(segments, width, height, camera.fx, focal_known=given is not None)
+        return camera, _Edges(None, gravity), notes
+
+    def _infinity(self, raw: FloatArray, camera: Intrinsics, edges: _Edges, hints: Hints) -> tuple[float, str]:
+        """The disparity of infinity by its own cues, and what decided."""
+        rows, columns = raw.shape
+        floor = disparity_floor(raw, None if hints.hole is None else _shrunk(hints.hole, rows, columns))
+        shrink = rows / camera.height
+        people = tuple(
+            Standing(s.nose * shrink, s.ankle * shrink)
+            for s in standing_people(hints.keypoints, camera.height, camera.width)
+        )
+        infinity = disparity_of_infinity(
+            raw, floor, camera.fx * columns / camera.width, gravity=edges.gravity, frame=edges.frame, standing=people
+        )
+        return infinity.disparity, f"depth is ambiguous up to an offset: {infinity.rule}"
+
+
+@dataclass(frozen=True)
+class _Agreement:
+    """1 / z of the scene is ``scale * (disparity - infinity)``."""
+
+    infinity: float
+    scale: float
+
+
+def _shrunk(mask: NDArray[np.bool_], rows: int, columns: int) -> NDArray[np.bool_]:
+    """A mask at the network's resolution, True wherever it touches."""
+    import cv2
+
+    small = cv2.resize(mask.astype(np.float32), (columns, rows), interpolation=cv2.INTER_AREA)
+    return np.asarray(small > 0)
+
+
+def _agreement(raw: FloatArray, hints: Hints) -> _Agreement | None:
+    """The affine map from this disparity to the scene's inverse depth: reweighted least squares outside the people."""
+    import cv2
+
+    assert hints.scene is not None
+    rows, columns = raw.shape
+    z = np.where(hints.scene.valid, hints.scene.points[..., 2], np.inf)
+    target = cv2.resize((1 / z).astype(np.float32), (columns, rows), interpolation=cv2.INTER_NEAREST)
+    usable = target > 0
+    if hints.people is not None and len(hints.people):
+        usable &= ~_shrunk(_widened(np.asarray(hints.people.masks.any(0))), rows, columns)
+    if usable.mean() < 0.05:
+        return None
+    x, y = raw[usable].astype(np.float64), target[usable].astype(np.float64)
+    weight = np.ones_like(x)
+    slope, shift = 0.0, 0.0
+    for _ in range(10):
+        mean_x, mean_y = np.average(x, weights=weight), np.average(y, weights=weight)
+        spread = np.average((x - mean_x) ** 2, weights=weight)
+        if spread <= 0:
+            return None
+        slope = np.average((x - mean_x) * (y - mean_y), weights=weight) / spread
+        shift = mean_y - slope * mean_x
+        rest = np.abs(y - slope * x - shift)
+        weight = 1 / (1 + (rest / (1.5 * np.median(rest) + 1e-9)) ** 2)
+    if slope <= 0:
+        return None
+    return _Agreement(float(-shift / slope), float(slope))
+
+
+def _widened(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """A mask grown by 1.5 % of the long side: the depth of a person bleeds over its outline."""
+    import cv2
+
+    reach = max(2, round(0.015 * max(mask.shape)))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+    return np.asarray(cv2.dilate(mask.astype(np.uint8), disc) > 0)

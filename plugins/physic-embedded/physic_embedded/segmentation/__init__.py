@@ -1,0 +1,1 @@
+"""People's masks and the floor's mask."""

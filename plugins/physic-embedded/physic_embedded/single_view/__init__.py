@@ -1,0 +1,1 @@
+"""Focal length, gravity and depth offset from what one photo shows."""

@@ -1,0 +1,125 @@
+"""The floor as a plane in disparity, before focal length, scale and shift are known.
+
+A plane n . X = h gives 1 / z = (n . r) / h with the ray r = (x, y, 1), and a disparity is affine in 1 / z: so every
+plane of the scene is a plane over the pixels of the disparity map, whatever the camera and what the map leaves open.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    FloatArray = NDArray[np.floating]
+    BoolArray = NDArray[np.bool_]
+
+__all__ = ["DisparityFloor", "disparity_floor"]
+
+_MAX_ROLL_DEG = 25.0
+_LOWER_SHARE = 0.6  # the floor is looked for in this lower part of the picture
+
+
+@dataclass(frozen=True)
+class DisparityFloor:
+    """Disparity ``x * du + y * dv + d0`` of the floor, x and y in long sides from the principal point.
+
+    Attributes:
+        du: slope along x.
+        dv: slope along y, positive: nearer further down.
+        d0: value at the principal point.
+        inlier_share: share of the lower part of the picture that lies on the plane.
+        below_share: share of it that lies beyond the plane, where a floor cannot be seen through.
+        value_range: 1st to 99th percentile of the disparity, the unit of every tolerance.
+    """
+
+    du: float
+    dv: float
+    d0: float
+    inlier_share: float
+    below_share: float
+    value_range: float
+
+    def horizon(self, infinity: float) -> float:
+        """y (long sides from the principal point) at which the floor reaches the disparity of infinity, at x = 0."""
+        return (infinity - self.d0) / self.dv
+
+    def normal(self, infinity: float, focal: float) -> FloatArray:
+        """(3,) downward unit normal, camera frame, for a disparity of infinity and a focal length in long sides."""
+
+        down = np.array([self.du * focal, self.dv * focal, self.d0 - infinity])
+        return np.asarray(down / np.linalg.norm(down))
+
+
+def disparity_floor(
+    disparity: FloatArray,
+    made_up: BoolArray | None = None,
+    *,
+    tolerance: float = 0.012,
+    draws: int = 1500,
+    seed: int = 0,
+) -> DisparityFloor | None:
+    """The lowest large plane of a disparity map, by RANSAC.
+
+    Pixels nearer to the bottom count more, made-up ones less, and pixels that lie beyond the plane count against it:
+    one does not see through a floor.
+
+    Args:
+        disparity: (H, W), larger is nearer.
+        made_up: (H, W) bool, pixels that an inpainter invented.
+        tolerance: inlier band, in ranges of the disparity.
+        draws: hypotheses of three pixels.
+        seed: of the draws.
+
+    Returns:
+        The floor, or None where no draw looks like one.
+    """
+    import cv2
+
+    height, width = disparity.shape
+    step = max(1, max(height, width) // 160)
+    smooth = cv2.GaussianBlur(np.asarray(disparity, np.float32), (0, 0), step / 2)[::step, ::step].astype(np.float64)
+    rows, columns = np.mgrid[0:height:step, 0:width:step]
+    low = rows > (1 - _LOWER_SHARE) * (height - 1)
+    x = ((columns - (width - 1) / 2) / max(height, width))[low]
+    y = ((rows - (height - 1) / 2) / max(height, width))[low]
+    value = smooth[low]
+    trust = 1 + rows[low] / height
+    if made_up is not None:
+        trust = trust * np.where(made_up[::step, ::step][low], 0.3, 1.0)
+    span = float(np.percentile(disparity, 99) - np.percentile(disparity, 1))
+    if span <= 0 or len(value) < 3:
+        return None
+    band = tolerance * span
+    design = np.stack([x, y, np.ones_like(x)], -1)
+
+    rng = np.random.default_rng(seed)
+    picked = rng.integers(0, len(value), (draws, 3))
+    corners = design[picked]
+    proper = np.abs(np.linalg.det(corners)) > 1e-4
+    planes = np.linalg.solve(corners[proper], value[picked[proper]][..., None])[..., 0]
+    level = np.abs(planes[:, 0]) < np.tan(np.radians(_MAX_ROLL_DEG)) * planes[:, 1]
+    planes = planes[(planes[:, 1] > 0.05 * span) & level]
+    if not len(planes):
+        return None
+    scores = [trust @ _votes(value[:, None] - design @ chunk.T, band) for chunk in np.array_split(planes, 8)]
+    plane = planes[int(np.concatenate(scores).argmax())]
+    for _ in range(5):
+        inside = np.abs(value - design @ plane) < band
+        if inside.sum() < 3:
+            return None
+        root = np.sqrt(trust[inside])
+        plane = np.linalg.lstsq(design[inside] * root[:, None], value[inside] * root, rcond=None)[0]
+    if plane[1] <= 0:
+        return None
+    rest = value - design @ plane
+    du, dv, d0 = (float(p) for p in plane)
+    return DisparityFloor(du, dv, d0, float((np.abs(rest) < band).mean()), float((rest < -2 * band).mean()), span)
+
+
+def _votes(rest: FloatArray, band: float) -> FloatArray:
+    """1 on the plane, -1 clearly beyond it."""
+    return (abs(rest) < band).astype(float) - (rest < -2 * band)

@@ -1,0 +1,164 @@
+"""The disparity of infinity: what separates a relative disparity from 1 / z.
+
+A plane stays a plane whatever is taken for infinity, so flatness says nothing about it. What moves is the floor's
+horizon, so cues are weighed on it: gravity read off upright edges, the height of the camera beside a standing person,
+the look of a Manhattan room; and, before all cues, whether the farthest pixels are as good as infinitely far, as they
+are outdoors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_embedded.single_view.disparity_floor import DisparityFloor
+    from physic_embedded.single_view.focal import ManhattanFrame
+    from physic_embedded.single_view.gravity import Gravity
+
+    FloatArray = NDArray[np.floating]
+
+__all__ = ["Infinity", "Standing", "disparity_of_infinity", "manhattan_share"]
+
+# Ranges of the map: median, and standard deviation of the logarithm. Outdoors below 0, where the network puts the sky;
+# indoors below the farthest pixel.
+_OUTDOORS = (0.006, 0.7)
+_INDOORS = (0.25, 0.9)
+_CAMERA_HEIGHT = (1.45, 0.3)  # metres: median and standard deviation of the logarithm
+_NOSE, _ANKLE = 1.53, 0.08  # metres over the floor, an adult who stands
+_CANDIDATES = (0.003, 4.0, 80)
+_FLOOR_SHARE = 0.1  # a smaller floor than this has no horizon worth reading
+
+
+@dataclass(frozen=True)
+class Standing:
+    """Where a standing person's nose and ankles are, y px."""
+
+    nose: float
+    ankle: float
+
+
+@dataclass(frozen=True)
+class Infinity:
+    """Answer of :func:`disparity_of_infinity`.
+
+    Attributes:
+        disparity: of infinity, in the units of the map.
+        gap: from it to the farthest pixels, in ranges of the map.
+        outdoors: probability that the farthest pixels are as good as infinitely far.
+        rule: what decided, in words.
+    """
+
+    disparity: float
+    gap: float
+    outdoors: float
+    rule: str
+
+
+def _logistic(x: float) -> float:
+    return float(1 / (1 + np.exp(-np.clip(x, -30, 30))))
+
+
+def disparity_of_infinity(
+    disparity: FloatArray,
+    floor: DisparityFloor | None,
+    focal_px: float,
+    *,
+    gravity: Gravity | None = None,
+    frame: ManhattanFrame | None = None,
+    standing: tuple[Standing, ...] = (),
+) -> Infinity:
+    """The most likely disparity of infinity below the farthest pixels of a map.
+
+    Args:
+        disparity: (H, W), larger is nearer; the network answers 0 for the sky.
+        floor: of the same map, or None.
+        focal_px: focal length at the resolution of ``disparity``, px.
+        gravity: direction of gravity, or None.
+        frame: Manhattan frame of the picture, or None.
+        standing: standing people, px at the resolution of ``disparity``.
+    """
+
+    height, width = disparity.shape
+    long_side = max(height, width)
+    focal = focal_px / long_side
+    farthest, span = _farthest(disparity)
+    share = floor.inlier_share if floor is not None else 0.0
+    # Outdoors the network saturates at 0, and the ground fills the lower part; both were read off 20 photos.
+    outdoors = _logistic((0.014 - farthest / span) / 0.004 + float(np.clip((share - 0.3) / 0.1, -2, 2)))
+
+    gaps = np.geomspace(*_CANDIDATES)
+    candidates = farthest - gaps * span
+
+    def prior(median: float, sigma: float) -> FloatArray:
+        return np.asarray(np.exp(-0.5 * (np.log(gaps / median) / sigma) ** 2))
+
+    below_sky = _OUTDOORS[0] + max(farthest, 0.0) / span
+    cost = -2 * np.log(outdoors * prior(below_sky, _OUTDOORS[1]) + (1 - outdoors) * prior(*_INDOORS) + 1e-6)
+    cues = []
+    if floor is not None and share > _FLOOR_SHARE:
+        if gravity is not None:
+            pitch = np.degrees(np.arctan2(floor.d0 - candidates, floor.dv * focal))
+            cost = cost + _robust((pitch - gravity.pitch_deg) / gravity.sigma_deg)
+            cues.append(gravity.source)
+        if standing:
+            horizon = np.array([floor.horizon(c) for c in candidates]) * long_side + (height - 1) / 2
+            heights = [_ANKLE + (_NOSE - _ANKLE) * (s.ankle - horizon) / (s.ankle - s.nose) for s in standing]
+            camera = np.median(np.maximum(heights, 0.05), axis=0)
+            cost = cost + _robust(np.log(camera / _CAMERA_HEIGHT[0]) / _CAMERA_HEIGHT[1])
+            cues.append("the camera's height beside standing people")
+    if frame is not None:
+        seen = np.array([manhattan_share(disparity, c, focal_px, frame) for c in candidates[::4]])
+        score = np.interp(np.log(gaps), np.log(gaps[::4]), seen)
+        cost = cost + 4 * (1 - score / max(float(score.max()), 1e-6))
+        cues.append("the walls of the room")
+    best = int(cost.argmin())
+    kind = "infinitely far" if outdoors > 0.5 else "a wall"
+    far = f"the farthest pixels are taken as {kind}"
+    rule = far + (", with " + ", ".join(cues) if cues else ", by default")
+    return Infinity(float(candidates[best]), float(gaps[best]), outdoors, rule)
+
+
+def _farthest(disparity: FloatArray) -> tuple[float, float]:
+    """Disparity of the farthest pixels, and the range of the map."""
+
+    low, far, high = np.percentile(disparity, [1, 0.5, 99])
+    return float(far), max(float(high - low), 1e-6)
+
+
+def _robust(residual: FloatArray) -> FloatArray:
+    """A squared residual that levels off: a single cue that is wrong must not outvote everything else."""
+
+    return np.asarray(4 * np.log1p(residual**2 / 4))
+
+
+def manhattan_share(disparity: FloatArray, infinity: float, focal_px: float, frame: ManhattanFrame) -> float:
+    """How many surface normals lie along the axes of a Manhattan frame, 0 to 1, if infinity has this disparity.
+
+    Args:
+        disparity: (H, W).
+        infinity: a disparity below all of the map.
+        focal_px: focal length at the resolution of ``disparity``.
+        frame: the axes.
+    """
+
+    height, width = disparity.shape
+    step = max(1, max(height, width) // 200)
+    coarse = np.asarray(disparity, np.float64)[::step, ::step]
+    z = 1 / np.maximum(coarse - infinity, 1e-6 * abs(float(coarse.max())) + 1e-12)
+    rows, columns = np.mgrid[0:height:step, 0:width:step]
+    rays = np.stack([(columns - (width - 1) / 2) / focal_px, (rows - (height - 1) / 2) / focal_px, np.ones_like(z)], -1)
+    points = rays * z[..., None]
+    right = points[1:-1, 2:] - points[1:-1, :-2]
+    down = points[2:, 1:-1] - points[:-2, 1:-1]
+    normals = np.cross(right, down)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True) + 1e-12
+    slope = np.hypot(*np.gradient(coarse))[1:-1, 1:-1]
+    smooth = slope < np.percentile(slope, 85)  # the steepest pixels are depth edges
+    cosine = np.abs(normals[smooth] @ frame.axes.T).max(-1)
+    limit = np.cos(np.radians(15.0))
+    return float(np.clip((cosine - limit) / (1 - limit), 0, 1).mean())
