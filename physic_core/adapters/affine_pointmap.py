@@ -10,6 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from physic_core.errors import BackendError
 from physic_core.types import CameraTrust, Intrinsics
 
@@ -72,8 +74,6 @@ def recover_camera(
     Raises:
         BackendError: too few points, or no positive focal length fits them.
     """
-    import numpy as np
-
     xyz, uv = _sampled(points, np.asarray(mask, bool))
     given = None if focal_px is None else np.broadcast_to(np.asarray(focal_px, np.float64), 2)
     half = half_diagonal(*points.shape[:2])
@@ -116,8 +116,6 @@ def settle(
         (H, W, 3) float32 points on the rays of their pixels with depth (z + shift) * scale, NaN where invalid; and (H,
         W) bool, the valid points: inside the mask, finite, in front of the camera.
     """
-    import numpy as np
-
     height, width = mask.shape
     with np.errstate(invalid="ignore"):
         depth = (np.asarray(z, np.float64) + found.shift) * scale
@@ -151,8 +149,6 @@ class _Problem:
 
         A few points much nearer than all others are outliers and do not limit the shift.
         """
-        import numpy as np
-
         low, middle = np.quantile(self.z, [0.01, 0.5])
         near = float(self.z[self.z >= low - 3 * (middle - low) - 1e-9 * abs(middle)].min())
         size = max(float(np.sqrt(np.mean(self.xy**2))), float(np.quantile(self.z, 0.99)) - near)
@@ -192,8 +188,6 @@ class _Problem:
         Points at equal distance only determine the ratio of focal length and distance. Errors as large as the variation
         have the same effect.
         """
-        import numpy as np
-
         seen = self._in_front(shift)
         distance = self.z[seen] + shift
         fitted = self.focal(shift) * self.xy[seen] / distance[:, None]
@@ -207,8 +201,6 @@ class _Problem:
 
     def _sums(self, shift: float, of_products: int, of_squares: int) -> tuple[float, float]:
         """Sums of uv . xy / (z + s)^k and of xy . xy / (z + s)^l over the points in front of the camera."""
-        import numpy as np
-
         inverse = 1 / np.where(self._in_front(shift), self.z + shift, np.inf)
         products, squares = (self.uv * self.xy).sum(1), (self.xy**2).sum(1)
         return float(products @ inverse**of_products), float(squares @ inverse**of_squares)
@@ -218,7 +210,6 @@ def _least(
     error: Callable[[float], float], slope: Callable[[float], float], lowest: float, nearest: FloatArray
 ) -> float:
     """Minimise ``error`` above ``lowest``: best point of a grid, then the zero of the slope near it."""
-    import numpy as np
     from scipy.optimize import brentq
 
     errors = [error(lowest + d) for d in nearest]
@@ -231,8 +222,6 @@ def _least(
 
 def _sampled(points: FloatArray, mask: BoolArray) -> tuple[FloatArray, FloatArray]:
     """(n, 3) points and (n, 2) pixels inside the mask; pixels relative to the centre, in half diagonals."""
-    import numpy as np
-
     height, width = mask.shape
     if points.shape != (height, width, 3):
         raise BackendError(f"a point map of {width} x {height} px must be ({height}, {width}, 3), got {points.shape}")

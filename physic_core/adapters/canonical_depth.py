@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
 
@@ -60,8 +62,6 @@ def metres_from_inverse(raw: FloatArray, focal_px: float, width: float) -> Float
     Returns:
         (h, w) float32 metres along z, from 0.1 mm to 10 km.
     """
-    import numpy as np
-
     inverse = np.asarray(raw, np.float32) * np.float32(width / focal_px)
     metres: FloatArray = 1 / np.clip(inverse, _LEAST_INVERSE, _MOST_INVERSE)
     return metres
@@ -78,8 +78,6 @@ def metres_from_canonical(raw: FloatArray, focal_px: float, canonical_focal_px: 
     Returns:
         (h, w) float32 metres along z.
     """
-    import numpy as np
-
     metres: FloatArray = np.asarray(raw, np.float32) * np.float32(focal_px / canonical_focal_px)
     return metres
 

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, planes
 
 if TYPE_CHECKING:
@@ -45,7 +47,6 @@ def contact_crop(
         fit: "letterbox" keeps the aspect and pads with white; "squash" stretches the box to a square.
     """
     import cv2
-    import numpy as np
 
     rows, columns = grown_window(box, image.shape[0], image.shape[1], growth)
     cut = np.ascontiguousarray(image[rows, columns, ::-1])

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Intrinsics
 
@@ -30,8 +32,6 @@ def translation_of_crop(weak: FloatArray, centres: FloatArray, sides: FloatArray
     Returns:
         (N, 3) metres, camera frame; NaN where s is not positive.
     """
-    import numpy as np
-
     s, shift = weak[:, 0].astype(np.float64), weak[:, 1:3].astype(np.float64)
     per_metre = sides / 2 * np.where(s > _SMALLEST, s, np.nan)
     focal, centre = np.array([camera.fx, camera.fy]), np.array([camera.cx, camera.cy])
@@ -52,8 +52,6 @@ def told_of_crops(centres: FloatArray, sides: FloatArray, focal: float, camera: 
         focal: focal length for the network, px.
         camera: of the photo.
     """
-    import numpy as np
-
     middle = np.array([camera.width, camera.height]) / 2
     matrix = np.array([[focal, 0.0, middle[0]], [0.0, focal, middle[1]], [0.0, 0.0, 1.0]])
     told = {
@@ -69,8 +67,6 @@ def crop_of_translation(
     translations: FloatArray, centres: FloatArray, sides: FloatArray, camera: Intrinsics
 ) -> FloatArray:
     """Inverse of :func:`translation_of_crop`: (N, 3) metres with z > 0 -> (N, 3) s, tx, ty."""
-    import numpy as np
-
     points = translations.astype(np.float64)
     focal, centre = np.array([camera.fx, camera.fy]), np.array([camera.cx, camera.cy])
     per_metre = np.sqrt(camera.fx * camera.fy) / points[:, 2]

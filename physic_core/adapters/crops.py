@@ -15,6 +15,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, UInt8Array
 
@@ -41,23 +43,17 @@ class Crop:
 
     def to_photo(self, points: FloatArray) -> FloatArray:
         """Points (..., 2) in px of the crop -> px of the photo."""
-        import numpy as np
-
         found: FloatArray = np.asarray(self.origin) + np.asarray(self.step) * points
         return found
 
     def to_crop(self, points: FloatArray) -> FloatArray:
         """Points (..., 2) in px of the photo -> px of the crop."""
-        import numpy as np
-
         found: FloatArray = (points - np.asarray(self.origin)) / np.asarray(self.step)
         return found
 
     @property
     def matrix(self) -> FloatArray:
         """(2, 3) affine matrix, px of the crop -> px of the photo."""
-        import numpy as np
-
         return np.array([[self.step[0], 0.0, self.origin[0]], [0.0, self.step[1], self.origin[1]]])
 
 
@@ -72,8 +68,6 @@ def padded(box: FloatArray, aspect: float, padding: float = 1.25) -> tuple[Float
     Returns:
         Centre in pixel-centre coordinates, and width and height, px of the photo. An empty box counts as one pixel.
     """
-    import numpy as np
-
     corners = np.asarray(box, np.float64)
     middle = (corners[:2] + corners[2:] - 1) / 2
     width, height = np.maximum(corners[2:] - corners[:2], 1.0)
@@ -94,8 +88,6 @@ def crop_of(
         grid: alignment of the region with the pixel grid of the crop.
         mirrored: exchange left and right about the centre of the region.
     """
-    import numpy as np
-
     middle, size = padded(box, width / height, padding)
     cells = np.array([width, height], np.float64)
     if grid == "corners":
@@ -126,7 +118,6 @@ def cut(image: UInt8Array, crop: Crop, *, fill: int = 0, sigma: float = 0.0) -> 
         sigma: standard deviation of a Gaussian blur before resampling, px of the photo; 0 for none.
     """
     import cv2
-    import numpy as np
 
     if sigma > 0:
         image = cv2.GaussianBlur(image, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE).astype(np.uint8)

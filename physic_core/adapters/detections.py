@@ -9,13 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from physic_core.types import FloatArray, Keypoints
 
-__all__ = ["Detections", "box_iou", "boxes_in_photo", "corners_of_centred", "nms"]
+__all__ = ["Detections", "box_iou", "boxes_in_photo", "corners_of_centred", "nms", "sigmoid"]
 
 
 @dataclass(frozen=True)
@@ -52,17 +53,19 @@ class Detections:
 
 def corners_of_centred(boxes: FloatArray) -> FloatArray:
     """(..., 4) centre x, centre y, width, height -> x0 y0 x1 y1, in the same unit."""
-    import numpy as np
-
     centre, half = boxes[..., :2], boxes[..., 2:] / 2
     corners: FloatArray = np.concatenate([centre - half, centre + half], axis=-1)
     return corners
 
 
+def sigmoid(logits: FloatArray) -> FloatArray:
+    """1 / (1 + exp(-x)) in (0, 1), for logits of any size."""
+    probability: FloatArray = np.asarray(1.0 / (1.0 + np.exp(-np.clip(logits, -60.0, 60.0))))
+    return probability
+
+
 def box_iou(boxes: FloatArray, others: FloatArray) -> FloatArray:
     """Intersection over union of each of (N, 4) boxes with each of (M, 4) -> (N, M); 0 for empty ones."""
-    import numpy as np
-
     low = np.maximum(boxes[:, None, :2], others[None, :, :2])
     high = np.minimum(boxes[:, None, 2:], others[None, :, 2:])
     shared = np.clip(high - low, 0, None).prod(axis=-1)
@@ -81,8 +84,6 @@ def nms(boxes: FloatArray, scores: FloatArray, overlap: float) -> NDArray[np.int
         scores: (N,).
         overlap: in [0, 1]; 0.45 for boxes of people, 0.65 keeps more of a crowd.
     """
-    import numpy as np
-
     left = np.argsort(-scores, kind="stable")
     kept = []
     while len(left):
@@ -106,8 +107,6 @@ def boxes_in_photo(
     Returns:
         (N, 4) clipped boxes, and (N,) bool, which to keep.
     """
-    import numpy as np
-
     sound: NDArray[np.bool_] = np.asarray(np.isfinite(boxes).all(axis=1))
     inside: FloatArray = np.clip(np.where(sound[:, None], boxes, 0.0), 0.0, [width, height, width, height])
     large: NDArray[np.bool_] = np.asarray((inside[:, 2:] - inside[:, :2] >= smallest).all(axis=1))

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from physic_core.adapters.pictures import resample
 
 if TYPE_CHECKING:
@@ -20,8 +22,6 @@ _SKY = 0.004  # ranges of the disparity
 
 def gap_of_disparity(disparity: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Clip disparity (h, w) to a small positive minimum; also return a mask (h, w) of sky and NaN pixels."""
-    import numpy as np
-
     low, high = np.percentile(disparity, [1, 99])
     span = max(float(high - low), 1e-6)
     lost: BoolArray = np.asarray(~(disparity >= _SKY * span))
@@ -40,8 +40,6 @@ def points_of_gap(gap: FloatArray, lost: BoolArray, camera: Intrinsics) -> tuple
     Returns:
         (H, W, 3) float32 points, and (H, W) bool, which are valid.
     """
-    import numpy as np
-
     # Between a near and a far surface the inverse is what may be averaged.
     z = 1 / resample(gap / np.median(gap[~lost]), camera.height, camera.width)
     valid = resample(lost, camera.height, camera.width) < 0.5

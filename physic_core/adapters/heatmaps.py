@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
 
@@ -26,8 +28,6 @@ def peaks(heatmaps: FloatArray) -> tuple[FloatArray, FloatArray]:
     Returns:
         Points (N, J, 2) and the values there (N, J).
     """
-    import numpy as np
-
     n, j, h, w = heatmaps.shape
     flat = heatmaps.reshape(n, j, h * w)
     index = flat.argmax(-1)
@@ -49,7 +49,6 @@ def refined_peaks(heatmaps: FloatArray, *, sigma: float = 0.8, radius: int = 5) 
     Returns:
         Points (N, J, 2), and the values (N, J) of the unsmoothed maps at their highest cells.
     """
-    import numpy as np
     from scipy.ndimage import gaussian_filter
 
     cells, value = peaks(heatmaps)
@@ -85,15 +84,11 @@ def simcc_peaks(along_x: FloatArray, along_y: FloatArray, split: float = 2.0) ->
     Returns:
         Points (N, J, 2) in px of the network's input, and the lower of the two maxima (N, J).
     """
-    import numpy as np
-
     points = np.stack([along_x.argmax(-1), along_y.argmax(-1)], -1) / split
     return points, np.minimum(along_x.max(-1), along_y.max(-1)).astype(np.float64)
 
 
 def as_confidence(scores: FloatArray, full: float = 1.0) -> FloatArray:
     """Scores divided by ``full`` and clipped to [0, 1], any shape; NaN becomes 0."""
-    import numpy as np
-
     found: FloatArray = np.clip(np.nan_to_num(scores / full, nan=0.0), 0.0, 1.0)
     return found

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from physic_core.errors import BackendError
 
 if TYPE_CHECKING:
@@ -20,8 +22,6 @@ def check_mask(image: UInt8Array, mask: BoolArray) -> BoolArray:
     Raises:
         BackendError: its size differs from the image's, or it covers the complete image.
     """
-    import numpy as np
-
     mask = np.asarray(mask, bool)
     if mask.shape != image.shape[:2]:
         raise BackendError(
@@ -46,8 +46,6 @@ def fill_within(
     Raises:
         BackendError: the mask's size differs from the image's, or it covers the complete image.
     """
-    import numpy as np
-
     mask = check_mask(image, mask)
     return np.where(mask[..., None], fill(image, widened(mask, rim)), image) if mask.any() else image.copy()
 
@@ -61,7 +59,6 @@ def widened(mask: BoolArray, share: float) -> BoolArray:
     if not radius:
         return mask
     import cv2
-    import numpy as np
 
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
     wider: BoolArray = cv2.dilate(mask.astype(np.uint8), disc) > 0

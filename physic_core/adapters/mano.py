@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from physic_core.adapters.rotations import mirrored, rotvecs_of
 from physic_core.types import Hands
 
@@ -21,8 +23,6 @@ FINGER_JOINTS = 15
 
 def no_hands(count: int) -> Hands:
     """Result for ``count`` people without a detected hand."""
-    import numpy as np
-
     return Hands(np.zeros((count, 2, FINGER_JOINTS, 3), np.float32), np.zeros((count, 2), np.float32))
 
 
@@ -56,8 +56,6 @@ def hands_from_mano(
     Raises:
         ValueError: the shapes do not match.
     """
-    import numpy as np
-
     found = len(person)
     rotvecs = rotvecs_of(np.asarray(fingers).reshape(found, *np.shape(fingers)[1:]), FINGER_JOINTS)
     whole = None if wrists is None else _of_one_joint(wrists, found)
@@ -81,8 +79,6 @@ def hands_from_mano(
 
 
 def _of_one_joint(wrists: FloatArray, found: int) -> FloatArray:
-    import numpy as np
-
     given = np.asarray(wrists, np.float64)
     if given.shape == (found, 3, 3):
         given = given[:, None]

@@ -7,6 +7,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from physic_core.adapters.detections import sigmoid
 from physic_core.adapters.people import people_from_masks
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, planes, squash
 
@@ -66,7 +69,6 @@ class Padded:
     def to_photo(self, grid: FloatArray) -> FloatArray:
         """Resample (h, w) values of the complete frame to (H, W) float32 pixels of the photo, bilinear."""
         import cv2
-        import numpy as np
 
         full = cv2.resize(np.asarray(grid, np.float32), (self.frame, self.frame), interpolation=cv2.INTER_LINEAR)
         inner = np.ascontiguousarray(full[: self.inner[0], : self.inner[1]])
@@ -76,8 +78,6 @@ class Padded:
 
 def framed(image: UInt8Array, padded: Padded) -> FloatArray:
     """Network input (1, 3, S, S) of a photo; the padding is black before normalisation, not grey."""
-    import numpy as np
-
     square = np.zeros((padded.frame, padded.frame, 3), np.uint8)
     square[: padded.inner[0], : padded.inner[1]] = squash(image, *padded.inner, "bilinear-antialias")
     return planes(square, IMAGENET_MEAN, IMAGENET_STD)
@@ -109,8 +109,6 @@ def people_and_floor(
     Raises:
         ValueError: C is not the number of labels.
     """
-    import numpy as np
-
     if class_logits.shape[-1] != len(labels) + 1:
         raise ValueError(f"expected {len(labels)} classes and none, got {class_logits.shape[-1]} numbers a query")
     likely = _softmax(np.asarray(class_logits, np.float64))
@@ -121,7 +119,7 @@ def people_and_floor(
     sure = np.zeros(size, bool)
     own_area = {}
     for q in heard:
-        chance = _sigmoid(to_photo(mask_logits[q]))
+        chance = sigmoid(to_photo(mask_logits[q]))
         own_area[q] = int((chance >= 0.5).sum())
         claim = np.float32(score[q]) * chance
         wins = claim > strongest
@@ -138,15 +136,6 @@ def people_and_floor(
 
 
 def _softmax(logits: FloatArray) -> FloatArray:
-    import numpy as np
-
     shifted = np.exp(logits - logits.max(axis=-1, keepdims=True))
     share: FloatArray = shifted / shifted.sum(axis=-1, keepdims=True)
     return share
-
-
-def _sigmoid(logits: FloatArray) -> FloatArray:
-    import numpy as np
-
-    chance: FloatArray = 1.0 / (1.0 + np.exp(-np.clip(logits, -60.0, 60.0)))
-    return chance

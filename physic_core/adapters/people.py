@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from physic_core.types import People
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    import numpy as np
     from numpy.typing import NDArray
 
     from physic_core.types import BoolArray, FloatArray, Keypoints
@@ -44,8 +45,6 @@ def people_from_masks(
         reach: how far a mask may extend outside its box, in widths and heights of the box.
         smallest: px.
     """
-    import numpy as np
-
     scores = np.clip(np.asarray(scores, np.float64), 0.0, 1.0).reshape(-1)
     owner = np.full(size, -1, np.int16)
     strongest = np.zeros(size, np.float32)
@@ -76,8 +75,6 @@ def people_from_masks(
 
 def tight_boxes(masks: BoolArray) -> FloatArray:
     """Bounding boxes of masks: (N, H, W) -> (N, 4) x0 y0 x1 y1 px, half open; zeros for an empty mask."""
-    import numpy as np
-
     boxes: FloatArray = np.zeros((len(masks), 4))
     for i, mask in enumerate(masks):
         columns, rows = np.flatnonzero(mask.any(axis=0)), np.flatnonzero(mask.any(axis=1))
@@ -96,8 +93,6 @@ def distinct_masks(masks: BoolArray, scores: FloatArray, overlap: float = 0.8) -
         scores: (N,).
         overlap: in [0, 1].
     """
-    import numpy as np
-
     flat = masks.reshape(len(masks), -1).astype(np.float32)
     shared = flat @ flat.T
     area = shared.diagonal()
@@ -111,8 +106,6 @@ def distinct_masks(masks: BoolArray, scores: FloatArray, overlap: float = 0.8) -
 
 def _within(box: FloatArray, reach: float, size: tuple[int, int]) -> BoolArray:
     """(H, W) bool, pixels of a box enlarged by ``reach`` of its size on each side."""
-    import numpy as np
-
     grow = reach * (box[2:] - box[:2])
     x0, y0 = np.maximum(np.floor(box[:2] - grow), 0).astype(int)
     x1, y1 = np.ceil(box[2:] + grow).astype(int)

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+
 from physic_core.errors import InputError
 
 if TYPE_CHECKING:
@@ -43,8 +45,6 @@ def planes(
     scale: float = 1 / 255,
 ) -> FloatArray:
     """Image (H, W, 3) -> (1, 3, H, W) float32: (image * scale - mean) / std, channels in the image's order."""
-    import numpy as np
-
     factor = scale / np.asarray(std, np.float64)
     offset = np.asarray(mean, np.float64) / np.asarray(std, np.float64)
     values = np.ascontiguousarray(image.transpose(2, 0, 1), np.float32)
@@ -55,7 +55,6 @@ def planes(
 def squash(image: NDArray[Any], height: int, width: int, how: Resampling = "bilinear") -> NDArray[Any]:
     """Image (H, W) or (H, W, C), uint8 or float32, resized to exactly ``height`` x ``width``, aspect not kept."""
     import cv2
-    import numpy as np
 
     if height < 1 or width < 1:
         raise InputError(f"an image cannot be resized to {width} x {height} px")
@@ -74,8 +73,6 @@ def squash(image: NDArray[Any], height: int, width: int, how: Resampling = "bili
 
 def resample(values: NDArray[Any], height: int, width: int) -> FloatArray:
     """Resize a map (H, W) or (H, W, C) to float32, bilinear between pixel centres; NaN spreads to neighbours."""
-    import numpy as np
-
     return np.asarray(squash(np.asarray(values, np.float32), height, width, "bilinear"))
 
 
@@ -99,20 +96,14 @@ class Letterbox:
 
     def to_photo(self, points: NDArray[Any]) -> FloatArray:
         """Pixel coordinates (..., 2) x y: canvas -> photo."""
-        import numpy as np
-
         return np.asarray((points - self._offset() + 0.5) / self._factor() - 0.5, np.float64)
 
     def to_canvas(self, points: NDArray[Any]) -> FloatArray:
         """Pixel coordinates (..., 2) x y: photo -> canvas."""
-        import numpy as np
-
         return np.asarray((points + 0.5) * self._factor() - 0.5 + self._offset(), np.float64)
 
     def edges_to_photo(self, boxes: NDArray[Any]) -> FloatArray:
         """Half-open boxes (..., 4) x0 y0 x1 y1: canvas -> photo; these are pixel edges, not centres."""
-        import numpy as np
-
         return np.asarray((boxes - np.tile(self._offset(), 2)) / np.tile(self._factor(), 2), np.float64)
 
     def crop(self, values: NDArray[Any]) -> NDArray[Any]:
@@ -124,13 +115,9 @@ class Letterbox:
         return resample(self.crop(values), *self.size)
 
     def _factor(self) -> FloatArray:
-        import numpy as np
-
         return np.array([self.inner[1] / self.size[1], self.inner[0] / self.size[0]])
 
     def _offset(self) -> FloatArray:
-        import numpy as np
-
         return np.array([self.left, self.top], np.float64)
 
 
@@ -154,8 +141,6 @@ def letterbox(
         multiple: crop the canvas to the smallest multiple of this that contains the photo; None to keep it.
         how: see :data:`Resampling`.
     """
-    import numpy as np
-
     rows, columns = image.shape[:2]
     scale = min(height / rows, width / columns)
     inner = (max(1, min(height, round(rows * scale))), max(1, min(width, round(columns * scale))))
@@ -170,7 +155,6 @@ def letterbox(
 
 
 def _pillow(image: NDArray[Any], height: int, width: int, kind: str) -> NDArray[Any]:
-    import numpy as np
     from PIL import Image
 
     resampling = {

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
 
@@ -21,7 +23,6 @@ def rotvecs_of(rotations: FloatArray, joints: int) -> FloatArray:
     Raises:
         ValueError: another shape.
     """
-    import numpy as np
     from scipy.spatial.transform import Rotation
 
     given = np.asarray(rotations, np.float64)
@@ -44,7 +45,5 @@ def rotvecs_of(rotations: FloatArray, joints: int) -> FloatArray:
 
 def mirrored(rotvecs: FloatArray) -> FloatArray:
     """Rotation vectors after exchanging left and right (x -> -x): (..., 3) becomes (x, -y, -z)."""
-    import numpy as np
-
     out: FloatArray = rotvecs * np.array([1.0, -1.0, -1.0])
     return out

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from physic_core.adapters.rotations import rotvecs_of
 from physic_core.types import Bodies, BodyParameters
 
@@ -32,8 +34,6 @@ def parameters_of(
         transl: (N, 3) metres.
         expression: (N, E); None for E = 0.
     """
-    import numpy as np
-
     rows = len(rotvecs)
     full = np.zeros((rows, _SMPLX_JOINTS, 3), np.float32)
     full[:, : rotvecs.shape[1]] = rotvecs
@@ -78,8 +78,6 @@ def bodies_from_smpl(
     Raises:
         ValueError: a shape does not match.
     """
-    import numpy as np
-
     count = SHARED_JOINTS if np.shape(rotations)[1] in (SHARED_JOINTS, 3 * SHARED_JOINTS) else SMPL_JOINTS
     rotvecs = rotvecs_of(rotations, count)[:, :SHARED_JOINTS]
     placed = None
@@ -91,7 +89,5 @@ def bodies_from_smpl(
 
 def no_bodies(body_model: str, num_betas: int = 10) -> Bodies:
     """Result for an image without people."""
-    import numpy as np
-
     none = np.zeros((0, SHARED_JOINTS, 3), np.float32)
     return Bodies(parameters_of(none, np.zeros((0, num_betas), np.float32), np.zeros((0, 3), np.float32)), body_model)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -12,8 +11,6 @@ from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator, Options
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from numpy.typing import NDArray
 
     from physic_core.body.model import BodyModel
@@ -83,7 +80,10 @@ class EmbeddedBodies(BodyEstimator):
         Raises:
             BackendError: the body is not loaded, or the joint set of the keypoints has no hips that bodies know.
         """
+        import torch
+
         from physic_core.adapters.observed import observed_joints
+        from physic_core.adapters.threads import limited_threads
         from physic_core.body.parameters import parameters_from_rotations
         from physic_core.types import Bodies
         from physic_embedded.body_fit.limb_keypoints import limb_keypoints
@@ -101,7 +101,7 @@ class EmbeddedBodies(BodyEstimator):
             rotations, betas, transl = self._model.zero_pose(0)
             return Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded", observed)
         views = people_views(keypoints, people, intrinsics)
-        with _one_thread():
+        with torch.enable_grad(), limited_threads():
             fit = (_fit_with_landmarks if views.world is not None else fit_without_landmarks)(
                 self._model, views, camera, keypoints.joint_set, settings
             )
@@ -149,20 +149,6 @@ class EmbeddedBodies(BodyEstimator):
                 break
             turn, stands = np.where(costly, turn / 2, turn), stands & ~costly
         return again
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """One torch thread: a second one beside a busy process makes fits this small many times slower."""
-    import torch
-
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        with torch.enable_grad():
-            yield
-    finally:
-        torch.set_num_threads(before)
 
 
 def _fit_with_landmarks(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.errors import BackendError
+from physic_core.adapters.inpainting import fill_within
 from physic_core.interfaces import Inpainter, Options
 from physic_embedded.networks.sessions import Networks
 
@@ -63,29 +63,11 @@ class MiGan(Inpainter):
         Raises:
             BackendError: the mask has another size, or leaves nothing to go by.
         """
-        session = self._networks["migan_512_places2"]
-        mask = np.asarray(mask, bool)
-        if mask.shape != image.shape[:2]:
-            raise BackendError(
-                f"the mask must have the image's size (H, W) = {image.shape[:2]}, got {mask.shape}: resize it first"
-            )
-        if not mask.any():
-            return image.copy()
-        if mask.all():
-            raise BackendError(
-                "the mask covers the whole image, which leaves nothing to fill it from: pass a smaller one"
-            )
-        hole = self._with_rim(mask)
-        keep = np.where(hole, 0, 255).astype(np.uint8)
+        return fill_within(image, mask, self.options.rim, self._fill)
+
+    def _fill(self, image: UInt8Array, hole: BoolArray) -> UInt8Array:
+        """The network's image (H, W, 3); its mask is 255 where the photo is known and 0 in the hole."""
         planes = np.ascontiguousarray(image.transpose(2, 0, 1))
-        (filled,) = session.run(None, {"image": planes[None], "mask": keep[None, None]})
-        return np.where(mask[..., None], filled[0].transpose(1, 2, 0), image)
-
-    def _with_rim(self, mask: BoolArray) -> BoolArray:
-        """The hole that the network sees; the mask itself where a rim would leave nothing to go by."""
-        import cv2
-
-        radius = round(self.options.rim * max(mask.shape))
-        disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-        wider: BoolArray = cv2.dilate(mask.astype(np.uint8), disc) > 0
-        return mask if wider.all() else wider
+        known = np.where(hole, 0, 255).astype(np.uint8)
+        (filled,) = self._networks["migan_512_places2"].run(None, {"image": planes[None], "mask": known[None, None]})
+        return np.asarray(filled[0].transpose(1, 2, 0))

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
+from physic_core.adapters.cameras import known_camera
+from physic_core.adapters.pictures import resample
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options, RelativePointmap
 from physic_core.types import CameraTrust, Intrinsics, Pointmap
-from physic_embedded.networks.depth_anything import disparity, resample
+from physic_embedded.networks.depth_anything import disparity
 from physic_embedded.networks.line_segments import line_segments, outside
 from physic_embedded.networks.sessions import open_session
 from physic_embedded.single_view.disparity_floor import disparity_floor
@@ -124,9 +126,7 @@ class EmbeddedPointmap(RelativePointmap):
     def _camera(self, image: NDArray[np.uint8], hints: Hints) -> tuple[Intrinsics, _Edges, list[str]]:
         """The camera that is known, or that straight edges give, or the default; what the edges say; and notes."""
         height, width = image.shape[:2]
-        given = hints.intrinsics
-        if given is not None and (given.width, given.height) != (width, height):
-            given = given.resized(width, height)
+        given = known_camera(hints, image)
         segments = None
         if self._lines is not None and hints.scene is None:
             segments = line_segments(self._lines, image)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
+from physic_core.adapters.people import tight_boxes
 from physic_core.interfaces import Options, Segmenter
 from physic_core.types import People
 from physic_embedded.keypoint_detector import keypoints_of
@@ -14,7 +15,7 @@ from physic_embedded.networks.mobile_sam import embed
 from physic_embedded.networks.sessions import Networks
 from physic_embedded.segmentation.floor_mask import floor_mask
 from physic_embedded.segmentation.people import find_poses
-from physic_embedded.segmentation.person_masks import mask_boxes, person_mask, separate
+from physic_embedded.segmentation.person_masks import person_mask, separate
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, UInt8Array
@@ -87,7 +88,7 @@ class EmbeddedSegmenter(Segmenter):
         )
         poses = [pose for pose, _ in found]
         masks, floor = self._masks(image, poses)
-        boxes = mask_boxes(masks)
+        boxes = tight_boxes(masks).astype(np.float32)
         tall = boxes[:, 3] - boxes[:, 1] >= max(options.min_height_px, 1.0)
         return People(
             masks=masks[tall],

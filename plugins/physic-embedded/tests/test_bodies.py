@@ -10,13 +10,14 @@ import torch
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.errors import BackendError
-from physic_core.types import SKELETONS, Bodies, Hints, Intrinsics, Keypoints, People, Plane
+from physic_core.types import SKELETONS, Bodies, Hints, Intrinsics, Keypoints, People, Plane, Skeleton, skeleton_named
 from physic_embedded.body_estimator import EmbeddedBodies, EmbeddedBodiesOptions
 from physic_embedded.body_fit.lean import lean_towards_camera, standing
 from physic_embedded.body_fit.pose_prior import hinges, pose_prior, resting_fingers
 from physic_embedded.body_fit.start import pose_from_landmarks, translation_from_points
 from physic_embedded.body_fit.views import people_views, ray_rotation
 from physic_embedded.body_fit.world_offset import world_offset
+from physic_embedded.networks.blazepose import BLAZEPOSE
 
 CAMERA = Intrinsics.from_focal(900.0, 1000, 800)
 IMAGE = np.zeros((800, 1000, 3), np.uint8)
@@ -62,7 +63,7 @@ def truth(
     poses: list[np.ndarray],
     places: list[tuple[float, float, float]],
     yaw_deg: float = 25.0,
-    skeleton: str = "blazepose33",
+    skeleton: Skeleton | str = BLAZEPOSE,
     lean_deg: float = 0.0,
     noise_px: float = 0.0,
 ) -> Truth:
@@ -74,7 +75,8 @@ def truth(
     transl = torch.tensor(places)
     out = MODEL(rotations, betas, transl)
     points = MODEL.landmarks(out, skeleton).double().numpy()
-    names = list(SKELETONS[skeleton].names)
+    skeleton = skeleton_named(skeleton)
+    names = list(skeleton.names)
     hips = [names.index("left_hip"), names.index("right_hip")]
     middle = points[:, hips].mean(1, keepdims=True)
     homogeneous = points @ CAMERA.matrix.T
@@ -291,12 +293,13 @@ def test_torch_keeps_its_threads_and_answers_are_the_same_twice(backend: Embedde
 
 def test_unknown_joint_sets_and_an_unloaded_body_are_refused(backend: EmbeddedBodies) -> None:
     seen = truth([STANDS], PLACES[:1])
-    other = replace(seen.keypoints, skeleton="openpose_hand21_left")
+    other = replace(seen.keypoints, skeleton=Skeleton("trunk", BLAZEPOSE.names[:23]))
     with pytest.raises(BackendError) as error:
         backend.infer(IMAGE, seen.people, CAMERA, other, Hints())
     assert str(error.value) == (
-        "keypoints of the joint set 'openpose_hand21_left' came, and the embedded body knows coco17, coco23, "
-        "blazepose33, coco_wholebody133, halpe26: choose a keypoint detector that answers one of them"
+        "the embedded body is fitted to shoulders, elbows, wrists, hips, knees and ankles, and the skeleton 'trunk' "
+        "lacks left_hip, right_hip, left_knee, right_knee, left_ankle, right_ankle: choose a keypoint detector that "
+        "detects them"
     )
     with pytest.raises(BackendError) as error:
         EmbeddedBodies().infer(IMAGE, seen.people, CAMERA, seen.keypoints, Hints())

@@ -11,13 +11,14 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.body import load_body
 from physic_core.interfaces import HandEstimator
-from physic_core.types import Keypoints, People
-from physic_testing import violations
+from physic_core.types import SKELETONS, Keypoints, People, Skeleton
 from physic_embedded.body_fit.fingers import FINGERS, HandRest, fit_fingers
 from physic_embedded.hand_estimator import EmbeddedHands, EmbeddedHandsOptions
+from physic_embedded.networks.blazepose import BLAZEPOSE
 from physic_embedded.networks.crops import Picture, Square
 from physic_embedded.networks.hand_landmarks import HandLook, arm_square, hand_landmarks, next_square, palm_square
 from physic_embedded.networks.sessions import open_session
+from physic_testing import violations
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -151,10 +152,10 @@ def test_a_hand_and_its_mirror_image_give_mirrored_landmarks() -> None:
     np.testing.assert_allclose([second.presence, second.right], [first.presence, 1 - first.right], atol=0.05)
 
 
-def arm(image: NDArray[np.uint8], skeleton: str = "blazepose33", confidence: float = 1.0) -> tuple[People, Keypoints]:
+def arm(image: NDArray[np.uint8], skeleton: Skeleton = BLAZEPOSE, confidence: float = 1.0) -> tuple[People, Keypoints]:
     """One person with both arms somewhere in the middle of an image."""
     h, w = image.shape[:2]
-    points = np.tile(np.array([w / 2, h / 2], np.float32), (1, 33 if skeleton == "blazepose33" else 17, 1))
+    points = np.tile(np.array([w / 2, h / 2], np.float32), (1, len(skeleton), 1))
     points[0, :, 0] += np.linspace(-0.2 * w, 0.2 * w, points.shape[1])
     people = People(np.zeros((1, h, w), bool), np.zeros((1, 4), np.float32), np.ones(1, np.float32))
     return people, Keypoints(points, np.full(points.shape[:2], confidence, np.float32), skeleton)
@@ -167,8 +168,8 @@ def estimator() -> EmbeddedHands:
     return backend
 
 
-@pytest.mark.parametrize("skeleton", ["blazepose33", "coco17", "a skeleton without hands"])
-def test_no_hand_is_found_where_there_is_none(estimator: EmbeddedHands, skeleton: str) -> None:
+@pytest.mark.parametrize("skeleton", [BLAZEPOSE, SKELETONS["coco17"], SKELETONS["coco17"].take(range(7))])
+def test_no_hand_is_found_where_there_is_none(estimator: EmbeddedHands, skeleton: Skeleton) -> None:
     image = np.full((200, 300, 3), 128, np.uint8)
     hands = estimator.infer(image, *arm(image, skeleton))
     assert violations(HandEstimator, hands, people=1) == []

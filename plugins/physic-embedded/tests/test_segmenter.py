@@ -9,18 +9,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from physic_core.adapters.detections import box_iou
+from physic_core.adapters.people import tight_boxes
 from physic_core.errors import BackendError
 from physic_core.interfaces import Segmenter
-from physic_testing import violations
-from physic_embedded.networks.crops import Letterbox, Picture, Square
+from physic_embedded.networks.crops import Picture, Square, letterboxed
 from physic_embedded.networks.mobile_sam import Embedding, embed, prompt
-from physic_embedded.networks.person_detection import Detection, anchor_centers, box_iou, decode
+from physic_embedded.networks.person_detection import Detection, anchor_centers, decode
 from physic_embedded.networks.pose import LEFT_RIGHT, Pose
 from physic_embedded.networks.sessions import open_session
 from physic_embedded.segmentation.floor_mask import ground_points
 from physic_embedded.segmentation.people import DETECTOR_LAYERS, believable, merge_candidates, same_body, tiles
-from physic_embedded.segmentation.person_masks import PersonMask, mask_boxes, separate
+from physic_embedded.segmentation.person_masks import PersonMask, separate
 from physic_embedded.segmenter import EmbeddedSegmenter, EmbeddedSegmenterOptions
+from physic_testing import violations
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -108,7 +110,9 @@ def test_nothing_is_decoded_below_the_threshold() -> None:
 
 
 def test_box_iou_of_half_shifted_squares_is_a_third() -> None:
-    np.testing.assert_allclose(box_iou(np.array([0, 0, 2, 2.0]), np.array([[1, 0, 3, 2.0], [5, 5, 6, 6]])), [1 / 3, 0])
+    np.testing.assert_allclose(
+        box_iou(np.array([[0, 0, 2, 2.0]]), np.array([[1, 0, 3, 2.0], [5, 5, 6, 6]])), [[1 / 3, 0]]
+    )
 
 
 @given(st.floats(-500, 500), st.floats(-500, 500), st.floats(1, 2000), st.floats(-7, 7), st.integers(1, 512))
@@ -122,10 +126,10 @@ def test_a_square_carries_points_there_and_back(x: float, y: float, side: float,
 
 @given(st.integers(1, 700), st.integers(1, 700), st.sampled_from([192, 224]))
 def test_a_letterbox_shows_the_corners_of_the_photo_where_it_says(width: int, height: int, size: int) -> None:
-    view = Letterbox.of(np.full((height, width, 3), 255, np.uint8), size, (30, 7))
+    pixels, square = letterboxed(np.full((height, width, 3), 255, np.uint8), size, (30, 7))
     corners = np.array([[29.5, 6.5], [width + 29.5, height + 6.5]])
-    low, high = view.square.from_photo(corners, size)
-    y, x = np.nonzero(view.pixels[..., 0] > 127)
+    low, high = square.from_photo(corners, size)
+    y, x = np.nonzero(pixels[..., 0] > 127)
     # Both sides are rounded to whole pixels of the input.
     np.testing.assert_allclose([x.min(), y.min()], low, atol=1.01)
     np.testing.assert_allclose([x.max() + 1, y.max() + 1], high, atol=1.01)
@@ -233,13 +237,13 @@ def test_masks_are_told_apart_and_a_stray_piece_is_given_back() -> None:
     assert not (masks[0] & masks[1]).any()
     assert masks[0, 100, 120]
     assert masks[1, 105, 205]
-    boxes = mask_boxes(masks)
+    boxes = tight_boxes(masks)
     np.testing.assert_array_equal(boxes[0], [20, 50, 140, 200])
     assert masks[0, 50:200, 20:140].all()
 
 
 def test_the_box_of_an_empty_mask_is_zero() -> None:
-    np.testing.assert_array_equal(mask_boxes(np.zeros((1, 5, 5), bool)), np.zeros((1, 4)))
+    np.testing.assert_array_equal(tight_boxes(np.zeros((1, 5, 5), bool)), np.zeros((1, 4)))
 
 
 def test_ground_points_lie_beside_the_feet_on_nobody_and_on_the_photo() -> None:

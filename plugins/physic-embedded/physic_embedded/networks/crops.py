@@ -11,13 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.adapters.pictures import letterbox
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Float = NDArray[np.floating[Any]]
     Image = NDArray[np.uint8]
 
-__all__ = ["Letterbox", "Picture", "Square"]
+__all__ = ["Picture", "Square", "letterboxed"]
 
 
 @dataclass(frozen=True)
@@ -101,31 +103,20 @@ class Picture:
         return cut
 
 
-@dataclass(frozen=True)
-class Letterbox:
-    """A rectangle of the photo fitted into the middle of a black square.
+def letterboxed(image: Image, size: int, origin: tuple[int, int] = (0, 0)) -> tuple[Image, Square]:
+    """Fit a part of the photo into the middle of a black square.
 
-    Attributes:
-        pixels: (size, size, 3) uint8.
-        square: the part of the photo that the square shows, black bands included.
+    Args:
+        image: (H, W, 3).
+        size: side of the square, px.
+        origin: x and y of the part's first pixel in the photo.
+
+    Returns:
+        (size, size, 3) uint8, and the square of the photo that it shows, black bands included.
     """
-
-    pixels: Image
-    square: Square
-
-    @classmethod
-    def of(cls, image: Image, size: int, origin: tuple[int, int] = (0, 0)) -> Letterbox:
-        """Fit ``image`` (H, W, 3), whose first pixel is pixel ``origin`` = (x, y) of the photo, into ``size`` px."""
-        import cv2
-
-        h, w = image.shape[:2]
-        scale = size / max(h, w)
-        nh, nw = max(1, round(h * scale)), max(1, round(w * scale))
-        small = cv2.resize(image, (nw, nh), interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
-        pixels = np.zeros((size, size, 3), np.uint8)
-        y, x = (size - nh) // 2, (size - nw) // 2
-        pixels[y : y + nh, x : x + nw] = small
-        side = float(max(h, w))
-        # The photo's corner coordinate 0 lies at pixel coordinate -1/2.
-        center = np.array(origin, float) - 0.5 + (size / 2 - np.array([x, y], float)) * side / size
-        return cls(pixels, Square(center, side, 0.0))
+    side = max(image.shape[:2])
+    pixels, box = letterbox(image, size, size, how="area" if size < side else "bilinear")
+    # The photo's corner coordinate 0 lies at pixel coordinate -1/2.
+    bands = np.array([box.left, box.top], float)
+    center = np.array(origin, float) - 0.5 + (size / 2 - bands) * side / size
+    return pixels, Square(center, float(side), 0.0)

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from onnxruntime import InferenceSession
 
-__all__ = ["disparity", "network_size", "resample"]
+__all__ = ["disparity", "network_size"]
 
 _PATCH = 14  # px, side of the vision transformer's patches
 
@@ -46,10 +46,3 @@ def disparity(
     fed = cv2.resize(image, (columns, rows), interpolation=how).astype(np.float32)
     (answer,) = session.run(["depth"], {"image": np.ascontiguousarray(fed.transpose(2, 0, 1)[None])})
     return np.asarray(answer[0], dtype=np.float32)
-
-
-def resample(values: NDArray[np.float32], height: int, width: int) -> NDArray[np.float32]:
-    """A map of the network brought to the photo's (height, width), bilinearly."""
-    import cv2
-
-    return np.asarray(cv2.resize(values, (width, height), interpolation=cv2.INTER_LINEAR), dtype=np.float32)

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.adapters.detections import box_iou, sigmoid
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Float = NDArray[np.floating[Any]]
 
-__all__ = ["Detection", "anchor_centers", "box_iou", "decode", "sigmoid"]
+__all__ = ["Detection", "anchor_centers", "decode"]
 
 
 @dataclass(frozen=True)
@@ -30,11 +32,6 @@ class Detection:
     score: float
 
 
-def sigmoid(x: Float) -> Float:
-    """Logits to (0, 1); clipped where float32 would overflow."""
-    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(x, -60.0, 60.0))))
-
-
 def anchor_centers(size: int, layers: tuple[tuple[int, int], ...]) -> Float:
     """(A, 2) anchor centres in [0, 1], x y, of a ``size`` px network.
 
@@ -49,15 +46,6 @@ def anchor_centers(size: int, layers: tuple[tuple[int, int], ...]) -> Float:
         centers = np.stack([(x + 0.5) / cells, (y + 0.5) / cells], axis=-1).reshape(-1, 2)
         out.append(np.repeat(centers, per_cell, axis=0))
     return np.concatenate(out)
-
-
-def box_iou(box: Float, boxes: Float) -> Float:
-    """Intersection over union of one box (4,) with boxes (N, 4) -> (N,)."""
-    sides = np.clip(np.minimum(box[2:], boxes[:, 2:]) - np.maximum(box[:2], boxes[:, :2]), 0.0, None)
-    shared = sides.prod(axis=1)
-    union = (box[2:] - box[:2]).prod() + (boxes[:, 2:] - boxes[:, :2]).prod(axis=1) - shared
-    overlap: Float = shared / np.maximum(union, 1e-9)
-    return overlap
 
 
 def decode(
@@ -90,7 +78,7 @@ def decode(
     for i in range(len(kept)):
         if not left[i]:
             continue
-        group = left & (box_iou(boxes[i], boxes) > overlap)
+        group = left & (box_iou(boxes[i : i + 1], boxes)[0] > overlap)
         group[i] = True
         left &= ~group
         weight = scores[group] / scores[group].sum()

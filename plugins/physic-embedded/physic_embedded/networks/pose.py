@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.adapters.detections import sigmoid
 from physic_embedded.networks.crops import Square
-from physic_embedded.networks.person_detection import sigmoid
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_embedded.networks.crops import Letterbox, Picture
-from physic_embedded.networks.person_detection import Detection, anchor_centers, box_iou, decode
+from physic_core.adapters.detections import box_iou
+from physic_embedded.networks.crops import Picture, letterboxed
+from physic_embedded.networks.person_detection import Detection, anchor_centers, decode
 from physic_embedded.networks.pose import landmarks, person_square
 
 if TYPE_CHECKING:
@@ -125,16 +126,16 @@ def detect_people(
     anchors = anchor_centers(DETECTOR_SIZE, DETECTOR_LAYERS)
     found: list[Detection] = []
     for x, y, side, lowest in [(0, 0, max(h, w), threshold), *((*t, tile_threshold) for t in tiles(w, h, fractions))]:
-        view = Letterbox.of(image[y : y + side, x : x + side], DETECTOR_SIZE, (x, y))
+        shown, square = letterboxed(image[y : y + side, x : x + side], DETECTOR_SIZE, (x, y))
         for mirrored in (False, True):
-            pixels = view.pixels[:, ::-1] if mirrored else view.pixels
+            pixels = shown[:, ::-1] if mirrored else shown
             boxes, scores = session.run(["boxes", "scores"], {"image": pixels[None].astype(np.float32) / 127.5 - 1.0})
             for d in decode(boxes[0], scores[0, :, 0], anchors, DETECTOR_SIZE, lowest):
                 points = np.concatenate([d.box.reshape(2, 2), d.keypoints])
                 if mirrored:
                     points[:, 0] = DETECTOR_SIZE - points[:, 0]
                     points[:2, 0] = points[1::-1, 0]
-                points = to_photo(view.square.to_photo(points, DETECTOR_SIZE))
+                points = to_photo(square.to_photo(points, DETECTOR_SIZE))
                 found.append(Detection(points[:2].ravel(), points[2:], d.score))
     return merge_candidates(found)
 
@@ -153,7 +154,7 @@ def merge_candidates(found: Sequence[Detection], nearness: float = 0.35, overlap
     for d in sorted(found, key=lambda d: -d.score):
         if all(
             np.linalg.norm(d.keypoints[0] - k.keypoints[0]) > nearness * max(radius(d), radius(k))
-            and box_iou(d.box, k.box[None])[0] < overlap
+            and box_iou(d.box[None], k.box[None])[0, 0] < overlap
             for k in kept
         ):
             kept.append(d)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     Bool = NDArray[np.bool_]
     Float = NDArray[np.floating[Any]]
 
-__all__ = ["PersonMask", "mask_boxes", "person_mask", "separate"]
+__all__ = ["PersonMask", "person_mask", "separate"]
 
 PROMPT_JOINTS = [0, 11, 12, 13, 14, 23, 24, 25, 26, 27, 28]
 """Nose, shoulders, elbows, hips, knees, ankles: joints that lie well inside the body."""
@@ -120,16 +120,6 @@ def _without_specks(masks: Sequence[PersonMask], embedding: Embedding, speck: fl
             if piece not in held and stats[piece, cv2.CC_STAT_AREA] < least:
                 logits[i][pieces == piece] = -1.0
     return logits
-
-
-def mask_boxes(masks: Bool) -> Float:
-    """(N, H, W) masks -> (N, 4) tight half-open boxes x0 y0 x1 y1; zeros for an empty mask."""
-    boxes = np.zeros((len(masks), 4), np.float32)
-    for i, m in enumerate(masks):
-        columns, rows = np.flatnonzero(m.any(axis=0)), np.flatnonzero(m.any(axis=1))
-        if len(rows):
-            boxes[i] = columns[0], rows[0], columns[-1] + 1, rows[-1] + 1
-    return boxes
 
 
 def _own_points(pose: Pose, embedding: Embedding) -> Float:
