@@ -24,7 +24,7 @@ demo: $(VENV)/demo.stamp
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/pytest -q -n $(JOBS) --dist loadfile
 
 # Chosen by facts per second: 1,700 of the 5,100 tests in 120 s of processor time, runs of the pipeline among them.
-QUICK := $(addprefix tests/, body/test_model.py body/test_parameters.py body/test_posing.py body/test_turning.py cache \
+QUICK := $(addprefix tests/, body/test_model.py body/test_parameters.py body/test_posing.py body/test_rotations.py cache \
 	engine/test_contact.py engine/test_human.py engine/test_scene.py engine/test_settings.py engine/test_state.py \
 	engine/test_surface_terms.py engine/test_terms.py files geometry io/test_results.py metrics test_cli.py \
 	test_config.py test_exit_codes.py test_packaging.py test_pipeline.py test_pipeline_mock.py test_plugins.py \

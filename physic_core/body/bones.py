@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physic_core.body.joints import NUM_JOINTS, PARENTS
-from physic_core.body.linalg import product, solved
+from physic_core.body.linalg import cholesky_solve, matmul
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
@@ -109,8 +109,8 @@ def fit_shape(slopes: Array, start: Array, targets: Array, weights: Array, ridge
     design = (root[..., None] * (slopes - mean_slope[:, None])).reshape(batch, 3 * count, shapes)
     wanted = (root * (gap - mean_gap[:, None])).reshape(batch, 3 * count, 1)
     across = np.swapaxes(design, 1, 2)
-    normal = product(across, design) + ridge * np.eye(shapes)
-    betas = solved(normal, product(across, wanted)[..., 0])
+    normal = matmul(across, design) + ridge * np.eye(shapes)
+    betas = cholesky_solve(normal, matmul(across, wanted)[..., 0])
     return betas, mean_gap - (mean_slope @ betas[..., None])[..., 0]
 
 

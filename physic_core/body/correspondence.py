@@ -14,10 +14,11 @@ import torch
 from numpy.typing import NDArray
 
 from physic_core.body.bones import FAMILY, fit_shape
+from physic_core.body.joints import joint_pair
 from physic_core.body.nearest_surface import Surface
 from physic_core.body.part_fit import Fit
 from physic_core.body.rest_mesh import vertex_normals
-from physic_core.body.rotations import swing
+from physic_core.body.rotations import rotation_between
 from physic_core.body.surface_fit import Patches, fit_surface, spread
 from physic_core.errors import BodyModelError
 
@@ -40,7 +41,7 @@ _NEAR_M = 0.03
 """A vertex farther from the other mesh has no counterpart there: it says nothing of where the body is."""
 _TIP_M = 0.03
 """How well the tips of two bodies' limbs and crowns meet."""
-_LIMBS = [16, 17, 1, 2]
+_LIMBS = [*joint_pair("shoulder"), *joint_pair("hip")]
 """The joints where the limbs begin, in the order of their tips."""
 _STATURE_M = (0.3, 3.0)
 
@@ -135,7 +136,7 @@ def _begin(rest: RestMesh, model: BodyModel) -> Fit:
         betas, transl = fit_shape(slopes, start, targets, weights)
         now = start + (slopes @ betas[:, None, :, None])[..., 0] + transl[:, None]
         roots = patches.bones.pose(world, betas, transl)[:, _LIMBS]
-        turns = swing(now[:, 1:] - roots, targets[:, 1:] - roots)
+        turns = rotation_between(now[:, 1:] - roots, targets[:, 1:] - roots)
         for limb, turn in zip(_LIMBS, np.swapaxes(turns, 0, 1), strict=True):
             below = FAMILY[:, limb] > 0
             world[:, below] = turn[:, None] @ world[:, below]

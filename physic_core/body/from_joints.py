@@ -13,7 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physic_core.body.joints import JOINT_INDEX, PARENTS, joint_pair
-from physic_core.body.rotations import aligned, between, cross, exp, nearest_rotation, parted, swing, turned, unit
+from physic_core.body.rotations import (
+    cross,
+    exp,
+    frame_from_axes,
+    nearest_rotation,
+    rotate,
+    rotation_between,
+    slerp,
+    swing_twist,
+    unit,
+)
 
 __all__ = ["enough", "numbers", "rotations_of"]
 
@@ -65,7 +75,7 @@ def rotations_of(joints: Array, rest: Array) -> Array:
     neck = JOINT_INDEX["neck"]
     for shoulder in _SHOULDERS:
         # An unknown shoulder is where it would be on this chest.
-        guess = joints[:, neck] + turned(world[:, _SPINE3], rest[:, shoulder] - rest[:, neck])
+        guess = joints[:, neck] + rotate(world[:, _SPINE3], rest[:, shoulder] - rest[:, neck])
         fill = ~known[:, shoulder] & known[:, neck]
         joints[:, shoulder] = np.where(fill[:, None], guess, joints[:, shoulder])
         known[:, shoulder] |= fill
@@ -86,21 +96,21 @@ def _turn_trunk(world: Array, joints: Array, rest: Array, known: Bools) -> None:
     base, rest_base = np.where(same, hips, middle), np.where(same, rest_hips, rest_middle)
     wide = _all(known[:, _SHOULDERS])[:, None]
     across, rest_across = _across(joints, rest, _SHOULDERS)
-    high = _frame([(np.where(wide, across, turned(low, rest_across)), rest_across), (top - base, rest_top - rest_base)])
+    high = _frame([(np.where(wide, across, rotate(low, rest_across)), rest_across), (top - base, rest_top - rest_base)])
     world[:, _PELVIS], world[:, _SPINE3] = low, high
-    world[:, _SPINE1], world[:, _SPINE2] = between(low, high, 1 / 3), between(low, high, 2 / 3)
+    world[:, _SPINE1], world[:, _SPINE2] = slerp(low, high, 1 / 3), slerp(low, high, 2 / 3)
     for collar, shoulder in zip(_COLLARS, _SHOULDERS, strict=True):
         # Shoulders are wide or narrow by shape, so only what lifts them or pushes them forward is taken.
         seen = known[:, shoulder]
-        middle_of = joints[:, _SHOULDERS].mean(1) - turned(high, rest[:, _SHOULDERS].mean(1) - rest[:, collar])
-        turn = swing(turned(high, rest[:, shoulder] - rest[:, collar]), joints[:, shoulder] - middle_of)
+        middle_of = joints[:, _SHOULDERS].mean(1) - rotate(high, rest[:, _SHOULDERS].mean(1) - rest[:, collar])
+        turn = rotation_between(rotate(high, rest[:, shoulder] - rest[:, collar]), joints[:, shoulder] - middle_of)
         world[:, collar] = np.where((seen[:, None] & wide)[..., None], turn @ high, high)
 
 
 def _turn_head(world: Array, joints: Array, rest: Array, known: Bools) -> None:
     neck, head = JOINT_INDEX["neck"], JOINT_INDEX["head"]
     chest = world[:, _SPINE3]
-    way = swing(turned(chest, rest[:, head] - rest[:, neck]), joints[:, head] - joints[:, neck])
+    way = rotation_between(rotate(chest, rest[:, head] - rest[:, neck]), joints[:, head] - joints[:, neck])
     seen = _all(known[:, [neck, head]])[:, None, None]
     world[:, neck] = np.where(seen, way @ chest, chest)
     looks = _all(known[:, [head, *_EYES]])[:, None, None]
@@ -113,7 +123,7 @@ def _turn_head(world: Array, joints: Array, rest: Array, known: Bools) -> None:
     world[:, head] = np.where(looks, face, world[:, neck])
     # What the head turns more than the chest, the neck turns half of.
     bone = rest[:, head] - rest[:, neck]
-    _, angle = parted(np.swapaxes(world[:, neck], -1, -2) @ world[:, head], bone)
+    _, angle = swing_twist(np.swapaxes(world[:, neck], -1, -2) @ world[:, head], bone)
     world[:, neck] = world[:, neck] @ exp(0.5 * np.where(looks[..., 0], angle[:, None], 0.0) * unit(bone))
     world[:, [JOINT_INDEX["jaw"], *_EYES]] = world[:, [head]]
 
@@ -123,24 +133,24 @@ def _turn_limbs(world: Array, joints: Array, rest: Array, known: Bools) -> None:
     first, second = (rest[:, b] - rest[:, a] for a, b in ((_UPPER, _LOWER), (_LOWER, _END)))
     upper_known = known[:, _UPPER] & known[:, _LOWER]
     lower_known = known[:, _LOWER] & known[:, _END]
-    upper = np.where(upper_known[..., None], joints[:, _LOWER] - joints[:, _UPPER], turned(above, first))
-    default = swing(turned(above, first), upper)
-    trunk = turned(default @ above, _HINGES)
-    lower = np.where(lower_known[..., None], joints[:, _END] - joints[:, _LOWER], turned(default @ above, second))
+    upper = np.where(upper_known[..., None], joints[:, _LOWER] - joints[:, _UPPER], rotate(above, first))
+    default = rotation_between(rotate(above, first), upper)
+    trunk = rotate(default @ above, _HINGES)
+    lower = np.where(lower_known[..., None], joints[:, _END] - joints[:, _LOWER], rotate(default @ above, second))
     bend = cross(unit(upper), unit(lower))
     sine = np.sqrt((bend * bend).sum(-1, keepdims=True))
     tells = np.clip((sine - _BENT) / (_WELL_BENT - _BENT), 0.0, 1.0)
     hint = _BY_TRUNK * trunk
     hint[:, :2] += _BY_FOOT * _axis_by_foot(joints, known, lower[:, :2])
     axis = tells * unit(bend) + (1 - tells) * unit(hint)
-    frames = [aligned(bone, np.broadcast_to(_HINGES, bone.shape)) for bone in (first, second)]
+    frames = [frame_from_axes(bone, np.broadcast_to(_HINGES, bone.shape)) for bone in (first, second)]
     for bones, seen, frame, rows in ((upper, upper_known, frames[0], _UPPER), (lower, lower_known, frames[1], _LOWER)):
-        turn = aligned(bones, axis) @ np.swapaxes(frame, -1, -2)
+        turn = frame_from_axes(bones, axis) @ np.swapaxes(frame, -1, -2)
         parent = world[:, [PARENTS[row] for row in rows]]
         world[:, rows] = np.where(seen[..., None, None], turn, parent)
     foot = rest[:, _FEET] - rest[:, _ANKLES]
     shin = world[:, _KNEES]
-    tread = swing(turned(shin, foot), joints[:, _FEET] - joints[:, _ANKLES]) @ shin
+    tread = rotation_between(rotate(shin, foot), joints[:, _FEET] - joints[:, _ANKLES]) @ shin
     steps = (known[:, _FEET] & known[:, _ANKLES])[..., None, None]
     world[:, _ANKLES] = np.where(steps, tread, shin)
     world[:, _FEET] = world[:, _ANKLES]
@@ -166,16 +176,16 @@ def _turn_hands(world: Array, joints: Array, rest: Array, known: Bools) -> None:
     hand = np.where(enough_fingers, hand, arms)
     # Half of how far the palm is turned over happens in the forearm.
     forearm = rest[:, _WRISTS] - rest[:, _ELBOWS]
-    _, angle = parted(np.swapaxes(arms, -1, -2) @ hand, forearm)
+    _, angle = swing_twist(np.swapaxes(arms, -1, -2) @ hand, forearm)
     world[:, _ELBOWS] = arms @ exp(0.5 * angle[..., None] * unit(forearm))
     world[:, _WRISTS] = hand
     above = np.repeat(hand[:, :, None], 5, axis=2)
     for joint in range(3):
         if joint < 2:
             here, there = _FINGERS[..., joint], _FINGERS[..., joint + 1]
-            way = turned(above, rest[:, there] - rest[:, here])
+            way = rotate(above, rest[:, there] - rest[:, here])
             told = (known[:, here] & known[:, there])[..., None]
-            above = swing(way, np.where(told, joints[:, there] - joints[:, here], way)) @ above
+            above = rotation_between(way, np.where(told, joints[:, there] - joints[:, here], way)) @ above
         world[:, _FINGERS[..., joint]] = above
 
 

@@ -1,7 +1,7 @@
-"""Products and solutions of numpy arrays by torch, so that its number of threads holds for them too.
+"""Matrix products and solutions of NumPy arrays by torch, so that they use torch's number of threads.
 
-numpy's own linear algebra takes a thread a core, whatever torch is told; at the sizes of one body these do nothing but
-wait for each other.
+NumPy's BLAS uses a thread per core, whatever torch is set to. At the sizes of one body these threads only wait for each
+other.
 """
 
 from __future__ import annotations
@@ -12,20 +12,20 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-__all__ = ["product", "solved"]
+__all__ = ["cholesky_solve", "matmul"]
 
 Real = TypeVar("Real", bound=np.floating[Any])
 
 
-def product(a: NDArray[Real], b: NDArray[Real]) -> NDArray[Real]:
-    """``a @ b`` of one float type."""
+def matmul(a: NDArray[Real], b: NDArray[Real]) -> NDArray[Real]:
+    """``a @ b``; both arrays have the same float type."""
     left, right = (torch.from_numpy(np.require(array, requirements="W")) for array in (a, b))
     found: NDArray[Real] = torch.matmul(left, right).numpy()
     return found
 
 
-def solved(normal: NDArray[np.float64], pull: NDArray[np.float64]) -> NDArray[np.float64]:
-    """x (B, M) of ``normal x = pull``, (B, M, M) symmetric positive and (B, M), by Cholesky."""
+def cholesky_solve(normal: NDArray[np.float64], pull: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Solve ``normal x = pull`` by Cholesky: (B, M, M) symmetric positive definite and (B, M) -> x (B, M)."""
     factor = torch.linalg.cholesky(torch.from_numpy(normal))
     solution: NDArray[np.float64] = torch.cholesky_solve(torch.from_numpy(pull)[..., None], factor)[..., 0].numpy()
     return solution

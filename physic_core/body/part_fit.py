@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from physic_core.body.bones import Bones, fit_shape
 from physic_core.body.from_joints import numbers, rotations_of
-from physic_core.body.joints import JOINT_NAMES, PARENTS
-from physic_core.body.rotations import swing, turned
+from physic_core.body.joints import JOINT_NAMES, PARENTS, joint_pair
+from physic_core.body.rotations import rotate, rotation_between
 
 __all__ = ["Fit", "fit_joints"]
 
@@ -27,8 +27,10 @@ Bools = NDArray[np.bool_]
 _ROUNDS = 3
 _LEAST_LEFT_OVER = 0.02
 """Of what two models may differ by: as well as a model is recovered from its own joints."""
-_HINGES = (4, 5, 7, 8, 18, 19, 20, 21)
-_LIMBS = (([1, 2, 16, 17], [4, 5, 18, 19]), ([4, 5, 18, 19], [7, 8, 20, 21]))
+_HIPS, _KNEES, _ANKLES = (joint_pair(name) for name in ("hip", "knee", "ankle"))
+_SHOULDERS, _ELBOWS, _WRISTS = (joint_pair(name) for name in ("shoulder", "elbow", "wrist"))
+_HINGES = (*_KNEES, *_ANKLES, *_ELBOWS, *_WRISTS)
+_LIMBS = (([*_HIPS, *_SHOULDERS], [*_KNEES, *_ELBOWS]), ([*_KNEES, *_ELBOWS], [*_ANKLES, *_WRISTS]))
 """Bones that are pointed, and where they end: thighs and upper arms, then shins and forearms."""
 
 _SIGMA_M = {
@@ -125,8 +127,8 @@ def _pointed(bones: Bones, world: Array, betas: Array, transl: Array, targets: A
     offsets = bones.at(betas)
     start = bones.pose(turns, betas, transl)[:, _LIMBS[0][0]]
     for upper, lower in _LIMBS:
-        bone = turned(turns[:, upper], offsets[:, lower])
+        bone = rotate(turns[:, upper], offsets[:, lower])
         want = np.where(known[:, lower, None], targets[:, lower] - start, bone)
-        turns[:, upper] = swing(bone, want) @ turns[:, upper]
-        start = start + turned(turns[:, upper], offsets[:, lower])
+        turns[:, upper] = rotation_between(bone, want) @ turns[:, upper]
+        start = start + rotate(turns[:, upper], offsets[:, lower])
     return turns

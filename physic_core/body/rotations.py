@@ -1,6 +1,6 @@
-"""Rotations from directions, in numpy and float64: what closed-form fits of a body are made of.
+"""Rotation matrices from directions, in NumPy and float64, for closed-form fits of a body.
 
-Each takes any leading dimensions; directions need not be of unit length.
+All functions take any leading dimensions. Directions need not have unit length.
 """
 
 from __future__ import annotations
@@ -9,7 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-__all__ = ["aligned", "between", "cross", "exp", "log", "nearest_rotation", "parted", "swing", "turned", "unit"]
+__all__ = [
+    "cross",
+    "exp",
+    "frame_from_axes",
+    "log",
+    "nearest_rotation",
+    "rotate",
+    "rotation_between",
+    "slerp",
+    "swing_twist",
+    "unit",
+]
 
 Array = NDArray[np.float64]
 
@@ -17,47 +28,54 @@ _TINY = 1e-12
 
 
 def unit(vectors: Array) -> Array:
-    """Vectors (..., 3) of length 1; zero where they have no length."""
+    """Vectors (..., 3) scaled to length 1; a zero vector stays zero."""
     length = np.sqrt((vectors * vectors).sum(-1, keepdims=True))
     scaled: Array = vectors / np.maximum(length, _TINY)
     return scaled
 
 
-def turned(rotations: Array, vectors: Array) -> Array:
-    """Rotations (..., 3, 3) applied to vectors (..., 3)."""
+def rotate(rotations: Array, vectors: Array) -> Array:
+    """Apply rotations (..., 3, 3) to vectors (..., 3)."""
     product: Array = (rotations @ vectors[..., None])[..., 0]
     return product
 
 
 def cross(first: Array, second: Array) -> Array:
-    """Vector product (..., 3): numpy's own takes five times as long for a few vectors."""
+    """Cross product (..., 3). ``np.cross`` takes five times as long for a few vectors."""
     a, b, c = first[..., 0], first[..., 1], first[..., 2]
     d, e, f = second[..., 0], second[..., 1], second[..., 2]
     return np.stack([b * f - c * e, c * d - a * f, a * e - b * d], -1)
 
 
 def exp(rotvecs: Array) -> Array:
-    """Rotation vectors (..., 3), radians -> matrices (..., 3, 3)."""
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3) in radians."""
     matrices: Array = Rotation.from_rotvec(rotvecs.reshape(-1, 3)).as_matrix().reshape(*rotvecs.shape, 3)
     return matrices
 
 
 def log(rotations: Array) -> Array:
-    """Matrices (..., 3, 3) -> rotation vectors (..., 3), radians, none longer than pi."""
+    """Rotation vectors (..., 3) in radians, at most pi long, of matrices (..., 3, 3)."""
     vectors: Array = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_rotvec().reshape(rotations.shape[:-1])
     return vectors
 
 
-def between(first: Array, second: Array, share: Array | float) -> Array:
-    """The rotation (..., 3, 3) that lies a ``share`` (...) of the shortest way from the first to the second."""
+def slerp(first: Array, second: Array, share: Array | float) -> Array:
+    """Interpolate rotations (..., 3, 3) along the shortest arc: 0 gives the first, 1 the second.
+
+    Args:
+        first: (..., 3, 3).
+        second: (..., 3, 3).
+        share: (...) of the arc.
+    """
     way = log(np.swapaxes(first, -1, -2) @ second)
     return first @ exp(way * np.asarray(share)[..., None])
 
 
-def swing(first: Array, second: Array) -> Array:
-    """The shortest rotations (..., 3, 3) that turn directions (..., 3) into others; half a turn about any axis if so.
+def rotation_between(first: Array, second: Array) -> Array:
+    """The smallest rotations (..., 3, 3) that turn the first directions (..., 3) into the second.
 
-    Two half-turns: about the first direction, then about the one in the middle.
+    Opposite directions give half a turn about any perpendicular axis. The rotation is the product of two half-turns:
+    about the first direction, then about the bisector.
     """
     a, b = unit(first), unit(second)
     middle = a + b
@@ -73,15 +91,18 @@ def swing(first: Array, second: Array) -> Array:
     return turn
 
 
-def aligned(along: Array, beside: Array) -> Array:
-    """Right-handed frames (..., 3, 3): column 0 along a direction, column 1 as near to another as it can be."""
+def frame_from_axes(along: Array, beside: Array) -> Array:
+    """Right-handed orthonormal frames (..., 3, 3) by Gram-Schmidt.
+
+    Column 0 points along the first direction, column 1 along the part of the second that is perpendicular to it.
+    """
     x = unit(along)
     y = unit(beside - (beside * x).sum(-1, keepdims=True) * x)
     return np.stack([x, y, cross(x, y)], -1)
 
 
 def nearest_rotation(moments: Array) -> Array:
-    """The rotations (..., 3, 3) R that maximise trace(R^T M): Kabsch, of ``M = sum w target source^T``."""
+    """The rotations R (..., 3, 3) that maximise trace(R^T M), for ``M = sum w target source^T`` (Kabsch 1976)."""
     left, _, right = np.linalg.svd(moments)
     # The weakest direction is turned over where the product would be a reflection.
     left[..., :, 2] *= np.sign(np.linalg.det(left @ right))[..., None]
@@ -89,14 +110,15 @@ def nearest_rotation(moments: Array) -> Array:
     return rotations
 
 
-def parted(rotations: Array, axis: Array) -> tuple[Array, Array]:
-    """Rotations (..., 3, 3) as ``swing @ twist``, the twist about an axis (..., 3) that it leaves where it is.
+def swing_twist(rotations: Array, axis: Array) -> tuple[Array, Array]:
+    """Decompose rotations (..., 3, 3) into ``swing @ twist`` with a twist about ``axis`` (..., 3).
 
     Returns:
-        swing (..., 3, 3), and the angle (...) of the twist, radians in (-pi, pi].
+        The swing (..., 3, 3), whose own axis is perpendicular to ``axis``, and the angle (...) of the twist in
+        radians in (-pi, pi].
     """
     a = unit(axis)
-    tilt = swing(a, turned(rotations, a))
+    tilt = rotation_between(a, rotate(rotations, a))
     rest = np.swapaxes(tilt, -1, -2) @ rotations
     # Of a rotation about a: the antisymmetric part is sin(t) a, the trace 1 + 2 cos(t).
     sine = 0.5 * (

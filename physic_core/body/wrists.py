@@ -16,8 +16,9 @@ import torch
 from numpy.typing import NDArray
 
 from physic_core.body.bones import Bones, local_from_world, world_from_local
+from physic_core.body.joints import joint_pair
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
-from physic_core.body.rotations import between, exp, log, unit
+from physic_core.body.rotations import exp, log, slerp, unit
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
@@ -32,7 +33,7 @@ Range = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 WRIST_RANGE: Range = ((-1.6, 1.6), (-1.0, 1.0), (-1.5, 1.5))
 """How far a left wrist turns from the T-pose; no healthy pose lies beyond."""
 
-_ELBOWS, _WRISTS = [18, 19], [20, 21]
+_SHOULDERS, _ELBOWS, _WRISTS = (joint_pair(name) for name in ("shoulder", "elbow", "wrist"))
 _FOREARM = 0.6
 """Share of a turn about the forearm that is done by the forearm."""
 _MOST_FOREARM = 1.4
@@ -74,11 +75,11 @@ def stitch(parameters: BodyParameters, hands: Hands, model: BodyModel, wrist_ran
     axes = unit(Bones.of(model).at(some.betas.astype(np.float64))[:, _WRISTS])
     elbows, wrists = _turned(world[:, _ELBOWS], world[:, _WRISTS], wanted, share[rows], axes, wrist_range)
     local = local_from_world(world)
-    local[:, _ELBOWS] = np.swapaxes(world[:, [16, 17]], -1, -2) @ elbows
+    local[:, _ELBOWS] = np.swapaxes(world[:, _SHOULDERS], -1, -2) @ elbows
     local[:, _WRISTS] = np.swapaxes(elbows, -1, -2) @ wrists
     fingers = exp(np.where(told[..., None], hands.rotvecs[rows], 0.0).astype(np.float64))
     for side, joints in enumerate(_HANDS):
-        local[:, joints] = between(local[:, joints], fingers[:, side], share[rows, side, None])
+        local[:, joints] = slerp(local[:, joints], fingers[:, side], share[rows, side, None])
     return _with_arms(parameters, rows, local, told[..., 0])
 
 

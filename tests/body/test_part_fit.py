@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 
 from physic_core.body import JOINT_INDEX, load_body
-from physic_core.body.bones import Bones, fit_shape, local_from_world, solved, world_from_local
+from physic_core.body.bones import Bones, cholesky_solve, fit_shape, local_from_world, world_from_local
 from physic_core.body.from_joints import enough, rotations_of
 from physic_core.body.model import BodyModel
 from physic_core.body.part_fit import Fit, fit_joints
@@ -75,7 +75,7 @@ def test_systems_are_solved() -> None:
     rng = np.random.default_rng(0)
     root = rng.standard_normal((3, 8, 8))
     normal, pull = root @ np.swapaxes(root, 1, 2) + np.eye(8), rng.standard_normal((3, 8))
-    np.testing.assert_allclose((normal @ solved(normal, pull)[..., None])[..., 0], pull, atol=1e-9)
+    np.testing.assert_allclose((normal @ cholesky_solve(normal, pull)[..., None])[..., 0], pull, atol=1e-9)
 
 
 def test_a_body_is_recovered_from_its_joints_and_rotations(embedded: BodyModel, people: People) -> None:

@@ -16,7 +16,7 @@ from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.bones import local_from_world, world_from_local
 from physic_core.body.model import BodyOutput
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
-from physic_core.body.rotations import exp, log, parted
+from physic_core.body.rotations import exp, log, swing_twist
 from physic_core.body.wrists import WRIST_RANGE, stitch, trust
 from physic_core.types import BodyParameters, Hands
 
@@ -117,8 +117,8 @@ def test_pronation_is_shared_by_forearm_and_wrist(side: int) -> None:
     wrists[0, side] = np.radians(80) * AXES[side]
     after = stitch(before, hands_of(before, wrists, 1.0), MODEL, RANGE)
     world = world_of(after)
-    forearm = parted(world[0, ELBOWS[side]], AXES[side])[1]
-    wrist = parted(local_from_world(world)[0, WRISTS[side]], AXES[side])[1]
+    forearm = swing_twist(world[0, ELBOWS[side]], AXES[side])[1]
+    wrist = swing_twist(local_from_world(world)[0, WRISTS[side]], AXES[side])[1]
     assert np.degrees([forearm, wrist]) == pytest.approx([48, 32], abs=1e-3)
 
 

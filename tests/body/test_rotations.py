@@ -8,7 +8,18 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
-from physic_core.body.rotations import aligned, between, cross, exp, log, nearest_rotation, parted, swing, turned, unit
+from physic_core.body.rotations import (
+    cross,
+    exp,
+    frame_from_axes,
+    log,
+    nearest_rotation,
+    rotate,
+    rotation_between,
+    slerp,
+    swing_twist,
+    unit,
+)
 
 VECTOR = arrays(np.float64, (3,), elements=st.floats(-2, 2)).filter(lambda v: np.linalg.norm(v) > 1e-2)
 TURN = arrays(np.float64, (3,), elements=st.floats(-1.7, 1.7))
@@ -21,7 +32,7 @@ def is_rotation(matrix: np.ndarray) -> bool:
 @settings(max_examples=200)
 @given(VECTOR, VECTOR)
 def test_swing_is_the_shortest_turn(first: np.ndarray, second: np.ndarray) -> None:
-    turn = swing(first, second)
+    turn = rotation_between(first, second)
     assert is_rotation(turn)
     np.testing.assert_allclose(turn @ unit(first), unit(second), atol=1e-9)
     cosine = float(unit(first) @ unit(second))
@@ -30,7 +41,7 @@ def test_swing_is_the_shortest_turn(first: np.ndarray, second: np.ndarray) -> No
 
 @given(VECTOR)
 def test_swing_to_the_opposite_is_half_a_turn(vector: np.ndarray) -> None:
-    turn = swing(vector, -vector)
+    turn = rotation_between(vector, -vector)
     assert is_rotation(turn)
     np.testing.assert_allclose(turn @ vector, -vector, atol=1e-9)
 
@@ -46,20 +57,20 @@ def test_exp_and_log_are_scipys(first: np.ndarray, second: np.ndarray) -> None:
 def test_between_goes_a_share_of_the_way(first: np.ndarray, second: np.ndarray, share: float) -> None:
     a, b = exp(first), exp(second)
     whole = np.linalg.norm(log(a.T @ b))
-    np.testing.assert_allclose(np.linalg.norm(log(a.T @ between(a, b, share))), share * whole, atol=1e-7)
+    np.testing.assert_allclose(np.linalg.norm(log(a.T @ slerp(a, b, share))), share * whole, atol=1e-7)
 
 
 @given(TURN, VECTOR)
 def test_a_rotation_is_its_swing_after_its_twist(rotvec: np.ndarray, axis: np.ndarray) -> None:
     rotation = exp(rotvec)
-    tilt, angle = parted(rotation, axis)
+    tilt, angle = swing_twist(rotation, axis)
     np.testing.assert_allclose(tilt @ exp(angle * unit(axis)), rotation, atol=1e-8)
 
 
 def test_twist_alone_is_all_twist() -> None:
     axis = np.array([0.0, 0.6, 0.8])
     for angle in np.linspace(-3.1, 3.1, 15):
-        tilt, found = parted(exp(angle * axis), axis)
+        tilt, found = swing_twist(exp(angle * axis), axis)
         assert abs(found - angle) < 1e-12
         np.testing.assert_allclose(tilt, np.eye(3), atol=1e-12)
 
@@ -80,8 +91,8 @@ def test_kabsch_finds_the_rotation_and_never_a_reflection(rotvec: np.ndarray, se
 def test_aligned_is_along_and_beside(along: np.ndarray, beside: np.ndarray) -> None:
     if np.linalg.norm(cross(unit(along), unit(beside))) < 1e-3:
         return
-    frame = aligned(along, beside)
+    frame = frame_from_axes(along, beside)
     assert is_rotation(frame)
     np.testing.assert_allclose(frame[:, 0], unit(along), atol=1e-12)
     assert frame[:, 1] @ beside > 0
-    np.testing.assert_allclose(turned(frame, np.array([1.0, 0, 0])), unit(along), atol=1e-12)
+    np.testing.assert_allclose(rotate(frame, np.array([1.0, 0, 0])), unit(along), atol=1e-12)
