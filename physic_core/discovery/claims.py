@@ -75,7 +75,7 @@ class Claim:
 
 @dataclass(frozen=True)
 class BrokenPlugin:
-    """A plugin that cannot be imported, or one of whose hooks fails.
+    """A plugin that cannot be imported, or that has a failing hook.
 
     Attributes:
         origin: the plugin.

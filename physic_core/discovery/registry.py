@@ -92,7 +92,7 @@ class Registry:
         return f"Registry({', '.join(parts)})"
 
     def register(self, record: BackendRecord, origin: Origin = BY_HAND) -> None:
-        """Add a backend; it replaces one that was registered by hand under the same name.
+        """Add a backend; it replaces one that was registered by hand under its name.
 
         Raises:
             BackendError: the record is invalid.
@@ -109,7 +109,7 @@ class Registry:
         return tuple(sorted({str(c.record.name) for c in self._claims if c.record.interface == interface}))
 
     def rivals(self, claim: Claim) -> tuple[Claim, ...]:
-        """Other backends of the same interface and name."""
+        """Other backends with the interface and name of ``claim``."""
         return tuple(c for c in self if _key(c) == _key(claim) and c is not claim)
 
     def get(self, interface: str, name: str) -> Claim:
@@ -178,7 +178,7 @@ class Registry:
         return found
 
     def load_concrete_class(self, claim: Claim) -> type[Backend]:
-        """Import a backend and check that its class implements the whole interface.
+        """Import a backend and check that its class implements all methods of its interface.
 
         Raises:
             BackendError: it cannot be imported, is no class of its interface, lacks a method of it, or its ``infer``

@@ -51,7 +51,7 @@ class ContactSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class EngineSettings:
-    """Settings of the whole engine, one object per stage; the kind of ``joint`` is the energy of stage 3."""
+    """Settings of the engine, one object per stage; the type of ``joint`` selects the energy of stage 3."""
 
     scene: SceneSettings = field(default_factory=SceneSettings)
     placement: PlacementSettings = field(default_factory=PlacementSettings)

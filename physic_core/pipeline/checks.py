@@ -1,6 +1,6 @@
 """Self-checks of a reconstruction: what is measured, its bound, and what to do if a check fails.
 
-Of the whole photo (``person`` is None):
+Of the photo (``person`` is None):
 
 ===============  =======  ======  ====================================================================================
 name             bound    unit    what is measured
@@ -188,15 +188,15 @@ def _of_photo(evidence: Evidence, solution: Solution, settings: EngineSettings) 
 
     report = solution.diagnostics
     share, scene = report["scene"]["alignment"]["inlier_share"], settings.scene
-    asked = scene.source != "metric_depth"  # else the point map is not used
+    uses_pointmap = scene.source != "metric_depth"  # else the point map is not used
     yield _judged(
         "scene_alignment",
-        share if asked else None,
+        share if uses_pointmap else None,
         f"the scene's scale is doubtful: point map and metric depth agree on {share:.0%} of the pixels within "
         f"{build.ALIGN_TOLERANCE:.0%}: try another metric_depth or relative_pointmap"
         if share > 0
         else "point map and metric depth agree nowhere: the scene is the metric depth alone",
-        ok=not asked or (share > 0 and share >= build.ALIGN_LEAST_SHARE),
+        ok=not uses_pointmap or (share > 0 and share >= build.ALIGN_LEAST_SHARE),
         threshold=build.ALIGN_LEAST_SHARE,
     )
     share = report["placement"]["alignment"]["inlier_share"]

@@ -75,8 +75,8 @@ class Evidence(ShortRepr):
         bodies: N bodies with their hands, of the configured body model.
         contact: contact prior, zero if no backend was configured.
         depth: metric depth of ``empty``.
-        lost: per person, the interfaces whose backend returned no finite values for them. Such a person has unseen
-            keypoints, a body of NaN, flat hands or no prior contact.
+        lost: per person, the interfaces whose backend returned no finite values for them. Such a person has
+            keypoints of confidence 0, a body of NaN, flat hands or no prior contact.
     """
 
     image: UInt8Array
@@ -168,7 +168,7 @@ class _Estimators:
     Attributes:
         backends: by interface.
         model: body model that results are converted to.
-        stages: calls the backends and keeps the record of the run.
+        stages: calls the backends and records the run.
         missing: interface -> (N,) bool, people without finite values from its backend.
     """
 

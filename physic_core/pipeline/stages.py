@@ -89,7 +89,7 @@ class Stages:
         last: bool = True,
         unchecked: tuple[str, ...] = (),
     ) -> Result:
-        """Call one backend, or read its result for the same request from the cache.
+        """Call one backend, or read its result for an identical request from the cache.
 
         Args:
             name: of the stage.

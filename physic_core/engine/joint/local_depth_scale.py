@@ -15,7 +15,7 @@ __all__ = ["log_factor", "warp_share"]
 
 _FLOOR_M, _FREE_M = 0.03, 0.15  # metres over the floor: no warp below the first, full warp above the second
 _NEAR_M, _FAR_M = 0.2, 1.0  # metres from a person's box: full warp below the first, none beyond the second
-_OWN_M = 0.02  # metres: difference of distances to two boxes at which the nearer person's warp dominates
+_OWN_M = 0.02  # metres, added to the distance from a person's box before its inverse square is the weight
 
 
 def warp_share(points: Tensor, floor_normal: Tensor | None, floor_offset: float) -> Tensor:
@@ -29,17 +29,20 @@ def warp_share(points: Tensor, floor_normal: Tensor | None, floor_offset: float)
 def log_factor(
     points: Tensor, bodies: Tensor, warps: Tensor, floor_normal: Tensor | None, floor_offset: float
 ) -> Tensor:
-    """Logarithm of the factor on each point: the nearest person's warp, blended by distance between people.
+    """Logarithm of the factor on each point: a mean of people's warps, weighted by nearness.
+
+    ``max_i n_i * share * sum_i w_i warp_i / sum_i w_i`` with ``w_i = n_i / (d_i + 2 cm)^2``. d_i is the distance from
+    person i's bounding box, n_i falls from 1 (20 cm) to 0 (1 m), and share is :func:`warp_share`.
 
     Args:
         points: (..., 3).
-        bodies: (B, V, 3) finite, in the same scene.
+        bodies: (B, V, 3) finite vertices, in the unit of ``points``.
         warps: (B,) of the people.
         floor_normal: (3,) unit, up, or None where there is no floor.
-        floor_offset: of the floor.
+        floor_offset: of the floor, in the unit of ``points``.
 
     Returns:
-        (...).
+        (...), 0 for points farther than 1 m from all people.
     """
     total, weights, nearest = (torch.zeros_like(points[..., 0]) for _ in range(3))
     for body, warp in zip(bodies, warps, strict=True):

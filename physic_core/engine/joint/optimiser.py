@@ -127,8 +127,8 @@ def _lbfgs_block(energy: Energy, settings: LbfgsSettings, steps: int, memory: Me
         gradients = torch.autograd.grad(total, parameters, allow_unused=True)
         flat = [torch.zeros_like(p) if g is None else g for p, g in zip(parameters, gradients, strict=True)]
         gradient = torch.cat([g.reshape(-1) for g in flat])
-        value, whole = torch.stack([total.detach(), gradient.sum()]).tolist()  # one wait for the device
-        return (value if math.isfinite(value) and math.isfinite(whole) else math.inf), gradient
+        value, checksum = torch.stack([total.detach(), gradient.sum()]).tolist()  # one wait for the device
+        return (value if math.isfinite(value) and math.isfinite(checksum) else math.inf), gradient
 
     here = state.pack()
     value, gradient = evaluate(here)

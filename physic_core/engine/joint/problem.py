@@ -50,7 +50,7 @@ class JointProblem(ShortRepr):
         scene_normals: (M, 3) unit towards the camera, zero where unreliable.
         contact_probability: (B, V) in [0, 1].
         observed: (B, 55) bool, visible joints.
-        scene_depth: (H, W) metres along z of the same points, NaN where there is none; None leaves free space unknown.
+        scene_depth: (H, W) metres along z of the scene points, NaN where there is none; None leaves free space unknown.
         floor_normal: (3,) unit, up; None where no floor was found.
         floor_offset: metres of the camera over the floor: the height of X is ``floor_normal . X + floor_offset``.
         floor_points: (F, 3) samples of the plane, or None.
@@ -165,7 +165,7 @@ class JointResult(ShortRepr):
         scene_scale: factor on all scene points, human points and on the floor's offset.
         vertices: (B, V, 3) metres.
         joints: (B, 55, 3) metres.
-        warp: (B,) logarithm of a further factor on the scene round each person
+        warp: (B,) log of the local depth scale near each person
             (:mod:`physic_core.engine.joint.local_depth_scale`).
         occluded: (B, V) bool, hidden by objects, other people or the own body, at the end.
         losses: term -> its weighted value at the start and at the end, both under the visibility at the end.

@@ -251,15 +251,15 @@ class State:
         )
 
     @torch.no_grad()
-    def displace(self, who: Tensor, tilt: float, farther: float) -> None:
+    def displace(self, people: Tensor, tilt: float, farther: float) -> None:
         """Rotate some people about the camera's horizontal axis and move them along their ray; whitened only.
 
         Args:
-            who: (B,) bool.
+            people: (B,) bool.
             tilt: radians.
             farther: added to the logarithm of depth.
         """
-        rows = who.to(self._start.transl.dtype)
+        rows = people.to(self._start.transl.dtype)
         if "root" in self.free:
             self.values["root"][:, 0] += rows * (tilt / _ROOT_SIGMA)
         if "translation" in self.free:
@@ -290,12 +290,12 @@ class State:
         return len(self._start.transl)
 
     @torch.no_grad()
-    def put(self, packed: Tensor, who: Tensor) -> None:
+    def put(self, packed: Tensor, people: Tensor) -> None:
         """Set some people, (B,) bool, from a vector of :meth:`pack`; the others and the scale do not change."""
         for group, part in zip(self.free, self._parts(packed), strict=True):
             value = self.values[group]
             if group != "scale":
-                rows = who.reshape(-1, *[1] * (value.ndim - 1))
+                rows = people.reshape(-1, *[1] * (value.ndim - 1))
                 value.copy_(torch.where(rows, part.view_as(value), value))
 
     def _parts(self, packed: Tensor) -> tuple[Tensor, ...]:

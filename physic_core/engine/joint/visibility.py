@@ -110,10 +110,10 @@ class SelfOcclusion:
 def update_visibility(
     context: JointContext, bodies: BodyOutput, self_occlusion: SelfOcclusion, last: Visibility | None
 ) -> Visibility:
-    """Project the tracked vertices, look up their masks, and cast a ray at each.
+    """Project the tracked vertices, sample the masks at their pixels, and cast a ray at each.
 
     Args:
-        context: of the run.
+        context: constants of this optimisation.
         bodies: posed at the present state, all vertices.
         self_occlusion: of the B people.
         last: not used.

@@ -76,7 +76,7 @@ def place_people(
 
     Args:
         bodies: as estimated, with one landmark for each keypoint.
-        detections: of the same people.
+        detections: of the B people.
         K: (3, 3) px.
         floor: normal (3,) and offset, or None.
         settings: of stage 2.

@@ -158,7 +158,7 @@ def place(
 
     Args:
         bodies: as estimated.
-        evidence: of the same people.
+        evidence: keypoints, points and masks of the B people.
         K: (3, 3) px.
         floor: normal (3,), unit, up, and offset in metres; None where there is no floor.
         settings: of stage 2; preset "default" where None.

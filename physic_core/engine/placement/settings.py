@@ -31,7 +31,7 @@ class PlacementSettings:
             least squares.
         depth_offset_sigma: prior of log(depth offset) of a person whose feet stand on a known floor; 0 fixes the human
             points to the scene.
-        floor_weight: of the distance of the lower foot to the floor, for the same people; 0 switches it off.
+        floor_weight: of the distance of the lower foot to the floor, if the feet stand on a known floor; 0 is off.
         stand_reach_m: if the lower foot of a person, fixed to the scene, is more than this above the floor, the person
             is assumed to be on furniture and not on the floor; 0 disables the test.
     """

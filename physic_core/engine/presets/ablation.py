@@ -40,7 +40,7 @@ def rows(base_preset: str = "default") -> dict[str, EngineSettings]:
     """Name -> settings of each row, in the paper's order.
 
     Args:
-        base_preset: whose full model it is.
+        base_preset: preset of the full model.
 
     Raises:
         ConfigError: no such preset.

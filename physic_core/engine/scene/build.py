@@ -58,7 +58,7 @@ class SceneState(ShortRepr):
         K: (3, 3) px, float64.
         alignment: of the relative point map to the metric depth.
         floor: the fit behind the floor, or None.
-        diagnostics: numbers for the result, by topic.
+        diagnostics: of the stage, by topic.
     """
 
     points: Tensor
@@ -221,7 +221,7 @@ def _surface(points: Tensor, known: Tensor, settings: SceneSettings) -> tuple[Te
 
 
 def alignment_diagnostics(alignment: Alignment) -> dict[str, Any]:
-    """An alignment as plain numbers; a residual that does not exist is None."""
+    """Diagnostics of an alignment; a missing residual is None."""
     return {
         "unknown": alignment.unknown,
         "scale": alignment.scale,

@@ -23,7 +23,7 @@ _REFERENCE_SIDE = 1024
 
 
 def edge_ratio(outliers: Outliers, rows: int, columns: int) -> float:
-    """The depth ratio of an edge in a picture of (rows, columns): the same slope as ``EDGE_RATIO`` at 1024 px.
+    """Depth ratio of an edge in a picture of (rows, columns), with the slope of ``EDGE_RATIO`` at 1024 px.
 
     At most ``EDGE_RATIO`` squared, since real edges are as sharp in small pictures as in large ones. Infinite (no edge)
     if ``outliers`` is not "grid".

@@ -77,7 +77,7 @@ def feet_on_floor(floor: PlaneFit, feet_px: Tensor | None, camera: Tensor, far_m
 
 
 def floor_diagnostics(search: FloorSearch) -> dict[str, Any]:
-    """A search as plain numbers."""
+    """Diagnostics of a floor search."""
     found: dict[str, Any] = {
         "reason": search.reason,
         "inlier_share": search.inlier_share,

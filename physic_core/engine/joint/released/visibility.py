@@ -68,7 +68,7 @@ def update_released_visibility(
     """Visibility as in the released code.
 
     Args:
-        context: of the run.
+        context: constants of this optimisation.
         bodies: posed at the present state, all vertices.
         self_occlusion: of the B people.
         last: the last visibility; None at the first update, which uses the positions by the keypoints alone.

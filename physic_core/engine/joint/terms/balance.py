@@ -20,7 +20,7 @@ __all__ = ["BalanceSettings", "BalanceTerm", "balance_energy"]
 # Left and right joints are adjacent: a slice gives a view, a list of indices a copy.
 _ANKLES, _TOES = (slice(JOINT_INDEX[f"left_{name}"], JOINT_INDEX[f"right_{name}"] + 1) for name in ("ankle", "foot"))
 _STANDING_POINT = 0.35  # position of the centre of mass between ankles (0) and balls of the feet (1) in quiet standing
-_SLACK_M = 0.05  # round that point without a penalty
+_SLACK_M = 0.05  # metres around that point without a penalty
 _SIGMA_M = 0.04  # beyond
 _LEAN_SHARE = 0.006  # of the skin (a palm) in contact above the knees: the person leans on the scene
 
