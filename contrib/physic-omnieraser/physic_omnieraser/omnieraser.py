@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.checkouts import Checkout
@@ -13,7 +14,6 @@ from physic_core.interfaces import Inpainter, Options
 from physic_core.weights import fingerprint, locate, missing
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
 __all__ = ["OmniEraser", "OmniEraserOptions"]
@@ -131,7 +131,6 @@ class OmniEraser(Inpainter):
 
     def _fill(self, image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
         """The whole photo, squashed to the network's square and back."""
-        import numpy as np
         import torch
         from PIL import Image
 

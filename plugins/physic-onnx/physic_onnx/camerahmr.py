@@ -10,6 +10,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field
 
 from physic_core.errors import BackendError
@@ -88,7 +89,6 @@ class CameraHmr(OneGraph, BodyEstimator):
         Raises:
             BackendError: it is not loaded, or the network fails.
         """
-        import numpy as np
 
         from physic_core.adapters.crop_camera import told_of_crops, translation_of_crop
         from physic_core.adapters.crops import crop_of
@@ -125,14 +125,12 @@ class CameraHmr(OneGraph, BodyEstimator):
 
 def _regions(crops: list[Crop]) -> tuple[FloatArray, FloatArray]:
     """Middle (N, 2) and side (N,) of each crop, px of the photo."""
-    import numpy as np
 
     middles = np.stack([crop.to_photo(np.array([SIDE / 2, SIDE / 2])) for crop in crops])
     return middles, np.array([SIDE * crop.step[0] for crop in crops])
 
 
 def _mesh(speaking: Speaking, feed: dict[str, NDArray[Any]], vertices: FloatArray) -> Mesh:
-    import numpy as np
 
     from physic_core.types import Mesh
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.contact_crop import GROWTH, SIDE
@@ -57,7 +58,6 @@ class Deco(OneGraph, ContactPrior):
         Raises:
             BackendError: it is not loaded, or the network answers something else.
         """
-        import numpy as np
 
         from physic_core.adapters.contact_crop import contact_crop
         from physic_core.types import ContactProbability, RestMesh

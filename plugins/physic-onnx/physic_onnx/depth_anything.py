@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field
 
 from physic_core.errors import BackendError
@@ -171,7 +172,6 @@ class DepthAnythingRelative(OneGraph, RelativePointmap):
         Raises:
             BackendError: the network is not loaded, or sees nothing.
         """
-        import numpy as np
 
         from physic_core.adapters.disparity import gap_of_disparity, points_of_gap
         from physic_core.types import Pointmap
@@ -271,7 +271,6 @@ def _ask(
 
 def _inverse_depth(depth: FloatArray) -> tuple[FloatArray, BoolArray]:
     """1 / depth and where there is none; both (h, w)."""
-    import numpy as np
 
     with np.errstate(invalid="ignore"):
         lost = ~(np.isfinite(depth) & (depth > 0))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
 from pydantic import Field
 
 from physic_core.errors import BackendError
@@ -67,7 +68,6 @@ class DepthAnything3(OneGraph, MetricDepth):
         Raises:
             BackendError: no camera is known, or the network is not loaded.
         """
-        import numpy as np
 
         from physic_core.adapters.canonical_depth import focal_px_of, metres_from_canonical
         from physic_core.adapters.pictures import resample

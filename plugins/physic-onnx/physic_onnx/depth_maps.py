@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from physic_core.errors import BackendError
 
 if TYPE_CHECKING:
@@ -29,7 +31,6 @@ def single_map(values: NDArray[Any], what: str, file: str, *, may_be_flat: bool 
     Raises:
         BackendError: it holds no map or several, no number, or one and the same number everywhere.
     """
-    import numpy as np
 
     shape = values.shape
     while values.ndim > 2 and 1 in values.shape:
@@ -57,7 +58,6 @@ def one_number(values: NDArray[Any], what: str, file: str) -> float:
     Raises:
         BackendError: there are several, or it is not above 0.
     """
-    import numpy as np
 
     if values.size != 1:
         raise BackendError(f"{file} answered {what} of shape {values.shape}: one number was expected")
@@ -105,7 +105,6 @@ def required_camera(hints: Hints, image: NDArray[Any], name: str) -> Intrinsics:
 
 def depth_at(depth: FloatArray, farthest: float | None) -> FloatArray:
     """Depth (h, w) with NaN where it is not above 0, or farther than a network can tell."""
-    import numpy as np
 
     with np.errstate(invalid="ignore"):
         known = np.isfinite(depth) & (depth > 0)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
 from pydantic import Field
 
 from physic_core.errors import BackendError
@@ -78,7 +79,6 @@ class DepthPro(OneGraph, MetricDepth):
 
     def _metres(self, speaking: Speaking, image: UInt8Array) -> tuple[FloatArray, float]:
         """Depth at the photo's size and focal length in px of the photo, both as the network believes."""
-        import numpy as np
 
         from physic_core.adapters.canonical_depth import focal_from_fov, focal_in_frame, metres_from_inverse
         from physic_core.adapters.pictures import resample
@@ -108,7 +108,6 @@ def prepare(image: UInt8Array) -> FloatArray:
 
     The published processor normalises first and resizes then, which in float32 is the same.
     """
-    import numpy as np
 
     from physic_core.adapters.pictures import planes, squash
 

@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from physic_core.errors import BackendError
 
 from .contract import Dialect, Match, Wanted, choose
@@ -114,7 +116,6 @@ def _boxed(image: UInt8Array, size: tuple[int, ...]) -> tuple[FloatArray, Letter
 
 def _yolox(match: Match, network: Network, image: UInt8Array, size: tuple[int, ...]) -> Answer:
     """Raw answers of the head: per cell an offset, the logarithm of a size, "something" and 80 classes."""
-    import numpy as np
 
     from physic_core.adapters.detections import corners_of_centred
 
@@ -138,7 +139,6 @@ def _yolox(match: Match, network: Network, image: UInt8Array, size: tuple[int, .
 
 def _yolox_cells(size: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
     """(N, 2) column and row of each answer's cell, and (N,) its side, px."""
-    import numpy as np
 
     cells, strides = [], []
     for stride in (8, 16, 32):
@@ -150,7 +150,6 @@ def _yolox_cells(size: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
 
 def _chosen(match: Match, network: Network, image: UInt8Array, size: tuple[int, ...]) -> Answer:
     """Boxes that the graph itself has chosen: x0 y0 x1 y1 of the letterbox, and a score."""
-    import numpy as np
 
     frame, box = _boxed(image, size)
     names = ["dets", "keypoints"] if "keypoints" in match.outputs else ["dets"]
@@ -165,7 +164,6 @@ def _chosen(match: Match, network: Network, image: UInt8Array, size: tuple[int, 
 
 def _rt_detr(match: Match, network: Network, image: UInt8Array, size: tuple[int, ...]) -> Answer:
     """300 queries: logits of 80 classes, each on its own, and centred boxes in shares of the photo."""
-    import numpy as np
 
     from physic_core.adapters.detections import corners_of_centred
     from physic_core.adapters.pictures import planes, squash

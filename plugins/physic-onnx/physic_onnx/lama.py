@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import numpy as np
 from pydantic import Field
 
 from physic_core.errors import BackendError
@@ -139,7 +140,6 @@ class Lama(OneGraph, Inpainter):
         return self._fill(image, hole, min(self.options.longest_px, max(hole.shape)), None)
 
     def _fill(self, image: UInt8Array, hole: BoolArray, long: int, square: int | None) -> UInt8Array:
-        import numpy as np
 
         from physic_core.adapters.pictures import planes, squash
 
@@ -170,7 +170,6 @@ def _to_grey_levels(answer: FloatArray, shown: FloatArray) -> float:
 
     The files are of one contract but for this. LaMa hands through what is known of the picture, which tells.
     """
-    import numpy as np
 
     if not len(answer):
         return 1.0 if float(np.max(answer, initial=0.0)) > 2 else 255.0

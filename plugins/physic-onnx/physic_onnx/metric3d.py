@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
 from pydantic import Field
 
 from physic_core.interfaces import MetricDepth
@@ -77,7 +78,6 @@ def prepare(image: UInt8Array, height: int, width: int) -> tuple[FloatArray, Let
 
     The file itself takes off ImageNet's mean and divides by its deviation.
     """
-    import numpy as np
 
     from physic_core.adapters.pictures import letterbox, planes
 

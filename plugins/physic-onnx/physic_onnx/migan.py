@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
 from pydantic import Field
 
 from physic_core.interfaces import Inpainter, Options
@@ -76,7 +77,6 @@ class MiGan(OneGraph, Inpainter):
 
     def _fill(self, image: UInt8Array, hole: BoolArray) -> UInt8Array:
         """RGB as it is; the pipeline's mask is 255 where the photo is known and 0 in the hole."""
-        import numpy as np
 
         speaking = self.speaking()
         feed = {

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary, WeakSet, WeakValueDictionary
 
+import numpy as np
+
 from physic_core.adapters.pictures import planes, squash
 from physic_core.errors import BackendError
 
@@ -132,7 +134,6 @@ class MogeRunner:
         Raises:
             BackendError: the backend does not hold it, or the network fails.
         """
-        import numpy as np
 
         with self._lock:
             identity = self._holders.get(backend)
@@ -166,7 +167,6 @@ _RUNNERS: WeakValueDictionary[Hashable, MogeRunner] = WeakValueDictionary()
 
 
 def _run(network: Network, match: Match, image: UInt8Array, tokens: int) -> AffinePoints:
-    import numpy as np
 
     seen = squash(image, *size_seen(image.shape[0], image.shape[1], tokens), "bilinear-antialias")
     feed: dict[str, NDArray[np.generic]] = {

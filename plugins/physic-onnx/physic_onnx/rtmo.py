@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
 from pydantic import Field
 
 from physic_core.errors import BackendError
@@ -63,7 +64,6 @@ class Rtmo(OneGraph, KeypointDetector):
 
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
         """Image (H, W, 3) and N people -> the pose whose box overlaps a person's most, each given once."""
-        import numpy as np
 
         from physic_core.adapters.heatmaps import as_confidence
         from physic_core.adapters.pictures import letterbox, planes
@@ -108,7 +108,6 @@ def assigned(people: FloatArray, poses: FloatArray, least_iou: float) -> IntArra
     Returns:
         (N,) row of the pose, or -1.
     """
-    import numpy as np
     from scipy.optimize import linear_sum_assignment
 
     from physic_core.adapters.detections import box_iou

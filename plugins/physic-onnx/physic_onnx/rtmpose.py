@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field
 
 from physic_core.errors import BackendError
@@ -71,7 +72,6 @@ class RtmPose(OneGraph, KeypointDetector):
 
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
         """Image (H, W, 3) and N people -> keypoints; the lower of a joint's two peaks is its confidence."""
-        import numpy as np
 
         from physic_core.adapters.crops import crop_of
         from physic_core.adapters.heatmaps import as_confidence, simcc_peaks

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field
 
 from physic_core.errors import BackendError, PhysicError
@@ -134,7 +135,6 @@ class Sam2(Segmenter):
     @staticmethod
     def _masks(networks: Sam2Networks, photo: Encoded, found: Detections) -> tuple[Detections, FloatArray]:
         """People of whom no other has the same mask, and (N, h, w) logits of the squashed photo."""
-        import numpy as np
 
         from physic_core.adapters.people import distinct_masks
 

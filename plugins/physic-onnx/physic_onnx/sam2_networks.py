@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from physic_core.errors import BackendError
 
 from .contract import Dialect, Wanted, choose
@@ -96,7 +98,6 @@ class Encoded:
 
     def to_frame(self, points: FloatArray) -> FloatArray:
         """(..., 2) photo px -> px of the square; integers are pixel centres in both."""
-        import numpy as np
 
         height, width = self.size
         scale = self.side / np.array([width, height], np.float64)
@@ -144,7 +145,6 @@ class Sam2Networks:
             (N, 3, h, w) logits of the squashed photo, above 0 inside, and (N, 3) how well each fits, as the network
             judges.
         """
-        import numpy as np
 
         corners = self._corners(photo, boxes)
         at_once = self._at_once()
@@ -163,7 +163,6 @@ class Sam2Networks:
         Returns:
             (3, h, w) logits of the squashed photo, and (3,) how well each fits.
         """
-        import numpy as np
 
         points = photo.to_frame(np.concatenate([inside, outside]))
         labels = np.array([INSIDE] * len(inside) + [OUTSIDE] * len(outside))
@@ -172,7 +171,6 @@ class Sam2Networks:
 
     def _corners(self, photo: Encoded, boxes: FloatArray) -> FloatArray:
         """(N, 4) boxes px of the photo -> (N, 2, 2) px of the square."""
-        import numpy as np
 
         # The network was trained with the first and the last pixel of what is meant.
         return photo.to_frame(np.asarray(boxes, np.float64).reshape(-1, 2, 2) - [[0, 0], [1, 1]])
@@ -193,7 +191,6 @@ class Sam2Networks:
     def _with_boxes(
         self, corners: FloatArray, points: tuple[FloatArray, NDArray[Any]] | None
     ) -> dict[str, NDArray[Any]]:
-        import numpy as np
 
         if points is not None:
             told, labels = points[0][None, None], points[1][None, None]
@@ -211,7 +208,6 @@ class Sam2Networks:
     def _with_corner_points(
         self, corners: FloatArray, points: tuple[FloatArray, NDArray[Any]] | None
     ) -> dict[str, NDArray[Any]]:
-        import numpy as np
 
         told, labels = corners, np.tile([FIRST_CORNER, LAST_CORNER], (len(corners), 1))
         if points is not None:

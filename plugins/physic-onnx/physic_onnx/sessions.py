@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from physic_core.errors import BackendError, DeviceError
 
 if TYPE_CHECKING:
@@ -95,7 +97,6 @@ class Network:
         Raises:
             BackendError: an input does not fit, or onnxruntime fails.
         """
-        import numpy as np
 
         given = {name: self._cast(name, value) for name, value in feed.items()}
         try:
@@ -108,7 +109,6 @@ class Network:
         return [value.astype(np.float32) if value.dtype == np.float16 else value for value in found]
 
     def _cast(self, name: str, value: NDArray[Any]) -> NDArray[Any]:
-        import numpy as np
 
         value = np.asarray(value)
         if name not in self.inputs:

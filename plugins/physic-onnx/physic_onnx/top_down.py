@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from physic_core.errors import BackendError
 
 if TYPE_CHECKING:
@@ -56,7 +58,6 @@ def pictures_of(
         fill: value outside of the photo.
         sigmas: px of the photo, of a blur before each crop.
     """
-    import numpy as np
 
     from physic_core.adapters.crops import cut
     from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, planes
@@ -80,7 +81,6 @@ def run_rows(
     Raises:
         BackendError: it fails, or answers another number of rows.
     """
-    import numpy as np
 
     rows = len(next(iter(feed.values())))
     size = min([fixed_or(speaking.shape(name)[0], most) for name in feed if speaking.shape(name)])
@@ -107,7 +107,6 @@ def held(speaking: Speaking, feed: Mapping[str, NDArray[Any]], outputs: Sequence
 
     Nothing but these is computed.
     """
-    import numpy as np
 
     rows = {name: fixed_or((speaking.shape(name) or (1,))[0], 1) for name in feed}
     return speaking.ports.run(

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import numpy as np
 from pydantic import Field
 
 from physic_core.errors import BackendError
@@ -77,7 +78,6 @@ class VitPose(OneGraph, KeypointDetector):
 
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
         """Image (H, W, 3) and N people -> keypoints; the confidence of one is the height of its heat map's peak."""
-        import numpy as np
 
         from physic_core.adapters.crops import crop_of
         from physic_core.adapters.heatmaps import as_confidence, refined_peaks
@@ -103,7 +103,6 @@ class VitPose(OneGraph, KeypointDetector):
 
     def _count(self) -> int:
         """Joints of a file that does not state them: it is shown one black crop."""
-        import numpy as np
 
         return int(self._heatmaps(np.zeros((1, 3, *self._size()), np.float32), COCO).shape[1])
 
@@ -116,7 +115,6 @@ class VitPose(OneGraph, KeypointDetector):
 
     def _heatmaps(self, pictures: FloatArray, expert: int) -> FloatArray:
         """Crops (N, 3, h, w) -> (N, J, rows, columns)."""
-        import numpy as np
 
         from .top_down import run_rows
 

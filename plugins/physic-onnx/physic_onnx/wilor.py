@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
 from pydantic import Field
 
 from physic_core.interfaces import HandEstimator
@@ -95,7 +96,6 @@ class Wilor(OneGraph, HandEstimator):
             ) from error
 
     def _pictures(self, image: UInt8Array, crops: list[Crop]) -> FloatArray:
-        import numpy as np
 
         from physic_core.adapters.crops import blur_before_shrinking, cut
 

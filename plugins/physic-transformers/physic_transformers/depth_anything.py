@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.cameras import guessed_camera, known_camera
@@ -106,7 +107,6 @@ class DepthAnythingMetric(_DepthAnything, MetricDepth):
             InputError: it is no photo.
             BackendError: ``load`` was not called.
         """
-        import numpy as np
 
         depth = resample(_answer(self.network(), image, self.options), *image.shape[:2])
         most = self.options.farthest or _SATURATED * float(self.network().config.max_depth)

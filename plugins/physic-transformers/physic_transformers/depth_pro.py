@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.cameras import known_camera
@@ -76,7 +77,6 @@ class DepthPro(Pretrained, MetricDepth):
             InputError: it is no photo.
             BackendError: ``load`` was not called, or no focal length is known.
         """
-        import numpy as np
 
         height, width = image.shape[:2]
         network = self.network()
@@ -126,7 +126,6 @@ def memory_gb() -> float | None:
 
 def pixels(image: UInt8Array, side: int) -> FloatArray:
     """A photo squashed to (1, 3, S, S), from -1 to 1; normalised before it is resized, which is not antialiased."""
-    import numpy as np
 
     return planes(squash(image.astype(np.float32), side, side, "bilinear"), (0.5, 0.5, 0.5), (0.5, 0.5, 0.5))
 

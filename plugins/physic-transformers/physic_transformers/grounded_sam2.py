@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.detections import boxes_in_photo, corners_of_centred
@@ -18,7 +19,6 @@ from physic_transformers.sam_masks import most_likely, people_of, union
 from physic_transformers.sizes import between_edges
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from physic_core.types import BoolArray, FloatArray, People, UInt8Array
@@ -87,7 +87,6 @@ class GroundedSam2(Pretrained, Segmenter):
             InputError: it is no photo.
             BackendError: ``load`` was not called.
         """
-        import numpy as np
 
         options, size = self.options, (image.shape[0], image.shape[1])
         pixels = _detector_pixels(image)
@@ -103,7 +102,6 @@ class GroundedSam2(Pretrained, Segmenter):
         self, pixels: FloatArray, words: str, threshold: float, size: tuple[int, int]
     ) -> tuple[FloatArray, FloatArray]:
         """(N, 4) px of the photo and (N,) scores of what the words name."""
-        import numpy as np
 
         network, options = self.network("detector"), self.options
         text = network.tokenizer(prompt_of(words), return_tensors="np", return_token_type_ids=True)
@@ -121,7 +119,6 @@ class GroundedSam2(Pretrained, Segmenter):
 
     def _masks(self, image: UInt8Array, boxes: FloatArray) -> FloatArray:
         """(N, h, w) logits over the photo, one mask a box."""
-        import numpy as np
 
         network = self.network("masks")
         side = int(network.config.prompt_encoder_config.image_size)
@@ -157,7 +154,6 @@ def named_boxes(logits: FloatArray, boxes: FloatArray, box_threshold: float, tex
         box_threshold: of the best token's score.
         text_threshold: of the score of tokens that are told.
     """
-    import numpy as np
 
     chance = 1 / (1 + np.exp(-np.clip(np.asarray(logits, np.float64), -60, 60)))
     scores = chance.max(axis=1)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.devices import check_device
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    import numpy as np
     from numpy.typing import NDArray
 
 __all__ = ["WHERE", "ModelOptions", "Network", "Part", "Pretrained", "array", "open_network"]
@@ -72,7 +72,6 @@ class Network:
             return call(**{name: self._tensor(name, value) for name, value in inputs.items()})
 
     def _tensor(self, name: str, value: Any) -> Any:
-        import numpy as np
         import torch
 
         if not isinstance(value, np.ndarray):
@@ -135,7 +134,6 @@ class Pretrained(Backend):
 
 def array(tensor: Any) -> NDArray[np.float32]:
     """A tensor of any device and type of number as float32 numpy."""
-    import numpy as np
 
     plain = tensor.detach().float().cpu().numpy() if hasattr(tensor, "detach") else tensor
     return np.asarray(plain, np.float32)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.detections import boxes_in_photo
@@ -61,7 +62,6 @@ class Sam3(Pretrained, Segmenter):
             InputError: it is no photo.
             BackendError: ``load`` was not called.
         """
-        import numpy as np
 
         options, size = self.options, (image.shape[0], image.shape[1])
         side = int(_vision(self.network().config).image_size)
@@ -81,7 +81,6 @@ class Sam3(Pretrained, Segmenter):
 
     def _floor(self, seen: Any, size: tuple[int, int]) -> BoolArray | None:
         """Union of what is found by each word: SAM 3 was trained on one short noun phrase at a time."""
-        import numpy as np
 
         words = [word for part in self.options.floor_words.split(",") if (word := part.strip(" ."))]
         if not words:
@@ -95,7 +94,6 @@ class Sam3(Pretrained, Segmenter):
 
     def _asked(self, seen: Any, words: str) -> Any:
         """The network's answer to a text about a photo that was encoded."""
-        import numpy as np
 
         network = self.network()
         text = network.tokenizer(
@@ -111,7 +109,6 @@ def _vision(config: Any) -> Any:
 
 
 def _chance(logits: FloatArray) -> FloatArray:
-    import numpy as np
 
     chance: FloatArray = 1 / (1 + np.exp(-np.clip(np.asarray(logits, np.float64), -60, 60)))
     return chance

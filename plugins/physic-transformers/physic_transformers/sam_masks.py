@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from physic_core.adapters.people import distinct_masks, people_from_masks
 from physic_core.adapters.pictures import resample
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from physic_core.types import BoolArray, FloatArray, People
@@ -18,7 +19,6 @@ __all__ = ["most_likely", "people_of", "union"]
 
 def most_likely(scores: FloatArray, threshold: float, most: int) -> NDArray[np.intp]:
     """Rows with a score above the threshold, best first, at most ``most``."""
-    import numpy as np
 
     order = np.argsort(-scores, kind="stable")
     found: NDArray[np.intp] = order[scores[order] > threshold][:most]
@@ -44,7 +44,6 @@ def people_of(
         size: H and W of the photo.
         same: masks that share more of their union than this are one person, seen twice.
     """
-    import numpy as np
 
     rows = distinct_masks(logits > 0, scores, same) if len(logits) else np.zeros(0, np.intp)
     masks = (resample(logits[i], *size) for i in rows)
@@ -53,7 +52,6 @@ def people_of(
 
 def union(logits: FloatArray, size: tuple[int, int]) -> BoolArray:
     """(H, W) pixels of the photo that any of (N, h, w) masks holds."""
-    import numpy as np
 
     found: BoolArray = np.zeros(size, bool)
     for one in logits:

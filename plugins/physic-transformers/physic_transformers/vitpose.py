@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.crops import crop_of, cut
@@ -59,7 +60,6 @@ class VitPose(Pretrained, KeypointDetector):
             InputError: it is no photo.
             BackendError: ``load`` was not called, or the network has other joints or experts.
         """
-        import numpy as np
 
         config = self.network().config
         joints = int(config.num_labels)
@@ -97,7 +97,6 @@ class VitPose(Pretrained, KeypointDetector):
 
     def _heatmaps(self, image: UInt8Array, crops: list[Crop], expert: int | None) -> FloatArray:
         """(n, J, h, w) of what these crops show."""
-        import numpy as np
 
         inputs: dict[str, Any] = {
             "pixel_values": np.concatenate([planes(cut(image, crop), IMAGENET_MEAN, IMAGENET_STD) for crop in crops])

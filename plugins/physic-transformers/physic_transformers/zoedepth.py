@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.pictures import planes, resample
@@ -44,7 +45,6 @@ class ZoeDepth(Pretrained, MetricDepth):
             InputError: it is no photo.
             BackendError: ``load`` was not called.
         """
-        import numpy as np
 
         shown = pixels(image)
         depth = array(self.network().run(pixel_values=shown).predicted_depth)[0]
@@ -62,7 +62,6 @@ def margins(height: int, width: int) -> tuple[int, int]:
 
 def pixels(image: UInt8Array) -> FloatArray:
     """A photo in its frame, (1, 3, h, w) from -1 to 1; corners go to corners, as ZoeDepth's own resizing does it."""
-    import numpy as np
     import torch
 
     rows, columns = margins(*image.shape[:2])

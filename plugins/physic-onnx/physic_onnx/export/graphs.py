@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
 __all__ = ["CAMERAHMR", "DECO", "WILOR", "CameraHmrGraph", "DecoGraph", "Ports", "WilorGraph", "example"]
@@ -120,6 +120,5 @@ def _held(module: nn.Module, shown: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def _faces(faces: Any) -> Tensor:
-    import numpy as np
 
     return torch.from_numpy(np.asarray(faces).astype(np.int64))

@@ -6,6 +6,7 @@ import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import torch
 
 from physic_core.errors import BackendError, OutputError
@@ -62,7 +63,6 @@ def write_graph(module: nn.Module, inputs: tuple[Tensor, ...], ports: Ports, pat
 
 def difference(module: nn.Module, inputs: tuple[Tensor, ...], ports: Ports, path: Path) -> dict[str, float]:
     """Largest difference of each output between the module and its file, as a share of the output's largest value."""
-    import numpy as np
     import onnxruntime as ort
 
     session = ort.InferenceSession(str(path), providers=["CPUExecutionProvider"])
