@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import cv2
@@ -14,9 +15,17 @@ from physic_core.interfaces import HandEstimator
 from physic_core.types import SKELETONS, Keypoints, People, Skeleton
 from physic_embedded.body_fit.fingers import FINGERS, HandRest, fit_fingers
 from physic_embedded.hand_estimator import EmbeddedHands, EmbeddedHandsOptions
+from physic_embedded.networks import hand_landmarks as module
 from physic_embedded.networks.blazepose import BLAZEPOSE
 from physic_embedded.networks.crops import Picture, Square
-from physic_embedded.networks.hand_landmarks import HandLook, arm_square, hand_landmarks, next_square, palm_square
+from physic_embedded.networks.hand_landmarks import (
+    HandLook,
+    arm_square,
+    find_hand,
+    hand_landmarks,
+    next_square,
+    palm_square,
+)
 from physic_embedded.networks.sessions import open_session
 from physic_testing import violations
 
@@ -192,3 +201,29 @@ def test_small_unsteady_or_absent_hands_are_left_alone(estimator: EmbeddedHands)
     corners = np.array([[0.0, 0], [100, 80]])
     for points, presence, gap in ((corners / 5, 0.99, 0.01), (corners, 0.99, 0.2), (corners, 0.3, 0.01)):
         assert not estimator._clear(HandLook(points, np.zeros((21, 3)), presence, 0.9, gap), "right")
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_of_two_hands_at_one_wrist_the_one_of_the_side_is_taken(monkeypatch: pytest.MonkeyPatch, side: str) -> None:
+    palm = SimpleNamespace(box=np.array([80.0, 80, 112, 112]), keypoints=np.full((7, 2), 96.0))
+    palm.keypoints[2] = 96.0, 70.0
+    left, right = np.full((21, 2), 112.0), np.full((21, 2), 112.0)
+    right[20] = 120.0
+    looks = iter([(left, 0.0), (right, 1.0), (left, 0.5)])  # two palms, then the hand as the pose has it
+
+    def look(*_: object) -> tuple[np.ndarray, np.ndarray, float, float]:
+        points, is_right = next(looks)
+        return points, np.zeros((21, 3)), 1.0, is_right
+
+    monkeypatch.setattr(module, "decode", lambda *_: [palm])
+    monkeypatch.setattr(module, "_look", look)
+    monkeypatch.setattr(module, "next_square", lambda points: points)
+    monkeypatch.setattr(module, "hand_landmarks", lambda session, picture, points: points)
+    detector = SimpleNamespace(run=lambda *_: (np.zeros((1, 1, 1)), np.zeros((1, 1, 1))))
+    around = Square(np.array([200.0, 200.0]), 200.0, 0.0)
+    picture = Picture(np.zeros((400, 400, 3), np.uint8))
+
+    found = find_hand(detector, detector, picture, around, 0.0, np.array([200.0, 190.0]), side)  # type: ignore[arg-type]
+
+    points = np.asarray(found)
+    assert bool((points[20] != points[0]).any()) == (side == "right")

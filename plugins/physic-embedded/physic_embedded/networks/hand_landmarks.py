@@ -159,9 +159,9 @@ def find_hand(
         boxes, scores = detector.run(["boxes", "scores"], {"image": cut[None].astype(np.float32) / 255.0})
         for palm in decode(boxes[0], scores[0, :, 0], anchors, DETECTOR_SIZE, threshold)[:2]:
             center = view.to_photo((palm.box[:2] + palm.box[2:]) / 2, DETECTOR_SIZE)
-            side = max(palm.box[2] - palm.box[0], palm.box[3] - palm.box[1]) * view.side / DETECTOR_SIZE
+            length = max(palm.box[2] - palm.box[0], palm.box[3] - palm.box[1]) * view.side / DETECTOR_SIZE
             keys = view.to_photo(palm.keypoints, DETECTOR_SIZE)
-            box = np.concatenate([center - side / 2, center + side / 2])  # type: ignore[operator]
+            box = np.concatenate([center - length / 2, center + length / 2])
             starts.append(palm_square(box, keys[0], keys[2]))
     # No palm to see: the pose's own guess of where the hand is.
     starts.append(Square(around.center, around.side / 1.5, arm_angle))
