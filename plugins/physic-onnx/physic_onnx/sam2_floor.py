@@ -63,7 +63,7 @@ def feet_of(people: People) -> FloatArray:
     others.
     """
     joints = people.keypoints
-    if joints is not None and joints.skeleton == "coco17":
+    if joints is not None and joints.joint_set.name == "coco17":
         reach = (people.boxes[:, 3] - people.boxes[:, 1]) / 7
         feet = [(*spot, reach[i]) for i in range(len(people)) for spot in _ankles(joints, i)]
         return np.array(feet, float).reshape(-1, 3)

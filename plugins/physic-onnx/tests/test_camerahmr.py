@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator
-from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People
+from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People, Skeleton
 from physic_onnx.camerahmr import CameraHmr
 from physic_testing import violations
 from physic_testing.conformance import check_backend
@@ -145,7 +145,7 @@ def test_smpls_joints_0_to_21_are_told_and_its_hands_are_left_out(recorded: Any)
 
 def test_keypoints_tell_which_joints_are_seen(recorded: Any) -> None:
     backend, _ = recorded()
-    odd = Keypoints(np.zeros((2, 4, 2)), np.ones((2, 4)), "odd")
+    odd = Keypoints(np.zeros((2, 4, 2)), np.ones((2, 4)), Skeleton("odd", ("a", "b", "c", "d")))
     assert backend.infer(IMAGE, PEOPLE, CAMERA, odd, Hints()).observed is None
     points, confidence = np.full((2, 17, 2), 50.0), np.full((2, 17), 0.9)
     confidence[1, 13] = 0.45  # the left knee

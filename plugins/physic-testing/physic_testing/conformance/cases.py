@@ -120,7 +120,7 @@ def case_of_world(name: str, world: World) -> Case:
     height, width = world.image.shape[:2]
     radius = max(2, round(0.01 * max(height, width)))
     brush = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-    name = BLAZEPOSE.name
+    points, visible = world.keypoints[BLAZEPOSE.name], world.visible[BLAZEPOSE.name]
     scene, original = (world.points(people=people) / np.float32(SCENE_UNIT) for people in (False, True))
     return Case(
         name=name,
@@ -129,7 +129,7 @@ def case_of_world(name: str, world: World) -> Case:
         hole=cv2.dilate(world.masks.any(axis=0).astype(np.uint8), brush) > 0,
         intrinsics=world.intrinsics,
         people=People(world.masks, world.boxes, np.linspace(0.95, 0.85, len(world.masks))),
-        keypoints=Keypoints(world.keypoints[name], np.where(world.visible[name], 0.95, 0.2), BLAZEPOSE),
+        keypoints=Keypoints(points, np.where(visible, 0.95, 0.2), BLAZEPOSE),
         bodies=Bodies(world.parameters, world.body_model, world.joints_visible),
         scene=Pointmap(scene, np.isfinite(scene).all(axis=2), "scale", world.intrinsics),
         original=Pointmap(original, np.isfinite(original).all(axis=2), "scale", world.intrinsics),

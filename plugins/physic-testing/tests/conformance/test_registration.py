@@ -10,7 +10,6 @@ import pytest
 from click.testing import CliRunner, Result
 
 from physic_core.cli import main
-from physic_core.discovery import entry_points
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import Registry
 from physic_testing.conformance.kit import start
@@ -43,7 +42,7 @@ def offer(site, monkeypatch: pytest.MonkeyPatch):
         path.write_text(f"{first}\n{path.read_text().replace(f'{module}:B', f'{module}_backend:B')}")
         (Path(site.folder) / f"{module}_backend.py").write_text(DEPTH.format(metres=metres))
         entries = [*TESTING, *site.entries()]
-        monkeypatch.setattr(entry_points, "entry_points", lambda group: entries)
+        monkeypatch.setattr("physic_core.discovery.registration.entry_points", lambda group: entries)
         return discover()
 
     return install
