@@ -56,14 +56,14 @@ class KeypointDetector(Backend):
 
 def check_keypoints(keypoints: Keypoints, people: int) -> Iterator[str]:
     """Yield how keypoints of ``people`` people violate the interface; a Segmenter may return them too."""
-    joints = keypoints.points.shape[1] if getattr(keypoints.points, "ndim", 0) == 3 else 0
+    joints = keypoints.points.shape[1] if getattr(keypoints.points, "ndim", 0) == 3 else None
     wrong = [
         *_check_skeleton(keypoints.skeleton, joints),
-        *check_array("points", keypoints.points, (people, joints, 2), "float"),
-        *check_array("confidence", keypoints.confidence, (people, joints), "float"),
+        *check_array("points", keypoints.points, (people, joints or 0, 2), "float"),
+        *check_array("confidence", keypoints.confidence, (people, joints or 0), "float"),
     ]
     if keypoints.world is not None:
-        wrong += check_array("world", keypoints.world, (people, joints, 3), "float")
+        wrong += check_array("world", keypoints.world, (people, joints or 0, 3), "float")
     yield from wrong
     if wrong:
         return
@@ -75,7 +75,7 @@ def check_keypoints(keypoints: Keypoints, people: int) -> Iterator[str]:
         yield from check_finite("world", keypoints.world[rows][confidence > 0])
 
 
-def _check_skeleton(skeleton: object, joints: int) -> Iterator[str]:
+def _check_skeleton(skeleton: object, joints: int | None) -> Iterator[str]:
     if not isinstance(skeleton, Skeleton | str):
         yield f"skeleton must be a Skeleton or the name of a standard one, got {type(skeleton).__name__}"
         return
@@ -84,7 +84,7 @@ def _check_skeleton(skeleton: object, joints: int) -> Iterator[str]:
     except ValueError as error:
         yield str(error)
         return
-    if len(names) != joints:
+    if joints is not None and len(names) != joints:
         yield f"points must be those of the skeleton, {len(names)} a person, got {joints}"
 
 

@@ -24,7 +24,7 @@ from right_backends import (
 
 from physic_core import interfaces
 from physic_core.errors import BackendError
-from physic_core.types import Hints, Intrinsics
+from physic_core.types import Hints, Intrinsics, Skeleton
 
 
 @dataclass(frozen=True)
@@ -627,7 +627,13 @@ def sorted_rows(answer: Any, image: Any, people: Any, *_: Any) -> Any:
     return by_size(answer)
 
 
-altered(RightKeypoints, "an unknown skeleton", "skeleton_is_known", lambda a, *_: replace(a, skeleton="openpose25"))
+altered(RightKeypoints, "an unknown skeleton", "returns_valid_output", lambda a, *_: replace(a, skeleton="openpose25"))
+altered(
+    RightKeypoints,
+    "points that lie nowhere on a body",
+    "skeleton_is_known",
+    lambda a, *_: replace(a, skeleton=Skeleton("dots", tuple(f"dot{i}" for i in range(a.points.shape[1])))),
+)
 altered(
     RightKeypoints,
     "y before x",
