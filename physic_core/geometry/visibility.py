@@ -185,7 +185,7 @@ def _cast(points: NDArray[np.float64], triangles: NDArray[np.int32]) -> tuple[ND
 
 @functools.cache
 def embree_device() -> Any:
-    """Embree's workers, which take longer to start than a body takes to search."""
+    """The device of ray casts, created once: starting its threads takes longer than the ray casts of one body."""
     from embreex.rtcore import EmbreeDevice
 
     return EmbreeDevice()

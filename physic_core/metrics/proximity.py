@@ -33,7 +33,7 @@ _LEVEL = 0.17  # sine of 10 degrees
 
 @dataclass(frozen=True)
 class SceneDistance:
-    """From vertices (..., V) to the scene.
+    """Distance from each vertex to the scene, and the surface normal there, for vertices (..., V).
 
     Attributes:
         distance: (..., V) float64 m, negative inside; inf where nothing is within reach.

@@ -155,7 +155,7 @@ def diagnose(evidence: Evidence, solution: Solution, settings: EngineSettings) -
 
 
 def failed_checks(diagnostics: Sequence[CheckResult], person: int) -> tuple[str, ...]:
-    """Names of the checks of one person that failed."""
+    """Names of the failed self-checks of one person."""
     return tuple(d.name for d in diagnostics if d.person == person and not d.ok)
 
 

@@ -116,7 +116,7 @@ def truth_figures(records: Sequence[Mapping[str, Any]]) -> Mapping[str, Figure]:
 
 
 def difference(row: Figures, base: Figures, name: str) -> Figure:
-    """``row`` minus ``base`` of one figure, drawn from the same worlds."""
+    """Mean difference of one metric between two rows of the table, with an interval from resampled worlds."""
     spread = row.draws[name] - base.draws[name]
     low, high = _interval(spread)
     return Figure(

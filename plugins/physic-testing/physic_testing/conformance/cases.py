@@ -114,7 +114,7 @@ def _build(name: str, size: tuple[int, int]) -> Case:
 
 
 def case_of_world(name: str, world: World) -> Case:
-    """What the pipeline would know of a world's photo if every backend were right."""
+    """Input of a backend for the photo of a world, with the true results of all other backends."""
     import cv2
 
     height, width = world.image.shape[:2]

@@ -284,7 +284,7 @@ def railing(
     width: float | None = None,
     height: float | None = None,
 ) -> Blocks:
-    """A handrail, first, along x over posts and two lower rails."""
+    """Blocks of a handrail along x: the top rail comes first, then posts and two lower rails."""
     width, height = _drawn(rng, width, 1.2, 2.0), _drawn(rng, height, 0.92, 1.08)
     count = max(2, round(width / 0.6) + 1)
     rails = [

@@ -68,7 +68,7 @@ _MASSES = (
 
 @dataclass(frozen=True)
 class Touch:
-    """A patch of skin that shall lie on something.
+    """A patch of skin, and the surface that it is to touch.
 
     Attributes:
         patch: a key of ``Skin.patches``.

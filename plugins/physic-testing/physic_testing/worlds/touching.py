@@ -91,7 +91,7 @@ def crossing_allowed(skin: Skin, first: Ids, second: Ids) -> NDArray[np.bool_]:
 
 @lru_cache(maxsize=4)
 def folding_parts(names: tuple[str, ...]) -> NDArray[np.bool_]:
-    """(P, P): whether vertices of one part may lie behind the skin of another."""
+    """(P, P) bool: vertices of the first body part may penetrate the surface of the second, as neighbours do."""
     fold = np.eye(len(names), dtype=bool)
     for side in SIDES:
         for one, other in (
