@@ -1,0 +1,1 @@
+"""How accurate a preset is on real photos with measured truth, which lie outside this project."""

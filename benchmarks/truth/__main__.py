@@ -1,0 +1,140 @@
+"""How accurate a preset is on real photos with measured truth: a table with intervals, and every number as JSON.
+
+    python -m benchmarks.truth DATA ... --out truth-results [--preset embedded] [--photos N] [--jobs 2]
+
+DATA are folders that hold the data sets ``mpi_inf_3dhp``, ``panoptic``, ``roundtable``, ``people2d``, ``parkour`` and
+``rgbd``, or some of them; missing ones are skipped. Every photo is reconstructed by ``physic run`` in a process of its
+own. Its numbers are kept in ``--out``, so that an interrupted run continues: use a new folder for another version of
+the code.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .run import answer_of
+from .scores import photo_record, score_annotated, score_moment, score_parkour, score_single
+from .sets import SETS, Sample, with_stature
+from .table import as_json, rows_of, text_table
+
+
+def main() -> int:
+    """Run, compare, print."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.truth", description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("data", nargs="*", type=Path, help="folders that hold the data sets")
+    parser.add_argument("--out", type=Path, default=Path("truth-results"), help="for answers, previews and the table")
+    parser.add_argument("--preset", default="embedded", help="preset of physic run")
+    parser.add_argument("--set", dest="settings", action="append", default=[], metavar="KEY=VALUE", help="one setting")
+    parser.add_argument("--sets", default=",".join(SETS), help="data sets, with commas between them")
+    parser.add_argument("--photos", type=int, help="the first N of each data set")
+    parser.add_argument("--jobs", type=int, default=1, help="photos at once")
+    parser.add_argument("--no-camera", action="store_true", help="do not give the tool the camera, where it is known")
+    parser.add_argument("--stature-key", metavar="KEY", help="measure also with the true stature in this setting, m")
+    parser.add_argument("--triangulated", type=Path, metavar="FILE", help="joints of an earlier run, as truth")
+    parser.add_argument("--no-run", action="store_true", help="only what --out holds already")
+    given = parser.parse_args()
+    if unknown := sorted(set(given.sets.split(",")) - set(SETS)):
+        parser.error(f"no data set is called {', '.join(unknown)}: choose of {', '.join(SETS)}")
+    samples = samples_of(given.data, given.sets.split(","), given.photos, given.stature_key)
+    if not samples:
+        print("No data set found: nothing to measure. Name folders that hold some; see benchmarks/README.md.")
+        return 0
+    options = ["--preset", given.preset, *(part for setting in given.settings for part in ("--set", setting))]
+    if given.no_run:
+        samples = [s for s in samples if (given.out / "answers" / s.set / f"{s.name}.json").exists()]
+
+    def run(sample: Sample) -> dict[str, Any]:
+        answer = answer_of(sample, given.out, options, with_camera=not given.no_camera)
+        print(sample.set, sample.name, f"{answer['cpu_s']:.1f} s", answer["error"], file=sys.stderr, flush=True)
+        return answer
+
+    with ThreadPoolExecutor(given.jobs) as pool:
+        pending = [pool.submit(run, sample) for sample in samples]
+        try:
+            answers = [future.result() for future in pending]
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+    earlier = json.loads(given.triangulated.read_text()) if given.triangulated else {}
+    records = compared(samples, answers, earlier)
+    rows = rows_of(records["people"], records["floors"], records["limbs"], records["photos"])
+    table = text_table(rows)
+    counts = {name: sum(sample.set == name for sample in samples) for name in SETS}
+    measured = {"preset": given.preset, "settings": given.settings, "photos": counts, "table": as_json(rows), **records}
+    (given.out / "results.json").write_text(json.dumps(without_nan(measured), indent=1, allow_nan=False))
+    (given.out / "triangulated.json").write_text(json.dumps(without_nan(records["triangulated"]), allow_nan=False))
+    (given.out / "table.md").write_text(table + "\n")
+    print(table)
+    print("photos: " + ", ".join(f"{name} {count}" for name, count in counts.items()))
+    return 0
+
+
+def samples_of(
+    folders: Sequence[Path], sets: Sequence[str], photos: int | None, stature_key: str | None
+) -> list[Sample]:
+    """The first ``photos`` of each data set that is there; says which is not."""
+    samples: list[Sample] = []
+    for name in sets:
+        places = [folder / name for folder in folders if (folder / name).is_dir()]
+        if not places:
+            print(f"{name}: not in {' or '.join(map(str, folders)) or 'any folder, as none is named'}; skipped")
+            continue
+        mine = SETS[name](places[0])[:photos]
+        samples += mine
+        if stature_key and name == "mpi_inf_3dhp":
+            samples += [with_stature(sample, stature_key) for sample in mine]
+    return samples
+
+
+def without_nan(value: Any) -> Any:
+    """JSON knows no NaN: what is unknown is null."""
+    if isinstance(value, dict):
+        return {key: without_nan(part) for key, part in value.items()}
+    if isinstance(value, list):
+        return [without_nan(part) for part in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def compared(
+    samples: Sequence[Sample], answers: Sequence[dict[str, Any]], earlier: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """The records of all people, floors, limbs and photos, and the joints that were triangulated."""
+    people: list[Any] = []
+    floors: list[Any] = []
+    limbs: list[Any] = []
+    triangulated: dict[str, Any] = {}
+    moments: dict[str, list[tuple[Sample, dict[str, Any]]]] = {}
+    for sample, answer in zip(samples, answers, strict=True):
+        if sample.set == "mpi_inf_3dhp":
+            own, ground = score_single(sample, answer)
+            people += own
+            floors += [] if sample.settings else ground
+        elif sample.set == "people2d":
+            people += score_annotated(sample, answer)
+        elif sample.set == "parkour":
+            person, touching = score_parkour(sample, answer)
+            people.append(person)
+            limbs += touching
+        elif "camera" in sample.truth:
+            moments.setdefault(f"{sample.set}/{sample.group}", []).append((sample, answer))
+    for name, views in moments.items():
+        truth = [np.array(joints, np.float64) for joints in earlier[name]] if earlier and name in earlier else None
+        own, ground, joints = score_moment([s for s, _ in views], [a for _, a in views], truth)
+        people += own
+        floors += ground
+        triangulated[name] = [np.round(j, 5).tolist() for j in joints]
+    photos = [photo_record(sample, answer) for sample, answer in zip(samples, answers, strict=True)]
+    return {"people": people, "floors": floors, "limbs": limbs, "photos": photos, "triangulated": triangulated}
+
+
+if __name__ == "__main__":
+    sys.exit(main())

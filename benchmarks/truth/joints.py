@@ -1,0 +1,86 @@
+"""The joints that the bodies here and the truth of every set have in common, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from physic_core.body.joints import JOINT_INDEX
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+SIDES = ("left", "right")
+LIMB_JOINTS = tuple(
+    f"{side}_{name}" for name in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle") for side in SIDES
+)
+"""The twelve joints that are compared. Necks, heads and spines are defined otherwise by every data set."""
+
+BODY_ROWS = [JOINT_INDEX[name] for name in LIMB_JOINTS]
+"""Their rows in the 55 joints of every body model here."""
+
+ROW = {name: i for i, name in enumerate(LIMB_JOINTS)}
+HIPS = [ROW["left_hip"], ROW["right_hip"]]
+SHOULDERS = [ROW["left_shoulder"], ROW["right_shoulder"]]
+
+BONES: dict[str, tuple[tuple[int, int], ...]] = {
+    name: tuple((ROW[f"{side}_{upper}"], ROW[f"{side}_{lower}"]) for side in SIDES)
+    for name, upper, lower in (
+        ("upper_arm", "shoulder", "elbow"),
+        ("forearm", "elbow", "wrist"),
+        ("thigh", "hip", "knee"),
+        ("shank", "knee", "ankle"),
+    )
+}
+"""Bones between joints of nearly one definition in all data sets; the widths of hips and shoulders are not."""
+
+MAX_TRUNK_DEG, MAX_KNEE_DEG = 40, 60
+"""Of somebody upright: the trunk against up and thigh, and the knee of a leg that walks."""
+
+
+def limb_joints(named: Mapping[str, Sequence[float]], size: int) -> Array:
+    """(12, size) of named points, NaN where one is missing; "l_knee" is "left_knee"."""
+    points = {name.replace("l_", "left_", 1) if name.startswith("l_") else name: p for name, p in named.items()}
+    points = {name.replace("r_", "right_", 1) if name.startswith("r_") else name: p for name, p in points.items()}
+    missing = [float("nan")] * size
+    return np.array([list(points.get(name, missing))[:size] for name in LIMB_JOINTS], np.float64)
+
+
+def root(joints: Array) -> Array:
+    """(..., 3) the middle of the hips: the pelvis, which data sets place differently."""
+    middle: Array = joints[..., HIPS, :].mean(-2)
+    return middle
+
+
+def bone_lengths(joints: Array) -> dict[str, Any]:
+    """Length of each kind of bone of (12, 3) joints, the mean of both sides; NaN where neither is known."""
+    lengths = {}
+    for name, pairs in BONES.items():
+        sides = np.array([np.linalg.norm(joints[a] - joints[b]) for a, b in pairs])
+        lengths[name] = float(np.mean(sides[np.isfinite(sides)])) if np.isfinite(sides).any() else float("nan")
+    return lengths
+
+
+def is_upright(joints: Array, up: Array | None) -> bool:
+    """Whether somebody stands or walks: the trunk is upright, and stretched over a leg that is not folded.
+
+    Args:
+        joints: (12, 3) m; NaN where unknown.
+        up: (3,) unit, or None where unknown: then the angles of the limbs decide alone.
+    """
+    trunk = joints[SHOULDERS].mean(0) - joints[HIPS].mean(0)
+    if up is not None and not _angle(trunk, up) < MAX_TRUNK_DEG:
+        return False
+    for side in SIDES:
+        hip, knee, ankle = (joints[ROW[f"{side}_{name}"]] for name in ("hip", "knee", "ankle"))
+        if _angle(trunk, hip - knee) < MAX_TRUNK_DEG and _angle(hip - knee, knee - ankle) < MAX_KNEE_DEG:
+            return True
+    return False
+
+
+def _angle(one: Array, two: Array) -> float:
+    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(one, two)), one @ two)))

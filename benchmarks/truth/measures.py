@@ -1,0 +1,144 @@
+"""Errors of one person, floor or picture against its truth: metres and px in, numbers out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from physic_core.metrics.contact_scores import contact_counts, rates
+from physic_core.metrics.pose import mpjpe_mm, pa_mpjpe_mm
+
+from .joints import bone_lengths, root
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+MIN_IOU = 0.5
+FORCE_SHARE = 0.05
+"""A limb touches where its force is above this share of the largest force of its film."""
+
+
+def pose_errors(predicted: Array, truth: Array) -> dict[str, Any]:
+    """Of (12, 3) m in the camera's frame. Joints that the truth lacks do not count.
+
+    ``mpjpe_scaled_mm`` is after the scale about the camera that makes the bones as long in sum as the true ones: what a
+    stature that the user knows could mend of the distance.
+    """
+    known = np.isfinite(truth).all(-1)
+    own, true = bone_lengths(predicted), bone_lengths(truth)
+    both = [name for name in true if np.isfinite(true[name]) and np.isfinite(own[name])]
+    ratio = sum(own[name] for name in both) / sum(true[name] for name in both) if both else float("nan")
+    pelvis, true_pelvis = root(predicted), root(truth)
+    return {
+        "pa_mpjpe_mm": float(pa_mpjpe_mm(predicted, truth, known)),
+        "root_aligned_mm": float(mpjpe_mm(predicted - pelvis, truth - true_pelvis, known)),
+        "mpjpe_mm": float(mpjpe_mm(predicted, truth, known)),
+        "mpjpe_scaled_mm": float(mpjpe_mm(predicted / ratio, truth, known)),
+        "pelvis_mm": 1000 * float(np.linalg.norm(pelvis - true_pelvis)),
+        "pelvis_depth_ratio": float(pelvis[2] / true_pelvis[2]),
+        "bones_ratio": ratio,
+        "bones": {name: own[name] / true[name] for name in both},
+        "joints": int(known.sum()),
+    }
+
+
+def floor_errors(floor: Array | None, up: Array, height: float) -> dict[str, Any]:
+    """Of a plane (4,) normal and offset in the camera's frame against the direction up and the camera's true height."""
+    if floor is None:
+        return {"floor": False, "floor_angle_deg": float("nan"), "camera_height_ratio": float("nan")}
+    sine, cosine = np.linalg.norm(np.cross(floor[:3], up)), floor[:3] @ up
+    return {
+        "floor": True,
+        "floor_angle_deg": float(np.degrees(np.arctan2(sine, cosine))),
+        "camera_height_ratio": float(floor[3] / height),
+    }
+
+
+def box_iou(one: Sequence[float], two: Sequence[float]) -> float:
+    """Of boxes x0, y0, x1, y1."""
+    sides = [max(0.0, min(one[k + 2], two[k + 2]) - max(one[k], two[k])) for k in (0, 1)]
+    area = [(box[2] - box[0]) * (box[3] - box[1]) for box in (one, two)]
+    union = area[0] + area[1] - sides[0] * sides[1]
+    return sides[0] * sides[1] / union if union > 0 else 0.0
+
+
+def share_inside(points: Array, box: Sequence[float]) -> float:
+    """Share of the known (J, 2) points that lie in a box; 0 without points."""
+    known = points[np.isfinite(points).all(-1)]
+    inside = ((known >= box[:2]) & (known <= box[2:])).all(-1)
+    return float(inside.mean()) if len(known) else 0.0
+
+
+def match_people(
+    boxes: Sequence[Sequence[float]],
+    points: Sequence[Array],
+    true_boxes: Sequence[Sequence[float]],
+    true_points: Sequence[Array],
+) -> dict[int, int]:
+    """True person -> found person, one to one.
+
+    Somebody is found where the boxes overlap by more than half, or where most of the true keypoints lie in the found
+    box and most of the found ones in the true box: boxes of half hidden people differ by what is guessed of them.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    quality = np.zeros((len(true_boxes), len(boxes)))
+    for i, (true_box, true) in enumerate(zip(true_boxes, true_points, strict=True)):
+        for j, (box, found) in enumerate(zip(boxes, points, strict=True)):
+            iou = box_iou(true_box, box)
+            mutual = min(share_inside(true, box), share_inside(found, true_box))
+            quality[i, j] = 1 + iou + mutual if iou > MIN_IOU or mutual > 0.5 else 0
+    rows, columns = linear_sum_assignment(-quality)
+    return {int(i): int(j) for i, j in zip(rows, columns, strict=True) if quality[i, j]}
+
+
+def points_error(predicted: Array, truth: Array, counted: NDArray[np.bool_], box: Sequence[float]) -> list[float]:
+    """Distance of each counted joint (J, 2) px as a share of the box's diagonal."""
+    diagonal = float(np.hypot(box[2] - box[0], box[3] - box[1]))
+    distance = np.linalg.norm(predicted - truth, axis=-1)[counted & np.isfinite(truth).all(-1)]
+    return [float(d) / diagonal for d in distance if np.isfinite(d)]
+
+
+def true_contact(forces: Array) -> NDArray[np.bool_]:
+    """(n, 4) bool of (n, 4, 6) forces and moments of one film."""
+    size = np.linalg.norm(forces[..., :3], axis=-1)
+    touching: NDArray[np.bool_] = size > FORCE_SHARE * size.max()
+    return touching
+
+
+def detection_scores(predicted: Sequence[bool], truth: Sequence[bool]) -> dict[str, float]:
+    """Precision, recall and balanced accuracy; NaN for what has no case."""
+    found, fact = np.array(predicted, bool), np.array(truth, bool)
+    nan = float("nan")
+    precision, recall, _ = (float(v) for v in rates(contact_counts(found, fact)))
+    specificity = float((~found[~fact]).mean()) if (~fact).any() else nan
+    return {
+        "precision": precision if found.any() else nan,
+        "recall": recall if fact.any() else nan,
+        "balanced_accuracy": (recall + specificity) / 2 if fact.any() else nan,
+    }
+
+
+def depth_errors(depth: Array, truth: Array) -> dict[str, float]:
+    """Mean |Z - Z*| / Z* over the pixels that both maps know: as it comes, and after the factor of the medians."""
+    known = np.isfinite(depth) & np.isfinite(truth) & (truth > 0) & (depth > 0)
+    if not known.any():
+        return {"absrel": float("nan"), "absrel_scaled": float("nan"), "depth_factor": float("nan")}
+    own, true = depth[known], truth[known]
+    factor = float(np.median(true / own))
+    return {
+        "absrel": float((np.abs(own - true) / true).mean()),
+        "absrel_scaled": float((np.abs(factor * own - true) / true).mean()),
+        "depth_factor": factor,
+    }
+
+
+def spread_m(places: Array) -> float:
+    """Root mean squared distance of (n, 3) places from their mean; NaN of fewer than two."""
+    if len(places) < 2:
+        return float("nan")
+    return float(np.sqrt(np.square(places - places.mean(0)).sum(-1).mean()))

@@ -1,0 +1,136 @@
+"""Run the tool on one sample, as a user would, and keep of the result what is measured."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .joints import LIMB_JOINTS
+from .measures import depth_errors
+from .sets import Sample, picture_of
+
+if TYPE_CHECKING:
+    from physic_core.types import Reconstruction
+
+NO_RESULT = (3, 5)
+"""Exit codes of ``physic run`` that are an answer about the photo: nobody in it, or a backend that failed on it."""
+
+
+def answer_of(sample: Sample, out: Path, options: list[str], with_camera: bool = True) -> dict[str, Any]:
+    """The answer that an earlier run left in ``out``, or a new one.
+
+    Raises:
+        RuntimeError: the command failed for another reason than the photo.
+    """
+    arguments = [*options, *(part for setting in sample.settings for part in ("--set", setting))]
+    if sample.K is not None and with_camera:
+        arguments += ["--intrinsics", ",".join(f"{v:.6g}" for v in sample.K[[0, 1, 0, 1], [0, 1, 2, 2]])]
+    key = hashlib.sha256(json.dumps([arguments, str(sample.source), sample.frame]).encode()).hexdigest()
+    file = out / "answers" / sample.set / f"{sample.name}.json"
+    if file.exists():
+        earlier: dict[str, Any] = json.loads(file.read_text())
+        if earlier["key"] == key:
+            return earlier
+    answer = {"set": sample.set, "photo": sample.name, "key": key, **_run(sample, out, arguments)}
+    file.parent.mkdir(parents=True, exist_ok=True)
+    part = file.with_suffix(".part")
+    part.write_text(json.dumps(answer))
+    part.replace(file)
+    return answer
+
+
+def _run(sample: Sample, out: Path, arguments: list[str]) -> dict[str, Any]:
+    with tempfile.TemporaryDirectory() as folder:
+        photo, results = sample.source, Path(folder) / "results"
+        if sample.changed:
+            import cv2
+
+            photo = Path(folder) / f"{sample.name}.png"
+            cv2.imwrite(str(photo), picture_of(sample))
+        command = [sys.executable, "-m", "physic_core", "run", str(photo), "--out", str(results), "--no-cache"]
+        command += arguments
+        began = time.perf_counter()
+        with (Path(folder) / "log").open("w+") as log:
+            process = subprocess.Popen(command, stdout=log, stderr=log)
+            _, status, usage = os.wait4(process.pid, 0)
+            process.returncode = os.waitstatus_to_exitcode(status)
+            log.seek(0)
+            lines = log.read().strip().splitlines()
+        times = {"wall_s": time.perf_counter() - began, "cpu_s": usage.ru_utime + usage.ru_stime}
+        if process.returncode in NO_RESULT:
+            return {"error": lines[-1] if lines else "", "people": [], "floor": None, "checks": [], **times}
+        if process.returncode:
+            raise RuntimeError("\n".join([f"{' '.join(command)} ended with {process.returncode}:", *lines[-20:]]))
+        preview = out / "previews" / sample.set / f"{sample.name}.png"
+        preview.parent.mkdir(parents=True, exist_ok=True)
+        if (results / "preview.png").exists():
+            shutil.copyfile(results / "preview.png", preview)
+        from physic_core import load_reconstruction
+
+        return {"error": "", **measured_fields(load_reconstruction(str(results)), _size(photo), sample), **times}
+
+
+def _size(photo: Path) -> tuple[int, int]:
+    from PIL import Image
+
+    with Image.open(photo) as opened:
+        width, height = opened.size
+    return width, height
+
+
+def measured_fields(result: Reconstruction, size: tuple[int, int], sample: Sample) -> dict[str, Any]:
+    """What is measured of a result, in px of the photo of ``size`` (width, height)."""
+    from physic_core.body import load_body
+    from physic_core.types import skeleton_named
+
+    camera = result.intrinsics.resized(*size)
+    factor = np.array([size[0] / result.intrinsics.width, size[1] / result.intrinsics.height])
+    sets = load_body(result.body_model).contact_sets if result.body_model == "embedded" else {}
+    names = list(skeleton_named(result.skeleton).names)
+    people = []
+    for person in result.people:
+        keypoints = np.full((len(LIMB_JOINTS), 3), np.nan)
+        for row, name in enumerate(LIMB_JOINTS):
+            if name in names:
+                k = names.index(name)
+                keypoints[row] = *((person.keypoints[k] + 0.5) * factor - 0.5), person.keypoint_confidence[k]
+        people.append(
+            {
+                "box": (np.asarray(person.box, np.float64) * np.tile(factor, 2)).tolist(),
+                "score": float(person.score),
+                "joints": np.round(person.joints.astype(np.float64), 5).tolist(),
+                "keypoints": np.round(keypoints, 4).tolist(),
+                "contact": {name: float(person.contact[rows.cpu().numpy()].mean()) for name, rows in sets.items()},
+                "failed_checks": list(person.failed_checks),
+            }
+        )
+    floor = result.scene.floor
+    answer = {
+        "people": people,
+        "camera": [camera.fx, camera.fy, camera.cx, camera.cy],
+        "floor": None if floor is None else [*(float(v) for v in floor.normal), float(floor.offset)],
+        "checks": [{"name": c.name, "person": c.person, "value": c.value, "ok": bool(c.ok)} for c in result.checks],
+        "warnings": list(result.warnings),
+    }
+    if "depth_file" in sample.truth:
+        answer |= _depth(result, sample)
+    return answer
+
+
+def _depth(result: Reconstruction, sample: Sample) -> dict[str, float]:
+    import cv2
+
+    truth = cv2.imread(str(sample.truth["depth_file"]), cv2.IMREAD_UNCHANGED).astype(np.float64) / 1000
+    depth = np.where(result.scene.valid, result.scene.points[..., 2], np.nan).astype(np.float32)
+    size = (truth.shape[1], truth.shape[0])
+    return depth_errors(cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST).astype(np.float64), truth)

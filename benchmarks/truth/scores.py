@@ -1,0 +1,215 @@
+"""Answers against truth: one record for each person, floor and photo."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .joints import BODY_ROWS, is_upright, limb_joints, root
+from .measures import floor_errors, match_people, points_error, pose_errors, spread_m
+from .sets import Sample, camera_of
+from .views import match_views, visible_joints
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+    Answer = Mapping[str, Any]
+    Record = dict[str, Any]
+
+SEEN = 0.3
+"""Confidence from which a keypoint of the tool counts."""
+
+MIN_VISIBLE = 8
+"""Joints of twelve in the picture from which somebody counts as visible in a view."""
+
+LIMBS = {"l_ankle": "left_foot", "r_ankle": "right_foot", "l_fingers": "left_hand", "r_fingers": "right_hand"}
+"""Where forces were measured: the set of vertices that touches there."""
+
+
+def joints_of(person: Mapping[str, Any]) -> Array:
+    """(12, 3) m; NaN where the person has no body."""
+    return np.array(person["joints"], np.float64)[BODY_ROWS]
+
+
+def keypoints_of(person: Mapping[str, Any]) -> Array:
+    """(12, 2) px of the tool's keypoints, NaN where it sees none."""
+    points = np.array(person["keypoints"], np.float64)
+    return np.where(points[:, 2:] >= SEEN, points[:, :2], np.nan)
+
+
+def people_of(answer: Answer) -> list[Mapping[str, Any]]:
+    """Those who have a body: a person without one is not found."""
+    return [person for person in answer["people"] if np.isfinite(joints_of(person)).all()]
+
+
+def photo_record(sample: Sample, answer: Answer) -> Record:
+    """Time and checks."""
+    failed = sorted({check["name"] for check in answer["checks"] if not check["ok"]})
+    unknown = sorted({check["name"] for check in answer["checks"] if check["value"] is None})
+    return {
+        "set": sample.set,
+        "photo": sample.name,
+        "group": sample.group,
+        "error": answer["error"],
+        "people": len(answer["people"]),
+        "bodies": len(people_of(answer)),
+        "failed_checks": failed,
+        "unknown_checks": unknown,
+        "passes": not answer["error"] and not failed,
+        **{key: answer.get(key, math.nan) for key in ("wall_s", "cpu_s", "absrel", "absrel_scaled", "depth_factor")},
+    }
+
+
+def score_single(sample: Sample, answer: Answer) -> tuple[list[Record], list[Record]]:
+    """People and floors of a photo of mpi_inf_3dhp."""
+    truth = limb_joints(sample.truth["joints"], 3)
+    up = None if sample.truth["up"] is None else np.array(sample.truth["up"], np.float64)
+    pixels = truth @ np.array(sample.truth["K"]).T
+    pixels = pixels[:, :2] / pixels[:, 2:]
+    people = [_person(sample, "0", truth, up, _match(answer, [pixels]).get(0))]
+    floors = []
+    if up is not None:
+        height = float(-up @ np.array(sample.truth["floor_point"]))
+        floors.append(_floor(sample, answer, up, height))
+    return people, floors
+
+
+def score_moment(
+    samples: Sequence[Sample], answers: Sequence[Answer], truth: Sequence[Array] | None = None
+) -> tuple[list[Record], list[Record], list[Array]]:
+    """People and floors of all views of one moment, and the joints (12, 3) m of the world that they are held against.
+
+    Args:
+        samples: a view each.
+        answers: the tool's.
+        truth: joints that an earlier run triangulated; from the answers' own keypoints without it.
+    """
+    cameras = [camera_of(sample) for sample in samples]
+    if truth is None:
+        found = match_views(cameras, [[keypoints_of(p) for p in people_of(answer)] for answer in answers])
+        truth = [person.joints for person in found]
+    people: list[Record] = []
+    pelvises: dict[int, list[Array]] = {i: [] for i in range(len(truth))}
+    for sample, answer, camera in zip(samples, answers, cameras, strict=True):
+        shown = [visible_joints(camera, joints) for joints in truth]
+        known = [int(np.isfinite(joints).all(-1).sum()) for joints in truth]
+        visible = [i for i in range(len(truth)) if shown[i].sum() >= min(MIN_VISIBLE, known[i])]
+        pixels = [np.where(shown[i][:, None], camera.project(truth[i]), np.nan) for i in visible]
+        matched = _match(answer, pixels)
+        for row, i in enumerate(visible):
+            person = matched.get(row)
+            record = _person(sample, str(i), camera.in_camera(truth[i]), camera.R @ sample.truth["up"], person)
+            people.append(record)
+            if person is not None:
+                pelvises[i].append(camera.in_world(root(joints_of(person))))
+    floors = [
+        _floor(sample, answer, camera.R @ sample.truth["up"], float(camera.centre @ sample.truth["up"]))
+        for sample, answer, camera in zip(samples, answers, cameras, strict=True)
+    ]
+    for i, places in pelvises.items():
+        apart = spread_m(np.array(places))
+        off = math.nan
+        if places and np.isfinite(root(truth[i])).all():
+            off = float(np.linalg.norm(np.mean(places, 0) - root(truth[i])))
+        for record in people:
+            if record["person"] == str(i):
+                record |= {"spread_m": apart, "views": len(places), "mean_place_off_m": off}
+    return people, floors, list(truth)
+
+
+def score_annotated(sample: Sample, answer: Answer) -> list[Record]:
+    """Annotated people of a photo of people2d: found or not, and the error of their final joints in the picture."""
+    everybody = sample.truth["people"]
+    boxes = [[x, y, x + w, y + h] for x, y, w, h in (person["box_xywh"] for person in everybody)]
+    marks = [limb_joints(person["keypoints"], 3) for person in everybody]
+    found = people_of(answer)
+    matched = match_people(
+        [p["box"] for p in found], [keypoints_of(p) for p in found], boxes, [mark[:, :2] for mark in marks]
+    )
+    records = []
+    for i, (box, mark) in enumerate(zip(boxes, marks, strict=True)):
+        record: Record = {**_of(sample), "person": str(i), "found": i in matched, "visible": [], "hidden": []}
+        if i in matched:
+            pixels = projected(joints_of(found[matched[i]]), answer["camera"])
+            record["visible"] = points_error(pixels, mark[:, :2], mark[:, 2] == 2, box)
+            record["hidden"] = points_error(pixels, mark[:, :2], mark[:, 2] == 1, box)
+        records.append(record)
+    return records
+
+
+def score_parkour(sample: Sample, answer: Answer) -> tuple[Record, list[Record]]:
+    """The person and the four limbs of a picture of parkour.
+
+    The largest box is theirs. Where nobody is found, nothing touches.
+    """
+    truth = limb_joints(sample.truth["joints"], 3)
+    found = people_of(answer)
+    person = max(found, key=lambda p: (p["box"][2] - p["box"][0]) * (p["box"][3] - p["box"][1]), default=None)
+    record: Record = {**_of(sample), "person": "0", "found": person is not None, "posture": ""}
+    if person is not None:
+        own = pose_errors(joints_of(person), truth)
+        # The camera is unknown: nothing else has a truth.
+        record |= {key: own[key] for key in ("pa_mpjpe_mm", "bones_ratio", "bones")}
+    limbs = []
+    for limb, part in LIMBS.items():
+        if sample.truth["uncaptured"][limb]:
+            continue
+        contact = person["contact"] if person else {part: 0.0}
+        if part in contact:
+            limbs.append(
+                {
+                    **_of(sample),
+                    "limb": part,
+                    "kind": part.split("_")[1],
+                    "predicted": contact[part] > 0,
+                    "touches": bool(sample.truth["touches"][limb]),
+                }
+            )
+    return record, limbs
+
+
+def projected(joints: Array, camera: Sequence[float]) -> Array:
+    """(J, 2) px of joints before the camera fx, fy, cx, cy."""
+    fx, fy, cx, cy = camera
+    return np.stack([fx * joints[:, 0] / joints[:, 2] + cx, fy * joints[:, 1] / joints[:, 2] + cy], -1)
+
+
+def _match(answer: Answer, pixels: Sequence[Array]) -> dict[int, Mapping[str, Any]]:
+    """Of each true person, by the (12, 2) px of the joints, who is found of those with a body."""
+    found = people_of(answer)
+    boxes = [_extent(points) for points in pixels]
+    rows = match_people([p["box"] for p in found], [keypoints_of(p) for p in found], boxes, pixels)
+    return {i: found[j] for i, j in rows.items()}
+
+
+def _extent(points: Array) -> list[float]:
+    """Box around joints, grown by a tenth: a body is larger than its joints."""
+    low, high = np.nanmin(points, 0), np.nanmax(points, 0)
+    margin = 0.1 * float((high - low).max())
+    return [*(low - margin), *(high + margin)]
+
+
+def _of(sample: Sample) -> Record:
+    return {"set": sample.set, "photo": sample.name, "group": sample.group}
+
+
+def _person(sample: Sample, name: str, truth: Array, up: Array | None, person: Mapping[str, Any] | None) -> Record:
+    posture = "upright" if is_upright(truth, up) else "bent"
+    record: Record = {**_of(sample), "person": name, "found": person is not None, "posture": posture}
+    if person is not None:
+        record |= pose_errors(joints_of(person), truth)
+    return record
+
+
+def _floor(sample: Sample, answer: Answer, up: Array, height: float) -> Record:
+    """A floor that the tool only assumes, because its own check refused what it saw, counts as missing."""
+    refused = any(check["name"] == "floor" and not check["ok"] for check in answer["checks"])
+    floor = None if answer["floor"] is None or refused else np.array(answer["floor"], np.float64)
+    record = {**_of(sample), **floor_errors(floor, up, height), "refused": refused}
+    record["missing"] = not record["floor"]
+    record["camera_height_off"] = abs(record["camera_height_ratio"] - 1)
+    return record

@@ -1,0 +1,226 @@
+"""Where the photos of each data set lie, and what is known of each: one sample a photo."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise, zip_longest
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .cameras import Camera, calibrated, undistorted
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+    Picture = NDArray[np.uint8]
+
+ANKLE_HEIGHT = 0.08
+"""Metres from the sole to the joint of the ankle."""
+
+FRAME_STEP = 5
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One photo and its truth.
+
+    Attributes:
+        set: name of the data set.
+        name: of the photo in it, fit for a file.
+        group: what shares a scene: photos of one moment or one film are no independent evidence.
+        source: file of the photo or film.
+        frame: of a film, or None.
+        crop: (x0, y0, x1, y1) px that show something, or None.
+        size: width and height that the picture is stretched to, or None.
+        K: (3, 3) px of the picture that the tool gets, or None where nobody knows it.
+        distortion: OpenCV's five numbers; the picture is undistorted before the tool gets it.
+        truth: what was measured, per set.
+        settings: KEY=VALUE given to the tool for this photo.
+    """
+
+    set: str
+    name: str
+    group: str
+    source: Path
+    frame: int | None = None
+    crop: tuple[int, int, int, int] | None = None
+    size: tuple[int, int] | None = None
+    K: Any = None
+    distortion: Any = None
+    truth: Mapping[str, Any] = field(default_factory=dict)
+    settings: tuple[str, ...] = ()
+
+    @property
+    def changed(self) -> bool:
+        """Whether the tool gets another picture than the file holds."""
+        return self.frame is not None or self.crop is not None or (self.distortion is not None and any(self.distortion))
+
+
+def picture_of(sample: Sample) -> Picture:
+    """(H, W, 3) uint8 BGR, as the tool gets it."""
+    import cv2
+
+    if sample.frame is None:
+        picture = cv2.imread(str(sample.source))
+    else:
+        film = cv2.VideoCapture(str(sample.source))
+        film.set(cv2.CAP_PROP_POS_FRAMES, sample.frame)
+        picture = film.read()[1]
+        film.release()
+    if picture is None:
+        raise ValueError(f"{sample.source} cannot be read{'' if sample.frame is None else f' at frame {sample.frame}'}")
+    if sample.crop is not None:
+        x0, y0, x1, y1 = sample.crop
+        picture = picture[y0:y1, x0:x1]
+    if sample.size is not None:
+        picture = cv2.resize(picture, sample.size, interpolation=cv2.INTER_CUBIC)
+    if sample.distortion is not None:
+        picture = undistorted(picture, sample.K, np.array(sample.distortion))
+    found: Picture = np.ascontiguousarray(picture)
+    return found
+
+
+def mpi_inf_3dhp(folder: Path) -> list[Sample]:
+    """One person a photo, with K, joints, and up and a point of the floor where they are known."""
+    return [
+        Sample("mpi_inf_3dhp", Path(r["image"]).stem, r["image"], folder / r["image"], K=np.array(r["K"]), truth=r)
+        for r in json.loads((folder / "truth.json").read_text())
+    ]
+
+
+def multiview(name: str, up: Sequence[float]) -> Callable[[Path], list[Sample]]:
+    """Reader of a set of several calibrated cameras at several moments, floor through the origin; moment by moment."""
+
+    def read(folder: Path) -> list[Sample]:
+        samples = []
+        for camera_name, record in json.loads((folder / "cameras.json").read_text())["cameras"].items():
+            camera, shown = calibrated(record)
+            whole = (0, 0, int(record["width"]), int(record["height"]))
+            for photo in sorted(folder.glob(f"{camera_name}*.jpg")):
+                moment = photo.stem[len(camera_name) + 1 :] or "0"
+                samples.append(
+                    Sample(
+                        name,
+                        photo.stem,
+                        moment,
+                        photo,
+                        crop=None if shown == whole else shown,
+                        K=camera.K,
+                        distortion=tuple(record["dist"]),
+                        truth={"camera": camera, "up": np.array(up, np.float64), "moment": moment},
+                    )
+                )
+        return sorted(samples, key=lambda sample: (sample.group, sample.name))
+
+    return read
+
+
+def people2d(folder: Path) -> list[Sample]:
+    """Boxes and keypoints of annotated people, by turns from the data sets that they come from."""
+    records = json.loads((folder / "people.json").read_text())
+    by_set: dict[str, list[Sample]] = {}
+    for r in records:
+        sample = Sample("people2d", Path(r["image"]).stem, r["image"], folder / r["image"], truth=r)
+        by_set.setdefault(r["set"], []).append(sample)
+    return in_turn(list(by_set.values()))
+
+
+def parkour(folder: Path) -> list[Sample]:
+    """Every fifth picture of each film that has a row, by turns from the films and from all over each of them."""
+    from .measures import true_contact
+
+    films = []
+    for archive in sorted(folder.glob("*.npz")):
+        with np.load(archive, allow_pickle=False) as data:
+            arrays = {key: data[key] for key in data.files}
+        touches = true_contact(arrays["forces"].astype(np.float64))
+        joints, limbs = arrays["joint_names"].tolist(), arrays["force_names"].tolist()
+        film = archive.with_suffix(".mp4")
+        films.append(
+            [
+                Sample(
+                    "parkour",
+                    f"{archive.stem}_{frame:03d}",
+                    archive.stem,
+                    film,
+                    frame=frame,
+                    size=(1024, 576),  # the films are 720 x 576 of 16:9
+                    truth={
+                        "joints": dict(zip(joints, arrays["joints_m"][frame].tolist(), strict=True)),
+                        "touches": dict(zip(limbs, touches[frame].tolist(), strict=True)),
+                        "uncaptured": dict(zip(limbs, arrays["uncaptured"][frame].tolist(), strict=True)),
+                    },
+                )
+                for frame in scattered(range(0, frames_of(film), FRAME_STEP))
+            ]
+        )
+    return in_turn(films)
+
+
+def rgbd(folder: Path) -> list[Sample]:
+    """Photos with a measured depth map: image.jpg and *depth.png in millimetres, a folder each."""
+    found = []
+    for photo in sorted(folder.glob("*/image.jpg")):
+        for depth in sorted(photo.parent.glob("*depth.png")):
+            found.append(Sample("rgbd", photo.parent.name, photo.parent.name, photo, truth={"depth_file": depth}))
+    return found
+
+
+SETS: dict[str, Callable[[Path], list[Sample]]] = {
+    "mpi_inf_3dhp": mpi_inf_3dhp,
+    "panoptic": multiview("panoptic", (0.0, -1.0, 0.0)),
+    "roundtable": multiview("roundtable", (0.0, 0.0, 1.0)),
+    "people2d": people2d,
+    "parkour": parkour,
+    "rgbd": rgbd,
+}
+
+
+def frames_of(film: Path) -> int:
+    """How many pictures a film has."""
+    import cv2
+
+    reader = cv2.VideoCapture(str(film))
+    count = int(reader.get(cv2.CAP_PROP_FRAME_COUNT))
+    reader.release()
+    return count
+
+
+def in_turn(lists: Sequence[list[Sample]]) -> list[Sample]:
+    """The first of each list, then the second of each, and so on: the first N are a spread over the lists."""
+    return [sample for row in zip_longest(*lists) for sample in row if sample is not None]
+
+
+def scattered(items: Sequence[int]) -> list[int]:
+    """All items, so ordered that the first N lie all over the sequence: van der Corput's order."""
+    bits = max(len(items) - 1, 1).bit_length()
+    order = [int(f"{k:0{bits}b}"[::-1], 2) for k in range(1 << bits)]
+    return [items[k] for k in order if k < len(items)]
+
+
+def stature_m(joints: Mapping[str, Sequence[float]]) -> float:
+    """How tall somebody is, by the joints of mpi_inf_3dhp: head, neck, pelvis, knee, ankle and sole along the body."""
+    p = {name: np.array(place, np.float64) for name, place in joints.items()}
+
+    def length(*names: str) -> float:
+        return sum(float(np.linalg.norm(p[a] - p[b])) for a, b in pairwise(names))
+
+    legs = [length(f"{side}_hip", f"{side}_knee", f"{side}_ankle") for side in ("l", "r")]
+    return length("head_top", "neck", "spine", "pelvis") + sum(legs) / 2 + ANKLE_HEIGHT
+
+
+def with_stature(sample: Sample, key: str) -> Sample:
+    """The sample once more, with the true stature given by a setting of the tool."""
+    height = stature_m(sample.truth["joints"])
+    return replace(sample, name=f"{sample.name}+stature", settings=(f"{key}={height:.3f}",))
+
+
+def camera_of(sample: Sample) -> Camera:
+    """The calibrated camera of a sample of a multi-view set."""
+    camera: Camera = sample.truth["camera"]
+    return camera

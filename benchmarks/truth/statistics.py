@@ -1,0 +1,74 @@
+"""Figures with intervals, over records that share scenes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+Record = Mapping[str, Any]
+Strata = Sequence[Sequence[Record]]
+"""The records of each data set."""
+
+DRAWS, SEED = 1000, 20261121
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A number with its 95 % interval, NaN where it is unknown, over ``count`` records."""
+
+    value: float
+    low: float
+    high: float
+    count: int
+
+
+def figure(records: Sequence[Record], statistic: Callable[[Strata], float]) -> Figure:
+    """A statistic of the records by data set, and its interval by a bootstrap over the groups of each set.
+
+    Groups are resampled, not people: those of one moment or film are alike. A figure of which every set has one group
+    alone gets no interval.
+    """
+    groups: dict[str, dict[str, list[Record]]] = {}
+    for record in records:
+        groups.setdefault(record["set"], {}).setdefault(record["group"], []).append(record)
+    strata = [list(of_set.values()) for of_set in groups.values()]
+    value = statistic([[r for group in stratum for r in group] for stratum in strata])
+    if max((len(stratum) for stratum in strata), default=0) < 2:
+        return Figure(value, math.nan, math.nan, len(records))
+    rng, draws = np.random.default_rng(SEED), []
+    for _ in range(DRAWS):
+        drawn = [[r for k in rng.integers(len(s), size=len(s)) for r in s[k]] for s in strata]
+        draws.append(statistic(drawn))
+    known = [draw for draw in draws if math.isfinite(draw)]
+    low, high = np.percentile(known, [2.5, 97.5]) if known else (math.nan, math.nan)
+    return Figure(value, float(low), float(high), len(records))
+
+
+def mean_of(values: Sequence[float]) -> float:
+    """Mean of the finite ones; NaN of none."""
+    known = [float(v) for v in values if v is not None and math.isfinite(v)]
+    return sum(known) / len(known) if known else math.nan
+
+
+def pooled(key: str) -> Callable[[Strata], float]:
+    """Mean over all records."""
+    return lambda strata: mean_of([r[key] for stratum in strata for r in stratum])
+
+
+def of_sets(key: str) -> Callable[[Strata], float]:
+    """Mean over the data sets of their means, so that a set of many photos does not drown the others."""
+    return lambda strata: mean_of([mean_of([r[key] for r in stratum]) for stratum in strata])
+
+
+def of_lists(key: str, average: Callable[[Sequence[float]], float] = mean_of) -> Callable[[Strata], float]:
+    """Mean, or another average, over the numbers in a list of each record."""
+    return lambda strata: average([v for stratum in strata for r in stratum for v in r[key]])
+
+
+def median_of(values: Sequence[float]) -> float:
+    """NaN of none."""
+    return float(np.median(values)) if len(values) else math.nan

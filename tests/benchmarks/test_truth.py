@@ -1,0 +1,574 @@
+"""``benchmarks/truth`` on made-up truth: an error that is put in by hand comes out as that number."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import json
+import math
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+FOLDER = Path(__file__).parents[2] / "benchmarks" / "truth"
+NAME = "truth_benchmark"
+
+
+@pytest.fixture(scope="module")
+def truth() -> Iterator[SimpleNamespace]:
+    """The modules of the package, under a name of their own: ``benchmarks`` is no package that is installed."""
+    spec = importlib.util.spec_from_file_location(
+        NAME, FOLDER / "__init__.py", submodule_search_locations=[str(FOLDER)]
+    )
+    assert spec is not None
+    sys.modules[NAME] = importlib.util.module_from_spec(spec)
+    files = [file.stem for file in FOLDER.glob("*.py") if file.stem != "__init__"]
+    yield SimpleNamespace(**{name.strip("_"): importlib.import_module(f"{NAME}.{name}") for name in files})
+    for name in [name for name in sys.modules if name.split(".")[0] == NAME]:
+        del sys.modules[name]
+
+
+STANDING = {
+    "left_shoulder": (0.2, -0.5, 3.0),
+    "right_shoulder": (-0.2, -0.5, 3.0),
+    "left_elbow": (0.25, -0.2, 3.0),
+    "right_elbow": (-0.25, -0.2, 3.0),
+    "left_wrist": (0.3, 0.05, 3.0),
+    "right_wrist": (-0.3, 0.05, 2.8),
+    "left_hip": (0.1, 0.0, 3.0),
+    "right_hip": (-0.1, 0.0, 3.0),
+    "left_knee": (0.1, 0.45, 2.95),
+    "right_knee": (-0.1, 0.45, 2.95),
+    "left_ankle": (0.1, 0.9, 3.0),
+    "right_ankle": (-0.1, 0.9, 3.0),
+}
+K = np.array([[1000.0, 0, 500], [0, 1000, 400], [0, 0, 1]])
+UP = np.array([0.0, -1.0, 0.0])
+
+
+@pytest.fixture
+def joints(truth) -> np.ndarray:
+    return truth.joints.limb_joints(STANDING, 3)
+
+
+def person_of(truth, joints: np.ndarray, contact: dict[str, float] | None = None) -> dict:
+    """A person of an answer whose body has these joints, and whose keypoints are exact."""
+    body = np.zeros((55, 3))
+    body[truth.joints.BODY_ROWS] = joints
+    pixels = joints @ K.T
+    pixels = pixels[:, :2] / pixels[:, 2:]
+    keypoints = np.column_stack([pixels, np.ones(12)])
+    box = [*(pixels.min(0) - 20), *(pixels.max(0) + 20)]
+    return {"box": box, "joints": body.tolist(), "keypoints": keypoints.tolist(), "contact": contact or {}}
+
+
+def moved(points: object, *by: float) -> np.ndarray:
+    return np.asarray(points, np.float64) + np.array(by)
+
+
+def answer_with(*people: dict, **more: object) -> dict:
+    answer = {"error": "", "people": list(people), "camera": [1000, 1000, 500, 400], "floor": [0, -1, 0, 1.0]}
+    return answer | {"checks": [], "wall_s": 2.0, "cpu_s": 1.0} | more
+
+
+def test_sides_may_be_one_letter_and_what_is_missing_is_nan(truth):
+    rows = truth.joints.limb_joints({"l_knee": [1, 2, 3], "right_hip": [4, 5, 6], "lip": [0, 0, 0]}, 3)
+    assert rows[truth.joints.ROW["left_knee"]].tolist() == [1, 2, 3]
+    assert rows[truth.joints.ROW["right_hip"]].tolist() == [4, 5, 6]
+    assert np.isfinite(rows).all(-1).sum() == 2
+
+
+def test_joints_are_those_of_the_body_by_name(truth):
+    from physic_core.body.joints import JOINT_NAMES
+
+    assert [JOINT_NAMES[row] for row in truth.joints.BODY_ROWS] == list(truth.joints.LIMB_JOINTS)
+
+
+def test_who_sits_bends_or_lies_is_not_upright(truth, joints):
+    row = truth.joints.ROW
+    sitting, bent = joints.copy(), joints.copy()
+    for side in ("left", "right"):
+        sitting[row[f"{side}_knee"]] = joints[row[f"{side}_hip"]] + [0, 0, -0.45]
+        sitting[row[f"{side}_ankle"]] = sitting[row[f"{side}_knee"]] + [0, 0.45, 0]
+        bent[row[f"{side}_shoulder"]] = joints[row[f"{side}_hip"]] + [0, 0, -0.5]
+    lying = joints[:, [1, 0, 2]]
+    assert truth.joints.is_upright(joints, UP)
+    assert truth.joints.is_upright(joints, None)
+    assert not truth.joints.is_upright(sitting, None)
+    assert not truth.joints.is_upright(bent, UP)
+    assert truth.joints.is_upright(lying, None)
+    assert not truth.joints.is_upright(lying, UP)
+
+
+def test_a_shift_is_in_the_place_and_not_in_the_pose(truth, joints):
+    found = truth.measures.pose_errors(moved(joints, 0.03, 0, 0.04), joints)
+    assert found["mpjpe_mm"] == pytest.approx(50)
+    assert found["pelvis_mm"] == pytest.approx(50)
+    assert found["pelvis_depth_ratio"] == pytest.approx(3.04 / 3)
+    assert (found["root_aligned_mm"], found["pa_mpjpe_mm"]) == (pytest.approx(0, abs=1e-9), pytest.approx(0, abs=1e-6))
+    assert found["bones_ratio"] == pytest.approx(1)
+
+
+def test_somebody_too_small_and_too_near_is_right_at_the_true_scale(truth, joints):
+    found = truth.measures.pose_errors(0.9 * joints, joints)
+    assert found["bones_ratio"] == pytest.approx(0.9)
+    assert found["bones"] == pytest.approx(dict.fromkeys(truth.joints.BONES, 0.9))
+    assert found["pelvis_depth_ratio"] == pytest.approx(0.9)
+    assert found["mpjpe_scaled_mm"] == pytest.approx(0, abs=1e-9)
+    assert found["pa_mpjpe_mm"] == pytest.approx(0, abs=1e-6)
+    assert found["mpjpe_mm"] > 250
+
+
+def test_joints_that_the_truth_lacks_do_not_count(truth, joints):
+    wrong, facts = joints.copy(), joints.copy()
+    wrong[truth.joints.ROW["left_wrist"]] += 5
+    facts[truth.joints.ROW["left_wrist"]] = np.nan
+    found = truth.measures.pose_errors(wrong, facts)
+    assert (found["mpjpe_mm"], found["joints"]) == (pytest.approx(0), 11)
+
+
+def test_floors(truth):
+    tilt = np.radians(5)
+    plane = np.array([0.0, -np.cos(tilt), np.sin(tilt), 1.35])
+    found = truth.measures.floor_errors(plane, UP, 1.5)
+    assert found == {
+        "floor": True,
+        "floor_angle_deg": pytest.approx(5),
+        "camera_height_ratio": pytest.approx(0.9),
+    }
+    assert not truth.measures.floor_errors(None, UP, 1.5)["floor"]
+
+
+def test_boxes_or_keypoints_decide_who_is_found(truth):
+    whole, upper, far = [0, 0, 100, 200], [0, 0, 100, 80], [300, 0, 400, 200]
+    points = np.column_stack([np.linspace(10, 90, 12), np.linspace(10, 70, 12)])
+    nowhere = np.full((12, 2), np.nan)
+    match = truth.measures.match_people
+    assert match([upper], [nowhere], [whole], [nowhere]) == {}
+    assert match([upper], [points], [whole], [points]) == {0: 0}
+    assert match([far, whole], [nowhere] * 2, [whole], [nowhere]) == {0: 1}
+    assert match([whole], [points], [whole, whole], [points] * 2) in ({0: 0}, {1: 0})
+    assert match([], [], [whole], [points]) == {}
+
+
+def test_a_box_around_a_group_finds_nobody_of_it(truth):
+    group, one = [0, 0, 1000, 200], [0, 0, 100, 200]
+    inside = np.column_stack([np.linspace(10, 90, 12), np.linspace(10, 190, 12)])
+    elsewhere = moved(inside, 500, 0)
+    assert truth.measures.match_people([group], [elsewhere], [one], [inside]) == {}
+
+
+def test_2d_error_is_a_share_of_the_diagonal_of_who_counts(truth):
+    facts = np.zeros((3, 2))
+    predicted = np.array([[3.0, 4], [6, 8], [100, 100]])
+    counted = np.array([True, True, False])
+    assert truth.measures.points_error(predicted, facts, counted, [0, 0, 30, 40]) == [
+        pytest.approx(0.1),
+        pytest.approx(0.2),
+    ]
+
+
+def test_contact_is_five_percent_of_the_largest_force_of_the_film(truth):
+    forces = np.zeros((2, 4, 6))
+    forces[0, 0, 2] = 1000
+    forces[1, 1, :3] = 0, 30, 41
+    forces[1, 2, :3] = 0, 30, 39
+    forces[1, 3, 3:] = 900  # moments are no forces
+    assert truth.measures.true_contact(forces).tolist() == [[True, False, False, False], [False, True, False, False]]
+
+
+def test_scores_of_contact(truth):
+    predicted, facts = [True, True, True, False, False], [True, True, False, True, False]
+    found = truth.measures.detection_scores(predicted, facts)
+    assert found == {
+        "precision": pytest.approx(2 / 3),
+        "recall": pytest.approx(2 / 3),
+        "balanced_accuracy": pytest.approx((2 / 3 + 1 / 2) / 2),
+    }
+    silent = truth.measures.detection_scores([False, False], [True, False])
+    assert math.isnan(silent["precision"])
+    assert silent["balanced_accuracy"] == pytest.approx(0.5)
+    assert math.isnan(truth.measures.detection_scores([False], [False])["balanced_accuracy"])
+
+
+def test_depth_that_is_a_factor_off_is_right_after_it(truth):
+    depth = np.linspace(1, 5, 20).reshape(4, 5)
+    found = truth.measures.depth_errors(np.where(depth > 4.9, np.nan, 0.8 * depth), depth)
+    assert (found["absrel"], found["absrel_scaled"]) == (pytest.approx(0.2), pytest.approx(0, abs=1e-12))
+    assert found["depth_factor"] == pytest.approx(1.25)
+    assert math.isnan(truth.measures.depth_errors(np.full((2, 2), np.nan), np.ones((2, 2)))["absrel"])
+
+
+def test_spread_of_places(truth):
+    assert truth.measures.spread_m(np.array([[0.1, 0, 0], [-0.1, 0, 0]])) == pytest.approx(0.1)
+    assert math.isnan(truth.measures.spread_m(np.zeros((1, 3))))
+
+
+def ring(truth, count: int = 5) -> list:
+    """Cameras around the origin that look at it from 4 m, the world's y down."""
+    cameras = []
+    for angle in np.linspace(0, 2 * np.pi, count, endpoint=False):
+        cos, sin = np.cos(angle), np.sin(angle)
+        turn = np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]])
+        cameras.append(truth.cameras.Camera(K, 1000, 800, turn, np.array([0.0, 0.1, 4.0])))
+    return cameras
+
+
+@pytest.fixture
+def people(joints) -> list[np.ndarray]:
+    """Two people in the world, side by side."""
+    centred = joints - [0, 0.2, 3]
+    return [moved(centred, 0.5, 0, 0), moved(0.9 * centred @ np.diag([-1.0, 1, -1]), -0.5, 0.1, 0.3)]
+
+
+def test_exact_views_give_exact_joints(truth, people):
+    cameras = ring(truth)
+    points = np.stack([camera.project(people[0]) for camera in cameras])
+    assert truth.views.triangulate(cameras, points) == pytest.approx(people[0], abs=1e-9)
+    assert np.isnan(truth.views.triangulate(cameras[:1], points[:1])).all()
+
+
+def test_a_view_that_disagrees_about_a_joint_is_left_out_there(truth, people):
+    cameras = ring(truth)
+    points = np.stack([camera.project(people[0]) for camera in cameras])
+    points[2, 4] += [200, 50]
+    points[3, 5] = np.nan
+    found, error = truth.views.robust_joints(cameras, points)
+    assert found == pytest.approx(people[0], abs=1e-9)
+    assert error == pytest.approx(0, abs=1e-9)
+    points[[0, 1, 3], 4] += np.random.default_rng(0).uniform(100, 300, (3, 2))
+    found, _ = truth.views.robust_joints(cameras, points)
+    assert np.isnan(found[4]).all()
+    assert np.isfinite(np.delete(found, 4, 0)).all()
+
+
+def test_people_are_told_apart_across_views(truth, people):
+    cameras = ring(truth)
+    rng = np.random.default_rng(1)
+    views, order = [], []
+    for camera in cameras:
+        mine = rng.permutation(2)
+        order.append(mine)
+        views.append([camera.project(people[i]) + rng.normal(0, 2, (12, 2)) for i in mine])
+    views[1].append(rng.uniform(0, 800, (12, 2)))  # seen by one camera alone: nobody
+    del views[4][list(order[4]).index(0)]
+    found = truth.views.match_views(cameras, views)
+    assert [len(person.members) for person in found] == [5, 4]
+    for person, i in zip(found, (1, 0), strict=True):
+        assert np.linalg.norm(person.joints - people[i], axis=-1).max() < 0.03
+        assert all(order[v][member] == i for v, member in person.members.items() if v != 4)
+
+
+def test_the_picture_ends_what_is_visible(truth, people):
+    camera = ring(truth)[0]
+    assert truth.views.visible_joints(camera, people[0]).all()
+    assert not truth.views.visible_joints(camera, people[0] + [5, 0, 0]).any()
+    assert not truth.views.visible_joints(camera, people[0] - [0, 0, 9]).any()
+    assert not truth.views.visible_joints(camera, np.full((12, 3), np.nan)).any()
+
+
+def test_a_camera_of_a_padded_picture(truth):
+    record = {
+        "width": 960,
+        "height": 512,
+        "width_calibrated": 1920,
+        "height_calibrated": 1080,
+        "K_calibrated": [[1400, 0, 960], [0, 1400, 540], [0, 0, 1]],
+        "R": np.eye(3).tolist(),
+        "t_m": [0, 0, 1],
+    }
+    camera, shown = truth.cameras.calibrated(record)
+    assert shown == (25, 0, 935, 512)
+    assert (camera.width, camera.height) == (910, 512)
+    factor = 512 / 1080
+    assert camera.K[0, 0] == pytest.approx(1400 * factor)
+    assert camera.K[:2, 2] == pytest.approx([455, 256])
+    assert camera.centre.tolist() == [0, 0, -1]
+    assert camera.in_world(camera.in_camera(np.array([[1.0, 2, 3]]))) == pytest.approx(np.array([[1.0, 2, 3]]))
+
+
+def test_undistorted_pictures_are_of_the_pinhole(truth):
+    import cv2
+
+    distortion = np.array([-0.28, 0.17, 0.0, 0.0, 0.0])
+    point = np.array([[0.35, 0.2, 1.0]])
+    where = cv2.projectPoints(point, np.zeros(3), np.zeros(3), K, distortion)[0].reshape(2)
+    straight = (point @ K.T)[0, :2]
+    assert np.linalg.norm(where - straight) > 10
+    rows, columns = np.mgrid[:800, :1000]
+    picture = np.exp(-((columns - where[0]) ** 2 + (rows - where[1]) ** 2) / 50)
+    found = truth.cameras.undistorted((255 * picture).astype(np.uint8), K, distortion)
+    row, column = np.unravel_index(found.argmax(), found.shape)
+    assert np.hypot(column - straight[0], row - straight[1]) < 1.5
+    same = np.zeros((4, 4, 3), np.uint8)
+    assert truth.cameras.undistorted(same, K, np.zeros(5)) is same
+
+
+def test_intervals_are_over_groups(truth):
+    pooled, figure = truth.statistics.pooled("x"), truth.statistics.figure
+    alike = [{"set": "a", "group": str(i // 10), "x": float(i // 10)} for i in range(40)]
+    apart = [{"set": "a", "group": str(i), "x": float(i // 10)} for i in range(40)]
+    wide, narrow = figure(alike, pooled), figure(apart, pooled)
+    assert wide.value == narrow.value == pytest.approx(1.5)
+    assert wide.count == 40
+    assert wide.high - wide.low > 2 * (narrow.high - narrow.low)
+    assert narrow.low < 1.5 < narrow.high
+    alone = figure(alike[:10], pooled)
+    assert alone.value == 0
+    assert math.isnan(alone.low)
+    nothing = figure([], pooled)
+    assert math.isnan(nothing.value)
+    assert nothing.count == 0
+
+
+def test_a_large_set_does_not_drown_a_small_one(truth):
+    records = [{"set": "many", "group": str(i), "x": 1.0} for i in range(9)] + [{"set": "few", "group": "0", "x": 2.0}]
+    assert truth.statistics.figure(records, truth.statistics.of_sets("x")).value == pytest.approx(1.5)
+    assert truth.statistics.figure(records, truth.statistics.pooled("x")).value == pytest.approx(1.1)
+
+
+def test_the_first_of_a_film_are_from_all_over_it(truth):
+    order = truth.sets.scattered(range(0, 50, 5))
+    assert sorted(order) == list(range(0, 50, 5))
+    assert order[:3] == [0, 40, 20]
+    assert truth.sets.scattered([7]) == [7]
+    assert truth.sets.in_turn([["a1", "a2", "a3"], ["b1"]]) == ["a1", "b1", "a2", "a3"]
+
+
+def alone(truth, joints: np.ndarray) -> object:
+    """A sample of mpi_inf_3dhp with its floor a metre under the camera."""
+    facts = {
+        "joints": dict(zip(truth.joints.LIMB_JOINTS, joints.tolist(), strict=True)),
+        "K": K.tolist(),
+        "up": UP.tolist(),
+        "floor_point": [0.3, 1.0, 2.0],
+    }
+    return truth.sets.Sample("mpi_inf_3dhp", "one", "one", Path("one.jpg"), K=K, truth=facts)
+
+
+def rows_by_name(truth, records: dict) -> dict[str, float]:
+    rows = truth.table.rows_of(records["people"], records["floors"], records["limbs"], records["photos"])
+    return {row.name.strip(): row.figure.value for row in rows if not row.name.startswith("  ")} | {
+        "missing": next(row.figure.value for row in rows if "missing" in row.name),
+        "height": next(row.figure.value for row in rows if "camera height" in row.name),
+        "visible": next(row.figure.value for row in rows if "diagonal: visible" in row.name),
+        "hidden": next(row.figure.value for row in rows if row.name.strip() == "hidden"),
+        "wrong": next(row.figure.value for row in rows if "wrong" in row.name),
+    }
+
+
+def test_a_person_too_near_comes_out_in_the_table(truth, joints):
+    answer = answer_with(person_of(truth, 0.9 * joints), floor=[0, -1, 0, 1.05])
+    rows = rows_by_name(truth, truth.main.compared([alone(truth, joints)], [answer]))
+    assert rows["people found, mpi_inf_3dhp"] == 1
+    assert rows["PA-MPJPE mm, upright"] == pytest.approx(0, abs=1e-6)
+    assert math.isnan(rows["PA-MPJPE mm, on floor, seat or bent"])
+    assert rows["bones, estimated / true, mean of sets"] == pytest.approx(0.9)
+    assert rows["floor: angle deg"] == pytest.approx(0)
+    assert rows["height"] == pytest.approx(0.05)
+    assert rows["CPU seconds a photo"] == 1
+    assert (rows["photos of which all checks pass"], rows["wrong"]) == (1, 0)
+
+
+def test_who_has_no_body_is_missed_and_a_refused_floor_is_missing(truth, joints):
+    bodiless = person_of(truth, np.full((12, 3), np.nan)) | {"keypoints": person_of(truth, joints)["keypoints"]}
+    refused = [{"name": "floor", "ok": False, "value": 0.1, "person": None}]
+    records = truth.main.compared([alone(truth, joints)], [answer_with(bodiless, checks=refused)])
+    rows = rows_by_name(truth, records)
+    assert (rows["people found, mpi_inf_3dhp"], rows["missing"]) == (0, 1)
+    assert records["photos"][0]["failed_checks"] == ["floor"]
+    assert rows["photos of which all checks pass"] == 0
+
+
+def test_the_bystander_is_not_compared(truth, joints):
+    answer = answer_with(person_of(truth, moved(joints, 1.5, 0, 0)), person_of(truth, moved(joints, 0, 0, 0.1)))
+    person = truth.main.compared([alone(truth, joints)], [answer])["people"][0]
+    assert person["mpjpe_mm"] == pytest.approx(100)
+
+
+def test_many_views_of_two_people(truth, people):
+    """In two views everybody is 20 cm too far away, and in one somebody is missed."""
+    cameras = ring(truth)
+    samples, answers = [], []
+    for v, camera in enumerate(cameras):
+        facts = {"camera": camera, "up": UP, "moment": "0"}
+        samples.append(truth.sets.Sample("panoptic", f"{v}_0", "0", Path(f"{v}_0.jpg"), K=K, truth=facts))
+        found = [person_of(truth, camera.in_camera(joints)) for joints in people]
+        if v < 2:
+            for one in found:
+                one["joints"] = moved(one["joints"], 0, 0, 0.2).tolist()
+        answers.append(answer_with(*found[: 1 if v == 4 else 2]))
+    records = truth.main.compared(samples, answers)
+    assert [len(joints) for joints in records["triangulated"].values()] == [2]
+    assert sum(r["found"] for r in records["people"]) == 9
+    assert len(records["people"]) == 10
+    off = {r["photo"]: r["mpjpe_mm"] for r in records["people"] if r["found"]}
+    assert off == {f"{v}_0": pytest.approx(200 if v < 2 else 0, abs=0.1) for v in range(5)}
+    assert {r["views"] for r in records["people"]} == {4, 5}
+    places = np.array([cameras[v].in_world(np.array([[0, 0.1, 4.2 if v < 2 else 4.0]]))[0] for v in range(5)])
+    spreads = [r["spread_m"] for r in records["people"] if r["views"] == 5]
+    assert spreads == [pytest.approx(truth.measures.spread_m(places), abs=1e-3)] * 5
+    again = truth.main.compared(samples, [answers[0], *[answer_with()] * 4], records["triangulated"])
+    assert sum(r["found"] for r in again["people"]) == 2
+    assert len(again["people"]) == 10
+
+
+def test_annotated_people_are_found_and_measured_in_the_picture(truth, joints):
+    person = person_of(truth, joints)
+    pixels = np.array(person["keypoints"])[:, :2]
+    x0, y0, x1, y1 = person["box"]
+    diagonal = math.hypot(x1 - x0, y1 - y0)
+    marks = {name: [*moved(p, 0.1 * diagonal, 0), 2] for name, p in zip(truth.joints.LIMB_JOINTS, pixels, strict=True)}
+    marks["left_knee"] = [*moved(pixels[truth.joints.ROW["left_knee"]], 0, 0.2 * diagonal), 1]
+    del marks["left_wrist"]
+    annotated = [
+        {"box_xywh": [x0, y0, x1 - x0, y1 - y0], "keypoints": marks},
+        {"box_xywh": [0, 0, 20, 20], "keypoints": {}},
+    ]
+    sample = truth.sets.Sample("people2d", "a", "a", Path("a.jpg"), truth={"people": annotated})
+    rows = rows_by_name(truth, truth.main.compared([sample], [answer_with(person)]))
+    assert rows["people found, people2d"] == 0.5
+    assert (rows["visible"], rows["hidden"]) == (pytest.approx(0.1), pytest.approx(0.2))
+
+
+def test_limbs_of_parkour(truth, joints):
+    names = [name.replace("left_", "l_").replace("right_", "r_") for name in truth.joints.LIMB_JOINTS]
+    facts = {
+        "joints": dict(zip(names, (joints @ np.diag([1, -1, -1])).tolist(), strict=True)),
+        "touches": {"l_ankle": True, "r_ankle": True, "l_fingers": True, "r_fingers": False},
+        "uncaptured": {"l_ankle": 0, "r_ankle": 1, "l_fingers": 0, "r_fingers": 0},
+    }
+    sample = truth.sets.Sample("parkour", "f_000", "f", Path("f.mp4"), frame=0, truth=facts)
+    contact = {"left_foot": 0.2, "right_foot": 0.0, "left_hand": 0.0, "right_hand": 0.1}
+    small = person_of(truth, moved(joints, 0, 0, 2))
+    records = truth.main.compared([sample], [answer_with(small, person_of(truth, joints, contact))])
+    assert [(r["limb"], r["predicted"], r["touches"]) for r in records["limbs"]] == [
+        ("left_foot", True, True),
+        ("left_hand", False, True),
+        ("right_hand", True, False),
+    ]
+    assert rows_by_name(truth, records)["PA-MPJPE mm, parkour"] == pytest.approx(0, abs=1e-6)
+    nobody = truth.main.compared([sample], [answer_with()])
+    assert [r["predicted"] for r in nobody["limbs"]] == [False] * 3
+
+
+def test_results_are_kept_in_px_of_the_photo(truth):
+    from physic_core.types import Intrinsics
+
+    person = SimpleNamespace(
+        box=np.array([10.0, 20, 30, 40]),
+        score=0.5,
+        joints=np.zeros((55, 3)),
+        keypoints=np.full((17, 2), 9.5),
+        keypoint_confidence=np.ones(17),
+        contact=np.zeros(5, bool),
+        failed_checks=(),
+    )
+    result = SimpleNamespace(
+        intrinsics=Intrinsics(100.0, 100.0, 49.5, 39.5, 100, 80),
+        people=(person,),
+        body_model="other",
+        skeleton="coco17",
+        scene=SimpleNamespace(floor=None),
+        checks=(),
+        warnings=(),
+    )
+    sample = truth.sets.Sample("people2d", "a", "a", Path("a.jpg"))
+    kept = truth.run.measured_fields(result, (200, 160), sample)
+    assert kept["people"][0]["box"] == [20, 40, 60, 80]
+    assert kept["people"][0]["keypoints"][0] == [19.5, 19.5, 1]
+    assert kept["camera"] == [200, 200, 99.5, 79.5]
+
+
+def test_a_run_goes_on_where_it_was_broken_off(truth, tmp_path, monkeypatch, joints):
+    calls: list[list[str]] = []
+    monkeypatch.setattr(truth.run, "_run", lambda sample, out, arguments: calls.append(arguments) or answer_with())
+    sample = alone(truth, joints)
+    for options in (["--preset", "embedded"], ["--preset", "embedded"], ["--preset", "other"]):
+        truth.run.answer_of(sample, tmp_path, options)
+    truth.run.answer_of(sample, tmp_path, ["--preset", "other"], with_camera=False)
+    assert calls == [
+        ["--preset", "embedded", "--intrinsics", "1000,1000,500,400"],
+        ["--preset", "other", "--intrinsics", "1000,1000,500,400"],
+        ["--preset", "other"],
+    ]
+
+
+def test_the_true_stature_is_given_where_a_setting_takes_it(truth):
+    body = {"head_top": [0, -0.9, 3], "neck": [0, -0.6, 3], "spine": [0, -0.3, 3], "pelvis": [0, 0, 3]}
+    for side in ("l", "r"):
+        body |= {f"{side}_hip": [0, 0, 3], f"{side}_knee": [0, 0.4, 3], f"{side}_ankle": [0, 0.8, 3]}
+    sample = truth.sets.Sample("mpi_inf_3dhp", "one", "one", Path("one.jpg"), truth={"joints": body})
+    assert truth.sets.with_stature(sample, "photo.stature").settings == ("photo.stature=1.780",)
+
+
+def test_data_sets_are_read_and_the_missing_ones_named(truth, tmp_path, capsys):
+    import cv2
+
+    folder = tmp_path / "panoptic"
+    folder.mkdir()
+    cameras = {}
+    for v, camera in enumerate(ring(truth, 2)):
+        record = {"width": 100, "height": 80, "K": K.tolist(), "dist": [0.0] * 5}
+        cameras[f"c{v}"] = record | {"R": camera.R.tolist(), "t_m": camera.t.tolist()}
+        for moment in ("10", "20"):
+            cv2.imwrite(str(folder / f"c{v}_{moment}.jpg"), np.zeros((80, 100, 3), np.uint8))
+    (folder / "cameras.json").write_text(json.dumps({"cameras": cameras}))
+    samples = truth.main.samples_of([tmp_path], ["panoptic", "parkour"], 3, None)
+    assert [(s.name, s.group, s.changed) for s in samples] == [
+        ("c0_10", "10", False),
+        ("c1_10", "10", False),
+        ("c0_20", "20", False),
+    ]
+    assert truth.sets.picture_of(samples[0]).shape == (80, 100, 3)
+    assert f"parkour: not in {tmp_path}; skipped" in capsys.readouterr().out
+
+
+def test_a_film_is_taken_apart(truth, tmp_path):
+    import cv2
+
+    film = cv2.VideoWriter(str(tmp_path / "a.mp4"), cv2.VideoWriter_fourcc(*"mp4v"), 25, (72, 58))
+    for k in range(12):
+        film.write(np.full((58, 72, 3), 20 * k, np.uint8))
+    film.release()
+    np.savez(
+        tmp_path / "a.npz",
+        joints_m=np.zeros((15, 1, 3)),
+        joint_names=["l_hip"],
+        forces=np.ones((15, 4, 6)),
+        force_names=list(truth.scores.LIMBS),
+        uncaptured=np.zeros((15, 4), int),
+    )
+    samples = truth.sets.parkour(tmp_path)
+    assert [sample.frame for sample in samples] == [0, 10, 5]
+    picture = truth.sets.picture_of(samples[1])
+    assert picture.shape == (576, 1024, 3)
+    assert picture.mean() == pytest.approx(200, abs=10)
+
+
+@pytest.mark.parametrize("data", [[], ["nowhere"]])
+def test_without_data_there_is_nothing_to_do(truth, tmp_path, monkeypatch, capsys, data):
+    monkeypatch.setattr(sys, "argv", ["truth", *data, "--out", str(tmp_path / "out")])
+    assert truth.main.main() == 0
+    assert "No data set found" in capsys.readouterr().out
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_run_writes_table_and_json(truth, tmp_path, monkeypatch, capsys, joints):
+    folder = tmp_path / "mpi_inf_3dhp"
+    folder.mkdir()
+    records = [{**alone(truth, joints).truth, "image": f"{name}.jpg"} for name in ("a", "b")]
+    (folder / "truth.json").write_text(json.dumps(records))
+    monkeypatch.setattr(truth.run, "_run", lambda *_: answer_with(person_of(truth, moved(joints, 0, 0, 0.1))))
+    monkeypatch.setattr(sys, "argv", ["truth", str(tmp_path), "--out", str(tmp_path / "out"), "--jobs", "2"])
+    assert truth.main.main() == 0
+    lines = (tmp_path / "out" / "table.md").read_text().splitlines()
+    assert "| MPJPE mm at own scale, mean of sets | 100 | 100 .. 100 | 2 | <= 180 |" in lines
+    assert "| people found, parkour | - |  | 0 | all |" in lines
+    written = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert [person["photo"] for person in written["people"]] == ["a", "b"]
+    assert "photos: mpi_inf_3dhp 2" in capsys.readouterr().out
