@@ -18,8 +18,8 @@ import torch
 
 from physic_core.engine.presets import PRESETS
 from physic_core.metrics.pose import BODY_JOINTS, mpjpe_mm, mpvpe_mm, pa_mpjpe_mm
-from physic_core.pipeline.optimise import solve
-from physic_core.pipeline.stages import Stages
+from physic_core.pipeline.optimise import run_engine
+from physic_core.pipeline.stage_runner import StageRunner
 
 sys.path.append(str(Path(__file__).parents[1] / "tests" / "engine"))
 from published import Published
@@ -57,7 +57,7 @@ def main() -> None:
     evidence, model = published.evidence(), published.body(rotations[0])
     for name in names:
         began = time.perf_counter()
-        solution = solve(evidence, PRESETS[name], model, Stages("cpu", 4))
+        solution = run_engine(evidence, PRESETS[name], model, StageRunner("cpu", 4))
         seconds = time.perf_counter() - began
         show(f'preset "{name}"', torch.from_numpy(solution.joints), torch.from_numpy(solution.vertices), seconds)
 

@@ -12,7 +12,7 @@ from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.errors import InputError
 from physic_core.interfaces import Inpainter, InpainterRequest
 from physic_core.interfaces.backend import call
-from physic_core.pipeline.stages import Stages
+from physic_core.pipeline.stage_runner import StageRunner
 from physic_core.types import Provenance
 
 PHOTO = np.full((6, 8, 3), 7, np.uint8)
@@ -50,9 +50,9 @@ def test_what_is_no_photo_reaches_no_backend(image: Any, got: str):
         call(backend, InpainterRequest(image, MASK))
     assert str(caught.value) == WANTED + got
     who = ResolvedBackend(backend, Provenance("inpainter", "mine", "my_plugin", "my-dist", "1.0", {}, ""))
-    stages = Stages("cpu", 1)
+    stages = StageRunner("cpu", 1)
     with pytest.raises(InputError) as caught:
-        stages.call("inpainting", who, InpainterRequest(image, MASK))
+        stages.call_backend("inpainting", who, InpainterRequest(image, MASK))
     assert str(caught.value) == WANTED + got
     assert backend.events == []
     assert stages.records == []

@@ -13,9 +13,9 @@ from physic_core.configuration.resolve import resolve
 from physic_core.discovery.plugins import discover
 from physic_core.engine.presets import PRESETS
 from physic_core.engine.settings import with_overrides
-from physic_core.pipeline.estimate import Evidence, perceive
-from physic_core.pipeline.optimise import Solution, solve
-from physic_core.pipeline.stages import Stages
+from physic_core.pipeline.estimate import Estimates, run_backends
+from physic_core.pipeline.optimise import Solution, run_engine
+from physic_core.pipeline.stage_runner import StageRunner
 from physic_core.types import CameraTrust, Intrinsics
 from physic_testing.worlds import build_world
 
@@ -25,20 +25,20 @@ SEES_150, SEES_200 = (Intrinsics.from_focal(f, *SIZE, source="a network") for f 
 
 
 @pytest.fixture(scope="module")
-def evidence() -> Evidence:
+def evidence() -> Estimates:
     world = build_world("stand", 0, SIZE)
     plan = resolve(load_config(preset="mock"), discover())
-    return perceive(world.image, None, plan, load_body("embedded"), Stages("cpu", 8))
+    return run_backends(world.image, None, plan, load_body("embedded"), StageRunner("cpu", 8))
 
 
-def with_cameras(evidence: Evidence, pointmap: Intrinsics | None, metric: Intrinsics | None) -> Solution:
+def with_cameras(evidence: Estimates, pointmap: Intrinsics | None, metric: Intrinsics | None) -> Solution:
     seen = replace(
         evidence,
         intrinsics=pointmap or evidence.intrinsics,
         scene=replace(evidence.scene, intrinsics=pointmap),
         depth=replace(evidence.depth, intrinsics=metric),
     )
-    return solve(seen, QUICK, load_body("embedded"), Stages("cpu", 8))
+    return run_engine(seen, QUICK, load_body("embedded"), StageRunner("cpu", 8))
 
 
 def known(camera: Intrinsics) -> Intrinsics:
@@ -61,14 +61,14 @@ def guessed(camera: Intrinsics) -> Intrinsics:
     ],
 )
 def test_who_knows_goes_before_who_estimates_and_who_guesses(
-    evidence: Evidence, pointmap: Intrinsics, metric: Intrinsics | None, focal: float, source: str
+    evidence: Estimates, pointmap: Intrinsics, metric: Intrinsics | None, focal: float, source: str
 ) -> None:
     camera = with_cameras(evidence, pointmap, metric).intrinsics
     assert (camera.fx, camera.fy) == pytest.approx((focal, focal))
     assert camera.source == source
 
 
-def test_depths_follow_the_focal_length_unless_they_were_measured(evidence: Evidence) -> None:
+def test_depths_follow_the_focal_length_unless_they_were_measured(evidence: Estimates) -> None:
     own = evidence.scene.intrinsics
     assert own is not None
     longer = Intrinsics.from_focal(1.3 * own.fx, *SIZE, source="a network")

@@ -16,7 +16,7 @@ from PIL import Image
 
 from physic_core.cli import main
 from physic_core.errors import NoPersonError
-from physic_core.io.output import file_digest, image_digest, photo_of_result
+from physic_core.io.result_folder import file_digest, image_digest, photo_of_result
 
 
 @dataclass

@@ -221,11 +221,11 @@ def test_a_variable_that_is_wrong_is_named():
 
 def written(config: Config) -> str:
     """A reconstruction.json with a configuration, as a run writes it."""
-    from physic_core.io.document import to_text
+    from physic_core.io.document import encode_document
 
     tables = config.as_dict()
     tables["engine"]["placement"] = {"robust_m": "Infinity"}
-    Path("reconstruction.json").write_bytes(to_text({"schema": "physic.reconstruction", "config": tables}))
+    Path("reconstruction.json").write_bytes(encode_document({"schema": "physic.reconstruction", "config": tables}))
     return "reconstruction.json"
 
 

@@ -19,8 +19,8 @@ from physic_core.engine.presets import PRESETS
 from physic_core.engine.settings import EngineSettings
 from physic_core.geometry.visibility import vertex_normals
 from physic_core.pipeline import checks as diagnosis
-from physic_core.pipeline.checks import CHECKS, diagnose, failed_checks, warnings_of
-from physic_core.pipeline.measures import depth_ratio, seen_share, support_gap
+from physic_core.pipeline.checks import CHECKS, check_warnings, failed_checks, run_checks
+from physic_core.pipeline.measures import depth_ratio, support_gap, visible_share
 from physic_core.types import CameraTrust, CheckResult, Intrinsics, Plane
 
 CAMERA = Intrinsics.from_focal(500, 640, 480, "EXIF")
@@ -50,7 +50,7 @@ def case(**changes: Any) -> tuple[Any, Any, EngineSettings]:
     evidence = SimpleNamespace(
         bodies=SimpleNamespace(observed=observed),
         depth=SimpleNamespace(scale_sigma=known["sigma"], intrinsics=None),
-        lost=(known["lost"],),
+        missing_results=(known["lost"],),
         **{name: SimpleNamespace(intrinsics=camera) for name, camera in maps.items()},
     )
     floor = FLOOR if known["floor"] == "found" else None
@@ -73,16 +73,16 @@ def case(**changes: Any) -> tuple[Any, Any, EngineSettings]:
 
 
 def failing(**changes: Any) -> list[tuple[str, int | None]]:
-    return [(d.name, d.person) for d in diagnose(*case(**changes)) if not d.ok]
+    return [(d.name, d.person) for d in run_checks(*case(**changes)) if not d.ok]
 
 
 def test_nothing_fails_where_all_is_well() -> None:
-    found = diagnose(*case())
+    found = run_checks(*case())
     assert [d.name for d in found] == list(CHECKS)
     assert all(d.ok for d in found)
     assert [d.person for d in found] == [None if CHECKS[d.name].of == "photo" else 0 for d in found]
     assert failed_checks(found, 0) == ()
-    assert warnings_of(found) == ()
+    assert check_warnings(found) == ()
 
 
 @pytest.mark.parametrize(
@@ -108,10 +108,10 @@ def test_nothing_fails_where_all_is_well() -> None:
     ],
 )
 def test_what_fails_of_a_photo(changes: dict[str, Any], name: str, value: float) -> None:
-    (failed,) = [d for d in diagnose(*case(**changes)) if not d.ok]
+    (failed,) = [d for d in run_checks(*case(**changes)) if not d.ok]
     assert (failed.name, failed.person) == (name, None)
     assert failed.value == pytest.approx(value)
-    assert warnings_of([failed]) == (failed.message,)
+    assert check_warnings([failed]) == (failed.message,)
 
 
 @pytest.mark.parametrize(
@@ -140,7 +140,7 @@ def test_what_fails_of_a_photo(changes: dict[str, Any], name: str, value: float)
     ],
 )
 def test_what_fails_of_a_person(changes: dict[str, Any], names: tuple[str, ...]) -> None:
-    found = diagnose(*case(**changes))
+    found = run_checks(*case(**changes))
     assert failed_checks(found, 0) == names
     assert [d.name for d in found if not d.ok] == list(names)
     assert failed_checks(found, 1) == ()
@@ -154,13 +154,13 @@ def test_a_ruler_is_held_against_the_depth_as_it_was_given() -> None:
 def test_one_seen_ankle_is_enough_of_a_leg() -> None:
     evidence, solution, settings = case(legs=False)
     evidence.bodies.observed[0, 7] = True
-    assert failed_checks(diagnose(evidence, solution, settings), 0) == ()
+    assert failed_checks(run_checks(evidence, solution, settings), 0) == ()
 
 
 def test_a_backend_that_does_not_say_what_is_seen_is_believed() -> None:
     evidence, solution, settings = case(legs=False)
     evidence.bodies.observed = None
-    assert failed_checks(diagnose(evidence, solution, settings), 0) == ()
+    assert failed_checks(run_checks(evidence, solution, settings), 0) == ()
 
 
 def test_an_engine_that_looks_for_no_floor_misses_none() -> None:
@@ -170,7 +170,7 @@ def test_an_engine_that_looks_for_no_floor_misses_none() -> None:
 def test_a_point_map_that_is_not_used_need_not_agree() -> None:
     evidence, solution, settings = case(scene_share=0.0)
     settings = replace(settings, scene=replace(settings.scene, source="metric_depth"))
-    assert [d.name for d in diagnose(evidence, solution, settings) if not d.ok] == []
+    assert [d.name for d in run_checks(evidence, solution, settings) if not d.ok] == []
 
 
 @pytest.mark.parametrize(
@@ -227,12 +227,12 @@ def test_a_point_map_that_is_not_used_need_not_agree() -> None:
     ],
 )
 def test_warnings(changes: dict[str, Any], warning: str) -> None:
-    assert warnings_of(diagnose(*case(**changes))) == (warning,)
+    assert check_warnings(run_checks(*case(**changes))) == (warning,)
 
 
 def test_the_doubts_about_a_body_are_no_warnings_of_the_result() -> None:
-    found = diagnose(*case(told={"reprojection_share": 0.1, "penetration_share": 0.5}, lean=20.0))
-    assert warnings_of(found) == ()
+    found = run_checks(*case(told={"reprojection_share": 0.1, "penetration_share": 0.5}, lean=20.0))
+    assert check_warnings(found) == ()
     told = {d.name: d.message for d in found if not d.ok}
     assert told["lean"] == (
         "this person stands and leans 20 degrees towards the camera: one photo hardly shows that, the pose or the "
@@ -269,13 +269,13 @@ def test_the_table_of_the_module_and_of_the_documentation_are_the_checks(reposit
 
 def test_diagnostics_are_written_and_read_back() -> None:
     from physic_core.files.strict_json import to_json
-    from physic_core.io.document import _check, checks_from
+    from physic_core.io.document import _check, parse_checks
 
     found = (
         CheckResult("floating", 0.2, 0.05, "m", False, "the body hangs in the air", 1),
         CheckResult("ruler", None, 0.5, "share", True, "not measured"),
     )
-    assert checks_from(json.loads(json.dumps(to_json([_check(d) for d in found])))) == found
+    assert parse_checks(json.loads(json.dumps(to_json([_check(d) for d in found])))) == found
 
 
 # ---- what is measured on the mesh ------------------------------------------------------------------------------------
@@ -306,14 +306,14 @@ def test_a_mask_of_the_upper_half_shows_half_of_a_body() -> None:
     body = Body()
     whole = torch.ones((480, 640), dtype=torch.bool)
     parts = [body.vertices, body.normals, body.faces, body.outer]
-    assert seen_share(*parts, whole, body.K) == 1
-    assert seen_share(*parts, ~whole, body.K) == 0
+    assert visible_share(*parts, whole, body.K) == 1
+    assert visible_share(*parts, ~whole, body.K) == 0
     half = whole.clone()
     half[240:] = False  # below the pelvis
-    share = seen_share(*parts, half, body.K)
+    share = visible_share(*parts, half, body.K)
     assert share is not None
     assert 0.4 < share < 0.7
-    assert seen_share(body.vertices - torch.tensor([0, 0, 8.0]), *parts[1:], whole, body.K) is None
+    assert visible_share(body.vertices - torch.tensor([0, 0, 8.0]), *parts[1:], whole, body.K) is None
 
 
 def test_the_gap_under_the_feet_is_the_height_over_the_floor() -> None:

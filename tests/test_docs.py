@@ -62,14 +62,14 @@ def test_the_shell_completion_of_the_pages_is_there(shell: str):
 
 
 def test_the_example_of_a_camera_fits_its_photo():
-    from physic_core.io.photo import prepare, read_photo
+    from physic_core.io.photo import limit_size, read_photo
     from physic_core.types import Intrinsics
 
     (words,) = [words for words in commands("physic") if "--intrinsics" in words]
     photo = read_photo(ROOT / words[2])
     height, width = photo.image.shape[:2]
     camera = Intrinsics(*map(float, words[words.index("--intrinsics") + 1].split(",")), width, height)
-    prepare(replace(photo, intrinsics=camera), 1280)
+    limit_size(replace(photo, intrinsics=camera), 1280)
     assert (camera.cx, camera.cy) == ((width - 1) / 2, (height - 1) / 2)
 
 

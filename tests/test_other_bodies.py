@@ -13,13 +13,13 @@ from physic_core import load_config, reconstruct
 from physic_core.body import load_body
 from physic_core.body.conversion import rest_mesh_of
 from physic_core.body.parameters import rotations_from_parameters
-from physic_core.cache.answers import canonical
+from physic_core.cache.result_cache import canonicalize
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord
 from physic_core.errors import BodyModelError
 from physic_core.files.archive import pack, read_archive, unpack, write_archive
 from physic_core.interfaces import BodyEstimator, ContactPrior, HandEstimator
-from physic_core.pipeline.partial_answers import drop_nonfinite_bodies, drop_nonfinite_hands, select_people
+from physic_core.pipeline.nonfinite_results import drop_nonfinite_bodies, drop_nonfinite_hands, select_people
 from physic_core.types import Bodies, BodyParameters, ContactProbability, Hands, Mesh, Reconstruction, RestMesh
 from physic_mock import backends
 from physic_testing import violations
@@ -184,7 +184,7 @@ def test_answers_with_the_new_fields_are_kept(answer: Bodies | Hands | ContactPr
     for path, array in told.items():
         np.testing.assert_array_equal(again[path], array)
         assert again[path].dtype == array.dtype
-    assert type(canonical(answer)) is type(answer)
+    assert type(canonicalize(answer)) is type(answer)
 
 
 def test_answers_that_were_kept_before_these_fields_are_read() -> None:

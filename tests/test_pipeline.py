@@ -23,9 +23,9 @@ from physic_core.errors import (
     InputError,
     NoPersonError,
 )
-from physic_core.io.output import file_digest
 from physic_core.io.photo import Photo, read_photo
-from physic_core.pipeline.conversion import with_hands
+from physic_core.io.result_folder import file_digest
+from physic_core.pipeline.conversion import replace_hands
 from physic_core.pipeline.estimate import dilate, feet_pixels
 from physic_core.pipeline.run import _with_camera, reconstruct_photo
 from physic_core.types import Bodies, Hands, Hints, Intrinsics, Keypoints, People, Reconstruction
@@ -217,7 +217,7 @@ def test_hands_replace_fingers_where_they_were_found(world: World) -> None:
     bodies = backends.MockBodyEstimator().infer(world.image, start, world.intrinsics, keypoints, Hints())
     n = len(start)
     hands = Hands(np.full((n, 2, 15, 3), 0.25, np.float32), np.tile([[1.0, 0.0]], (n, 1)))
-    merged = with_hands(bodies, hands, body.load_body("embedded"))
+    merged = replace_hands(bodies, hands, body.load_body("embedded"))
     assert isinstance(merged, Bodies)
     assert (merged.parameters.left_hand_pose == 0.25).all()
     assert (merged.parameters.right_hand_pose == bodies.parameters.right_hand_pose).all()

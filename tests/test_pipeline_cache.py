@@ -18,7 +18,7 @@ from click.testing import CliRunner
 from PIL import Image
 
 from physic_core import Reconstruction, load_config, reconstruct
-from physic_core.cache.code import Code
+from physic_core.cache.code import CodeDigester
 from physic_core.cli import main
 from physic_core.discovery.plugins import discover
 from physic_core.interfaces import INTERFACES
@@ -82,7 +82,7 @@ def photo(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def _same_code():
     """Files may be edited while these tests run: tests/cache/test_code.py sees to those."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Code, "of", lambda self, kind: "the same")
+        patch.setattr(CodeDigester, "digest", lambda self, kind: "the same")
         yield
 
 

@@ -28,8 +28,8 @@ from physic_core.configuration.resolve import resolve
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.readiness import gpu_is_seen
 from physic_core.engine.joint.state import GROUPS
-from physic_core.pipeline.estimate import perceive
-from physic_core.pipeline.stages import Stages
+from physic_core.pipeline.estimate import run_backends
+from physic_core.pipeline.stage_runner import StageRunner
 from physic_testing.worlds import World, build_world
 
 from .standins.checkouts import write_checkouts, write_checkpoints
@@ -397,7 +397,7 @@ def test_the_papers_metres_are_those_of_its_published_code(
     tell(monkeypatch, world, own_focal=1.1)
     write_papers_config(place, tmp_path / "flux")
     plan = resolve(load_config(Path("my.toml")), discover())
-    seen = perceive(world.image, None, plan, load_body("embedded"), Stages("cpu", 8))
+    seen = run_backends(world.image, None, plan, load_body("embedded"), StageRunner("cpu", 8))
     known = np.isfinite(seen.depth.depth) & np.isfinite(world.empty_depth)
     ratio = seen.depth.depth[known] / world.empty_depth[known]
     assert float(np.median(ratio)) == pytest.approx(1.1, abs=1e-3)  # scaled to MoGe's focal length it would be 1

@@ -16,7 +16,7 @@ from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord
 from physic_core.engine.joint import solve as joint
 from physic_core.errors import BackendOutputError
-from physic_core.pipeline.partial_answers import (
+from physic_core.pipeline.nonfinite_results import (
     drop_nonfinite_bodies,
     drop_nonfinite_hands,
     drop_nonfinite_keypoints,

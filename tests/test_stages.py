@@ -1,4 +1,4 @@
-"""Stages: who is loaded when, what is closed when, and what is said of a backend that fails."""
+"""StageRunner: who is loaded when, what is closed when, and what is said of a backend that fails."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ import pytest
 
 from physic_core import interfaces
 from physic_core.cache import code
-from physic_core.cache.answers import Answers
+from physic_core.cache.result_cache import ResultCache
 from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.errors import BackendError, BackendOutputError, InputError, NoPersonError, PhysicError
 from physic_core.interfaces import MetricDepthRequest
-from physic_core.pipeline.stages import Stages
+from physic_core.pipeline.stage_runner import StageRunner
 from physic_core.types import DepthMap, Hints, Intrinsics, Provenance
 
 SHAPE = (6, 8)
@@ -70,19 +70,21 @@ def resolved(backend: Counting) -> ResolvedBackend:
     return ResolvedBackend(backend, Provenance("metric_depth", backend.name, "p", "my-dist", "1.0", {}, ""))
 
 
-def ask(stages: Stages, backend: Counting, request: MetricDepthRequest = REQUEST, *, last: bool = True) -> DepthMap:
-    return stages.call("depth", resolved(backend), request, last=last)
+def ask(
+    stages: StageRunner, backend: Counting, request: MetricDepthRequest = REQUEST, *, last: bool = True
+) -> DepthMap:
+    return stages.call_backend("depth", resolved(backend), request, last=last)
 
 
-def if_it_can(stages: Stages, backend: Counting) -> DepthMap | None:
-    return stages.call_optional("depth", resolved(backend), REQUEST, otherwise="all is flat")
+def if_it_can(stages: StageRunner, backend: Counting) -> DepthMap | None:
+    return stages.call_optional_backend("depth", resolved(backend), REQUEST, otherwise="all is flat")
 
 
 # ---- loading and closing ---------------------------------------------------------------------------------------------
 
 
 def test_a_backend_is_loaded_at_its_first_question_and_closed_at_the_end(events: list[str]):
-    stages, a, b = Stages("cuda:1", 3), Counting("a"), Counting("b")
+    stages, a, b = StageRunner("cuda:1", 3), Counting("a"), Counting("b")
     for backend in (a, b, a):
         ask(stages, backend)
     assert events == ["load a on cuda:1", "infer a", "load b on cuda:1", "infer b", "infer a"]
@@ -92,14 +94,14 @@ def test_a_backend_is_loaded_at_its_first_question_and_closed_at_the_end(events:
 
 
 def test_a_backend_that_was_never_asked_is_neither_loaded_nor_closed(events: list[str]):
-    stages = Stages("cpu", 1)
+    stages = StageRunner("cpu", 1)
     resolved(Counting())
     stages.close()
     assert events == []
 
 
 def test_where_memory_is_short_a_backend_is_closed_after_its_last_question(events: list[str]):
-    stages, a, b = Stages("cpu", 3, low_memory=True), Counting("a"), Counting("b")
+    stages, a, b = StageRunner("cpu", 3, low_memory=True), Counting("a"), Counting("b")
     ask(stages, a, last=False)
     ask(stages, a)
     ask(stages, b)
@@ -110,7 +112,7 @@ def test_where_memory_is_short_a_backend_is_closed_after_its_last_question(event
 @pytest.mark.parametrize("event", ["load", "infer"])
 @pytest.mark.parametrize("low_memory", [True, False])
 def test_a_backend_that_fails_is_closed_too(events: list[str], event: str, low_memory: bool):
-    stages = Stages("cpu", 1, low_memory=low_memory)
+    stages = StageRunner("cpu", 1, low_memory=low_memory)
     with pytest.raises(BackendError):
         ask(stages, Counting(fails_in=event))
     assert ("close a" in events) == low_memory
@@ -120,7 +122,7 @@ def test_a_backend_that_fails_is_closed_too(events: list[str], event: str, low_m
 
 
 def test_a_backend_that_cannot_be_closed_costs_a_warning(events: list[str]):
-    stages, a, b = Stages("cpu", 2), Counting("a", "close", OSError("gone")), Counting("b")
+    stages, a, b = StageRunner("cpu", 2), Counting("a", "close", OSError("gone")), Counting("b")
     ask(stages, a)
     ask(stages, b)
     stages.close()
@@ -157,7 +159,7 @@ class Own(PhysicError):
 def test_a_failure_names_interface_backend_distribution_and_stage(
     event: str, error: BaseException, kind: type[PhysicError], message: str
 ):
-    stages = Stages("cpu", 1)
+    stages = StageRunner("cpu", 1)
     with pytest.raises(kind) as caught:
         ask(stages, Counting(fails_in=event, error=error))
     assert type(caught.value) is kind
@@ -168,7 +170,7 @@ def test_a_failure_names_interface_backend_distribution_and_stage(
 
 
 def test_whoever_breaks_the_run_off_is_not_held(events: list[str]):
-    stages = Stages("cpu", 1)
+    stages = StageRunner("cpu", 1)
     with pytest.raises(KeyboardInterrupt):
         if_it_can(stages, Counting(fails_in="infer", error=KeyboardInterrupt()))
     stages.close()
@@ -190,7 +192,7 @@ def test_a_wrong_answer_is_told_with_all_that_is_wrong(answer: object, fault: st
     backend = Counting()
     backend.answer = answer
     with pytest.raises(BackendOutputError) as error:
-        ask(Stages("cpu", 1), backend)
+        ask(StageRunner("cpu", 1), backend)
     assert str(error.value) == f"{TITLE} returned what the interface does not allow:\n  {fault}"
 
 
@@ -200,7 +202,7 @@ def test_an_answer_that_cannot_even_be_looked_at_is_a_wrong_answer(monkeypatch: 
 
     monkeypatch.setattr(interfaces.MetricDepth, "check", check)
     with pytest.raises(BackendOutputError) as error:
-        ask(Stages("cpu", 1), Counting())
+        ask(StageRunner("cpu", 1), Counting())
     assert str(error.value) == (
         f"{TITLE} returned what the interface does not allow:\n"
         "  DepthMap cannot be read: AttributeError: 'list' object has no attribute 'ndim'"
@@ -208,7 +210,7 @@ def test_an_answer_that_cannot_even_be_looked_at_is_a_wrong_answer(monkeypatch: 
 
 
 def test_a_run_goes_on_without_what_it_can_do_without():
-    stages = Stages("cpu", 2)
+    stages = StageRunner("cpu", 2)
     assert if_it_can(stages, Counting(fails_in="load", error=FileNotFoundError("w.pt"))) is None
     wrong = Counting()
     wrong.answer = DepthMap(np.ones((8, 6)))
@@ -226,12 +228,12 @@ def test_a_run_goes_on_without_what_it_can_do_without():
 
 
 @pytest.fixture
-def run(tmp_path: Path) -> Callable[[], Stages]:
+def run(tmp_path: Path) -> Callable[[], StageRunner]:
     """Begins another run with the same cache."""
-    return lambda: Stages("cpu", 1, answers=Answers(tmp_path / "answers", 10**6))
+    return lambda: StageRunner("cpu", 1, cache=ResultCache(tmp_path / "answers", 10**6))
 
 
-def test_what_was_answered_once_is_neither_asked_nor_loaded_for(events: list[str], run: Callable[[], Stages]):
+def test_what_was_answered_once_is_neither_asked_nor_loaded_for(events: list[str], run: Callable[[], StageRunner]):
     first, second = run(), run()
     told = ask(first, Counting())
     again = ask(second, Counting())
@@ -245,7 +247,7 @@ def test_what_was_answered_once_is_neither_asked_nor_loaded_for(events: list[str
     ]
 
 
-def test_another_question_is_asked(events: list[str], run: Callable[[], Stages]):
+def test_another_question_is_asked(events: list[str], run: Callable[[], StageRunner]):
     known = Hints(Intrinsics.from_focal(9.0, 8, 6))
     for request in (REQUEST, MetricDepthRequest(PHOTO + 1, Hints()), MetricDepthRequest(PHOTO, known)):
         ask(run(), Counting(), request)
@@ -253,7 +255,7 @@ def test_another_question_is_asked(events: list[str], run: Callable[[], Stages])
     assert [event for event in events if event.startswith("infer")] == ["infer a"] * 3 + ["infer b"]
 
 
-def test_failures_and_wrong_answers_are_not_kept(run: Callable[[], Stages]):
+def test_failures_and_wrong_answers_are_not_kept(run: Callable[[], StageRunner]):
     wrong = Counting()
     wrong.answer = DepthMap(np.ones((8, 6)))
     for backend in (Counting(fails_in="infer"), wrong):
@@ -265,7 +267,7 @@ def test_failures_and_wrong_answers_are_not_kept(run: Callable[[], Stages]):
 
 
 def test_a_kept_answer_must_pass_the_check_too(
-    events: list[str], run: Callable[[], Stages], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    events: list[str], run: Callable[[], StageRunner], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     ask(run(), Counting())
     stages, (file,) = run(), (tmp_path / "answers").iterdir()
@@ -277,7 +279,7 @@ def test_a_kept_answer_must_pass_the_check_too(
     assert stages.notes == [f"a damaged file of the cache was dropped and its answer computed again: {file} (x)"]
 
 
-def test_a_fingerprint_that_fails_names_the_backend(run: Callable[[], Stages]):
+def test_a_fingerprint_that_fails_names_the_backend(run: Callable[[], StageRunner]):
     with pytest.raises(BackendError) as error:
         ask(run(), Counting(fails_in="fingerprint", error=FileNotFoundError("weights")))
     assert str(error.value) == f"{TITLE}: FileNotFoundError: weights {TELLS}"

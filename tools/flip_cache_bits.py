@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from physic_core.cache.answers import Answers, Question
 from physic_core.cache.digest import Digester
-from physic_core.cache.lru_folder import SUFFIX
+from physic_core.cache.lru_folder import RESULT_SUFFIX
+from physic_core.cache.result_cache import CacheKey, ResultCache
 from physic_core.types import (
     Bodies,
     BodyParameters,
@@ -64,9 +64,9 @@ def one_of_each(seed: int = 0) -> dict[str, object]:
     }
 
 
-def question(interface: str) -> Question:
+def question(interface: str) -> CacheKey:
     """What an answer of an interface is kept under here."""
-    return Question(f"{interface}-flipped-0{SUFFIX}", {"interface": interface})
+    return CacheKey(f"{interface}-flipped-0{RESULT_SUFFIX}", {"interface": interface})
 
 
 def flip(folder: Path, flips: int, seed: int = 0) -> tuple[Counter[str], list[str]]:
@@ -77,10 +77,10 @@ def flip(folder: Path, flips: int, seed: int = 0) -> tuple[Counter[str], list[st
     """
     random, faults, outcomes = np.random.default_rng(seed), [], Counter[str]()
     for interface, answer in one_of_each().items():
-        cache, asked = Answers(folder, 1 << 30), question(interface)
-        cache.keep(asked, answer)
+        cache, asked = ResultCache(folder, 1 << 30), question(interface)
+        cache.write(asked, answer)
         path = folder / asked.name
-        whole, digest = path.read_bytes(), Digester().digest(cache.find(asked))
+        whole, digest = path.read_bytes(), Digester().digest(cache.read(asked))
         for bit in random.integers(0, 8 * len(whole), -(-flips // 8)):
             flipped = bytearray(whole)
             flipped[bit // 8] ^= 1 << (bit % 8)
@@ -88,7 +88,7 @@ def flip(folder: Path, flips: int, seed: int = 0) -> tuple[Counter[str], list[st
             cache.notes.clear()
             title = f"{interface}, bit {bit}"
             try:
-                found = cache.find(asked)
+                found = cache.read(asked)
             except Exception as error:
                 faults.append(f"{title}: {type(error).__name__}: {error}")
                 continue

@@ -41,8 +41,8 @@ def plain_model(path: str | Path, family: Literal["smpl", "mano"]) -> Iterator[P
         BodyModelError: the file is missing, has another type, is damaged, or could run code.
     """
     from physic_core.body.model_file import MANO, SMPL
+    from physic_core.cache.folders import models_folder
     from physic_core.cache.lru_folder import MODEL_SUFFIX
-    from physic_core.cache.places import models_folder
 
     source, layout = Path(path).expanduser(), MANO if family == "mano" else SMPL
     digest = _digest(source, layout)
@@ -80,12 +80,12 @@ def _is_whole(copy: Path, digest: str) -> bool:
 
 def _keep(folder: Path, name: str, source: Path, layout: Layout, digest: str) -> bool:
     """Write the copy to the cache; False if that fails."""
-    from physic_core.files.atomic import replacing
+    from physic_core.files.atomic import atomic_write
 
     content = _content(source, layout, digest)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with replacing(folder) as temporary:
+        with atomic_write(folder) as temporary:
             temporary(name).write_bytes(content)
     except (OSError, OutputError):
         return False

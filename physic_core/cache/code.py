@@ -11,7 +11,7 @@ import sys
 import time
 from pathlib import Path
 
-__all__ = ["Code"]
+__all__ = ["CodeDigester"]
 
 _STARTED = time.time()
 """About when this process read the code that it runs."""
@@ -21,13 +21,13 @@ _MANY = 2000
 """A package of more files than this is named by the module of the class alone: to look at all would take too long."""
 
 
-class Code:
+class CodeDigester:
     """Computes digests of classes; the files of each package are read only once."""
 
     def __init__(self) -> None:
         self._modules: dict[Path, bytes | None] = {}
 
-    def of(self, kind: type) -> str | None:
+    def digest(self, kind: type) -> str | None:
         """Digest of the packages that define a class and its bases.
 
         Sources count with their content, other files (weights, tables) with size and modification time. For a module

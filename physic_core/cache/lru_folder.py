@@ -8,9 +8,18 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-__all__ = ["MAP_SUFFIX", "MODEL_SUFFIX", "SUFFIX", "Kept", "clear", "kept", "shrink", "touch"]
+__all__ = [
+    "MAP_SUFFIX",
+    "MODEL_SUFFIX",
+    "RESULT_SUFFIX",
+    "CacheFile",
+    "clear_folder",
+    "list_files",
+    "mark_used",
+    "trim_folder",
+]
 
-SUFFIX = ".answer.npz"
+RESULT_SUFFIX = ".answer.npz"
 """Suffix of cached backend outputs. A cache never touches a file without its suffix."""
 MAP_SUFFIX = ".map.npz"
 """Of those that keep maps between the meshes of bodies (:mod:`physic_core.cache.maps`)."""
@@ -22,7 +31,7 @@ _LEFT_OVER_S = 3600.0
 
 
 @dataclass(frozen=True)
-class Kept:
+class CacheFile:
     """One cache file.
 
     Attributes:
@@ -36,23 +45,23 @@ class Kept:
     used: float
 
 
-def kept(folder: Path, suffix: str = SUFFIX) -> list[Kept]:
+def list_files(folder: Path, suffix: str = RESULT_SUFFIX) -> list[CacheFile]:
     """List the cache files of ``folder``, least recently used first; empty if there is no such folder."""
     return sorted(_files(folder, f"[!.]*{suffix}"), key=lambda file: (file.used, file.path))
 
 
-def touch(path: Path) -> None:
+def mark_used(path: Path) -> None:
     """Mark a file as used now."""
     with suppress(OSError):
         os.utime(path)
 
 
-def shrink(folder: Path, limit: int, suffix: str = SUFFIX) -> None:
+def trim_folder(folder: Path, limit: int, suffix: str = RESULT_SUFFIX) -> None:
     """Delete leftovers of interrupted writes, then the least recently used files beyond ``limit`` bytes."""
     for file in _half_written(folder, suffix):
         if file.used < time.time() - _LEFT_OVER_S:
             _remove(file)
-    files = kept(folder, suffix)
+    files = list_files(folder, suffix)
     total = sum(file.size for file in files)
     for file in files:
         if total <= limit:
@@ -61,28 +70,28 @@ def shrink(folder: Path, limit: int, suffix: str = SUFFIX) -> None:
         total -= file.size
 
 
-def clear(folder: Path, suffix: str = SUFFIX) -> list[Kept]:
+def clear_folder(folder: Path, suffix: str = RESULT_SUFFIX) -> list[CacheFile]:
     """Delete all cache files of ``folder`` and return those that were deleted."""
     for file in _half_written(folder, suffix):
         _remove(file)
-    return [file for file in kept(folder, suffix) if _remove(file)]
+    return [file for file in list_files(folder, suffix) if _remove(file)]
 
 
-def _half_written(folder: Path, suffix: str) -> list[Kept]:
+def _half_written(folder: Path, suffix: str) -> list[CacheFile]:
     return _files(folder, f".*{suffix}.*.part")
 
 
-def _files(folder: Path, pattern: str) -> list[Kept]:
+def _files(folder: Path, pattern: str) -> list[CacheFile]:
     files = []
     with suppress(OSError):
         for path in folder.glob(pattern):
             with suppress(OSError):  # another process may remove it meanwhile
                 status = path.stat()
-                files.append(Kept(path, status.st_size, status.st_mtime))
+                files.append(CacheFile(path, status.st_size, status.st_mtime))
     return files
 
 
-def _remove(file: Kept) -> bool:
+def _remove(file: CacheFile) -> bool:
     try:
         file.path.unlink()
     except OSError:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body.correspondence import VERSION, Correspondence, correspondence
+from physic_core.cache.folders import maps_folder
 from physic_core.cache.lru_folder import MAP_SUFFIX
-from physic_core.cache.places import maps_folder
 from physic_core.errors import OutputError
 from physic_core.files.archive import DamagedFileError, read_archive, write_archive
 
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import RestMesh
 
-__all__ = ["kept_correspondence"]
+__all__ = ["cached_correspondence"]
 
 
-def kept_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
+def cached_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
     """:func:`physic_core.body.correspondence.correspondence`, cached.
 
     Raises:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from physic_core.cache.places import maps_folder, models_folder
+from physic_core.cache.folders import maps_folder, models_folder
 from physic_core.errors import ConfigError
 
 if TYPE_CHECKING:
-    from physic_core.cache.lru_folder import Kept
+    from physic_core.cache.lru_folder import CacheFile
 
 __all__ = ["cache"]
 
@@ -25,22 +25,22 @@ def cache() -> None:
 @cache.command()
 def info() -> None:
     """Print the cache folders, and the number and size of cached files for each backend."""
-    from physic_core.cache.lru_folder import kept
+    from physic_core.cache.lru_folder import list_files
 
     folder = _folder()
-    files = kept(folder)
+    files = list_files(folder)
     click.echo(f"{folder}: {_sum(files)}")
     for line in _by_backend(files):
         click.echo(line)
     for place, suffix, what in _others():
-        if files := kept(place, suffix):
+        if files := list_files(place, suffix):
             click.echo(f"{place}: {_sum(files, what)}")
 
 
 @cache.command()
 def clear() -> None:
     """Delete all cached files and print what was deleted; results of runs are kept."""
-    from physic_core.cache.lru_folder import clear as remove
+    from physic_core.cache.lru_folder import clear_folder as remove
 
     folder = _folder()
     files = remove(folder)
@@ -53,17 +53,19 @@ def clear() -> None:
 
 
 def _folder() -> Path:
-    from physic_core.cache.places import SWITCH, answers_folder
+    from physic_core.cache.folders import CACHE_VARIABLE, results_folder
 
-    folder = answers_folder()
+    folder = results_folder()
     if folder is None:
-        raise ConfigError(f"the cache is switched off by the environment variable {SWITCH}: unset it to see the cache")
+        raise ConfigError(
+            f"the cache is switched off by the environment variable {CACHE_VARIABLE}: unset it to see the cache"
+        )
     return folder
 
 
-def _by_backend(files: Iterable[Kept]) -> list[str]:
+def _by_backend(files: Iterable[CacheFile]) -> list[str]:
     """One line for each interface and backend, sorted by name."""
-    groups: dict[tuple[str, str], list[Kept]] = {}
+    groups: dict[tuple[str, str], list[CacheFile]] = {}
     for file in files:
         interface, _, rest = file.path.name.partition("-")
         groups.setdefault((interface, rest.rpartition("-")[0]), []).append(file)
@@ -85,9 +87,9 @@ def _others() -> list[tuple[Path, str, tuple[str, str]]]:
     return [(place, suffix, names) for place, suffix, names in kinds if place is not None]
 
 
-def _sum(files: list[Kept], names: tuple[str, str] = ("answer", "answers")) -> str:
+def _sum(files: list[CacheFile], names: tuple[str, str] = ("answer", "answers")) -> str:
     return f"{len(files)} {names[len(files) != 1]}, {_size(files)}"
 
 
-def _size(files: Iterable[Kept]) -> str:
+def _size(files: Iterable[CacheFile]) -> str:
     return f"{sum(file.size for file in files) / 1e6:.1f} MB"

@@ -155,7 +155,7 @@ def _reserved(photo: Path, out: Path | None, overwrite: bool) -> Iterator[Path]:
     This is checked before the run, which can take minutes.
     """
     from physic_core.files.atomic import check_writable
-    from physic_core.io.output import check_folder
+    from physic_core.io.result_folder import check_overwrite
 
     digest = _digest(photo)
     folder, made = (out, []) if out is not None else _default_folder(photo, digest, overwrite)
@@ -163,7 +163,7 @@ def _reserved(photo: Path, out: Path | None, overwrite: bool) -> Iterator[Path]:
     made += [part for part in parts if not os.path.exists(part)]  # Path's own raises where the way there is closed
     try:
         if digest:  # otherwise reading the photo reports the error
-            check_folder(folder, digest, overwrite=overwrite)
+            check_overwrite(folder, digest, overwrite=overwrite)
         check_writable(folder)
         yield folder
     except BaseException:
@@ -174,8 +174,8 @@ def _reserved(photo: Path, out: Path | None, overwrite: bool) -> Iterator[Path]:
 def _digest(photo: Path) -> str:
     """Digests of the photo, if it can be read."""
     from physic_core.errors import InputError
-    from physic_core.io.output import file_digest, photo_digest
     from physic_core.io.photo import read_photo
+    from physic_core.io.result_folder import file_digest, photo_digest
 
     digest = file_digest(photo)
     if digest:
@@ -189,7 +189,7 @@ def _default_folder(photo: Path, digest: str, overwrite: bool) -> tuple[Path, li
 
     A new folder is created at once, so that two simultaneous runs use different ones.
     """
-    from physic_core.io.output import photo_of_result, same_photo
+    from physic_core.io.result_folder import photo_of_result, same_photo
 
     first = Path(f"{photo.stem}-physic")
     if not digest:

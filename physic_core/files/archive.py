@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.files.atomic import replacing
+from physic_core.files.atomic import atomic_write
 from physic_core.files.npz import read_arrays, write_arrays
 from physic_core.files.strict_json import from_json, to_json
 
@@ -126,5 +126,5 @@ def write_archive(path: Path, arrays: Mapping[str, NDArray[Any]], document: Any,
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     text = np.frombuffer(json.dumps(document, allow_nan=False).encode(), np.uint8)
-    with replacing(path.parent) as temporary:
+    with atomic_write(path.parent) as temporary:
         write_arrays(temporary(path.name), {**arrays, _DOCUMENT: text}, stored=stored)

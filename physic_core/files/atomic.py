@@ -10,11 +10,11 @@ from pathlib import Path
 
 from physic_core.errors import OutputError
 
-__all__ = ["check_writable", "replacing"]
+__all__ = ["atomic_write", "check_writable"]
 
 
 @contextmanager
-def replacing(folder: Path) -> Iterator[Callable[[str], Path]]:
+def atomic_write(folder: Path) -> Iterator[Callable[[str], Path]]:
     """Yield a function that returns temporary paths for files of ``folder``; on success, rename all of them.
 
     Raises:

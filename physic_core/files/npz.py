@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-__all__ = ["MOST_BYTES", "read_arrays", "write_arrays"]
+__all__ = ["MAX_BYTES", "read_arrays", "write_arrays"]
 
-MOST_BYTES = 1 << 32
+MAX_BYTES = 1 << 32
 """Largest size in memory of all arrays of one file; a small file can claim any size."""
 
 _SUFFIX = ".npy"
@@ -41,7 +41,7 @@ def read_arrays(stream: IO[bytes], names: Iterable[str] | None = None) -> dict[s
             names = [entry.filename.removesuffix(_SUFFIX) for entry in archive.infolist()]
         entries = {name: archive.getinfo(name + _SUFFIX) for name in names}
         size = sum(entry.file_size for entry in entries.values())
-        if size > MOST_BYTES:
+        if size > MAX_BYTES:
             raise ValueError(f"its arrays claim {size / 1e9:.1f} GB")
         return {name: _array(archive.read(entry)) for name, entry in entries.items()}
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from pydantic import BaseModel, ConfigDict
 
-from physic_core.interfaces.checks import check_type, require_photo
+from physic_core.interfaces.checks import check_type, require_image
 
 if TYPE_CHECKING:
     from physic_core.types import UInt8Array
@@ -128,7 +128,7 @@ def call(backend: Backend, request: Request[Any]) -> object:
     Raises:
         InputError: the image of the request is no photo; the backend is not called.
     """
-    require_photo(request.image)
+    require_image(request.image)
     infer: Any = getattr(backend, "infer")  # noqa: B009 -- each interface has arguments of its own
     result: object = infer(*request.arguments)
     return result

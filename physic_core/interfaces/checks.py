@@ -26,14 +26,14 @@ __all__ = [
     "check_unit_range",
     "finite_rows",
     "is_finite",
-    "judged_rows",
     "length",
-    "require_photo",
+    "require_image",
+    "rows_to_check",
     "tensor_advice",
 ]
 
 
-def require_photo(image: object) -> None:
+def require_image(image: object) -> None:
     """Refuse what is no photo. Its values are integers, and so finite.
 
     Raises:
@@ -135,7 +135,7 @@ def finite_rows(arrays: Iterable[Any], rows: int) -> BoolArray:
     return finite
 
 
-def judged_rows(finite: BoolArray) -> BoolArray:
+def rows_to_check(finite: BoolArray) -> BoolArray:
     """The rows whose values are checked: the finite ones, or all rows if none is finite."""
     return finite if finite.any() else ~finite
 

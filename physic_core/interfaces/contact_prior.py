@@ -15,8 +15,8 @@ from physic_core.interfaces.checks import (
     check_type,
     check_unit_range,
     finite_rows,
-    judged_rows,
     length,
+    rows_to_check,
 )
 from physic_core.types import ContactProbability, RestMesh
 
@@ -76,7 +76,7 @@ class ContactPrior(Backend):
                 return
             vertices = len(result.rest.vertices)
         wrong = list(check_array("probability", result.probability, (len(request.people), vertices), "float"))
-        yield from wrong or check_unit_range("probability", result.probability[judged_rows(finite_contact(result))])
+        yield from wrong or check_unit_range("probability", result.probability[rows_to_check(finite_contact(result))])
 
 
 def finite_contact(contact: ContactProbability) -> BoolArray:

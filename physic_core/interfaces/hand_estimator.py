@@ -14,7 +14,7 @@ from physic_core.interfaces.checks import (
     check_unit_range,
     finite_rows,
     is_finite,
-    judged_rows,
+    rows_to_check,
 )
 from physic_core.types import Hands
 
@@ -67,7 +67,7 @@ class HandEstimator(Backend):
         yield from wrong
         if wrong:
             return
-        rows = judged_rows(finite_hands(result))
+        rows = rows_to_check(finite_hands(result))
         confidence = result.confidence[rows]
         yield from check_unit_range("confidence", confidence)
         yield from check_finite("rotvecs", result.rotvecs[rows][confidence > 0])

@@ -14,7 +14,7 @@ from physic_core.interfaces.checks import (
     check_unit_range,
     finite_rows,
     is_finite,
-    judged_rows,
+    rows_to_check,
 )
 from physic_core.types import Keypoints, Skeleton, skeleton_named
 
@@ -67,7 +67,7 @@ def check_keypoints(keypoints: Keypoints, people: int) -> Iterator[str]:
     yield from wrong
     if wrong:
         return
-    rows = judged_rows(finite_keypoints(keypoints))
+    rows = rows_to_check(finite_keypoints(keypoints))
     confidence = keypoints.confidence[rows]
     yield from check_unit_range("confidence", confidence)
     yield from check_finite("points", keypoints.points[rows][confidence > 0])

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     AnyArray = NDArray[Any]
 
-__all__ = ["PERSON_ARRAYS", "SHARED_ARRAYS", "ArraySpec", "checksum", "to_arrays"]
+__all__ = ["PERSON_ARRAYS", "SHARED_ARRAYS", "ArraySpec", "npz_checksum", "to_arrays"]
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ def to_arrays(reconstruction: Reconstruction) -> dict[str, AnyArray]:
     return arrays
 
 
-def checksum(path: Path) -> str:
+def npz_checksum(path: Path) -> str:
     """CRC-32 over the names and CRC-32s of an npz file, which links it to its ``reconstruction.json``."""
     with zipfile.ZipFile(path) as archive:
         content = "".join(f"{entry.filename} {entry.CRC:08x}\n" for entry in archive.infolist())

@@ -13,7 +13,7 @@ from physic_core.errors import InputError
 from physic_core.files.strict_json import from_json, to_json
 from physic_core.geometry.upright import gltf_from_camera
 from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS
-from physic_core.io.output import SCHEMA
+from physic_core.io.result_folder import SCHEMA
 from physic_core.types import CameraTrust, CheckResult, Provenance, Skeleton, StageRecord
 
 if TYPE_CHECKING:
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 __all__ = [
     "SCHEMA",
     "SCHEMA_VERSION",
-    "checks_from",
-    "from_text",
-    "skeleton_from",
-    "stages_from",
+    "decode_document",
+    "encode_document",
+    "parse_checks",
+    "parse_skeleton",
+    "parse_stages",
+    "parse_trust",
     "to_document",
-    "to_text",
-    "trust_from",
 ]
 
 SCHEMA_VERSION = 1
@@ -103,7 +103,7 @@ def to_document(
     return ready
 
 
-def to_text(document: Mapping[str, Any]) -> bytes:
+def encode_document(document: Mapping[str, Any]) -> bytes:
     """Encode a dictionary as strict UTF-8 JSON (no NaN), with each row of numbers on one line."""
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
     # A newline never stands inside a JSON string, so only lists match.
@@ -112,7 +112,7 @@ def to_text(document: Mapping[str, Any]) -> bytes:
     return (text + "\n").encode("utf-8", "backslashreplace")
 
 
-def from_text(content: bytes, name: str) -> dict[str, Any]:
+def decode_document(content: bytes, name: str) -> dict[str, Any]:
     """Decode UTF-8 JSON to a dictionary; NaN and infinities are still strings.
 
     Args:
@@ -139,7 +139,7 @@ def from_text(content: bytes, name: str) -> dict[str, Any]:
     return document
 
 
-def stages_from(records: Sequence[Mapping[str, Any]]) -> tuple[StageRecord, ...]:
+def parse_stages(records: Sequence[Mapping[str, Any]]) -> tuple[StageRecord, ...]:
     """Parse the ``stages`` of a document."""
     return tuple(
         StageRecord(
@@ -154,7 +154,7 @@ def stages_from(records: Sequence[Mapping[str, Any]]) -> tuple[StageRecord, ...]
     )
 
 
-def trust_from(camera: Mapping[str, Any]) -> CameraTrust:
+def parse_trust(camera: Mapping[str, Any]) -> CameraTrust:
     """Parse the trust of a document's ``intrinsics``; older documents have it as the first word of ``source``."""
     if "trust" in camera:
         return CameraTrust(camera["trust"])
@@ -163,7 +163,7 @@ def trust_from(camera: Mapping[str, Any]) -> CameraTrust:
     return CameraTrust.GUESSED if camera["source"].startswith("default") else CameraTrust.ESTIMATED
 
 
-def checks_from(records: Sequence[Mapping[str, Any]]) -> tuple[CheckResult, ...]:
+def parse_checks(records: Sequence[Mapping[str, Any]]) -> tuple[CheckResult, ...]:
     """Parse the ``checks`` of a document."""
     return tuple(
         CheckResult(
@@ -179,7 +179,7 @@ def checks_from(records: Sequence[Mapping[str, Any]]) -> tuple[CheckResult, ...]
     )
 
 
-def skeleton_from(document: Mapping[str, Any]) -> Skeleton | str:
+def parse_skeleton(document: Mapping[str, Any]) -> Skeleton | str:
     """The ``skeleton`` of a document, and its ``skeleton_points`` where a detector brought its own."""
     points = document.get("skeleton_points")
     if points is None:

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from typing import Any
 
-__all__ = ["intrinsics_from_exif", "is_turned"]
+__all__ = ["intrinsics_from_exif", "swaps_sides"]
 
 ORIENTATION = 0x0112
 EXIF_IFD = 0x8769
@@ -27,7 +27,7 @@ _UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 _FOCAL_RANGE = (0.3, 15.0)  # of the long side: a 118 degree lens to a 4 degree one
 
 
-def is_turned(orientation: int) -> bool:
+def swaps_sides(orientation: int) -> bool:
     """Whether an EXIF orientation (1-8) swaps width and height."""
     return orientation in (5, 6, 7, 8)
 
@@ -83,7 +83,7 @@ def _focal_px(
     written = _number(tags.get(_PIXEL_WIDTH)) or stored[0], _number(tags.get(_PIXEL_HEIGHT)) or stored[1]
     along_x = focal_mm * plane_x / unit_mm / written[0]  # focal over the stored width
     along_y = focal_mm * plane_y / unit_mm / written[1]
-    if is_turned(orientation):
+    if swaps_sides(orientation):
         along_x, along_y = along_y, along_x
     return along_x * width, along_y * height, f"EXIF: {focal_mm:g} mm and the sensor's resolution"
 

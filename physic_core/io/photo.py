@@ -16,13 +16,13 @@ import numpy as np
 from PIL import Image, ImageOps, UnidentifiedImageError
 
 from physic_core.errors import InputError
-from physic_core.io.exif import EXIF_IFD, ORIENTATION, intrinsics_from_exif, is_turned
+from physic_core.io.exif import EXIF_IFD, ORIENTATION, intrinsics_from_exif, swaps_sides
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
     from physic_core.types import Intrinsics, UInt8Array
 
-__all__ = ["MAX_PIXELS", "MIN_SIDE", "Photo", "check_image", "prepare", "read_photo"]
+__all__ = ["MAX_PIXELS", "MIN_SIDE", "Photo", "check_image", "limit_size", "read_photo"]
 
 MIN_SIDE = 64
 """Shorter side that a photo must have, px."""
@@ -70,7 +70,7 @@ def read_photo(path: str | os.PathLike[str]) -> Photo:
             return _read(image, path)
 
 
-def prepare(photo: Photo, max_side: int) -> Photo:
+def limit_size(photo: Photo, max_side: int) -> Photo:
     """Resize a photo so that its long side is at most ``max_side`` px (area resampling), and its intrinsics.
 
     Raises:
@@ -255,7 +255,7 @@ def _read(image: Image.Image, path: Path) -> Photo:
     intrinsics, note = intrinsics_from_exif(tags, stored, rgb.size[0], rgb.size[1], orientation)
     if note:
         notes.append(note)
-    upright = stored[::-1] if is_turned(orientation) else stored
+    upright = stored[::-1] if swaps_sides(orientation) else stored
     return Photo(np.array(rgb), intrinsics, tuple(notes), upright if factor > 1 else None)
 
 

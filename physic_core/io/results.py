@@ -9,24 +9,32 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import InputError
-from physic_core.files.atomic import check_writable, replacing
+from physic_core.files.atomic import atomic_write, check_writable
 from physic_core.files.npz import read_arrays, write_arrays
 from physic_core.files.strict_json import from_json
 from physic_core.io.arrays import (
     PARAMETER_NAMES,
     PERSON_ARRAYS,
     SHARED_ARRAYS,
-    checksum,
+    npz_checksum,
     to_arrays,
 )
-from physic_core.io.document import checks_from, from_text, skeleton_from, stages_from, to_document, to_text, trust_from
-from physic_core.io.output import (
+from physic_core.io.document import (
+    decode_document,
+    encode_document,
+    parse_checks,
+    parse_skeleton,
+    parse_stages,
+    parse_trust,
+    to_document,
+)
+from physic_core.io.result_folder import (
     ARRAYS_FILE,
     DOCUMENT_FILE,
     PREVIEW_FILE,
-    check_folder,
+    check_overwrite,
     file_digest,
-    own_files,
+    unchanged_result_files,
 )
 from physic_core.types import BodyParameters, Intrinsics, Person, Plane, Reconstruction, Scene
 
@@ -75,24 +83,24 @@ def save_reconstruction(
     names = [DOCUMENT_FILE, ARRAYS_FILE, "scene.glb", "combined.glb"]
     names += [f"person_{index}.glb" for index in range(len(reconstruction.people))]
     names += [PREVIEW_FILE] if preview else []
-    check_folder(folder, reconstruction.photo, overwrite=overwrite, names=names)
+    check_overwrite(folder, reconstruction.photo, overwrite=overwrite, names=names)
     folder = check_writable(folder)
-    earlier = own_files(folder)
+    earlier = unchanged_result_files(folder)
     stale = [folder / name for name in earlier.difference(names)]
     # Digests of the earlier images, which stay until the new ones are written.
     digests = {name: file_digest(folder / name) for name in earlier.intersection(names) if name != DOCUMENT_FILE}
-    with replacing(folder) as temporary:
+    with atomic_write(folder) as temporary:
         # The document first: if the process ends between the two, the folder is still recognised as a result.
         document_file, arrays_file = temporary(DOCUMENT_FILE), temporary(ARRAYS_FILE)
         write_arrays(arrays_file, to_arrays(reconstruction), stored="f")
-        arrays_checksum = checksum(arrays_file)
+        arrays_checksum = npz_checksum(arrays_file)
         digests[ARRAYS_FILE] = file_digest(arrays_file)
-        document_file.write_bytes(to_text(to_document(reconstruction, names, arrays_checksum, digests)))
+        document_file.write_bytes(encode_document(to_document(reconstruction, names, arrays_checksum, digests)))
         for path in stale:
             with suppress(OSError):
                 path.unlink()
     # The numbers are safe by now, whatever becomes of the pictures.
-    with replacing(folder) as temporary:
+    with atomic_write(folder) as temporary:
 
         def write(name: str, content: bytes) -> None:
             temporary(name).write_bytes(content)
@@ -105,7 +113,7 @@ def save_reconstruction(
             from physic_core.visual.preview import preview_png
 
             write(PREVIEW_FILE, preview_png(reconstruction))
-        document_file.write_bytes(to_text(to_document(reconstruction, names, arrays_checksum, digests)))
+        document_file.write_bytes(encode_document(to_document(reconstruction, names, arrays_checksum, digests)))
     return tuple(folder / name for name in names)
 
 
@@ -116,7 +124,7 @@ def load_reconstruction(folder: str | os.PathLike[str]) -> Reconstruction:
         InputError: a file is missing, damaged, from another run, or of another schema version.
     """
     folder = Path(folder)
-    document = from_text(_content(folder / DOCUMENT_FILE), str(folder / DOCUMENT_FILE))
+    document = decode_document(_content(folder / DOCUMENT_FILE), str(folder / DOCUMENT_FILE))
     arrays = _arrays(folder / ARRAYS_FILE, document)
     try:
         return _assemble(document, arrays)
@@ -141,7 +149,7 @@ def _arrays(path: Path, document: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
     wanted = [spec.name for spec in SHARED_ARRAYS]
     wanted += [f"person_{index}_{spec.name}" for index in range(people) for spec in PERSON_ARRAYS]
     try:
-        found = checksum(path)
+        found = npz_checksum(path)
         with path.open("rb") as stream:
             names = zipfile.ZipFile(stream).namelist()
             if missing := [name for name in wanted if f"{name}.npy" not in names]:
@@ -173,7 +181,7 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
             width=camera["width"],
             height=camera["height"],
             source=camera["source"],
-            trust=trust_from(camera),
+            trust=parse_trust(camera),
         ),
         scene=Scene(
             points=arrays["scene_points"],
@@ -188,13 +196,13 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
         people=tuple(_person(record, index, arrays) for index, record in enumerate(document["people"])),
         faces=arrays["faces"],
         body_model=document["body_model"],
-        skeleton=skeleton_from(document),
-        stages=stages_from(document["stages"]),
+        skeleton=parse_skeleton(document),
+        stages=parse_stages(document["stages"]),
         diagnostics=from_json(document["diagnostics"]),
         warnings=tuple(document["warnings"]),
         notes=tuple(document["notes"]),
         config=from_json(document["config"]),
-        checks=checks_from(document.get("checks", ())),  # results of before they were written have none
+        checks=parse_checks(document.get("checks", ())),  # results of before they were written have none
         photo=document.get("photo", ""),
     )
 

@@ -55,10 +55,10 @@ from physic_core.types import CheckResult
 
 if TYPE_CHECKING:
     from physic_core.engine.settings import EngineSettings
-    from physic_core.pipeline.estimate import Evidence
+    from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.solution import Solution
 
-__all__ = ["CHECKS", "CheckSpec", "diagnose", "failed_checks", "warnings_of"]
+__all__ = ["CHECKS", "CheckSpec", "check_warnings", "failed_checks", "run_checks"]
 
 
 @dataclass(frozen=True)
@@ -146,11 +146,11 @@ _NO_FLOOR = {
 }
 
 
-def diagnose(evidence: Evidence, solution: Solution, settings: EngineSettings) -> tuple[CheckResult, ...]:
+def run_checks(estimates: Estimates, solution: Solution, settings: EngineSettings) -> tuple[CheckResult, ...]:
     """Run all checks: those of the photo, then those of each person, in the order of ``CHECKS``."""
-    found = [*_of_photo(evidence, solution, settings)]
+    found = [*_of_photo(estimates, solution, settings)]
     for person in range(len(solution.people)):
-        found += [replace(diagnostic, person=person) for diagnostic in _of_person(evidence, solution, person)]
+        found += [replace(diagnostic, person=person) for diagnostic in _of_person(estimates, solution, person)]
     return tuple(found)
 
 
@@ -159,7 +159,7 @@ def failed_checks(diagnostics: Sequence[CheckResult], person: int) -> tuple[str,
     return tuple(d.name for d in diagnostics if d.person == person and not d.ok)
 
 
-def warnings_of(diagnostics: Sequence[CheckResult]) -> tuple[str, ...]:
+def check_warnings(diagnostics: Sequence[CheckResult]) -> tuple[str, ...]:
     """Messages of failed checks of the photo, and of those that left a person without a position or a body."""
     return tuple(
         d.message if d.person is None else f"person {d.person}: {d.message}"
@@ -182,7 +182,7 @@ def _judged(
     return CheckResult(name, None if value is None else float(value), float(bound), check.unit, ok, message)
 
 
-def _of_photo(evidence: Evidence, solution: Solution, settings: EngineSettings) -> Iterator[CheckResult]:
+def _of_photo(estimates: Estimates, solution: Solution, settings: EngineSettings) -> Iterator[CheckResult]:
     from physic_core.engine.placement import human_points
     from physic_core.engine.scene import build
 
@@ -212,8 +212,8 @@ def _of_photo(evidence: Evidence, solution: Solution, settings: EngineSettings) 
         threshold=human_points.ALIGN_LEAST_SHARE,
     )
     yield from _floor(report["scene"]["floor"], settings)
-    yield from _scale(evidence, solution)
-    yield from _focal(evidence, solution)
+    yield from _scale(estimates, solution)
+    yield from _focal(estimates, solution)
 
 
 def _floor(report: Mapping[str, Any], settings: EngineSettings) -> Iterator[CheckResult]:
@@ -241,8 +241,8 @@ def _floor(report: Mapping[str, Any], settings: EngineSettings) -> Iterator[Chec
     )
 
 
-def _scale(evidence: Evidence, solution: Solution) -> Iterator[CheckResult]:
-    sigma, scale = evidence.depth.scale_sigma, solution.scene.scale
+def _scale(estimates: Estimates, solution: Solution) -> Iterator[CheckResult]:
+    sigma, scale = estimates.depth.scale_sigma, solution.scene.scale
     yield _judged(
         "scale_sigma",
         sigma,
@@ -266,7 +266,7 @@ def _scale(evidence: Evidence, solution: Solution) -> Iterator[CheckResult]:
     )
 
 
-def _focal(evidence: Evidence, solution: Solution) -> Iterator[CheckResult]:
+def _focal(estimates: Estimates, solution: Solution) -> Iterator[CheckResult]:
     camera = solution.intrinsics
     yield _judged(
         "focal_known",
@@ -281,7 +281,7 @@ def _focal(evidence: Evidence, solution: Solution) -> Iterator[CheckResult]:
         f"the principal point ({camera.cx:.0f}, {camera.cy:.0f}) lies {offset:.0%} of the photo's size off its centre "
         f"({camera.source}), as in a cropped photo only: check --intrinsics",
     )
-    witnesses = [evidence.scene.intrinsics, evidence.original.intrinsics, evidence.depth.intrinsics]
+    witnesses = [estimates.scene.intrinsics, estimates.original.intrinsics, estimates.depth.intrinsics]
     used = math.sqrt(camera.fx * camera.fy)
     ratios = [math.sqrt(w.fx * w.fy) * camera.width / w.width / used for w in witnesses if w is not None]
     ratio = max(ratios, key=_factor) if ratios else 1.0
@@ -293,9 +293,9 @@ def _focal(evidence: Evidence, solution: Solution) -> Iterator[CheckResult]:
     )
 
 
-def _of_person(evidence: Evidence, solution: Solution, person: int) -> Iterator[CheckResult]:
+def _of_person(estimates: Estimates, solution: Solution, person: int) -> Iterator[CheckResult]:
     report = solution.people[person]
-    lost = evidence.lost[person] if evidence.lost else ()
+    lost = estimates.missing_results[person] if estimates.missing_results else ()
     yield _judged(
         "answered",
         float(len(lost)),
@@ -314,7 +314,7 @@ def _of_person(evidence: Evidence, solution: Solution, person: int) -> Iterator[
         _number(report, "seen_share"),
         "most of the body is hidden or outside the photo: what is not seen is a guess",
     )
-    legs = _legs_seen(evidence, person)
+    legs = _legs_seen(estimates, person)
     yield _judged(
         "legs_seen",
         None if legs is None else float(legs),
@@ -360,9 +360,9 @@ def _lean(solution: Solution, person: int, both_legs: bool) -> CheckResult:
     )
 
 
-def _legs_seen(evidence: Evidence, person: int) -> int | None:
+def _legs_seen(estimates: Estimates, person: int) -> int | None:
     """Number of legs with a visible knee or ankle; None if the backend does not report visible joints."""
-    observed = evidence.bodies.observed
+    observed = estimates.bodies.observed
     return None if observed is None else int((observed[person][_KNEES] | observed[person][_ANKLES]).sum())
 
 

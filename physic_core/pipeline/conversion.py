@@ -12,13 +12,13 @@ from physic_core.interfaces.body_estimator import finite_bodies
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
-    from physic_core.pipeline.stages import Stages
+    from physic_core.pipeline.stage_runner import StageRunner
     from physic_core.types import Bodies, ContactProbability, Hands
 
-__all__ = ["bodies_for_backends", "convert_bodies", "transfer_contact", "with_hands"]
+__all__ = ["bodies_for_backends", "convert_bodies", "replace_hands", "transfer_contact"]
 
 
-def with_hands(bodies: Bodies, hands: Hands, model: BodyModel) -> Bodies:
+def replace_hands(bodies: Bodies, hands: Hands, model: BodyModel) -> Bodies:
     """Replace the finger rotations of every hand whose confidence is above 0.
 
     If ``hands.wrists`` are given, forearms and wrists are rotated to fit the hands, weighted by confidence.
@@ -34,14 +34,14 @@ def with_hands(bodies: Bodies, hands: Hands, model: BodyModel) -> Bodies:
     return replace(bodies, parameters=replace(p, left_hand_pose=left, right_hand_pose=right))
 
 
-def convert_bodies(bodies: Bodies, model: BodyModel, who: str, stages: Stages) -> Bodies:
+def convert_bodies(bodies: Bodies, model: BodyModel, who: str, stages: StageRunner) -> Bodies:
     """Convert bodies of another body model to the configured one, and add the remaining error to the notes.
 
     Raises:
         BodyModelError: they have neither joints nor mesh, or too few joints for all people.
     """
     from physic_core.body.conversion import can_carry, carry
-    from physic_core.cache.maps import kept_correspondence
+    from physic_core.cache.maps import cached_correspondence
 
     if not can_carry(bodies, model):
         cure = "name = 'embedded'" if bodies.body_model == "embedded" else f"path = the file of a '{bodies.body_model}'"
@@ -51,7 +51,7 @@ def convert_bodies(bodies: Bodies, model: BodyModel, who: str, stages: Stages) -
             f"or choose a body_estimator that gives '{model.name}'"
         )
     try:
-        found = carry(bodies, model, kept_correspondence)
+        found = carry(bodies, model, cached_correspondence)
     except BodyModelError as error:
         raise BodyModelError(f"{who}: {error}") from error
     if not finite_bodies(found.bodies).any():
@@ -64,14 +64,14 @@ def convert_bodies(bodies: Bodies, model: BodyModel, who: str, stages: Stages) -
 
 
 def transfer_contact(
-    contact: ContactProbability, model: BodyModel, who: str, stages: Stages
+    contact: ContactProbability, model: BodyModel, who: str, stages: StageRunner
 ) -> ContactProbability | None:
     """Transfer contact from another mesh to the configured model's; None, and a warning, for an unknown mesh."""
     from physic_core.body.conversion import contact_to_model
-    from physic_core.cache.maps import kept_correspondence
+    from physic_core.cache.maps import cached_correspondence
 
     try:
-        carried = contact_to_model(contact, model, kept_correspondence)
+        carried = contact_to_model(contact, model, cached_correspondence)
     except BodyModelError as error:
         stages.warn(f"{who}: {error}; contact is computed from distances alone")
         return None

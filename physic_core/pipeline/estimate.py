@@ -26,8 +26,8 @@ from physic_core.interfaces import (
 )
 from physic_core.interfaces.backend import violations
 from physic_core.interfaces.body_estimator import finite_bodies
-from physic_core.pipeline.conversion import bodies_for_backends, convert_bodies, transfer_contact, with_hands
-from physic_core.pipeline.partial_answers import (
+from physic_core.pipeline.conversion import bodies_for_backends, convert_bodies, replace_hands, transfer_contact
+from physic_core.pipeline.nonfinite_results import (
     drop_nonfinite_bodies,
     drop_nonfinite_hands,
     drop_nonfinite_keypoints,
@@ -51,14 +51,14 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.configuration.resolve import ResolvedBackend, ResolvedPipeline
     from physic_core.engine.settings import EngineSettings
-    from physic_core.pipeline.stages import Stages
+    from physic_core.pipeline.stage_runner import StageRunner
     from physic_core.types import BoolArray, FloatArray, UInt8Array
 
-__all__ = ["Evidence", "dilate", "feet_pixels", "perceive"]
+__all__ = ["Estimates", "dilate", "feet_pixels", "run_backends"]
 
 
 @dataclass(frozen=True)
-class Evidence(ShortRepr):
+class Estimates(ShortRepr):
     """The results of all estimators, in the camera frame of ``intrinsics``.
 
     Attributes:
@@ -68,14 +68,14 @@ class Evidence(ShortRepr):
         people: N people.
         keypoints: of the N people.
         hole: (H, W) bool, inpainted pixels.
-        empty: (H, W, 3) uint8 RGB, the photo without its people.
-        scene: relative point map of ``empty``.
+        inpainted: (H, W, 3) uint8 RGB, the photo without its people.
+        scene: relative point map of ``inpainted``.
         original: relative point map of ``image``.
         floor: in the units of ``scene``, or None.
         bodies: N bodies with their hands, of the configured body model.
         contact: contact prior, zero if no backend was configured.
-        depth: metric depth of ``empty``.
-        lost: per person, the interfaces whose backend returned no finite values for them. Such a person has
+        depth: metric depth of ``inpainted``.
+        missing_results: per person, the interfaces whose backend returned no finite values for them. Such a person has
             keypoints of confidence 0, a body of NaN, flat hands or no prior contact.
     """
 
@@ -85,19 +85,19 @@ class Evidence(ShortRepr):
     people: People
     keypoints: Keypoints
     hole: BoolArray
-    empty: UInt8Array
+    inpainted: UInt8Array
     scene: Pointmap
     original: Pointmap
     floor: Plane | None
     bodies: Bodies
     contact: ContactProbability
     depth: DepthMap
-    lost: tuple[tuple[str, ...], ...] = ()
+    missing_results: tuple[tuple[str, ...], ...] = ()
 
 
-def perceive(
-    image: UInt8Array, given: Intrinsics | None, plan: ResolvedPipeline, model: BodyModel, stages: Stages
-) -> Evidence:
+def run_backends(
+    image: UInt8Array, given: Intrinsics | None, plan: ResolvedPipeline, model: BodyModel, stages: StageRunner
+) -> Estimates:
     """Call all backends of ``plan`` on a photo.
 
     Args:
@@ -118,15 +118,15 @@ def perceive(
     keypoints = run.keypoints(image, people)
 
     hole = dilate(np.logical_or.reduce(people.masks), max(4.0, plan.photo.mask_growth * max(image.shape[:2])))
-    empty = stages.call("inpainting", plan.backends["inpainter"], InpainterRequest(image, hole))
+    inpainted = stages.call_backend("inpainting", plan.backends["inpainter"], InpainterRequest(image, hole))
 
     # The inpainted photo gives the scene; the original photo gives the people's depth.
     hints = Hints(given, people, keypoints, hole)
-    scene = run.pointmap("scene point map", empty, hints, last=False)
+    scene = run.pointmap("scene point map", inpainted, hints, last=False)
     camera = given or scene.intrinsics or _camera_of(scene)
     hints = replace(hints, intrinsics=camera, hole=None, scene=scene)
     original = run.pointmap("photo point map", image, hints)
-    with stages.engine("relative floor"):
+    with stages.time_engine("relative floor"):
         floor = _relative_floor(scene, people, hole, keypoints, plan.engine)
         hints = replace(hints, floor=floor, original=_aligned(original, scene, hole, plan.engine))
 
@@ -140,24 +140,24 @@ def perceive(
 
     seen_keypoints = select_people(keypoints, embodied)
     hints = replace(hints, people=seen, keypoints=seen_keypoints, hole=hole, bodies=seen_bodies)
-    depth = stages.call("metric depth", plan.backends["metric_depth"], MetricDepthRequest(empty, hints))
+    depth = stages.call_backend("metric depth", plan.backends["metric_depth"], MetricDepthRequest(inpainted, hints))
     stages.note(*depth.notes)
 
-    return Evidence(
+    return Estimates(
         image=image,
         intrinsics=camera,
         camera_given=given is not None,
         people=people,
         keypoints=keypoints,
         hole=hole,
-        empty=empty,
+        inpainted=inpainted,
         scene=scene,
         original=original,
         floor=floor,
         bodies=bodies,
         contact=contact,
         depth=depth,
-        lost=run.missing_per_person(len(people)),
+        missing_results=run.missing_per_person(len(people)),
     )
 
 
@@ -174,13 +174,13 @@ class _Estimators:
 
     backends: Mapping[str, ResolvedBackend]
     model: BodyModel
-    stages: Stages
+    stages: StageRunner
     missing: dict[str, BoolArray] = field(default_factory=dict)
 
     def people(self, image: UInt8Array) -> People:
         """Segment the people; raises NoPersonError if there are none."""
         segmenter, request = self.backends["segmenter"], SegmenterRequest(image)
-        people = self.stages.call("people", segmenter, request, unchecked=("floor",))
+        people = self.stages.call_backend("people", segmenter, request, unchecked=("floor",))
         if wrong := violations(Segmenter, people, request):
             self.stages.warn(
                 f"{segmenter.title}, stage 'people' returned what the interface does not allow: {'; '.join(wrong)}; "
@@ -201,21 +201,21 @@ class _Estimators:
     def keypoints(self, image: UInt8Array, people: People) -> Keypoints:
         """Detect the joints of all people in the image."""
         detector, request = self.backends["keypoint_detector"], KeypointDetectorRequest(image, people)
-        found = self.stages.call("keypoints", detector, request)
+        found = self.stages.call_backend("keypoints", detector, request)
         keypoints, self.missing["keypoint_detector"] = drop_nonfinite_keypoints(found)
         return keypoints
 
     def pointmap(self, stage: str, image: UInt8Array, hints: Hints, *, last: bool = True) -> Pointmap:
         """Estimate a relative point map of the inpainted photo or of the photo."""
         estimator, request = self.backends["relative_pointmap"], RelativePointmapRequest(image, hints)
-        pointmap = self.stages.call(stage, estimator, request, last=last)
+        pointmap = self.stages.call_backend(stage, estimator, request, last=last)
         self.stages.note(*pointmap.notes)
         return pointmap
 
     def bodies(self, request: BodyEstimatorRequest) -> Bodies:
         """Estimate the bodies, of the configured body model; NaN for people who are ``missing``."""
         estimator = self.backends["body_estimator"]
-        found = self.stages.call("bodies", estimator, request)
+        found = self.stages.call_backend("bodies", estimator, request)
         bodies, missing = drop_nonfinite_bodies(found)
         if bodies.body_model != self.model.name:
             bodies = convert_bodies(bodies, self.model, estimator.title, self.stages)
@@ -228,12 +228,14 @@ class _Estimators:
         if "hand_estimator" not in self.backends:
             return bodies
         otherwise = "fingers stay as the body_estimator posed them"
-        found = self.stages.call_optional("hands", self.backends["hand_estimator"], request, otherwise=otherwise)
+        found = self.stages.call_optional_backend(
+            "hands", self.backends["hand_estimator"], request, otherwise=otherwise
+        )
         if found is None:
             self.missing["hand_estimator"] = np.ones(len(request.people), bool)
             return bodies
         hands, self.missing["hand_estimator"] = drop_nonfinite_hands(found)
-        return with_hands(bodies, hands, self.model)
+        return replace_hands(bodies, hands, self.model)
 
     def contact(self, image: UInt8Array, people: People, bodies: Bodies, embodied: BoolArray) -> ContactProbability:
         """Contact probabilities of all N people on the body model; 0 without a backend or a body.
@@ -250,7 +252,7 @@ class _Estimators:
             return none
         prior, otherwise = self.backends["contact_prior"], "contact is computed from distances alone"
         request = ContactPriorRequest(image, people, bodies, topology=model.topology, vertices=model.num_vertices)
-        found = self.stages.call_optional("contact prior", prior, request, otherwise=otherwise)
+        found = self.stages.call_optional_backend("contact prior", prior, request, otherwise=otherwise)
         if found is not None and found.topology != model.topology:
             found = transfer_contact(found, model, prior.title, self.stages)
         if found is None:

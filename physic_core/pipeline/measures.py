@@ -16,7 +16,7 @@ from physic_core.geometry.visibility import facing, inside_mask, vertex_areas
 if TYPE_CHECKING:
     from torch import Tensor
 
-__all__ = ["depth_ratio", "seen_share", "support_gap"]
+__all__ = ["depth_ratio", "support_gap", "visible_share"]
 
 _FACING_DEG = 70.0  # degrees; vertices beyond lie at the rim, where one pixel of the mask decides
 _DOWNWARD = -0.3  # cosine between a normal and up: supporting vertices face down
@@ -24,7 +24,7 @@ _LOWEST_M = 0.1  # metres above the lowest vertex: the feet of a standing person
 _FEWEST = 20  # vertices with a depth, for a median
 
 
-def seen_share(
+def visible_share(
     vertices: Tensor, normals: Tensor, faces: Tensor, outer: Tensor, mask: Tensor, K: Tensor
 ) -> float | None:
     """Share of the surface that faces the camera and lies in the person's mask; None if nothing faces the camera.

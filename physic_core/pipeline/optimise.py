@@ -27,7 +27,7 @@ from physic_core.geometry.floor import FloorEvidence
 from physic_core.geometry.tensors import tensor
 from physic_core.geometry.visibility import vertex_normals
 from physic_core.pipeline.estimate import feet_pixels
-from physic_core.pipeline.solution import Solution, describe
+from physic_core.pipeline.solution import Solution, assemble_solution
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -37,37 +37,37 @@ if TYPE_CHECKING:
     from physic_core.engine.scene.build import SceneState
     from physic_core.engine.settings import EngineSettings
     from physic_core.geometry.alignment import Alignment
-    from physic_core.pipeline.estimate import Evidence
-    from physic_core.pipeline.stages import Stages
+    from physic_core.pipeline.estimate import Estimates
+    from physic_core.pipeline.stage_runner import StageRunner
     from physic_core.types import Intrinsics, Skeleton
 
-__all__ = ["solve"]
+__all__ = ["run_engine"]
 
 
-def solve(evidence: Evidence, settings: EngineSettings, model: BodyModel, stages: Stages) -> Solution:
+def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel, stages: StageRunner) -> Solution:
     """Run the engine on the device of ``model``.
 
     The pipeline uses the CPU, since nearest-point search and ray casts run there.
     """
     # Eighty L-BFGS steps amplify rounding errors a million times: float32 results would differ between CPUs.
     model = model.to(dtype=torch.float64)
-    with stages.engine("scene"):
-        scene = _metric_scene(evidence, settings)
-    with stages.engine("placement"):
-        photo = _align_photo(evidence, scene, settings.placement)
-        bodies = _pose_bodies(evidence, model, settings.placement)
-        detections = _detections(evidence, photo, bodies)
+    with stages.time_engine("scene"):
+        scene = _metric_scene(estimates, settings)
+    with stages.time_engine("placement"):
+        photo = _align_photo(estimates, scene, settings.placement)
+        bodies = _pose_bodies(estimates, model, settings.placement)
+        detections = _detections(estimates, photo, bodies)
         placed = place_people(bodies.posed, detections, bodies.K(scene), scene.floor_plane, settings.placement)
         if floor_cuts_people(scene.floor, bodies.moved(placed)):
             scene = without_floor(scene)
             placed = place_people(bodies.posed, detections, bodies.K(scene), None, settings.placement, before=placed)
-    with stages.engine("joint optimisation"):
-        problem = _joint_problem(evidence, scene, photo, bodies, placed, model)
+    with stages.time_engine("joint optimisation"):
+        problem = _joint_problem(estimates, scene, photo, bodies, placed, model)
         # Without a common background the depth of people is unknown; a warning reports it.
         blind = problem.human_depth is None
         result = optimize(problem, settings.joint.without("depth") if blind else settings.joint)
-    with stages.engine("contact"):
-        scene, problem = finalize_scene(scene, problem, result, tensor(evidence.hole), settings.scene)
+    with stages.time_engine("contact"):
+        scene, problem = finalize_scene(scene, problem, result, tensor(estimates.hole), settings.scene)
         placement = {
             "alignment": alignment_diagnostics(photo.alignment),
             "people": [
@@ -75,39 +75,39 @@ def solve(evidence: Evidence, settings: EngineSettings, model: BodyModel, stages
                 for person, pairs in zip(placed.placement.diagnostics, placed.exchanged, strict=True)
             ],
         }
-        return describe(evidence, scene, problem, placement, result, settings)
+        return assemble_solution(estimates, scene, problem, placement, result, settings)
 
 
 # ---- stage 1: the scene in metres (Sec. 3.1) -------------------------------------------------------------------------
 
 
-def _metric_scene(evidence: Evidence, settings: EngineSettings) -> SceneState:
-    height, width = evidence.hole.shape
+def _metric_scene(estimates: Estimates, settings: EngineSettings) -> SceneState:
+    height, width = estimates.hole.shape
     return build_scene(
-        tensor(evidence.scene.points),
-        tensor(evidence.scene.valid),
-        evidence.scene.unknown,
-        tensor(evidence.depth.depth),
-        _cameras(evidence),
+        tensor(estimates.scene.points),
+        tensor(estimates.scene.valid),
+        estimates.scene.unknown,
+        tensor(estimates.depth.depth),
+        _cameras(estimates),
         FloorEvidence(
-            mask=None if evidence.people.floor is None else tensor(evidence.people.floor),
-            hole=tensor(evidence.hole),
-            feet_px=tensor(feet_pixels(evidence.keypoints, height, width)),
+            mask=None if estimates.people.floor is None else tensor(estimates.people.floor),
+            hole=tensor(estimates.hole),
+            feet_px=tensor(feet_pixels(estimates.keypoints, height, width)),
         ),
         settings.scene,
     )
 
 
-def _cameras(evidence: Evidence) -> Cameras:
+def _cameras(estimates: Estimates) -> Cameras:
     """The cameras that stage 1 may use: a measured one before an estimated one before a guessed one."""
-    metric, pointmap = evidence.depth.intrinsics, evidence.scene.intrinsics
-    keep = evidence.camera_given or (pointmap is not None and (metric is None or _trust(pointmap) > _trust(metric)))
+    metric, pointmap = estimates.depth.intrinsics, estimates.scene.intrinsics
+    keep = estimates.camera_given or (pointmap is not None and (metric is None or _trust(pointmap) > _trust(metric)))
     if pointmap is not None and metric is not None and _trust(pointmap) < _trust(metric):
         pointmap = None
     if keep and metric is not None and metric.known:
         metric = None  # its depth does not depend on the camera
     return Cameras(
-        given=torch.from_numpy(evidence.intrinsics.matrix) if keep else None,
+        given=torch.from_numpy(estimates.intrinsics.matrix) if keep else None,
         metric_depth=None if metric is None else torch.from_numpy(metric.matrix),
         pointmap=None if pointmap is None else torch.from_numpy(pointmap.matrix),
     )
@@ -143,20 +143,20 @@ class _AlignedPhoto:
         return torch.where(self.valid & torch.isfinite(self.points).all(-1), self.points[..., 2], torch.nan)
 
 
-def _align_photo(evidence: Evidence, scene: SceneState, settings: PlacementSettings) -> _AlignedPhoto:
-    original, valid = tensor(evidence.original.points), tensor(evidence.original.valid)
+def _align_photo(estimates: Estimates, scene: SceneState, settings: PlacementSettings) -> _AlignedPhoto:
+    original, valid = tensor(estimates.original.points), tensor(estimates.original.valid)
     alignment = align_original(
         original,
         valid,
-        evidence.original.unknown,
+        estimates.original.unknown,
         scene.points,
         scene.valid,
-        tensor(evidence.hole),
+        tensor(estimates.hole),
         settings,
         far=FAR_M,
     )
     aligned = original_in_scene(original, alignment, scene.K)
-    people = tuple(human_points(aligned, valid, tensor(mask), settings) for mask in evidence.people.masks)
+    people = tuple(human_points(aligned, valid, tensor(mask), settings) for mask in estimates.people.masks)
     return _AlignedPhoto(alignment, aligned, valid, people)
 
 
@@ -190,9 +190,9 @@ class _EstimatedBodies:
         return self.posed.vertices + (placed.placement.transl - self.posed.transl)[:, None]
 
 
-def _pose_bodies(evidence: Evidence, model: BodyModel, settings: PlacementSettings) -> _EstimatedBodies:
+def _pose_bodies(estimates: Estimates, model: BodyModel, settings: PlacementSettings) -> _EstimatedBodies:
     device, dtype = model.device, model.dtype
-    parameters, known = evidence.bodies.parameters, fitted_keypoints(evidence.keypoints)
+    parameters, known = estimates.bodies.parameters, fitted_keypoints(estimates.keypoints)
     rotations = rotations_from_parameters(parameters, device, dtype)
     betas, expression, transl, keypoints, confidence = (
         tensor(x).to(device, dtype)
@@ -211,15 +211,15 @@ def _pose_bodies(evidence: Evidence, model: BodyModel, settings: PlacementSettin
     return _EstimatedBodies(posed, rotations, betas, expression, keypoints, confidence, known.joint_set)
 
 
-def _detections(evidence: Evidence, photo: _AlignedPhoto, bodies: _EstimatedBodies) -> Detections:
-    observed = evidence.bodies.observed
+def _detections(estimates: Estimates, photo: _AlignedPhoto, bodies: _EstimatedBodies) -> Detections:
+    observed = estimates.bodies.observed
     return Detections(
         skeleton=bodies.skeleton,
         keypoints=bodies.keypoints,
         confidence=bodies.confidence,
         observed=None if observed is None else tensor(observed),
         points=photo.people,
-        masks=tensor(evidence.people.masks),
+        masks=tensor(estimates.people.masks),
     )
 
 
@@ -227,7 +227,7 @@ def _detections(evidence: Evidence, photo: _AlignedPhoto, bodies: _EstimatedBodi
 
 
 def _joint_problem(
-    evidence: Evidence,
+    estimates: Estimates,
     scene: SceneState,
     photo: _AlignedPhoto,
     bodies: _EstimatedBodies,
@@ -246,10 +246,10 @@ def _joint_problem(
         keypoint_confidence=placed.confidence,
         skeleton=bodies.skeleton,
         K=scene.K.to(like),
-        masks=tensor(evidence.people.masks).to(like.device),
+        masks=tensor(estimates.people.masks).to(like.device),
         scene_points=scene.points[scene.valid].to(like),
         scene_normals=scene.normals[scene.valid].to(like),
-        contact_probability=tensor(evidence.contact.probability).to(like),
+        contact_probability=tensor(estimates.contact.probability).to(like),
         observed=placed.observed,
         scene_depth=scene.depth.to(like),
         floor_normal=None if scene.floor_normal is None else scene.floor_normal.to(like),
@@ -257,7 +257,7 @@ def _joint_problem(
         floor_points=scene.floor_points.to(like),
         human_depth=photo.depth.to(like) if agrees else None,
         human_points=tuple(p.to(like) for p in photo.people) if agrees else None,
-        scale_sigma=evidence.depth.scale_sigma,
+        scale_sigma=estimates.depth.scale_sigma,
         grounded=placement.grounded.to(like.device),
         estimated_transl=bodies.posed.transl,
         keypoint_transl=placement.keypoint_transl.to(like),

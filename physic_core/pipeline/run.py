@@ -1,7 +1,6 @@
 """Reconstruct people, scene and contact from one photo.
 
-The three steps are :func:`physic_core.pipeline.estimate.perceive` (the estimators),
-:func:`physic_core.pipeline.optimise.solve` (the engine) and :func:`physic_core.pipeline.checks.diagnose` (self-checks).
+The three steps are ``estimate.run_backends``, ``optimise.run_engine`` and ``checks.run_checks`` of this package.
 """
 
 from __future__ import annotations
@@ -9,14 +8,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from physic_core.cache.code import Code  # imported before any backend: it detects later edits of their code
+from physic_core.cache.code import CodeDigester  # imported before any backend: it detects later edits of their code
 from physic_core.configuration.model import as_config
 from physic_core.configuration.resolve import ResolvedPipeline, require_available, resolve
 from physic_core.discovery.plugins import discover
 from physic_core.errors import InputError
-from physic_core.io.output import image_digest, photo_digest
-from physic_core.io.photo import Photo, check_image, prepare, read_photo
-from physic_core.pipeline.stages import Stages
+from physic_core.io.photo import Photo, check_image, limit_size, read_photo
+from physic_core.io.result_folder import image_digest, photo_digest
+from physic_core.pipeline.stage_runner import StageRunner
 from physic_core.types import CameraTrust, Intrinsics, Person, Reconstruction
 
 if TYPE_CHECKING:
@@ -26,9 +25,9 @@ if TYPE_CHECKING:
 
     from physic_core.configuration.model import Config, PhotoSettings
     from physic_core.discovery.registry import Registry
-    from physic_core.pipeline.estimate import Evidence
+    from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.solution import Solution
-    from physic_core.pipeline.stages import Progress
+    from physic_core.pipeline.stage_runner import Progress
     from physic_core.types import CheckResult, UInt8Array
 
     Configuration = ResolvedPipeline | Config | Mapping[str, Any] | str | os.PathLike[str] | None
@@ -107,30 +106,30 @@ def _plan(config: Configuration, registry: Registry | None) -> ResolvedPipeline:
 def _reconstruct(photo: Photo, plan: ResolvedPipeline, progress: Progress | None) -> Reconstruction:
     from physic_core.adapters.threads import limited_threads
     from physic_core.body import load_body
-    from physic_core.cache.answers import Answers
-    from physic_core.pipeline.checks import diagnose
-    from physic_core.pipeline.estimate import perceive
-    from physic_core.pipeline.optimise import solve
+    from physic_core.cache.result_cache import ResultCache
+    from physic_core.pipeline.checks import run_checks
+    from physic_core.pipeline.estimate import run_backends
+    from physic_core.pipeline.optimise import run_engine
 
-    photo = prepare(_with_camera(photo, plan.photo), plan.photo.max_side)
+    photo = limit_size(_with_camera(photo, plan.photo), plan.photo.max_side)
     run = plan.config.run
-    stages = Stages(
+    stages = StageRunner(
         plan.device,
         len(plan.backends) + _OWN_STAGES,
         progress,
-        answers=Answers.in_users_folder(run.cache_mb, Code()) if run.cache else None,
+        cache=ResultCache.in_users_folder(run.cache_mb, CodeDigester()) if run.cache else None,
         low_memory=run.low_memory,
     )
     stages.note(*photo.notes)
     model = load_body(plan.body_model)
     with limited_threads(run.threads):
         try:
-            evidence = perceive(photo.image, photo.intrinsics, plan, model, stages)
+            estimates = run_backends(photo.image, photo.intrinsics, plan, model, stages)
         finally:
             stages.close()
-        solution = solve(evidence, plan.engine, model, stages)
-    checks = diagnose(evidence, solution, plan.engine)
-    return _result(evidence, solution, checks, model.faces.int().numpy(), model.name, plan.config, stages)
+        solution = run_engine(estimates, plan.engine, model, stages)
+    checks = run_checks(estimates, solution, plan.engine)
+    return _result(estimates, solution, checks, model.faces.int().numpy(), model.name, plan.config, stages)
 
 
 _OWN_STAGES = 6
@@ -151,25 +150,25 @@ def _with_camera(photo: Photo, settings: PhotoSettings) -> Photo:
 
 
 def _result(
-    evidence: Evidence,
+    estimates: Estimates,
     solution: Solution,
     checks: tuple[CheckResult, ...],
     faces: Any,
     body_model: str,
     config: Config,
-    stages: Stages,
+    stages: StageRunner,
 ) -> Reconstruction:
-    from physic_core.pipeline.checks import failed_checks, warnings_of
+    from physic_core.pipeline.checks import check_warnings, failed_checks
 
     people = []
-    for i in range(len(evidence.people)):
+    for i in range(len(estimates.people)):
         people.append(
             Person(
-                box=evidence.people.boxes[i],
-                score=float(evidence.people.scores[i]),
-                mask=evidence.people.masks[i],
-                keypoints=evidence.keypoints.points[i],
-                keypoint_confidence=evidence.keypoints.confidence[i],
+                box=estimates.people.boxes[i],
+                score=float(estimates.people.scores[i]),
+                mask=estimates.people.masks[i],
+                keypoints=estimates.keypoints.points[i],
+                keypoint_confidence=estimates.keypoints.confidence[i],
                 parameters=solution.parameters[i : i + 1],
                 vertices=solution.vertices[i],
                 joints=solution.joints[i],
@@ -178,15 +177,15 @@ def _result(
                 failed_checks=failed_checks(checks, i),
             )
         )
-    stages.warn(*warnings_of(checks))
+    stages.warn(*check_warnings(checks))
     return Reconstruction(
-        image=evidence.image,
+        image=estimates.image,
         intrinsics=solution.intrinsics,
         scene=solution.scene,
         people=tuple(people),
         faces=faces,
         body_model=body_model,
-        skeleton=evidence.keypoints.skeleton,
+        skeleton=estimates.keypoints.skeleton,
         stages=tuple(stages.records),
         diagnostics={**solution.diagnostics, "people": [dict(p) for p in solution.people]},
         warnings=tuple(stages.warnings),

@@ -13,7 +13,7 @@ from physic_core.engine.contact import REACH_M, contact_map, contact_surface
 from physic_core.engine.joint.limbs import observed_parts
 from physic_core.geometry.free_space import fronts, in_free_space
 from physic_core.geometry.visibility import vertex_normals
-from physic_core.pipeline.measures import depth_ratio, seen_share, support_gap
+from physic_core.pipeline.measures import depth_ratio, support_gap, visible_share
 from physic_core.types import BodyParameters, CameraTrust, Intrinsics, Plane, Scene
 from physic_core.types.short_repr import ShortRepr
 
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from physic_core.engine.joint.problem import JointProblem, JointResult
     from physic_core.engine.scene.build import SceneState
     from physic_core.engine.settings import EngineSettings
-    from physic_core.pipeline.estimate import Evidence
+    from physic_core.pipeline.estimate import Estimates
     from physic_core.types import BoolArray, FloatArray
 
-__all__ = ["Solution", "describe"]
+__all__ = ["Solution", "assemble_solution"]
 
 
 @dataclass(frozen=True)
@@ -58,8 +58,8 @@ class Solution(ShortRepr):
     diagnostics: Mapping[str, Any]
 
 
-def describe(
-    evidence: Evidence,
+def assemble_solution(
+    estimates: Estimates,
     scene: SceneState,
     problem: JointProblem,
     placement: Mapping[str, Any],
@@ -69,7 +69,7 @@ def describe(
     """Arrays and diagnostics of a solved photo.
 
     Args:
-        evidence: of the estimators.
+        estimates: of the estimators.
         scene: final scene before its scale is applied.
         problem: of stage 3, with that scene.
         placement: diagnostics of stage 2: "alignment", and one mapping per person under "people".
@@ -77,7 +77,7 @@ def describe(
         settings: of the engine.
     """
     s = result.scene_scale
-    K, (height, width) = scene.K, evidence.hole.shape
+    K, (height, width) = scene.K, estimates.hole.shape
     floor = None
     if scene.floor_normal is not None:
         floor = Plane(scene.floor_normal.numpy(), float(scene.floor_offset * s))
@@ -94,17 +94,17 @@ def describe(
             float(K[1, 2]),
             width,
             height,
-            *_camera_source(K, evidence),
+            *_camera_source(K, estimates),
         ),
         scene=Scene(
             points=(scene.points * s).float().numpy(),
             normals=scene.normals.float().numpy(),
-            colors=evidence.empty,
+            colors=estimates.inpainted,
             valid=scene.valid.numpy(),
             floor=floor,
             floor_points=(scene.floor_points * s).float().numpy(),
             scale=s,
-            scale_sigma=evidence.depth.scale_sigma,
+            scale_sigma=estimates.depth.scale_sigma,
         ),
         parameters=parameters_from_rotations(result.rotations, result.betas, problem.expression0, result.transl),
         vertices=result.vertices.float().cpu().numpy(),
@@ -126,8 +126,8 @@ def describe(
     )
 
 
-def _camera_source(K: Tensor, evidence: Evidence) -> tuple[str, CameraTrust]:
-    for camera in (evidence.intrinsics, evidence.depth.intrinsics):
+def _camera_source(K: Tensor, estimates: Estimates) -> tuple[str, CameraTrust]:
+    for camera in (estimates.intrinsics, estimates.depth.intrinsics):
         if camera is not None and torch.equal(K, torch.from_numpy(camera.matrix)):
             return camera.source, camera.trust
     return "point map and metric depth", CameraTrust.ESTIMATED
@@ -163,7 +163,7 @@ def measure_contacts(
     for row, (i, body, normals) in enumerate(zip(rows.tolist(), vertices, outward, strict=True)):
         seen = problem.masks[i]
         measured[i] = {
-            "seen_share": seen_share(body, normals, model.faces, model.outer, seen, problem.K),
+            "seen_share": visible_share(body, normals, model.faces, model.outer, seen, problem.K),
             "support_gap_m": support_gap(
                 body, result.joints[i], normals, may_touch[row], distance[i], up.to(body), height, REACH_M
             ),

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.geometry.upright import gltf_from_camera, transform
-from physic_core.visual.surface import Surface, far_limit, scene_surface
+from physic_core.visual.surface import SceneMesh, depth_limit, mesh_scene
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -48,7 +48,7 @@ def glb_files(reconstruction: Reconstruction) -> Iterator[tuple[str, bytes]]:
     The file of a person without a body is empty, since glTF does not support NaN.
     """
     matrix = gltf_from_camera(reconstruction.scene.floor)
-    surface = scene_surface(reconstruction.scene, far_limit(reconstruction))
+    surface = mesh_scene(reconstruction.scene, depth_limit(reconstruction))
     texture = _jpeg(reconstruction.scene.colors)
     scene = {"scene": _scene_mesh(surface, reconstruction.scene.valid.shape, matrix)} if len(surface.faces) else {}
     people = {
@@ -69,7 +69,7 @@ def glb_files(reconstruction: Reconstruction) -> Iterator[tuple[str, bytes]]:
     yield "combined.glb", _export(scene | people, texture, extras)
 
 
-def _scene_mesh(surface: Surface, shape: tuple[int, ...], matrix: NDArray[np.float64]) -> Any:
+def _scene_mesh(surface: SceneMesh, shape: tuple[int, ...], matrix: NDArray[np.float64]) -> Any:
     import trimesh
 
     height, width = shape

@@ -10,25 +10,25 @@ import numpy as np
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.geometry.upright import gltf_from_camera, transform
 from physic_core.visual.glb import BODY_RGB, CONTACT_RGB
-from physic_core.visual.plans import PAPER
-from physic_core.visual.render import Orthographic, Perspective, draw, figures, over
+from physic_core.visual.orthographic_views import PAGE_RGB
+from physic_core.visual.render import Orthographic, Perspective, composite, prepare_meshes, render_mesh
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import Reconstruction, UInt8Array
-    from physic_core.visual.diorama import Diorama
+    from physic_core.visual.preview_geometry import PreviewGeometry
 
     Array = NDArray[np.float64]
 
 __all__ = [
-    "ContactPicture",
+    "ContactViews",
     "colored_depth",
-    "contact_picture",
     "depth_panel",
     "depth_range",
     "overlay_panel",
     "photo_panel",
+    "render_contact_views",
 ]
 
 OPACITY = 0.85
@@ -42,7 +42,7 @@ _PELVIS, _NECK = JOINT_INDEX["pelvis"], JOINT_INDEX["neck"]
 
 
 @dataclass(frozen=True)
-class ContactPicture:
+class ContactViews:
     """One person from several views.
 
     Attributes:
@@ -62,13 +62,13 @@ def photo_panel(image: UInt8Array, width: int, height: int) -> UInt8Array:
     return np.asarray(cv2.resize(image, (width, height), interpolation=way), np.uint8)
 
 
-def overlay_panel(reconstruction: Reconstruction, diorama: Diorama, width: int, height: int) -> UInt8Array:
+def overlay_panel(reconstruction: Reconstruction, geometry: PreviewGeometry, width: int, height: int) -> UInt8Array:
     """Draw the bodies over the photo; nearer ones hide farther ones."""
     photo = photo_panel(reconstruction.image, width, height)
-    if diorama.people is None:
+    if geometry.people is None:
         return photo
-    layer = draw(diorama.people, Perspective(reconstruction.intrinsics, width, height), diorama.people_colors)
-    return _bytes(over(layer, (photo / 255.0).astype(np.float32), OPACITY))
+    layer = render_mesh(geometry.people, Perspective(reconstruction.intrinsics, width, height), geometry.people_colors)
+    return _bytes(composite(layer, (photo / 255.0).astype(np.float32), OPACITY))
 
 
 def depth_range(reconstruction: Reconstruction) -> tuple[float, float]:
@@ -109,7 +109,7 @@ def colored_depth(depth: NDArray[Any], near: float, far: float) -> UInt8Array:
     return np.ascontiguousarray(colors[..., ::-1], dtype=np.uint8)
 
 
-def contact_picture(reconstruction: Reconstruction, index: int, width: int, height: int) -> ContactPicture:
+def render_contact_views(reconstruction: Reconstruction, index: int, width: int, height: int) -> ContactViews:
     """Draw one person from the front, the back and below, with contact vertices in red.
 
     The view from below is enlarged by up to 1.5 times.
@@ -117,10 +117,10 @@ def contact_picture(reconstruction: Reconstruction, index: int, width: int, heig
     person = reconstruction.people[index]
     matrix = gltf_from_camera(reconstruction.scene.floor)
     vertices, joints = transform(matrix, person.vertices), transform(matrix, person.joints)
-    picture = np.tile((np.array(PAPER) / 255).astype(np.float32), (height, width, 1))
-    shapes = figures([vertices], reconstruction.faces)
+    picture = np.tile((np.array(PAGE_RGB) / 255).astype(np.float32), (height, width, 1))
+    shapes = prepare_meshes([vertices], reconstruction.faces)
     if shapes is None or not np.isfinite(vertices).all():
-        return ContactPicture(_bytes(picture), ())
+        return ContactViews(_bytes(picture), ())
     colors = np.where(person.contact[:, None], CONTACT_RGB, BODY_RGB) / 255.0
     views = _around(joints)
     sizes = np.array([[np.ptp(vertices @ right), np.ptp(vertices @ top)] for right, top in views.values()]) + 0.1
@@ -134,9 +134,9 @@ def contact_picture(reconstruction: Reconstruction, index: int, width: int, heig
         axes = np.stack([right, top, np.cross(right, top)])
         along = vertices @ axes.T
         view = Orthographic(axes.T @ ((along.min(0) + along.max(0)) / 2), right, top, scale, int(end - left), height)
-        picture[:, left:end] = over(draw(shapes, view, colors), picture[:, left:end])
+        picture[:, left:end] = composite(render_mesh(shapes, view, colors), picture[:, left:end])
         middles.append((left + end) / 2)
-    return ContactPicture(_bytes(picture), tuple(zip(views, middles, strict=True)))
+    return ContactViews(_bytes(picture), tuple(zip(views, middles, strict=True)))
 
 
 def _around(joints: Array) -> dict[str, tuple[Array, Array]]:

@@ -13,27 +13,27 @@ from PIL import Image, ImageDraw, ImageFont
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.geometry.upright import up_in_camera
-from physic_core.visual.diorama import build_diorama, person_color
+from physic_core.visual.orthographic_views import PAGE_RGB, LabeledView, side_view, top_view
 from physic_core.visual.panels import (
     colored_depth,
-    contact_picture,
     depth_panel,
     depth_range,
     overlay_panel,
     photo_panel,
+    render_contact_views,
 )
-from physic_core.visual.plans import PAPER, Plan, above_plan, side_plan
+from physic_core.visual.preview_geometry import build_preview_geometry, person_color
 from physic_core.visual.render import Perspective
 
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction, UInt8Array
 
-__all__ = ["headline", "preview_image", "preview_png"]
+__all__ = ["preview_image", "preview_png", "summary_line"]
 
 WIDTH = 1800
 """Width of the preview, px."""
 
-SHOWN = 4
+MAX_CONTACT_PEOPLE = 4
 """People whose contact is drawn."""
 
 _MARGIN, _GAP, _TITLE = 24, 18, 30
@@ -66,36 +66,36 @@ def preview_png(reconstruction: Reconstruction) -> bytes:
 def preview_image(reconstruction: Reconstruction) -> Image.Image:
     """Render photo, overlay and depth; side and top view; contact. The image is 1800 px wide."""
     height, width = reconstruction.image.shape[:2]
-    diorama = build_diorama(reconstruction)
+    geometry = build_preview_geometry(reconstruction)
     frames = _layout(width / height)
-    facts = _wrap(headline(reconstruction), 17, WIDTH - 2 * _MARGIN)
+    facts = _wrap(summary_line(reconstruction), 17, WIDTH - 2 * _MARGIN)
     lines = [
-        *((line, _ALERT) for line in _lines("! ", reconstruction.warnings)),
-        *((line, _SOFT) for line in _lines("", reconstruction.notes)),
+        *((line, _ALERT) for line in _message_lines("! ", reconstruction.warnings)),
+        *((line, _SOFT) for line in _message_lines("", reconstruction.notes)),
     ]
     top = _MARGIN + 42 + 24 * len(facts) + 14
     bottom = max(frame.y + frame.height for frame in frames) + top
-    page = Image.new("RGB", (WIDTH, bottom + _MARGIN + 24 * len(lines) + (10 if lines else 0)), PAPER)
+    page = Image.new("RGB", (WIDTH, bottom + _MARGIN + 24 * len(lines) + (10 if lines else 0)), PAGE_RGB)
     pen = ImageDraw.Draw(page)
-    _text(pen, (_MARGIN, _MARGIN - 6), _count(len(reconstruction.people)), 30, _INK)
+    _text(pen, (_MARGIN, _MARGIN - 6), _title(len(reconstruction.people)), 30, _INK)
     for line, fact in enumerate(facts):
         _text(pen, (_MARGIN, _MARGIN + 38 + 24 * line), fact, 17, _SOFT)
     photo, mesh, depth, side, above, contact = (_Frame(f.x, f.y + top, f.width, f.height) for f in frames)
-    _paste(page, photo, "Photo", photo_panel(reconstruction.image, photo.width, photo.height))
-    _paste(page, mesh, "People over the photo", overlay_panel(reconstruction, diorama, mesh.width, mesh.height))
+    _draw_panel(page, photo, "Photo", photo_panel(reconstruction.image, photo.width, photo.height))
+    _draw_panel(page, mesh, "People over the photo", overlay_panel(reconstruction, geometry, mesh.width, mesh.height))
     _name_people(pen, mesh, reconstruction)
-    _paste(page, depth, _DEPTH_TITLE, depth_panel(reconstruction, depth.width, depth.height))
+    _draw_panel(page, depth, _DEPTH_TITLE, depth_panel(reconstruction, depth.width, depth.height))
     _depth_bar(page, depth, depth_range(reconstruction))
     up = "" if reconstruction.scene.floor else " (no floor found: up is the camera's)"
-    _plan(page, side, f"From the side{up}", side_plan(diorama, side.width, side.height))
-    _plan(page, above, "From above", above_plan(diorama, above.width, above.height))
-    _contact(page, contact, reconstruction)
+    _draw_view(page, side, f"From the side{up}", side_view(geometry, side.width, side.height))
+    _draw_view(page, above, "From above", top_view(geometry, above.width, above.height))
+    _draw_contact_panel(page, contact, reconstruction)
     for row, (text, color) in enumerate(lines):
         _text(pen, (_MARGIN, bottom + 14 + 24 * row), text, 16, color)
     return page
 
 
-def headline(reconstruction: Reconstruction) -> str:
+def summary_line(reconstruction: Reconstruction) -> str:
     """One line of text with facts that the image cannot show."""
     camera, scene = reconstruction.intrinsics, reconstruction.scene
     facts = [
@@ -124,12 +124,12 @@ def headline(reconstruction: Reconstruction) -> str:
     return "  ·  ".join(facts)
 
 
-def _count(people: int) -> str:
+def _title(people: int) -> str:
     return {0: "Nobody found", 1: "1 person"}.get(people, f"{people} people")
 
 
 def _layout(aspect: float) -> tuple[_Frame, ...]:
-    """Frames of photo, overlay, depth, side, top and contact panels, below the headline."""
+    """Frames of photo, overlay, depth, side, top and contact panels, below the summary line."""
     room = WIDTH - 2 * _MARGIN
     third = (room - 2 * _GAP) // 3
     if aspect > 1.05:
@@ -153,7 +153,7 @@ def _layout(aspect: float) -> tuple[_Frame, ...]:
     return tuple(frames)
 
 
-def _paste(page: Image.Image, frame: _Frame, title: str, picture: UInt8Array) -> None:
+def _draw_panel(page: Image.Image, frame: _Frame, title: str, picture: UInt8Array) -> None:
     pen = ImageDraw.Draw(page)
     _text(pen, (frame.x, frame.y - 26), title, 18, _INK)
     page.paste(Image.fromarray(picture), (frame.x, frame.y))
@@ -173,10 +173,10 @@ def _name_people(pen: ImageDraw.ImageDraw, frame: _Frame, reconstruction: Recons
             aside = max(28.0, 1.6 * float(np.linalg.norm(spots[0, :2] - spots[1, :2])))
             column, top = column + (aside if column + aside < frame.width - 12 else -aside), max(row - 6, 12)
         x, y = (float(np.clip(value, 12, size - 12)) for value, size in ((column, frame.width), (top, frame.height)))
-        _chip(pen, frame.x + x, frame.y + y, index)
+        _draw_person_number(pen, frame.x + x, frame.y + y, index)
 
 
-def _chip(pen: ImageDraw.ImageDraw, x: float, y: float, index: int) -> None:
+def _draw_person_number(pen: ImageDraw.ImageDraw, x: float, y: float, index: int) -> None:
     """Draw a person's number on their colour."""
     pen.ellipse((x - 11, y - 11, x + 11, y + 11), fill=person_color(index), outline=(255, 255, 255), width=2)
     pen.text((x, y), str(index), font=_font(14), fill=(20, 20, 20), anchor="mm")
@@ -201,8 +201,8 @@ def _depth_bar(page: Image.Image, frame: _Frame, ends: tuple[float, float]) -> N
     pen.text((x + width + 6, y + 9), "m", font=_font(14), fill=_INK, anchor="ls")
 
 
-def _plan(page: Image.Image, frame: _Frame, title: str, plan: Plan) -> None:
-    _paste(page, frame, title, plan.picture)
+def _draw_view(page: Image.Image, frame: _Frame, title: str, plan: LabeledView) -> None:
+    _draw_panel(page, frame, title, plan.picture)
     pen = ImageDraw.Draw(page, "RGBA")
     bottom = frame.y + frame.height
     if plan.floor_row is not None and 0 <= plan.floor_row < frame.height:
@@ -210,7 +210,7 @@ def _plan(page: Image.Image, frame: _Frame, title: str, plan: Plan) -> None:
         pen.line((frame.x, row + 1, frame.x + frame.width - 1, row + 1), fill=(*_FLOOR, 200), width=1)
         pen.text((frame.x + frame.width - 8, row + 3), "floor", font=_font(14), fill=_FLOOR, anchor="ra")
     if plan.camera is not None:
-        _camera(pen, frame, plan)
+        _draw_camera(pen, frame, plan)
     for metre, column in plan.columns.items():
         if 6 < column < frame.width - 6 and (plan.pixels_per_metre > 30 or metre % 5 == 0):
             pen.line((frame.x + column, bottom - 8, frame.x + column, bottom - 1), fill=_SOFT)
@@ -218,14 +218,14 @@ def _plan(page: Image.Image, frame: _Frame, title: str, plan: Plan) -> None:
     length = next((bar for bar in (1, 2, 5, 10) if bar * plan.pixels_per_metre >= 40), 20)
     x, y = frame.x + 16, frame.y + 28
     end = x + length * plan.pixels_per_metre
-    pen.rectangle((x - 10, y - 23, end + 10, y + 10), fill=(*PAPER, 210))
+    pen.rectangle((x - 10, y - 23, end + 10, y + 10), fill=(*PAGE_RGB, 210))
     pen.line((x, y, end, y), fill=_INK, width=3)
     for edge in (x, end):
         pen.line((edge, y - 5, edge, y + 5), fill=_INK, width=2)
     pen.text(((x + end) / 2, y - 5), f"{length} m", font=_font(14), fill=_INK, anchor="mb")
 
 
-def _camera(pen: ImageDraw.ImageDraw, frame: _Frame, plan: Plan) -> None:
+def _draw_camera(pen: ImageDraw.ImageDraw, frame: _Frame, plan: LabeledView) -> None:
     """Draw a camera symbol; it looks to the right in the side view, to the top in the top view."""
     assert plan.camera is not None
     x, y = frame.x + plan.camera[0], frame.y + plan.camera[1]
@@ -244,10 +244,10 @@ def _camera(pen: ImageDraw.ImageDraw, frame: _Frame, plan: Plan) -> None:
     pen.text(spot, "camera", font=_font(13), fill=_INK, anchor=anchor)
 
 
-def _contact(page: Image.Image, frame: _Frame, reconstruction: Reconstruction) -> None:
+def _draw_contact_panel(page: Image.Image, frame: _Frame, reconstruction: Reconstruction) -> None:
     pen = ImageDraw.Draw(page)
     people = reconstruction.people
-    shown = min(len(people), SHOWN)
+    shown = min(len(people), MAX_CONTACT_PEOPLE)
     more = f", {len(people) - shown} more not shown" if len(people) > shown else ""
     _text(pen, (frame.x, frame.y - 26), f"Contact in red{more}", 18, _INK)
     pen.rectangle((frame.x - 1, frame.y - 1, frame.x + frame.width, frame.y + frame.height), outline=(206, 206, 202))
@@ -258,16 +258,16 @@ def _contact(page: Image.Image, frame: _Frame, reconstruction: Reconstruction) -
     head = 50 if any(person.failed_checks for person in people[:shown]) else 30
     for index in range(shown):
         x, y = frame.x + index % across * width, frame.y + index // across * height
-        shown_person = contact_picture(reconstruction, index, width - 8, height - head - 24)
+        shown_person = render_contact_views(reconstruction, index, width - 8, height - head - 24)
         page.paste(Image.fromarray(shown_person.picture), (x + 4, y + head))
         for view, column in shown_person.views:
             pen.text((x + 4 + column, y + height - 12), view, font=_font(13), fill=_SOFT, anchor="mm")
-        _chip(pen, x + 18, y + 16, index)
+        _draw_person_number(pen, x + 18, y + 16, index)
         person = people[index]
         share = 100 * float(np.mean(person.contact)) if len(person.contact) else 0.0
         pen.text((x + 36, y + 16), f"{share:.1f} % of the vertices touch", font=_font(15), fill=_SOFT, anchor="lm")
         if person.failed_checks:
-            line = _cut(f"fails: {', '.join(person.failed_checks)}", 14, width - 16)
+            line = _shorten(f"fails: {', '.join(person.failed_checks)}", 14, width - 16)
             pen.text((x + 8, y + 38), line, font=_font(14), fill=_ALERT, anchor="lm")
 
 
@@ -281,8 +281,8 @@ def _grid(count: int, frame: _Frame) -> tuple[int, int]:
     return across, math.ceil(count / across)
 
 
-def _lines(mark: str, texts: Sequence[str]) -> list[str]:
-    lines = [_cut(f"{mark}{text}", 16, WIDTH - 2 * _MARGIN) for text in texts[:_SHOWN_LINES]]
+def _message_lines(mark: str, texts: Sequence[str]) -> list[str]:
+    lines = [_shorten(f"{mark}{text}", 16, WIDTH - 2 * _MARGIN) for text in texts[:_SHOWN_LINES]]
     more = len(texts) - len(lines)
     return [*lines, f"{mark}{more} more in reconstruction.json"] if more > 0 else lines
 
@@ -297,7 +297,7 @@ def _text(
     pen.text(spot, text.translate(_PLAIN), font=_font(size), fill=color)
 
 
-def _cut(text: str, size: int, width: float) -> str:
+def _shorten(text: str, size: int, width: float) -> str:
     """Shorten a text to one line of at most ``width`` px."""
     line = " ".join(text.translate(_PLAIN).split())
     font = _font(size)

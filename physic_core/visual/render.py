@@ -18,10 +18,21 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["Figures", "Layer", "Orthographic", "Perspective", "Viewer", "behind", "draw", "figures", "over", "splat"]
+__all__ = [
+    "Layer",
+    "Orthographic",
+    "Perspective",
+    "RayCastMesh",
+    "ViewCamera",
+    "composite",
+    "merge_layers",
+    "prepare_meshes",
+    "render_mesh",
+    "render_points",
+]
 
 
-class Viewer(Protocol):
+class ViewCamera(Protocol):
     """A virtual camera; its images have ``height`` x ``width`` px."""
 
     @property
@@ -38,7 +49,7 @@ class Viewer(Protocol):
     def rays(self, columns: Array, rows: Array) -> tuple[Array, Array]:
         """Columns and rows (N,) px -> origins and unit directions (N, 3)."""
 
-    def lights(self) -> Array:
+    def light_axes(self) -> Array:
         """(3, 3): unit vectors towards the right, the top and the eye."""
 
 
@@ -51,7 +62,7 @@ class Perspective:
     height: int
 
     def project(self, points: Array) -> Array:
-        """See :class:`Viewer`."""
+        """See :class:`ViewCamera`."""
         camera = self.intrinsics.resized(self.width, self.height)
         depth = points[:, 2]
         safe = np.where(depth > 1e-6, depth, np.nan)
@@ -60,13 +71,13 @@ class Perspective:
         )
 
     def rays(self, columns: Array, rows: Array) -> tuple[Array, Array]:
-        """See :class:`Viewer`."""
+        """See :class:`ViewCamera`."""
         camera = self.intrinsics.resized(self.width, self.height)
         ways = np.stack([(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy, np.ones_like(rows)], -1)
         return np.zeros_like(ways), ways / np.linalg.norm(ways, axis=-1, keepdims=True)
 
-    def lights(self) -> Array:
-        """See :class:`Viewer`."""
+    def light_axes(self) -> Array:
+        """See :class:`ViewCamera`."""
         return np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
 
 
@@ -98,7 +109,7 @@ class Orthographic:
         return np.cross(self.right, self.top)
 
     def project(self, points: Array) -> Array:
-        """See :class:`Viewer`; the eye is 1000 m in front of ``center``."""
+        """See :class:`ViewCamera`; the eye is 1000 m in front of ``center``."""
         offset = points - self.center
         return np.stack(
             [
@@ -110,19 +121,19 @@ class Orthographic:
         )
 
     def rays(self, columns: Array, rows: Array) -> tuple[Array, Array]:
-        """See :class:`Viewer`."""
+        """See :class:`ViewCamera`."""
         x = (columns - (self.width - 1) / 2) / self.pixels_per_metre
         y = -(rows - (self.height - 1) / 2) / self.pixels_per_metre
         origins = self.center + x[:, None] * self.right + y[:, None] * self.top + self.start * self.towards_eye
         return origins, np.broadcast_to(-self.towards_eye, origins.shape)
 
-    def lights(self) -> Array:
-        """See :class:`Viewer`."""
+    def light_axes(self) -> Array:
+        """See :class:`ViewCamera`."""
         return np.stack([self.right, self.top, self.towards_eye])
 
 
 @dataclass(frozen=True)
-class Figures:
+class RayCastMesh:
     """Several bodies of one topology, prepared for ray casting.
 
     Attributes:
@@ -145,7 +156,7 @@ class Layer:
     Attributes:
         color: (H, W, 3) float32, premultiplied by ``alpha``.
         alpha: (H, W) float32.
-        distance: (H, W) float32 from the eye as in :meth:`Viewer.project`, metres; inf where empty.
+        distance: (H, W) float32 from the eye as in :meth:`ViewCamera.project`, metres; inf where empty.
     """
 
     color: NDArray[np.float32]
@@ -153,7 +164,7 @@ class Layer:
     distance: NDArray[np.float32]
 
 
-def figures(bodies: Sequence[Array], faces: NDArray[Any], *, smooth: bool = True) -> Figures | None:
+def prepare_meshes(bodies: Sequence[Array], faces: NDArray[Any], *, smooth: bool = True) -> RayCastMesh | None:
     """Prepare N bodies with common faces for ray casting; None if there are no bodies.
 
     Args:
@@ -171,10 +182,10 @@ def figures(bodies: Sequence[Array], faces: NDArray[Any], *, smooth: bool = True
     triangles = np.concatenate([np.asarray(faces, np.int64) + index * count for index in range(len(bodies))])
     mesh = trimesh.Trimesh(vertices, triangles, process=False)
     normals = np.asarray(mesh.vertex_normals) if smooth else np.zeros_like(vertices)
-    return Figures(vertices, triangles, normals, RayMeshIntersector(mesh))
+    return RayCastMesh(vertices, triangles, normals, RayMeshIntersector(mesh))
 
 
-def draw(shapes: Figures, viewer: Viewer, colors: Array, *, lit: bool = True, samples: int = 2) -> Layer:
+def render_mesh(shapes: RayCastMesh, viewer: ViewCamera, colors: Array, *, lit: bool = True, samples: int = 2) -> Layer:
     """Render bodies or surfaces.
 
     Args:
@@ -212,12 +223,12 @@ def draw(shapes: Figures, viewer: Viewer, colors: Array, *, lit: bool = True, sa
     return Layer(color[..., :3], color[..., 3], distance)
 
 
-def over(layer: Layer, picture: NDArray[np.float32], opacity: float = 1.0) -> NDArray[np.float32]:
+def composite(layer: Layer, picture: NDArray[np.float32], opacity: float = 1.0) -> NDArray[np.float32]:
     """Composite a layer over an opaque image (H, W, 3) in 0-1."""
     return layer.color * opacity + picture * (1.0 - opacity * layer.alpha[..., None])
 
 
-def splat(viewer: Viewer, points: Array, colors: Array) -> Layer:
+def render_points(viewer: ViewCamera, points: Array, colors: Array) -> Layer:
     """Draw points (N, 3) with sRGB colours (N, 3) as squares of 3 px; nearer ones hide farther ones."""
     shape = viewer.height + 2, viewer.width + 2  # a rim of one pixel, so that the squares need no clipping
     color, distance = np.zeros((*shape, 3), np.float32), np.full(shape, np.inf, np.float32)
@@ -240,7 +251,7 @@ def splat(viewer: Viewer, points: Array, colors: Array) -> Layer:
     return Layer(color[1:-1, 1:-1], np.isfinite(distance).astype(np.float32), distance)
 
 
-def behind(back: Layer, front: Layer, margin: float) -> Layer:
+def merge_layers(back: Layer, front: Layer, margin: float) -> Layer:
     """Merge two layers: ``front`` is visible unless ``back`` is nearer by more than ``margin`` metres."""
     first = (front.alpha[..., None] > 0) & ~(back.distance < front.distance - margin)[..., None]
     under = front.color + back.color * (1.0 - front.alpha[..., None])
@@ -253,7 +264,7 @@ def behind(back: Layer, front: Layer, margin: float) -> Layer:
 
 
 def _trace(
-    shapes: Figures, viewer: Viewer, colors: Array, columns: Array, rows: Array, lit: bool
+    shapes: RayCastMesh, viewer: ViewCamera, colors: Array, columns: Array, rows: Array, lit: bool
 ) -> tuple[NDArray[np.int64], Array, Array]:
     """Cast rays; return the indices of those that hit, and colour and distance of each hit."""
     origins, ways = viewer.rays(columns, rows)
@@ -266,7 +277,7 @@ def _trace(
         return hit, base, viewer.project(spots)[:, 2]
     normals = np.einsum("nkc,nk->nc", shapes.normals[corners], weights)
     normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-9)
-    return hit, _shade(normals, ways[hit], viewer.lights(), base), viewer.project(spots)[:, 2]
+    return hit, _shade(normals, ways[hit], viewer.light_axes(), base), viewer.project(spots)[:, 2]
 
 
 def _barycentric(triangles: Array, origins: Array, ways: Array) -> tuple[Array, Array]:

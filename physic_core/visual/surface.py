@@ -13,25 +13,25 @@ if TYPE_CHECKING:
 
     from physic_core.types import Reconstruction, Scene
 
-__all__ = ["Surface", "far_limit", "scene_surface"]
+__all__ = ["SceneMesh", "depth_limit", "mesh_scene"]
 
 MAX_VERTICES = 130_000
 """Of a grid: at 44 bytes a vertex with its two triangles, a scene.glb stays under 7 MB."""
 
-STEP = 1.06
+MAX_DEPTH_RATIO = 1.06
 """Depth ratio between neighbours that is always one surface; 1.03-1.1 works."""
 
-STEEP_STEP = 1.2
+MAX_SLANTED_DEPTH_RATIO = 1.2
 """Depth ratio up to which neighbours are joined if both normals are across the step (such as a distant floor)."""
 
-SHARD = 0.002
+MIN_COMPONENT_SHARE = 0.002
 """Minimum share of all vertices of a connected component."""
 
 _ACROSS = 0.15  # sine of the angle between the step and the surface: up to 9 degrees is along it
 
 
 @dataclass(frozen=True)
-class Surface:
+class SceneMesh:
     """A triangle mesh of a subset of the pixels.
 
     Attributes:
@@ -45,14 +45,14 @@ class Surface:
     pixels: NDArray[np.int64]
 
 
-def far_limit(reconstruction: Reconstruction) -> float:
+def depth_limit(reconstruction: Reconstruction) -> float:
     """Maximum depth in metres that is relevant for the people: three times the farthest, at least 8 m."""
     depths = [float(np.median(person.vertices[:, 2])) for person in reconstruction.people]
     finite = [depth for depth in depths if math.isfinite(depth)]
     return max(8.0, 3.0 * max(finite)) if finite else 20.0
 
 
-def scene_surface(scene: Scene, limit: float, max_vertices: int = MAX_VERTICES) -> Surface:
+def mesh_scene(scene: Scene, limit: float, max_vertices: int = MAX_VERTICES) -> SceneMesh:
     """Mesh every n-th pixel of a scene, joining neighbours on the same surface.
 
     Args:
@@ -91,11 +91,11 @@ def scene_surface(scene: Scene, limit: float, max_vertices: int = MAX_VERTICES) 
     used[faces] = True
     new_ids = np.cumsum(used) - 1
     pixels = np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2)
-    return Surface(points.reshape(-1, 3)[used], new_ids[faces], pixels[used])
+    return SceneMesh(points.reshape(-1, 3)[used], new_ids[faces], pixels[used])
 
 
 def _without_shards(faces: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """Remove connected components with at most ``SHARD`` of all vertices, which come from flying pixels."""
+    """Remove small connected components, which come from flying pixels."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -104,7 +104,7 @@ def _without_shards(faces: NDArray[np.int64], count: int) -> NDArray[np.int64]:
     _, piece = connected_components(graph, directed=False)
     sizes = np.bincount(piece)
     joined = sizes[sizes > 1].sum()
-    kept: NDArray[np.int64] = faces[sizes[piece[faces[:, 0]]] > SHARD * joined]
+    kept: NDArray[np.int64] = faces[sizes[piece[faces[:, 0]]] > MIN_COMPONENT_SHARE * joined]
     return kept
 
 
@@ -117,4 +117,4 @@ def _one_surface(points: NDArray[Any], normals: NDArray[Any], first: Any, second
     for normal in (normals[first], normals[second]):
         # A normal of zero is unknown, and must not vouch for a steep step.
         flat &= (np.abs((normal * step).sum(-1)) < reach) & (np.abs(normal).sum(-1) > 0)
-    return np.asarray((far < STEP * near) | (flat & (far < STEEP_STEP * near)))
+    return np.asarray((far < MAX_DEPTH_RATIO * near) | (flat & (far < MAX_SLANTED_DEPTH_RATIO * near)))

@@ -7,7 +7,7 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
-from physic_core.cache.places import place
+from physic_core.cache.folders import cache_folder
 from physic_core.weights.manifest import HubSource, WeightFile, WeightSet
 
 __all__ = ["FOLDERS", "in_hub_cache", "loose", "own_folder", "places_in_words", "user_folders"]
@@ -23,7 +23,7 @@ def user_folders() -> tuple[Path, ...]:
 
 def own_folder() -> Path | None:
     """Folder to which ``physic weights fetch`` downloads; None if the user has no home folder."""
-    return place("weights")
+    return cache_folder("weights")
 
 
 def loose(folder: Path, weights: WeightSet, file: WeightFile) -> Path | None:

@@ -19,7 +19,7 @@ from physic_core.body.nearest_surface import Surface, closest_shares
 from physic_core.body.rest_mesh import vertex_normals
 from physic_core.body.rotations import unit
 from physic_core.cache import maps as module
-from physic_core.cache.maps import kept_correspondence
+from physic_core.cache.maps import cached_correspondence
 from physic_core.errors import BodyModelError
 from physic_core.types import ContactProbability, RestMesh
 
@@ -186,7 +186,7 @@ def test_a_map_is_kept_and_found_again(
     monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path))
     monkeypatch.setattr(module, "correspondence", lambda rest, model: onto_other)
     rest = rest_mesh_of(other_model)
-    kept_correspondence(rest, embedded)
+    cached_correspondence(rest, embedded)
     (file,) = tmp_path.iterdir()
     assert file.name.startswith("smplx-physic-embedded-1-")
     assert file.name.endswith(".map.npz")
@@ -195,16 +195,16 @@ def test_a_map_is_kept_and_found_again(
         raise AssertionError("it is told again")
 
     monkeypatch.setattr(module, "correspondence", never)
-    found = kept_correspondence(rest, embedded)
+    found = cached_correspondence(rest, embedded)
     np.testing.assert_array_equal(found.corners, onto_other.corners)
     np.testing.assert_allclose(found.shares, onto_other.shares, atol=1e-6)
     np.testing.assert_array_equal(found.sure, onto_other.sure)
     with pytest.raises(AssertionError, match="told again"):
-        kept_correspondence(replace(rest, vertices=rest.vertices + np.float32(1e-4)), embedded)
+        cached_correspondence(replace(rest, vertices=rest.vertices + np.float32(1e-4)), embedded)
 
     file.write_bytes(file.read_bytes()[:1000])
     monkeypatch.setattr(module, "correspondence", lambda rest, model: onto_other)
-    assert kept_correspondence(rest, embedded) is onto_other
+    assert cached_correspondence(rest, embedded) is onto_other
 
 
 def test_a_disk_that_cannot_be_written_costs_nothing_but_time(
@@ -213,7 +213,7 @@ def test_a_disk_that_cannot_be_written_costs_nothing_but_time(
     (tmp_path / "file").write_text("no folder")
     monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path / "file" / "folder"))
     monkeypatch.setattr(module, "correspondence", lambda rest, model: onto_other)
-    assert kept_correspondence(rest_mesh_of(other_model), embedded) is onto_other
+    assert cached_correspondence(rest_mesh_of(other_model), embedded) is onto_other
 
 
 def test_normals_of_both_face_the_same_way(

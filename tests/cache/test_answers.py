@@ -14,9 +14,9 @@ import pytest
 from pydantic import Field
 
 from physic_core import interfaces
-from physic_core.cache import answers as module
 from physic_core.cache import code
-from physic_core.cache.answers import Answers, canonical
+from physic_core.cache import result_cache as module
+from physic_core.cache.result_cache import ResultCache, canonicalize
 from physic_core.discovery.plugins import required_versions
 from physic_core.files.archive import read_archive, write_archive
 from physic_core.types import DepthMap, Hands, Hints, Intrinsics, Keypoints, People, Provenance
@@ -48,24 +48,24 @@ def _old_code(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def cache(tmp_path: Path) -> Answers:
-    return Answers(tmp_path / "answers", 10**6)
+def cache(tmp_path: Path) -> ResultCache:
+    return ResultCache(tmp_path / "answers", 10**6)
 
 
-def ask(cache: Answers, who: Provenance = WHO, device: str = "cpu", inputs: tuple[object, ...] = INPUTS):
-    question = cache.question(Depth(), who, device, inputs)
+def ask(cache: ResultCache, who: Provenance = WHO, device: str = "cpu", inputs: tuple[object, ...] = INPUTS):
+    question = cache.key(Depth(), who, device, inputs)
     assert question is not None
     return question
 
 
-def files(cache: Answers) -> list[Path]:
+def files(cache: ResultCache) -> list[Path]:
     return sorted(cache._folder.iterdir())
 
 
-def test_what_was_kept_is_found_to_the_last_bit_by_another_run(cache: Answers):
-    assert cache.find(ask(cache)) is None
-    cache.keep(ask(cache), ANSWER)
-    found = Answers(cache._folder, 0).find(ask(cache))
+def test_what_was_kept_is_found_to_the_last_bit_by_another_run(cache: ResultCache):
+    assert cache.read(ask(cache)) is None
+    cache.write(ask(cache), ANSWER)
+    found = ResultCache(cache._folder, 0).read(ask(cache))
     assert isinstance(found, DepthMap)
     assert found.depth.dtype == np.float32
     np.testing.assert_array_equal(found.depth, ANSWER.depth)
@@ -75,9 +75,9 @@ def test_what_was_kept_is_found_to_the_last_bit_by_another_run(cache: Answers):
     assert read_archive(file)[1]["backend"]["distribution"] == "my-dist"
 
 
-def test_an_image_is_an_answer_too(cache: Answers):
-    cache.keep(ask(cache), IMAGE)
-    np.testing.assert_array_equal(cache.find(ask(cache)), IMAGE)
+def test_an_image_is_an_answer_too(cache: ResultCache):
+    cache.write(ask(cache), IMAGE)
+    np.testing.assert_array_equal(cache.read(ask(cache)), IMAGE)
 
 
 @pytest.mark.parametrize(
@@ -95,24 +95,24 @@ def test_an_image_is_an_answer_too(cache: Answers):
     ],
     ids=str,
 )
-def test_another_question_is_another(cache: Answers, other: dict[str, object]):
+def test_another_question_is_another(cache: ResultCache, other: dict[str, object]):
     assert ask(cache, **other).name != ask(cache).name  # type: ignore[arg-type]
 
 
-def test_another_version_of_the_interface_is_another_question(cache: Answers, monkeypatch: pytest.MonkeyPatch):
+def test_another_version_of_the_interface_is_another_question(cache: ResultCache, monkeypatch: pytest.MonkeyPatch):
     before = ask(cache).name
     monkeypatch.setattr(interfaces.INTERFACES["metric_depth"], "api", 99)
     assert ask(cache).name != before
 
 
-def test_a_library_of_another_version_is_another_question(cache: Answers, monkeypatch: pytest.MonkeyPatch):
+def test_a_library_of_another_version_is_another_question(cache: ResultCache, monkeypatch: pytest.MonkeyPatch):
     told = {"physic-core": {"numpy": "2.0"}, "my-dist": {"my-network": "1"}}
     names = []
     for distribution in ("none", "physic-core", "my-dist"):
         for library in told.get(distribution, ()):
             told[distribution][library] += ".1"
         monkeypatch.setattr(module, "required_versions", lambda name: dict(told[name]))
-        names.append(ask(Answers(cache._folder, 1)).name)
+        names.append(ask(ResultCache(cache._folder, 1)).name)
     assert len(set(names)) == 3
 
 
@@ -124,7 +124,7 @@ def test_a_distribution_requires_what_its_metadata_say():
     assert required_versions("registered by hand") == required_versions("") == {}
 
 
-def test_a_file_that_an_option_names_is_part_of_the_question(cache: Answers, tmp_path: Path):
+def test_a_file_that_an_option_names_is_part_of_the_question(cache: ResultCache, tmp_path: Path):
     weights = tmp_path / "weights.pt"
     who = replace(WHO, options={"weights": str(weights), "more": [{"deep": str(weights)}], "odd": "\0"})
     absent = ask(cache, who).name
@@ -134,21 +134,21 @@ def test_a_file_that_an_option_names_is_part_of_the_question(cache: Answers, tmp
     assert len({absent, before, ask(cache, who).name}) == 3
 
 
-def test_what_the_backend_states_is_part_of_the_question(cache: Answers, monkeypatch: pytest.MonkeyPatch):
+def test_what_the_backend_states_is_part_of_the_question(cache: ResultCache, monkeypatch: pytest.MonkeyPatch):
     before = ask(cache).name
     monkeypatch.setattr(Depth, "stated", "revision 2")
     assert ask(cache).name != before
 
 
 def test_a_backend_that_opts_out_and_one_that_nobody_can_name_are_not_kept(
-    cache: Answers, monkeypatch: pytest.MonkeyPatch
+    cache: ResultCache, monkeypatch: pytest.MonkeyPatch
 ):
     class Local(Depth): ...
 
-    assert cache.question(Local(), WHO, "cpu", INPUTS) is None
-    assert cache.question(Depth(), WHO, "cpu", (IMAGE, {1})) is None
+    assert cache.key(Local(), WHO, "cpu", INPUTS) is None
+    assert cache.key(Depth(), WHO, "cpu", (IMAGE, {1})) is None
     monkeypatch.setattr(Depth, "cacheable", False)
-    assert cache.question(Depth(), WHO, "cpu", INPUTS) is None
+    assert cache.key(Depth(), WHO, "cpu", INPUTS) is None
 
 
 @dataclass(frozen=True)
@@ -169,23 +169,23 @@ NAMESAKE = dataclass(frozen=True)(type("DepthMap", (DepthMap,), {"__annotations_
     ],
     ids=["subclass", "namesake", "a set", "objects"],
 )
-def test_what_no_interface_speaks_of_is_not_kept_and_stays_as_it_is(cache: Answers, answer: DepthMap):
-    cache.keep(ask(cache), answer)
+def test_what_no_interface_speaks_of_is_not_kept_and_stays_as_it_is(cache: ResultCache, answer: DepthMap):
+    cache.write(ask(cache), answer)
     assert not cache._folder.exists()
-    assert canonical(answer) is answer
+    assert canonicalize(answer) is answer
     assert cache.notes == []
 
 
 def test_settled_answers_are_what_is_read_again():
     wide = np.random.default_rng(0).normal(size=(8, 6)).T
     people = People(np.zeros((0, 6, 8), bool), np.zeros((0, 4)), np.zeros(0), keypoints=Keypoints(wide, wide, "coco17"))
-    same = canonical(people)
+    same = canonicalize(people)
     assert same.keypoints is not None
     assert same.keypoints.points.flags.c_contiguous
     np.testing.assert_array_equal(same.keypoints.points, wide)
-    assert type(canonical(DepthMap(wide, scale_sigma=np.float32(0.5))).scale_sigma) is float  # type: ignore[arg-type]
-    assert canonical(DepthMap(wide, notes=["a"])).notes == ("a",)  # type: ignore[arg-type]
-    assert canonical(wide).flags.c_contiguous
+    assert type(canonicalize(DepthMap(wide, scale_sigma=np.float32(0.5))).scale_sigma) is float  # type: ignore[arg-type]
+    assert canonicalize(DepthMap(wide, notes=["a"])).notes == ("a",)  # type: ignore[arg-type]
+    assert canonicalize(wide).flags.c_contiguous
 
 
 def damages() -> list[Callable[[Path], object]]:
@@ -208,48 +208,48 @@ def damages() -> list[Callable[[Path], object]]:
 
 
 @pytest.mark.parametrize("damage", damages(), ids=lambda f: f.__name__)
-def test_a_damaged_file_is_dropped_with_a_note(cache: Answers, damage: Callable[[Path], object]):
-    cache.keep(ask(cache), ANSWER)
+def test_a_damaged_file_is_dropped_with_a_note(cache: ResultCache, damage: Callable[[Path], object]):
+    cache.write(ask(cache), ANSWER)
     (file,) = files(cache)
     damage(file)
-    assert cache.find(ask(cache)) is None
+    assert cache.read(ask(cache)) is None
     assert files(cache) == []
     (note,) = cache.notes
     assert note.startswith(f"a damaged file of the cache was dropped and its answer computed again: {file} (")
-    cache.keep(ask(cache), ANSWER)
-    assert cache.find(ask(cache)) is not None
+    cache.write(ask(cache), ANSWER)
+    assert cache.read(ask(cache)) is not None
 
 
 def test_a_disk_that_cannot_be_written_costs_one_note(tmp_path: Path):
     (tmp_path / "file").write_text("")
-    cache = Answers(tmp_path / "file", 10**6)
+    cache = ResultCache(tmp_path / "file", 10**6)
     for _ in range(2):
-        cache.keep(ask(cache), ANSWER)
-        assert cache.find(ask(cache)) is None
+        cache.write(ask(cache), ANSWER)
+        assert cache.read(ask(cache)) is None
     (note,) = cache.notes
     assert note.startswith("answers of backends cannot be kept: ")
     assert note.endswith("; name another folder in PHYSIC_CACHE, or switch it off")
-    cache.tidy()
+    cache.trim()
     assert (tmp_path / "file").read_text() == ""
 
 
 def test_an_answer_larger_than_the_whole_cache_is_not_written(tmp_path: Path):
-    cache = Answers(tmp_path / "answers", 100)
-    cache.keep(ask(cache), ANSWER)
+    cache = ResultCache(tmp_path / "answers", 100)
+    cache.write(ask(cache), ANSWER)
     assert not (tmp_path / "answers").exists()
 
 
 def test_the_run_that_wrote_makes_room(tmp_path: Path):
-    cache = Answers(tmp_path, 4000)
+    cache = ResultCache(tmp_path, 4000)
     names = []
     for i in range(9):
         names.append(ask(cache, replace(WHO, version=str(i))).name)
-        cache.keep(ask(cache, replace(WHO, version=str(i))), ANSWER)
+        cache.write(ask(cache, replace(WHO, version=str(i))), ANSWER)
     assert len(files(cache)) == 9
     os.utime(tmp_path / names[-1], (2e9, 2e9))  # the latest, whatever the clock's steps are
-    Answers(tmp_path, 0).tidy()  # wrote nothing
+    ResultCache(tmp_path, 0).trim()  # wrote nothing
     assert len(files(cache)) == 9
-    cache.tidy()
+    cache.trim()
     left = [path.name for path in files(cache)]
     assert 0 < len(left) < 9
     assert sum(path.stat().st_size for path in files(cache)) <= 4000
@@ -258,9 +258,9 @@ def test_the_run_that_wrote_makes_room(tmp_path: Path):
 
 def test_the_users_folder_follows_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PHYSIC_CACHE", "off")
-    assert Answers.in_users_folder(5) is None
+    assert ResultCache.in_users_folder(5) is None
     monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path))
-    cache = Answers.in_users_folder(5)
+    cache = ResultCache.in_users_folder(5)
     assert cache is not None
     assert (cache._folder, cache._limit) == (tmp_path, 5_000_000)
 
@@ -269,19 +269,19 @@ HAMMER = """
 import sys
 from pathlib import Path
 import numpy as np
-from physic_core.cache.answers import Answers, Question
+from physic_core.cache.result_cache import ResultCache, CacheKey
 from physic_core.types import Hands
-cache = Answers(Path(sys.argv[1]), 40_000)
+cache = ResultCache(Path(sys.argv[1]), 40_000)
 for i in range(120):
     k = i % 12
-    question = Question(f"hand_estimator-x-{k:040x}.answer.npz", {})
-    answer = cache.find(question)
+    question = CacheKey(f"hand_estimator-x-{k:040x}.answer.npz", {})
+    answer = cache.read(question)
     if answer is None:
-        cache.keep(question, Hands(np.full((2, 2, 15, 3), k, np.float32), np.ones((2, 2), np.float32)))
+        cache.write(question, Hands(np.full((2, 2, 15, 3), k, np.float32), np.ones((2, 2), np.float32)))
     else:
         assert (answer.rotvecs == k).all() and answer.rotvecs.shape == (2, 2, 15, 3)
     cache._written = True
-    cache.tidy()
+    cache.trim()
 print(cache.notes)
 """
 
@@ -298,4 +298,4 @@ def test_many_processes_may_read_write_and_make_room_at_once(tmp_path: Path):
 
 
 def _answer(path: Path) -> object:
-    return Answers(path.parent, 0).find(module.Question(path.name, {}))
+    return ResultCache(path.parent, 0).read(module.CacheKey(path.name, {}))

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from physic_core.cache import code
-from physic_core.cache.code import Code
+from physic_core.cache.code import CodeDigester
 from physic_core.interfaces import MetricDepth
 
 
@@ -49,11 +49,11 @@ def package(site: Path) -> type:
 
 def test_the_same_files_have_one_digest(site: Path):
     kind = package(site)
-    told = Code().of(kind)
+    told = CodeDigester().digest(kind)
     assert told is not None
     write(site / "pack" / "__pycache__" / "other.pyc", "x")
     write(site / "beside.py", "x")
-    assert Code().of(kind) == told
+    assert CodeDigester().digest(kind) == told
 
 
 @pytest.mark.parametrize(
@@ -68,25 +68,25 @@ def test_the_same_files_have_one_digest(site: Path):
 )
 def test_every_edit_of_the_package_counts(site: Path, file: str, text: str):
     kind = package(site)
-    told = Code().of(kind)
+    told = CodeDigester().digest(kind)
     write(site / file, text)
-    assert Code().of(kind) not in (told, None)
+    assert CodeDigester().digest(kind) not in (told, None)
 
 
 def test_weights_count_by_size_and_time(site: Path):
     kind = package(site)
-    told = Code().of(kind)
+    told = CodeDigester().digest(kind)
     os.utime(site / "pack" / "weights.onnx", (5, 5))
-    assert Code().of(kind) != told
+    assert CodeDigester().digest(kind) != told
 
 
 def test_a_module_in_no_package_counts_with_those_beside_it(site: Path):
     write(site / "my_depth.py", SOURCE)
     importlib.invalidate_caches()
     kind = importlib.import_module("my_depth").Depth
-    told = Code().of(kind)
+    told = CodeDigester().digest(kind)
     write(site / "my_helpers.py", "x = 1\n")
-    other = Code().of(kind)
+    other = CodeDigester().digest(kind)
     assert None not in (told, other)
     assert told != other
 
@@ -96,46 +96,46 @@ def test_bases_count(site: Path):
     write(site / "pack" / "__init__.py", "from base import Depth\nclass Own(Depth): ...\n")
     importlib.invalidate_caches()
     kind = importlib.import_module("pack").Own
-    told = Code().of(kind)
+    told = CodeDigester().digest(kind)
     write(site / "base.py", SOURCE.replace("1", "2"))
-    assert Code().of(kind) not in (told, None)
+    assert CodeDigester().digest(kind) not in (told, None)
 
 
 def test_a_huge_package_counts_by_the_module_alone(site: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(code, "_MANY", 3)
     kind = package(site)
-    told = Code().of(kind)
+    told = CodeDigester().digest(kind)
     write(site / "pack" / "other.py", "x = 2\n")
-    assert Code().of(kind) == told
+    assert CodeDigester().digest(kind) == told
     write(site / "pack" / "deep" / "worker.py", SOURCE.replace("1", "2"))
-    assert Code().of(kind) not in (told, None)
+    assert CodeDigester().digest(kind) not in (told, None)
 
 
 def test_what_was_edited_after_the_process_began_has_no_digest(site: Path, monkeypatch: pytest.MonkeyPatch):
     kind = package(site)
     monkeypatch.setattr(code, "_STARTED", time.time() - 100)
-    assert Code().of(kind) is None
+    assert CodeDigester().digest(kind) is None
     for path in (site / "pack").rglob("*.py"):
         os.utime(path, (time.time() - 200,) * 2)
-    assert Code().of(kind) is not None
+    assert CodeDigester().digest(kind) is not None
     # A clock that was wrong once says nothing.
     os.utime(site / "pack" / "other.py", (time.time() + 1e6,) * 2)
-    assert Code().of(kind) is not None
+    assert CodeDigester().digest(kind) is not None
 
 
 def test_a_class_of_a_function_or_of_a_session_has_no_digest(monkeypatch: pytest.MonkeyPatch):
     class Local(MetricDepth):
         def infer(self, image, hints): ...
 
-    assert Code().of(Local) is None
+    assert CodeDigester().digest(Local) is None
     monkeypatch.setattr(MetricDepth, "__module__", "__main__")
-    assert Code().of(MetricDepth) is None
+    assert CodeDigester().digest(MetricDepth) is None
     monkeypatch.setattr(MetricDepth, "__module__", "no.such.module")
-    assert Code().of(MetricDepth) is None
+    assert CodeDigester().digest(MetricDepth) is None
 
 
 def test_each_module_is_looked_at_once(site: Path):
-    kind, reader = package(site), Code()
-    told = reader.of(kind)
+    kind, reader = package(site), CodeDigester()
+    told = reader.digest(kind)
     write(site / "pack" / "other.py", "x = 2\n")
-    assert reader.of(kind) == told
+    assert reader.digest(kind) == told

@@ -15,8 +15,8 @@ import pytest
 
 from physic_core.body.correspondence import Correspondence
 from physic_core.cache import maps
-from physic_core.cache.answers import Answers
 from physic_core.cache.digest import Digester
+from physic_core.cache.result_cache import ResultCache
 from physic_core.files.archive import DamagedFileError, read_archive, write_archive
 
 TOOL = Path(__file__).parents[2] / "tools" / "flip_cache_bits.py"
@@ -118,40 +118,48 @@ DAMAGES = [
 
 @pytest.mark.parametrize("damage", DAMAGES, ids=lambda damage: damage.__name__)
 def test_a_damaged_file_is_dropped_and_made_anew(tool: ModuleType, tmp_path: Path, damage: Callable[[Path], None]):
-    cache, asked, answer = Answers(tmp_path, 1 << 30), tool.question("metric_depth"), tool.one_of_each()["metric_depth"]
-    cache.keep(asked, answer)
+    cache, asked, answer = (
+        ResultCache(tmp_path, 1 << 30),
+        tool.question("metric_depth"),
+        tool.one_of_each()["metric_depth"],
+    )
+    cache.write(asked, answer)
     path = tmp_path / asked.name
     damage(path)
-    assert cache.find(asked) is None
+    assert cache.read(asked) is None
     (note,) = cache.notes
     assert note.startswith(f"a damaged file of the cache was dropped and its answer computed again: {path} (")
     assert list(tmp_path.iterdir()) == []
-    cache.keep(asked, answer)
-    assert Digester().digest(cache.find(asked)) == Digester().digest(answer)
+    cache.write(asked, answer)
+    assert Digester().digest(cache.read(asked)) == Digester().digest(answer)
 
 
 def test_a_file_that_may_not_be_read_is_made_anew(tool: ModuleType, tmp_path: Path):
-    cache, asked, answer = Answers(tmp_path, 1 << 30), tool.question("metric_depth"), tool.one_of_each()["metric_depth"]
-    cache.keep(asked, answer)
+    cache, asked, answer = (
+        ResultCache(tmp_path, 1 << 30),
+        tool.question("metric_depth"),
+        tool.one_of_each()["metric_depth"],
+    )
+    cache.write(asked, answer)
     (tmp_path / asked.name).chmod(0)
     if os.access(tmp_path / asked.name, os.R_OK):
         pytest.skip("root may read everything")
-    assert cache.find(asked) is None
-    cache.keep(asked, answer)
-    assert cache.find(asked) is not None
+    assert cache.read(asked) is None
+    cache.write(asked, answer)
+    assert cache.read(asked) is not None
 
 
 def test_a_folder_with_files_in_it_is_left_alone_and_named(tool: ModuleType, tmp_path: Path):
-    cache, asked = Answers(tmp_path, 1 << 30), tool.question("metric_depth")
+    cache, asked = ResultCache(tmp_path, 1 << 30), tool.question("metric_depth")
     path = tmp_path / asked.name
     path.mkdir()
     (path / "mine.txt").write_text("mine")
-    assert cache.find(asked) is None
+    assert cache.read(asked) is None
     (note,) = cache.notes
     assert note.startswith(
         f"the cache holds what is not its own: {path} (it is not a regular file); remove it yourself"
     )
-    cache.keep(asked, tool.one_of_each()["metric_depth"])
+    cache.write(asked, tool.one_of_each()["metric_depth"])
     assert cache.notes[1:] == [
         f"an answer of a backend cannot be kept: cannot write {path}: a folder has this name; "
         "remove it, or move it away"
@@ -161,7 +169,7 @@ def test_a_folder_with_files_in_it_is_left_alone_and_named(tool: ModuleType, tmp
 
 def test_an_archive_that_claims_more_than_memory_is_not_unpacked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     write_archive(tmp_path / "a.npz", {"zeros": np.zeros(100_000)}, None)
-    monkeypatch.setattr("physic_core.files.npz.MOST_BYTES", 99_999)
+    monkeypatch.setattr("physic_core.files.npz.MAX_BYTES", 99_999)
     with pytest.raises(DamagedFileError, match="its arrays claim"):
         read_archive(tmp_path / "a.npz")
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from physic_core.cache import lru_folder as shelf
-from physic_core.cache.places import place
+from physic_core.cache.folders import cache_folder
 
 
 def put(folder: Path, name: str, size: int, age_s: float) -> Path:
@@ -33,23 +33,23 @@ def names(folder: Path) -> list[str]:
 
 
 def test_files_are_told_from_the_longest_unused_on(folder: Path):
-    shelf.touch(folder / "0.answer.npz")
-    assert [(file.path.name, file.size) for file in shelf.kept(folder)] == [
+    shelf.mark_used(folder / "0.answer.npz")
+    assert [(file.path.name, file.size) for file in shelf.list_files(folder)] == [
         (f"{i}.answer.npz", 100) for i in (1, 2, 3, 0)
     ]
 
 
 def test_a_folder_that_is_not_there_keeps_nothing(tmp_path: Path):
-    assert shelf.kept(tmp_path / "none") == []
-    assert shelf.clear(tmp_path / "none") == []
-    shelf.shrink(tmp_path / "none", 0)
-    shelf.touch(tmp_path / "none")
+    assert shelf.list_files(tmp_path / "none") == []
+    assert shelf.clear_folder(tmp_path / "none") == []
+    shelf.trim_folder(tmp_path / "none", 0)
+    shelf.mark_used(tmp_path / "none")
     assert names(tmp_path) == []
 
 
 @pytest.mark.parametrize(("limit", "left"), [(400, 4), (399, 3), (200, 2), (0, 0)])
 def test_the_longest_unused_go_until_the_rest_fits(folder: Path, limit: int, left: int):
-    shelf.shrink(folder, limit)
+    shelf.trim_folder(folder, limit)
     assert names(folder) == [*(f"{i}.answer.npz" for i in range(4 - left, 4)), "notes.txt", "reconstruction.npz"]
 
 
@@ -57,32 +57,32 @@ def test_what_a_dead_writer_left_goes_and_what_is_being_written_stays(folder: Pa
     put(folder, ".9.answer.npz.0a.part", 10, 4000)
     put(folder, ".8.answer.npz.0b.part", 10, 4)
     put(folder, ".scene.glb.0c.part", 10, 4000)
-    shelf.shrink(folder, 1000)
+    shelf.trim_folder(folder, 1000)
     assert [name for name in names(folder) if name.startswith(".")] == [".8.answer.npz.0b.part", ".scene.glb.0c.part"]
 
 
 def test_clearing_removes_the_kept_and_nothing_else(folder: Path):
     put(folder, ".8.answer.npz.0b.part", 10, 4)
-    assert [file.path.name for file in shelf.clear(folder)] == [f"{i}.answer.npz" for i in range(4)]
+    assert [file.path.name for file in shelf.clear_folder(folder)] == [f"{i}.answer.npz" for i in range(4)]
     assert names(folder) == ["notes.txt", "reconstruction.npz"]
 
 
 @pytest.mark.parametrize("word", ["off", "OFF", "0", "no", "False"])
 def test_a_cache_can_be_switched_off(monkeypatch: pytest.MonkeyPatch, word: str):
     monkeypatch.setenv("SWITCH", word)
-    assert place("things", "SWITCH") is None
+    assert cache_folder("things", "SWITCH") is None
 
 
 def test_the_folder_is_the_environments_the_users_or_the_systems(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.delenv("SWITCH", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert place("things", "SWITCH") == tmp_path / "physic" / "things"
+    assert cache_folder("things", "SWITCH") == tmp_path / "physic" / "things"
     monkeypatch.setenv("XDG_CACHE_HOME", "relative")
-    found = place("things", "SWITCH")
+    found = cache_folder("things", "SWITCH")
     assert found is not None
     assert found.is_absolute()
     monkeypatch.setenv("SWITCH", "mine")
-    assert place("things", "SWITCH") == Path("mine")
+    assert cache_folder("things", "SWITCH") == Path("mine")
 
 
 def test_whoever_has_no_home_has_no_cache(monkeypatch: pytest.MonkeyPatch):
@@ -92,4 +92,4 @@ def test_whoever_has_no_home_has_no_cache(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.delenv("SWITCH", raising=False)
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
     monkeypatch.setattr(Path, "home", home)
-    assert place("things", "SWITCH") is None
+    assert cache_folder("things", "SWITCH") is None

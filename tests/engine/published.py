@@ -21,7 +21,7 @@ from physic_core.body.parts import PART_NAMES
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.geometry.camera import pixel_grid, unproject
 from physic_core.geometry.released_pointmap import four_neighbour_normals
-from physic_core.pipeline.estimate import Evidence
+from physic_core.pipeline.estimate import Estimates
 from physic_core.types import (
     SKELETONS,
     Bodies,
@@ -186,7 +186,7 @@ class Published:
             keypoint_transl=self["one/out/s1_end/param/transl"],
         )
 
-    def evidence(self) -> Evidence:
+    def evidence(self) -> Estimates:
         """What estimators would say who saw the problem's inputs: the whole engine can be run on it."""
         height, width = self.size
         K = self.arrays["camera/K"].astype(np.float64)
@@ -195,7 +195,7 @@ class Published:
         scene, original = (self._pointmap(points, camera) for points in (self.points(), self.human_map()))
         rotations, betas, transl = self.given("init")
         probability = self.arrays["one/in/contact_prob"]
-        return Evidence(
+        return Estimates(
             image=image,
             intrinsics=camera,
             camera_given=True,
@@ -209,7 +209,7 @@ class Published:
                 self.arrays["one/in/keypoints"], self.arrays["one/in/keypoint_conf"], "coco_wholebody133"
             ),
             hole=person,
-            empty=image,
+            inpainted=image,
             scene=scene,
             original=original,
             floor=None,

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from physic_core.geometry.upright import gltf_from_camera, transform
 from physic_core.types import Plane, Scene
 from physic_core.visual.glb import BODY_RGB, CONTACT_RGB, glb_files
-from physic_core.visual.surface import far_limit, scene_surface
+from physic_core.visual.surface import depth_limit, mesh_scene
 
 
 def tree_of(content: bytes) -> dict:
@@ -99,7 +99,7 @@ def flat_scene(depth: np.ndarray) -> Scene:
 
 
 def test_a_wall_becomes_one_sheet_that_faces_the_camera():
-    surface = scene_surface(flat_scene(np.full((12, 20), 3.0)), 10.0)
+    surface = mesh_scene(flat_scene(np.full((12, 20), 3.0)), 10.0)
     assert len(surface.vertices) == 240
     assert len(surface.faces) == 2 * 11 * 19
     mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
@@ -109,7 +109,7 @@ def test_a_wall_becomes_one_sheet_that_faces_the_camera():
 
 def test_a_vertex_keeps_its_pixel():
     scene = flat_scene(np.random.default_rng(0).uniform(2.9, 3.0, (30, 40)))
-    surface = scene_surface(scene, 10.0, max_vertices=300)
+    surface = mesh_scene(scene, 10.0, max_vertices=300)
     columns, rows = surface.pixels.T
     np.testing.assert_array_equal(surface.vertices, scene.points[rows, columns])
     assert columns.max() == 38  # every second
@@ -118,7 +118,7 @@ def test_a_vertex_keeps_its_pixel():
 def test_an_edge_in_depth_is_cut():
     depth = np.full((10, 20), 3.0)
     depth[:, 10:] = 4.0
-    surface = scene_surface(flat_scene(depth), 10.0)
+    surface = mesh_scene(flat_scene(depth), 10.0)
     assert len(surface.faces) == 2 * 9 * 18
     assert np.ptp(surface.vertices[surface.faces][..., 2], axis=1).max() == 0
 
@@ -127,14 +127,14 @@ def test_flying_shards_are_left_out():
     depth = np.full((100, 100), 3.0)
     depth[40:44, 40:44] = 2.0
     depth[70:80, 70:80] = 2.0
-    surface = scene_surface(flat_scene(depth), 10.0)
+    surface = mesh_scene(flat_scene(depth), 10.0)
     assert (surface.vertices[:, 2] == 2.0).sum() == 100
 
 
 def test_invalid_and_far_pixels_are_left_out():
     depth = np.full((10, 20), 3.0)
     depth[4, 4], depth[7, 14] = np.nan, 50.0
-    surface = scene_surface(flat_scene(depth), 10.0)
+    surface = mesh_scene(flat_scene(depth), 10.0)
     assert len(surface.vertices) == 198
     # Six triangles meet at a pixel.
     assert len(surface.faces) == 2 * 9 * 19 - 12
@@ -143,7 +143,7 @@ def test_invalid_and_far_pixels_are_left_out():
 def test_a_floor_far_away_stays_whole(reconstruction):
     """Its rows step by more than the limit, but along the floor."""
     scene = reconstruction.scene
-    surface = scene_surface(scene, 20.0)
+    surface = mesh_scene(scene, 20.0)
     heights = surface.vertices @ scene.floor.normal + scene.floor.offset
     steps = np.ptp(surface.vertices[surface.faces][..., 2], axis=1)
     on_floor = (np.abs(heights[surface.faces]) < 1e-3).all(1)
@@ -153,14 +153,14 @@ def test_a_floor_far_away_stays_whole(reconstruction):
 
 
 def test_nothing_valid_makes_no_surface():
-    surface = scene_surface(flat_scene(np.full((10, 20), np.nan)), 10.0)
+    surface = mesh_scene(flat_scene(np.full((10, 20), np.nan)), 10.0)
     assert (len(surface.vertices), len(surface.faces)) == (0, 0)
 
 
 def test_the_scene_ends_at_three_times_the_farthest_person(reconstruction, make):
     depth = max(np.median(person.vertices[:, 2]) for person in reconstruction.people)
-    assert far_limit(reconstruction) == pytest.approx(3 * depth)
-    assert far_limit(make(people=0)) == 20.0
+    assert depth_limit(reconstruction) == pytest.approx(3 * depth)
+    assert depth_limit(make(people=0)) == 20.0
 
 
 # --- the files --------------------------------------------------------------------------------------------------------

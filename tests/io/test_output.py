@@ -14,8 +14,8 @@ import pytest
 
 from physic_core import Reconstruction
 from physic_core.errors import OutputError
-from physic_core.io.output import (
-    check_folder,
+from physic_core.io.result_folder import (
+    check_overwrite,
     file_digest,
     files_of_result,
     image_digest,
@@ -42,7 +42,7 @@ def out(tmp_path: Path) -> Path:
 
 def refusal(folder: Path, photo: str, **settings: bool) -> str:
     with pytest.raises(OutputError) as caught:
-        check_folder(folder, photo, **settings)
+        check_overwrite(folder, photo, **settings)
     start = f"cannot write results to {folder}: "
     assert str(caught.value).startswith(start)
     return str(caught.value).removeprefix(start)
@@ -69,11 +69,11 @@ def pointed_at(photo: Path, path: Path) -> None:
 
 
 def test_a_new_folder_an_empty_one_and_one_with_other_files_will_do(out: Path, photo: Path):
-    check_folder(out / "new", file_digest(photo))
-    check_folder(out, file_digest(photo))
+    check_overwrite(out / "new", file_digest(photo))
+    check_overwrite(out, file_digest(photo))
     (out / "notes.txt").write_text("mine")
     (out / "photo.png").write_bytes(photo.read_bytes())
-    check_folder(out, file_digest(photo))
+    check_overwrite(out, file_digest(photo))
 
 
 @pytest.mark.parametrize("link", [copied, linked, pointed_at], ids=lambda link: link.__name__)
@@ -120,7 +120,7 @@ def test_another_document_makes_no_result(out: Path, photo: Path, text: str):
 
 def test_the_result_of_the_same_photo_is_replaced_whatever_the_photo_is_called(out: Path, photo: Path):
     result(out, file_digest(photo))
-    check_folder(out, file_digest(photo.rename(photo.with_name("other.png"))))
+    check_overwrite(out, file_digest(photo.rename(photo.with_name("other.png"))))
 
 
 def test_the_result_of_another_photo_is_replaced_if_asked_alone(out: Path, photo: Path):
@@ -129,7 +129,7 @@ def test_the_result_of_another_photo_is_replaced_if_asked_alone(out: Path, photo
         "it holds the result of another photo: name another folder, or replace that result with --overwrite "
         "(overwrite=True in Python)"
     )
-    check_folder(out, file_digest(photo), overwrite=True)
+    check_overwrite(out, file_digest(photo), overwrite=True)
     (out / "person_0.glb").write_text("mine")  # the result has none
     assert refusal(out, file_digest(photo), overwrite=True) == (
         "person_0.glb there is not of an earlier run: name another folder, or move it away"
@@ -251,8 +251,8 @@ def test_a_photo_is_the_same_by_its_file_or_by_its_pixels(out: Path, photo: Path
     pixels, others = np.zeros((4, 6, 3), np.uint8), np.ones((4, 6, 3), np.uint8)
     result(out, photo_digest(photo, pixels))
     for same in (photo_digest(photo, pixels), file_digest(photo), image_digest(pixels)):
-        check_folder(out, same)
+        check_overwrite(out, same)
     assert refusal(out, image_digest(others)).startswith("it holds the result of another photo: ")
     result(out, file_digest(photo))  # as results were written before pixels had a digest
-    check_folder(out, photo_digest(photo, pixels))
+    check_overwrite(out, photo_digest(photo, pixels))
     assert refusal(out, image_digest(pixels)).startswith("it holds a result of an unknown photo: ")

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from physic_core.errors import InputError
-from physic_core.io.photo import Photo, check_image, prepare, read_photo
+from physic_core.io.photo import Photo, check_image, limit_size, read_photo
 from physic_core.types import Intrinsics
 
 WIDTH, HEIGHT = 96, 72
@@ -473,12 +473,12 @@ def test_a_broken_exif_block_only_loses_the_camera(tmp_path):
 
 def test_a_small_photo_is_left_alone():
     photo = Photo(corners())
-    assert prepare(photo, 96) is photo
+    assert limit_size(photo, 96) is photo
 
 
 def test_resizing_averages_and_moves_the_camera_along():
     image = corners(400, 300)
-    photo = prepare(Photo(image, Intrinsics(300.0, 310.0, 199.5, 149.5, 400, 300), ("note",)), 200)
+    photo = limit_size(Photo(image, Intrinsics(300.0, 310.0, 199.5, 149.5, 400, 300), ("note",)), 200)
     np.testing.assert_array_equal(photo.image, image.reshape(150, 2, 200, 2, 3).mean((1, 3)).round().astype(np.uint8))
     assert photo.intrinsics == Intrinsics(150.0, 155.0, 99.5, 74.5, 200, 150)
     assert photo.notes == ("note",)
@@ -495,7 +495,7 @@ def test_a_ray_meets_the_same_spot_of_the_resized_photo(width, height, side, x, 
     before = Intrinsics.from_focal(250.0, width, height)
     photo = Photo(np.zeros((height, width, 3), np.uint8), before)
     try:
-        after = prepare(photo, side).intrinsics
+        after = limit_size(photo, side).intrinsics
     except InputError:
         assert min(width, height) * side / max(width, height) < 64.5
         return
@@ -507,7 +507,7 @@ def test_a_ray_meets_the_same_spot_of_the_resized_photo(width, height, side, x, 
 
 def test_a_strip_is_refused():
     with pytest.raises(InputError) as caught:
-        prepare(Photo(np.zeros((80, 2000, 3), np.uint8)), 1000)
+        limit_size(Photo(np.zeros((80, 2000, 3), np.uint8)), 1000)
     assert str(caught.value) == (
         "the photo is too long and thin: of its 2000 x 80 px, 1000 x 40 px are left at a long side of 1000 px, "
         "and each side needs 64 px; crop it, or allow a longer side"
@@ -552,7 +552,7 @@ def test_a_strip_is_refused():
 @pytest.mark.parametrize("max_side", [128, 1280])
 def test_a_camera_that_cannot_be_the_photos_is_refused(camera, message, max_side):
     with pytest.raises(InputError) as caught:
-        prepare(Photo(np.zeros((100, 200, 3), np.uint8), camera), max_side)
+        limit_size(Photo(np.zeros((100, 200, 3), np.uint8), camera), max_side)
     assert str(caught.value) == message
 
 

@@ -12,18 +12,26 @@ import trimesh
 from PIL import Image
 
 from physic_core.types import Intrinsics
-from physic_core.visual.diorama import PERSON_COLORS, build_diorama
-from physic_core.visual.panels import contact_picture, depth_panel, depth_range, overlay_panel
-from physic_core.visual.plans import GROUND, PAPER, above_plan, side_plan
-from physic_core.visual.preview import _layout, headline, preview_image, preview_png
-from physic_core.visual.render import Orthographic, Perspective, behind, draw, figures, over, splat
+from physic_core.visual.orthographic_views import BACKGROUND_RGB, PAGE_RGB, side_view, top_view
+from physic_core.visual.panels import depth_panel, depth_range, overlay_panel, render_contact_views
+from physic_core.visual.preview import _layout, preview_image, preview_png, summary_line
+from physic_core.visual.preview_geometry import PERSON_COLORS, build_preview_geometry
+from physic_core.visual.render import (
+    Orthographic,
+    Perspective,
+    composite,
+    merge_layers,
+    prepare_meshes,
+    render_mesh,
+    render_points,
+)
 
 SPHERE = trimesh.creation.icosphere(subdivisions=4, radius=0.5)
 CAMERA = Intrinsics.from_focal(100.0, 101, 81)
 
 
 def sphere_at(*centers):
-    return figures([SPHERE.vertices + center for center in centers], SPHERE.faces)
+    return prepare_meshes([SPHERE.vertices + center for center in centers], SPHERE.faces)
 
 
 def is_hue(picture, index):
@@ -37,7 +45,7 @@ def is_hue(picture, index):
 
 
 def test_a_sphere_is_a_disc_of_the_right_size():
-    layer = draw(sphere_at([0, 0, 4.0]), Perspective(CAMERA, 101, 81), np.full((len(SPHERE.vertices), 3), 0.8))
+    layer = render_mesh(sphere_at([0, 0, 4.0]), Perspective(CAMERA, 101, 81), np.full((len(SPHERE.vertices), 3), 0.8))
     radius = 100 * 0.5 / np.sqrt(4.0**2 - 0.5**2)
     assert layer.alpha.sum() == pytest.approx(np.pi * radius**2, rel=0.01)
     rows, columns = np.nonzero(layer.alpha > 0.5)
@@ -48,8 +56,8 @@ def test_a_sphere_is_a_disc_of_the_right_size():
 
 def test_a_picture_of_twice_the_size_shows_the_same():
     colors = np.full((len(SPHERE.vertices), 3), 0.8)
-    small = draw(sphere_at([0.3, -0.2, 4.0]), Perspective(CAMERA, 101, 81), colors)
-    large = draw(sphere_at([0.3, -0.2, 4.0]), Perspective(CAMERA, 202, 162), colors)
+    small = render_mesh(sphere_at([0.3, -0.2, 4.0]), Perspective(CAMERA, 101, 81), colors)
+    large = render_mesh(sphere_at([0.3, -0.2, 4.0]), Perspective(CAMERA, 202, 162), colors)
     assert large.alpha.sum() == pytest.approx(4 * small.alpha.sum(), rel=0.01)
     np.testing.assert_allclose(large.alpha.reshape(81, 2, 101, 2).mean((1, 3)), small.alpha, atol=0.3)
 
@@ -58,18 +66,18 @@ def test_the_nearer_hides_the_farther():
     colors = np.concatenate(
         [np.tile([1.0, 0, 0], (len(SPHERE.vertices), 1)), np.tile([0, 1.0, 0], (len(SPHERE.vertices), 1))]
     )
-    layer = draw(sphere_at([0, 0, 6.0], [0, 0, 4.0]), Perspective(CAMERA, 101, 81), colors)
+    layer = render_mesh(sphere_at([0, 0, 6.0], [0, 0, 4.0]), Perspective(CAMERA, 101, 81), colors)
     assert layer.color[40, 50, 1] > 0.5
     assert layer.color[40, 50, 0] == 0
 
 
 def test_light_falls_from_above():
-    layer = draw(sphere_at([0, 0, 4.0]), Perspective(CAMERA, 101, 81), np.full((len(SPHERE.vertices), 3), 0.8))
+    layer = render_mesh(sphere_at([0, 0, 4.0]), Perspective(CAMERA, 101, 81), np.full((len(SPHERE.vertices), 3), 0.8))
     assert layer.color[33, 50, 0] > layer.color[47, 50, 0] + 0.05
 
 
 def test_without_light_colours_stay():
-    layer = draw(
+    layer = render_mesh(
         sphere_at([0, 0, 4.0]),
         Perspective(CAMERA, 101, 81),
         np.full((len(SPHERE.vertices), 3), 0.25),
@@ -80,13 +88,13 @@ def test_without_light_colours_stay():
 
 
 def test_what_lies_behind_the_camera_is_not_drawn():
-    layer = draw(sphere_at([0, 0, -4.0]), Perspective(CAMERA, 101, 81), np.ones((len(SPHERE.vertices), 3)))
+    layer = render_mesh(sphere_at([0, 0, -4.0]), Perspective(CAMERA, 101, 81), np.ones((len(SPHERE.vertices), 3)))
     assert layer.alpha.max() == 0
 
 
 def test_a_parallel_view_is_to_scale():
     view = Orthographic(np.array([0, 0, 4.0]), np.array([0, 0, 1.0]), np.array([0, -1.0, 0]), 60.0, 120, 100)
-    layer = draw(sphere_at([0, 0, 4.0]), view, np.ones((len(SPHERE.vertices), 3)))
+    layer = render_mesh(sphere_at([0, 0, 4.0]), view, np.ones((len(SPHERE.vertices), 3)))
     assert layer.alpha.sum() == pytest.approx(np.pi * 30**2, rel=0.01)
     spot = view.project(np.array([[7.0, -0.5, 4.5]]))[0]
     assert spot[:2] == pytest.approx([59.5 + 30, 49.5 - 30])
@@ -96,14 +104,14 @@ def test_a_parallel_view_can_cut():
     view = Orthographic(
         np.array([0, 0, 4.0]), np.array([1.0, 0, 0]), np.array([0, -1.0, 0]), 60.0, 120, 100, start=-0.1
     )
-    layer = draw(sphere_at([0, 0, 3.0], [0, 0, 5.0]), view, np.ones((2 * len(SPHERE.vertices), 3)))
+    layer = render_mesh(sphere_at([0, 0, 3.0], [0, 0, 5.0]), view, np.ones((2 * len(SPHERE.vertices), 3)))
     assert layer.distance[np.isfinite(layer.distance)].min() > 1000.1
 
 
 def test_a_splat_is_a_square_and_the_nearer_wins():
     view = Orthographic(np.zeros(3), np.array([1.0, 0, 0]), np.array([0, -1.0, 0]), 10.0, 21, 11)
     points = np.array([[0, 0, 1.0], [0.1, 0, 2.0], [50, 0, 0], [np.nan, 0, 0], [1.0, 0.5, 0]])
-    layer = splat(view, points, np.array([[1.0, 0, 0], [0, 1.0, 0], [1, 1, 1], [1, 1, 1], [0, 0, 1.0]]))
+    layer = render_points(view, points, np.array([[1.0, 0, 0], [0, 1.0, 0], [1, 1, 1], [1, 1, 1], [0, 0, 1.0]]))
     assert layer.alpha.sum() == 9 + 3 + 4  # the corner's square is cut
     np.testing.assert_array_equal(layer.color[5, 10], [1, 0, 0])
     np.testing.assert_array_equal(layer.color[5, 12], [0, 1, 0])
@@ -113,30 +121,30 @@ def test_a_splat_is_a_square_and_the_nearer_wins():
 
 def test_layers_join_by_distance():
     view = Orthographic(np.zeros(3), np.array([1.0, 0, 0]), np.array([0, -1.0, 0]), 10.0, 21, 11)
-    red = splat(view, np.array([[0, 0, 1.0]]), np.array([[1.0, 0, 0]]))
-    green = splat(view, np.array([[0, 0, 2.0], [0.2, 0, 2.0]]), np.array([[0, 1.0, 0]] * 2))
-    joined = behind(red, green, 0.1)
+    red = render_points(view, np.array([[0, 0, 1.0]]), np.array([[1.0, 0, 0]]))
+    green = render_points(view, np.array([[0, 0, 2.0], [0.2, 0, 2.0]]), np.array([[0, 1.0, 0]] * 2))
+    joined = merge_layers(red, green, 0.1)
     np.testing.assert_array_equal(joined.color[5, [10, 12]], [[1, 0, 0], [0, 1, 0]])
-    joined = behind(red, green, 1.5)
+    joined = merge_layers(red, green, 1.5)
     np.testing.assert_array_equal(joined.color[5, [10, 12]], [[0, 1, 0], [0, 1, 0]])
 
 
 def test_a_half_transparent_layer_mixes():
     view = Orthographic(np.zeros(3), np.array([1.0, 0, 0]), np.array([0, -1.0, 0]), 10.0, 3, 3)
-    layer = splat(view, np.zeros((1, 3)), np.array([[1.0, 0, 0]]))
-    picture = over(layer, np.full((3, 3, 3), 0.5, np.float32), 0.5)
+    layer = render_points(view, np.zeros((1, 3)), np.array([[1.0, 0, 0]]))
+    picture = composite(layer, np.full((3, 3, 3), 0.5, np.float32), 0.5)
     np.testing.assert_allclose(picture[1, 1], [0.75, 0.25, 0.25])
 
 
 def test_no_bodies_are_no_figures():
-    assert figures([], SPHERE.faces) is None
+    assert prepare_meshes([], SPHERE.faces) is None
 
 
 # --- panels -----------------------------------------------------------------------------------------------------------
 
 
 def test_people_are_drawn_where_their_joints_project(reconstruction):
-    picture = overlay_panel(reconstruction, build_diorama(reconstruction), 320, 240)
+    picture = overlay_panel(reconstruction, build_preview_geometry(reconstruction), 320, 240)
     for index, person in enumerate(reconstruction.people):
         spots = person.joints[[0, 9]] @ reconstruction.intrinsics.resized(320, 240).matrix.T
         for column, row in spots[:, :2] / spots[:, 2:]:
@@ -157,7 +165,7 @@ def test_depth_runs_from_red_to_blue_and_unknown_is_grey(reconstruction):
 
 
 def test_from_the_side_people_stand_on_the_floor_line(reconstruction):
-    plan = side_plan(build_diorama(reconstruction), 600, 440)
+    plan = side_view(build_preview_geometry(reconstruction), 600, 440)
     assert plan.floor_row is not None
     metre = plan.pixels_per_metre
     for index, depth in ((0, 3.0), (1, 3.8)):
@@ -172,7 +180,7 @@ def test_from_the_side_people_stand_on_the_floor_line(reconstruction):
 
 
 def test_from_above_people_stand_beside_each_other(reconstruction):
-    plan = above_plan(build_diorama(reconstruction), 400, 900)
+    plan = top_view(build_preview_geometry(reconstruction), 400, 900)
     spots = []
     for index in (0, 1):
         rows, columns = np.nonzero(is_hue(plan.picture, index))
@@ -185,7 +193,7 @@ def test_from_above_people_stand_beside_each_other(reconstruction):
 
 
 def test_the_scene_is_seen_from_above_in_its_colours(reconstruction):
-    plan = above_plan(build_diorama(reconstruction), 400, 900)
+    plan = top_view(build_preview_geometry(reconstruction), 400, 900)
     assert plan.camera is not None
     column = round(plan.camera[0] + 1.0 * plan.pixels_per_metre)
     row = round(plan.camera[1] - 3.1 * plan.pixels_per_metre)
@@ -193,7 +201,7 @@ def test_the_scene_is_seen_from_above_in_its_colours(reconstruction):
 
 
 def test_contact_is_red_from_below_only(reconstruction):
-    shown = contact_picture(reconstruction, 0, 600, 300)
+    shown = render_contact_views(reconstruction, 0, 600, 300)
     assert [name for name, _ in shown.views] == ["front", "back", "below"]
     red = (shown.picture[..., 0].astype(int) - shown.picture[..., 1]) > 60
     middles = [column for _, column in shown.views]
@@ -209,7 +217,7 @@ def test_the_front_is_the_side_with_the_toes(reconstruction):
     toe = (person.joints[10] + person.joints[11]) / 2
     toes[np.linalg.norm(person.vertices - toe, axis=1) < 0.17] = True
     seen = replace(reconstruction, people=(replace(person, contact=toes),))
-    shown = contact_picture(seen, 0, 600, 300)
+    shown = render_contact_views(seen, 0, 600, 300)
     red = (shown.picture[..., 0].astype(int) - shown.picture[..., 1]) > 60
     front, back, _ = (column for _, column in shown.views)
     middle = int((front + back) / 2)
@@ -219,16 +227,16 @@ def test_the_front_is_the_side_with_the_toes(reconstruction):
 def test_nobody_and_nothing_make_empty_plans(make):
     before = make(people=0)
     scene = replace(before.scene, valid=np.zeros_like(before.scene.valid))
-    diorama = build_diorama(replace(before, scene=scene))
-    for plan in (side_plan(diorama, 60, 40), above_plan(diorama, 60, 40)):
-        np.testing.assert_array_equal(plan.picture, np.broadcast_to(np.uint8(GROUND), (40, 60, 3)))
+    geometry = build_preview_geometry(replace(before, scene=scene))
+    for plan in (side_view(geometry, 60, 40), top_view(geometry, 60, 40)):
+        np.testing.assert_array_equal(plan.picture, np.broadcast_to(np.uint8(BACKGROUND_RGB), (40, 60, 3)))
 
 
 # --- the whole --------------------------------------------------------------------------------------------------------
 
 
 def test_the_headline_states_the_facts(reconstruction):
-    assert headline(reconstruction) == "  ·  ".join(
+    assert summary_line(reconstruction) == "  ·  ".join(
         [
             "160 x 120 px",
             "focal length 128 px (given)",
@@ -246,7 +254,7 @@ def test_the_headline_of_a_bare_result(make):
     bare = make(people=1)
     scene = replace(bare.scene, floor=None, scale=1.0, scale_sigma=None)
     people = tuple(replace(person, failed_checks=()) for person in bare.people)
-    assert headline(replace(bare, scene=scene, people=people, stages=(), warnings=())) == "  ·  ".join(
+    assert summary_line(replace(bare, scene=scene, people=people, stages=(), warnings=())) == "  ·  ".join(
         [
             "160 x 120 px",
             "focal length 128 px (given)",
@@ -298,5 +306,5 @@ def test_a_person_who_lies_or_bends_has_views(reconstruction):
             vertices=trimesh.transform_points(person.vertices, turn).astype(np.float32),
             joints=trimesh.transform_points(person.joints, turn).astype(np.float32),
         )
-        shown = contact_picture(replace(reconstruction, people=(lying,)), 0, 300, 200)
-        assert (shown.picture != PAPER).any(-1).mean() > 0.05
+        shown = render_contact_views(replace(reconstruction, people=(lying,)), 0, 300, 200)
+        assert (shown.picture != PAGE_RGB).any(-1).mean() > 0.05

@@ -20,7 +20,7 @@ import physic_core.io.results as results
 from physic_core.errors import InputError, OutputError
 from physic_core.files.strict_json import from_json
 from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS
-from physic_core.io.document import from_text, to_document, to_text
+from physic_core.io.document import decode_document, encode_document, to_document
 from physic_core.io.results import check_writable, load_reconstruction, save_reconstruction
 from physic_core.types import Intrinsics, Reconstruction, Scene
 
@@ -155,9 +155,9 @@ VALUE = st.recursive(
 @given(value=VALUE)
 def test_any_words_and_numbers_come_back(value):
     before = replace(EMPTY, diagnostics={"value": value})
-    text = to_text(to_document(before, [], ""))
+    text = encode_document(to_document(before, [], ""))
     strict(text)
-    assert_same(value, from_json(from_text(text, "it")["diagnostics"])["value"])
+    assert_same(value, from_json(decode_document(text, "it")["diagnostics"])["value"])
 
 
 def test_arrays_and_numpy_numbers_become_lists_and_numbers(reconstruction):
@@ -269,7 +269,7 @@ def test_a_failing_write_leaves_the_former_result(tmp_path, make, monkeypatch):
     def full(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(results, "to_text", full)
+    monkeypatch.setattr(results, "encode_document", full)
     with pytest.raises(OutputError) as caught:
         save_reconstruction(make(people=2), tmp_path)
     assert str(caught.value) == (

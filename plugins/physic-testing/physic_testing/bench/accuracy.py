@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.configuration.model import Config
     from physic_core.configuration.resolve import ResolvedPipeline
-    from physic_core.pipeline.estimate import Evidence
+    from physic_core.pipeline.estimate import Estimates
     from physic_testing.bench.judge import Judge
     from physic_testing.bench.rows import Row
 
@@ -138,7 +138,7 @@ def _record(case: Case, work: Work) -> Record:
     start = time.perf_counter()
     world = build_world(case.name, case.seed, case.size)
     built = time.perf_counter()
-    evidence: Evidence | None = None
+    evidence: Estimates | None = None
     trouble = ""
     try:
         evidence = look(case, world, plan, model, work.folder)
@@ -172,18 +172,18 @@ def _record(case: Case, work: Work) -> Record:
     return {**about, "rows": known}
 
 
-def _run_row(row: Row, evidence: Evidence, judge: Judge, model: BodyModel) -> Record:
-    from physic_core.pipeline.optimise import solve
-    from physic_core.pipeline.stages import Stages
+def _run_row(row: Row, evidence: Estimates, judge: Judge, model: BodyModel) -> Record:
+    from physic_core.pipeline.optimise import run_engine
+    from physic_core.pipeline.stage_runner import StageRunner
     from physic_testing.bench.judge import guess_of, start_guess
 
-    stages = Stages("cpu", 4)
+    stages = StageRunner("cpu", 4)
     start = time.perf_counter()
     try:
         if row.settings is None:
             guess = start_guess(evidence, model, 0.5)
         else:
-            guess = guess_of(solve(evidence, row.settings, model, stages))
+            guess = guess_of(run_engine(evidence, row.settings, model, stages))
         seconds = time.perf_counter() - start
         return {
             "people": judge.people(guess),
@@ -231,11 +231,11 @@ def _kept_about(folder: Path | None) -> Record | None:
 
 
 def _keep(folder: Path | None, name: str, record: Record) -> None:
-    from physic_core.files.atomic import replacing
+    from physic_core.files.atomic import atomic_write
 
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
-        with replacing(folder) as temporary:
+        with atomic_write(folder) as temporary:
             temporary(f"{name}-{source_hash(_JUDGED_BY)}.json").write_text(json.dumps(record), encoding="utf-8")
 
 

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import physic_core
-from physic_core.pipeline.estimate import perceive
-from physic_core.pipeline.stages import Stages
+from physic_core.pipeline.estimate import run_backends
+from physic_core.pipeline.stage_runner import StageRunner
 from physic_testing.bench.evidence_io import load_evidence, save_evidence
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel
     from physic_core.configuration.resolve import ResolvedPipeline
-    from physic_core.pipeline.estimate import Evidence
+    from physic_core.pipeline.estimate import Estimates
     from physic_testing.worlds import World
 
 __all__ = ["Case", "cache_folder", "chosen_cases", "evidence_key", "look", "source_hash"]
@@ -45,7 +45,7 @@ class Case:
         return f"{self.name} {self.seed}"
 
 
-def look(case: Case, world: World, plan: ResolvedPipeline, model: BodyModel, folder: Path | None) -> Evidence:
+def look(case: Case, world: World, plan: ResolvedPipeline, model: BodyModel, folder: Path | None) -> Estimates:
     """What the estimators say of the world's photo; read from ``folder`` where it lies there already.
 
     The camera is not given: what the estimators take it for is part of the start.
@@ -57,7 +57,7 @@ def look(case: Case, world: World, plan: ResolvedPipeline, model: BodyModel, fol
     known = None if path is None else load_evidence(path)
     if known is not None:
         return known
-    evidence = perceive(world.image, None, plan, model, Stages(plan.device, len(plan.backends)))
+    evidence = run_backends(world.image, None, plan, model, StageRunner(plan.device, len(plan.backends)))
     if path is not None:
         save_evidence(path, evidence)
     return evidence

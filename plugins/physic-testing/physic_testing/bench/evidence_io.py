@@ -1,4 +1,4 @@
-"""Evidence of a photo in one file, so that the estimators run once and the engine many times."""
+"""Estimates of a photo in one file, so that the estimators run once and the engine many times."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from pathlib import Path
 
 from physic_core import types
 from physic_core.files.archive import DamagedFileError, pack, read_archive, unpack, write_archive
-from physic_core.pipeline.estimate import Evidence
+from physic_core.pipeline.estimate import Estimates
 
 __all__ = ["load_evidence", "save_evidence"]
 
 _CLASSES: tuple[type, ...] = (
-    Evidence,
+    Estimates,
     *(kind for kind in vars(types).values() if isinstance(kind, type) and is_dataclass(kind)),
 )
 
 
-def save_evidence(path: Path, evidence: Evidence) -> None:
+def save_evidence(path: Path, evidence: Estimates) -> None:
     """Write to ``path``, completely or not at all.
 
     Raises:
@@ -26,10 +26,10 @@ def save_evidence(path: Path, evidence: Evidence) -> None:
     write_archive(path, *pack(evidence))
 
 
-def load_evidence(path: Path) -> Evidence | None:
+def load_evidence(path: Path) -> Estimates | None:
     """Read what :func:`save_evidence` wrote; None if the file is missing or damaged."""
     try:
         found = unpack(*read_archive(path), _CLASSES)
     except (OSError, DamagedFileError, KeyError, TypeError):
         return None
-    return found if isinstance(found, Evidence) else None
+    return found if isinstance(found, Estimates) else None

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel
     from physic_core.metrics.matching import Matching
-    from physic_core.pipeline.estimate import Evidence
+    from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.solution import Solution
     from physic_core.types import BoolArray, FloatArray, Intrinsics, Scene
     from physic_testing.worlds import World
@@ -103,7 +103,7 @@ class Guess:
     failures: tuple[str, ...]
 
 
-def start_guess(evidence: Evidence, model: BodyModel, contact_probability: float) -> Guess:
+def start_guess(evidence: Estimates, model: BodyModel, contact_probability: float) -> Guess:
     """The estimators' own bodies where they put them, and the contact prior cut at a probability."""
     import torch
 

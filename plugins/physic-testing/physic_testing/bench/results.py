@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from physic_core.files.atomic import replacing
+from physic_core.files.atomic import atomic_write
 from physic_core.files.strict_json import to_json
 from physic_testing.bench.cases import source_hash
 from physic_testing.bench.judge import PERSON_METRICS, WORLD_METRICS
@@ -100,7 +100,7 @@ def write(results: Results, folder: Path) -> tuple[Path, ...]:
         "table.txt": "\n\n\n".join(map(as_text, results.tables)) + "\n",
         "table.md": "\n\n".join(map(as_markdown, results.tables)) + "\n",
     }
-    with replacing(folder) as temporary:
+    with atomic_write(folder) as temporary:
         for name, text in texts.items():
             temporary(name).write_text(text, encoding="utf-8")
     return tuple(folder / name for name in texts)

@@ -141,9 +141,9 @@ def speed(sections: str, repeats: int, preset: str, size: tuple[int, int], seed:
     if file is not None:
         import json
 
-        from physic_core.files.atomic import replacing
+        from physic_core.files.atomic import atomic_write
 
-        with replacing(file.parent) as temporary:
+        with atomic_write(file.parent) as temporary:
             temporary(file.name).write_text(json.dumps(report.as_dict(), indent=1) + "\n", encoding="utf-8")
     click.echo(format_report(report))
 

@@ -15,7 +15,7 @@ from physic_core.discovery.local_modules import split
 from physic_core.discovery.readiness import missing_requirements
 from physic_core.errors import BackendError, ConfigError, PhysicError
 from physic_core.interfaces import INTERFACES, Backend
-from physic_core.interfaces.checks import require_photo
+from physic_core.interfaces.checks import require_image
 from physic_testing.conformance.asking import changed, form_faults, inputs
 from physic_testing.conformance.cases import SIZE, build_case
 from physic_testing.conformance.expect import CheckSkipped
@@ -165,7 +165,7 @@ class Subject:
     def ask(self, backend: Backend, case: Case, arguments: tuple[Any, ...] | None = None) -> Any:
         """What a backend answers to a case, or to other arguments in its place; errors go through."""
         given = inputs(self.interface, case) if arguments is None else arguments
-        require_photo(given[0])
+        require_image(given[0])
         return cast("Any", backend).infer(*given)
 
     def attempt(self, name: str) -> Attempt:

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import TypeVar
 
 from physic_core import body
-from physic_core.cache.lru_folder import shrink, touch
-from physic_core.cache.places import place
+from physic_core.cache.folders import cache_folder
+from physic_core.cache.lru_folder import mark_used, trim_folder
 from physic_core.errors import OutputError
 from physic_core.files.archive import DamagedFileError, pack, read_archive, unpack, write_archive
 
@@ -37,7 +37,7 @@ _SUFFIX = ".npz"
 
 def folder() -> Path | None:
     """Where worlds are kept, or None if they are not."""
-    return place("worlds", SWITCH)
+    return cache_folder("worlds", SWITCH)
 
 
 def key_of(*parts: str | int, without: tuple[str, ...] = ()) -> str:
@@ -76,13 +76,13 @@ def _load(path: Path, kind: type[T], classes: Iterable[type]) -> T | None:
         thing = unpack(*read_archive(path), classes)
     except (OSError, DamagedFileError, KeyError, TypeError):
         return None  # not there, or not whole: built anew
-    touch(path)
+    mark_used(path)
     return thing if isinstance(thing, kind) else None
 
 
 def _save(where: Path, name: str, thing: object) -> None:
     write_archive(where / name, *pack(thing))
-    shrink(where, BYTES, _SUFFIX)
+    trim_folder(where, BYTES, _SUFFIX)
 
 
 @cache

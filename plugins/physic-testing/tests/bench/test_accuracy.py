@@ -108,8 +108,8 @@ def test_a_world_is_looked_at_once_and_its_rows_are_kept(config, tmp_path, monke
     def never(*_):
         raise AssertionError("asked again")
 
-    monkeypatch.setattr(cases, "perceive", never)
-    monkeypatch.setattr("physic_core.pipeline.optimise.solve", never)
+    monkeypatch.setattr(cases, "run_backends", never)
+    monkeypatch.setattr("physic_core.pipeline.optimise.run_engine", never)
     again = run_one(CASE, work)
     assert again == first
     assert json.loads(json.dumps(first)) == first
@@ -130,13 +130,13 @@ def test_what_fails_is_counted(config, monkeypatch):
 
     work = Work(config, pick("default", ["start", "full"]), None)
     with monkeypatch.context() as patch:
-        patch.setattr("physic_core.pipeline.optimise.solve", broken)
+        patch.setattr("physic_core.pipeline.optimise.run_engine", broken)
         record = run_one(CASE, work)
     assert record["rows"]["full"]["error"] == "RuntimeError: no memory\nleft"
     assert [p["found"] for p in record["rows"]["full"]["people"]] == [False]
     assert [p["found"] for p in record["rows"]["start"]["people"]] == [True]
 
-    monkeypatch.setattr(cases, "perceive", broken)
+    monkeypatch.setattr(cases, "run_backends", broken)
     blind = run_one(CASE, work)
     assert blind["error"] == "RuntimeError: no memory\nleft"
     assert [p["why"] for row in blind["rows"].values() for p in row["people"]] == [blind["error"]] * 2

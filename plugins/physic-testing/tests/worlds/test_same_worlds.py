@@ -36,10 +36,10 @@ from dataclasses import fields, is_dataclass
 import numpy as np
 from physic_core import load_config
 from physic_core.body import load_body
-from physic_core.pipeline.estimate import perceive
+from physic_core.pipeline.estimate import run_backends
 from physic_core.discovery.plugins import discover
 from physic_core.configuration.resolve import resolve
-from physic_core.pipeline.stages import Stages
+from physic_core.pipeline.stage_runner import StageRunner
 from physic_testing.worlds import build_world
 
 def show(name, value):
@@ -60,8 +60,8 @@ for argument in sys.argv[1:]:
     name, seed = argument.split(":")
     world = build_world(name, int(seed), (96, 72))
     show(argument, world)
-    stages = Stages(plan.device, len(plan.backends) + 6, None)
-    evidence = perceive(world.image, None, plan, model, stages)
+    stages = StageRunner(plan.device, len(plan.backends) + 6, None)
+    evidence = run_backends(world.image, None, plan, model, stages)
     stages.close()
     for field in fields(evidence):
         if field.name != "floor":  # fitted by the pipeline

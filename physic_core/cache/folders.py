@@ -6,13 +6,13 @@ import os
 import sys
 from pathlib import Path
 
-__all__ = ["SWITCH", "answers_folder", "maps_folder", "models_folder", "place"]
+__all__ = ["CACHE_VARIABLE", "cache_folder", "maps_folder", "models_folder", "results_folder"]
 
-SWITCH = "PHYSIC_CACHE"
+CACHE_VARIABLE = "PHYSIC_CACHE"
 """Environment variable of the backends' answers, of maps between bodies and of plain copies: a folder, or "off"."""
 
 
-def place(name: str, switch: str = "") -> Path | None:
+def cache_folder(name: str, switch: str = "") -> Path | None:
     """Folder of one cache; None if it is disabled or the user has no home folder.
 
     Args:
@@ -37,16 +37,16 @@ def place(name: str, switch: str = "") -> Path | None:
     return Path(base) / "physic" / name
 
 
-def answers_folder() -> Path | None:
+def results_folder() -> Path | None:
     """Cache folder of backend outputs; None if disabled."""
-    return place("answers", SWITCH)
+    return cache_folder("answers", CACHE_VARIABLE)
 
 
 def maps_folder() -> Path | None:
     """Cache folder of maps between body meshes; None if disabled."""
-    return place("maps", SWITCH)
+    return cache_folder("maps", CACHE_VARIABLE)
 
 
 def models_folder() -> Path | None:
     """Cache folder of converted body models; None if disabled."""
-    return place("models", SWITCH)
+    return cache_folder("models", CACHE_VARIABLE)

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.geometry.upright import gltf_from_camera, transform
-from physic_core.visual.render import Figures, figures
-from physic_core.visual.surface import far_limit, scene_surface
+from physic_core.visual.render import RayCastMesh, prepare_meshes
+from physic_core.visual.surface import depth_limit, mesh_scene
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["PERSON_COLORS", "Diorama", "build_diorama", "person_color"]
+__all__ = ["PERSON_COLORS", "PreviewGeometry", "build_preview_geometry", "person_color"]
 
 PERSON_COLORS: tuple[tuple[int, int, int], ...] = (
     (86, 156, 222),
@@ -39,7 +39,7 @@ _POINTS = 150_000
 
 
 @dataclass(frozen=True)
-class Diorama:
+class PreviewGeometry:
     """Geometry and colours that the preview draws; camera frame, metres.
 
     Attributes:
@@ -55,9 +55,9 @@ class Diorama:
         has_floor: whether y = 0 is a floor.
     """
 
-    people: Figures | None
+    people: RayCastMesh | None
     people_colors: Array
-    surface: Figures | None
+    surface: RayCastMesh | None
     surface_colors: Array
     points: Array
     point_colors: Array
@@ -72,9 +72,9 @@ def person_color(index: int) -> tuple[int, int, int]:
     return PERSON_COLORS[index % len(PERSON_COLORS)]
 
 
-def build_diorama(reconstruction: Reconstruction) -> Diorama:
+def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
     """Build the geometry of a reconstruction; people with non-finite vertices are left out."""
-    scene, limit = reconstruction.scene, far_limit(reconstruction)
+    scene, limit = reconstruction.scene, depth_limit(reconstruction)
     matrix = gltf_from_camera(scene.floor)
     whole = [
         (index, np.asarray(person.vertices, np.float64))
@@ -83,13 +83,13 @@ def build_diorama(reconstruction: Reconstruction) -> Diorama:
     ]
     bodies = [vertices for _, vertices in whole]
     colors = [np.tile(np.array(person_color(index)) / 255.0, (len(vertices), 1)) for index, vertices in whole]
-    surface = scene_surface(scene, limit, _SURFACE_VERTICES)
+    surface = mesh_scene(scene, limit, _SURFACE_VERTICES)
     points, point_colors = _cloud(scene, limit)
     low, high = _bounds([transform(matrix, vertices) for vertices in bodies], transform(matrix, points))
-    return Diorama(
-        people=figures(bodies, reconstruction.faces),
+    return PreviewGeometry(
+        people=prepare_meshes(bodies, reconstruction.faces),
         people_colors=np.concatenate(colors) if colors else np.zeros((0, 3)),
-        surface=figures([surface.vertices.astype(np.float64)], surface.faces, smooth=False),
+        surface=prepare_meshes([surface.vertices.astype(np.float64)], surface.faces, smooth=False),
         surface_colors=scene.colors[surface.pixels[:, 1], surface.pixels[:, 0]] / 255.0,
         points=points,
         point_colors=point_colors,

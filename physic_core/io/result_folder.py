@@ -22,14 +22,14 @@ __all__ = [
     "DOCUMENT_FILE",
     "PREVIEW_FILE",
     "SCHEMA",
-    "check_folder",
+    "check_overwrite",
     "file_digest",
     "files_of_result",
     "image_digest",
-    "own_files",
     "photo_digest",
     "photo_of_result",
     "same_photo",
+    "unchanged_result_files",
 ]
 
 SCHEMA = "physic-reconstruction"
@@ -86,7 +86,7 @@ def _digests_of_result(folder: str | os.PathLike[str]) -> dict[str, str] | None:
     return {name: str(digest) for name, digest in digests.items()} if isinstance(digests, dict) else None
 
 
-def own_files(folder: str | os.PathLike[str]) -> frozenset[str]:
+def unchanged_result_files(folder: str | os.PathLike[str]) -> frozenset[str]:
     """Names of the files in a folder that an earlier run wrote and that are unchanged since.
 
     Links and files with another digest belong to the user. The document cannot contain its own digest and is recognised
@@ -107,7 +107,7 @@ def own_files(folder: str | os.PathLike[str]) -> frozenset[str]:
     return frozenset(filter(own, files_of_result(folder)))
 
 
-def check_folder(
+def check_overwrite(
     folder: str | os.PathLike[str], photo: str, *, overwrite: bool = False, names: Iterable[str] | None = None
 ) -> None:
     """Check that writing a result to a folder overwrites no data of the user; the folder need not exist.
@@ -124,7 +124,7 @@ def check_folder(
     """
     folder = Path(folder)
     present = [name for name in (_names_in(folder) if names is None else names) if os.path.lexists(folder / name)]
-    listed, own = files_of_result(folder), own_files(folder)
+    listed, own = files_of_result(folder), unchanged_result_files(folder)
     photos = [name for name in present if file_digest(folder / name) in photo.split()]
     others = [name for name in present if name not in photos and name not in own]
     changed = [name for name in others if name in listed and os.path.isfile(folder / name)]

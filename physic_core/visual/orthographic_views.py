@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.geometry.upright import transform
-from physic_core.visual.render import Orthographic, behind, draw, over, splat
+from physic_core.visual.render import Orthographic, composite, merge_layers, render_mesh, render_points
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,16 +17,16 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import UInt8Array
-    from physic_core.visual.diorama import Diorama
+    from physic_core.visual.preview_geometry import PreviewGeometry
 
     Array = NDArray[np.float64]
 
-__all__ = ["GROUND", "PAPER", "Plan", "above_plan", "side_plan"]
+__all__ = ["BACKGROUND_RGB", "PAGE_RGB", "LabeledView", "side_view", "top_view"]
 
-PAPER = (250, 250, 248)
+PAGE_RGB = (250, 250, 248)
 """sRGB of the page."""
 
-GROUND = (214, 215, 213)
+BACKGROUND_RGB = (214, 215, 213)
 """sRGB behind scenes: sand, snow and sky stay visible on it."""
 
 _SLAB = 0.4  # metres beside the people that the side view shows in full colour
@@ -39,7 +39,7 @@ _AXES = {"right": (1.0, 0.0, 0.0), "up": (0.0, 1.0, 0.0), "ahead": (0.0, 0.0, -1
 
 
 @dataclass(frozen=True)
-class Plan:
+class LabeledView:
     """An orthographic view of the scene and the positions of its labels, px.
 
     Attributes:
@@ -57,32 +57,32 @@ class Plan:
     columns: dict[int, float]
 
 
-def side_plan(diorama: Diorama, width: int, height: int) -> Plan:
+def side_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView:
     """View from the camera's right, parallel to the floor; the camera looks to the right of the image."""
-    low, high, eye = diorama.low, diorama.high, diorama.upright[:3, 3]
-    bottom = min(low[1], 0.0) if diorama.has_floor else low[1]
+    low, high, eye = geometry.low, geometry.high, geometry.upright[:3, 3]
+    bottom = min(low[1], 0.0) if geometry.has_floor else low[1]
     rows = [bottom - 0.35, high[1] + 0.25]
     ahead = [-high[2] - 0.8, -low[2] + 0.8]
     ahead, rows = _with_camera(ahead, rows, [-0.35, eye[1] - 0.2, eye[1] + 0.25], width, height)
-    view = _fitted(diorama, ahead, rows, ("ahead", "up", "right"), high[0] + _SLAB, width, height)
-    near = transform(diorama.upright, diorama.points)[:, 0]
-    surface = None if diorama.surface is None else transform(diorama.upright, diorama.surface.vertices)[:, 0]
-    picture = _picture(diorama, view, near < high[0] + _SLAB, near < low[0] - _SLAB, surface, low[0] - _SLAB)
+    view = _fitted(geometry, ahead, rows, ("ahead", "up", "right"), high[0] + _SLAB, width, height)
+    near = transform(geometry.upright, geometry.points)[:, 0]
+    surface = None if geometry.surface is None else transform(geometry.upright, geometry.surface.vertices)[:, 0]
+    picture = _picture(geometry, view, near < high[0] + _SLAB, near < low[0] - _SLAB, surface, low[0] - _SLAB)
     metres = range(max(0, math.ceil(ahead[0])), math.floor(ahead[1]) + 1)
-    columns = {metre: _spot(diorama, view, (0.0, 0.0, -float(metre)))[0] for metre in metres}
-    floor_row = _spot(diorama, view, (0.0, 0.0, 0.0))[1] if diorama.has_floor else None
-    return Plan(picture, view.pixels_per_metre, floor_row, _inside(diorama, view), columns)
+    columns = {metre: _spot(geometry, view, (0.0, 0.0, -float(metre)))[0] for metre in metres}
+    floor_row = _spot(geometry, view, (0.0, 0.0, 0.0))[1] if geometry.has_floor else None
+    return LabeledView(picture, view.pixels_per_metre, floor_row, _inside(geometry, view), columns)
 
 
-def above_plan(diorama: Diorama, width: int, height: int) -> Plan:
+def top_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView:
     """View from above, clipped at the height of the people; the camera looks to the top of the image."""
-    low, high = diorama.low, diorama.high
+    low, high = geometry.low, geometry.high
     across, ahead = [low[0] - 0.9, high[0] + 0.9], [-high[2] - 0.9, -low[2] + 0.9]
     ahead, across = _with_camera(ahead, across, [-0.3, -0.3, 0.3], height, width)
-    view = _fitted(diorama, across, ahead, ("right", "ahead", "up"), high[1] + 0.1, width, height)
-    near = transform(diorama.upright, diorama.points)[:, 1]
-    picture = _picture(diorama, view, near < high[1] + 0.1, np.zeros(len(near), bool), None, 0.0)
-    return Plan(picture, view.pixels_per_metre, None, _inside(diorama, view), {})
+    view = _fitted(geometry, across, ahead, ("right", "ahead", "up"), high[1] + 0.1, width, height)
+    near = transform(geometry.upright, geometry.points)[:, 1]
+    picture = _picture(geometry, view, near < high[1] + 0.1, np.zeros(len(near), bool), None, 0.0)
+    return LabeledView(picture, view.pixels_per_metre, None, _inside(geometry, view), {})
 
 
 def _with_camera(
@@ -106,7 +106,7 @@ def _with_camera(
 
 
 def _fitted(
-    diorama: Diorama,
+    geometry: PreviewGeometry,
     columns: Sequence[float],
     rows: Sequence[float],
     axes: tuple[str, str, str],
@@ -120,9 +120,9 @@ def _fitted(
     # What room is left over goes above, so that the ground is at the bottom of every picture.
     middle = rows[0] + height / scale / 2 if axes[1] == "up" else sum(rows) / 2
     center = along * sum(columns) / 2 + top * middle
-    turn = diorama.upright[:3, :3]
+    turn = geometry.upright[:3, :3]
     return Orthographic(
-        center=turn.T @ (center - diorama.upright[:3, 3]),
+        center=turn.T @ (center - geometry.upright[:3, 3]),
         right=turn.T @ along,
         top=turn.T @ top,
         pixels_per_metre=scale,
@@ -133,7 +133,7 @@ def _fitted(
 
 
 def _picture(
-    diorama: Diorama,
+    geometry: PreviewGeometry,
     view: Orthographic,
     kept: NDArray[np.bool_],
     faint: NDArray[np.bool_],
@@ -144,31 +144,31 @@ def _picture(
 
     ``surface`` is the coordinate of each mesh vertex along the view; vertices below ``faint_below`` are drawn faint.
     """
-    paper = np.array(GROUND) / 255
+    paper = np.array(BACKGROUND_RGB) / 255
     picture = np.broadcast_to(paper.astype(np.float32), (view.height, view.width, 3))
-    tints = np.where(faint[:, None], _FAINT * diorama.point_colors + (1 - _FAINT) * paper, diorama.point_colors)
-    scene = splat(view, diorama.points[kept], tints[kept])
-    if diorama.surface is not None:
-        colors = diorama.surface_colors
+    tints = np.where(faint[:, None], _FAINT * geometry.point_colors + (1 - _FAINT) * paper, geometry.point_colors)
+    scene = render_points(view, geometry.points[kept], tints[kept])
+    if geometry.surface is not None:
+        colors = geometry.surface_colors
         if surface is not None:
             colors = np.where(surface[:, None] < faint_below, _FAINT * colors + (1 - _FAINT) * paper, colors)
-        scene = behind(scene, draw(diorama.surface, view, colors, lit=False, samples=1), _THICK)
-    picture = over(scene, picture)
-    if diorama.people is not None:
-        people = draw(diorama.people, view, diorama.people_colors)
+        scene = merge_layers(scene, render_mesh(geometry.surface, view, colors, lit=False, samples=1), _THICK)
+    picture = composite(scene, picture)
+    if geometry.people is not None:
+        people = render_mesh(geometry.people, view, geometry.people_colors)
         veil = np.where(scene.distance < people.distance - _THICK, _VEIL, 1.0).astype(np.float32)[..., None]
         picture = people.color * veil + picture * (1.0 - people.alpha[..., None] * veil)
     return (np.clip(picture, 0.0, 1.0) * 255 + 0.5).astype(np.uint8)
 
 
-def _spot(diorama: Diorama, view: Orthographic, point: tuple[float, float, float]) -> tuple[float, float]:
+def _spot(geometry: PreviewGeometry, view: Orthographic, point: tuple[float, float, float]) -> tuple[float, float]:
     """Column and row of a point in the upright frame."""
-    turn = diorama.upright[:3, :3]
-    column, row, _ = view.project((turn.T @ (np.array(point) - diorama.upright[:3, 3]))[None])[0]
+    turn = geometry.upright[:3, :3]
+    column, row, _ = view.project((turn.T @ (np.array(point) - geometry.upright[:3, 3]))[None])[0]
     return float(column), float(row)
 
 
-def _inside(diorama: Diorama, view: Orthographic) -> tuple[float, float] | None:
+def _inside(geometry: PreviewGeometry, view: Orthographic) -> tuple[float, float] | None:
     """Column and row of the camera; None if it is outside the image."""
     column, row, _ = view.project(np.zeros((1, 3)))[0]
     return (float(column), float(row)) if 0 <= column < view.width and 0 <= row < view.height else None

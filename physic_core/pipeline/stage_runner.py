@@ -1,4 +1,4 @@
-"""Run the stages of one reconstruction: load backends at their first call, time them, check their results."""
+"""Run the stages of one reconstruction: load and call backends, check their results, measure times."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from physic_core import errors
 from physic_core.discovery.error_text import describe, traceback_text
 from physic_core.errors import BackendError, BackendOutputError, PhysicError
 from physic_core.interfaces.backend import Result, call, interface_of, violations
-from physic_core.interfaces.checks import require_photo
+from physic_core.interfaces.checks import require_image
 from physic_core.types import StageRecord
 
 if TYPE_CHECKING:
-    from physic_core.cache.answers import Answers, Question
+    from physic_core.cache.result_cache import CacheKey, ResultCache
     from physic_core.configuration.resolve import ResolvedBackend
     from physic_core.interfaces import Request
 
-__all__ = ["Progress", "Stages", "wrap_plugin_errors"]
+__all__ = ["Progress", "StageRunner", "wrap_plugin_errors"]
 
 Progress = Callable[[str, int, int], None]
 """Called at the start of a stage with its name, its number from 0, and the number of stages."""
 
 
-class Stages:
-    """The record of one run.
+class StageRunner:
+    """Runs the stages of one reconstruction, and records times, warnings and notes.
 
     Attributes:
         records: the stages that have run so far.
-        warnings: doubts about the result, one sentence each.
+        warnings: reasons why the result may be wrong, one sentence each.
         notes: how results were obtained, one sentence each.
     """
 
@@ -43,7 +43,7 @@ class Stages:
         total: int,
         progress: Progress | None = None,
         *,
-        answers: Answers | None = None,
+        cache: ResultCache | None = None,
         low_memory: bool = False,
     ) -> None:
         """
@@ -51,7 +51,7 @@ class Stages:
             device: torch device of the backends.
             total: number of stages.
             progress: called when each stage begins.
-            answers: cached results of earlier runs; every backend is called if None.
+            cache: results of earlier runs; every backend is called if None.
             low_memory: close each backend right after its last use.
         """
         self.records: list[StageRecord] = []
@@ -60,7 +60,7 @@ class Stages:
         self._device = device
         self._total = total
         self._progress = progress
-        self._answers = answers
+        self._cache = cache
         self._low_memory = low_memory
         self._loaded: dict[int, ResolvedBackend] = {}
 
@@ -73,14 +73,14 @@ class Stages:
         self.notes += [t for t in dict.fromkeys(texts) if t not in self.notes]
 
     @contextmanager
-    def engine(self, name: str) -> Iterator[None]:
-        """Time a stage of the engine."""
+    def time_engine(self, name: str) -> Iterator[None]:
+        """Measure the time of one stage of the engine."""
         self._begin(name)
         start = time.perf_counter()
         yield
         self.records.append(StageRecord(name, time.perf_counter() - start))
 
-    def call(
+    def call_backend(
         self,
         name: str,
         resolved: ResolvedBackend,
@@ -89,7 +89,7 @@ class Stages:
         last: bool = True,
         unchecked: tuple[str, ...] = (),
     ) -> Result:
-        """Call one backend, or read its result for an identical request from the cache.
+        """Call a backend and check its result, or read the result from the cache.
 
         Args:
             name: of the stage.
@@ -107,30 +107,30 @@ class Stages:
             PhysicError: the backend refused the request; the backend chooses the class, the message names the backend.
             BackendOutputError: the backend returned an invalid result.
         """
-        require_photo(request.image)
+        require_image(request.image)
         self._begin(name)
         interface, title = interface_of(type(resolved.backend)), f"{resolved.title}, stage '{name}'"
         start, loading, cached, failed = time.perf_counter(), 0.0, False, True
 
-        def wrong(result: object) -> list[str]:
+        def find_faults(result: object) -> list[str]:
             if unchecked and isinstance(result, interface.Result):
                 result = replace(result, **dict.fromkeys(unchecked))  # type: ignore[type-var]
             return violations(interface, result, request)
 
         try:
-            question = self._question(title, resolved, request.arguments)
-            result = self._cached(question, wrong)
+            key = self._cache_key(title, resolved, request.arguments)
+            result = self._read_cache(key, find_faults)
             cached = result is not None
             if result is None:
                 with wrap_plugin_errors(title, resolved):
                     loading = self._load(resolved)
                     start = time.perf_counter()
                     result = call(resolved.backend, request)
-                result = _accepted(title, result, wrong(result))
+                result = _require_valid(title, result, find_faults(result))
             seconds, failed = time.perf_counter() - start, False
-            if question is not None and not cached:
-                assert self._answers is not None
-                self._answers.keep(question, result)
+            if key is not None and not cached:
+                assert self._cache is not None
+                self._cache.write(key, result)
         finally:
             if failed:
                 seconds = time.perf_counter() - start
@@ -140,38 +140,38 @@ class Stages:
                 gc.collect()  # networks often have reference cycles
         return cast("Result", result)
 
-    def call_optional(
+    def call_optional_backend(
         self, name: str, resolved: ResolvedBackend, request: Request[Result], *, otherwise: str
     ) -> Result | None:
-        """:meth:`call` a backend that the run can do without: if it fails, warn and return None.
+        """Call a backend that the run does not require; if it fails, add a warning and return None.
 
         Args:
             name: of the stage.
             resolved: the backend.
             request: of the backend's interface.
-            otherwise: consequence of a failure; ends the warning.
+            otherwise: end of the warning: what the run does without this result.
         """
         try:
-            return self.call(name, resolved, request)
+            return self.call_backend(name, resolved, request)
         except PhysicError as error:
             self.warn(f"{_one_line(error)}; {otherwise}")
             _print_traceback(error)
             return None
 
     def close(self) -> None:
-        """Close every loaded backend, and trim the cache; a failure to close a backend is a warning."""
+        """Close all loaded backends and trim the cache; a backend that cannot be closed adds a warning."""
         for resolved in list(self._loaded.values()):
             self._close(resolved)
-        if self._answers is not None:
-            self._answers.tidy()
-            self.note(*self._answers.notes)
+        if self._cache is not None:
+            self._cache.trim()
+            self.note(*self._cache.notes)
 
     def _begin(self, name: str) -> None:
         if self._progress is not None:
             self._progress(name, len(self.records), self._total)
 
     def _load(self, resolved: ResolvedBackend) -> float:
-        """Load a backend at its first call; returns the seconds it took."""
+        """Load a backend unless it is loaded, and return the seconds that this took."""
         start = time.perf_counter()
         if id(resolved.backend) not in self._loaded:
             self._loaded[id(resolved.backend)] = resolved  # before loading: a half-loaded backend is closed too
@@ -188,33 +188,33 @@ class Stages:
             self.warn(f"{_one_line(error)}; the result is complete, but memory may be lost")
             _print_traceback(error)
 
-    def _question(self, title: str, resolved: ResolvedBackend, inputs: tuple[object, ...]) -> Question | None:
-        if self._answers is None:
+    def _cache_key(self, title: str, resolved: ResolvedBackend, inputs: tuple[object, ...]) -> CacheKey | None:
+        if self._cache is None:
             return None
         with wrap_plugin_errors(title, resolved):
-            return self._answers.question(resolved.backend, resolved.provenance, self._device, inputs)
+            return self._cache.key(resolved.backend, resolved.provenance, self._device, inputs)
 
-    def _cached(self, question: Question | None, wrong: Callable[[object], list[str]]) -> object | None:
-        if self._answers is None or question is None:
+    def _read_cache(self, key: CacheKey | None, find_faults: Callable[[object], list[str]]) -> object | None:
+        if self._cache is None or key is None:
             return None
-        result = self._answers.find(question)
-        if result is not None and (found := wrong(result)):
-            self._answers.drop(question, found[0])
+        result = self._cache.read(key)
+        if result is not None and (found := find_faults(result)):
+            self._cache.discard(key, found[0])
             return None
         return result
 
 
-def _accepted(title: str, result: object, wrong: list[str]) -> object:
-    from physic_core.cache.answers import canonical
+def _require_valid(title: str, result: object, wrong: list[str]) -> object:
+    from physic_core.cache.result_cache import canonicalize
 
     if wrong:
         raise BackendOutputError(f"{title} returned what the interface does not allow:\n  " + "\n  ".join(wrong))
-    return canonical(result)
+    return canonicalize(result)
 
 
 @contextmanager
 def wrap_plugin_errors(title: str, resolved: ResolvedBackend) -> Iterator[None]:
-    """Convert any exception of a plugin to a PhysicError that names the backend and the stage."""
+    """Convert every exception of a plugin to a PhysicError that names the backend and the stage."""
     try:
         yield
     except PhysicError as error:
@@ -226,7 +226,7 @@ def wrap_plugin_errors(title: str, resolved: ResolvedBackend) -> Iterator[None]:
 
 
 def _print_traceback(error: Exception) -> None:
-    """Print the traceback on stderr if ``PHYSIC_DEBUG`` is set; the run continues and would not show it."""
+    """Print a traceback on stderr if ``PHYSIC_DEBUG`` is set."""
     if trace := traceback_text(error):
         sys.stderr.write(trace)
 

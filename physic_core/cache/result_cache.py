@@ -21,21 +21,21 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from physic_core import types
-from physic_core.cache.code import Code
+from physic_core.cache.code import CodeDigester
 from physic_core.cache.digest import Digester
-from physic_core.cache.lru_folder import SUFFIX, shrink, touch
-from physic_core.cache.places import answers_folder
+from physic_core.cache.folders import results_folder
+from physic_core.cache.lru_folder import RESULT_SUFFIX, mark_used, trim_folder
 from physic_core.discovery.plugins import required_versions
 from physic_core.errors import OutputError
 from physic_core.files.archive import DamagedFileError, pack, read_archive, unpack, write_archive
-from physic_core.files.npz import MOST_BYTES
+from physic_core.files.npz import MAX_BYTES
 from physic_core.interfaces import INTERFACES
 
 if TYPE_CHECKING:
     from physic_core.interfaces import Backend
     from physic_core.types import Provenance
 
-__all__ = ["Answers", "canonical"]
+__all__ = ["ResultCache", "canonicalize"]
 
 T = TypeVar("T")
 
@@ -62,7 +62,7 @@ _CLASSES = (
 
 
 @dataclass(frozen=True)
-class Question:
+class CacheKey:
     """The cache key of one call of a backend.
 
     Attributes:
@@ -74,14 +74,14 @@ class Question:
     who: Mapping[str, Any]
 
 
-class Answers:
+class ResultCache:
     """The cached outputs in one folder.
 
     Attributes:
         notes: problems with the cache, as text for the user; they never change a result.
     """
 
-    def __init__(self, folder: Path, limit: int, code: Code | None = None) -> None:
+    def __init__(self, folder: Path, limit: int, code: CodeDigester | None = None) -> None:
         """Open the cache in a folder.
 
         Args:
@@ -93,24 +93,24 @@ class Answers:
         self._folder = folder
         self._limit = limit
         self._written = False
-        self._code = code or Code()
+        self._code = code or CodeDigester()
         self._digester = Digester()
         self._libraries = cache(required_versions)
 
     @classmethod
-    def in_users_folder(cls, megabytes: int, code: Code | None = None) -> Answers | None:
+    def in_users_folder(cls, megabytes: int, code: CodeDigester | None = None) -> ResultCache | None:
         """Open the cache in the user's cache folder; None if it is disabled."""
-        folder = answers_folder()
+        folder = results_folder()
         return None if folder is None else cls(folder, megabytes * 1_000_000, code)
 
-    def question(self, backend: Backend, who: Provenance, device: str, inputs: tuple[object, ...]) -> Question | None:
+    def key(self, backend: Backend, who: Provenance, device: str, inputs: tuple[object, ...]) -> CacheKey | None:
         """Compute the key of a call; None if the outputs of this backend are not cached.
 
         Raises:
             Exception: whatever the backend's ``fingerprint`` raises.
         """
         kind = type(backend)
-        code = self._code.of(kind) if kind.cacheable else None
+        code = self._code.digest(kind) if kind.cacheable else None
         if code is None:
             return None
         told = {
@@ -127,9 +127,9 @@ class Answers:
             name = self._digester.digest(_VERSION, told, inputs)
         except TypeError:
             return None
-        return Question(f"{who.interface}-{_plain(who.backend)}-{name}{SUFFIX}", told)
+        return CacheKey(f"{who.interface}-{_plain(who.backend)}-{name}{RESULT_SUFFIX}", told)
 
-    def find(self, question: Question) -> object | None:
+    def read(self, question: CacheKey) -> object | None:
         """Read a cached output; None if there is none. A damaged file, or one with another key, is deleted."""
         path = self._folder / question.name
         try:
@@ -140,12 +140,12 @@ class Answers:
         except OSError:
             return None
         except Exception as error:  # any error of a dataclass that gets unexpected fields
-            self.drop(question, str(error))
+            self.discard(question, str(error))
             return None
-        touch(path)
+        mark_used(path)
         return answer
 
-    def drop(self, question: Question, why: str) -> None:
+    def discard(self, question: CacheKey, why: str) -> None:
         """Delete a cached output that is invalid, and add a note with the reason."""
         path = self._folder / question.name
         try:
@@ -155,13 +155,13 @@ class Answers:
             end = f"remove it yourself, for it cannot be removed from here: {error.strerror}"
             self.notes.append(f"the cache holds what is not its own: {path} ({why}); {end}")
 
-    def keep(self, question: Question, answer: object) -> None:
+    def write(self, question: CacheKey, answer: object) -> None:
         """Store an output if its types can be stored; a disk error only adds a note."""
         try:
             arrays, document = _packed(answer)
         except TypeError:
             return
-        if sum(array.nbytes for array in arrays.values()) > min(self._limit, MOST_BYTES // 2):
+        if sum(array.nbytes for array in arrays.values()) > min(self._limit, MAX_BYTES // 2):
             return
         document = {"name": question.name, "answer": document, "backend": question.who}
         try:
@@ -175,15 +175,15 @@ class Answers:
                 note = f"answers of backends cannot be kept: {error}; {cure}"
             self.notes += [note] * (note not in self.notes)
 
-    def tidy(self) -> None:
+    def trim(self) -> None:
         """Delete old files if this run stored any, and release the inputs of this run."""
         self._digester = Digester()
         if self._written:
-            shrink(self._folder, self._limit)
+            trim_folder(self._folder, self._limit)
             self._written = False
 
 
-def canonical(answer: T) -> T:
+def canonicalize(answer: T) -> T:
     """Convert an output to what reading it from the cache returns, so that both give the same results bit for bit.
 
     Arrays become C-contiguous, since their order in memory changes sums; NumPy scalars become Python numbers. An output
