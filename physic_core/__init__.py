@@ -1,7 +1,6 @@
 """One photo in; people, scene and contact out, in one metric camera frame (OpenCV axes, metres).
 
-Importing this imports next to nothing: all names but the errors are fetched when they are first used, so that a command
-that only looks around does not pay for those that compute.
+All names but the errors are imported at their first use, so that commands that only list or print start fast.
 """
 
 from __future__ import annotations

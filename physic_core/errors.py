@@ -1,4 +1,4 @@
-"""The errors that PhySIC raises; each message states what is wrong, what was given, and what to do."""
+"""Exceptions of PhySIC; each message states what is wrong, what was given, and what to do."""
 
 from __future__ import annotations
 
@@ -21,56 +21,56 @@ __all__ = [
 
 
 class PhysicError(Exception):
-    """Base class of every error that PhySIC raises."""
+    """Base class of all exceptions of PhySIC."""
 
 
 class InputError(PhysicError):
-    """A photo or a file that cannot be used."""
+    """Raised if a photo or an input file cannot be used."""
 
 
 class OutputError(PhysicError):
-    """A file or folder that cannot be written."""
+    """Raised if a file or folder cannot be written."""
 
 
 class ConfigError(PhysicError):
-    """An invalid configuration; the message lists all faults."""
+    """Raised for an invalid configuration; the message lists all errors in it."""
 
 
 class DeviceError(PhysicError):
-    """A compute device that does not exist on this machine."""
+    """Raised if the requested compute device does not exist on this machine."""
 
 
 class DownloadError(PhysicError):
-    """Weights that could not be fetched, or whose licence the user has not accepted."""
+    """Raised if weights cannot be downloaded, or their licence is not accepted."""
 
 
 class BodyModelError(PhysicError):
-    """A body model file that cannot be used, or parameters that belong to another body."""
+    """Raised if a body model file is invalid, or parameters are for another body model."""
 
 
 class BackendError(PhysicError):
-    """A backend that is broken, or that failed while it ran."""
+    """Raised if a backend cannot be imported or fails in a call."""
 
 
 class BackendNotFoundError(BackendError):
-    """A backend name that no installed plugin offers."""
+    """Raised if no installed plugin offers a backend with this name."""
 
 
 class AmbiguousBackendError(BackendError):
-    """A backend name that several distributions offer; "distribution:name" chooses one."""
+    """Raised if several distributions offer a backend with this name; "distribution:name" selects one."""
 
 
 class WeightsMissingError(BackendError):
-    """Files that a run needs and that are missing on this machine; the message states how to get each."""
+    """Raised if files that a run needs are missing; the message states how to get each."""
 
 
 class BackendOutputError(BackendError):
-    """A backend whose output its interface does not allow."""
+    """Raised if the result of a backend violates its interface."""
 
 
 class PluginError(PhysicError):
-    """A plugin whose command cannot be imported, or is not a command."""
+    """Raised if the command of a plugin cannot be imported, or is not a command."""
 
 
 class NoPersonError(PhysicError):
-    """A photo in which no person was found."""
+    """Raised if no person is found in a photo."""

@@ -126,7 +126,7 @@ def turned(image: np.ndarray, path: Path) -> None:
     [
         (sixteen_bit, "16 bits a channel were scaled to 8"),
         (with_alpha, None),
-        (turned, "turned upright as the file's EXIF data say"),
+        (turned, "rotated upright by the EXIF orientation"),
     ],
 )
 def test_an_odd_file_gives_the_result_of_a_plain_one(world: World, save: Callable[..., None], note: str | None):

@@ -76,7 +76,7 @@ def test_faces_may_be_integers_of_any_width() -> None:
         ({"joints": np.zeros((2, 55, 3), int)}, "joints must be float, got int64"),
         (
             {"joints": np.full((2, 55, 3), np.inf)},
-            "joints must be metres, or NaN where nothing is known, 330 are infinite",
+            "joints must be metres, or NaN where unknown, 330 are infinite",
         ),
         ({"mesh": np.zeros((2, 4, 3))}, "mesh must be Mesh, got ndarray"),
         ({"mesh": Mesh("mhr", np.zeros((1, 4, 3)), FACES)}, "mesh.vertices must be (2, 4, 3), got (1, 4, 3)"),

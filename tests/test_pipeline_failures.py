@@ -127,7 +127,9 @@ def without(world: World, interface: str) -> Reconstruction:
     return reconstruct(world.image, load_config(preset="mock", overrides=[f"{interface}.backend=none"]))
 
 
-ANSWERED = "person 0: no numbers came for this person from {}: what builds on them is left out; try another backend"
+ANSWERED = (
+    "person 0: no finite values for this person from {}: results that need them are left out; try another backend"
+)
 
 
 @pytest.mark.parametrize(
@@ -203,7 +205,7 @@ def test_without_a_mask_the_floor_is_sought_all_the_same(world: World, floor: ob
     result = run(world, "segmenter", backends.MockSegmenter, lambda a: replace(a, floor=floor))
     title = WRONG.format("segmenter", "people")
     assert (
-        f"{title} returned what the interface does not allow: {fault}; the floor is sought without its mask"
+        f"{title} returned what the interface does not allow: {fault}; the floor is searched without its mask"
         in result.warnings
     )
     plain = run(world, "segmenter", backends.MockSegmenter, lambda a: replace(a, floor=None))

@@ -129,10 +129,11 @@ def test_whose_body_is_lost_stays_without_one_and_the_other_is_as_before(
     assert np.isposinf(lost.distance).all()
     assert {"answered", "placed", "optimised"} <= set(lost.failed_checks)
     assert result.warnings[-3:] == (
-        "person 0: no numbers came for this person from body_estimator: what builds on them is left out; "
+        "person 0: no finite values for this person from body_estimator: results that need them are left out; "
         "try another backend",
         "person 0: the body is not finite, it was left where it is",
-        "person 0: stays where the placement left them: the start is not made of numbers, or lies behind the camera",
+        "person 0: pose and position are those of the placement: the start is not made of numbers, or lies "
+        "behind the camera",
     )
     assert kept.failed_checks == sound.people[KEPT].failed_checks
     check_unspoilt(kept, sound, alone, world)
@@ -164,7 +165,7 @@ def test_what_else_is_lost_of_a_person_is_named_and_their_body_is_kept(
     result = run(world, kind, interface)
     told = [c for c in result.checks if c.name == "answered" and not c.ok]
     assert [(c.person, c.value) for c in told] == [(LOST, 1)]
-    assert f"person 0: no numbers came for this person from {interface}" in "\n".join(result.warnings)
+    assert f"person 0: no finite values for this person from {interface}" in "\n".join(result.warnings)
     assert all(np.isfinite(person.vertices).all() for person in result.people)
     # The two share the scale of their scene: what one of them no longer says of it moves the other.
     moved = [apart(result.people[KEPT], other) for other in (sound.people[KEPT], alone)]
@@ -187,7 +188,10 @@ def test_whom_the_optimisation_cannot_take_along_is_named_and_the_other_goes_on(
     monkeypatch.setattr(joint, "_finite_energy", one_is_not)
     result = reconstruct(world.image, "mock")
     assert "optimised" in result.people[LOST].failed_checks
-    assert "person 0: stays where the placement left them: the energy of the start is not a number" in result.warnings
+    assert (
+        "person 0: pose and position are those of the placement: the energy of the start is not a number"
+        in result.warnings
+    )
     assert np.isfinite(result.people[LOST].vertices).all()
     assert apart(result.people[LOST], sound.people[LOST]) < 0.2
     check_unspoilt(result.people[KEPT], sound, alone, world)

@@ -1,4 +1,4 @@
-"""Digest of the source code of a class, so that the output of older code is not reused.
+"""Digest of the source code of a class, so that results of older code are not reused.
 
 A version number identifies the code of an installed release, but not that of a plugin under development.
 """
@@ -14,21 +14,21 @@ from pathlib import Path
 __all__ = ["CodeDigester"]
 
 _STARTED = time.time()
-"""About when this process read the code that it runs."""
+"""Start time of this process; files modified later may differ from the imported code."""
 
 _BYTES = 16
-_MANY = 2000
-"""A package of more files than this is named by the module of the class alone: to look at all would take too long."""
+_MAX_FILES = 2000
+"""Maximum number of files of a package; of a larger one only the module of the class is hashed."""
 
 
 class CodeDigester:
-    """Computes digests of classes; the files of each package are read only once."""
+    """Computes digests of the source code of classes; the files of each package are read only once."""
 
     def __init__(self) -> None:
         self._modules: dict[Path, bytes | None] = {}
 
     def digest(self, kind: type) -> str | None:
-        """Digest of the packages that define a class and its bases.
+        """Compute the digest of the packages that define a class and its bases.
 
         Sources count with their content, other files (weights, tables) with size and modification time. For a module
         outside any package, the modules in the same folder count.
@@ -37,7 +37,7 @@ class CodeDigester:
             The digest. None if there is no reliable one: the class is defined in a function or an interactive session,
                 or its files were modified after this process started.
         """
-        whole = hashlib.blake2b(digest_size=_BYTES)
+        digest = hashlib.blake2b(digest_size=_BYTES)
         for base in kind.__mro__:
             top = base.__module__.partition(".")[0]
             if top in sys.stdlib_module_names:
@@ -45,11 +45,11 @@ class CodeDigester:
             file = getattr(sys.modules.get(base.__module__), "__file__", None)
             if file is None or top == "__main__" or "<locals>" in base.__qualname__:
                 return None
-            told = self._module(Path(file))
-            if told is None:
+            module_digest = self._module(Path(file))
+            if module_digest is None:
                 return None
-            whole.update(told)
-        return whole.hexdigest()
+            digest.update(module_digest)
+        return digest.hexdigest()
 
     def _module(self, module: Path) -> bytes | None:
         if module not in self._modules:
@@ -58,7 +58,7 @@ class CodeDigester:
 
 
 def _files(module: Path) -> list[Path]:
-    """The files of the top-level package that contains a module."""
+    """Return the files of the top-level package that contains a module."""
     root = module.parent
     if not (root / "__init__.py").is_file():
         return sorted(root.glob("*.py"))
@@ -68,24 +68,24 @@ def _files(module: Path) -> list[Path]:
     for folder, folders, names in os.walk(root):
         folders[:] = sorted(name for name in folders if name != "__pycache__")
         files += [Path(folder, name) for name in sorted(names)]
-        if len(files) > _MANY:
+        if len(files) > _MAX_FILES:
             return [module]
     return files
 
 
 def _digest(files: list[Path]) -> bytes | None:
-    """Digest of files; None if one was modified while it was read."""
-    whole = hashlib.blake2b(digest_size=_BYTES)
+    """Compute the digest of files; None if one was modified after this process started."""
+    digest = hashlib.blake2b(digest_size=_BYTES)
     try:
         for path in files:
             status = path.stat()
-            whole.update(f"{path.name} {status.st_size};".encode())
+            digest.update(f"{path.name} {status.st_size};".encode())
             if path.suffix != ".py":
-                whole.update(f"{status.st_mtime_ns};".encode())
+                digest.update(f"{status.st_mtime_ns};".encode())
             elif _STARTED < status.st_mtime <= time.time():
                 return None
             else:
-                whole.update(path.read_bytes())
+                digest.update(path.read_bytes())
     except OSError:
         return None
-    return whole.digest()
+    return digest.digest()

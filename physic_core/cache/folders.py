@@ -9,21 +9,21 @@ from pathlib import Path
 __all__ = ["CACHE_VARIABLE", "cache_folder", "maps_folder", "models_folder", "results_folder"]
 
 CACHE_VARIABLE = "PHYSIC_CACHE"
-"""Environment variable of the backends' answers, of maps between bodies and of plain copies: a folder, or "off"."""
+"""Environment variable with the folder of all caches, or "off"."""
 
 
-def cache_folder(name: str, switch: str = "") -> Path | None:
-    """Folder of one cache; None if it is disabled or the user has no home folder.
+def cache_folder(name: str, variable: str = "") -> Path | None:
+    """Return the folder of a cache; None if it is disabled or the user has no home folder.
 
     Args:
         name: of the cache.
-        switch: environment variable with another folder, or "off"; "" if there is none.
+        variable: environment variable with another folder, or "off"; "" for none.
     """
-    wish = os.environ.get(switch, "") if switch else ""
-    if wish.lower() in ("off", "0", "no", "false"):
+    setting = os.environ.get(variable, "") if variable else ""
+    if setting.lower() in ("off", "0", "no", "false"):
         return None
-    if wish:
-        return Path(wish)
+    if setting:
+        return Path(setting)
     base = os.environ.get("XDG_CACHE_HOME", "")
     if not os.path.isabs(base):  # the XDG standard ignores relative paths
         try:
@@ -38,15 +38,15 @@ def cache_folder(name: str, switch: str = "") -> Path | None:
 
 
 def results_folder() -> Path | None:
-    """Cache folder of backend outputs; None if disabled."""
+    """Return the cache folder of backend results; None if disabled."""
     return cache_folder("answers", CACHE_VARIABLE)
 
 
 def maps_folder() -> Path | None:
-    """Cache folder of maps between body meshes; None if disabled."""
+    """Return the cache folder of mesh correspondences; None if disabled."""
     return cache_folder("maps", CACHE_VARIABLE)
 
 
 def models_folder() -> Path | None:
-    """Cache folder of converted body models; None if disabled."""
+    """Return the cache folder of converted body models; None if disabled."""
     return cache_folder("models", CACHE_VARIABLE)

@@ -1,4 +1,4 @@
-"""A folder of cache files with a maximum size; the least recently used file is deleted first."""
+"""Cache folder with a maximum size; the least recently used files are deleted first."""
 
 from __future__ import annotations
 
@@ -20,25 +20,19 @@ __all__ = [
 ]
 
 RESULT_SUFFIX = ".answer.npz"
-"""Suffix of cached backend outputs. A cache never touches a file without its suffix."""
+"""Suffix of cached backend results; files without the suffix of a cache are never deleted."""
 MAP_SUFFIX = ".map.npz"
-"""Of those that keep maps between the meshes of bodies (:mod:`physic_core.cache.maps`)."""
+"""Suffix of cached mesh correspondences (:mod:`physic_core.cache.maps`)."""
 MODEL_SUFFIX = ".model.pkl"
-"""Of plain copies of the user's body models (:mod:`physic_core.adapters.plain_models`)."""
+"""Suffix of converted copies of the user's body models (:mod:`physic_core.adapters.plain_models`)."""
 
-_LEFT_OVER_S = 3600.0
-"""A half-written file of this age, s, has no writer any more."""
+_INCOMPLETE_AGE_S = 3600.0
+"""Age after which an incomplete file is deleted, s."""
 
 
 @dataclass(frozen=True)
 class CacheFile:
-    """One cache file.
-
-    Attributes:
-        path: of the file.
-        size: bytes.
-        used: when it was last written or read, s since the epoch.
-    """
+    """Path, size in bytes, and time of the last use (s since the epoch) of a cache file."""
 
     path: Path
     size: int
@@ -46,20 +40,20 @@ class CacheFile:
 
 
 def list_files(folder: Path, suffix: str = RESULT_SUFFIX) -> list[CacheFile]:
-    """List the cache files of ``folder``, least recently used first; empty if there is no such folder."""
+    """List the cache files of ``folder``, least recently used first; empty if the folder does not exist."""
     return sorted(_files(folder, f"[!.]*{suffix}"), key=lambda file: (file.used, file.path))
 
 
 def mark_used(path: Path) -> None:
-    """Mark a file as used now."""
+    """Set the last use of a cache file to now."""
     with suppress(OSError):
         os.utime(path)
 
 
 def trim_folder(folder: Path, limit: int, suffix: str = RESULT_SUFFIX) -> None:
-    """Delete leftovers of interrupted writes, then the least recently used files beyond ``limit`` bytes."""
-    for file in _half_written(folder, suffix):
-        if file.used < time.time() - _LEFT_OVER_S:
+    """Delete old incomplete files, then the least recently used files beyond ``limit`` bytes."""
+    for file in _incomplete_files(folder, suffix):
+        if file.used < time.time() - _INCOMPLETE_AGE_S:
             _remove(file)
     files = list_files(folder, suffix)
     total = sum(file.size for file in files)
@@ -71,13 +65,13 @@ def trim_folder(folder: Path, limit: int, suffix: str = RESULT_SUFFIX) -> None:
 
 
 def clear_folder(folder: Path, suffix: str = RESULT_SUFFIX) -> list[CacheFile]:
-    """Delete all cache files of ``folder`` and return those that were deleted."""
-    for file in _half_written(folder, suffix):
+    """Delete all cache files of a folder and return the deleted ones."""
+    for file in _incomplete_files(folder, suffix):
         _remove(file)
     return [file for file in list_files(folder, suffix) if _remove(file)]
 
 
-def _half_written(folder: Path, suffix: str) -> list[CacheFile]:
+def _incomplete_files(folder: Path, suffix: str) -> list[CacheFile]:
     return _files(folder, f".*{suffix}.*.part")
 
 
@@ -85,7 +79,7 @@ def _files(folder: Path, pattern: str) -> list[CacheFile]:
     files = []
     with suppress(OSError):
         for path in folder.glob(pattern):
-            with suppress(OSError):  # another process may remove it meanwhile
+            with suppress(OSError):  # another process may delete it
                 status = path.stat()
                 files.append(CacheFile(path, status.st_size, status.st_mtime))
     return files

@@ -1,4 +1,4 @@
-"""Cache of the maps between body meshes."""
+"""Cache of correspondences between body meshes."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ __all__ = ["cached_correspondence"]
 
 
 def cached_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
-    """:func:`physic_core.body.correspondence.correspondence`, cached.
+    """Compute the correspondence between two body meshes, or read it from the cache.
 
     Raises:
-        BodyModelError: as in that function.
+        BodyModelError: as in :func:`physic_core.body.correspondence.correspondence`.
     """
     folder, name = maps_folder(), f"{_plain(rest.topology)}-{model.topology}-{_digest(rest, model)}{MAP_SUFFIX}"
     path = None if folder is None else folder / name
@@ -40,10 +40,10 @@ def cached_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
 
 
 def _digest(rest: RestMesh, model: BodyModel) -> str:
-    told = hashlib.blake2b(f"{VERSION} {model.topology}".encode(), digest_size=12)
+    digest = hashlib.blake2b(f"{VERSION} {model.topology}".encode(), digest_size=12)
     for array in (rest.vertices.astype(np.float32), rest.faces.astype(np.int64), model.skin.template.cpu().numpy()):
-        told.update(str(array.shape).encode() + np.ascontiguousarray(array).tobytes())
-    return told.hexdigest()
+        digest.update(str(array.shape).encode() + np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
 
 
 def _read(path: Path, vertices: int, others: int) -> Correspondence | None:
@@ -51,7 +51,7 @@ def _read(path: Path, vertices: int, others: int) -> Correspondence | None:
         file, name = read_archive(path)
         found = Correspondence(file["corners"].astype(np.int64), file["shares"].astype(np.float64), file["sure"])
     except (OSError, DamagedFileError, KeyError, ValueError):
-        return None  # not there, or damaged: it is made anew
+        return None  # missing or damaged: it is computed again
     shapes = [found.corners.shape, found.shares.shape, found.sure.shape]
     fits = shapes == [(vertices, 3), (vertices, 3), (vertices,)] and found.corners.min(initial=0) >= 0
     return found if name == path.name and fits and found.corners.max(initial=0) < others else None

@@ -1,6 +1,6 @@
-"""Cache of backend outputs, addressed by content: with equal inputs, a backend is neither called nor loaded.
+"""Cache of backend results: with equal inputs, a backend is neither called nor loaded.
 
-The key is a digest of everything that can change an output: the inputs; the backend (interface, name, distribution,
+The key is a digest of everything that can change a result: the inputs; the backend (interface, name, distribution,
 version, code, required libraries, options, device, files in the options, and its ``fingerprint``); and the version of
 its interface. If you change one backend, only it and the backends whose inputs change run again.
 
@@ -40,7 +40,7 @@ __all__ = ["ResultCache", "canonicalize"]
 T = TypeVar("T")
 
 _STORED = "iufc"
-"""Numbers shrink too little to pay for the time of compressing them; masks and texts are compressed."""
+"""Kinds of dtype that are stored without compression: numbers compress badly, masks and texts well."""
 
 _VERSION = 3
 """Version of the file format; increase it if old files would be read differently or fail a stricter validation."""
@@ -63,31 +63,31 @@ _CLASSES = (
 
 @dataclass(frozen=True)
 class CacheKey:
-    """The cache key of one call of a backend.
+    """Cache key of one backend call.
 
     Attributes:
         name: of the cache file.
-        who: description of the backend, stored in the file.
+        backend: description of the backend, stored in the file.
     """
 
     name: str
-    who: Mapping[str, Any]
+    backend: Mapping[str, Any]
 
 
 class ResultCache:
-    """The cached outputs in one folder.
+    """Cache of backend results in one folder.
 
     Attributes:
-        notes: problems with the cache, as text for the user; they never change a result.
+        notes: problems with cache files, as sentences for the user.
     """
 
     def __init__(self, folder: Path, limit: int, code: CodeDigester | None = None) -> None:
         """Open the cache in a folder.
 
         Args:
-            folder: created when the first output is stored.
+            folder: created when the first result is stored.
             limit: maximum size of all files, bytes.
-            code: computes digests of the backends' code.
+            code: computes digests of the backends' source code.
         """
         self.notes: list[str] = []
         self._folder = folder
@@ -104,7 +104,7 @@ class ResultCache:
         return None if folder is None else cls(folder, megabytes * 1_000_000, code)
 
     def key(self, backend: Backend, who: Provenance, device: str, inputs: tuple[object, ...]) -> CacheKey | None:
-        """Compute the key of a call; None if the outputs of this backend are not cached.
+        """Compute the cache key of a backend call; None if results of this backend are not cached.
 
         Raises:
             Exception: whatever the backend's ``fingerprint`` raises.
@@ -113,7 +113,7 @@ class ResultCache:
         code = self._code.digest(kind) if kind.cacheable else None
         if code is None:
             return None
-        told = {
+        parts = {
             **asdict(who),
             "api": INTERFACES[who.interface].api,
             "class": f"{kind.__module__}.{kind.__qualname__}",
@@ -124,30 +124,30 @@ class ResultCache:
             "libraries": self._libraries("physic-core") | self._libraries(who.distribution),
         }
         try:
-            name = self._digester.digest(_VERSION, told, inputs)
+            name = self._digester.digest(_VERSION, parts, inputs)
         except TypeError:
             return None
-        return CacheKey(f"{who.interface}-{_plain(who.backend)}-{name}{RESULT_SUFFIX}", told)
+        return CacheKey(f"{who.interface}-{_plain(who.backend)}-{name}{RESULT_SUFFIX}", parts)
 
-    def read(self, question: CacheKey) -> object | None:
-        """Read a cached output; None if there is none. A damaged file, or one with another key, is deleted."""
-        path = self._folder / question.name
+    def read(self, key: CacheKey) -> object | None:
+        """Read a cached result; None if there is none. A damaged file, or one with another key, is deleted."""
+        path = self._folder / key.name
         try:
             arrays, document = read_archive(path)
-            if document["name"] != question.name:
+            if document["name"] != key.name:
                 raise DamagedFileError(f"it is a copy of {document['name']}")
-            answer: object = _opened(arrays, document["answer"])
+            result: object = _unpack(arrays, document["answer"])
         except OSError:
             return None
         except Exception as error:  # any error of a dataclass that gets unexpected fields
-            self.discard(question, str(error))
+            self.discard(key, str(error))
             return None
         mark_used(path)
-        return answer
+        return result
 
-    def discard(self, question: CacheKey, why: str) -> None:
-        """Delete a cached output that is invalid, and add a note with the reason."""
-        path = self._folder / question.name
+    def discard(self, key: CacheKey, why: str) -> None:
+        """Delete an invalid cached result, and add a note with the reason."""
+        path = self._folder / key.name
         try:
             path.rmdir() if path.is_dir() and not path.is_symlink() else path.unlink(missing_ok=True)
             self.notes.append(f"a damaged file of the cache was dropped and its answer computed again: {path} ({why})")
@@ -155,20 +155,20 @@ class ResultCache:
             end = f"remove it yourself, for it cannot be removed from here: {error.strerror}"
             self.notes.append(f"the cache holds what is not its own: {path} ({why}); {end}")
 
-    def write(self, question: CacheKey, answer: object) -> None:
-        """Store an output if its types can be stored; a disk error only adds a note."""
+    def write(self, key: CacheKey, result: object) -> None:
+        """Write a result to the cache if its types can be stored; a disk error only adds a note."""
         try:
-            arrays, document = _packed(answer)
+            arrays, document = _pack(result)
         except TypeError:
             return
         if sum(array.nbytes for array in arrays.values()) > min(self._limit, MAX_BYTES // 2):
             return
-        document = {"name": question.name, "answer": document, "backend": question.who}
+        document = {"name": key.name, "answer": document, "backend": key.backend}
         try:
-            write_archive(self._folder / question.name, arrays, document, stored=_STORED)
+            write_archive(self._folder / key.name, arrays, document, stored=_STORED)
             self._written = True
         except (OSError, OutputError) as error:
-            if (self._folder / question.name).is_dir():  # it blocks only this file
+            if (self._folder / key.name).is_dir():  # it blocks only this file
                 note = f"an answer of a backend cannot be kept: {error}"
             else:
                 cure = "name another folder in PHYSIC_CACHE, or switch it off"
@@ -176,43 +176,43 @@ class ResultCache:
             self.notes += [note] * (note not in self.notes)
 
     def trim(self) -> None:
-        """Delete old files if this run stored any, and release the inputs of this run."""
+        """Delete the least recently used files beyond the size limit, and release the inputs of this run."""
         self._digester = Digester()
         if self._written:
             trim_folder(self._folder, self._limit)
             self._written = False
 
 
-def canonicalize(answer: T) -> T:
-    """Convert an output to what reading it from the cache returns, so that both give the same results bit for bit.
+def canonicalize(result: T) -> T:
+    """Convert a result to the form that the cache returns, so that runs with and without cache agree bit for bit.
 
-    Arrays become C-contiguous, since their order in memory changes sums; NumPy scalars become Python numbers. An output
-    that cannot be kept is returned unchanged.
+    Arrays become C-contiguous, since their order in memory changes sums; NumPy scalars become Python numbers. A result
+    that cannot be stored is returned unchanged.
     """
     try:
-        same: T = _opened(*_packed(answer))
+        same: T = _unpack(*_pack(result))
     except TypeError:
-        return answer
+        return result
     return same
 
 
-def _packed(answer: object) -> tuple[dict[str, Any], Any]:
-    arrays, document = pack(answer)
+def _pack(result: object) -> tuple[dict[str, Any], Any]:
+    arrays, document = pack(result)
     if any(array.dtype.hasobject for array in arrays.values()):
-        raise TypeError("an array of Python objects cannot be kept.")
-    _opened(arrays, document)
+        raise TypeError("an array of Python objects cannot be stored.")
+    _unpack(arrays, document)
     return {name: np.asarray(array, order="C") for name, array in arrays.items()}, document
 
 
-def _opened(arrays: dict[str, Any], document: Any) -> Any:
+def _unpack(arrays: dict[str, Any], document: Any) -> Any:
     try:
         return unpack(arrays, document, _CLASSES)
     except (KeyError, AttributeError) as error:
-        raise TypeError(f"{error} is no part of an answer.") from error
+        raise TypeError(f"{error} is no part of a result.") from error
 
 
 def _files(options: Any) -> Iterator[list[Any]]:
-    """Path, size and modification time of every file that the options name."""
+    """Yield path, size and modification time of every file that the options name."""
     if isinstance(options, Mapping):
         options = list(options.values())
     if isinstance(options, tuple | list):

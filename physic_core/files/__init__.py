@@ -1,1 +1,1 @@
-"""Writing files completely or not at all; npz archives with verified checksums; numbers that JSON cannot write."""
+"""Atomic writes, npz archives with verified checksums, and JSON with non-finite numbers."""

@@ -1,4 +1,4 @@
-"""Dataclasses, arrays and a JSON document in one npz file, restored bit for bit and without pickles."""
+"""Store arrays, dataclasses and a JSON document in one npz file without pickle."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _DOCUMENT = "document"
 
 
 class DamagedFileError(Exception):
-    """A file that is incomplete, or that :func:`write_archive` did not write."""
+    """Raised if a file is damaged, or was not written by :func:`write_archive`."""
 
 
 def pack(value: object) -> tuple[Arrays, Any]:
@@ -40,7 +40,7 @@ def pack(value: object) -> tuple[Arrays, Any]:
         The arrays by their path in the dataclass, and a JSON-ready document of the rest. Lists are restored as tuples.
 
     Raises:
-        TypeError: it holds an object of another class.
+        TypeError: the value contains an object of another class.
     """
     arrays: Arrays = {}
 
@@ -61,13 +61,13 @@ def pack(value: object) -> tuple[Arrays, Any]:
             return {"number": to_json(value)}
         if value is None or isinstance(value, bool | int | float | str):
             return value
-        raise TypeError(f"{path} is a {type(value).__name__}, which has no archive form.")
+        raise TypeError(f"{path} is a {type(value).__name__}, which cannot be stored.")
 
     return arrays, packed(value, type(value).__name__)
 
 
 def unpack(arrays: Mapping[str, NDArray[Any]], document: Any, classes: Iterable[type]) -> Any:
-    """Restore what :func:`pack` split.
+    """Restore a value from the arrays and the document of :func:`pack`.
 
     Args:
         arrays: by path.
@@ -96,11 +96,11 @@ def unpack(arrays: Mapping[str, NDArray[Any]], document: Any, classes: Iterable[
 
 
 def read_archive(path: Path) -> tuple[Arrays, Any]:
-    """Read the arrays and the document of a file, verifying all checksums.
+    """Read arrays and document of a file, and verify all checksums.
 
     Raises:
         OSError: the file is missing or cannot be read.
-        DamagedFileError: it is not what :func:`write_archive` wrote.
+        DamagedFileError: the file is damaged, or was not written by :func:`write_archive`.
     """
     if not stat.S_ISREG(path.stat().st_mode):
         raise DamagedFileError("it is not a regular file")  # opening a pipe would block for ever
@@ -116,10 +116,10 @@ def write_archive(path: Path, arrays: Mapping[str, NDArray[Any]], document: Any,
     """Write arrays and a document to a file, completely or not at all; its folder is created if missing.
 
     Args:
-        path: of the file.
+        path: file to write.
         arrays: by name.
         document: JSON-ready.
-        stored: the kinds of dtype that are not compressed, see :func:`physic_core.files.npz.write_arrays`.
+        stored: kinds of dtype that are not compressed, see :func:`physic_core.files.npz.write_arrays`.
 
     Raises:
         OSError, OutputError: the disk is full, or the folder cannot be written.

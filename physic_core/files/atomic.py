@@ -1,4 +1,4 @@
-"""Write files completely or not at all."""
+"""Atomic writes of files, and a check that a folder can be written."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["atomic_write", "check_writable"]
 
 @contextmanager
 def atomic_write(folder: Path) -> Iterator[Callable[[str], Path]]:
-    """Yield a function that returns temporary paths for files of ``folder``; on success, rename all of them.
+    """Yield a function that returns a temporary path for a file name; rename all files on success.
 
     Raises:
         OutputError: the folder cannot be written, the disk is full, or a folder has the name of a file.
@@ -43,7 +43,7 @@ def atomic_write(folder: Path) -> Iterator[Callable[[str], Path]]:
 
 
 def check_writable(folder: str | os.PathLike[str]) -> Path:
-    """Create ``folder`` if missing and check that it can be written, before a long run starts.
+    """Create a folder if missing, and raise OutputError if it cannot be written.
 
     Returns:
         The folder.

@@ -1,4 +1,4 @@
-"""Values as strict JSON: NaN and infinities are written as the strings "NaN", "Infinity" and "-Infinity"."""
+"""Convert values to and from strict JSON, with NaN and infinities as strings."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _NON_FINITE = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
 
 
 def to_json(value: Any, *, digits: int | None = None) -> Any:
-    """Convert a value to None, bool, int, float, str, list and dict, without NaN or infinity.
+    """Convert a value to JSON types; NaN and infinities become "NaN", "Infinity" and "-Infinity".
 
     Args:
         value: NumPy arrays become lists, NumPy scalars numbers, paths strings, tuples and sets lists. The keys of a
@@ -40,10 +40,7 @@ def to_json(value: Any, *, digits: int | None = None) -> Any:
 
 
 def from_json(value: Any) -> Any:
-    """Put NaN and infinities back into what :func:`to_json` returned.
-
-    The strings "NaN", "Infinity" and "-Infinity" always become numbers.
-    """
+    """Replace the strings "NaN", "Infinity" and "-Infinity" in a JSON value by numbers."""
     if isinstance(value, str):
         return _NON_FINITE.get(value, value)
     if isinstance(value, list):

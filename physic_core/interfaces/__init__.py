@@ -1,4 +1,4 @@
-"""The eight interfaces that a plugin can implement: what each is given, what it returns, how a result is checked.
+"""The eight interfaces that a plugin can implement: arguments, result type and validation of each.
 
 Images are (H, W, 3) uint8 RGB numpy arrays, upright. The frame is the OpenCV camera's (x right, y down, z forward),
 in metres; integer pixel coordinates are pixel centres. The core checks the image before it calls a backend. A backend
@@ -62,4 +62,4 @@ INTERFACES: dict[str, type[Backend]] = {
         ContactPrior,
     )
 }
-"""Interface name in configs -> class."""
+"""Interface classes by their names in configs."""

@@ -1,8 +1,8 @@
-"""What all interfaces share: options, the life of a backend, and how its results are checked."""
+"""Base classes of all interfaces: backend, request and options; calls of backends and validation of results."""
 
 from __future__ import annotations
 
-from abc import ABC
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
@@ -20,31 +20,28 @@ Result = TypeVar("Result")
 
 
 class Options(BaseModel):
-    """Base of a backend's settings: unknown keys are refused, every field carries a description."""
+    """Base class of a backend's settings; unknown keys are an error, every field needs a description."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 @dataclass(frozen=True)
 class Request(Generic[Result]):
-    """What a backend is given. Its fields are the arguments of ``infer``, in their order.
+    """Input of one backend call; its fields are the arguments of ``infer`` in order.
 
-    Keyword-only fields are not passed to ``infer``; they are what ``check`` needs beyond the arguments.
-
-    Attributes:
-        image: (H, W, 3) uint8 RGB.
+    Keyword-only fields are used by ``check`` alone and are not passed to ``infer``. ``image`` is (H, W, 3) uint8 RGB.
     """
 
     image: UInt8Array
 
     @property
     def arguments(self) -> tuple[Any, ...]:
-        """The arguments of ``infer``."""
+        """Return the arguments of ``infer``: the fields that are not keyword-only."""
         return tuple(getattr(self, field.name) for field in fields(self) if not field.kw_only)
 
 
 class Backend(ABC):
-    """What every interface shares.
+    """Base class of all interfaces.
 
     An interface is a direct subclass that defines ``interface``, ``api``, ``Request``, ``Result``, ``infer`` and
     ``check``. A backend is a subclass of an interface.
@@ -52,9 +49,9 @@ class Backend(ABC):
     Attributes:
         interface: the interface's name in configs.
         api: version of the interface; the record of a backend states the version that it was written for.
-        Request: what the interface is given.
-        Result: class of what it returns; ``object`` for an array, which ``check`` then looks at.
-        sees: which image it is given first: the photo, or the photo with its people inpainted.
+        Request: class of its requests.
+        Result: class of its results; ``object`` for an array, which ``check`` validates.
+        sees: image of its first call: "photo", or "inpainted" for the photo with its people removed.
         hints: names of the :class:`physic_core.types.Hints` that the pipeline knows when it calls the interface.
         Options: pydantic model of this backend's settings.
         cacheable: whether the output may be cached. Set it to False if the output depends on anything but the input,
@@ -77,42 +74,40 @@ class Backend(ABC):
         """Read weights into memory on ``device`` ("cpu", "cuda", "cuda:1")."""
 
     def close(self) -> None:  # noqa: B027
-        """Release everything that ``load`` took."""
+        """Release the weights and all other memory that ``load`` allocated."""
 
     def missing(self) -> tuple[str, ...]:
-        """What this backend with its options needs but does not find on this machine, one line each with the remedy.
+        """Return one line for each file or package that this backend needs and does not find, with the remedy.
 
-        Cheap and offline, the same at every call, and called before ``load``. A run in which anything is missing stops
-        before it begins, and lists what is missing for all backends.
+        Cheap and offline, the same at every call, and called before ``load``. If any backend of a run misses something,
+        the run stops before its first stage with a list for all backends.
         """
         return ()
 
     def fingerprint(self) -> str:
-        """What else a result depends on, such as the revision of weights in a folder. Called before ``load``.
+        """Return a short text that identifies the weights, as a part of the cache key; "" if there are none.
 
-        A short text, cheap to compute, the same for the same weights wherever they are stored; empty if there is
-        nothing else. Cached results are used only while it stays the same. Files that options name are tracked without
-        it.
+        Cheap to compute, called before ``load``, and equal for equal weights in different folders. Files that options
+        name are tracked without it.
         """
         return ""
 
     @classmethod
+    @abstractmethod
     def check(cls, result: Any, request: Any) -> Iterator[str]:
         """Yield one sentence per violation of the interface: what was expected and what was returned.
 
-        The pipeline raises them, the conformance kit reports them. Values that are not finite are a violation only if
-        no person has finite ones: the pipeline goes on with the others.
+        Non-finite values are a violation only if no person has finite ones: the pipeline continues with the others.
         """
-        raise NotImplementedError
 
 
 def interface_of(backend: type[Backend]) -> type[Backend]:
-    """The interface that a backend class implements: its base that names itself in ``interface``."""
+    """Return the interface that a backend class implements: its base class with an ``interface`` of its own."""
     return next(c for c in reversed(backend.__mro__) if issubclass(c, Backend) and "interface" in vars(c))
 
 
 def violations(interface: type[Backend], result: object, request: Request[Any]) -> list[str]:
-    """How a result violates its interface, one sentence each; empty for a valid result."""
+    """Return one sentence for each violation of the interface by a result; empty for a valid result."""
     wrong_type = list(check_type(result, interface.Result))
     if wrong_type:
         return wrong_type
@@ -123,10 +118,10 @@ def violations(interface: type[Backend], result: object, request: Request[Any]) 
 
 
 def call(backend: Backend, request: Request[Any]) -> object:
-    """What ``infer`` returns for a request, not yet checked.
+    """Call ``infer`` of a backend with a request and return its unchecked result.
 
     Raises:
-        InputError: the image of the request is no photo; the backend is not called.
+        InputError: the image of the request is invalid; the backend is not called.
     """
     require_image(request.image)
     infer: Any = getattr(backend, "infer")  # noqa: B009 -- each interface has arguments of its own

@@ -1,7 +1,8 @@
-"""Interface BodyEstimator: posed and shaped bodies."""
+"""Interface BodyEstimator: body model parameters of each person."""
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
@@ -28,19 +29,14 @@ _WIDTHS = {
     "reye_pose": 3,
     "transl": 3,
 }
-"""Numbers per person of each parameter; shape and expression may have any number."""
+"""Length of each parameter per person; betas and expression may have any length."""
 
 
 @dataclass(frozen=True)
 class BodyEstimatorRequest(Request[Bodies]):
-    """What a BodyEstimator is given.
+    """Input of a BodyEstimator: the photo, its camera, N people, their keypoints and hints.
 
-    Attributes:
-        image: (H, W, 3) uint8 RGB, the photo.
-        people: N people.
-        intrinsics: the camera of the photo.
-        keypoints: of the N people.
-        hints: what else is known of the photo; ``floor`` gives the vertical direction.
+    The floor plane of the hints gives the vertical direction.
     """
 
     people: People
@@ -50,7 +46,7 @@ class BodyEstimatorRequest(Request[Bodies]):
 
 
 class BodyEstimator(Backend):
-    """Estimates posed and shaped bodies (paper: CameraHMR)."""
+    """Estimates pose, shape and position of each person's body (paper: CameraHMR)."""
 
     interface = "body_estimator"
     api = 1
@@ -62,7 +58,7 @@ class BodyEstimator(Backend):
     def infer(
         self, image: UInt8Array, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
     ) -> Bodies:
-        """N people -> N bodies in metres in the camera frame.
+        """Estimate one body for each of N people, in metres, camera frame.
 
         Bodies may be of any body model. Those of another than the configured one are converted to it from their
         ``joints``, and more accurately from their ``mesh``: give at least one of both unless the model is "embedded".
@@ -70,7 +66,7 @@ class BodyEstimator(Backend):
 
     @classmethod
     def check(cls, result: Bodies, request: BodyEstimatorRequest) -> Iterator[str]:
-        """N rows of every parameter, all finite for at least one person; joints and mesh if there are any."""
+        """Check the parameters, joints and mesh of N bodies; at least one body must be finite."""
         n = len(request.people)
         wrong_type = [
             *check_type(result.parameters, BodyParameters, "parameters"),
@@ -90,7 +86,7 @@ class BodyEstimator(Backend):
 
 
 def finite_bodies(bodies: Bodies) -> BoolArray:
-    """(N,) bool: people whose parameters are all finite, and whose mesh is too if there is one.
+    """Return (N,) bool: True for people with finite parameters and finite mesh vertices.
 
     ``joints`` may be NaN where the backend does not know them.
     """
@@ -114,13 +110,10 @@ def _check_parameters(parameters: BodyParameters, people: int) -> Iterator[str]:
 
 
 def _check_joints(joints: Any, people: int) -> Iterator[str]:
-    import numpy as np
-
     wrong = list(check_array("joints", joints, (people, _JOINTS, 3), "float"))
     yield from wrong
-    if not wrong and np.isinf(joints).any():
-        count = int(np.isinf(joints).sum())
-        yield f"joints must be metres, or NaN where nothing is known, {count} are infinite"
+    if not wrong and (count := int((abs(joints) == math.inf).sum())):
+        yield f"joints must be metres, or NaN where unknown, {count} are infinite"
 
 
 def _check_mesh(mesh: Mesh, people: int) -> Iterator[str]:

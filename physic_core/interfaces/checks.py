@@ -1,4 +1,4 @@
-"""Checks of single values, shared by the interfaces. Each yields a sentence per violation, or nothing.
+"""Checks of single values for all interfaces; each yields one sentence per violation.
 
 NumPy is imported inside functions: a command that only lists plugins must not wait for it.
 """
@@ -34,11 +34,7 @@ __all__ = [
 
 
 def require_image(image: object) -> None:
-    """Refuse what is no photo. Its values are integers, and so finite.
-
-    Raises:
-        InputError: it is not a numpy array (H, W, 3) of uint8 with at least one pixel.
-    """
+    """Raise InputError unless an image is a numpy array (H, W, 3) of uint8 with at least one pixel."""
     import numpy as np
 
     wanted = "the image must be a numpy array (H, W, 3) of uint8 RGB"
@@ -49,14 +45,14 @@ def require_image(image: object) -> None:
 
 
 def check_type(value: object, expected: type, name: str = "") -> Iterator[str]:
-    """The value is an instance of a class."""
+    """Check that a value is an instance of a class."""
     if not isinstance(value, expected):
         subject = f"{name} must be" if name else "expected"
         yield f"{subject} {expected.__name__}, got {type(value).__name__}{tensor_advice(value)}"
 
 
 def check_array(name: str, value: Any, shape: tuple[int, ...], kind: str) -> Iterator[str]:
-    """The value is a numpy array of a shape, and of "float" (any width) or of a dtype such as "bool"."""
+    """Check the shape of a numpy array, and its dtype: "float" for any width, or a name such as "bool"."""
     import numpy as np
 
     if not isinstance(value, np.ndarray):
@@ -69,21 +65,21 @@ def check_array(name: str, value: Any, shape: tuple[int, ...], kind: str) -> Ite
 
 
 def check_finite(name: str, value: Any) -> Iterator[str]:
-    """No value is NaN or infinite."""
+    """Check that all values of an array are finite."""
     finite = is_finite(value)
     if not finite.all():
         yield f"{name} must be finite, {int((~finite).sum())} values are not"
 
 
 def check_unit_range(name: str, value: Any) -> Iterator[str]:
-    """All values lie in [0, 1]."""
+    """Check that all values of an array lie in [0, 1]."""
     low, high = float(value.min(initial=0)), float(value.max(initial=0))
     if not (low >= 0 and high <= 1):
         yield f"{name} must lie in [0, 1], got {low:g} to {high:g}"
 
 
 def check_faces(name: str, faces: Any, vertices: int) -> Iterator[str]:
-    """Triangles (F, 3), integers of any width that index ``vertices`` vertices."""
+    """Check that faces (F, 3) are integers in [0, ``vertices``)."""
     count = length(faces)
     if getattr(faces, "dtype", None) is not None and faces.dtype.kind not in "iu":
         yield f"{name} must be integers, got {faces.dtype}"
@@ -95,7 +91,7 @@ def check_faces(name: str, faces: Any, vertices: int) -> Iterator[str]:
 
 
 def check_camera(camera: Intrinsics | None, height: int, width: int) -> Iterator[str]:
-    """A camera that a backend returns with its result is a camera of the image that it was given."""
+    """Check that intrinsics are finite, positive and for an image of ``height`` x ``width`` px; None is valid."""
     if camera is None:
         return
     wrong_type = list(check_type(camera, Intrinsics, "intrinsics"))
@@ -112,13 +108,13 @@ def check_camera(camera: Intrinsics | None, height: int, width: int) -> Iterator
 
 
 def check_notes(notes: Any) -> Iterator[str]:
-    """Notes for the user are a sequence of texts."""
+    """Check that notes are a tuple or list of texts."""
     if not (isinstance(notes, tuple | list) and all(isinstance(note, str) for note in notes)):
         yield f"notes must be a tuple of texts, got {notes!r}"
 
 
 def is_finite(value: Any) -> BoolArray:
-    """Which values are neither NaN nor infinite."""
+    """Return a bool array: True for values that are neither NaN nor infinite."""
     import numpy as np
 
     finite: BoolArray = np.isfinite(value)
@@ -126,7 +122,7 @@ def is_finite(value: Any) -> BoolArray:
 
 
 def finite_rows(arrays: Iterable[Any], rows: int) -> BoolArray:
-    """(rows,) bool: rows of arrays (rows, ...) that are finite in every array."""
+    """Return (rows,) bool: True for rows that are finite in every one of the arrays (rows, ...)."""
     import numpy as np
 
     finite = np.ones(rows, bool)
@@ -136,17 +132,17 @@ def finite_rows(arrays: Iterable[Any], rows: int) -> BoolArray:
 
 
 def rows_to_check(finite: BoolArray) -> BoolArray:
-    """The rows whose values are checked: the finite ones, or all rows if none is finite."""
+    """Return the rows to validate: the finite ones, or all rows if none is finite."""
     return finite if finite.any() else ~finite
 
 
 def length(value: Any) -> int:
-    """Number of rows of an array; 0 for anything else."""
+    """Return the number of rows of an array; 0 for any other value."""
     return len(value) if getattr(value, "ndim", 0) else 0
 
 
 def tensor_advice(value: object) -> str:
-    """How to make a numpy array of a torch tensor; empty for anything else."""
+    """Return advice on converting a torch tensor to numpy; "" for any other value."""
     return ": write .detach().cpu().numpy()" if type(value).__module__.partition(".")[0] == "torch" else ""
 
 

@@ -1,4 +1,4 @@
-"""Interface ContactPrior: which vertices are likely to touch the scene."""
+"""Interface ContactPrior: contact probability of each body vertex."""
 
 from __future__ import annotations
 
@@ -28,13 +28,12 @@ __all__ = ["ContactPrior", "ContactPriorRequest", "finite_contact"]
 
 @dataclass(frozen=True)
 class ContactPriorRequest(Request[ContactProbability]):
-    """What a ContactPrior is given.
+    """Input of a ContactPrior: the photo, N people and their bodies.
 
     Attributes:
-        image: (H, W, 3) uint8 RGB, the photo.
         people: N people.
-        bodies: of the N people, of the configured body model, with ``joints`` if that is a file of the user's.
-        topology: mesh of ``bodies``, or None if any mesh will do. Not passed to ``infer``.
+        bodies: of the configured body model, with ``joints`` if that is a file of the user's.
+        topology: mesh of ``bodies``, or None to accept any mesh. Not passed to ``infer``.
         vertices: number of vertices of ``topology``. Not passed to ``infer``.
     """
 
@@ -45,7 +44,7 @@ class ContactPriorRequest(Request[ContactProbability]):
 
 
 class ContactPrior(Backend):
-    """Predicts which vertices are likely to touch the scene (paper: DECO)."""
+    """Predicts the contact probability of each body vertex (paper: DECO)."""
 
     interface = "contact_prior"
     api = 1
@@ -54,7 +53,7 @@ class ContactPrior(Backend):
 
     @abstractmethod
     def infer(self, image: UInt8Array, people: People, bodies: Bodies) -> ContactProbability:
-        """N people with their bodies -> a probability per vertex.
+        """Predict the contact probability of each vertex of N bodies.
 
         The probabilities may be on any mesh. If it is not the mesh of the bodies, give that mesh in the T-pose as
         ``rest``: the core transfers the probabilities.
@@ -62,7 +61,7 @@ class ContactPrior(Backend):
 
     @classmethod
     def check(cls, result: ContactProbability, request: ContactPriorRequest) -> Iterator[str]:
-        """N rows of probabilities in [0, 1] on the mesh of the bodies, or on one that comes with the result."""
+        """Check N rows of probabilities in [0, 1], on the mesh of the bodies or on the mesh in the result."""
         vertices, topology = request.vertices, request.topology
         if topology is None or vertices is None:
             vertices = result.probability.shape[-1]
@@ -80,7 +79,7 @@ class ContactPrior(Backend):
 
 
 def finite_contact(contact: ContactProbability) -> BoolArray:
-    """(N,) bool: people whose probabilities are all finite."""
+    """Return (N,) bool: True for people with finite probabilities."""
     return finite_rows([contact.probability], len(contact.probability))
 
 

@@ -1,4 +1,4 @@
-"""Interface HandEstimator: finger poses."""
+"""Interface HandEstimator: finger rotations of each person."""
 
 from __future__ import annotations
 
@@ -26,20 +26,14 @@ __all__ = ["HandEstimator", "HandEstimatorRequest", "finite_hands"]
 
 @dataclass(frozen=True)
 class HandEstimatorRequest(Request[Hands]):
-    """What a HandEstimator is given.
-
-    Attributes:
-        image: (H, W, 3) uint8 RGB, the photo.
-        people: N people.
-        keypoints: of the N people.
-    """
+    """Input of a HandEstimator: the photo, N people and their keypoints."""
 
     people: People
     keypoints: Keypoints
 
 
 class HandEstimator(Backend):
-    """Estimates finger poses (paper: WiLoR)."""
+    """Estimates the finger rotations of both hands of each person (paper: WiLoR)."""
 
     interface = "hand_estimator"
     api = 1
@@ -48,15 +42,14 @@ class HandEstimator(Backend):
 
     @abstractmethod
     def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
-        """N people -> 15 rotations a hand with a confidence; confidence 0 where no hand is visible.
+        """Estimate 15 joint rotations and a confidence for each hand; 0 for a hand that is not visible.
 
-        With ``wrists``, the global rotation of each hand, the forearm is turned to fit the hand as far as the
-        confidence allows.
+        With ``wrists``, the global rotation of each hand, forearms are rotated to fit, weighted by confidence.
         """
 
     @classmethod
     def check(cls, result: Hands, request: HandEstimatorRequest) -> Iterator[str]:
-        """N x 2 hands; rotations with a confidence above 0 are finite."""
+        """Check N x 2 hands; rotations with a confidence above 0 must be finite."""
         n = len(request.people)
         wrong = [
             *check_array("rotvecs", result.rotvecs, (n, 2, 15, 3), "float"),
@@ -76,10 +69,10 @@ class HandEstimator(Backend):
 
 
 def finite_hands(hands: Hands) -> BoolArray:
-    """(N,) bool: people whose confidence is finite, and so are all rotations of hands that were found."""
-    absent = hands.confidence <= 0
+    """Return (N,) bool: True for people with finite confidence and finite rotations of all detected hands."""
+    undetected = hands.confidence <= 0
     finite = finite_rows([hands.confidence], len(hands.confidence))
-    finite &= (is_finite(hands.rotvecs).all((-2, -1)) | absent).all(1)
+    finite &= (is_finite(hands.rotvecs).all((-2, -1)) | undetected).all(1)
     if hands.wrists is not None:
-        finite &= (is_finite(hands.wrists).all(-1) | absent).all(1)
+        finite &= (is_finite(hands.wrists).all(-1) | undetected).all(1)
     return finite

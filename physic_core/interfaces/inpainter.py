@@ -1,4 +1,4 @@
-"""Interface Inpainter: the photo without its people."""
+"""Interface Inpainter: a photo with the masked pixels replaced by background."""
 
 from __future__ import annotations
 
@@ -18,18 +18,13 @@ __all__ = ["Inpainter", "InpainterRequest"]
 
 @dataclass(frozen=True)
 class InpainterRequest(Request["UInt8Array"]):
-    """What an Inpainter is given.
-
-    Attributes:
-        image: (H, W, 3) uint8 RGB, the photo.
-        mask: (H, W) bool, True = remove.
-    """
+    """Input of an Inpainter: the photo, and a mask (H, W) bool, True = remove."""
 
     mask: BoolArray
 
 
 class Inpainter(Backend):
-    """Removes people from a photo (paper: OmniEraser)."""
+    """Replaces the masked pixels of a photo by background (paper: OmniEraser)."""
 
     interface = "inpainter"
     api = 1
@@ -38,9 +33,9 @@ class Inpainter(Backend):
 
     @abstractmethod
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
-        """Image (H, W, 3) and mask (H, W), True = remove -> image of that size, unchanged where the mask is False."""
+        """Replace the pixels where the mask is True; the other pixels and the size stay unchanged."""
 
     @classmethod
     def check(cls, result: UInt8Array, request: InpainterRequest) -> Iterator[str]:
-        """An image of the size that was given."""
+        """Check that the result is an image of the same size as the input."""
         yield from check_array("image", result, (*request.image.shape[:2], 3), "uint8")

@@ -1,4 +1,4 @@
-"""Interface KeypointDetector: 2D joints of known people."""
+"""Interface KeypointDetector: 2D keypoints of people with known masks and boxes."""
 
 from __future__ import annotations
 
@@ -26,18 +26,13 @@ __all__ = ["KeypointDetector", "KeypointDetectorRequest", "check_keypoints", "fi
 
 @dataclass(frozen=True)
 class KeypointDetectorRequest(Request[Keypoints]):
-    """What a KeypointDetector is given.
-
-    Attributes:
-        image: (H, W, 3) uint8 RGB, the photo.
-        people: N people.
-    """
+    """Input of a KeypointDetector: the photo and N people."""
 
     people: People
 
 
 class KeypointDetector(Backend):
-    """Detects 2D joints of known people (paper: ViTPose whole-body)."""
+    """Detects the 2D keypoints of segmented people (paper: ViTPose whole-body)."""
 
     interface = "keypoint_detector"
     api = 1
@@ -46,16 +41,16 @@ class KeypointDetector(Backend):
 
     @abstractmethod
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
-        """Image (H, W, 3) and N people -> N rows of keypoints."""
+        """Detect the keypoints of N people in an image."""
 
     @classmethod
     def check(cls, result: Keypoints, request: KeypointDetectorRequest) -> Iterator[str]:
-        """N rows of J points and confidences in [0, 1]; points with a confidence above 0 are finite."""
+        """Check the keypoints of N people; points with a confidence above 0 must be finite."""
         yield from check_keypoints(result, len(request.people))
 
 
 def check_keypoints(keypoints: Keypoints, people: int) -> Iterator[str]:
-    """Yield how keypoints of ``people`` people violate the interface; a Segmenter may return them too."""
+    """Check the keypoints of ``people`` people, of a KeypointDetector or a Segmenter."""
     joints = keypoints.points.shape[1] if getattr(keypoints.points, "ndim", 0) == 3 else None
     wrong = [
         *_check_skeleton(keypoints.skeleton, joints),
@@ -89,10 +84,10 @@ def _check_skeleton(skeleton: object, joints: int | None) -> Iterator[str]:
 
 
 def finite_keypoints(keypoints: Keypoints) -> BoolArray:
-    """(N,) bool: people whose confidence is finite, and so are all points with a confidence above 0."""
-    unseen = keypoints.confidence <= 0
+    """Return (N,) bool: True for people with finite confidence and finite points where confidence > 0."""
+    undetected = keypoints.confidence <= 0
     finite = finite_rows([keypoints.confidence], len(keypoints.points))
-    finite &= (is_finite(keypoints.points).all(-1) | unseen).all(1)
+    finite &= (is_finite(keypoints.points).all(-1) | undetected).all(1)
     if keypoints.world is not None:
-        finite &= (is_finite(keypoints.world).all(-1) | unseen).all(1)
+        finite &= (is_finite(keypoints.world).all(-1) | undetected).all(1)
     return finite

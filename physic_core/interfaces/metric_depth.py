@@ -1,4 +1,4 @@
-"""Interface MetricDepth: depth in metres."""
+"""Interface MetricDepth: depth map in metres."""
 
 from __future__ import annotations
 
@@ -21,20 +21,18 @@ __all__ = ["MetricDepth", "MetricDepthRequest"]
 
 @dataclass(frozen=True)
 class MetricDepthRequest(Request[DepthMap]):
-    """What a MetricDepth is given.
+    """Input of a MetricDepth: the inpainted photo and hints.
 
-    Attributes:
-        image: (H, W, 3) uint8 RGB, the photo with its people inpainted.
-        hints: what is known of the photo. ``people``, ``keypoints`` and ``bodies`` are those who have a body.
+    ``people``, ``keypoints`` and ``bodies`` of the hints are limited to people with a finite body.
     """
 
     hints: Hints
 
 
 class MetricDepth(Backend):
-    """Estimates depth in metres (paper: DepthPro).
+    """Estimates a metric depth map of the inpainted photo (paper: DepthPro).
 
-    Called last, so that a classical method can measure with what is known of the people.
+    Called last, so that a classical method can use the sizes of the people.
     """
 
     interface = "metric_depth"
@@ -46,11 +44,11 @@ class MetricDepth(Backend):
 
     @abstractmethod
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
-        """Image (H, W, 3) -> z-depth in metres; ``image`` is the inpainted photo."""
+        """Estimate the depth of each pixel along z, in metres; NaN where unknown."""
 
     @classmethod
     def check(cls, result: DepthMap, request: MetricDepthRequest) -> Iterator[str]:
-        """Positive depth or NaN, (H, W), known for at least one pixel; a camera of this image if there is one."""
+        """Check depth (H, W), positive or NaN, with at least one known pixel; camera, scale_sigma and notes."""
         height, width = request.image.shape[:2]
         wrong = list(check_array("depth", result.depth, (height, width), "float"))
         yield from wrong

@@ -1,4 +1,4 @@
-"""Interface RelativePointmap: detailed geometry without a unit."""
+"""Interface RelativePointmap: a 3D point for each pixel, up to an unknown scale."""
 
 from __future__ import annotations
 
@@ -19,20 +19,18 @@ __all__ = ["RelativePointmap", "RelativePointmapRequest"]
 
 @dataclass(frozen=True)
 class RelativePointmapRequest(Request[Pointmap]):
-    """What a RelativePointmap is given.
+    """Input of a RelativePointmap: the inpainted or the original photo, and hints.
 
-    Attributes:
-        image: (H, W, 3) uint8 RGB: the photo with its people inpainted, or the photo itself.
-        hints: what is known of the photo. ``hole`` is None for the photo itself.
+    ``hole`` of the hints is None for the original photo.
     """
 
     hints: Hints
 
 
 class RelativePointmap(Backend):
-    """Estimates detailed geometry up to a scale, or up to a scale and an offset (paper: MoGe).
+    """Estimates a point map up to a scale, or up to a scale and an offset (paper: MoGe).
 
-    Called for the inpainted photo (``hints.hole`` is what was inpainted), then for the original photo (``hints.hole``
+    Called for the inpainted photo (``hints.hole`` is the inpainted region), then for the original photo (``hints.hole``
     is None, ``hints.scene`` the first result).
     """
 
@@ -45,11 +43,11 @@ class RelativePointmap(Backend):
 
     @abstractmethod
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
-        """Image (H, W, 3) -> point map; ``hints.intrinsics`` are respected if given."""
+        """Estimate a point map of an image; ``hints.intrinsics`` are used if given."""
 
     @classmethod
     def check(cls, result: Pointmap, request: RelativePointmapRequest) -> Iterator[str]:
-        """Points (H, W, 3), finite and in front of the camera where valid; a camera of this image if there is one."""
+        """Check points (H, W, 3), finite and in front of the camera where valid; camera and notes."""
         height, width = request.image.shape[:2]
         wrong = [
             *check_array("points", result.points, (height, width, 3), "float"),

@@ -1,4 +1,4 @@
-"""Interface Segmenter: the people in a photo, and the ground that they stand on."""
+"""Interface Segmenter: masks of the people in a photo, and of the floor."""
 
 from __future__ import annotations
 
@@ -20,15 +20,11 @@ __all__ = ["Segmenter", "SegmenterRequest"]
 
 @dataclass(frozen=True)
 class SegmenterRequest(Request[People]):
-    """What a Segmenter is given.
-
-    Attributes:
-        image: (H, W, 3) uint8 RGB, the photo.
-    """
+    """Input of a Segmenter: the photo."""
 
 
 class Segmenter(Backend):
-    """Segments people and, if it can, the ground that they stand on (paper: GroundingDINO + SAM2)."""
+    """Segments people and optionally the floor (paper: GroundingDINO + SAM2)."""
 
     interface = "segmenter"
     api = 1
@@ -37,11 +33,11 @@ class Segmenter(Backend):
 
     @abstractmethod
     def infer(self, image: UInt8Array) -> People:
-        """Image (H, W, 3) -> people, best score first; N = 0 if there is nobody."""
+        """Segment the people in an image, best score first; N = 0 without people."""
 
     @classmethod
     def check(cls, result: People, request: SegmenterRequest) -> Iterator[str]:
-        """Masks, boxes and scores of N people in the image, disjoint masks, and a floor mask if there is one."""
+        """Check masks (disjoint), boxes and scores of N people, and optional floor mask and keypoints."""
         height, width = request.image.shape[:2]
         n = length(result.masks)
         wrong = [

@@ -1,4 +1,4 @@
-"""Convert a reconstruction to the named arrays of ``reconstruction.npz``.
+"""Names, dtypes and shapes of the arrays in ``reconstruction.npz``, and conversion to them.
 
 Lengths are in metres. The frame is the OpenCV camera's (x right, y down, z forward). Pixel (0, 0) is the centre of the
 top left pixel. H and W are image rows and columns, F faces, V vertices, J keypoints, K shape components, E expression
@@ -59,7 +59,7 @@ SHARED_ARRAYS: tuple[ArraySpec, ...] = (
     ArraySpec("body_model", "text", (), "name of the body model that the parameters are for"),
     ArraySpec("skeleton", "text", (), "name of the skeleton of the keypoints"),
 )
-"""Arrays that do not depend on a person."""
+"""Specifications of the arrays that exist once per file."""
 
 PERSON_ARRAYS: tuple[ArraySpec, ...] = (
     ArraySpec("box", "floating", (4,), "x0 y0 x1 y1, px, half open"),
@@ -83,7 +83,7 @@ PERSON_ARRAYS: tuple[ArraySpec, ...] = (
         "distance", "float32", ("V",), "signed distance to the scene or floor, m: < 0 inside, inf if none is near"
     ),
 )
-"""Arrays of each person, as ``person_0_box``, ``person_1_box``, ..."""
+"""Specifications of the arrays of each person, stored as ``person_0_box``, ``person_1_box``, ..."""
 
 PARAMETER_NAMES = tuple(field.name for field in fields(BodyParameters))
 
@@ -114,7 +114,7 @@ def to_arrays(reconstruction: Reconstruction) -> dict[str, AnyArray]:
 
 
 def npz_checksum(path: Path) -> str:
-    """CRC-32 over the names and CRC-32s of an npz file, which links it to its ``reconstruction.json``."""
+    """Compute a checksum of an npz file from the names and CRC-32s of its arrays."""
     with zipfile.ZipFile(path) as archive:
         content = "".join(f"{entry.filename} {entry.CRC:08x}\n" for entry in archive.infolist())
     return f"{zlib.crc32(content.encode()):08x}"

@@ -1,10 +1,11 @@
-"""Convert a reconstruction without its arrays to and from ``reconstruction.json``."""
+"""Convert a reconstruction, except its arrays, to and from ``reconstruction.json``."""
 
 from __future__ import annotations
 
 import json
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -45,13 +46,11 @@ def to_document(
     """Convert a reconstruction to a JSON-ready dictionary.
 
     Args:
-        reconstruction: the reconstruction.
         files: names of the other files in the folder.
         arrays_checksum: checksum of ``reconstruction.npz``.
         digests: file name -> digest, for the files that are already written.
     """
-    camera, scene = reconstruction.intrinsics, reconstruction.scene
-    floor = scene.floor
+    scene, floor = reconstruction.scene, reconstruction.scene.floor
     document = {
         "schema": SCHEMA,
         "schema_version": SCHEMA_VERSION,
@@ -64,16 +63,7 @@ def to_document(
         },
         "photo": reconstruction.photo,
         "image": {"width": reconstruction.image.shape[1], "height": reconstruction.image.shape[0]},
-        "intrinsics": {
-            "fx": camera.fx,
-            "fy": camera.fy,
-            "cx": camera.cx,
-            "cy": camera.cy,
-            "width": camera.width,
-            "height": camera.height,
-            "source": camera.source,
-            "trust": camera.trust,
-        },
+        "intrinsics": asdict(reconstruction.intrinsics),
         "checks": [_check(check) for check in reconstruction.checks],
         "warnings": reconstruction.warnings,
         "notes": reconstruction.notes,
@@ -104,23 +94,23 @@ def to_document(
 
 
 def encode_document(document: Mapping[str, Any]) -> bytes:
-    """Encode a dictionary as strict UTF-8 JSON (no NaN), with each row of numbers on one line."""
+    """Encode a dictionary as UTF-8 JSON without NaN, with each row of numbers on one line."""
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
-    # A newline never stands inside a JSON string, so only lists match.
+    # JSON strings contain no raw newline, so only lists match.
     text = _NUMBERS.sub(lambda match: "[" + " ".join(match[1].split()) + "]", text)
-    # A file name that is no UTF-8 comes as lone surrogates; the backslash form of those is their JSON escape.
+    # A file name that is not UTF-8 has lone surrogates; backslashreplace writes them as JSON escapes.
     return (text + "\n").encode("utf-8", "backslashreplace")
 
 
 def decode_document(content: bytes, name: str) -> dict[str, Any]:
-    """Decode UTF-8 JSON to a dictionary; NaN and infinities are still strings.
+    """Decode and validate ``reconstruction.json``; NaN and infinities stay strings.
 
     Args:
         content: bytes of the file.
         name: of the file, for error messages.
 
     Raises:
-        InputError: it is damaged, is not a reconstruction, or has another schema version.
+        InputError: the file is damaged, is not a reconstruction, or has another schema version.
     """
     try:
         document = json.loads(content.decode("utf-8"))
@@ -165,22 +155,15 @@ def parse_trust(camera: Mapping[str, Any]) -> CameraTrust:
 
 def parse_checks(records: Sequence[Mapping[str, Any]]) -> tuple[CheckResult, ...]:
     """Parse the ``checks`` of a document."""
+    numbers = ("value", "threshold")
     return tuple(
-        CheckResult(
-            name=record["name"],
-            value=from_json(record["value"]),
-            threshold=from_json(record["threshold"]),
-            unit=record["unit"],
-            ok=record["ok"],
-            message=record["message"],
-            person=record["person"],
-        )
-        for record in records
+        CheckResult(**{f.name: from_json(r[f.name]) if f.name in numbers else r[f.name] for f in fields(CheckResult)})
+        for r in records
     )
 
 
 def parse_skeleton(document: Mapping[str, Any]) -> Skeleton | str:
-    """The ``skeleton`` of a document, and its ``skeleton_points`` where a detector brought its own."""
+    """Parse ``skeleton`` of a document, and ``skeleton_points`` if it is not a standard skeleton."""
     points = document.get("skeleton_points")
     if points is None:
         return str(document["skeleton"])

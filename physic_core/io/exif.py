@@ -21,7 +21,7 @@ _PIXEL_WIDTH, _PIXEL_HEIGHT = 0xA002, 0xA003
 _PLANE_X, _PLANE_Y, _PLANE_UNIT = 0xA20E, 0xA20F, 0xA210
 
 FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
-"""CIPA DCG-001 states 35 mm equivalents by equal diagonals, so that is the rule here, not the long side."""
+"""Diagonal of a 36 x 24 mm frame: CIPA DCG-001 defines the 35 mm equivalent by equal diagonals."""
 
 _UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 _FOCAL_RANGE = (0.3, 15.0)  # of the long side: a 118 degree lens to a 4 degree one
@@ -89,16 +89,16 @@ def _focal_px(
 
 
 def _same_shape(original: tuple[float, float], stored: tuple[int, int]) -> bool:
-    """Whether two aspects are equal within 2 %, also after a turn by 90 degrees.
+    """Whether two aspect ratios are equal within 2 %, also after a rotation by 90 degrees.
 
-    Some software turns the pixels and keeps the tags.
+    Some software rotates the pixels and does not change the tags.
     """
     aspects = original[0] / original[1], original[1] / original[0]
     return any(abs(aspect * stored[1] / stored[0] - 1.0) < 0.02 for aspect in aspects)
 
 
 def _number(value: Any) -> float | None:
-    """Convert a tag to a positive finite number; None otherwise, since cameras write 0, 0/0 or text for "unknown"."""
+    """Convert an EXIF tag to a positive finite number; None for 0, 0/0 and text, which mean "unknown"."""
     try:
         number = float(value)
     except (TypeError, ValueError, ZeroDivisionError):

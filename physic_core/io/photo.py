@@ -1,4 +1,4 @@
-"""Read a photo: upright 8-bit RGB pixels, and the camera from its EXIF data."""
+"""Read a photo as upright 8-bit RGB, with the intrinsics from its EXIF data."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 __all__ = ["MAX_PIXELS", "MIN_SIDE", "Photo", "check_image", "limit_size", "read_photo"]
 
 MIN_SIDE = 64
-"""Shorter side that a photo must have, px."""
+"""Minimum length of the short side of a photo, px."""
 
 MAX_PIXELS = 150_000_000
-"""Photos above this are refused; decoding one takes up to 12 bytes a pixel."""
+"""Maximum number of pixels of a photo; decoding takes up to 12 bytes per pixel."""
 
 _FOCAL_RANGE = (0.1, 100.0)  # of the long side; wider than any lens, narrower than a slip of the unit
 _KEEP_PIXELS = 24_000_000  # larger photos are read at a half, a third, ... of their size
@@ -38,7 +38,7 @@ _PILLOW_DAMAGE = (OSError, SyntaxError, ValueError, EOFError, KeyError, IndexErr
 
 @dataclass(frozen=True)
 class Photo(ShortRepr):
-    """One photo, ready for reconstruction.
+    """Pixels and camera of one photo.
 
     Attributes:
         image: (H, W, 3) uint8 RGB, upright.
@@ -54,7 +54,7 @@ class Photo(ShortRepr):
 
 
 def read_photo(path: str | os.PathLike[str]) -> Photo:
-    """Read a photo file as upright 8-bit RGB, with its EXIF camera and a note for each conversion.
+    """Read a photo file as upright 8-bit RGB, with EXIF intrinsics and a note for each conversion.
 
     A photo above 24 Mpx is reduced by an integer factor while reading. JPEG is decoded directly at the smaller size.
 
@@ -71,7 +71,7 @@ def read_photo(path: str | os.PathLike[str]) -> Photo:
 
 
 def limit_size(photo: Photo, max_side: int) -> Photo:
-    """Resize a photo so that its long side is at most ``max_side`` px (area resampling), and its intrinsics.
+    """Resize a photo and its intrinsics so that the long side has at most ``max_side`` px.
 
     Raises:
         InputError: the short side would be below ``MIN_SIDE`` px, or the intrinsics are invalid or have another image
@@ -118,10 +118,7 @@ def _check_camera(camera: Intrinsics, width: int, height: int) -> None:
 
 
 def check_image(image: Any) -> UInt8Array:
-    """Validate an image and return it as a contiguous array.
-
-    Returns:
-        (H, W, 3) uint8 RGB.
+    """Validate an image (H, W, 3) uint8 RGB and return it as a contiguous array.
 
     Raises:
         InputError: wrong type, dtype, shape or size.
@@ -234,11 +231,11 @@ def _read(image: Image.Image, path: Path) -> Photo:
             image.draft(image.mode, (stored[0] // factor, stored[1] // factor))
         image.load()
     except _PILLOW_DAMAGE as error:
-        whole = _without_end(path, image.mode, image.size) if image.format == "JPEG" else None
-        if whole is None:
+        complete = _decode_without_end_marker(path, image.mode, image.size) if image.format == "JPEG" else None
+        if complete is None:
             raise _damaged(path) from error
-        image = whole
-        notes.append("the file's last bytes are missing; its picture is whole")
+        image = complete
+        notes.append("the file's last bytes are missing; its picture is complete")
     orientation, tags = _exif(image)
     left = factor // max(1, round(max(stored) / max(image.size)))  # what the decoder has not reduced itself
     pixels = ImageOps.exif_transpose(image) if orientation != 1 else image
@@ -246,7 +243,7 @@ def _read(image: Image.Image, path: Path) -> Photo:
         pixels, left = pixels.reduce(left), 1  # before the conversions, each of which takes a copy
     rgb, conversions = _to_rgb(pixels, deep, path)
     if orientation != 1:
-        notes.append("turned upright as the file's EXIF data say")
+        notes.append("rotated upright by the EXIF orientation")
     notes += conversions
     if left > 1:
         rgb = rgb.reduce(left)
@@ -259,8 +256,8 @@ def _read(image: Image.Image, path: Path) -> Photo:
     return Photo(np.array(rgb), intrinsics, tuple(notes), upright if factor > 1 else None)
 
 
-def _without_end(path: Path, mode: str, size: tuple[int, int]) -> Image.Image | None:
-    """Decode a JPEG that lacks only its end marker; None if pixels are missing too.
+def _decode_without_end_marker(path: Path, mode: str, size: tuple[int, int]) -> Image.Image | None:
+    """Decode a JPEG without end marker; None if pixels are missing too.
 
     libjpeg invents missing pixels. So the data are completed in three ways: with the end marker, with other bytes
     before it, and with restart markers. If all pixels are present, the three results are equal.

@@ -1,4 +1,4 @@
-"""Check where results may be written: never over the photo, nor over a file that no earlier run wrote."""
+"""File names and digests of a result folder, and a check that no file of the user is overwritten."""
 
 from __future__ import annotations
 
@@ -41,38 +41,38 @@ _PERSON = re.compile(r"person_\d+\.glb")
 
 
 def file_digest(path: str | os.PathLike[str]) -> str:
-    """Digest of a file's content; "" if it cannot be read."""
+    """Compute the SHA-256 of a file; "" if it cannot be read."""
     with suppress(OSError, ValueError):
-        if os.path.isfile(path):  # a pipe would wait for ever
+        if os.path.isfile(path):  # reading a pipe would block
             with open(path, "rb") as file:
                 return f"sha256:{hashlib.file_digest(file, 'sha256').hexdigest()}"
     return ""
 
 
 def image_digest(image: UInt8Array) -> str:
-    """Digest of an array of pixels."""
+    """Compute the SHA-256 of the pixels of an image."""
     shape = "x".join(map(str, image.shape))
     return f"pixels-sha256:{hashlib.sha256(shape.encode() + image.tobytes()).hexdigest()}"
 
 
 def photo_digest(path: str | os.PathLike[str], image: UInt8Array) -> str:
-    """Digests of a photo's file and of its pixels, so that a result matches the photo by either of them."""
+    """Compute the digests of a photo file and of its pixels, separated by a space."""
     return " ".join(filter(None, (file_digest(path), image_digest(image))))
 
 
 def same_photo(one: str, other: str) -> bool:
-    """Whether two texts of digests have one in common, of the file or of the pixels."""
+    """Whether two photos have a digest in common, of the file or of the pixels."""
     return one == other or not set(one.split()).isdisjoint(other.split())
 
 
 def photo_of_result(folder: str | os.PathLike[str]) -> str | None:
-    """Digests of the photo of the result in a folder; "" if the result has none, None if there is no result."""
+    """Read the digests of the photo from the result in a folder; None if there is no result."""
     document = _document(Path(folder))
     return None if document is None else str(document.get("photo", ""))
 
 
 def files_of_result(folder: str | os.PathLike[str]) -> frozenset[str]:
-    """File names of the result in a folder, limited to names that results can have."""
+    """Read the file names of the result in a folder; other than standard names are ignored."""
     document = _document(Path(folder))
     files = None if document is None else document.get("files")
     named = [str(name) for name in files] if isinstance(files, list) else []
@@ -80,14 +80,14 @@ def files_of_result(folder: str | os.PathLike[str]) -> frozenset[str]:
 
 
 def _digests_of_result(folder: str | os.PathLike[str]) -> dict[str, str] | None:
-    """File name -> digest, from the result in a folder; None if an older version wrote it without digests."""
+    """Read the digests of the files of a result; None for results of older versions."""
     document = _document(Path(folder))
     digests = None if document is None else document.get("digests")
     return {name: str(digest) for name, digest in digests.items()} if isinstance(digests, dict) else None
 
 
 def unchanged_result_files(folder: str | os.PathLike[str]) -> frozenset[str]:
-    """Names of the files in a folder that an earlier run wrote and that are unchanged since.
+    """Return the names of the files that an earlier run wrote to a folder and that are unchanged.
 
     Links and files with another digest belong to the user. The document cannot contain its own digest and is recognised
     by its content.
@@ -95,7 +95,7 @@ def unchanged_result_files(folder: str | os.PathLike[str]) -> frozenset[str]:
     folder = Path(folder)
     digests = _digests_of_result(folder)
 
-    def own(name: str) -> bool:
+    def is_unchanged(name: str) -> bool:
         try:
             status = os.lstat(folder / name)
         except OSError:
@@ -104,13 +104,13 @@ def unchanged_result_files(folder: str | os.PathLike[str]) -> frozenset[str]:
             return False
         return digests is None or name == DOCUMENT_FILE or file_digest(folder / name) == digests.get(name, "missing")
 
-    return frozenset(filter(own, files_of_result(folder)))
+    return frozenset(filter(is_unchanged, files_of_result(folder)))
 
 
 def check_overwrite(
     folder: str | os.PathLike[str], photo: str, *, overwrite: bool = False, names: Iterable[str] | None = None
 ) -> None:
-    """Check that writing a result to a folder overwrites no data of the user; the folder need not exist.
+    """Raise OutputError if writing a result to a folder would overwrite data of the user.
 
     Args:
         folder: where the result will be written.
@@ -155,7 +155,7 @@ def _names_in(folder: Path) -> list[str]:
 
 
 def _document(folder: Path) -> dict[str, Any] | None:
-    """The document of the result in a folder; None if there is no valid one."""
+    """Read ``reconstruction.json`` of a folder; None if it is missing or invalid."""
     path = folder / DOCUMENT_FILE
     try:
         document = json.loads(path.read_bytes()) if path.is_file() else None

@@ -1,4 +1,4 @@
-"""Convert bodies, hands and contact of any backend to the configured body model."""
+"""Convert bodies, hands and contact probabilities of backends to the configured body model."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ def replace_hands(bodies: Bodies, hands: Hands, model: BodyModel) -> Bodies:
 
 
 def convert_bodies(bodies: Bodies, model: BodyModel, who: str, stages: StageRunner) -> Bodies:
-    """Convert bodies of another body model to the configured one, and add the remaining error to the notes.
+    """Convert bodies to the configured body model, and add a note with the remaining error.
 
     Raises:
-        BodyModelError: they have neither joints nor mesh, or too few joints for all people.
+        BodyModelError: the bodies have neither joints nor mesh, or too few joints for all people.
     """
     from physic_core.body.conversion import can_carry, carry
     from physic_core.cache.maps import cached_correspondence
@@ -66,7 +66,7 @@ def convert_bodies(bodies: Bodies, model: BodyModel, who: str, stages: StageRunn
 def transfer_contact(
     contact: ContactProbability, model: BodyModel, who: str, stages: StageRunner
 ) -> ContactProbability | None:
-    """Transfer contact from another mesh to the configured model's; None, and a warning, for an unknown mesh."""
+    """Transfer contact probabilities to the mesh of the configured body model; None and a warning on failure."""
     from physic_core.body.conversion import contact_to_model
     from physic_core.cache.maps import cached_correspondence
 
@@ -80,7 +80,7 @@ def transfer_contact(
 
 
 def bodies_for_backends(bodies: Bodies, model: BodyModel) -> Bodies:
-    """Bodies as hints for other backends: with joints, if the body model is a file that backends cannot load."""
+    """Add joints to bodies for other backends, if the body model is a file that backends cannot load."""
     from physic_core.body.conversion import with_joints
 
     return bodies if model.name == "embedded" else with_joints(bodies, model)

@@ -1,4 +1,4 @@
-"""Run the estimator backends on one photo, in the order of the paper.
+"""Run the backends on one photo, in the order of the paper.
 
 Each backend gets earlier results as hints. Bodies come before metric depth, so that a classical depth backend can
 estimate its scale from the size of people. OpenCV camera frame.
@@ -21,10 +21,9 @@ from physic_core.interfaces import (
     KeypointDetectorRequest,
     MetricDepthRequest,
     RelativePointmapRequest,
-    Segmenter,
     SegmenterRequest,
 )
-from physic_core.interfaces.backend import violations
+from physic_core.interfaces.backend import interface_of, violations
 from physic_core.interfaces.body_estimator import finite_bodies
 from physic_core.pipeline.conversion import bodies_for_backends, convert_bodies, replace_hands, transfer_contact
 from physic_core.pipeline.nonfinite_results import (
@@ -59,14 +58,11 @@ __all__ = ["Estimates", "dilate", "feet_pixels", "run_backends"]
 
 @dataclass(frozen=True)
 class Estimates(ShortRepr):
-    """The results of all estimators, in the camera frame of ``intrinsics``.
+    """Results of all backends for one photo, in the camera frame of ``intrinsics``.
 
     Attributes:
         image: (H, W, 3) uint8 RGB.
-        intrinsics: the camera, given or estimated.
-        camera_given: whether the user or the file gave it.
-        people: N people.
-        keypoints: of the N people.
+        camera_given: whether the user or the file gave ``intrinsics``.
         hole: (H, W) bool, inpainted pixels.
         inpainted: (H, W, 3) uint8 RGB, the photo without its people.
         scene: relative point map of ``inpainted``.
@@ -98,7 +94,7 @@ class Estimates(ShortRepr):
 def run_backends(
     image: UInt8Array, given: Intrinsics | None, plan: ResolvedPipeline, model: BodyModel, stages: StageRunner
 ) -> Estimates:
-    """Call all backends of ``plan`` on a photo.
+    """Run all backends on a photo.
 
     Args:
         image: (H, W, 3) uint8 RGB.
@@ -112,7 +108,7 @@ def run_backends(
         BackendError: a required backend failed.
         BackendOutputError: a required backend returned an invalid result.
     """
-    run = _Estimators(plan.backends, model, stages)
+    run = _BackendCalls(plan.backends, model, stages)
 
     people = run.people(image)
     keypoints = run.keypoints(image, people)
@@ -162,13 +158,10 @@ def run_backends(
 
 
 @dataclass(frozen=True)
-class _Estimators:
-    """Calls the backends, and records the people with non-finite results.
+class _BackendCalls:
+    """Calls the backends, and records people with non-finite results.
 
     Attributes:
-        backends: by interface.
-        model: body model that results are converted to.
-        stages: calls the backends and records the run.
         missing: interface -> (N,) bool, people without finite values from its backend.
     """
 
@@ -178,13 +171,13 @@ class _Estimators:
     missing: dict[str, BoolArray] = field(default_factory=dict)
 
     def people(self, image: UInt8Array) -> People:
-        """Segment the people; raises NoPersonError if there are none."""
+        """Segment the people in an image; raise NoPersonError if there are none."""
         segmenter, request = self.backends["segmenter"], SegmenterRequest(image)
         people = self.stages.call_backend("people", segmenter, request, unchecked=("floor",))
-        if wrong := violations(Segmenter, people, request):
+        if wrong := violations(interface_of(type(segmenter.backend)), people, request):
             self.stages.warn(
                 f"{segmenter.title}, stage 'people' returned what the interface does not allow: {'; '.join(wrong)}; "
-                "the floor is sought without its mask"
+                "the floor is searched without its mask"
             )
             people = replace(people, floor=None)
         if not len(people):
@@ -199,21 +192,21 @@ class _Estimators:
         return people
 
     def keypoints(self, image: UInt8Array, people: People) -> Keypoints:
-        """Detect the joints of all people in the image."""
+        """Detect the keypoints of all people in an image."""
         detector, request = self.backends["keypoint_detector"], KeypointDetectorRequest(image, people)
         found = self.stages.call_backend("keypoints", detector, request)
         keypoints, self.missing["keypoint_detector"] = drop_nonfinite_keypoints(found)
         return keypoints
 
     def pointmap(self, stage: str, image: UInt8Array, hints: Hints, *, last: bool = True) -> Pointmap:
-        """Estimate a relative point map of the inpainted photo or of the photo."""
+        """Estimate a relative point map of the inpainted or the original photo."""
         estimator, request = self.backends["relative_pointmap"], RelativePointmapRequest(image, hints)
         pointmap = self.stages.call_backend(stage, estimator, request, last=last)
         self.stages.note(*pointmap.notes)
         return pointmap
 
     def bodies(self, request: BodyEstimatorRequest) -> Bodies:
-        """Estimate the bodies, of the configured body model; NaN for people who are ``missing``."""
+        """Estimate bodies of the configured body model; NaN for people without finite results."""
         estimator = self.backends["body_estimator"]
         found = self.stages.call_backend("bodies", estimator, request)
         bodies, missing = drop_nonfinite_bodies(found)
@@ -224,7 +217,7 @@ class _Estimators:
         return bodies
 
     def hands(self, request: HandEstimatorRequest, bodies: Bodies) -> Bodies:
-        """The bodies with estimated fingers, if a backend is configured and does not fail."""
+        """Add estimated finger rotations to bodies, if a hand estimator is configured and succeeds."""
         if "hand_estimator" not in self.backends:
             return bodies
         otherwise = "fingers stay as the body_estimator posed them"
@@ -238,13 +231,9 @@ class _Estimators:
         return replace_hands(bodies, hands, self.model)
 
     def contact(self, image: UInt8Array, people: People, bodies: Bodies, embodied: BoolArray) -> ContactProbability:
-        """Contact probabilities of all N people on the body model; 0 without a backend or a body.
+        """Predict contact probabilities of all N people; 0 without a backend or a body.
 
-        Args:
-            image: (H, W, 3) uint8 RGB.
-            people: those with a finite body.
-            bodies: their bodies.
-            embodied: (N,) bool, people with a finite body.
+        ``people`` and ``bodies`` are those with a finite body, selected by ``embodied``, (N,) bool.
         """
         model, n = self.model, len(embodied)
         none = ContactProbability(np.zeros((n, model.num_vertices), np.float32), model.topology)
@@ -262,12 +251,12 @@ class _Estimators:
         return contact
 
     def missing_per_person(self, people: int) -> tuple[tuple[str, ...], ...]:
-        """Per person, the interfaces without finite values for them."""
+        """Return for each person the interfaces without finite values for them."""
         return tuple(tuple(name for name, who in self.missing.items() if who[i]) for i in range(people))
 
 
 def dilate(mask: BoolArray, radius_px: float) -> BoolArray:
-    """Mask (H, W) bool grown by a disc of ``radius_px``."""
+    """Dilate a mask (H, W) bool by a disc of radius ``radius_px``."""
     import cv2
 
     r = round(radius_px)
@@ -277,7 +266,7 @@ def dilate(mask: BoolArray, radius_px: float) -> BoolArray:
 
 
 def feet_pixels(keypoints: Keypoints, height: int, width: int, confidence: float = 0.5) -> FloatArray:
-    """Heels and toes inside the image with more than ``confidence``, (M, 2) px."""
+    """Return heels and toes inside the image with more than ``confidence``, (M, 2) px."""
     soles = [i for i, name in enumerate(keypoints.joint_set.names) if name.endswith(("heel", "toe", "foot_tip"))]
     points, seen = keypoints.points[:, soles], keypoints.confidence[:, soles] > confidence
     seen &= (points >= 0).all(-1) & (points[..., 0] <= width - 1) & (points[..., 1] <= height - 1)

@@ -1,4 +1,4 @@
-"""Measures of each person for the self-checks: visible share, gap to the support, depth ratio.
+"""Measures of one person for the self-checks: visible share, support gap and depth ratio.
 
 OpenCV camera frame, metres.
 """
@@ -21,13 +21,13 @@ __all__ = ["depth_ratio", "support_gap", "visible_share"]
 _FACING_DEG = 70.0  # degrees; vertices beyond lie at the rim, where one pixel of the mask decides
 _DOWNWARD = -0.3  # cosine between a normal and up: supporting vertices face down
 _LOWEST_M = 0.1  # metres above the lowest vertex: the feet of a standing person
-_FEWEST = 20  # vertices with a depth, for a median
+_MIN_VERTICES = 20  # vertices with a depth, for a median
 
 
 def visible_share(
     vertices: Tensor, normals: Tensor, faces: Tensor, outer: Tensor, mask: Tensor, K: Tensor
 ) -> float | None:
-    """Share of the surface that faces the camera and lies in the person's mask; None if nothing faces the camera.
+    """Compute the share of the camera-facing surface inside the person's mask; None without such a surface.
 
     Parts outside the frame or occluded by people or objects are not visible.
 
@@ -39,7 +39,7 @@ def visible_share(
         mask: (H, W) bool, the person's visible pixels.
         K: (3, 3) px.
     """
-    area = vertex_areas(vertices, faces) * _turned(vertices, normals, outer)
+    area = vertex_areas(vertices, faces) * _camera_facing(vertices, normals, outer)
     total = float(area.sum())
     return float((area * inside_mask(project(vertices, K), mask)).sum()) / total if total > 0 else None
 
@@ -54,7 +54,7 @@ def support_gap(
     floor_offset: float | None,
     reach: float,
 ) -> float | None:
-    """Gap between the supporting vertices and the nearest surface or floor, metres; 0 if they touch.
+    """Compute the gap between supporting vertices and the nearest surface or floor, metres; 0 if they touch.
 
     The supporting vertices are the feet of a standing person, and all downward-facing vertices otherwise. With no
     surface within ``reach`` the gap is the height above the floor, or ``reach`` without a floor; None if no
@@ -71,14 +71,14 @@ def support_gap(
         reach: search radius of ``distance``, metres.
     """
     height = vertices @ up
-    carrying = may_touch & (normals @ up < _DOWNWARD)
-    if carrying.any() and stands_straight(joints.detach().cpu().numpy()):
-        carrying = carrying & (height < float(height[carrying].min()) + _LOWEST_M)
-    if not carrying.any():
+    supporting = may_touch & (normals @ up < _DOWNWARD)
+    if supporting.any() and stands_straight(joints.detach().cpu().numpy()):
+        supporting = supporting & (height < float(height[supporting].min()) + _LOWEST_M)
+    if not supporting.any():
         return None
-    gap = float(distance[carrying].min())
+    gap = float(distance[supporting].min())
     if floor_offset is not None:
-        gap = min(gap, float(height[carrying].min()) + floor_offset)
+        gap = min(gap, float(height[supporting].min()) + floor_offset)
     elif gap == float("inf"):
         gap = reach
     return max(0.0, gap)
@@ -87,7 +87,7 @@ def support_gap(
 def depth_ratio(
     vertices: Tensor, normals: Tensor, outer: Tensor, mask: Tensor, K: Tensor, depth: Tensor
 ) -> float | None:
-    """Median ratio of a depth map to the depth of the body at its visible vertices; None with too few of them.
+    """Compute the median ratio of a depth map to the body's depth at visible vertices; None if these are few.
 
     Args:
         vertices: (V, 3) metres.
@@ -98,13 +98,13 @@ def depth_ratio(
         depth: (H, W) metres along z, NaN where unknown.
     """
     uv = project(vertices, K)
-    seen = _turned(vertices, normals, outer) & inside_mask(uv, mask)
+    seen = _camera_facing(vertices, normals, outer) & inside_mask(uv, mask)
     column, row = uv[seen].round().long().unbind(-1)
     ratio = depth[row, column] / vertices[seen][:, 2]
     ratio = ratio[torch.isfinite(ratio) & (ratio > 0)]
-    return float(ratio.median()) if len(ratio) >= _FEWEST else None
+    return float(ratio.median()) if len(ratio) >= _MIN_VERTICES else None
 
 
-def _turned(vertices: Tensor, normals: Tensor, outer: Tensor) -> Tensor:
-    """(V,) bool: outer vertices that face the camera and are in front of it."""
+def _camera_facing(vertices: Tensor, normals: Tensor, outer: Tensor) -> Tensor:
+    """Return (V,) bool: True for outer vertices that face the camera and are in front of it."""
     return facing(normals, vertices, _FACING_DEG) & outer & (vertices[:, 2] > 0)

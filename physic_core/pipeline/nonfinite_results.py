@@ -1,4 +1,4 @@
-"""Handle backend results that are non-finite for some people: mark those people and keep the others.
+"""Mark people with non-finite backend results, so that the pipeline continues with the others.
 
 Each function takes a checked result. It returns the result with the rows of non-finite people replaced by values for
 "unknown", and a mask (N,) bool of these people. :func:`select_people` selects the rows of some people.
@@ -32,7 +32,7 @@ Result = TypeVar("Result", "People", "Keypoints", "Bodies")
 
 
 _SHARED = ("floor", "faces", "rest")
-"""Arrays without a row for each person."""
+"""Names of arrays without a row for each person."""
 
 
 def drop_nonfinite_keypoints(keypoints: Keypoints) -> tuple[Keypoints, BoolArray]:
@@ -58,24 +58,26 @@ def drop_nonfinite_keypoints(keypoints: Keypoints) -> tuple[Keypoints, BoolArray
 
 
 def drop_nonfinite_bodies(bodies: Bodies) -> tuple[Bodies, BoolArray]:
-    """Set all values of people with a non-finite body to NaN; also returns (N,) bool, these people."""
-    lost = ~finite_bodies(bodies)
-    if not lost.any():
-        return bodies, lost
+    """Set all values of people with a non-finite body to NaN; also return (N,) bool, these people."""
+    nonfinite = ~finite_bodies(bodies)
+    if not nonfinite.any():
+        return bodies, nonfinite
     names = [field.name for field in fields(BodyParameters)]
-    blank = replace(bodies, parameters=_fill_rows(bodies.parameters, lost, **dict.fromkeys(names, np.nan)))
-    mesh = None if bodies.mesh is None else _fill_rows(bodies.mesh, lost, vertices=np.nan)
-    return _fill_rows(replace(blank, mesh=mesh), lost, joints=np.nan), lost
+    blank = replace(bodies, parameters=_fill_rows(bodies.parameters, nonfinite, **dict.fromkeys(names, np.nan)))
+    mesh = None if bodies.mesh is None else _fill_rows(bodies.mesh, nonfinite, vertices=np.nan)
+    return _fill_rows(replace(blank, mesh=mesh), nonfinite, joints=np.nan), nonfinite
 
 
 def drop_nonfinite_hands(hands: Hands) -> tuple[Hands, BoolArray]:
-    """Mark non-finite hands as not found; also returns (N,) bool, people with such hands."""
-    lost = ~finite_hands(hands)
-    return (_fill_rows(hands, lost, rotvecs=0.0, confidence=0.0, wrists=0.0) if lost.any() else hands), lost
+    """Set the confidence of non-finite hands to 0; also return (N,) bool, people with such hands."""
+    nonfinite = ~finite_hands(hands)
+    return (
+        _fill_rows(hands, nonfinite, rotvecs=0.0, confidence=0.0, wrists=0.0) if nonfinite.any() else hands
+    ), nonfinite
 
 
 def expand_contact(contact: ContactProbability, called: BoolArray) -> tuple[ContactProbability, BoolArray]:
-    """Contact of the people of a call -> contact of all N people, 0 for the others and for non-finite rows.
+    """Expand contact of some people to all N people, with 0 for the others and for non-finite rows.
 
     Args:
         contact: of the people selected by ``called``.
@@ -86,19 +88,19 @@ def expand_contact(contact: ContactProbability, called: BoolArray) -> tuple[Cont
     """
     probability = contact.probability
     finite = finite_contact(contact)
-    lost = np.zeros(len(called), bool)
-    lost[called] = ~finite
-    whole = np.zeros((len(called), probability.shape[1]), probability.dtype)
-    whole[called & ~lost] = probability[finite]
-    return replace(contact, probability=whole), lost
+    nonfinite = np.zeros(len(called), bool)
+    nonfinite[called] = ~finite
+    expanded = np.zeros((len(called), probability.shape[1]), probability.dtype)
+    expanded[called & ~nonfinite] = probability[finite]
+    return replace(contact, probability=expanded), nonfinite
 
 
 def select_people(result: Result, rows: BoolArray) -> Result:
-    """A result for N people -> for those of ``rows``, (N,) bool; fields without rows per person are kept."""
+    """Select the people of a result by ``rows``, (N,) bool; fields without rows per person are unchanged."""
     if rows.all():
         return result
-    kept: Result = replace(result, **_select(result, rows))
-    return kept
+    selected: Result = replace(result, **_select(result, rows))
+    return selected
 
 
 def _select(result: Any, rows: BoolArray) -> dict[str, Any]:
@@ -112,12 +114,12 @@ def _select(result: Any, rows: BoolArray) -> dict[str, Any]:
     return changed
 
 
-def _fill_rows(result: Any, lost: BoolArray, **blanks: float) -> Any:
-    """A copy with the rows of some people set to one number per field."""
+def _fill_rows(result: Any, nonfinite: BoolArray, **blanks: float) -> Any:
+    """Return a copy of a result with the rows of some people set to one number per field."""
     changed = {}
     for name, blank in blanks.items():
         value = getattr(result, name)
         if value is not None:
             changed[name] = value.copy()
-            changed[name][lost] = blank
+            changed[name][nonfinite] = blank
     return replace(result, **changed)

@@ -1,4 +1,4 @@
-"""Run the engine on the estimators' results: stages 1 to 3, then the contact map.
+"""Run the engine on the backends' results: stages 1 to 3, then the contact map.
 
 Stage 1 builds the metric scene (paper Sec. 3.1), stage 2 places the people (Sec. 3.2), stage 3 optimises scene and
 people jointly (Sec. 3.3). OpenCV camera frame, metres.
@@ -45,7 +45,7 @@ __all__ = ["run_engine"]
 
 
 def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel, stages: StageRunner) -> Solution:
-    """Run the engine on the device of ``model``.
+    """Run scene, placement, joint optimisation and contact on the device of ``model``.
 
     The pipeline uses the CPU, since nearest-point search and ray casts run there.
     """
@@ -58,7 +58,7 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
         bodies = _pose_bodies(estimates, model, settings.placement)
         detections = _detections(estimates, photo, bodies)
         placed = place_people(bodies.posed, detections, bodies.K(scene), scene.floor_plane, settings.placement)
-        if floor_cuts_people(scene.floor, bodies.moved(placed)):
+        if floor_cuts_people(scene.floor, bodies.placed_vertices(placed)):
             scene = without_floor(scene)
             placed = place_people(bodies.posed, detections, bodies.K(scene), None, settings.placement, before=placed)
     with stages.time_engine("joint optimisation"):
@@ -99,7 +99,7 @@ def _metric_scene(estimates: Estimates, settings: EngineSettings) -> SceneState:
 
 
 def _cameras(estimates: Estimates) -> Cameras:
-    """The cameras that stage 1 may use: a measured one before an estimated one before a guessed one."""
+    """Return the cameras for stage 1: known ones before estimated ones before guessed ones."""
     metric, pointmap = estimates.depth.intrinsics, estimates.scene.intrinsics
     keep = estimates.camera_given or (pointmap is not None and (metric is None or _trust(pointmap) > _trust(metric)))
     if pointmap is not None and metric is not None and _trust(pointmap) < _trust(metric):
@@ -114,7 +114,7 @@ def _cameras(estimates: Estimates) -> Cameras:
 
 
 def _trust(camera: Intrinsics) -> int:
-    """1 for a measured camera, 0 for an estimated one, -1 for a guessed one."""
+    """Return 1 for a known camera, 0 for an estimated one, -1 for a guessed one."""
     return int(camera.known) - int(camera.guessed)
 
 
@@ -123,7 +123,7 @@ def _trust(camera: Intrinsics) -> int:
 
 @dataclass(frozen=True)
 class _AlignedPhoto:
-    """The point map of the original photo in the scene.
+    """Point map of the original photo, aligned to the scene.
 
     Attributes:
         alignment: of its background to the scene.
@@ -139,7 +139,7 @@ class _AlignedPhoto:
 
     @property
     def depth(self) -> Tensor:
-        """(H, W) metres along z, NaN where unknown."""
+        """Depth map (H, W), metres along z, NaN where unknown."""
         return torch.where(self.valid & torch.isfinite(self.points).all(-1), self.points[..., 2], torch.nan)
 
 
@@ -162,7 +162,7 @@ def _align_photo(estimates: Estimates, scene: SceneState, settings: PlacementSet
 
 @dataclass(frozen=True)
 class _EstimatedBodies:
-    """The bodies of the body estimator, posed, on the engine's device.
+    """Posed bodies of the body estimator on the engine's device.
 
     Attributes:
         posed: their vertices and landmarks.
@@ -185,8 +185,8 @@ class _EstimatedBodies:
     def K(self, scene: SceneState) -> Tensor:
         return scene.K.to(self.betas)
 
-    def moved(self, placed: PlacedPeople) -> Tensor:
-        """(B, V, 3) vertices of the placed bodies, metres."""
+    def placed_vertices(self, placed: PlacedPeople) -> Tensor:
+        """Return the vertices (B, V, 3) of the placed bodies, metres."""
         return self.posed.vertices + (placed.placement.transl - self.posed.transl)[:, None]
 
 
@@ -223,7 +223,7 @@ def _detections(estimates: Estimates, photo: _AlignedPhoto, bodies: _EstimatedBo
     )
 
 
-# ---- stage 3: everything together (Sec. 3.3) -------------------------------------------------------------------------
+# ---- stage 3: joint optimisation (Sec. 3.3) -------------------------------------------------------------------------
 
 
 def _joint_problem(

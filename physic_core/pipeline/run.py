@@ -84,7 +84,7 @@ def reconstruct_photo(
     registry: Registry | None = None,
     progress: Progress | None = None,
 ) -> Reconstruction:
-    """:func:`reconstruct` for a photo file, whose EXIF data may give camera and orientation.
+    """Reconstruct people, scene and contact from a photo file; its EXIF data may give camera and orientation.
 
     The file is read after config, device and backends have been checked.
     """
@@ -94,7 +94,7 @@ def reconstruct_photo(
 
 
 def _plan(config: Configuration, registry: Registry | None) -> ResolvedPipeline:
-    """Backends and settings of a run; backends that are constructed already are used as they are."""
+    """Resolve the backends and settings of a run, and raise WeightsMissingError if files are missing."""
     if isinstance(config, ResolvedPipeline):
         plan = config
     else:
@@ -115,7 +115,7 @@ def _reconstruct(photo: Photo, plan: ResolvedPipeline, progress: Progress | None
     run = plan.config.run
     stages = StageRunner(
         plan.device,
-        len(plan.backends) + _OWN_STAGES,
+        len(plan.backends) + _EXTRA_STAGES,
         progress,
         cache=ResultCache.in_users_folder(run.cache_mb, CodeDigester()) if run.cache else None,
         low_memory=run.low_memory,
@@ -132,12 +132,12 @@ def _reconstruct(photo: Photo, plan: ResolvedPipeline, progress: Progress | None
     return _result(estimates, solution, checks, model.faces.int().numpy(), model.name, plan.config, stages)
 
 
-_OWN_STAGES = 6
-"""The second point map, the relative floor, and the engine's four."""
+_EXTRA_STAGES = 6
+"""Number of stages without a backend of their own: second point map, relative floor, four of the engine."""
 
 
 def _with_camera(photo: Photo, settings: PhotoSettings) -> Photo:
-    """The photo with the camera that the config gives, in px of the file, if it gives one."""
+    """Return the photo with the camera of the config (in px of the file), if the config has one."""
     height, width = photo.image.shape[:2]
     file_width, file_height = photo.file_size or (width, height)
     if settings.intrinsics is not None:

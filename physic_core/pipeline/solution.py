@@ -1,4 +1,4 @@
-"""Result of the engine as arrays: scaled scene, posed people, contact map and measures of each person."""
+"""Result of the engine as NumPy arrays: scaled scene, posed people, contact map and measures."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ __all__ = ["Solution", "assemble_solution"]
 
 @dataclass(frozen=True)
 class Solution(ShortRepr):
-    """Result of the engine for N people; OpenCV camera frame of ``intrinsics``, metres.
+    """Result of the engine for N people, in the camera frame of ``intrinsics``, metres.
 
     Attributes:
         intrinsics: the camera of all projections.
@@ -41,8 +41,8 @@ class Solution(ShortRepr):
         joints: (N, 55, 3) float32.
         contact: (N, V) bool.
         distance: (N, V) float32, signed, metres, negative inside; inf beyond the search radius.
-        people: per person, name -> number, for diagnosis and reports.
-        failures: per person, reason why stage 3 kept their start, "" if it did not.
+        people: per person, measured numbers by name.
+        failures: per person, reason why stage 3 left pose and position unchanged, or "".
         diagnostics: numbers by stage.
     """
 
@@ -66,7 +66,7 @@ def assemble_solution(
     result: JointResult,
     settings: EngineSettings,
 ) -> Solution:
-    """Arrays and diagnostics of a solved photo.
+    """Convert the results of the engine to arrays and diagnostics.
 
     Args:
         estimates: of the estimators.
@@ -136,7 +136,7 @@ def _camera_source(K: Tensor, estimates: Estimates) -> tuple[str, CameraTrust]:
 def measure_contacts(
     problem: JointProblem, result: JointResult, settings: EngineSettings
 ) -> tuple[Tensor, Tensor, list[dict[str, float | None]]]:
-    """Contact (N, V) bool, signed distance (N, V) metres, and the measures of each person.
+    """Compute contact (N, V) bool, signed distance (N, V) metres, and the measures of each person.
 
     People with non-finite vertices get no contacts and infinite distance.
     """

@@ -1,4 +1,4 @@
-"""The data that backends, the pipeline and the engine exchange: frozen dataclasses of NumPy arrays.
+"""Data types of backends, pipeline and engine: frozen dataclasses of NumPy arrays.
 
 One frame everywhere: the OpenCV camera's (x right, y down, z forward), in metres. One pixel convention: integer
 coordinates are pixel centres, so the centre of an image is ``((width - 1) / 2, (height - 1) / 2)``. N is people,

@@ -1,4 +1,4 @@
-"""Names for NumPy arrays by kind of number; for type checkers only, so that importing types imports no NumPy."""
+"""Type aliases of NumPy arrays by dtype, for type checkers only: at run time NumPy is not imported."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bodies and hands in 3D, and contact probabilities on their surface."""
+"""Body model parameters, meshes, hand poses and contact probabilities of people."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["Bodies", "BodyParameters", "ContactProbability", "Hands", "Mesh", "R
 
 @dataclass(frozen=True)
 class BodyParameters(ShortRepr):
-    """SMPL-X-named parameters of N bodies: rotation vectors, radians, SMPL-X joint order, flat hand mean, no hand PCA.
+    """SMPL-X-named parameters of N bodies: rotation vectors in SMPL-X joint order, flat hand mean, no hand PCA.
 
     Attributes:
         global_orient: (N, 3) rotation about the pelvis joint.
@@ -45,13 +45,13 @@ class BodyParameters(ShortRepr):
         return len(self.transl)
 
     def __getitem__(self, rows: slice | BoolArray | IntArray) -> BodyParameters:
-        """The people selected by a slice, a mask (N,) or indices."""
+        """Select people by a slice, a mask (N,) or indices."""
         return BodyParameters(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
 
 @dataclass(frozen=True)
 class Mesh(ShortRepr):
-    """Surfaces of N bodies in one topology.
+    """Vertices and common faces of N body meshes.
 
     Attributes:
         name: of the topology ("smplx", "smpl", "mhr").
@@ -69,7 +69,7 @@ class Mesh(ShortRepr):
 
 @dataclass(frozen=True)
 class RestMesh(ShortRepr):
-    """One body in the T-pose: y up, facing +z, its left on +x, palms down.
+    """Mesh of one body in the T-pose: y up, facing +z, its left on +x, palms down.
 
     Attributes:
         topology: name of the mesh ("smpl", "smplx").
@@ -84,14 +84,14 @@ class RestMesh(ShortRepr):
 
 @dataclass(frozen=True)
 class Bodies(ShortRepr):
-    """The result of a BodyEstimator. Body i belongs to person i.
+    """Result of a BodyEstimator: parameters of N bodies, optionally joints and meshes.
 
     Bodies of another model than the configured one are converted to it from ``joints``, and from ``mesh`` if given.
     Rotations are used if the model is "embedded", "smplx" or "smpl" (joints 0-21 as SMPL's, hands zero), which share
     the T-pose. Any other model may leave rotations and shape zero, and must give joints or a mesh.
 
     Attributes:
-        parameters: of N bodies, in metres and in the camera frame.
+        parameters: of N bodies, body i of person i, metres, camera frame.
         body_model: name of the body model that the parameters are for ("embedded", "smplx", "smpl", "mhr").
         observed: (N, 55) bool, joints that the photo shows, or None if the backend does not report it.
         joints: (N, 55, 3) metres, camera frame: the SMPL-X joints as the backend places them, NaN where unknown. None
@@ -108,13 +108,13 @@ class Bodies(ShortRepr):
 
 @dataclass(frozen=True)
 class Hands(ShortRepr):
-    """The result of a HandEstimator.
+    """Result of a HandEstimator: joint rotations of both hands of N people.
 
     Attributes:
         rotvecs: (N, 2, 15, 3) radians, left then right, SMPL-X order, flat hand mean.
         confidence: (N, 2) in [0, 1]; 0 where no hand was found (its rotations are then ignored).
         wrists: (N, 2, 3) radians, global rotation of each hand from the T-pose to the camera frame (not relative to the
-            forearm), left then right, or None. The forearm is then turned to fit the hand.
+            forearm), left then right, or None. The forearm is then rotated to fit the hand.
     """
 
     rotvecs: FloatArray
@@ -124,7 +124,7 @@ class Hands(ShortRepr):
 
 @dataclass(frozen=True)
 class ContactProbability(ShortRepr):
-    """The result of a ContactPrior.
+    """Result of a ContactPrior: contact probability of each vertex of N bodies.
 
     Attributes:
         probability: (N, V) in [0, 1], how likely each vertex touches the scene.

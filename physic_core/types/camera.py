@@ -1,4 +1,4 @@
-"""The pinhole camera of an image, and how far its numbers can be trusted."""
+"""Pinhole camera of an image, and the trust in its intrinsics."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ __all__ = ["CameraTrust", "Intrinsics"]
 
 
 class CameraTrust(StrEnum):
-    """How far the numbers of a camera can be trusted. A more trusted camera replaces a less trusted one."""
+    """Trust in camera intrinsics; a more trusted camera replaces a less trusted one."""
 
     KNOWN = "known"
-    """The user, the photo's EXIF data or a sensor states them."""
+    """Given by the user, the photo's EXIF data or a sensor."""
 
     ESTIMATED = "estimated"
-    """A method estimated them from the photo, such as a network or vanishing points."""
+    """Estimated from the photo, for example by a network or from vanishing points."""
 
     GUESSED = "guessed"
-    """A default: neither the photo nor its file gives any evidence."""
+    """A default value, without information from the photo or its file."""
 
 
 @dataclass(frozen=True)
 class Intrinsics:
-    """A pinhole camera without distortion.
+    """Intrinsics of a pinhole camera without distortion.
 
     Attributes:
         fx: focal length along x, px.
@@ -36,10 +36,8 @@ class Intrinsics:
         cy: principal point along y, px.
         width: image width, px.
         height: image height, px.
-        source: where the numbers come from, for people to read ("EXIF: 50 mm", "vanishing points"). Nothing is decided
-            by this text.
-        trust: a :class:`CameraTrust` or its value. The default is "estimated": whoever knows the camera, and whoever
-            only guesses it, has to state so.
+        source: origin of the numbers as text for people ("EXIF: 50 mm", "vanishing points"); no code depends on it.
+        trust: a :class:`CameraTrust` or its value. State it for a known or a guessed camera.
 
     Raises:
         ValueError: ``trust`` is none of the three.
@@ -66,28 +64,28 @@ class Intrinsics:
         source: str = "given",
         trust: CameraTrust = CameraTrust.ESTIMATED,
     ) -> Intrinsics:
-        """A camera with square pixels and the principal point in the image centre."""
+        """Create a camera with square pixels and the principal point in the image centre."""
         return cls(focal_px, focal_px, (width - 1) / 2, (height - 1) / 2, width, height, source, trust)
 
     @property
     def known(self) -> bool:
-        """Whether the user, the file or a sensor states these numbers."""
+        """Whether the intrinsics were given by the user, the file or a sensor."""
         return self.trust is CameraTrust.KNOWN
 
     @property
     def guessed(self) -> bool:
-        """Whether these numbers are a default."""
+        """Whether the intrinsics are a default value."""
         return self.trust is CameraTrust.GUESSED
 
     @property
     def matrix(self) -> FloatArray:
-        """The (3, 3) float64 camera matrix, px."""
+        """Camera matrix, (3, 3) float64, px."""
         import numpy as np
 
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
     def resized(self, width: int, height: int) -> Intrinsics:
-        """The camera of the same image resampled to ``width`` x ``height`` px."""
+        """Return the intrinsics for the same image resized to ``width`` x ``height`` px."""
         sx, sy = width / self.width, height / self.height
         return replace(
             self,

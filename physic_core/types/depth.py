@@ -1,4 +1,4 @@
-"""Geometry per pixel: point maps, depth maps and the floor plane."""
+"""Point map, depth map and plane."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 __all__ = ["AffineAmbiguity", "DepthMap", "Plane", "Pointmap"]
 
 AffineAmbiguity = Literal["scale", "scale_shift", "inverse_scale_shift"]
-"""What separates a relative depth Z' from a metric depth Z:
+"""Unknown transformation from a relative depth Z' to a metric depth Z:
 ``Z = s Z'`` | ``Z = s Z' + t`` | ``1 / Z = s / Z' + t``."""
 
 
 @dataclass(frozen=True)
 class Plane(ShortRepr):
-    """An oriented plane. The height of a point X above it is ``normal . X + offset``.
+    """Oriented plane; the height of a point X above it is ``normal . X + offset``.
 
     Attributes:
         normal: (3,) unit vector that points up, out of the floor, to the camera's side.
@@ -33,13 +33,13 @@ class Plane(ShortRepr):
 
 @dataclass(frozen=True)
 class Pointmap(ShortRepr):
-    """A 3D point for every pixel, in the camera frame, ambiguous as ``unknown`` states.
+    """3D point of each pixel in the camera frame, up to the ambiguity ``unknown``.
 
     Attributes:
         points: (H, W, 3) float32; z > 0 where valid.
         valid: (H, W) bool.
-        unknown: what separates the points from metres.
-        intrinsics: the camera that the points fit, or None if the backend does not know it.
+        unknown: unknown transformation from these points to metric ones.
+        intrinsics: the camera of the points, or None if the backend does not know it.
         notes: plain sentences for the user ("focal length is a default").
     """
 
@@ -52,13 +52,13 @@ class Pointmap(ShortRepr):
 
 @dataclass(frozen=True)
 class DepthMap(ShortRepr):
-    """Metric depth.
+    """Metric depth map of an image.
 
     Attributes:
         depth: (H, W) float32 metres along z (not along the ray), NaN where unknown.
-        intrinsics: the camera that the backend estimated or knows, or None. If its ``trust`` is "known" and the point
-            map's is not, it is used as it is. Two estimated cameras are averaged, and depths are rescaled with the
-            focal length.
+        intrinsics: the camera that the backend estimated or knows, or None. It is used unchanged if its ``trust``
+            is "known" and that of the point map is not. Two estimated cameras are averaged, and depths are rescaled
+            with the focal length.
         scale_sigma: standard deviation of log(scale) that the backend estimates, or None.
         notes: plain sentences for the user ("scale from the soles of 2 people").
     """

@@ -1,4 +1,4 @@
-"""What earlier backends found, for those that can use it."""
+"""Results of earlier backends as optional inputs of later ones."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ __all__ = ["Hints"]
 
 @dataclass(frozen=True)
 class Hints(ShortRepr):
-    """What is already known of the photo when a backend is called. A backend may ignore all of it.
+    """Known facts about the photo when a backend is called, all optional; a backend may ignore them.
 
     Attributes:
         intrinsics: camera, if the user, the file or an earlier backend gave it.
         people: of the original photo.
         keypoints: of the original photo.
-        hole: (H, W) bool, pixels of the given image that an inpainter made up.
+        hole: (H, W) bool, inpainted pixels of the given image.
         scene: relative point map of the inpainted photo.
         original: relative point map of the original photo, aligned to ``scene`` outside the people.
         floor: floor plane in the units of ``scene``.

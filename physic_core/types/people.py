@@ -16,12 +16,12 @@ __all__ = ["Keypoints", "People"]
 
 @dataclass(frozen=True)
 class Keypoints(ShortRepr):
-    """2D keypoints of N people. Row i belongs to person i.
+    """2D keypoints of N people; row i belongs to person i.
 
     Attributes:
         points: (N, J, 2) float px.
         confidence: (N, J) float in [0, 1]. 0 means not seen; the point is then ignored.
-        skeleton: what the J points are: the name of a standard skeleton ("coco17", "coco23" with feet, "blazepose33",
+        skeleton: meaning of the J points: the name of a standard skeleton ("coco17", "coco23" with feet, "blazepose33",
             "halpe26", "coco_wholebody133": see :data:`physic_core.types.SKELETONS`), or a :class:`Skeleton` of the
             detector's own.
         world: (N, J, 3) metres, or None. Axes of a camera that looks straight at the person (x right, y down, z away),
@@ -35,7 +35,7 @@ class Keypoints(ShortRepr):
 
     @property
     def joint_set(self) -> Skeleton:
-        """The skeleton. A name is looked up among the standard ones.
+        """Skeleton of the keypoints; a name is looked up among the standard skeletons.
 
         Raises:
             ValueError: no standard skeleton has this name.
@@ -45,7 +45,7 @@ class Keypoints(ShortRepr):
 
 @dataclass(frozen=True)
 class People(ShortRepr):
-    """The result of a Segmenter. An image without people gives N = 0, never None.
+    """Result of a Segmenter: masks, boxes and scores of N people; N = 0 without people, never None.
 
     Attributes:
         masks: (N, H, W) bool, visible pixels of each person. Masks of two people do not overlap.

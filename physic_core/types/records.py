@@ -1,4 +1,4 @@
-"""The record of a run: which backends ran, how long each stage took, and which checks the result passed."""
+"""Records of a run: backends, stages with their times, and results of self-checks."""
 
 from __future__ import annotations
 
@@ -11,16 +11,9 @@ __all__ = ["CheckResult", "Provenance", "StageRecord"]
 
 @dataclass(frozen=True)
 class Provenance:
-    """Which backend produced a result.
+    """Backend, plugin and options that produced a result.
 
-    Attributes:
-        interface: "metric_depth", ...
-        backend: its name.
-        plugin: import name of the plugin.
-        distribution: installed distribution.
-        version: of the distribution.
-        options: resolved options.
-        weights_license: in words.
+    ``plugin`` is the import name of the plugin, ``version`` that of its ``distribution``.
     """
 
     interface: str
@@ -34,12 +27,12 @@ class Provenance:
 
 @dataclass(frozen=True)
 class StageRecord:
-    """One stage of a run.
+    """Name, times and backend of one stage of a run.
 
     Attributes:
-        name: as the progress bar shows it.
-        seconds: time of the work itself.
-        load_seconds: time to load weights, not part of ``seconds``.
+        name: as in the progress bar.
+        seconds: without loading weights.
+        load_seconds: time to load weights.
         provenance: the backend, or None for a stage of the engine.
         cached: whether the result was read from the cache; the backend was then neither loaded nor called.
         failed: whether the backend failed; an optional backend's failure does not end the run.
@@ -55,7 +48,7 @@ class StageRecord:
 
 @dataclass(frozen=True)
 class CheckResult:
-    """The outcome of one self-check of a reconstruction. :mod:`physic_core.pipeline.checks` lists all checks.
+    """Result of one self-check of a reconstruction; :mod:`physic_core.pipeline.checks` lists all checks.
 
     Attributes:
         name: of the check; stable, so that results can be filtered by it.
@@ -63,7 +56,7 @@ class CheckResult:
         threshold: the bound on ``value``.
         unit: of both.
         ok: whether the check passed.
-        message: what the value means; if the check failed, also what to do.
+        message: meaning of the value; if the check failed, also what to do.
         person: index into ``Reconstruction.people``, or None if the check is about the photo.
     """
 

@@ -1,4 +1,4 @@
-"""The result of a run: scene, people and contact of one photo."""
+"""Result of a run: scene, people and contacts of one photo."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ __all__ = ["Person", "Reconstruction", "Scene"]
 
 @dataclass(frozen=True)
 class Scene(ShortRepr):
-    """The scene without its people, metres, camera frame.
+    """Point map and floor of the scene without people, metres, camera frame.
 
     Attributes:
         points: (H, W, 3) float32.
         normals: (H, W, 3) float32, unit, facing the camera; zero where unreliable.
         colors: (H, W, 3) uint8 RGB of the inpainted photo.
         valid: (H, W) bool.
-        floor: plane, or None where none was found.
+        floor: plane, or None if none was found.
         floor_points: (M, 3) float32 sampled on the plane.
         scale: the factor that the joint optimisation applied to the scene (already in the points).
         scale_sigma: standard deviation of log(scale) as estimated by the metric depth backend, or None.
@@ -49,7 +49,7 @@ class Scene(ShortRepr):
 
 @dataclass(frozen=True)
 class Person(ShortRepr):
-    """One reconstructed person, metres, camera frame.
+    """Body, contacts and detections of one person, metres, camera frame.
 
     If the body estimator failed for a person, parameters, vertices and joints are NaN and no vertex is in contact.
 
@@ -83,21 +83,20 @@ class Person(ShortRepr):
 
 @dataclass(frozen=True)
 class Reconstruction(ShortRepr):
-    """People, scene and contact of one photo, in one metric camera frame.
+    """People, scene and contacts of one photo, in one metric camera frame.
 
     Attributes:
         image: (H, W, 3) uint8 RGB, upright, as reconstructed.
         intrinsics: of ``image``.
-        scene: the scene.
         people: best detection score first.
         faces: (F, 3) int32, of every person's mesh.
         body_model: name of the body model of the people's parameters.
         skeleton: of the people's keypoints, or the name of a standard one.
         stages: in order.
         diagnostics: numbers reported by the engine, by stage.
-        warnings: what to doubt, in plain sentences: the messages of failed ``checks`` of the photo, and of those that
-            left a person without a position or a body.
-        notes: how the numbers were obtained, in plain sentences ("scale from the soles of 2 people").
+        warnings: messages of failed ``checks`` of the photo, and of those that left a person without a position or a
+            body.
+        notes: methods that produced the numbers, as sentences ("scale from the soles of 2 people").
         config: the resolved configuration.
         checks: all self-checks of the result, passed or failed.
         photo: digest of the photo file, if there was one, then of its pixels, separated by a space.
@@ -120,18 +119,18 @@ class Reconstruction(ShortRepr):
 
     def __repr__(self) -> str:
         people, warnings, sigma = len(self.people), len(self.warnings), self.scene.scale_sigma
-        refused = any(check.name == "floor" and not check.ok for check in self.checks)
+        rejected = any(check.name == "floor" and not check.ok for check in self.checks)
         parts = (
             "1 person" if people == 1 else f"{people} people",
             f"{self.intrinsics.width} x {self.intrinsics.height}",
-            "no floor" if self.scene.floor is None else "floor assumed" if refused else "floor found",
+            "no floor" if self.scene.floor is None else "floor assumed" if rejected else "floor found",
             "scale of unknown error" if sigma is None else f"scale ±{100 * sigma:.0f} %",
             "1 warning" if warnings == 1 else f"{warnings or 'no'} warnings",
         )
         return f"Reconstruction({', '.join(parts)})"
 
     def save(self, folder: str, *, preview: bool = True, overwrite: bool = False) -> None:
-        """Write ``reconstruction.json``, ``.npz``, the GLB files and ``preview.png`` into ``folder``.
+        """Write ``reconstruction.json``, ``reconstruction.npz``, GLB files and ``preview.png`` to a folder.
 
         Args:
             folder: created if it does not exist. An earlier result of the same photo in it is replaced.
@@ -148,7 +147,7 @@ class Reconstruction(ShortRepr):
 
     @classmethod
     def load(cls, folder: str) -> Reconstruction:
-        """Read what :meth:`save` wrote.
+        """Read a reconstruction from a folder that :meth:`save` wrote.
 
         Raises:
             InputError: a file is missing, or of another schema version.

@@ -1,4 +1,4 @@
-"""A ``repr`` of dataclasses that fits on a screen: arrays and tensors as their type and shape."""
+"""Short ``repr`` of dataclasses: arrays and tensors are printed as dtype and shape."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Any
 
 __all__ = ["ShortRepr"]
 
-_FEW = 4
-_LONGEST_TEXT = 60
+_MAX_PRINTED_VALUES = 4
+_MAX_TEXT_LENGTH = 60
 
 
 class ShortRepr:
-    """Base of dataclasses that hold arrays."""
+    """Base class of dataclasses with arrays; their ``repr`` prints dtype and shape of each array."""
 
     def __init_subclass__(cls, **settings: Any) -> None:
         super().__init_subclass__(**settings)
@@ -23,19 +23,19 @@ class ShortRepr:
 
 
 def _repr(self: Any) -> str:
-    return f"{type(self).__name__}({', '.join(f'{f.name}={_shown(getattr(self, f.name))}' for f in fields(self))})"
+    return f"{type(self).__name__}({', '.join(f'{f.name}={_format(getattr(self, f.name))}' for f in fields(self))})"
 
 
-def _shown(value: Any) -> str:
+def _format(value: Any) -> str:
     if hasattr(value, "shape") and hasattr(value, "dtype"):
         shape = tuple(value.shape)
-        if math.prod(shape) <= _FEW and shape:
+        if math.prod(shape) <= _MAX_PRINTED_VALUES and shape:
             return f"[{', '.join(f'{number:.4g}' for number in value.reshape(-1).tolist())}]"
         return f"{str(value.dtype).removeprefix('torch.')} {shape}"
     if isinstance(value, float):
         return f"{value:.4g}"
-    if isinstance(value, str) and len(value) > _LONGEST_TEXT:
-        return repr(f"{value[:_LONGEST_TEXT]}...")
+    if isinstance(value, str) and len(value) > _MAX_TEXT_LENGTH:
+        return repr(f"{value[:_MAX_TEXT_LENGTH]}...")
     if isinstance(value, Mapping) and value:
         return f"<{len(value)} keys>"
     if isinstance(value, (tuple, list)) and value:

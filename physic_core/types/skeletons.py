@@ -1,4 +1,4 @@
-"""Joint sets of pose networks: which points they detect, and where those lie on a body."""
+"""Skeletons of pose networks: names of the keypoints and their positions on the body model."""
 
 from __future__ import annotations
 
@@ -16,17 +16,18 @@ _FINGERS = ("thumb", "index", "middle", "ring", "pinky")
 
 @dataclass(frozen=True)
 class Skeleton(ShortRepr):
-    """The J points that a keypoint detector returns.
+    """Names, body positions and weights of the J keypoints of a detector.
 
-    A detector whose points are not exactly those of a body states its calibration here: the engine fits
+    ``on_body`` calibrates points that differ from those of the body model: the engine fits
     ``(1 - sum(shares)) * point + sum(share * other_point)``.
 
     Attributes:
         name: for messages and results ("coco17").
         names: J names in the detector's order. Joints of SMPL-X ("left_knee") and picked surface points ("nose",
             "left_heel") lie on the body by their name: see ``physic_core.body.landmarks.BODY_POINTS``.
-        on_body: point -> {point of the body: share of the way from the point's own place to it}. A point with a name
-            of its own needs shares that sum to 1; ``{}`` means that bodies do not have it, and it is not fitted.
+        on_body: point -> {point of the body: share of the distance from the point itself to it}. A point with a name
+            of its own needs shares that sum to 1; ``{}``
+            means that the body model does not have the point: it is not fitted.
         weights: point -> factor on its confidence in the reprojection error; 1 where it is not given.
 
     Raises:
@@ -58,11 +59,11 @@ class Skeleton(ShortRepr):
 
     @property
     def fitted(self) -> tuple[int, ...]:
-        """Indices of the points that bodies have."""
+        """Indices of the points that exist on the body model."""
         return tuple(i for i, name in enumerate(self.names) if self.on_body.get(name, name))
 
     def take(self, indices: Sequence[int]) -> Skeleton:
-        """The skeleton of some of its points, in the order of ``indices``."""
+        """Return a skeleton of a subset of the points, in the order of ``indices``."""
         names = tuple(self.names[i] for i in indices)
         return Skeleton(
             self.name,
@@ -72,7 +73,7 @@ class Skeleton(ShortRepr):
         )
 
 
-def _both(*names: str, suffix: str = "") -> tuple[str, ...]:
+def _left_and_right(*names: str, suffix: str = "") -> tuple[str, ...]:
     return tuple(f"{side}_{name}{suffix}" for name in names for side in SIDES)
 
 
@@ -88,15 +89,17 @@ def _hand(side: str) -> tuple[str, ...]:
 
 _COCO17 = (
     "nose",
-    *_both("eye", "ear", suffix="_surface"),
-    *_both("shoulder", "elbow", "wrist", "hip", "knee", "ankle"),
+    *_left_and_right("eye", "ear", suffix="_surface"),
+    *_left_and_right("shoulder", "elbow", "wrist", "hip", "knee", "ankle"),
 )
 _COCO23 = (*_COCO17, *(f"{side}_{name}" for side in SIDES for name in ("big_toe", "small_toe", "heel")))
 _BLAZEPOSE33 = (
     "nose",
     *(f"{side}_{name}_surface" for side in SIDES for name in ("eye_inner", "eye", "eye_outer")),
-    *_both("ear", "mouth_corner", suffix="_surface"),
-    *_both("shoulder", "elbow", "wrist", "pinky1", "index1", "thumb2", "hip", "knee", "ankle", "heel", "foot_tip"),
+    *_left_and_right("ear", "mouth_corner", suffix="_surface"),
+    *_left_and_right(
+        "shoulder", "elbow", "wrist", "pinky1", "index1", "thumb2", "hip", "knee", "ankle", "heel", "foot_tip"
+    ),
 )
 _FACE_POINTS = {
     36: "right_eye_outer_surface",
@@ -106,7 +109,7 @@ _FACE_POINTS = {
     48: "right_mouth_corner_surface",
     54: "left_mouth_corner_surface",
 }
-"""The points of 300-W's 68 face points that bodies have; contour, brows, nose and lips they do not."""
+"""Those of 300-W's 68 face points that exist on the body model: not contour, brows, nose and lips."""
 
 
 def _standard(name: str, names: Sequence[str], not_on_body: Sequence[str] = ()) -> Skeleton:
@@ -115,7 +118,7 @@ def _standard(name: str, names: Sequence[str], not_on_body: Sequence[str] = ()) 
 
 def _wholebody133() -> Skeleton:
     face = tuple(_FACE_POINTS.get(i, f"face_point_{i}") for i in range(68))
-    roots = _both("hand_root")  # each wrist is marked twice, as the arm's end and as the hand's root
+    roots = _left_and_right("hand_root")  # each wrist is marked twice, as the arm's end and as the hand's root
     hands = tuple(name for side, root in zip(SIDES, roots, strict=True) for name in (root, *_hand(side)[1:]))
     absent = [name for name in face if name.startswith("face_point")]
     return _standard("coco_wholebody133", (*_COCO23, *face, *hands), (*absent, *roots))
@@ -123,7 +126,7 @@ def _wholebody133() -> Skeleton:
 
 def _halpe26() -> Skeleton:
     own = ("head_top", "neck_base", "hips_middle")
-    return _standard("halpe26", (*_COCO17, *own, *_both("big_toe", "small_toe", "heel")), own)
+    return _standard("halpe26", (*_COCO17, *own, *_left_and_right("big_toe", "small_toe", "heel")), own)
 
 
 SKELETONS: Mapping[str, Skeleton] = {
@@ -139,9 +142,9 @@ SKELETONS: Mapping[str, Skeleton] = {
         _halpe26(),
     )
 }
-"""Standard skeletons by name, without any network's calibration. "coco23" is COCO-17 with the six foot points of
-COCO-WholeBody, "wholebody69" what bodies have of COCO-WholeBody's 133 points. A hand is the wrist, then thumb, index,
-middle, ring and pinky, each from base to tip: the order of OpenPose and of MediaPipe."""
+"""Standard skeletons by name, without calibration to a network. "coco23" is COCO-17 with the six foot points of
+COCO-WholeBody; "wholebody69" are the points of COCO-WholeBody that exist on the body model. A hand is the wrist, then
+thumb, index, middle, ring and pinky, each from base to tip: the order of OpenPose and of MediaPipe."""
 
 
 def is_finger(name: str) -> bool:
@@ -151,7 +154,7 @@ def is_finger(name: str) -> bool:
 
 
 def skeleton_named(skeleton: Skeleton | str) -> Skeleton:
-    """A standard skeleton by its name; a Skeleton is returned unchanged.
+    """Return the standard skeleton with a name; a Skeleton is returned unchanged.
 
     Raises:
         ValueError: no standard skeleton has this name.

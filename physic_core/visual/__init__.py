@@ -1,1 +1,1 @@
-"""Images and meshes of a reconstruction: preview, renderings and GLB files."""
+"""Preview image and GLB files of a reconstruction."""

@@ -1,4 +1,4 @@
-"""GLB files of a reconstruction: metres, y up, upright in a viewer.
+"""Export a reconstruction to GLB files in metres, y up.
 
 Points are transformed by :func:`physic_core.geometry.upright.gltf_from_camera`; each file has this matrix in its
 ``extras``. The scene is textured with the photo without people. It is unlit, since a photo contains its own lighting.
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 __all__ = ["BODY_RGB", "CONTACT_RGB", "glb_files"]
 
 BODY_RGB = (196, 192, 186)
-"""sRGB of a mannequin."""
+"""sRGB colour of body vertices without contact."""
 
 CONTACT_RGB = (214, 62, 46)
-"""sRGB of the vertices that touch something."""
+"""sRGB colour of body vertices in contact."""
 
 _SCENE_MATERIAL = {
     "name": "photo",
@@ -92,7 +92,7 @@ def _person_mesh(person: Person, faces: NDArray[np.int32], matrix: NDArray[np.fl
 
 
 def _linear(rgb: tuple[int, int, int]) -> UInt8Array:
-    """sRGB 0-255 -> linear 0-255, as glTF's vertex colours require."""
+    """Convert sRGB 0-255 to linear 0-255 for glTF vertex colours."""
     share = np.array(rgb) / 255.0
     linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     return np.round(linear * 255).astype(np.uint8)
@@ -113,8 +113,8 @@ def _export(meshes: dict[str, Any], texture: bytes | None, extras: dict[str, Any
     for name, mesh in meshes.items():
         scene.add_geometry(mesh, node_name=name, geom_name=name)
 
-    def dress(buffers: Any, tree: dict[str, Any]) -> None:
-        """Write materials and texture; trimesh has no unlit material and re-encodes images."""
+    def add_materials(buffers: Any, tree: dict[str, Any]) -> None:
+        """Add materials and texture to the glTF tree; trimesh has no unlit material and re-encodes images."""
         tree["materials"] = [_SCENE_MATERIAL, _BODY_MATERIAL] if texture else [_BODY_MATERIAL]
         for mesh in tree["meshes"]:
             for primitive in mesh["primitives"]:
@@ -128,5 +128,5 @@ def _export(meshes: dict[str, Any], texture: bytes | None, extras: dict[str, Any
             tree["textures"] = [{"source": 0, "sampler": 0}]
             buffers["texture"] = texture + b"\0" * (-len(texture) % 4)
 
-    content: bytes = trimesh.exchange.gltf.export_glb(scene, buffer_postprocessor=dress)
+    content: bytes = trimesh.exchange.gltf.export_glb(scene, buffer_postprocessor=add_materials)
     return content

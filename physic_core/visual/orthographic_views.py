@@ -1,4 +1,4 @@
-"""Side and top views of the preview: orthographic, upright, to scale."""
+"""Orthographic side and top views of a reconstruction for the preview."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ if TYPE_CHECKING:
 __all__ = ["BACKGROUND_RGB", "PAGE_RGB", "LabeledView", "side_view", "top_view"]
 
 PAGE_RGB = (250, 250, 248)
-"""sRGB of the page."""
+"""sRGB colour of the page."""
 
 BACKGROUND_RGB = (214, 215, 213)
-"""sRGB behind scenes: sand, snow and sky stay visible on it."""
+"""sRGB colour behind scenes, on which sand, snow and sky are visible."""
 
-_SLAB = 0.4  # metres beside the people that the side view shows in full colour
-_FAINT = 0.3  # share of its colour that what stands farther away keeps
+_SIDE_MARGIN = 0.4  # metres beside the people that the side view shows in full colour
+_FAINT = 0.3  # weight of the colour of distant points against the background
 _THICK = 0.03  # metres; a point is hidden only if the surface is nearer by more than this
-_WORTH = 0.85  # share of its scale that a view may lose to take the camera in
-_VEIL = 0.6  # a person's opacity behind something: one must still see the feet behind the table
+_MIN_SCALE_RATIO = 0.85  # least ratio of the scales with and without the camera
+_OCCLUDED_OPACITY = 0.6  # opacity of occluded people: feet behind a table must be visible
 
 _AXES = {"right": (1.0, 0.0, 0.0), "up": (0.0, 1.0, 0.0), "ahead": (0.0, 0.0, -1.0)}  # in the upright (glTF) frame
 
 
 @dataclass(frozen=True)
 class LabeledView:
-    """An orthographic view of the scene and the positions of its labels, px.
+    """Orthographic image of the scene and the positions of its labels, px.
 
     Attributes:
         picture: (H, W, 3) uint8 RGB.
@@ -58,37 +58,39 @@ class LabeledView:
 
 
 def side_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView:
-    """View from the camera's right, parallel to the floor; the camera looks to the right of the image."""
+    """Render the view from the camera's right, parallel to the floor; the camera looks to the right."""
     low, high, eye = geometry.low, geometry.high, geometry.upright[:3, 3]
     bottom = min(low[1], 0.0) if geometry.has_floor else low[1]
     rows = [bottom - 0.35, high[1] + 0.25]
     ahead = [-high[2] - 0.8, -low[2] + 0.8]
-    ahead, rows = _with_camera(ahead, rows, [-0.35, eye[1] - 0.2, eye[1] + 0.25], width, height)
-    view = _fitted(geometry, ahead, rows, ("ahead", "up", "right"), high[0] + _SLAB, width, height)
+    ahead, rows = _include_camera(ahead, rows, [-0.35, eye[1] - 0.2, eye[1] + 0.25], width, height)
+    view = _fit_view(geometry, ahead, rows, ("ahead", "up", "right"), high[0] + _SIDE_MARGIN, width, height)
     near = transform(geometry.upright, geometry.points)[:, 0]
     surface = None if geometry.surface is None else transform(geometry.upright, geometry.surface.vertices)[:, 0]
-    picture = _picture(geometry, view, near < high[0] + _SLAB, near < low[0] - _SLAB, surface, low[0] - _SLAB)
+    picture = _render(
+        geometry, view, near < high[0] + _SIDE_MARGIN, near < low[0] - _SIDE_MARGIN, surface, low[0] - _SIDE_MARGIN
+    )
     metres = range(max(0, math.ceil(ahead[0])), math.floor(ahead[1]) + 1)
-    columns = {metre: _spot(geometry, view, (0.0, 0.0, -float(metre)))[0] for metre in metres}
-    floor_row = _spot(geometry, view, (0.0, 0.0, 0.0))[1] if geometry.has_floor else None
-    return LabeledView(picture, view.pixels_per_metre, floor_row, _inside(geometry, view), columns)
+    columns = {metre: _project(geometry, view, (0.0, 0.0, -float(metre)))[0] for metre in metres}
+    floor_row = _project(geometry, view, (0.0, 0.0, 0.0))[1] if geometry.has_floor else None
+    return LabeledView(picture, view.pixels_per_metre, floor_row, _camera_pixel(geometry, view), columns)
 
 
 def top_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView:
-    """View from above, clipped at the height of the people; the camera looks to the top of the image."""
+    """Render the view from above, clipped at the height of the people; the camera looks to the top."""
     low, high = geometry.low, geometry.high
     across, ahead = [low[0] - 0.9, high[0] + 0.9], [-high[2] - 0.9, -low[2] + 0.9]
-    ahead, across = _with_camera(ahead, across, [-0.3, -0.3, 0.3], height, width)
-    view = _fitted(geometry, across, ahead, ("right", "ahead", "up"), high[1] + 0.1, width, height)
+    ahead, across = _include_camera(ahead, across, [-0.3, -0.3, 0.3], height, width)
+    view = _fit_view(geometry, across, ahead, ("right", "ahead", "up"), high[1] + 0.1, width, height)
     near = transform(geometry.upright, geometry.points)[:, 1]
-    picture = _picture(geometry, view, near < high[1] + 0.1, np.zeros(len(near), bool), None, 0.0)
-    return LabeledView(picture, view.pixels_per_metre, None, _inside(geometry, view), {})
+    picture = _render(geometry, view, near < high[1] + 0.1, np.zeros(len(near), bool), None, 0.0)
+    return LabeledView(picture, view.pixels_per_metre, None, _camera_pixel(geometry, view), {})
 
 
-def _with_camera(
+def _include_camera(
     ahead: list[float], across: list[float], camera: Sequence[float], along: int, beside: int
 ) -> tuple[list[float], list[float]]:
-    """Extend the ranges to include the camera, if the scene then stays large enough.
+    """Extend the ranges of a view to include the camera, if the scale decreases little.
 
     Args:
         ahead: range of distances ahead of the camera, metres.
@@ -102,10 +104,10 @@ def _with_camera(
     def scale(first: list[float], second: list[float]) -> float:
         return min(along / (first[1] - first[0]), beside / (second[1] - second[0]))
 
-    return wide if scale(*wide) >= _WORTH * scale(ahead, across) else (ahead, across)
+    return wide if scale(*wide) >= _MIN_SCALE_RATIO * scale(ahead, across) else (ahead, across)
 
 
-def _fitted(
+def _fit_view(
     geometry: PreviewGeometry,
     columns: Sequence[float],
     rows: Sequence[float],
@@ -114,10 +116,10 @@ def _fitted(
     width: int,
     height: int,
 ) -> Orthographic:
-    """View that contains both ranges (metres) of the named axes, clipped nearer than ``cut``."""
+    """Create a view of two ranges (metres) of the named axes, clipped nearer than ``cut``."""
     along, top, towards = (np.array(_AXES[name]) for name in axes)
     scale = min(width / (columns[1] - columns[0]), height / (rows[1] - rows[0]))
-    # What room is left over goes above, so that the ground is at the bottom of every picture.
+    # Free space goes to the top, so that the ground is at the bottom of every image.
     middle = rows[0] + height / scale / 2 if axes[1] == "up" else sum(rows) / 2
     center = along * sum(columns) / 2 + top * middle
     turn = geometry.upright[:3, :3]
@@ -132,7 +134,7 @@ def _fitted(
     )
 
 
-def _picture(
+def _render(
     geometry: PreviewGeometry,
     view: Orthographic,
     kept: NDArray[np.bool_],
@@ -140,7 +142,7 @@ def _picture(
     surface: Array | None,
     faint_below: float,
 ) -> UInt8Array:
-    """Draw scene and people.
+    """Render scene and people.
 
     ``surface`` is the coordinate of each mesh vertex along the view; vertices below ``faint_below`` are drawn faint.
     """
@@ -156,19 +158,19 @@ def _picture(
     picture = composite(scene, picture)
     if geometry.people is not None:
         people = render_mesh(geometry.people, view, geometry.people_colors)
-        veil = np.where(scene.distance < people.distance - _THICK, _VEIL, 1.0).astype(np.float32)[..., None]
+        veil = np.where(scene.distance < people.distance - _THICK, _OCCLUDED_OPACITY, 1.0).astype(np.float32)[..., None]
         picture = people.color * veil + picture * (1.0 - people.alpha[..., None] * veil)
     return (np.clip(picture, 0.0, 1.0) * 255 + 0.5).astype(np.uint8)
 
 
-def _spot(geometry: PreviewGeometry, view: Orthographic, point: tuple[float, float, float]) -> tuple[float, float]:
-    """Column and row of a point in the upright frame."""
+def _project(geometry: PreviewGeometry, view: Orthographic, point: tuple[float, float, float]) -> tuple[float, float]:
+    """Project a point of the upright frame to column and row."""
     turn = geometry.upright[:3, :3]
     column, row, _ = view.project((turn.T @ (np.array(point) - geometry.upright[:3, 3]))[None])[0]
     return float(column), float(row)
 
 
-def _inside(geometry: PreviewGeometry, view: Orthographic) -> tuple[float, float] | None:
-    """Column and row of the camera; None if it is outside the image."""
+def _camera_pixel(geometry: PreviewGeometry, view: Orthographic) -> tuple[float, float] | None:
+    """Project the camera centre to column and row; None if it is outside the image."""
     column, row, _ = view.project(np.zeros((1, 3)))[0]
     return (float(column), float(row)) if 0 <= column < view.width and 0 <= row < view.height else None

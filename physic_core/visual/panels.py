@@ -1,4 +1,4 @@
-"""Panels of the preview in the photo's view, and contact maps; each (H, W, 3) uint8 RGB."""
+"""Preview panels: photo, overlay, depth and contact views, each (H, W, 3) uint8 RGB."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ __all__ = [
 ]
 
 OPACITY = 0.85
-"""Of the bodies over the photo."""
+"""Opacity of the bodies over the photo."""
 
 _FAR = 60.0  # metres where the colours end
 
@@ -43,7 +43,7 @@ _PELVIS, _NECK = JOINT_INDEX["pelvis"], JOINT_INDEX["neck"]
 
 @dataclass(frozen=True)
 class ContactViews:
-    """One person from several views.
+    """Image of one person from several views, and positions of the view names.
 
     Attributes:
         picture: (H, W, 3) uint8 RGB.
@@ -55,7 +55,7 @@ class ContactViews:
 
 
 def photo_panel(image: UInt8Array, width: int, height: int) -> UInt8Array:
-    """Resize the photo to the panel."""
+    """Resize the photo to a panel."""
     import cv2
 
     way = cv2.INTER_AREA if width < image.shape[1] else cv2.INTER_LINEAR
@@ -72,7 +72,7 @@ def overlay_panel(reconstruction: Reconstruction, geometry: PreviewGeometry, wid
 
 
 def depth_range(reconstruction: Reconstruction) -> tuple[float, float]:
-    """Minimum and maximum depth of the colour map, metres."""
+    """Return minimum and maximum depth of the colour map, metres."""
     scene = reconstruction.scene
     depth = scene.points[..., 2][scene.valid & np.isfinite(scene.points[..., 2])]
     if not depth.size:
@@ -101,7 +101,7 @@ def depth_panel(reconstruction: Reconstruction, width: int, height: int) -> UInt
 
 
 def colored_depth(depth: NDArray[Any], near: float, far: float) -> UInt8Array:
-    """Depth (H, W) metres -> turbo colours of its logarithm, near red, far blue."""
+    """Convert a depth map (H, W) in metres to turbo colours of its logarithm, near red, far blue."""
     import cv2
 
     share = np.clip(np.log(far / np.clip(depth, near, far)) / np.log(far / near), 0.0, 1.0)
@@ -122,7 +122,7 @@ def render_contact_views(reconstruction: Reconstruction, index: int, width: int,
     if shapes is None or not np.isfinite(vertices).all():
         return ContactViews(_bytes(picture), ())
     colors = np.where(person.contact[:, None], CONTACT_RGB, BODY_RGB) / 255.0
-    views = _around(joints)
+    views = _view_axes(joints)
     sizes = np.array([[np.ptp(vertices @ right), np.ptp(vertices @ top)] for right, top in views.values()]) + 0.1
     share = sizes[:, 0] / sizes[:, 0].sum()
     edges = np.round(np.cumsum([0.0, *share]) * width).astype(int)
@@ -139,8 +139,8 @@ def render_contact_views(reconstruction: Reconstruction, index: int, width: int,
     return ContactViews(_bytes(picture), tuple(zip(views, middles, strict=True)))
 
 
-def _around(joints: Array) -> dict[str, tuple[Array, Array]]:
-    """Right and top axes (upright frame) of the front, back and underside views of one person."""
+def _view_axes(joints: Array) -> dict[str, tuple[Array, Array]]:
+    """Return right and top axes (upright frame) of the front, back and bottom views of one person."""
     up = np.array([0.0, 1.0, 0.0])
     left = joints[_LEFT_HIP] - joints[_RIGHT_HIP] + joints[_LEFT_SHOULDER] - joints[_RIGHT_SHOULDER]
     spine = _unit(joints[_NECK] - joints[_PELVIS], up)

@@ -1,4 +1,4 @@
-"""``preview.png``: one image to check the quality of a reconstruction."""
+"""Render ``preview.png``, an image to check the quality of a reconstruction."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ WIDTH = 1800
 """Width of the preview, px."""
 
 MAX_CONTACT_PEOPLE = 4
-"""People whose contact is drawn."""
+"""Maximum number of people with contact views."""
 
 _MARGIN, _GAP, _TITLE = 24, 18, 30
 _ROW = 440  # height of the second row of panels, px
@@ -57,14 +57,14 @@ class _Frame:
 
 
 def preview_png(reconstruction: Reconstruction) -> bytes:
-    """Render the preview and encode it as PNG."""
+    """Render the preview of a reconstruction and encode it as PNG."""
     buffer = io.BytesIO()
     preview_image(reconstruction).save(buffer, "PNG", compress_level=2)
     return buffer.getvalue()
 
 
 def preview_image(reconstruction: Reconstruction) -> Image.Image:
-    """Render photo, overlay and depth; side and top view; contact. The image is 1800 px wide."""
+    """Render photo, overlay, depth, side view, top view and contacts in one image, 1800 px wide."""
     height, width = reconstruction.image.shape[:2]
     geometry = build_preview_geometry(reconstruction)
     frames = _layout(width / height)
@@ -96,7 +96,7 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
 
 
 def summary_line(reconstruction: Reconstruction) -> str:
-    """One line of text with facts that the image cannot show."""
+    """Return one line of text with size, focal length, scale, floor, time and checks of a reconstruction."""
     camera, scene = reconstruction.intrinsics, reconstruction.scene
     facts = [
         f"{camera.width} x {camera.height} px",
@@ -129,7 +129,7 @@ def _title(people: int) -> str:
 
 
 def _layout(aspect: float) -> tuple[_Frame, ...]:
-    """Frames of photo, overlay, depth, side, top and contact panels, below the summary line."""
+    """Return the frames of photo, overlay, depth, side, top and contact panels."""
     room = WIDTH - 2 * _MARGIN
     third = (room - 2 * _GAP) // 3
     if aspect > 1.05:
@@ -177,7 +177,7 @@ def _name_people(pen: ImageDraw.ImageDraw, frame: _Frame, reconstruction: Recons
 
 
 def _draw_person_number(pen: ImageDraw.ImageDraw, x: float, y: float, index: int) -> None:
-    """Draw a person's number on their colour."""
+    """Draw a person's number on a disc in their colour."""
     pen.ellipse((x - 11, y - 11, x + 11, y + 11), fill=person_color(index), outline=(255, 255, 255), width=2)
     pen.text((x, y), str(index), font=_font(14), fill=(20, 20, 20), anchor="mm")
 
@@ -272,7 +272,7 @@ def _draw_contact_panel(page: Image.Image, frame: _Frame, reconstruction: Recons
 
 
 def _grid(count: int, frame: _Frame) -> tuple[int, int]:
-    """Columns and rows of cells that show ``count`` people as large as possible, each cell three views wide."""
+    """Return the number of columns and rows that show ``count`` people as large as possible."""
 
     def scale(across: int) -> float:
         return min(frame.width / across / 2.6, (frame.height / math.ceil(count / across) - 54) / 1.8)
@@ -321,7 +321,7 @@ def _wrap(text: str, size: int, width: float) -> list[str]:
 
 
 def _ticks(near: float, far: float) -> list[float]:
-    """Round depths between two depths in metres: 1, 2, 5, 10, ..., with more values if these are few."""
+    """Return round depths between two depths in metres: 1, 2, 5, 10, ..., with more values if these are few."""
     powers = [10.0**power for power in range(math.floor(math.log10(near)), math.ceil(math.log10(far)) + 1)]
     for factors in ((1, 2, 5), (1, 1.5, 2, 3, 4, 5, 7), tuple(1 + step / 10 for step in range(90))):
         ticks = [power * factor for power in powers for factor in factors if near <= power * factor <= far]

@@ -1,4 +1,4 @@
-"""Simplified meshes of people and scene, built once and drawn from several views."""
+"""Meshes, points and colours of people and scene for the preview."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ PERSON_COLORS: tuple[tuple[int, int, int], ...] = (
     (84, 190, 190),
     (198, 128, 96),
 )
-"""sRGB of person 0, 1, ...; they repeat after the eighth."""
+"""sRGB colours of person 0, 1, ...; they repeat after the eighth."""
 
 _SURFACE_VERTICES = 60_000
 _POINTS = 150_000
@@ -40,14 +40,14 @@ _POINTS = 150_000
 
 @dataclass(frozen=True)
 class PreviewGeometry:
-    """Geometry and colours that the preview draws; camera frame, metres.
+    """Meshes, points and colours of the preview; camera frame, metres.
 
     Attributes:
         people: bodies; None if there are none.
         people_colors: (N * V, 3) sRGB in 0-1.
         surface: mesh of the scene; None if no pixel is valid.
         surface_colors: sRGB of its vertices.
-        points: (M, 3) points of the scene; they show surfaces that are seen edge on, which a mesh does not.
+        points: (M, 3) points of the scene; they show surfaces parallel to the view direction, a mesh does not.
         point_colors: (M, 3) sRGB in 0-1.
         upright: (4, 4), see :func:`physic_core.geometry.upright.gltf_from_camera`.
         low: (3,) minimum corner of the box around the people, upright frame; around most of the scene without people.
@@ -68,21 +68,21 @@ class PreviewGeometry:
 
 
 def person_color(index: int) -> tuple[int, int, int]:
-    """sRGB colour of a person, 0-255."""
+    """Return the sRGB colour of a person, 0-255."""
     return PERSON_COLORS[index % len(PERSON_COLORS)]
 
 
 def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
-    """Build the geometry of a reconstruction; people with non-finite vertices are left out."""
+    """Build the preview geometry of a reconstruction, without people with non-finite vertices."""
     scene, limit = reconstruction.scene, depth_limit(reconstruction)
     matrix = gltf_from_camera(scene.floor)
-    whole = [
+    finite = [
         (index, np.asarray(person.vertices, np.float64))
         for index, person in enumerate(reconstruction.people)
         if np.isfinite(person.vertices).all()
     ]
-    bodies = [vertices for _, vertices in whole]
-    colors = [np.tile(np.array(person_color(index)) / 255.0, (len(vertices), 1)) for index, vertices in whole]
+    bodies = [vertices for _, vertices in finite]
+    colors = [np.tile(np.array(person_color(index)) / 255.0, (len(vertices), 1)) for index, vertices in finite]
     surface = mesh_scene(scene, limit, _SURFACE_VERTICES)
     points, point_colors = _cloud(scene, limit)
     low, high = _bounds([transform(matrix, vertices) for vertices in bodies], transform(matrix, points))
@@ -101,7 +101,7 @@ def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
 
 
 def _cloud(scene: Scene, limit: float) -> tuple[Array, Array]:
-    """Scene points (M, 3) up to a depth in metres, and their sRGB colours."""
+    """Return scene points (M, 3) up to a depth in metres, and their sRGB colours."""
     stride = max(1, math.ceil(math.sqrt(scene.valid.size / _POINTS)))
     points, valid = scene.points[::stride, ::stride], scene.valid[::stride, ::stride]
     with np.errstate(invalid="ignore"):
@@ -111,8 +111,8 @@ def _cloud(scene: Scene, limit: float) -> tuple[Array, Array]:
 
 def _bounds(people: Sequence[Array], points: Array) -> tuple[Array, Array]:
     if people:
-        every = np.concatenate(people)
-        return every.min(0), every.max(0)
+        vertices = np.concatenate(people)
+        return vertices.min(0), vertices.max(0)
     if len(points):
         low, high = np.percentile(points, [5, 95], axis=0)
         return low, high

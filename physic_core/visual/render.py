@@ -1,4 +1,4 @@
-"""Render bodies by ray casting and points by splatting, without display or GPU.
+"""Render meshes by ray casting and points as squares, on the CPU without display.
 
 Colours are sRGB in 0-1; row 0 of an image is its top.
 """
@@ -33,7 +33,7 @@ __all__ = [
 
 
 class ViewCamera(Protocol):
-    """A virtual camera; its images have ``height`` x ``width`` px."""
+    """Protocol of a virtual camera with images of ``height`` x ``width`` px."""
 
     @property
     def width(self) -> int:
@@ -44,18 +44,18 @@ class ViewCamera(Protocol):
         """Rows of the image."""
 
     def project(self, points: Array) -> Array:
-        """(N, 3) metres -> (N, 3): column and row in px, and distance from the eye in metres."""
+        """Project points (N, 3) to column and row in px, and distance from the camera in metres."""
 
     def rays(self, columns: Array, rows: Array) -> tuple[Array, Array]:
-        """Columns and rows (N,) px -> origins and unit directions (N, 3)."""
+        """Return origins and unit directions (N, 3) of the rays through columns and rows (N,)."""
 
     def light_axes(self) -> Array:
-        """(3, 3): unit vectors towards the right, the top and the eye."""
+        """Return unit vectors (3, 3) towards the right, the top and the camera."""
 
 
 @dataclass(frozen=True)
 class Perspective:
-    """A pinhole camera at the origin of the OpenCV frame, at any image size."""
+    """Pinhole camera at the origin of the OpenCV frame, for any image size."""
 
     intrinsics: Intrinsics
     width: int
@@ -73,8 +73,10 @@ class Perspective:
     def rays(self, columns: Array, rows: Array) -> tuple[Array, Array]:
         """See :class:`ViewCamera`."""
         camera = self.intrinsics.resized(self.width, self.height)
-        ways = np.stack([(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy, np.ones_like(rows)], -1)
-        return np.zeros_like(ways), ways / np.linalg.norm(ways, axis=-1, keepdims=True)
+        directions = np.stack(
+            [(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy, np.ones_like(rows)], -1
+        )
+        return np.zeros_like(directions), directions / np.linalg.norm(directions, axis=-1, keepdims=True)
 
     def light_axes(self) -> Array:
         """See :class:`ViewCamera`."""
@@ -83,7 +85,7 @@ class Perspective:
 
 @dataclass(frozen=True)
 class Orthographic:
-    """An orthographic camera.
+    """Orthographic camera.
 
     Attributes:
         center: (3,) metres, the point in the image centre.
@@ -105,7 +107,7 @@ class Orthographic:
 
     @property
     def towards_eye(self) -> Array:
-        """(3,) unit vector from the image plane to the eye."""
+        """Unit vector (3,) from the image plane to the camera."""
         return np.cross(self.right, self.top)
 
     def project(self, points: Array) -> Array:
@@ -134,7 +136,7 @@ class Orthographic:
 
 @dataclass(frozen=True)
 class RayCastMesh:
-    """Several bodies of one topology, prepared for ray casting.
+    """Concatenated meshes of several bodies, prepared for ray casting.
 
     Attributes:
         vertices: (N * V, 3) metres.
@@ -151,7 +153,7 @@ class RayCastMesh:
 
 @dataclass(frozen=True)
 class Layer:
-    """An image with transparency.
+    """Rendered image with transparency and distance.
 
     Attributes:
         color: (H, W, 3) float32, premultiplied by ``alpha``.
@@ -165,7 +167,7 @@ class Layer:
 
 
 def prepare_meshes(bodies: Sequence[Array], faces: NDArray[Any], *, smooth: bool = True) -> RayCastMesh | None:
-    """Prepare N bodies with common faces for ray casting; None if there are no bodies.
+    """Concatenate N bodies with common faces for ray casting; None without bodies.
 
     Args:
         bodies: vertices of each body, (V, 3) metres.
@@ -186,10 +188,10 @@ def prepare_meshes(bodies: Sequence[Array], faces: NDArray[Any], *, smooth: bool
 
 
 def render_mesh(shapes: RayCastMesh, viewer: ViewCamera, colors: Array, *, lit: bool = True, samples: int = 2) -> Layer:
-    """Render bodies or surfaces.
+    """Render meshes by ray casting.
 
     Args:
-        shapes: what to render, in the viewer's frame.
+        shapes: meshes in the frame of ``viewer``.
         viewer: the camera.
         colors: (N * V, 3) sRGB of each vertex.
         lit: whether to apply lighting; colours of a photo need none.
@@ -210,7 +212,7 @@ def render_mesh(shapes: RayCastMesh, viewer: ViewCamera, colors: Array, *, lit: 
     columns = np.arange(x0 * samples, x1 * samples) / samples - 0.5 + 0.5 / samples
     rows = np.arange(y0 * samples, y1 * samples) / samples - 0.5 + 0.5 / samples
     grid = np.meshgrid(columns, rows)
-    hit, rgb, far = _trace(shapes, viewer, colors, grid[0].ravel(), grid[1].ravel(), lit)
+    hit, rgb, far = _cast_rays(shapes, viewer, colors, grid[0].ravel(), grid[1].ravel(), lit)
     fine = np.zeros((grid[0].size, 4), np.float32)
     fine[hit, :3], fine[hit, 3] = rgb, 1.0
     depth = np.full(grid[0].size, np.inf, np.float32)
@@ -224,12 +226,12 @@ def render_mesh(shapes: RayCastMesh, viewer: ViewCamera, colors: Array, *, lit: 
 
 
 def composite(layer: Layer, picture: NDArray[np.float32], opacity: float = 1.0) -> NDArray[np.float32]:
-    """Composite a layer over an opaque image (H, W, 3) in 0-1."""
+    """Composite a rendered layer over an opaque image (H, W, 3) in 0-1."""
     return layer.color * opacity + picture * (1.0 - opacity * layer.alpha[..., None])
 
 
 def render_points(viewer: ViewCamera, points: Array, colors: Array) -> Layer:
-    """Draw points (N, 3) with sRGB colours (N, 3) as squares of 3 px; nearer ones hide farther ones."""
+    """Render points (N, 3) with sRGB colours (N, 3) as squares of 3 px, nearest on top."""
     shape = viewer.height + 2, viewer.width + 2  # a rim of one pixel, so that the squares need no clipping
     color, distance = np.zeros((*shape, 3), np.float32), np.full(shape, np.inf, np.float32)
     spots = viewer.project(points)
@@ -263,31 +265,31 @@ def merge_layers(back: Layer, front: Layer, margin: float) -> Layer:
     )
 
 
-def _trace(
+def _cast_rays(
     shapes: RayCastMesh, viewer: ViewCamera, colors: Array, columns: Array, rows: Array, lit: bool
 ) -> tuple[NDArray[np.int64], Array, Array]:
     """Cast rays; return the indices of those that hit, and colour and distance of each hit."""
-    origins, ways = viewer.rays(columns, rows)
-    triangle = shapes.caster.intersects_first(origins, ways)
+    origins, directions = viewer.rays(columns, rows)
+    triangle = shapes.caster.intersects_first(origins, directions)
     hit = np.flatnonzero(triangle >= 0)
     corners = shapes.faces[triangle[hit]]
-    weights, spots = _barycentric(shapes.vertices[corners], origins[hit], ways[hit])
+    weights, spots = _barycentric(shapes.vertices[corners], origins[hit], directions[hit])
     base = np.einsum("nkc,nk->nc", np.asarray(colors)[corners], weights)
     if not lit:
         return hit, base, viewer.project(spots)[:, 2]
     normals = np.einsum("nkc,nk->nc", shapes.normals[corners], weights)
     normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-9)
-    return hit, _shade(normals, ways[hit], viewer.light_axes(), base), viewer.project(spots)[:, 2]
+    return hit, _shade(normals, directions[hit], viewer.light_axes(), base), viewer.project(spots)[:, 2]
 
 
-def _barycentric(triangles: Array, origins: Array, ways: Array) -> tuple[Array, Array]:
-    """Rays (N, 3) that hit triangles (N, 3, 3) -> barycentric weights (N, 3) and hit points (N, 3)."""
+def _barycentric(triangles: Array, origins: Array, directions: Array) -> tuple[Array, Array]:
+    """Return barycentric weights (N, 3) and hit points (N, 3) of rays that hit triangles (N, 3, 3)."""
     first, second = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     normal = np.cross(first, second)
-    slope = (normal * ways).sum(-1)
+    slope = (normal * directions).sum(-1)
     slope = np.where(np.abs(slope) < 1e-15, 1e-15, slope)  # seen edge on: the clip below keeps it finite
     distance = (normal * (triangles[:, 0] - origins)).sum(-1) / slope
-    spots = origins + distance[:, None] * ways
+    spots = origins + distance[:, None] * directions
     area = np.maximum((normal * normal).sum(-1), 1e-30)
     offset = spots - triangles[:, 0]
     beta = np.clip((np.cross(offset, second) * normal).sum(-1) / area, 0.0, 1.0)
@@ -296,13 +298,13 @@ def _barycentric(triangles: Array, origins: Array, ways: Array) -> tuple[Array, 
     return weights, np.einsum("nkc,nk->nc", triangles, weights)
 
 
-def _shade(normals: Array, ways: Array, lights: Array, base: Array) -> Array:
-    """Matte shading: key light from the upper left of the eye, light from above, darker rims."""
+def _shade(normals: Array, directions: Array, lights: Array, base: Array) -> Array:
+    """Shade colours with a light from the upper left, a light from above and darker silhouettes."""
     right, top, eye = lights
     key = eye + 0.7 * top - 0.5 * right
     key /= np.linalg.norm(key)
     direct = np.clip(normals @ key, 0.0, 1.0)
     sky = 0.5 + 0.5 * (normals @ top)
-    facing = np.clip(-(normals * ways).sum(-1), 0.0, 1.0)
+    facing = np.clip(-(normals * directions).sum(-1), 0.0, 1.0)
     light = (0.34 + 0.52 * direct + 0.2 * sky) * (0.72 + 0.28 * facing**0.7)
     return np.asarray(np.clip(base * light[:, None], 0.0, 1.0))

@@ -1,4 +1,4 @@
-"""Triangle mesh of the scene's pixel grid."""
+"""Triangle mesh of the scene from its point map."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ if TYPE_CHECKING:
 __all__ = ["SceneMesh", "depth_limit", "mesh_scene"]
 
 MAX_VERTICES = 130_000
-"""Of a grid: at 44 bytes a vertex with its two triangles, a scene.glb stays under 7 MB."""
+"""Maximum number of vertices; a scene.glb then stays under 7 MB, at 44 bytes a vertex with two triangles."""
 
 MAX_DEPTH_RATIO = 1.06
-"""Depth ratio between neighbours that is always one surface; 1.03-1.1 works."""
+"""Maximum depth ratio of neighbours on one surface; 1.03-1.1 works."""
 
 MAX_SLANTED_DEPTH_RATIO = 1.2
-"""Depth ratio up to which neighbours are joined if both normals are across the step (such as a distant floor)."""
+"""Maximum depth ratio of neighbours on a slanted surface (such as a distant floor), by their normals."""
 
 MIN_COMPONENT_SHARE = 0.002
-"""Minimum share of all vertices of a connected component."""
+"""Minimum size of a connected component, as a share of all vertices."""
 
 _ACROSS = 0.15  # sine of the angle between the step and the surface: up to 9 degrees is along it
 
 
 @dataclass(frozen=True)
 class SceneMesh:
-    """A triangle mesh of a subset of the pixels.
+    """Triangle mesh with a pixel for each vertex.
 
     Attributes:
         vertices: (V, 3) float32 metres, camera frame.
@@ -46,14 +46,14 @@ class SceneMesh:
 
 
 def depth_limit(reconstruction: Reconstruction) -> float:
-    """Maximum depth in metres that is relevant for the people: three times the farthest, at least 8 m."""
+    """Return the maximum depth to mesh: three times that of the farthest person, at least 8 m."""
     depths = [float(np.median(person.vertices[:, 2])) for person in reconstruction.people]
     finite = [depth for depth in depths if math.isfinite(depth)]
     return max(8.0, 3.0 * max(finite)) if finite else 20.0
 
 
 def mesh_scene(scene: Scene, limit: float, max_vertices: int = MAX_VERTICES) -> SceneMesh:
-    """Mesh every n-th pixel of a scene, joining neighbours on the same surface.
+    """Build a triangle mesh of every n-th pixel of a scene; faces join neighbours on the same surface.
 
     Args:
         scene: point map of (H, W) pixels.
@@ -71,7 +71,7 @@ def mesh_scene(scene: Scene, limit: float, max_vertices: int = MAX_VERTICES) -> 
     points = np.where(usable[..., None], points, 1.0)
 
     def joined(first: tuple[slice, slice], second: tuple[slice, slice]) -> NDArray[np.bool_]:
-        return usable[first] & usable[second] & _one_surface(points, normals, first, second)
+        return usable[first] & usable[second] & _on_same_surface(points, normals, first, second)
 
     up, down, left, right = slice(None, -1), slice(1, None), slice(None, -1), slice(1, None)
     across = joined((slice(None), left), (slice(None), right))
@@ -86,7 +86,7 @@ def mesh_scene(scene: Scene, limit: float, max_vertices: int = MAX_VERTICES) -> 
             np.stack([ids[up, right], ids[down, left], ids[down, right]], -1)[lower],
         ]
     )
-    faces = _without_shards(faces, depth.size)
+    faces = _remove_small_components(faces, depth.size)
     used = np.zeros(depth.size, bool)
     used[faces] = True
     new_ids = np.cumsum(used) - 1
@@ -94,7 +94,7 @@ def mesh_scene(scene: Scene, limit: float, max_vertices: int = MAX_VERTICES) -> 
     return SceneMesh(points.reshape(-1, 3)[used], new_ids[faces], pixels[used])
 
 
-def _without_shards(faces: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+def _remove_small_components(faces: NDArray[np.int64], count: int) -> NDArray[np.int64]:
     """Remove small connected components, which come from flying pixels."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -108,7 +108,7 @@ def _without_shards(faces: NDArray[np.int64], count: int) -> NDArray[np.int64]:
     return kept
 
 
-def _one_surface(points: NDArray[Any], normals: NDArray[Any], first: Any, second: Any) -> NDArray[np.bool_]:
+def _on_same_surface(points: NDArray[Any], normals: NDArray[Any], first: Any, second: Any) -> NDArray[np.bool_]:
     depth = points[..., 2]
     near, far = np.minimum(depth[first], depth[second]), np.maximum(depth[first], depth[second])
     step = points[second] - points[first]

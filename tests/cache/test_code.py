@@ -102,7 +102,7 @@ def test_bases_count(site: Path):
 
 
 def test_a_huge_package_counts_by_the_module_alone(site: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(code, "_MANY", 3)
+    monkeypatch.setattr(code, "_MAX_FILES", 3)
     kind = package(site)
     told = CodeDigester().digest(kind)
     write(site / "pack" / "other.py", "x = 2\n")

@@ -121,7 +121,7 @@ def test_a_jpeg_that_lacks_its_end_mark_alone_is_read_with_a_note(tmp_path, opti
     path.write_bytes(whole[:-missing])
     photo = read_photo(path)
     np.testing.assert_array_equal(photo.image, expected.image)
-    assert photo.notes == ("the file's last bytes are missing; its picture is whole",)
+    assert photo.notes == ("the file's last bytes are missing; its picture is complete",)
     assert expected.notes == ()
 
 
@@ -367,7 +367,7 @@ def test_a_turned_photo_comes_upright(tmp_path, orientation):
     photo = read_photo(path)
     np.testing.assert_array_equal(photo.image, corners())
     assert photo.file_size is None  # the image is all of it
-    assert photo.notes == (() if orientation == 1 else ("turned upright as the file's EXIF data say",))
+    assert photo.notes == (() if orientation == 1 else ("rotated upright by the EXIF orientation",))
 
 
 def test_eighty_megapixels_are_read_at_half_size(tmp_path):

@@ -50,7 +50,7 @@ def test_unpacking_undoes_packing():
 def test_what_has_no_archive_form_is_refused():
     with pytest.raises(TypeError) as caught:
         pack(Inner(np.zeros(1), {1, 2}))
-    assert str(caught.value) == "Inner.number is a set, which has no archive form."
+    assert str(caught.value) == "Inner.number is a set, which cannot be stored."
 
 
 def test_a_class_that_was_not_announced_is_not_made():
