@@ -7,7 +7,7 @@ import pytest
 
 from physic_core import load_config, reconstruct
 from physic_core.body import load_body
-from physic_core.engine.joint.limbs import placing_keypoints
+from physic_core.engine.joint.limbs import placement_keypoints
 from physic_core.metrics.consistency import consistency
 from physic_core.metrics.pose import pa_mpjpe_mm
 from physic_core.pipeline.estimate import feet_pixels
@@ -54,9 +54,9 @@ def test_a_worlds_truth_is_known_in(skeleton: str, world: World) -> None:
 
 
 def test_fingers_of_whole_hands_place_nobody() -> None:
-    assert placing_keypoints(SKELETONS["wholebody69"]) == list(range(29))
-    assert placing_keypoints(SKELETONS["blazepose33"]) == list(range(33))
-    assert placing_keypoints(Skeleton("own", tuple("abcd"))) == [0, 1, 2, 3]
+    assert placement_keypoints(SKELETONS["wholebody69"]) == list(range(29))
+    assert placement_keypoints(SKELETONS["blazepose33"]) == list(range(33))
+    assert placement_keypoints(Skeleton("own", tuple("abcd"))) == [0, 1, 2, 3]
 
 
 @pytest.mark.parametrize(("skeleton", "soles"), [("coco_wholebody133", 6), ("halpe26", 6), ("coco17", 0)])

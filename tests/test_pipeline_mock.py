@@ -218,7 +218,7 @@ def test_stage_3_computes_in_float64(cases, monkeypatch):
     problems = []
 
     def optimize(problem, joint_settings):
-        problems.append(problem.as_model())
+        problems.append(problem.to_model_dtype())
         return joint.optimize(problem, joint_settings)
 
     monkeypatch.setattr(solution, "optimize", optimize)

@@ -132,8 +132,8 @@ def test_whose_body_is_lost_stays_without_one_and_the_other_is_as_before(
         "person 0: no finite values for this person from body_estimator: results that need them are left out; "
         "try another backend",
         "person 0: the body is not finite, it was left where it is",
-        "person 0: pose and position are those of the placement: the start is not made of numbers, or lies "
-        "behind the camera",
+        "person 0: pose and position are those of the placement: the start has non-finite parameters or is behind "
+        "the camera",
     )
     assert kept.failed_checks == sound.people[KEPT].failed_checks
     check_unspoilt(kept, sound, alone, world)
@@ -189,7 +189,7 @@ def test_whom_the_optimisation_cannot_take_along_is_named_and_the_other_goes_on(
     result = reconstruct(world.image, "mock")
     assert "optimised" in result.people[LOST].failed_checks
     assert (
-        "person 0: pose and position are those of the placement: the energy of the start is not a number"
+        "person 0: pose and position are those of the placement: the energy of the start is not finite"
         in result.warnings
     )
     assert np.isfinite(result.people[LOST].vertices).all()

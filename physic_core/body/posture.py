@@ -28,7 +28,7 @@ def stands_straight(joints: Array) -> bool:
     """Whether both legs are straight and the trunk is in line with them, so that a lean of the body is an error.
 
     Both knees are over 140 degrees, and the trunk is within 35 degrees of the line of the legs. Stricter than
-    :func:`physic_core.engine.joint.limbs.stands`, for which one straight leg is enough: a person
+    :func:`physic_core.engine.joint.limbs.is_standing`, for which one straight leg is enough: a person
     who steps up is held to the floor, but may lean.
 
     Args:

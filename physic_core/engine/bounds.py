@@ -1,4 +1,4 @@
-"""Types of settings with their bounds as annotations, for validation and schemas."""
+"""Number types of settings, with their bounds as annotations for validation and schemas."""
 
 from __future__ import annotations
 

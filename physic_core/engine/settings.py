@@ -1,9 +1,7 @@
-"""The engine's settings: frozen dataclasses, one per stage.
+"""Settings of the engine: frozen dataclasses, one per stage.
 
-:class:`SceneSettings` (stage 1), :class:`PlacementSettings` (stage 2), :class:`JointSettings` (stage 3) and
-:class:`ContactSettings` (the contact map); :class:`EngineSettings` holds the four. The defaults are preset "default";
-the others are in :mod:`physic_core.engine.presets`. Each field gives its meaning, its useful values, and the value that
-switches it off. Change some of them with :func:`dataclasses.replace`.
+The defaults are preset "default"; the others are in :mod:`physic_core.engine.presets`. The documentation of a field
+gives its meaning, its useful values, and the value that switches it off.
 """
 
 from __future__ import annotations
@@ -28,17 +26,17 @@ __all__ = [
 ]
 
 PRESET_NAMES = ("default", "paper", "release", "prox")
-"""Names of :data:`physic_core.engine.presets.PRESETS`, which imports torch."""
+"""Names of the presets in :data:`physic_core.engine.presets.PRESETS`, which imports torch."""
 
 
 @dataclass(frozen=True)
 class ContactSettings:
-    """The contact map.
+    """Settings of the contact map.
 
     Attributes:
-        distance_m: a vertex nearer than this to the scene or the floor is in contact, metres; 0.02 as released.
-        inside_m: a vertex at most this far inside is in contact too, metres; 0.15 as released. 0.05 is the usual
-            compression of soft tissue and cushions.
+        distance_m: largest distance to scene or floor of a vertex in contact, metres; 0.02 as released.
+        inside_m: largest depth inside of a vertex in contact, metres; 0.15 as released. 0.05 is the usual compression
+            of soft tissue and cushions.
         metric: "plane" measures along the normal of the surface, "point" to the nearest point.
         observed: contact only on visible limbs.
     """
@@ -63,12 +61,7 @@ _Settings = TypeVar("_Settings")
 
 
 def with_overrides(settings: _Settings, overrides: Mapping[str, Any]) -> _Settings:
-    """Settings with some fields replaced; a mapping for a field that holds settings itself replaces fields of those.
-
-    Args:
-        settings: a dataclass.
-        overrides: field -> value.
-    """
+    """Return a copy of a dataclass with replaced fields; nested dataclasses are given as mappings of their fields."""
     changed = {
         name: with_overrides(getattr(settings, name), value) if is_dataclass(getattr(settings, name)) else value
         for name, value in overrides.items()

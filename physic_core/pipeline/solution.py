@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import torch
 
 from physic_core.body.parameters import parameters_from_rotations
-from physic_core.engine.contact import REACH_M, contact_map, contact_surface
+from physic_core.engine.contact import SEARCH_RADIUS_M, contact_map, contact_surfaces
 from physic_core.engine.joint.limbs import observed_parts
 from physic_core.geometry.free_space import fronts, in_free_space
 from physic_core.geometry.visibility import vertex_normals
@@ -154,9 +154,9 @@ def measure_contacts(
     if settings.contact.observed:
         may_touch = may_touch & observed_parts(model.part_names, problem.observed[rows])[:, model.part_of_vertex]
     plane = None if problem.floor_normal is None else (problem.floor_normal, problem.floor_offset * s)
-    scene, ground = contact_surface(problem, vertices, s, settings)
+    scene, ground = contact_surfaces(problem, vertices, s, settings)
     free = None
-    if settings.joint.conventions.free_space and problem.scene_depth is not None:
+    if settings.joint.energy_options.free_space and problem.scene_depth is not None:
         free = in_free_space(vertices / s, fronts(problem.scene_depth), problem.K)
     contact[rows], distance[rows] = contact_map(vertices, scene, ground, may_touch, settings.contact, free)
     up, height = plane or (vertices.new_tensor([0.0, -1.0, 0.0]), None)
@@ -165,7 +165,7 @@ def measure_contacts(
         measured[i] = {
             "seen_share": visible_share(body, normals, model.faces, model.outer, seen, problem.K),
             "support_gap_m": support_gap(
-                body, result.joints[i], normals, may_touch[row], distance[i], up.to(body), height, REACH_M
+                body, result.joints[i], normals, may_touch[row], distance[i], up.to(body), height, SEARCH_RADIUS_M
             ),
         }
         if problem.human_depth is not None:

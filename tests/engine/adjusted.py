@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import fields, replace
 from typing import Any, TypeVar
 
-from physic_core.engine.joint.conventions import Conventions
 from physic_core.engine.joint.energy import JointEnergy
+from physic_core.engine.joint.energy_options import EnergyOptions
 from physic_core.engine.joint.settings import JointSettings
 from physic_core.engine.settings import with_overrides
 
@@ -26,13 +26,13 @@ def adjusted(settings: Settings, **changes: Any) -> Settings:
     return with_overrides(settings, overrides)
 
 
-def with_conventions(joint: JointSettings, **changes: Any) -> JointSettings:
-    """Settings of stage 3 whose energy has some other conventions."""
+def with_options(joint: JointSettings, **changes: Any) -> JointSettings:
+    """Settings of stage 3 whose energy has some other options."""
 
     class Other(type(joint)):  # type: ignore[misc]
         @property
-        def conventions(self) -> Conventions:
-            return replace(super().conventions, **changes)
+        def energy_options(self) -> EnergyOptions:
+            return replace(super().energy_options, **changes)
 
     return Other(**{f.name: getattr(joint, f.name) for f in fields(joint)})
 

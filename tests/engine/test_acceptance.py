@@ -7,7 +7,13 @@ from dataclasses import replace
 import pytest
 import torch
 
-from physic_core.engine.joint.acceptance import accept, best_of, per_person, total_of, values_of
+from physic_core.engine.joint.acceptance import (
+    energy_per_person,
+    revert_if_worse,
+    select_lowest_energy,
+    term_totals,
+    total_energy,
+)
 from physic_core.engine.joint.optimiser import minimise
 from physic_core.engine.joint.settings import AdamSettings, LbfgsSettings
 from physic_core.engine.joint.state import State
@@ -74,7 +80,7 @@ def test_a_person_without_an_energy_keeps_nobody_at_a_worse_end():
     with torch.no_grad():
         energy.state.values["translation"][1] += 5.0
     end = energy.state.pack()
-    accept(energy, end, start)
+    revert_if_worse(energy, end, start)
     torch.testing.assert_close(energy.places()[1], STARTS[1])
 
 
@@ -91,9 +97,9 @@ def test_the_one_scale_is_the_one_with_the_lowest_total():
     start = energy.state.pack()
     with torch.no_grad():
         energy.state.values["scale"].fill_(1.0)  # log(scale) 0.1, as it should be
-        energy.state.put(start, torch.ones(2, dtype=torch.bool))
+        energy.state.load_people(start, torch.ones(2, dtype=torch.bool))
     end = energy.state.pack()
-    best_of(energy, (start, end))
+    select_lowest_energy(energy, (start, end))
     torch.testing.assert_close(energy.state.pack(), end)
 
 
@@ -110,13 +116,13 @@ def test_the_total_never_rises_even_where_people_are_bound_to_each_other():
     start = energy.state.pack()
     with torch.no_grad():
         energy.state.values["translation"][:, 0] += 1.0
-    before, after = accept(energy, energy.state.pack(), start)
+    before, after = revert_if_worse(energy, energy.state.pack(), start)
     assert before == after == {"own": 0.0, "between": 0.0}
     torch.testing.assert_close(energy.state.pack(), start)
 
 
 def test_sums_of_people_and_of_all():
     energies = {"a": torch.tensor([1.0, 2.0]), "b": torch.tensor([3.0, 4.0]), "scale": torch.tensor([5.0])}
-    assert per_person(energies).tolist() == [4.0, 6.0]
-    assert total_of(energies).item() == 15.0
-    assert values_of(energies) == {"a": 3.0, "b": 7.0, "scale": 5.0}
+    assert energy_per_person(energies).tolist() == [4.0, 6.0]
+    assert total_energy(energies).item() == 15.0
+    assert term_totals(energies) == {"a": 3.0, "b": 7.0, "scale": 5.0}

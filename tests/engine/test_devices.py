@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from physic_core.engine.contact import contact_map
-from physic_core.engine.joint.acceptance import total_of
+from physic_core.engine.joint.acceptance import total_energy
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.placement.place import PersonEvidence, PosedBodies, place
@@ -17,12 +17,12 @@ from physic_core.engine.presets import PRESETS
 from physic_core.geometry.neighbors import NearestScene
 from physic_core.geometry.visibility import vertex_normals
 
-from .adjusted import adjusted, with_conventions
+from .adjusted import adjusted, with_options
 
 DEFAULT = PRESETS["default"].joint
 HERE = {
     "default": DEFAULT,
-    "points": with_conventions(PRESETS["prox"].joint, nearest_every_step=False),
+    "points": with_options(PRESETS["prox"].joint, nearest_every_step=False),
 }
 needs_cuda = pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device here")
 
@@ -63,7 +63,7 @@ def test_an_evaluation_stays_on_one_device(two, name):
     found = there()
     assert set(found) == set(expected)
     assert all(value.device.type == "meta" for value in found.values())
-    gradients = torch.autograd.grad(total_of(found), there.state.parameters(), allow_unused=True)
+    gradients = torch.autograd.grad(total_energy(found), there.state.parameters(), allow_unused=True)
     assert all(g.device.type == "meta" for g in gradients if g is not None)
 
 
@@ -74,7 +74,7 @@ def as_double(problem, device):
         if isinstance(value := getattr(problem, f.name), torch.Tensor) and value.is_floating_point()
     }
     assert is_dataclass(problem)
-    return replace(problem, model=problem.model.to(device, torch.float64), **changed).as_model()
+    return replace(problem, model=problem.model.to(device, torch.float64), **changed).to_model_dtype()
 
 
 @needs_cuda
@@ -103,7 +103,7 @@ def test_cuda_ends_where_the_cpu_does(two):
 
 @needs_cuda
 def test_cuda_repeats_itself_bit_for_bit(two):
-    problem = replace(two.problem, model=two.problem.model.to("cuda")).as_model()
+    problem = replace(two.problem, model=two.problem.model.to("cuda")).to_model_dtype()
     one, again = (optimize(problem, adjusted(DEFAULT, optimiser__steps=20)) for _ in range(2))
     assert torch.equal(one.vertices, again.vertices)
 

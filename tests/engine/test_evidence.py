@@ -11,22 +11,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.joint.context import representatives
+from physic_core.engine.joint.context import thin_vertices
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.limbs import (
+    is_standing,
     keypoints_of_observed_limbs,
-    limb_parts,
+    limb_part_indices,
     observed_parts,
-    stands,
 )
-from physic_core.engine.joint.terms.chamfer import HumanCloud
+from physic_core.engine.joint.terms.chamfer import HumanPoints
 from physic_core.engine.joint.terms.surface import SurfaceTerms
-from physic_core.engine.joint.visibility import around
+from physic_core.engine.joint.visibility import sample_mask_neighbours
 from physic_core.engine.presets import PRESETS
 from physic_core.geometry.visibility import inside_mask, vertex_areas
 from physic_core.types import SKELETONS, Skeleton
 
-from .adjusted import adjusted, with_conventions
+from .adjusted import adjusted, with_options
 
 SETTINGS = PRESETS["default"].joint
 
@@ -40,7 +40,7 @@ def test_thinning_keeps_the_surface_and_what_may_touch(body):
     area = vertex_areas(body(*body.zero_pose(1)).vertices, body.faces)
     keep = torch.zeros(body.num_vertices, dtype=torch.bool)
     keep[body.contact_sets["gluteus"]] = True
-    ids, thinned = representatives(body, keep, 0.02, area)
+    ids, thinned = thin_vertices(body, keep, 0.02, area)
     assert len(ids) < 0.35 * body.num_vertices
     assert (ids[1:] > ids[:-1]).all()
     assert body.outer[ids].all()
@@ -55,7 +55,7 @@ def test_thinning_keeps_the_surface_and_what_may_touch(body):
 
 def test_without_a_spacing_every_outer_vertex_stays(body):
     area = vertex_areas(body(*body.zero_pose(1)).vertices, body.faces)
-    ids, same = representatives(body, torch.zeros(body.num_vertices, dtype=torch.bool), 0.0, area)
+    ids, same = thin_vertices(body, torch.zeros(body.num_vertices, dtype=torch.bool), 0.0, area)
     assert torch.equal(ids, body.outer.nonzero().flatten())
     assert torch.equal(same, area[:, ids])
 
@@ -77,7 +77,7 @@ def test_a_segment_is_observed_when_its_end_is(body):
 
 
 def test_only_limbs_can_be_self_occluded(body):
-    assert {body.part_names[i] for i in limb_parts(body.part_names)} == set(body.part_names) - {"torso", "head"}
+    assert {body.part_names[i] for i in limb_part_indices(body.part_names)} == set(body.part_names) - {"torso", "head"}
 
 
 @pytest.mark.parametrize("skeleton", ["coco17", "coco23", "blazepose33"])
@@ -113,16 +113,16 @@ def test_who_stands_and_who_does_not(make_stage):
     sitting = {"left_hip": (-1.5, 0, 0), "right_hip": (-1.5, 0, 0), "left_knee": (1.5, 0, 0), "right_knee": (1.5, 0, 0)}
     stage = make_stage([({}, (-0.6, 0.0, 3.5)), (sitting, (0.5, 0.0, 3.5))])
     problem = stage.problem
-    assert stands(problem.rotations0, stage.joints, problem.observed).tolist() == [True, False]
-    assert not stands(problem.rotations0, stage.joints, torch.zeros_like(problem.observed)).any()
+    assert is_standing(problem.rotations0, stage.joints, problem.observed).tolist() == [True, False]
+    assert not is_standing(problem.rotations0, stage.joints, torch.zeros_like(problem.observed)).any()
 
 
 @pytest.mark.parametrize(("degrees", "expected"), [(0, True), (40, True), (80, False), (180, False)])
 def test_who_lies_straight_does_not_stand(standing, degrees, expected):
     problem, joints = standing.problem, standing.joints
     up = torch.tensor([0.0, -math.cos(math.radians(degrees)), math.sin(math.radians(degrees))])
-    assert stands(problem.rotations0, joints, problem.observed, up).tolist() == [expected]
-    assert stands(problem.rotations0, joints, problem.observed).tolist() == [True]
+    assert is_standing(problem.rotations0, joints, problem.observed, up).tolist() == [expected]
+    assert is_standing(problem.rotations0, joints, problem.observed).tolist() == [True]
 
 
 def test_who_leans_on_a_wall_is_not_balanced(make_stage, standing):
@@ -142,7 +142,7 @@ def test_who_leans_on_a_wall_is_not_balanced(make_stage, standing):
 
 def test_chamfer_equals_its_plain_twin_under_a_scale(standing):
     problem = standing.problem
-    cloud = HumanCloud.of(problem, most=0)
+    cloud = HumanPoints.from_problem(problem, most=0)
     vertices = standing.vertices[:, ::7] + torch.tensor([0.01, 0.0, 0.05])
     facing = torch.rand(vertices.shape[:2], generator=torch.Generator().manual_seed(0)) < 0.5
     log_scale = torch.tensor(0.1)
@@ -154,7 +154,10 @@ def test_chamfer_equals_its_plain_twin_under_a_scale(standing):
 
 
 def test_a_thinned_cloud_stands_for_the_whole(standing):
-    whole, thinned = HumanCloud.of(standing.problem, most=0), HumanCloud.of(standing.problem, most=2000)
+    whole, thinned = (
+        HumanPoints.from_problem(standing.problem, most=0),
+        HumanPoints.from_problem(standing.problem, most=2000),
+    )
     assert len(thinned.points[0]) <= 2000 < len(whole.points[0])
     vertices, facing = standing.vertices[:, ::7], torch.ones(1, len(standing.vertices[0, ::7]), dtype=torch.bool)
     few, all_points = (c(vertices + 0.1, facing, torch.tensor(0.0)).item() for c in (thinned, whole))
@@ -163,7 +166,7 @@ def test_a_thinned_cloud_stands_for_the_whole(standing):
 
 def test_a_person_without_points_has_no_chamfer(standing):
     problem = replace(standing.problem, human_points=(torch.zeros(0, 3),))
-    cloud = HumanCloud.of(problem, most=0)
+    cloud = HumanPoints.from_problem(problem, most=0)
     vertices = standing.vertices.clone().requires_grad_()
     value = cloud(vertices, torch.ones(1, vertices.shape[1], dtype=torch.bool), torch.tensor(0.0))
     value.sum().backward()
@@ -176,7 +179,7 @@ def test_depth_is_read_where_the_photo_shows_the_person(standing):
     rows = energy.active["depth"][0] > 0
     vertices = standing.vertices[0, energy.context.ids[rows]]
     (surface,) = (term for term in energy.terms if isinstance(term, SurfaceTerms))
-    seen = surface.parts.depth.log_seen[0, rows].exp()
+    seen = surface.parts.depth.log_map_depth[0, rows].exp()
     print(f"{rows.sum()} vertices, median {1e3 * (vertices[:, 2] - seen).abs().median():.1f} mm")
     assert rows.sum() > 300
     assert (vertices[:, 2] - seen).abs().median() < 0.005
@@ -186,7 +189,7 @@ def test_points_of_the_floor_are_left_to_the_plane(standing):
     energy = JointEnergy(standing.problem, SETTINGS)
     height = standing.problem.floor_offset - energy.context.surface[:, 1]
     assert height.amin() > 0.05
-    without = JointEnergy(standing.problem, with_conventions(SETTINGS, floor="ignored"))
+    without = JointEnergy(standing.problem, with_options(SETTINGS, floor="ignored"))
     assert len(without.context.surface) > len(energy.context.surface)
     assert (without.active["floor"] == 0).all()
     assert "floor" not in without()
@@ -196,7 +199,7 @@ def test_points_without_a_normal_are_no_surface(standing):
     normals = standing.problem.scene_normals.clone()
     normals[::2] = 0
     problem = replace(standing.problem, scene_normals=normals)
-    half = JointEnergy(problem, with_conventions(SETTINGS, floor="ignored"))
+    half = JointEnergy(problem, with_options(SETTINGS, floor="ignored"))
     assert len(half.context.surface) == pytest.approx(len(normals) / 2, abs=1)
 
 
@@ -209,4 +212,4 @@ def test_round_a_pixel_lie_nine_pixels(seed, reach):
     reaches = reach * torch.rand(2, generator=g)
     steps = [torch.tensor([x, y]) for y in (-1.0, 0.0, 1.0) for x in (-1.0, 0.0, 1.0)]
     plain = torch.stack([inside_mask(uv + step * reaches[:, None, None], masks) for step in steps])
-    assert torch.equal(around(uv, masks, reaches), plain)
+    assert torch.equal(sample_mask_neighbours(uv, masks, reaches), plain)

@@ -11,10 +11,10 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from physic_core.engine.joint.context import STATIC_CONTACTS
+from physic_core.engine.joint.context import STATIC_CONTACT_PARTS
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.joint.term import View
+from physic_core.engine.joint.term import Snapshot
 from physic_core.engine.joint.terms.point_contact import PointContactTerm
 from physic_core.engine.joint.terms.reprojection import ReprojectionTerm, confident_keypoints, reprojection_energy
 from physic_core.engine.joint.terms.surface import SurfaceTerms
@@ -22,7 +22,7 @@ from physic_core.engine.presets import PRESETS
 from physic_core.geometry.robust import absolute, robust
 from physic_core.geometry.visibility import near_mask
 
-from .adjusted import adjusted, term_of, with_conventions
+from .adjusted import adjusted, term_of, with_options
 
 JOINT, PAPER, RELEASE, PROX = (PRESETS[name].joint for name in ("default", "paper", "release", "prox"))
 
@@ -53,14 +53,11 @@ def test_near_mask_equals_its_slow_twin(seed, reach):
 def test_confidence_counts_by_its_power(standing):
     confidence = torch.full_like(standing.problem.keypoint_confidence, 0.6)
     problem = replace(standing.problem, keypoint_confidence=confidence)
-    none = torch.zeros(0)
-    once, twice = (confident_keypoints(problem, none, none, power=power).weight for power in (1.0, 2.0))
+    once, twice = (confident_keypoints(problem, power=power).weight for power in (1.0, 2.0))
     torch.testing.assert_close(twice, 0.6 * once)
     assert torch.equal(JointEnergy(problem, PROX).context.keypoints.weight, twice)
     plain, halved = (replace(problem.skeleton, weights=weights) for weights in ({}, {"left_hip": 0.5}))
-    full, half = (
-        confident_keypoints(replace(problem, skeleton=skeleton), none, none).weight for skeleton in (plain, halved)
-    )
+    full, half = (confident_keypoints(replace(problem, skeleton=skeleton)).weight for skeleton in (plain, halved))
     torch.testing.assert_close(half, full * full.new_tensor([halved.weights.get(name, 1.0) for name in plain.names]))
 
 
@@ -71,9 +68,9 @@ def test_static_contacts_need_no_prior(standing):
     assert (term_of(none, SurfaceTerms).parts.contact.prior == 0).all()
     model = nobody.model
     wanted = torch.zeros(model.num_vertices, dtype=torch.bool)
-    for name in STATIC_CONTACTS:
+    for name in STATIC_CONTACT_PARTS:
         wanted[model.contact_sets[name]] = True
-    assert len(STATIC_CONTACTS) == 7
+    assert len(STATIC_CONTACT_PARTS) == 7
     assert torch.equal(term_of(static, SurfaceTerms).parts.contact.prior[0] > 0, wanted[static.context.ids])
     result = optimize(nobody, adjusted(JOINT, contact__source="static", optimiser__steps=10))
     assert result.failures == ("",)
@@ -86,11 +83,11 @@ def test_the_union_of_masks_takes_who_is_hidden_for_visible(behind):
 
 def test_all_limbs_count_as_shown_where_an_energy_takes_them_so(standing):
     unseen = replace(standing.problem, observed=torch.zeros_like(standing.problem.observed))
-    everything = with_conventions(JOINT, observed_limbs_only=False)
+    everything = with_options(JOINT, observed_limbs_only=False)
     ours, others = JointEnergy(unseen, JOINT), JointEnergy(unseen, everything)
-    assert not ours.visibility.in_play.any()
+    assert not ours.visibility.eligible.any()
     shown = JointEnergy(standing.problem, JOINT)
-    assert torch.equal(others.visibility.in_play, shown.visibility.in_play)
+    assert torch.equal(others.visibility.eligible, shown.visibility.eligible)
     assert torch.equal(others.context.keypoints.weight, shown.context.keypoints.weight)
 
 
@@ -104,11 +101,11 @@ def on_points(problem):
 def test_contact_by_angle_side_and_mean(standing):
     low = on_points(replace(standing.problem, transl0=standing.problem.transl0 + torch.tensor([0.0, 0.01, 0.0])))
     energy = JointEnergy(low, PAPER)
-    view = View(energy.visibility, energy.contacts, energy.context.start.vertices, 1.0)
+    snapshot = Snapshot(energy.visibility, energy.contacts, energy.context.start.vertices, 1.0)
 
     def weights(**options):
         term = PointContactTerm(energy.context, 1.0, 0.15, partial(robust, "square", c=1.0), **options)
-        term.refresh(view)
+        term.refresh(snapshot)
         return term.active["contact"]
 
     plain, steep = weights(), weights(max_angle_deg=30.0)

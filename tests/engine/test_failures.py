@@ -42,7 +42,7 @@ def start(two):
 @pytest.fixture(scope="module", params=[DEFAULT, PAPER], ids=["default", "paper"])
 def way(request, start):
     """Settings, and where the second person ends alone."""
-    return request.param, optimize(start.pick(torch.tensor([1])), request.param)
+    return request.param, optimize(start.select_people(torch.tensor([1])), request.param)
 
 
 def broken(problem, what):
@@ -100,6 +100,6 @@ def test_with_other_starts_too(two, what, monkeypatch):
     monkeypatch.setattr(schedule, "RESTART_ERROR", 0.0)
     every = adjusted(DEFAULT, optimiser__steps=10, optimiser__refresh_steps=5, restarts=3)
     result = optimize(broken(two.problem, what), every)
-    alone = optimize(two.problem.pick(torch.tensor([1])), every)
+    alone = optimize(two.problem.select_people(torch.tensor([1])), every)
     assert result.failures[1] == ""
     assert 1e3 * (result.vertices[1] - alone.vertices[0]).norm(dim=-1).mean() < 2

@@ -17,7 +17,7 @@ from physic_core.engine.presets import PRESETS
 from physic_core.engine.presets.paper import PaperJoint
 from physic_core.errors import PhysicError
 
-from .adjusted import adjusted, with_conventions
+from .adjusted import adjusted, with_options
 
 pytestmark = pytest.mark.kernels
 
@@ -110,7 +110,7 @@ def test_two_people_do_not_disturb_each_other(two):
     both = optimize(moved(two.problem, by=shifts), SETTINGS)
     print("vertices", [f"{e:.1f} mm" for e in error_mm(both, two).tolist()])
     assert error_mm(both, two).amax() < 25
-    alone = optimize(moved(two.problem, by=shifts).pick(torch.tensor([0])), SETTINGS)
+    alone = optimize(moved(two.problem, by=shifts).select_people(torch.tensor([0])), SETTINGS)
     assert (alone.vertices[0] - both.vertices[0]).norm(dim=-1).mean() < 0.015
 
 
@@ -168,7 +168,7 @@ def test_legs_that_the_photo_does_not_show_feel_no_floor(standing, monkeypatch):
         assert (weight[0, on_legs] == 0).all()
     assert (energy.active["soles"] == 0).all()
     for unseen_weight in (0.4, 0.0):
-        monkeypatch.setattr(reprojection, "_UNSEEN_WEIGHT", unseen_weight)
+        monkeypatch.setattr(reprojection, "_INVISIBLE_WEIGHT", unseen_weight)
         result = optimize(cut, SETTINGS)
         assert error_mm(result, standing) < 10
         assert "lowest_sole_m" not in result.diagnostics[0]
@@ -258,7 +258,7 @@ def test_gradient_of_the_whole_energy(make_stage, settings):
     }
     problem = replace(problem, model=problem.model.to(dtype=torch.float64), **double)
     # Nearest points and signs may switch between two evaluations: hold them, as a line search does.
-    energy = JointEnergy(problem, with_conventions(settings, nearest_every_step=False))
+    energy = JointEnergy(problem, with_options(settings, nearest_every_step=False))
     here = energy.state.pack()
     generator = torch.Generator().manual_seed(0)
     size = 0.05 if energy.state.whitened else 1e-3
@@ -300,7 +300,7 @@ def test_a_broken_person_stays_and_the_others_go_on(two):
     rotations = two.problem.rotations0.clone()
     rotations[0, 3] = torch.nan
     result = optimize(moved(replace(two.problem, rotations0=rotations), by=(0.0, 0.05, 0.0)), SETTINGS)
-    assert result.failures == ("the start is not made of numbers, or lies behind the camera", "")
+    assert result.failures == ("the start has non-finite parameters or is behind the camera", "")
     assert result.diagnostics[0] == {}
     assert torch.equal(result.transl[0], two.problem.transl0[0] + torch.tensor([0.0, 0.05, 0.0]))
     assert error_mm(result, two)[1] < 5
@@ -311,7 +311,7 @@ def test_a_person_whose_energy_is_no_number_stays_and_the_others_go_on(two):
     betas = two.problem.betas0.clone()
     betas[0] = 1e30
     result = optimize(replace(two.problem, betas0=betas), SETTINGS)
-    assert result.failures == ("the energy of the start is not a number", "")
+    assert result.failures == ("the energy of the start is not finite", "")
     assert error_mm(result, two)[1] < 5
 
 
@@ -357,7 +357,7 @@ def test_nearest_strategies_agree(make_stage, nearest):
     seat = seat_of(make_stage(people))
     stage = make_stage(people, boxes=[((-0.4, seat, 2.7), (0.4, 1.3, 3.3))])
     want = JointEnergy(stage.problem, SETTINGS)()
-    got = JointEnergy(stage.problem, with_conventions(SETTINGS, nearest=nearest))()
+    got = JointEnergy(stage.problem, with_options(SETTINGS, nearest=nearest))()
     tolerance = 0.1 if nearest == "grid" else 1e-4
     assert got["contact"].item() == pytest.approx(want["contact"].item(), rel=tolerance)
 
@@ -453,9 +453,9 @@ def test_who_is_elsewhere_has_the_depth_offset_of_those_without_a_floor(two):
 def test_who_is_picked_stays_where_they_stand(two):
     grounded = torch.tensor([False, True])
     told = replace(two.problem, grounded=grounded)
-    assert told.pick(torch.tensor([1])).grounded.tolist() == [True]
-    assert told.pick(torch.tensor([1, 0])).grounded.tolist() == [True, False]
-    assert two.problem.pick(torch.tensor([1])).grounded is None
+    assert told.select_people(torch.tensor([1])).grounded.tolist() == [True]
+    assert told.select_people(torch.tensor([1, 0])).grounded.tolist() == [True, False]
+    assert two.problem.select_people(torch.tensor([1])).grounded is None
     rotations = two.problem.rotations0.clone()
     rotations[0, 3] = torch.nan
     result = optimize(replace(told, rotations0=rotations), adjusted(SETTINGS, optimiser__steps=2))

@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 import torch
 
-from physic_core.engine.joint.acceptance import total_of
-from physic_core.engine.joint.optimiser import _Curvature, minimise
+from physic_core.engine.joint.acceptance import total_energy
+from physic_core.engine.joint.optimiser import LbfgsHistory, minimise
 from physic_core.engine.joint.settings import AdamSettings, LbfgsSettings
 from physic_core.engine.joint.state import State
 
@@ -72,23 +72,23 @@ def test_the_direction_is_that_of_the_two_loops(count):
     g = torch.Generator().manual_seed(count)
     root = torch.randn(90, 90, generator=g).double()
     hessian = root @ root.T + torch.eye(90).double()
-    curvature, pairs = _Curvature(), []
+    curvature, pairs = LbfgsHistory(), []
     for _ in range(count):
         step = torch.randn(90, generator=g).double()
         pairs.append((step, hessian @ step))
-        curvature.learn(*pairs[-1])
+        curvature.add(*pairs[-1])
     gradient = torch.randn(90, generator=g).double()
     want = two_loops(pairs[-40:], gradient)
-    torch.testing.assert_close(curvature.descent(gradient), want, rtol=1e-6, atol=1e-6 * want.norm().item())
+    torch.testing.assert_close(curvature.direction(gradient), want, rtol=1e-6, atol=1e-6 * want.norm().item())
 
 
 def test_a_step_along_which_the_energy_bends_down_teaches_nothing():
-    curvature = _Curvature()
+    curvature = LbfgsHistory()
     gradient = torch.tensor([3.0, 4.0])
-    before = curvature.descent(gradient)
+    before = curvature.direction(gradient)
     torch.testing.assert_close(before, -0.1 * gradient)  # half a unit long
-    curvature.learn(torch.tensor([1.0, 0.0]), torch.tensor([-1.0, 0.0]))
-    assert torch.equal(curvature.descent(gradient), before)
+    curvature.add(torch.tensor([1.0, 0.0]), torch.tensor([-1.0, 0.0]))
+    assert torch.equal(curvature.direction(gradient), before)
 
 
 def test_looks_anew_at_least_every_thirty_steps():
@@ -154,4 +154,4 @@ def test_nothing_free_is_nothing_done():
 
 
 def test_the_total_is_the_sum_of_all_people_and_terms():
-    assert total_of({"a": torch.tensor([1.0, 2.0]), "b": torch.tensor(4.0)}).item() == 7.0
+    assert total_energy({"a": torch.tensor([1.0, 2.0]), "b": torch.tensor(4.0)}).item() == 7.0

@@ -78,7 +78,7 @@ def test_one_person_who_diverges_takes_nothing_from_the_other(start):
     settings = adjusted(SHORT, frozen=("scale",))
     keypoints = start.keypoints.clone()
     keypoints[0, ::2] = 1e6 * start.K[0, 2]
-    alone = optimize(start.pick(torch.tensor([1])), settings)
+    alone = optimize(start.select_people(torch.tensor([1])), settings)
     both = optimize(replace(start, keypoints=keypoints), settings)
     torch.testing.assert_close(both.vertices[1], alone.vertices[0], atol=1e-3, rtol=0)
     assert (both.transl[1] - start.transl0[1]).norm() > 0.01
@@ -100,7 +100,7 @@ def test_visible_vertices_are_regularised_and_hidden_ones_more(make_stage):
     stage = make_stage([({}, (0.0, 0.0, 3.2))], boxes=[((-0.6, 0.55, 2.9), (0.6, 1.3, 3.12))])
     energy = JointEnergy(floor_grid(stage.problem), PAPER)
     weight = energy.active["regularisation"]
-    hidden = energy.visibility.hidden | ~energy.visibility.in_play
+    hidden = energy.visibility.hidden | ~energy.visibility.eligible
     assert 0.2 < hidden.float().mean() < 0.95
     assert weight[~hidden].unique().tolist() == [1.0]
     assert weight[hidden].unique().tolist() == [12.0]
@@ -129,7 +129,7 @@ def test_contact_outside_the_picture_counts(make_stage):
     stage = make_stage([({}, (0.0, 0.0, 1.8))])
     energy = JointEnergy(floor_grid(stage.problem), PAPER)
     soles = torch.cat(energy.context.soles)
-    assert not energy.visibility.in_play[0, soles].any()
+    assert not energy.visibility.eligible[0, soles].any()
     assert (energy.active["contact"][0, soles] > 0).float().mean() > 0.9
 
 

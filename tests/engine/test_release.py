@@ -13,9 +13,9 @@ import pytest
 import torch
 from torch import Tensor
 
-from physic_core.engine.contact import contact_map, contact_surface
+from physic_core.engine.contact import contact_map, contact_surfaces
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.limbs import limb_parts
+from physic_core.engine.joint.limbs import limb_part_indices
 from physic_core.engine.joint.released.reprojection import released_keypoint_weights
 from physic_core.engine.joint.released.visibility import mean_face_normals, visible_part_shares
 from physic_core.engine.joint.solve import optimize
@@ -125,8 +125,8 @@ def test_what_is_seen_is_looked_at_once_where_the_keypoints_put_the_body(publish
 @pytest.mark.parametrize("state", ["s3_start", "probe"])
 def test_limbs_are_seen_by_the_published_share(published: Published, state: str) -> None:
     model = published.problem().model
-    names = [model.part_names[p] for p in limb_parts(model.part_names)]
-    parts = sorted(limb_parts(model.part_names), key=lambda p: model.part_names[p].startswith("right"))
+    names = [model.part_names[p] for p in limb_part_indices(model.part_names)]
+    parts = sorted(limb_part_indices(model.part_names), key=lambda p: model.part_names[p].startswith("right"))
     assert {model.part_names[p] for p in parts} == set(names)
     vertices = published[f"one/out/{state}/vertices"][0]
     shares = visible_part_shares(vertices, model.faces, model.part_of_vertex, parts)
@@ -161,7 +161,7 @@ def test_each_keypoint_pulls_alike_in_every_joint_set(published: Published) -> N
 
 def test_nearest_points_are_those_of_the_published_grid(published: Published) -> None:
     points = torch.cat([published.scene[0], published.floor])
-    scene = NearestScene(points, torch.zeros_like(points), 10.0, RELEASE.joint.conventions.nearest)
+    scene = NearestScene(points, torch.zeros_like(points), 10.0, RELEASE.joint.energy_options.nearest)
     query = published["one/in/knn/query"]
     found = scene.query(query)
     same = found.index == published["one/out/knn/s1.0/idx"].long()
@@ -209,7 +209,7 @@ def test_stage_three_ends_within_5_mm(published: Published) -> None:
 def test_no_vertex_of_the_contact_map_differs(published: Published, whose: str) -> None:
     vertices, scale = whose_body(published, whose)
     problem = published.problem()
-    scene, floor = contact_surface(problem, vertices, scale, RELEASE)
+    scene, floor = contact_surfaces(problem, vertices, scale, RELEASE)
     contact, _ = contact_map(vertices, scene, floor, problem.model.outer, RELEASE.contact)
     assert int((contact != published.bits(f"one/out/contact_map/{whose}")).sum()) == 0
 
@@ -247,7 +247,7 @@ def test_stage_one_is_the_published_one(published: Published) -> None:
     )
     for whose in WHOSE:
         vertices, scale = whose_body(published, whose)
-        around, floor = contact_surface(problem, vertices, scale, RELEASE)
+        around, floor = contact_surfaces(problem, vertices, scale, RELEASE)
         contact, _ = contact_map(vertices, around, floor, problem.model.outer, RELEASE.contact)
         assert int((contact != published.bits(f"one/out/contact_map/{whose}")).sum()) == 0
 

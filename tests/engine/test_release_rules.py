@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from physic_core.engine.contact import contact_map, contact_surface
+from physic_core.engine.contact import contact_map, contact_surfaces
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.released.reprojection import released_keypoint_weights, released_reprojection
 from physic_core.engine.joint.released.visibility import faces_optical_axis, mean_face_normals, visible_part_shares
@@ -117,7 +117,7 @@ def test_two_people_share_the_mean_and_keep_their_own_points(pair) -> None:
     moved = replace(problem, transl0=problem.transl0 + torch.tensor([0.02, 0.0, 0.05]))
     energies = JointEnergy(released(moved), RELEASE.joint)()
     for i in (0, 1):
-        alone = JointEnergy(released(moved).pick(torch.tensor([i])), RELEASE.joint)()
+        alone = JointEnergy(released(moved).select_people(torch.tensor([i])), RELEASE.joint)()
         assert float(energies["reprojection"][i].detach()) == pytest.approx(float(alone["reprojection"].detach()) / 2)
         assert float(energies["contact"][i].detach()) == pytest.approx(float(alone["contact"].detach()), rel=1e-4)
     result = optimize(released(moved), adjusted(RELEASE.joint, optimiser__steps=40))
@@ -228,7 +228,7 @@ def test_a_floor_of_samples_is_touched_where_its_samples_are(standing) -> None:
     outer = torch.ones(2, dtype=torch.bool)
     for preset, expected in (("release", [True, False]), ("default", [True, True])):
         settings = PRESETS[preset]
-        scene, plane = contact_surface(problem, over, 1.0, settings)
+        scene, plane = contact_surfaces(problem, over, 1.0, settings)
         assert contact_map(over, scene, plane, outer, settings.contact)[0][0].tolist() == expected
 
 

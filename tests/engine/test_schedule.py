@@ -10,9 +10,9 @@ import roma
 import torch
 
 from physic_core.engine.joint import schedule
-from physic_core.engine.joint.acceptance import total_of
+from physic_core.engine.joint.acceptance import total_energy
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.schedule import pick_starts, run
+from physic_core.engine.joint.schedule import minimise_with_restarts, select_start_poses
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.presets import PRESETS
 from physic_core.engine.presets.default import DefaultJoint
@@ -25,7 +25,7 @@ JOINT = PRESETS["default"].joint
 class Late(DefaultJoint):
     """Preset "default" whose scene joins after half of the steps, as PROX's does."""
 
-    scene_after = 0.5
+    scene_start_share = 0.5
 
 
 LATE = Late()
@@ -53,7 +53,7 @@ def test_one_start_is_the_plain_way(two):
     problem = tilted(two.problem, (5.0, -5.0))
     settings = adjusted(JOINT, optimiser__steps=20)
     energy = JointEnergy(problem, settings)
-    trace = run(energy, settings)
+    trace = minimise_with_restarts(energy, settings)
     assert torch.equal(optimize(problem, settings).transl, energy.state.unpack().transl)
     assert trace.steps == 20
 
@@ -62,7 +62,7 @@ def test_nobody_who_is_sure_costs_another_start(two, monkeypatch):
     monkeypatch.setattr(schedule, "RESTART_ERROR", 0.02)
     settings = adjusted(JOINT, optimiser__steps=20, restarts=5)
     energy = JointEnergy(two.problem, settings)
-    spent = pick_starts(energy, settings)
+    spent = select_start_poses(energy, settings)
     assert spent <= 2 * settings.optimiser.refresh_steps + 2
     assert error_mm(optimize(two.problem, settings), two).amax() < 5
 
@@ -74,8 +74,8 @@ def test_other_starts_are_never_worse(two, monkeypatch):
     for starts in (1, 3, 5):
         settings = adjusted(JOINT, optimiser__steps=20, optimiser__refresh_steps=10, restarts=starts)
         energy = JointEnergy(problem, settings)
-        trace = run(energy, settings)
-        ends[starts] = float(total_of(energy()).detach())
+        trace = minimise_with_restarts(energy, settings)
+        ends[starts] = float(total_energy(energy()).detach())
         assert sum(trace.end.values()) == pytest.approx(ends[starts], rel=1e-3)
     print({k: round(v, 2) for k, v in ends.items()})
     assert ends[3] <= 1.02 * ends[1]
@@ -88,7 +88,7 @@ def test_each_person_keeps_their_own_best_start(two, monkeypatch):
     problem = tilted(two.problem, (15.0, -15.0))
     settings = adjusted(JOINT, restarts=3, optimiser__steps=1, optimiser__refresh_steps=1)
     energy = JointEnergy(problem, settings)
-    pick_starts(energy, settings)
+    select_start_poses(energy, settings)
     roots = energy.state.unpack().rotations[:, 0]
     truth = two.problem.rotations0[:, 0]
     off = [math.degrees(roma.rotmat_geodesic_distance(r, t).item()) for r, t in zip(roots, truth, strict=True)]

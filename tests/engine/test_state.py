@@ -10,7 +10,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from physic_core.engine.joint.state import GROUPS, Spread, State
+from physic_core.engine.joint.state import GROUPS, State, StateSigmas
 from physic_core.errors import PhysicError
 
 K = 4
@@ -70,7 +70,7 @@ def test_the_face_is_kept():
 
 def test_one_unit_is_the_expected_move():
     rotations, betas, transl, pelvis = start()
-    state = State(rotations, betas, transl, pelvis, spread=Spread(scale=0.1, offset=0.2, warp=0.06))
+    state = State(rotations, betas, transl, pelvis, sigmas=StateSigmas(scale=0.1, offset=0.2, warp=0.06))
     with torch.no_grad():
         for group in GROUPS:
             state.values[group].zero_()
@@ -115,7 +115,7 @@ def test_all_stray_from_zero_at_the_start(whitened):
         "warp": 1,
     }
     numbers = {group: float(i) for i, group in enumerate(sizes)}
-    assert state.per_parameter(numbers).tolist() == [
+    assert state.expand_to_parameters(numbers).tolist() == [
         numbers[group] for group, size in sizes.items() for _ in range(size)
     ]
     assert people.shape == (2, sum(sizes.values()))
@@ -128,7 +128,7 @@ def test_each_group_strays_in_its_own_columns(whitened):
     for group in (g for g in GROUPS if g != "scale"):
         with torch.no_grad():
             state.values[group] += 1.0
-        own = state.per_parameter({g: float(g == group) for g in GROUPS if g != "scale"})
+        own = state.expand_to_parameters({g: float(g == group) for g in GROUPS if g != "scale"})
         torch.testing.assert_close(state.deviation()[0], own.expand(2, -1), atol=1e-6, rtol=0)
         with torch.no_grad():
             state.values[group] -= 1.0

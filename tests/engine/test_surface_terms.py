@@ -12,13 +12,13 @@ from physic_core.engine.joint.terms.surface import SurfaceTerms, reference_surfa
 from physic_core.engine.joint.terms.surface_fused import fused_surface_energies
 from physic_core.engine.presets import PRESETS
 
-from .adjusted import adjusted, with_conventions
+from .adjusted import adjusted, with_options
 
 DEFAULT = PRESETS["default"].joint
 SETTINGS = {
     "default": DEFAULT,
     "frozen": adjusted(DEFAULT, frozen=("scale", "warp", "offset")),
-    "no plane": with_conventions(DEFAULT, floor="points"),
+    "no plane": with_options(DEFAULT, floor="points"),
     "no contact": adjusted(DEFAULT, contact__weight=0.0),
     "contact alone": adjusted(DEFAULT, depth__weight=0.0, penetration__weight=0.0, floor__weight=0.0),
 }

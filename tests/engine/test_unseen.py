@@ -8,9 +8,9 @@ import pytest
 import torch
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.joint.context import STATIC_CONTACTS
+from physic_core.engine.joint.context import STATIC_CONTACT_PARTS
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.limbs import confirmed_joints, keypoints_of_observed_limbs
+from physic_core.engine.joint.limbs import detected_joints, keypoints_of_observed_limbs
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.terms import reprojection
 from physic_core.engine.joint.terms.surface import SurfaceTerms
@@ -37,7 +37,7 @@ def confirmed(name, confidence=0.9, at=(10.0, 20.0), least=0.7, skeleton=SKELETO
     sure[0, NAMES.index(name)] = confidence
     masks = torch.zeros(1, 100, 100, dtype=torch.bool)
     masks[..., :50] = True
-    found = confirmed_joints(skeleton, keypoints, sure, masks, least)[0]
+    found = detected_joints(skeleton, keypoints, sure, masks, least)[0]
     return {joint for joint, i in JOINT_INDEX.items() if found[i]}
 
 
@@ -67,7 +67,7 @@ def test_likely_parts_count_where_the_prior_says_nothing(standing):
     energy = JointEnergy(nobody, adjusted(SETTINGS, contact__static_weight=0.25))
     prior = term_of(energy, SurfaceTerms).parts.contact.prior
     likely = torch.zeros(nobody.model.num_vertices, dtype=torch.bool)
-    for name in STATIC_CONTACTS:
+    for name in STATIC_CONTACT_PARTS:
         likely[nobody.model.contact_sets[name]] = True
     torch.testing.assert_close(prior[0], 0.25 * likely[energy.context.ids].float())
 
@@ -102,7 +102,7 @@ def sole_height(problem, vertices):
 
 
 def test_an_unseen_foot_that_hovers_comes_down(standing, monkeypatch):
-    monkeypatch.setattr(reprojection, "_UNSEEN_WEIGHT", 0.0)
+    monkeypatch.setattr(reprojection, "_INVISIBLE_WEIGHT", 0.0)
     problem = lifted(standing, 0.06)
     start = problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0).vertices
     assert 0.03 < sole_height(problem, start) < 0.1
@@ -115,7 +115,7 @@ def test_an_unseen_foot_that_hovers_comes_down(standing, monkeypatch):
 
 
 def test_guessed_keypoints_count_by_their_own_weight_and_not_at_the_border_of_the_photo(standing, monkeypatch):
-    monkeypatch.setattr(reprojection, "_UNSEEN_WEIGHT", 0.5)
+    monkeypatch.setattr(reprojection, "_INVISIBLE_WEIGHT", 0.5)
     problem = lifted(standing, 0.06)
     hidden = ~keypoints_of_observed_limbs(problem.skeleton, problem.observed)
     assert hidden.sum() >= 2
@@ -138,7 +138,7 @@ def test_guessed_keypoints_bring_a_hidden_foot_back(standing, monkeypatch):
     aside[:, hip] = aside[:, hip] @ rotvec_to_rotmat(torch.tensor([0.0, 0.0, 0.12]))
 
     def off(weight):
-        monkeypatch.setattr(reprojection, "_UNSEEN_WEIGHT", weight)
+        monkeypatch.setattr(reprojection, "_INVISIBLE_WEIGHT", weight)
         end = optimize(replace(problem, rotations0=aside), SETTINGS).joints
         return float((end - posed.joints)[0, ankle].norm())
 

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.local_depth_scale import log_factor, warp_share
+from physic_core.engine.joint.local_depth_scale import log_local_scale, warp_share
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.terms.surface import SurfaceTerms, reference_surface_energies
 from physic_core.engine.joint.terms.surface_fused import fused_surface_energies
@@ -69,7 +69,9 @@ def test_everything_takes_the_warp_where_there_is_no_floor():
 
 
 def factor(points, warps, bodies=(LEFT, RIGHT), floor=None):
-    return log_factor(points, torch.cat(bodies[: len(warps)]), torch.tensor(warps, dtype=torch.float64), floor, OFFSET)
+    return log_local_scale(
+        points, torch.cat(bodies[: len(warps)]), torch.tensor(warps, dtype=torch.float64), floor, OFFSET
+    )
 
 
 @given(SEEDS, WARPS)
@@ -79,7 +81,7 @@ def test_at_a_person_the_factor_is_their_warp(seed, warp):
     points = torch.cat([inside, beside])
     torch.testing.assert_close(factor(points, [warp]), torch.full((40,), warp, dtype=torch.float64))
     far = torch.cat([LEFT, RIGHT + torch.tensor([2.0, 0.0, 0.0])])  # somebody 2.4 m away changes nothing
-    there = log_factor(points, far, torch.tensor([warp, 0.07], dtype=torch.float64), None, 0.0)
+    there = log_local_scale(points, far, torch.tensor([warp, 0.07], dtype=torch.float64), None, 0.0)
     torch.testing.assert_close(there, torch.full((40,), warp, dtype=torch.float64))
 
 
@@ -135,7 +137,7 @@ def test_neighbouring_points_stay_neighbours(seed, left, right):
 
 
 def test_nobody_warps_nothing():
-    assert (log_factor(draw(0, 3, 4, 3), torch.zeros(0, 7, 3), torch.zeros(0), None, 0.0) == 0).all()
+    assert (log_local_scale(draw(0, 3, 4, 3), torch.zeros(0, 7, 3), torch.zeros(0), None, 0.0) == 0).all()
 
 
 # ---- the energy

@@ -1,1 +1,1 @@
-"""Stage 3: people and scene optimised together (paper Sec. 3.3)."""
+"""Stage 3: joint optimisation of people and scene (paper Sec. 3.3)."""

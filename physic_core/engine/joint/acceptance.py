@@ -1,4 +1,4 @@
-"""Accept the optimised state per person: no person ends with a higher energy than at the start.
+"""Keep the better state of each person: nobody ends with a higher energy than at the start.
 
 All people share the scene's scale, so a person's energies in two states are comparable only at one scale. For the scale
 of each state, every person takes the state with their lower energy. The scale with the lowest total is kept. Only
@@ -16,42 +16,56 @@ from torch import Tensor
 
 from physic_core.engine.joint.state import State
 
-__all__ = ["Energy", "accept", "best_of", "per_person", "total_of", "values_of"]
+__all__ = [
+    "Energy",
+    "energy_per_person",
+    "finite_energy_per_person",
+    "revert_if_worse",
+    "select_lowest_energy",
+    "term_totals",
+    "total_energy",
+]
 
-_SHARED = "scale"  # the term of the scene, not of a person
+_SCENE_TERM = "scale"  # the term of the scene, not of a person
 
 
 class Energy(Protocol):
-    """An energy over a state that can be minimised."""
+    """Energy that can be minimised over a state."""
 
     state: State
 
     def __call__(self) -> Mapping[str, Tensor]:
-        """Weighted terms at the present state, (B,) each, and "scale" of the scene; differentiable."""
+        """Return the weighted terms at the present state: (B,) each, "scale" is (1,); differentiable."""
 
     def refresh(self) -> None:
         """Update visibility and nearest points to the present state."""
 
 
-def total_of(energies: Mapping[str, Tensor]) -> Tensor:
-    """Sum of all terms: ()."""
+def total_energy(energies: Mapping[str, Tensor]) -> Tensor:
+    """Return the sum of all terms: ()."""
     return torch.cat([value.reshape(-1) for value in energies.values()]).sum()
 
 
-def per_person(energies: Mapping[str, Tensor]) -> Tensor:
-    """(B,) sum of the terms of each person, without the term of the scene."""
-    return torch.stack([value for name, value in energies.items() if name != _SHARED]).sum(0)
+def energy_per_person(energies: Mapping[str, Tensor]) -> Tensor:
+    """Return the sum of each person's terms: (B,). The term of the scene is left out."""
+    return torch.stack([value for name, value in energies.items() if name != _SCENE_TERM]).sum(0)
 
 
-def values_of(energies: Mapping[str, Tensor]) -> dict[str, float]:
-    """Term -> its sum over people."""
+def finite_energy_per_person(energies: Mapping[str, Tensor]) -> Tensor:
+    """Return the energy of each person: (B,); inf where it is not finite."""
+    own = energy_per_person(energies)
+    return torch.where(torch.isfinite(own), own, torch.inf)
+
+
+def term_totals(energies: Mapping[str, Tensor]) -> dict[str, float]:
+    """Return the sum of each term over all people: term name -> energy."""
     sums = torch.stack([value.detach().sum() for value in energies.values()]) if energies else torch.zeros(0)
     return dict(zip(energies, sums.tolist(), strict=True))
 
 
 @torch.no_grad()
-def accept(energy: Energy, end: Tensor, start: Tensor) -> tuple[dict[str, float], dict[str, float]]:
-    """Set each person to the end state, or to the start where their own energy is lower there.
+def revert_if_worse(energy: Energy, end: Tensor, start: Tensor) -> tuple[dict[str, float], dict[str, float]]:
+    """Set each person to the end state, or to the start state if their energy is lower there.
 
     Args:
         energy: its visibility is that of the end.
@@ -66,19 +80,21 @@ def accept(energy: Energy, end: Tensor, start: Tensor) -> tuple[dict[str, float]
     before = energy()
     state.load(end)
     after = energy()
-    if not bool((_finite(after) <= _finite(before)).all()) or not _sum(after) <= _sum(before):
-        best_of(energy, (end, start))
+    better = finite_energy_per_person(after) <= finite_energy_per_person(before)
+    if not bool(better.all()) or not _finite_total(after) <= _finite_total(before):
+        select_lowest_energy(energy, (end, start))
         after = energy()
-        if not _sum(after) <= _sum(before):  # terms between people depend on the other people's states
+        if not _finite_total(after) <= _finite_total(before):
+            # Terms between people depend on the other people's states.
             state.load(start)
             after = before
         if not torch.equal(state.pack(), end):
             energy.refresh()
-    return values_of(before), values_of(after)
+    return term_totals(before), term_totals(after)
 
 
 @torch.no_grad()
-def best_of(energy: Energy, states: Sequence[Tensor], *, refresh: bool = False) -> None:
+def select_lowest_energy(energy: Energy, states: Sequence[Tensor], *, refresh: bool = False) -> None:
     """Set each person to their state of lowest energy, at the scene's scale with the lowest total.
 
     Args:
@@ -87,29 +103,29 @@ def best_of(energy: Energy, states: Sequence[Tensor], *, refresh: bool = False) 
         refresh: compare each state under its own visibility, instead of all under the present one.
     """
     state = energy.state
-    everybody = torch.ones(state.people, dtype=torch.bool, device=states[0].device)
+    everybody = torch.ones(state.num_people, dtype=torch.bool, device=states[0].device)
     best, chosen = (math.inf, math.inf), states[0]
     for shared in states:
         mixed, own, scale = None, None, 0.0
         for other in states:
             state.load(shared)
-            state.put(other, everybody)
+            state.load_people(other, everybody)
             if refresh:
                 energy.refresh()
             energies = energy()
-            scale = float(energies[_SHARED].sum()) if _SHARED in energies else 0.0
-            found = _finite(energies)
+            scale = float(energies[_SCENE_TERM].sum()) if _SCENE_TERM in energies else 0.0
+            found = finite_energy_per_person(energies)
             if mixed is None or own is None:
                 mixed, own = state.pack(), found
                 continue
             better = found < own
             state.load(mixed)
-            state.put(other, better)
+            state.load_people(other, better)
             mixed, own = state.pack(), torch.where(better, found, own)
         if own is not None and mixed is not None:
             # A person with non-finite energy in all states is left out of the totals.
-            known = torch.isfinite(own)
-            value = (float((~known).sum()), float(own[known].sum()) + scale)
+            finite = torch.isfinite(own)
+            value = (float((~finite).sum()), float(own[finite].sum()) + scale)
             if value < best:
                 best, chosen = value, mixed
     state.load(chosen)
@@ -117,12 +133,7 @@ def best_of(energy: Energy, states: Sequence[Tensor], *, refresh: bool = False) 
         energy.refresh()
 
 
-def _finite(energies: Mapping[str, Tensor]) -> Tensor:
-    """(B,) energy of each person, inf where it is not finite."""
-    own = per_person(energies)
-    return torch.where(torch.isfinite(own), own, torch.inf)
-
-
-def _sum(energies: Mapping[str, Tensor]) -> float:
-    total = float(total_of(energies))
+def _finite_total(energies: Mapping[str, Tensor]) -> float:
+    """Return the total energy; inf if it is not finite."""
+    total = float(total_energy(energies))
     return total if math.isfinite(total) else math.inf

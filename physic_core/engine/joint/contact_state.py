@@ -1,4 +1,4 @@
-"""Nearest scene point of each vertex, and its distances to the scene and to the floor. Camera frame, metres."""
+"""Nearest scene point of each vertex, and distances to the scene and to the floor. Camera frame, metres."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from physic_core.engine.joint.local_depth_scale import warp_share
 from physic_core.geometry.free_space import in_free_space
 from physic_core.geometry.neighbors import NearestScene, near_boxes
 
-__all__ = ["WANDER_M", "ContactState", "scene_near", "update_contacts"]
+__all__ = ["MAX_MOTION_M", "ContactState", "nearby_scene", "update_contacts"]
 
-WANDER_M = 0.6
-"""How far people may move, metres, before the search structure of nearby scene points is built again."""
+MAX_MOTION_M = 0.6
+"""Motion of people, metres, after which the search structure of nearby scene points is built again."""
 
-_LEVEL = 0.7  # cosine between a normal and up: a level surface
-_STEP_M = 0.1  # metres over the floor: lower points belong to the floor, which the point map bends
+_MIN_LEVEL_COSINE = 0.7  # between up and the normal of a level surface
+_MIN_STEP_M = 0.1  # height of a step; lower points may be floor that the point map bends
 
 
 @dataclass(frozen=True)
 class ContactState:
-    """Nearest points and distances of the tracked vertices (B, n) at one state.
+    """Nearest scene points and distances of the tracked vertices (B, n).
 
     Attributes:
-        found: bool, a scene point is within reach.
+        found: bool, a scene point is within the search radius.
         distance: to that point, metres.
-        signed: along its normal, metres, negative inside; inf where none is within reach.
-        height: over the floor's plane, metres; inf where there is no plane.
+        signed: along its normal, metres, negative inside; inf if no point is found.
+        height: over the floor's plane, metres; inf if there is no plane.
         facing_scene: cosine between the body's normal and minus the scene's normal; 0 without a scene.
         facing_floor: cosine between the body's normal and minus the floor's normal.
         on_step: bool, the nearest point is on a level surface more than 10 cm over the floor.
@@ -55,12 +55,12 @@ class ContactState:
     warp_share: Tensor | None
 
 
-def scene_near(context: JointContext, vertices: Tensor, scale: float) -> NearestScene:
-    """Search structure of the scene points near people (B, V, 3), with a margin for their motion."""
-    radius, nearest = context.conventions.search_radius_m, context.conventions.nearest
+def nearby_scene(context: JointContext, vertices: Tensor, scale: float) -> NearestScene:
+    """Build the search structure of the scene points near people (B, V, 3), with a margin for their motion."""
+    radius, nearest = context.options.search_radius_m, context.options.nearest
     if nearest == "grid":  # its nodes depend on the extent of the scene
         return NearestScene(context.surface, context.surface_normals, radius, "grid")
-    keep = near_boxes(context.surface, vertices / scale, (radius + WANDER_M) / scale)
+    keep = near_boxes(context.surface, vertices / scale, (radius + MAX_MOTION_M) / scale)
     return NearestScene(context.surface[keep], context.surface_normals[keep], radius, nearest)
 
 
@@ -71,9 +71,8 @@ def update_contacts(
     """Find the nearest scene points and measure the distances to them and to the floor.
 
     Args:
-        context: constants of this optimisation.
         body_normals: (B, n, 3) unit.
-        scene: from :func:`scene_near`.
+        scene: from :func:`nearby_scene`.
         vertices: (B, n, 3) tracked vertices, metres.
         scale: of the scene.
         warp: (B,) log of the local depth scale near each person.
@@ -82,7 +81,7 @@ def update_contacts(
     warped = vertices / warp.exp()[:, None, None]
     nearest = scene.query(warped, scale)
     far, zeros = torch.full_like(context.area, torch.inf), torch.zeros_like(context.area)
-    no = torch.zeros_like(context.seen_part)
+    no = torch.zeros_like(context.on_visible_part)
     free = no if context.fronts is None else in_free_space(warped / scale, context.fronts, problem.K)
     floor_offset = vertices.new_tensor(problem.floor_offset * scale)
     signed, facing_scene, on_step = far, zeros, no
@@ -95,8 +94,8 @@ def update_contacts(
         signed = torch.where(nearest.found, signed_distance(vertices, scaled, normals), far)
         facing_scene = -(body_normals * normals).sum(-1)
         if plane is not None:
-            raised = plane_height(scaled, plane, floor_offset) > _STEP_M
-            on_step = nearest.found & raised & ((normals @ plane) > _LEVEL)
+            raised = plane_height(scaled, plane, floor_offset) > _MIN_STEP_M
+            on_step = nearest.found & raised & ((normals @ plane) > _MIN_LEVEL_COSINE)
     return ContactState(
         found=nearest.found,
         distance=nearest.distance,

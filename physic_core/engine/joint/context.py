@@ -1,44 +1,45 @@
-"""What stays as it is for a whole run of the joint optimisation: tracked vertices, keypoints, the scene's surface."""
+"""Constants of the joint optimisation: tracked vertices, keypoints and the scene's surface."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
-from physic_core.body.joints import JOINT_INDEX
+from physic_core.body.joints import joint_pair
 from physic_core.body.model import BodyModel, BodyOutput, LandmarkModel
-from physic_core.engine.joint.conventions import Conventions
 from physic_core.engine.joint.distances import plane_height, root_relative
-from physic_core.engine.joint.limbs import observed_parts, stands
+from physic_core.engine.joint.energy_options import EnergyOptions
+from physic_core.engine.joint.limbs import is_standing, observed_parts
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.geometry.camera import project
 from physic_core.geometry.coarse_mesh import clusters
 from physic_core.geometry.free_space import fronts
 from physic_core.geometry.visibility import inside_image, vertex_areas
 
-__all__ = ["STATIC_CONTACTS", "JointContext", "Keypoints", "precompute", "representatives", "seen_joints"]
+__all__ = ["STATIC_CONTACT_PARTS", "JointContext", "Keypoints", "precompute", "thin_vertices"]
 
-STATIC_CONTACTS = ("left_foot", "right_foot", "left_hand", "right_hand", "thighs", "gluteus", "back")
-"""What usually touches the world, after PROX."""
+STATIC_CONTACT_PARTS = ("left_foot", "right_foot", "left_hand", "right_hand", "thighs", "gluteus", "back")
+"""Parts of the body that usually touch the scene, after PROX."""
 
-_LEGS = [JOINT_INDEX[f"{side}_{name}"] for side in ("left", "right") for name in ("knee", "ankle")]
-_ANKLES = [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]]
-_GRID = float(1 << 20)  # steps a metre
-_AREA_UNIT_M2 = 0.01  # a square decimetre, half a sole: the surface that counts once
-_CONTACT_PROBABILITY = 0.5  # of a contact vertex; what a classifier's probability is calibrated to
-_FLOOR_BAND_M = 0.05  # scene points this near to the floor's plane are the floor, and left to the plane
+_ANKLES = joint_pair("ankle")
+_LEGS = [*joint_pair("knee"), *_ANKLES]
+_STEPS_PER_M = float(1 << 20)  # to which positions are rounded
+_AREA_UNIT_M2 = 0.01  # surface of weight 1: a square decimetre, half a sole
+_CONTACT_PROBABILITY = 0.5  # at least, of a contact vertex
+_FLOOR_BAND_M = 0.05  # scene points nearer to the floor's plane belong to the floor
 
 
 @dataclass(frozen=True)
 class Keypoints:
-    """Detected keypoints with their weights.
+    """Detected keypoints and their weights.
 
     Attributes:
         points: (B, J, 2) px, finite.
-        weight: (B, J) 0 for what does not count.
-        confident: (B, J) bool, confident keypoints on limbs that the photo shows.
+        weight: (B, J), 0 for keypoints that are left out.
+        confident: (B, J) bool, confident keypoints on visible limbs.
     """
 
     points: Tensor
@@ -48,51 +49,50 @@ class Keypoints:
 
 @dataclass(frozen=True)
 class JointContext:
-    """Everything that stays constant during the joint optimisation. B people, n tracked vertices.
+    """Constants of one joint optimisation. B people, n tracked vertices.
 
     Attributes:
         problem: with finite people only.
-        conventions: of the energy.
-        ids: (n,) int64 of the tracked vertices.
-        faces_around: their rows of the body's.
-        pose: poses keypoints, joints and tracked vertices alone.
-        area: (B, n) surface that each tracked vertex stands for, square decimetres; ones where vertices are counted.
+        ids: (n,) int64, indices of the tracked vertices.
+        faces_around: adjacent faces of each tracked vertex.
+        pose: poses keypoints, joints and tracked vertices only.
+        area: (B, n) surface per tracked vertex, square decimetres; ones if vertices are counted.
         contact_probability: (B, n) finite.
         is_contact: (B, n) bool, contact vertices: of a probability of at least one half.
-        seen_part: (B, n) bool, on a limb that the photo shows.
-        over_knees: (n,) bool, on neither a lower leg nor a foot.
-        soles: rows of ``ids`` of the left and of the right sole; empty where the body has none.
+        on_visible_part: (B, n) bool, on a visible limb.
+        above_knees: (n,) bool, on neither a lower leg nor a foot.
+        soles: rows of ``ids`` of the left and of the right sole; empty if the body has none.
         keypoints: with their weights.
         person_px: (B,) stature in px at the person's depth.
         start: posed bodies at the start, all vertices.
         relative: (B, n, 3) tracked vertices at the start in the root's frame, metres.
-        stands: (B,) bool, see :func:`physic_core.engine.joint.limbs.stands`.
-        legs_unseen: (B,) bool, neither knees nor ankles are shown.
-        feet_seen: (B, 2) bool.
-        log_depth: (H, W) logarithm of the original photo's depth, NaN where unknown; or None.
-        fronts: of the scene, see :mod:`physic_core.geometry.free_space`; None where free space is not used.
-        surface: scene points that count as surface, (M, 3) metres.
+        standing: (B,) bool, see :func:`physic_core.engine.joint.limbs.is_standing`.
+        legs_invisible: (B,) bool, knees and ankles are all invisible.
+        feet_visible: (B, 2) bool.
+        log_depth: (H, W) logarithm of the depth map of the original photo, NaN where unknown; or None.
+        fronts: of the scene, see :mod:`physic_core.geometry.free_space`; None if free space is not used.
+        surface: (M, 3) metres, scene points that distances are measured to.
         surface_normals: (M, 3).
     """
 
     problem: JointProblem
-    conventions: Conventions
+    options: EnergyOptions
     ids: Tensor
     faces_around: Tensor
     pose: LandmarkModel
     area: Tensor
     contact_probability: Tensor
     is_contact: Tensor
-    seen_part: Tensor
-    over_knees: Tensor
+    on_visible_part: Tensor
+    above_knees: Tensor
     soles: tuple[Tensor, Tensor]
     keypoints: Keypoints
     person_px: Tensor
     start: BodyOutput
     relative: Tensor
-    stands: Tensor
-    legs_unseen: Tensor
-    feet_seen: Tensor
+    standing: Tensor
+    legs_invisible: Tensor
+    feet_visible: Tensor
     log_depth: Tensor | None
     fronts: Tensor | None
     surface: Tensor
@@ -100,71 +100,75 @@ class JointContext:
 
     @property
     def floor_normal(self) -> Tensor | None:
-        """(3,) unit normal of the plane that distances to the floor are measured from; None where there is none."""
-        return self.problem.floor_normal if self.conventions.floor == "plane" else None
+        """Unit normal (3,) of the floor's plane; None if there is no floor or the energy does not use the plane."""
+        return self.problem.floor_normal if self.options.floor == "plane" else None
 
 
 @torch.no_grad()
-def precompute(problem: JointProblem, conventions: Conventions) -> JointContext:
-    """Compute what stays constant.
+def precompute(
+    problem: JointProblem,
+    options: EnergyOptions,
+    weigh_keypoints: Callable[[JointProblem, Tensor, Tensor], Keypoints],
+) -> JointContext:
+    """Compute the constants of one joint optimisation.
 
     Args:
         problem: with finite people only.
-        conventions: of the energy.
+        weigh_keypoints: see :meth:`physic_core.engine.joint.settings.JointSettings.weigh_keypoints`.
     """
     model = problem.model
     start = model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0)
-    observed = seen_joints(problem, conventions)
+    observed = problem.observed.bool() if options.observed_limbs_only else torch.ones_like(problem.observed.bool())
     height, width = problem.masks.shape[-2:]
-    probability = _contact_probability(problem, conventions)
+    probability = _contact_probability(problem, options)
     is_contact = probability >= _CONTACT_PROBABILITY
     area = vertex_areas(start.vertices, model.faces)
-    ids, area = representatives(model, is_contact.any(0), conventions.vertex_spacing_m, area)
+    ids, area = thin_vertices(model, is_contact.any(0), options.vertex_spacing_m, area)
     person_px = problem.K[1, 1] * model.stature(problem.betas0) / start.joints[:, 0, 2].clamp(min=0.1)
-    use_fronts = conventions.free_space and problem.scene_depth is not None
-    surface, surface_normals = _surface(problem, conventions)
+    depth = problem.human_depth
+    use_fronts = options.free_space and problem.scene_depth is not None
+    surface, surface_normals = _surface(problem, options)
     return JointContext(
         problem=problem,
-        conventions=conventions,
+        options=options,
         ids=ids,
         faces_around=model.faces_around[ids],
         pose=model.landmarks_only([problem.skeleton], ids),
-        area=torch.ones_like(area) if conventions.count_vertices else area / _AREA_UNIT_M2,
+        area=torch.ones_like(area) if options.count_vertices else area / _AREA_UNIT_M2,
         contact_probability=probability[:, ids],
         is_contact=is_contact[:, ids],
-        seen_part=observed_parts(model.part_names, observed)[:, model.part_of_vertex[ids]],
-        over_knees=_over_knees(model)[ids],
+        on_visible_part=observed_parts(model.part_names, observed)[:, model.part_of_vertex[ids]],
+        above_knees=_above_knees(model)[ids],
         soles=_sole_rows(model, ids),
-        keypoints=conventions.weigh_keypoints(problem, person_px, observed),
+        keypoints=weigh_keypoints(problem, person_px, observed),
         person_px=person_px,
         start=start,
         relative=root_relative(start.vertices[:, ids], start.joints[:, 0], problem.rotations0[:, 0]),
-        stands=stands(problem.rotations0, start.joints, observed, problem.floor_normal),
-        legs_unseen=~observed[:, _LEGS].any(1),
-        feet_seen=observed[:, _ANKLES] & inside_image(project(start.joints[:, _ANKLES], problem.K), height, width),
-        log_depth=_log_depth(problem.human_depth),
+        standing=is_standing(problem.rotations0, start.joints, observed, problem.floor_normal),
+        legs_invisible=~observed[:, _LEGS].any(1),
+        feet_visible=observed[:, _ANKLES] & inside_image(project(start.joints[:, _ANKLES], problem.K), height, width),
+        log_depth=None if depth is None else torch.where(depth > 0, depth, torch.nan).log(),
         fronts=fronts(problem.scene_depth) if use_fronts and problem.scene_depth is not None else None,
         surface=surface,
         surface_normals=surface_normals,
     )
 
 
-def _contact_probability(problem: JointProblem, conventions: Conventions) -> Tensor:
-    """(B, V)."""
+def _contact_probability(problem: JointProblem, options: EnergyOptions) -> Tensor:
+    """Return the contact probability of each vertex (B, V), from the prior or 1 on static parts."""
     probability = torch.nan_to_num(problem.contact_probability)
-    if conventions.static_contacts:
+    if options.static_contacts:
         probability = torch.zeros_like(probability)
-        for name in STATIC_CONTACTS:
+        for name in STATIC_CONTACT_PARTS:
             probability[:, problem.model.contact_sets[name]] = 1.0
     return probability
 
 
-def representatives(model: BodyModel, keep: Tensor, spacing: float, area: Tensor) -> tuple[Tensor, Tensor]:
-    """Thin a mesh: one vertex for each cell of space and part in the T-pose, standing for the surface of all.
+def thin_vertices(model: BodyModel, keep: Tensor, spacing: float, area: Tensor) -> tuple[Tensor, Tensor]:
+    """Thin the vertices of a body: select one per grid cell and body part in the T-pose, and sum their areas.
 
     Args:
-        model: body model.
-        keep: (V,) bool, vertices that stand for themselves.
+        keep: (V,) bool, vertices that are not thinned.
         spacing: side of a cell, metres; 0 keeps all outer vertices.
         area: (B, V) of all vertices.
 
@@ -181,9 +185,9 @@ def representatives(model: BodyModel, keep: Tensor, spacing: float, area: Tensor
         ids = model.outer.nonzero(as_tuple=True)[0]
         return ids, area[:, ids]
     rest = (model.outer & ~keep).nonzero(as_tuple=True)[0]
-    # Vertices of the midline lie on the side of a cell: rounded, they fall into the same one on every CPU.
+    # Vertices of the midline lie on the border of two cells. Rounding puts them into the same cell on every CPU.
     exact = model.to(dtype=torch.float64)
-    at = torch.round(exact(*exact.zero_pose(1)).vertices[0, rest] * _GRID) / _GRID
+    at = torch.round(exact(*exact.zero_pose(1)).vertices[0, rest] * _STEPS_PER_M) / _STEPS_PER_M
     group, chosen = clusters(at, model.part_of_vertex[rest], spacing)
     summed = area.new_zeros(len(area), len(chosen)).index_add(1, group, area[:, rest])
     kept = keep.nonzero(as_tuple=True)[0]
@@ -192,13 +196,14 @@ def representatives(model: BodyModel, keep: Tensor, spacing: float, area: Tensor
     return ids[order], torch.cat([area[:, kept], summed], 1)[:, order]
 
 
-def _over_knees(model: BodyModel) -> Tensor:
-    """(V,) bool."""
+def _above_knees(model: BodyModel) -> Tensor:
+    """Return the vertices (V,) bool on neither a lower leg nor a foot."""
     high = [not name.endswith(("lower_leg", "foot")) for name in model.part_names]
     return torch.tensor(high, device=model.part_of_vertex.device)[model.part_of_vertex]
 
 
 def _sole_rows(model: BodyModel, ids: Tensor) -> tuple[Tensor, Tensor]:
+    """Return the rows of ``ids`` that are on the left and on the right sole."""
     row = torch.full((model.num_vertices,), -1, dtype=torch.int64, device=ids.device)
     row[ids] = torch.arange(len(ids), device=ids.device)
     none = ids.new_zeros(0)
@@ -206,33 +211,23 @@ def _sole_rows(model: BodyModel, ids: Tensor) -> tuple[Tensor, Tensor]:
     return left[left >= 0], right[right >= 0]
 
 
-def seen_joints(problem: JointProblem, conventions: Conventions) -> Tensor:
-    """(B, 55) bool, joints that the photo shows; all of them where an energy takes all limbs as seen."""
-    if conventions.observed_limbs_only:
-        return problem.observed.bool()
-    return torch.ones_like(problem.observed, dtype=torch.bool)
+def _surface(problem: JointProblem, options: EnergyOptions) -> tuple[Tensor, Tensor]:
+    """Select the scene points that distances are measured to, and their normals.
 
-
-def _log_depth(depth: Tensor | None) -> Tensor | None:
-    if depth is None:
-        return None
-    return torch.where(depth > 0, depth, torch.full_like(depth, torch.nan)).log()
-
-
-def _surface(problem: JointProblem, conventions: Conventions) -> tuple[Tensor, Tensor]:
-    """Scene points to measure against. Without a reliable normal a point has no inside: it is left out where
-    distances are taken along normals; and where the floor is a plane, its points are left to the plane."""
+    If distances are along normals, points without a reliable normal are left out. If the floor is a plane, its points
+    are left out.
+    """
     points, normals = problem.scene_points, problem.scene_normals
-    ones = points.new_ones(3)  # a product sums three columns several times faster than a sum does
+    ones = points.new_ones(3)  # a matrix product sums three columns several times faster than .sum()
     length = normals.square() @ ones
     finite = torch.isfinite(points @ ones + length)
-    if conventions.along_normals:
+    if options.along_normals:
         finite = finite & (length > 0.5)
-    if problem.floor_normal is not None and conventions.floor == "plane":
+    if problem.floor_normal is not None and options.floor == "plane":
         offset = points.new_tensor(problem.floor_offset)
         finite = finite & (plane_height(points, problem.floor_normal, offset).abs() > _FLOOR_BAND_M)
     points, normals = points[finite], normals[finite]
-    if problem.floor_normal is not None and problem.floor_points is not None and conventions.floor == "points":
+    if problem.floor_normal is not None and problem.floor_points is not None and options.floor == "points":
         up = problem.floor_normal.expand_as(problem.floor_points)
         points, normals = torch.cat([points, problem.floor_points]), torch.cat([normals, up])
     return points, normals

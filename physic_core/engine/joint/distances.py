@@ -1,64 +1,56 @@
-"""Distances and angles that several terms share: to planes, of soles, of knees and elbows. Camera frame, metres."""
+"""Distances to planes, heights of soles, and angles of knees and elbows. Camera frame, metres."""
 
 from __future__ import annotations
 
 import torch
 from torch import Tensor
 
-from physic_core.body.joints import JOINT_INDEX
+from physic_core.body.joints import joint_pair
 
 __all__ = ["hinge_angles", "lowest_height", "lowest_rows", "plane_height", "root_relative", "signed_distance"]
 
 # Left and right joints are adjacent: a slice gives a view, a list of indices a copy.
-_KNEES, _ELBOWS = (slice(JOINT_INDEX[f"left_{name}"], JOINT_INDEX[f"right_{name}"] + 1) for name in ("knee", "elbow"))
+_KNEES, _ELBOWS = (slice(left, right + 1) for left, right in (joint_pair("knee"), joint_pair("elbow")))
 _LOWEST_SHARE = 0.05  # of a sole's vertices: on tiptoe only this share touches the floor
 
 
 def signed_distance(vertices: Tensor, points: Tensor, normals: Tensor) -> Tensor:
-    """Distance of vertices to the planes through their scene points: ``n_p . (v - p)``, negative inside.
+    """Return the signed distance of vertices to the planes through scene points: ``n . (v - p)``, negative inside.
 
-    Args:
-        vertices: (..., 3) metres.
-        points: (..., 3) metres.
-        normals: (..., 3) unit, towards the camera's side.
-
-    Returns:
-        (...) metres.
+    Vertices, points and unit normals (..., 3) -> (...) metres. Normals point to the camera's side.
     """
     return (normals * (vertices - points)).sum(-1)
 
 
 def plane_height(vertices: Tensor, normal: Tensor, offset: Tensor) -> Tensor:
-    """Height over the floor, ``n . v + offset``: (..., 3) -> (...) metres, negative below."""
+    """Return the height of vertices over the floor, ``n . v + offset``: (..., 3) -> (...) metres, negative below."""
     return vertices @ normal + offset
 
 
 def lowest_rows(height: Tensor) -> Tensor:
-    """Rows of the lowest twentieth of a sole's vertices: heights (B, n) metres -> (B, n / 20) int64."""
+    """Return the indices of the lowest 5 % of a sole's vertices: heights (B, n) -> (B, n / 20) int64."""
     count = max(1, round(_LOWEST_SHARE * height.shape[-1]))
     return height.topk(count, dim=-1, largest=False).indices
 
 
 def lowest_height(height: Tensor) -> Tensor:
-    """Mean height of the lowest twentieth of a sole's vertices: (B, n) -> (B,) metres."""
+    """Return the mean height of the lowest 5 % of a sole's vertices: (B, n) -> (B,) metres."""
     return height.gather(-1, lowest_rows(height)).mean(-1)
 
 
 def root_relative(vertices: Tensor, pelvis: Tensor, root: Tensor) -> Tensor:
-    """Vertices without translation and root rotation, ``R^T (v - pelvis)``.
+    """Return vertices (B, V, 3) in the frame of the root joint: ``R^T (v - pelvis)``.
 
-    Args:
-        vertices: (B, V, 3) metres.
-        pelvis: (B, 3) metres.
-        root: (B, 3, 3).
+    ``pelvis`` is (B, 3), ``root`` the rotation (B, 3, 3).
     """
     return (vertices - pelvis[:, None]) @ root
 
 
 def hinge_angles(rotations: Tensor) -> Tensor:
-    """Flexion of left knee, right knee, left elbow, right elbow: (B, 55, 3, 3) -> (B, 4) radians, 0 straight.
+    """Return the flexion of left knee, right knee, left elbow, right elbow: (B, 55, 3, 3) -> (B, 4) radians.
 
-    Knees bend about x, elbows about y (left the other way round); twist about the limb's own axis does not count.
+    0 is straight. Knees bend about x, elbows about y (the left one in the opposite direction). Twist about the limb's
+    own axis is ignored.
     """
     knee, elbow = rotations[:, _KNEES], rotations[:, _ELBOWS]
     bend = torch.atan2(-elbow[..., 2, 0], elbow[..., 0, 0])

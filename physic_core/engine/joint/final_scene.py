@@ -1,4 +1,4 @@
-"""The final scene after stage 3: locally scaled near people, without inpainted points inside them, with a floor."""
+"""Final scene after stage 3: local depth scales applied, inpainted points moved out of people, floor completed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from physic_core.body.joints import joint_pair
-from physic_core.engine.joint.local_depth_scale import log_factor
+from physic_core.engine.joint.local_depth_scale import log_local_scale
 from physic_core.engine.joint.problem import JointProblem, JointResult
 from physic_core.engine.scene.build import SceneState
 from physic_core.engine.scene.cleaning import edge_ratio
@@ -26,24 +26,20 @@ _ANKLES = joint_pair("ankle")
 def finalize_scene(
     scene: SceneState, problem: JointProblem, result: JointResult, hole: Tensor, settings: SceneSettings
 ) -> tuple[SceneState, JointProblem]:
-    """Final scene and problem after stage 3, before the scale of the scene is applied.
+    """Return the final scene and problem after stage 3, before the scale of the scene is applied.
 
-    The local depth scales are applied. Inpainted points inside people are moved out. Where no floor was found, one may
-    be placed under their soles. Normals are kept: the local depth scale turns them by a few degrees only, at half a
-    metre and more from a person.
+    The local depth scales are applied. Inpainted points inside people are moved out. If no floor was found, one may be
+    placed under the soles. Normals are kept: the local depth scale rotates them by a few degrees only, at half a metre
+    and more from a person.
 
     Args:
-        scene: of stage 1.
-        problem: of stage 3.
-        result: of stage 3.
         hole: (H, W) bool, inpainted pixels.
-        settings: of stage 1.
     """
     s = result.scene_scale
     finite = torch.isfinite(result.vertices).flatten(1).all(1)
     if bool(result.warp.any()):
         bodies, warps = (x[finite].to(scene.points) for x in (result.vertices / s, result.warp))
-        log = log_factor(scene.points, bodies, warps, scene.floor_normal, scene.floor_offset)
+        log = log_local_scale(scene.points, bodies, warps, scene.floor_normal, scene.floor_offset)
         scene = replace(scene, points=scene.points * log.exp()[..., None])
     if settings.carve_m and bool(finite.any()):
         scene = _carved(scene, result.vertices[finite] / s, problem.model.faces, problem.masks[finite], hole, settings)
@@ -88,6 +84,7 @@ def _carved(
 
 
 def _with_floor(scene: SceneState, normal: Tensor, offset: float, ankles: Tensor) -> SceneState:
+    """Add a floor under people, with samples around their ankles (n, 3)."""
     up = normal.to(scene.points)
     points = sample_plane(
         up,

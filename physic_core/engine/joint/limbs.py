@@ -1,4 +1,4 @@
-"""What belongs together: part, keypoints and joints of one limb, and what an unseen joint takes along."""
+"""Limbs: which body parts and keypoints belong to which joints, and which of them are visible."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from physic_core.body.joints import JOINT_INDEX
+from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.engine.joint.distances import hinge_angles
 from physic_core.geometry.visibility import inside_mask
 from physic_core.types.skeletons import Skeleton, is_finger
 
 __all__ = [
-    "confirmed_joints",
+    "detected_joints",
+    "is_standing",
     "keypoints_of_observed_limbs",
-    "limb_parts",
+    "limb_part_indices",
     "observed_parts",
-    "placing_keypoints",
-    "stands",
+    "placement_keypoints",
 ]
 
 _END_JOINT = {
@@ -29,54 +29,54 @@ _END_JOINT = {
     "lower_arm": "wrist",
     "hand": "wrist",
 }
-_TRUNK = ("pelvis", "left_hip", "right_hip", "spine3", "left_shoulder", "right_shoulder")
+_TRUNK = [*(JOINT_INDEX[name] for name in ("pelvis", "spine3")), *joint_pair("hip"), *joint_pair("shoulder")]
+_NECK, _PELVIS, _ANKLES = JOINT_INDEX["neck"], JOINT_INDEX["pelvis"], joint_pair("ankle")
 
-_MOST_FINGERS = 10  # points on fingers; with more a joint set has whole hands
+_MAX_FINGER_KEYPOINTS = 10  # a joint set with more has keypoints of all finger joints
+_MIN_IN_LINE_COSINE = 0.82  # 35 degrees between trunk and legs
+_MIN_UPRIGHT_COSINE = 0.5  # 60 degrees from the floor's normal; body estimators err by 20
+_MAX_KNEE_FLEXION = 0.7  # radians, 40 degrees
 
 
-def limb_parts(part_names: Sequence[str]) -> list[int]:
-    """Indices of arms, hands, legs and feet: what can be self-occluded."""
+def limb_part_indices(part_names: Sequence[str]) -> list[int]:
+    """Return the indices of the parts of arms, hands, legs and feet."""
     return [i for i, name in enumerate(part_names) if name.startswith(("left_", "right_"))]
 
 
-def confirmed_joints(skeleton: Skeleton, keypoints: Tensor, confidence: Tensor, masks: Tensor, least: float) -> Tensor:
-    """Joints of which a keypoint is sure and lies on the person's mask: the photo shows them, whatever else is said.
+def detected_joints(
+    skeleton: Skeleton, keypoints: Tensor, confidence: Tensor, masks: Tensor, min_confidence: float
+) -> Tensor:
+    """Return the joints (B, 55) bool that have a confident keypoint inside the person's mask.
 
-    A toe shows its ankle and a finger its wrist.
+    Keypoints of toes count for the ankle, those of fingers for the wrist.
 
     Args:
         skeleton: of the J keypoints.
         keypoints: (B, J, 2) px.
         confidence: (B, J).
         masks: (B, H, W) bool.
-        least: confidence; 1 confirms nothing.
-
-    Returns:
-        (B, 55) bool.
+        min_confidence: smallest confidence that counts; with 1 no joint is returned.
     """
-    confirmed = torch.zeros(len(keypoints), len(JOINT_INDEX), dtype=torch.bool, device=keypoints.device)
-    if least >= 1:
-        return confirmed
+    detected = torch.zeros(len(keypoints), len(JOINT_INDEX), dtype=torch.bool, device=keypoints.device)
+    if min_confidence >= 1:
+        return detected
     finite = torch.isfinite(keypoints).all(-1) & torch.isfinite(confidence)
-    sure = finite & (confidence >= least) & inside_mask(torch.nan_to_num(keypoints), masks)
+    confident = finite & (confidence >= min_confidence) & inside_mask(torch.nan_to_num(keypoints), masks)
     for j, name in enumerate(skeleton.names):
         joint = _joint_of(name)
         if joint is not None:
-            confirmed[:, JOINT_INDEX[joint]] |= sure[:, j]
-    return confirmed
+            detected[:, JOINT_INDEX[joint]] |= confident[:, j]
+    return detected
 
 
 def observed_parts(part_names: Sequence[str], observed: Tensor) -> Tensor:
-    """Parts that the photo shows: a limb's segment when the joint at its end is seen.
+    """Return the visible body parts (B, P) bool: a limb segment is visible if the joint at its end is.
 
     Args:
-        part_names: P names, "left_upper_leg" and the like; others are trunk or head.
-        observed: (B, 55) bool.
-
-    Returns:
-        (B, P) bool.
+        part_names: P names, like "left_upper_leg"; others are trunk or head.
+        observed: (B, 55) bool, visible joints.
     """
-    trunk = observed[:, [JOINT_INDEX[name] for name in _TRUNK]].any(1)
+    trunk = observed[:, _TRUNK].any(1)
     columns = []
     for name in part_names:
         side, _, segment = name.partition("_")
@@ -88,9 +88,9 @@ def observed_parts(part_names: Sequence[str], observed: Tensor) -> Tensor:
 
 
 def keypoints_of_observed_limbs(skeleton: Skeleton, observed: Tensor) -> Tensor:
-    """Keypoints of limbs that the photo shows: (B, 55) bool -> (B, J) bool.
+    """Return the keypoints (B, J) bool on visible limbs, given the visible joints (B, 55) bool.
 
-    Points of the face, and points with a name of the skeleton's own, always count as seen.
+    Keypoints of the face, and keypoints with a name of the skeleton's own, always count as visible.
     """
     seen = torch.ones(len(observed), len(skeleton), dtype=torch.bool, device=observed.device)
     for j, name in enumerate(skeleton.names):
@@ -100,18 +100,18 @@ def keypoints_of_observed_limbs(skeleton: Skeleton, observed: Tensor) -> Tensor:
     return seen
 
 
-def placing_keypoints(skeleton: Skeleton) -> list[int]:
-    """Indices of the keypoints that place a body.
+def placement_keypoints(skeleton: Skeleton) -> list[int]:
+    """Return the indices of the keypoints that determine the position of a body.
 
-    All of them, unless a joint set has whole hands: forty points of fingers, whose pose is not known yet, would then
-    outvote the body.
+    If a joint set has keypoints of all finger joints, fingers are left out: forty keypoints, for which the hand pose is
+    not known yet, would outvote the body.
     """
     fingers = {j for j, name in enumerate(skeleton.names) if is_finger(name)}
-    return [j for j in range(len(skeleton)) if len(fingers) <= _MOST_FINGERS or j not in fingers]
+    return [j for j in range(len(skeleton)) if len(fingers) <= _MAX_FINGER_KEYPOINTS or j not in fingers]
 
 
 def _joint_of(landmark: str) -> str | None:
-    """The joint whose being seen a keypoint depends on; None for the face, whose own confidence is enough."""
+    """Return the joint that decides whether a keypoint is visible; None for keypoints of the face and unknown names."""
     side, _, rest = landmark.partition("_")
     if rest.endswith(("toe", "heel", "foot_tip")):
         return f"{side}_ankle"
@@ -120,27 +120,22 @@ def _joint_of(landmark: str) -> str | None:
     return landmark if landmark in JOINT_INDEX and landmark != "head" else None
 
 
-def stands(rotations: Tensor, joints: Tensor, observed: Tensor, up: Tensor | None = None) -> Tensor:
-    """Who stands: at least one knee nearly straight, trunk in line with the legs, both ankles seen, and not lying.
+def is_standing(rotations: Tensor, joints: Tensor, observed: Tensor, up: Tensor | None = None) -> Tensor:
+    """Return which people stand: (B,) bool.
+
+    Both ankles are visible, one knee is nearly straight, the trunk is in line with the legs, and the body is upright.
+    One straight leg is enough, so that the balance term also holds for a person on a step.
 
     Args:
         rotations: (B, 55, 3, 3).
         joints: (B, 55, 3) metres.
-        observed: (B, 55) bool.
-        up: (3,) unit normal of the floor; without it who lies straight stands too.
-
-    Returns:
-        (B,) bool.
+        observed: (B, 55) bool, visible joints.
+        up: (3,) unit normal of the floor; None treats people who lie straight as standing too.
     """
-
-    def at(name: str) -> Tensor:
-        return joints[:, JOINT_INDEX[name]]
-
-    ankles = [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]]
-    trunk = torch.nn.functional.normalize(at("neck") - at("pelvis"), dim=-1)
-    leg = torch.nn.functional.normalize(at("pelvis") - joints[:, ankles].mean(1), dim=-1)
-    in_line = (trunk * leg).sum(-1) > 0.82  # 35 degrees
+    trunk = torch.nn.functional.normalize(joints[:, _NECK] - joints[:, _PELVIS], dim=-1)
+    leg = torch.nn.functional.normalize(joints[:, _PELVIS] - joints[:, _ANKLES].mean(1), dim=-1)
+    in_line = (trunk * leg).sum(-1) > _MIN_IN_LINE_COSINE
     if up is not None:
-        in_line = in_line & (((trunk + leg) / 2) @ up > 0.5)  # 60 degrees, estimators err by 20
-    straight = hinge_angles(rotations)[:, :2].amin(-1) < 0.7  # 40 degrees
-    return in_line & straight & observed[:, ankles].all(1)
+        in_line = in_line & (((trunk + leg) / 2) @ up > _MIN_UPRIGHT_COSINE)
+    straight = hinge_angles(rotations)[:, :2].amin(-1) < _MAX_KNEE_FLEXION
+    return in_line & straight & observed[:, _ANKLES].all(1)

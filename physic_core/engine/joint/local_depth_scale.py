@@ -11,25 +11,25 @@ from torch import Tensor
 
 from physic_core.engine.joint.distances import plane_height
 
-__all__ = ["log_factor", "warp_share"]
+__all__ = ["log_local_scale", "warp_share"]
 
 _FLOOR_M, _FREE_M = 0.03, 0.15  # metres over the floor: no warp below the first, full warp above the second
 _NEAR_M, _FAR_M = 0.2, 1.0  # metres from a person's box: full warp below the first, none beyond the second
-_OWN_M = 0.02  # metres, added to the distance from a person's box before its inverse square is the weight
+_MIN_WEIGHT_DISTANCE_M = 0.02  # added to the distance from a person's box in the inverse-square weight
 
 
 def warp_share(points: Tensor, floor_normal: Tensor | None, floor_offset: float) -> Tensor:
-    """Share of a warp that applies to points (..., 3): (...) in [0, 1], 0 on the floor; 1 without a floor."""
+    """Return the share of a warp that applies to points (..., 3): 0 on the floor, 1 far from it or without a floor."""
     if floor_normal is None:
         return torch.ones_like(points[..., 0])
     high = plane_height(points, floor_normal.to(points), points.new_tensor(floor_offset))
     return _smooth((high - _FLOOR_M) / (_FREE_M - _FLOOR_M))
 
 
-def log_factor(
+def log_local_scale(
     points: Tensor, bodies: Tensor, warps: Tensor, floor_normal: Tensor | None, floor_offset: float
 ) -> Tensor:
-    """Logarithm of the factor on each point: a mean of people's warps, weighted by nearness.
+    """Return the logarithm of the depth scale of each point: a mean of people's warps, weighted by nearness.
 
     ``max_i n_i * share * sum_i w_i warp_i / sum_i w_i`` with ``w_i = n_i / (d_i + 2 cm)^2``. d_i is the distance from
     person i's bounding box, n_i falls from 1 (20 cm) to 0 (1 m), and share is :func:`warp_share`.
@@ -38,7 +38,7 @@ def log_factor(
         points: (..., 3).
         bodies: (B, V, 3) finite vertices, in the unit of ``points``.
         warps: (B,) of the people.
-        floor_normal: (3,) unit, up, or None where there is no floor.
+        floor_normal: (3,) unit, up; None if there is no floor.
         floor_offset: of the floor, in the unit of ``points``.
 
     Returns:
@@ -48,7 +48,7 @@ def log_factor(
     for body, warp in zip(bodies, warps, strict=True):
         away = (torch.relu(body.amin(0) - points) + torch.relu(points - body.amax(0))).norm(dim=-1)
         near = 1 - _smooth((away - _NEAR_M) / (_FAR_M - _NEAR_M))
-        weight = near / (away + _OWN_M).square()
+        weight = near / (away + _MIN_WEIGHT_DISTANCE_M).square()
         total += weight * warp
         weights += weight
         nearest = torch.maximum(nearest, near)

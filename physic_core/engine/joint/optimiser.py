@@ -1,4 +1,4 @@
-"""Minimise an energy over a state: whitened L-BFGS with a backtracking line search, or plain Adam.
+"""Minimisation of an energy: L-BFGS with a backtracking line search, or Adam.
 
 Both update visibility every few steps and reject non-finite steps. No person's energy is higher at the end than at the
 start (:mod:`physic_core.engine.joint.acceptance`). The scene's scale couples all people, so one L-BFGS optimises them
@@ -14,30 +14,30 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.acceptance import Energy, accept, per_person, total_of
+from physic_core.engine.joint.acceptance import Energy, energy_per_person, revert_if_worse, total_energy
 from physic_core.engine.joint.settings import AdamSettings, LbfgsSettings
 
-__all__ = ["Trace", "minimise"]
+__all__ = ["MinimisationResult", "minimise"]
 
-_HISTORY = 40  # pairs that L-BFGS keeps: vectors of some hundred numbers are cheap compared with one evaluation
-_FIRST = 0.5  # length of the very first step, in units of the state
-_ARMIJO = 1e-4  # share of the predicted descent that a step must reach
-_TRIALS = 10  # lengths at most that a line search tries
-_BEND = 1e-8  # least cosine between a step and its change of the gradient
-_FLAT = 1e-9  # a slope below this share of the energy is below the resolution of float32
+_HISTORY_SIZE = 40  # pairs of L-BFGS; vectors of some hundred numbers are cheap compared with one evaluation
+_FIRST_STEP = 0.5  # maximum length of the first step, in units of the state
+_ARMIJO = 1e-4  # share of the predicted decrease that a step must reach
+_MAX_TRIALS = 10  # step lengths that a line search tries
+_MIN_CURVATURE = 1e-8  # cosine between a step and its change of the gradient
+_MIN_SLOPE = 1e-9  # share of the energy; a smaller slope is below the resolution of float32
 _PATIENCE = 5  # steps that together have to lower the energy by the tolerance
 
 
 @dataclass(frozen=True)
-class Trace:
-    """Record of a minimisation.
+class MinimisationResult:
+    """Result of a minimisation; the state itself is changed in place.
 
     Attributes:
-        start: term -> weighted value of the start, under the visibility at the end.
-        end: term -> weighted value at the end.
+        start: term -> weighted energy at the start, under the visibility at the end.
+        end: term -> weighted energy at the end.
         evaluations: number of evaluations of energy and gradient.
         steps: number of steps of the optimiser.
-        totals: the energy before each refresh's steps and after the last; a refresh may change the energy.
+        totals: the energy after each refresh and at the end; a refresh may change the energy.
     """
 
     start: Mapping[str, float]
@@ -49,17 +49,17 @@ class Trace:
 
 def minimise(
     energy: Energy, settings: LbfgsSettings | AdamSettings, progress: Callable[[float], None] | None = None
-) -> Trace:
-    """Lower ``energy`` by moving its state in place.
+) -> MinimisationResult:
+    """Minimise an energy by changing its state in place.
 
     Args:
         energy: refreshed, and finite at its present state.
-        settings: of the optimiser; their type selects it.
+        settings: their type selects the optimiser.
         progress: called with the completed share of the steps, 0-1.
     """
     state = energy.state
     origin = state.pack()
-    memory = Memory()
+    memory = _OptimiserMemory()
     done = evaluations = taken = 0
     totals: list[float] = []
     converged = False
@@ -77,21 +77,22 @@ def minimise(
         done += steps
         if progress is not None:
             progress(done / settings.steps)
-        converged = isinstance(settings, LbfgsSettings) and _converged(block, settings.tolerance)
+        if isinstance(settings, LbfgsSettings):
+            converged = block.before - block.after < settings.tolerance * abs(block.before)
         if converged:
             break
     if not converged:  # else the motion since the last update is too small to change visibility
         energy.refresh()
-    start, end = accept(energy, state.pack(), origin)
+    start, end = revert_if_worse(energy, state.pack(), origin)
     totals.append(math.fsum(end.values()))
     if progress is not None:
         progress(1.0)
-    return Trace(start, end, evaluations, taken, tuple(totals))
+    return MinimisationResult(start, end, evaluations, taken, tuple(totals))
 
 
 @dataclass(frozen=True)
-class Block:
-    """Steps between two refreshes: energy before and after, evaluations, and steps that were taken."""
+class _Block:
+    """Result of the steps between two refreshes: energy before and after, number of evaluations and steps."""
 
     before: float
     after: float
@@ -99,35 +100,30 @@ class Block:
     steps: int
 
 
-def _converged(block: Block, tolerance: float) -> bool:
-    """Whether the steps between two refreshes lowered the energy by less than a share of it."""
-    return tolerance > 0 and block.before - block.after < tolerance * abs(block.before)
-
-
-class Memory:
-    """State that an optimiser keeps over a refresh."""
+class _OptimiserMemory:
+    """State of the optimiser that is kept over refreshes."""
 
     def __init__(self) -> None:
-        self.curvature = _Curvature()
+        self.history = LbfgsHistory()
         self.adam: torch.optim.Adam | None = None
 
 
-def _lbfgs_block(energy: Energy, settings: LbfgsSettings, steps: int, memory: Memory) -> Block:
-    """L-BFGS steps on one view. The curvature pairs are kept, since the next view's energy is nearly equal."""
+def _lbfgs_block(energy: Energy, settings: LbfgsSettings, steps: int, memory: _OptimiserMemory) -> _Block:
+    """Take L-BFGS steps between two refreshes; the history is kept, since the next energy is nearly equal."""
     state = energy.state
     parameters = state.parameters()
-    curvature = memory.curvature
-    spent = 0
+    history = memory.history
+    evaluations = 0
 
     def evaluate(at: Tensor) -> tuple[float, Tensor]:
-        nonlocal spent
-        spent += 1
+        nonlocal evaluations
+        evaluations += 1
         state.load(at)
-        total = total_of(energy())
+        total = total_energy(energy())
         gradients = torch.autograd.grad(total, parameters, allow_unused=True)
         flat = [torch.zeros_like(p) if g is None else g for p, g in zip(parameters, gradients, strict=True)]
         gradient = torch.cat([g.reshape(-1) for g in flat])
-        value, checksum = torch.stack([total.detach(), gradient.sum()]).tolist()  # one wait for the device
+        value, checksum = torch.stack([total.detach(), gradient.sum()]).tolist()  # one synchronisation with the device
         return (value if math.isfinite(value) and math.isfinite(checksum) else math.inf), gradient
 
     here = state.pack()
@@ -135,35 +131,35 @@ def _lbfgs_block(energy: Energy, settings: LbfgsSettings, steps: int, memory: Me
     values = [value]
     taken = 0
     while taken < steps and math.isfinite(value):
-        way = curvature.descent(gradient)
-        slope = float(way @ gradient)
+        direction = history.direction(gradient)
+        slope = float(direction @ gradient)
         if slope >= 0:
-            curvature.forget()
-            way = curvature.descent(gradient)
-            slope = float(way @ gradient)
-        if slope > -_FLAT * max(1.0, abs(value)):
+            history.clear()
+            direction = history.direction(gradient)
+            slope = float(direction @ gradient)
+        if slope > -_MIN_SLOPE * max(1.0, abs(value)):
             break
-        found = _backtrack(evaluate, here, way, value, slope)
+        found = _backtrack(evaluate, here, direction, value, slope)
         if found is None:
             break
         there, next_value, next_gradient = found
-        curvature.learn(there - here, next_gradient - gradient)
+        history.add(there - here, next_gradient - gradient)
         here, value, gradient = there, next_value, next_gradient
         values.append(value)
         taken += 1
         if len(values) > _PATIENCE and values[-1 - _PATIENCE] - value < settings.tolerance * abs(value):
             break
     state.load(here)
-    return Block(values[0], value, spent, taken)
+    return _Block(values[0], value, evaluations, taken)
 
 
 def _backtrack(
-    evaluate: Callable[[Tensor], tuple[float, Tensor]], here: Tensor, way: Tensor, value: float, slope: float
+    evaluate: Callable[[Tensor], tuple[float, Tensor]], here: Tensor, direction: Tensor, value: float, slope: float
 ) -> tuple[Tensor, float, Tensor] | None:
-    """Shorten the step until the Armijo condition holds: parameters, value and gradient, or None."""
+    """Shorten the step until the Armijo condition holds; return parameters, value and gradient, or None."""
     length = 1.0
-    for _ in range(_TRIALS):
-        there = here + length * way
+    for _ in range(_MAX_TRIALS):
+        there = here + length * direction
         next_value, gradient = evaluate(there)
         if next_value <= value + _ARMIJO * length * slope:
             return there, next_value, gradient
@@ -174,33 +170,34 @@ def _backtrack(
     return None
 
 
-class _Curvature:
-    """Pairs of steps and gradient changes, and the quasi-Newton direction from them.
+class LbfgsHistory:
+    """Pairs of steps and gradient changes, which define the quasi-Newton direction of L-BFGS.
 
-    Compact form of Byrd, Nocedal and Schnabel (1994): a few matrix products with all pairs at once. In float64, since
-    the small matrices are nearly singular at the end.
+    Compact form of Byrd, Nocedal and Schnabel (1994): a few matrix products with all pairs. In float64, since the
+    small matrices are nearly singular at the end.
     """
 
     def __init__(self) -> None:
         self._steps: list[Tensor] = []
         self._changes: list[Tensor] = []
 
-    def forget(self) -> None:
+    def clear(self) -> None:
+        """Remove all pairs."""
         self._steps, self._changes = [], []
 
-    def learn(self, step: Tensor, change: Tensor) -> None:
-        """Keep a pair, unless its curvature is negative."""
+    def add(self, step: Tensor, change: Tensor) -> None:
+        """Add a pair, unless its curvature is negative."""
         s, y = step.double(), change.double()
-        bend, most = torch.stack([s @ y, s.norm() * y.norm()]).tolist()
-        if bend > _BEND * most:
-            self._steps = [*self._steps[1 - _HISTORY :], s]
-            self._changes = [*self._changes[1 - _HISTORY :], y]
+        curvature, bound = torch.stack([s @ y, s.norm() * y.norm()]).tolist()
+        if curvature > _MIN_CURVATURE * bound:
+            self._steps = [*self._steps[1 - _HISTORY_SIZE :], s]
+            self._changes = [*self._changes[1 - _HISTORY_SIZE :], y]
 
-    def descent(self, gradient: Tensor) -> Tensor:
-        """Quasi-Newton step for a gradient (n,): (n,)."""
+    def direction(self, gradient: Tensor) -> Tensor:
+        """Return the quasi-Newton step (n,) for a gradient (n,)."""
         g = gradient.double()
         if not self._steps:
-            return -gradient * min(1.0, _FIRST / max(float(g.norm()), 1e-30))
+            return -gradient * min(1.0, _FIRST_STEP / max(float(g.norm()), 1e-30))
         S, Y = torch.stack(self._steps), torch.stack(self._changes)
         sy, yy = S @ Y.T, Y @ Y.T
         gamma = sy[-1, -1] / yy[-1, -1]
@@ -208,14 +205,14 @@ class _Curvature:
         u = torch.linalg.solve_triangular(R, (S @ g)[:, None], upper=True)
         middle = sy.diagonal()[:, None] * u + gamma * (yy @ u - (Y @ g)[:, None])
         v = torch.linalg.solve_triangular(R.T, middle, upper=False)
-        way: Tensor = gamma * (Y.T @ u[:, 0] - g) - S.T @ v[:, 0]
-        return way.to(gradient.dtype)
+        step: Tensor = gamma * (Y.T @ u[:, 0] - g) - S.T @ v[:, 0]
+        return step.to(gradient.dtype)
 
 
-def _adam_block(energy: Energy, settings: AdamSettings, steps: int, memory: Memory) -> Block:
-    """Adam steps on one view. Its moments are kept over refreshes, and steps may raise the energy.
+def _adam_block(energy: Energy, settings: AdamSettings, steps: int, memory: _OptimiserMemory) -> _Block:
+    """Take Adam steps between two refreshes. Its moments are kept over refreshes, and steps may raise the energy.
 
-    People with non-finite gradients return to the previous step and are kept there until the next view.
+    People with non-finite gradients return to the previous step and are kept there until the next refresh.
     """
     state = energy.state
     parameters = state.parameters()
@@ -228,7 +225,7 @@ def _adam_block(energy: Energy, settings: AdamSettings, steps: int, memory: Memo
     for _ in range(steps):
         total, broken = _differentiate(energy, parameters)
         if bool(broken.any()):
-            state.put(good, broken)
+            state.load_people(good, broken)
             held = broken if held is None else held | broken
             total, broken = _differentiate(energy, parameters)
             if bool(broken.any()):
@@ -237,19 +234,19 @@ def _adam_block(energy: Energy, settings: AdamSettings, steps: int, memory: Memo
         good = state.pack()
         optimiser.step()
         if held is not None:
-            state.put(good, held)
+            state.load_people(good, held)
     total, broken = _differentiate(energy, parameters)
     if bool(broken.any()):
-        state.put(good, broken)
-    return Block(totals[0] if totals else total, total, len(totals) + 1, len(totals))
+        state.load_people(good, broken)
+    return _Block(totals[0] if totals else total, total, len(totals) + 1, len(totals))
 
 
 def _differentiate(energy: Energy, parameters: list[Tensor]) -> tuple[float, Tensor]:
-    """Compute the gradients. Returns the energy, and (B,) bool: people with non-finite energy or gradients."""
+    """Compute the gradients; return the energy, and which people (B,) bool have non-finite energy or gradients."""
     energies = energy()
-    total = total_of(energies)
+    total = total_energy(energies)
     gradients = torch.autograd.grad(total, parameters, allow_unused=True)
-    broken = ~torch.isfinite(per_person(energies))
+    broken = ~torch.isfinite(energy_per_person(energies))
     for p, gradient in zip(parameters, gradients, strict=True):
         p.grad = torch.zeros_like(p) if gradient is None else gradient
         # The scale is shared: a non-finite gradient of it stops all people.

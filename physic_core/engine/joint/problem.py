@@ -1,4 +1,4 @@
-"""Input and result of the joint optimisation. Torch, one device; OpenCV camera frame, metres and pixels."""
+"""Input and result of the joint optimisation: torch tensors on one device, camera frame, metres and pixels."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _PER_PERSON = (
 
 @dataclass(frozen=True)
 class JointProblem(ShortRepr):
-    """One photo with B people, placed in their scene by stages 1 and 2.
+    """Input of the joint optimisation: one photo with B people, placed in their scene by stages 1 and 2.
 
     Attributes:
         model: body model of all people.
@@ -50,8 +50,8 @@ class JointProblem(ShortRepr):
         scene_normals: (M, 3) unit towards the camera, zero where unreliable.
         contact_probability: (B, V) in [0, 1].
         observed: (B, 55) bool, visible joints.
-        scene_depth: (H, W) metres along z of the scene points, NaN where there is none; None leaves free space unknown.
-        floor_normal: (3,) unit, up; None where no floor was found.
+        scene_depth: (H, W) metres along z of the scene points, NaN where unknown; or None.
+        floor_normal: (3,) unit, up; None if no floor was found.
         floor_offset: metres of the camera over the floor: the height of X is ``floor_normal . X + floor_offset``.
         floor_points: (F, 3) samples of the plane, or None.
         human_depth: (H, W) metres along z of the original photo, aligned to the scene, NaN where unknown; or None.
@@ -92,14 +92,10 @@ class JointProblem(ShortRepr):
         return len(self.transl0)
 
     def check(self) -> None:
-        """Check the shapes of all fields.
-
-        Raises:
-            PhysicError: the message lists every field of a wrong shape, with its shape and the expected one.
-        """
+        """Raise PhysicError if a field has a wrong shape; the message lists all such fields."""
         b, j = len(self), self.keypoints.shape[1]
         height, width = self.masks.shape[-2:]
-        wanted: dict[str, tuple[int, ...]] = {
+        expected: dict[str, tuple[int, ...]] = {
             "rotations0": (b, 55, 3, 3),
             "betas0": (b, self.model.num_betas),
             "expression0": (b, self.model.num_expression),
@@ -112,29 +108,25 @@ class JointProblem(ShortRepr):
             "scene_normals": (len(self.scene_points), 3),
             "contact_probability": (b, self.model.num_vertices),
             "observed": (b, 55),
+            "floor_normal": (3,),
+            "scene_depth": (height, width),
+            "human_depth": (height, width),
+            "grounded": (b,),
+            "estimated_transl": (b, 3),
+            "keypoint_transl": (b, 3),
         }
-        if self.floor_normal is not None:
-            wanted["floor_normal"] = (3,)
-        for name in ("scene_depth", "human_depth"):
-            if getattr(self, name) is not None:
-                wanted[name] = (height, width)
-        if self.grounded is not None:
-            wanted["grounded"] = (b,)
-        for name in ("estimated_transl", "keypoint_transl"):
-            if getattr(self, name) is not None:
-                wanted[name] = (b, 3)
         faults = [
-            f"{name} must be {shape}, got {tuple(getattr(self, name).shape)}"
-            for name, shape in wanted.items()
-            if tuple(getattr(self, name).shape) != shape
+            f"{name} must be {shape}, got {tuple(value.shape)}"
+            for name, shape in expected.items()
+            if (value := getattr(self, name)) is not None and tuple(value.shape) != shape
         ]
         if self.human_points is not None and len(self.human_points) != b:
             faults.append(f"human_points must be {b} tensors, got {len(self.human_points)}")
         if faults:
             raise PhysicError("joint optimisation: " + "; ".join(faults))
 
-    def as_model(self) -> JointProblem:
-        """A copy with all tensors in the float type and on the device of the body model."""
+    def to_model_dtype(self) -> JointProblem:
+        """Return a copy with all tensors in the floating-point type and on the device of the body model."""
 
         def fit(value: Tensor) -> Tensor:
             return value.to(device=self.model.device, dtype=self.model.dtype if value.is_floating_point() else None)
@@ -146,8 +138,8 @@ class JointProblem(ShortRepr):
             changed["human_points"] = tuple(fit(points) for points in self.human_points)
         return replace(self, **changed)  # type: ignore[arg-type]
 
-    def pick(self, rows: Tensor) -> JointProblem:
-        """A copy with a selection of the people, (n,) int64."""
+    def select_people(self, rows: Tensor) -> JointProblem:
+        """Return a copy with a selection of the people, (n,) int64."""
         changed = {name: getattr(self, name)[rows] for name in _PER_PERSON if getattr(self, name) is not None}
         if self.human_points is not None:
             changed["human_points"] = tuple(self.human_points[i] for i in rows.tolist())
@@ -156,7 +148,7 @@ class JointProblem(ShortRepr):
 
 @dataclass(frozen=True)
 class JointResult(ShortRepr):
-    """People and scene after the joint optimisation.
+    """Result of the joint optimisation: people and scale of the scene.
 
     Attributes:
         rotations: (B, 55, 3, 3).
@@ -170,7 +162,7 @@ class JointResult(ShortRepr):
         occluded: (B, V) bool, hidden by objects, other people or the own body, at the end.
         losses: term -> its weighted value at the start and at the end, both under the visibility at the end.
         diagnostics: per person, name -> number; values that could not be measured are left out.
-        failures: per person, the reason why they keep their start; "" for those who were optimised.
+        failures: per person, the reason why the start was not optimised; "" if it was.
         evaluations: number of evaluations of energy and gradient.
         steps: number of steps of the optimiser.
     """
@@ -191,7 +183,7 @@ class JointResult(ShortRepr):
 
 
 def finite_people(problem: JointProblem) -> Tensor:
-    """(B,) bool: people whose start is finite and in front of the camera."""
+    """Return which people (B,) bool have a finite start in front of the camera."""
     fine = problem.transl0[:, 2] > 0
     for name in ("rotations0", "betas0", "transl0"):
         fine = fine & torch.isfinite(getattr(problem, name)).flatten(1).all(1)

@@ -1,19 +1,25 @@
-"""Weighted sums of robust residuals, with their derivatives."""
+"""Weighted sums of robust losses, and their derivatives."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from torch import Tensor
 
 from physic_core.geometry.robust import robust, unit_robust
 
-__all__ = ["RobustSum"]
+__all__ = ["RobustSum", "offset_loss"]
+
+
+def offset_loss(squared: Tensor, rho: Callable[[Tensor], Tensor], *, per_axis: bool) -> Tensor:
+    """Return the robust loss of offsets with squared components (..., D): of their length, or the sum over axes."""
+    return rho(squared).sum(-1) if per_axis else rho(squared.sum(-1))
 
 
 @dataclass(frozen=True)
 class RobustSum:
-    """``sum_v w_v rho(r_v^2 / sigma^2)`` of residuals (B, n); built by :meth:`of`.
+    """Weighted sum of robust losses, ``sum_v w_v rho(r_v^2 / sigma^2)``, of residuals (B, n); built by :meth:`of`.
 
     Attributes:
         kind: of loss, see :mod:`physic_core.geometry.robust`.
@@ -33,14 +39,14 @@ class RobustSum:
 
     @classmethod
     def of(cls, kind: str, scale: float, sigma: float, weight: Tensor) -> RobustSum:
-        """With weights (B, n) and an expected residual ``sigma``."""
+        """Build the sum for a kind of loss, its scale in sigmas, the expected residual and weights (B, n)."""
         return cls(kind, scale, sigma, weight, weight * scale**2, weight * (2.0 / sigma**2))
 
     def rho(self, squared: Tensor) -> Tensor:
-        """Robust loss of squared residuals in sigmas, differentiable."""
+        """Return the robust loss of squared residuals in sigmas, differentiable."""
         return robust(self.kind, squared, self.scale)
 
-    def with_slope(self, residual: Tensor) -> tuple[Tensor, Tensor]:
-        """Value of each person (B,), and its derivative by the residuals (B, n)."""
+    def value_and_slope(self, residual: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the sum of each person (B,) and its derivative with respect to the residuals (B, n)."""
         loss, slope = unit_robust(self.kind, (residual * (1.0 / (self.sigma * self.scale))).square(), self.scale)
         return (self.value_weight * loss).sum(1), self.slope_weight * residual * slope

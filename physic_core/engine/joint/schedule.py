@@ -1,4 +1,4 @@
-"""Schedule of the joint optimisation: restarts, and the step at which contact and penetration start."""
+"""Schedule of the joint optimisation: restarts, and the step at which contact and penetration are added."""
 
 from __future__ import annotations
 
@@ -9,50 +9,48 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.acceptance import best_of, per_person, values_of
+from physic_core.engine.joint.acceptance import finite_energy_per_person, select_lowest_energy, term_totals
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.optimiser import Trace, minimise
+from physic_core.engine.joint.optimiser import MinimisationResult, minimise
 from physic_core.engine.joint.settings import JointSettings, LbfgsSettings
-from physic_core.geometry.camera import project
 
-__all__ = ["RESTART_ERROR", "VARIANTS", "pick_starts", "run"]
+__all__ = ["RESTART_ERROR", "RESTART_OFFSETS", "minimise_with_restarts", "select_start_poses"]
 
 RESTART_ERROR = 0.04
-"""Restarts are tried for people whose final reprojection error exceeds this share of the person's size."""
+"""Smallest final reprojection error, in shares of the stature in px, for which restarts are tried."""
 
 _SCENE_TERMS = ("contact", "penetration", "floor", "soles")
 
 Progress = Callable[[float], None]
 
 _TILT = math.radians(15.0)
-_FARTHER = math.log(1.1)
+_LOG_DEPTH = math.log(1.1)
 
-VARIANTS: tuple[tuple[float, float], ...] = ((_TILT, 0.0), (-_TILT, 0.0), (0.0, _FARTHER), (0.0, -_FARTHER))
-"""Restarts: a rotation about the camera's horizontal axis, radians, and a change of the logarithm of depth."""
+RESTART_OFFSETS: tuple[tuple[float, float], ...] = ((_TILT, 0.0), (-_TILT, 0.0), (0.0, _LOG_DEPTH), (0.0, -_LOG_DEPTH))
+"""Start poses of the restarts: rotation about the camera's horizontal axis, radians, and change of log depth."""
 
 
-def run(energy: JointEnergy, settings: JointSettings, progress: Progress | None = None) -> Trace:
-    """Minimise the joint energy from its present state, in place.
+def minimise_with_restarts(
+    energy: JointEnergy, settings: JointSettings, progress: Progress | None = None
+) -> MinimisationResult:
+    """Minimise the joint energy from its present state, in place, with restarts for people with large errors.
 
     Args:
         energy: refreshed, and finite at its present state.
-        settings: of stage 3.
         progress: called with the completed share of the steps, 0-1.
     """
     origin = energy.state.pack()
-    first = _follow(energy, settings, progress)
-    if settings.start_poses == 1:
-        return first
-    if not bool((_reprojection_share(energy) >= RESTART_ERROR).any()):
+    first = _minimise_in_phases(energy, settings, progress)
+    if settings.num_start_poses == 1 or not bool(_has_large_error(energy).any()):
         return first
     reached = energy.state.pack()
     energy.state.load(origin)
     energy.refresh()
-    spent = pick_starts(energy, settings)
-    second = _follow(energy, settings, None)
-    best_of(energy, (reached, energy.state.pack()), refresh=True)
+    spent = select_start_poses(energy, settings)
+    second = _minimise_in_phases(energy, settings, None)
+    select_lowest_energy(energy, (reached, energy.state.pack()), refresh=True)
     with torch.no_grad():
-        end = values_of(energy())
+        end = term_totals(energy())
     return replace(
         second,
         start=first.start,
@@ -62,37 +60,35 @@ def run(energy: JointEnergy, settings: JointSettings, progress: Progress | None 
     )
 
 
-def _follow(energy: JointEnergy, settings: JointSettings, progress: Progress | None) -> Trace:
-    """Minimise from the present state; the first steps leave out the scene where the settings delay it."""
+def _minimise_in_phases(energy: JointEnergy, settings: JointSettings, progress: Progress | None) -> MinimisationResult:
+    """Minimise from the present state, at first without the terms of the scene if the settings delay them."""
     optimiser = settings.optimiser
-    alone = round(settings.scene_after * optimiser.steps)
-    if not alone:
+    first_steps = round(settings.scene_start_share * optimiser.steps)
+    if not first_steps:
         return minimise(energy, optimiser, progress)
     origin = energy.state.pack()
     energy.excluded = _SCENE_TERMS
-    first = minimise(energy, replace(optimiser, steps=alone), _part(progress, 0.0, alone / optimiser.steps))
+    share = first_steps / optimiser.steps
+    first = minimise(energy, replace(optimiser, steps=first_steps), _subrange(progress, 0.0, share))
     energy.excluded = ()
     energy.refresh()
-    rest = replace(optimiser, steps=optimiser.steps - alone)
-    trace = minimise(energy, rest, _part(progress, settings.scene_after, 1.0))
+    rest = replace(optimiser, steps=optimiser.steps - first_steps)
+    second = minimise(energy, rest, _subrange(progress, settings.scene_start_share, 1.0))
     final = energy.state.pack()
     energy.state.load(origin)
     with torch.no_grad():
-        start = values_of(energy())
+        start = term_totals(energy())
     energy.state.load(final)
     return replace(
-        trace, start=start, evaluations=trace.evaluations + first.evaluations, steps=trace.steps + first.steps
+        second, start=start, evaluations=second.evaluations + first.evaluations, steps=second.steps + first.steps
     )
 
 
-def pick_starts(energy: JointEnergy, settings: JointSettings) -> int:
-    """Try restarts for people with a large reprojection error, and set each person to their best start.
+def select_start_poses(energy: JointEnergy, settings: JointSettings) -> int:
+    """Set each person with a large reprojection error to the best of several start poses.
 
-    Each start is optimised up to the first refresh, for all people at once. The other people and the scene's scale
-    keep the start by the body estimator.
-
-    Returns:
-        Number of evaluations.
+    Each start pose is optimised up to the first refresh, for all people in one run. The other people and the scene's
+    scale keep the start by the body estimator. Returns the number of evaluations.
     """
     state = energy.state
     optimiser = settings.optimiser
@@ -102,15 +98,15 @@ def pick_starts(energy: JointEnergy, settings: JointSettings) -> int:
     origin = state.pack()
     evaluations = minimise(energy, probe).evaluations
     energy.refresh()
-    best, kept = _of_each(energy), {group: value.detach().clone() for group, value in state.values.items()}
-    doubtful = _reprojection_share(energy) >= RESTART_ERROR
-    for tilt, farther in VARIANTS[: settings.start_poses - 1] if bool(doubtful.any()) else ():
+    best, kept = _person_energies(energy), {group: value.detach().clone() for group, value in state.values.items()}
+    doubtful = _has_large_error(energy)
+    for tilt, log_depth in RESTART_OFFSETS[: settings.num_start_poses - 1] if bool(doubtful.any()) else ():
         state.load(origin)
-        state.displace(doubtful, tilt, farther)
+        state.displace(doubtful, tilt, log_depth)
         energy.refresh()
         evaluations += minimise(energy, probe).evaluations
         energy.refresh()
-        found = _of_each(energy)
+        found = _person_energies(energy)
         better = doubtful & (found < best)
         best = torch.where(better, found, best)
         for group, value in state.values.items():
@@ -125,24 +121,21 @@ def pick_starts(energy: JointEnergy, settings: JointSettings) -> int:
 
 
 @torch.no_grad()
-def _of_each(energy: JointEnergy) -> Tensor:
-    """(B,) energy of each person; inf where it is not finite."""
-    total = per_person(energy())
-    return torch.where(torch.isfinite(total), total, torch.inf)
+def _person_energies(energy: JointEnergy) -> Tensor:
+    """Return the energy of each person (B,); inf where it is not finite."""
+    return finite_energy_per_person(energy())
 
 
 @torch.no_grad()
-def _reprojection_share(energy: JointEnergy) -> Tensor:
-    """(B,) mean error of confident keypoints as a share of the person's size; inf for a person without them."""
-    problem, context = energy.problem, energy.context
-    estimate = energy.state.unpack()
-    posed = context.pose(estimate.rotations, estimate.betas, estimate.transl, problem.expression0)
-    error = (project(posed[problem.skeleton], problem.K) - context.keypoints.points).norm(dim=-1)
+def _has_large_error(energy: JointEnergy) -> Tensor:
+    """Return which people (B,) bool have a large mean reprojection error, or no confident keypoints."""
+    context = energy.context
+    error = energy.reprojection_errors(energy.state.unpack())
     confident = context.keypoints.confident.to(error.dtype)
     mean = (confident * error).sum(1) / confident.sum(1).clamp(min=1.0) / context.person_px
-    return torch.where(confident.any(1), mean, torch.inf)
+    return torch.where(confident.any(1), mean, torch.inf) >= RESTART_ERROR
 
 
-def _part(progress: Progress | None, begin: float, end: float) -> Progress | None:
-    """Map progress 0-1 to the interval from ``begin`` to ``end``."""
+def _subrange(progress: Progress | None, begin: float, end: float) -> Progress | None:
+    """Return a progress callback that maps 0-1 to the interval from ``begin`` to ``end``."""
     return None if progress is None else lambda share: progress(begin + (end - begin) * share)

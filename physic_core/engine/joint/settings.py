@@ -1,4 +1,4 @@
-"""Settings of stage 3 that all presets share: frozen groups and the optimiser. Each preset adds those of its terms."""
+"""Settings of stage 3 that all presets share: frozen parameters and optimiser."""
 
 from __future__ import annotations
 
@@ -10,17 +10,22 @@ from typing import TYPE_CHECKING, ClassVar, Self
 from physic_core.engine.bounds import Count, Degrees, NotNegative, Positive, PositiveCount
 
 if TYPE_CHECKING:
-    from physic_core.engine.joint.context import JointContext
-    from physic_core.engine.joint.conventions import Conventions
+    from torch import Tensor
+
+    from physic_core.body.model import BodyOutput
+    from physic_core.engine.joint.context import JointContext, Keypoints
+    from physic_core.engine.joint.energy_options import EnergyOptions
+    from physic_core.engine.joint.problem import JointProblem
     from physic_core.engine.joint.state import State
     from physic_core.engine.joint.term import Term
+    from physic_core.engine.joint.visibility import SelfOcclusion, Visibility
 
 __all__ = ["AdamSettings", "JointSettings", "LbfgsSettings", "VisibilitySettings"]
 
 
 @dataclass(frozen=True)
 class LbfgsSettings:
-    """L-BFGS with a backtracking (Armijo) line search.
+    """Settings of L-BFGS with a backtracking (Armijo) line search.
 
     Attributes:
         steps: at most; 40-100.
@@ -35,7 +40,7 @@ class LbfgsSettings:
 
 @dataclass(frozen=True)
 class AdamSettings:
-    """Adam, as the paper uses it.
+    """Settings of Adam, the optimiser of the paper.
 
     Attributes:
         steps: all of them are taken.
@@ -50,7 +55,7 @@ class AdamSettings:
 
 @dataclass(frozen=True)
 class VisibilitySettings:
-    """Which vertices the photo shows.
+    """Settings of the visibility of vertices.
 
     Attributes:
         vertex_spacing_m: vertices without contact are thinned to this spacing, metres; 0 keeps all.
@@ -67,7 +72,7 @@ class VisibilitySettings:
 
 @dataclass(frozen=True)
 class JointSettings(ABC):
-    """Stage 3: pose, hands, shape, translation and scene scale together (paper Sec. 3.3, Eq. 5-7).
+    """Settings of stage 3, the joint optimisation of people and scene (paper sec. 3.3, Eq. 5-7).
 
     A preset of the engine is a subclass: its fields are the settings of its terms, and :meth:`terms` lists them.
 
@@ -79,27 +84,51 @@ class JointSettings(ABC):
     frozen: tuple[str, ...] = ()
     optimiser: LbfgsSettings | AdamSettings = field(default_factory=LbfgsSettings)
 
-    scene_after: ClassVar[float] = 0.0
-    """Share of the steps that leave out contact and penetration; 0 includes them from the first step."""
+    scene_start_share: ClassVar[float] = 0.0
+    """Share of the steps before contact and penetration are added; 0 includes them from the first step."""
 
     @property
     @abstractmethod
-    def conventions(self) -> Conventions:
-        """Which vertices, keypoints and limbs count in this energy."""
+    def energy_options(self) -> EnergyOptions:
+        """Fixed choices of this energy: which vertices, keypoints and limbs count."""
+
+    @abstractmethod
+    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor, observed: Tensor) -> Keypoints:
+        """Return the keypoints and their weights.
+
+        Args:
+            problem: with finite people only.
+            person_px: (B,) stature in px.
+            observed: (B, 55) bool, joints that count as visible.
+        """
+
+    def update_visibility(
+        self, context: JointContext, bodies: BodyOutput, self_occlusion: SelfOcclusion, last: Visibility | None
+    ) -> Visibility:
+        """Return the visibility of the posed bodies.
+
+        Args:
+            bodies: posed at the present state, all vertices.
+            self_occlusion: of the B people.
+            last: the last visibility; None at the first update.
+        """
+        from physic_core.engine.joint.visibility import update_visibility
+
+        return update_visibility(context, bodies, self_occlusion)
 
     @abstractmethod
     def initial_state(self, context: JointContext) -> State:
-        """The free parameters at the start."""
+        """Return the free parameters at the start."""
 
     @abstractmethod
     def terms(self, context: JointContext, state: State) -> Sequence[Term]:
-        """The terms of the energy, in the order in which they are added up."""
+        """Return the terms of the energy, in the order of summation."""
 
     @property
-    def start_poses(self) -> int:
+    def num_start_poses(self) -> int:
         """Number of start poses for each person with a large reprojection error; 1 is the estimated pose alone."""
         return 1
 
     def without(self, term: str) -> Self:
-        """A copy with the weight of one term set to 0, if the energy has such a term."""
+        """Return a copy with the weight of one term set to 0, if the energy has such a term."""
         return replace(self, **{term: replace(getattr(self, term), weight=0.0)}) if hasattr(self, term) else self

@@ -1,6 +1,6 @@
-"""Free parameters of the joint optimisation: bodies, one scene scale, a depth offset and a depth warp per person.
+"""Free parameters of the joint optimisation: bodies, scene scale, and a depth offset and local depth scale per person.
 
-Whitened parameters are deviations from the start, divided by their expected spread. One step length then suits all of
+Whitened parameters are deviations from the start, divided by their expected sizes. One step length then suits all of
 them, and their sum of squares is a Gaussian prior. Raw parameters are the quantities themselves, with each rotation as
 the first two columns of its matrix, as in the paper's gradient descent. OpenCV camera frame, metres.
 """
@@ -15,6 +15,7 @@ import roma
 import torch
 from torch import Tensor
 
+from physic_core.body.joints import JOINT_NAMES
 from physic_core.errors import PhysicError
 from physic_core.geometry.rotations import rotvec_to_rotmat
 from physic_core.types.short_repr import ShortRepr
@@ -25,27 +26,31 @@ if TYPE_CHECKING:
 __all__ = ["GROUPS", "Estimate", "State", "raw_state"]
 
 GROUPS: tuple[str, ...] = ("root", "pose", "hands", "betas", "translation", "scale", "offset", "warp")
-"""Groups that can be frozen: root rotation, joints 1-21, both hands, shape, translation, scene scale, depth
-offset, warp."""
+"""Parameter groups: root rotation, rotations of body joints 1-21 and of both hands, shape, translation, scene scale,
+depth offset and log of the local depth scale."""
 
 _OF_PEOPLE = tuple(group for group in GROUPS if group != "scale")
 
-_BODY = slice(1, 22)
-_HANDS = slice(25, 55)
+_BODY = slice(JOINT_NAMES.index("left_hip"), JOINT_NAMES.index("jaw"))
+_FACE = slice(JOINT_NAMES.index("jaw"), JOINT_NAMES.index("left_index1"))
+_HANDS = slice(JOINT_NAMES.index("left_index1"), len(JOINT_NAMES))
 
-_POSE_SIGMAS: dict[int, tuple[float, float, float]] = {
-    # joint: expected correction of a fitted pose, radians about the joint's own x, y, z; 0.4 of the spread of people's
-    # poses, within 0.05 and 0.3. Knees bend about x, elbows about y; the other axes of a hinge hardly move.
-    **dict.fromkeys((1, 2), (0.3, 0.2, 0.2)),
-    **dict.fromkeys((4, 5), (0.3, 0.05, 0.05)),
-    **dict.fromkeys((7, 8), (0.14, 0.14, 0.14)),
-    **dict.fromkeys((10, 11), (0.05, 0.05, 0.05)),
-    **dict.fromkeys((3, 6, 9), (0.1, 0.08, 0.06)),
-    **dict.fromkeys((12, 15), (0.1, 0.1, 0.1)),
-    **dict.fromkeys((13, 14), (0.06, 0.06, 0.06)),
-    **dict.fromkeys((16, 17), (0.3, 0.3, 0.3)),
-    **dict.fromkeys((18, 19), (0.12, 0.3, 0.06)),
-    **dict.fromkeys((20, 21), (0.14, 0.14, 0.14)),
+_POSE_SIGMAS: dict[str, tuple[float, float, float]] = {
+    # joint: expected correction of a fitted pose, radians about the joint's own x, y, z; 0.4 of the standard deviation
+    # of people's poses, within 0.05 and 0.3. Knees bend about x, elbows about y; the other axes of a hinge hardly move.
+    "hip": (0.3, 0.2, 0.2),
+    "knee": (0.3, 0.05, 0.05),
+    "ankle": (0.14, 0.14, 0.14),
+    "foot": (0.05, 0.05, 0.05),
+    "spine1": (0.1, 0.08, 0.06),
+    "spine2": (0.1, 0.08, 0.06),
+    "spine3": (0.1, 0.08, 0.06),
+    "neck": (0.1, 0.1, 0.1),
+    "head": (0.1, 0.1, 0.1),
+    "collar": (0.06, 0.06, 0.06),
+    "shoulder": (0.3, 0.3, 0.3),
+    "elbow": (0.12, 0.3, 0.06),
+    "wrist": (0.14, 0.14, 0.14),
 }
 _ROOT_SIGMA = 0.3  # radians
 _HAND_SIGMA = 0.15  # radians
@@ -56,7 +61,7 @@ _DEPTH_SIGMA = 0.05  # of log z
 
 @dataclass(frozen=True)
 class Estimate(ShortRepr):
-    """Parameters of bodies and scene at one state.
+    """Parameters of bodies and scene, converted from the free parameters.
 
     Attributes:
         rotations: (B, 55, 3, 3).
@@ -76,13 +81,13 @@ class Estimate(ShortRepr):
 
 
 @dataclass(frozen=True)
-class Spread:
-    """Expected spreads of the logarithms of scale, depth offset and depth warp, by which they are whitened.
+class StateSigmas:
+    """Expected sizes of log scale, log depth offset and log local depth scale, used for whitening.
 
     Attributes:
         scale: of log(scale).
-        offset: of the depth offsets, or (B,) that of each person.
-        warp: of the depth warps.
+        offset: of the depth offsets; (B,) differs per person.
+        warp: of the local depth scales.
     """
 
     scale: float = 0.1
@@ -90,24 +95,25 @@ class Spread:
     warp: float = 0.06
 
 
-_DEFAULT_SPREAD = Spread()
+_DEFAULT_SIGMAS = StateSigmas()
 
 
 class State:
-    """The free parameters of B people and their scene.
+    """Free parameters of B people and their scene.
 
     Args:
         rotations: (B, 55, 3, 3) at the start.
         betas: (B, K) at the start.
         transl: (B, 3) metres, at the start.
-        pelvis: (B, 3) metres, the pelvis joint at the start. Whitened translations are along and across its ray.
+        pelvis: (B, 3) metres, the pelvis joint at the start. Whitened translations are along
+            and across its ray.
         whitened: whitened parameters; else raw ones (see the module).
         frozen: groups of :data:`GROUPS` that are kept constant.
-        spread: expected spreads of scale, depth offset and warp.
+        sigmas: expected sizes of scale, depth offset and local depth scale.
         offset_free: (B,) bool, people with a free depth offset; None is all people.
 
     Raises:
-        PhysicError: an unknown group.
+        PhysicError: unknown parameter group.
     """
 
     def __init__(
@@ -119,7 +125,7 @@ class State:
         *,
         whitened: bool = True,
         frozen: Sequence[str] = (),
-        spread: Spread = _DEFAULT_SPREAD,
+        sigmas: StateSigmas = _DEFAULT_SIGMAS,
         offset_free: Tensor | None = None,
     ) -> None:
         unknown = sorted(set(frozen) - set(GROUPS))
@@ -131,33 +137,34 @@ class State:
             rotations.detach(),
             betas.detach(),
             transl.detach(),
-            torch.zeros((), device=device, dtype=dtype),
-            torch.zeros(people, device=device, dtype=dtype),
-            torch.zeros(people, device=device, dtype=dtype),
+            rotations.new_zeros(()),
+            rotations.new_zeros(people),
+            rotations.new_zeros(people),
         )
         self._pelvis = pelvis.detach()
-        sigmas = torch.tensor([_POSE_SIGMAS[j] for j in range(1, 22)], device=device, dtype=dtype)
+        pose_sigmas = [_POSE_SIGMAS[name.rpartition("_")[2]] for name in JOINT_NAMES[_BODY]]
         self._sigmas: dict[str, Tensor | float] = {
             "root": _ROOT_SIGMA,
-            "pose": sigmas,
+            "pose": torch.tensor(pose_sigmas, device=device, dtype=dtype),
             "hands": _HAND_SIGMA,
             "betas": _BETA_SIGMA,
             "translation": torch.tensor([_RAY_SIGMA, _RAY_SIGMA, _DEPTH_SIGMA], device=device, dtype=dtype),
-            "scale": spread.scale,
-            "offset": spread.offset,
-            "warp": spread.warp,
+            "scale": sigmas.scale,
+            "offset": sigmas.offset,
+            "warp": sigmas.warp,
         }
         self.offset_free = torch.ones(people, device=device, dtype=torch.bool) if offset_free is None else offset_free
-        self._moves_offset = self.offset_free.to(dtype)
+        self._offset_mask = self.offset_free.to(dtype)
         self.values: dict[str, Tensor] = self._initial()
         self.free: tuple[str, ...] = tuple(g for g in GROUPS if g not in frozen)
         for group in self.free:
             self.values[group].requires_grad_()
         self._origin = {group: value.detach().clone() for group, value in self.values.items()}
-        self._started = self._side_by_side(self._origin)
+        self._origin_columns = self._concatenate(self._origin)
         self._sizes = [self._origin[group][0].numel() if people else 0 for group in _OF_PEOPLE]
 
     def _initial(self) -> dict[str, Tensor]:
+        """Return the free parameters at the start, by group."""
         start = self._start
         people = len(start.transl)
         if self.whitened:
@@ -189,11 +196,12 @@ class State:
         return self._unpack_whitened() if self.whitened else self._unpack_raw()
 
     def _unpack_whitened(self) -> Estimate:
+        """Convert whitened parameters."""
         start, values, sigmas = self._start, self.values, self._sigmas
         first, body = start.rotations[:, :1], start.rotations[:, _BODY]
-        face, hands = start.rotations[:, 22:25], start.rotations[:, _HANDS]
-        # All rotations at once. The root's is applied in the camera frame, the others in the frame of their joint.
-        turns = torch.cat(
+        face, hands = start.rotations[:, _FACE], start.rotations[:, _HANDS]
+        # One call for all rotations. The root's is applied in the camera frame, the others in the frame of their joint.
+        rotvecs = torch.cat(
             [
                 (values["root"] * sigmas["root"])[:, None],
                 values["pose"] * sigmas["pose"],
@@ -202,9 +210,9 @@ class State:
             1,
         )
         counts = [1, body.shape[1], hands.shape[1]]
-        root, *others = torch.split(rotvec_to_rotmat(turns), counts, dim=1)
-        turned = torch.cat([root, body, hands], 1) @ torch.cat([first, *others], 1)
-        first, body, hands = torch.split(turned, counts, dim=1)
+        root, *others = torch.split(rotvec_to_rotmat(rotvecs), counts, dim=1)
+        rotated = torch.cat([root, body, hands], 1) @ torch.cat([first, *others], 1)
+        first, body, hands = torch.split(rotated, counts, dim=1)
         move = values["translation"] * sigmas["translation"]
         z0 = self._pelvis[:, 2:]
         z = z0 * torch.exp(move[:, 2:])
@@ -214,45 +222,47 @@ class State:
             start.betas + values["betas"] * sigmas["betas"],
             start.transl + (pelvis - self._pelvis),
             values["scale"] * sigmas["scale"],
-            values["offset"] * sigmas["offset"] * self._moves_offset,
+            values["offset"] * sigmas["offset"] * self._offset_mask,
             values["warp"] * sigmas["warp"],
         )
 
     def _unpack_raw(self) -> Estimate:
+        """Convert raw parameters; two columns of a rotation are orthonormalised."""
         start, values = self._start, self.values
-        turned = [roma.special_gramschmidt(values[group]) for group in ("pose", "hands")]
+        body_and_hands = [roma.special_gramschmidt(values[group]) for group in ("pose", "hands")]
         first = roma.special_gramschmidt(values["root"])[:, None]
         return Estimate(
-            torch.cat([first, turned[0], start.rotations[:, 22:25], turned[1]], 1),
+            torch.cat([first, body_and_hands[0], start.rotations[:, _FACE], body_and_hands[1]], 1),
             values["betas"],
             values["translation"],
             values["scale"].clamp(min=1e-3).log(),
-            values["offset"] * self._moves_offset,
+            values["offset"] * self._offset_mask,
             values["warp"],
         )
 
     def deviation(self) -> tuple[Tensor, Tensor]:
-        """Deviation of people's parameters (B, P) and of the scene's scale () from the start.
+        """Return the deviation of people's parameters (B, P) and of the scene's scale () from the start.
 
-        Columns are all groups but the scale, in the order of :data:`GROUPS`. Units are expected spreads if whitened,
+        Columns are all groups except the scale, in the order of :data:`GROUPS`. Units are expected sizes if whitened,
         else those of the raw parameters.
         """
-        return self._side_by_side(self.values) - self._started, self.values["scale"] - self._origin["scale"]
+        return self._concatenate(self.values) - self._origin_columns, self.values["scale"] - self._origin["scale"]
 
-    def per_parameter(self, of_group: Mapping[str, float]) -> Tensor:
-        """One number per group, expanded to (P,) for the columns of :meth:`deviation`."""
+    def expand_to_parameters(self, of_group: Mapping[str, float]) -> Tensor:
+        """Repeat one number per group for each of its parameters: (P,), in the columns of :meth:`deviation`."""
         sizes = zip(_OF_PEOPLE, self._sizes, strict=True)
-        return self._started.new_tensor([of_group[group] for group, size in sizes for _ in range(size)])
+        return self._origin_columns.new_tensor([of_group[group] for group, size in sizes for _ in range(size)])
 
     @staticmethod
-    def _side_by_side(values: Mapping[str, Tensor]) -> Tensor:
+    def _concatenate(values: Mapping[str, Tensor]) -> Tensor:
+        """Concatenate the parameters of people: (B, P)."""
         return torch.cat(
             [values[group].flatten(1) if values[group].ndim > 1 else values[group][:, None] for group in _OF_PEOPLE], 1
         )
 
     @torch.no_grad()
     def displace(self, people: Tensor, tilt: float, farther: float) -> None:
-        """Rotate some people about the camera's horizontal axis and move them along their ray; whitened only.
+        """Rotate people about the camera's horizontal axis and move them along their rays; whitened only.
 
         Args:
             people: (B,) bool.
@@ -266,11 +276,11 @@ class State:
             self.values["translation"][:, 2] += rows * (farther / _DEPTH_SIGMA)
 
     def parameters(self) -> list[Tensor]:
-        """The leaf tensors that an optimiser may change."""
+        """Return the leaf tensors of the free parameters."""
         return [self.values[group] for group in self.free]
 
     def pack(self) -> Tensor:
-        """All free parameters in one (n,) vector, a copy."""
+        """Return a copy of all free parameters in one vector (n,)."""
         none = self._start.transl.new_zeros(0)
         return torch.cat([none, *(v.detach().reshape(-1) for v in self.parameters())])
 
@@ -279,19 +289,19 @@ class State:
         """Set all free parameters from a vector of :meth:`pack`.
 
         Raises:
-            PhysicError: a vector of another length.
+            PhysicError: wrong length of the vector.
         """
         for value, part in zip(self.parameters(), self._parts(packed), strict=True):
             value.copy_(part.view_as(value))
 
     @property
-    def people(self) -> int:
+    def num_people(self) -> int:
         """Number of people B."""
         return len(self._start.transl)
 
     @torch.no_grad()
-    def put(self, packed: Tensor, people: Tensor) -> None:
-        """Set some people, (B,) bool, from a vector of :meth:`pack`; the others and the scale do not change."""
+    def load_people(self, packed: Tensor, people: Tensor) -> None:
+        """Set the parameters of some people, (B,) bool, from a vector of :meth:`pack`; the rest does not change."""
         for group, part in zip(self.free, self._parts(packed), strict=True):
             value = self.values[group]
             if group != "scale":
@@ -299,6 +309,7 @@ class State:
                 value.copy_(torch.where(rows, part.view_as(value), value))
 
     def _parts(self, packed: Tensor) -> tuple[Tensor, ...]:
+        """Split a packed vector into the free parameter groups."""
         sizes = [v.numel() for v in self.parameters()]
         if packed.shape != (sum(sizes),):
             raise PhysicError(f"the packed state must be ({sum(sizes)},), got {tuple(packed.shape)}")
@@ -306,15 +317,13 @@ class State:
 
 
 def raw_state(context: JointContext, frozen: Sequence[str]) -> State:
-    """Raw parameters without depth offsets and warps, for the paper's gradient descent.
+    """Build a state of raw parameters without depth offsets and local depth scales.
 
-    Args:
-        context: constants of this optimisation.
-        frozen: groups that are kept constant. The scale is kept as well if there is neither scene nor floor.
+    The groups ``frozen`` are constant, and the scale as well if there is neither scene nor floor.
     """
     problem = context.problem
-    stay = {*frozen, "offset", "warp"}
+    constant = {*frozen, "offset", "warp"}
     if not len(context.surface) and problem.floor_normal is None:
-        stay.add("scale")
+        constant.add("scale")
     start = (problem.rotations0, problem.betas0, problem.transl0, context.start.joints[:, 0])
-    return State(*start, whitened=False, frozen=sorted(stay))
+    return State(*start, whitened=False, frozen=sorted(constant))

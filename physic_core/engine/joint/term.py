@@ -1,10 +1,11 @@
-"""Interface of a term of the joint energy, and its inputs."""
+"""Base class of the terms of the joint energy, and their inputs."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from types import MappingProxyType
 
 from torch import Tensor
 
@@ -13,21 +14,21 @@ from physic_core.engine.joint.state import Estimate
 from physic_core.engine.joint.visibility import Visibility
 from physic_core.types.short_repr import ShortRepr
 
-__all__ = ["PosedBodies", "Rho", "Term", "View"]
+__all__ = ["PosedBodies", "RobustLoss", "Snapshot", "Term"]
 
-Rho = Callable[[Tensor], Tensor]
+RobustLoss = Callable[[Tensor], Tensor]
 """Robust loss of squared residuals."""
 
 
 @dataclass(frozen=True)
-class View(ShortRepr):
-    """Inputs that are fixed between two updates, so that the energy is smooth for a line search.
+class Snapshot(ShortRepr):
+    """Visibility, contacts and vertices at the last refresh; constant until the next one.
 
     Attributes:
         visibility: of each vertex.
         contacts: nearest scene point of each vertex, and distances.
-        vertices: (B, n, 3) tracked vertices at the update, metres.
-        scale: of the scene at the update.
+        vertices: (B, n, 3) tracked vertices, metres.
+        scale: of the scene.
     """
 
     visibility: Visibility
@@ -38,7 +39,7 @@ class View(ShortRepr):
 
 @dataclass(frozen=True)
 class PosedBodies(ShortRepr):
-    """Bodies and scene of one evaluation, differentiable. B people, n tracked vertices.
+    """Posed bodies and scene parameters of one energy evaluation, differentiable. B people, n tracked vertices.
 
     Attributes:
         vertices: (B, n, 3) metres, camera frame.
@@ -57,17 +58,18 @@ class PosedBodies(ShortRepr):
     scale_deviation: Tensor
 
 
-class Term(Protocol):
+class Term(ABC):
     """One summand of the energy (paper Eq. 5), or several that are evaluated together.
 
     Attributes:
         active: name -> (B, n) or (B,) weights since the last :meth:`refresh`; 0 leaves a vertex or person out.
     """
 
-    active: dict[str, Tensor]
+    active: Mapping[str, Tensor] = MappingProxyType({})
 
-    def refresh(self, view: View) -> None:
-        """Compute the weights; they stay fixed until the next call."""
+    def refresh(self, snapshot: Snapshot) -> None:  # noqa: B027 - most terms have constant weights
+        """Update the weights, which are constant until the next call. By default nothing changes."""
 
+    @abstractmethod
     def __call__(self, bodies: PosedBodies) -> Mapping[str, Tensor]:
-        """Weighted energies, differentiable: name -> (B,) of each person; "scale", of the scene, is (1,)."""
+        """Return the weighted energies, differentiable: name -> (B,) per person; "scale", of the scene, is (1,)."""

@@ -5,7 +5,7 @@ The optimiser updates it every few steps. OpenCV camera frame, metres and pixels
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import torch
@@ -13,49 +13,43 @@ from torch import Tensor
 
 from physic_core.body.model import BodyOutput
 from physic_core.engine.joint.context import JointContext
-from physic_core.engine.joint.limbs import limb_parts
+from physic_core.engine.joint.limbs import limb_part_indices
 from physic_core.geometry.camera import project
-from physic_core.geometry.visibility import (
-    facing,
-    inside_image,
-    self_occlusion,
-    vertex_normals,
-)
+from physic_core.geometry.visibility import facing, inside_image, self_occlusion, vertex_normals
 
 __all__ = [
     "HIDDEN_LIMB_SHARE",
     "SelfOcclusion",
     "Visibility",
-    "around",
-    "keep_facing",
-    "masks_of",
     "occluded_vertices",
+    "person_masks",
+    "sample_mask_neighbours",
     "update_visibility",
 ]
 
 HIDDEN_LIMB_SHARE = 0.3
 """A limb segment is hidden when this share of its vertices lies behind other parts; as released."""
 
-_STILL_M = 0.01  # people whose mean motion across their rays is below this keep their self-occlusion
+_MIN_MOTION_M = 0.01  # mean motion of a person across the rays, from which self-occlusion is computed again
 
 
 @dataclass(frozen=True)
 class Visibility:
-    """Visibility of B people; n tracked vertices.
+    """Visibility of the tracked vertices (B, n) of B people.
 
     Attributes:
         uv: (B, n, 2) px, projected vertices.
         normals: (B, n, 3) of the body, unit.
-        in_play: (B, n) bool, inside the image and on a visible limb; takes part in contact and penetration.
-        in_mask: (B, n) bool, inside the mask of its person: not hidden by an object or another person.
+        eligible: (B, n) bool, inside the image and on a visible limb: eligible for contact and penetration.
+        in_mask: (B, n) bool, inside the person's mask: not hidden by an object or another person.
         hidden: (B, n) bool, hidden by objects, other people or the own body.
-        facing: (B, n) bool, camera-facing and inside the mask of its person.
+        facing: (B, n) bool, camera-facing and inside the person's mask.
         unobstructed: (B, n) bool, camera-facing and not self-occluded.
     """
 
     uv: Tensor
     normals: Tensor
-    in_play: Tensor
+    eligible: Tensor
     in_mask: Tensor
     hidden: Tensor
     facing: Tensor
@@ -63,11 +57,7 @@ class Visibility:
 
 
 class SelfOcclusion:
-    """Self-occlusion of moving people. Rays are cast again only for people who have moved.
-
-    Args:
-        context: constants of this optimisation.
-    """
+    """Self-occlusion of moving people; rays are cast again only for people who have moved."""
 
     def __init__(self, context: JointContext) -> None:
         model = context.problem.model
@@ -75,19 +65,19 @@ class SelfOcclusion:
             self_occlusion,
             faces=model.faces,
             part_of_vertex=model.part_of_vertex,
-            parts=limb_parts(model.part_names),
+            parts=limb_part_indices(model.part_names),
             share=HIDDEN_LIMB_SHARE,
-            coarse=model.coarse if context.conventions.coarse_self_occlusion else None,
+            coarse=model.coarse if context.options.coarse_self_occlusion else None,
         )
         self._seen: Tensor | None = None
         self._hidden = self._hidden_limbs = torch.zeros(0)
 
     def __call__(self, vertices: Tensor) -> tuple[Tensor, Tensor]:
-        """Self-occlusion of vertices (B, V, 3): two (B, V) bool.
+        """Compute the self-occlusion of vertices (B, V, 3).
 
         Returns:
-            hidden: behind any face of their own body.
-            hidden_limbs: on a limb that counts as hidden.
+            hidden: (B, V) bool, behind any face of their own body.
+            hidden_limbs: (B, V) bool, on a limb that counts as hidden.
         """
         away = vertices[..., 2].mean(1).abs().clamp(min=1e-6)[:, None, None]
         # Motion along the rays does not change the self-occlusion.
@@ -97,7 +87,7 @@ class SelfOcclusion:
             self._seen, self._hidden, self._hidden_limbs = seen, shadow.hidden, shadow.vertices
         else:
             moved = ((seen - self._seen) * away).square().sum(-1).mean(1).sqrt()
-            rows = (~(moved < _STILL_M)).nonzero(as_tuple=True)[0]
+            rows = (~(moved < _MIN_MOTION_M)).nonzero(as_tuple=True)[0]
             if len(rows):
                 shadow = self._cast(vertices[rows])
                 self._seen = self._seen.index_copy(0, rows, seen[rows])
@@ -107,30 +97,26 @@ class SelfOcclusion:
 
 
 @torch.no_grad()
-def update_visibility(
-    context: JointContext, bodies: BodyOutput, self_occlusion: SelfOcclusion, last: Visibility | None
-) -> Visibility:
-    """Project the tracked vertices, sample the masks at their pixels, and cast a ray at each.
+def update_visibility(context: JointContext, bodies: BodyOutput, self_occlusion: SelfOcclusion) -> Visibility:
+    """Compute the visibility of the tracked vertices from masks, normals and ray casts.
 
     Args:
-        context: constants of this optimisation.
         bodies: posed at the present state, all vertices.
         self_occlusion: of the B people.
-        last: not used.
     """
-    problem, conventions = context.problem, context.conventions
+    problem, options = context.problem, context.options
     vertices = bodies.vertices[:, context.ids]
-    masks = masks_of(context)
+    masks = person_masks(context)
     uv = project(vertices, problem.K)
     in_image = _in_image(uv, vertices, masks)
-    in_mask = in_image & around(uv, masks, context.person_px * conventions.mask_tolerance).any(0)
+    in_mask = in_image & sample_mask_neighbours(uv, masks, context.person_px * options.mask_tolerance).any(0)
     behind_self, hidden_limb = (flags[:, context.ids] for flags in self_occlusion(bodies.vertices))
     normals = vertex_normals(bodies.vertices, problem.model.faces, context.faces_around)
-    toward = facing(normals, vertices, conventions.facing_deg)
+    toward = facing(normals, vertices, options.facing_deg)
     return Visibility(
         uv=uv,
         normals=normals,
-        in_play=context.seen_part & in_image,
+        eligible=context.on_visible_part & in_image,
         in_mask=in_mask,
         hidden=~in_mask | hidden_limb,
         facing=toward & in_mask,
@@ -138,39 +124,29 @@ def update_visibility(
     )
 
 
-def keep_facing(
-    context: JointContext, bodies: BodyOutput, self_occlusion: SelfOcclusion, last: Visibility | None
-) -> Visibility:
-    """As :func:`update_visibility`, but camera-facing vertices stay those of the first update.
-
-    "The camera-facing mask remains stable throughout optimization" (paper sec. 4.1).
-    """
-    now = update_visibility(context, bodies, self_occlusion, last)
-    return now if last is None else replace(now, facing=last.facing)
-
-
 @torch.no_grad()
 def occluded_vertices(context: JointContext, vertices: Tensor, self_occlusion: SelfOcclusion) -> Tensor:
-    """Vertices (B, V, 3) that objects, other people or the own body hide, as in :attr:`Visibility.hidden`: (B, V)."""
-    masks = masks_of(context)
+    """Return which vertices (B, V, 3) are hidden by objects, other people or the own body: (B, V) bool."""
+    masks = person_masks(context)
     uv = project(vertices, context.problem.K)
-    near = around(uv, masks, context.person_px * context.conventions.mask_tolerance).any(0)
+    near = sample_mask_neighbours(uv, masks, context.person_px * context.options.mask_tolerance).any(0)
     return ~(near & _in_image(uv, vertices, masks)) | self_occlusion(vertices)[1]
 
 
-def masks_of(context: JointContext) -> Tensor:
-    """(B, H, W) bool: the mask of each person, or B copies of the union of all masks."""
+def person_masks(context: JointContext) -> Tensor:
+    """Return the mask of each person (B, H, W) bool, or B copies of the union of all masks."""
     masks = context.problem.masks
-    return masks.any(0, keepdim=True).expand_as(masks) if context.conventions.merge_masks else masks
+    return masks.any(0, keepdim=True).expand_as(masks) if context.options.merge_masks else masks
 
 
 def _in_image(uv: Tensor, vertices: Tensor, masks: Tensor) -> Tensor:
+    """Return which vertices (B, V) project into the image."""
     # Points behind the camera are not visible, although the clamped division gives them a pixel.
     return inside_image(uv, *masks.shape[-2:]) & (vertices[..., 2] > 0)
 
 
-def around(uv: Tensor, masks: Tensor, reach: Tensor) -> Tensor:
-    """Mask at each coordinate and its eight neighbours: (B, V, 2), (B, H, W), (B,) px -> (9, B, V) bool."""
+def sample_mask_neighbours(uv: Tensor, masks: Tensor, reach: Tensor) -> Tensor:
+    """Sample masks (B, H, W) at coordinates (B, V, 2) px and at eight neighbours in a distance (B,): (9, B, V) bool."""
     height, width = masks.shape[-2:]
     steps = torch.tensor([-1.0, 0.0, 1.0], device=uv.device, dtype=uv.dtype) * reach[:, None]
     u, v = ((uv[..., None, :, axis] + steps[..., None]) for axis in (0, 1))  # (B, 3, V): three columns and three rows

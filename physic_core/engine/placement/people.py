@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
-from physic_core.engine.joint.limbs import confirmed_joints, placing_keypoints
+from physic_core.engine.joint.limbs import detected_joints, placement_keypoints
 from physic_core.engine.joint.released.reprojection import released_keypoint_weights
 from physic_core.engine.placement.left_right import fix_left_right_swaps
 from physic_core.engine.placement.place import PersonEvidence, PersonPlacement, Placement, PosedBodies, place
@@ -84,7 +84,7 @@ def place_people(
     """
     columns = list(range(detections.keypoints.shape[1]))
     if settings.method != "released":
-        columns = placing_keypoints(detections.skeleton)
+        columns = placement_keypoints(detections.skeleton)
     used = replace(bodies, landmarks=bodies.landmarks[:, columns])
 
     def placed_by(given: Detections, known: list[PersonPlacement | None]) -> Placement:
@@ -137,7 +137,7 @@ def _observed(detections: Detections, settings: PlacementSettings) -> Tensor:
     reported = detections.observed
     if reported is None:
         reported = torch.ones((len(keypoints), len(JOINT_INDEX)), dtype=torch.bool)
-    return reported.to(keypoints.device) | confirmed_joints(
+    return reported.to(keypoints.device) | detected_joints(
         detections.skeleton,
         keypoints,
         detections.confidence,

@@ -1,4 +1,4 @@
-"""Presets of the engine: "default", "paper" (as printed), "release" (the released code) and "prox" (a baseline).
+"""Presets of the engine: "default", "paper" (as printed), "release" (as released) and "prox" (a baseline).
 
 The docstring of each preset's own module lists its deviations from the publication: :mod:`~.default`, :mod:`~.paper`,
 :mod:`~.release` and :mod:`~.prox`.
@@ -13,18 +13,13 @@ from physic_core.engine.presets.default import DefaultJoint
 from physic_core.engine.presets.paper import PaperJoint
 from physic_core.engine.presets.prox import ProxJoint
 from physic_core.engine.presets.release import ReleasedJoint
-from physic_core.engine.settings import (
-    ContactSettings,
-    EngineSettings,
-    PlacementSettings,
-    SceneSettings,
-)
+from physic_core.engine.settings import ContactSettings, EngineSettings, PlacementSettings, SceneSettings
 
 __all__ = ["PRESETS"]
 
 _RELEASED_CONTACT = ContactSettings(inside_m=0.15, metric="point", observed=False)
 # As printed, a vertex is in contact if its distance is below eps_c, inside or outside. eps_c is not printed. 4 cm is
-# calibrated: of 2, 4 and 5 cm it comes nearest to the paper's precision and recall (benchmarks/README.md).
+# calibrated: of 2, 4 and 5 cm it is nearest to the paper's precision and recall (benchmarks/README.md).
 _PRINTED_CONTACT_M = 0.04
 
 _PAPER = EngineSettings(
@@ -81,4 +76,4 @@ PRESETS: dict[str, EngineSettings] = {
     "release": _RELEASE,
     "prox": _PROX,
 }
-"""Preset name -> settings of all three stages."""
+"""Settings of the engine by preset name."""

@@ -1,4 +1,4 @@
-"""Ablations: the rows of the paper's Table 3, static contacts, and PROX, as overrides of a preset."""
+"""Ablations: rows of the paper's Table 3, static contacts and PROX, as overrides of a preset."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from physic_core.errors import ConfigError
 __all__ = ["ABLATION", "Row", "rows"]
 
 Overrides = Mapping[str, Any]
-"""Stage -> field -> value, or -> term -> field -> value."""
+"""Changed settings: stage -> field -> value, or stage -> term -> field -> value."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Row:
     Attributes:
         name: in the paper's notation.
         overrides: settings that differ from the full model.
-        preset: the row is this preset instead, whatever the full model is.
+        preset: base of the overrides, instead of the full model.
     """
 
     name: str
@@ -31,19 +31,16 @@ class Row:
     preset: str | None = None
 
     def settings(self, full: EngineSettings) -> EngineSettings:
-        """The row of a full model."""
+        """Return the settings of this row, given those of the full model."""
         base = full if self.preset is None else PRESETS[self.preset]
         return with_overrides(base, self.overrides)
 
 
 def rows(base_preset: str = "default") -> dict[str, EngineSettings]:
-    """Name -> settings of each row, in the paper's order.
-
-    Args:
-        base_preset: preset of the full model.
+    """Return the settings of each row by name, in the paper's order; ``base_preset`` is the full model.
 
     Raises:
-        ConfigError: no such preset.
+        ConfigError: unknown preset.
     """
     if base_preset not in PRESETS:
         raise ConfigError(f"no engine preset named '{base_preset}'; there are: {', '.join(sorted(PRESETS))}")
@@ -51,7 +48,7 @@ def rows(base_preset: str = "default") -> dict[str, EngineSettings]:
 
 
 def _without(*parts: Overrides) -> dict[str, dict[str, Any]]:
-    """Several sets of overrides as one."""
+    """Merge several sets of overrides."""
     merged: dict[str, dict[str, Any]] = {}
     for part in parts:
         for stage, changed in part.items():
@@ -64,7 +61,7 @@ _PENETRATION: Overrides = {
     "scene": {"carve_m": 0.0},
     "joint": {"penetration": {"weight": 0.0}},
 }
-# The paper's MPJPE halves with the depth term: without it stage 2 does not use depth either.
+# The paper's MPJPE halves with the depth term, so this row has no depth in stage 2 either.
 _DEPTH: Overrides = {"placement": {"chamfer_weight": 0.0}, "joint": {"depth": {"weight": 0.0}}}
 _OCCLUSION: Overrides = {"joint": {"visibility": {"occlusion_aware": False}}}
 _FLOOR: Overrides = {
@@ -82,4 +79,4 @@ ABLATION: tuple[Row, ...] = (
     Row("static contacts", {"joint": {"contact": {"source": "static"}}}),
     Row("PROX", {}, preset="prox"),
 )
-"""Each row up to the full model adds one term to the row before."""
+"""Rows of the ablation table; each row up to the full model adds one term to the previous one."""

@@ -7,19 +7,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Literal
 
 import torch
+from torch import Tensor
 
-from physic_core.engine.joint.context import JointContext
-from physic_core.engine.joint.conventions import Conventions
+from physic_core.engine.joint.context import JointContext, Keypoints
+from physic_core.engine.joint.energy_options import EnergyOptions
+from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.settings import JointSettings, LbfgsSettings, VisibilitySettings
-from physic_core.engine.joint.state import Spread, State
+from physic_core.engine.joint.state import State, StateSigmas
 from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.terms.balance import BalanceSettings, BalanceTerm
 from physic_core.engine.joint.terms.contact import ContactSettings, ContactTerm
-from physic_core.engine.joint.terms.depth import DepthSettings, DepthTerm, offset_sigmas
+from physic_core.engine.joint.terms.depth import DepthSettings, DepthTerm, depth_offset_sigmas
 from physic_core.engine.joint.terms.floor import FloorSettings, FloorTerm
 from physic_core.engine.joint.terms.leg_symmetry import LegSymmetrySettings, LegSymmetryTerm
 from physic_core.engine.joint.terms.limits import LimitSettings, LimitTerm
@@ -31,14 +32,13 @@ from physic_core.engine.joint.terms.soles import SoleSettings, SoleTerm
 from physic_core.engine.joint.terms.stature import StatureSettings, StatureTerm
 from physic_core.engine.joint.terms.surface import SurfaceParts, SurfaceTerms
 from physic_core.engine.joint.terms.surface_fused import fused_surface_energies
-from physic_core.engine.joint.visibility import update_visibility
 
 __all__ = ["DefaultJoint"]
 
 
 @dataclass(frozen=True)
 class DefaultJoint(JointSettings):
-    """Stage 3: pose, hands, shape, translation and scene scale together (paper Sec. 3.3, Eq. 5-7).
+    """Settings of stage 3 in preset "default" (paper sec. 3.3, Eq. 5-7).
 
     A residual is divided by its "sigma", its expected size, and goes through a robust loss: beyond "outlier_sigmas" it
     counts as an outlier. A weight of 0 removes a term.
@@ -46,10 +46,10 @@ class DefaultJoint(JointSettings):
     Attributes:
         frozen: parameter groups that are kept constant: root, pose, hands, betas, translation, scale, offset, warp.
         optimiser: L-BFGS on whitened parameters.
-        restarts: start poses of each person with a large final reprojection error, the best of which is kept: 1 is the
-            estimated pose alone, 3 adds the body tilted by 15 degrees to either side about the camera's horizontal
-            axis, 5 adds it 10 % nearer and farther as well.
-        visibility: which vertices the photo shows.
+        restarts: number of start poses for people with a large final reprojection error; the best result is kept. 1 is
+            the estimated pose, 3 adds rotations by 15 degrees either way about the camera's horizontal axis, 5 adds
+            positions 10 % nearer and farther.
+        visibility: of vertices.
         reprojection: keypoints.
         depth: depth of the visible surface.
         contact: contact with scene and floor.
@@ -59,7 +59,7 @@ class DefaultJoint(JointSettings):
         regularisation: deviation from the start.
         scene_scale: scale of the scene.
         limits: knees and elbows.
-        symmetry: legs that the photo does not show.
+        symmetry: invisible legs.
         stature: height of people.
         balance: centre of mass over the feet.
     """
@@ -81,11 +81,9 @@ class DefaultJoint(JointSettings):
     balance: BalanceSettings = field(default_factory=BalanceSettings)
 
     @property
-    def conventions(self) -> Conventions:
-        """Vertices count by area, distances are along normals, and the floor is its plane."""
-        return Conventions(
-            weigh_keypoints=partial(weighted_keypoints, settings=self.reprojection),
-            update_visibility=update_visibility,
+    def energy_options(self) -> EnergyOptions:
+        """Vertices are weighted by area, distances are along normals, and the floor is a plane."""
+        return EnergyOptions(
             search_radius_m=max(self.contact.max_distance_m, self.penetration.max_depth_m),
             facing_deg=self.visibility.facing_deg,
             mask_tolerance=self.visibility.mask_tolerance,
@@ -96,16 +94,20 @@ class DefaultJoint(JointSettings):
             free_space=True,
         )
 
+    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor, observed: Tensor) -> Keypoints:
+        """Return the keypoints, weighted by confidence; less for low confidences and on invisible limbs."""
+        return weighted_keypoints(problem, person_px, observed, self.reprojection)
+
     @property
-    def start_poses(self) -> int:
-        """The setting ``restarts``."""
+    def num_start_poses(self) -> int:
+        """Number of start poses for each person with a large reprojection error."""
         return self.restarts
 
     def initial_state(self, context: JointContext) -> State:
-        """Whitened parameters, with a depth offset and a local scale for each person."""
+        """Return whitened parameters, with a depth offset and a local depth scale for each person."""
         problem = context.problem
         frozen = set(self.frozen)
-        offset_sigma = offset_sigmas(self.depth, context)
+        offset_sigma = depth_offset_sigmas(self.depth, context)
         if "offset" in frozen:
             offset_sigma = torch.zeros_like(offset_sigma)
         if not offset_sigma.any():
@@ -120,7 +122,7 @@ class DefaultJoint(JointSettings):
             problem.transl0,
             context.start.joints[:, 0],
             frozen=sorted(frozen),
-            spread=Spread(
+            sigmas=StateSigmas(
                 scale=DEPTH_SCALE_SIGMA if problem.scale_sigma is None else problem.scale_sigma,
                 offset=offset_sigma,
                 warp=self.scene_scale.local_sigma,
@@ -129,7 +131,7 @@ class DefaultJoint(JointSettings):
         )
 
     def terms(self, context: JointContext, state: State) -> Sequence[Term]:
-        """The terms of the energy."""
+        """Return the terms of the energy, in the order of summation."""
         aware = self.visibility.occlusion_aware
         contact = ContactTerm(self.contact, context)
         surface = SurfaceParts(

@@ -30,12 +30,16 @@ Choices where the paper gives no detail, and deviations from it:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
+from torch import Tensor
+
+from physic_core.body.model import BodyOutput
 from physic_core.engine.bounds import NotNegative
-from physic_core.engine.joint.context import JointContext
-from physic_core.engine.joint.conventions import Conventions
+from physic_core.engine.joint.context import JointContext, Keypoints
+from physic_core.engine.joint.energy_options import EnergyOptions
+from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.settings import AdamSettings, JointSettings
 from physic_core.engine.joint.state import State, raw_state
 from physic_core.engine.joint.term import Term
@@ -48,13 +52,13 @@ from physic_core.engine.joint.terms.printed_regularisation import (
 )
 from physic_core.engine.joint.terms.reprojection import ReprojectionTerm, confident_keypoints
 from physic_core.engine.joint.terms.scene_scale import SceneScaleTerm
-from physic_core.engine.joint.visibility import keep_facing
+from physic_core.engine.joint.visibility import SelfOcclusion, Visibility, update_visibility
 from physic_core.geometry.robust import robust
 
-__all__ = ["CONTACT_REACH_M", "PaperJoint", "PaperReprojectionSettings", "PaperVisibilitySettings"]
+__all__ = ["CONTACT_RANGE_M", "PaperJoint", "PaperReprojectionSettings", "PaperVisibilitySettings"]
 
-CONTACT_REACH_M = 0.15
-"""eps of L_c, metres: not printed, as released."""
+CONTACT_RANGE_M = 0.15
+"""Largest distance of a vertex in contact (eps of L_c), metres; as released, since it is not printed."""
 
 _MIN_CONFIDENCE = 0.5  # as released
 _FACING_DEG = 70.0
@@ -64,7 +68,7 @@ _square = partial(robust, "square", c=1.0)
 
 @dataclass(frozen=True)
 class PaperReprojectionSettings:
-    """Reprojection, in shares of the image.
+    """Settings of the reprojection term: errors in shares of the image.
 
     Attributes:
         weight: lambda_j2d of Eq. 5; 0 removes the term.
@@ -75,7 +79,7 @@ class PaperReprojectionSettings:
 
 @dataclass(frozen=True)
 class PaperVisibilitySettings:
-    """Visibility of vertices.
+    """Settings of the visibility of vertices.
 
     Attributes:
         occlusion_aware: hidden vertices are left out of penetration and regularised more.
@@ -86,7 +90,7 @@ class PaperVisibilitySettings:
 
 @dataclass(frozen=True)
 class PaperJoint(JointSettings):
-    """Stage 3 as printed: raw parameters, Adam, distances to the nearest points, every vertex counted once.
+    """Settings of stage 3 as printed: raw parameters, Adam, distances to the nearest points, every vertex counted once.
 
     Attributes:
         frozen: parameter groups that are kept constant: root, pose, hands, betas, translation, scale.
@@ -108,12 +112,10 @@ class PaperJoint(JointSettings):
     regularisation: PrintedRegularisationSettings = field(default_factory=PrintedRegularisationSettings)
 
     @property
-    def conventions(self) -> Conventions:
+    def energy_options(self) -> EnergyOptions:
         """All limbs count as visible, and samples of the floor are scene points."""
-        return Conventions(
-            weigh_keypoints=partial(confident_keypoints, min_confidence=_MIN_CONFIDENCE),
-            update_visibility=keep_facing,
-            search_radius_m=max(CONTACT_REACH_M, self.penetration.max_depth_m),
+        return EnergyOptions(
+            search_radius_m=max(CONTACT_RANGE_M, self.penetration.max_depth_m),
             facing_deg=_FACING_DEG,
             mask_tolerance=0.0,
             vertex_spacing_m=0.0,
@@ -125,24 +127,38 @@ class PaperJoint(JointSettings):
             nearest_every_step=True,
         )
 
+    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor, observed: Tensor) -> Keypoints:
+        """Return the keypoints, weighted by confidence; 0 for low confidences."""
+        return confident_keypoints(problem, _MIN_CONFIDENCE)
+
+    def update_visibility(
+        self, context: JointContext, bodies: BodyOutput, self_occlusion: SelfOcclusion, last: Visibility | None
+    ) -> Visibility:
+        """Return the visibility of the posed bodies; camera-facing vertices stay those of the first update.
+
+        "The camera-facing mask remains stable throughout optimization" (paper sec. 4.1).
+        """
+        now = update_visibility(context, bodies, self_occlusion)
+        return now if last is None else replace(now, facing=last.facing)
+
     def initial_state(self, context: JointContext) -> State:
-        """Rotations as their first two columns, translation, shape and scale."""
+        """Return raw parameters: two columns of each rotation, translation, shape and scale."""
         return raw_state(context, self.frozen)
 
     def terms(self, context: JointContext, state: State) -> Sequence[Term]:
-        """Eq. 5 as printed."""
+        """Return the terms of Eq. 5 as printed."""
         aware = self.visibility.occlusion_aware
         height, width = context.problem.masks.shape[-2:]
         size = context.person_px.new_tensor([[width, height]]).expand(len(context.problem), 2)
         return [
             ReprojectionTerm(context, self.reprojection.weight, size, _square),
             ChamferTerm(self.depth, context),
-            PointContactTerm(context, self.contact.weight, CONTACT_REACH_M, _barron),
+            PointContactTerm(context, self.contact.weight, CONTACT_RANGE_M, _barron),
             PointPenetrationTerm(
                 self.penetration,
                 context,
                 _barron,
-                lambda view: view.visibility.in_play & ~(view.visibility.hidden & aware),
+                lambda snapshot: snapshot.visibility.eligible & ~(snapshot.visibility.hidden & aware),
             ),
             PrintedRegularisationTerm(self.regularisation, context, occlusion_aware=aware),
             SceneScaleTerm(self.regularisation.weight),

@@ -1,4 +1,4 @@
-"""Preset "prox": the energy of PROX (Hassan et al., ICCV 2019), the baseline of the paper.
+"""Preset "prox": the joint energy of PROX (Hassan et al., ICCV 2019), the baseline of the paper.
 
 Deviations from the publication:
 
@@ -19,10 +19,12 @@ from functools import partial
 from typing import ClassVar
 
 import torch
+from torch import Tensor
 
 from physic_core.engine.bounds import NotNegative
-from physic_core.engine.joint.context import JointContext
-from physic_core.engine.joint.conventions import Conventions
+from physic_core.engine.joint.context import JointContext, Keypoints
+from physic_core.engine.joint.energy_options import EnergyOptions
+from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.settings import JointSettings, LbfgsSettings
 from physic_core.engine.joint.state import State, raw_state
 from physic_core.engine.joint.term import Term
@@ -31,24 +33,23 @@ from physic_core.engine.joint.terms.point_contact import PointContactTerm
 from physic_core.engine.joint.terms.point_penetration import PointPenetrationSettings, PointPenetrationTerm
 from physic_core.engine.joint.terms.printed_regularisation import ParameterPriorTerm
 from physic_core.engine.joint.terms.reprojection import ReprojectionTerm, confident_keypoints
-from physic_core.engine.joint.visibility import update_visibility
 from physic_core.geometry.robust import robust
 
 __all__ = ["ProxContactSettings", "ProxJoint", "ProxPriorSettings", "ProxReprojectionSettings"]
 
-_FULL_HD_PX = 1920  # long side of PROX's pictures, in whose pixels its reprojection is robust
+_FULL_HD_PX = 1920  # long side of PROX's images, which define the scale of its robust reprojection loss
 _REPROJECTION_SCALE_PX = 100.0
-_REACH_M = 0.5  # search radius of contact and penetration
+_SEARCH_RADIUS_M = 0.5  # search radius of contact and penetration
 _CONTACT_SCALE_M = 0.05  # scale of the robust loss of contact
 _CONTACT_ANGLE_DEG = 45.0
-_VERTICES = 60.0  # of the mesh that PROX sums over, a square decimetre
-_POSE_WEIGHT = 4.78**2 / 2  # of a squared radian; rotations are written as two columns, which move twice as far
+_VERTICES_PER_DM2 = 60.0  # vertices per square decimetre of the mesh that PROX sums over
+_POSE_WEIGHT = 4.78**2 / 2  # of a squared radian; halved, since a rotation is two columns
 _FACING_DEG, _MASK_TOLERANCE, _VERTEX_SPACING_M = 70.0, 0.01, 0.02
 
 
 @dataclass(frozen=True)
 class ProxReprojectionSettings:
-    """Reprojection, in pixels of a picture that is 1920 px long.
+    """Settings of the reprojection term: errors in pixels of an image with a long side of 1920 px.
 
     Attributes:
         weight: of the term; 0 removes it.
@@ -59,7 +60,7 @@ class ProxReprojectionSettings:
 
 @dataclass(frozen=True)
 class ProxContactSettings:
-    """Contact of static body parts with the scene.
+    """Settings of the contact term of static body parts.
 
     Attributes:
         weight: of the mean robust distance, which saturates at the square of its scale (in PROX at 1); 0 removes it.
@@ -70,7 +71,7 @@ class ProxContactSettings:
 
 @dataclass(frozen=True)
 class ProxPriorSettings:
-    """Priors of the parameters.
+    """Settings of the priors of pose and shape.
 
     Attributes:
         pose_weight: of joints and fingers.
@@ -83,7 +84,7 @@ class ProxPriorSettings:
 
 @dataclass(frozen=True)
 class ProxJoint(JointSettings):
-    """Stage 3 as in PROX: the scene is constant; the first steps leave out contact and penetration.
+    """Settings of stage 3 as in PROX: the scene is constant; the first steps leave out contact and penetration.
 
     Attributes:
         frozen: parameter groups that are kept constant: root, pose, hands, betas, translation, scale.
@@ -99,19 +100,19 @@ class ProxJoint(JointSettings):
     optimiser: LbfgsSettings = field(default_factory=lambda: LbfgsSettings(120, 30, 0.0))
     reprojection: ProxReprojectionSettings = field(default_factory=ProxReprojectionSettings)
     contact: ProxContactSettings = field(default_factory=ProxContactSettings)
-    penetration: PointPenetrationSettings = field(default_factory=lambda: PointPenetrationSettings(_VERTICES, _REACH_M))
+    penetration: PointPenetrationSettings = field(
+        default_factory=lambda: PointPenetrationSettings(_VERTICES_PER_DM2, _SEARCH_RADIUS_M)
+    )
     prior: ProxPriorSettings = field(default_factory=ProxPriorSettings)
     limits: LimitSettings = field(default_factory=LimitSettings)
 
-    scene_after: ClassVar[float] = 0.75
+    scene_start_share: ClassVar[float] = 0.75
 
     @property
-    def conventions(self) -> Conventions:
-        """Static contacts, all limbs count as visible, and there is no floor."""
-        return Conventions(
-            weigh_keypoints=partial(confident_keypoints, power=2.0),
-            update_visibility=update_visibility,
-            search_radius_m=max(_REACH_M, self.penetration.max_depth_m),
+    def energy_options(self) -> EnergyOptions:
+        """Static contacts, all limbs count as visible, and the floor is ignored."""
+        return EnergyOptions(
+            search_radius_m=max(_SEARCH_RADIUS_M, self.penetration.max_depth_m),
             facing_deg=_FACING_DEG,
             mask_tolerance=_MASK_TOLERANCE,
             vertex_spacing_m=_VERTEX_SPACING_M,
@@ -121,12 +122,16 @@ class ProxJoint(JointSettings):
             nearest_every_step=True,
         )
 
+    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor, observed: Tensor) -> Keypoints:
+        """Return the keypoints, weighted by squared confidence."""
+        return confident_keypoints(problem, power=2.0)
+
     def initial_state(self, context: JointContext) -> State:
-        """Rotations as their first two columns, translation and shape."""
+        """Return raw parameters: two columns of each rotation, translation and shape."""
         return raw_state(context, self.frozen)
 
     def terms(self, context: JointContext, state: State) -> Sequence[Term]:
-        """PROX's energy without self-penetration and bending prior."""
+        """Return the terms of PROX without self-penetration and bending prior."""
         unit = torch.full_like(context.person_px[:, None], max(context.problem.masks.shape[-2:]) / _FULL_HD_PX)
         others = dict.fromkeys(("root", "translation", "offset", "warp"), 0.0)
         p = self.prior
@@ -141,13 +146,16 @@ class ProxJoint(JointSettings):
             PointContactTerm(
                 context,
                 self.contact.weight,
-                _REACH_M,
+                _SEARCH_RADIUS_M,
                 partial(robust, "geman_mcclure", c=_CONTACT_SCALE_M),
                 mean=True,
                 max_angle_deg=_CONTACT_ANGLE_DEG,
             ),
             PointPenetrationTerm(
-                self.penetration, context, partial(robust, "absolute", c=1.0), lambda view: view.visibility.in_play
+                self.penetration,
+                context,
+                partial(robust, "absolute", c=1.0),
+                lambda snapshot: snapshot.visibility.eligible,
             ),
             ParameterPriorTerm(
                 state, {"pose": p.pose_weight, "hands": p.pose_weight, "betas": p.shape_weight, **others}

@@ -1,4 +1,4 @@
-"""Preset "release": the joint energy of the published code.
+"""Preset "release": the joint energy of the released code.
 
 Measured on a problem of the released code (one person, 2570 vertices): terms agree within 2e-5, gradients within 5e-5
 of the largest entry, stage 1 within 1 um; outliers, grid and contact map agree exactly; stage 3 ends 2.0 mm from the
@@ -28,19 +28,22 @@ from functools import partial
 
 from torch import Tensor
 
-from physic_core.engine.joint.context import JointContext
-from physic_core.engine.joint.conventions import Conventions
+from physic_core.body.model import BodyOutput
+from physic_core.engine.joint.context import JointContext, Keypoints
+from physic_core.engine.joint.energy_options import EnergyOptions
+from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.released.regularisation import ReleasedRegularisationTerm
 from physic_core.engine.joint.released.reprojection import ReleasedReprojectionTerm, released_keypoints
 from physic_core.engine.joint.released.visibility import update_released_visibility
 from physic_core.engine.joint.state import State
-from physic_core.engine.joint.term import Term, View
+from physic_core.engine.joint.term import Snapshot, Term
 from physic_core.engine.joint.terms.chamfer import ChamferTerm
 from physic_core.engine.joint.terms.point_contact import PointContactTerm
 from physic_core.engine.joint.terms.point_penetration import PointPenetrationSettings, PointPenetrationTerm
 from physic_core.engine.joint.terms.printed_regularisation import PrintedRegularisationSettings
 from physic_core.engine.joint.terms.scene_scale import SceneScaleTerm
-from physic_core.engine.presets.paper import CONTACT_REACH_M, PaperJoint
+from physic_core.engine.joint.visibility import SelfOcclusion, Visibility
+from physic_core.engine.presets.paper import CONTACT_RANGE_M, PaperJoint
 from physic_core.geometry.robust import robust
 
 __all__ = ["ReleasedJoint"]
@@ -51,7 +54,7 @@ _barron = partial(robust, "barron", c=1.0)
 
 @dataclass(frozen=True)
 class ReleasedJoint(PaperJoint):
-    """Stage 3 as published: distances by axis, absolute reprojection errors, and all masks as one.
+    """Settings of stage 3 as released: robust loss per axis, absolute reprojection errors, and the union of all masks.
 
     Attributes:
         frozen: parameter groups that are kept constant: root, pose, hands, betas, translation, scale.
@@ -70,28 +73,32 @@ class ReleasedJoint(PaperJoint):
     )
 
     @property
-    def conventions(self) -> Conventions:
-        """As printed, with the masks, normals and hidden limbs of the published code."""
-        return replace(
-            super().conventions,
-            weigh_keypoints=released_keypoints,
-            update_visibility=update_released_visibility,
-            facing_deg=_FACING_DEG,
-            merge_masks=True,
-        )
+    def energy_options(self) -> EnergyOptions:
+        """As printed, with the masks and the facing angle of the released code."""
+        return replace(super().energy_options, facing_deg=_FACING_DEG, merge_masks=True)
+
+    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor, observed: Tensor) -> Keypoints:
+        """Return the keypoints with the weights of the released code."""
+        return released_keypoints(problem)
+
+    def update_visibility(
+        self, context: JointContext, bodies: BodyOutput, self_occlusion: SelfOcclusion, last: Visibility | None
+    ) -> Visibility:
+        """Return the visibility as in the released code."""
+        return update_released_visibility(context, bodies, self_occlusion, last)
 
     def terms(self, context: JointContext, state: State) -> Sequence[Term]:
-        """Eq. 5 as published."""
+        """Return the terms of Eq. 5 as released."""
         aware = self.visibility.occlusion_aware
 
-        def may_not_penetrate(view: View) -> Tensor:
-            seen = view.visibility
-            return seen.in_play & (seen.in_mask | (not aware)) & ~context.is_contact
+        def may_not_penetrate(snapshot: Snapshot) -> Tensor:
+            seen = snapshot.visibility
+            return seen.eligible & (seen.in_mask | (not aware)) & ~context.is_contact
 
         return [
             ReleasedReprojectionTerm(context, self.reprojection.weight),
             ChamferTerm(self.depth, context),
-            PointContactTerm(context, self.contact.weight, CONTACT_REACH_M, _barron, per_axis=True, outside_only=True),
+            PointContactTerm(context, self.contact.weight, CONTACT_RANGE_M, _barron, per_axis=True, outside_only=True),
             PointPenetrationTerm(self.penetration, context, _barron, may_not_penetrate, per_axis=True),
             ReleasedRegularisationTerm(self.regularisation, context, state, occlusion_aware=aware),
             SceneScaleTerm(self.regularisation.weight),

@@ -1,7 +1,6 @@
-"""The released code's reprojection: how much each keypoint counts, and a mean over its 133 keypoints.
+"""Reprojection as in the released code: its weights of keypoints, and a mean over its 133 keypoints.
 
-It is a mean over all that the whole-body network marks, whether a body has it or not. Divided by 133 whatever the joint
-set, each keypoint pulls as it does there.
+The sum is divided by 133 for every joint set, so that each keypoint has the same gradient as in the released code.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from torch import Tensor
 from physic_core.body.joints import SIDES
 from physic_core.engine.joint.context import JointContext, Keypoints
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.term import PosedBodies, View
+from physic_core.engine.joint.term import PosedBodies, Term
 from physic_core.engine.joint.terms.reprojection import finite_keypoints
 from physic_core.geometry.camera import project
 from physic_core.geometry.visibility import near_mask
@@ -24,18 +23,22 @@ _LEAST_CONFIDENCE = 0.5
 _LEAST_HAND_CONFIDENCE = 0.7
 _BODY_WEIGHT = 10.0
 _KEYPOINTS = 133
-_MASK_GROWTH_PX = 16  # a square of 9 px, four times
-_LONGEST_SIDE_PX = 1024  # of the pictures that the released code works on
+_MASK_GROWTH_PX = 16  # four dilations by a square of 9 px
+_LONGEST_SIDE_PX = 1024  # of the images in the released code
 
 
 def released_keypoint_weights(skeleton: Skeleton, points: Tensor, confidence: Tensor, masks: Tensor) -> Tensor:
-    """Confidence of at least 0.5, times ten for body and feet; 0 for hands below 0.7 in the mean, and off all people.
+    """Compute the weight of each keypoint from its confidence and the masks.
+
+    Confidences below 0.5 count as 0; those of body and feet are multiplied by ten. Hands with a mean below 0.7 and
+    keypoints outside the masks have weight 0.
 
     Args:
         skeleton: of the J keypoints.
         points: (B, J, 2) px.
         confidence: (B, J).
-        masks: (B, H, W) bool, visible pixels of each person; their union is grown by 16 px, more in large pictures.
+        masks: (B, H, W) bool, visible pixels of each person; their union is grown by 16 px, more in large
+            images.
 
     Returns:
         (B, J); 0 for keypoints that are not finite.
@@ -48,7 +51,7 @@ def released_keypoint_weights(skeleton: Skeleton, points: Tensor, confidence: Te
         if hand:
             sure = weight[:, hand].mean(1, keepdim=True) >= _LEAST_HAND_CONFIDENCE
             weight[:, hand] = weight[:, hand] * sure
-    body = torch.tensor([_is_of_body(name) for name in names], device=points.device)
+    body = torch.tensor([_is_body_or_foot(name) for name in names], device=points.device)
     height, width = masks.shape[-2:]
     reach = round(_MASK_GROWTH_PX * max(1.0, max(height, width) / _LONGEST_SIDE_PX))
     seen = near_mask(torch.nan_to_num(points), masks.any(0), reach)
@@ -56,37 +59,31 @@ def released_keypoint_weights(skeleton: Skeleton, points: Tensor, confidence: Te
 
 
 def released_reprojection(projected: Tensor, observed: Tensor, weight: Tensor, size: Tensor, people: int) -> Tensor:
-    """Weighted absolute errors, as shares of the picture, as a mean over people, 133 keypoints and both axes.
+    """Return the mean weighted reprojection error over people, 133 keypoints and both axes, in shares of the image.
 
     Args:
         projected: (B, J, 2) px.
         observed: (B, J, 2) px, finite.
         weight: (B, J).
-        size: (2,) width and height of the picture, px.
-        people: in the picture.
+        size: (2,) width and height of the image, px.
+        people: number of people in the image.
 
     Returns:
-        (B,) each person's part of the mean.
+        (B,) summand of each person.
     """
     error = ((projected - observed) / size).abs().sum(-1)
     return (weight * error).sum(-1) / (2 * _KEYPOINTS * people)
 
 
-def released_keypoints(problem: JointProblem, person_px: Tensor, observed: Tensor) -> Keypoints:
-    """Keypoints with the weights of :func:`released_keypoint_weights`.
-
-    Args:
-        problem: with finite people only.
-        person_px: not used.
-        observed: not used.
-    """
+def released_keypoints(problem: JointProblem) -> Keypoints:
+    """Return the keypoints with the weights of :func:`released_keypoint_weights`."""
     points, confidence = finite_keypoints(problem)
     weight = released_keypoint_weights(problem.skeleton, points, confidence, problem.masks)
     return Keypoints(points, weight, weight > 0)
 
 
-class ReleasedReprojectionTerm:
-    """The mean absolute error of all people's keypoints, as shares of the picture."""
+class ReleasedReprojectionTerm(Term):
+    """Mean absolute reprojection error of all people's keypoints, in shares of the image."""
 
     def __init__(self, context: JointContext, weight: float) -> None:
         self._context, self._weight = context, weight
@@ -94,11 +91,8 @@ class ReleasedReprojectionTerm:
         self._size = context.person_px.new_tensor([width, height])
         self.active = {"reprojection": context.keypoints.weight}
 
-    def refresh(self, view: View) -> None:
-        """Keypoints do not depend on the view."""
-
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
-        """ "reprojection"."""
+        """Return the energy "reprojection"."""
         keypoints = self._context.keypoints
         projected = project(bodies.keypoints, self._context.problem.K)
         people = len(projected)
@@ -106,11 +100,13 @@ class ReleasedReprojectionTerm:
         return {"reprojection": self._weight * error} if self._weight else {}
 
 
-def _is_of_body(name: str) -> bool:
+def _is_body_or_foot(name: str) -> bool:
+    """Return whether a keypoint is on body or feet, not on hands, face or the surface of the body."""
     fine = name.endswith(("_inner_surface", "_outer_surface", "mouth_corner_surface", "hand_root"))
     return not (fine or is_finger(name) or name.startswith("face_point"))
 
 
 def _is_of_hand(name: str, side: str) -> bool:
+    """Return whether a keypoint is on the hand of a side."""
     prefix, _, rest = name.partition("_")
     return prefix == side and (rest == "hand_root" or is_finger(rest))

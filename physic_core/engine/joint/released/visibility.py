@@ -1,4 +1,4 @@
-"""Visibility as in the released code: one union of all masks, and hidden limbs by ray casting.
+"""Visibility as in the released code: inside the union of all masks, and on limbs that ray casting shows.
 
 Vertices inside the masks and camera-facing vertices are found once, with bodies placed by the keypoints alone (Eq. 2).
 Hidden limbs are found at each refresh.
@@ -16,14 +16,14 @@ from torch import Tensor
 
 from physic_core.body.model import BodyOutput
 from physic_core.engine.joint.context import JointContext
-from physic_core.engine.joint.limbs import limb_parts
+from physic_core.engine.joint.limbs import limb_part_indices
 from physic_core.engine.joint.visibility import HIDDEN_LIMB_SHARE, SelfOcclusion, Visibility, update_visibility
 
 __all__ = ["faces_optical_axis", "mean_face_normals", "update_released_visibility", "visible_part_shares"]
 
 
 def mean_face_normals(vertices: Tensor, faces: Tensor) -> Tensor:
-    """Unit normals (..., V, 3) of vertices (..., V, 3): the mean of the faces' unit normals, whatever their areas."""
+    """Return the unit normals of vertices (..., V, 3) as means of the unit normals of adjacent faces."""
     a, b, c = (vertices[..., faces[:, k], :] for k in range(3))
     unit = torch.nn.functional.normalize(torch.linalg.cross(b - a, c - a), dim=-1)
     total = torch.zeros_like(vertices)
@@ -33,21 +33,22 @@ def mean_face_normals(vertices: Tensor, faces: Tensor) -> Tensor:
 
 
 def faces_optical_axis(normals: Tensor, max_angle_deg: float) -> Tensor:
-    """Whether normals (..., 3) are within an angle of the direction (0, 0, -1) to the camera: (...) bool."""
+    """Return which normals (..., 3) are within an angle of the direction (0, 0, -1): (...) bool."""
     return -normals[..., 2] > math.cos(math.radians(max_angle_deg))
 
 
 def visible_part_shares(vertices: Tensor, faces: Tensor, part_of_vertex: Tensor, parts: Sequence[int]) -> Tensor:
-    """Share of each part's vertices whose ray from the camera first meets their own part.
+    """Return the share of visible vertices per part, by casting a ray from the camera to each vertex.
 
-    Rays along the silhouette may miss the mesh; such vertices count as hidden. A share changes by up to 0.05 when all
+    A vertex is visible if its ray first hits its own part. Rays along the silhouette may miss the mesh; such vertices
+    count as hidden. A share changes by up to 0.05 when all
     vertices move by a micrometre.
 
     Args:
         vertices: (V, 3) metres, camera frame.
         faces: (F, 3) int64.
         part_of_vertex: (V,) int64.
-        parts: P part numbers.
+        parts: P part indices.
 
     Returns:
         (P,) float64; 1 for a part without vertices.
@@ -65,28 +66,26 @@ def visible_part_shares(vertices: Tensor, faces: Tensor, part_of_vertex: Tensor,
 def update_released_visibility(
     context: JointContext, bodies: BodyOutput, self_occlusion: SelfOcclusion, last: Visibility | None
 ) -> Visibility:
-    """Visibility as in the released code.
+    """Compute the visibility as in the released code.
 
-    Args:
-        context: constants of this optimisation.
-        bodies: posed at the present state, all vertices.
-        self_occlusion: of the B people.
-        last: the last visibility; None at the first update, which uses the positions by the keypoints alone.
+    The first update (``last`` is None) uses the positions by the keypoints alone.
     """
     problem, model, ids = context.problem, context.problem.model, context.ids
     if last is None and problem.keypoint_transl is not None:
-        way = (problem.keypoint_transl - problem.transl0)[:, None]
-        bodies = replace(bodies, vertices=bodies.vertices + way, joints=bodies.joints + way)
-    now = update_visibility(context, bodies, self_occlusion, last)
+        shift = (problem.keypoint_transl - problem.transl0)[:, None]
+        bodies = replace(bodies, vertices=bodies.vertices + shift, joints=bodies.joints + shift)
+    now = update_visibility(context, bodies, self_occlusion)
     if last is None:
         in_mask, normals = now.in_mask, mean_face_normals(bodies.vertices, model.faces)[:, ids]
-        facing = faces_optical_axis(normals, context.conventions.facing_deg) & in_mask
+        facing = faces_optical_axis(normals, context.options.facing_deg) & in_mask
     else:
         in_mask, facing = last.in_mask, last.facing
-    parts = torch.tensor(limb_parts(model.part_names), device=ids.device)
+    parts = torch.tensor(limb_part_indices(model.part_names), device=ids.device)
     hidden_limbs = torch.zeros_like(in_mask)
     for i, vertices in enumerate(bodies.vertices):
         shares = visible_part_shares(vertices, model.faces, model.part_of_vertex, parts.tolist())
         hidden = parts[(shares < 1 - HIDDEN_LIMB_SHARE).to(parts.device)]
         hidden_limbs[i] = torch.isin(model.part_of_vertex[ids], hidden)
-    return replace(now, in_play=context.seen_part, in_mask=in_mask, hidden=~in_mask | hidden_limbs, facing=facing)
+    return replace(
+        now, eligible=context.on_visible_part, in_mask=in_mask, hidden=~in_mask | hidden_limbs, facing=facing
+    )

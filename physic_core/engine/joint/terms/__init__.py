@@ -1,1 +1,1 @@
-"""The terms of the joint energy, one file each: its settings, its equation, and its weights."""
+"""Terms of the joint energy, one file each: settings, equation and weights."""

@@ -1,4 +1,4 @@
-"""Depth term L_d as printed (paper Eq. 4): Chamfer distance between visible vertices and human points."""
+"""Depth term L_d as printed: Chamfer distance between visible vertices and human points (paper Eq. 4)."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from torch import Tensor
 from physic_core.engine.bounds import NotNegative
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.term import PosedBodies, View
+from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
 from physic_core.errors import PhysicError
 from physic_core.geometry.camera import pixel_grid, unproject
 from physic_core.types.short_repr import ShortRepr
 
-__all__ = ["ChamferSettings", "ChamferTerm", "HumanCloud", "chamfer_energy"]
+__all__ = ["ChamferSettings", "ChamferTerm", "HumanPoints", "chamfer_energy"]
 
 
 @dataclass(frozen=True)
 class ChamferSettings:
-    """Chamfer distance between visible vertices and human points.
+    """Settings of the Chamfer term between visible vertices and human points.
 
     Attributes:
         weight: lambda_d of Eq. 5, of square metres; 0 removes the term.
@@ -33,7 +33,7 @@ class ChamferSettings:
 def chamfer_energy(
     vertices: Tensor, points: Tensor, nearest_point: Tensor, nearest_vertex: Tensor, point_weight: float
 ) -> Tensor:
-    """L_d (Eq. 4) of one person: ``sum_v min_p |v - p|^2 + sum_p min_v |p - v|^2``.
+    """Return L_d (Eq. 4) of one person: ``sum_v min_p |v - p|^2 + sum_p min_v |p - v|^2``, () square metres.
 
     Args:
         vertices: (n, 3) camera-facing vertices, metres.
@@ -41,9 +41,6 @@ def chamfer_energy(
         nearest_point: (n,) int64, of each vertex.
         nearest_vertex: (m,) int64, of each point.
         point_weight: number of original points per sampled point.
-
-    Returns:
-        () square metres.
     """
     to_points = (vertices - points[nearest_point]).square().sum()
     to_vertices = (points - vertices[nearest_vertex]).square().sum()
@@ -51,8 +48,8 @@ def chamfer_energy(
 
 
 @dataclass(frozen=True)
-class HumanCloud(ShortRepr):
-    """Human points of each person, in the unscaled scene, with their search trees.
+class HumanPoints(ShortRepr):
+    """Points of each person in the unscaled scene, with k-d trees.
 
     Attributes:
         points: per person (m, 3) metres.
@@ -65,8 +62,10 @@ class HumanCloud(ShortRepr):
     trees: tuple[cKDTree, ...]
 
     @classmethod
-    def of(cls, problem: JointProblem, most: int = 0) -> HumanCloud:
-        """From ``human_points``, or ``human_depth`` inside each mask; evenly subsampled to at most ``most``, 0 for all.
+    def from_problem(cls, problem: JointProblem, most: int = 0) -> HumanPoints:
+        """Collect ``human_points``, or unproject ``human_depth`` inside each mask.
+
+        Points are evenly subsampled to at most ``most`` per person; 0 keeps all.
 
         Raises:
             PhysicError: the problem has neither.
@@ -89,7 +88,7 @@ class HumanCloud(ShortRepr):
         return cls(picked, share, tuple(cKDTree(p.cpu().double().numpy()) for p in picked))
 
     def __call__(self, vertices: Tensor, facing: Tensor, log_scale: Tensor) -> Tensor:
-        """Eq. 4 for each person. The points scale with the scene, without a gradient to its scale.
+        """Return Eq. 4 for each person. The points scale with the scene, without a gradient to its scale.
 
         Args:
             vertices: (B, n, 3) metres.
@@ -105,6 +104,7 @@ class HumanCloud(ShortRepr):
         )
 
     def _person(self, i: int, vertices: Tensor, scale: float) -> Tensor:
+        """Return Eq. 4 of person i with camera-facing vertices (n, 3)."""
         points = self.points[i] * scale
         if not len(points) or not len(vertices):
             return vertices.sum() * 0.0
@@ -121,20 +121,19 @@ class HumanCloud(ShortRepr):
         )
 
 
-class ChamferTerm:
-    """Eq. 4 of all people."""
+class ChamferTerm(Term):
+    """Depth term as printed: Chamfer distance (Eq. 4) of all people."""
 
     def __init__(self, settings: ChamferSettings, context: JointContext) -> None:
         self._weight = settings.weight
-        self._cloud = HumanCloud.of(context.problem) if settings.weight else None
-        self.active: dict[str, Tensor] = {}
+        self._cloud = HumanPoints.from_problem(context.problem) if settings.weight else None
 
-    def refresh(self, view: View) -> None:
+    def refresh(self, snapshot: Snapshot) -> None:
         """Select the camera-facing vertices."""
-        self.active = {"depth": view.visibility.facing}
+        self.active = {"depth": snapshot.visibility.facing}
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
-        """ "depth"."""
+        """Return the energy "depth"."""
         if self._cloud is None:
             return {}
         return {"depth": self._weight * self._cloud(bodies.vertices, self.active["depth"], bodies.estimate.log_scale)}

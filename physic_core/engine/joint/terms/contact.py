@@ -1,4 +1,4 @@
-"""Contact term L_c: pulls vertices with expected contact onto the scene's surface (paper Eq. 6)."""
+"""Contact term L_c: distance of contact vertices to the surface of scene and floor (paper Eq. 6)."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.bounds import NotNegative, Positive
-from physic_core.engine.joint.context import STATIC_CONTACTS, JointContext
+from physic_core.engine.joint.context import STATIC_CONTACT_PARTS, JointContext
 from physic_core.engine.joint.robust_sum import RobustSum
-from physic_core.engine.joint.term import Rho, View
+from physic_core.engine.joint.term import RobustLoss, Snapshot
 
 __all__ = ["ContactSettings", "ContactTerm", "contact_energy"]
 
 
 @dataclass(frozen=True)
 class ContactSettings:
-    """Contact with scene and floor, by distances along their normals: sliding along a surface has no cost.
+    """Settings of the contact term: distances along normals, so that sliding along a surface has no cost.
 
     Attributes:
         weight: lambda_c of Eq. 5; 0 removes the term.
@@ -38,29 +38,24 @@ class ContactSettings:
     outlier_sigmas: Positive = 3.5
 
 
-def contact_energy(squared: Tensor, weight: Tensor, rho: Rho) -> Tensor:
-    """L_c (Eq. 6): ``sum_v w_v rho(d_v^2)``, on either side of the surface.
+def contact_energy(squared: Tensor, weight: Tensor, rho: RobustLoss) -> Tensor:
+    """Return L_c (Eq. 6) of each person (B,): ``sum_v w_v rho(d_v^2)``, on either side of the surface.
 
     Args:
         squared: (B, V) squared distance to the scene or the floor, in units of its expected error.
         weight: (B, V): weights of contact vertices near a surface; 0 for the others.
         rho: robust loss; a redescending one ignores far contacts.
-
-    Returns:
-        (B,).
     """
     return (weight * rho(squared)).sum(-1)
 
 
 class ContactTerm:
-    """Eq. 6 for vertices that face a surface within reach: the nearer of scene and floor.
-
-    Vertices hidden by an object use the floor only.
+    """Contact term: Eq. 6 for contact vertices that face a near surface, the nearer of scene and floor.
 
     Attributes:
         prior: (B, n) weight of each vertex by its contact probability.
         on_scene: (B, n) bool, contact is with the scene; else with the floor.
-        touching: (B, n) bool, within reach of a surface that they face, on a visible limb.
+        touching: (B, n) bool, near a surface that the vertex faces, on a visible limb.
     """
 
     def __init__(self, settings: ContactSettings, context: JointContext) -> None:
@@ -70,28 +65,28 @@ class ContactTerm:
         if settings.static_weight:
             model = context.problem.model
             static = torch.zeros(model.num_vertices, dtype=torch.bool, device=prior.device)
-            for name in STATIC_CONTACTS:
+            for name in STATIC_CONTACT_PARTS:
                 static[model.contact_sets[name]] = True
             prior = torch.where(static[context.ids], prior.clamp(min=settings.static_weight), prior)
         self.prior = prior
         self.active: dict[str, Tensor] = {}
         self.on_scene = self.touching = torch.zeros_like(context.is_contact)
 
-    def refresh(self, view: View) -> None:
-        """Select the vertices near a surface that they face, weighted by the cosine between the normals."""
-        contacts, reach = view.contacts, self.settings.max_distance_m
+    def refresh(self, snapshot: Snapshot) -> None:
+        """Select the vertices near a surface that they face, and weigh them by the cosine between the normals."""
+        contacts, reach = snapshot.contacts, self.settings.max_distance_m
         to_scene, to_floor = contacts.signed.abs(), contacts.height.abs()
         can_scene = contacts.found & (to_scene < reach) & (contacts.facing_scene > 0)
         can_floor = (to_floor < reach) & (contacts.facing_floor > 0)
         self.on_scene = can_scene & (~can_floor | (to_scene <= to_floor))
-        self.touching = (can_scene | can_floor) & view.visibility.in_play
+        self.touching = (can_scene | can_floor) & snapshot.visibility.eligible
         # Only vertices that face a surface can lie on it: the rim of a foot is over the floor without contact.
-        square = torch.where(self.on_scene, contacts.facing_scene, contacts.facing_floor).clamp(min=0.0)
-        weight = self._context.area * self.prior * square
+        cosine = torch.where(self.on_scene, contacts.facing_scene, contacts.facing_floor).clamp(min=0.0)
+        weight = self._context.area * self.prior * cosine
         self.active = {"contact": torch.where(self.touching, weight, torch.zeros_like(weight))}
 
     def robust_sum(self) -> RobustSum | None:
-        """Weights of the distances to the touched surface; None where the term is off."""
+        """Return the robust sum over distances to the touched surface; None if the term is off."""
         s = self.settings
         if not s.weight:
             return None

@@ -1,4 +1,4 @@
-"""Floor term: penalises vertices under the floor's plane."""
+"""Floor term: penalty on vertices below the floor's plane."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from torch import Tensor
 from physic_core.engine.bounds import NotNegative
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.robust_sum import RobustSum
-from physic_core.engine.joint.term import View
+from physic_core.engine.joint.term import Snapshot
 
 __all__ = ["FloorSettings", "FloorTerm"]
 
 _SIGMA_M = 0.015  # expected error of the plane, metres
 _OUTLIER_SIGMAS = 2.0
 _UNSEEN_SHARE = 0.3  # of the weight, for invisible limbs
-_SUNK_M = 0.2  # deeper invisible limbs are left out: leg pose or floor is wrong
+_MAX_DEPTH_M = 0.2  # people with deeper vertices get no weight on invisible limbs: leg pose or floor is wrong
 
 
 @dataclass(frozen=True)
 class FloorSettings:
-    """Vertices under the floor, by :func:`physic_core.engine.joint.terms.penetration.penetration_energy`.
+    """Settings of the floor term: penalty on vertices below the floor.
 
     Attributes:
         weight: of the term; 0 removes it.
@@ -32,22 +32,22 @@ class FloorSettings:
 
 
 class FloorTerm:
-    """Depth under the floor's plane, of all vertices."""
+    """Floor term: depth of all vertices below the floor's plane."""
 
     def __init__(self, settings: FloorSettings, context: JointContext) -> None:
         self.settings, self._context = settings, context
         self.active: dict[str, Tensor] = {}
 
-    def refresh(self, view: View) -> None:
-        """Set the weights: visible limbs count in full, the others less."""
+    def refresh(self, snapshot: Snapshot) -> None:
+        """Update the weights: full weight on visible limbs, less on invisible ones."""
         area = self._context.area
-        shallow = view.contacts.height.amin(1, keepdim=True) > -_SUNK_M
-        guessed = torch.where(shallow, _UNSEEN_SHARE * area, torch.zeros_like(area))
-        weight = torch.where(view.visibility.in_play, area, guessed)
+        shallow = snapshot.contacts.height.amin(1, keepdim=True) > -_MAX_DEPTH_M
+        invisible = torch.where(shallow, _UNSEEN_SHARE * area, torch.zeros_like(area))
+        weight = torch.where(snapshot.visibility.eligible, area, invisible)
         self.active = {"floor": torch.zeros_like(area) if self._context.floor_normal is None else weight}
 
     def robust_sum(self) -> RobustSum | None:
-        """Weights of the depth under the floor; None where the term is off or there is no floor."""
+        """Return the robust sum over depths below the floor; None if the term is off or there is no floor."""
         weight = self.settings.weight
         if not weight or self._context.floor_normal is None:
             return None

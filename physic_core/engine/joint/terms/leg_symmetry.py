@@ -1,4 +1,4 @@
-"""Leg-symmetry term: a prior that the left and right leg have similar poses, for legs that are not visible."""
+"""Leg-symmetry term: a prior for similar poses of left and right leg, if both are invisible."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from torch import Tensor
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.bounds import NotNegative
 from physic_core.engine.joint.context import JointContext
-from physic_core.engine.joint.term import PosedBodies, View
+from physic_core.engine.joint.term import PosedBodies, Term
 
 __all__ = ["LegSymmetrySettings", "LegSymmetryTerm", "leg_asymmetry"]
 
@@ -21,7 +21,7 @@ _SIGMA = 0.25  # radians, spread of the difference between left and right
 
 @dataclass(frozen=True)
 class LegSymmetrySettings:
-    """Asymmetry of legs whose knees and ankles are both invisible.
+    """Settings of the leg-symmetry term, for people with invisible knees and ankles.
 
     Attributes:
         weight: of the term; 0 removes it.
@@ -31,26 +31,25 @@ class LegSymmetrySettings:
 
 
 def leg_asymmetry(rotations: Tensor) -> Tensor:
-    """Asymmetry of the legs: ``sum_j 2 (1 - cos a_j) / sigma^2`` over hips, knees and ankles, where a_j is the angle
-    from the mirrored right joint to the left one: (B, 55, 3, 3) -> (B,)."""
+    """Return the asymmetry of the legs, ``sum_j 2 (1 - cos a_j) / sigma^2``: (B, 55, 3, 3) -> (B,).
+
+    The sum is over hips, knees and ankles; a_j is the angle between the left joint and the mirrored right one.
+    """
     flip = rotations.new_tensor([1.0, -1.0, -1.0])
     mirrored = rotations[:, _RIGHT_LEG] * flip[:, None] * flip
     return (rotations[:, _LEFT_LEG] - mirrored).square().sum((-1, -2, -3)) / (2 * _SIGMA**2)
 
 
-class LegSymmetryTerm:
-    """Asymmetry of the legs of people with invisible legs."""
+class LegSymmetryTerm(Term):
+    """Leg-symmetry term of people with invisible legs."""
 
     def __init__(self, settings: LegSymmetrySettings, context: JointContext) -> None:
         self._weight = settings.weight
-        self._is_on = bool(settings.weight) and bool(context.legs_unseen.any())
-        self.active = {"symmetry": context.legs_unseen.to(context.area.dtype)}
-
-    def refresh(self, view: View) -> None:
-        """The visible limbs do not depend on the view."""
+        self._is_on = bool(settings.weight) and bool(context.legs_invisible.any())
+        self.active = {"symmetry": context.legs_invisible.to(context.area.dtype)}
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
-        """ "symmetry"; nothing where all legs are visible."""
+        """Return the energy "symmetry"; nothing where all legs are visible."""
         if not self._is_on:
             return {}
         return {"symmetry": self._weight * (self.active["symmetry"] * leg_asymmetry(bodies.estimate.rotations))}

@@ -1,4 +1,4 @@
-"""Penetration term L_i: vertices inside the scene are pushed out (paper Eq. 7)."""
+"""Penetration term L_i: penalty on vertices inside the scene (paper Eq. 7)."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from torch import Tensor
 from physic_core.engine.bounds import NotNegative, Positive
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.robust_sum import RobustSum
-from physic_core.engine.joint.term import Rho, View
+from physic_core.engine.joint.term import RobustLoss, Snapshot
 
 __all__ = ["PenetrationSettings", "PenetrationTerm", "penetration_energy"]
 
 
 @dataclass(frozen=True)
 class PenetrationSettings:
-    """Vertices inside the scene, along its normals.
+    """Settings of the penetration term: vertices inside the scene, along its normals.
 
     Attributes:
         weight: lambda_i of Eq. 5; 0 removes the term.
@@ -34,34 +34,30 @@ class PenetrationSettings:
     outlier_sigmas: Positive = 2.0
 
 
-def penetration_energy(signed: Tensor, weight: Tensor, slack: float, sigma: float, rho: Rho) -> Tensor:
-    """L_i (Eq. 7) by signed distance: ``sum_v w_v rho(max(0, -d_v - slack)^2 / sigma^2)``.
+def penetration_energy(signed: Tensor, weight: Tensor, slack: float, sigma: float, rho: RobustLoss) -> Tensor:
+    """Return L_i (Eq. 7) by signed distance, (B,): ``sum_v w_v rho(max(0, -d_v - slack)^2 / sigma^2)``.
 
     Args:
         signed: (B, V) metres, negative inside.
-        weight: (B, V), 0 for vertices that are hidden, on invisible limbs, or far from the scene.
+        weight: (B, V), 0 for vertices that are left out.
         slack: depth without a penalty, metres.
         sigma: expected error of the surface, metres.
-        rho: robust loss.
-
-    Returns:
-        (B,).
     """
     depth = torch.relu(-signed - slack) / sigma
     return (weight * rho(depth.square())).sum(-1)
 
 
 class PenetrationTerm:
-    """Eq. 7 for visible vertices near the scene and not in free space."""
+    """Penetration term: Eq. 7 for visible vertices near the scene and not in free space."""
 
     def __init__(self, settings: PenetrationSettings, context: JointContext, *, occlusion_aware: bool) -> None:
         self.settings, self._context, self._occlusion_aware = settings, context, occlusion_aware
         self.active: dict[str, Tensor] = {}
 
-    def refresh(self, view: View) -> None:
-        """Choose the vertices near the scene; hidden ones are left out."""
-        contacts, visibility = view.contacts, view.visibility
-        near = contacts.found & (contacts.distance < self.settings.max_depth_m) & visibility.in_play
+    def refresh(self, snapshot: Snapshot) -> None:
+        """Select the vertices near the scene; hidden ones are left out."""
+        contacts, visibility = snapshot.contacts, snapshot.visibility
+        near = contacts.found & (contacts.distance < self.settings.max_depth_m) & visibility.eligible
         near = near & ~contacts.in_free_space
         if self._occlusion_aware:
             near = near & ~visibility.hidden
@@ -69,7 +65,7 @@ class PenetrationTerm:
         self.active = {"penetration": torch.where(near, area, torch.zeros_like(area))}
 
     def robust_sum(self) -> RobustSum | None:
-        """Weights of the depth beyond the slack; None where the term is off."""
+        """Return the robust sum over depths beyond the slack; None if the term is off."""
         s = self.settings
         if not s.weight:
             return None

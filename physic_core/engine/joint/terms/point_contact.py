@@ -1,4 +1,4 @@
-"""Contact as printed, L_c by the distance to the nearest scene point (paper Eq. 6; PROX Eq. 5)."""
+"""Contact term L_c as printed: distance to the nearest scene point (paper Eq. 6; PROX Eq. 5)."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from torch import Tensor
 from physic_core.engine.bounds import NotNegative
 from physic_core.engine.joint.contact_state import ContactState
 from physic_core.engine.joint.context import JointContext
-from physic_core.engine.joint.term import PosedBodies, Rho, View
-from physic_core.engine.joint.terms.contact import contact_energy
+from physic_core.engine.joint.robust_sum import offset_loss
+from physic_core.engine.joint.term import PosedBodies, RobustLoss, Snapshot, Term
 
 __all__ = ["PointContactSettings", "PointContactTerm", "squared_offsets"]
 
 
 @dataclass(frozen=True)
 class PointContactSettings:
-    """Contact with the nearest scene points.
+    """Settings of the contact term by distances to the nearest scene points.
 
     Attributes:
         weight: lambda_c; 0 removes the term.
@@ -31,18 +31,17 @@ class PointContactSettings:
     source: Literal["prior", "static"] = "prior"
 
 
-class PointContactTerm:
-    """Contact vertices and their nearest scene points, visible or not.
+class PointContactTerm(Term):
+    """Contact term: distance of contact vertices to their nearest scene points, visible or not.
 
     Args:
-        context: constants of this optimisation.
         weight: lambda_c.
         max_distance_m: vertices farther from the scene are left out, metres.
         rho: robust loss of square metres.
         per_axis: the robust loss is applied to each axis (released code).
         outside_only: only vertices outside the scene count (released code).
-        mean: over the vertices that touch, instead of their sum (PROX).
-        max_angle_deg: a vertex touches only where its normal and the scene's lie within this angle of one line (PROX).
+        mean: mean over the vertices near the scene, instead of their sum (PROX).
+        max_angle_deg: largest angle between the line of the vertex normal and that of the scene normal (PROX).
     """
 
     def __init__(
@@ -50,7 +49,7 @@ class PointContactTerm:
         context: JointContext,
         weight: float,
         max_distance_m: float,
-        rho: Rho,
+        rho: RobustLoss,
         *,
         per_axis: bool = False,
         outside_only: bool = False,
@@ -62,11 +61,10 @@ class PointContactTerm:
         self._least_cosine = math.cos(math.radians(max_angle_deg)) if max_angle_deg < 90 else 0.0
         self._of_vertex = context.area * context.is_contact
         self._contacts: ContactState
-        self.active: dict[str, Tensor] = {}
 
-    def refresh(self, view: View) -> None:
+    def refresh(self, snapshot: Snapshot) -> None:
         """Select the contact vertices near the scene."""
-        self._contacts = contacts = view.contacts
+        self._contacts = contacts = snapshot.contacts
         near = contacts.found & (contacts.distance < self._reach)
         near = near & (contacts.facing_scene.abs() >= self._least_cosine)
         if self._outside_only:
@@ -77,18 +75,15 @@ class PointContactTerm:
         self.active = {"contact": weight}
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
-        """ "contact"."""
+        """Return the energy "contact"."""
         if not self._weight:
             return {}
-        squared = squared_offsets(bodies, self._contacts)
-        rho = self._rho
-        if self._per_axis:
-            return {"contact": self._weight * contact_energy(squared, self.active["contact"], lambda x: rho(x).sum(-1))}
-        return {"contact": self._weight * contact_energy(squared.sum(-1), self.active["contact"], rho)}
+        loss = offset_loss(squared_offsets(bodies, self._contacts), self._rho, per_axis=self._per_axis)
+        return {"contact": self._weight * (self.active["contact"] * loss).sum(-1)}
 
 
 def squared_offsets(bodies: PosedBodies, contacts: ContactState) -> Tensor:
-    """Squared offset from each vertex to its nearest scene point, by axis: (B, n, 3) m^2, 0 without a scene."""
+    """Return the squared offset of each vertex to its nearest scene point, per axis: (B, n, 3) m^2."""
     if contacts.points is None:
         return torch.zeros_like(bodies.vertices)
     return (bodies.vertices - contacts.points * bodies.estimate.log_scale.exp()).square()

@@ -1,4 +1,4 @@
-"""Penetration as printed, L_i by the distance to the nearest scene point (paper Eq. 7; PROX Eq. 6)."""
+"""Penetration term L_i as printed: distance to the nearest scene point (paper Eq. 7; PROX Eq. 6)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from torch import Tensor
 from physic_core.engine.bounds import NotNegative, Positive
 from physic_core.engine.joint.contact_state import ContactState
 from physic_core.engine.joint.context import JointContext
-from physic_core.engine.joint.term import PosedBodies, Rho, View
+from physic_core.engine.joint.robust_sum import offset_loss
+from physic_core.engine.joint.term import PosedBodies, RobustLoss, Snapshot, Term
 from physic_core.engine.joint.terms.point_contact import squared_offsets
 
 __all__ = ["PointPenetrationSettings", "PointPenetrationTerm", "point_penetration_energy"]
@@ -19,7 +20,7 @@ __all__ = ["PointPenetrationSettings", "PointPenetrationTerm", "point_penetratio
 
 @dataclass(frozen=True)
 class PointPenetrationSettings:
-    """Vertices inside the scene, by their nearest scene points.
+    """Settings of the penetration term by distances to the nearest scene points.
 
     Attributes:
         weight: lambda_i; 0 removes the term.
@@ -30,19 +31,20 @@ class PointPenetrationSettings:
     max_depth_m: Positive = 1.0
 
 
-def point_penetration_energy(squared: Tensor, signed: Tensor, weight: Tensor, rho: Rho) -> Tensor:
-    """L_i (Eq. 7) as printed: ``sum_v w_v rho(|v - p|^2) [n_p . (v - p) < 0]``, (B, V) each -> (B,)."""
-    return (weight * (signed < 0) * rho(squared)).sum(-1)
+def point_penetration_energy(loss: Tensor, signed: Tensor, weight: Tensor) -> Tensor:
+    """Return L_i (Eq. 7) as printed: ``sum_v w_v rho(|v - p|^2) [n_p . (v - p) < 0]``, (B, V) each -> (B,).
+
+    ``loss`` is ``rho(|v - p|^2)``, ``signed`` is ``n_p . (v - p)``.
+    """
+    return (weight * (signed < 0) * loss).sum(-1)
 
 
-class PointPenetrationTerm:
-    """Vertices on the inner side of their nearest scene point.
+class PointPenetrationTerm(Term):
+    """Penetration term: vertices on the inner side of their nearest scene point.
 
     Args:
-        settings: of the term.
-        context: constants of this optimisation.
         rho: robust loss of square metres.
-        takes_part: (view) -> (B, n) bool, vertices that may not penetrate.
+        may_not_penetrate: (snapshot) -> (B, n) bool, vertices that are penalised inside the scene.
         per_axis: the robust loss is applied to each axis (released code).
     """
 
@@ -50,35 +52,30 @@ class PointPenetrationTerm:
         self,
         settings: PointPenetrationSettings,
         context: JointContext,
-        rho: Rho,
-        takes_part: Callable[[View], Tensor],
+        rho: RobustLoss,
+        may_not_penetrate: Callable[[Snapshot], Tensor],
         *,
         per_axis: bool = False,
     ) -> None:
         self._settings, self._context, self._rho = settings, context, rho
-        self._takes_part, self._per_axis = takes_part, per_axis
+        self._may_not_penetrate, self._per_axis = may_not_penetrate, per_axis
         self._contacts: ContactState
-        self.active: dict[str, Tensor] = {}
 
-    def refresh(self, view: View) -> None:
+    def refresh(self, snapshot: Snapshot) -> None:
         """Select the vertices near the scene."""
-        self._contacts = contacts = view.contacts
-        near = contacts.found & (contacts.distance < self._settings.max_depth_m) & self._takes_part(view)
+        self._contacts = contacts = snapshot.contacts
+        near = contacts.found & (contacts.distance < self._settings.max_depth_m) & self._may_not_penetrate(snapshot)
         area = self._context.area
         self.active = {"penetration": torch.where(near, area, torch.zeros_like(area))}
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
-        """ "penetration"."""
-        weight, contacts, rho = self._settings.weight, self._contacts, self._rho
+        """Return the energy "penetration"."""
+        weight, contacts = self._settings.weight, self._contacts
         if not weight:
             return {}
         signed = torch.zeros_like(self._context.area)
         if contacts.normals is not None and contacts.plane_distance is not None:
             along = (contacts.normals * bodies.vertices).sum(-1)
             signed = along - bodies.estimate.log_scale.exp() * contacts.plane_distance
-        squared, active = squared_offsets(bodies, contacts), self.active["penetration"]
-        if self._per_axis:
-            energy = point_penetration_energy(squared, signed, active, lambda x: rho(x).sum(-1))
-        else:
-            energy = point_penetration_energy(squared.sum(-1), signed, active, rho)
-        return {"penetration": weight * energy}
+        loss = offset_loss(squared_offsets(bodies, contacts), self._rho, per_axis=self._per_axis)
+        return {"penetration": weight * point_penetration_energy(loss, signed, self.active["penetration"])}

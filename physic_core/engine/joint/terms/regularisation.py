@@ -1,4 +1,4 @@
-"""Regularisation L_reg: deviation of mesh and parameters from the start (paper sec. 3.3)."""
+"""Regularisation term L_reg: deviation of mesh and parameters from the start (paper sec. 3.3)."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from torch import Tensor
 from physic_core.engine.bounds import NotNegative, Positive
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.state import State
-from physic_core.engine.joint.term import View
+from physic_core.engine.joint.term import Snapshot
 
-__all__ = ["RegularisationSettings", "RegularisationTerm", "mesh_deviation", "mesh_weight", "prior"]
+__all__ = ["RegularisationSettings", "RegularisationTerm", "mesh_energy", "mesh_weights", "parameter_energy"]
 
 
 @dataclass(frozen=True)
 class RegularisationSettings:
-    """Deviation of the mesh in the root's frame, and of the parameters in units of their expected change.
+    """Settings of the regularisation term: deviation of root-relative mesh and parameters from the start.
 
     Attributes:
         sigma_m: expected change of a vertex of weight 1, root-relative, metres.
@@ -40,41 +40,40 @@ class RegularisationSettings:
     translation_weight: NotNegative = 0.05
 
 
-def mesh_deviation(relative: Tensor, start: Tensor, weight: Tensor) -> Tensor:
-    """L_reg of the mesh: ``sum_v w_v |v - v0|^2`` in the root's frame.
+def mesh_energy(relative: Tensor, start: Tensor, weight: Tensor) -> Tensor:
+    """Return L_reg of the mesh, ``sum_v w_v |v - v0|^2``, (B,).
 
     Args:
-        relative: (B, V, 3) from :func:`physic_core.engine.joint.distances.root_relative`, metres.
-        start: (B, V, 3) root-relative vertices at the start, metres.
+        relative: (B, V, 3) vertices in the root's frame, metres.
+        start: (B, V, 3) the same at the start.
         weight: (B, V).
-
-    Returns:
-        (B,).
     """
     return (weight * (relative - start).square().sum(-1)).sum(-1)
 
 
-def prior(deviation: Tensor, weight: Tensor) -> Tensor:
-    """L_reg of the parameters, whitened or raw: ``sum_i w_i x_i^2``, (B, P) and (P,) -> (B,)."""
+def parameter_energy(deviation: Tensor, weight: Tensor) -> Tensor:
+    """Return L_reg of the parameters, whitened or raw, ``sum_i w_i x_i^2``: (B, P) and (P,) -> (B,)."""
     return deviation.square() @ weight
 
 
-def mesh_weight(view: View, visible: float, occluded: float, area: Tensor, *, occlusion_aware: bool = True) -> Tensor:
-    """Weights (B, n) of the mesh's deviation: ``visible`` or ``occluded`` times the area of each vertex."""
-    strong = ~view.visibility.in_play
+def mesh_weights(
+    snapshot: Snapshot, visible: float, occluded: float, area: Tensor, *, occlusion_aware: bool = True
+) -> Tensor:
+    """Return the weight of each vertex (B, n) in L_reg: ``visible`` or ``occluded`` times its area."""
+    strong = ~snapshot.visibility.eligible
     if occlusion_aware:
-        strong = strong | view.visibility.hidden
+        strong = strong | snapshot.visibility.hidden
     return torch.where(strong, occluded, visible).to(area.dtype) * area
 
 
 class RegularisationTerm:
-    """Mesh and parameters of each person; evaluated by :class:`physic_core.engine.joint.terms.surface.SurfaceTerms`."""
+    """Regularisation term, evaluated by :class:`physic_core.engine.joint.terms.surface.SurfaceTerms`."""
 
     def __init__(
         self, settings: RegularisationSettings, context: JointContext, state: State, *, occlusion_aware: bool
     ) -> None:
         self._settings, self._context, self._occlusion_aware = settings, context, occlusion_aware
-        self._prior_weight = state.per_parameter(
+        self._prior_weight = state.expand_to_parameters(
             {
                 "root": settings.root_weight,
                 "pose": settings.pose_weight,
@@ -87,14 +86,14 @@ class RegularisationTerm:
         )
         self.active: dict[str, Tensor] = {}
 
-    def refresh(self, view: View) -> None:
-        """Set the weights of visible and hidden vertices."""
+    def refresh(self, snapshot: Snapshot) -> None:
+        """Update the weights of visible and hidden vertices."""
         s = self._settings
-        weight = mesh_weight(
-            view, s.visible_weight, s.occluded_weight, self._context.area, occlusion_aware=self._occlusion_aware
+        weight = mesh_weights(
+            snapshot, s.visible_weight, s.occluded_weight, self._context.area, occlusion_aware=self._occlusion_aware
         )
         self.active = {"regularisation": weight / s.sigma_m**2}
 
     def energy(self, mesh: Tensor, deviation: Tensor) -> Tensor:
-        """Deviation of the mesh (B,) and of the parameters (B, P) -> energy (B,)."""
-        return mesh + prior(deviation, self._prior_weight)
+        """Return the energy (B,) for the energy of the mesh (B,) and the deviation of the parameters (B, P)."""
+        return mesh + parameter_energy(deviation, self._prior_weight)

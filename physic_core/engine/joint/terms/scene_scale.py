@@ -7,17 +7,17 @@ from dataclasses import dataclass
 from torch import Tensor
 
 from physic_core.engine.bounds import NotNegative
-from physic_core.engine.joint.term import PosedBodies, View
+from physic_core.engine.joint.term import PosedBodies, Term
 
 __all__ = ["DEPTH_SCALE_SIGMA", "SceneScaleSettings", "SceneScaleTerm"]
 
 DEPTH_SCALE_SIGMA = 0.1
-"""Expected error of log(scale), if the metric depth gives none."""
+"""Expected error of log(scale), used if the metric depth has no error estimate."""
 
 
 @dataclass(frozen=True)
 class SceneScaleSettings:
-    """Change of the scene's scale.
+    """Settings of the scene-scale term: change of the scene's scale.
 
     Attributes:
         weight: of the squared change, in units of its expected size.
@@ -29,16 +29,12 @@ class SceneScaleSettings:
     local_sigma: NotNegative = 0.1
 
 
-class SceneScaleTerm:
-    """``w x^2`` of the deviation ``x`` of the scale from the start (``State.deviation``)."""
+class SceneScaleTerm(Term):
+    """Scene-scale term: ``w x^2`` of the deviation ``x`` of the scale from the start (``State.deviation``)."""
 
     def __init__(self, weight: float) -> None:
         self._weight = weight
-        self.active: dict[str, Tensor] = {}
-
-    def refresh(self, view: View) -> None:
-        """The scale does not depend on the view."""
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
-        """ "scale", (1,)."""
+        """Return the energy "scale", (1,)."""
         return {"scale": self._weight * bodies.scale_deviation.square().reshape(1)}

@@ -1,4 +1,4 @@
-"""Sole term: pulls the soles of feet near the floor to height 0."""
+"""Sole term: height over the floor of soles near it."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from torch import Tensor
 from physic_core.engine.bounds import NotNegative
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.distances import lowest_height
-from physic_core.engine.joint.term import Rho, View
+from physic_core.engine.joint.term import RobustLoss, Snapshot
 from physic_core.geometry.robust import robust
 
 __all__ = ["SoleSettings", "SoleTerm", "sole_energy"]
 
-_SIGMA_M, _OUTLIER_SIGMAS = 0.015, 2.0  # a foot more than about 3 cm over the floor counts as in the air
+_SIGMA_M, _OUTLIER_SIGMAS = 0.015, 2.0  # a foot more than about 3 cm over the floor is an outlier
 _LOWER_SIGMA_M, _LOWER_OUTLIER_SIGMAS = 0.04, 2.0
-_LOWER_REACH_M = 0.4  # at a larger height the lower foot is left out too
+_MAX_LOWER_HEIGHT_M = 0.4  # a lower foot at a larger height is left out
 _UNSEEN_SIGMA_M, _UNSEEN_OUTLIER_SIGMAS = 0.05, 3.0
-_UNSEEN_SIGMAS = 4.0  # an invisible foot at a larger height is left out
-_STEP_SHARE = 0.3  # of a sole's vertices that must be over a step
+_MAX_UNSEEN_SIGMAS = 4.0  # an invisible foot at a larger height is left out
+_STEP_SHARE = 0.3  # of a sole's vertices; a foot with more of them over a step is on the step
 
 
 @dataclass(frozen=True)
 class SoleSettings:
-    """Height of the soles over the floor: the mean of the lowest 5 % of a sole's vertices.
+    """Settings of the sole term: mean height over the floor of the lowest 5 % of a sole's vertices.
 
     Attributes:
         weight: of each visible foot near the floor.
@@ -38,11 +38,11 @@ class SoleSettings:
     unseen_weight: NotNegative = 4.0
 
 
-def sole_energy(lowest: Tensor, weight: Tensor, lower_weight: Tensor, near: Rho, far: Rho) -> Tensor:
-    """Soles on the floor: ``sum_f w_f near(h_f^2) + w far(min_f h_f^2)``.
+def sole_energy(lowest: Tensor, weight: Tensor, lower_weight: Tensor, near: RobustLoss, far: RobustLoss) -> Tensor:
+    """Return the energy of visible soles over the floor, (B,): ``sum_f w_f near(h_f^2) + w far(min_f h_f^2)``.
 
-    ``near`` redescends within centimetres, so that it does not pull down a foot in the air. ``far`` does not redescend.
-    It applies to the lower foot only: a person who stands, walks or runs has at most one foot far from the ground.
+    ``near`` redescends within centimetres, so that a foot in the air gets no gradient. ``far`` does not redescend. It
+    applies to the lower foot only: a person who stands, walks or runs has at most one foot far from the ground.
 
     Args:
         lowest: (B, 2) height of the left and the right sole, metres.
@@ -50,9 +50,6 @@ def sole_energy(lowest: Tensor, weight: Tensor, lower_weight: Tensor, near: Rho,
         lower_weight: (B,), 0 for people who may float (invisible feet, or no expected contact).
         near: robust loss of squared metres.
         far: robust loss of squared metres.
-
-    Returns:
-        (B,).
     """
     seen = weight > 0
     lower = torch.where(seen, lowest, torch.full_like(lowest, torch.inf)).amin(-1)
@@ -63,34 +60,34 @@ def sole_energy(lowest: Tensor, weight: Tensor, lower_weight: Tensor, near: Rho,
 
 
 class SoleTerm:
-    """Heights of both soles; evaluated by :class:`physic_core.engine.joint.terms.surface.SurfaceTerms`."""
+    """Sole term, evaluated by :class:`physic_core.engine.joint.terms.surface.SurfaceTerms`."""
 
     def __init__(self, settings: SoleSettings, context: JointContext) -> None:
         self.settings, self._context = settings, context
-        self._all_seen = bool(context.feet_seen.all())
+        self._all_seen = bool(context.feet_visible.all())
         self.active: dict[str, Tensor] = {}
 
     @property
     def is_on(self) -> bool:
-        """Whether there are a floor and a weight."""
+        """Whether there is a floor and a weight is not 0."""
         s = self.settings
         return self._context.floor_normal is not None and bool(s.weight or s.lower_weight or s.unseen_weight)
 
-    def refresh(self, view: View) -> None:
-        """Select the feet that are not on a step, and the lower foot where the prior expects contact."""
-        context, contacts = self._context, view.contacts
+    def refresh(self, snapshot: Snapshot) -> None:
+        """Select the feet that are not on a step, and the people whose lower foot has expected contact."""
+        context, contacts = self._context, snapshot.contacts
         far = torch.full_like(context.area[:, 0], torch.inf)
         heights = [contacts.height[:, rows] for rows in context.soles]
         lowest = torch.stack([lowest_height(h) if h.shape[1] else far for h in heights], 1)
         on_step = contacts.on_step & (contacts.signed.abs() < contacts.height)
         stepped = torch.stack([_share(on_step[:, rows]) > _STEP_SHARE for rows in context.soles], 1)
-        on_floor = context.feet_seen & torch.isfinite(lowest) & ~stepped
+        on_floor = context.feet_visible & torch.isfinite(lowest) & ~stepped
         likely = torch.stack([_share(context.is_contact[:, rows]) > 0 for rows in context.soles], 1)
         lower = torch.where(on_floor, lowest, torch.full_like(lowest, torch.inf)).amin(1)
-        pulled = (on_floor & likely).any(1) & ~stepped.any(1) & (lower.abs() < _LOWER_REACH_M)
+        pulled = (on_floor & likely).any(1) & ~stepped.any(1) & (lower.abs() < _MAX_LOWER_HEIGHT_M)
         if context.problem.grounded is not None:
             pulled = pulled & context.problem.grounded
-        unseen = ~context.feet_seen & (lowest.abs() < _UNSEEN_SIGMAS * _UNSEEN_SIGMA_M) & ~stepped
+        unseen = ~context.feet_visible & (lowest.abs() < _MAX_UNSEEN_SIGMAS * _UNSEEN_SIGMA_M) & ~stepped
         dtype = context.area.dtype
         self.active = {
             "soles": on_floor.to(dtype),
@@ -99,7 +96,7 @@ class SoleTerm:
         }
 
     def energy(self, lowest: Tensor) -> Tensor:
-        """Heights (B, 2) of both soles, metres -> energy (B,)."""
+        """Return the energy (B,) for heights of both soles (B, 2), metres."""
         s = self.settings
 
         def near(squared: Tensor) -> Tensor:
@@ -117,5 +114,5 @@ class SoleTerm:
 
 
 def _share(flags: Tensor) -> Tensor:
-    """(B, n) bool -> (B,) share that is True; 0 for n = 0."""
+    """Return the share of True values in each row: (B, n) bool -> (B,); 0 for n = 0."""
     return flags.sum(1) / max(1, flags.shape[1])

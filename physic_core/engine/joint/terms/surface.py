@@ -1,8 +1,8 @@
-"""The terms of vertices near the scene, evaluated together: depth, contact, penetration, floor, soles, mesh.
+"""Surface terms, evaluated together: depth, contact, penetration, floor, soles and mesh.
 
 They share the distances to scene and floor. :func:`reference_surface_energies` adds up the equations of the terms.
 :func:`physic_core.engine.joint.terms.surface_fused.fused_surface_energies` computes equal values and gradients in one
-node of the graph. A preset chooses the function (preset "default" the fused one); tests compare the two.
+node of the graph. A preset selects the function ("default" the fused one); tests compare the two.
 
 Distances are divided by the scene's scale, so that shrinking scene and people together does not lower the energy.
 """
@@ -19,18 +19,18 @@ from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.distances import lowest_height, plane_height, root_relative
 from physic_core.engine.joint.robust_sum import RobustSum
 from physic_core.engine.joint.state import State
-from physic_core.engine.joint.term import PosedBodies, View
+from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
 from physic_core.engine.joint.terms.contact import ContactTerm, contact_energy
 from physic_core.engine.joint.terms.depth import DepthTerm, depth_energy
 from physic_core.engine.joint.terms.floor import FloorTerm
 from physic_core.engine.joint.terms.penetration import PenetrationTerm, penetration_energy
-from physic_core.engine.joint.terms.regularisation import RegularisationTerm, mesh_deviation
+from physic_core.engine.joint.terms.regularisation import RegularisationTerm, mesh_energy
 from physic_core.engine.joint.terms.soles import SoleTerm
 
 __all__ = [
     "SURFACE_ENERGIES",
-    "Surface",
-    "SurfaceEnergies",
+    "SurfaceFunction",
+    "SurfaceInputs",
     "SurfaceParts",
     "SurfaceTerms",
     "reference_surface_energies",
@@ -40,26 +40,26 @@ SURFACE_ENERGIES = ("depth", "contact", "penetration", "floor", "mesh")
 
 
 @dataclass(frozen=True)
-class Surface:
-    """Inputs of the terms that are fixed since the last view. B people, n tracked vertices.
+class SurfaceInputs:
+    """Inputs of the surface terms, constant since the last refresh. B people, n tracked vertices.
 
     Attributes:
-        depth: robust sum over differences of log depth; None where the term is off, as in the next three.
-        contact: sum over the distances to the touched surface.
-        penetration: sum over the depth inside the scene beyond the slack.
-        floor: sum over the depth under the floor.
+        depth: robust sum over differences of log depth; None if the term is off, as in the next three.
+        contact: robust sum over distances to the touched surface.
+        penetration: robust sum over depths inside the scene beyond the slack.
+        floor: robust sum over depths below the floor.
         mesh_weight: (B, n) of the squared deviation of a vertex from the start, in the root's frame.
-        log_seen: (B, n) logarithm of the depth map at the vertices.
+        log_map_depth: (B, n) logarithm of the depth map at the vertices.
         on_scene: (B, n) bool, contact is with the scene; else with the floor.
         penetration_slack: metres.
-        in_play: (B, n) bool, vertices with a gradient to the floor's scale; the others use ``last_scale``.
+        eligible: (B, n) bool, vertices with a gradient to the floor's scale; the others use ``last_scale``.
         relative: (B, 3, n) at the start in the root's frame, metres.
-        normals: (B, 3, n) of the nearest scene points, None without a scene.
-        plane_distance: (B, n) of their planes from the camera, unscaled.
-        warp_share: (B, n) share of their person's warp that applies, None where warps are frozen.
-        floor_normal: (3,) unit, None without a floor.
+        normals: (B, 3, n) of the nearest scene points; None without a scene.
+        plane_distance: (B, n) from the camera to the planes through those points, unscaled.
+        warp_share: (B, n) share of the person's warp that applies to those points; None if warps are frozen.
+        floor_normal: (3,) unit; None without a floor.
         floor_offset: of the floor, metres, unscaled.
-        last_scale: of the scene, in the last view.
+        last_scale: of the scene, at the last refresh.
         soles: rows of the left and the right sole's vertices.
     """
 
@@ -68,10 +68,10 @@ class Surface:
     penetration: RobustSum | None
     floor: RobustSum | None
     mesh_weight: Tensor
-    log_seen: Tensor
+    log_map_depth: Tensor
     on_scene: Tensor
     penetration_slack: float
-    in_play: Tensor
+    eligible: Tensor
     relative: Tensor
     normals: Tensor | None
     plane_distance: Tensor
@@ -82,17 +82,17 @@ class Surface:
     soles: tuple[Tensor, Tensor]
 
 
-SurfaceEnergies = Callable[[Surface, Tensor, Tensor, Tensor, Tensor, Tensor, Tensor], tuple[Tensor, Tensor]]
+SurfaceFunction = Callable[[SurfaceInputs, Tensor, Tensor, Tensor, Tensor, Tensor, Tensor], tuple[Tensor, Tensor]]
 """Signature of :func:`reference_surface_energies`."""
 
 
 def reference_surface_energies(
-    surface: Surface, vertices: Tensor, pelvis: Tensor, root: Tensor, log_scale: Tensor, offset: Tensor, warp: Tensor
+    data: SurfaceInputs, vertices: Tensor, pelvis: Tensor, root: Tensor, log_scale: Tensor, offset: Tensor, warp: Tensor
 ) -> tuple[Tensor, Tensor]:
-    """Weighted energies of the surface, by the equations of the terms.
+    """Return the weighted energies of the surface terms, by the equations of the terms.
 
     Args:
-        surface: of the last view.
+        data: inputs since the last refresh.
         vertices: (B, n, 3) metres.
         pelvis: (B, 3) metres.
         root: (B, 3, 3) rotation of the root.
@@ -101,44 +101,44 @@ def reference_surface_energies(
         warp: (B,) log of the local depth scale near each person.
 
     Returns:
-        energies: (5, B) of :data:`SURFACE_ENERGIES`, 0 where a term is off.
+        energies: (5, B) of :data:`SURFACE_ENERGIES`, 0 if a term is off.
         lowest: (B, 2) height of the left and the right sole, in the unit of the scene; 0 without a sole.
     """
     scale = log_scale.exp()
     zero = torch.zeros_like(offset)
     energies = dict.fromkeys(SURFACE_ENERGIES, zero)
-    signed = height = torch.zeros_like(surface.plane_distance)
-    if surface.normals is not None:
-        factor = 1.0 if surface.warp_share is None else torch.exp(warp[:, None] * surface.warp_share)
-        signed = (surface.normals.transpose(1, 2) * vertices).sum(-1) / scale - factor * surface.plane_distance
-    if surface.floor_normal is not None:
-        height = plane_height(vertices, surface.floor_normal, surface.floor_offset * scale) / scale
-    if surface.depth is not None:
-        s = surface.depth
-        mean = depth_energy(vertices[..., 2], surface.log_seen, s.weight, log_scale, offset, s.sigma, s.rho)
+    signed = height = torch.zeros_like(data.plane_distance)
+    if data.normals is not None:
+        factor = 1.0 if data.warp_share is None else torch.exp(warp[:, None] * data.warp_share)
+        signed = (data.normals.transpose(1, 2) * vertices).sum(-1) / scale - factor * data.plane_distance
+    if data.floor_normal is not None:
+        height = plane_height(vertices, data.floor_normal, data.floor_offset * scale) / scale
+    if data.depth is not None:
+        s = data.depth
+        mean = depth_energy(vertices[..., 2], data.log_map_depth, s.weight, log_scale, offset, s.sigma, s.rho)
         energies["depth"] = s.weight.sum(1) * mean
-    if surface.contact is not None:
-        s = surface.contact
-        distance = torch.where(surface.on_scene, signed, height)
+    if data.contact is not None:
+        s = data.contact
+        distance = torch.where(data.on_scene, signed, height)
         energies["contact"] = contact_energy((distance / s.sigma).square(), s.weight, s.rho)
-    if surface.penetration is not None:
-        s = surface.penetration
-        energies["penetration"] = penetration_energy(signed, s.weight, surface.penetration_slack, s.sigma, s.rho)
-    if surface.floor is not None:
-        s = surface.floor
-        # Invisible legs give the scale no gradient: they use the scale of the last view.
-        guessed = (height * scale + surface.floor_offset * (surface.last_scale - scale)) / scale.detach()
-        above = torch.where(surface.in_play, height, guessed)
+    if data.penetration is not None:
+        s = data.penetration
+        energies["penetration"] = penetration_energy(signed, s.weight, data.penetration_slack, s.sigma, s.rho)
+    if data.floor is not None:
+        s = data.floor
+        # Invisible legs give the scale no gradient: they use the scale at the last refresh.
+        invisible = (height * scale + data.floor_offset * (data.last_scale - scale)) / scale.detach()
+        above = torch.where(data.eligible, height, invisible)
         energies["floor"] = penetration_energy(above, s.weight, 0.0, s.sigma, s.rho)
     relative = root_relative(vertices, pelvis, root)
-    energies["mesh"] = mesh_deviation(relative, surface.relative.transpose(1, 2), surface.mesh_weight)
-    lowest = [lowest_height(height.index_select(1, rows)) if len(rows) else zero for rows in surface.soles]
+    energies["mesh"] = mesh_energy(relative, data.relative.transpose(1, 2), data.mesh_weight)
+    lowest = [lowest_height(height.index_select(1, rows)) if len(rows) else zero for rows in data.soles]
     return torch.stack([energies[name] for name in SURFACE_ENERGIES]), torch.stack(lowest, 1)
 
 
 @dataclass(frozen=True)
 class SurfaceParts:
-    """The terms that :class:`SurfaceTerms` evaluates together."""
+    """Terms that :class:`SurfaceTerms` evaluates together."""
 
     depth: DepthTerm
     contact: ContactTerm
@@ -149,58 +149,54 @@ class SurfaceParts:
 
     @property
     def all(self) -> tuple[DepthTerm | ContactTerm | PenetrationTerm | FloorTerm | SoleTerm | RegularisationTerm, ...]:
-        """In the order of the energies."""
+        """All terms, in the order of the energies."""
         return (self.depth, self.contact, self.penetration, self.floor, self.soles, self.regularisation)
 
 
-class SurfaceTerms:
-    """Depth, contact, penetration, floor, soles and regularisation, in this order.
+class SurfaceTerms(Term):
+    """Depth, contact, penetration, floor, soles and regularisation as one term.
 
     Args:
-        context: constants of this optimisation.
-        state: free parameters.
-        parts: the terms.
-        energies: the function that evaluates them: the reference, or the fused one.
+        energies: the reference function or the fused one.
 
     Attributes:
-        surface: of the last view.
+        surface: inputs since the last refresh.
     """
 
-    def __init__(self, context: JointContext, state: State, parts: SurfaceParts, energies: SurfaceEnergies) -> None:
+    def __init__(self, context: JointContext, state: State, parts: SurfaceParts, energies: SurfaceFunction) -> None:
         self.context, self.parts, self.energies = context, parts, energies
         self._warp_is_free = "warp" in state.free
-        self.surface: Surface
-        self.active: dict[str, Tensor] = {}
+        self.surface: SurfaceInputs
 
-    def refresh(self, view: View) -> None:
+    def refresh(self, snapshot: Snapshot) -> None:
         """Refresh each term and collect their inputs."""
-        parts, context, contacts = self.parts, self.context, view.contacts
+        parts, context, contacts = self.parts, self.context, snapshot.contacts
         for part in parts.all:
-            part.refresh(view)
+            part.refresh(snapshot)
         self.active = {name: weight for part in parts.all for name, weight in part.active.items()}
         no_scene = torch.zeros_like(context.area)
-        self.surface = Surface(
+        self.surface = SurfaceInputs(
             depth=parts.depth.robust_sum(),
             contact=parts.contact.robust_sum(),
             penetration=parts.penetration.robust_sum(),
             floor=parts.floor.robust_sum(),
             mesh_weight=self.active["regularisation"],
-            log_seen=parts.depth.log_seen,
+            log_map_depth=parts.depth.log_map_depth,
             on_scene=parts.contact.on_scene,
             penetration_slack=parts.penetration.settings.slack_m,
-            in_play=view.visibility.in_play,
+            eligible=snapshot.visibility.eligible,
             relative=context.relative.transpose(1, 2).contiguous(),
             normals=contacts.normals.transpose(1, 2).contiguous() if contacts.normals is not None else None,
             plane_distance=contacts.plane_distance if contacts.plane_distance is not None else no_scene,
             warp_share=contacts.warp_share if self._warp_is_free else None,
             floor_normal=context.floor_normal,
             floor_offset=context.problem.floor_offset,
-            last_scale=view.scale,
+            last_scale=snapshot.scale,
             soles=context.soles,
         )
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
-        """ "depth", "contact", "penetration", "floor", "soles" and "regularisation", without terms that are off."""
+        """Return the energy of each term that is not off: name -> (B,)."""
         parts, surface, e = self.parts, self.surface, bodies.estimate
         values, lowest = self.energies(
             surface, bodies.vertices, bodies.joints[:, 0], e.rotations[:, 0], e.log_scale, e.offset, e.warp

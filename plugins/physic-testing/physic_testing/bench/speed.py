@@ -218,7 +218,7 @@ class _Bench:
 
         if not torch.cuda.is_available():
             return [], ["CUDA: there is none on this machine, so it was not measured."]
-        here, there = self._problem(), replace(self._problem(), model=self.model.to("cuda")).as_model()
+        here, there = self._problem(), replace(self._problem(), model=self.model.to("cuda")).to_model_dtype()
 
         def on_device() -> None:
             _solve(there, self.settings)

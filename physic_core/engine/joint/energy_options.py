@@ -1,33 +1,22 @@
-"""Conventions of a preset's energy: which vertices, keypoints, limbs and surfaces count, and how they are found."""
+"""Options of a preset's energy: which vertices, keypoints, limbs and surfaces count, and how points are searched."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
-
-from torch import Tensor
+from typing import Literal
 
 from physic_core.engine.bounds import NearestStrategy
 
-if TYPE_CHECKING:
-    from physic_core.body.model import BodyOutput
-    from physic_core.engine.joint.context import JointContext, Keypoints
-    from physic_core.engine.joint.problem import JointProblem
-    from physic_core.engine.joint.visibility import SelfOcclusion, Visibility
-
-__all__ = ["Conventions"]
+__all__ = ["EnergyOptions"]
 
 
 @dataclass(frozen=True)
-class Conventions:
-    """Fixed choices of one energy; each preset defines its own.
+class EnergyOptions:
+    """Fixed choices of one preset's energy.
 
     Attributes:
-        weigh_keypoints: (problem, (B,) stature in px, (B, 55) bool joints that count as visible) -> keypoints.
-        update_visibility: (context, posed bodies, self-occlusion, last visibility or None) -> visibility.
         search_radius_m: search radius of vertices for scene points, metres.
-        facing_deg: see :class:`physic_core.engine.joint.settings.VisibilitySettings`, as the next three.
+        facing_deg: see :class:`physic_core.engine.joint.settings.VisibilitySettings`, as the next two.
         mask_tolerance: see there.
         vertex_spacing_m: see there.
         count_vertices: every vertex has weight 1; else its surface area.
@@ -42,8 +31,6 @@ class Conventions:
         nearest_every_step: nearest points are searched at every evaluation, not only when visibility is updated.
     """
 
-    weigh_keypoints: Callable[[JointProblem, Tensor, Tensor], Keypoints]
-    update_visibility: Callable[[JointContext, BodyOutput, SelfOcclusion, Visibility | None], Visibility]
     search_radius_m: float
     facing_deg: float
     mask_tolerance: float
