@@ -130,7 +130,7 @@ def test_what_fails_of_a_photo(changes: dict[str, Any], name: str, value: float)
         ({"told": {"depth_ratio": 1 / 1.45}}, ("person_depth",)),
         ({"told": {"placement_problem": "2 keypoints have confidence 0.5 or more"}}, ("placed",)),
         ({"failure": "no start"}, ("optimised",)),
-        ({"lost": ("body_estimator",)}, ("answered",)),
+        ({"lost": ("body_estimator",)}, ("missing_outputs",)),
         ({"lean": 9.0}, ()),
         ({"lean": 15.0}, ("lean",)),
         ({"lean": -15.0}, ("lean",)),
@@ -147,7 +147,7 @@ def test_what_fails_of_a_person(changes: dict[str, Any], names: tuple[str, ...])
 
 
 def test_a_ruler_is_held_against_the_depth_as_it_was_given() -> None:
-    assert failing(told={"depth_ratio": 1.3}, scale=0.8) == [("ruler", None)]
+    assert failing(told={"depth_ratio": 1.3}, scale=0.8) == [("depth_vs_bodies", None)]
     assert failing(told={"depth_ratio": 1.3}, scale=1.1) == []
 
 
@@ -268,7 +268,7 @@ def test_diagnostics_are_written_and_read_back() -> None:
 
     found = (
         CheckResult("floating", 0.2, 0.05, "m", False, "the body hangs in the air", 1),
-        CheckResult("ruler", None, 0.5, "share", True, "not measured"),
+        CheckResult("depth_vs_bodies", None, 0.5, "share", True, "not measured"),
     )
     assert parse_checks(json.loads(json.dumps(to_json([_check(d) for d in found])))) == found
 

@@ -12,7 +12,7 @@ from physic_core.metrics.consistency import consistency
 from physic_core.metrics.pose import pa_mpjpe_mm
 from physic_core.pipeline.estimate import feet_pixels
 from physic_core.types import SKELETONS, Keypoints, Skeleton, skeleton_named
-from physic_testing.conformance.joint_sets import world_keypoints
+from physic_testing.conformance.true_keypoints import world_keypoints
 from physic_testing.worlds import World, build_world
 
 SETS = [name for name in SKELETONS if "hand21" not in name]

@@ -262,7 +262,7 @@ def test_the_listing_is_unsure_of_weights_that_no_list_has(heavy: Path, site, re
 def test_the_kit_asks_nothing_and_fails_nothing(heavy: Path):
     report = check_backend("heavy", "metric_depth", size=(96, 72))
     assert report.failures == ()
-    assert report.not_asked == f"not ready: {NET}"
+    assert report.not_run_reason == f"not ready: {NET}"
     done = physic("plugins", "check", "heavy", "--interface", "metric_depth", "--json")
     assert (done.exit_code, json.loads(done.stdout)[0]["not_asked"]) == (4, f"not ready: {NET}")
 
@@ -339,4 +339,4 @@ def test_a_backend_that_asks_the_network_what_it_lacks_fails_the_kit():
     kind = type("Own", (interfaces.MetricDepth,), {"missing": look, "infer": lambda self, image, hints: None})
     report = check_backend(kind, size=(96, 72))
     failure = next(f for f in report.failures if f.check == "loads_or_reports_what_is_missing")
-    assert (failure.expected, failure.got) == ("missing() to use no network", "it asks for example.org")
+    assert (failure.expected, failure.got) == ("missing() to use no network", "it requests example.org")

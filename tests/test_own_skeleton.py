@@ -11,9 +11,9 @@ from physic_core.metrics.consistency import consistency
 from physic_core.metrics.pose import pa_mpjpe_mm
 from physic_core.types import Keypoints, Skeleton
 from physic_mock.keypoints import KeypointOptions, MockKeypointDetector
-from physic_mock.recognition import match_people, recognise
+from physic_mock.recognition import match_people, recognise_world
 from physic_testing.conformance import check_backend
-from physic_testing.conformance.joint_sets import world_keypoints
+from physic_testing.conformance.true_keypoints import world_keypoints
 from physic_testing.worlds import World, build_world
 
 SIDES = ("left", "right")
@@ -38,7 +38,7 @@ class MarkerDetector(MockKeypointDetector):
     """The world's true points in a skeleton of this plugin's own."""
 
     def infer(self, image: np.ndarray, people: object) -> Keypoints:
-        found = recognise(image)
+        found = recognise_world(image)
         points, visible = world_keypoints(found.world, MARKERS)
         rows = match_people(found, people)
         return Keypoints(points[rows], np.where(visible[rows], 0.95, 0.3), MARKERS)

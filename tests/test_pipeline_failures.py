@@ -154,7 +154,7 @@ def test_without_hands_the_fingers_stay_as_they_were(
     title = WRONG.format("hand_estimator", "hands")
     assert f"{title}{told}; fingers stay as the body_estimator posed them" in result.warnings
     assert ANSWERED.format("hand_estimator") in result.warnings
-    assert result.people[0].failed_checks[0] == "answered"
+    assert result.people[0].failed_checks[0] == "missing_outputs"
     plain = without(world, "hand_estimator")
     np.testing.assert_array_equal(result.people[0].vertices, plain.people[0].vertices)
     assert [s.name for s in result.stages if s.failed] == ["hands"]

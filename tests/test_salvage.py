@@ -127,7 +127,7 @@ def test_whose_body_is_lost_stays_without_one_and_the_other_is_as_before(
     assert np.isnan(lost.parameters.transl).all()
     assert not lost.contact.any()
     assert np.isposinf(lost.distance).all()
-    assert {"answered", "placed", "optimised"} <= set(lost.failed_checks)
+    assert {"missing_outputs", "placed", "optimised"} <= set(lost.failed_checks)
     assert result.warnings[-3:] == (
         "person 0: no finite values for this person from body_estimator: results that need them are left out; "
         "try another backend",
@@ -144,7 +144,9 @@ def test_whose_body_is_lost_stays_without_one_and_the_other_is_as_before(
     assert again.checks == result.checks
     assert again.people[LOST].failed_checks == lost.failed_checks
     document = json.loads((tmp_path / "out" / "reconstruction.json").read_text())
-    (answered,) = [c for c in document["checks"] if (c["name"], c["person"], c["ok"]) == ("answered", LOST, False)]
+    (answered,) = [
+        c for c in document["checks"] if (c["name"], c["person"], c["ok"]) == ("missing_outputs", LOST, False)
+    ]
     assert (answered["value"], answered["threshold"], answered["unit"]) == (1, 0, "count")
     files = {name: trimesh.load(tmp_path / "out" / name) for name in ("person_0.glb", "person_1.glb", "combined.glb")}
     assert {name: sorted(file.geometry) for name, file in files.items()} == {
@@ -152,7 +154,9 @@ def test_whose_body_is_lost_stays_without_one_and_the_other_is_as_before(
         "person_1.glb": ["person_1"],
         "combined.glb": ["person_1", "scene"],
     }
-    assert "  person 0: no body; check: answered, placed, optimised" in _summary(result, tmp_path).splitlines()[1]
+    assert (
+        "  person 0: no body; check: missing_outputs, placed, optimised" in _summary(result, tmp_path).splitlines()[1]
+    )
 
 
 @pytest.mark.parametrize(
@@ -163,7 +167,7 @@ def test_what_else_is_lost_of_a_person_is_named_and_their_body_is_kept(
     world: World, sound: Reconstruction, alone: Person, kind: type, interface: str
 ) -> None:
     result = run(world, kind, interface)
-    told = [c for c in result.checks if c.name == "answered" and not c.ok]
+    told = [c for c in result.checks if c.name == "missing_outputs" and not c.ok]
     assert [(c.person, c.value) for c in told] == [(LOST, 1)]
     assert f"person 0: no finite values for this person from {interface}" in "\n".join(result.warnings)
     assert all(np.isfinite(person.vertices).all() for person in result.people)

@@ -78,7 +78,9 @@ _ALL = (
     # Worlds whose depth is 10 % off need 0.13; photos 0.14 at most.
     _photo("scale_change", "most", 0.25, _SHARE, "by which the joint optimisation rescaled the scene"),
     # Networks estimate people farther than the floor under them: 0 to 0.4 in photos, 0.56 where the depth is wrong.
-    _photo("ruler", "most", 0.5, _SHARE, "by which metric depth and sizes of people differ, median over people"),
+    _photo(
+        "depth_vs_bodies", "most", 0.5, _SHARE, "by which metric depth and sizes of people differ, median over people"
+    ),
     _photo("focal_known", "least", 1, _YES, "whether the photo or its file gives the focal length"),
     _photo(
         "principal_point",
@@ -91,7 +93,9 @@ _ALL = (
     _photo(
         "focal_agreement", "most", 0.2, _SHARE, "by which backends' focal lengths differ from the used one, at most"
     ),
-    _person("answered", "most", 0, "count", "backends that returned no finite values for this person", warns=True),
+    _person(
+        "missing_outputs", "most", 0, "count", "backends that returned no finite values for this person", warns=True
+    ),
     _person("placed", "least", 1, _YES, "whether keypoints and depth placed the body", warns=True),
     _person("optimised", "least", 1, _YES, "whether the joint optimisation included this person", warns=True),
     # Photos 0.004-0.012 where the body is right, 0.017 where most of it is hidden.
@@ -238,7 +242,7 @@ def _check_scale(estimates: Estimates, solution: Solution) -> Iterator[CheckResu
     ratios = [ratio / scale for report in solution.people if (ratio := _value(report, "depth_ratio"))]
     median_ratio = median(ratios) if ratios else None
     yield _check(
-        "ruler",
+        "depth_vs_bodies",
         None if median_ratio is None else _relative_difference(median_ratio),
         f"the metric depth puts the people {median_ratio or 1:.2f} times as far away as their sizes do: distances "
         "between people and scene are doubtful; try another metric_depth, or give the focal length",
@@ -276,7 +280,7 @@ def _check_person(estimates: Estimates, solution: Solution, person: int) -> Iter
     report = solution.people[person]
     missing = estimates.missing_results[person] if estimates.missing_results else ()
     yield _check(
-        "answered",
+        "missing_outputs",
         float(len(missing)),
         f"no finite values for this person from {', '.join(missing)}: results that need them are left out; "
         "try another backend",

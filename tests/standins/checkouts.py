@@ -16,7 +16,7 @@ from physic_core.body import load_body
 from physic_core.types import SKELETONS
 from physic_human.sam3d_body import JOINTS_OF_KEYPOINTS, KEYPOINTS
 from physic_testing.body_files import mano_arrays, write_published
-from physic_testing.conformance.joint_sets import world_keypoints
+from physic_testing.conformance.true_keypoints import world_keypoints
 from physic_testing.worlds import World
 
 from .files import relative_points

@@ -9,7 +9,7 @@ import numpy as np
 import onnx
 import torch
 
-from physic_testing.conformance.joint_sets import world_keypoints
+from physic_testing.conformance.true_keypoints import world_keypoints
 from physic_testing.worlds import World
 
 from .neighbours import neighbour

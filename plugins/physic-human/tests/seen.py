@@ -24,7 +24,7 @@ MEAN, STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
 
 def world_of(image: np.ndarray) -> World | None:
     """The world whose photo this is, at this size; None for any other photo."""
-    told = labels.read(image)
+    told = labels.read_label(image)
     return None if told is None else build_world(*told, (image.shape[1], image.shape[0]))
 
 

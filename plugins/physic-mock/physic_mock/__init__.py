@@ -1,4 +1,4 @@
-"""All interfaces answered from a synthetic world with ground truth: for tests, and to learn what passes where."""
+"""Mock backends of all interfaces: ground truth of a synthetic world with random errors."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from physic_core import BackendRecord, hookimpl
 __all__ = ["NOISE_VERSION", "physic_backends"]
 
 NOISE_VERSION = "3"
-"""Names the error models and their defaults; figures measured under different versions do not compare."""
+"""Version of the error models and their defaults; do not compare results of different versions."""
 
 _CLASSES = {
     "segmenter": "MockSegmenter",
@@ -23,7 +23,7 @@ _CLASSES = {
 
 @hookimpl
 def physic_backends() -> list[BackendRecord]:
-    """The backends of this plugin."""
+    """Return the records of the mock backends, one per interface."""
     return [
         BackendRecord(
             interface, "mock", f"physic_mock.backends:{name}", api=1, summary="The truth of a small synthetic world"

@@ -1,4 +1,4 @@
-"""All eight mocks: each reads the truth of a world and adds a stated, seeded error."""
+"""All eight mock backends: each returns the ground truth of a world with seeded errors."""
 
 from __future__ import annotations
 

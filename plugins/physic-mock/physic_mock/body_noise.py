@@ -1,9 +1,9 @@
-"""How estimators get postures wrong: in depth more than in the picture, limb by limb, and most where nothing is seen.
+"""Errors of body poses: larger along the line of sight, correlated within a limb, larger for hidden bones.
 
-A picture tells where bones point in its plane. How far they lean out of it shows only in their foreshortening, which
-is flat where a bone lies in the plane; so an error turns bones about the two axes across the line of sight more than
-about the line of sight itself. Errors are of bones as the camera sees them, and so do not add up along a limb, but
-part of each is shared by the whole limb.
+An image shows the direction of a bone in the image plane. The tilt out of the plane is visible only as foreshortening,
+which hardly changes at small tilts. Errors about the two axes across the line of sight are therefore larger than about
+the line of sight. Errors apply to bones in the camera frame, so they do not add up along a limb, but each limb has a
+common part.
 """
 
 from __future__ import annotations
@@ -19,29 +19,38 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, FloatArray
 
-__all__ = ["BONES", "LIMBS", "hidden_bones", "leaning_bones", "local_turns", "seen_turns", "sight_frame"]
+__all__ = [
+    "BONES",
+    "LIMBS",
+    "camera_rotations",
+    "draw_bone_errors",
+    "hidden_bones",
+    "line_of_sight_axes",
+    "local_rotations",
+]
 
 BONES = 22
-"""Body joints; each turns the bone that hangs on it."""
+"""Number of body joints; each rotates the bone that follows it."""
 
 _TRUNK = ("pelvis", "spine1", "spine2", "spine3", "neck", "head", "left_collar", "right_collar")
 _ENDS = {"hip": "leg", "knee": "leg", "ankle": "leg", "foot": "leg", "shoulder": "arm", "elbow": "arm", "wrist": "arm"}
 
 
 def _limb(joint: str) -> str:
+    """Return the limb of a joint."""
     side, _, name = joint.partition("_")
     return "trunk" if joint in _TRUNK else f"{side} {_ENDS[name]}"
 
 
 LIMBS = tuple(_limb(name) for name in JOINT_NAMES[:BONES])
-"""Limb that each bone belongs to."""
+"""Limb of each bone."""
 
 _LIMB_NUMBER = np.array([sorted(set(LIMBS)).index(limb) for limb in LIMBS])
 _FIRST_CHILD = np.array([PARENTS.index(j, 0, BONES) if j in PARENTS[:BONES] else j for j in range(BONES)])
 
 
-def sight_frame(point: FloatArray) -> FloatArray:
-    """(3, 3) orthonormal rows: two axes across the line of sight to a point (3,), and the line itself."""
+def line_of_sight_axes(point: FloatArray) -> FloatArray:
+    """Return orthonormal rows (3, 3): two axes across the line of sight to a point (3,), and the line of sight."""
     line = point / np.linalg.norm(point)
     across = np.cross([0.0, 1.0, 0.0], line)
     across /= np.linalg.norm(across)
@@ -49,12 +58,12 @@ def sight_frame(point: FloatArray) -> FloatArray:
 
 
 def hidden_bones(joints_visible: BoolArray) -> BoolArray:
-    """(22,) bool from (55,): bones whose far end the photo does not show."""
+    """Return the bones (22,) bool whose far joint is hidden."""
     ends: BoolArray = joints_visible[_FIRST_CHILD]
     return ~ends
 
 
-def leaning_bones(
+def draw_bone_errors(
     sight: FloatArray,
     hidden: BoolArray,
     lean_deg: float,
@@ -64,17 +73,17 @@ def leaning_bones(
     trunk_factor: float,
     rng: np.random.Generator,
 ) -> FloatArray:
-    """Errors of one person's bones as rotation vectors (22, 3) in the camera's axes, radians; the root has none.
+    """Draw the errors of one person's bones as rotation vectors (22, 3), camera frame, radians; 0 for the root.
 
     Args:
-        sight: from :func:`sight_frame`.
+        sight: result of :func:`line_of_sight_axes`.
         hidden: (22,) bool.
         lean_deg: standard deviation about each of the two axes across the line of sight.
-        plane_deg: about the line of sight.
-        limb_share: of the variance that all bones of a limb share.
-        hidden_factor: on the errors of hidden bones.
-        trunk_factor: on those of the trunk, neck and head.
-        rng: draws.
+        plane_deg: standard deviation about the line of sight.
+        limb_share: share of the variance that is common to all bones of a limb.
+        hidden_factor: factor on the errors of hidden bones.
+        trunk_factor: factor on the errors of trunk, neck and head.
+        rng: random generator.
     """
     common, own = rng.normal(size=(len(set(LIMBS)), 3)), rng.normal(size=(BONES, 3))
     draws = np.sqrt(limb_share) * common[_LIMB_NUMBER] + np.sqrt(1 - limb_share) * own
@@ -84,8 +93,8 @@ def leaning_bones(
     return errors
 
 
-def seen_turns(local: FloatArray) -> list[Rotation]:
-    """Rotation vectors (22, 3) relative to each parent -> rotations of the bones in the camera's axes."""
+def camera_rotations(local: FloatArray) -> list[Rotation]:
+    """Convert rotation vectors (22, 3) relative to the parents to bone rotations in the camera frame."""
     from scipy.spatial.transform import Rotation
 
     turns: list[Rotation] = []
@@ -95,8 +104,8 @@ def seen_turns(local: FloatArray) -> list[Rotation]:
     return turns
 
 
-def local_turns(seen: list[Rotation]) -> FloatArray:
-    """The inverse of :func:`seen_turns`: (22, 3) rotation vectors."""
+def local_rotations(seen: list[Rotation]) -> FloatArray:
+    """Convert bone rotations in the camera frame to rotation vectors (22, 3) relative to the parents."""
     local = [seen[0].as_rotvec()]
     local += [(seen[PARENTS[j]].inv() * seen[j]).as_rotvec() for j in range(1, BONES)]
     return np.stack(local)

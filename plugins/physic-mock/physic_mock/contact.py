@@ -1,4 +1,4 @@
-"""Mock of a contact network: patches missed, and patches made up where such networks like to see contact."""
+"""Mock of a contact prior: misses patches of true contact and adds false patches."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from pydantic import Field
 
 from physic_core import interfaces
 from physic_core.types import Bodies, ContactProbability
-from physic_mock.noise import generator, smooth_field
-from physic_mock.recognition import MockOptions, match_people, recognise
+from physic_mock.noise import seeded_rng, smooth_field
+from physic_mock.recognition import MockOptions, match_people, recognise_world
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, People, UInt8Array
@@ -24,7 +24,7 @@ _FARTHEST = 3.0  # patches: beyond, the scene's distance tempts no less
 
 
 class ContactOptions(MockOptions):
-    """Settings of :class:`MockContactPrior`.
+    """Options of :class:`MockContactPrior`.
 
     ``noise`` is the power to which both shares are raised: 0 finds all and makes up nothing, 2 squares them.
     """
@@ -50,14 +50,14 @@ class ContactOptions(MockOptions):
 
 
 class MockContactPrior(interfaces.ContactPrior):
-    """The world's contact with patches missed, and patches made up: near the scene, and on parts that often touch."""
+    """Contact prior that returns a world's contact with missed patches and false patches near the scene."""
 
     Options = ContactOptions
 
     def infer(self, image: UInt8Array, people: People, bodies: Bodies) -> ContactProbability:
-        """Image (H, W, 3) of a world and people of it -> probability (N, V), above 0.5 where contact is found.
+        """Return contact probabilities (N, V) for people of a world's photo, above 0.5 for predicted contact.
 
-        It is on the mesh of the world, and brings that along for bodies of another model.
+        The mesh is that of the world; ``rest`` is set for bodies of another model.
 
         Raises:
             BackendError: the image shows no world, or a person is nobody of it.
@@ -66,7 +66,7 @@ class MockContactPrior(interfaces.ContactPrior):
         from physic_core.body import load_body
         from physic_core.body.conversion import rest_mesh_of
 
-        found = recognise(image)
+        found = recognise_world(image)
         rows = match_people(found, people)
         every = np.stack([_probability(found.world, i, self.options) for i in range(len(found.world.vertices))])
         rest = None if bodies.body_model == found.world.body_model else rest_mesh_of(load_body(found.world.body_model))
@@ -74,18 +74,18 @@ class MockContactPrior(interfaces.ContactPrior):
 
 
 def _probability(world: World, person: int, options: ContactOptions) -> FloatArray:
-    """(V,) for one person."""
-    rng = generator(world, options.noise_seed, f"contact of person {person}")
+    """Return the contact probability (V,) of one person."""
+    rng = seeded_rng(world, options.noise_seed, f"contact of person {person}")
     recall, precision = options.recall**options.noise, options.precision**options.noise
-    fares = generator(world, options.noise_seed, f"how the contact of person {person} fares")
-    share, excess = _fared(recall, options.spread, fares)
+    fares = seeded_rng(world, options.noise_seed, f"how the contact of person {person} fares")
+    share, excess = _draw_recall(recall, options.spread, fares)
     field = smooth_field(world.vertices[person].astype(np.float64), options.patch_m, rng)
     true = np.flatnonzero(world.contact[person])
     others = np.flatnonzero(~world.contact[person] & world.outer)
     hits = true[np.argsort(-field[true])][: round(share * len(true))]
     wrong = round(excess * recall * max(len(true), _FEWEST) * (1 - precision) / precision)
     nearness = -np.minimum(world.distance[person, others] / options.patch_m, _FARTHEST)
-    temptation = field[others] + nearness + options.lure * _lures(world.body_model)[others]
+    temptation = field[others] + nearness + options.lure * _contact_prone_vertices(world.body_model)[others]
     false = others[np.argsort(-temptation)][:wrong]
     # Surest in the middle of a patch, and of what is true rather than of what is made up.
     probability = 0.45 / (1 + np.exp(1 - field)) * rng.uniform(0.7, 1.0, len(field))
@@ -95,8 +95,8 @@ def _probability(world: World, person: int, options: ContactOptions) -> FloatArr
     return rounded
 
 
-def _fared(recall: float, spread: float, rng: np.random.Generator) -> tuple[float, float]:
-    """A person's own recall, beta distributed about the mean, and a factor of mean 1 on their made-up contact."""
+def _draw_recall(recall: float, spread: float, rng: np.random.Generator) -> tuple[float, float]:
+    """Draw a person's recall (beta distributed) and a factor of mean 1 on the false contact."""
     if spread == 0 or recall == 1:
         return recall, 1.0
     strength = 1 / spread**2 - 1
@@ -104,8 +104,8 @@ def _fared(recall: float, spread: float, rng: np.random.Generator) -> tuple[floa
 
 
 @lru_cache(maxsize=2)
-def _lures(body_model: str) -> BoolArray:
-    """(V,) bool: parts that often touch something."""
+def _contact_prone_vertices(body_model: str) -> BoolArray:
+    """Return the vertices (V,) bool of body parts that often touch something."""
     from physic_core.body import load_body
 
     model = load_body(body_model)

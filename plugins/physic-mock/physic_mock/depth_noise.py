@@ -1,6 +1,6 @@
-"""How depth networks get the shape of things wrong: each function maps a z-depth (H, W) in metres to another.
+"""Errors of depth maps; each function maps a depth map (H, W) in metres to another.
 
-Depths that are not finite (sky, unknown) stay as they are, and nothing is mixed with them.
+Non-finite depths (sky, unknown) are unchanged and do not affect other pixels.
 """
 
 from __future__ import annotations
@@ -14,22 +14,22 @@ from physic_mock.noise import smooth_image
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
 
-__all__ = ["flattened", "in_hole", "smeared", "waved"]
+__all__ = ["add_hole_noise", "add_smooth_noise", "blur_depth_edges", "flatten_relief"]
 
 _EDGE_RATIO = 1.06  # farthest over nearest depth among 3 x 3 pixels
-_REACH = 2.0  # a smeared edge fades out over this many of its widths
+_REACH = 2.0  # a blur_depth_edges edge fades out over this many of its widths
 
 
-def waved(depth: FloatArray, sigma: float, waves: float, rng: np.random.Generator) -> FloatArray:
-    """Times a smooth factor whose logarithm has ``sigma`` standard deviation, ``waves`` across the longer side."""
+def add_smooth_noise(depth: FloatArray, sigma: float, waves: float, rng: np.random.Generator) -> FloatArray:
+    """Multiply by a smooth factor: standard deviation of its log ``sigma``, ``waves`` across the longer side."""
     factor: FloatArray = np.exp(sigma * smooth_image(depth.shape, waves, rng))
     return depth * factor
 
 
-def in_hole(
+def add_hole_noise(
     depth: FloatArray, hole: BoolArray | None, sigma: float, waves: float, rng: np.random.Generator
 ) -> FloatArray:
-    """:func:`waved` where the picture was made up (H, W), rising from nothing at the rim of the hole."""
+    """Multiply by smooth noise inside the inpainted pixels (H, W), increasing from zero at their border."""
     import cv2
 
     waves_inside = smooth_image(depth.shape, waves, rng)
@@ -41,8 +41,8 @@ def in_hole(
     return result
 
 
-def flattened(depth: FloatArray, mask: BoolArray, relief_lost: float, offset: float) -> FloatArray:
-    """A person (H, W) with less relief about their median depth, and moved by a share ``offset`` of it."""
+def flatten_relief(depth: FloatArray, mask: BoolArray, relief_lost: float, offset: float) -> FloatArray:
+    """Reduce a person's relief about the median depth, and shift the person by a factor exp(offset)."""
     seen = mask & np.isfinite(depth)
     if not seen.any() or relief_lost == offset == 0:
         return depth
@@ -52,8 +52,8 @@ def flattened(depth: FloatArray, mask: BoolArray, relief_lost: float, offset: fl
     return result
 
 
-def smeared(depth: FloatArray, width_px: float) -> FloatArray:
-    """Depth edges blurred over ``width_px``: pixels on a silhouette lie between what is before and what is behind."""
+def blur_depth_edges(depth: FloatArray, width_px: float) -> FloatArray:
+    """Blur depth edges over ``width_px``, so that silhouette pixels lie between foreground and background."""
     import cv2
 
     if width_px == 0:

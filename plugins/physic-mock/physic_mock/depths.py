@@ -1,4 +1,4 @@
-"""Mocks of depth networks: the world's depth in a wrong or unknown unit, and wrong in shape."""
+"""Mocks of depth estimators: true depth with scale error or ambiguity, and with shape errors."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from pydantic import Field
 from physic_core import interfaces
 from physic_core.types import DepthMap, Pointmap
 from physic_mock import NOISE_VERSION
-from physic_mock.depth_noise import flattened, in_hole, smeared, waved
-from physic_mock.noise import generator, pixels_of
-from physic_mock.recognition import MockOptions, Recognised, recognise
+from physic_mock.depth_noise import add_hole_noise, add_smooth_noise, blur_depth_edges, flatten_relief
+from physic_mock.noise import scale_to_image, seeded_rng
+from physic_mock.recognition import MockOptions, RecognisedWorld, recognise_world
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Hints, Intrinsics, UInt8Array
@@ -30,13 +30,13 @@ _MOST_SHIFT = 0.5  # of the nearest depth, so that all of it stays in front of t
 
 
 class DepthOptions(MockOptions):
-    """Settings that both depth mocks share."""
+    """Options of both depth mocks."""
 
     warp: float = Field(0.025, ge=0, le=0.5, description="Standard deviation of a low-frequency error of log depth.")
     smear_px: float = Field(
         2.0, ge=0, le=20, description="Width of the blur of depth edges, px of a photo 640 px wide."
     )
-    knows_camera: bool = Field(True, description="Whether the intrinsics are answered.")
+    knows_camera: bool = Field(True, description="Whether the intrinsics are returned.")
     focal_error: float = Field(1.0, gt=0, description="Factor on the focal length besides the drawn one.")
     focal_sigma: float = Field(
         0.07, ge=0, le=1, description="Standard deviation of the logarithm of the focal length, drawn once a world."
@@ -44,40 +44,40 @@ class DepthOptions(MockOptions):
 
 
 class MetricDepthOptions(DepthOptions):
-    """Settings of :class:`MockMetricDepth`."""
+    """Options of :class:`MockMetricDepth`."""
 
     scale: float = Field(1.0, gt=0, description="Factor on the true depth besides the drawn one.")
     scale_sigma: float = Field(
         0.08, ge=0, le=1, description="Standard deviation of the logarithm of that factor, drawn once a world."
     )
     stated_sigma: float | None = Field(
-        None, ge=0, description="What is answered as standard deviation of log scale; None: the true one of the draws."
+        None, ge=0, description="Returned standard deviation of log scale; None: the true one of the draws."
     )
     warp: float = Field(0.035, ge=0, le=0.5, description="Standard deviation of a low-frequency error of log depth.")
 
 
 class MockMetricDepth(interfaces.MetricDepth):
-    """The world's depth times a wrong scale.
+    """Metric depth estimator that returns a world's depth with a scale error.
 
-    A focal length that is too long takes things too far, as in networks that measure the size of things in pixels.
+    A focal length error scales the depth by the same factor, as in networks that infer depth from sizes in px.
     """
 
     Options = MetricDepthOptions
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
-        """Image (H, W, 3) of a world, people in or out -> z-depth in metres of what the image shows, NaN in the sky.
+        """Return the depth map of a world's photo, with or without people, m; NaN in the sky.
 
         Raises:
             BackendError: the image shows no world.
         """
         assert isinstance(self.options, MetricDepthOptions)
         options, noise = self.options, self.options.noise
-        found = recognise(image, hints.hole)
+        found = recognise_world(image, hints.hole)
         world, seed = found.world, options.noise_seed
         camera = _camera(world, options, "metric depth")
-        drawn = math.exp(noise * options.scale_sigma * generator(world, seed, "metric scale").normal())
-        depth = smeared(_seen_depth(found), noise * pixels_of(options.smear_px, found.people.shape))
-        depth = waved(depth, noise * options.warp, _WARP_WAVES, generator(world, seed, "metric depth"))
+        drawn = math.exp(noise * options.scale_sigma * seeded_rng(world, seed, "metric scale").normal())
+        depth = blur_depth_edges(_visible_depth(found), noise * scale_to_image(options.smear_px, found.people.shape))
+        depth = add_smooth_noise(depth, noise * options.warp, _WARP_WAVES, seeded_rng(world, seed, "metric depth"))
         depth = depth * options.scale * drawn * camera.fx / world.intrinsics.fx
         own_sigma = noise * math.hypot(options.scale_sigma, options.focal_sigma)
         stated = "" if options.scale == 1 else f" times {options.scale:g}"
@@ -90,10 +90,10 @@ class MockMetricDepth(interfaces.MetricDepth):
 
 
 class RelativePointmapOptions(DepthOptions):
-    """Settings of :class:`MockRelativePointmap`."""
+    """Options of :class:`MockRelativePointmap`."""
 
     unknown: Literal["scale", "scale_shift", "inverse_scale_shift"] = Field(
-        "scale_shift", description="What the answer leaves open."
+        "scale_shift", description="Ambiguity of the returned point map."
     )
     scale: float = Field(
         1.0, gt=0, description="The unknown scale besides the drawn one: Z = s Z', Z = s Z' + t or 1 / Z = s / Z' + t."
@@ -121,10 +121,10 @@ class RelativePointmapOptions(DepthOptions):
         0.01, ge=0, le=0.5, description="Standard deviation of bumps of log depth, a sixteenth of the picture wide."
     )
     relief_lost: float = Field(
-        0.3, ge=0, le=1, description="Share of people's relief about their own median depth that is flattened."
+        0.3, ge=0, le=1, description="Share of people's relief about their own median depth that is flatten_relief."
     )
     person_offset: float = Field(
-        0.05, ge=0, le=0.5, description="Standard deviation of log depth by which a whole person is off."
+        0.05, ge=0, le=0.5, description="Standard deviation of log depth by which a person is shifted."
     )
     person_bias: float = Field(
         -0.03,
@@ -135,23 +135,23 @@ class RelativePointmapOptions(DepthOptions):
 
 
 class MockRelativePointmap(interfaces.RelativePointmap):
-    """The world's point map in an unknown unit, of its own for the photo and for the picture without people."""
+    """Point map estimator that returns a world's points with unknown scale and shift, drawn per image."""
 
     Options = RelativePointmapOptions
 
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
-        """Image (H, W, 3) of a world, people in or out -> point map on the rays of ``hints.intrinsics`` if given.
+        """Return the point map of a world's photo, on the rays of ``hints.intrinsics`` if given.
 
-        The sky is not valid.
+        The sky is invalid.
 
         Raises:
             BackendError: the image shows no world.
         """
         assert isinstance(self.options, RelativePointmapOptions)
         options = self.options
-        found = recognise(image, hints.hole)
-        depth = _misshapen(found, hints, options)
-        scale, shift = _unit(found, depth, options)
+        found = recognise_world(image, hints.hole)
+        depth = _noisy_depth(found, hints, options)
+        scale, shift = _scale_and_shift(found, depth, options)
         camera = hints.intrinsics or _camera(found.world, options, "point map")
         points = _rays(camera) * depth[..., None]
         if options.unknown == "inverse_scale_shift":
@@ -171,30 +171,32 @@ class MockRelativePointmap(interfaces.RelativePointmap):
         )
 
 
-def _misshapen(found: Recognised, hints: Hints, options: RelativePointmapOptions) -> FloatArray:
-    """(H, W) metres, NaN in the sky: people first, then edges, then what the whole picture suffers from."""
+def _noisy_depth(found: RecognisedWorld, hints: Hints, options: RelativePointmapOptions) -> FloatArray:
+    """Return the depth map (H, W) with all shape errors, m; NaN in the sky."""
     world, seed, noise = found.world, options.noise_seed, options.noise
-    which = _which(found)
-    depth = _seen_depth(found)
+    which = _image_kind(found)
+    depth = _visible_depth(found)
     for i, mask in enumerate(world.masks):
-        drawn = options.person_bias + options.person_offset * generator(world, seed, f"depth of person {i}").normal()
-        depth = flattened(depth, mask & found.people, min(1.0, noise * options.relief_lost), noise * drawn)
-    depth = smeared(depth, noise * pixels_of(options.smear_px, depth.shape))
-    depth = in_hole(depth, hints.hole, noise * options.hole_noise, _HOLE_WAVES, generator(world, seed, "hole"))
+        drawn = options.person_bias + options.person_offset * seeded_rng(world, seed, f"depth of person {i}").normal()
+        depth = flatten_relief(depth, mask & found.people, min(1.0, noise * options.relief_lost), noise * drawn)
+    depth = blur_depth_edges(depth, noise * scale_to_image(options.smear_px, depth.shape))
+    depth = add_hole_noise(depth, hints.hole, noise * options.hole_noise, _HOLE_WAVES, seeded_rng(world, seed, "hole"))
     for sigma, waves, purpose in (
         (options.bumps, _BUMP_WAVES, "bumps"),
         (options.warp, _WARP_WAVES, "point map"),
         (options.disagreement, _DISAGREEMENT_WAVES, f"point map of the {which}"),
     ):
-        depth = waved(depth, noise * sigma, waves, generator(world, seed, purpose))
+        depth = add_smooth_noise(depth, noise * sigma, waves, seeded_rng(world, seed, purpose))
     return np.where(np.isfinite(depth), depth, np.nan)
 
 
-def _unit(found: Recognised, depth: FloatArray, options: RelativePointmapOptions) -> tuple[float, float]:
-    """Scale and shift of this picture's answer; a drawn shift keeps everything in front of the camera."""
-    common = generator(found.world, options.noise_seed, "unit of both").normal(size=2)
-    own = generator(found.world, options.noise_seed, "unit of the photo").normal(size=2)
-    own = own if _which(found) == "photo" else np.zeros(2)
+def _scale_and_shift(
+    found: RecognisedWorld, depth: FloatArray, options: RelativePointmapOptions
+) -> tuple[float, float]:
+    """Draw the scale and shift of an image's point map; a drawn shift keeps all points in front."""
+    common = seeded_rng(found.world, options.noise_seed, "unit of both").normal(size=2)
+    own = seeded_rng(found.world, options.noise_seed, "unit of the photo").normal(size=2)
+    own = own if _image_kind(found) == "photo" else np.zeros(2)
     log_scale = options.scale_sigma * common[0] + options.photo_scale_sigma * own[0]
     scale = options.scale * math.exp(options.noise * log_scale)
     if options.unknown == "scale":
@@ -207,21 +209,25 @@ def _unit(found: Recognised, depth: FloatArray, options: RelativePointmapOptions
     return scale, float(min(shift, _MOST_SHIFT * known.min()))
 
 
-def _which(found: Recognised) -> str:
+def _image_kind(found: RecognisedWorld) -> str:
+    """Return "photo" if a person is visible, else "empty"."""
     return "photo" if found.present.any() else "empty"
 
 
-def _seen_depth(found: Recognised) -> FloatArray:
+def _visible_depth(found: RecognisedWorld) -> FloatArray:
+    """Return the depth map of an image from which some people may be removed."""
     return np.where(found.people, found.world.depth, found.world.empty_depth).astype(np.float64)
 
 
 def _camera(world: World, options: DepthOptions, purpose: str) -> Intrinsics:
-    draw = generator(world, options.noise_seed, f"focal length of the {purpose}").normal()
+    """Return the camera with a focal length error."""
+    draw = seeded_rng(world, options.noise_seed, f"focal length of the {purpose}").normal()
     factor = options.focal_error * math.exp(options.noise * options.focal_sigma * draw)
     true = world.intrinsics
     return replace(true, fx=true.fx * factor, fy=true.fy * factor, source="mock")
 
 
 def _rays(camera: Intrinsics) -> FloatArray:
+    """Return the rays (H, W, 3) with z = 1 through the pixel centres."""
     v, u = np.mgrid[: camera.height, : camera.width]
     return np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(u.shape)], axis=-1)

@@ -1,4 +1,4 @@
-"""Mocks of what is known of each person: body and hands."""
+"""Mocks of the body estimator and the hand estimator."""
 
 from __future__ import annotations
 
@@ -11,9 +11,16 @@ from pydantic import Field
 
 from physic_core import interfaces
 from physic_core.types import Bodies, BodyParameters, Hands
-from physic_mock.body_noise import BONES, hidden_bones, leaning_bones, local_turns, seen_turns, sight_frame
-from physic_mock.noise import chance, generator, turned
-from physic_mock.recognition import MockOptions, match_people, recognise
+from physic_mock.body_noise import (
+    BONES,
+    camera_rotations,
+    draw_bone_errors,
+    hidden_bones,
+    line_of_sight_axes,
+    local_rotations,
+)
+from physic_mock.noise import add_rotation_noise, bernoulli, seeded_rng
+from physic_mock.recognition import MockOptions, match_people, recognise_world
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Hints, Intrinsics, Keypoints, People, UInt8Array
@@ -25,7 +32,7 @@ _WRISTS = (20, 21)
 
 
 class BodyOptions(MockOptions):
-    """Settings of :class:`MockBodyEstimator`."""
+    """Options of :class:`MockBodyEstimator`."""
 
     pose_noise_deg: float = Field(
         8.2,
@@ -43,7 +50,7 @@ class BodyOptions(MockOptions):
     trunk_factor: float = Field(0.5, ge=0, le=5, description="Factor on these errors of trunk, neck and head.")
     hidden_factor: float = Field(2.0, ge=0, le=5, description="Factor on these errors of bones whose end is hidden.")
     orient_noise_deg: float = Field(
-        7.0, ge=0, le=90, description="Standard deviation of the whole body's turn about each axis, degrees."
+        7.0, ge=0, le=90, description="Standard deviation of the root rotation about each axis, degrees."
     )
     shape_noise: float = Field(
         0.4, ge=0, le=3, description="Standard deviation of each shape component; those that change the stature less."
@@ -61,15 +68,13 @@ class BodyOptions(MockOptions):
     lateral_noise_m: float = Field(
         0.03, ge=0, le=2, description="Standard deviation of the place across the line of sight, metres."
     )
-    observed_errors: float = Field(
-        0.03, ge=0, le=1, description="Share of joints that are said to be seen though hidden, or the other way round."
-    )
+    observed_errors: float = Field(0.03, ge=0, le=1, description="Share of joints whose reported visibility is wrong.")
 
 
 class MockBodyEstimator(interfaces.BodyEstimator):
-    """The world's bodies, wrong as estimators are: bones lean along the line of sight, people stand too near or far.
+    """Body estimator that returns a world's bodies with errors typical of estimators.
 
-    Hands are flat in every case: the hand estimator knows of them.
+    Hands are flat; the hand estimator returns their pose.
     """
 
     Options = BodyOptions
@@ -77,25 +82,25 @@ class MockBodyEstimator(interfaces.BodyEstimator):
     def infer(
         self, image: UInt8Array, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
     ) -> Bodies:
-        """Image (H, W, 3) of a world and people of it -> their bodies.
+        """Return the bodies of people in a world's photo.
 
         Raises:
             BackendError: the image shows no world, or a person is nobody of it.
         """
         assert isinstance(self.options, BodyOptions)
         options = self.options
-        found = recognise(image)
+        found = recognise_world(image)
         rows = match_people(found, people)
-        world, rng = found.world, generator(found.world, options.noise_seed, "bodies")
+        world, rng = found.world, seeded_rng(found.world, options.noise_seed, "bodies")
         truth, count = world.parameters, len(world.vertices)
-        placed = _placed(world, options, rng)
+        placed = _noisy_translations(world, options, rng)
         posed = np.stack(
             [
-                _posed(world, i, options, generator(world, options.noise_seed, f"pose of person {i}"))
+                _noisy_pose(world, i, options, seeded_rng(world, options.noise_seed, f"pose of person {i}"))
                 for i in range(count)
             ]
         )
-        flips = chance(options.observed_errors, options.noise, rng.random(world.joints_visible.shape))
+        flips = bernoulli(options.observed_errors, options.noise, rng.random(world.joints_visible.shape))
         parameters = BodyParameters(
             global_orient=posed[:, 0],
             body_pose=posed[:, 1:].reshape(count, -1),
@@ -104,7 +109,7 @@ class MockBodyEstimator(interfaces.BodyEstimator):
             jaw_pose=truth.jaw_pose.copy(),
             leye_pose=truth.leye_pose.copy(),
             reye_pose=truth.reye_pose.copy(),
-            betas=_shaped(world, options, rng),
+            betas=_noisy_betas(world, options, rng),
             expression=truth.expression.copy(),
             transl=placed,
         )
@@ -112,28 +117,28 @@ class MockBodyEstimator(interfaces.BodyEstimator):
         return Bodies(parameters=picked, body_model=world.body_model, observed=(world.joints_visible ^ flips)[rows])
 
 
-def _placed(world: World, options: BodyOptions, rng: np.random.Generator) -> FloatArray:
-    """(N, 3) float32 translations: log-normal along the line of sight, normal across it."""
+def _noisy_translations(world: World, options: BodyOptions, rng: np.random.Generator) -> FloatArray:
+    """Return translations (N, 3) float32 with log-normal errors along the line of sight, normal across it."""
     pelvis = world.joints[:, 0].astype(np.float64)
     common, own = rng.normal(), rng.normal(size=len(pelvis))
     along = np.sqrt(options.depth_share) * common + np.sqrt(1 - options.depth_share) * own
     across = rng.normal(size=(len(pelvis), 2))
     moved = pelvis * np.exp(options.noise * options.depth_noise * along)[:, None]
     for i, point in enumerate(pelvis):
-        moved[i] += options.noise * options.lateral_noise_m * across[i] @ sight_frame(point)[:2]
+        moved[i] += options.noise * options.lateral_noise_m * across[i] @ line_of_sight_axes(point)[:2]
     placed: FloatArray = (world.parameters.transl + moved - pelvis).astype(np.float32)
     return placed
 
 
-def _posed(world: World, person: int, options: BodyOptions, rng: np.random.Generator) -> FloatArray:
-    """(22, 3) float32 rotation vectors of one person's root and body joints."""
+def _noisy_pose(world: World, person: int, options: BodyOptions, rng: np.random.Generator) -> FloatArray:
+    """Return rotation vectors (22, 3) float32 of one person's root and body joints, with errors."""
     from scipy.spatial.transform import Rotation
 
     truth = world.parameters
     local = np.concatenate([truth.global_orient[person], truth.body_pose[person]]).reshape(BONES, 3).astype(np.float64)
     whole = np.radians(options.noise * options.orient_noise_deg) * rng.normal(size=3)
-    errors = leaning_bones(
-        sight_frame(world.joints[person, 0].astype(np.float64)),
+    errors = draw_bone_errors(
+        line_of_sight_axes(world.joints[person, 0].astype(np.float64)),
         hidden_bones(world.joints_visible[person]),
         options.noise * options.pose_noise_deg,
         options.noise * options.plane_noise_deg,
@@ -143,14 +148,14 @@ def _posed(world: World, person: int, options: BodyOptions, rng: np.random.Gener
         rng,
     )
     turn = Rotation.from_rotvec(whole)
-    seen = [turn * Rotation.from_rotvec(e) * g for e, g in zip(errors, seen_turns(local), strict=True)]
-    return local_turns(seen).astype(np.float32)
+    seen = [turn * Rotation.from_rotvec(e) * g for e, g in zip(errors, camera_rotations(local), strict=True)]
+    return local_rotations(seen).astype(np.float32)
 
 
-def _shaped(world: World, options: BodyOptions, rng: np.random.Generator) -> FloatArray:
-    """(N, K) float32 shapes: the stature wrong by its own share, everything else by ``shape_noise``."""
+def _noisy_betas(world: World, options: BodyOptions, rng: np.random.Generator) -> FloatArray:
+    """Return betas (N, K) float32 with errors: ``stature_noise`` along stature, ``shape_noise`` across it."""
     betas = world.parameters.betas.astype(np.float64)
-    growth = _growth(world.body_model)
+    growth = _log_stature_gradient(world.body_model)
     direction = growth / np.linalg.norm(growth)
     stature, others = rng.normal(size=(len(betas), 1)), rng.normal(size=betas.shape)
     others -= (others @ direction)[:, None] * direction
@@ -159,8 +164,8 @@ def _shaped(world: World, options: BodyOptions, rng: np.random.Generator) -> Flo
 
 
 @lru_cache(maxsize=2)
-def _growth(body_model: str) -> FloatArray:
-    """(K,) change of log stature with each shape component, of the mean shape."""
+def _log_stature_gradient(body_model: str) -> FloatArray:
+    """Return the derivative (K,) of log stature with respect to betas, at the mean shape."""
     import torch
 
     from physic_core.body import load_body
@@ -173,7 +178,7 @@ def _growth(body_model: str) -> FloatArray:
 
 
 class HandOptions(MockOptions):
-    """Settings of :class:`MockHandEstimator`."""
+    """Options of :class:`MockHandEstimator`."""
 
     noise_deg: float = Field(
         10.0, ge=0, le=90, description="Standard deviation about each axis of each finger joint, degrees."
@@ -182,24 +187,24 @@ class HandOptions(MockOptions):
 
 
 class MockHandEstimator(interfaces.HandEstimator):
-    """The world's finger rotations with noise, of the hands whose wrist is seen."""
+    """Hand estimator that returns a world's finger rotations with noise, for hands with a visible wrist."""
 
     Options = HandOptions
 
     def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
-        """Image (H, W, 3) of a world and people of it -> their hands.
+        """Return the hands of people in a world's photo.
 
         Raises:
             BackendError: the image shows no world, or a person is nobody of it.
         """
         assert isinstance(self.options, HandOptions)
         options = self.options
-        found = recognise(image)
+        found = recognise_world(image)
         rows = match_people(found, people)
-        rng = generator(found.world, options.noise_seed, "hands")
+        rng = seeded_rng(found.world, options.noise_seed, "hands")
         truth = found.world.parameters
         both = np.stack([truth.left_hand_pose, truth.right_hand_pose], axis=1).reshape(-1, 2, 15, 3)
-        rotvecs = turned(both, options.noise * options.noise_deg, rng)
+        rotvecs = add_rotation_noise(both, options.noise * options.noise_deg, rng)
         seen = found.world.joints_visible[:, list(_WRISTS)]
-        seen = seen & ~chance(options.missed, options.noise, rng.random(seen.shape))
+        seen = seen & ~bernoulli(options.missed, options.noise, rng.random(seen.shape))
         return Hands(rotvecs=rotvecs[rows], confidence=np.where(seen, 0.9, 0.0)[rows])

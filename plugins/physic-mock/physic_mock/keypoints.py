@@ -1,4 +1,4 @@
-"""Mock of a keypoint detector."""
+"""Mock of a keypoint detector: true keypoints with noise, larger at hidden points, and left-right swaps."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from pydantic import Field
 
 from physic_core import interfaces
 from physic_core.types import Keypoints, skeleton_named
-from physic_mock.noise import chance, generator
-from physic_mock.recognition import MockOptions, match_people, recognise
-from physic_testing.conformance.joint_sets import world_keypoints
+from physic_mock.noise import bernoulli, seeded_rng
+from physic_mock.recognition import MockOptions, match_people, recognise_world
+from physic_testing.conformance.true_keypoints import world_keypoints
 from physic_testing.worlds import SKELETONS
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ _ARM = (
 
 
 class KeypointOptions(MockOptions):
-    """Settings of :class:`MockKeypointDetector`."""
+    """Options of :class:`MockKeypointDetector`."""
 
     skeleton: Literal["coco17", "coco23", "blazepose33", "coco_wholebody133", "halpe26"] = Field(
         "blazepose33", description="Joint set to answer."
@@ -51,39 +51,39 @@ class KeypointOptions(MockOptions):
 
 
 class MockKeypointDetector(interfaces.KeypointDetector):
-    """The world's keypoints with noise; hidden ones stray more and are less sure, left and right are mixed up."""
+    """Keypoint detector that returns a world's keypoints with noise and left-right swaps."""
 
     Options = KeypointOptions
 
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
-        """Image (H, W, 3) of a world and people of it -> their keypoints.
+        """Return the keypoints of people in a world's photo.
 
         Raises:
             BackendError: the image shows no world, or a person is nobody of it.
         """
         assert isinstance(self.options, KeypointOptions)
         options = self.options
-        found = recognise(image)
+        found = recognise_world(image)
         rows = match_people(found, people)
-        rng = generator(found.world, options.noise_seed, "keypoints")
+        rng = seeded_rng(found.world, options.noise_seed, "keypoints")
         skeleton = SKELETONS.get(options.skeleton) or skeleton_named(options.skeleton)
         truth, visible = world_keypoints(found.world, skeleton)
         size = (found.world.boxes[:, 2:] - found.world.boxes[:, :2]).max(axis=1)
         sigma = options.noise * np.where(visible, options.point_noise, options.hidden_noise) * size[:, None]
         points = truth + sigma[..., None] * rng.normal(size=truth.shape)
         sure, unsure = rng.uniform(0.85, 0.98, visible.shape), rng.uniform(0.5, 1.5, visible.shape)
-        looks_sure = visible | chance(options.overconfident, options.noise, rng.random(visible.shape))
+        looks_sure = visible | bernoulli(options.overconfident, options.noise, rng.random(visible.shape))
         confidence = np.where(looks_sure, sure, np.minimum(unsure * options.hidden_confidence, 1.0))
-        for person, swaps in enumerate(chance(options.swapped, options.noise, rng.random((len(truth), 2)))):
+        for person, swaps in enumerate(bernoulli(options.swapped, options.noise, rng.random((len(truth), 2)))):
             for limb, swap in zip((_ARM, _LEG), swaps, strict=True):
                 if swap:
-                    order = _swapped(skeleton.names, limb)
+                    order = _swap_sides_order(skeleton.names, limb)
                     points[person], confidence[person] = points[person, order], confidence[person, order]
         return Keypoints(points=points[rows], confidence=confidence[rows], skeleton=skeleton)
 
 
-def _swapped(names: tuple[str, ...], limb: tuple[str, ...]) -> list[int]:
-    """Which point each point's name is given to, where left and right of one pair of limbs are mixed up."""
+def _swap_sides_order(names: tuple[str, ...], limb: tuple[str, ...]) -> list[int]:
+    """Return the order of keypoints after a left-right swap of the arms or the legs."""
     order = list(range(len(names)))
     for i, name in enumerate(names):
         side, _, point = name.partition("_")

@@ -1,7 +1,7 @@
-"""Seeded errors of the mocks.
+"""Seeded random errors of the mocks.
 
-Every draw depends on the world, the noise seed and its purpose alone, and its size on the options alone: twice the
-noise is twice the same error.
+The random numbers depend only on the world, the noise seed and the purpose, and their scale only on the options: twice
+the noise gives twice the same error.
 """
 
 from __future__ import annotations
@@ -17,43 +17,43 @@ if TYPE_CHECKING:
 
 __all__ = [
     "REFERENCE_WIDTH_PX",
-    "chance",
-    "generator",
-    "pixels_of",
-    "ragged",
+    "add_rotation_noise",
+    "bernoulli",
+    "roughen_border",
+    "scale_to_image",
+    "seeded_rng",
     "smooth_field",
     "smooth_image",
-    "turned",
 ]
 
 REFERENCE_WIDTH_PX = 640
-"""Longer side of the photo in which lengths in px are stated; they grow with the photo."""
+"""Longer image side for which options in px are defined; they scale with the image."""
 
 
-def generator(world: World, noise_seed: int, purpose: str) -> np.random.Generator:
-    """Random numbers that depend on the world, on the seed and on what they are for, and on nothing else."""
+def seeded_rng(world: World, noise_seed: int, purpose: str) -> np.random.Generator:
+    """Return a random generator that depends only on the world, the noise seed and the purpose."""
     return np.random.default_rng([noise_seed, world.seed, zlib.crc32(f"{world.name} {purpose}".encode())])
 
 
-def pixels_of(stated_px: float, shape: tuple[int, int]) -> float:
-    """Px in a picture (H, W) of what is ``stated_px`` in one of REFERENCE_WIDTH_PX."""
+def scale_to_image(stated_px: float, shape: tuple[int, int]) -> float:
+    """Scale a length from an image REFERENCE_WIDTH_PX wide to an image of shape (H, W), px."""
     return stated_px * max(shape) / REFERENCE_WIDTH_PX
 
 
-def chance(share: float, noise: float, draws: FloatArray) -> BoolArray:
-    """Which of uniform draws (...) come true, of a ``share`` of them times ``noise``."""
+def bernoulli(share: float, noise: float, draws: FloatArray) -> BoolArray:
+    """Return which uniform draws (...) are below ``share`` times ``noise``."""
     happens: BoolArray = draws < min(1.0, share * noise)
     return happens
 
 
 def smooth_image(shape: tuple[int, int], waves: float, rng: np.random.Generator) -> FloatArray:
-    """A random surface (H, W) of unit variance with about ``waves`` waves across the longer side."""
+    """Return a random smooth image (H, W) of unit variance with about ``waves`` waves on the longer side."""
     v, u = np.mgrid[: shape[0], : shape[1]] / max(shape)
     return smooth_field(np.stack([u, v], axis=-1), 1 / waves, rng)
 
 
 def smooth_field(points: FloatArray, wavelength: float, rng: np.random.Generator, terms: int = 12) -> FloatArray:
-    """A random function of unit variance over space: points (..., D) -> (...), about one wave a ``wavelength``."""
+    """Return a random smooth function of points (..., D), unit variance, about one wave per ``wavelength``."""
     directions = rng.normal(size=(terms, points.shape[-1]))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     lengths = 2 * np.pi / (wavelength * rng.uniform(0.7, 1.6, terms))
@@ -65,8 +65,8 @@ def smooth_field(points: FloatArray, wavelength: float, rng: np.random.Generator
     return field
 
 
-def ragged(mask: BoolArray, amount_px: float, rng: np.random.Generator) -> BoolArray:
-    """The mask (H, W) with its border moved in and out by about ``amount_px``, in waves some 12 px long."""
+def roughen_border(mask: BoolArray, amount_px: float, rng: np.random.Generator) -> BoolArray:
+    """Return the mask (H, W) with its border shifted by about ``amount_px``, in waves of about 12 px."""
     import cv2
 
     stray = smooth_image(mask.shape, REFERENCE_WIDTH_PX / 12, rng)
@@ -78,8 +78,8 @@ def ragged(mask: BoolArray, amount_px: float, rng: np.random.Generator) -> BoolA
     return moved
 
 
-def turned(rotvecs: FloatArray, degrees: float, rng: np.random.Generator) -> FloatArray:
-    """Rotation vectors (..., 3), each followed by a random turn of ``degrees`` standard deviation about each axis."""
+def add_rotation_noise(rotvecs: FloatArray, degrees: float, rng: np.random.Generator) -> FloatArray:
+    """Append to rotation vectors (..., 3) a random rotation with ``degrees`` standard deviation per axis."""
     from scipy.spatial.transform import Rotation
 
     flat = rotvecs.reshape(-1, 3).astype(np.float64)

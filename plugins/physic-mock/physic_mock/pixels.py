@@ -1,4 +1,4 @@
-"""Mocks of what is seen in the image: masks, and the picture without people."""
+"""Mocks of the segmenter and the inpainter."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from pydantic import Field
 
 from physic_core import interfaces
 from physic_core.types import People
-from physic_mock.mask_noise import floor_mask, with_strays, without_ends
-from physic_mock.noise import chance, generator, pixels_of, ragged
-from physic_mock.recognition import MockOptions, recognise
+from physic_mock.mask_noise import add_stray_disc, draw_floor_mask, remove_hands_and_feet
+from physic_mock.noise import bernoulli, roughen_border, scale_to_image, seeded_rng
+from physic_mock.recognition import MockOptions, recognise_world
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, UInt8Array
-    from physic_mock.recognition import Recognised
+    from physic_mock.recognition import RecognisedWorld
 
 __all__ = ["MockInpainter", "MockSegmenter", "SegmenterOptions"]
 
 
 class SegmenterOptions(MockOptions):
-    """Settings of :class:`MockSegmenter`."""
+    """Options of :class:`MockSegmenter`."""
 
     raggedness_px: float = Field(
         1.2, ge=0, le=20, description="How far the masks' borders stray, px of a photo 640 px wide."
@@ -41,18 +41,18 @@ class SegmenterOptions(MockOptions):
 
 
 class MockSegmenter(interfaces.Segmenter):
-    """The world's visible masks and its floor, ragged, with bits missing and bits too many."""
+    """Segmenter that returns a world's person masks and floor mask with errors."""
 
     Options = SegmenterOptions
 
     def infer(self, image: UInt8Array) -> People:
-        """Image (H, W, 3) of a world -> the people still in it.
+        """Return the people that are still visible in a world's photo.
 
         Raises:
             BackendError: the image shows no world.
         """
         assert isinstance(self.options, SegmenterOptions)
-        found = recognise(image)
+        found = recognise_world(image)
         taken = np.zeros(image.shape[:2], bool)
         masks: list[BoolArray] = []
         for i in np.flatnonzero(found.present):
@@ -69,44 +69,47 @@ class MockSegmenter(interfaces.Segmenter):
         )
 
 
-def _person(found: Recognised, person: int, options: SegmenterOptions) -> BoolArray:
+def _person(found: RecognisedWorld, person: int, options: SegmenterOptions) -> BoolArray:
+    """Return the mask of one person with errors."""
     world, noise = found.world, options.noise
-    rng = generator(world, options.noise_seed, f"mask of person {person}")
+    rng = seeded_rng(world, options.noise_seed, f"mask of person {person}")
     x0, y0, x1, y1 = world.boxes[person]
-    mask = ragged(world.masks[person], noise * pixels_of(options.raggedness_px, found.people.shape), rng)
-    whole = without_ends(mask, world, person, options.missed_ends, noise, rng)
-    return with_strays(whole, max(x1 - x0, y1 - y0), options.strays, noise, rng)
+    mask = roughen_border(world.masks[person], noise * scale_to_image(options.raggedness_px, found.people.shape), rng)
+    whole = remove_hands_and_feet(mask, world, person, options.missed_ends, noise, rng)
+    return add_stray_disc(whole, max(x1 - x0, y1 - y0), options.strays, noise, rng)
 
 
-def _floor(found: Recognised, options: SegmenterOptions) -> BoolArray | None:
-    rng = generator(found.world, options.noise_seed, "floor mask")
-    if chance(options.floor_missed, options.noise, rng.random(1))[0] or not options.floor:
+def _floor(found: RecognisedWorld, options: SegmenterOptions) -> BoolArray | None:
+    """Return the floor mask with errors; None if it is missed or disabled."""
+    rng = seeded_rng(found.world, options.noise_seed, "floor mask")
+    if bernoulli(options.floor_missed, options.noise, rng.random(1))[0] or not options.floor:
         return None
     seen = found.world.empty_floor_mask & ~found.people
-    stray = options.noise * pixels_of(options.raggedness_px, seen.shape)
-    return floor_mask(seen, stray, options.floor_spills, options.noise, rng) & ~found.people
+    stray = options.noise * scale_to_image(options.raggedness_px, seen.shape)
+    return draw_floor_mask(seen, stray, options.floor_spills, options.noise, rng) & ~found.people
 
 
 class MockInpainter(interfaces.Inpainter):
-    """The world's own picture without people, in the hole: the one mock without errors.
+    """Inpainter that returns a world's image without people inside the mask, without errors.
 
-    All other mocks read the world and not the picture, so what an inpainter makes up shows in the point map's
-    ``hole_noise`` and ``disagreement``.
+    The other mocks read the world instead of the image. The options ``hole_noise`` and ``disagreement`` of the point
+    map represent inpainting errors.
     """
 
     Options = MockOptions
 
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
-        """Image (H, W, 3) of a world, mask (H, W) -> image; unchanged where the mask is False, shadows included.
+        """Return the image with the masked pixels of the world without people; other pixels are unchanged.
 
         Raises:
             BackendError: the image shows no world.
         """
         filled: UInt8Array = image.copy()
-        filled[mask] = recognise(image).world.empty_image[mask]
+        filled[mask] = recognise_world(image).world.empty_image[mask]
         return filled
 
 
 def _box(mask: BoolArray) -> FloatArray:
+    """Return the tight box x0 y0 x1 y1 of a mask, end exclusive."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     return np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], np.float64)

@@ -1,4 +1,4 @@
-"""Which world a photo shows. A mock that does not know the photo says so: it must never pass for a real estimator."""
+"""Recognition of the world in a photo; a mock refuses all other photos."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from physic_testing.worlds import WORLDS, World, build_world, labels
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, People, UInt8Array
 
-__all__ = ["MockOptions", "Recognised", "match_people", "recognise"]
+__all__ = ["MockOptions", "RecognisedWorld", "match_people", "recognise_world"]
 
 _TOLERANCE = 2  # grey levels; a world drawn on another machine may round differently
 _LARGEST_PX = 1920 * 1440  # a larger world would take minutes to draw
@@ -23,7 +23,7 @@ _SAME_PERSON_IOU = 0.3
 
 
 class MockOptions(interfaces.Options):
-    """Settings that all mocks share."""
+    """Options of all mocks."""
 
     noise: float = Field(
         1.0, ge=0, le=10, description="Factor on all errors of this backend; 0 is the truth, 2 twice the errors."
@@ -32,13 +32,13 @@ class MockOptions(interfaces.Options):
 
 
 @dataclass(frozen=True)
-class Recognised:
-    """A world found in an image.
+class RecognisedWorld:
+    """World found in an image.
 
     Attributes:
         world: the world.
-        people: (H, W) bool, pixels where a person of the world is still seen.
-        present: (N,) bool, people of whom more than half of the pixels are seen.
+        people: (H, W) bool, pixels in which a person of the world is visible.
+        present: (N,) bool, people with more than half of their pixels visible.
     """
 
     world: World
@@ -46,36 +46,37 @@ class Recognised:
     present: BoolArray
 
 
-def recognise(image: UInt8Array, hole: BoolArray | None = None) -> Recognised:
-    """Find the world whose photo this is, with all, some or none of its people taken out.
+def recognise_world(image: UInt8Array, hole: BoolArray | None = None) -> RecognisedWorld:
+    """Find the world of a photo from which all, some or none of the people are removed.
 
     Args:
         image: (H, W, 3) uint8, with the label of its world in its corners.
-        hole: (H, W) bool, pixels that an inpainter made up and that are not compared.
+        hole: (H, W) bool, inpainted pixels, which are not compared.
 
     Raises:
-        BackendError: it is the photo of no world.
+        BackendError: the image is not the photo of a world.
     """
     height, width = image.shape[:2]
-    label = labels.read(image)
+    label = labels.read_label(image)
     if label is None:
-        raise _refusal(width, height, "carries no world's label")
+        raise _unknown_image_error(width, height, "carries no world's label")
     name, seed = label
     if name not in WORLDS:
-        raise _refusal(width, height, f"is of the world {name!r}, which there is not")
+        raise _unknown_image_error(width, height, f"is of the world {name!r}, which there is not")
     if height * width > _LARGEST_PX:
-        raise _refusal(width, height, f"is larger than worlds are drawn ({_LARGEST_PX} px in all)")
+        raise _unknown_image_error(width, height, f"is larger than worlds are drawn ({_LARGEST_PX} px in all)")
     world = build_world(name, seed, (width, height))
-    photo, empty = _alike(image, world.image), _alike(image, world.empty_image)
+    photo, empty = _similar_pixels(image, world.image), _similar_pixels(image, world.empty_image)
     explained = photo | empty if hole is None else photo | empty | hole
     if not explained.all():
-        raise _refusal(
+        raise _unknown_image_error(
             width, height, f"differs from the world {name!r}, seed {seed}, in {1 - explained.mean():.1%} of its pixels"
         )
-    return _who_is_left(world, photo if hole is None else photo & ~hole, empty)
+    return _find_remaining_people(world, photo if hole is None else photo & ~hole, empty)
 
 
-def _refusal(width: int, height: int, fault: str) -> BackendError:
+def _unknown_image_error(width: int, height: int, fault: str) -> BackendError:
+    """Return the error for an image that is not the photo of a world."""
     return BackendError(
         f"The mock backends only know the photos of their own worlds, and this {width} x {height} px image {fault}: "
         "give physic_testing.worlds.build_world(name, seed, size).image, saved without loss, "
@@ -83,20 +84,21 @@ def _refusal(width: int, height: int, fault: str) -> BackendError:
     )
 
 
-def _who_is_left(world: World, photo: BoolArray, empty: BoolArray) -> Recognised:
+def _find_remaining_people(world: World, photo: BoolArray, empty: BoolArray) -> RecognisedWorld:
     # Where a person has the colour of what is behind them, a pixel belongs to them if most of their others do.
+    """Find the people that are still visible in the photo."""
     people: BoolArray = photo & ~empty & world.masks.any(axis=0)
     present = np.zeros(len(world.masks), bool)
-    telling = ~_alike(world.image, world.empty_image)
+    telling = ~_similar_pixels(world.image, world.empty_image)
     for i, mask in enumerate(world.masks):
         present[i] = (people & mask & telling).sum() > 0.5 * (mask & telling).sum()
     for mask in world.masks[present]:
         people = people | (photo & mask)
-    return Recognised(world, people, present)
+    return RecognisedWorld(world, people, present)
 
 
-def match_people(recognised: Recognised, people: People) -> list[int]:
-    """Which person of the world each given person is.
+def match_people(recognised: RecognisedWorld, people: People) -> list[int]:
+    """Return the index of the world's person for each input mask.
 
     Raises:
         BackendError: one of them is nobody of the world.
@@ -118,7 +120,8 @@ def match_people(recognised: Recognised, people: People) -> list[int]:
     return rows
 
 
-def _alike(a: UInt8Array, b: UInt8Array) -> BoolArray:
+def _similar_pixels(a: UInt8Array, b: UInt8Array) -> BoolArray:
+    """Return the pixels (H, W) bool in which two images agree up to rounding."""
     difference = np.abs(a.astype(np.int16) - b.astype(np.int16))
     alike: BoolArray = difference.max(axis=2) <= _TOLERANCE
     return alike

@@ -321,7 +321,7 @@ def test_another_photo_is_refused(two):
     )
     blank = np.zeros((60, 80, 3), np.uint8)
     assert refusal(blank) == f"{only}80 x 60 px image carries no world's label{give}"
-    other = labels.stamp(two.image, "moon", 3)
+    other = labels.embed_label(two.image, "moon", 3)
     assert refusal(other) == f"{only}{width} x {height} px image is of the world 'moon', which there is not{give}"
     painted = two.image.copy()
     painted[100:112, 100:200] ^= 0x40
@@ -329,7 +329,7 @@ def test_another_photo_is_refused(two):
         f"{only}{width} x {height} px image differs from the world 'hug', seed 0, in 1.6% of its pixels{give}"
     )
     # And it does not try to draw one that large.
-    large = labels.stamp(np.zeros((1500, 1900, 3), np.uint8), "hug", 0)
+    large = labels.embed_label(np.zeros((1500, 1900, 3), np.uint8), "hug", 0)
     assert refusal(large) == f"{only}1900 x 1500 px image is larger than worlds are drawn (2764800 px in all){give}"
 
 
@@ -353,7 +353,7 @@ def test_one_label_may_lie_in_the_hole(two):
 def test_rounding_of_another_machine_is_forgiven(two):
     image = two.image.copy()
     image[::3] = np.clip(image[::3].astype(int) + 1, 0, 255)
-    assert len(MockSegmenter().infer(labels.stamp(image, "hug", 0))) == 2
+    assert len(MockSegmenter().infer(labels.embed_label(image, "hug", 0))) == 2
 
 
 def test_somebody_else_is_refused(two):

@@ -113,7 +113,7 @@ class Shown:
 def look_at(photo: np.ndarray) -> Shown:
     """Find the world that a photo shows, by its label."""
     photo = np.ascontiguousarray(photo)
-    label = labels.read(photo)
+    label = labels.read_label(photo)
     if label is None:
         return Shown(photo, None, False)
     height, width = photo.shape[:2]

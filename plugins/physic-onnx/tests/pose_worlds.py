@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import affine_transform
 
 from physic_core.types import SKELETONS
-from physic_testing.conformance.joint_sets import world_keypoints
+from physic_testing.conformance.true_keypoints import world_keypoints
 
 if TYPE_CHECKING:
     from physic_testing.worlds import World

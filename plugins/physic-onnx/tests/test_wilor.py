@@ -189,7 +189,7 @@ def told_wilor(told: Any, told_network: Any) -> type:
             self.rows = list(range(len(people)))
             from physic_testing.worlds import build_world, labels
 
-            label = labels.read(np.ascontiguousarray(image)) if isinstance(image, np.ndarray) else None
+            label = labels.read_label(np.ascontiguousarray(image)) if isinstance(image, np.ndarray) else None
             if label is not None and image.ndim == 3:
                 world = build_world(*label, (image.shape[1], image.shape[0]))
                 self.rows = [int(np.abs(world.boxes - box).max(1).argmin()) for box in people.boxes]

@@ -26,9 +26,11 @@ _ON_FIRST_USE = {
 
 @hookimpl
 def physic_commands() -> list[CommandRecord]:
-    """The benchmark, and the conformance kit without pytest."""
+    """Return the commands "bench", "plugins check" and "plugins compare"."""
     return [
-        CommandRecord("bench", "physic_testing.commands.bench:bench", "Measure how exact and how fast the engine is."),
+        CommandRecord(
+            "bench", "physic_testing.commands.bench:bench", "Measure the accuracy and the speed of the engine."
+        ),
         CommandRecord(
             "plugins check",
             "physic_testing.commands.conformance:check",

@@ -1,4 +1,4 @@
-"""Made-up files of SMPL and MANO in the form of the published ones; no number is anybody's."""
+"""Synthetic SMPL and MANO model files with random values, in the format of the published files."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ _MANO_PARENTS = (_ROOT, 0, 1, 2, 0, 4, 5, 0, 7, 8, 0, 10, 11, 0, 13, 14)
 
 
 def mano_arrays() -> dict[str, NDArray[Any]]:
-    """The arrays of ``MANO_RIGHT.pkl``."""
+    """Return random arrays with the names and shapes of ``MANO_RIGHT.pkl``."""
     return _arrays(MANO, _MANO_PARENTS)
 
 
 def smpl_arrays() -> dict[str, NDArray[Any]]:
-    """The arrays of ``SMPL_NEUTRAL.pkl``."""
+    """Return random arrays with the names and shapes of ``SMPL_NEUTRAL.pkl``."""
     return _arrays(SMPL, (_ROOT, *SMPL_PARENTS[1:]))
 
 
 def write_published(path: Path, arrays: dict[str, Any]) -> Path:
-    """Pickle arrays as they are published: by Python 2, with a sparse regressor and objects of chumpy."""
+    """Write arrays in the published format: a Python 2 pickle with a sparse regressor and chumpy objects."""
     from scipy.sparse import csc_matrix
 
     module = ModuleType("chumpy.ch")
@@ -50,7 +50,7 @@ def write_published(path: Path, arrays: dict[str, Any]) -> Path:
 
 
 class _Ch:
-    """What chumpy's arrays are in a pickle."""
+    """Stand-in for the array class of chumpy in a pickle."""
 
     __module__ = "chumpy.ch"
     __qualname__ = "Ch"
@@ -61,6 +61,7 @@ class _Ch:
 
 
 def _arrays(layout: Layout, parents: tuple[int, ...]) -> dict[str, NDArray[Any]]:
+    """Return random arrays with the shapes of a model file."""
     rng = np.random.default_rng(0)
     shapes = {name: tuple(10 if size is None else size for size in shape) for name, shape in layout.shapes.items()}
     made: dict[str, NDArray[Any]] = {name: rng.standard_normal(shape) for name, shape in shapes.items()}

@@ -49,7 +49,7 @@ class Told:
         self.image = image
         self.world: World | None = None
         self.people = False
-        if (label := labels.read(image)) is not None:
+        if (label := labels.read_label(image)) is not None:
             self.world = build_world(*label, (image.shape[1], image.shape[0]))
             self.people = not np.array_equal(image, self.world.empty_image)
 

@@ -1,1 +1,1 @@
-"""What the engine reaches on worlds with ground truth, and how fast: ``physic bench``."""
+"""Benchmarks of the engine: accuracy on worlds and speed."""

@@ -1,4 +1,4 @@
-"""The ablation as a picture: rows with their intervals beside the paper's own, and the start against it by action."""
+"""Plot of the ablation: rows with intervals beside the paper's numbers, and errors by action."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import PhysicError
-from physic_testing.bench.paper import PAPER
-from physic_testing.bench.report import shown_row
+from physic_testing.bench.paper_results import PAPER_RESULTS
+from physic_testing.bench.tables import main_row
 
 if TYPE_CHECKING:
     from physic_testing.bench.results import Results
-    from physic_testing.bench.summary import Figures
+    from physic_testing.bench.summary import RowStatistics
 
-__all__ = ["draw"]
+__all__ = ["draw_plot"]
 
-_OURS, _START, _PAPER = "#1f5a8c", "#8a8a8a", "#c2703d"
+_OURS, _START, _PAPER_COLUMNS = "#1f5a8c", "#8a8a8a", "#c2703d"
 _PANELS = (("pa_mpjpe_mm", "PA-MPJPE, mm"), ("mpjpe_mm", "MPJPE, mm"), ("f1_of_means", "contact F1"))
 _ACTION_PANELS = (
     ("pa_mpjpe_mm", "PA-MPJPE, mm"),
@@ -26,8 +26,8 @@ _ACTION_PANELS = (
 )
 
 
-def draw(results: Results, path: Path) -> Path:
-    """Draw into a file whose suffix says the format: .png, .svg or .pdf.
+def draw_plot(results: Results, path: Path) -> Path:
+    """Write the plot to a file; its suffix selects the format: .png, .svg or .pdf.
 
     Raises:
         PhysicError: matplotlib is not installed.
@@ -42,7 +42,7 @@ def draw(results: Results, path: Path) -> Path:
 
     labels = {key: row["label"] for key, row in results.document["settings"]["rows"].items()}
     actions = results.document["actions"]
-    key = shown_row(list(labels))
+    key = main_row(list(labels))
     heights = [0.34 * len(labels) + 1.0]
     if key is not None:
         heights.append(0.25 * len(actions) + 1.0)
@@ -56,7 +56,8 @@ def draw(results: Results, path: Path) -> Path:
     return path
 
 
-def _rows_part(part: Any, rows: Mapping[str, Figures], labels: Mapping[str, str], subtitle: str) -> None:
+def _rows_part(part: Any, rows: Mapping[str, RowStatistics], labels: Mapping[str, str], subtitle: str) -> None:
+    """Plot the rows with their intervals and the paper's numbers."""
     axes = part.subplots(1, len(_PANELS), sharey=True)
     places = list(range(len(rows)))
     for axis, (name, title) in zip(axes, _PANELS, strict=True):
@@ -66,17 +67,18 @@ def _rows_part(part: Any, rows: Mapping[str, Figures], labels: Mapping[str, str]
                 colour = _START if key == "start" else _OURS
                 axis.plot([found.low, found.high], [place, place], color=colour, linewidth=2, solid_capstyle="butt")
                 axis.plot(found.value, place, "o", color=colour, markersize=6)
-            printed = getattr(PAPER.get(key), name, None)
+            printed = getattr(PAPER_RESULTS.get(key), name, None)
             if printed is not None:
-                axis.plot(printed, place, "D", color=_PAPER, markerfacecolor="none", markersize=6)
+                axis.plot(printed, place, "D", color=_PAPER_COLUMNS, markerfacecolor="none", markersize=6)
         _tidy(axis, title, places, [labels[key] for key in rows])
     axes[0].plot([], [], "o-", color=_OURS, linewidth=2, label="here, 95 % interval")
-    axes[0].plot([], [], "D", color=_PAPER, markerfacecolor="none", label="the paper, on PROX")
+    axes[0].plot([], [], "D", color=_PAPER_COLUMNS, markerfacecolor="none", label="the paper, on PROX")
     part.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=9)
     part.suptitle(f"Ablation: {subtitle}", x=0.01, ha="left", fontsize=11, fontweight="bold")
 
 
 def _actions_part(part: Any, actions: Mapping[str, Mapping[str, Mapping[str, Any]]], key: str, label: str) -> None:
+    """Plot the start row and the main row by action."""
     axes = part.subplots(1, len(_ACTION_PANELS), sharey=True)
     names = sorted(actions)
     for axis, (name, title) in zip(axes, _ACTION_PANELS, strict=True):
@@ -96,6 +98,7 @@ def _actions_part(part: Any, actions: Mapping[str, Mapping[str, Mapping[str, Any
 
 
 def _tidy(axis: Any, title: str, places: Sequence[int], labels: Sequence[str]) -> None:
+    """Set title, labels, limits and grid of an axis."""
     axis.set_title(title, fontsize=10, loc="left")
     axis.set_yticks(places, labels, fontsize=9)
     axis.set_ylim(len(places) - 0.4, -0.6)
@@ -110,10 +113,12 @@ def _tidy(axis: Any, title: str, places: Sequence[int], labels: Sequence[str]) -
 
 
 def _subtitle(document: Mapping[str, Any]) -> str:
+    """Return worlds, seed, size and preset of a run as text."""
     settings = document["settings"]
     size = "{} x {} px".format(*settings["size"])
     return f"{document['worlds_done']} worlds of seed {settings['seed']}, {size}, preset {settings['preset']}"
 
 
 def _value(number: Any) -> float | None:
+    """Return a finite number as float, else None."""
     return float(number) if isinstance(number, (int, float)) and math.isfinite(number) else None

@@ -1,4 +1,4 @@
-"""What a run of ``physic bench accuracy`` leaves: one JSON document with everything, the tables, and a plot."""
+"""Results of ``physic bench accuracy``: JSON document, tables and plot."""
 
 from __future__ import annotations
 
@@ -11,65 +11,65 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.files.atomic import atomic_write
 from physic_core.files.strict_json import to_json
-from physic_testing.bench.cases import source_hash
-from physic_testing.bench.judge import PERSON_METRICS, WORLD_METRICS
-from physic_testing.bench.report import accuracy_tables, as_markdown, as_text, trial_lines
-from physic_testing.bench.rows import FULL, TRIAL
-from physic_testing.bench.summary import DRAWS, by_action, figures, truth_figures
+from physic_testing.bench.evaluation import PERSON_METRICS, WORLD_METRICS
+from physic_testing.bench.summary import BOOTSTRAP_DRAWS, by_action, row_statistics, truth_statistics
+from physic_testing.bench.table_rows import FULL, TRIAL
+from physic_testing.bench.tables import accuracy_tables, as_markdown, as_text, trial_table
+from physic_testing.bench.world_evidence import source_hash
 
 if TYPE_CHECKING:
-    from physic_testing.bench.accuracy import Work
-    from physic_testing.bench.cases import Case
-    from physic_testing.bench.report import Table
-    from physic_testing.bench.summary import Figures
+    from physic_testing.bench.run_worlds import BenchmarkJob
+    from physic_testing.bench.summary import RowStatistics
+    from physic_testing.bench.tables import Table
+    from physic_testing.bench.world_evidence import WorldCase
 
-__all__ = ["Results", "summarise", "write"]
+__all__ = ["Results", "summarise_records", "write_results"]
 
 SCHEMA = 2
-"""Version of the JSON document, raised when a key changes its meaning. 2 writes NaN as "NaN", 1 wrote null."""
+"""Version of the JSON document. Version 2 writes NaN as "NaN", version 1 as null."""
 
 
 @dataclass(frozen=True)
 class Results:
-    """A run, whole or stopped.
+    """Results of a complete or interrupted run.
 
     Attributes:
-        document: for JSON.
-        tables: for reading.
-        figures: row -> its figures; empty where no world was done.
+        document: JSON document.
+        tables: tables for printing.
+        figures: row -> statistics; empty if no world was completed.
     """
 
     document: Mapping[str, Any]
     tables: tuple[Table, ...]
-    figures: Mapping[str, Figures]
+    figures: Mapping[str, RowStatistics]
 
 
-def summarise(
-    records: Sequence[Mapping[str, Any]], cases: Sequence[Case], work: Work, settings: Mapping[str, Any]
+def summarise_records(
+    records: Sequence[Mapping[str, Any]], cases: Sequence[WorldCase], work: BenchmarkJob, settings: Mapping[str, Any]
 ) -> Results:
-    """Make tables and document of the records that there are.
+    """Build the JSON document and tables from the completed records.
 
     Args:
-        records: of worlds that are done, in any order.
-        cases: all worlds that were asked for.
-        work: what was done with them.
-        settings: of the command, as the document shall hold them.
+        records: records of completed worlds, in any order.
+        cases: all requested worlds.
+        work: configuration and table rows.
+        settings: options of the command, for the document.
     """
     place = {(case.name, case.seed): i for i, case in enumerate(cases)}
     records = sorted(records, key=lambda record: place[record["name"], record["seed"]])
     labels = {row.key: row.label for row in work.rows}
-    found: dict[str, Figures] = {}
+    found: dict[str, RowStatistics] = {}
     tables: tuple[Table, ...] = ()
     actions: dict[str, Any] = {}
     truth: Mapping[str, Any] = {}
     if records:
-        found = {key: figures(records, key) for key in labels}
-        truth, actions = truth_figures(records), by_action(records, list(labels))
+        found = {key: row_statistics(records, key) for key in labels}
+        truth, actions = truth_statistics(records), by_action(records, list(labels))
         blind = [f"{r['name']} {r['seed']}: {r['error'].splitlines()[0]}" for r in records if r["error"]]
         tables = accuracy_tables(found, labels, truth, actions, blind)
         if FULL in found and TRIAL in found:
             title = f"{len(records)}, seed {settings.get('seed')}"
-            tables = (trial_lines(found[TRIAL], found[FULL], labels[TRIAL].removeprefix("full, "), title), *tables)
+            tables = (trial_table(found[TRIAL], found[FULL], labels[TRIAL].removeprefix("full, "), title), *tables)
     document = {
         "schema": SCHEMA,
         "benchmark": "accuracy",
@@ -79,7 +79,7 @@ def summarise(
         "versions": _versions(work),
         "settings": {**settings, "rows": {r.key: {"label": r.label, "engine": _engine(r.settings)} for r in work.rows}},
         "metrics": {**PERSON_METRICS, **WORLD_METRICS},
-        "interval": f"95 %, percentile bootstrap over worlds, {DRAWS} draws",
+        "interval": f"95 %, percentile bootstrap over worlds, {BOOTSTRAP_DRAWS} draws",
         "summary": {key: _row_summary(f) for key, f in found.items()},
         "truth": {name: asdict(figure) for name, figure in truth.items()},
         "actions": actions,
@@ -89,8 +89,8 @@ def summarise(
     return Results(to_json(document, digits=7), tables, found)
 
 
-def write(results: Results, folder: Path) -> tuple[Path, ...]:
-    """Write ``results.json``, ``table.txt`` and ``table.md``, whole or not at all.
+def write_results(results: Results, folder: Path) -> tuple[Path, ...]:
+    """Write ``results.json``, ``table.txt`` and ``table.md`` atomically.
 
     Raises:
         OutputError: the folder cannot be written.
@@ -106,7 +106,8 @@ def write(results: Results, folder: Path) -> tuple[Path, ...]:
     return tuple(folder / name for name in texts)
 
 
-def _row_summary(row: Figures) -> dict[str, Any]:
+def _row_summary(row: RowStatistics) -> dict[str, Any]:
+    """Return the statistics of a row as a dict."""
     counts = ("people", "missed", "left_at_start", "false_alarms", "errors")
     return {
         **{name: getattr(row, name) for name in counts},
@@ -115,7 +116,7 @@ def _row_summary(row: Figures) -> dict[str, Any]:
 
 
 def _failures(records: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Every person whom a row has no body for, or left at the start, and why."""
+    """List the people without a body or without optimisation in each row, with the reason."""
     return [
         {"world": record["name"], "seed": record["seed"], "row": key, "person": i, "found": p["found"], "why": p["why"]}
         for record in records
@@ -126,10 +127,12 @@ def _failures(records: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _engine(settings: Any) -> dict[str, Any] | None:
+    """Return engine settings as a dict; None for the start row."""
     return None if settings is None else asdict(settings)
 
 
-def _versions(work: Work) -> dict[str, Any]:
+def _versions(work: BenchmarkJob) -> dict[str, Any]:
+    """Return the versions of packages, worlds and plugins."""
     import numpy
     import scipy
     import torch
@@ -148,8 +151,8 @@ def _versions(work: Work) -> dict[str, Any]:
     }
 
 
-def _plugin_versions(work: Work) -> dict[str, Any]:
-    """Of each plugin's distribution, and of its model of noise where it states one."""
+def _plugin_versions(work: BenchmarkJob) -> dict[str, Any]:
+    """Return the version of each plugin distribution, and of its noise model if it defines one."""
     import sys
 
     from physic_core.configuration.resolve import resolve

@@ -1,7 +1,7 @@
-"""How fast the engine is on this machine: ratios measured in one run (``physic bench speed``).
+"""Speed of the engine, as run-time ratios measured in one run (``physic bench speed``).
 
-Seconds depend on the machine and on whatever else it does. What is compared is therefore run in turns, one after the
-other, round after round; a ratio is the median of the rounds' ratios, so that a busy minute falls on both sides.
+Seconds depend on the machine and its load. The compared variants are therefore run in turns in each round, and a ratio
+is the median of the rounds' ratios, so that load affects both sides.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["SECTIONS", "SpeedReport", "SpeedRow", "format_report", "measure_speed"]
 
 SECTIONS: Mapping[str, str] = {
-    "floor": "Stage 3 against 100 forward and backward passes of the whole body model, one person",
+    "floor": "Stage 3 against 100 forward and backward passes of the body model, one person",
     "nearest": "Nearest scene points of all vertices, 100 steps with their set-up",
     "people": "Stage 3 by people in the photo",
     "size": "Stage 3 by the photo's resolution, one person",
@@ -32,19 +32,20 @@ SECTIONS: Mapping[str, str] = {
 """Section -> what it measures."""
 
 PASSES = 100  # of the body model, and queries of nearest points
+"""Number of body model passes, and of nearest-point queries."""
 _SIZES = {"240p": (320, 240), "480p": (640, 480), "720p": (1280, 720), "1080p": (1920, 1080)}
 
 
 @dataclass(frozen=True)
 class SpeedRow:
-    """One thing that was timed.
+    """Run time of one variant.
 
     Attributes:
-        section: a key of :data:`SECTIONS`.
-        name: what it was.
-        seconds: median of the rounds.
-        ratio: to the first row of its section, median of the rounds' ratios; 1 for that row itself.
-        numbers: what else was counted: people, evaluations, errors in mm.
+        section: key of :data:`SECTIONS`.
+        name: name of the variant.
+        seconds: median over the rounds.
+        ratio: median ratio to the first row of its section.
+        numbers: other numbers: people, evaluations, errors in mm.
     """
 
     section: str
@@ -56,15 +57,15 @@ class SpeedRow:
 
 @dataclass(frozen=True)
 class SpeedReport:
-    """What :func:`measure_speed` found.
+    """Results of :func:`measure_speed`.
 
     Attributes:
         machine: device, cores, threads and versions.
-        preset: settings of stage 3.
-        seed: of the problems.
-        repeats: rounds.
-        rows: in the order in which they were measured.
-        notes: what was left out, and why.
+        preset: engine preset.
+        seed: seed of the problems.
+        repeats: number of rounds.
+        rows: rows in order of measurement.
+        notes: skipped measurements, with the reason.
     """
 
     machine: Mapping[str, str | int]
@@ -75,11 +76,11 @@ class SpeedReport:
     notes: tuple[str, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return the report as a JSON-ready dict."""
         return asdict(self)
 
     def row(self, section: str, name: str) -> SpeedRow:
-        """The row of that name.
+        """Return the row of a section and name.
 
         Raises:
             KeyError: it was not measured.
@@ -101,20 +102,20 @@ def measure_speed(
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
 ) -> SpeedReport:
-    """Measure; a few minutes with everything, seconds with one section.
+    """Measure run times: minutes for all sections, seconds for one.
 
     Args:
-        repeats: rounds; medians are taken over them.
-        sections: of :data:`SECTIONS`.
-        people: in the photo, section "people"; the first is what the others are compared with.
-        sizes: "240p", "480p", "720p", "1080p"; the first is what the others are compared with.
+        repeats: number of rounds; medians are taken over them.
+        sections: keys of :data:`SECTIONS`.
+        people: numbers of people of the section "people"; the first is the reference.
+        sizes: "240p", "480p", "720p", "1080p"; the first is the reference.
         size: width and height of all other photos, px.
-        preset: of the engine.
-        seed: of the problems.
-        progress: told each section before it is measured.
+        preset: engine preset.
+        seed: seed of the problems.
+        progress: called with each section before it is measured.
 
     Raises:
-        ConfigError: a section, size or preset that does not exist, or no rounds.
+        ConfigError: a section, size or preset does not exist, or ``repeats`` is below 1.
     """
     from physic_core.adapters.threads import limited_threads
     from physic_core.body import load_body
@@ -123,7 +124,7 @@ def measure_speed(
     _check(repeats, sections, sizes, people)
     if preset not in PRESETS:
         raise ConfigError(f"no engine preset named {preset!r}: there are {', '.join(sorted(PRESETS))}")
-    bench = _Bench(load_body("embedded"), PRESETS[preset].joint, repeats, size, seed)
+    bench = _SpeedBenchmark(load_body("embedded"), PRESETS[preset].joint, repeats, size, seed)
     measures: dict[str, Callable[[], tuple[list[SpeedRow], list[str]]]] = {
         "floor": bench.floor,
         "nearest": bench.nearest,
@@ -139,14 +140,14 @@ def measure_speed(
         for section in sections:
             if progress is not None:
                 progress(SECTIONS[section])
-            more, said = measures[section]()
-            rows += more
-            notes += said
+            new_rows, new_notes = measures[section]()
+            rows += new_rows
+            notes += new_notes
     return SpeedReport(_machine(), preset, seed, repeats, tuple(rows), tuple(notes))
 
 
 def format_report(report: SpeedReport) -> str:
-    """The report as text, one table a section."""
+    """Format the report as text, one table per section."""
     machine = report.machine
     lines = [
         f"{machine['processor']}, {machine['cores']} cores, torch {machine['torch']}, CUDA: {machine['cuda']}",
@@ -166,7 +167,9 @@ def format_report(report: SpeedReport) -> str:
 
 
 @dataclass(frozen=True)
-class _Bench:
+class _SpeedBenchmark:
+    """Measurements of all sections for one body model and settings."""
+
     model: Any
     settings: JointSettings
     repeats: int
@@ -174,9 +177,10 @@ class _Bench:
     seed: int
 
     def floor(self) -> tuple[list[SpeedRow], list[str]]:
+        """Compare stage 3 with forward and backward passes of the body model."""
         import torch
 
-        problem, counts = self._problem(), _Counts()
+        problem, counts = self._problem(), _SolverCounts()
         inputs = [t.clone().requires_grad_() for t in (problem.rotations0, problem.betas0, problem.transl0)]
 
         def passes() -> None:
@@ -187,20 +191,24 @@ class _Bench:
         return self._rows("floor", runs, {"stage 3": counts}), []
 
     def nearest(self) -> tuple[list[SpeedRow], list[str]]:
+        """Compare strategies for nearest scene points."""
         from physic_testing.bench.speed_nearest import nearest_rows
 
-        rows = nearest_rows(self._problem(), PASSES, self.repeats, _rounds)
+        rows = nearest_rows(self._problem(), PASSES, self.repeats, _time_in_turns)
         return [SpeedRow("nearest", *row) for row in rows], [
             "nearest: the plain search is timed on some of the vertices, and its time multiplied."
         ]
 
     def people(self, counts: Sequence[int]) -> tuple[list[SpeedRow], list[str]]:
+        """Compare stage 3 by number of people."""
         return self._compare("people", {f"{n} people" if n > 1 else "1 person": self._problem(n) for n in counts})
 
     def sizes(self, names: Sequence[str]) -> tuple[list[SpeedRow], list[str]]:
+        """Compare stage 3 by resolution."""
         return self._compare("size", {name: self._problem(size=_SIZES[name]) for name in names})
 
     def threads(self) -> tuple[list[SpeedRow], list[str]]:
+        """Compare stage 3 by number of threads."""
         from physic_core.adapters.threads import limited_threads
 
         problem = self._problem()
@@ -214,6 +222,7 @@ class _Bench:
         return self._rows("threads", runs, {}), []
 
     def cuda(self) -> tuple[list[SpeedRow], list[str]]:
+        """Compare stage 3 on CUDA and CPU."""
         import torch
 
         if not torch.cuda.is_available():
@@ -231,12 +240,14 @@ class _Bench:
         return self._rows("cuda", runs, {}), []
 
     def _problem(self, people: int = 1, size: tuple[int, int] | None = None) -> JointProblem:
-        from physic_testing.bench.speed_problems import crowd
+        """Build a problem with the benchmark's size and seed."""
+        from physic_testing.bench.synthetic_problems import make_joint_problem
 
-        return crowd(self.model, people, self.size if size is None else size, self.seed)
+        return make_joint_problem(self.model, people, self.size if size is None else size, self.seed)
 
     def _compare(self, section: str, problems: Mapping[str, JointProblem]) -> tuple[list[SpeedRow], list[str]]:
-        counts = {name: _Counts() for name in problems}
+        """Measure stage 3 on several problems."""
+        counts = {name: _SolverCounts() for name in problems}
         runs = {
             name: lambda problem=problem, name=name: counts[name].solve(problem, self.settings)
             for name, problem in problems.items()
@@ -244,35 +255,38 @@ class _Bench:
         return self._rows(section, runs, counts), []
 
     def _rows(
-        self, section: str, runs: Mapping[str, Callable[[], None]], counts: Mapping[str, _Counts]
+        self, section: str, runs: Mapping[str, Callable[[], None]], counts: Mapping[str, _SolverCounts]
     ) -> list[SpeedRow]:
-        timed = _rounds(runs, self.repeats)
+        """Measure several functions and return their rows."""
+        timed = _time_in_turns(runs, self.repeats)
         return [
             SpeedRow(section, name, seconds, ratio, counts[name].numbers if name in counts else {})
             for name, (seconds, ratio) in timed.items()
         ]
 
 
-class _Counts:
-    """What an optimisation did, beside the time it took."""
+class _SolverCounts:
+    """Number of evaluations and steps of an optimisation."""
 
     def __init__(self) -> None:
         self.numbers: dict[str, float] = {}
 
     def solve(self, problem: JointProblem, settings: JointSettings) -> None:
+        """Solve a problem and store the counts."""
         evaluations, steps = _solve(problem, settings)
         self.numbers = {"evaluations": evaluations, "steps": steps}
 
 
 def _solve(problem: JointProblem, settings: JointSettings) -> tuple[int, int]:
+    """Solve a problem; return evaluations and steps."""
     from physic_core.engine.joint.solve import optimize
 
     result = optimize(problem, settings)
     return result.evaluations, result.steps
 
 
-def _rounds(runs: Mapping[str, Callable[[], None]], repeats: int) -> dict[str, tuple[float, float]]:
-    """Name -> median seconds, and median ratio to the first of the same round. A first round warms up, uncounted."""
+def _time_in_turns(runs: Mapping[str, Callable[[], None]], repeats: int) -> dict[str, tuple[float, float]]:
+    """Run functions in turns; return median seconds and median ratio to the first. One warm-up round."""
     times: dict[str, list[float]] = {name: [] for name in runs}
     for turn in range(repeats + 1):
         for name, run in runs.items():
@@ -288,6 +302,7 @@ def _rounds(runs: Mapping[str, Callable[[], None]], repeats: int) -> dict[str, t
 
 
 def _check(repeats: int, sections: Sequence[str], sizes: Sequence[str], people: Sequence[int]) -> None:
+    """Raise ConfigError for invalid arguments."""
     if repeats < 1:
         raise ConfigError(f"at least one round is needed, got {repeats}")
     for what, given, known in (("section", sections, SECTIONS), ("size", sizes, _SIZES)):
@@ -299,6 +314,7 @@ def _check(repeats: int, sections: Sequence[str], sizes: Sequence[str], people: 
 
 
 def _machine() -> dict[str, str | int]:
+    """Return processor, cores and versions of this machine."""
     import platform
 
     import torch
@@ -314,11 +330,12 @@ def _machine() -> dict[str, str | int]:
 
 
 def _cores() -> int:
+    """Return the number of available cores."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _processor() -> str:
-    """Its name, where the system tells it."""
+    """Return the name of the processor; empty if unknown."""
     import platform
 
     try:

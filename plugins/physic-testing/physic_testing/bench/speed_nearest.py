@@ -1,4 +1,4 @@
-"""Nearest-point strategies against the plain search in chunks: time with set-up, and error against exact."""
+"""Run time and error of nearest-point strategies compared with brute-force search."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from torch import Tensor
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.geometry.neighbors import Nearest, NearestScene, Strategy, near_boxes
 
-__all__ = ["errors_mm", "nearest_rows"]
+__all__ = ["nearest_errors_mm", "nearest_rows"]
 
 Rounds = Callable[[Mapping[str, Callable[[], None]], int], dict[str, tuple[float, float]]]
 
@@ -23,16 +23,16 @@ _CHECKED = 512  # vertices whose answers are compared
 def nearest_rows(
     problem: JointProblem, steps: int, repeats: int, rounds: Rounds
 ) -> list[tuple[str, float, float, dict[str, float]]]:
-    """Time each strategy over ``steps`` queries of all vertices of all people, moved a little from step to step.
+    """Time each strategy over ``steps`` queries of all vertices, which move slightly in each step.
 
     Args:
-        problem: its scene points and its people.
-        steps: queries.
-        repeats: rounds.
-        rounds: times several things in turns.
+        problem: provides scene points and people.
+        steps: number of queries.
+        repeats: number of rounds.
+        rounds: function that times several functions in turns.
 
     Returns:
-        Name, seconds, ratio to the plain search, and numbers: errors in mm against exact.
+        Name, seconds, ratio to brute force, and numbers: errors in mm against brute force.
     """
     points, normals = problem.scene_points, problem.scene_normals
     vertices = problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0).vertices
@@ -64,12 +64,12 @@ def nearest_rows(
             rows.append((name, seconds * more, ratio, {"points": len((whole if not rows else gathered).points)}))
             continue
         got = _gather(points, normals, vertices, names[name]).query(few)
-        rows.append((name, seconds, ratio / more, errors_mm(got, exact)))
+        rows.append((name, seconds, ratio / more, nearest_errors_mm(got, exact)))
     return rows
 
 
-def errors_mm(got: Nearest, exact: Nearest) -> dict[str, float]:
-    """How far the points that were found lie beyond the nearest ones, mm, and the share of answers that one lacks."""
+def nearest_errors_mm(got: Nearest, exact: Nearest) -> dict[str, float]:
+    """Return mean and largest excess distance of nearest points, mm, and the share found by only one search."""
     both = got.found & exact.found
     excess = 1e3 * (got.distance - exact.distance)[both].double()
     return {
@@ -80,10 +80,10 @@ def errors_mm(got: Nearest, exact: Nearest) -> dict[str, float]:
 
 
 def _ignore(_: object) -> None:
-    """For its time alone."""
+    """Discard a result."""
 
 
 def _gather(points: Tensor, normals: Tensor, vertices: Tensor, strategy: Strategy) -> NearestScene:
-    """The scene round the people, as the engine searches it."""
+    """Return the scene points near the people, as the engine selects them."""
     keep = near_boxes(points, vertices, _RADIUS_M + _WANDER_M)
     return NearestScene(points[keep], normals[keep], _RADIUS_M, strategy)

@@ -1,9 +1,8 @@
-"""Means over people and worlds, each with a confidence interval.
+"""Means over people and worlds, with bootstrap confidence intervals.
 
-The intervals are percentile bootstraps over worlds, since the people of one world share its scene and its noise: worlds
-are drawn with replacement, seeded, the same draws for every row, so that the difference of two rows has its own and
-narrower interval. Every figure is a ratio of sums over worlds, or made of such ratios, so that a draw is a weight per
-world.
+The intervals are percentile bootstraps over worlds, because the people of one world share its scene and noise. All rows
+use the same seeded draws, so that the difference of two rows has its own, narrower interval. Every statistic is a ratio
+of sums over worlds, or a function of such ratios, so that a draw is a weight per world.
 """
 
 from __future__ import annotations
@@ -14,29 +13,37 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_testing.bench.judge import PERSON_METRICS, WORLD_METRICS
+from physic_testing.bench.evaluation import PERSON_METRICS, WORLD_METRICS
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
 
-__all__ = ["DRAWS", "Figure", "Figures", "by_action", "difference", "figures", "truth_figures"]
+__all__ = [
+    "BOOTSTRAP_DRAWS",
+    "RowStatistics",
+    "Statistic",
+    "by_action",
+    "row_difference",
+    "row_statistics",
+    "truth_statistics",
+]
 
-DRAWS = 2000
-"""Bootstrap draws."""
+BOOTSTRAP_DRAWS = 2000
+"""Number of bootstrap draws."""
 
 _LEVEL = 95.0
 _SEED = 20_260_101
 
 
 @dataclass(frozen=True)
-class Figure:
-    """A mean and its interval.
+class Statistic:
+    """Mean with a 95 % confidence interval.
 
     Attributes:
-        value: NaN where nothing was measured.
-        low: 2.5th percentile of the draws.
-        high: 97.5th.
-        count: people, or worlds, that it is the mean of.
+        value: mean; NaN without data.
+        low: 2.5th percentile of the bootstrap draws.
+        high: 97.5th percentile.
+        count: number of people or worlds.
     """
 
     value: float
@@ -46,22 +53,22 @@ class Figure:
 
 
 @dataclass(frozen=True)
-class Figures:
-    """One row.
+class RowStatistics:
+    """Statistics of one table row.
 
     Attributes:
-        figures: by name: :data:`~physic_testing.bench.judge.PERSON_METRICS` over people,
-            :data:`~physic_testing.bench.judge.WORLD_METRICS` over worlds, and ``f1_of_means``, ``precision_pooled``,
-            ``recall_pooled``, ``f1_pooled``, ``f1_mean_image``.
-        people: true people in the worlds.
-        missed: of these, how many have no body, and count in no mean but those of contact, where they score 0.
-        left_at_start: people with a body whom the engine did not optimise.
-        false_alarms: bodies that are nobody.
-        errors: worlds in which the row ended with an error.
-        draws: name -> (DRAWS,) values, for differences of rows.
+        figures: name -> statistic, for :data:`~physic_testing.bench.evaluation.PERSON_METRICS` over people,
+            :data:`~physic_testing.bench.evaluation.WORLD_METRICS` over worlds, and ``f1_of_means``,
+            ``precision_pooled``, ``recall_pooled``, ``f1_pooled``, ``f1_mean_image``.
+        people: number of true people.
+        missed: number of people without a body; they count only in the contact means, with score 0.
+        left_at_start: number of people with a body that the engine did not optimise.
+        false_alarms: number of bodies without a true person.
+        errors: number of worlds in which the row failed.
+        draws: name -> (BOOTSTRAP_DRAWS,) values, for differences between rows.
     """
 
-    figures: Mapping[str, Figure]
+    figures: Mapping[str, Statistic]
     people: int
     missed: int
     left_at_start: int
@@ -72,20 +79,20 @@ class Figures:
 
 @dataclass(frozen=True)
 class _Ratio:
-    """Sums (W,) of one figure over the people of each world, and how many they are of."""
+    """Sum (W,) and count (W,) of one metric over the people of each world."""
 
     total: FloatArray
     count: FloatArray
 
     def value(self, weights: FloatArray) -> FloatArray:
-        """(B,) for weights (B, W); NaN where nothing is counted."""
+        """Return means (B,) for world weights (B, W); NaN without data."""
         with np.errstate(invalid="ignore", divide="ignore"):
             answer: FloatArray = (weights @ self.total) / (weights @ self.count)
         return answer
 
 
-def figures(records: Sequence[Mapping[str, Any]], row: str) -> Figures:
-    """One row's means over the worlds' records."""
+def row_statistics(records: Sequence[Mapping[str, Any]], row: str) -> RowStatistics:
+    """Average the metrics of one table row over all worlds."""
     rows = [record["rows"][row] for record in records]
     people = [[*r["people"]] for r in rows]
     ratios = {name: _ratio(people, name) for name in PERSON_METRICS}
@@ -97,7 +104,7 @@ def figures(records: Sequence[Mapping[str, Any]], row: str) -> Figures:
     ratios["recall_pooled"] = _Ratio(hits, hits + misses)
     every = [person for those in people for person in those]
     answer, draws = _with_intervals(ratios)
-    return Figures(
+    return RowStatistics(
         figures=answer,
         people=len(every),
         missed=sum(not p["found"] for p in every),
@@ -108,18 +115,18 @@ def figures(records: Sequence[Mapping[str, Any]], row: str) -> Figures:
     )
 
 
-def truth_figures(records: Sequence[Mapping[str, Any]]) -> Mapping[str, Figure]:
-    """What the measures of touch say of the truth itself: what no reconstruction need beat."""
+def truth_statistics(records: Sequence[Mapping[str, Any]]) -> Mapping[str, Statistic]:
+    """Average the contact metrics of the ground truth itself, the lower bound for reconstructions."""
     people = [[person["measured"] for person in record["people"]] for record in records]
     names = [name for name in PERSON_METRICS if name.startswith(("penetration", "floating"))]
     return _with_intervals({name: _ratio(people, name) for name in names})[0]
 
 
-def difference(row: Figures, base: Figures, name: str) -> Figure:
-    """Mean difference of one metric between two rows of the table, with an interval from resampled worlds."""
+def row_difference(row: RowStatistics, base: RowStatistics, name: str) -> Statistic:
+    """Return the mean difference of one metric between two rows, with its bootstrap interval."""
     spread = row.draws[name] - base.draws[name]
     low, high = _interval(spread)
-    return Figure(
+    return Statistic(
         row.figures[name].value - base.figures[name].value,
         low,
         high,
@@ -128,11 +135,11 @@ def difference(row: Figures, base: Figures, name: str) -> Figure:
 
 
 def by_action(records: Sequence[Mapping[str, Any]], rows: Sequence[str]) -> dict[str, dict[str, dict[str, Any]]]:
-    """Action -> row -> means over the people who do it; no intervals, for they are few, but of one figure.
+    """Average the metrics by action and row: action -> row -> metric -> mean over its people.
 
-    "people", "missed" and "hidden_limbs_people" are counts. Two rows are comparable where they miss nobody.
-    "hidden_limbs_change_mm" is how much farther off hidden limbs are than in the row "start", the same people taken
-    together, and "hidden_limbs_change_half_mm" half its 95 % interval after Student, NaN for a single person.
+    "people", "missed" and "hidden_limbs_people" are counts. "hidden_limbs_change_mm" is the mean change of the
+    hidden-limb error relative to the row "start" over the same people, and "hidden_limbs_change_half_mm" half of its
+    95 % Student interval, NaN for a single person.
     """
     answer: dict[str, dict[str, dict[str, Any]]] = {}
     for action in dict.fromkeys(person["action"] for record in records for person in record["people"]):
@@ -157,13 +164,15 @@ def by_action(records: Sequence[Mapping[str, Any]], rows: Sequence[str]) -> dict
                 "f1_of_means": _harmonic(*(float(ratios[n].value(once)[0]) for n in ("precision", "recall"))),
             }
             if "start" in of_row:
-                change, half = _change(of_row["start"], those, "hidden_limbs_pa_mm")
+                change, half = _paired_change(of_row["start"], those, "hidden_limbs_pa_mm")
                 answer[action][row] |= {"hidden_limbs_change_mm": change, "hidden_limbs_change_half_mm": half}
     return answer
 
 
-def _change(before: Sequence[Mapping[str, Any]], after: Sequence[Mapping[str, Any]], name: str) -> tuple[float, float]:
-    """Mean change of those who have a number in both, and half its 95 % interval after Student."""
+def _paired_change(
+    before: Sequence[Mapping[str, Any]], after: Sequence[Mapping[str, Any]], name: str
+) -> tuple[float, float]:
+    """Return the mean change of people with a value in both rows, and half of its 95 % Student interval."""
     from scipy.stats import t
 
     pairs = [(a.get(name), b.get(name)) for a, b in zip(before, after, strict=True)]
@@ -176,7 +185,8 @@ def _change(before: Sequence[Mapping[str, Any]], after: Sequence[Mapping[str, An
     return float(moved.mean()), float(quantile * moved.std(ddof=1) / np.sqrt(len(moved)))
 
 
-def _with_intervals(ratios: Mapping[str, _Ratio]) -> tuple[dict[str, Figure], dict[str, FloatArray]]:
+def _with_intervals(ratios: Mapping[str, _Ratio]) -> tuple[dict[str, Statistic], dict[str, FloatArray]]:
+    """Return the statistics and bootstrap draws of all metrics."""
     worlds = len(next(iter(ratios.values())).total)
     draws = {name: ratio.value(_weights(worlds)) for name, ratio in ratios.items()}
     values = {name: float(ratio.value(np.ones((1, worlds)))[0]) for name, ratio in ratios.items()}
@@ -186,16 +196,18 @@ def _with_intervals(ratios: Mapping[str, _Ratio]) -> tuple[dict[str, Figure], di
             draws[made] = _harmonics(*(draws[part] for part in parts))
             values[made] = _harmonic(*(values[part] for part in parts))
             counts[made] = counts[parts[0]]
-    answer = {name: Figure(value, *_interval(draws[name]), counts[name]) for name, value in values.items()}
+    answer = {name: Statistic(value, *_interval(draws[name]), counts[name]) for name, value in values.items()}
     return answer, draws
 
 
 def _weights(worlds: int) -> FloatArray:
+    """Return the bootstrap weights (BOOTSTRAP_DRAWS, worlds)."""
     rng = np.random.default_rng(_SEED)
-    return rng.multinomial(worlds, np.full(worlds, 1 / max(worlds, 1)), DRAWS).astype(np.float64)
+    return rng.multinomial(worlds, np.full(worlds, 1 / max(worlds, 1)), BOOTSTRAP_DRAWS).astype(np.float64)
 
 
 def _interval(draws: FloatArray) -> tuple[float, float]:
+    """Return the 95 % interval of bootstrap draws."""
     known = draws[np.isfinite(draws)]
     if not len(known):
         return float("nan"), float("nan")
@@ -204,23 +216,26 @@ def _interval(draws: FloatArray) -> tuple[float, float]:
 
 
 def _ratio(groups: Sequence[Sequence[Mapping[str, Any]]], name: str) -> _Ratio:
-    """Sums of one number over the members of each world; those who do not have it are not counted."""
+    """Return the sum and count of one metric in each group, ignoring people without it."""
     values = [[float(v) for m in members if isinstance(v := m.get(name), (int, float))] for members in groups]
     return _Ratio(np.array([sum(v) for v in values], np.float64), np.array([len(v) for v in values], np.float64))
 
 
 def _image_f1(people: Sequence[Mapping[str, Any]]) -> float:
+    """Return the F1 score over all people of an image."""
     hits, alarms, misses = (sum(p[name] for p in people) for name in ("hits", "false_alarms", "misses"))
     return 2 * hits / (2 * hits + alarms + misses) if hits else 0.0
 
 
 def _harmonic(first: float, second: float) -> float:
+    """Return the harmonic mean of two numbers."""
     return (
         2 * first * second / (first + second) if first + second > 0 else (0.0 if first == second == 0 else float("nan"))
     )
 
 
 def _harmonics(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Return the harmonic mean of two arrays."""
     total = first + second
     answer: FloatArray = np.where(total > 0, 2 * first * second / np.where(total > 0, total, 1.0), 0.0 * total)
     return answer

@@ -1,1 +1,1 @@
-"""The commands that physic-testing adds to ``physic``."""
+"""Commands that physic-testing adds to ``physic``."""

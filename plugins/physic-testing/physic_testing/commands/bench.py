@@ -1,4 +1,4 @@
-"""``physic bench``: how exact and how fast the engine is."""
+"""Command ``physic bench``: accuracy and speed of the engine."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,9 +16,9 @@ from physic_core.errors import ConfigError, PhysicError
 
 if TYPE_CHECKING:
     from physic_core.configuration.model import Config
-    from physic_testing.bench.accuracy import Work
-    from physic_testing.bench.cases import Case
     from physic_testing.bench.results import Results
+    from physic_testing.bench.run_worlds import BenchmarkJob
+    from physic_testing.bench.world_evidence import WorldCase
 
 __all__ = ["bench"]
 
@@ -34,7 +35,7 @@ class _Size(click.ParamType[Any]):
 
 @click.group()
 def bench() -> None:
-    """Measure how exact and how fast the engine is.
+    """Measure the accuracy and the speed of the engine.
 
     "accuracy" needs the plugin physic-mock: pip install -e plugins/physic-mock in a checkout of PhySIC
     """
@@ -63,27 +64,37 @@ def bench() -> None:
 )
 @click.option("--cache", type=click.Path(path_type=Path), help="Keeps evidence.  [default: user's cache folder]")
 @click.option("--no-cache", is_flag=True, help="Keep no evidence between runs.")
-def accuracy(
-    worlds: int,
-    seed: int,
-    preset: str,
-    size: tuple[int, int],
-    noise_seed: int,
-    rows: str,
-    overrides: tuple[str, ...],
-    jobs: int,
-    out: Path,
-    cache: Path | None,
-    no_cache: bool,
-) -> None:
+def accuracy(**options: Any) -> None:
     """Print the ablation table on synthetic worlds with ground truth; write it, every number and a plot to --out.
 
-    Ctrl-C ends the run with the worlds that are done; the same command later goes on from there.
+    Ctrl-C ends the run and writes the results of the completed worlds; the same command continues the run.
     """
-    if no_cache and cache is not None:
+    _measure_accuracy(_AccuracyOptions(**options))
+
+
+@dataclass(frozen=True)
+class _AccuracyOptions:
+    """Options of ``physic bench accuracy``, named as on the command line."""
+
+    worlds: int
+    seed: int
+    preset: str
+    size: tuple[int, int]
+    noise_seed: int
+    rows: str
+    overrides: tuple[str, ...]
+    jobs: int
+    out: Path
+    cache: Path | None
+    no_cache: bool
+
+
+def _measure_accuracy(options: _AccuracyOptions) -> None:
+    """Check the options, run the benchmark and write its results."""
+    if options.no_cache and options.cache is not None:
         raise click.UsageError("--cache and --no-cache exclude each other: give one of them")
-    trial, others = _split(overrides)
-    config, noisy = _configs(preset, noise_seed, trial, others)
+    trial, others = _split(options.overrides)
+    config, noisy = _configs(options.preset, options.noise_seed, trial, others)
 
     from physic_core.configuration.resolve import check, require_available, resolve
     from physic_core.discovery.plugins import discover
@@ -92,29 +103,29 @@ def accuracy(
     registry = discover()
     check(config, registry)
     require_available(resolve(noisy, registry))
-    check_writable(out)
+    check_writable(options.out)
 
-    from physic_testing.bench.accuracy import Work
-    from physic_testing.bench.cases import cache_folder, chosen_cases
-    from physic_testing.bench.rows import FULL, TRIAL, Row, pick
+    from physic_testing.bench.run_worlds import BenchmarkJob
+    from physic_testing.bench.table_rows import FULL, TRIAL, Row, select_rows
+    from physic_testing.bench.world_evidence import benchmark_cases, cache_folder
 
-    keys = [key.strip() for key in rows.split(",") if key.strip()]
-    chosen = pick(preset, keys or ([FULL] if trial else []))
+    keys = [key.strip() for key in options.rows.split(",") if key.strip()]
+    chosen = select_rows(options.preset, keys or ([FULL] if trial else []))
     if trial:
         label = "full, " + ", ".join(text.partition(".")[2] for text in trial)
         chosen = (*chosen, Row(TRIAL, label, config.engine.settings()))
-    work = Work(noisy, chosen, None if no_cache else (cache or cache_folder()))
-    cases = chosen_cases(worlds, seed, size)
+    work = BenchmarkJob(noisy, chosen, None if options.no_cache else (options.cache or cache_folder()))
+    cases = benchmark_cases(options.worlds, options.seed, options.size)
     settings = {
-        "worlds": worlds,
-        "seed": seed,
-        "preset": preset,
-        "size": list(size),
-        "noise_seed": noise_seed,
-        "set": list(overrides),
+        "worlds": options.worlds,
+        "seed": options.seed,
+        "preset": options.preset,
+        "size": list(options.size),
+        "noise_seed": options.noise_seed,
+        "set": list(options.overrides),
         "config": noisy.as_dict(),
     }
-    _run(cases, work, jobs, out, settings)
+    _run(cases, work, options.jobs, options.out, settings)
 
 
 @bench.command()
@@ -127,7 +138,7 @@ def accuracy(
 @click.option("--seed", metavar="S", type=click.IntRange(0), default=0, show_default=True, help="Draws the problems.")
 @click.option("--json", "file", type=click.Path(path_type=Path), help="Write every number to this file, too.")
 def speed(sections: str, repeats: int, preset: str, size: tuple[int, int], seed: int, file: Path | None) -> None:
-    """Print how the engine's times on this machine compare: ratios measured in one run."""
+    """Print run-time ratios of the engine on this machine, measured in one run."""
     from physic_testing.bench.speed import SECTIONS, format_report, measure_speed
 
     report = measure_speed(
@@ -149,7 +160,7 @@ def speed(sections: str, repeats: int, preset: str, size: tuple[int, int], seed:
 
 
 def _split(overrides: tuple[str, ...]) -> tuple[list[str], list[str]]:
-    """Settings of the engine, as "engine.joint.x=1", and those of backends."""
+    """Split overrides into engine settings, such as "engine.joint.x=1", and backend settings."""
     stages = ("scene.", "placement.", "joint.", "contact.")
     full = [f"engine.{text}" if text.strip().startswith(stages) else text.strip() for text in overrides]
     if any(text.startswith("engine.preset") for text in full):
@@ -158,7 +169,7 @@ def _split(overrides: tuple[str, ...]) -> tuple[list[str], list[str]]:
 
 
 def _configs(preset: str, noise_seed: int, trial: list[str], others: list[str]) -> tuple[Config, Config]:
-    """The config of the trial, and that of perception, which is the same for all trials."""
+    """Return the trial's config, and the config of the estimators, which all rows share."""
     from physic_core.configuration.model import load_config
     from physic_core.interfaces import INTERFACES
 
@@ -170,11 +181,12 @@ def _configs(preset: str, noise_seed: int, trial: list[str], others: list[str]) 
     )
 
 
-def _run(cases: tuple[Case, ...], work: Work, jobs: int, out: Path, settings: dict[str, Any]) -> None:
-    from physic_testing.bench.accuracy import run_cases
-    from physic_testing.bench.plot import draw
-    from physic_testing.bench.report import as_text
-    from physic_testing.bench.results import summarise, write
+def _run(cases: tuple[WorldCase, ...], work: BenchmarkJob, jobs: int, out: Path, settings: dict[str, Any]) -> None:
+    """Run the benchmark, write the results and print the tables."""
+    from physic_testing.bench.plot import draw_plot
+    from physic_testing.bench.results import summarise_records, write_results
+    from physic_testing.bench.run_worlds import run_cases
+    from physic_testing.bench.tables import as_text
 
     records: list[dict[str, Any]] = []
     stopped: BaseException | None = None
@@ -184,15 +196,15 @@ def _run(cases: tuple[Case, ...], work: Work, jobs: int, out: Path, settings: di
                 records.append(record)
                 failed = " failed" if record["error"] or any(row["error"] for row in record["rows"].values()) else ""
                 progress(f"{record['name']} {record['seed']}{failed}")
-    except (KeyboardInterrupt, PhysicError) as cause:  # told once what is done is written
+    except (KeyboardInterrupt, PhysicError) as cause:  # raised again after the results are written
         stopped = cause
-    results: Results = summarise(records, cases, work, settings)
-    paths = [*write(results, out)]
+    results: Results = summarise_records(records, cases, work, settings)
+    paths = [*write_results(results, out)]
     if records:
         click.echo("\n\n\n".join(map(as_text, results.tables)) + "\n")
         try:
-            paths.append(draw(results, out / "ablation.png"))
-        except PhysicError as error:  # the numbers are safe: a missing plot is worth a note
+            paths.append(draw_plot(results, out / "ablation.png"))
+        except PhysicError as error:  # the results are already written
             click.echo(f"note: {error}", err=True)
     click.echo(f"{len(records)} of {len(cases)} worlds; results: {', '.join(map(str, paths))}")
     if isinstance(stopped, PhysicError):
@@ -203,7 +215,7 @@ def _run(cases: tuple[Case, ...], work: Work, jobs: int, out: Path, settings: di
 
 @contextmanager
 def _progress(total: int) -> Iterator[Callable[[str], None]]:
-    """A bar on a terminal, one line a world elsewhere; both on stderr."""
+    """Report progress on stderr: a bar on a terminal, otherwise one line per world."""
     if not sys.stderr.isatty():
         done, start = 0, time.monotonic()
 

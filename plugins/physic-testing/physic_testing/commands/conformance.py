@@ -1,4 +1,4 @@
-"""``physic plugins check`` and ``compare``: the conformance kit without pytest."""
+"""Commands ``physic plugins check`` and ``physic plugins compare``."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ _DEVICE = click.option("--device", default="cpu", show_default=True, metavar="NA
 @click.option("--interface", metavar="NAME", help="Only the backend of this interface.")
 @click.option("--option", "options", multiple=True, metavar="KEY=VALUE", help="An option of the backend, as in TOML.")
 @_DEVICE
-@click.option("--json", "as_json", is_flag=True, help="Print the whole report as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
 @click.pass_context
 def check(
     ctx: click.Context, name: str, interface: str | None, options: tuple[str, ...], device: str, as_json: bool
 ) -> None:
-    """Try the backends called NAME on photos of synthetic worlds, and say what they do wrong.
+    """Check the backends called NAME on photos of synthetic worlds and print contract violations.
 
     NAME is a backend, DISTRIBUTION:BACKEND, or PACKAGE.MODULE:CLASS. Ends with code 5 if a check fails, and with
     4 if the backend could not be tried because something is missing on this machine.
@@ -42,7 +42,7 @@ def check(
     name, registry, given = class_here(name), discover(), _values(options) or None
     interfaces = [interface] if interface is not None else interfaces_of(registry, name)
     for own in interfaces:
-        registry.get(own, name)  # a name that cannot be used is refused before minutes are spent on the others
+        registry.get(own, name)  # raises an error before the checks of the other interfaces start, which take minutes
     reports = []
     for own in interfaces:
         reports.append(check_backend(name, own, options=given, registry=registry, device=device))
@@ -52,7 +52,7 @@ def check(
         click.echo(json.dumps([report.as_dict() for report in reports], indent=2))
     if any(report.failures for report in reports):
         ctx.exit(BACKEND)
-    ctx.exit(WEIGHTS if any(report.not_asked for report in reports) else 0)
+    ctx.exit(WEIGHTS if any(report.not_run_reason for report in reports) else 0)
 
 
 @click.command()
@@ -68,12 +68,12 @@ def compare(interface: str, names: tuple[str, ...], worlds: tuple[str, ...], dev
     """
     import json
 
-    from physic_testing.conformance.compare import COMPARED
+    from physic_testing.conformance.compare import DEFAULT_WORLDS
     from physic_testing.conformance.compare import compare as compared
     from physic_testing.worlds import WORLDS
 
     require_interface(interface)
-    chosen = [(world.partition(":")[0], _seed(world)) for world in worlds] or COMPARED
+    chosen = [(world.partition(":")[0], _seed(world)) for world in worlds] or DEFAULT_WORLDS
     for name, _ in chosen:
         if name not in WORLDS:
             raise click.UsageError(f"no world named '{name}'; there are: {', '.join(WORLDS)}")
@@ -82,7 +82,7 @@ def compare(interface: str, names: tuple[str, ...], worlds: tuple[str, ...], dev
 
 
 def interfaces_of(registry: Registry, name: str) -> list[str]:
-    """The interfaces that have a backend of this name.
+    """Return the interfaces that have a backend of this name.
 
     Raises:
         BackendNotFoundError: none has.
@@ -91,7 +91,7 @@ def interfaces_of(registry: Registry, name: str) -> list[str]:
 
 
 def _values(options: Sequence[str]) -> dict[str, Any]:
-    """KEY=VALUE as TOML says it; what is no TOML value is a text."""
+    """Parse KEY=VALUE options; a value that is not valid TOML is a string."""
     import tomllib
 
     values: dict[str, Any] = {}
@@ -107,7 +107,7 @@ def _values(options: Sequence[str]) -> dict[str, Any]:
 
 
 def _with_options(name: str) -> str | tuple[str, dict[str, Any]]:
-    """A name, or "mock{noise=2}" as the name and its options."""
+    """Parse "mock{noise=2}" to a name and options; a name without braces is returned alone."""
     import tomllib
 
     bare, brace, rest = name.partition("{")
@@ -120,7 +120,8 @@ def _with_options(name: str) -> str | tuple[str, dict[str, Any]]:
 
 
 def _seed(world: str) -> int:
+    """Return the seed of NAME:SEED, 0 without a seed."""
     _, colon, seed = world.partition(":")
     if colon and not seed.isdecimal():
-        raise click.UsageError(f"--world {world}: write NAME or NAME:SEED, the seed a whole number")
+        raise click.UsageError(f"--world {world}: write NAME or NAME:SEED; SEED is an integer")
     return int(seed) if colon else 0

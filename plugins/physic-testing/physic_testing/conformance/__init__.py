@@ -1,4 +1,4 @@
-"""The conformance kit: what every backend of an interface must do, tried on worlds with ground truth.
+"""Conformance kit: checks that a backend fulfils its interface, run on synthetic photos with ground truth.
 
 From Python, in a test, and in a shell::
 
@@ -12,21 +12,21 @@ From Python, in a test, and in a shell::
     physic plugins check my-depth [--json]
     physic plugins compare metric_depth my-depth embedded
 
-A backend class may say more of itself, by two attributes that nothing but this kit reads: ``capabilities``, a
-collection of words of :data:`CAPABILITIES`, and ``conformance_options(world)``, a static method that returns the
-options with which it is to be tried on the photo of a world, for a backend that has to be pointed at something.
+A backend class may define two attributes that only this kit reads: ``capabilities``, a collection of keys of
+:data:`CAPABILITIES`, and ``conformance_options(world)``, a static method that returns the backend's options for the
+photo of a world. A backend that needs prompts, such as points on people, defines the second one.
 
-Checks ask for the contract: forms, frames, units, and answers not far from the truth of plain synthetic photos. How
-good a backend is they report and never judge.
+The checks test the contract: shapes, dtypes, frames, units, and rough agreement with the truth of simple synthetic
+photos. The accuracy of a backend is reported, and no check depends on it.
 """
 
 from __future__ import annotations
 
-from physic_testing.conformance.asking import violations
+from physic_testing.conformance.backend_under_test import CAPABILITIES
 from physic_testing.conformance.check import Check
+from physic_testing.conformance.contract import violations
 from physic_testing.conformance.kit import check_backend, checks_for, parametrize_with_checks
 from physic_testing.conformance.report import Report, Result
-from physic_testing.conformance.subject import CAPABILITIES
 
 __all__ = [
     "CAPABILITIES",

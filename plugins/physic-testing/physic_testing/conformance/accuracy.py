@@ -1,4 +1,4 @@
-"""How far each backend is off on worlds: numbers to compare backends by, which no check judges."""
+"""Errors of backends on worlds. They are reported for comparison; no check depends on them."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from physic_core.metrics.matching import mask_iou
 from physic_core.metrics.pose import BODY_JOINTS, mpjpe_mm, pa_mpjpe_mm
 from physic_testing.conformance.expect import CheckSkipped
 from physic_testing.conformance.truth import (
+    comparable_keypoints,
     contact_on_embedded,
     posed_bodies,
     rotation_errors_deg,
     true_hands,
-    true_keypoints,
     true_wrists,
 )
 
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
         Pointmap,
         UInt8Array,
     )
+    from physic_testing.conformance.backend_under_test import BackendUnderTest
     from physic_testing.conformance.cases import Case
-    from physic_testing.conformance.subject import Subject
 
-__all__ = ["BETTER", "accuracy_of", "measure"]
+__all__ = ["BETTER_DIRECTION", "mean_accuracy", "measure_errors"]
 
-BETTER: dict[str, str] = {
+BETTER_DIRECTION: dict[str, str] = {
     "IoU": "higher",
     "found": "higher",
     "floor IoU": "higher",
@@ -60,41 +60,44 @@ BETTER: dict[str, str] = {
     "precision": "higher",
     "recall": "higher",
 }
-"""Every number that is measured -> whether higher or lower is better."""
+"""Error name -> whether higher or lower is better."""
 
-_SURE = 0.5  # of a contact probability
+_CONTACT_THRESHOLD = 0.5  # of a contact probability
 
 
-def measure(interface: str, answer: Any, case: Case) -> dict[str, float]:
-    """Errors of one answer, by the names of BETTER.
+def measure_errors(interface: str, answer: Any, case: Case) -> dict[str, float]:
+    """Measure the errors of one result against the ground truth.
 
     Args:
-        interface: of the backend.
-        answer: of the right form.
-        case: with a truth.
+        interface: interface of the backend.
+        answer: valid result of the backend.
+        case: photo with ground truth.
+
+    Returns:
+        Error name of BETTER_DIRECTION -> value.
 
     Raises:
-        CheckSkipped: a world does not know this kind of truth.
+        CheckSkipped: worlds have no ground truth for this interface.
     """
-    if interface not in _MEASURES:
-        raise CheckSkipped(f"no truth is known for the interface {interface}")
-    return _MEASURES[interface](answer, case)
+    if interface not in _ERROR_FUNCTIONS:
+        raise CheckSkipped(f"worlds have no ground truth for the interface {interface}")
+    return _ERROR_FUNCTIONS[interface](answer, case)
 
 
-def accuracy_of(subject: Subject) -> dict[str, float]:
-    """Means over the photos of worlds that a subject has answered; empty where it answered none."""
+def mean_accuracy(subject: BackendUnderTest) -> dict[str, float]:
+    """Average the errors of a backend over the photos of worlds it was called on; empty without results."""
     found: list[Mapping[str, float]] = []
-    shown = [name for name in ("one person", "several people", "close") if name in subject.attempts]
+    shown = [name for name in ("one person", "several people", "close") if name in subject.case_runs]
     for name in shown:
         try:
-            found.append(measure(subject.interface, subject.answer(name), subject.case(name)))
-        except Exception:  # an answer that fails its checks need not be measurable
+            found.append(measure_errors(subject.interface, subject.result(name), subject.case(name)))
+        except Exception:  # invalid output may not be measurable
             continue
-    return mean_of(found)
+    return mean_errors(found)
 
 
-def mean_of(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Means of what is finite, by name."""
+def mean_errors(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Average each error over its finite values."""
     names = list(dict.fromkeys(name for row in rows for name in row))
     kept = {name: [row[name] for row in rows if name in row and np.isfinite(row[name])] for name in names}
     return {name: float(np.mean(values)) for name, values in kept.items() if values}
@@ -132,12 +135,12 @@ def _metric_depth(answer: DepthMap, case: Case) -> dict[str, float]:
 def _relative_pointmap(answer: Pointmap, case: Case) -> dict[str, float]:
     truth = case.truth.empty_depth.astype(np.float64)
     both = answer.valid & np.isfinite(truth)
-    ratio = _fitted(answer.points[..., 2][both].astype(np.float64), truth[both], answer.unknown) / truth[both]
+    ratio = _scale_fitted(answer.points[..., 2][both].astype(np.float64), truth[both], answer.unknown) / truth[both]
     return {"abs-rel, aligned": float(np.abs(ratio - 1).mean()), "delta1, aligned": _delta1(ratio)}
 
 
 def _keypoint_detector(answer: Keypoints, case: Case) -> dict[str, float]:
-    points, true, seen, _ = true_keypoints(answer, case.truth)
+    points, true, seen, _ = comparable_keypoints(answer, case.truth)
     sides = (case.people.boxes[:, 2:] - case.people.boxes[:, :2]).max(axis=1)[:, None]
     error = np.linalg.norm(points - true, axis=2)
     return {"px": float(error[seen].mean()), "share of person": float((error / sides)[seen].mean())}
@@ -159,16 +162,17 @@ def _hand_estimator(answer: Hands, case: Case) -> dict[str, float]:
 
 
 def _contact_prior(answer: ContactProbability, case: Case) -> dict[str, float]:
-    scores = contact_scores(contact_on_embedded(answer).probability > _SURE, case.truth.contact)
+    scores = contact_scores(contact_on_embedded(answer).probability > _CONTACT_THRESHOLD, case.truth.contact)
     return {"F1": scores.f1_mean, "precision": scores.precision_mean, "recall": scores.recall_mean}
 
 
 def _delta1(ratio: FloatArray) -> float:
+    """Return the share of depth ratios below 1.25."""
     return float((np.maximum(ratio, 1 / ratio) < 1.25).mean())
 
 
-def _fitted(z: FloatArray, truth: FloatArray, unknown: AffineAmbiguity) -> FloatArray:
-    """Depth (M,) after the least-squares fit of what is unknown, in shares of the true depth."""
+def _scale_fitted(z: FloatArray, truth: FloatArray, unknown: AffineAmbiguity) -> FloatArray:
+    """Return the relative depth (M,) after a least-squares fit of the ambiguity."""
     if unknown == "inverse_scale_shift":
         design, target = np.stack([truth / z, truth], axis=1), np.ones_like(truth)
         s, t = np.linalg.lstsq(design, target, rcond=None)[0]
@@ -178,7 +182,7 @@ def _fitted(z: FloatArray, truth: FloatArray, unknown: AffineAmbiguity) -> Float
     return np.asarray(np.maximum(z * found[0] + (found[1] if len(found) > 1 else 0.0), 1e-6))
 
 
-_MEASURES: dict[str, Callable[[Any, Case], dict[str, float]]] = {
+_ERROR_FUNCTIONS: dict[str, Callable[[Any, Case], dict[str, float]]] = {
     "segmenter": _segmenter,
     "inpainter": _inpainter,
     "metric_depth": _metric_depth,

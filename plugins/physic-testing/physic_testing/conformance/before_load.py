@@ -1,4 +1,4 @@
-"""Checks of what a backend says of itself before it is loaded: what it lacks, and what else its answers depend on."""
+"""Checks of ``missing`` and ``fingerprint``, which are called before a backend is loaded."""
 
 from __future__ import annotations
 
@@ -10,67 +10,69 @@ from physic_core.discovery.error_text import describe
 from physic_core.discovery.readiness import missing_requirements
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
-from physic_testing.conformance.guard import no_network
+from physic_testing.conformance.network_and_memory import no_network
 
 if TYPE_CHECKING:
-    from physic_testing.conformance.subject import Subject
+    from physic_testing.conformance.backend_under_test import BackendUnderTest
 
-__all__ = ["SAYINGS"]
+__all__ = ["CHECKS"]
 
-MOST_SECONDS = 0.25
-"""Processor time that an answer may take: every chosen backend is asked in every run, before anything else."""
-
-
-def check_missing_is_fast_and_repeatable(subject: Subject) -> None:
-    """`missing` reads no weights, and returns the same when it is called again."""
-    backend = _fresh(subject)
-    first, again, seconds = _asked(subject, "missing()", lambda: missing_requirements(backend))
-    expect(first == again, "missing() to say the same twice", f"{first!r}, then {again!r}")
-    _expect_quick("missing()", seconds, "Look whether files are there; open them in load().")
+MAX_SECONDS = 0.25
+"""Maximum CPU time of a call, s: every run calls ``missing`` and ``fingerprint`` of each selected backend."""
 
 
-def check_fingerprint_works_before_load(subject: Subject) -> None:
-    """`fingerprint` returns a text fast, offline and before `load`, and the same text for the same weights."""
-    backend, other = _fresh(subject), _fresh(subject)
-    first, again, seconds = _asked(subject, "fingerprint()", backend.fingerprint)
-    for told in (first, again):
-        expect(isinstance(told, str), "fingerprint() to return a text, empty where there is nothing to say", repr(told))
+def check_missing_is_fast_and_repeatable(subject: BackendUnderTest) -> None:
+    """`missing` is fast, reads no weights, and returns the same list in each call."""
+    backend = _construct(subject)
+    first, again, seconds = _call_timed(subject, "missing()", lambda: missing_requirements(backend))
+    expect(first == again, "missing() to return the same list in both calls", f"{first!r}, then {again!r}")
+    _expect_quick("missing()", seconds, "Test whether the files exist; open them in load().")
+
+
+def check_fingerprint_works_before_load(subject: BackendUnderTest) -> None:
+    """`fingerprint` returns, before `load` and offline, the same str for the same weights; it is fast."""
+    backend, other = _construct(subject), _construct(subject)
+    first, again, seconds = _call_timed(subject, "fingerprint()", backend.fingerprint)
+    for returned in (first, again):
+        expect(isinstance(returned, str), "fingerprint() to return a str, empty without weights", repr(returned))
     expect(
-        first == again == (further := _asked(subject, "fingerprint()", other.fingerprint)[0]),
+        first == again == (further := _call_timed(subject, "fingerprint()", other.fingerprint)[0]),
         "the same fingerprint() each time, as long as the weights are the same",
         f"{first!r}, then {again!r}, and {further!r} of another backend with the same options",
-        "With a text that changes, no answer is ever found in the cache.",
+        "If the fingerprint changes between calls, cached results are never used.",
     )
-    _expect_quick("fingerprint()", seconds, "Names, sizes and times of files tell enough; physic_core.weights does it.")
+    _expect_quick("fingerprint()", seconds, "Use names, sizes and times of the files, as physic_core.weights does.")
 
 
-def _asked(subject: Subject, name: str, ask: Callable[[], Any]) -> tuple[Any, Any, float]:
-    """Two answers, and the processor time of the quicker of up to three."""
+def _call_timed(subject: BackendUnderTest, name: str, ask: Callable[[], Any]) -> tuple[Any, Any, float]:
+    """Call a function two or three times; return the first two results and the shortest CPU time."""
     answers, best = [], float("inf")
     with no_network() as places:
-        for _ in range(3):  # the first one may import modules
+        for _ in range(3):  # the first call may import modules
             start = time.process_time()
             try:
                 answers.append(ask())
             except Exception as error:
-                raise CheckFailed(f"{name} to answer before load()", describe(error, subject.kind)) from error
+                raise CheckFailed(f"{name} to work before load()", describe(error, subject.kind)) from error
             best = min(best, time.process_time() - start)
-            if len(answers) > 1 and best < MOST_SECONDS:
+            if len(answers) > 1 and best < MAX_SECONDS:
                 break
-    expect(not places, f"{name} to use no network", f"it asks for {', '.join(dict.fromkeys(places))}")
+    expect(not places, f"{name} to use no network", f"it requests {', '.join(dict.fromkeys(places))}")
     return answers[0], answers[1], best
 
 
 def _expect_quick(name: str, seconds: float, hint: str) -> None:
+    """Raise CheckFailed if a call takes too much CPU time."""
     expect(
-        seconds < MOST_SECONDS,
-        f"{name} in less than {MOST_SECONDS} s of processor time",
+        seconds < MAX_SECONDS,
+        f"{name} in less than {MAX_SECONDS} s of processor time",
         f"{seconds:.2f} s, each time",
         hint,
     )
 
 
-def _fresh(subject: Subject) -> Any:
+def _construct(subject: BackendUnderTest) -> Any:
+    """Construct the backend, or skip the check if this fails."""
     try:
         return subject.construct()
     except Exception as error:
@@ -79,7 +81,7 @@ def _fresh(subject: Subject) -> Any:
 
 _BACKEND = "physic_core.interfaces.Backend"
 _CONSTRUCTED = ("constructs_with_its_defaults",)
-SAYINGS: tuple[Check, ...] = (
+CHECKS: tuple[Check, ...] = (
     Check(
         check_missing_is_fast_and_repeatable,
         f"{_BACKEND}.missing",
@@ -87,4 +89,4 @@ SAYINGS: tuple[Check, ...] = (
     ),
     Check(check_fingerprint_works_before_load, f"{_BACKEND}.fingerprint", after=_CONSTRUCTED),
 )
-"""Both are asked in every run, of every backend."""
+"""Checks of the calls that every run makes before it loads a backend."""

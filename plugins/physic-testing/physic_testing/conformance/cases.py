@@ -1,4 +1,4 @@
-"""The photos that a backend is shown, each with everything that the pipeline would hand over with it."""
+"""Photos of the conformance kit, each with the inputs that the pipeline would pass with it."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 __all__ = ["CASES", "SIZE", "Case", "build_case", "case_of_world"]
 
 SIZE = (320, 240)
-"""Width and height of the ordinary photos, px."""
+"""Default width and height of the standard photos, px."""
 
 SCENE_UNIT = 1.7
-"""Metres in a unit of the relative point maps that are given as hints."""
+"""Metres per unit of the relative point maps in the hints."""
 
 CASES: dict[str, str] = {
     "one person": "one person, landscape",
@@ -34,26 +34,26 @@ CASES: dict[str, str] = {
     "large": "four times as wide and high",
     "close": "one person, three times as wide and high",
 }
-"""Name of each photo -> what it is."""
+"""Name of each photo -> description."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """One photo and what is known of it.
+    """One photo with all inputs of the interfaces and the ground truth.
 
     Attributes:
-        name: one of CASES, or the name of a world.
+        name: key of CASES, or the name of a world.
         photo: (H, W, 3) uint8 RGB.
         empty: (H, W, 3) uint8 RGB, the photo without its people.
-        hole: (H, W) bool, what has to be inpainted.
-        intrinsics: the camera.
+        hole: (H, W) bool, pixels to inpaint.
+        intrinsics: true camera intrinsics.
         people: N people with their true masks, without keypoints.
-        keypoints: true ones of the N people, skeleton "blazepose33".
-        bodies: true ones, in metres.
-        scene: true points of ``empty`` in units of SCENE_UNIT metres.
-        original: true points of ``photo`` in the same unit.
-        floor: the floor in that unit.
-        world: the truth; None where the photo was made up from another one, and is not judged by the truth.
+        keypoints: true keypoints of the N people, skeleton "blazepose33".
+        bodies: true bodies, m.
+        scene: true points of ``empty``, in units of SCENE_UNIT metres.
+        original: true points of ``photo``, in the same unit.
+        floor: floor plane, in the same unit.
+        world: ground truth; None for a photo that was resampled or altered and has no ground truth.
     """
 
     name: str
@@ -71,22 +71,22 @@ class Case:
 
     @property
     def size(self) -> str:
-        """Width and height in words."""
+        """Width and height as text."""
         return f"{self.photo.shape[1]} x {self.photo.shape[0]} px"
 
     @property
     def truth(self) -> World:
-        """The world, of a case that has one."""
+        """World of a case with ground truth."""
         assert self.world is not None, f"the photo '{self.name}' has no truth"
         return self.world
 
 
 def build_case(name: str, size: tuple[int, int] = SIZE) -> Case:
-    """Build a case; the last ones are kept.
+    """Build a case; recent cases are cached.
 
     Args:
-        name: one of CASES.
-        size: width and height of the ordinary photos, px; it sets those of the others.
+        name: key of CASES.
+        size: width and height of the standard photos, px; the sizes of the other photos depend on it.
     """
     return _build(name, size)
 
@@ -114,7 +114,7 @@ def _build(name: str, size: tuple[int, int]) -> Case:
 
 
 def case_of_world(name: str, world: World) -> Case:
-    """Input of a backend for the photo of a world, with the true results of all other backends."""
+    """Build the case of a world's photo: true inputs for the backends of all interfaces."""
     import cv2
 
     height, width = world.image.shape[:2]
@@ -139,6 +139,7 @@ def case_of_world(name: str, world: World) -> Case:
 
 
 def _without_people(case: Case) -> Case:
+    """Build the case of the same scene without people."""
     people, keypoints, bodies = case.people, case.keypoints, case.bodies
     observed = None if bodies.observed is None else bodies.observed[:0]
     return replace(
@@ -155,7 +156,7 @@ def _without_people(case: Case) -> Case:
 
 
 def _resized(case: Case, name: str, width: int, height: int) -> Case:
-    """The case resampled to another size, nearest pixels."""
+    """Resample a case to another size, nearest neighbour."""
     old_height, old_width = case.hole.shape
     scale = np.array([width / old_width, height / old_height])
     rows = ((np.arange(height) + 0.5) / scale[1]).astype(int)
@@ -179,5 +180,6 @@ def _resized(case: Case, name: str, width: int, height: int) -> Case:
 
 
 def _sampled(pointmap: Pointmap, grid: tuple[object, ...], width: int, height: int) -> Pointmap:
+    """Resample a point map at a pixel grid."""
     camera = pointmap.intrinsics.resized(width, height) if pointmap.intrinsics is not None else None
     return replace(pointmap, points=pointmap.points[grid], valid=pointmap.valid[grid], intrinsics=camera)  # type: ignore[index]

@@ -1,4 +1,4 @@
-"""One check of the conformance kit: a function, and when it applies."""
+"""Data class of one conformance check: the check function and its conditions."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from physic_testing.conformance.subject import Subject
+    from physic_testing.conformance.backend_under_test import BackendUnderTest
 
 __all__ = ["Check"]
 
 
 @dataclass(frozen=True)
 class Check:
-    """One property that every backend of an interface has.
+    """One conformance check: its function and its conditions.
 
     Attributes:
-        function: raises CheckFailed where the backend lacks the property, CheckSkipped where it cannot be tested.
-        read: the module or class that documents the property, printed with a failure.
-        after: names of checks that must not have failed, because this check would only repeat their failure.
-        unless: capabilities of a backend with which the check is skipped.
-        only_with: capabilities of a backend without which the check is skipped.
+        function: raises CheckFailed if the backend violates the contract, CheckSkipped if this cannot be tested.
+        read: module or class that documents the requirement; printed with a failure.
+        after: names of checks that must not have failed, because this check would fail for the same reason.
+        unless: capabilities of a backend for which the check is skipped.
+        only_with: capabilities that a backend must have for the check to run.
     """
 
-    function: Callable[[Subject], None]
+    function: Callable[[BackendUnderTest], None]
     read: str
     after: tuple[str, ...] = ()
     unless: frozenset[str] = frozenset()
@@ -32,10 +32,10 @@ class Check:
 
     @property
     def name(self) -> str:
-        """The function's, without "check_"."""
+        """Name of the check: the function's name without "check_"."""
         return self.function.__name__.removeprefix("check_")
 
     @property
     def summary(self) -> str:
-        """First line of its docstring."""
+        """First line of the function's docstring."""
         return (self.function.__doc__ or "").strip().partition("\n")[0]

@@ -1,4 +1,4 @@
-"""Check that a network is fed red, green and blue in this order."""
+"""Check that a backend interprets images as RGB."""
 
 from __future__ import annotations
 
@@ -7,56 +7,58 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.errors import BodyModelError, PhysicError
-from physic_testing.conformance.accuracy import measure
-from physic_testing.conformance.asking import form_faults, inputs
+from physic_testing.conformance.accuracy import measure_errors
 from physic_testing.conformance.check import Check
+from physic_testing.conformance.contract import contract_violations
 from physic_testing.conformance.expect import CheckSkipped, expect
+from physic_testing.conformance.requests import infer_arguments
 
 if TYPE_CHECKING:
-    from physic_testing.conformance.subject import Subject
+    from physic_testing.conformance.backend_under_test import BackendUnderTest
 
 __all__ = ["CHECKS"]
 
-_ERRORS = {
+_ERROR_NAMES = {
     "segmenter": "IoU",
     "metric_depth": "abs-rel, scale fitted",
     "relative_pointmap": "abs-rel, aligned",
     "keypoint_detector": "share of person",
 }
-_SMALL = 0.03  # an error below this is none to worry about
+_NEGLIGIBLE_ERROR = 0.03  # an error below this is none to worry about
 
 
-def check_colours_are_taken_as_rgb(subject: Subject) -> None:
-    """It is not clearly better at a photo whose red and blue are exchanged."""
+def check_reads_images_as_rgb(subject: BackendUnderTest) -> None:
+    """The output for the photo in RGB is not less accurate than for the same photo in BGR."""
     case = subject.case("one person")
     try:
-        own = _error(subject.interface, measure(subject.interface, subject.answer(), case))
+        own = _error(subject.interface, measure_errors(subject.interface, subject.result(), case))
     except BodyModelError as error:
-        raise CheckSkipped("its keypoints lie nowhere on a body: there is no error to compare") from error
-    if own < _SMALL:
+        raise CheckSkipped("its keypoints are not defined on a body, so there is no error to compare") from error
+    if own < _NEGLIGIBLE_ERROR:
         return
-    image, *rest = inputs(subject.interface, case)
+    image, *rest = infer_arguments(subject.interface, case)
     exchanged = (np.ascontiguousarray(image[..., ::-1]), *rest)
     try:
-        answer = subject.ask(subject.loaded(case), case, exchanged)
+        answer = subject.infer(subject.loaded(case), case, exchanged)
     except PhysicError as error:
-        raise CheckSkipped("it refuses a photo whose red and blue are exchanged") from error
-    if form_faults(subject.interface, answer, case):
+        raise CheckSkipped("it raises a PhysicError for a photo with red and blue exchanged") from error
+    if contract_violations(subject.interface, answer, case):
         return
-    other = _error(subject.interface, measure(subject.interface, answer, case))
-    name = _ERRORS[subject.interface]
+    other = _error(subject.interface, measure_errors(subject.interface, answer, case))
+    name = _ERROR_NAMES[subject.interface]
     expect(
         other > 0.5 * own,
-        "the best answer for a photo in the order red, green, blue",
+        "the smaller error for the photo in RGB order",
         f"an error ({name}) of {own:.3f}, but of {other:.3f} for the photo with red and blue exchanged",
-        "Does it feed its network BGR, as OpenCV reads files? Images here are RGB already.",
+        "Does it convert the image to BGR, as OpenCV reads files? Images are RGB.",
     )
 
 
 def _error(interface: str, measured: dict[str, float]) -> float:
-    value = measured[_ERRORS[interface]]
+    """Return the error that is compared, lower is better."""
+    value = measured[_ERROR_NAMES[interface]]
     return 1 - value if interface == "segmenter" else value
 
 
-CHECKS: tuple[Check, ...] = (Check(check_colours_are_taken_as_rgb, "physic_core.interfaces"),)
-"""Of interfaces whose backends read the whole picture."""
+CHECKS: tuple[Check, ...] = (Check(check_reads_images_as_rgb, "physic_core.interfaces"),)
+"""Colour check of interfaces whose backends process the whole photo."""

@@ -1,4 +1,4 @@
-"""Two or more backends of one interface, tried on the same worlds: one table of their errors."""
+"""Comparison of the accuracy of several backends of one interface on the same worlds."""
 
 from __future__ import annotations
 
@@ -10,65 +10,66 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.discovery.error_text import describe, traceback_text
 from physic_core.errors import PhysicError
-from physic_testing.conformance.accuracy import BETTER, mean_of, measure
-from physic_testing.conformance.asking import form_faults, inputs
+from physic_testing.conformance.accuracy import BETTER_DIRECTION, mean_errors, measure_errors
+from physic_testing.conformance.backend_under_test import find_backend
 from physic_testing.conformance.cases import SIZE, case_of_world
+from physic_testing.conformance.contract import contract_violations
 from physic_testing.conformance.expect import CheckSkipped
-from physic_testing.conformance.subject import find_subject
+from physic_testing.conformance.requests import infer_arguments
 from physic_testing.worlds import build_world
 
 if TYPE_CHECKING:
     from physic_core.discovery.registry import Registry
     from physic_core.interfaces import Backend
-    from physic_testing.conformance.subject import OptionsFor, Subject
+    from physic_testing.conformance.backend_under_test import BackendUnderTest, OptionsFor
 
-__all__ = ["COMPARED", "Comparison", "Row", "compare"]
+__all__ = ["DEFAULT_WORLDS", "BackendComparison", "BackendScores", "compare"]
 
-COMPARED: tuple[tuple[str, int], ...] = (("stand", 0), ("walk", 0), ("sit_on_chair", 0), ("group", 0))
-"""Name and seed of the worlds that backends are compared on unless others are named."""
+DEFAULT_WORLDS: tuple[tuple[str, int], ...] = (("stand", 0), ("walk", 0), ("sit_on_chair", 0), ("group", 0))
+"""Names and seeds of the default worlds for the comparison of backends."""
 
 
 @dataclass(frozen=True)
-class Row:
-    """One backend.
+class BackendScores:
+    """Mean errors and run time of one backend over the worlds.
 
     Attributes:
-        backend: its name.
-        errors: means over the worlds that it answered, by name with the unit.
-        answered: how many worlds it answered in the right form.
-        seconds: median time of an answer, weights loaded.
-        problem: why it did not answer the others; empty where it answered all.
-        traceback: of what it raised, where ``PHYSIC_DEBUG`` asks for it; else empty.
+        backend: name of the backend.
+        errors: error name with unit -> mean over the worlds with a valid result.
+        completed: number of worlds with a valid result.
+        seconds: median run time of ``infer`` on a loaded backend.
+        problem: why the other worlds have no valid result; empty if all have one.
+        traceback: traceback of the backend's errors if ``PHYSIC_DEBUG`` is set; else empty.
     """
 
     backend: str
     errors: dict[str, float]
-    answered: int
+    completed: int
     seconds: float
     problem: str = ""
     traceback: str = ""
 
 
 @dataclass(frozen=True)
-class Comparison:
-    """All backends.
+class BackendComparison:
+    """Errors of several backends of one interface on the same worlds.
 
     Attributes:
-        interface: of all of them.
-        worlds: name and seed of each.
+        interface: interface of the backends.
+        worlds: name and seed of each world.
         size: width and height of the photos, px.
-        rows: one a backend.
+        rows: scores of each backend.
     """
 
     interface: str
     worlds: tuple[tuple[str, int], ...]
     size: tuple[int, int]
-    rows: tuple[Row, ...] = field(default=())
+    rows: tuple[BackendScores, ...] = field(default=())
 
     @property
     def text(self) -> str:
-        """A table: one line a backend, the best of each column marked *."""
-        names = [name for name in BETTER if any(name in row.errors for row in self.rows)]
+        """Table with one line per backend; * marks the best value of each column."""
+        names = [name for name in BETTER_DIRECTION if any(name in row.errors for row in self.rows)]
         head = ("backend", *names, "s a photo", "worlds")
         lines = [head]
         for row in self.rows:
@@ -77,8 +78,8 @@ class Comparison:
                 (
                     row.backend,
                     *cells,
-                    f"{row.seconds:.2f}" if row.answered else "-",
-                    f"{row.answered} of {len(self.worlds)}",
+                    f"{row.seconds:.2f}" if row.completed else "-",
+                    f"{row.completed} of {len(self.worlds)}",
                 )
             )
         widths = [max(len(line[i]) for line in lines) for i in range(len(head))]
@@ -94,17 +95,19 @@ class Comparison:
         return "\n".join([*table, *notes, about])
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON: plain values, NaN as None."""
+        """Return the comparison as a JSON-ready dict, NaN as None."""
         return {
             "interface": self.interface,
             "worlds": [list(world) for world in self.worlds],
             "size": list(self.size),
-            "better": {name: way for name, way in BETTER.items() if any(name in row.errors for row in self.rows)},
+            "better": {
+                name: way for name, way in BETTER_DIRECTION.items() if any(name in row.errors for row in self.rows)
+            },
             "backends": [
                 {
                     "backend": row.backend,
                     "errors": {name: value if math.isfinite(value) else None for name, value in row.errors.items()},
-                    "answered": row.answered,
+                    "answered": row.completed,
                     "seconds": row.seconds if math.isfinite(row.seconds) else None,
                     "problem": row.problem,
                 }
@@ -112,11 +115,12 @@ class Comparison:
             ],
         }
 
-    def _cell(self, row: Row, name: str) -> str:
+    def _cell(self, row: BackendScores, name: str) -> str:
+        """Format one error; * marks the best of several backends."""
         if name not in row.errors:
             return "-"
         values = [other.errors[name] for other in self.rows if name in other.errors]
-        best = max(values) if BETTER[name] == "higher" else min(values)
+        best = max(values) if BETTER_DIRECTION[name] == "higher" else min(values)
         mark = "*" if len(values) > 1 and row.errors[name] == best else ""
         return f"{row.errors[name]:.3g}{mark}"
 
@@ -125,60 +129,61 @@ def compare(
     interface: str,
     backends: Sequence[str | type[Backend] | tuple[str | type[Backend], OptionsFor]],
     *,
-    worlds: Sequence[tuple[str, int]] = COMPARED,
+    worlds: Sequence[tuple[str, int]] = DEFAULT_WORLDS,
     registry: Registry | None = None,
     device: str = "cpu",
     size: tuple[int, int] = SIZE,
-) -> Comparison:
-    """Show the photos of worlds to several backends.
+) -> BackendComparison:
+    """Measure the errors of several backends on the photos of the same worlds.
 
     Args:
-        interface: of all of them.
+        interface: interface of the backends.
         backends: names or classes, as for :func:`physic_testing.check_backend`, each alone or with its options.
-        worlds: name and seed of each.
-        registry: where names are looked up; None for everything installed.
-        device: where backends are loaded.
+        worlds: name and seed of each world.
+        registry: registry in which names are looked up; by default all installed backends.
+        device: device on which the backends are loaded.
         size: width and height of the photos, px.
 
     Raises:
-        BackendError: one of the backends does not exist.
-        ConfigError: options that a backend does not take.
-        InputError: one of the worlds does not exist.
+        BackendError: a backend does not exist.
+        ConfigError: a backend does not accept its options.
+        InputError: a world does not exist.
     """
     subjects = []
     for entry in backends:
         backend, options = entry if isinstance(entry, tuple) else (entry, None)
-        subjects.append(find_subject(backend, interface, registry, options=options, device=device, size=size))
+        subjects.append(find_backend(backend, interface, registry, options=options, device=device, size=size))
         if isinstance(options, Mapping) and options:
             subjects[-1].name += "{" + ", ".join(f"{key}={value}" for key, value in options.items()) + "}"
     rows = tuple(_row(subject, worlds, size) for subject in subjects)
-    return Comparison(interface, tuple(worlds), size, rows)
+    return BackendComparison(interface, tuple(worlds), size, rows)
 
 
-def _row(subject: Subject, worlds: Sequence[tuple[str, int]], size: tuple[int, int]) -> Row:
+def _row(subject: BackendUnderTest, worlds: Sequence[tuple[str, int]], size: tuple[int, int]) -> BackendScores:
+    """Measure the mean errors and the median run time of one backend."""
     errors, times, problems, tracebacks = [], [], [], []
     for name, seed in worlds:
         case = case_of_world(f"{name} {seed}", build_world(name, seed, size))
         try:
-            backend, arguments = subject.loaded(case), inputs(subject.interface, case)
+            backend, arguments = subject.loaded(case), infer_arguments(subject.interface, case)
             start = time.perf_counter()
-            answer = subject.ask(backend, case, arguments)
+            answer = subject.infer(backend, case, arguments)
             times.append(time.perf_counter() - start)
-            faults = form_faults(subject.interface, answer, case)
+            faults = contract_violations(subject.interface, answer, case)
             if faults:
                 problems.append(faults[0])
             else:
-                errors.append(measure(subject.interface, answer, case))
-        except (Exception, SystemExit) as error:  # a plugin's door
+                errors.append(measure_errors(subject.interface, answer, case))
+        except (Exception, SystemExit) as error:  # a plugin may raise any error
             cause = error.__cause__ if isinstance(error, CheckSkipped) and error.__cause__ is not None else error
-            said = isinstance(cause, (CheckSkipped, PhysicError))
-            problems.append(str(error) if said else describe(cause, subject.kind))
+            explained = isinstance(cause, (CheckSkipped, PhysicError))
+            problems.append(str(error) if explained else describe(cause, subject.kind))
             tracebacks.append(traceback_text(cause))
     subject.close()
     median = sorted(times)[len(times) // 2] if times else float("nan")
-    return Row(
+    return BackendScores(
         subject.name,
-        mean_of(errors),
+        mean_errors(errors),
         len(errors),
         median,
         "; ".join(dict.fromkeys(problems)),

@@ -1,4 +1,4 @@
-"""How a check fails or is skipped."""
+"""Exceptions with which a check fails or is skipped."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ __all__ = ["CheckFailed", "CheckSkipped", "expect"]
 
 
 class CheckFailed(AssertionError):
-    """A backend does not do what its interface promises.
+    """Failure of a check: the backend violates the contract of its interface.
 
     Args:
         expected: what the contract requires, with units.
@@ -20,7 +20,7 @@ class CheckFailed(AssertionError):
 
 
 class CheckSkipped(Exception):
-    """A check cannot be tested; the message gives the reason."""
+    """Skip of a check; the message gives the reason."""
 
 
 def expect(condition: bool, expected: str, got: str, hint: str = "") -> None:

@@ -1,4 +1,4 @@
-"""The whole kit: which checks each interface has, run from Python or by pytest."""
+"""The conformance kit: selects the checks of an interface and runs them, from Python or as pytest tests."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from physic_core.discovery.error_text import debugging
 from physic_core.interfaces import INTERFACES, Backend
 from physic_testing.conformance import (
-    answering,
     before_load,
     body_estimator,
     colours,
@@ -18,44 +17,45 @@ from physic_testing.conformance import (
     keypoint_detector,
     lifecycle,
     metric_depth,
+    output_checks,
     registration,
     relative_pointmap,
     segmenter,
 )
+from physic_testing.conformance.backend_under_test import BackendUnderTest, find_backend
 from physic_testing.conformance.cases import SIZE
-from physic_testing.conformance.run import Run, require_known
-from physic_testing.conformance.subject import Subject, find_subject
+from physic_testing.conformance.run import CheckRun, require_check_names
 
 if TYPE_CHECKING:
     from physic_core.discovery.registry import Registry
+    from physic_testing.conformance.backend_under_test import OptionsFor
     from physic_testing.conformance.check import Check
     from physic_testing.conformance.report import Report
-    from physic_testing.conformance.subject import OptionsFor
 
-__all__ = ["BoundCheck", "check_backend", "checks_for", "parametrize_with_checks", "start"]
+__all__ = ["BoundCheck", "check_backend", "checks_for", "parametrize_with_checks", "start_checks"]
 
-_OWN: dict[str, tuple[Check, ...]] = {
-    "segmenter": answering.CHECKS_OF_PEOPLE + segmenter.CHECKS + colours.CHECKS,
+_INTERFACE_CHECKS: dict[str, tuple[Check, ...]] = {
+    "segmenter": output_checks.PEOPLE_CHECKS + segmenter.CHECKS + colours.CHECKS,
     "inpainter": inpainter.CHECKS,
-    "metric_depth": answering.CHECKS_OF_HINTS + metric_depth.CHECKS + colours.CHECKS,
+    "metric_depth": output_checks.HINT_CHECKS + metric_depth.CHECKS + colours.CHECKS,
     "relative_pointmap": relative_pointmap.CHECKS + colours.CHECKS,
     "keypoint_detector": keypoint_detector.CHECKS + colours.CHECKS,
     "body_estimator": body_estimator.CHECKS,
     "hand_estimator": hand_estimator.CHECKS,
     "contact_prior": contact_prior.CHECKS,
 }
-"""Checks of results against the truth of a world; an interface that is not listed has the general checks only."""
+"""Checks against the ground truth of a world, by interface; other interfaces have only the general checks."""
 
 
 def checks_for(interface: str) -> tuple[Check, ...]:
-    """All checks of an interface, in the order in which they make sense."""
+    """Return all checks of an interface, in order of execution."""
     return (
         registration.CHECKS
-        + lifecycle.BEFORE
-        + before_load.SAYINGS
-        + answering.CHECKS
-        + _OWN.get(interface, ())
-        + lifecycle.AFTER
+        + lifecycle.CHECKS_BEFORE_INFER
+        + before_load.CHECKS
+        + output_checks.CHECKS
+        + _INTERFACE_CHECKS.get(interface, ())
+        + lifecycle.CHECKS_AFTER_INFER
     )
 
 
@@ -70,30 +70,30 @@ def check_backend(
     device: str = "cpu",
     size: tuple[int, int] = SIZE,
 ) -> Report:
-    """Try a backend on photos of worlds, and say what it does not do that its interface promises.
+    """Run the conformance checks of a backend on photos of worlds and return the report.
 
     Args:
         backend: a name ("my-depth", "distribution:my-depth", "package.module:MyDepth"), a class, or an instance.
-        interface: needed for a name that several interfaces have.
-        options: the backend's, or a function of the world whose photo is shown.
-        capabilities: words of :data:`physic_testing.conformance.CAPABILITIES` that choose checks; None for those
-            that the class names in its attribute ``capabilities``.
-        expected_failures: name of a check -> why it is known to fail; if it passes, that is a failure too.
-        registry: where names are looked up; None for everything installed.
-        device: where the backend is loaded.
-        size: width and height of the ordinary photos, px.
+        interface: name of the interface; required if several interfaces have a backend of this name.
+        options: options of the backend, or a function that returns the options for a world.
+        capabilities: entries of :data:`physic_testing.conformance.CAPABILITIES`, which select checks; by default the
+            class attribute ``capabilities``.
+        expected_failures: name of a check -> why it is expected to fail; if it passes, it counts as a failure.
+        registry: registry in which names are looked up; by default all installed backends.
+        device: device on which the backend is loaded.
+        size: width and height of the standard photos, px.
 
     Raises:
-        BackendError: there is no such backend.
-        PhysicError: an expected failure or a capability that does not exist.
+        BackendError: the backend does not exist.
+        PhysicError: an expected failure or a capability does not exist.
     """
     settings = {"options": options, "capabilities": capabilities, "device": device, "size": size}
-    return start(find_subject(backend, interface, registry, **settings), expected_failures).report()
+    return start_checks(find_backend(backend, interface, registry, **settings), expected_failures).report()
 
 
-def start(subject: Subject, expected_failures: Mapping[str, str] | None = None) -> Run:
-    """All checks of a subject, none of them run yet."""
-    return Run(subject, checks_for(subject.interface), expected_failures)
+def start_checks(subject: BackendUnderTest, expected_failures: Mapping[str, str] | None = None) -> CheckRun:
+    """Create the run of all checks of a backend; no check runs yet."""
+    return CheckRun(subject, checks_for(subject.interface), expected_failures)
 
 
 def parametrize_with_checks(
@@ -104,7 +104,7 @@ def parametrize_with_checks(
     registry: Registry | None = None,
     **settings: Any,
 ) -> Callable[[Any], Any]:
-    """A pytest decorator: one test for each check of a backend.
+    """Return a pytest decorator that runs a test once for each check of a backend.
 
     Use::
 
@@ -115,21 +115,21 @@ def parametrize_with_checks(
     Nothing is imported or loaded before the first check runs.
 
     Args:
-        interface: "metric_depth", ...
+        interface: name of the interface, such as "metric_depth".
         backend: a name or a class, as for :func:`check_backend`.
-        expected_failures: name of a check -> why it is known to fail; strict.
+        expected_failures: name of a check -> why it is expected to fail; the test fails if the check passes.
         registry: as for :func:`check_backend`.
         settings: options, capabilities, device and size, as for :func:`check_backend`.
 
     Raises:
-        PhysicError: an expected failure names no check.
+        PhysicError: an expected failure is not the name of a check.
     """
     import pytest
 
     expected = dict(expected_failures or {})
     checks = {check.name: check for check in checks_for(interface)} if interface in INTERFACES else {}
-    require_known(expected, checks)
-    shared = _Shared(lambda: start(find_subject(backend, interface, registry, **settings)))
+    require_check_names(expected, checks)
+    shared = _SharedRun(lambda: start_checks(find_backend(backend, interface, registry, **settings)))
     params = [
         pytest.param(
             BoundCheck(shared, name),
@@ -138,21 +138,21 @@ def parametrize_with_checks(
         )
         for name in checks
     ]
-    params.append(pytest.param(shared.require_something, id="something_was_asked"))
+    params.append(pytest.param(shared.require_backend_call, id="backend_was_run"))
     return pytest.mark.parametrize("check", params)
 
 
 class BoundCheck:
-    """One check of one backend, to be called in a test."""
+    """One check of one backend, callable as a test."""
 
-    def __init__(self, shared: _Shared, name: str) -> None:
+    def __init__(self, shared: _SharedRun, name: str) -> None:
         self._shared, self._name = shared, name
 
     def __repr__(self) -> str:
         return self._name
 
     def __call__(self) -> None:
-        """Run the check as a test: fail, skip or return."""
+        """CheckRun the check as a test: fail, skip or return."""
         import pytest
 
         result = self._shared.run().result(self._name)
@@ -164,23 +164,24 @@ class BoundCheck:
             pytest.skip(result.reason)
 
 
-class _Shared:
-    """The run that the tests of one decorator share."""
+class _SharedRun:
+    """Run of the checks that all tests of one decorator share."""
 
-    def __init__(self, begin: Callable[[], Run]) -> None:
+    def __init__(self, begin: Callable[[], CheckRun]) -> None:
         self._begin = begin
-        self._run: Run | None = None
+        self._run: CheckRun | None = None
 
-    def run(self) -> Run:
+    def run(self) -> CheckRun:
+        """Return the run; create it in the first call."""
         if self._run is None:
             self._run = self._begin()
         return self._run
 
-    def require_something(self) -> None:
-        """Fail where every check was skipped."""
+    def require_backend_call(self) -> None:
+        """Fail the test if the backend was never called."""
         import pytest
 
-        reason = self.run().not_asked
+        reason = self.run().not_run_reason
         self.run().subject.close()
         if reason:
-            pytest.fail(f"expected: a backend that can be asked\ngot:      {reason}", pytrace=False)
+            pytest.fail(f"expected: a backend that can be called\ngot:      {reason}", pytrace=False)

@@ -1,4 +1,4 @@
-"""Checks of a backend's life: constructed cheaply and offline, loaded, closed, loaded again."""
+"""Checks of a backend's life cycle: constructor, load, close and reload."""
 
 from __future__ import annotations
 
@@ -10,116 +10,118 @@ from typing import TYPE_CHECKING, Any
 from physic_core.discovery.error_text import describe
 from physic_core.discovery.readiness import missing_requirements
 from physic_core.errors import PhysicError
-from physic_testing.conformance.asking import difference
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
-from physic_testing.conformance.guard import no_network, resident_megabytes
+from physic_testing.conformance.field_comparison import describe_difference
+from physic_testing.conformance.network_and_memory import no_network, resident_megabytes
 
 if TYPE_CHECKING:
+    from physic_testing.conformance.backend_under_test import BackendUnderTest
     from physic_testing.conformance.cases import Case
-    from physic_testing.conformance.subject import Subject
 
-__all__ = ["AFTER", "BEFORE"]
+__all__ = ["CHECKS_AFTER_INFER", "CHECKS_BEFORE_INFER"]
 
 MISSING_DEVICE = "cuda:99"
+"""Name of a device that does not exist on any test machine."""
 
-MOST_SECONDS, MOST_MEGABYTES = 0.25, 32.0
-"""Processor time and memory that a constructor may take."""
+MAX_SECONDS, MAX_MEGABYTES = 0.25, 32.0
+"""Maximum CPU time, s, and maximum memory, MB, of a constructor."""
 
 
-def check_constructs_with_its_defaults(subject: Subject) -> None:
-    """The constructor takes its options and returns."""
+def check_constructs_with_its_defaults(subject: BackendUnderTest) -> None:
+    """The constructor accepts the default options."""
     try:
         subject.construct()
     except Exception as error:
-        raise CheckFailed("a backend from its options", describe(error, subject.kind)) from error
+        raise CheckFailed("a constructor that accepts the default options", describe(error, subject.kind)) from error
 
 
-def check_constructs_offline(subject: Subject) -> None:
-    """The constructor uses no network, not even a name server: downloads belong into load, if anywhere."""
+def check_constructs_offline(subject: BackendUnderTest) -> None:
+    """The constructor makes no network request, not even a DNS lookup: downloads belong in `load`."""
     options = subject.options()
-    with no_network() as asked, suppress(Exception):  # 'constructs_with_its_defaults' says what else it raises
+    with no_network() as requested, suppress(Exception):  # other errors are reported by 'constructs_with_its_defaults'
         subject.kind(options)
     expect(
-        not asked,
+        not requested,
         "a constructor that uses no network",
-        f"it asks for {', '.join(dict.fromkeys(asked))}",
-        "Fetch weights in load(), or better in a command of your own.",
+        f"it requests {', '.join(dict.fromkeys(requested))}",
+        "Download weights in load(), or better in a separate command.",
     )
 
 
-def check_constructs_cheaply(subject: Subject) -> None:
-    """The constructor loads nothing: a config is checked by constructing every backend."""
+def check_constructs_cheaply(subject: BackendUnderTest) -> None:
+    """The constructor is fast and loads no weights: a config check constructs every backend."""
     best, memory, kept = float("inf"), float("inf"), []
-    for _ in range(3):  # The first one may import modules; what all of them take is the constructor's own.
+    for _ in range(3):  # The first call may import modules; the minimum is the constructor's own cost.
         gc.collect()
         before, start = resident_megabytes(), time.process_time()
         kept.append(subject.construct())
         best = min(best, time.process_time() - start)
         memory = min(memory, resident_megabytes() - before)
-        if best < MOST_SECONDS and memory < MOST_MEGABYTES:
+        if best < MAX_SECONDS and memory < MAX_MEGABYTES:
             return
     raise CheckFailed(
-        f"a constructor of less than {MOST_SECONDS} s of processor time and {MOST_MEGABYTES:.0f} MB",
+        f"a constructor of less than {MAX_SECONDS} s of processor time and {MAX_MEGABYTES:.0f} MB",
         f"{best:.2f} s and {memory:.0f} MB, each time",
         "Read weights in load().",
     )
 
 
-def check_loads_or_reports_what_is_missing(subject: Subject) -> None:
-    """`missing` lists offline what is missing; else `load` works, or raises a PhysicError with the cause."""
+def check_loads_or_reports_what_is_missing(subject: BackendUnderTest) -> None:
+    """`missing` lists missing files offline; if it lists none, `load` works or raises a PhysicError."""
     if "needs_cuda" in subject.capabilities and subject.device == "cpu":
-        raise CheckSkipped("needs a GPU: give the device 'cuda'")
-    backend = _fresh(subject)
-    with no_network() as asked:
+        raise CheckSkipped("needs a GPU: pass device='cuda'")
+    backend = _construct(subject)
+    with no_network() as requested:
         try:
             lacking = missing_requirements(backend)
         except PhysicError as error:
             raise CheckFailed(
                 "missing() to return a tuple of texts, empty where nothing is missing", str(error)
             ) from error
-    expect(not asked, "missing() to use no network", f"it asks for {', '.join(dict.fromkeys(asked))}")
+    expect(not requested, "missing() to use no network", f"it requests {', '.join(dict.fromkeys(requested))}")
     if lacking:
-        _expect_help("; ".join(lacking))
+        _expect_helpful_message("; ".join(lacking))
         raise CheckSkipped(f"not ready: {'; '.join(lacking)}")
     try:
         backend.load(subject.device)
     except PhysicError as error:
-        _expect_help(str(error))
+        _expect_helpful_message(str(error))
         raise CheckSkipped(f"not ready: {error}") from error
     except Exception as error:
         raise CheckFailed(
-            "load() to work, or a physic_core.errors.BackendError that says which file is missing and where to get it",
+            "load() to work, or to raise a physic_core.errors.BackendError with the missing file and its source",
             describe(error, subject.kind),
         ) from error
-    _quietly_closed(backend)
+    _close_quietly(backend)
 
 
-def _expect_help(said: str) -> None:
-    expect(len(said.split()) >= 4, "a message that says what is missing and where to get it", repr(said))
+def _expect_helpful_message(message: str) -> None:
+    """Raise CheckFailed if a message is shorter than four words."""
+    expect(len(message.split()) >= 4, "a message with what is missing and where to get it", repr(message))
 
 
-def check_refuses_a_missing_device(subject: Subject) -> None:
-    """`load` of a GPU that is not there raises a PhysicError, unless the backend needs no device at all."""
-    backend = _fresh(subject)
+def check_refuses_a_missing_device(subject: BackendUnderTest) -> None:
+    """`load` raises a PhysicError for a GPU that does not exist; a backend without a device may ignore it."""
+    backend = _construct(subject)
     try:
         backend.load(MISSING_DEVICE)
     except PhysicError:
         return
     except Exception as error:
         raise CheckFailed(
-            f"load({MISSING_DEVICE!r}) to raise a physic_core.errors.DeviceError, or to do without a device",
+            f"load({MISSING_DEVICE!r}) to raise a physic_core.errors.DeviceError, or to work without a device",
             describe(error, subject.kind),
-            "physic_core.adapters.devices.check_device(device) says it in words.",
+            "physic_core.adapters.devices.check_device(device) raises this error.",
         ) from error
-    _quietly_closed(backend)
+    _close_quietly(backend)
 
 
-def check_infer_before_load_works_or_raises(subject: Subject) -> None:
-    """`infer` before `load` works, or raises a PhysicError."""
-    subject.answer()
+def check_infer_before_load_works_or_raises(subject: BackendUnderTest) -> None:
+    """`infer` before `load` works or raises a PhysicError."""
+    subject.result()
     try:
-        subject.ask(_fresh(subject), subject.case("one person"))
+        subject.infer(_construct(subject), subject.case("one person"))
     except PhysicError:
         return
     except Exception as error:
@@ -129,10 +131,10 @@ def check_infer_before_load_works_or_raises(subject: Subject) -> None:
         ) from error
 
 
-def check_load_and_close_may_be_repeated(subject: Subject) -> None:
-    """`close` before `load`, `load` twice and `close` twice are allowed."""
-    subject.answer()
-    backend = _fresh(subject)
+def check_load_and_close_may_be_repeated(subject: BackendUnderTest) -> None:
+    """`close` before `load`, a second `load` and a second `close` raise no error."""
+    subject.result()
+    backend = _construct(subject)
     for i, (step, call) in enumerate(
         (
             ("close() before load()", backend.close),
@@ -146,53 +148,55 @@ def check_load_and_close_may_be_repeated(subject: Subject) -> None:
             call()
         except Exception as error:
             before = "" if i else ", on a fresh backend"
-            raise CheckFailed(f"{step} to do no harm{before}", describe(error, subject.kind)) from error
+            raise CheckFailed(f"{step} to raise no error{before}", describe(error, subject.kind)) from error
 
 
-def check_works_again_after_close(subject: Subject) -> None:
-    """After `close` and another `load` the output is the same as before."""
-    first = subject.answer("odd size")
+def check_works_again_after_close(subject: BackendUnderTest) -> None:
+    """After `close` and a second `load`, the output is the same as before."""
+    first = subject.result("odd size")
     case = subject.case("odd size")
-    backend = _fresh(subject, case)
+    backend = _construct(subject, case)
     try:
         backend.load(subject.device)
         backend.close()
         backend.load(subject.device)
-        again = subject.ask(backend, case)
+        again = subject.infer(backend, case)
     except Exception as error:
-        raise CheckFailed("an answer after load(), close(), load()", describe(error, subject.kind)) from error
+        raise CheckFailed("output after load(), close(), load()", describe(error, subject.kind)) from error
     finally:
-        _quietly_closed(backend)
+        _close_quietly(backend)
     if "stochastic" not in subject.capabilities:
-        told = difference(first, again)
-        expect(not told, "the same answer after load(), close(), load()", told)
+        changes = describe_difference(first, again)
+        expect(not changes, "the same output after load(), close(), load()", changes)
 
 
-def _fresh(subject: Subject, case: Case | None = None) -> Any:
+def _construct(subject: BackendUnderTest, case: Case | None = None) -> Any:
+    """Construct the backend, or skip the check if this fails."""
     try:
         return subject.construct(case)
     except Exception as error:
         raise CheckSkipped("it cannot be constructed: see 'constructs_with_its_defaults'") from error
 
 
-def _quietly_closed(backend: Any) -> None:
-    with suppress(Exception):  # 'load_and_close_may_be_repeated' says it
+def _close_quietly(backend: Any) -> None:
+    """Close a backend and ignore errors."""
+    with suppress(Exception):  # reported by 'load_and_close_may_be_repeated'
         backend.close()
 
 
 _BACKEND = "physic_core.interfaces.Backend"
 _WHOLE = ("target_is_a_concrete_class", "options_have_defaults")
 _CONSTRUCTED = ("constructs_with_its_defaults",)
-BEFORE: tuple[Check, ...] = (
+CHECKS_BEFORE_INFER: tuple[Check, ...] = (
     Check(check_constructs_offline, _BACKEND, after=_WHOLE),
     Check(check_constructs_with_its_defaults, _BACKEND, after=(*_WHOLE, "constructs_offline")),
     Check(check_constructs_cheaply, _BACKEND, after=_CONSTRUCTED),
     Check(check_loads_or_reports_what_is_missing, _BACKEND, after=_CONSTRUCTED),
     Check(check_refuses_a_missing_device, "physic_core.adapters.devices", after=("loads_or_reports_what_is_missing",)),
 )
-"""Before a backend is asked anything."""
+"""Life-cycle checks that run before the first call of ``infer``."""
 
-AFTER: tuple[Check, ...] = (
+CHECKS_AFTER_INFER: tuple[Check, ...] = (
     Check(check_infer_before_load_works_or_raises, _BACKEND),
     Check(check_load_and_close_may_be_repeated, _BACKEND),
     Check(
@@ -201,4 +205,4 @@ AFTER: tuple[Check, ...] = (
         after=("load_and_close_may_be_repeated", "is_deterministic", "keeps_no_state_between_photos"),
     ),
 )
-"""Once it has answered."""
+"""Life-cycle checks that run after ``infer`` returned valid output."""

@@ -1,4 +1,4 @@
-"""Checks of what is known of a backend before it is constructed: its class, its plugin and its options."""
+"""Checks of a backend's registration, class and options, before it is constructed."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 
 if TYPE_CHECKING:
-    from physic_testing.conformance.subject import Subject
+    from physic_testing.conformance.backend_under_test import BackendUnderTest
 
 __all__ = ["CHECKS"]
 
-HEAVY = frozenset((
+HEAVY_MODULES = frozenset((
     "PIL", "cv2", "diffusers", "jax", "kornia", "matplotlib", "numpy", "onnxruntime", "open3d", "pandas",
     "scipy", "skimage", "sklearn", "tensorflow", "timm", "torch", "torchvision", "transformers", "trimesh",
     "ultralytics",
 ))  # fmt: skip
-"""Modules that only a backend's own module may import, never the module that registers it."""
+"""Packages that the registration module of a plugin must not import."""
 
-LONGEST_REGISTRATION = 0.5
-"""Seconds of processor time."""
+MAX_REGISTRATION_SECONDS = 0.5
+"""Maximum CPU time to list a plugin, s."""
 
-_LOOK = """
+_REGISTRATION_SCRIPT = """
 import json, sys, time
 import physic_core.discovery.hookspecs, physic_core.discovery.plugins, physic_core.interfaces
 known, start = set(sys.modules), time.process_time()
@@ -44,30 +44,30 @@ print(json.dumps({"seconds": time.process_time() - start, "new": new, "broken": 
 """
 
 
-def check_registration_is_light(subject: Subject) -> None:
-    """Listing the plugin imports nothing heavy: the user pays for it at every `physic plugins`."""
+def check_registration_is_light(subject: BackendUnderTest) -> None:
+    """Listing the plugin imports no heavy package: `physic plugins` lists every plugin."""
     claim = subject.claim
     if claim is None or not claim.origin.plugin:
-        raise CheckSkipped("no plugin registers it")
-    seen = _registration(claim.origin.plugin, tuple(sys.path))
+        raise CheckSkipped("not registered by a plugin")
+    seen = _measure_registration(claim.origin.plugin, tuple(sys.path))
     expect(not seen["broken"], "a plugin that can be listed", "; ".join(seen["broken"]))
-    heavy = sorted(HEAVY & set(seen["new"]))
+    heavy = sorted(HEAVY_MODULES & set(seen["new"]))
     expect(
         not heavy,
         f"a registration module, {claim.origin.plugin}, that imports nothing heavy",
         f"listing it imports {', '.join(heavy)}",
-        "Give the target as a text, 'package.module:Class', and import the rest in that module.",
+        "Register the target as a str, 'package.module:Class', and import the other packages in that module.",
     )
     expect(
-        seen["seconds"] < LONGEST_REGISTRATION,
-        f"less than {LONGEST_REGISTRATION} s of processor time to list the plugin",
+        seen["seconds"] < MAX_REGISTRATION_SECONDS,
+        f"less than {MAX_REGISTRATION_SECONDS} s of processor time to list the plugin",
         f"{seen['seconds']:.1f} s",
         "Move work out of the registration module.",
     )
 
 
-def check_target_is_a_concrete_class(subject: Subject) -> None:
-    """The target is a subclass of its interface without abstract methods."""
+def check_target_is_a_concrete_class(subject: BackendUnderTest) -> None:
+    """The registered target is a subclass of its interface and implements all abstract methods."""
     wanted = INTERFACES[subject.interface]
     name = f"physic_core.interfaces.{wanted.__name__}"
     expect(issubclass(subject.kind, wanted), f"a subclass of {name}", f"{subject.kind.__mro__[1:-1]}")
@@ -75,15 +75,15 @@ def check_target_is_a_concrete_class(subject: Subject) -> None:
     expect(not missing, f"all methods of {name}", f"a class without {', '.join(missing)}")
 
 
-def check_infer_has_the_right_signature(subject: Subject) -> None:
-    """`infer` takes the arguments of its interface, in their order."""
+def check_infer_has_the_right_signature(subject: BackendUnderTest) -> None:
+    """`infer` has the parameters of its interface, in the same order."""
     wanted = list(inspect.signature(INTERFACES[subject.interface].infer).parameters)  # type: ignore[attr-defined]
     fault = call_fault(subject.kind, subject.interface)
     expect(not fault, f"infer({', '.join(wanted)})", fault)
 
 
-def check_options_refuse_unknown_keys(subject: Subject) -> None:
-    """`Options` is a pydantic model that refuses keys it does not know."""
+def check_options_refuse_unknown_keys(subject: BackendUnderTest) -> None:
+    """`Options` is a pydantic model that rejects unknown keys."""
     options = subject.kind.Options
     is_model = isinstance(options, type) and issubclass(options, BaseModel)
     expect(is_model, "Options to be a subclass of physic_core.interfaces.Options", f"{options!r}")
@@ -93,31 +93,31 @@ def check_options_refuse_unknown_keys(subject: Subject) -> None:
         if any(fault["type"] == "extra_forbidden" for fault in error.errors()):
             return
     raise CheckFailed(
-        "unknown options to be refused: a user's spelling mistake must not pass",
-        "a model that takes {'no_such_option_': 1}",
-        "Derive Options from physic_core.interfaces.Options and leave its model_config alone.",
+        "an error for unknown options, such as misspelt ones",
+        "a model that accepts {'no_such_option_': 1}",
+        "Derive Options from physic_core.interfaces.Options and do not change its model_config.",
     )
 
 
-def check_options_have_defaults(subject: Subject) -> None:
-    """Every option has a default: a config that only names the backend works."""
+def check_options_have_defaults(subject: BackendUnderTest) -> None:
+    """Every option has a default, so that a config can select the backend by its name alone."""
     required = [name for name, field in subject.kind.Options.model_fields.items() if field.is_required()]
     expect(not required, "a default for every option", f"none for {', '.join(required)}")
 
 
-def check_options_are_described(subject: Subject) -> None:
-    """Every option has a description, for `physic plugins show`."""
+def check_options_are_described(subject: BackendUnderTest) -> None:
+    """Every option has a description, which `physic plugins show` prints."""
     silent = [name for name, field in subject.kind.Options.model_fields.items() if not field.description]
     expect(
         not silent,
-        "a description of every option: unit, what good values are",
+        "a description of every option: unit and useful values",
         f"none for {', '.join(silent)}",
         "option: float = Field(0.5, description='... m; 0.3-1 works')",
     )
 
 
-def check_options_survive_json(subject: Subject) -> None:
-    """Options have a JSON schema, and come back from JSON as they were: results and editors need both."""
+def check_options_survive_json(subject: BackendUnderTest) -> None:
+    """Options have a JSON schema and are equal after a JSON round trip."""
     kind = subject.kind.Options
     try:
         with warnings.catch_warnings():
@@ -127,15 +127,16 @@ def check_options_survive_json(subject: Subject) -> None:
         back = kind.model_validate(json.loads(json.dumps(options.model_dump(mode="json"))))
     except Exception as error:  # pydantic raises many kinds
         raise CheckFailed("options that can be written as JSON", describe(error, subject.kind)) from error
-    expect(back == options, "options that come back from JSON as they were", f"{back!r} instead of {options!r}")
+    expect(back == options, "equal options after a JSON round trip", f"{back!r} instead of {options!r}")
 
 
 @lru_cache(maxsize=64)
-def _registration(plugin: str, path: tuple[str, ...]) -> dict[str, Any]:
+def _measure_registration(plugin: str, path: tuple[str, ...]) -> dict[str, Any]:
+    """List a plugin in a new process; return the CPU time, the imported packages and the errors."""
     import os
 
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in path if p)}
-    command = [sys.executable, "-P", "-c", _LOOK, plugin]
+    command = [sys.executable, "-P", "-c", _REGISTRATION_SCRIPT, plugin]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=120, check=False)
     if done.returncode:
         return {"seconds": 0.0, "new": [], "broken": [done.stderr.strip().rpartition("\n")[2]]}
@@ -153,4 +154,4 @@ CHECKS: tuple[Check, ...] = (
     Check(check_options_are_described, _OPTIONS, after=("options_refuse_unknown_keys",)),
     Check(check_options_survive_json, _OPTIONS, after=("options_have_defaults",)),
 )
-"""In the order in which they make sense."""
+"""Checks of a registration, in order of execution."""

@@ -1,4 +1,4 @@
-"""What came of the checks: counts, messages, JSON."""
+"""Results of the conformance checks: counts, messages and JSON."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ OUTCOMES: dict[Outcome, str] = {
     "xpassed": "passed though expected to fail",
     "skipped": "skipped",
 }
-"""Outcome -> how the summary calls it."""
+"""Outcome -> its text in the summary."""
 
 
 @dataclass(frozen=True)
 class Result:
-    """What came of one check.
+    """Result of one check.
 
     Attributes:
-        check: its name.
-        outcome: "xfailed" is an expected failure, "xpassed" one that did not happen, which is wrong too.
-        expected: what the contract asks; of a failure.
-        got: what came; of a failure.
-        hint: what it may be; of a failure.
-        reason: why it was skipped, or expected to fail.
-        read: where to read more.
-        seconds: time that it took, photos that it was the first to show included.
-        error: what the backend raised, of a failure that comes of an exception.
+        check: name of the check.
+        outcome: "xfailed" is an expected failure; "xpassed" is an unexpected success, which counts as a failure.
+        expected: for a failure, the requirement.
+        got: for a failure, the backend's output or error.
+        hint: for a failure, a likely cause.
+        reason: why the check was skipped or is expected to fail.
+        read: module or class that documents the requirement.
+        seconds: run time, including the first call of the backend on each photo.
+        error: for a failure caused by an exception, the exception.
     """
 
     check: str
@@ -51,37 +51,38 @@ class Result:
 
     @property
     def traceback(self) -> str:
-        """Of what the backend raised, where ``PHYSIC_DEBUG`` asks for it; else empty."""
+        """Traceback of the backend's error if ``PHYSIC_DEBUG`` is set; else empty."""
         return traceback_text(self.error).rstrip("\n")
 
     @property
     def message(self) -> str:
-        """All there is to say about it."""
+        """Name of the check with its failure, or with its reason for being skipped."""
         if self.outcome == "failed":
             lines = [f"{self.check}", f"  expected: {self.expected}", f"  got:      {self.got}"]
             lines += [f"  hint:     {self.hint}"] if self.hint else []
             return "\n".join([*lines, f"  read:     {self.read}"])
         if self.outcome == "xpassed":
-            return f"{self.check}\n  expected: a failure ({self.reason})\n  got:      it passes: expect it no longer"
+            lines = [self.check, f"  expected: a failure ({self.reason})"]
+            return "\n".join([*lines, "  got:      it passes: remove it from expected_failures"])
         return f"{self.check}: {self.reason}" if self.reason else self.check
 
 
 def _plain(result: Result) -> dict[str, Any]:
-    """A result for JSON, with the traceback in place of the error."""
+    """Return a result as a JSON-ready dict, with the traceback instead of the error."""
     values = {f.name: getattr(result, f.name) for f in fields(result) if f.name != "error"}
     return values | ({"traceback": result.traceback} if result.traceback else {})
 
 
 @dataclass(frozen=True)
 class Report:
-    """What came of all checks of one backend.
+    """Results of all checks of one backend.
 
     Attributes:
-        interface: "metric_depth", ...
-        backend: its name.
-        origin: distribution and version, or how else it came here.
-        results: one a check.
-        accuracy: its errors on the worlds, by name with the unit; reported, never judged.
+        interface: name of the interface, such as "metric_depth".
+        backend: name of the backend.
+        origin: distribution and version, or a note that the class was passed directly.
+        results: one result per check.
+        accuracy: error name with unit -> mean error on the worlds; no check depends on it.
     """
 
     interface: str
@@ -92,17 +93,17 @@ class Report:
 
     @property
     def counts(self) -> dict[Outcome, int]:
-        """Outcome -> how many."""
+        """Outcome -> number of checks."""
         return {outcome: sum(r.outcome == outcome for r in self.results) for outcome in OUTCOMES}
 
     @property
     def failures(self) -> tuple[Result, ...]:
-        """The checks that failed, and those that passed though they were expected to fail."""
+        """Checks that failed, and checks that passed although a failure was expected."""
         return tuple(r for r in self.results if r.outcome in ("failed", "xpassed"))
 
     @property
-    def not_asked(self) -> str:
-        """Why the backend was never asked anything, empty where it was."""
+    def not_run_reason(self) -> str:
+        """Reason why the backend was never called; empty if it was."""
         judged = {r.check: r for r in self.results if r.outcome != "skipped"}
         if not judged:
             return next((r.reason for r in self.results), "there was no check to run")
@@ -111,26 +112,26 @@ class Report:
 
     @property
     def ok(self) -> bool:
-        """Whether nothing failed and something was asked: a run that judged nothing is no success."""
-        return not self.failures and not self.not_asked
+        """Whether no check failed and the backend was called at least once."""
+        return not self.failures and not self.not_run_reason
 
     @property
     def summary(self) -> str:
-        """One line: "metric_depth:my-depth  23 checks: 21 passed, 2 skipped (stochastic 2)"."""
+        """One line of counts, such as "metric_depth:my-depth  23 checks: 21 passed, 2 skipped (stochastic 2)"."""
         reasons: dict[str, int] = {}
         for result in self.results:
             if result.outcome == "skipped":
                 reasons[result.reason] = reasons.get(result.reason, 0) + 1
         words = [f"{count} {OUTCOMES[outcome]}" for outcome, count in self.counts.items() if count]
-        if reasons and not self.not_asked:
-            told = {shorten(reason, 90, placeholder=" ..."): n for reason, n in reasons.items()}
-            words[-1] += f" ({'; '.join(f'{reason}: {n}' if n > 1 else reason for reason, n in told.items())})"
+        if reasons and not self.not_run_reason:
+            shortened = {shorten(reason, 90, placeholder=" ..."): n for reason, n in reasons.items()}
+            words[-1] += f" ({'; '.join(f'{reason}: {n}' if n > 1 else reason for reason, n in shortened.items())})"
         line = f"{self.interface}:{self.backend}  {len(self.results)} checks: {', '.join(words) or 'none ran'}"
-        return f"{line}\nNOTHING ASKED: {self.not_asked}" if self.not_asked else line
+        return f"{line}\nBACKEND NEVER RUN: {self.not_run_reason}" if self.not_run_reason else line
 
     @property
     def text(self) -> str:
-        """Every failure, the accuracy, and the summary."""
+        """All failures, the accuracy, and the summary as text."""
         blocks = [text for r in self.failures for text in (r.message, r.traceback) if text]
         if self.accuracy:
             numbers = ", ".join(f"{name} {value:.3g}" for name, value in self.accuracy.items())
@@ -138,20 +139,20 @@ class Report:
         return "\n".join([*blocks, self.summary])
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON: plain values, NaN as None."""
+        """Return the report as a JSON-ready dict, NaN as None."""
         numbers = {name: value if math.isfinite(value) else None for name, value in self.accuracy.items()}
         return {
             "interface": self.interface,
             "backend": self.backend,
             "origin": self.origin,
             "ok": self.ok,
-            "not_asked": self.not_asked,
+            "not_asked": self.not_run_reason,
             "counts": self.counts,
             "results": [_plain(result) for result in self.results],
             "accuracy": numbers,
         }
 
     def raise_if_failed(self) -> None:
-        """Turn a failure into an AssertionError with the whole text."""
+        """Raise AssertionError with the full text if a check failed or the backend was never called."""
         if not self.ok:
             raise AssertionError(self.text)

@@ -1,4 +1,4 @@
-"""Runs checks on one subject: each once, those that it builds on first."""
+"""Execution of conformance checks on one backend: each check once, after the checks on which it depends."""
 
 from __future__ import annotations
 
@@ -10,62 +10,63 @@ from typing import TYPE_CHECKING
 
 from physic_core.discovery.error_text import describe
 from physic_core.errors import PhysicError
-from physic_testing.conformance.accuracy import accuracy_of
+from physic_testing.conformance.accuracy import mean_accuracy
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped
 from physic_testing.conformance.report import Report, Result
 
 if TYPE_CHECKING:
+    from physic_testing.conformance.backend_under_test import BackendUnderTest
     from physic_testing.conformance.check import Check
-    from physic_testing.conformance.subject import Subject
 
-__all__ = ["Run", "require_known"]
+__all__ = ["CheckRun", "require_check_names"]
 
 
-class Run:
-    """The checks of one subject, each run when its result is first wanted.
+class CheckRun:
+    """Run of the checks of one backend; each check runs when its result is first requested.
 
     Args:
-        subject: lets the backend be asked.
-        checks: in order.
-        expected_failures: name of a check -> why it is known to fail.
+        subject: the backend under test.
+        checks: checks in order of execution.
+        expected_failures: name of a check -> why it is expected to fail.
 
     Raises:
-        PhysicError: an expected failure names no check.
+        PhysicError: an expected failure is not the name of a check.
     """
 
     def __init__(
-        self, subject: Subject, checks: Sequence[Check], expected_failures: Mapping[str, str] | None = None
+        self, subject: BackendUnderTest, checks: Sequence[Check], expected_failures: Mapping[str, str] | None = None
     ) -> None:
         self.subject, self.checks = subject, {check.name: check for check in checks}
         self._expected = dict(expected_failures or {})
         self._results: dict[str, Result] = {}
-        require_known(self._expected, self.checks)
+        require_check_names(self._expected, self.checks)
 
     def result(self, name: str) -> Result:
-        """What came of a check."""
+        """Return the result of a check; run it if needed."""
         if name not in self._results:
             start = time.perf_counter()
-            found = self._judge(self.checks[name])
+            found = self._run_check(self.checks[name])
             values = vars(found) | {"seconds": time.perf_counter() - start}
             self._results[name] = self._as_expected(Result(**values))
         return self._results[name]
 
     @property
-    def not_asked(self) -> str:
-        """Why the backend could not be asked anything, empty where it was."""
+    def not_run_reason(self) -> str:
+        """Reason why the backend could not be called; empty if it was called."""
         form = self.result("returns_valid_output")
         return form.reason if form.outcome == "skipped" else ""
 
     def report(self) -> Report:
-        """Run whatever has not run yet, and close the backend."""
+        """Run the remaining checks, close the backend and return the report."""
         results = tuple(self.result(name) for name in self.checks)
-        accuracy = accuracy_of(self.subject)
+        accuracy = mean_accuracy(self.subject)
         self.subject.close()
         subject = self.subject
-        origin = "given by hand" if subject.claim is None else str(subject.claim.origin)
+        origin = "passed directly" if subject.claim is None else str(subject.claim.origin)
         return Report(subject.interface, subject.name, origin, results, accuracy)
 
-    def _judge(self, check: Check) -> Result:
+    def _run_check(self, check: Check) -> Result:
+        """Run one check, or skip it because of a capability or an earlier failure."""
         name, capabilities = check.name, self.subject.capabilities
         for word in sorted(check.unless & capabilities):
             return Result(name, "skipped", reason=word)
@@ -79,7 +80,7 @@ class Run:
                 return Result(name, "skipped", reason=found.reason)
         try:
             with warnings.catch_warnings():
-                # None of the contract's affairs, and must not decide by the settings of who runs the check.
+                # Warnings are not part of the contract; the caller's warning filters must not affect a check.
                 warnings.simplefilter("ignore")
                 check.function(self.subject)
         except CheckFailed as failure:
@@ -96,11 +97,12 @@ class Run:
             return Result(name, "skipped", reason=str(reason))
         except Exception as error:
             got = describe(error, self.subject.kind)
-            hint = "The check itself stumbled."
+            hint = "The check itself raised this error; it may be a defect of the check."
             return Result(name, "failed", check.summary.rstrip("."), got, hint, read=check.read, error=error)
         return Result(name, "passed")
 
     def _as_expected(self, result: Result) -> Result:
+        """Mark a result as an expected failure or an unexpected success."""
         reason = self._expected.get(result.check)
         if reason is None or result.outcome == "skipped":
             return result
@@ -108,8 +110,8 @@ class Run:
         return Result(**vars(result) | {"outcome": outcome, "reason": reason})
 
 
-def require_known(names: Mapping[str, str], checks: Mapping[str, Check]) -> None:
-    """Refuse names that are no checks.
+def require_check_names(names: Mapping[str, str], checks: Mapping[str, Check]) -> None:
+    """Raise PhysicError if a name is not the name of a check.
 
     Raises:
         PhysicError: one is not.
@@ -117,5 +119,5 @@ def require_known(names: Mapping[str, str], checks: Mapping[str, Check]) -> None
     for name in names:
         if name not in checks:
             close = get_close_matches(name, checks, n=1)
-            hint = f"did you mean '{close[0]}'?" if close else f"there are: {', '.join(checks)}"
+            hint = f"did you mean '{close[0]}'?" if close else f"valid are: {', '.join(checks)}"
             raise PhysicError(f"no check named '{name}' for this interface; {hint}")

@@ -1,4 +1,4 @@
-"""The truth of a world and the results of a backend, in one form, so that they can be compared."""
+"""Conversion of ground truth and backend results to a common form for comparison."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from physic_testing.worlds import World
 
 __all__ = [
+    "comparable_keypoints",
     "contact_on_embedded",
     "embedded_body",
     "mirrored_order",
@@ -22,34 +23,33 @@ __all__ = [
     "posed_bodies",
     "rotation_errors_deg",
     "true_hands",
-    "true_keypoints",
     "true_wrists",
 ]
 
 
-def true_keypoints(answer: Keypoints, world: World) -> tuple[FloatArray, FloatArray, BoolArray, Skeleton]:
-    """The detected points that bodies have, and the true ones.
+def comparable_keypoints(answer: Keypoints, world: World) -> tuple[FloatArray, FloatArray, BoolArray, Skeleton]:
+    """Return the detected keypoints that are defined on a body, with the true ones.
 
     Returns:
-        Detected points (N, J, 2) px, true points (N, J, 2) px, which points are visible in the photo and detected
-        (N, J) bool, and their skeleton.
+        Detected points (N, J, 2) px, true points (N, J, 2) px, mask (N, J) bool of the points that are visible in the
+        photo and detected, and their skeleton.
 
     Raises:
-        CheckSkipped: the skeleton is of a hand alone, or has no point of a body.
+        CheckSkipped: the skeleton is that of a single hand, or has no point on a body.
     """
     from physic_core.body.landmarks import fitted_keypoints
-    from physic_testing.conformance.joint_sets import world_keypoints
+    from physic_testing.conformance.true_keypoints import world_keypoints
 
     known = fitted_keypoints(answer)
     skeleton = known.joint_set
     if "hand21" in skeleton.name or not len(skeleton):
-        raise CheckSkipped(f"worlds have no truth for the skeleton {skeleton.name!r}")
+        raise CheckSkipped(f"worlds have no ground truth for the skeleton {skeleton.name!r}")
     truth, visible = world_keypoints(world, skeleton)
     return known.points, truth, visible & (known.confidence > 0), skeleton
 
 
 def mirrored_order(names: tuple[str, ...]) -> list[int]:
-    """Index (J,) of the joint on the other side for each joint; its own index where there is none."""
+    """Return for each joint the index (J,) of its left-right counterpart, or its own index."""
     place = {name: i for i, name in enumerate(names)}
 
     def twin(name: str) -> str:
@@ -60,14 +60,14 @@ def mirrored_order(names: tuple[str, ...]) -> list[int]:
 
 
 def true_hands(world: World) -> FloatArray:
-    """(N, 2, 15, 3) rotation vectors of a world's hands, left then right."""
+    """Return the true finger rotations (N, 2, 15, 3) as rotation vectors, left hand first."""
     truth = world.parameters
     both: FloatArray = np.stack([truth.left_hand_pose, truth.right_hand_pose], axis=1).reshape(-1, 2, 15, 3)
     return both
 
 
 def true_wrists(world: World) -> FloatArray:
-    """(N, 2, 3) rotation vectors of a world's hands from the T-pose to the camera's frame, left then right."""
+    """Return the true hand rotations (N, 2, 3) from T-pose to camera frame as rotation vectors, left first."""
     from physic_core.body import JOINT_INDEX
     from physic_core.body.bones import world_from_local
     from physic_core.body.parameters import rotations_from_parameters
@@ -79,7 +79,7 @@ def true_wrists(world: World) -> FloatArray:
 
 
 def rotation_errors_deg(rotvecs: FloatArray, truth: FloatArray) -> FloatArray:
-    """Angle (...) in degrees between two rotations, given as rotation vectors (..., 3) in radians."""
+    """Return the angles (...) in degrees between rotation vectors (..., 3) and the true ones, in radians."""
     from scipy.spatial.transform import Rotation
 
     first, second = (Rotation.from_rotvec(r.reshape(-1, 3).astype(np.float64)) for r in (rotvecs, truth))
@@ -88,7 +88,7 @@ def rotation_errors_deg(rotvecs: FloatArray, truth: FloatArray) -> FloatArray:
 
 
 def posed_bodies(bodies: Bodies) -> tuple[FloatArray, FloatArray]:
-    """Vertices (N, V, 3) and joints (N, 55, 3) in metres in the camera frame, on the embedded body.
+    """Return vertices (N, V, 3) and joints (N, 55, 3) of the embedded body, camera frame, m.
 
     Bodies of another model are converted first, as the pipeline does.
 
@@ -110,14 +110,14 @@ def posed_bodies(bodies: Bodies) -> tuple[FloatArray, FloatArray]:
 
 @lru_cache(maxsize=1)
 def embedded_body() -> BodyModel:
-    """The body model named "embedded", loaded once."""
+    """Load the body model "embedded"; the model is cached."""
     from physic_core.body import load_body
 
     return load_body("embedded")
 
 
 def model_of(bodies: Bodies) -> BodyModel:
-    """The body model on which these bodies are checked.
+    """Return the body model with which these bodies are checked.
 
     Raises:
         CheckSkipped: the model of these bodies is a file of the user, and they cannot be converted.
@@ -125,12 +125,14 @@ def model_of(bodies: Bodies) -> BodyModel:
     from physic_core.body.conversion import can_carry
 
     if not can_carry(bodies, embedded_body()):
-        raise CheckSkipped(f"the body {bodies.body_model!r} has to be brought along")
+        raise CheckSkipped(
+            f"the body model {bodies.body_model!r} is not installed, and the bodies have no joints or mesh to convert"
+        )
     return embedded_body()
 
 
 def contact_on_embedded(answer: ContactProbability) -> ContactProbability:
-    """Contact probability (N, V) on the mesh of the embedded body, which is that of the worlds."""
+    """Transfer contact probabilities to the mesh of the embedded body, (N, V)."""
     from physic_core.body import load_body
     from physic_core.body.conversion import contact_to_model
 

@@ -1,4 +1,4 @@
-"""Worlds: synthetic scenes of people in rooms and outdoors, with the truth of everything that PhySIC estimates."""
+"""Synthetic scenes of people, indoors and outdoors, with ground truth for all estimates of PhySIC."""
 
 from physic_testing.worlds.skeletons import BLAZEPOSE, SKELETONS
 from physic_testing.worlds.world import CONTACT_DISTANCE, WORLDS, World, benchmark_worlds, build_world

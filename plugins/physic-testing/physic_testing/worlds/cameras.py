@@ -1,4 +1,4 @@
-"""Cameras of the worlds: focal length, height, tilt and distance as in people's own photos, with the people in sight.
+"""Random cameras that see all people: focal length, height, tilt and distance as in everyday photos.
 
 The room's frame (x right, y up, z towards the camera's side), metres.
 """
@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.types import Intrinsics
-from physic_testing.worlds.arithmetic import apply, arctan2, norm, sine_cosine
-from physic_testing.worlds.casting import Caster
+from physic_testing.worlds.ray_casting import RayCaster
 from physic_testing.worlds.rendering import pixel_rays
+from physic_testing.worlds.reproducible_math import apply, arctan2, norm, sin_cos
 from physic_testing.worlds.solids import blocks_mesh, signed_distance
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
     from physic_testing.worlds.solids import Block, Ground
 
-__all__ = ["Camera", "Shot", "Subject", "aim"]
+__all__ = ["Camera", "CameraShot", "PhotoSubjects", "find_camera"]
 
 _FIELD = (35.0, 80.0)  # degrees, horizontal; the larger side never sees more than the second
 _HEIGHT = (0.6, 2.2)  # m over the ground
@@ -35,8 +35,8 @@ _TILT = np.radians(32.0)
 _ROLL = np.radians(2.0)  # standard deviation
 _NEAREST, _FARTHEST_INDOORS, _FARTHEST = 0.7, 7.0, 11.0  # m, to the nearest point of a person; to their middle
 _CLEARANCE = 0.3  # m round the camera
-_SHOWN = 0.25  # least share of a person's own silhouette that must be seen
-_SMALLEST = 0.008  # least share of the photo that each person covers
+_MIN_VISIBLE = 0.25  # least share of a person's own silhouette that must be seen
+_MIN_AREA = 0.008  # least share of the photo that each person covers
 _IN_FRAME = 0.5  # least share of each person's vertices inside the frame
 _TRUNK = (3, 6, 9, 12, 15)  # spine, neck and head
 _TRIES = 80
@@ -45,43 +45,43 @@ _COARSE = 72  # px of the longer side of a trial photo
 
 @dataclass(frozen=True)
 class Camera:
-    """Where the photo is taken from.
+    """Camera pose in the room.
 
     Attributes:
-        rotation: (3, 3), room's axes to the camera's (OpenCV: x right, y down, z forward).
-        position: (3,) of the camera in the room.
+        rotation: (3, 3), room axes to camera axes (OpenCV: x right, y down, z forward).
+        position: (3,) camera centre in the room frame, m.
     """
 
     rotation: FloatArray
     position: FloatArray
 
     def to_camera(self, points: FloatArray) -> FloatArray:
-        """Points (..., 3) of the room -> camera frame."""
+        """Transform points (..., 3) from the room frame to the camera frame."""
         return apply(self.rotation, points - self.position)
 
     def to_room(self, points: FloatArray) -> FloatArray:
-        """Points (..., 3) of the camera frame -> room."""
+        """Transform points (..., 3) from the camera frame to the room frame."""
         return apply(self.rotation.T, points) + self.position
 
 
 @dataclass(frozen=True)
-class Shot:
-    """A camera and its lens; ``cut`` where it may leave parts of people outside the frame."""
+class CameraShot:
+    """Camera pose and intrinsics; ``cut`` allows people to be cropped by the image border."""
 
     camera: Camera
     intrinsics: Intrinsics
     cut: bool
 
 
-class Subject:
-    """What is to be photographed: settled people and the blocks of their action.
+class PhotoSubjects:
+    """People and furniture of an action, for visibility tests.
 
     Args:
         vertices: (N, V, 3) metres.
         joints: (N, 55, 3) metres.
         faces: (F, 3) of each person.
-        blocks: of the action.
-        ground: of the place.
+        blocks: furniture of the action.
+        ground: ground plane.
     """
 
     def __init__(
@@ -97,14 +97,14 @@ class Subject:
         people, count, _ = vertices.shape
         solid, solid_faces, _ = blocks_mesh(self.blocks)
         self._owner = np.concatenate([np.full(len(solid_faces), -1), np.repeat(np.arange(people), len(faces))])
-        self._everything = Caster(
+        self._everything = RayCaster(
             np.concatenate([solid, vertices.reshape(-1, 3)]),
             np.concatenate([solid_faces, *(faces + len(solid) + count * i for i in range(people))]),
         )
-        self._alone = [Caster(person, faces) for person in vertices]
+        self._person_casters = [RayCaster(person, faces) for person in vertices]
 
-    def shown(self, shot: Shot) -> tuple[FloatArray, FloatArray]:
-        """Of each person, the share of the own silhouette in the frame that is seen, and its share of the photo."""
+    def shown(self, shot: CameraShot) -> tuple[FloatArray, FloatArray]:
+        """Return each person's visible share of the own silhouette, and its share of the photo."""
         scale = _COARSE / max(shot.intrinsics.width, shot.intrinsics.height)
         small = shot.intrinsics.resized(
             max(8, round(scale * shot.intrinsics.width)), max(8, round(scale * shot.intrinsics.height))
@@ -112,12 +112,12 @@ class Subject:
         rays = apply(shot.camera.rotation.T, pixel_rays(small))
         face = self._everything.first(shot.camera.position, rays).face
         owner = np.where(face >= 0, self._owner[np.maximum(face, 0)], -1)
-        whole = [caster.first(shot.camera.position, rays).face >= 0 for caster in self._alone]
+        whole = [caster.first(shot.camera.position, rays).face >= 0 for caster in self._person_casters]
         seen = np.array([(owner == i).sum() for i in range(len(whole))])
         return seen / np.maximum([mask.sum() for mask in whole], 1), seen / len(rays)
 
-    def trunk_in_sight(self, shot: Shot) -> BoolArray:
-        """(N,) whether the line to one of spine, neck and head at least meets that person first, inside the frame."""
+    def trunk_in_sight(self, shot: CameraShot) -> BoolArray:
+        """Return whether (N,) the spine, neck or head of each person is visible in the image."""
         points = self.joints[:, _TRUNK]
         hits = self._everything.first(shot.camera.position, (points - shot.camera.position).reshape(-1, 3))
         owner = np.where(hits.face >= 0, self._owner[np.maximum(hits.face, 0)], -1).reshape(points.shape[:2])
@@ -126,39 +126,39 @@ class Subject:
         return seen
 
 
-def aim(
-    subject: Subject,
+def find_camera(
+    subject: PhotoSubjects,
     rng: np.random.Generator,
     size: tuple[int, int],
     azimuth: tuple[float, float],
     *,
     may_cut: bool,
     outdoors: bool,
-) -> Shot | None:
-    """Draw cameras until one shows everybody.
+) -> CameraShot | None:
+    """Draw random cameras until one shows everybody.
 
     Args:
-        subject: people and blocks.
-        rng: draws all of it.
+        subject: people and furniture.
+        rng: random generator.
         size: width and height of the photo, px.
-        azimuth: degrees round the vertical from +z towards +x, from where the camera may look.
-        may_cut: whether people may be cut at the border.
-        outdoors: whether the camera may stand farther away.
+        azimuth: range of camera directions about the vertical, degrees from +z towards +x.
+        may_cut: whether people may be cropped by the image border.
+        outdoors: whether larger distances are allowed.
 
     Returns:
-        None if none of many did.
+        The camera; None if none of the drawn cameras shows everybody.
     """
     for _ in range(_TRIES):
         shot = _drawn(
             subject, rng, size, azimuth, may_cut=may_cut, farthest=_FARTHEST if outdoors else _FARTHEST_INDOORS
         )
-        if shot is not None and _good(subject, shot):
+        if shot is not None and _shows_everybody(subject, shot):
             return shot
     return None
 
 
-def in_frame(points: FloatArray, shot: Shot, margin: float = 0.0) -> BoolArray:
-    """Points (..., 3) of the room -> (...) whether they lie in the photo, ``margin`` px from its border."""
+def in_frame(points: FloatArray, shot: CameraShot, margin: float = 0.0) -> BoolArray:
+    """Return whether points (..., 3) of the room project into the image, at least ``margin`` px from its border."""
     local = shot.camera.to_camera(points)
     uv = _projected(local, shot.intrinsics)
     size = np.array([shot.intrinsics.width, shot.intrinsics.height])
@@ -167,14 +167,15 @@ def in_frame(points: FloatArray, shot: Shot, margin: float = 0.0) -> BoolArray:
 
 
 def _drawn(
-    subject: Subject,
+    subject: PhotoSubjects,
     rng: np.random.Generator,
     size: tuple[int, int],
     azimuth: tuple[float, float],
     *,
     may_cut: bool,
     farthest: float,
-) -> Shot | None:
+) -> CameraShot | None:
+    """Draw one random camera; None if the people do not fill the intended share of the image."""
     width, height = size
     field = np.radians(rng.uniform(*_FIELD))
     focal = max(width / 2 / _tangent(field / 2), max(size) / 2 / _tangent(np.radians(_FIELD[1]) / 2))
@@ -191,21 +192,22 @@ def _drawn(
     points = subject.sparse.reshape(-1, 3)
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     near, far, found = 0.5, farthest, None
-    sine, cosine = sine_cosine(side)
+    sine, cosine = sin_cos(side)
     for _ in range(14):
         distance = (near + far) / 2
         x, z = middle[0] + distance * sine, middle[2] + distance * cosine
         position = np.array([x, subject.ground.height_at(x, z) + over, z])
-        shot = Shot(_turned_to(points, position, middle, roll, intrinsics, place, cut=cut), intrinsics, cut)
-        filled = _filled(points, shot)
+        shot = CameraShot(_camera_towards(points, position, middle, roll, intrinsics, place, cut=cut), intrinsics, cut)
+        filled = _frame_share(points, shot)
         found = shot
         near, far = (distance, far) if filled > fill else (near, distance)
-    return None if found is None or abs(_filled(points, found) - fill) > 0.05 else found
+    return None if found is None or abs(_frame_share(points, found) - fill) > 0.05 else found
 
 
-def _good(subject: Subject, shot: Shot) -> bool:
+def _shows_everybody(subject: PhotoSubjects, shot: CameraShot) -> bool:
+    """Return whether a camera has a valid pose and shows all people."""
     position = shot.camera.position
-    if abs(shot.camera.rotation[2, 1]) > sine_cosine(_TILT)[0]:
+    if abs(shot.camera.rotation[2, 1]) > sin_cos(_TILT)[0]:
         return False
     if signed_distance(position[None], subject.blocks, subject.ground)[0] < _CLEARANCE:
         return False
@@ -216,10 +218,12 @@ def _good(subject: Subject, shot: Shot) -> bool:
     if not (whole or (shot.cut and (inside > _IN_FRAME).all())):
         return False
     share, area = subject.shown(shot)
-    return bool((share >= _SHOWN + 0.05).all() and (area >= _SMALLEST).all() and subject.trunk_in_sight(shot).all())
+    return bool(
+        (share >= _MIN_VISIBLE + 0.05).all() and (area >= _MIN_AREA).all() and subject.trunk_in_sight(shot).all()
+    )
 
 
-def _turned_to(
+def _camera_towards(
     points: FloatArray,
     position: FloatArray,
     target: FloatArray,
@@ -229,7 +233,7 @@ def _turned_to(
     *,
     cut: bool,
 ) -> Camera:
-    """Look at the target, then turn until the points' box lies at its place in the frame."""
+    """Return a camera that sees the points' bounding box at its place in the image."""
     away = target - position
     level = np.sqrt(away[0] * away[0] + away[2] * away[2])
     pan, tilt = float(arctan2(-away[0], -away[2])), float(arctan2(away[1], level))
@@ -252,20 +256,22 @@ def _turned_to(
 
 
 def _tangent(angle: float) -> float:
-    sine, cosine = sine_cosine(angle)
+    """Return the tangent of an angle in radians."""
+    sine, cosine = sin_cos(angle)
     return float(sine / cosine)
 
 
 def _rotation(pan: float, tilt: float, roll: float) -> FloatArray:
-    """Room to camera: ``pan`` about the vertical from looking along -z, ``tilt`` upwards, ``roll`` about the axis."""
-    (sine, cosine), (s_pan, c_pan), (s, c) = (sine_cosine(angle) for angle in (tilt, pan, roll))
+    """Return the room-to-camera rotation for pan (from -z, about the vertical), tilt (up) and roll, in radians."""
+    (sine, cosine), (s_pan, c_pan), (s, c) = (sin_cos(angle) for angle in (tilt, pan, roll))
     forward = np.array([-s_pan * cosine, sine, -c_pan * cosine])
     right = np.array([c_pan, np.float64(0.0), -s_pan])
     down = np.cross(forward, right)
     return np.stack([c * right + s * down, c * down - s * right, forward])
 
 
-def _filled(points: FloatArray, shot: Shot) -> float:
+def _frame_share(points: FloatArray, shot: CameraShot) -> float:
+    """Return the larger share of image width or height that the points span; inf behind the camera."""
     local = shot.camera.to_camera(points)
     if (local[:, 2] < 0.2).any():
         return np.inf
@@ -275,6 +281,7 @@ def _filled(points: FloatArray, shot: Shot) -> float:
 
 
 def _projected(local: FloatArray, intrinsics: Intrinsics) -> FloatArray:
+    """Project camera-frame points to pixels."""
     focal, centre = np.array([intrinsics.fx, intrinsics.fy]), np.array([intrinsics.cx, intrinsics.cy])
     uv: FloatArray = local[..., :2] / np.maximum(local[..., 2:], 1e-3) * focal + centre
     return uv

@@ -1,4 +1,4 @@
-"""What the worlds' people look like: skin, hair, face, clothes and shoes, painted on the body in its rest pose."""
+"""Appearance of the people: skin, hair, face, clothes and shoes, as colours on the rest body."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_testing.worlds.arithmetic import apply, norm
-from physic_testing.worlds.settling import pose_body
+from physic_testing.worlds.contact_fit import pose_body
+from physic_testing.worlds.reproducible_math import apply, norm
 from physic_testing.worlds.textures import noise
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ class Clothes:
         self._stripes = (int(rng.integers(4)), float(rng.uniform(0.03, 0.10)), _pick(rng, _TOPS))
 
     def albedo(self, face: NDArray[np.int64], corners: FloatArray, blur: FloatArray) -> FloatArray:
-        """Colours (n, 3) on faces (n,) at barycentric corners (n, 3), of which a pixel covers ``blur`` (n,) metres."""
+        """Return colours (n, 3) at barycentric coordinates (n, 3) of faces (n,), with pixel footprint (n,), m."""
         rng, ends = np.random.default_rng(self._seed), self._faces[face]
         kind, place = self._kind[face], _blend(self._rest[ends], corners)
         own, blended = self._colour[ends[:, 0]], _blend(self._colour[ends], corners)
@@ -73,23 +73,25 @@ class Clothes:
 
 
 def _blend(ends: FloatArray, corners: FloatArray) -> FloatArray:
-    """Values (n, 3, 3) at a face's corners, in the mean (n, 3) of barycentric weights (n, 3)."""
+    """Interpolate corner values (n, 3, 3) with barycentric weights (n, 3)."""
     return apply(np.swapaxes(ends, 1, 2), corners)
 
 
 def _pick(rng: np.random.Generator, palette: tuple[tuple[float, float, float], ...]) -> FloatArray:
+    """Draw a slightly varied colour from a palette."""
     colour: FloatArray = np.array(palette[rng.integers(len(palette))]) * rng.uniform(0.88, 1.12)
     colour = colour * rng.uniform(0.96, 1.04, 3)
     return colour
 
 
 def _shoes(rng: np.random.Generator) -> FloatArray:
+    """Draw a shoe colour."""
     colour: FloatArray = np.array([0.12, 0.11, 0.11]) if rng.random() < 0.6 else rng.uniform(0.3, 0.8) * np.ones(3)
     return colour
 
 
 def _kinds(model: BodyModel, rest: FloatArray, joints: FloatArray, rng: np.random.Generator) -> NDArray[np.int64]:
-    """(V,) skin, top, bottom, shoe or hair; sleeves and trouser legs end where they are cut."""
+    """Return the garment (V,) of each vertex: skin, top, bottom, shoe or hair."""
     part = np.array(model.part_names)[model.part_of_vertex.numpy()]
     kind = np.full(len(rest), _SKIN_PART)
     upper_arm, lower_arm = (np.char.endswith(part, name) for name in ("upper_arm", "lower_arm"))
@@ -115,7 +117,7 @@ def _kinds(model: BodyModel, rest: FloatArray, joints: FloatArray, rng: np.rando
 def _paint_face(
     colour: FloatArray, rest: FloatArray, joints: FloatArray, kind: NDArray[np.int64], skin: FloatArray
 ) -> None:
-    """Eyes, brows and lips, at their usual places round the eyes' centres."""
+    """Paint eyes, brows and lips relative to the eye centres."""
     for eye in joints[23:25]:
         radius = norm(rest - eye)
         ball = (radius < 0.0135) & (rest[:, 2] > eye[2])

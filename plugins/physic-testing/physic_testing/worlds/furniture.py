@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_testing.worlds.arithmetic import apply
+from physic_testing.worlds.reproducible_math import apply
 from physic_testing.worlds.solids import Block, yaw_matrix
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ __all__ = [
     "bench",
     "chair",
     "counter",
-    "moved",
+    "move_blocks",
     "railing",
     "shelf",
     "sofa",
@@ -37,8 +37,8 @@ Blocks = tuple[Block, ...]
 Place = tuple[float, float]
 
 
-def moved(blocks: Iterable[Block], place: Place, yaw: float, lift: float = 0.0) -> Blocks:
-    """Blocks round the origin, turned about the vertical and carried to a place and up by ``lift``."""
+def move_blocks(blocks: Iterable[Block], place: Place, yaw: float, lift: float = 0.0) -> Blocks:
+    """Rotate blocks about the vertical by ``yaw`` radians, then move them to (x, z) and up by ``lift``."""
     turn = yaw_matrix(yaw)
 
     def carried(block: Block) -> Block:
@@ -82,7 +82,7 @@ def chair(
         _tipped((x, height - 0.02, -depth / 2 - 0.012), (0.03, 0.10, 0.024), recline, "wood")
         for x in (-width / 2 + 0.03, width / 2 - 0.03)
     ]
-    return moved([*legs, seat, back, *posts], place, yaw)
+    return move_blocks([*legs, seat, back, *posts], place, yaw)
 
 
 def sofa(
@@ -119,7 +119,7 @@ def sofa(
         )
         for side in (1, -1)
     ]
-    return moved([seat, back, *arms], place, yaw)
+    return move_blocks([seat, back, *arms], place, yaw)
 
 
 def stool(
@@ -130,12 +130,12 @@ def stool(
     height: float | None = None,
     width: float | None = None,
 ) -> Blocks:
-    """A seat on four legs, or a pouffe; the seat is the last block."""
+    """Build a stool or pouffe; the seat is the last block."""
     height, width = _drawn(rng, height, 0.40, 0.50), _drawn(rng, width, 0.34, 0.44)
     if rng.random() < 0.4:
-        return moved([_slab((0, height / 2, 0), (width, height, width), "fabric")], place, yaw)
+        return move_blocks([_slab((0, height / 2, 0), (width, height, width), "fabric")], place, yaw)
     legs = _legs(width - 0.02, width - 0.02, height - 0.04, 0.04)
-    return moved([*legs, _slab((0, height - 0.02, 0), (width, 0.04, width), "wood")], place, yaw)
+    return move_blocks([*legs, _slab((0, height - 0.02, 0), (width, 0.04, width), "wood")], place, yaw)
 
 
 def bench(
@@ -148,7 +148,7 @@ def bench(
     depth: float | None = None,
     material: str = "wood",
 ) -> Blocks:
-    """A long seat without a back on two supports; the seat is the last block."""
+    """Build a bench without a back; the seat is the last block."""
     width, height = _drawn(rng, width, 1.2, 1.8), _drawn(rng, height, 0.42, 0.48)
     depth = _drawn(rng, depth, 0.36, 0.44)
     thick = 0.05
@@ -156,7 +156,7 @@ def bench(
         _slab((x, (height - thick) / 2, 0), (0.07, height - thick, depth - 0.08), material)
         for x in (-width / 2 + 0.2, width / 2 - 0.2)
     ]
-    return moved([*supports, _slab((0, height - thick / 2, 0), (width, thick, depth), material)], place, yaw)
+    return move_blocks([*supports, _slab((0, height - thick / 2, 0), (width, thick, depth), material)], place, yaw)
 
 
 def bed(
@@ -169,14 +169,14 @@ def bed(
     height: float | None = None,
     pillow: float | None = None,
 ) -> Blocks:
-    """A mattress on a frame, a headboard at -z and a pillow of so many metres; the mattress comes first."""
+    """Build a bed with a headboard at -z and a pillow; the mattress is the first block."""
     width, length = _drawn(rng, width, 1.0, 1.6), _drawn(rng, length, 2.0, 2.1)
     height, pillow = _drawn(rng, height, 0.40, 0.55), _drawn(rng, pillow, 0.07, 0.11)
     mattress = _slab((0, height - 0.10, 0), (width, 0.20, length), "fabric")
     frame = _slab((0, (height - 0.20) / 2 + 0.04, 0), (width - 0.08, height - 0.28, length - 0.08), "wood")
     head = _slab((0, 0.5, -length / 2 - 0.03), (width, 1.0, 0.05), "wood")
     cushion = _slab((0, height + pillow / 2, -length / 2 + 0.22), (min(0.7, width - 0.2), pillow, 0.40), "fabric")
-    return moved([mattress, frame, head, cushion], place, yaw)
+    return move_blocks([mattress, frame, head, cushion], place, yaw)
 
 
 def table(
@@ -189,13 +189,13 @@ def table(
     height: float | None = None,
     panel: bool = False,
 ) -> Blocks:
-    """A top on four legs, the top first; with ``panel`` a front on the +z side hides what is behind it."""
+    """Build a table with the top as first block; ``panel`` adds a front panel on the +z side."""
     width, depth = _drawn(rng, width, 1.0, 1.6), _drawn(rng, depth, 0.65, 0.85)
     height = _drawn(rng, height, 0.71, 0.77)
     top = _slab((0, height - 0.018, 0), (width, 0.036, depth), "wood")
     legs = _legs(width - 0.06, depth - 0.06, height - 0.036, 0.06)
     front = [_slab((0, height / 2, depth / 2 - 0.02), (width - 0.02, height - 0.05, 0.02), "wood")] if panel else []
-    return moved([top, *legs, *front], place, yaw)
+    return move_blocks([top, *legs, *front], place, yaw)
 
 
 def counter(
@@ -207,11 +207,11 @@ def counter(
     depth: float | None = None,
     height: float | None = None,
 ) -> Blocks:
-    """A closed cupboard under a worktop, the worktop first."""
+    """Build a closed cupboard with a worktop; the worktop is the first block."""
     width, depth = _drawn(rng, width, 1.4, 2.2), _drawn(rng, depth, 0.45, 0.65)
     height = _drawn(rng, height, 0.88, 1.08)
     top = _slab((0, height - 0.02, 0), (width, 0.04, depth), "stone")
-    return moved(
+    return move_blocks(
         [top, _slab((0, (height - 0.04) / 2, 0), (width - 0.04, height - 0.04, depth - 0.06), "wood")], place, yaw
     )
 
@@ -227,7 +227,7 @@ def stairs(
     width: float | None = None,
     material: str = "wood",
 ) -> Blocks:
-    """Steps that rise towards +z, the lowest first; its front edge is at ``place``."""
+    """Build steps that rise towards +z, the lowest first, with its front edge at ``place``."""
     rise, going = _drawn(rng, rise, 0.15, 0.19), _drawn(rng, going, 0.26, 0.32)
     width = _drawn(rng, width, 0.9, 1.3)
     long = steps * going
@@ -235,7 +235,7 @@ def stairs(
         _slab((0, (k + 0.5) * rise, (k * going + long) / 2), (width, rise, long - k * going), material)
         for k in range(steps)
     ]
-    return moved(risers, place, yaw)
+    return move_blocks(risers, place, yaw)
 
 
 def shelf(
@@ -246,7 +246,7 @@ def shelf(
     width: float | None = None,
     height: float | None = None,
 ) -> Blocks:
-    """Two sides, a back and boards, with some closed boxes on them."""
+    """Build a shelf with sides, back, boards and some closed boxes."""
     width, height = _drawn(rng, width, 0.7, 1.1), _drawn(rng, height, 1.5, 2.0)
     depth, thick = float(rng.uniform(0.28, 0.36)), 0.025
     blocks = [_slab((s * (width - thick) / 2, height / 2, 0), (thick, height, depth), "wood") for s in (1, -1)]
@@ -260,7 +260,7 @@ def shelf(
             free = (width - wide) / 2 - thick
             x = float(rng.uniform(-free, free))
             blocks.append(_slab((x, y + (thick + tall) / 2, 0), (wide, tall, depth - 0.08), "fabric"))
-    return moved(blocks, place, yaw)
+    return move_blocks(blocks, place, yaw)
 
 
 def wall(
@@ -271,9 +271,9 @@ def wall(
     width: float | None = None,
     height: float | None = None,
 ) -> Blocks:
-    """One upright slab whose front face, towards +z, passes through ``place``."""
+    """Build a wall segment whose front face, towards +z, passes through ``place``."""
     width, height = _drawn(rng, width, 1.4, 2.6), _drawn(rng, height, 2.2, 2.6)
-    return moved([_slab((0, height / 2, -0.06), (width, height, 0.12), "plaster")], place, yaw)
+    return move_blocks([_slab((0, height / 2, -0.06), (width, height, 0.12), "plaster")], place, yaw)
 
 
 def railing(
@@ -284,7 +284,7 @@ def railing(
     width: float | None = None,
     height: float | None = None,
 ) -> Blocks:
-    """Blocks of a handrail along x: the top rail comes first, then posts and two lower rails."""
+    """Build a handrail along x: the top rail is the first block, then two lower rails and the posts."""
     width, height = _drawn(rng, width, 1.2, 2.0), _drawn(rng, height, 0.92, 1.08)
     count = max(2, round(width / 0.6) + 1)
     rails = [
@@ -295,20 +295,22 @@ def railing(
         _slab((float(x), (height - 0.05) / 2, 0), (0.045, height - 0.05, 0.045), "metal")
         for x in np.linspace(-width / 2 + 0.03, width / 2 - 0.03, count)
     ]
-    return moved([*rails, *posts], place, yaw)
+    return move_blocks([*rails, *posts], place, yaw)
 
 
 def _drawn(rng: np.random.Generator, given: float | None, low: float, high: float) -> float:
+    """Return the given value, or a random one; the random number is drawn in both cases."""
     drawn = float(rng.uniform(low, high))
     return drawn if given is None else given
 
 
 def _slab(centre: tuple[float, float, float], size: tuple[float, float, float], material: str) -> Block:
+    """Return an axis-aligned box."""
     return Block(centre, (size[0] / 2, size[1] / 2, size[2] / 2), material=material)
 
 
 def _tipped(foot: tuple[float, float, float], size: tuple[float, float, float], recline: float, material: str) -> Block:
-    """An upright slab that stands on ``foot`` and tips backwards about it."""
+    """Return a box that stands on ``foot`` and is tilted backwards about it."""
     half = size[1] / 2
     centre = (foot[0], foot[1] + half * np.cos(recline), foot[2] - half * np.sin(recline))
     return Block(
@@ -320,6 +322,7 @@ def _tipped(foot: tuple[float, float, float], size: tuple[float, float, float], 
 
 
 def _legs(width: float, depth: float, height: float, thick: float) -> list[Block]:
+    """Return four table legs."""
     return [
         _slab((x * (width - thick) / 2, height / 2, z * (depth - thick) / 2), (thick, height, thick), "wood")
         for x in (-1, 1)

@@ -1,7 +1,7 @@
-"""A label in a photo that says which world it shows: name and seed, in the lowest bits of a few pixels.
+"""World name and seed, hidden in the lowest bits of the corner pixels of a photo.
 
-Each corner carries the whole label, so one survives when a hole is painted over the others. Only lossless files keep
-it: a label whose checksum fails is no label.
+Each corner contains the complete label, so that one remains if the others are inpainted. Lossy compression destroys the
+label, which its checksum detects.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from physic_core.errors import InputError
 if TYPE_CHECKING:
     from physic_core.types import UInt8Array
 
-__all__ = ["LONGEST_NAME", "SMALLEST_PX", "read", "stamp"]
+__all__ = ["LONGEST_NAME", "SMALLEST_PX", "embed_label", "read_label"]
 
 LONGEST_NAME = 32
-"""Bytes of UTF-8 that a name may have."""
+"""Maximum length of a name, bytes of UTF-8."""
 
 _FIELDS = struct.Struct(f">4s{LONGEST_NAME}sQ")  # magic, name padded with zeros, seed
 _CHECKSUM = struct.Struct(">I")
@@ -28,11 +28,11 @@ _MAGIC = b"PhWl"
 _BITS = 8 * (_FIELDS.size + _CHECKSUM.size)
 _SIDE = 12  # px; three bits a pixel hold the label
 SMALLEST_PX = 2 * _SIDE
-"""Width and height that a photo must have for its corners not to meet."""
+"""Minimum width and height of a photo with labels, so that its corners do not overlap."""
 
 
-def stamp(image: UInt8Array, name: str, seed: int) -> UInt8Array:
-    """A copy of the image with the label in its corners; no channel changes by more than one grey level.
+def embed_label(image: UInt8Array, name: str, seed: int) -> UInt8Array:
+    """Return a copy of the image with the label in each corner; no channel changes by more than one grey level.
 
     Args:
         image: (H, W, 3) uint8, at least SMALLEST_PX high and wide.
@@ -62,15 +62,16 @@ def stamp(image: UInt8Array, name: str, seed: int) -> UInt8Array:
     return stamped
 
 
-def read(image: UInt8Array) -> tuple[str, int] | None:
-    """The name and the seed that the image's label tells; None without a whole label, or if two corners disagree."""
+def read_label(image: UInt8Array) -> tuple[str, int] | None:
+    """Return the world name and seed of an image's label; None without a valid label, or if two corners differ."""
     if not _holds_labels(image):
         return None
-    told = {label for rows, columns in _corners() if (label := _decode(image[rows, columns])) is not None}
-    return told.pop() if len(told) == 1 else None
+    found = {label for rows, columns in _corners() if (label := _decode(image[rows, columns])) is not None}
+    return found.pop() if len(found) == 1 else None
 
 
 def _decode(corner: UInt8Array) -> tuple[str, int] | None:
+    """Return the name and seed of one corner's label; None if it is invalid."""
     label = np.packbits((corner & 1).reshape(-1)[:_BITS]).tobytes()
     fields, checksum = label[: _FIELDS.size], label[_FIELDS.size :]
     magic, text, seed = _FIELDS.unpack(fields)
@@ -80,9 +81,11 @@ def _decode(corner: UInt8Array) -> tuple[str, int] | None:
 
 
 def _corners() -> list[tuple[slice, slice]]:
+    """Return the row and column slices of the four corners."""
     ends = (slice(None, _SIDE), slice(-_SIDE, None))
     return [(rows, columns) for rows in ends for columns in ends]
 
 
 def _holds_labels(image: UInt8Array) -> bool:
+    """Return whether an image is 8-bit RGB and large enough for labels."""
     return image.dtype == np.uint8 and image.ndim == 3 and image.shape[2] == 3 and min(image.shape[:2]) >= SMALLEST_PX

@@ -1,4 +1,4 @@
-"""What a camera sees of a mesh: depth, normals, ids, and a shaded picture with soft shadows.
+"""Rendering of a mesh: depth, normals, face ids, and a shaded image with soft shadows.
 
 Camera frame (OpenCV), metres.
 """
@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_testing.worlds.arithmetic import apply, dot
-from physic_testing.worlds.casting import Caster, Hits
+from physic_testing.worlds.ray_casting import RayCaster, RayHits
+from physic_testing.worlds.reproducible_math import apply, dot
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -21,22 +21,32 @@ if TYPE_CHECKING:
 
     from physic_core.types import FloatArray, Intrinsics, UInt8Array
 
-__all__ = ["Lamp", "Lighting", "Mesh", "View", "expose", "gain_of", "photograph", "pixel_rays", "view"]
+__all__ = [
+    "AreaLight",
+    "Lighting",
+    "Mesh",
+    "RenderedView",
+    "exposure_gain",
+    "pixel_rays",
+    "render_shaded",
+    "render_view",
+    "to_srgb",
+]
 
 _SHIFTS = ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))
-_CREVICE = 0.7  # m; what is nearer than this darkens the light that comes from everywhere
+_AMBIENT_RANGE = 0.7  # m; what is nearer than this darkens the light that comes from everywhere
 _BRIGHTNESS = 0.25  # linear mean of an exposed picture, about 136 of 255 grey levels
 
 
 @dataclass(frozen=True)
 class Mesh:
-    """Triangles of one or more things.
+    """Triangle mesh of the scene and its people.
 
     Attributes:
         vertices: (V, 3) metres.
-        faces: (F, 3) int64, counter-clockwise seen from outside.
-        thing: (F,) int64, which thing each face belongs to: -1 the scene, else the person's number.
-        smooth: (V, 3) unit normals for shading; zero where the face's own normal is to be used.
+        faces: (F, 3) int64, counter-clockwise from outside.
+        thing: (F,) int64, index of each face's person, -1 for the scene.
+        smooth: (V, 3) unit normals for smooth shading; zero for flat shading.
     """
 
     vertices: FloatArray
@@ -46,7 +56,7 @@ class Mesh:
 
     @cached_property
     def flat(self) -> FloatArray:
-        """(F, 3) unit normals of the faces, out of the thing."""
+        """Outward unit normals (F, 3) of the faces."""
         a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
         normals = np.cross(b - a, c - a)
         unit: FloatArray = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
@@ -54,13 +64,13 @@ class Mesh:
 
 
 @dataclass(frozen=True)
-class View:
-    """One ray through each pixel centre.
+class RenderedView:
+    """Depth, normals and face ids at the pixel centres.
 
     Attributes:
-        depth: (H, W) float64 metres along z, inf where nothing is seen.
-        normals: (H, W, 3) unit, of the faces, towards the camera; zero where nothing is seen.
-        face: (H, W) int64, -1 where nothing is seen.
+        depth: (H, W) float64 metres along z, inf without a hit.
+        normals: (H, W, 3) unit face normals towards the camera; zero without a hit.
+        face: (H, W) int64, -1 without a hit.
     """
 
     depth: FloatArray
@@ -69,15 +79,15 @@ class View:
 
 
 @dataclass(frozen=True)
-class Lamp:
-    """A round light.
+class AreaLight:
+    """A disc-shaped light.
 
     Attributes:
-        position: (3,) metres, camera frame; of the sun, far away.
-        radius: metres; a larger one softens the shadows.
-        power: light on a surface that faces it from one metre, or from anywhere if ``distant``.
-        colour: (3,) of its light.
-        distant: whether its light is the same everywhere.
+        position: (3,) metres, camera frame; far away for the sun.
+        radius: metres; a larger radius gives softer shadows.
+        power: irradiance at one metre, or everywhere if ``distant``.
+        colour: (3,) RGB factor.
+        distant: whether the irradiance does not depend on the distance.
     """
 
     position: FloatArray
@@ -89,63 +99,63 @@ class Lamp:
 
 @dataclass(frozen=True)
 class Lighting:
-    """All light of a place.
+    """All lights of a scene.
 
     Attributes:
-        lamps: that cast shadows.
-        ambient: light from everywhere, less in crevices.
-        fill: light from the camera's side.
+        lamps: lights with shadows.
+        ambient: ambient light, reduced near occluders.
+        fill: light from the camera's direction, without shadows.
     """
 
-    lamps: tuple[Lamp, ...]
+    lamps: tuple[AreaLight, ...]
     ambient: float
     fill: float
 
 
 def pixel_rays(intrinsics: Intrinsics, shift: tuple[float, float] = (0.0, 0.0)) -> FloatArray:
-    """Rays (H * W, 3) with z = 1 through pixel centres moved by ``shift`` px."""
+    """Return rays (H * W, 3) with z = 1 through the pixel centres, shifted by ``shift`` px."""
     v, u = np.mgrid[: intrinsics.height, : intrinsics.width]
     x = (u.reshape(-1) + shift[0] - intrinsics.cx) / intrinsics.fx
     y = (v.reshape(-1) + shift[1] - intrinsics.cy) / intrinsics.fy
     return np.stack([x, y, np.ones_like(x)], axis=1)
 
 
-def view(mesh: Mesh, caster: Caster, intrinsics: Intrinsics) -> View:
-    """Cast one ray a pixel."""
+def render_view(mesh: Mesh, caster: RayCaster, intrinsics: Intrinsics) -> RenderedView:
+    """Render depth, normals and face ids with one ray per pixel."""
     rays = pixel_rays(intrinsics)
     hits = caster.first(np.zeros(3), rays)
     shape = (intrinsics.height, intrinsics.width)
-    return View(
+    return RenderedView(
         depth=hits.distance.reshape(shape),
         normals=_face_normals(mesh, hits, rays).reshape(*shape, 3),
         face=hits.face.reshape(shape),
     )
 
 
-def photograph(
+def render_shaded(
     mesh: Mesh,
-    caster: Caster,
+    caster: RayCaster,
     intrinsics: Intrinsics,
-    seen: View,
+    seen: RenderedView,
     lighting: Lighting,
-    albedo: Callable[[Hits, FloatArray, FloatArray], FloatArray],
+    albedo: Callable[[RayHits, FloatArray, FloatArray], FloatArray],
     sky: Callable[[FloatArray], FloatArray],
 ) -> FloatArray:
-    """A shaded picture in linear light, four rays a pixel.
+    """Render a shaded image in linear light with four rays per pixel.
 
     Args:
-        mesh: what is seen.
-        caster: of the mesh.
-        intrinsics: the camera's.
-        seen: the same mesh through the same camera.
-        lighting: of the place.
-        albedo: hits, their points (n, 3) and the width of a pixel there (n,) metres -> (n, 3) colours in [0, 1].
-        sky: rays (n, 3) that hit nothing -> (n, 3) their light.
+        mesh: rendered mesh.
+        caster: ray caster of the mesh.
+        intrinsics: camera intrinsics.
+        seen: view of the same mesh with the same camera.
+        lighting: lights of the scene.
+        albedo: hits, points (n, 3) and pixel footprint (n,) in metres -> colours (n, 3) in [0, 1].
+        sky: rays (n, 3) without a hit -> light (n, 3).
 
     Returns:
         (H, W, 3), before exposure.
     """
-    openness = _openness(caster, intrinsics, seen).reshape(-1)
+    openness = _ambient_visibility(caster, intrinsics, seen).reshape(-1)
     light = np.zeros((intrinsics.height * intrinsics.width, 3))
     for k, shift in enumerate(_SHIFTS):
         all_rays = pixel_rays(intrinsics, shift)
@@ -153,7 +163,7 @@ def photograph(
         there = hits.face >= 0
         if not there.all():
             light[~there] += sky(all_rays[~there])
-        hits, rays = Hits(hits.face[there], hits.distance[there], hits.corners[there]), all_rays[there]
+        hits, rays = RayHits(hits.face[there], hits.distance[there], hits.corners[there]), all_rays[there]
         points = rays * hits.distance[:, None]
         flat = _face_normals(mesh, hits, rays)
         normals = _shading_normals(mesh, hits, flat)
@@ -161,30 +171,30 @@ def photograph(
         head_on = np.clip(-dot(normals, rays) / length, 0, None)
         strength = np.repeat((lighting.ambient * openness[there] + lighting.fill * head_on)[:, None], 3, axis=1)
         for lamp in lighting.lamps:
-            strength += _lit(caster, points, flat, normals, lamp, np.pi * (k + 0.5) / 2)[:, None] * lamp.colour
+            strength += _light_from(caster, points, flat, normals, lamp, np.pi * (k + 0.5) / 2)[:, None] * lamp.colour
         # Seen at a slant a pixel covers more, but not along the whole slant.
         blur = hits.distance / intrinsics.fx / np.maximum(np.sqrt(head_on), 0.15)
         light[there] += albedo(hits, points, blur) * strength
     return (light / len(_SHIFTS)).reshape(intrinsics.height, intrinsics.width, 3)
 
 
-def expose(light: FloatArray, gain: float, noise: FloatArray) -> UInt8Array:
-    """Linear light (H, W, 3) times ``gain``, with a shoulder for what is bright, as 8-bit sRGB with sensor noise."""
+def to_srgb(light: FloatArray, gain: float, noise: FloatArray) -> UInt8Array:
+    """Convert linear light (H, W, 3) times ``gain`` to 8-bit sRGB, with highlight compression and sensor noise."""
     bright = gain * light
     shown = np.where(bright < 0.7, bright, 0.7 + 0.3 * (1 - np.exp(-(np.maximum(bright, 0.7) - 0.7) / 0.3)))
     picture = 255 * np.clip(shown, 0, 1) ** (1 / 2.2) + noise
     return np.clip(np.round(picture), 0, 255).astype(np.uint8)
 
 
-def gain_of(light: FloatArray) -> float:
-    """The gain with which the picture is neither dark nor washed out."""
+def exposure_gain(light: FloatArray) -> float:
+    """Return the gain that gives an image of medium brightness."""
     return _BRIGHTNESS / float(np.minimum(light, np.quantile(light, 0.95)).mean())
 
 
-def _lit(
-    caster: Caster, points: FloatArray, flat: FloatArray, normals: FloatArray, lamp: Lamp, angle: float
+def _light_from(
+    caster: RayCaster, points: FloatArray, flat: FloatArray, normals: FloatArray, lamp: AreaLight, angle: float
 ) -> FloatArray:
-    """(n,) light of a lamp on points; each sub-pixel sees its own point of the lamp, which softens the shadows."""
+    """Return the light (n,) of a lamp at points; each sub-pixel samples another point of the lamp."""
     source = lamp.position + lamp.radius * np.array([np.cos(angle), 0.0, np.sin(angle)])
     away = source - points
     distance = np.linalg.norm(away, axis=1)
@@ -196,8 +206,8 @@ def _lit(
     return np.where(facing, cosine * lamp.power * falloff, 0.0)
 
 
-def _openness(caster: Caster, intrinsics: Intrinsics, seen: View) -> FloatArray:
-    """(H, W) share of the hemisphere over each pixel's surface that is free of near things, smoothed on the surface."""
+def _ambient_visibility(caster: RayCaster, intrinsics: Intrinsics, seen: RenderedView) -> FloatArray:
+    """Return the unoccluded share (H, W) of the hemisphere above each pixel's surface, smoothed."""
     height, width = seen.face.shape
     normals = seen.normals.reshape(-1, 3)
     there = seen.face.reshape(-1) >= 0
@@ -218,12 +228,12 @@ def _openness(caster: Caster, intrinsics: Intrinsics, seen: View) -> FloatArray:
     for k in range(4):
         local = sphere[(block * 7 % 16) + 16 * k]
         direction = local[:, :1] * tangent + local[:, 1:2] * other + local[:, 2:] * normals
-        free[there] += ~caster.blocked(points[there], _CREVICE * direction[there])
+        free[there] += ~caster.blocked(points[there], _AMBIENT_RANGE * direction[there])
     return _smoothed((free / 4).reshape(height, width), seen)
 
 
-def _smoothed(values: FloatArray, seen: View) -> FloatArray:
-    """Mean over 4 x 4 px, of pixels of like depth and normal only."""
+def _smoothed(values: FloatArray, seen: RenderedView) -> FloatArray:
+    """Average over 4 x 4 px, only over pixels of similar depth and normal."""
     total, weight = np.zeros(values.shape), np.full(values.shape, 1e-9)
     padded = [
         np.pad(x, ((2, 2), (2, 2), *([(0, 0)] * (x.ndim - 2))), "edge") for x in (values, seen.depth, seen.normals)
@@ -240,14 +250,15 @@ def _smoothed(values: FloatArray, seen: View) -> FloatArray:
     return np.where(weight > 0.5, total / weight, values)
 
 
-def _face_normals(mesh: Mesh, hits: Hits, rays: FloatArray) -> FloatArray:
-    """(n, 3) unit, turned towards where the ray comes from; zero where nothing is hit."""
+def _face_normals(mesh: Mesh, hits: RayHits, rays: FloatArray) -> FloatArray:
+    """Return unit face normals (n, 3) towards the ray origin; zero without a hit."""
     normals = mesh.flat[np.maximum(hits.face, 0)]
     towards = np.where(dot(normals, rays)[:, None] > 0, -normals, normals)
     return np.where((hits.face >= 0)[:, None], towards, 0.0)
 
 
-def _shading_normals(mesh: Mesh, hits: Hits, flat: FloatArray) -> FloatArray:
+def _shading_normals(mesh: Mesh, hits: RayHits, flat: FloatArray) -> FloatArray:
+    """Interpolate the vertex normals at the hits; use the face normals where they are zero."""
     corner_normals = mesh.smooth[mesh.faces[np.maximum(hits.face, 0)]]
     blended = apply(np.swapaxes(corner_normals, 1, 2), hits.corners)
     length = np.linalg.norm(blended, axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""A place: a furnished room, or open ground under the sky; as a mesh, as an exact signed distance, and as paint.
+"""A furnished room or open ground: mesh, exact signed distance and surface colours.
 
 The room's own frame: metres, x right, y up, z towards the camera's side, the ground through the origin.
 """
@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_testing.worlds.arithmetic import apply
-from physic_testing.worlds.solids import QUADS, Block, Ground, blocks_mesh, box_corners, signed_distance, yaw_matrix
+from physic_testing.worlds.reproducible_math import apply
+from physic_testing.worlds.solids import BOX_QUADS, Block, Ground, blocks_mesh, box_corners, signed_distance, yaw_matrix
 from physic_testing.worlds.textures import Decoration, Patch, albedo
 
 if TYPE_CHECKING:
@@ -19,21 +19,21 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, FloatArray
 
-__all__ = ["Room", "Surfaces", "Walls"]
+__all__ = ["Room", "SurfaceColours", "Walls"]
 
 _HORIZON = 150.0  # m to where open ground ends
 
 
 @dataclass(frozen=True)
 class Walls:
-    """Four walls and a ceiling round a level floor.
+    """Four walls and a ceiling above a level floor.
 
     Attributes:
-        low: smallest x and z, in the walls' own axes.
-        high: largest x and z.
-        height: of the ceiling.
-        yaw: radians, turn of the walls about +y.
-        decorations: of the left (-x), right (+x), back (-z) and front (+z) wall; u runs along x or z, v upwards.
+        low: minimum x and z in the walls' own axes, m.
+        high: maximum x and z, m.
+        height: height of the ceiling, m.
+        yaw: rotation of the walls about +y, radians.
+        decorations: decorations of the left (-x), right (+x), back (-z) and front (+z) wall; u is along x or z, v up.
     """
 
     low: tuple[float, float]
@@ -43,11 +43,11 @@ class Walls:
     decorations: tuple[tuple[Decoration, ...], ...] = ((), (), (), ())
 
     def to_local(self, points: FloatArray) -> FloatArray:
-        """Points (..., 3) of the room in the walls' axes, y staying y."""
+        """Rotate points (..., 3) from the room frame to the walls' axes."""
         return apply(yaw_matrix(self.yaw).T, points)
 
     def signed_distance(self, points: FloatArray) -> FloatArray:
-        """Points (..., 3) -> (...) metres to the nearest wall or ceiling, negative outside."""
+        """Return the signed distance (...) of points (..., 3) to the nearest wall or ceiling, negative outside."""
         local = self.to_local(points)
         across = np.minimum(local[..., [0, 2]] - np.array(self.low), np.array(self.high) - local[..., [0, 2]])
         distance: FloatArray = np.minimum(across.min(axis=-1), self.height - local[..., 1])
@@ -56,14 +56,14 @@ class Walls:
 
 @dataclass(frozen=True)
 class Room:
-    """A closed room, or open ground where ``walls`` is None, with blocks in it.
+    """A closed room, or open ground if ``walls`` is None, with blocks.
 
     Attributes:
-        ground: the floor; level where there are walls.
-        blocks: furniture and the like; they may touch.
-        walls: None outdoors.
-        floor: what the ground is painted as, with its rugs.
-        seed: of the colours.
+        ground: ground plane; level in a room with walls.
+        blocks: furniture and other boxes; they may touch.
+        walls: walls and ceiling; None outdoors.
+        floor: material of the ground, with its rugs.
+        seed: seed of the colours.
     """
 
     ground: Ground
@@ -73,15 +73,15 @@ class Room:
     seed: int = 0
 
     def signed_distance(self, points: FloatArray) -> FloatArray:
-        """Points (..., 3) -> (...) metres to the nearest surface, exact in the air, negative inside anything solid."""
+        """Return the signed distance (...) of points (..., 3) to the nearest surface, negative inside solids."""
         distance = signed_distance(points, self.blocks, self.ground)
         return distance if self.walls is None else np.minimum(distance, self.walls.signed_distance(points))
 
     def mesh(self) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]:
-        """Vertices (V, 3), faces (F, 3) counter-clockwise seen from the air, and each face's surface (F,).
+        """Return vertices (V, 3), faces (F, 3), counter-clockwise from the air side, and surface index (F,) per face.
 
         Surface 0 is the ground, 1 to 5 are left, right, back, front wall and ceiling, 6 + 6 i + k is side k of block
-        i, in the order of ``solids.QUADS``.
+        i, in the order of ``solids.BOX_QUADS``.
         """
         vertices, faces, block = blocks_mesh(self.blocks)
         surface = 6 + 6 * block + np.tile(np.repeat(np.arange(6), 2), len(self.blocks))
@@ -94,7 +94,7 @@ class Room:
                 np.array([walls.high[0], walls.height, walls.high[1]]),
             )
             shell = apply(yaw_matrix(walls.yaw), box_corners(low, high))
-            quads, outer = QUADS[:, ::-1], np.array([1, 2, 0, 5, 3, 4])  # seen from inside
+            quads, outer = BOX_QUADS[:, ::-1], np.array([1, 2, 0, 5, 3, 4])  # seen from inside
         inner = np.stack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]], axis=1).reshape(-1, 3)
         return (
             np.concatenate([shell, vertices]),
@@ -103,17 +103,17 @@ class Room:
         )
 
 
-class Surfaces:
-    """The paint of a room's surfaces, numbered as in ``Room.mesh``."""
+class SurfaceColours:
+    """Colours of a room's surfaces, numbered as in ``Room.mesh``."""
 
     def __init__(self, room: Room) -> None:
         self._room = room
         rng = np.random.default_rng([room.seed, 11])
         self._wall_seeds = rng.integers(0, 1 << 30, 2)  # walls of one room are often of two colours
-        self._things = _thing_seeds(room.blocks, room.seed)
+        self._person_ids = _block_seeds(room.blocks, room.seed)
 
     def albedo(self, points: FloatArray, surface: NDArray[np.int64], blur: FloatArray) -> FloatArray:
-        """Colours (n, 3) of points (n, 3) of the room on surfaces (n,); a pixel covers ``blur`` (n,) metres of them."""
+        """Return the colours (n, 3) of points (n, 3) on surfaces (n,), with pixel footprint ``blur`` (n,) in metres."""
         colours = np.zeros((len(points), 3))
         order = np.argsort(surface, kind="stable")
         numbers, starts = np.unique(surface[order], return_index=True)
@@ -123,6 +123,7 @@ class Surfaces:
         return colours
 
     def _patch(self, surface: int, points: FloatArray) -> tuple[Patch, FloatArray, FloatArray]:
+        """Return the material of a surface and the texture coordinates u, v (n,) of its points."""
         room = self._room
         if surface == 0 and room.walls is None:
             return room.floor, points[:, 0], points[:, 2]
@@ -141,11 +142,11 @@ class Surfaces:
         u, v = ([2, 1], [0, 2], [0, 1])[side // 2]
         if block.material in ("wood", "metal") and half[v] > half[u]:
             u, v = v, u  # grain runs along the board
-        return Patch(block.material, self._things[index]), local[:, u] + 3.1 * side, local[:, v]
+        return Patch(block.material, self._person_ids[index]), local[:, u] + 3.1 * side, local[:, v]
 
 
-def _thing_seeds(blocks: tuple[Block, ...], seed: int) -> list[int]:
-    """Blocks of one material that nearly touch are one thing and share their colour."""
+def _block_seeds(blocks: tuple[Block, ...], seed: int) -> list[int]:
+    """Return a colour seed per block; touching blocks of one material share it."""
     seeds = [seed + 101 * i for i in range(len(blocks))]
     for i, block in enumerate(blocks):
         for j in range(i):
@@ -156,11 +157,13 @@ def _thing_seeds(blocks: tuple[Block, ...], seed: int) -> list[int]:
 
 
 def _near(one: Block, two: Block) -> BoolArray:
+    """Return whether the bounding boxes of two blocks are within 5 cm."""
     a, b = one.corners(), two.corners()
     near: BoolArray = ((a.min(axis=0) < b.max(axis=0) + 0.05) & (b.min(axis=0) < a.max(axis=0) + 0.05)).all()
     return near
 
 
 def _ground_corners(ground: Ground) -> FloatArray:
+    """Return the corners of the open ground's quad."""
     corners = [(-_HORIZON, -_HORIZON), (-_HORIZON, _HORIZON), (_HORIZON, _HORIZON), (_HORIZON, -_HORIZON)]
     return np.array([(x, ground.height_at(x, z), z) for x, z in corners])

@@ -1,4 +1,4 @@
-"""The skeletons in which worlds store the true keypoints of their people."""
+"""Skeletons of the keypoints that each world stores."""
 
 from __future__ import annotations
 
@@ -15,8 +15,10 @@ _SHARES = (
     *(("ear_surface", "nose", 0.14), ("eye_surface", "nose", 0.05)),
     *(("pinky1", "same wrist", 0.23), ("index1", "same wrist", 0.21), ("thumb2", "same wrist", 0.12)),
 )
-"""Point, body point towards which a pose network draws it, and share of the way: as measured once for BlazePose. Part
-of the definition of the worlds: a new calibration of a detector changes no world."""
+"""Calibration of BlazePose: body point, point towards which the network shifts it, and share of the way.
+
+It is part of the definition of the worlds: a new calibration of a detector does not change it.
+"""
 
 
 def _on_body() -> dict[str, dict[str, float]]:
@@ -34,9 +36,9 @@ BLAZEPOSE = Skeleton(
     on_body=_on_body(),
     weights={f"{side}_hip": 0.5 for side in SIDES},
 )
-"""BlazePose's 33 points, drawn beside those of the body as the network draws them."""
+"""BlazePose's 33 keypoints, at the shifted positions that the network predicts."""
 
 SKELETONS: dict[str, Skeleton] = {
     skeleton.name: skeleton for skeleton in (STANDARD["coco17"], STANDARD["coco23"], BLAZEPOSE)
 }
-"""By the name under which ``World.keypoints`` and ``World.visible`` have their points."""
+"""Skeleton name -> skeleton, for ``World.keypoints`` and ``World.visible``."""

@@ -1,4 +1,4 @@
-"""Solid things of the worlds: boxes that stand anywhere and the ground, their signed distance and their mesh.
+"""Boxes and ground plane of a world: signed distance and mesh.
 
 The room's frame (x right, y up, z towards the camera's side), metres.
 """
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_testing.worlds.arithmetic import apply, dot, matmul, norm, on_grid, sine_cosine
+from physic_testing.worlds.reproducible_math import apply, dot, matmul, norm, round_to_grid, sin_cos
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BLOCK_MATERIALS",
-    "FLAT",
+    "BOX_QUADS",
     "GROUND_MATERIALS",
-    "QUADS",
+    "LEVEL_GROUND",
     "Block",
     "Ground",
-    "Solid",
+    "SolidScene",
     "blocks_mesh",
     "box_corners",
     "signed_distance",
@@ -33,30 +33,32 @@ __all__ = [
 ]
 
 BLOCK_MATERIALS = ("wood", "fabric", "metal", "stone", "plaster")
-"""What blocks are made of."""
+"""Materials of blocks."""
 
 GROUND_MATERIALS = ("floor", "paving", "grass")
-"""What grounds are made of."""
+"""Materials of the ground."""
 
-QUADS: NDArray[np.int64] = np.array(
+BOX_QUADS: NDArray[np.int64] = np.array(
     [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]]
 )
-"""(6, 4) corners of a box's faces -x +x -y +y -z +z, counter-clockwise seen from outside; corner i has the sign of x, y
-and z from its bits."""
+"""Corner indices (6, 4) of a box's faces -x +x -y +y -z +z, counter-clockwise from outside.
+
+Bits 0, 1 and 2 of a corner index are set where x, y and z are at their maximum.
+"""
 
 _CHUNK = 1 << 20  # points times blocks at once
 
 
 @dataclass(frozen=True)
 class Block:
-    """A box that stands anywhere, turned about the vertical and tipped about its own width. Its numbers lie on a grid.
+    """A box with yaw and pitch; its numbers are rounded to a grid.
 
     Attributes:
-        centre: x, y, z of its middle.
-        half: half its width, height and depth.
-        yaw: radians, turn about +y.
+        centre: x, y, z of the centre, m.
+        half: half extents along the box's axes, m.
+        yaw: rotation about +y, radians.
         material: one of BLOCK_MATERIALS.
-        pitch: radians, turn about its own +x before the yaw: a positive one tips its top towards its own +z.
+        pitch: rotation about the box's own +x before the yaw, radians; positive tips the top towards its own +z.
     """
 
     centre: tuple[float, float, float]
@@ -66,25 +68,25 @@ class Block:
     pitch: float = 0.0
 
     def __post_init__(self) -> None:
-        """Puts its numbers on a grid."""
+        """Round all numbers to a grid."""
         for name in ("centre", "half"):
-            x, y, z = on_grid(np.array(getattr(self, name))).tolist()
+            x, y, z = round_to_grid(np.array(getattr(self, name))).tolist()
             object.__setattr__(self, name, (x, y, z))
         for name in ("yaw", "pitch"):
-            object.__setattr__(self, name, float(on_grid(getattr(self, name))))
+            object.__setattr__(self, name, float(round_to_grid(getattr(self, name))))
 
     @property
     def rotation(self) -> FloatArray:
         """(3, 3), the block's axes to the room's."""
-        s, c = (float(part) for part in sine_cosine(self.pitch))
+        s, c = (float(part) for part in sin_cos(self.pitch))
         return matmul(yaw_matrix(self.yaw), np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]]))
 
     def to_local(self, points: FloatArray) -> FloatArray:
-        """Points (..., 3) of the room in the block's own axes, origin in its middle."""
+        """Transform points (..., 3) from the room frame to the block's axes, with the origin at its centre."""
         return apply(self.rotation.T, points - np.array(self.centre))
 
     def corners(self) -> FloatArray:
-        """(8, 3) in the room."""
+        """Return the corners (8, 3) in the room frame."""
         half = np.array(self.half)
         corners: FloatArray = apply(self.rotation, box_corners(-half, half)) + np.array(self.centre)
         return corners
@@ -92,10 +94,10 @@ class Block:
 
 @dataclass(frozen=True)
 class Ground:
-    """Everything below a plane through the origin.
+    """Half-space below a plane through the origin.
 
     Attributes:
-        normal: unit, upwards.
+        normal: unit normal, upwards.
         material: one of GROUND_MATERIALS.
     """
 
@@ -103,20 +105,20 @@ class Ground:
     material: str = "floor"
 
     def height_at(self, x: float, z: float) -> float:
-        """The ground's y at a place."""
+        """Return the y coordinate of the ground at (x, z)."""
         return -(self.normal[0] * x + self.normal[2] * z) / self.normal[1]
 
 
-FLAT = Ground()
-"""A level floor."""
+LEVEL_GROUND = Ground()
+"""Horizontal ground."""
 
 
-class Solid:
-    """Blocks on the ground, for many evaluations of their signed distance.
+class SolidScene:
+    """Blocks and ground, prepared for repeated distance queries.
 
     Args:
         blocks: may touch and overlap.
-        ground: the ground.
+        ground: ground plane.
     """
 
     def __init__(self, blocks: Sequence[Block], ground: Ground) -> None:
@@ -127,7 +129,7 @@ class Solid:
         self._normal = np.array(ground.normal, np.float64)
 
     def distances(self, points: FloatArray) -> FloatArray:
-        """Points (n, 3) -> (b + 1, n) metres to each of the b blocks, and to the ground last; negative inside."""
+        """Return signed distances (b + 1, n) of points (n, 3) to the b blocks and the ground (last row)."""
         found = np.empty((len(self._half) + 1, len(points)))
         found[-1] = dot(points, self._normal)
         if len(self._half):
@@ -143,7 +145,7 @@ class Solid:
         return found
 
     def normals(self, points: FloatArray, which: NDArray[np.int64]) -> FloatArray:
-        """Gradient (n, 3) of the distances of points (n, 3) to one row (n,) each of :meth:`distances`."""
+        """Return the distance gradients (n, 3) at points (n, 3), each for one row (n,) of :meth:`distances`."""
         normals = np.repeat(self._normal[None], len(points), axis=0)
         boxes = np.flatnonzero(which < len(self._half))
         if len(boxes):
@@ -160,7 +162,7 @@ class Solid:
 
 
 def signed_distance(points: FloatArray, blocks: Sequence[Block], ground: Ground) -> FloatArray:
-    """Distance to the union of blocks and ground: exact in the air, negative inside.
+    """Return the signed distance of points (..., 3) to the union of blocks and ground: exact in the air.
 
     Inside it is the depth below the surface of the one thing in which the point lies deepest.
 
@@ -173,7 +175,7 @@ def signed_distance(points: FloatArray, blocks: Sequence[Block], ground: Ground)
         (...).
     """
     flat = np.asarray(points, np.float64).reshape(-1, 3)
-    solid = Solid(blocks, ground)
+    solid = SolidScene(blocks, ground)
     step = max(1, _CHUNK // (len(blocks) + 1))
     found = [solid.distances(flat[i : i + step]).min(axis=0) for i in range(0, len(flat), step)]
     distance: FloatArray = np.concatenate([*found, np.zeros(0)]).reshape(np.shape(points)[:-1])
@@ -181,21 +183,21 @@ def signed_distance(points: FloatArray, blocks: Sequence[Block], ground: Ground)
 
 
 def blocks_mesh(blocks: Sequence[Block]) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]:
-    """Vertices (8 n, 3), faces (12 n, 3) counter-clockwise seen from outside, and each face's block (12 n,)."""
+    """Return vertices (8 n, 3), faces (12 n, 3), counter-clockwise from outside, and block index (12 n,) per face."""
     if not blocks:
         return np.zeros((0, 3)), np.zeros((0, 3), np.int64), np.zeros(0, np.int64)
-    quads = np.concatenate([QUADS + 8 * i for i in range(len(blocks))])
+    quads = np.concatenate([BOX_QUADS + 8 * i for i in range(len(blocks))])
     faces = np.stack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]], axis=1).reshape(-1, 3)
     return np.concatenate([block.corners() for block in blocks]), faces, np.repeat(np.arange(len(blocks)), 12)
 
 
 def yaw_matrix(yaw: float) -> FloatArray:
-    """The (3, 3) rotation by ``yaw`` radians about +y."""
-    s, c = (float(part) for part in sine_cosine(yaw))
+    """Return the rotation matrix (3, 3) about +y by an angle in radians."""
+    s, c = (float(part) for part in sin_cos(yaw))
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
 def box_corners(low: FloatArray, high: FloatArray) -> FloatArray:
-    """(8, 3) corners of the box between two opposite ones, in the order of QUADS."""
+    """Return the corners (8, 3) of an axis-aligned box, in the order of BOX_QUADS."""
     bits = (np.arange(8)[:, None] >> np.array([0, 1, 2])) & 1
     return np.where(bits == 1, high, low).astype(np.float64)

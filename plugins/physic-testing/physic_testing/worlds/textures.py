@@ -1,6 +1,6 @@
-"""Colours of surfaces: what wood, cloth, walls, grass and the like look like, with enough detail for a real network.
+"""Procedural textures of surfaces: wood, cloth, walls, grass and others.
 
-A surface is a plane piece with coordinates u, v in metres; every pattern fades where a pixel covers more than it.
+A surface is planar with coordinates u, v in metres. Patterns smaller than a pixel fade out.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ class Decoration:
 
     Attributes:
         kind: "picture", "window" or "rug".
-        centre: u, v of its middle, metres.
-        half: half its width and height.
-        seed: of its colours.
+        centre: u, v of its centre, m.
+        half: half width and half height, m.
+        seed: seed of its colours.
     """
 
     kind: str
@@ -42,13 +42,13 @@ class Decoration:
 
 @dataclass(frozen=True)
 class Patch:
-    """How one side of a thing is painted.
+    """Material and decorations of one surface.
 
     Attributes:
         material: "planks", "tiles", "carpet", "paving", "asphalt", "grass", "wall", "ceiling", "wood", "fabric",
-            "metal", "stone", "brick", "plaster" or "hedge"; others look like plaster.
-        seed: of the colours; the sides of one thing share it.
-        decorations: on top, later ones above earlier ones.
+            "metal", "stone", "brick", "plaster" or "hedge"; others are rendered as plaster.
+        seed: seed of the colours; the sides of one object share it.
+        decorations: rectangles on top; later ones cover earlier ones.
     """
 
     material: str
@@ -57,7 +57,7 @@ class Patch:
 
 
 def albedo(patch: Patch, u: FloatArray, v: FloatArray, blur: FloatArray) -> FloatArray:
-    """Colours (n, 3) in [0, 1] of the points u, v (n,) metres, of which a pixel covers ``blur`` (n,) metres."""
+    """Return the colours (n, 3) in [0, 1] at points u, v (n,), with pixel footprint ``blur`` (n,), m."""
     rng = np.random.default_rng([patch.seed, 77])
     painted = _PAINTERS.get(patch.material, _plaster)(u, v, blur, rng)
     for decoration in patch.decorations:
@@ -70,9 +70,9 @@ def albedo(patch: Patch, u: FloatArray, v: FloatArray, blur: FloatArray) -> Floa
 
 
 def noise(u: FloatArray, v: FloatArray, blur: FloatArray, period: float, rng: np.random.Generator) -> FloatArray:
-    """Fractal noise (n,) of mean 0 and standard deviation about 1 / 2.5, that repeats after ``period`` metres."""
+    """Return fractal noise (n,) with mean 0 and standard deviation 0.4, which repeats after ``period`` metres."""
     shift = rng.uniform(0, _TEXELS, 2)
-    levels, starts = _pyramid()
+    levels, starts = _noise_pyramid()
     texel = period / _TEXELS
     level = np.clip(np.floor(np.log2(np.maximum(blur / texel, 1.0))), 0, len(starts) - 1).astype(np.int64)
     side = _TEXELS >> level
@@ -93,8 +93,8 @@ def noise(u: FloatArray, v: FloatArray, blur: FloatArray, period: float, rng: np
 
 
 @lru_cache(maxsize=1)
-def _pyramid() -> tuple[FloatArray, NDArray[np.int64]]:
-    """Tileable noise and its halved copies down to 2 x 2, flattened one after another, and where each starts."""
+def _noise_pyramid() -> tuple[FloatArray, NDArray[np.int64]]:
+    """Return a mipmap of tileable noise, flattened, and the start index of each level."""
     frequency = np.hypot(*np.meshgrid(np.fft.fftfreq(_TEXELS), np.fft.rfftfreq(_TEXELS), indexing="ij"))
     frequency[0, 0] = np.inf
     phases = np.random.default_rng(5).normal(size=(2, *frequency.shape))
@@ -109,7 +109,7 @@ def _pyramid() -> tuple[FloatArray, NDArray[np.int64]]:
 
 
 def sky(elevation: FloatArray, azimuth: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Colours (n, 3) of the sky in directions given in radians."""
+    """Return the colours (n, 3) of the sky for directions in radians."""
     height = np.clip(elevation / 0.9, 0.0, 1.0)[:, None]
     colour = np.array([0.72, 0.80, 0.88]) * (1 - height) + np.array([0.30, 0.50, 0.80]) * height
     u, v = azimuth, 2.0 * elevation
@@ -119,30 +119,32 @@ def sky(elevation: FloatArray, azimuth: FloatArray, rng: np.random.Generator) ->
     return result
 
 
-def _tones(base: tuple[float, float, float], factor: FloatArray) -> FloatArray:
+def _tinted(base: tuple[float, float, float], factor: FloatArray) -> FloatArray:
+    """Multiply a base colour by factors (n,)."""
     colours: FloatArray = np.array(base) * factor[:, None]
     return colours
 
 
 def _one_of(rng: np.random.Generator, palette: tuple[tuple[float, float, float], ...]) -> tuple[float, float, float]:
+    """Draw a slightly varied colour from a palette."""
     r, g, b = np.array(palette[rng.integers(len(palette))]) * rng.uniform(0.88, 1.12) * rng.uniform(0.95, 1.05, 3)
     return float(r), float(g), float(b)
 
 
 def _hash(i: FloatArray, j: FloatArray, salt: float) -> FloatArray:
-    """Pseudo-random (n,) in [0, 1) of integers i, j."""
+    """Return pseudo-random numbers (n,) in [0, 1) for integers i, j."""
     mixed: FloatArray = np.mod(np.sin(i * 12.9898 + j * 78.233 + salt) * 43758.5453, 1.0)
     return mixed
 
 
 def _fade(blur: FloatArray, feature: float) -> FloatArray:
-    """1 where a feature of this size is sharp, 0 where a pixel swallows it."""
+    """Return 1 where a feature is larger than a pixel, falling to 0 where it is smaller."""
     result: FloatArray = np.clip(1.5 - blur / feature, 0.0, 1.0)
     return result
 
 
 def _joints(u: FloatArray, v: FloatArray, blur: FloatArray, size: tuple[float, float], gap: float) -> FloatArray:
-    """1 on the joints between rectangles of ``size``, else 0; grey where a joint is thinner than a pixel."""
+    """Return 1 on the joints between rectangles of ``size``, else 0; anti-aliased."""
     distance = np.minimum(np.abs(u - size[0] * np.round(u / size[0])), np.abs(v - size[1] * np.round(v / size[1])))
     width = np.maximum(gap, blur)
     joint: FloatArray = np.clip(0.5 + (width / 2 - distance) / np.maximum(blur, 1e-4), 0, 1) * gap / width
@@ -157,7 +159,7 @@ def _planks(u: FloatArray, v: FloatArray, blur: FloatArray, rng: np.random.Gener
     tone = _hash(row, np.floor(along / long), salt) - 0.5
     grain = noise(8 * u, 0.6 * v + 3 * tone, 4 * blur, 1.1, rng)
     factor = 1 + 0.35 * tone * _fade(blur, wide) + 0.22 * grain
-    return _tones(base, factor * (1 - 0.5 * _joints(u - wide / 2, along - long / 2, blur, (wide, long), 0.006)))
+    return _tinted(base, factor * (1 - 0.5 * _joints(u - wide / 2, along - long / 2, blur, (wide, long), 0.006)))
 
 
 def _tiles(u: FloatArray, v: FloatArray, blur: FloatArray, rng: np.random.Generator) -> FloatArray:
@@ -166,12 +168,12 @@ def _tiles(u: FloatArray, v: FloatArray, blur: FloatArray, rng: np.random.Genera
     tone = _hash(np.round(u / side), np.round(v / side), salt) - 0.5
     factor = 1 + 0.15 * tone * _fade(blur, side) + 0.18 * noise(u, v, blur, 0.9, rng)
     joint = _joints(u - side / 2, v - side / 2, blur, (side, side), 0.008)
-    return _tones(base, factor * (1 - 0.45 * joint))
+    return _tinted(base, factor * (1 - 0.45 * joint))
 
 
 def _carpet(u: FloatArray, v: FloatArray, blur: FloatArray, rng: np.random.Generator) -> FloatArray:
     base = _one_of(rng, ((0.45, 0.42, 0.40), (0.36, 0.40, 0.48), (0.52, 0.42, 0.34), (0.40, 0.46, 0.40)))
-    return _tones(base, 1 + 0.3 * noise(u, v, blur, 0.35, rng) + 0.2 * noise(u, v, blur, 2.3, rng))
+    return _tinted(base, 1 + 0.3 * noise(u, v, blur, 0.35, rng) + 0.2 * noise(u, v, blur, 2.3, rng))
 
 
 def _paving(u: FloatArray, v: FloatArray, blur: FloatArray, rng: np.random.Generator) -> FloatArray:
@@ -183,12 +185,12 @@ def _paving(u: FloatArray, v: FloatArray, blur: FloatArray, rng: np.random.Gener
     factor = 1 + 0.25 * tone * _fade(blur, size[1]) + 0.25 * noise(u, v, blur, 0.7, rng)
     factor += 0.12 * noise(u, v, blur, 5.0, rng)
     joint = _joints(shifted - size[0] / 2, v - size[1] / 2, blur, size, 0.012)
-    return _tones(base, factor * (1 - 0.5 * joint))
+    return _tinted(base, factor * (1 - 0.5 * joint))
 
 
 def _asphalt(u: FloatArray, v: FloatArray, blur: FloatArray, rng: np.random.Generator) -> FloatArray:
     base = _one_of(rng, ((0.34, 0.34, 0.35), (0.42, 0.41, 0.40)))
-    colour = _tones(base, 1 + 0.45 * noise(u, v, blur, 0.3, rng) + 0.25 * noise(u, v, blur, 4.1, rng))
+    colour = _tinted(base, 1 + 0.45 * noise(u, v, blur, 0.3, rng) + 0.25 * noise(u, v, blur, 4.1, rng))
     where, width = rng.uniform(1.5, 4.0), rng.uniform(0.08, 0.15)
     marked = (np.abs(u - where) < width / 2) & (np.mod(v, 3.0) < 2.0)
     colour[marked] = 0.8
@@ -198,7 +200,7 @@ def _asphalt(u: FloatArray, v: FloatArray, blur: FloatArray, rng: np.random.Gene
 def _grass(u: FloatArray, v: FloatArray, blur: FloatArray, rng: np.random.Generator) -> FloatArray:
     base = _one_of(rng, ((0.30, 0.42, 0.18), (0.38, 0.46, 0.22), (0.26, 0.38, 0.20)))
     fine, broad = noise(u, v, blur, 0.4, rng), noise(u, v, blur, 3.7, rng)
-    colour = _tones(base, 1 + 0.6 * fine + 0.3 * broad)
+    colour = _tinted(base, 1 + 0.6 * fine + 0.3 * broad)
     dry = np.clip(0.5 * noise(u, v, blur, 7.9, rng) + 0.1, 0, 0.5)[:, None]
     result: FloatArray = colour * (1 - dry) + np.array([0.55, 0.48, 0.28]) * (1 + 0.4 * fine[:, None]) * dry
     return result
@@ -206,11 +208,11 @@ def _grass(u: FloatArray, v: FloatArray, blur: FloatArray, rng: np.random.Genera
 
 def _hedge(u: FloatArray, v: FloatArray, blur: FloatArray, rng: np.random.Generator) -> FloatArray:
     base = _one_of(rng, ((0.20, 0.34, 0.14), (0.24, 0.36, 0.20), (0.30, 0.34, 0.14)))
-    return _tones(base, 1 + 0.9 * noise(u, v, blur, 0.9, rng) + 0.4 * noise(u, v, blur, 0.25, rng))
+    return _tinted(base, 1 + 0.9 * noise(u, v, blur, 0.9, rng) + 0.4 * noise(u, v, blur, 0.25, rng))
 
 
 def _wall(u: FloatArray, v: FloatArray, blur: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Paint, stripes or a fine pattern over a skirting board; v is the height."""
+    """Colour a wall: plain, striped or patterned paint above a skirting board; v is the height."""
     base = _one_of(
         rng, ((0.78, 0.76, 0.70), (0.66, 0.72, 0.76), (0.74, 0.64, 0.56), (0.62, 0.70, 0.60), (0.82, 0.80, 0.78))
     )
@@ -220,21 +222,21 @@ def _wall(u: FloatArray, v: FloatArray, blur: FloatArray, rng: np.random.Generat
         factor += 0.06 * np.sign(np.sin(2 * np.pi * u / period)) * _fade(blur, period)
     elif kind == 2:
         factor += 0.12 * (np.sin(2 * np.pi * u / period) * np.sin(2 * np.pi * v / period)) * _fade(blur, period)
-    colour = _tones(base, factor)
+    colour = _tinted(base, factor)
     board = v < rng.uniform(0.06, 0.14)
     colour[board] = 0.85 if rng.random() < 0.5 else 0.25
     return colour
 
 
 def _ceiling(u: FloatArray, v: FloatArray, blur: FloatArray, rng: np.random.Generator) -> FloatArray:
-    return _tones((0.88, 0.88, 0.86), 1 + 0.05 * noise(u, v, blur, 1.3, rng))
+    return _tinted((0.88, 0.88, 0.86), 1 + 0.05 * noise(u, v, blur, 1.3, rng))
 
 
 def _wood(u: FloatArray, v: FloatArray, blur: FloatArray, rng: np.random.Generator) -> FloatArray:
     base = _one_of(rng, ((0.50, 0.32, 0.20), (0.66, 0.48, 0.30), (0.34, 0.22, 0.15), (0.74, 0.62, 0.46)))
     grain = noise(0.5 * u, 7 * v, 4 * blur, 1.3, rng)
     rings = np.sin(60 * v + 6 * noise(0.4 * u, 2 * v, blur, 1.7, rng)) * _fade(blur, 0.05)
-    return _tones(base, 1 + 0.3 * grain + 0.08 * rings)
+    return _tinted(base, 1 + 0.3 * grain + 0.08 * rings)
 
 
 def _fabric(u: FloatArray, v: FloatArray, blur: FloatArray, rng: np.random.Generator) -> FloatArray:
@@ -248,17 +250,17 @@ def _fabric(u: FloatArray, v: FloatArray, blur: FloatArray, rng: np.random.Gener
     elif kind == 2:
         check = np.sign(np.sin(2 * np.pi * u / period)) + np.sign(np.sin(2 * np.pi * v / period))
         factor += 0.12 * check * _fade(blur, period)
-    return _tones(base, factor)
+    return _tinted(base, factor)
 
 
 def _metal(u: FloatArray, v: FloatArray, blur: FloatArray, rng: np.random.Generator) -> FloatArray:
     base = _one_of(rng, ((0.55, 0.56, 0.58), (0.30, 0.31, 0.33), (0.62, 0.58, 0.52)))
-    return _tones(base, 1 + 0.18 * noise(6 * u, 0.4 * v, 4 * blur, 1.1, rng))
+    return _tinted(base, 1 + 0.18 * noise(6 * u, 0.4 * v, 4 * blur, 1.1, rng))
 
 
 def _stone(u: FloatArray, v: FloatArray, blur: FloatArray, rng: np.random.Generator) -> FloatArray:
     base = _one_of(rng, ((0.58, 0.56, 0.52), (0.50, 0.48, 0.46), (0.64, 0.58, 0.48)))
-    return _tones(base, 1 + 0.35 * noise(u, v, blur, 0.8, rng) + 0.2 * noise(u, v, blur, 0.2, rng))
+    return _tinted(base, 1 + 0.35 * noise(u, v, blur, 0.8, rng) + 0.2 * noise(u, v, blur, 0.2, rng))
 
 
 def _brick(u: FloatArray, v: FloatArray, blur: FloatArray, rng: np.random.Generator) -> FloatArray:
@@ -266,7 +268,7 @@ def _brick(u: FloatArray, v: FloatArray, blur: FloatArray, rng: np.random.Genera
     size, salt, row = (0.25, 0.08), float(rng.integers(1000)), np.round(v / 0.08)
     shifted = u + 0.5 * size[0] * np.mod(row, 2)
     tone = (_hash(np.round(shifted / size[0]), row, salt) - 0.5) * _fade(blur, size[1])
-    colour = _tones(base, 1 + 0.4 * tone + 0.3 * noise(u, v, blur, 0.5, rng))
+    colour = _tinted(base, 1 + 0.4 * tone + 0.3 * noise(u, v, blur, 0.5, rng))
     joint = 0.8 * _joints(shifted - size[0] / 2, v - size[1] / 2, blur, size, 0.012)[:, None]
     result: FloatArray = colour * (1 - joint) + 0.68 * joint
     return result
@@ -274,13 +276,13 @@ def _brick(u: FloatArray, v: FloatArray, blur: FloatArray, rng: np.random.Genera
 
 def _plaster(u: FloatArray, v: FloatArray, blur: FloatArray, rng: np.random.Generator) -> FloatArray:
     base = _one_of(rng, ((0.76, 0.74, 0.70), (0.74, 0.68, 0.58), (0.62, 0.66, 0.70)))
-    return _tones(base, 1 + 0.1 * noise(u, v, blur, 1.5, rng) + 0.08 * noise(u, v, blur, 0.3, rng))
+    return _tinted(base, 1 + 0.1 * noise(u, v, blur, 1.5, rng) + 0.08 * noise(u, v, blur, 0.3, rng))
 
 
 def _picture(
     a: FloatArray, b: FloatArray, blur: FloatArray, half: tuple[float, float], rng: np.random.Generator
 ) -> FloatArray:
-    """A frame round a landscape of two colours."""
+    """Colour a framed landscape of two colours."""
     low, high = (np.array(_one_of(rng, _BRIGHT)) for _ in range(2))
     bend = 0.4 * noise(a, b, blur, 3 * half[0], rng)
     share = np.clip(0.5 + 2 * (b / half[1] * rng.uniform(0.3, 1) + 1.5 * bend), 0, 1)[:, None]
@@ -294,7 +296,7 @@ def _picture(
 def _window(
     a: FloatArray, b: FloatArray, blur: FloatArray, half: tuple[float, float], rng: np.random.Generator
 ) -> FloatArray:
-    """Panes that show sky over trees, between white bars."""
+    """Colour a window with sky and trees behind white bars."""
     horizon = rng.uniform(-0.5, 0.1) * half[1] + 0.3 * noise(a, 0 * b, blur, 2.0, rng)
     above = np.clip((b - horizon) / 0.03, 0, 1)[:, None]
     outside = np.array([0.72, 0.85, 0.97]) * above + np.array([0.30, 0.42, 0.22]) * (1 - above)
@@ -307,7 +309,7 @@ def _window(
 def _rug(
     a: FloatArray, b: FloatArray, blur: FloatArray, half: tuple[float, float], rng: np.random.Generator
 ) -> FloatArray:
-    """A border round a pattern of diamonds."""
+    """Colour a rug with a border and a pattern of diamonds."""
     ground, mark, border = (np.array(_one_of(rng, _BRIGHT)) for _ in range(3))
     period = rng.uniform(0.2, 0.5)
     wave = np.cos(2 * np.pi * a / period) + np.cos(2 * np.pi * b / period)

@@ -1,8 +1,8 @@
-"""Worlds: synthetic scenes of people in rooms and outdoors, with the truth of everything that PhySIC estimates.
+"""Synthetic scenes of people ("worlds") with ground truth for all estimates of PhySIC.
 
-A world is the same for the same name, seed and size. Everything is in the camera's frame (OpenCV: x right, y down,
-z forward) and in metres, except what says "room". The scene is ground, walls and furniture: contact and signed distance
-are those to the scene, and other people do not count as scene.
+Name, seed and size determine a world completely. All values are in the camera frame (OpenCV: x right, y down, z
+forward), in metres, unless stated as "room". The scene is ground, walls and furniture: contact and signed distance
+refer to the scene, not to other people.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ import numpy as np
 
 from physic_core.errors import InputError
 from physic_core.types import BodyParameters, Intrinsics, Plane
-from physic_testing.worlds import labels, storage
+from physic_testing.worlds import disk_cache, labels
 from physic_testing.worlds.rendering import pixel_rays
 from physic_testing.worlds.skeletons import SKELETONS
 
-# What builds a world needs torch and is imported where it is used: names and types of worlds do not.
+# Building a world needs torch, so the builders are imported in the functions.
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -52,48 +52,50 @@ WORLDS: tuple[str, ...] = (
     "slope",
     "outdoor_steps",
 )
-"""Names of the worlds: what their people do."""
+"""Names of the worlds; each names the action of its people."""
 
 CONTACT_DISTANCE = 0.02
-"""Metres: a vertex touches when a surface is this near, or when it lies inside (the rule of the paper's code)."""
+"""Maximum distance of a contact vertex to a surface, m; vertices inside count too (rule of the paper's code)."""
 
 
 @dataclass(frozen=True)
 class World:
-    """A photo and its truth. N people, V vertices, H and W image rows and columns. Arrays are read-only.
+    """A photo and its ground truth.
+
+    N people, V vertices, H and W image rows and columns. Arrays are read-only.
 
     Attributes:
         name: one of WORLDS.
-        seed: of everything drawn.
-        image: (H, W, 3) uint8 RGB, the photo, with its label (``physic_testing.worlds.labels``).
-        empty_image: (H, W, 3) uint8 RGB, the same without people and their shadows, with the same label.
-        intrinsics: of the camera.
-        camera: its place in the room.
-        room: ground, walls and furniture, in the room's frame; outdoors it has no walls.
-        action: what each of the N people does.
+        seed: seed of all random choices.
+        image: (H, W, 3) uint8 RGB photo, with its label (``physic_testing.worlds.labels``).
+        empty_image: (H, W, 3) uint8 RGB, the photo without people and their shadows, with the same label.
+        intrinsics: camera intrinsics.
+        camera: camera pose in the room frame.
+        room: ground, walls and furniture in the room frame; no walls outdoors.
+        action: action of each of the N people.
         depth: (H, W) float32 along z; inf in the sky.
-        empty_depth: (H, W) float32, of the scene without people.
+        empty_depth: (H, W) float32, depth of the scene without people.
         normals: (H, W, 3) float32 unit, towards the camera; zero in the sky.
-        empty_normals: (H, W, 3) float32.
+        empty_normals: (H, W, 3) float32, normals of the scene without people.
         masks: (N, H, W) bool, visible pixels.
-        whole_masks: (N, H, W) bool, as if nothing stood in front; what the frame cuts off is no part of them.
-        boxes: (N, 4) float64 px, x0 y0 x1 y1 half open, of ``masks``.
+        unoccluded_masks: (N, H, W) bool, pixels of each person without occluders, cropped by the image.
+        boxes: (N, 4) float64 px, x0 y0 x1 y1 of ``masks``, end exclusive.
         floor_mask: (H, W) bool, visible ground.
-        empty_floor_mask: (H, W) bool, of the scene without people.
-        floor: the plane of the ground, in front of steps too.
-        keypoints: joint set -> (N, J, 2) float64 px.
-        visible: joint set -> (N, J) bool: in the image, and hidden by nothing but the own skin or the own limb.
-        joints_visible: (N, 55) bool, the same of the body's joints.
-        parameters: of the N bodies.
+        empty_floor_mask: (H, W) bool, visible ground without people.
+        floor: plane of the ground.
+        keypoints: skeleton name -> (N, J, 2) float64 px.
+        visible: skeleton name -> (N, J) bool, in the image and occluded at most by the person's own skin or limb.
+        joints_visible: (N, 55) bool, the same for the body joints.
+        parameters: parameters of the N bodies.
         body_model: name of the body model.
-        topology: name of its mesh.
+        topology: name of its mesh topology.
         faces: (F, 3) int32.
         outer: (V,) bool, False inside mouth, nose and eyes.
         vertices: (N, V, 3) float32.
         joints: (N, 55, 3) float32.
-        contact: (N, V) bool, by CONTACT_DISTANCE, of outer vertices.
-        distance: (N, V) float32 to the nearest surface of the scene, negative inside.
-        residual: (N,) metres by which at most the settled body misses its contacts, or lies inside the scene.
+        contact: (N, V) bool, outer vertices within CONTACT_DISTANCE of the scene.
+        distance: (N, V) float32, signed distance to the scene, negative inside.
+        residual: (N,) m, largest contact gap or penetration depth of the fitted pose.
     """
 
     name: str
@@ -109,7 +111,7 @@ class World:
     normals: FloatArray
     empty_normals: FloatArray
     masks: BoolArray
-    whole_masks: BoolArray
+    unoccluded_masks: BoolArray
     boxes: FloatArray
     floor_mask: BoolArray
     empty_floor_mask: BoolArray
@@ -129,7 +131,7 @@ class World:
     residual: FloatArray
 
     def points(self, *, people: bool) -> FloatArray:
-        """The point map (H, W, 3) float32, with or without the people; inf in the sky."""
+        """Return the point map (H, W, 3) float32, with or without people; inf in the sky."""
         depth = self.depth if people else self.empty_depth
         rays = pixel_rays(self.intrinsics).reshape(*depth.shape, 3)
         with np.errstate(invalid="ignore"):  # a ray of x = 0 into the sky
@@ -138,15 +140,15 @@ class World:
 
 
 def build_world(name: str = "stand", seed: int = 0, size: tuple[int, int] = (320, 240)) -> World:
-    """Build a world, or take it from memory or from the disk (``physic_testing.worlds.storage``).
+    """Build a world, or load it from memory or disk (``physic_testing.worlds.disk_cache``).
 
     Args:
         name: one of WORLDS.
-        seed: draws shapes, postures, furniture, camera, light and colours; from 0 to 2^64 - 1.
+        seed: seed of shapes, poses, furniture, camera, light and colours; from 0 to 2^64 - 1.
         size: width and height of the photo, px.
 
     Raises:
-        InputError: there is no such world, or the size is too small for a label.
+        InputError: no world has this name, or the size is too small for a label.
     """
     if name not in WORLDS:
         raise InputError(f"There is no world named {name!r}: choose one of {', '.join(WORLDS)}.")
@@ -155,59 +157,61 @@ def build_world(name: str = "stand", seed: int = 0, size: tuple[int, int] = (320
             f"A world needs a photo of at least {labels.SMALLEST_PX} x {labels.SMALLEST_PX} px, "
             f"got {size[0]} x {size[1]} px."
         )
-    return _remembered(name, int(seed), (int(size[0]), int(size[1])))
+    return _cached_world(name, int(seed), (int(size[0]), int(size[1])))
 
 
-_COLOURS = 9  # of the random numbers of clothes and light
+_COLOUR_STREAM = 9  # of the random numbers of clothes and light
 
 
 def benchmark_worlds(count: int, seed: int) -> tuple[tuple[str, int], ...]:
-    """Names and seeds of ``count`` worlds: the names in turn, so that each comes equally often, the seeds drawn."""
+    """Return the names and seeds of ``count`` benchmark worlds: the names in turn, with random seeds."""
     seeds = np.random.default_rng(seed).integers(0, 1 << 31, count)
     return tuple((WORLDS[i % len(WORLDS)], int(own)) for i, own in enumerate(seeds))
 
 
 @lru_cache(maxsize=24)
-def _remembered(name: str, seed: int, size: tuple[int, int]) -> World:
+def _cached_world(name: str, seed: int, size: tuple[int, int]) -> World:
+    """Load a world from the disk cache, or build it."""
     from physic_testing.worlds.cameras import Camera
     from physic_testing.worlds.rooms import Room, Walls
     from physic_testing.worlds.solids import Block, Ground
     from physic_testing.worlds.textures import Decoration, Patch
 
-    world = storage.kept(
-        storage.key_of("world", name, seed, *size),
+    world = disk_cache.load_or_build(
+        disk_cache.cache_key("world", name, seed, *size),
         World,
         (Intrinsics, Camera, Room, Walls, Ground, Block, Patch, Decoration, Plane, BodyParameters),
         lambda: _build(name, seed, size),
     )
-    _freeze(world)
+    _make_read_only(world)
     return world
 
 
 def _build(name: str, seed: int, size: tuple[int, int]) -> World:
+    """Build a world from scratch."""
     import torch
 
     from physic_core.body import load_body
-    from physic_testing.worlds.arithmetic import apply, dot
-    from physic_testing.worlds.staging import set_stage
-    from physic_testing.worlds.truth import place_bodies, project, seen_by_camera, take_pictures
+    from physic_testing.worlds.ground_truth import place_bodies, project, render_pictures, visible_landmarks
+    from physic_testing.worlds.reproducible_math import apply, dot
+    from physic_testing.worlds.scene_setup import set_up_scene
 
     model = load_body("embedded").to(dtype=torch.float64)
-    stage = set_stage(model, name, seed, size)
-    intrinsics, rng = stage.intrinsics, np.random.default_rng([seed, zlib.crc32(name.encode()), _COLOURS])
+    stage = set_up_scene(model, name, seed, size)
+    intrinsics, rng = stage.intrinsics, np.random.default_rng([seed, zlib.crc32(name.encode()), _COLOUR_STREAM])
     bodies = place_bodies(model, stage, tuple(SKELETONS.values()))
-    pictures = take_pictures(model, stage, intrinsics, bodies.vertices, rng)
+    pictures = render_pictures(model, stage, intrinsics, bodies.vertices, rng)
     distance = stage.room.signed_distance(stage.camera.to_room(bodies.vertices))
     up = np.array(stage.room.ground.normal)
 
     def seen(points: FloatArray, names: tuple[str, ...]) -> BoolArray:
-        return seen_by_camera(model, points, names, pictures, bodies.vertices, intrinsics)
+        return visible_landmarks(model, points, names, pictures, bodies.vertices, intrinsics)
 
     return World(
         name=name,
         seed=seed,
-        image=labels.stamp(pictures.image, name, seed),
-        empty_image=labels.stamp(pictures.empty_image, name, seed),
+        image=labels.embed_label(pictures.image, name, seed),
+        empty_image=labels.embed_label(pictures.empty_image, name, seed),
         intrinsics=intrinsics,
         camera=stage.camera,
         room=stage.room,
@@ -217,7 +221,7 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
         normals=pictures.seen.normals.astype(np.float32),
         empty_normals=pictures.empty.normals.astype(np.float32),
         masks=pictures.masks,
-        whole_masks=pictures.whole_masks,
+        unoccluded_masks=pictures.unoccluded_masks,
         boxes=np.stack([_box(mask) for mask in pictures.masks]),
         floor_mask=pictures.floor_mask,
         empty_floor_mask=pictures.empty_floor_mask,
@@ -239,16 +243,17 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
 
 
 def _box(mask: BoolArray) -> FloatArray:
+    """Return the tight box x0 y0 x1 y1 of a mask, end exclusive."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     return np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], np.float64)
 
 
-def _freeze(thing: object) -> None:
-    """Worlds are shared: whoever writes into one gets an error."""
+def _make_read_only(thing: object) -> None:
+    """Make all arrays of a dataclass read-only, because cached worlds are shared."""
     for field in fields(thing):  # type: ignore[arg-type]
         value = getattr(thing, field.name)
         for array in value.values() if isinstance(value, Mapping) else (value,):
             if isinstance(array, np.ndarray):
                 array.setflags(write=False)
             elif is_dataclass(array):
-                _freeze(array)
+                _make_read_only(array)

@@ -19,17 +19,17 @@ from physic_core.configuration.model import load_config
 from physic_core.configuration.resolve import resolve
 from physic_core.discovery.plugins import discover
 from physic_core.errors import ConfigError, PhysicError
-from physic_testing.bench import accuracy, cases
-from physic_testing.bench.accuracy import Work, run_cases, run_one
-from physic_testing.bench.cases import Case, chosen_cases, look
-from physic_testing.bench.evidence_io import load_evidence, save_evidence
-from physic_testing.bench.results import summarise, write
-from physic_testing.bench.rows import ablation_rows, pick
+from physic_testing.bench import run_worlds, world_evidence
+from physic_testing.bench.evidence_file import load_evidence, save_evidence
+from physic_testing.bench.results import summarise_records, write_results
+from physic_testing.bench.run_worlds import BenchmarkJob, run_cases, run_world
+from physic_testing.bench.table_rows import ablation_rows, select_rows
+from physic_testing.bench.world_evidence import WorldCase, benchmark_cases, estimate_evidence
 from physic_testing.commands.bench import bench as bench_commands
 from physic_testing.worlds import WORLDS, build_world
 
 SIZE = (160, 120)
-CASE = Case("stand", 0, SIZE)
+CASE = WorldCase("stand", 0, SIZE)
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def config():
 @pytest.fixture(scope="module")
 def evidence(config):
     plan = resolve(config, discover())
-    return look(CASE, build_world("stand", 0, SIZE), plan, load_body("embedded"), None)
+    return estimate_evidence(CASE, build_world("stand", 0, SIZE), plan, load_body("embedded"), None)
 
 
 def alike(one, other):
@@ -67,18 +67,18 @@ def test_the_name_of_evidence_changes_with_whatever_changes_it(config):
     registry = discover()
     noisy = load_config(preset="mock", overrides=["metric_depth.options.noise_seed=1"])
     keys = [
-        cases.evidence_key(case, resolve(found, registry))
+        world_evidence.evidence_key(case, resolve(found, registry))
         for case, found in (
             (CASE, config),
-            (Case("stand", 1, SIZE), config),
-            (Case("lie", 0, SIZE), config),
-            (Case("stand", 0, (120, 160)), config),
+            (WorldCase("stand", 1, SIZE), config),
+            (WorldCase("lie", 0, SIZE), config),
+            (WorldCase("stand", 0, (120, 160)), config),
             (CASE, noisy),
         )
     ]
     assert len(set(keys)) == len(keys)
     trial = load_config(preset="mock", overrides=["engine.joint.optimiser.steps=3"])
-    assert cases.evidence_key(CASE, resolve(trial, registry)) == keys[0]
+    assert world_evidence.evidence_key(CASE, resolve(trial, registry)) == keys[0]
 
 
 def test_rows_are_the_papers_and_can_be_picked():
@@ -89,17 +89,17 @@ def test_rows_are_the_papers_and_can_be_picked():
     assert rows[0].settings is None
     assert rows[6].settings == load_config(preset="mock").engine.settings()
     assert len({row.digest for row in rows}) == len(rows)
-    assert pick("default", []) == rows
-    assert [row.key for row in pick("paper", ["paper", "full", "start"])] == ["start", "full", "paper"]
+    assert select_rows("default", []) == rows
+    assert [row.key for row in select_rows("paper", ["paper", "full", "start"])] == ["start", "full", "paper"]
     with pytest.raises(ConfigError, match=r"^no row named 'ful'; there are: start, .*\. Did you mean 'full'\?$"):
-        pick("default", ["ful"])
+        select_rows("default", ["ful"])
     with pytest.raises(ConfigError, match=r"^no engine preset named 'best'; there are: default"):
         ablation_rows("best")
 
 
 def test_a_world_is_looked_at_once_and_its_rows_are_kept(config, tmp_path, monkeypatch):
-    work = Work(config, pick("default", ["start", "full"]), tmp_path)
-    first = run_one(CASE, work)
+    work = BenchmarkJob(config, select_rows("default", ["start", "full"]), tmp_path)
+    first = run_world(CASE, work)
     assert first["error"] == ""
     assert list(first["rows"]) == ["start", "full"]
     for row in first["rows"].values():
@@ -108,15 +108,15 @@ def test_a_world_is_looked_at_once_and_its_rows_are_kept(config, tmp_path, monke
     def never(*_):
         raise AssertionError("asked again")
 
-    monkeypatch.setattr(cases, "run_backends", never)
+    monkeypatch.setattr(world_evidence, "run_backends", never)
     monkeypatch.setattr("physic_core.pipeline.optimise.run_engine", never)
-    again = run_one(CASE, work)
+    again = run_world(CASE, work)
     assert again == first
     assert json.loads(json.dumps(first)) == first
 
 
 def test_the_engine_is_better_than_the_start(config):
-    record = run_one(CASE, Work(config, pick("default", ["start", "full"]), None))
+    record = run_world(CASE, BenchmarkJob(config, select_rows("default", ["start", "full"]), None))
     start, full = (record["rows"][key]["people"][0] for key in ("start", "full"))
     print({key: (start[key], full[key]) for key in ("pa_mpjpe_mm", "mpjpe_mm", "f1")})
     assert full["mpjpe_mm"] < start["mpjpe_mm"]
@@ -128,28 +128,28 @@ def test_what_fails_is_counted(config, monkeypatch):
     def broken(*_):
         raise RuntimeError("no memory\nleft")
 
-    work = Work(config, pick("default", ["start", "full"]), None)
+    work = BenchmarkJob(config, select_rows("default", ["start", "full"]), None)
     with monkeypatch.context() as patch:
         patch.setattr("physic_core.pipeline.optimise.run_engine", broken)
-        record = run_one(CASE, work)
+        record = run_world(CASE, work)
     assert record["rows"]["full"]["error"] == "RuntimeError: no memory\nleft"
     assert [p["found"] for p in record["rows"]["full"]["people"]] == [False]
     assert [p["found"] for p in record["rows"]["start"]["people"]] == [True]
 
-    monkeypatch.setattr(cases, "run_backends", broken)
-    blind = run_one(CASE, work)
+    monkeypatch.setattr(world_evidence, "run_backends", broken)
+    blind = run_world(CASE, work)
     assert blind["error"] == "RuntimeError: no memory\nleft"
     assert [p["why"] for row in blind["rows"].values() for p in row["people"]] == [blind["error"]] * 2
-    results = summarise([blind], [CASE], work, {"seed": 0, "size": SIZE, "preset": "default"})
+    results = summarise_records([blind], [CASE], work, {"seed": 0, "size": SIZE, "preset": "default"})
     assert "stand 0: RuntimeError: no memory: its people count as missed in every row" in results.tables[0].notes
     assert results.figures["full"].missed == 1
     assert len(results.document["failures"]) == 2
 
 
 def test_results_hold_everything_and_are_plain_json(config, tmp_path):
-    work = Work(config, pick("default", ["start"]), None)
-    results = summarise([run_one(CASE, work)], [CASE, Case("lie", 0, SIZE)], work, {"seed": 0})
-    paths = write(results, tmp_path)
+    work = BenchmarkJob(config, select_rows("default", ["start"]), None)
+    results = summarise_records([run_world(CASE, work)], [CASE, WorldCase("lie", 0, SIZE)], work, {"seed": 0})
+    paths = write_results(results, tmp_path)
     assert [path.name for path in paths] == ["results.json", "table.txt", "table.md"]
     document = json.loads(paths[0].read_text(), parse_constant=lambda text: pytest.fail(f"{text} is no JSON"))
     assert (document["complete"], document["worlds_done"], document["worlds_asked"]) == (False, 1, 2)
@@ -161,17 +161,17 @@ def test_results_hold_everything_and_are_plain_json(config, tmp_path):
 
 
 def test_each_action_comes_equally_often_and_a_seed_gives_the_same_worlds():
-    found = chosen_cases(2 * len(WORLDS), 5, SIZE)
-    assert found == chosen_cases(2 * len(WORLDS), 5, SIZE)
+    found = benchmark_cases(2 * len(WORLDS), 5, SIZE)
+    assert found == benchmark_cases(2 * len(WORLDS), 5, SIZE)
     assert sorted(case.name for case in found) == sorted(2 * WORLDS)
-    assert found != chosen_cases(2 * len(WORLDS), 6, SIZE)
+    assert found != benchmark_cases(2 * len(WORLDS), 6, SIZE)
     assert len(set(found)) == len(found)
 
 
 def test_two_processes_find_what_one_finds(config, tmp_path):
-    work = Work(config, pick("default", ["start"]), tmp_path)
-    asked = [CASE, Case("lie", 0, SIZE)]
-    alone = {record["name"]: record["rows"] for record in run_cases(asked, Work(config, work.rows, None))}
+    work = BenchmarkJob(config, select_rows("default", ["start"]), tmp_path)
+    asked = [CASE, WorldCase("lie", 0, SIZE)]
+    alone = {record["name"]: record["rows"] for record in run_cases(asked, BenchmarkJob(config, work.rows, None))}
     several = {record["name"]: record["rows"] for record in run_cases(asked, work, jobs=2)}
     assert several == alone
 
@@ -186,7 +186,7 @@ def bench(*arguments):
 @pytest.fixture
 def known_worlds(monkeypatch):
     """Worlds that other tests build too, in the place of drawn ones."""
-    monkeypatch.setattr(cases, "chosen_cases", lambda count, seed, size: (CASE,) * count)
+    monkeypatch.setattr(world_evidence, "benchmark_cases", lambda count, seed, size: (CASE,) * count)
 
 
 def test_bench_alone_says_what_there_is():
@@ -255,10 +255,10 @@ def test_what_cannot_be_is_said_before_anything_runs(arguments, message, tmp_pat
 @pytest.mark.parametrize(("cause", "code"), [(KeyboardInterrupt(), 130), (PhysicError("a process was ended"), 1)])
 def test_a_run_that_is_stopped_leaves_what_is_done(cause, code, tmp_path, monkeypatch, known_worlds):
     def stopped(cases, work, jobs):
-        yield run_one(cases[0], work)
+        yield run_world(cases[0], work)
         raise cause
 
-    monkeypatch.setattr(accuracy, "run_cases", stopped)
+    monkeypatch.setattr(run_worlds, "run_cases", stopped)
     told = bench("accuracy", "--worlds", "3", "--size", "160x120", "--rows", "start", "--no-cache", "-o", str(tmp_path))
     assert told.exit_code == code
     assert "1 of 3 worlds" in told.output

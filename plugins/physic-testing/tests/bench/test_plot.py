@@ -3,9 +3,9 @@ from __future__ import annotations
 import pytest
 
 from physic_core.errors import PhysicError
-from physic_testing.bench.plot import draw
+from physic_testing.bench.plot import draw_plot
 from physic_testing.bench.results import Results
-from physic_testing.bench.summary import by_action, figures
+from physic_testing.bench.summary import by_action, row_statistics
 
 ROWS = {"start": {"label": "start"}, "full": {"label": "+ floor"}}
 PEOPLE = [
@@ -20,13 +20,13 @@ def results():
     records = [{"name": "lie", "seed": 0, "people": true, "false_alarms": 0, "error": "", "rows": rows}]
     settings = {"rows": ROWS, "size": [320, 240], "seed": 0, "preset": "default"}
     document = {"settings": settings, "actions": by_action(records, list(ROWS)), "worlds_done": 1}
-    return Results(document, (), {key: figures(records, key) for key in ROWS})
+    return Results(document, (), {key: row_statistics(records, key) for key in ROWS})
 
 
 @pytest.mark.parametrize("suffix", ["png", "svg"])
 def test_a_picture_is_drawn(tmp_path, suffix):
     pytest.importorskip("matplotlib")
-    path = draw(results(), tmp_path / f"ablation.{suffix}")
+    path = draw_plot(results(), tmp_path / f"ablation.{suffix}")
     assert path.stat().st_size > 5_000
 
 
@@ -36,4 +36,4 @@ def test_without_matplotlib_it_says_what_to_install(tmp_path, monkeypatch):
         PhysicError,
         match=r"^the plot needs matplotlib.*: `pip install -e 'plugins/physic-testing\[plot\]'` in a checkout",
     ):
-        draw(results(), tmp_path / "ablation.png")
+        draw_plot(results(), tmp_path / "ablation.png")

@@ -15,8 +15,8 @@ from physic_core.engine.settings import with_overrides
 from physic_core.errors import ConfigError
 from physic_core.geometry.neighbors import NearestScene
 from physic_testing.bench.speed import SECTIONS, SpeedReport, SpeedRow, format_report, measure_speed
-from physic_testing.bench.speed_nearest import errors_mm
-from physic_testing.bench.speed_problems import crowd
+from physic_testing.bench.speed_nearest import nearest_errors_mm
+from physic_testing.bench.synthetic_problems import make_joint_problem
 
 SMALL = (160, 120)
 
@@ -35,14 +35,18 @@ def same(a, b):
 
 
 def test_problems_are_the_same_for_the_same_seed(body):
-    first, second, other = crowd(body, 3, SMALL, 4), crowd(body, 3, SMALL, 4), crowd(body, 3, SMALL, 5)
+    first, second, other = (
+        make_joint_problem(body, 3, SMALL, 4),
+        make_joint_problem(body, 3, SMALL, 4),
+        make_joint_problem(body, 3, SMALL, 5),
+    )
     assert same(first, second)
     assert not same(first, other)
 
 
 @pytest.mark.parametrize("people", [1, 2, 4, 8])
 def test_everybody_is_in_the_picture_and_starts_beside_the_truth(body, people):
-    problem = crowd(body, people, SMALL)
+    problem = make_joint_problem(body, people, SMALL)
     problem.check()
     assert len(problem) == people
     assert (problem.masks.flatten(1).sum(1) > 20).all()
@@ -52,7 +56,7 @@ def test_everybody_is_in_the_picture_and_starts_beside_the_truth(body, people):
 
 
 def test_the_depth_shows_the_people_and_the_floor(body):
-    problem = crowd(body, 1, SMALL)
+    problem = make_joint_problem(body, 1, SMALL)
     person = problem.human_depth[problem.masks[0]]
     assert person.min() > 3.0
     assert person.max() < 4.2
@@ -63,14 +67,14 @@ def test_the_depth_shows_the_people_and_the_floor(body):
 
 
 def test_sitters_have_a_seat(body):
-    problem = crowd(body, 2, SMALL)
+    problem = make_joint_problem(body, 2, SMALL)
     height = problem.scene_points @ problem.floor_normal + problem.floor_offset
     level = (problem.scene_normals[:, 1] < -0.5) & (height > 0.25)
     assert level.any()
 
 
 def test_stage_three_makes_the_problem_better(body):
-    problem = crowd(body, 2, SMALL)
+    problem = make_joint_problem(body, 2, SMALL)
     result = optimize(problem, with_overrides(PRESETS["default"].joint, {"optimiser": {"steps": 20}}))
     start, end = (sum(pair[k] for pair in result.losses.values()) for k in (0, 1))
     assert end < 0.5 * start
@@ -79,7 +83,7 @@ def test_stage_three_makes_the_problem_better(body):
 
 def test_the_same_problem_is_solved_the_same_bit_for_bit(body):
     settings = with_overrides(PRESETS["default"].joint, {"optimiser": {"steps": 25}})
-    first, second = (optimize(crowd(body, 2, SMALL), settings) for _ in range(2))
+    first, second = (optimize(make_joint_problem(body, 2, SMALL), settings) for _ in range(2))
     for name in ("rotations", "betas", "transl", "vertices", "joints", "occluded"):
         assert torch.equal(getattr(first, name), getattr(second, name)), name
     assert first.scene_scale == second.scene_scale
@@ -91,10 +95,12 @@ def test_errors_are_distances_beyond_the_nearest():
     scene = NearestScene(points, points, 0.15, "brute")
     exact = scene.query(torch.tensor([[0.0, 0.01, 2.0], [0.1, 0.02, 2.0], [0.0, 0.0, 3.0]]))
     worse = replace(exact, distance=exact.distance + torch.tensor([0.002, 0.004, 0.0]))
-    assert errors_mm(exact, exact) == {"mean error mm": 0, "largest mm": 0, "missed %": 0}
-    assert errors_mm(worse, exact) == pytest.approx({"mean error mm": 3, "largest mm": 4, "missed %": 0}, abs=1e-3)
+    assert nearest_errors_mm(exact, exact) == {"mean error mm": 0, "largest mm": 0, "missed %": 0}
+    assert nearest_errors_mm(worse, exact) == pytest.approx(
+        {"mean error mm": 3, "largest mm": 4, "missed %": 0}, abs=1e-3
+    )
     lost = replace(exact, found=torch.tensor([True, False, False]))
-    assert errors_mm(lost, exact)["missed %"] == pytest.approx(33.333)
+    assert nearest_errors_mm(lost, exact)["missed %"] == pytest.approx(33.333)
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_testing.bench.summary import by_action, difference, figures, truth_figures
+from physic_testing.bench.summary import by_action, row_difference, row_statistics, truth_statistics
 
 
 def person(hits=0, alarms=0, misses=0, **numbers):
@@ -28,7 +28,7 @@ def record(*people, action="stand", scene=None, row="full", **others):
 
 def test_the_three_ways_to_average_contact_by_hand():
     records = [record(person(8, 2, 2), person(1, 0, 9)), record(person(0, 5, 5))]
-    found = figures(records, "full").figures
+    found = row_statistics(records, "full").figures
     assert found["precision"].value == pytest.approx((0.8 + 1 + 0) / 3)
     assert found["recall"].value == pytest.approx((0.8 + 0.1 + 0) / 3)
     p, r = found["precision"].value, found["recall"].value
@@ -46,7 +46,7 @@ def test_people_are_averaged_and_those_without_a_number_left_out():
         record(person(mpjpe_mm=100.0, hidden_limbs_pa_mm=None), person(mpjpe_mm=200.0, hidden_limbs_pa_mm=50.0)),
         record(person(mpjpe_mm=600.0, hidden_limbs_pa_mm=None), scene={"scene_point_mm": 40.0}),
     ]
-    found = figures(records, "full").figures
+    found = row_statistics(records, "full").figures
     assert (found["mpjpe_mm"].value, found["mpjpe_mm"].count) == (300, 3)
     assert (found["hidden_limbs_pa_mm"].value, found["hidden_limbs_pa_mm"].count) == (50, 1)
     assert (found["scene_point_mm"].value, found["scene_point_mm"].count) == (40, 1)
@@ -60,7 +60,7 @@ def test_who_is_missed_or_left_behind_is_counted():
     missed |= {"precision": 0.0, "recall": 0.0, "f1": 0.0}
     records = [record(person(5, 0, 0, mpjpe_mm=10.0), missed), record({**person(5, 0, 0), "why": "the steps diverged"})]
     records[1]["false_alarms"] = 2
-    row = figures(records, "full")
+    row = row_statistics(records, "full")
     assert (row.people, row.missed, row.left_at_start, row.false_alarms, row.errors) == (3, 1, 1, 2, 0)
     assert row.figures["mpjpe_mm"].value == 10
     assert row.figures["recall"].value == pytest.approx(2 / 3)
@@ -69,7 +69,7 @@ def test_who_is_missed_or_left_behind_is_counted():
 
 @given(st.lists(st.floats(1, 1000), min_size=1, max_size=12))
 def test_the_interval_holds_the_mean_and_lies_within_the_values(values):
-    found = figures([record(person(mpjpe_mm=v)) for v in values], "full").figures["mpjpe_mm"]
+    found = row_statistics([record(person(mpjpe_mm=v)) for v in values], "full").figures["mpjpe_mm"]
     assert found.value == pytest.approx(np.mean(values))
     slack = 1e-9 * max(values)
     assert min(values) - slack <= found.low <= found.high <= max(values) + slack
@@ -78,32 +78,32 @@ def test_the_interval_holds_the_mean_and_lies_within_the_values(values):
 def test_the_interval_of_many_worlds_is_that_of_the_normal_distribution():
     rng = np.random.default_rng(0)
     values = rng.normal(100, 20, 400)
-    found = figures([record(person(mpjpe_mm=v)) for v in values], "full").figures["mpjpe_mm"]
+    found = row_statistics([record(person(mpjpe_mm=v)) for v in values], "full").figures["mpjpe_mm"]
     assert (found.high - found.low) / 2 == pytest.approx(1.96 * values.std() / 20, rel=0.08)
 
 
 def test_people_of_one_world_are_drawn_together():
     values = np.random.default_rng(0).normal(100, 20, 50)
-    alone = figures([record(person(mpjpe_mm=v)) for v in values], "full").figures["mpjpe_mm"]
-    thrice = figures([record(*[person(mpjpe_mm=v)] * 3) for v in values], "full").figures["mpjpe_mm"]
+    alone = row_statistics([record(person(mpjpe_mm=v)) for v in values], "full").figures["mpjpe_mm"]
+    thrice = row_statistics([record(*[person(mpjpe_mm=v)] * 3) for v in values], "full").figures["mpjpe_mm"]
     assert thrice.high - thrice.low == pytest.approx(alone.high - alone.low)
 
 
 def test_rows_are_compared_on_the_same_draws():
     values = np.random.default_rng(0).uniform(50, 500, 30)
     records = [record(person(mpjpe_mm=v - 5), start=[person(mpjpe_mm=v)]) for v in values]
-    change = difference(figures(records, "full"), figures(records, "start"), "mpjpe_mm")
+    change = row_difference(row_statistics(records, "full"), row_statistics(records, "start"), "mpjpe_mm")
     assert change.value == pytest.approx(-5)
     assert (change.low, change.high) == (pytest.approx(-5), pytest.approx(-5))
 
 
 def test_the_same_records_give_the_same_interval():
     records = [record(person(mpjpe_mm=v)) for v in (1.0, 5.0, 9.0, 30.0)]
-    assert figures(records, "full").figures["mpjpe_mm"] == figures(records, "full").figures["mpjpe_mm"]
+    assert row_statistics(records, "full").figures["mpjpe_mm"] == row_statistics(records, "full").figures["mpjpe_mm"]
 
 
 def test_the_truth_has_figures_of_its_own():
-    found = truth_figures([record(person(), person())])
+    found = truth_statistics([record(person(), person())])
     assert found["floating_mm"].value == 11
     assert found["penetration_mm"].value == 0
     assert found["penetration_mm"].count == 2

@@ -75,9 +75,12 @@ def test_a_name_of_several_interfaces_asks_which():
     registry = Registry(installed=False)
     registry.register(BackendRecord("metric_depth", "right", RightMetricDepth, api=1))
     registry.register(BackendRecord("segmenter", "right", RightSegmenter, api=1))
-    with pytest.raises(BackendError, match=r"^name the interface of the backend 'right': metric_depth, segmenter of"):
+    with pytest.raises(
+        BackendError,
+        match=r"^give the interface of the backend 'right'; interfaces with this name: metric_depth, segmenter$",
+    ):
         check_backend("right", registry=registry)
-    with pytest.raises(BackendError, match=r"^no interface named 'depth'; there are: segmenter, "):
+    with pytest.raises(BackendError, match=r"^no interface named 'depth'; valid are: segmenter, "):
         check_backend("right", "depth", registry=registry)
 
 
@@ -93,7 +96,7 @@ def test_a_failure_says_what_was_expected_what_came_in_which_unit_and_where_to_r
         "  hint:     Is it centimetres?\n"
         "  read:     physic_core.types.DepthMap"
     )
-    assert failure.expected.startswith("metres: a median within a factor 3 of the true ")
+    assert failure.expected.startswith("metres: a median depth within a factor 3 of the true ")
     assert failure.expected.endswith(" m")
     assert failure.got.endswith(", 100 times the truth")
 
@@ -103,7 +106,7 @@ def test_the_summary_counts_everything():
     total = len(checks_for("metric_depth"))
     assert report.summary == (
         f"metric_depth:{CENTIMETRES.__module__}:{CENTIMETRES.__qualname__}  {total} checks: {total - 3} passed, "
-        "1 failed, 2 skipped (no plugin registers it; not returns_intrinsics)"
+        "1 failed, 2 skipped (not registered by a plugin; not returns_intrinsics)"
     )
     assert sum(report.counts.values()) == total
 
@@ -128,7 +131,7 @@ def test_an_expected_failure_that_passes_is_a_failure():
     report = check_backend(RightMetricDepth, size=SIZE, expected_failures={"depth_is_in_metres": "known"})
     assert not report.ok
     assert report.failures[0].message == (
-        "depth_is_in_metres\n  expected: a failure (known)\n  got:      it passes: expect it no longer"
+        "depth_is_in_metres\n  expected: a failure (known)\n  got:      it passes: remove it from expected_failures"
     )
 
 
@@ -143,16 +146,16 @@ def test_a_backend_that_cannot_be_asked_is_no_success():
     report = check_backend(NotReady, size=SIZE)
     assert not report.ok
     assert report.failures == ()
-    assert report.not_asked == f"not ready: {NO_WEIGHTS}"
-    assert report.summary.endswith(f"\nNOTHING ASKED: not ready: {NO_WEIGHTS}")
-    with pytest.raises(AssertionError, match="NOTHING ASKED"):
+    assert report.not_run_reason == f"not ready: {NO_WEIGHTS}"
+    assert report.summary.endswith(f"\nBACKEND NEVER RUN: not ready: {NO_WEIGHTS}")
+    with pytest.raises(AssertionError, match="BACKEND NEVER RUN"):
         report.raise_if_failed()
 
 
 def test_a_backend_that_needs_options_says_so():
     report = check_backend(Pointed, size=SIZE)
     assert report.failures == ()
-    assert report.not_asked == "not ready: give options.boxes"
+    assert report.not_run_reason == "not ready: give options.boxes"
 
 
 def test_a_backend_may_bring_the_options_that_it_needs():
@@ -163,7 +166,7 @@ def test_a_backend_may_bring_the_options_that_it_needs():
 def test_a_report_of_no_checks_is_no_success():
     report = Report("metric_depth", "x", "", ())
     assert not report.ok
-    assert report.summary == "metric_depth:x  0 checks: none ran\nNOTHING ASKED: there was no check to run"
+    assert report.summary == "metric_depth:x  0 checks: none ran\nBACKEND NEVER RUN: there was no check to run"
 
 
 # ---- capabilities ----------------------------------------------------------------------------------------------------
@@ -180,11 +183,13 @@ def test_capabilities_choose_checks():
 
 def test_a_backend_that_needs_a_gpu_is_asked_nothing_without_one():
     report = check_backend(Gpu, size=SIZE)
-    assert report.not_asked == "needs a GPU: give the device 'cuda'"
+    assert report.not_run_reason == "needs a GPU: pass device='cuda'"
 
 
 def test_an_unknown_capability_is_refused():
-    with pytest.raises(BackendError, match=rf"claims the capability 'fast'; there are: {', '.join(CAPABILITIES)}$"):
+    with pytest.raises(
+        BackendError, match=rf"has the unknown capability 'fast'; valid are: {', '.join(CAPABILITIES)}$"
+    ):
         check_backend(RightMetricDepth, size=SIZE, capabilities={"fast"})
 
 
@@ -210,7 +215,7 @@ def test_backends_are_compared_in_one_table():
     assert right.errors["abs-rel"] == pytest.approx(0, abs=1e-6)
     assert hundred.errors["abs-rel"] == pytest.approx(99, abs=1e-3)
     assert right.errors["delta1"] == 1
-    assert (right.answered, missing.answered) == (2, 0)
+    assert (right.completed, missing.completed) == (2, 0)
     head, first, _, third, note, about = found.text.splitlines()
     assert head.split("  ")[0] == "backend"
     assert "*" in first
@@ -266,7 +271,7 @@ def test_pytest_gets_one_test_a_check_and_one_that_something_ran(pytester: pytes
     done.stdout.fnmatch_lines(
         [
             "FAILED test_conformance.py::test_centimetres[[]depth_is_in_metres]*",
-            "FAILED test_conformance.py::test_not_ready[[]something_was_asked]*",
+            "FAILED test_conformance.py::test_not_ready[[]backend_was_run]*",
             "FAILED test_conformance.py::test_right[[]depth_is_in_metres]*",
         ]
     )

@@ -12,8 +12,8 @@ from click.testing import CliRunner, Result
 from physic_core.cli import main
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import Registry
-from physic_testing.conformance.kit import start
-from physic_testing.conformance.subject import find_subject
+from physic_testing.conformance.backend_under_test import find_backend
+from physic_testing.conformance.kit import start_checks
 
 TESTING = [entry for entry in metadata.entry_points(group="physic.plugins") if entry.value == "physic_testing"]
 """The plugin of the commands."""
@@ -49,7 +49,7 @@ def offer(site, monkeypatch: pytest.MonkeyPatch):
 
 
 def registration(registry: Registry, name: str):
-    return start(find_subject(name, "metric_depth", registry)).result("registration_is_light")
+    return start_checks(find_backend(name, "metric_depth", registry)).result("registration_is_light")
 
 
 def physic(*arguments: str) -> Result:

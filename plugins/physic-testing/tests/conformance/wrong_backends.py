@@ -381,29 +381,29 @@ def normalised_camera(answer: Any, *_: Any) -> Any:
 
 
 altered(RightMetricDepth, "only a corner", "depth_covers_the_photo", of_depth(only_corner))
-altered(RightMetricDepth, "transposed", "depth_lies_like_the_photo", of_depth(transposed))
-altered(RightMetricDepth, "upside down", "depth_lies_like_the_photo", of_depth(lambda z: z[::-1]))
-altered(RightMetricDepth, "disparity", "farther_is_larger", of_depth(lambda z: np.median(z) ** 2 / z))
+altered(RightMetricDepth, "transposed", "depth_is_not_transposed_or_flipped", of_depth(transposed))
+altered(RightMetricDepth, "upside down", "depth_is_not_transposed_or_flipped", of_depth(lambda z: z[::-1]))
+altered(RightMetricDepth, "disparity", "depth_grows_with_distance", of_depth(lambda z: np.median(z) ** 2 / z))
 altered(RightMetricDepth, "centimetres", "depth_is_in_metres", of_depth(lambda z: 100 * z))
 altered(RightMetricDepth, "ray length", "depth_is_along_z", ray_length)
 altered(RightMetricDepth, "the camera of the network's size", FORM, network_camera)
-altered(RightMetricDepth, "a focal length in shares of the width", "camera_is_the_photos", normalised_camera)
+altered(RightMetricDepth, "a focal length in shares of the width", "intrinsics_fit_the_photo", normalised_camera)
 altered(
     RightMetricDepth,
     "a sigma in percent",
-    "scale_sigma_is_a_deviation",
+    "scale_sigma_is_a_standard_deviation",
     lambda a, *_: replace(a, scale_sigma=10.0),
 )
 restless(
     RightMetricDepth,
     "hints that are there",
-    "needs_no_hints",
+    "works_without_hints",
     lambda image, hints: hints.people is None,
     AttributeError("'NoneType' object has no attribute 'masks'"),
 )
 
 
-@wrong("a camera that it promised", "returns_its_camera")
+@wrong("a camera that it promised", "returns_intrinsics_as_promised")
 class Forgetful(RightMetricDepth):
     capabilities: ClassVar[tuple[str, ...]] = ("returns_intrinsics",)
 
@@ -418,7 +418,7 @@ def bgr(right: type[Any]) -> None:
 
     infer.__signature__ = __import__("inspect").signature(right.infer)  # type: ignore[attr-defined]
     kind = type(f"Bgr{right.__name__}", (right,), {"infer": infer})
-    WRONG.append(Wrong("fed BGR", kind, "colours_are_taken_as_rgb"))
+    WRONG.append(Wrong("fed BGR", kind, "reads_images_as_rgb"))
 
 
 for right in (RightSegmenter, RightMetricDepth, RightPointmap, RightKeypoints):
@@ -463,17 +463,17 @@ def valid_corner(answer: Any, *_: Any) -> Any:
 
 altered(RightPointmap, "only a corner", "points_cover_the_photo", valid_corner)
 altered(RightPointmap, "another word", FORM, lambda a, *_: replace(a, unknown="affine"))
-altered(RightPointmap, "transposed", "points_lie_like_the_photo", of_points(
+altered(RightPointmap, "transposed", "points_are_not_transposed_or_flipped", of_points(
     lambda p: on_rays(p, transposed(p[..., 2]))
 ))  # fmt: skip
-altered(RightPointmap, "disparity", "farther_is_larger", of_points(lambda p: on_rays(p, 1 / p[..., 2])))
-altered(RightPointmap, "ray length", "z_is_not_the_length_of_the_ray", ray_points)
+altered(RightPointmap, "disparity", "depth_grows_with_distance", of_points(lambda p: on_rays(p, 1 / p[..., 2])))
+altered(RightPointmap, "ray length", "z_is_not_ray_length", ray_points)
 altered(RightPointmap, "y up", "frame_is_opencv", of_points(lambda p: p * [1, -1, 1]))
 altered(RightPointmap, "a camera of its own", "given_camera_is_used", own_camera)
-altered(RightPointmap, "half a pixel off", "pixels_are_counted_from_their_centres", shifted)
-altered(RightPointmap, "a shift that it does not name", "unknown_suffices", of_points(hidden_shift))
+altered(RightPointmap, "half a pixel off", "pixel_centres_are_integers", shifted)
+altered(RightPointmap, "a shift that it does not name", "unknown_names_the_ambiguity", of_points(hidden_shift))
 altered(RightPointmap, "the camera of the network's size", FORM, network_camera)
-altered(RightPointmap, "a focal length in shares of the width", "camera_is_the_photos", normalised_camera)
+altered(RightPointmap, "a focal length in shares of the width", "intrinsics_fit_the_photo", normalised_camera)
 restless(
     RightPointmap,
     "a camera that is there",
@@ -484,20 +484,20 @@ restless(
 restless(
     RightPointmap,
     "people that are there",
-    "needs_no_hints",
+    "works_without_hints",
     lambda image, hints: hints.people is None,
     AttributeError("'NoneType' object has no attribute 'masks'"),
 )
 restless(
     RightPointmap,
     "no second call",
-    "accepts_the_photo_after_the_scene",
+    "accepts_the_photo_with_people",
     lambda image, hints: hints.scene is not None,
     BackendError("one call is enough"),
 )
 
 
-@wrong("a camera that it promised", "returns_its_camera")
+@wrong("a camera that it promised", "returns_intrinsics_as_promised")
 class ForgetfulPoints(RightPointmap):
     capabilities: ClassVar[tuple[str, ...]] = ("returns_intrinsics",)
 
@@ -536,8 +536,8 @@ def floor_over_people(answer: Any, *_: Any) -> Any:
 
 
 altered(RightSegmenter, "inverted masks", "masks_lie_on_people", inverted)
-altered(RightSegmenter, "boxes in shares of the size", "boxes_hold_their_masks", shares)
-altered(RightSegmenter, "the photo as every box", "boxes_hold_their_masks", loose)
+altered(RightSegmenter, "boxes in shares of the size", "boxes_enclose_their_masks", shares)
+altered(RightSegmenter, "the photo as every box", "boxes_enclose_their_masks", loose)
 altered(
     RightSegmenter,
     "worst score first",
@@ -547,10 +547,10 @@ altered(
 altered(
     RightSegmenter,
     "an inverted floor",
-    "floor_is_under_the_people",
+    "floor_mask_is_on_the_floor",
     lambda a, *_: replace(a, floor=None if a.floor is None else ~a.floor & ~a.masks.any(axis=0)),
 )
-altered(RightSegmenter, "people who are floor", "floor_excludes_people", floor_over_people)
+altered(RightSegmenter, "people who are floor", "floor_mask_excludes_people", floor_over_people)
 
 
 # ---- inpainting ------------------------------------------------------------------------------------------------------
@@ -570,13 +570,13 @@ class Compressing(RightInpainter):
         return filled // 4 * 4 if mask.any() else filled
 
 
-@wrong("nothing is removed", "the_hole_is_filled")
+@wrong("nothing is removed", "hole_is_filled")
 class Idle(RightInpainter):
     def infer(self, image, mask):
         return super().infer(image, np.zeros_like(mask))
 
 
-@wrong("a fill in BGR", "the_fill_is_rgb")
+@wrong("a fill in BGR", "filled_pixels_are_rgb")
 class BlueFill(RightInpainter):
     def infer(self, image, mask):
         return np.where(mask[..., None], super().infer(image, mask)[..., ::-1], image)
@@ -704,7 +704,7 @@ altered(
 altered(
     RightBodies,
     "the frame of the crop",
-    "bodies_are_seen_at_their_people",
+    "bodies_project_into_the_boxes",
     of_parameters(lambda p: placed(p, lambda pelvis: pelvis + np.array([1.5, 0, 0]))),
 )
 altered(RightBodies, "y up", "bodies_are_upright", of_parameters(head_down))
@@ -712,17 +712,19 @@ altered(RightBodies, "facing away", "left_is_the_bodys_left", turned_round)
 restless(
     RightBodies,
     "hints that are there",
-    "needs_no_hints",
+    "works_without_hints",
     lambda image, people, intrinsics, keypoints, hints: hints.floor is None,
     AttributeError("'NoneType' object has no attribute 'normal'"),
 )
 altered(RightHands, "degrees", "angles_are_radians", lambda a, *_: replace(a, rotvecs=np.degrees(a.rotvecs)))
-altered(RightHands, "hands exchanged", "left_comes_first", lambda a, *_: replace(a, rotvecs=a.rotvecs[:, ::-1].copy()))
-altered(RightContact, "another mesh", "mesh_is_the_bodies_own", lambda a, *_: replace(a, topology="smplx"))
+altered(
+    RightHands, "hands exchanged", "left_hand_comes_first", lambda a, *_: replace(a, rotvecs=a.rotvecs[:, ::-1].copy())
+)
+altered(RightContact, "another mesh", "topology_is_that_of_the_bodies", lambda a, *_: replace(a, topology="smplx"))
 altered(
     RightContact,
     "vertices of another mesh",
-    "mesh_is_the_bodies_own",
+    "topology_is_that_of_the_bodies",
     lambda a, *_: replace(a, probability=a.probability[:, :6890]),
 )
 altered(

@@ -98,13 +98,13 @@ altered(
 altered(
     SurfaceBodies,
     "a surface in millimetres",
-    "surface_is_where_the_joints_are",
+    "mesh_is_close_to_the_joints",
     lambda a, *_: replace(a, mesh=replace(a.mesh, vertices=1000 * a.mesh.vertices)),
 )
 altered(
     OtherContact,
     "a T-pose in millimetres",
-    "mesh_it_brings_is_a_t_pose",
+    "rest_mesh_is_a_t_pose",
     lambda a, *_: replace(a, rest=replace(a.rest, vertices=1000 * a.rest.vertices)),
 )
 altered(

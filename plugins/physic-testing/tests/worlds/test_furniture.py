@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from physic_testing.worlds import furniture
-from physic_testing.worlds.solids import BLOCK_MATERIALS, FLAT, Block, signed_distance
+from physic_testing.worlds.solids import BLOCK_MATERIALS, LEVEL_GROUND, Block, signed_distance
 
 _PIECES = ("bed", "bench", "chair", "counter", "railing", "shelf", "sofa", "stairs", "stool", "table", "wall")
 _SEATS = ("bench", "chair", "sofa", "stool")
@@ -36,15 +36,17 @@ def test_a_piece_stands_on_the_ground_in_one_place(name: str, seed: int) -> None
 def test_a_seat_is_as_high_as_asked(name: str) -> None:
     blocks = _build(name, 0, height=0.47)
     over = np.array([[0.0, 0.47, 0.0], [0.0, 0.5, 0.0]])
-    assert signed_distance(over, blocks, FLAT) == pytest.approx([0.0, 0.03], abs=1e-9)
+    assert signed_distance(over, blocks, LEVEL_GROUND) == pytest.approx([0.0, 0.03], abs=1e-9)
 
 
 def test_moving_a_piece_moves_its_distance() -> None:
     blocks = _build("sofa", 1)
-    carried = furniture.moved(blocks, (1.0, -2.0), np.pi / 2, lift=0.3)
+    carried = furniture.move_blocks(blocks, (1.0, -2.0), np.pi / 2, lift=0.3)
     points = np.random.default_rng(0).uniform((-1, 2, -1), (1, 3, 1), (50, 3))
     turned = np.stack([points[:, 2] + 1.0, points[:, 1] + 0.3, -points[:, 0] - 2.0], axis=1)
-    assert signed_distance(turned, carried, FLAT) == pytest.approx(signed_distance(points, blocks, FLAT), abs=1e-9)
+    assert signed_distance(turned, carried, LEVEL_GROUND) == pytest.approx(
+        signed_distance(points, blocks, LEVEL_GROUND), abs=1e-9
+    )
 
 
 def test_backs_recline_backwards() -> None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from physic_core.errors import InputError
-from physic_testing.worlds.labels import SMALLEST_PX, read, stamp
+from physic_testing.worlds.labels import SMALLEST_PX, embed_label, read_label
 
 names = st.text(st.characters(min_codepoint=1, exclude_categories=["Cs"]), min_size=1, max_size=8)
 seeds = st.integers(0, 2**64 - 1)
@@ -23,13 +23,13 @@ def picture(size: tuple[int, int], seed: int = 0) -> np.ndarray:
 @given(names, seeds, sizes)
 def test_what_was_stamped_is_read(name, seed, size):
     image = picture(size)
-    stamped = stamp(image, name, seed)
-    assert read(stamped) == (name, seed)
+    stamped = embed_label(image, name, seed)
+    assert read_label(stamped) == (name, seed)
     assert np.abs(stamped.astype(int) - image).max() <= 1
 
 
 def test_a_label_outlives_png_and_holes_over_three_corners():
-    stamped = stamp(picture((64, 80)), "sit_on_sofa", 12)
+    stamped = embed_label(picture((64, 80)), "sit_on_sofa", 12)
     file = io.BytesIO()
     Image.fromarray(stamped).save(file, "PNG")
     stamped = np.array(Image.open(file))
@@ -38,47 +38,47 @@ def test_a_label_outlives_png_and_holes_over_three_corners():
         rows = slice(None, 20) if corner < 2 else slice(-20, None)
         columns = slice(None, 20) if corner % 2 else slice(-20, None)
         holed[rows, columns] = stamped[rows, columns]
-        assert read(holed) == ("sit_on_sofa", 12)
+        assert read_label(holed) == ("sit_on_sofa", 12)
 
 
 def test_a_label_does_not_outlive_jpeg():
     file = io.BytesIO()
-    Image.fromarray(stamp(picture((64, 64)), "stand", 1)).save(file, "JPEG", quality=95)
-    assert read(np.array(Image.open(file))) is None
+    Image.fromarray(embed_label(picture((64, 64)), "stand", 1)).save(file, "JPEG", quality=95)
+    assert read_label(np.array(Image.open(file))) is None
 
 
 @given(st.integers(0, 2**32 - 1))
 def test_other_pictures_have_no_label(seed):
-    assert read(picture((64, 64), seed)) is None
+    assert read_label(picture((64, 64), seed)) is None
 
 
 @pytest.mark.parametrize("grey", [0, 1, 128, 255])
 def test_plain_pictures_have_no_label(grey):
-    assert read(np.full((64, 64, 3), grey, np.uint8)) is None
+    assert read_label(np.full((64, 64, 3), grey, np.uint8)) is None
 
 
 def test_a_collage_of_two_worlds_has_no_label():
-    one, two = (stamp(picture((64, 64)), "stand", seed) for seed in (1, 2))
-    assert read(np.concatenate([one[:, :32], two[:, 32:]], axis=1)) is None
+    one, two = (embed_label(picture((64, 64)), "stand", seed) for seed in (1, 2))
+    assert read_label(np.concatenate([one[:, :32], two[:, 32:]], axis=1)) is None
 
 
 @pytest.mark.parametrize(
     "image", [np.zeros((64, 64), np.uint8), np.zeros((23, 64, 3), np.uint8), np.zeros((64, 64, 3))]
 )
 def test_an_image_that_cannot_hold_a_label_has_none(image):
-    assert read(image) is None
+    assert read_label(image) is None
 
 
 def test_what_does_not_fit_is_refused():
     image = picture((64, 64))
     with pytest.raises(InputError) as caught:
-        stamp(image, "x" * 33, 0)
+        embed_label(image, "x" * 33, 0)
     assert str(caught.value) == f"A label holds a name of 1 to 32 bytes without zeros, got '{'x' * 33}'."
     with pytest.raises(InputError) as caught:
-        stamp(image, "stand", -1)
+        embed_label(image, "stand", -1)
     assert str(caught.value) == "A label holds a seed from 0 to 2^64 - 1, got -1."
     with pytest.raises(InputError) as caught:
-        stamp(image[:20], "stand", 0)
+        embed_label(image[:20], "stand", 0)
     assert str(caught.value) == (
         "A label needs an image of 8-bit RGB of at least 24 x 24 px, got uint8 of shape (20, 64, 3)."
     )

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_testing.worlds.casting import Caster
-from physic_testing.worlds.rooms import Room, Surfaces, Walls
+from physic_testing.worlds.ray_casting import RayCaster
+from physic_testing.worlds.rooms import Room, SurfaceColours, Walls
 from physic_testing.worlds.solids import Block, Ground
 from physic_testing.worlds.textures import Decoration, Patch
 
@@ -36,7 +36,7 @@ def test_distances_by_hand():
     )
 
 
-@pytest.mark.parametrize("room", [ROOM, TURNED, SLOPE], ids=["room", "turned", "slope"])
+@pytest.mark.parametrize("room", [ROOM, TURNED, SLOPE], ids=["room", "move_plan", "slope"])
 def test_the_surface_of_the_mesh_is_at_distance_zero_or_buried(room):
     distance = room.signed_distance(surface_samples(room))
     assert distance.max() < 1e-10
@@ -53,7 +53,7 @@ def test_distance_in_the_air_is_that_to_the_nearest_point_of_the_surface(point):
             assert nearest < distance + 0.25  # as dense as the samples lie
 
 
-@pytest.mark.parametrize("room", [ROOM, TURNED, SLOPE], ids=["room", "turned", "slope"])
+@pytest.mark.parametrize("room", [ROOM, TURNED, SLOPE], ids=["room", "move_plan", "slope"])
 def test_faces_look_into_the_air(room):
     vertices, faces, surface = room.mesh()
     a, b, c = (vertices[faces[:, k]] for k in range(3))
@@ -79,7 +79,7 @@ def test_every_surface_has_colours_in_range():
         points, (_, _, surface) = np.random.default_rng(1).uniform(-2, 2, (6000, 3)), room.mesh()
         which = np.random.default_rng(2).choice(np.unique(surface), len(points))
         for blur in (1e-3, 1.0):
-            colour = Surfaces(room).albedo(points, which, np.full(len(points), blur))
+            colour = SurfaceColours(room).albedo(points, which, np.full(len(points), blur))
             assert colour.min() >= 0
             assert colour.max() <= 1
             for i in np.unique(surface):
@@ -87,7 +87,7 @@ def test_every_surface_has_colours_in_range():
 
 
 def test_rays_hit_a_triangle_where_it_is():
-    caster = Caster(np.array([[0.0, 0, 4], [1, 0, 4], [0, 1, 4]]), np.array([[0, 1, 2]]))
+    caster = RayCaster(np.array([[0.0, 0, 4], [1, 0, 4], [0, 1, 4]]), np.array([[0, 1, 2]]))
     hits = caster.first(np.zeros(3), np.array([[0.25, 0.25, 4.0], [0.0625, 0.125, 1.0], [0.5, 0.5, -1.0]]))
     np.testing.assert_array_equal(hits.face, [0, 0, -1])
     np.testing.assert_allclose(hits.distance, [1, 4, np.inf], rtol=1e-12)
@@ -98,7 +98,7 @@ def test_rays_hit_a_triangle_where_it_is():
 
 def test_far_faces_are_as_exact_as_near_ones():
     side = 300.0
-    caster = Caster(
+    caster = RayCaster(
         np.array([[-side, 1.5, 0.1], [side, 1.5, 0.1], [side, 1.5, side], [-side, 1.5, side]]),
         np.array([[0, 1, 2], [0, 2, 3]]),
     )

@@ -1,4 +1,4 @@
-"""Solid things: their signed distance against a plain twin and trimesh, its gradient, and their mesh."""
+"""SolidScene things: their signed distance against a plain twin and trimesh, its gradient, and their mesh."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from physic_testing.worlds.solids import FLAT, Block, Ground, Solid, blocks_mesh, signed_distance
+from physic_testing.worlds.solids import LEVEL_GROUND, Block, Ground, SolidScene, blocks_mesh, signed_distance
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
@@ -52,7 +52,7 @@ def test_the_distance_in_the_air_is_that_to_the_mesh() -> None:
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     assert np.bincount(owner).tolist() == [12, 12, 12]
     assert mesh.volume == pytest.approx(sum(8 * np.prod(b.half) for b in lifted))
-    found = signed_distance(points, lifted, FLAT)
+    found = signed_distance(points, lifted, LEVEL_GROUND)
     outside = found > 0
     triangles = mesh.triangles
     wanted = [
@@ -67,7 +67,7 @@ def test_the_distance_in_the_air_is_that_to_the_mesh() -> None:
 
 def test_the_gradient_is_right_inside_and_outside() -> None:
     points, step = _points(40, seed=2), 1e-6
-    solid = Solid(_BLOCKS, Ground((0.0, 0.8, 0.6)))
+    solid = SolidScene(_BLOCKS, Ground((0.0, 0.8, 0.6)))
     assert np.array_equal(
         solid.distances(points).min(axis=0), signed_distance(points, _BLOCKS, Ground((0.0, 0.8, 0.6)))
     )
@@ -81,9 +81,9 @@ def test_the_gradient_is_right_inside_and_outside() -> None:
 
 def test_many_points_are_taken_in_any_shape() -> None:
     points = _points(24).reshape(2, 3, 4, 3)
-    found = signed_distance(points, _BLOCKS, FLAT)
+    found = signed_distance(points, _BLOCKS, LEVEL_GROUND)
     assert found.shape == (2, 3, 4)
-    assert found.reshape(-1) == pytest.approx(signed_distance(points.reshape(-1, 3), _BLOCKS, FLAT))
+    assert found.reshape(-1) == pytest.approx(signed_distance(points.reshape(-1, 3), _BLOCKS, LEVEL_GROUND))
 
 
 def test_a_block_with_a_positive_pitch_tips_its_top_towards_its_front() -> None:

@@ -10,10 +10,10 @@ from scipy.spatial import KDTree
 
 from physic_core.body import load_body
 from physic_core.errors import InputError
-from physic_testing.worlds import CONTACT_DISTANCE, WORLDS, World, benchmark_worlds, build_world, labels, storage
+from physic_testing.worlds import CONTACT_DISTANCE, WORLDS, World, benchmark_worlds, build_world, disk_cache, labels
 from physic_testing.worlds import world as worlds
-from physic_testing.worlds.cameras import Shot, in_frame
-from physic_testing.worlds.performance import ACTIONS
+from physic_testing.worlds.action_scenes import ACTIONS
+from physic_testing.worlds.cameras import CameraShot, in_frame
 from physic_testing.worlds.rendering import pixel_rays
 
 SIZE = (192, 144)
@@ -156,14 +156,14 @@ def test_a_counter_hides_legs(model):
     world = build_world("stand_behind_counter", 0, SIZE)
     feet = [model.joint_names.index(f"{side}_{name}") for side in ("left", "right") for name in ("ankle", "foot")]
     assert not world.joints_visible[:, feet].any()
-    assert (world.whole_masks & ~world.masks).any() or not in_frame(
-        world.camera.to_room(world.joints[:, feet].astype(float)), Shot(world.camera, world.intrinsics, True)
+    assert (world.unoccluded_masks & ~world.masks).any() or not in_frame(
+        world.camera.to_room(world.joints[:, feet].astype(float)), CameraShot(world.camera, world.intrinsics, True)
     ).any()
 
 
 def test_masks_part_the_people_and_boxes_hold_them(world):
     assert world.masks.sum(axis=0).max() == 1
-    for mask, whole, box in zip(world.masks, world.whole_masks, world.boxes.astype(int), strict=True):
+    for mask, whole, box in zip(world.masks, world.unoccluded_masks, world.boxes.astype(int), strict=True):
         assert not (mask & ~whole).any()
         assert mask.sum() > 0.2 * whole.sum()
         x0, y0, x1, y1 = box
@@ -174,7 +174,7 @@ def test_masks_part_the_people_and_boxes_hold_them(world):
 
 def test_people_are_whole_in_the_photo_where_the_action_is():
     for name in ("stand", "sit_on_stool"):
-        whole = build_world(name, 0, SIZE).whole_masks
+        whole = build_world(name, 0, SIZE).unoccluded_masks
         assert not whole[:, [0, -1]].any()
         assert not whole[:, :, [0, -1]].any()
 
@@ -213,11 +213,11 @@ def test_the_photo_shows_people_and_their_shadows(world):
 
 
 def test_photos_carry_their_label(world):
-    assert labels.read(world.image) == labels.read(world.empty_image) == (world.name, world.seed)
+    assert labels.read_label(world.image) == labels.read_label(world.empty_image) == (world.name, world.seed)
 
 
 def test_the_same_seed_builds_the_same_world_bit_for_bit(monkeypatch):
-    monkeypatch.setenv(storage.SWITCH, "off")
+    monkeypatch.setenv(disk_cache.FOLDER_VARIABLE, "off")
     one, two = (worlds._build("stand", 0, (64, 48)) for _ in range(2))
     for field in fields(one):
         a, b = getattr(one, field.name), getattr(two, field.name)

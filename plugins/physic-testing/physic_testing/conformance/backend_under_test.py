@@ -1,0 +1,293 @@
+"""The backend under test: constructed and loaded, and called once for each photo. All results and errors are stored."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from copy import deepcopy
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, cast
+
+from pydantic import ValidationError
+
+from physic_core.configuration.faults import from_pydantic
+from physic_core.discovery.error_text import describe
+from physic_core.discovery.local_modules import split
+from physic_core.discovery.readiness import missing_requirements
+from physic_core.errors import BackendError, ConfigError, PhysicError
+from physic_core.interfaces import INTERFACES, Backend
+from physic_core.interfaces.checks import require_image
+from physic_testing.conformance.cases import SIZE, build_case
+from physic_testing.conformance.contract import contract_violations
+from physic_testing.conformance.expect import CheckSkipped
+from physic_testing.conformance.field_comparison import changed_fields
+from physic_testing.conformance.network_and_memory import no_network
+from physic_testing.conformance.requests import infer_arguments
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+    from physic_core.discovery.registry import Claim, Registry
+    from physic_testing.conformance.cases import Case
+    from physic_testing.worlds import World
+
+__all__ = ["CAPABILITIES", "FIRST_PHOTO", "BackendUnderTest", "CaseRun", "OptionsFor", "find_backend"]
+
+CAPABILITIES: dict[str, str] = {
+    "stochastic": "output differs between calls on purpose: checks that compare two calls are skipped",
+    "needs_cuda": "requires a GPU: on other devices all calls are skipped",
+    "returns_intrinsics": "always returns the camera intrinsics",
+}
+"""Valid entries of a backend class's ``capabilities`` attribute -> effect on the checks."""
+
+FIRST_PHOTO = "odd size"
+"""Name of the photo on which every backend is called first, so that no earlier call can affect its result."""
+
+OptionsFor = Mapping[str, Any] | Callable[["World"], Mapping[str, Any]]
+"""Options of a backend, or a function that returns the options for a world.
+
+A segmenter whose prompts depend on the photo needs the function.
+
+A segmenter whose prompts depend on the photo needs the function.
+"""
+
+
+@dataclass(frozen=True)
+class CaseRun:
+    """Result or error of one call of the backend.
+
+    Attributes:
+        result: a deep copy of the result of ``infer``; None if it raised an error.
+        shared_result: the result itself, which a later call may have changed.
+        error: the error that ``infer`` raised.
+        violations: contract violations of the result.
+        changed_arguments: names of the arguments that ``infer`` changed.
+    """
+
+    result: Any
+    shared_result: Any
+    error: BaseException | None
+    violations: tuple[str, ...]
+    changed_arguments: tuple[str, ...]
+
+    @property
+    def refused(self) -> bool:
+        """Whether ``infer`` raised a PhysicError."""
+        return isinstance(self.error, PhysicError)
+
+
+class BackendUnderTest:
+    """One backend class with its options, for the checks to call.
+
+    Args:
+        kind: backend class.
+        interface: name of the interface that is checked.
+        name: name in the report.
+        options: see :data:`OptionsFor`; by default the result of the class's ``conformance_options(world)``, or the
+            default options if the class has no such method.
+        capabilities: entries of CAPABILITIES; by default those of the class and of its record.
+        claim: registration of the backend; None for a class that was passed directly.
+        device: device on which the backend is loaded.
+        size: width and height of the standard photos, px.
+
+    Raises:
+        BackendError: a capability is not in CAPABILITIES.
+        ConfigError: the backend does not accept the options.
+    """
+
+    def __init__(
+        self,
+        kind: type[Backend],
+        interface: str,
+        name: str,
+        *,
+        options: OptionsFor | None = None,
+        capabilities: Collection[str] | None = None,
+        claim: Claim | None = None,
+        device: str = "cpu",
+        size: tuple[int, int] = SIZE,
+    ) -> None:
+        self.kind, self.interface, self.name = kind, interface, name
+        self.claim, self.device, self.size = claim, device, size
+        self.capabilities = _capabilities(kind, claim) if capabilities is None else frozenset(capabilities)
+        unknown = self.capabilities - CAPABILITIES.keys()
+        if unknown:
+            raise BackendError(
+                f"{interface} '{name}' has the unknown capability {sorted(unknown)[0]!r}; "
+                f"valid are: {', '.join(CAPABILITIES)}"
+            )
+        self._options = getattr(kind, "conformance_options", {}) if options is None else options
+        if options is not None and not callable(options):
+            self._refuse_unknown(options)
+        self._loaded: dict[str, Backend] = {}
+        self._case_runs: dict[str, CaseRun] = {}
+
+    def case(self, name: str) -> Case:
+        """Return the photo and its ground truth for a name of :data:`physic_testing.conformance.cases.CASES`."""
+        return build_case(name, self.size)
+
+    def construct(self, case: Case | None = None) -> Backend:
+        """Construct a new backend with network access blocked; it is not loaded."""
+        options = self.options(case)
+        with no_network():
+            return self.kind(options)
+
+    def options(self, case: Case | None = None) -> BaseModel:
+        """Return the backend's options for a photo; for a photo without ground truth, those for "one person"."""
+        given = self._options
+        if callable(given):
+            world = self.case("one person").truth if case is None or case.world is None else case.world
+            given = given(world)
+        return self.kind.Options.model_validate(dict(given))
+
+    def loaded(self, case: Case) -> Backend:
+        """Return the loaded backend; photos that need the same options share one backend.
+
+        Raises:
+            CheckSkipped: it cannot be constructed or loaded, or the device is not there.
+        """
+        if "needs_cuda" in self.capabilities and self.device == "cpu":
+            raise CheckSkipped("needs a GPU: pass device='cuda'")
+        key = case.name if callable(self._options) and case.world is not None else ""
+        if key not in self._loaded:
+            try:
+                backend = self.construct(case)
+            except Exception as error:
+                raise CheckSkipped("it cannot be constructed: see 'constructs_with_its_defaults'") from error
+            try:
+                with no_network():
+                    lacking = missing_requirements(backend)
+            except PhysicError as error:
+                raise CheckSkipped("it cannot be loaded: see 'loads_or_reports_what_is_missing'") from error
+            if lacking:
+                raise CheckSkipped(f"not ready: {'; '.join(lacking)}")
+            try:
+                backend.load(self.device)
+            except PhysicError as error:
+                raise CheckSkipped(f"not ready: {error}") from error
+            except Exception as error:
+                raise CheckSkipped("it cannot be loaded: see 'loads_or_reports_what_is_missing'") from error
+            self._loaded[key] = backend
+        return self._loaded[key]
+
+    def infer(self, backend: Backend, case: Case, arguments: tuple[Any, ...] | None = None) -> Any:
+        """Call the backend's ``infer`` with the arguments of a case, or with ``arguments``; errors propagate."""
+        given = infer_arguments(self.interface, case) if arguments is None else arguments
+        require_image(given[0])
+        return cast("Any", backend).infer(*given)
+
+    def run_case(self, name: str) -> CaseRun:
+        """Return the stored call of the backend on a photo; call it first if needed, after FIRST_PHOTO.
+
+        Raises:
+            CheckSkipped: the backend cannot be constructed or loaded.
+        """
+        if name not in self._case_runs:
+            if name != FIRST_PHOTO:
+                self.run_case(FIRST_PHOTO)
+            case = self.case(name)
+            self._case_runs[name] = self._try(self.loaded(case), case)
+        return self._case_runs[name]
+
+    def result(self, name: str = "one person") -> Any:
+        """Return the valid result for a photo.
+
+        Raises:
+            CheckSkipped: there is none; other checks say why.
+        """
+        attempt = self.run_case(name)
+        if isinstance(attempt.error, ConfigError):
+            raise CheckSkipped(f"not ready: {attempt.error}")
+        if attempt.error is not None:
+            raise CheckSkipped(f"infer failed for the photo '{name}': {describe(attempt.error, self.kind)}")
+        if attempt.violations:
+            raise CheckSkipped(f"its output for the photo '{name}' is invalid")
+        return attempt.result
+
+    @property
+    def case_runs(self) -> Mapping[str, CaseRun]:
+        """Photo name -> stored call, for all photos on which the backend was called."""
+        return self._case_runs
+
+    def close(self) -> None:
+        """Close all loaded backends and ignore errors, which another check reports."""
+        for backend in self._loaded.values():
+            try:
+                backend.close()
+            except Exception:
+                continue
+        self._loaded = {}
+
+    def _refuse_unknown(self, options: Mapping[str, Any]) -> None:
+        """Raise ConfigError if the backend does not accept the options."""
+        try:
+            self.kind.Options.model_validate(dict(options))
+        except ValidationError as error:
+            faults = from_pydantic(error, self.kind.Options, kind="option")
+            errors = "; ".join(f"{fault.path}: {fault.message}" for fault in faults)
+            raise ConfigError(f"{self.interface} '{self.name}': {errors}") from error
+
+    def _try(self, backend: Backend, case: Case) -> CaseRun:
+        """Call the backend on a case and record the result, the error and changed arguments."""
+        given, before = infer_arguments(self.interface, case), infer_arguments(self.interface, case)
+        try:
+            answer = self.infer(backend, case, given)
+        except (Exception, SystemExit) as error:
+            return CaseRun(None, None, error, (), tuple(changed_fields(before, given)))
+        faults = tuple(contract_violations(self.interface, answer, case))
+        return CaseRun(deepcopy(answer), answer, None, faults, tuple(changed_fields(before, given)))
+
+
+def find_backend(
+    backend: str | type[Backend] | Backend, interface: str | None, registry: Registry | None, **settings: Any
+) -> BackendUnderTest:
+    """Return the BackendUnderTest for a backend's name, class or instance.
+
+    Args:
+        backend: a name, "distribution:name", "package.module:Class", a class, or an instance, whose options are taken.
+        interface: needed for a name that several interfaces have.
+        registry: where names are looked up; None for everything installed.
+        settings: of :class:`BackendUnderTest`.
+
+    Raises:
+        BackendError: nothing of this name, or more than one thing.
+    """
+    if isinstance(backend, Backend):
+        settings["options"] = settings.get("options") or backend.options.model_dump()
+        backend = type(backend)
+    if isinstance(backend, type):
+        own = interface or str(getattr(backend, "interface", ""))
+        _require_interface(own)
+        return BackendUnderTest(backend, own, f"{backend.__module__}:{backend.__qualname__}", **settings)
+    if registry is None:
+        from physic_core.discovery.plugins import discover
+
+        registry = discover()
+    if interface is None:
+        interface = _single_interface(backend, registry)
+    _require_interface(interface)
+    claim = registry.get(interface, backend)
+    return BackendUnderTest(registry.load_class(claim), interface, split(backend)[1], claim=claim, **settings)
+
+
+def _single_interface(name: str, registry: Registry) -> str:
+    """Return the only interface that has a backend of this name, or raise BackendError."""
+    distribution, _, bare = name.rpartition(":")
+    offers = [c for c in registry if c.record.name == bare and distribution in ("", c.origin.distribution)]
+    interfaces = list(dict.fromkeys(c.record.interface for c in offers))
+    if len(interfaces) != 1:
+        have = ", ".join(interfaces) or "none"
+        raise BackendError(f"give the interface of the backend '{name}'; interfaces with this name: {have}")
+    return interfaces[0]
+
+
+def _require_interface(interface: str) -> None:
+    """Raise BackendError if no interface has this name."""
+    if interface not in INTERFACES:
+        raise BackendError(f"no interface named '{interface}'; valid are: {', '.join(INTERFACES)}")
+
+
+def _capabilities(kind: type[Backend], claim: Claim | None) -> frozenset[str]:
+    """Return the capabilities of a backend class, plus "needs_cuda" if its record requires a GPU."""
+    own = frozenset(getattr(kind, "capabilities", ()))
+    gpu = claim is not None and any(need.lower() in ("gpu", "cuda") for need in claim.record.needs)
+    return own | {"needs_cuda"} if gpu else own

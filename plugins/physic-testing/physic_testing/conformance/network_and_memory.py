@@ -1,0 +1,52 @@
+"""Network block and memory measurement for checks of constructors."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+__all__ = ["no_network", "resident_megabytes"]
+
+
+@contextmanager
+def no_network() -> Iterator[list[str]]:
+    """Block Python's sockets in this block; yield the list of addresses that were requested."""
+    requested: list[str] = []
+
+    def refuse(place: object) -> None:
+        requested.append(_in_words(place))
+        raise OSError(f"network access is blocked in this check: {_in_words(place)} was requested")
+
+    def connect(self: socket.socket, address: Any) -> None:
+        refuse(address)
+
+    def look_up(host: Any, *arguments: Any, **options: Any) -> None:
+        refuse(host)
+
+    with (
+        patch.object(socket.socket, "connect", connect),
+        patch.object(socket.socket, "connect_ex", connect),
+        patch.object(socket, "getaddrinfo", look_up),
+        patch.object(socket, "gethostbyname", look_up),
+    ):
+        yield requested
+
+
+def resident_megabytes() -> float:
+    """Return the resident memory of this process in MB; 0 if the system does not report it."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+    except (OSError, ValueError, IndexError):
+        return 0.0
+    import resource
+
+    return pages * resource.getpagesize() / 1e6
+
+
+def _in_words(place: object) -> str:
+    """Format a network address as text."""
+    return ":".join(map(str, place)) if isinstance(place, tuple) else str(place)

@@ -1,0 +1,57 @@
+"""Requests for a backend, built from a photo of the conformance kit."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from dataclasses import fields, is_dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from physic_core.interfaces import INTERFACES
+from physic_core.types import Hints
+
+if TYPE_CHECKING:
+    from physic_core.interfaces import Request
+    from physic_testing.conformance.cases import Case
+
+__all__ = ["build_request", "infer_arguments", "read_only_views"]
+
+
+def build_request(interface: str, case: Case) -> Request[Any]:
+    """Build the request for a case; its arrays are writable copies."""
+    kind = INTERFACES[interface]
+    known: dict[str, Any] = {
+        "image": case.empty if kind.sees == "inpainted" else case.photo,
+        "mask": case.hole,
+        "people": case.people,
+        "intrinsics": case.intrinsics,
+        "keypoints": case.keypoints,
+        "bodies": case.bodies,
+        "hints": Hints(**{name: getattr(case, name) for name in kind.hints}),
+    }
+    given = {field.name: known[field.name] for field in fields(kind.Request) if not field.kw_only}
+    # deepcopy makes the arrays writable: a backend that writes to them is then detected.
+    return deepcopy(kind.Request(**given))
+
+
+def infer_arguments(interface: str, case: Case) -> tuple[Any, ...]:
+    """Return copies of the arguments of ``infer`` for a case."""
+    return build_request(interface, case).arguments
+
+
+def read_only_views(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return the same arguments with every array as a read-only view with negative strides."""
+    return tuple(_read_only_view(argument) for argument in arguments)
+
+
+def _read_only_view(thing: Any) -> Any:
+    """Return an array, or a dataclass of arrays, as read-only views."""
+    if isinstance(thing, np.ndarray):
+        # Reversed in memory with a negative stride, like a photo that was rotated by its EXIF tag.
+        view = np.ascontiguousarray(thing[..., ::-1])[..., ::-1] if thing.ndim else thing.copy()
+        view.setflags(write=False)
+        return view
+    if is_dataclass(thing) and not isinstance(thing, type):
+        return replace(thing, **{f.name: _read_only_view(getattr(thing, f.name)) for f in fields(thing)})
+    return thing

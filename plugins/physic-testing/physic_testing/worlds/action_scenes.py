@@ -1,0 +1,178 @@
+"""Random action scenes: people with fitted poses and their furniture.
+
+The room's frame (x right, y up, z towards the camera's side, ground through the origin), metres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.errors import InputError
+from physic_testing.worlds import group_actions
+from physic_testing.worlds.contact_fit import ContactFit, PosePlan, fit_contacts
+from physic_testing.worlds.group_actions import FittedGroup
+from physic_testing.worlds.solids import GROUND_MATERIALS, LEVEL_GROUND, Block, Ground
+from physic_testing.worlds.solo_actions import SOLO_ACTIONS, draw_person, move_plan
+
+if TYPE_CHECKING:
+    from physic_core.body.model import BodyModel
+    from physic_core.types import FloatArray
+
+__all__ = ["ACTIONS", "ActionScene", "PosedPerson", "draw_action"]
+
+_TRIES = 3
+_DEPTH, _GAP, _CROSSING = 0.008, 0.015, 0.02  # metres beyond which another draw is tried
+
+
+@dataclass(frozen=True)
+class PosedPerson:
+    """A person with a fitted pose.
+
+    Attributes:
+        pose: (55, 3) rotation vectors, radians.
+        betas: (K,) shape.
+        transl: (3,) metres.
+        residual: largest penetration or contact gap, m.
+        action: name of the action.
+    """
+
+    pose: FloatArray
+    betas: FloatArray
+    transl: FloatArray
+    residual: float
+    action: str
+
+
+@dataclass(frozen=True)
+class ActionScene:
+    """People and furniture of an action, around the origin.
+
+    Attributes:
+        actors: the people.
+        blocks: furniture that supports or hides them.
+        ground: ground plane.
+        outdoors: whether the scene is outdoors.
+        azimuth: range of camera directions, degrees, 0 from +z, 90 from +x.
+        fills: "whole" if the camera must show full bodies, "upper" if it may crop or hide legs.
+    """
+
+    actors: tuple[PosedPerson, ...]
+    blocks: tuple[Block, ...]
+    ground: Ground = LEVEL_GROUND
+    outdoors: bool = False
+    azimuth: tuple[float, float] = (-180.0, 180.0)
+    fills: str = "whole"
+
+
+def draw_action(name: str, model: BodyModel, rng: np.random.Generator) -> ActionScene:
+    """Draw a random action scene with fitted poses; of up to three draws the best is kept.
+
+    Args:
+        name: key of ACTIONS.
+        model: body model in float64.
+        rng: random generator of people, furniture and poses.
+
+    Raises:
+        InputError: no action has this name.
+    """
+    if name not in ACTIONS:
+        raise InputError(f"There is no action named {name!r}: choose one of {', '.join(ACTIONS)}.")
+    best: tuple[float, ActionScene] | None = None
+    seeds = rng.integers(2**63, size=_TRIES)
+    for seed in seeds:
+        drawn = ACTIONS[name](model, np.random.default_rng(seed))
+        if best is None or drawn.badness < best[0]:
+            best = drawn.badness, drawn.action_scene
+        if best[0] <= 1:
+            break
+    assert best is not None
+    return best[1]
+
+
+@dataclass(frozen=True)
+class _ActionDraw:
+    """An action scene and its badness; up to 1 is acceptable."""
+
+    action_scene: ActionScene
+    badness: float
+
+
+def _badness(settled: Sequence[ContactFit]) -> float:
+    """Return the largest error of the fitted poses in units of its tolerance."""
+    return max(max(s.depth / _DEPTH, s.gap / _GAP, s.crossing / _CROSSING) for s in settled)
+
+
+def _actor(plan: PosePlan, settled: ContactFit) -> PosedPerson:
+    """Combine a plan and its fitted pose to a person."""
+    return PosedPerson(settled.pose, plan.betas, settled.transl, settled.residual, plan.action)
+
+
+def _one_person_action(
+    action: str, turn: float, azimuth: tuple[float, float], fills: str = "whole", outdoors: float = 0.0
+) -> Callable[[BodyModel, np.random.Generator], _ActionDraw]:
+    """Return a function that draws one person's action, rotated by up to ``turn`` degrees, sometimes outdoors."""
+
+    def draw(model: BodyModel, rng: np.random.Generator) -> _ActionDraw:
+        plan = SOLO_ACTIONS[action](draw_person(model, rng), rng)
+        plan = move_plan(plan, (0.0, 0.0), float(np.radians(rng.uniform(-turn, turn))))
+        settled = fit_contacts(model, plan)
+        outside = bool(rng.random() < outdoors)
+        ground = Ground(material=str(rng.choice(GROUND_MATERIALS[1:]))) if outside else LEVEL_GROUND
+        shown = ActionScene((_actor(plan, settled),), plan.blocks, ground, outside, plan.azimuth or azimuth, fills)
+        return _ActionDraw(shown, _badness([settled]))
+
+    return draw
+
+
+def _climb_step(model: BodyModel, rng: np.random.Generator) -> _ActionDraw:
+    """Draw a person on stairs, seen from one side so that the stairs hide no foot."""
+    azimuth = (35.0, 150.0) if rng.random() < 0.5 else (-150.0, -35.0)
+    return _one_person_action("climb_step", 10, azimuth)(model, rng)
+
+
+def _group_action(
+    cast: Callable[[BodyModel, np.random.Generator], FittedGroup],
+    azimuth: tuple[float, float],
+    *,
+    outdoors: float = 0.0,
+) -> Callable[[BodyModel, np.random.Generator], _ActionDraw]:
+    """Return a function that draws an action of several people, sometimes outdoors."""
+
+    def draw(model: BodyModel, rng: np.random.Generator) -> _ActionDraw:
+        made = cast(model, rng)
+        outside = bool(rng.random() < outdoors)
+        ground = made.ground
+        if outside and ground == LEVEL_GROUND:
+            ground = Ground(material=str(rng.choice(GROUND_MATERIALS[1:])))
+        actors = tuple(_actor(plan, settled) for plan, settled in zip(made.plans, made.settled, strict=True))
+        return _ActionDraw(ActionScene(actors, made.blocks, ground, outside, azimuth), _badness(made.settled))
+
+    return draw
+
+
+ACTIONS: dict[str, Callable[[BodyModel, np.random.Generator], _ActionDraw]] = {
+    "stand": _one_person_action("stand", 40, (-180, 180), outdoors=0.4),
+    "walk": _one_person_action("walk", 60, (-180, 180), outdoors=0.5),
+    "sit_on_chair": _one_person_action("sit_on_chair", 30, (-100, 100)),
+    "sit_on_sofa": _one_person_action("sit_on_sofa", 15, (-60, 60)),
+    "sit_on_stool": _one_person_action("sit_on_stool", 40, (-150, 150)),
+    "sit_on_floor": _one_person_action("sit_on_floor", 40, (-110, 110)),
+    "lie": _one_person_action("lie", 15, (-60, 60)),
+    "lean_on_wall": _one_person_action("lean_on_wall", 10, (-70, 70)),
+    "lean_on_table": _one_person_action("lean_on_table", 30, (-120, 120)),
+    "kneel": _one_person_action("kneel", 40, (-150, 150)),
+    "squat": _one_person_action("squat", 40, (-150, 150), outdoors=0.3),
+    "climb_step": _climb_step,
+    "sit_behind_table": _one_person_action("sit_behind_table", 0, (-30, 30), fills="upper"),
+    "stand_behind_counter": _one_person_action("stand_behind_counter", 0, (-40, 40), fills="upper"),
+    "hug": _group_action(group_actions.hug, (-180, 180), outdoors=0.4),
+    "sit_side_by_side": _group_action(group_actions.sit_side_by_side, (-50, 50)),
+    "group": _group_action(group_actions.group, (-35, 35)),
+    "slope": _group_action(group_actions.on_slope, (-180, 180), outdoors=1.0),
+    "outdoor_steps": _group_action(group_actions.outdoor_steps, (-60, 60), outdoors=1.0),
+}
+"""Action name -> function that draws it."""

@@ -1,0 +1,103 @@
+"""Set-up of a world: action scene, camera and surroundings.
+
+The room's frame (x right, y up, z towards the camera's side, ground through the origin), metres.
+"""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_testing.worlds import disk_cache
+from physic_testing.worlds.action_scenes import ActionScene, PosedPerson, draw_action
+from physic_testing.worlds.cameras import Camera, CameraShot, PhotoSubjects, find_camera
+from physic_testing.worlds.contact_fit import pose_body
+from physic_testing.worlds.solids import Block, Ground
+from physic_testing.worlds.surroundings import build_outdoor_place, build_room
+
+if TYPE_CHECKING:
+    from physic_core.body.model import BodyModel
+    from physic_core.types import FloatArray, Intrinsics
+    from physic_testing.worlds.rooms import Room
+
+__all__ = ["StagedScene", "set_up_scene"]
+
+_ATTEMPTS = 12
+_UNRELATED_MODULES = (
+    "cameras",
+    "clothes",
+    "disk_cache",
+    "ground_truth",
+    "labels",
+    "ray_casting",
+    "rendering",
+    "rooms",
+    "scene_setup",
+    "surroundings",
+    "textures",
+    "world",
+)
+"""Modules that do not affect an action scene and its cache key."""
+
+
+@dataclass(frozen=True)
+class StagedScene:
+    """A place with its people and its camera."""
+
+    room: Room
+    actors: tuple[PosedPerson, ...]
+    camera: Camera
+    intrinsics: Intrinsics
+
+
+def set_up_scene(model: BodyModel, name: str, seed: int, size: tuple[int, int]) -> StagedScene:
+    """Draw action scenes until a camera shows everybody, then build the surroundings.
+
+    Args:
+        model: body model.
+        name: name of the action.
+        seed: seed of all random choices.
+        size: width and height of the photo, px.
+
+    Raises:
+        RuntimeError: no camera shows everybody in any of the drawn action scenes.
+    """
+    for take in range(_ATTEMPTS):
+        # Each matter has its own numbers, so that another photo size does not change the people.
+        act, look, place = (
+            np.random.default_rng([seed, zlib.crc32(name.encode()), take, matter]) for matter in range(3)
+        )
+        action_scene = disk_cache.load_or_build(
+            disk_cache.cache_key("action_scene", name, seed, take, without=_UNRELATED_MODULES),
+            ActionScene,
+            (PosedPerson, Block, Ground),
+            lambda act=act: draw_action(name, model, act),  # type: ignore[misc]
+        )
+        posed = [pose_body(model, a.pose, a.betas, a.transl) for a in action_scene.actors]
+        vertices, joints = (np.stack(part) for part in zip(*posed, strict=True))
+        subject = PhotoSubjects(vertices, joints, model.faces.numpy(), action_scene.blocks, action_scene.ground)
+        shot = find_camera(
+            subject,
+            look,
+            size,
+            action_scene.azimuth,
+            may_cut=action_scene.fills == "upper",
+            outdoors=action_scene.outdoors,
+        )
+        if shot is not None:
+            room = _build_surroundings(action_scene, subject.sparse, shot, place)
+            return StagedScene(room, action_scene.actors, shot.camera, shot.intrinsics)
+    raise RuntimeError(f"No camera sees everybody of the world {name!r}, seed {seed}, at {size[0]} x {size[1]} px.")
+
+
+def _build_surroundings(
+    action_scene: ActionScene, people: FloatArray, shot: CameraShot, rng: np.random.Generator
+) -> Room:
+    """Build the room or the outdoor place of an action scene."""
+    seed = int(rng.integers(1 << 30))
+    if action_scene.outdoors:
+        return build_outdoor_place(people, action_scene.blocks, action_scene.ground, shot, rng, seed)
+    return build_room(people, action_scene.blocks, shot, rng, seed)

@@ -1,0 +1,136 @@
+"""The evaluator: the truth is perfect, a known fault is measured and nothing else, and nobody is dropped in silence."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from physic_core.body import load_body
+from physic_core.errors import PhysicError
+from physic_core.types import Scene
+from physic_testing.bench.evaluation import LIMB_JOINTS, PERSON_METRICS, WORLD_METRICS, Estimate, Evaluator
+from physic_testing.worlds import build_world
+
+
+@pytest.fixture(scope="module")
+def body_graph():
+    return Evaluator.body_graph(load_body("embedded"))
+
+
+@pytest.fixture(scope="module")
+def world():
+    return build_world("hug", 0)
+
+
+@pytest.fixture
+def truth(world):
+    points = world.points(people=False)
+    valid = np.isfinite(points).all(-1)
+    scene = Scene(points, world.empty_normals, world.empty_image, valid, world.floor, np.zeros((0, 3), np.float32))
+    return Estimate(world.vertices, world.joints, world.contact, scene, world.intrinsics, ("",) * len(world.masks))
+
+
+def test_the_truth_is_perfect(world, truth, skin):
+    evaluator = Evaluator(world, world.masks, skin)
+    people = evaluator.person_records(truth)
+    assert len(people) == len(world.masks) == 2
+    for person, facts in zip(people, evaluator.truth_records(), strict=True):
+        assert (person["found"], person["why"]) == (True, "")
+        assert set(PERSON_METRICS) <= set(person)
+        assert person["mpjpe_mm"] == person["mpvpe_mm"] == person["depth_error_mm"] == 0
+        assert person["pa_mpjpe_mm"] < 1e-6
+        assert (person["precision"], person["recall"], person["f1"]) == (1, 1, 1)
+        assert person["geodesic_fp_cm"] == person["geodesic_fn_cm"] == 0
+        assert person["penetration_max_mm"] < 25
+        assert person["floating_mm"] < 20
+        for name in ("penetration_mm", "floating_mm"):
+            assert person[name] == pytest.approx(facts["measured"][name], abs=1e-3)
+    scene = evaluator.scene_record(truth)
+    assert set(WORLD_METRICS) - {"seconds"} <= set(scene)
+    assert scene["scene_point_mm"] == scene["scene_scale_percent"] == scene["floor_height_mm"] == 0
+
+
+def test_a_known_fault_is_measured(world, truth, skin):
+    up = np.asarray(world.floor.normal, np.float32)
+    moved = replace(truth, vertices=world.vertices + 0.1 * up, joints=world.joints + 0.1 * up)
+    evaluator = Evaluator(world, world.masks, skin)
+    for person, before in zip(evaluator.person_records(moved), evaluator.person_records(truth), strict=True):
+        assert person["mpjpe_mm"] == pytest.approx(100, rel=1e-4)
+        assert person["mpvpe_mm"] == pytest.approx(100, rel=1e-4)
+        assert person["pa_mpjpe_mm"] < 1e-3
+        assert person["f1"] == 1
+        assert before["floating_mm"] < person["floating_mm"] <= 150
+    larger = replace(truth, scene=replace(truth.scene, points=1.1 * truth.scene.points))
+    assert evaluator.scene_record(larger)["scene_scale_percent"] == pytest.approx(10, rel=1e-3)
+    assert evaluator.scene_record(larger)["scene_depth_percent"] == pytest.approx(10, rel=1e-3)
+    assert evaluator.scene_record(replace(truth, scene=replace(truth.scene, floor=None)))["floor_found"] is False
+
+
+def test_a_body_sunk_into_the_floor_penetrates_by_as_much(skin):
+    world = build_world("stand", 0)
+    points = world.points(people=False)
+    valid = np.isfinite(points).all(-1)
+    scene = Scene(points, world.empty_normals, world.empty_image, valid, world.floor, np.zeros((0, 3), np.float32))
+    sunk = (-0.03 * np.asarray(world.floor.normal)).astype(np.float32)
+    estimate = Estimate(world.vertices + sunk, world.joints + sunk, world.contact, scene, world.intrinsics, ("",))
+    (person,) = Evaluator(world, world.masks, skin).person_records(estimate)
+    assert person["penetration_max_mm"] == pytest.approx(30, abs=1.5)
+    assert 5 < person["penetration_mm"] < 30
+    assert person["floating_mm"] < 3
+    assert 0.05 < person["penetration_litres"] < 1.5
+
+
+def test_people_are_told_apart_whatever_their_order(world, truth, skin):
+    order = [1, 0]
+    turned = Estimate(
+        truth.vertices[order], truth.joints[order], truth.contact[order], truth.scene, truth.intrinsics, ("no step", "")
+    )
+    people = Evaluator(world, world.masks[order], skin).person_records(turned)
+    assert [person["mpjpe_mm"] for person in people] == [0, 0]
+    assert [person["why"] for person in people] == ["", "no step"]
+
+
+def test_who_is_not_found_is_a_failure_that_scores_nothing(world, truth, skin):
+    evaluator = Evaluator(world, world.masks[:1], skin)
+    only = Estimate(truth.vertices[:1], truth.joints[:1], truth.contact[:1], truth.scene, truth.intrinsics, ("",))
+    first, second = evaluator.person_records(only)
+    assert first["found"]
+    assert second == {
+        "found": False,
+        "why": "no person was found there",
+        "hits": 0,
+        "false_alarms": 0,
+        "misses": int(world.contact[1].sum()),
+        "precision": 0.0,
+        "recall": 0.0,
+        "f1": 0.0,
+    }
+    broken = replace(truth, vertices=truth.vertices * np.array([1, np.nan], np.float32)[:, None, None])
+    assert [p["why"] for p in Evaluator(world, world.masks, skin).person_records(broken)] == [
+        "",
+        "the body is not finite",
+    ]
+    assert [p["why"] for p in evaluator.missed_records("OutOfMemory")] == ["OutOfMemory"] * 2
+    nobody = np.zeros_like(world.masks[:1])
+    nobody[0, :3, :3] = True
+    assert len(Evaluator(world, nobody, skin).matching.false_alarms) == 1
+
+
+def test_hidden_limbs_are_compared_after_aligning_all_joints(world, truth, skin):
+    evaluator = Evaluator(world, world.masks, skin)
+    hidden = ~world.joints_visible
+    joint = next(j for j in LIMB_JOINTS if hidden[:, j].any())
+    i = int(np.flatnonzero(hidden[:, joint])[0])
+    joints = truth.joints.copy()
+    joints[i, joint] += [0, 0, 0.22]
+    person = evaluator.person_records(replace(truth, joints=joints))[i]
+    limbs = [j for j in LIMB_JOINTS if hidden[i, j]]
+    assert 0.6 * 220 / len(limbs) < person["hidden_limbs_pa_mm"] < 1.4 * 220 / len(limbs)
+    assert evaluator.truth_records()[i]["hidden_limb_joints"] == len(limbs)
+
+
+def test_bodies_of_another_mesh_are_refused(world, truth, skin):
+    with pytest.raises(PhysicError, match=r"^The bodies have 5 vertices and those of the worlds \d+: only bodies of"):
+        Evaluator(world, world.masks, skin).person_records(replace(truth, vertices=truth.vertices[:, :5]))

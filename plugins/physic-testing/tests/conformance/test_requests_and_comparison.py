@@ -1,0 +1,110 @@
+from __future__ import annotations
+
+import inspect
+import socket
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from right_backends import SIZE
+
+from physic_core.interfaces import INTERFACES, Backend
+from physic_core.types import DepthMap
+from physic_testing.conformance.cases import CASES, build_case
+from physic_testing.conformance.depth_checks import aligned_depth_error, rank_correlation
+from physic_testing.conformance.field_comparison import changed_fields, describe_difference
+from physic_testing.conformance.network_and_memory import no_network, resident_megabytes
+from physic_testing.conformance.requests import infer_arguments, read_only_views
+
+DEPTH = np.random.default_rng(0).uniform(1, 5, (20, 30))
+
+
+@pytest.mark.parametrize("interface", INTERFACES.values())
+def test_a_request_has_the_arguments_of_infer_in_their_order(interface: type[Backend]):
+    arguments = list(inspect.signature(vars(interface)["infer"]).parameters)
+    assert arguments[1:] == [field.name for field in fields(interface.Request) if not field.kw_only]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_everything_of_a_case_is_of_one_size(name: str):
+    case = build_case(name, SIZE)
+    height, width = case.photo.shape[:2]
+    assert case.photo.dtype == np.uint8
+    assert case.empty.shape == case.photo.shape
+    assert case.hole.shape == (height, width)
+    assert (case.intrinsics.width, case.intrinsics.height) == (width, height)
+    assert case.people.masks.shape[1:] == (height, width)
+    assert case.scene.points.shape == case.original.points.shape == (height, width, 3)
+    assert len(case.people) == len(case.bodies.parameters) == len(case.keypoints.points)
+
+
+@pytest.mark.parametrize("interface", INTERFACES)
+def test_inputs_are_copies_that_can_be_written_to(interface: str):
+    case = build_case("one person", SIZE)
+    first, second = infer_arguments(interface, case), infer_arguments(interface, case)
+    assert changed_fields(first, second) == []
+    first[0][0, 0] += 1
+    assert len(changed_fields(first, second)) == 1
+    assert changed_fields(infer_arguments(interface, case), second) == []
+
+
+@pytest.mark.parametrize("interface", INTERFACES)
+def test_views_hold_the_same_and_cannot_be_written_to(interface: str):
+    given = infer_arguments(interface, build_case("odd size", SIZE))
+    views = read_only_views(given)
+    assert changed_fields(given, views) == []
+    assert min(views[0].strides) < 0
+    assert not views[0].flags.writeable
+
+
+def test_rounding_is_no_difference():
+    assert describe_difference(DepthMap(DEPTH), DepthMap(DEPTH + 1e-5)) == ""
+    assert describe_difference(DepthMap(DEPTH), DepthMap(1.01 * DEPTH)).startswith("depth: ")
+    holes = np.where(DEPTH > 3, np.nan, DEPTH)
+    assert describe_difference(DepthMap(holes), DepthMap(holes)) == ""
+    assert describe_difference(DepthMap(DEPTH), DepthMap(DEPTH[:10])) == "depth: shapes (20, 30) and (10, 30)"
+    assert describe_difference(DepthMap(DEPTH, scale_sigma=0.1), DepthMap(DEPTH)) == "scale_sigma: 0.1 and None"
+
+
+def test_a_few_pixels_are_no_difference_but_more_are():
+    mask = np.zeros((100, 100), bool)
+    other = mask.copy()
+    other[0, :5] = True
+    assert describe_difference(mask, other) == ""
+    other[:10] = True
+    assert describe_difference(mask, other) == "image: 1000 of 10000 values differ"
+
+
+def test_no_network_is_reached_by_name_or_by_number():
+    with no_network() as asked, socket.socket() as line:
+        with pytest.raises(OSError, match=r"^network access is blocked in this check: weights.example was requested$"):
+            socket.create_connection(("weights.example", 443))
+        with pytest.raises(OSError, match=r"192\.0\.2\.1:80"):
+            line.connect(("192.0.2.1", 80))
+    assert asked == ["weights.example", "192.0.2.1:80"]
+    assert socket.getaddrinfo("127.0.0.1", 80)
+
+
+def test_memory_that_is_held_is_seen():
+    before = resident_megabytes()
+    held = np.ones(16_000_000)
+    assert resident_megabytes() - before > 0.7 * held.nbytes / 1e6
+
+
+@pytest.mark.parametrize(
+    ("unknown", "relative"),
+    [("scale", DEPTH / 3), ("scale_shift", (DEPTH - 0.5) / 3), ("inverse_scale_shift", 3 / (1 / DEPTH + 0.2))],
+)
+def test_what_is_unknown_can_be_fitted_though_some_pixels_are_wrong(unknown, relative):
+    spoilt = relative.copy()
+    spoilt[:3] *= 1.7
+    assert aligned_depth_error(spoilt, DEPTH, unknown) < 0.01
+    if unknown != "scale":
+        assert aligned_depth_error(relative, DEPTH, "scale") > 0.02
+
+
+def test_the_order_of_depths_is_all_that_counts():
+    assert rank_correlation(DEPTH**3, DEPTH) == pytest.approx(1)
+    assert rank_correlation(1 / DEPTH, DEPTH) == pytest.approx(-1)
+    assert rank_correlation(np.full_like(DEPTH, np.nan), DEPTH) == 0
+    assert rank_correlation(np.ones_like(DEPTH), DEPTH) == 0

@@ -1,0 +1,127 @@
+"""Actions: all names perform, people keep joint limits, touch what they rest on, and are the same for the same seed."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import roma
+import torch
+
+from physic_core.body import load_body
+from physic_core.engine.joint.distances import hinge_angles
+from physic_core.errors import InputError
+from physic_testing.worlds.action_scenes import ACTIONS, ActionScene, draw_action
+from physic_testing.worlds.contact_fit import pose_body
+from physic_testing.worlds.furniture import move_blocks
+from physic_testing.worlds.pose_builder import PoseBuilder
+from physic_testing.worlds.skin_patches import contact_skin
+from physic_testing.worlds.solids import LEVEL_GROUND, signed_distance
+from physic_testing.worlds.solo_actions import SOLO_ACTIONS, draw_person, move_plan
+
+if TYPE_CHECKING:
+    from physic_core.body.model import BodyModel
+
+pytestmark = pytest.mark.kernels
+
+_ALONE = ("stand", "walk", "sit_on_chair", "sit_on_sofa", "sit_on_stool", "sit_on_floor", "lie", "lean_on_wall")
+_MORE = ("lean_on_table", "kneel", "squat", "climb_step", "sit_behind_table", "stand_behind_counter")
+_NAMES = (*_ALONE, *_MORE, "hug", "sit_side_by_side", "group", "slope", "outdoor_steps")
+
+
+@lru_cache(maxsize=1)
+def _model() -> BodyModel:
+    return load_body("embedded").to(dtype=torch.float64)
+
+
+@lru_cache(maxsize=8)
+def _performed(name: str, seed: int) -> ActionScene:
+    return draw_action(name, _model(), np.random.default_rng(seed))
+
+
+def test_all_names_are_known() -> None:
+    assert sorted(ACTIONS) == sorted(_NAMES)
+    with pytest.raises(InputError) as error:
+        draw_action("fly", _model(), np.random.default_rng(0))
+    assert str(error.value) == f"There is no action named 'fly': choose one of {', '.join(ACTIONS)}."
+
+
+@pytest.mark.parametrize("name", ["stand", "lie", "sit_on_chair", "slope"])
+def test_people_touch_and_enter_nothing(name: str) -> None:
+    action_scene = _performed(name, 0)
+    skin = contact_skin(_model())
+    for actor in action_scene.actors:
+        vertices, _ = pose_body(_model(), actor.pose, actor.betas, actor.transl)
+        distance = signed_distance(vertices[skin.outer], action_scene.blocks, action_scene.ground)
+        assert -distance.min() <= actor.residual + 1e-9
+        assert actor.residual < 0.015
+        assert -distance.min() < 0.008
+        assert (distance <= 0.02).sum() > 200
+        hinges = hinge_angles(roma.rotvec_to_rotmat(torch.as_tensor(actor.pose)[None]))
+        assert hinges.min() > -0.12
+        assert hinges.max() < 2.8
+
+
+def test_the_same_seed_gives_the_same_people() -> None:
+    first, again = _performed("stand", 0), draw_action("stand", _model(), np.random.default_rng(0))
+    assert first.blocks == again.blocks
+    for one, other in zip(first.actors, again.actors, strict=True):
+        assert np.array_equal(one.pose, other.pose)
+        assert np.array_equal(one.betas, other.betas)
+        assert np.array_equal(one.transl, other.transl)
+    assert not np.array_equal(first.actors[0].betas, _performed("slope", 0).actors[0].betas)
+
+
+@pytest.mark.parametrize("name", list(SOLO_ACTIONS))
+def test_plans_bend_joints_only_as_joints_bend(name: str) -> None:
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        plan = SOLO_ACTIONS[name](draw_person(_model(), rng), rng)
+        assert plan.action == name
+        assert np.isfinite(plan.pose).all()
+        hinges = hinge_angles(roma.rotvec_to_rotmat(torch.as_tensor(plan.pose)[None]))
+        assert hinges.min() > -0.05, seed
+        assert hinges.max() < 2.7, seed
+        assert 0.05 < plan.pelvis[1] < 1.6
+        assert all(touch.patch in contact_skin(_model()).patches for touch in plan.touches)
+        assert all(i < len(plan.blocks) for touch in plan.touches for i in touch.blocks or ())
+
+
+def test_turning_a_plan_turns_all_of_it() -> None:
+    rng = np.random.default_rng(1)
+    plan = SOLO_ACTIONS["lean_on_table"](draw_person(_model(), rng), rng)
+    carried = move_plan(plan, (1.0, -0.5), np.pi / 2, 0.2)
+    x, y, z = plan.reaches[0].point
+    assert carried.reaches[0].point == pytest.approx((z + 1.0, y + 0.2, -x - 0.5))
+    vertices, joints = pose_body(_model(), plan.pose, plan.betas, np.zeros(3))
+    there, where = pose_body(_model(), carried.pose, carried.betas, np.zeros(3))
+    here, there = vertices - joints[0] + plan.pelvis, there - where[0] + carried.pelvis
+    assert there[:, 0] == pytest.approx(here[:, 2] + 1.0, abs=1e-9)
+    assert there[:, 2] == pytest.approx(-here[:, 0] - 0.5, abs=1e-9)
+    before = signed_distance(here[::20], plan.blocks, LEVEL_GROUND)
+    after = signed_distance(
+        there[::20] - np.array([0.0, 0.2, 0.0]), move_blocks(carried.blocks, (0.0, 0.0), 0.0, -0.2), LEVEL_GROUND
+    )
+    assert after == pytest.approx(before, abs=1e-9)
+
+
+def test_limbs_point_where_they_are_told() -> None:
+    posture = PoseBuilder((20, 0, 0)).trunk(15, 10, 5)
+    posture.arm("left", (0.2, -1, 0.3), (0.1, 0.2, 1)).arm("right", (0.2, -1, 0.3), (0.1, 0.2, 1))
+    posture.leg("left", 90, 80).foot("left")
+    _, joints = pose_body(_model(), posture.pose, np.zeros(_model().num_betas), np.zeros(3))
+    at = dict(zip(_model().joint_names, joints, strict=True))
+
+    def direction(start: str, end: str) -> list[float]:
+        apart = at[end] - at[start]
+        return list(apart / np.linalg.norm(apart))
+
+    upper, fore = np.array([0.2, -1, 0.3]), np.array([0.1, 0.2, 1])
+    upper, fore = upper / np.linalg.norm(upper), fore / np.linalg.norm(fore)
+    assert direction("left_shoulder", "left_elbow") == pytest.approx(upper, abs=0.02)
+    assert direction("right_shoulder", "right_elbow") == pytest.approx(upper * [-1, 1, 1], abs=0.02)
+    assert direction("left_elbow", "left_wrist") == pytest.approx(fore, abs=0.02)
+    assert direction("left_hip", "left_knee")[2] == pytest.approx(1, abs=0.01)
+    assert direction("left_ankle", "left_foot")[2] == pytest.approx(0.94, abs=0.02)
