@@ -11,7 +11,7 @@ import torch
 
 from physic_core import load_config, reconstruct
 from physic_core.body import load_body
-from physic_core.body.conversion import rest_mesh_of
+from physic_core.body.conversion import rest_mesh_of_model
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.cache.result_cache import canonicalize
 from physic_core.discovery.plugins import discover
@@ -253,7 +253,7 @@ class OtherContact(backends.MockContactPrior):
 
     def infer(self, *arguments):
         told = super().infer(*arguments)
-        rest = rest_mesh_of(load_body("embedded"))
+        rest = rest_mesh_of_model(load_body("embedded"))
         order = np.random.default_rng(0).permutation(len(rest.vertices))
         mesh = RestMesh("shuffled", rest.vertices[order], np.argsort(order)[rest.faces])
         return ContactProbability(told.probability[:, order], "shuffled", mesh)
@@ -280,7 +280,7 @@ def test_bodies_of_smpl_are_carried_over(world: World) -> None:
     result = run(world, Smpl, "body_estimator", sure)
     plain = reconstruct(world.image, load_config(preset="mock", overrides=[sure]))
     assert result.body_model == "embedded"
-    assert "bodies carried over from 'smpl' to 'embedded', joints within 1 mm on average" in result.notes
+    assert "bodies converted from 'smpl' to 'embedded', joints within 1 mm on average" in result.notes
     apart = np.linalg.norm(result.people[0].joints[:22] - plain.people[0].joints[:22], axis=1)
     assert apart.max() < 0.03
 
@@ -298,8 +298,8 @@ def test_a_mesh_that_is_no_body_is_refused(world: World) -> None:
     with pytest.raises(BodyModelError) as error:
         run(world, OddMesh, "body_estimator")
     assert str(error.value) == (
-        "body_estimator 'other' (registered by hand): the mesh 'odd' is 0 wide, 0 high and 0 deep, which is no body in "
-        "a T-pose: give it in metres, y up, facing +z, arms stretched out sideways"
+        "body_estimator 'other' (registered by hand): the mesh 'odd' is 0 wide, 0 high and 0 deep, which is not a body "
+        "in a T-pose: give it in metres, y up, facing +z, arms stretched out sideways"
     )
 
 

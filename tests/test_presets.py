@@ -368,7 +368,7 @@ def test_the_papers_pipeline_runs_from_photo_to_files(
     assert backends_of(found) == claimed("paper")
     assert asked == {"GroundingDinoForObjectDetection": 2, "Sam2Model": 1, "DepthProForDepthEstimation": 1}
     assert found.body_model == "embedded"
-    assert any(note.startswith("bodies carried over from 'smpl' to 'embedded'") for note in found.notes)
+    assert any(note.startswith("bodies converted from 'smpl' to 'embedded'") for note in found.notes)
     assert f"contact carried over from the mesh 'smpl' to '{world.topology}'" in found.notes
     assert found.warnings == ()
     # The carried-over body has the mean shape, 3 % too large: keypoints put it too far away, and contact the scene too.
@@ -446,7 +446,7 @@ def test_the_best_pipeline_runs_from_photo_to_files(
     assert backends_of(found) == claimed("best")
     assert asked == {"Sam3Model": 4}  # people, and three words for the floor
     assert found.body_model == "embedded"
-    assert any(note.startswith("bodies carried over from 'mhr' to 'embedded'") for note in found.notes)
+    assert any(note.startswith("bodies converted from 'mhr' to 'embedded'") for note in found.notes)
     assert found.warnings == ()
     # The engine weighs all estimators as if they erred, and the contact of the static parts does: he is taken along.
     assert score.joints < 150

@@ -38,7 +38,7 @@ from scipy.sparse.linalg import splu
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from physic_core.body.assembly import BodyArrays, derive_picks  # noqa: E402
+from physic_core.body.assembly import BodyArrays, derive_vertex_sets  # noqa: E402
 from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES, NUM_JOINTS, SIDES  # noqa: E402
 
 ASSET = ROOT / "physic_core" / "body" / "embedded.npz"
@@ -426,7 +426,7 @@ def picks_of(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Parts, contact sets and landmarks, as arrays of the asset."""
     dense = np.zeros((len(arrays["v_template"]), NUM_JOINTS))
     np.put_along_axis(dense, arrays["skin_joints"].astype(np.int64), arrays["skin_weights"].astype(float), axis=1)
-    picks = derive_picks(
+    picks = derive_vertex_sets(
         BodyArrays(
             name="embedded",
             topology="",

@@ -20,19 +20,19 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, FloatArray
 
-__all__ = ["AffineCamera", "half_diagonal", "recover_camera", "settle"]
+__all__ = ["AffineCamera", "half_diagonal", "points_on_rays", "recover_camera"]
 
 _GRID = 64
-"""Rows and columns of the sampled grid, as upstream: neighbouring points are redundant."""
-_FEWEST = 64
+"""Rows and columns of the grid of sampled points."""
+_MIN_SAMPLES = 64
 """With fewer valid points on the grid, points are sampled from all valid ones."""
-_LARGEST_DOUBT = 0.7
-"""Of :meth:`_Problem.doubt`: log(focal) is off by about two thirds of it."""
+_MAX_UNCERTAINTY = 0.7
+"""Maximum of :meth:`_Problem.uncertainty`. The error of log(focal length) is about two thirds of it."""
 
 
 @dataclass(frozen=True)
 class AffineCamera:
-    """The pinhole camera of an affine point map.
+    """Focal length and z-shift of an affine point map.
 
     Attributes:
         fx: focal length along x, px.
@@ -51,13 +51,13 @@ class AffineCamera:
     given: bool = False
 
     def intrinsics(self, width: int, height: int, source: str) -> Intrinsics:
-        """Intrinsics with the principal point in the image centre; trust is "guessed" unless ``determined``."""
+        """Return intrinsics with the principal point in the image centre; trust is "guessed" unless ``determined``."""
         trust = CameraTrust.ESTIMATED if self.determined else CameraTrust.GUESSED
         return replace(Intrinsics.from_focal(self.fx, width, height, source, trust), fy=self.fy)
 
 
 def half_diagonal(height: int, width: int) -> float:
-    """Half the image diagonal, px: the unit of the focal length in MoGe's own code."""
+    """Return half the image diagonal in px, the unit of the focal length in MoGe's code."""
     return float((height**2 + width**2) ** 0.5 / 2)
 
 
@@ -85,10 +85,10 @@ def recover_camera(
     lowest, size = problem.lowest_shift()
     nearest = np.geomspace(1e-4, 1e4, 97) * size  # how far the nearest point is in front of the camera
     if given is not None:
-        shift = _least(problem.error_at_1, problem.slope_at_1, lowest, nearest)
+        shift = _minimise(problem.error_at_1, problem.slope_at_1, lowest, nearest)
         return AffineCamera(float(given[0]), float(given[1]), shift, given=True)
-    shift = _least(problem.error, problem.slope, lowest, nearest)
-    determined = problem.focal(shift) > 0 and problem.doubt(shift) < _LARGEST_DOUBT
+    shift = _minimise(problem.error, problem.slope, lowest, nearest)
+    determined = problem.focal(shift) > 0 and problem.uncertainty(shift) < _MAX_UNCERTAINTY
     if not determined:
         shift = max(0.0, lowest + 1e-3 * size)
     focal = problem.focal(shift) * half
@@ -100,10 +100,10 @@ def recover_camera(
     return AffineCamera(focal, focal, shift, determined=bool(determined))
 
 
-def settle(
+def points_on_rays(
     z: FloatArray, mask: BoolArray, found: AffineCamera, camera: Intrinsics, scale: float = 1.0
 ) -> tuple[FloatArray, BoolArray]:
-    """Move an affine point map onto the rays of a camera.
+    """Add the z-shift to an affine point map, scale it, and place each point on the ray of its pixel.
 
     Args:
         z: (H, W), z of the points.
@@ -123,13 +123,13 @@ def settle(
     depth = np.where(valid, depth, np.nan)
     u = (np.arange(width) - camera.cx) / camera.fx
     v = (np.arange(height) - camera.cy) / camera.fy
-    settled = np.stack([depth * u[None], depth * v[:, None], depth], axis=-1)
-    return settled.astype(np.float32), valid
+    points = np.stack([depth * u[None], depth * v[:, None], depth], axis=-1)
+    return points.astype(np.float32), valid
 
 
 @dataclass(frozen=True)
 class _Problem:
-    """f xy / (z + s) = uv, for n points.
+    """Least-squares problem f xy / (z + s) = uv of n points, with unknown focal length f and shift s.
 
     With p = xy / (z + s), the best f is (p . uv) / (p . p), and the sum of squares that it leaves is
     uv . uv - (p . uv)^2 / (p . p).
@@ -145,7 +145,7 @@ class _Problem:
     uv: FloatArray
 
     def lowest_shift(self) -> tuple[float, float]:
-        """The shift that moves the nearest point to the camera, and a length scale of the points.
+        """Return the shift that moves the nearest point to the camera, and a length scale of the points.
 
         A few points much nearer than all others are outliers and do not limit the shift.
         """
@@ -157,33 +157,33 @@ class _Problem:
         return -near, size
 
     def focal(self, shift: float) -> float:
-        """The best focal length for a shift."""
+        """Return the best focal length for a shift."""
         dot, square = self._sums(shift, 1, 2)
         return dot / square
 
     def error(self, shift: float) -> float:
-        """Squared error with the best positive focal length, without the constant uv . uv."""
+        """Return the squared error with the best positive focal length, without the constant uv . uv."""
         dot, square = self._sums(shift, 1, 2)
         return -dot * abs(dot) / square
 
     def slope(self, shift: float) -> float:
-        """The sign of the derivative of :meth:`error`."""
+        """Return a number with the sign of the derivative of :meth:`error`."""
         dot, square = self._sums(shift, 1, 2)
         dot_2, square_3 = self._sums(shift, 2, 3)
         return dot_2 * square - dot * square_3
 
     def error_at_1(self, shift: float) -> float:
-        """Squared error with focal length 1, without the constant uv . uv."""
+        """Return the squared error with focal length 1, without the constant uv . uv."""
         dot, square = self._sums(shift, 1, 2)
         return square - 2 * dot
 
     def slope_at_1(self, shift: float) -> float:
-        """Half the derivative of :meth:`error_at_1`."""
+        """Return half the derivative of :meth:`error_at_1`."""
         dot_2, square_3 = self._sums(shift, 2, 3)
         return dot_2 - square_3
 
-    def doubt(self, shift: float) -> float:
-        """Relative error of the points, divided by the relative variation of their distances.
+    def uncertainty(self, shift: float) -> float:
+        """Return the relative error of the points, divided by the relative variation of their distances.
 
         Points at equal distance only determine the ratio of focal length and distance. Errors as large as the variation
         have the same effect.
@@ -196,17 +196,18 @@ class _Problem:
         return float(wrong) / relief if relief > 1e-6 else float("inf")
 
     def _in_front(self, shift: float) -> BoolArray:
+        """Return a mask of the points in front of the camera."""
         front: BoolArray = self.z + shift > 0
         return front
 
     def _sums(self, shift: float, of_products: int, of_squares: int) -> tuple[float, float]:
-        """Sums of uv . xy / (z + s)^k and of xy . xy / (z + s)^l over the points in front of the camera."""
+        """Return the sums of uv . xy / (z + s)^k and of xy . xy / (z + s)^l over the points in front of the camera."""
         inverse = 1 / np.where(self._in_front(shift), self.z + shift, np.inf)
         products, squares = (self.uv * self.xy).sum(1), (self.xy**2).sum(1)
         return float(products @ inverse**of_products), float(squares @ inverse**of_squares)
 
 
-def _least(
+def _minimise(
     error: Callable[[float], float], slope: Callable[[float], float], lowest: float, nearest: FloatArray
 ) -> float:
     """Minimise ``error`` above ``lowest``: best point of a grid, then the zero of the slope near it."""
@@ -221,7 +222,7 @@ def _least(
 
 
 def _sampled(points: FloatArray, mask: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """(n, 3) points and (n, 2) pixels inside the mask; pixels relative to the centre, in half diagonals."""
+    """Sample (n, 3) valid points and their (n, 2) pixels, relative to the image centre in half diagonals."""
     height, width = mask.shape
     if points.shape != (height, width, 3):
         raise BackendError(f"a point map of {width} x {height} px must be ({height}, {width}, 3), got {points.shape}")
@@ -229,7 +230,7 @@ def _sampled(points: FloatArray, mask: BoolArray) -> tuple[FloatArray, FloatArra
     columns = np.arange(min(width, _GRID)) * width // min(width, _GRID)
     v, u = (index.reshape(-1) for index in np.meshgrid(rows, columns, indexing="ij"))
     seen = mask[v, u] & np.isfinite(points[v, u]).all(-1)
-    if seen.sum() < _FEWEST:
+    if seen.sum() < _MIN_SAMPLES:
         v, u = np.nonzero(mask & np.isfinite(points).all(-1))
         some = np.linspace(0, len(v) - 1, min(len(v), _GRID**2)).astype(int)
         v, u = v[some], u[some]

@@ -1,4 +1,4 @@
-"""The camera to use for a photo's depth: the known one, or a guess that is marked as such."""
+"""Intrinsics of a photo: the known ones, or a guess from a field of view."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["guessed_camera", "known_camera"]
 
 
 def known_camera(hints: Hints, image: NDArray[Any]) -> Intrinsics | None:
-    """Intrinsics from the hints, resized to this image; None if there are none."""
+    """Return the intrinsics from the hints, resized to this image; None if there are none."""
     camera, (height, width) = hints.intrinsics, image.shape[:2]
     if camera is None or (camera.width, camera.height) == (width, height):
         return camera
@@ -24,7 +24,7 @@ def known_camera(hints: Hints, image: NDArray[Any]) -> Intrinsics | None:
 
 
 def guessed_camera(fov_deg: float, image: NDArray[Any]) -> tuple[Intrinsics, tuple[str, ...]]:
-    """A camera with this field of view (degrees) along the image's long side, and a note for the user."""
+    """Return intrinsics for a field of view in degrees along the image's long side, and a note for the user."""
     height, width = image.shape[:2]
     source = f"default (field of view {fov_deg:g} degrees along the long side)"
     focal = focal_from_fov(fov_deg, max(height, width))

@@ -15,20 +15,13 @@ import numpy as np
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
 
-__all__ = [
-    "focal_from_fov",
-    "focal_in_frame",
-    "focal_px_of",
-    "metres_from_canonical",
-    "metres_from_inverse",
-    "metres_of_focal",
-]
+__all__ = ["depth_from_canonical", "depth_from_canonical_inverse", "focal_from_fov"]
 
-_LEAST_INVERSE, _MOST_INVERSE = 1e-4, 1e4  # 1 / m in metres_from_inverse; larger depths become 10 km
+_LEAST_INVERSE, _MOST_INVERSE = 1e-4, 1e4  # 1 / m in depth_from_canonical_inverse; larger depths become 10 km
 
 
 def focal_from_fov(fov_deg: float, width: float) -> float:
-    """Focal length in px of an image ``width`` px wide with a horizontal field of view of ``fov_deg`` degrees.
+    """Return the focal length in px of an image ``width`` px wide with a horizontal field of view in degrees.
 
     Raises:
         ValueError: the angle is not between 0 and 180 degrees.
@@ -38,17 +31,7 @@ def focal_from_fov(fov_deg: float, width: float) -> float:
     return 0.5 * width / math.tan(0.5 * math.radians(fov_deg))
 
 
-def focal_px_of(fx: float, fy: float) -> float:
-    """Mean focal length of the two axes, px, for nearly square pixels."""
-    return 0.5 * (fx + fy)
-
-
-def focal_in_frame(focal_px: float, width: float, frame_width: float) -> float:
-    """Horizontal focal length of an image after resizing it from ``width`` to ``frame_width`` px."""
-    return focal_px * frame_width / width
-
-
-def metres_from_inverse(raw: FloatArray, focal_px: float, width: float) -> FloatArray:
+def depth_from_canonical_inverse(raw: FloatArray, focal_px: float, width: float) -> FloatArray:
     """Convert canonical inverse depth, of a camera whose focal length is its image width, to metres.
 
     ``1 / z = raw * width / focal_px``. Resample inverse depth before this conversion, not metres after it: networks are
@@ -67,30 +50,16 @@ def metres_from_inverse(raw: FloatArray, focal_px: float, width: float) -> Float
     return metres
 
 
-def metres_from_canonical(raw: FloatArray, focal_px: float, canonical_focal_px: float) -> FloatArray:
+def depth_from_canonical(raw: FloatArray, focal_px: float, canonical_focal_px: float) -> FloatArray:
     """Convert the depth of a camera of ``canonical_focal_px`` to metres: ``raw * focal_px / canonical``.
 
     Args:
         raw: (h, w) depth for the canonical camera, m.
         focal_px: focal length of the network's input image, px: the photo's focal length times the resize factor.
-        canonical_focal_px: 1000 for Metric3D v2, 300 for Depth Anything 3.
+        canonical_focal_px: 1000 for Metric3D v2, 300 for Depth Anything 3, or the network's own estimate.
 
     Returns:
         (h, w) float32 metres along z.
     """
     metres: FloatArray = np.asarray(raw, np.float32) * np.float32(focal_px / canonical_focal_px)
     return metres
-
-
-def metres_of_focal(depth: FloatArray, focal_px: float, seen_focal_px: float) -> FloatArray:
-    """Rescale depth from the focal length that a network estimated to the known one.
-
-    Args:
-        depth: (h, w) m, output of the network.
-        focal_px: known focal length, px.
-        seen_focal_px: focal length that the network estimated, px of the same image.
-
-    Returns:
-        (h, w) float32 metres along z.
-    """
-    return metres_from_canonical(depth, focal_px, seen_focal_px)

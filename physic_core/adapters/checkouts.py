@@ -35,13 +35,13 @@ PIP_NAMES: Mapping[str, str] = {
     "yacs": "yacs",
     "yaml": "pyyaml",
 }
-"""Module -> what pip calls it, where the two differ."""
+"""Name of a module -> name of its pip package, where they differ."""
 
 _lock = threading.RLock()
 
 
 class Checkout:
-    """A repository that the user has checked out.
+    """A cloned repository whose modules are imported in isolation.
 
     Args:
         folder: its root; "" if its package is installed in the environment, and then nothing is isolated.
@@ -69,32 +69,32 @@ class Checkout:
         self._is_inside = False
 
     def missing(self) -> tuple[str, ...]:
-        """List what is missing to import its code; nothing of it is imported."""
-        lacking = [fault] if (fault := self._fault()) else []
-        absent = [need for need in self.needs if need not in sys.modules and not _exists(need)]
-        if absent:
-            lacking.append(
-                f"{self.name} needs {_listed(absent)} of the environment: "
-                f"pip install {' '.join(PIP_NAMES.get(need, need) for need in absent)}"
+        """Return a message for each missing folder or package, without importing the code."""
+        messages = [fault] if (fault := self._problem()) else []
+        missing = [need for need in self.needs if need not in sys.modules and not _exists(need)]
+        if missing:
+            messages.append(
+                f"{self.name} needs {_listed(missing)} of the environment: "
+                f"pip install {' '.join(PIP_NAMES.get(need, need) for need in missing)}"
             )
-        return tuple(lacking)
+        return tuple(messages)
 
     def load(self, module: str | None = None) -> ModuleType:
-        """Import a module of the checkout; by default the main one.
+        """Import and return a module of the checkout, by default the main one.
 
         Raises:
             WeightsMissingError: the folder is missing or is another project, or a package of the environment is
                 missing.
             BackendError: its code cannot be imported.
         """
-        fault = self._fault()
+        fault = self._problem()
         if fault:
             raise WeightsMissingError(fault)
         with self.inside():
             try:
                 return importlib.import_module(module or self.package)
             except ModuleNotFoundError as error:
-                raise WeightsMissingError(self._absent(error)) from error
+                raise WeightsMissingError(self._import_message(error)) from error
             except Exception as error:  # whatever its code raises while it is imported
                 raise BackendError(
                     f"{self.name}{self._place()} cannot be imported: {type(error).__name__}: {error}; "
@@ -118,7 +118,7 @@ class Checkout:
 
     @contextmanager
     def inside(self) -> Iterator[None]:
-        """Context in which the folder is first on ``sys.path`` and imports find its modules.
+        """Put the folder first on ``sys.path`` and use its modules inside the block.
 
         Only one checkout is active at a time, in all threads.
         """
@@ -133,7 +133,7 @@ class Checkout:
             if self._own is None:
                 self._own = _top_names(root)  # once: folders of data can be large
             own = self._own
-            self._is_inside, others = True, _taken(own)
+            self._is_inside, others = True, _pop_modules(own)
             sys.modules.update(self._modules)
             for package in own.values():
                 if package is not None and package.name not in sys.modules:
@@ -145,16 +145,16 @@ class Checkout:
             finally:
                 if str(root) in sys.path:
                     sys.path.remove(str(root))
-                self._modules = _taken(own)
+                self._modules = _pop_modules(own)
                 sys.modules.update(others)
                 self._is_inside = False
 
     def close(self) -> None:
-        """Discard its modules."""
+        """Discard the imported modules."""
         self._modules, self._own = {}, None
 
     def fingerprint(self) -> str:
-        """A text that changes with its Python files, not with the path of the folder; "" if it is missing."""
+        """Return a hash of the names and sizes of its Python files; "" if the folder is missing."""
         import hashlib
 
         if self.folder is None or not self.folder.is_dir():
@@ -167,7 +167,8 @@ class Checkout:
         ]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
-    def _fault(self) -> str:
+    def _problem(self) -> str:
+        """Return a message if the folder or the package is missing, else ""."""
         if self.folder is None:
             if _exists(self.package.partition(".")[0]):
                 return ""
@@ -189,7 +190,8 @@ class Checkout:
             f"set {self.option} to the root of a checkout of {self.homepage}"
         )
 
-    def _absent(self, error: ModuleNotFoundError) -> str:
+    def _import_message(self, error: ModuleNotFoundError) -> str:
+        """Return a message for a module that could not be found during an import."""
         absent = (error.name or "").partition(".")[0]
         if self.folder is not None and absent in _top_names(self.folder.resolve()):
             return (
@@ -201,10 +203,12 @@ class Checkout:
         )
 
     def _place(self) -> str:
+        """Return " in FOLDER" for messages, or ""."""
         return "" if self.folder is None else f" in {self.folder}"
 
 
 def _exists(module: str) -> bool:
+    """Return whether a module can be imported."""
     try:
         return importlib.util.find_spec(module) is not None
     except (ImportError, ValueError):  # a stand-in without a spec
@@ -212,7 +216,7 @@ def _exists(module: str) -> bool:
 
 
 def _top_names(root: Path) -> dict[str, Path | None]:
-    """Top-level module names in the folder -> folder of a package without ``__init__.py``, else None.
+    """Return the top-level module names in a folder -> the package folder if it has no ``__init__.py``, else None.
 
     Python prefers any other package of the same name on the path to such a package, so it is created explicitly.
     """
@@ -229,17 +233,19 @@ def _top_names(root: Path) -> dict[str, Path | None]:
 
 
 def _namespace(folder: Path) -> ModuleType:
+    """Create an empty package module for a folder."""
     module = ModuleType(folder.name)
     module.__path__ = [str(folder)]
     module.__package__ = folder.name
     return module
 
 
-def _taken(names: Mapping[str, Path | None]) -> dict[str, ModuleType]:
-    """Remove the modules of these top-level names from ``sys.modules`` and return them."""
+def _pop_modules(names: Mapping[str, Path | None]) -> dict[str, ModuleType]:
+    """Remove the modules with these top-level names from ``sys.modules`` and return them."""
     found = [key for key in sys.modules if key.partition(".")[0] in names]
     return {key: sys.modules.pop(key) for key in found}
 
 
 def _listed(names: list[str]) -> str:
+    """Return "the package A" or "the packages A, B"."""
     return "the package " + names[0] if len(names) == 1 else "the packages " + ", ".join(names)

@@ -1,4 +1,4 @@
-"""Convert the weak-perspective camera of a square crop to a translation in the photo's camera, and back.
+"""Convert the weak-perspective camera of a square crop to a translation in the photo's camera.
 
 Networks for the crop of one person or hand return three numbers (s, tx, ty). The body's origin projects to ``centre +
 side / 2 * s * (tx, ty)``, and one metre is ``side / 2 * s`` px long there. The translation in the photo's camera
@@ -15,13 +15,13 @@ import numpy as np
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Intrinsics
 
-__all__ = ["crop_of_translation", "told_of_crops", "translation_of_crop"]
+__all__ = ["camerahmr_inputs", "translation_from_crop"]
 
 _SMALLEST = 1e-6  # minimum |s|: output for an empty crop must not become an infinite depth
 
 
-def translation_of_crop(weak: FloatArray, centres: FloatArray, sides: FloatArray, camera: Intrinsics) -> FloatArray:
-    """Translations of bodies in the photo's camera.
+def translation_from_crop(weak: FloatArray, centres: FloatArray, sides: FloatArray, camera: Intrinsics) -> FloatArray:
+    """Convert weak-perspective cameras of crops to translations in the photo's camera frame.
 
     Args:
         weak: (N, 3) s, tx, ty of each crop; s > 0.
@@ -41,8 +41,8 @@ def translation_of_crop(weak: FloatArray, centres: FloatArray, sides: FloatArray
     return np.concatenate([across, depth[:, None]], axis=1)
 
 
-def told_of_crops(centres: FloatArray, sides: FloatArray, focal: float, camera: Intrinsics) -> dict[str, FloatArray]:
-    """Inputs of CameraHMR's network for boxes and camera, float32, by the network's own names.
+def camerahmr_inputs(centres: FloatArray, sides: FloatArray, focal: float, camera: Intrinsics) -> dict[str, FloatArray]:
+    """Return the box and camera inputs of CameraHMR's network, float32, by the network's names.
 
     The network assumes the principal point in the image centre, so boxes are shifted by the difference.
 
@@ -54,24 +54,10 @@ def told_of_crops(centres: FloatArray, sides: FloatArray, focal: float, camera: 
     """
     middle = np.array([camera.width, camera.height]) / 2
     matrix = np.array([[focal, 0.0, middle[0]], [0.0, focal, middle[1]], [0.0, 0.0, 1.0]])
-    told = {
+    inputs = {
         "box_center": centres - [camera.cx, camera.cy] + middle,
         "box_size": sides,
         "img_size": np.tile([float(camera.height), float(camera.width)], (len(centres), 1)),
         "cam_int": np.tile(matrix, (len(centres), 1, 1)),
     }
-    return {name: np.asarray(value, np.float32) for name, value in told.items()}
-
-
-def crop_of_translation(
-    translations: FloatArray, centres: FloatArray, sides: FloatArray, camera: Intrinsics
-) -> FloatArray:
-    """Inverse of :func:`translation_of_crop`: (N, 3) metres with z > 0 -> (N, 3) s, tx, ty."""
-    points = translations.astype(np.float64)
-    focal, centre = np.array([camera.fx, camera.fy]), np.array([camera.cx, camera.cy])
-    per_metre = np.sqrt(camera.fx * camera.fy) / points[:, 2]
-    pixels = points[:, :2] / points[:, 2:] * focal + centre
-    return np.concatenate(
-        [(2 * per_metre / sides)[:, None], (pixels - centres) / per_metre[:, None]],
-        axis=1,
-    )
+    return {name: np.asarray(value, np.float32) for name, value in inputs.items()}

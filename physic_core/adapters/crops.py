@@ -20,14 +20,14 @@ import numpy as np
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, UInt8Array
 
-__all__ = ["Crop", "Grid", "blur_before_shrinking", "crop_of", "cut", "padded"]
+__all__ = ["Crop", "PixelAlignment", "antialias_sigma", "crop_around_box", "padded_region", "resample_crop"]
 
-Grid = Literal["corners", "halves", "areas"]
+PixelAlignment = Literal["corners", "halves", "areas"]
 
 
 @dataclass(frozen=True)
 class Crop:
-    """Mapping from the pixels of an upright crop to the photo: ``photo = origin + step * crop``.
+    """Affine mapping from the pixels of a crop to the photo: ``photo = origin + step * crop``.
 
     Attributes:
         origin: x and y of crop pixel (0, 0), px of the photo.
@@ -42,23 +42,23 @@ class Crop:
     height: int
 
     def to_photo(self, points: FloatArray) -> FloatArray:
-        """Points (..., 2) in px of the crop -> px of the photo."""
+        """Map points (..., 2) from px of the crop to px of the photo."""
         found: FloatArray = np.asarray(self.origin) + np.asarray(self.step) * points
         return found
 
     def to_crop(self, points: FloatArray) -> FloatArray:
-        """Points (..., 2) in px of the photo -> px of the crop."""
+        """Map points (..., 2) from px of the photo to px of the crop."""
         found: FloatArray = (points - np.asarray(self.origin)) / np.asarray(self.step)
         return found
 
     @property
     def matrix(self) -> FloatArray:
-        """(2, 3) affine matrix, px of the crop -> px of the photo."""
+        """The (2, 3) affine matrix from px of the crop to px of the photo."""
         return np.array([[self.step[0], 0.0, self.origin[0]], [0.0, self.step[1], self.origin[1]]])
 
 
-def padded(box: FloatArray, aspect: float, padding: float = 1.25) -> tuple[FloatArray, FloatArray]:
-    """Smallest region of a fixed aspect around a box, enlarged: centre (2,) and size (2,).
+def padded_region(box: FloatArray, aspect: float, padding: float = 1.25) -> tuple[FloatArray, FloatArray]:
+    """Return the centre (2,) and size (2,) of the smallest region of a fixed aspect around a box, enlarged.
 
     Args:
         box: (4,) x0 y0 x1 y1 px of the photo, half open.
@@ -75,10 +75,10 @@ def padded(box: FloatArray, aspect: float, padding: float = 1.25) -> tuple[Float
     return middle, padding * size
 
 
-def crop_of(
-    box: FloatArray, width: int, height: int, *, padding: float = 1.25, grid: Grid, mirrored: bool = False
+def crop_around_box(
+    box: FloatArray, width: int, height: int, *, padding: float = 1.25, grid: PixelAlignment, mirrored: bool = False
 ) -> Crop:
-    """Crop of ``width`` x ``height`` px around a box, with the aspect of the photo's pixels kept.
+    """Return the mapping of a crop of ``width`` x ``height`` px around a box, without distortion.
 
     Args:
         box: (4,) x0 y0 x1 y1, half open, px of the photo; may be partly outside.
@@ -88,7 +88,7 @@ def crop_of(
         grid: alignment of the region with the pixel grid of the crop.
         mirrored: exchange left and right about the centre of the region.
     """
-    middle, size = padded(box, width / height, padding)
+    middle, size = padded_region(box, width / height, padding)
     cells = np.array([width, height], np.float64)
     if grid == "corners":
         step = size / (cells - 1)
@@ -102,14 +102,14 @@ def crop_of(
     return Crop((float(origin[0]), float(origin[1])), (float(step[0]), float(step[1])), width, height)
 
 
-def blur_before_shrinking(crop: Crop) -> float:
-    """Standard deviation, px of the photo, of the anti-aliasing blur of HMR 2.0 and WiLoR."""
+def antialias_sigma(crop: Crop) -> float:
+    """Return the standard deviation of the anti-aliasing blur of HMR 2.0 and WiLoR, px of the photo."""
     half = abs(crop.step[0]) / 2
     return (half - 1) / 2 if half > 1.1 else 0.0
 
 
-def cut(image: UInt8Array, crop: Crop, *, fill: int = 0, sigma: float = 0.0) -> UInt8Array:
-    """Resample a crop (height, width, 3) from an image (H, W, 3), bilinear.
+def resample_crop(image: UInt8Array, crop: Crop, *, fill: int = 0, sigma: float = 0.0) -> UInt8Array:
+    """Resample a crop (height, width, 3) from an image (H, W, 3) by bilinear interpolation.
 
     Args:
         image: uint8.

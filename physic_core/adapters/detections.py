@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
     from physic_core.types import FloatArray, Keypoints
 
-__all__ = ["Detections", "box_iou", "boxes_in_photo", "corners_of_centred", "nms", "sigmoid"]
+__all__ = ["Detections", "box_iou", "clip_boxes", "nms", "sigmoid", "xyxy_from_cxcywh"]
 
 
 @dataclass(frozen=True)
 class Detections:
-    """Detected people, best score first.
+    """Detected boxes of people, best score first.
 
     Attributes:
         boxes: (N, 4) x0 y0 x1 y1 px of the photo, half open, inside it.
@@ -51,21 +51,21 @@ class Detections:
         return Detections(self.boxes[rows], self.scores[rows], joints)
 
 
-def corners_of_centred(boxes: FloatArray) -> FloatArray:
-    """(..., 4) centre x, centre y, width, height -> x0 y0 x1 y1, in the same unit."""
+def xyxy_from_cxcywh(boxes: FloatArray) -> FloatArray:
+    """Convert boxes (..., 4) from centre x, centre y, width, height to x0 y0 x1 y1."""
     centre, half = boxes[..., :2], boxes[..., 2:] / 2
     corners: FloatArray = np.concatenate([centre - half, centre + half], axis=-1)
     return corners
 
 
 def sigmoid(logits: FloatArray) -> FloatArray:
-    """1 / (1 + exp(-x)) in (0, 1), for logits of any size."""
+    """Return 1 / (1 + exp(-x)) of logits, clipped to avoid overflow."""
     probability: FloatArray = np.asarray(1.0 / (1.0 + np.exp(-np.clip(logits, -60.0, 60.0))))
     return probability
 
 
 def box_iou(boxes: FloatArray, others: FloatArray) -> FloatArray:
-    """Intersection over union of each of (N, 4) boxes with each of (M, 4) -> (N, M); 0 for empty ones."""
+    """Return the intersection over union (N, M) of (N, 4) and (M, 4) boxes; 0 for empty boxes."""
     low = np.maximum(boxes[:, None, :2], others[None, :, :2])
     high = np.minimum(boxes[:, None, 2:], others[None, :, 2:])
     shared = np.clip(high - low, 0, None).prod(axis=-1)
@@ -75,14 +75,14 @@ def box_iou(boxes: FloatArray, others: FloatArray) -> FloatArray:
 
 
 def nms(boxes: FloatArray, scores: FloatArray, overlap: float) -> NDArray[np.intp]:
-    """Non-maximum suppression: indices of the boxes to keep, best score first.
+    """Return the indices of boxes to keep by non-maximum suppression, best score first.
 
     A box is removed if its intersection over union with a kept box of a better score is more than ``overlap``.
 
     Args:
         boxes: (N, 4) x0 y0 x1 y1.
         scores: (N,).
-        overlap: in [0, 1]; 0.45 for boxes of people, 0.65 keeps more of a crowd.
+        overlap: in [0, 1]; 0.45 for boxes of people, a larger value removes fewer people of a crowd.
     """
     left = np.argsort(-scores, kind="stable")
     kept = []
@@ -93,10 +93,10 @@ def nms(boxes: FloatArray, scores: FloatArray, overlap: float) -> NDArray[np.int
     return np.array(kept, np.intp)
 
 
-def boxes_in_photo(
+def clip_boxes(
     boxes: FloatArray, height: int, width: int, smallest: float = 1.0
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Clip boxes to the photo, and mark those that are still at least ``smallest`` px wide and high.
+    """Clip boxes to the photo, and return which are finite and still at least ``smallest`` px wide and high.
 
     Args:
         boxes: (N, 4) x0 y0 x1 y1 px; boxes with non-finite coordinates are not kept.
@@ -107,7 +107,7 @@ def boxes_in_photo(
     Returns:
         (N, 4) clipped boxes, and (N,) bool, which to keep.
     """
-    sound: NDArray[np.bool_] = np.asarray(np.isfinite(boxes).all(axis=1))
-    inside: FloatArray = np.clip(np.where(sound[:, None], boxes, 0.0), 0.0, [width, height, width, height])
+    finite: NDArray[np.bool_] = np.asarray(np.isfinite(boxes).all(axis=1))
+    inside: FloatArray = np.clip(np.where(finite[:, None], boxes, 0.0), 0.0, [width, height, width, height])
     large: NDArray[np.bool_] = np.asarray((inside[:, 2:] - inside[:, :2] >= smallest).all(axis=1))
-    return inside, sound & large
+    return inside, finite & large

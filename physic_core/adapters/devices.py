@@ -1,4 +1,4 @@
-"""Check compute devices."""
+"""Check that a compute device exists."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import re
 
 from physic_core.errors import DeviceError
 
-__all__ = ["DEVICE", "check_device"]
+__all__ = ["DEVICE_PATTERN", "check_device"]
 
-DEVICE = re.compile(r"cpu|cuda(?::([0-9]+))?")
-"""What a device is called; whether it is there is another question."""
+DEVICE_PATTERN = re.compile(r"cpu|cuda(?::([0-9]+))?")
+"""Pattern of valid device names: "cpu", "cuda" or "cuda:N"."""
 
 
 def check_device(device: str) -> None:
-    """Raise an error if a device does not exist; "cpu" is accepted without importing torch.
+    """Raise DeviceError if a compute device does not exist.
 
     Args:
         device: "cpu", "cuda" or "cuda:N".
@@ -21,7 +21,7 @@ def check_device(device: str) -> None:
     Raises:
         DeviceError: unknown kind of device, no GPU, or no GPU of that number.
     """
-    found = DEVICE.fullmatch(device)
+    found = DEVICE_PATTERN.fullmatch(device)
     if not found:
         raise DeviceError(f"no device named '{device}': use 'cpu', 'cuda' or 'cuda:N'")
     if device == "cpu":

@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.adapters.pictures import resample
+from physic_core.adapters.pictures import resize_map
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Intrinsics
 
-__all__ = ["gap_of_disparity", "points_of_gap"]
+__all__ = ["clip_disparity", "points_from_disparity"]
 
 _LEAST_GAP = 0.002  # ranges of the disparity between infinity and the farthest point, so that depth stays finite
 _SKY = 0.004  # ranges of the disparity
 
 
-def gap_of_disparity(disparity: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Clip disparity (h, w) to a small positive minimum; also return a mask (h, w) of sky and NaN pixels."""
+def clip_disparity(disparity: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Clip disparity (h, w) to a small positive minimum, and return a mask (h, w) of sky and NaN pixels."""
     low, high = np.percentile(disparity, [1, 99])
     span = max(float(high - low), 1e-6)
     lost: BoolArray = np.asarray(~(disparity >= _SKY * span))
@@ -29,8 +29,8 @@ def gap_of_disparity(disparity: FloatArray) -> tuple[FloatArray, BoolArray]:
     return gap, lost
 
 
-def points_of_gap(gap: FloatArray, lost: BoolArray, camera: Intrinsics) -> tuple[FloatArray, BoolArray]:
-    """Points on the rays of a camera with z = 1 / gap, in units of the median distance.
+def points_from_disparity(gap: FloatArray, lost: BoolArray, camera: Intrinsics) -> tuple[FloatArray, BoolArray]:
+    """Compute points on the rays of a camera with z = 1 / disparity, in units of the median distance.
 
     Args:
         gap: (h, w) positive inverse depth, at any resolution.
@@ -40,9 +40,9 @@ def points_of_gap(gap: FloatArray, lost: BoolArray, camera: Intrinsics) -> tuple
     Returns:
         (H, W, 3) float32 points, and (H, W) bool, which are valid.
     """
-    # Between a near and a far surface the inverse is what may be averaged.
-    z = 1 / resample(gap / np.median(gap[~lost]), camera.height, camera.width)
-    valid = resample(lost, camera.height, camera.width) < 0.5
+    # Resample the inverse depth: it may be averaged between a near and a far surface.
+    z = 1 / resize_map(gap / np.median(gap[~lost]), camera.height, camera.width)
+    valid = resize_map(lost, camera.height, camera.width) < 0.5
     u = ((np.arange(camera.width) - camera.cx) / camera.fx).astype(np.float32)
     v = ((np.arange(camera.height) - camera.cy) / camera.fy).astype(np.float32)
     return np.stack([z * u[None], z * v[:, None], z], axis=-1).astype(np.float32), valid

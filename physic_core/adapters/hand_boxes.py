@@ -1,4 +1,4 @@
-"""Boxes of hands from the keypoints of people, without a hand detector.
+"""Compute boxes of hands from the keypoints of people, without a hand detector.
 
 Whole-body skeletons have 21 points per hand, and the box is their bounding box. Other skeletons have a wrist and an
 elbow. There the hand is assumed beyond the wrist, in the direction of the forearm, with three quarters of its length.
@@ -22,15 +22,16 @@ __all__ = ["HandBoxes", "hand_boxes"]
 
 _HAND_POINTS = 21
 _BEYOND, _LENGTH, _UPPER_ARM = 0.33, 0.75, 0.9
-"""Middle of a hand beyond its wrist, and its size, in lengths of the forearm; a forearm that points at the camera looks
-short, and is then taken to be 0.9 of the upper arm."""
+"""Distance of the hand centre from the wrist, and side of its box, in forearm lengths; and the minimum forearm length
+in upper-arm lengths, since a forearm that points at the camera looks short.
+"""
 _EDGE = 0.5
-"""Points count from the centre of the first pixel, half-open boxes from its edge."""
+"""Offset from pixel-centre coordinates to half-open box coordinates, px."""
 
 
 @dataclass(frozen=True)
 class HandBoxes:
-    """M hands of N people, sorted by person, left before right.
+    """Boxes of M hands of N people, sorted by person, left before right.
 
     Attributes:
         person: (M,) row of the person.
@@ -49,7 +50,7 @@ class HandBoxes:
 
 
 def hand_boxes(keypoints: Keypoints, *, least_confidence: float = 0.5, least_size_px: float = 16.0) -> HandBoxes:
-    """Boxes of the visible hands.
+    """Compute the boxes of the visible hands from keypoints.
 
     Args:
         keypoints: of N people, in any skeleton; one without arms gives no hands.
@@ -77,7 +78,7 @@ def hand_boxes(keypoints: Keypoints, *, least_confidence: float = 0.5, least_siz
 def _from_points(
     points: FloatArray, sure: FloatArray, row: Mapping[str, int], side: str
 ) -> tuple[FloatArray, float] | None:
-    """Minimum and maximum coordinates of the 21 points, and their mean confidence; None where there are fewer."""
+    """Return the bounding box of 21 hand keypoints and their mean confidence; None for fewer keypoints."""
     of_side = {name: i for name, i in row.items() if name.startswith(side)}
     hand = [i for name, i in of_side.items() if is_finger(name) or name == f"{side}_hand_root"]
     if len(hand) < _HAND_POINTS:
@@ -89,7 +90,7 @@ def _from_points(
 def _from_arm(
     points: FloatArray, sure: FloatArray, row: Mapping[str, int], side: str
 ) -> tuple[FloatArray, float] | None:
-    """Minimum and maximum coordinates of a square beyond the wrist, and the confidence of wrist and elbow."""
+    """Return the corners of a square box beyond the wrist, and the lower confidence of wrist and elbow."""
     names = [f"{side}_{joint}" for joint in ("shoulder", "elbow", "wrist")]
     if not all(name in row for name in names):
         return None

@@ -13,14 +13,14 @@ import numpy as np
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
 
-__all__ = ["as_confidence", "peaks", "refined_peaks", "simcc_peaks"]
+__all__ = ["heatmap_peaks", "scores_to_confidence", "simcc_peaks", "subpixel_peaks"]
 
 _FLOOR, _CEILING = 1e-3, 50.0  # of a heat map before its logarithm
 _FARTHEST = 1.0  # maximum distance of a peak from the highest cell, cells
 
 
-def peaks(heatmaps: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The highest cell of each heat map.
+def heatmap_peaks(heatmaps: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the position and value of the maximum of each heat map.
 
     Args:
         heatmaps: (N, J, h, w).
@@ -35,8 +35,8 @@ def peaks(heatmaps: FloatArray) -> tuple[FloatArray, FloatArray]:
     return points, np.take_along_axis(flat, index[..., None], -1)[..., 0].astype(np.float64)
 
 
-def refined_peaks(heatmaps: FloatArray, *, sigma: float = 0.8, radius: int = 5) -> tuple[FloatArray, FloatArray]:
-    """Sub-cell peaks: one Newton step on the logarithm of the smoothed map (DARK, arXiv:1910.06278).
+def subpixel_peaks(heatmaps: FloatArray, *, sigma: float = 0.8, radius: int = 5) -> tuple[FloatArray, FloatArray]:
+    """Return sub-cell peaks by one Newton step on the logarithm of the smoothed map (DARK, arXiv:1910.06278).
 
     The logarithm of a Gaussian is a parabola, so one step from the highest cell reaches its centre. If the map has no
     peak there, or one more than a cell away, the centre of the highest cell is returned.
@@ -51,7 +51,7 @@ def refined_peaks(heatmaps: FloatArray, *, sigma: float = 0.8, radius: int = 5) 
     """
     from scipy.ndimage import gaussian_filter
 
-    cells, value = peaks(heatmaps)
+    cells, value = heatmap_peaks(heatmaps)
     smooth = gaussian_filter(heatmaps.astype(np.float64), sigma, radius=radius, axes=(2, 3))
     logs = np.pad(np.log(np.clip(smooth, _FLOOR, _CEILING)), ((0, 0), (0, 0), (1, 1), (1, 1)), mode="edge")
     n, j = value.shape
@@ -74,7 +74,7 @@ def refined_peaks(heatmaps: FloatArray, *, sigma: float = 0.8, radius: int = 5) 
 
 
 def simcc_peaks(along_x: FloatArray, along_y: FloatArray, split: float = 2.0) -> tuple[FloatArray, FloatArray]:
-    """Joints of a network that classifies x and y separately (SimCC, arXiv:2107.03332).
+    """Decode keypoints of a network that classifies x and y separately (SimCC, arXiv:2107.03332).
 
     Args:
         along_x: (N, J, split * width).
@@ -88,7 +88,7 @@ def simcc_peaks(along_x: FloatArray, along_y: FloatArray, split: float = 2.0) ->
     return points, np.minimum(along_x.max(-1), along_y.max(-1)).astype(np.float64)
 
 
-def as_confidence(scores: FloatArray, full: float = 1.0) -> FloatArray:
-    """Scores divided by ``full`` and clipped to [0, 1], any shape; NaN becomes 0."""
+def scores_to_confidence(scores: FloatArray, full: float = 1.0) -> FloatArray:
+    """Divide scores by ``full`` and clip them to [0, 1]; NaN becomes 0."""
     found: FloatArray = np.clip(np.nan_to_num(scores / full, nan=0.0), 0.0, 1.0)
     return found

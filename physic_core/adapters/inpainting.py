@@ -1,4 +1,4 @@
-"""Inpaint the pixels of a mask and keep all others unchanged."""
+"""Inpaint the pixels of a mask and leave all others unchanged."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, UInt8Array
 
-__all__ = ["check_mask", "fill_within", "widened"]
+__all__ = ["check_mask", "dilate_mask", "inpaint_masked"]
 
 
 def check_mask(image: UInt8Array, mask: BoolArray) -> BoolArray:
-    """Validate a mask (H, W) for an image (H, W, 3) and return it as bool.
+    """Return the mask (H, W) of an image (H, W, 3) as bool, after checking its size.
 
     Raises:
         BackendError: its size differs from the image's, or it covers the complete image.
@@ -32,10 +32,10 @@ def check_mask(image: UInt8Array, mask: BoolArray) -> BoolArray:
     return mask
 
 
-def fill_within(
+def inpaint_masked(
     image: UInt8Array, mask: BoolArray, rim: float, fill: Callable[[UInt8Array, BoolArray], UInt8Array]
 ) -> UInt8Array:
-    """Inpaint the mask; pixels outside it stay bit for bit the same.
+    """Inpaint the pixels of a mask; pixels outside it are not changed.
 
     Args:
         image: (H, W, 3).
@@ -47,11 +47,11 @@ def fill_within(
         BackendError: the mask's size differs from the image's, or it covers the complete image.
     """
     mask = check_mask(image, mask)
-    return np.where(mask[..., None], fill(image, widened(mask, rim)), image) if mask.any() else image.copy()
+    return np.where(mask[..., None], fill(image, dilate_mask(mask, rim)), image) if mask.any() else image.copy()
 
 
-def widened(mask: BoolArray, share: float) -> BoolArray:
-    """Dilate a mask by a disc whose radius is this share of its long side.
+def dilate_mask(mask: BoolArray, share: float) -> BoolArray:
+    """Dilate a mask by a disc with a radius of ``share`` of its long side.
 
     The mask is unchanged if the result would cover the complete image.
     """

@@ -1,4 +1,4 @@
-"""Convert the output of right-hand networks (MANO) to hands; left hands are mirrored for the network.
+"""Convert the output of right-hand networks (MANO) to Hands; left hands are mirrored for the network.
 
 MANO orders its joints as SMPL-X does (index, middle, pinky, ring, thumb, each from its base). Its rotation matrices are
 relative to the flat hand, as here.
@@ -10,20 +10,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.adapters.rotations import mirrored, rotvecs_of
+from physic_core.adapters.rotations import mirror_rotvecs, to_rotvecs
 from physic_core.types import Hands
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, IntArray
 
-__all__ = ["FINGER_JOINTS", "hands_from_mano", "no_hands"]
+__all__ = ["JOINTS_PER_HAND", "empty_hands", "hands_from_mano"]
 
-FINGER_JOINTS = 15
+JOINTS_PER_HAND = 15
+"""Number of finger joints of a hand, without the wrist."""
 
 
-def no_hands(count: int) -> Hands:
-    """Result for ``count`` people without a detected hand."""
-    return Hands(np.zeros((count, 2, FINGER_JOINTS, 3), np.float32), np.zeros((count, 2), np.float32))
+def empty_hands(count: int) -> Hands:
+    """Return Hands of ``count`` people without a detected hand."""
+    return Hands(np.zeros((count, 2, JOINTS_PER_HAND, 3), np.float32), np.zeros((count, 2), np.float32))
 
 
 def hands_from_mano(
@@ -36,7 +37,7 @@ def hands_from_mano(
     *,
     left_in_mirror: bool = True,
 ) -> Hands:
-    """Assemble the output of a HandEstimator from M single hands.
+    """Assemble the result of a HandEstimator from M single hands.
 
     Args:
         count: N people.
@@ -57,29 +58,30 @@ def hands_from_mano(
         ValueError: the shapes do not match.
     """
     found = len(person)
-    rotvecs = rotvecs_of(np.asarray(fingers).reshape(found, *np.shape(fingers)[1:]), FINGER_JOINTS)
-    whole = None if wrists is None else _of_one_joint(wrists, found)
+    rotvecs = to_rotvecs(np.asarray(fingers).reshape(found, *np.shape(fingers)[1:]), JOINTS_PER_HAND)
+    wrist_rotvecs = None if wrists is None else _wrist_rotvecs(wrists, found)
     mirror = ~np.asarray(right, bool) & left_in_mirror
-    rotvecs[mirror] = mirrored(rotvecs[mirror])
-    sound = np.isfinite(rotvecs).all(axis=(1, 2)) & np.isfinite(confidence)
-    if whole is not None:
-        whole[mirror] = mirrored(whole[mirror])
-        sound &= np.isfinite(whole).all(axis=1)
-    none = no_hands(count)
+    rotvecs[mirror] = mirror_rotvecs(rotvecs[mirror])
+    valid = np.isfinite(rotvecs).all(axis=(1, 2)) & np.isfinite(confidence)
+    if wrist_rotvecs is not None:
+        wrist_rotvecs[mirror] = mirror_rotvecs(wrist_rotvecs[mirror])
+        valid &= np.isfinite(wrist_rotvecs).all(axis=1)
+    none = empty_hands(count)
     out, sure = none.rotvecs, none.confidence
     turned = np.zeros((count, 2, 3), np.float32)
-    for i in np.flatnonzero(sound):
+    for i in np.flatnonzero(valid):
         place = (int(person[i]), int(bool(right[i])))
         if confidence[i] <= sure[place]:
             continue
         out[place], sure[place] = rotvecs[i], min(float(confidence[i]), 1.0)
-        if whole is not None:
-            turned[place] = whole[i]
-    return Hands(out, sure) if whole is None else Hands(out, sure, turned)
+        if wrist_rotvecs is not None:
+            turned[place] = wrist_rotvecs[i]
+    return Hands(out, sure) if wrist_rotvecs is None else Hands(out, sure, turned)
 
 
-def _of_one_joint(wrists: FloatArray, found: int) -> FloatArray:
+def _wrist_rotvecs(wrists: FloatArray, found: int) -> FloatArray:
+    """Convert wrist rotations, matrices or vectors, to rotation vectors (M, 3)."""
     given = np.asarray(wrists, np.float64)
     if given.shape == (found, 3, 3):
         given = given[:, None]
-    return rotvecs_of(given, 1)[:, 0]
+    return to_rotvecs(given, 1)[:, 0]

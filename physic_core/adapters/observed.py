@@ -1,4 +1,4 @@
-"""Find the joints of a body that are visible in the photo, from keypoints.
+"""Estimate from keypoints which body joints are visible in the photo.
 
 Body networks also return a pose for hidden limbs, without marking it.
 """
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.body.joints import FINGER_JOINTS, JOINT_INDEX, NUM_JOINTS, joint_pair
 from physic_core.types.skeletons import SIDES, is_finger
 
 if TYPE_CHECKING:
@@ -16,26 +17,20 @@ if TYPE_CHECKING:
 
 __all__ = ["observed_joints"]
 
-_JOINTS = 55
-_LIMBS = {
-    "hip": (1, 2),
-    "knee": (4, 5),
-    "ankle": (7, 8),
-    "shoulder": (16, 17),
-    "elbow": (18, 19),
-    "wrist": (20, 21),
-}
-_FEET, _COLLARS, _FINGERS = (10, 11), (13, 14), (slice(25, 40), slice(40, 55))
-_PELVIS, _LOWER_SPINE, _CHEST, _FACE = 0, (3, 6), 9, (12, 15, 22, 23, 24)
-"""Joints of SMPL-X; in pairs left, right. physic_core.body.joints names them, and would import torch."""
+_LIMBS = {name: joint_pair(name) for name in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")}
+_FEET, _COLLARS = joint_pair("foot"), joint_pair("collar")
+_FINGERS = [[joint for finger in hand for joint in finger] for hand in FINGER_JOINTS]
+_PELVIS, _CHEST = JOINT_INDEX["pelvis"], JOINT_INDEX["spine3"]
+_LOWER_SPINE = [JOINT_INDEX[name] for name in ("spine1", "spine2")]
+_FACE = [JOINT_INDEX[name] for name in ("neck", "head", "jaw", "left_eye", "right_eye")]
 
 
 def observed_joints(
     keypoints: Keypoints, height: int, width: int, least: float = 0.5, finger_share: float = 0.5
 ) -> BoolArray | None:
-    """SMPL-X joints whose keypoints are confident and inside the image.
+    """Return which SMPL-X joints have confident keypoints inside the image.
 
-    Joints without a keypoint depend on their neighbours: collars on shoulders; the foot's joint on heel or toes; neck,
+    Joints without a keypoint depend on other joints: collars on shoulders; the foot's joint on heel or toes; neck,
     head, jaw and eyes on nose, eyes or ears; the pelvis on a hip, the chest on a shoulder, the spine between them on
     both; fingers on a share of the hand's points and the wrist, or on the wrist alone.
 
@@ -58,7 +53,7 @@ def observed_joints(
     def seen_of(*names: str) -> BoolArray:
         return seen[:, [row[name] for name in names if name in row]]
 
-    observed: BoolArray = np.zeros((len(seen), _JOINTS), bool)
+    observed: BoolArray = np.zeros((len(seen), NUM_JOINTS), bool)
     for k, side in enumerate(SIDES):
         for joint, pair in _LIMBS.items():
             observed[:, pair[k]] = seen[:, row[f"{side}_{joint}"]]
@@ -71,8 +66,8 @@ def observed_joints(
         share = hand.mean(axis=1, keepdims=True) if hand.shape[1] else np.ones((len(seen), 1))
         observed[:, _FINGERS[k]] = np.logical_and(wrist[:, None], share >= finger_share)
     face = seen_of("nose", *(f"{side}_{name}_surface" for side in SIDES for name in ("eye", "ear")))
-    shoulders, hips = (observed[:, list(_LIMBS[name])].any(axis=1) for name in ("shoulder", "hip"))
-    observed[:, list(_FACE)] = face.any(axis=1, keepdims=True)
+    shoulders, hips = (observed[:, _LIMBS[name]].any(axis=1) for name in ("shoulder", "hip"))
+    observed[:, _FACE] = face.any(axis=1, keepdims=True)
     observed[:, _PELVIS], observed[:, _CHEST] = hips, shoulders
-    observed[:, list(_LOWER_SPINE)] = np.asarray(hips & shoulders)[:, None]
+    observed[:, _LOWER_SPINE] = np.asarray(hips & shoulders)[:, None]
     return observed

@@ -11,14 +11,14 @@ import numpy as np
 
 from physic_core.adapters.detections import sigmoid
 from physic_core.adapters.people import people_from_masks
-from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, planes, squash
+from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw, resize_image
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from physic_core.types import BoolArray, FloatArray, People, UInt8Array
 
-__all__ = ["COCO_PANOPTIC", "FLOOR", "Padded", "framed", "people_and_floor"]
+__all__ = ["COCO_PANOPTIC", "FLOOR_CLASSES", "PaddedFrame", "padded_input", "people_and_floor"]
 
 COCO_PANOPTIC: tuple[str, ...] = (
     "person", "bicycle", "car", "motorcycle", "airplane", "bus", "train", "truck", "boat", "traffic light",
@@ -37,19 +37,19 @@ COCO_PANOPTIC: tuple[str, ...] = (
     "mountain-merged", "grass-merged", "dirt-merged", "paper-merged", "food-other-merged", "building-other-merged",
     "rock-merged", "wall-other-merged", "rug-merged",
 )  # fmt: skip
-"""The 133 classes of COCO panoptic in the order of networks' outputs: 80 things, then 53 stuffs."""
+"""The 133 classes of COCO panoptic in the order of network outputs: 80 things, then 53 stuff classes."""
 
-FLOOR = frozenset(
+FLOOR_CLASSES = frozenset(
     (
         "floor-wood", "floor-other-merged", "rug-merged", "pavement-merged", "road", "grass-merged", "dirt-merged",
         "sand", "snow", "platform", "playingfield", "gravel",
     )
 )  # fmt: skip
-"""Classes that people stand on."""
+"""COCO panoptic classes of surfaces that people can stand on."""
 
 
-class Padded:
-    """A photo that was resized to fit a square frame and padded below or at the right.
+class PaddedFrame:
+    """Size of a photo after resizing it to fit a square frame, padded below or at the right.
 
     Attributes:
         height: of the photo, px.
@@ -67,7 +67,7 @@ class Padded:
         self.inner = sides if height <= width else sides[::-1]
 
     def to_photo(self, grid: FloatArray) -> FloatArray:
-        """Resample (h, w) values of the complete frame to (H, W) float32 pixels of the photo, bilinear."""
+        """Resample a map (h, w) of the square frame to (H, W) float32 pixels of the photo, bilinear."""
         import cv2
 
         full = cv2.resize(np.asarray(grid, np.float32), (self.frame, self.frame), interpolation=cv2.INTER_LINEAR)
@@ -76,11 +76,11 @@ class Padded:
         return photo
 
 
-def framed(image: UInt8Array, padded: Padded) -> FloatArray:
-    """Network input (1, 3, S, S) of a photo; the padding is black before normalisation, not grey."""
+def padded_input(image: UInt8Array, padded: PaddedFrame) -> FloatArray:
+    """Return the network input (1, 3, S, S) of a photo; the padding is black before normalisation."""
     square = np.zeros((padded.frame, padded.frame, 3), np.uint8)
-    square[: padded.inner[0], : padded.inner[1]] = squash(image, *padded.inner, "bilinear-antialias")
-    return planes(square, IMAGENET_MEAN, IMAGENET_STD)
+    square[: padded.inner[0], : padded.inner[1]] = resize_image(image, *padded.inner, "bilinear-antialias")
+    return normalized_nchw(square, IMAGENET_MEAN, IMAGENET_STD)
 
 
 def people_and_floor(
@@ -94,14 +94,14 @@ def people_and_floor(
     held: float = 0.8,
     smallest: int = 1,
 ) -> People:
-    """Masks of people and of the floor from panoptic queries.
+    """Compute masks of people and of the floor from panoptic queries.
 
     Args:
         class_logits: (Q, C + 1); the last class is "no object".
         mask_logits: (Q, h, w), above 0 inside.
         to_photo: (h, w) of one query -> (H, W) of the photo.
         size: H and W of the photo, px.
-        labels: names of the C classes; people are "person", floor classes are those in ``FLOOR``.
+        labels: names of the C classes; people are "person", floor classes are those in ``FLOOR_CLASSES``.
         threshold: queries with a lower class probability are ignored.
         held: minimum share of its own mask that a query must win; otherwise it counts as a part of others.
         smallest: people with fewer px are left out.
@@ -111,24 +111,24 @@ def people_and_floor(
     """
     if class_logits.shape[-1] != len(labels) + 1:
         raise ValueError(f"expected {len(labels)} classes and none, got {class_logits.shape[-1]} numbers a query")
-    likely = _softmax(np.asarray(class_logits, np.float64))
-    label, score = likely.argmax(axis=1), likely.max(axis=1)
-    heard = np.flatnonzero((label < len(labels)) & (score > threshold))
+    class_probability = _softmax(np.asarray(class_logits, np.float64))
+    label, score = class_probability.argmax(axis=1), class_probability.max(axis=1)
+    candidates = np.flatnonzero((label < len(labels)) & (score > threshold))
     owner = np.full(size, -1, np.int16)
     strongest = np.zeros(size, np.float32)
     sure = np.zeros(size, bool)
     own_area = {}
-    for q in heard:
-        chance = sigmoid(to_photo(mask_logits[q]))
-        own_area[q] = int((chance >= 0.5).sum())
-        claim = np.float32(score[q]) * chance
+    for q in candidates:
+        probability = sigmoid(to_photo(mask_logits[q]))
+        own_area[q] = int((probability >= 0.5).sum())
+        claim = np.float32(score[q]) * probability
         wins = claim > strongest
-        owner[wins], strongest[wins], sure[wins] = q, claim[wins], chance[wins] >= 0.5
-    segments = [q for q in heard if own_area[q] and (owner == q).sum() > held * own_area[q]]
+        owner[wins], strongest[wins], sure[wins] = q, claim[wins], probability[wins] >= 0.5
+    segments = [q for q in candidates if own_area[q] and (owner == q).sum() > held * own_area[q]]
     people = [q for q in segments if labels[label[q]] == "person"]
     floor: BoolArray = np.zeros(size, bool)
     for q in segments:
-        if labels[label[q]] in FLOOR:
+        if labels[label[q]] in FLOOR_CLASSES:
             floor |= (owner == q) & sure
     return people_from_masks(
         ((owner == q) & sure for q in people), None, score[people], floor, size=size, smallest=smallest
@@ -136,6 +136,7 @@ def people_and_floor(
 
 
 def _softmax(logits: FloatArray) -> FloatArray:
+    """Return the softmax over the last axis."""
     shifted = np.exp(logits - logits.max(axis=-1, keepdims=True))
     share: FloatArray = shifted / shifted.sum(axis=-1, keepdims=True)
     return share

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["capped", "least_scaled", "longest_side"]
+__all__ = ["input_size_by_long_side", "input_size_least_scaling", "limit_patches"]
 
 
-def least_scaled(height: int, width: int, side: int, patch: int = 14) -> tuple[int, int]:
-    """Input size of DPT and Depth Anything: one side becomes ``side``, the one that changes the size less.
+def input_size_least_scaling(height: int, width: int, side: int, patch: int = 14) -> tuple[int, int]:
+    """Return the input size of DPT and Depth Anything: ``side`` px for the image side that needs less scaling.
 
     For a photo larger than ``side``, this is the short side; for a smaller one, the long side.
 
@@ -26,8 +26,8 @@ def least_scaled(height: int, width: int, side: int, patch: int = 14) -> tuple[i
     return _nearest(scale * height, patch), _nearest(scale * width, patch)
 
 
-def longest_side(height: int, width: int, side: int, patch: int = 14) -> tuple[int, int]:
-    """Input size of Depth Anything 3: the long side becomes ``side``, then both are rounded, ties up.
+def input_size_by_long_side(height: int, width: int, side: int, patch: int = 14) -> tuple[int, int]:
+    """Return the input size of Depth Anything 3: ``side`` px for the long side, both rounded to patches.
 
     Args:
         height: of the photo, px.
@@ -40,8 +40,8 @@ def longest_side(height: int, width: int, side: int, patch: int = 14) -> tuple[i
     return _nearest_or_up(rows, patch), _nearest_or_up(columns, patch)
 
 
-def capped(rows: int, columns: int, most: int, patch: int = 14) -> tuple[int, int]:
-    """Reduce a size to at most ``most`` patches with about the same aspect; unchanged if it has fewer.
+def limit_patches(rows: int, columns: int, most: int, patch: int = 14) -> tuple[int, int]:
+    """Reduce an input size to at most ``most`` patches, keeping about the same aspect.
 
     Time and memory of a transformer grow with the square of the number of patches.
     """
@@ -53,8 +53,10 @@ def capped(rows: int, columns: int, most: int, patch: int = 14) -> tuple[int, in
 
 
 def _nearest(value: float, patch: int) -> int:
+    """Round to the nearest multiple of the patch size, at least one patch."""
     return max(1, round(value / patch)) * patch
 
 
 def _nearest_or_up(value: int, patch: int) -> int:
+    """Round to the nearest multiple of the patch size, ties up, at least one patch."""
     return max(1, (2 * value + patch) // (2 * patch)) * patch

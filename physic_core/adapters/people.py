@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, FloatArray, Keypoints
 
-__all__ = ["distinct_masks", "people_from_masks", "tight_boxes"]
+__all__ = ["boxes_from_masks", "mask_nms", "people_from_masks"]
 
 
 def people_from_masks(
@@ -30,7 +30,7 @@ def people_from_masks(
     reach: float = 0.25,
     smallest: int = 1,
 ) -> People:
-    """People, best score first, with disjoint masks and tight boxes.
+    """Build People from masks: disjoint masks with tight boxes, best score first.
 
     A pixel of several masks goes to the largest logit, or for bool masks to the best score. People with fewer than
     ``smallest`` pixels are removed. Pixels of people are removed from the floor.
@@ -55,7 +55,7 @@ def people_from_masks(
         claim: BoolArray = np.asarray(strength > 0)
         if boxes is not None:
             claim &= _within(boxes[i], reach, size)
-        # Equal logits, as those of bool masks all are, leave the pixel to the better score.
+        # For equal logits, as of bool masks, the better score wins.
         wins = claim & ((strength > strongest) | ((strength == strongest) & (scores[i] > best)))
         owner[wins] = i
         best[wins] = scores[i]
@@ -70,11 +70,11 @@ def people_from_masks(
         )
     if floor is not None:
         floor = floor & ~final.any(axis=0)
-    return People(final, tight_boxes(final), scores[rows], floor, keypoints)
+    return People(final, boxes_from_masks(final), scores[rows], floor, keypoints)
 
 
-def tight_boxes(masks: BoolArray) -> FloatArray:
-    """Bounding boxes of masks: (N, H, W) -> (N, 4) x0 y0 x1 y1 px, half open; zeros for an empty mask."""
+def boxes_from_masks(masks: BoolArray) -> FloatArray:
+    """Return the bounding boxes (N, 4) x0 y0 x1 y1 px of masks (N, H, W), half open; zeros for an empty mask."""
     boxes: FloatArray = np.zeros((len(masks), 4))
     for i, mask in enumerate(masks):
         columns, rows = np.flatnonzero(mask.any(axis=0)), np.flatnonzero(mask.any(axis=1))
@@ -83,8 +83,8 @@ def tight_boxes(masks: BoolArray) -> FloatArray:
     return boxes
 
 
-def distinct_masks(masks: BoolArray, scores: FloatArray, overlap: float = 0.8) -> NDArray[np.intp]:
-    """Indices, best score first, of masks after removing duplicates of the same person.
+def mask_nms(masks: BoolArray, scores: FloatArray, overlap: float = 0.8) -> NDArray[np.intp]:
+    """Return the indices of masks without duplicates of the same person, best score first.
 
     Two masks are of the same person if their intersection over union is more than ``overlap``.
 
@@ -105,7 +105,7 @@ def distinct_masks(masks: BoolArray, scores: FloatArray, overlap: float = 0.8) -
 
 
 def _within(box: FloatArray, reach: float, size: tuple[int, int]) -> BoolArray:
-    """(H, W) bool, pixels of a box enlarged by ``reach`` of its size on each side."""
+    """Return a mask (H, W) of the pixels of a box enlarged by ``reach`` of its size on each side."""
     grow = reach * (box[2:] - box[:2])
     x0, y0 = np.maximum(np.floor(box[:2] - grow), 0).astype(int)
     x1, y1 = np.ceil(box[2:] + grow).astype(int)

@@ -24,9 +24,9 @@ __all__ = [
     "Letterbox",
     "Resampling",
     "letterbox",
-    "planes",
-    "resample",
-    "squash",
+    "normalized_nchw",
+    "resize_image",
+    "resize_map",
 ]
 
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
@@ -35,16 +35,16 @@ IMAGENET_STD = (0.229, 0.224, 0.225)
 Resampling = Literal[
     "nearest", "bilinear", "bicubic", "area", "bilinear-antialias", "bicubic-antialias", "lanczos-antialias"
 ]
-"""Without "antialias" as OpenCV and torch do it, with it as Pillow does; they differ where an image becomes smaller."""
+"""Interpolation methods: without "antialias" as in OpenCV and torch, with it as in Pillow."""
 
 
-def planes(
+def normalized_nchw(
     image: NDArray[Any],
     mean: Sequence[float] = (0.0, 0.0, 0.0),
     std: Sequence[float] = (1.0, 1.0, 1.0),
     scale: float = 1 / 255,
 ) -> FloatArray:
-    """Image (H, W, 3) -> (1, 3, H, W) float32: (image * scale - mean) / std, channels in the image's order."""
+    """Convert an image (H, W, 3) to network input (1, 3, H, W) float32: (image * scale - mean) / std."""
     factor = scale / np.asarray(std, np.float64)
     offset = np.asarray(mean, np.float64) / np.asarray(std, np.float64)
     values = np.ascontiguousarray(image.transpose(2, 0, 1), np.float32)
@@ -52,8 +52,8 @@ def planes(
     return np.asarray(values[None], np.float32)
 
 
-def squash(image: NDArray[Any], height: int, width: int, how: Resampling = "bilinear") -> NDArray[Any]:
-    """Image (H, W) or (H, W, C), uint8 or float32, resized to exactly ``height`` x ``width``, aspect not kept."""
+def resize_image(image: NDArray[Any], height: int, width: int, how: Resampling = "bilinear") -> NDArray[Any]:
+    """Resize an image (H, W) or (H, W, C) to exactly ``height`` x ``width``; the aspect may change."""
     import cv2
 
     if height < 1 or width < 1:
@@ -71,14 +71,14 @@ def squash(image: NDArray[Any], height: int, width: int, how: Resampling = "bili
     return np.asarray(cv2.resize(np.ascontiguousarray(image), (width, height), interpolation=kinds[how]))
 
 
-def resample(values: NDArray[Any], height: int, width: int) -> FloatArray:
-    """Resize a map (H, W) or (H, W, C) to float32, bilinear between pixel centres; NaN spreads to neighbours."""
-    return np.asarray(squash(np.asarray(values, np.float32), height, width, "bilinear"))
+def resize_map(values: NDArray[Any], height: int, width: int) -> FloatArray:
+    """Resize a map (H, W) or (H, W, C) by bilinear interpolation, to float32; NaN spreads to neighbours."""
+    return np.asarray(resize_image(np.asarray(values, np.float32), height, width, "bilinear"))
 
 
 @dataclass(frozen=True)
 class Letterbox:
-    """Position of a photo in a canvas of another aspect.
+    """Position and scale of a photo in a letterboxed canvas.
 
     Attributes:
         scale: canvas pixels per photo pixel, before the size was rounded.
@@ -95,24 +95,24 @@ class Letterbox:
     size: tuple[int, int]
 
     def to_photo(self, points: NDArray[Any]) -> FloatArray:
-        """Pixel coordinates (..., 2) x y: canvas -> photo."""
+        """Map pixel coordinates (..., 2) x y from the canvas to the photo."""
         return np.asarray((points - self._offset() + 0.5) / self._factor() - 0.5, np.float64)
 
     def to_canvas(self, points: NDArray[Any]) -> FloatArray:
-        """Pixel coordinates (..., 2) x y: photo -> canvas."""
+        """Map pixel coordinates (..., 2) x y from the photo to the canvas."""
         return np.asarray((points + 0.5) * self._factor() - 0.5 + self._offset(), np.float64)
 
     def edges_to_photo(self, boxes: NDArray[Any]) -> FloatArray:
-        """Half-open boxes (..., 4) x0 y0 x1 y1: canvas -> photo; these are pixel edges, not centres."""
+        """Map half-open boxes (..., 4) x0 y0 x1 y1, which are pixel edges, from the canvas to the photo."""
         return np.asarray((boxes - np.tile(self._offset(), 2)) / np.tile(self._factor(), 2), np.float64)
 
     def crop(self, values: NDArray[Any]) -> NDArray[Any]:
-        """View of the photo's part of a map (h, w, ...) of the canvas."""
+        """Return the part of a map (h, w, ...) of the canvas that the photo covers, as a view."""
         return values[self.top : self.top + self.inner[0], self.left : self.left + self.inner[1]]
 
     def map_to_photo(self, values: NDArray[Any]) -> FloatArray:
         """Resize the photo's part of a map (h, w) or (h, w, C) of the canvas to the photo's size, bilinear."""
-        return resample(self.crop(values), *self.size)
+        return resize_map(self.crop(values), *self.size)
 
     def _factor(self) -> FloatArray:
         return np.array([self.inner[1] / self.size[1], self.inner[0] / self.size[0]])
@@ -130,7 +130,7 @@ def letterbox(
     multiple: int | None = None,
     how: Resampling = "bilinear",
 ) -> tuple[NDArray[Any], Letterbox]:
-    """Resize a photo into a canvas, keeping its aspect.
+    """Resize a photo into a padded canvas, keeping its aspect.
 
     Args:
         image: (H, W, 3) uint8 or float32.
@@ -150,11 +150,12 @@ def letterbox(
     box = Letterbox(scale, left, top, inner, (rows, columns))
     canvas = np.empty((height, width, *image.shape[2:]), image.dtype)
     canvas[:] = np.asarray(fill).astype(image.dtype)
-    box.crop(canvas)[:] = squash(image, *inner, how)
+    box.crop(canvas)[:] = resize_image(image, *inner, how)
     return canvas, box
 
 
 def _pillow(image: NDArray[Any], height: int, width: int, kind: str) -> NDArray[Any]:
+    """Resize an image with Pillow, channel by channel if Pillow cannot resize it directly."""
     from PIL import Image
 
     resampling = {

@@ -1,4 +1,4 @@
-"""Convert the rotations of networks, matrices or vectors, to rotation vectors."""
+"""Convert rotations from networks, matrices or vectors, to rotation vectors."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
 
-__all__ = ["mirrored", "rotvecs_of"]
+__all__ = ["mirror_rotvecs", "to_rotvecs"]
 
 
-def rotvecs_of(rotations: FloatArray, joints: int) -> FloatArray:
-    """Rotation vectors (N, joints, 3) float64, radians.
+def to_rotvecs(rotations: FloatArray, joints: int) -> FloatArray:
+    """Convert rotation matrices or vectors to rotation vectors (N, joints, 3) float64, radians.
 
     Args:
         rotations: (N, joints, 3) or (N, 3 joints) rotation vectors, or (N, joints, 3, 3) matrices, approximately
@@ -36,14 +36,14 @@ def rotvecs_of(rotations: FloatArray, joints: int) -> FloatArray:
         )
     flat = given.reshape(-1, 3, 3)
     out = np.full((len(flat), 3), np.nan)
-    sound: BoolArray = np.asarray(np.isfinite(flat).all(axis=(1, 2)))
-    sound[sound] = np.linalg.det(flat[sound]) > 1e-3  # a reflection or a collapse is no rotation
-    if sound.any():
-        out[sound] = Rotation.from_matrix(flat[sound]).as_rotvec()
+    valid: BoolArray = np.asarray(np.isfinite(flat).all(axis=(1, 2)))
+    valid[valid] = np.linalg.det(flat[valid]) > 1e-3  # a reflection or a collapse is no rotation
+    if valid.any():
+        out[valid] = Rotation.from_matrix(flat[valid]).as_rotvec()
     return out.reshape(rows, joints, 3)
 
 
-def mirrored(rotvecs: FloatArray) -> FloatArray:
-    """Rotation vectors after exchanging left and right (x -> -x): (..., 3) becomes (x, -y, -z)."""
+def mirror_rotvecs(rotvecs: FloatArray) -> FloatArray:
+    """Mirror rotation vectors (..., 3) left to right (x -> -x): (x, y, z) becomes (x, -y, -z)."""
     out: FloatArray = rotvecs * np.array([1.0, -1.0, -1.0])
     return out

@@ -1,4 +1,4 @@
-"""Convert SMPL parameters to bodies: joints 0-21 and their rotations are the same in SMPL-X.
+"""Convert SMPL parameters to Bodies: joints 0-21 and their rotations are the same in SMPL-X.
 
 SMPL's joints 22 and 23, the hands, are left out: SMPL-X has no such joints, its wrists already rotate the hands.
 """
@@ -9,24 +9,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.adapters.rotations import rotvecs_of
+from physic_core.adapters.rotations import to_rotvecs
+from physic_core.body.joints import NUM_JOINTS
 from physic_core.types import Bodies, BodyParameters
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Mesh
 
-__all__ = ["SHARED_JOINTS", "SMPL_JOINTS", "bodies_from_smpl", "no_bodies", "parameters_of"]
+__all__ = ["SHARED_JOINTS", "SMPL_JOINTS", "bodies_from_smpl", "empty_bodies", "parameters_from_rotvecs"]
 
 SMPL_JOINTS = 24
 SHARED_JOINTS = 22
-"""Pelvis to wrists: the joints that SMPL and SMPL-X have in common, in one order."""
-_SMPLX_JOINTS = 55
+"""Number of joints that SMPL and SMPL-X have in common, in the same order: pelvis to wrists."""
 
 
-def parameters_of(
+def parameters_from_rotvecs(
     rotvecs: FloatArray, betas: FloatArray, transl: FloatArray, expression: FloatArray | None = None
 ) -> BodyParameters:
-    """Body parameters with SMPL-X names, float32.
+    """Build BodyParameters from rotation vectors in SMPL-X joint order, float32.
 
     Args:
         rotvecs: (N, 22, 3), or (N, 55, 3) with jaw, eyes and hands, radians; zero for joints without an estimate.
@@ -35,7 +35,7 @@ def parameters_of(
         expression: (N, E); None for E = 0.
     """
     rows = len(rotvecs)
-    full = np.zeros((rows, _SMPLX_JOINTS, 3), np.float32)
+    full = np.zeros((rows, NUM_JOINTS, 3), np.float32)
     full[:, : rotvecs.shape[1]] = rotvecs
 
     def flat(first: int, last: int) -> FloatArray:
@@ -64,7 +64,7 @@ def bodies_from_smpl(
     mesh: Mesh | None = None,
     observed: BoolArray | None = None,
 ) -> Bodies:
-    """N bodies of the model "smpl".
+    """Build Bodies of the model "smpl" from SMPL parameters.
 
     Args:
         rotations: (N, 24, 3), (N, 72) rotation vectors in radians, or (N, 24, 3, 3) matrices, of SMPL's joints relative
@@ -79,15 +79,17 @@ def bodies_from_smpl(
         ValueError: a shape does not match.
     """
     count = SHARED_JOINTS if np.shape(rotations)[1] in (SHARED_JOINTS, 3 * SHARED_JOINTS) else SMPL_JOINTS
-    rotvecs = rotvecs_of(rotations, count)[:, :SHARED_JOINTS]
+    rotvecs = to_rotvecs(rotations, count)[:, :SHARED_JOINTS]
     placed = None
     if joints is not None:
-        placed = np.full((len(rotvecs), _SMPLX_JOINTS, 3), np.nan, np.float32)
+        placed = np.full((len(rotvecs), NUM_JOINTS, 3), np.nan, np.float32)
         placed[:, :SHARED_JOINTS] = np.asarray(joints)[:, :SHARED_JOINTS]
-    return Bodies(parameters_of(rotvecs, betas, transl), "smpl", observed=observed, joints=placed, mesh=mesh)
+    return Bodies(parameters_from_rotvecs(rotvecs, betas, transl), "smpl", observed=observed, joints=placed, mesh=mesh)
 
 
-def no_bodies(body_model: str, num_betas: int = 10) -> Bodies:
-    """Result for an image without people."""
+def empty_bodies(body_model: str, num_betas: int = 10) -> Bodies:
+    """Return Bodies with zero rows, for an image without people."""
     none = np.zeros((0, SHARED_JOINTS, 3), np.float32)
-    return Bodies(parameters_of(none, np.zeros((0, num_betas), np.float32), np.zeros((0, 3), np.float32)), body_model)
+    return Bodies(
+        parameters_from_rotvecs(none, np.zeros((0, num_betas), np.float32), np.zeros((0, 3), np.float32)), body_model
+    )

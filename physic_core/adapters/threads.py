@@ -1,4 +1,4 @@
-"""How many CPU threads torch and the BLAS of NumPy and SciPy use."""
+"""Limit the CPU threads of torch and of the BLAS of NumPy and SciPy."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["limited_threads"]
 
 @contextmanager
 def limited_threads(count: int = 1) -> Iterator[None]:
-    """Use ``count`` threads inside the block and restore the earlier numbers after it.
+    """Limit torch and BLAS to ``count`` threads inside the block.
 
     For tensors of the size of a body, a second thread costs more than it gains. With another busy process, two threads
     made fits up to 45 times slower. torch has its own thread pool, which threadpoolctl does not control.

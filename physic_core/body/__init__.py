@@ -1,4 +1,4 @@
-"""The body: one linear-blend-skinning model for the embedded body and for a user's own SMPL-X file."""
+"""The body model: linear blend skinning of the embedded body or of a user's SMPL-X file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["JOINT_INDEX", "JOINT_NAMES", "PARENTS", "load_body"]
 
 
 def load_body(source: str | Path = "embedded", device: torch.device | str = "cpu") -> BodyModel:
-    """Load a body model.
+    """Load the embedded body model or a SMPL-X file.
 
     Args:
         source: "embedded", or the path of your own ``SMPLX_*.npz`` (layouts v1.0 and v1.1; its first 10 shape and 10

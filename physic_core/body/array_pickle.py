@@ -1,8 +1,8 @@
-"""Arrays out of a pickle of somebody else's, without running it.
+"""Read arrays from an untrusted pickle without running code.
 
-A pickle can name any function of Python to be called, and numpy trusts the shapes, types and lengths that one holds. So
-nothing that a pickle names is made here: stand-ins keep what belongs to arrays of numpy, sparse matrices of scipy and
-chumpy's objects, everything else is refused, and an array is built from them only when it is asked for and fits.
+A pickle can name any Python function to be called, and numpy trusts the shapes, types and lengths in it. So no object
+that a pickle names is created. Placeholders store the state of numpy arrays, scipy sparse matrices and chumpy arrays;
+all other names are refused. An array is built from a placeholder only on request, and only if its parts are consistent.
 """
 
 from __future__ import annotations
@@ -19,68 +19,68 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ArrayError", "RefusedError", "StandIn", "as_array", "read_pickle", "shown"]
+__all__ = ["InvalidArrayError", "PickledObject", "UnsafePickleError", "as_array", "printable", "read_pickle"]
 
-_LARGEST_FILE = 2**30
-"""Bytes. The largest published body model takes a quarter of that."""
-_LARGEST_MATRIX = 2**24
-"""Numbers of a sparse matrix that is filled up. SMPL's takes 165,000."""
-_DEEPEST = 8
-_MOST_NUMBERS = 2**60
-"""Of an array whose empty axes are taken for one: of 8 bytes each, numpy can count no more."""
-_MOST_KEYS = 4096
-"""Keys of all dictionaries and sets of a pickle: keys with one hash take time that grows with their number squared."""
-_LARGEST_MEMO = 2**31
-"""Python writes 0, 1, 2, ...; larger numbers could share one hash."""
-_LONGEST_TEXT = 80
-_CODE = re.compile(r"[biufcSU][0-9]{1,6}")
-
-
-class RefusedError(Exception):
-    """A pickle names something that may not be made; the message is its name."""
+_MAX_FILE_BYTES = 2**30
+"""Bytes. The largest published body model has a quarter of that."""
+_MAX_MATRIX_SIZE = 2**24
+"""Maximum number of elements of a sparse matrix that is made dense. That of SMPL has 165,000."""
+_MAX_DEPTH = 8
+_MAX_ARRAY_SIZE = 2**60
+"""Maximum product of the axis lengths, empty axes counted as 1: with 8 bytes each, the limit of numpy."""
+_MAX_KEYS = 4096
+"""Maximum number of keys of all dictionaries and sets: keys with equal hashes take quadratic time."""
+_MAX_MEMO = 2**31
+"""Maximum memo index. Python writes 0, 1, 2, ...; larger numbers could have equal hashes."""
+_MAX_TEXT = 80
+_DTYPE_CODE = re.compile(r"[biufcSU][0-9]{1,6}")
 
 
-class ArrayError(Exception):
-    """What a pickle holds is no array, or does not fit together; the message begins with a verb."""
+class UnsafePickleError(Exception):
+    """The pickle names an object that must not be created; the message is its name."""
+
+
+class InvalidArrayError(Exception):
+    """A value is not an array, or its parts are inconsistent; the message begins with a verb."""
 
 
 def read_pickle(path: Path) -> dict[str, Any]:
-    """The items of a pickled dictionary: plain values, and stand-ins for :func:`as_array`.
+    """Read a pickled dictionary; its arrays become placeholders for :func:`as_array`.
 
     Raises:
-        RefusedError: it names something that could run code.
-        ArrayError: it holds no dictionary.
-        Exception: whatever a file raises that is no pickle.
+        UnsafePickleError: it names an object that could run code.
+        InvalidArrayError: it is not a dictionary.
+        Exception: any error of a file that is not a pickle.
     """
-    if path.stat().st_size > _LARGEST_FILE:
-        raise ArrayError(f"takes {path.stat().st_size / 2**30:.1f} GiB, where no body model takes more than 1")
-    # Python's own unpickler keeps its memo in a dictionary; that of C makes room for any number that a file names.
-    found = _Unpickler(_Content(path.read_bytes()), encoding="latin1").load()
+    if path.stat().st_size > _MAX_FILE_BYTES:
+        raise InvalidArrayError(f"takes {path.stat().st_size / 2**30:.1f} GiB, where no body model takes more than 1")
+    # Python's own unpickler has a dictionary as its memo; the C version allocates memory for any index in a file.
+    found = _Unpickler(_BoundedStream(path.read_bytes()), encoding="latin1").load()
     if not isinstance(found, dict):
-        raise ArrayError(f"holds a {type(found).__name__}, not the arrays of a body")
+        raise InvalidArrayError(f"holds a {type(found).__name__}, not the arrays of a body")
     return {name: value for name, value in found.items() if isinstance(name, str)}
 
 
 def as_array(value: Any) -> NDArray[Any]:
-    """The array that a value of :func:`read_pickle` stands for.
+    """Convert a value of :func:`read_pickle` to an array.
 
     Raises:
-        ArrayError: it is none, or its parts do not fit together.
+        InvalidArrayError: it is not an array, or its parts are inconsistent.
     """
     try:
         return _dense(value, 0)
     except (ValueError, TypeError, OverflowError, MemoryError) as error:  # of numpy, which trusts what it gets
-        raise ArrayError("is an array whose parts do not fit together") from error
+        raise InvalidArrayError("is an array whose parts do not fit together") from error
 
 
-def shown(text: str) -> str:
-    """A text of somebody else's for a message: one line, in ASCII, of at most 80 characters."""
-    safe = ascii(text[: _LONGEST_TEXT + 1])[1:-1]
-    return safe if len(safe) <= _LONGEST_TEXT else f"{safe[: _LONGEST_TEXT - 3]}..."
+def printable(text: str) -> str:
+    """Return untrusted text for a message: one line, in ASCII, of at most 80 characters."""
+    safe = ascii(text[: _MAX_TEXT + 1])[1:-1]
+    return safe if len(safe) <= _MAX_TEXT else f"{safe[: _MAX_TEXT - 3]}..."
 
 
-class StandIn:
-    """Keeps the state of an object without being one."""
+class PickledObject:
+    """Placeholder that stores the state of a pickled object."""
 
     def __init__(self, *_: Any) -> None:
         self.state: Any = {}
@@ -89,51 +89,51 @@ class StandIn:
         self.state = state
 
     def part(self, name: str) -> Any:
-        """One item of the state, where that is a dictionary; None otherwise."""
+        """Return one item of the state if it is a dictionary, else None."""
         return self.state.get(name) if isinstance(self.state, dict) else None
 
     def dense(self, depth: int) -> NDArray[Any]:
-        """Its numbers.
+        """Return the array of this placeholder.
 
         Raises:
-            ArrayError: it has none.
+            InvalidArrayError: it is not an array.
         """
-        raise ArrayError("is no array of numbers")
+        raise InvalidArrayError("is no array of numbers")
 
 
-class _DType(StandIn):
-    """Of numpy's types, by their code."""
+class _DType(PickledObject):
+    """Placeholder of a numpy dtype, with its type code."""
 
     def __init__(self, code: Any = None, *_: Any) -> None:
         super().__init__()
         self.code = code
 
-    def real(self) -> np.dtype[Any]:
-        if not isinstance(self.code, str) or not _CODE.fullmatch(self.code):
-            raise ArrayError(f"holds {'objects' if self.code == 'O8' else 'no numbers'}, not numbers")
+    def to_dtype(self) -> np.dtype[Any]:
+        if not isinstance(self.code, str) or not _DTYPE_CODE.fullmatch(self.code):
+            raise InvalidArrayError(f"holds {'objects' if self.code == 'O8' else 'no numbers'}, not numbers")
         try:
             found: np.dtype[Any] = np.dtype(self.code)
         except TypeError as error:
-            raise ArrayError(f"is of a type '{self.code}', which numpy does not have") from error
+            raise InvalidArrayError(f"is of a type '{self.code}', which numpy does not have") from error
         order = self.state[1] if isinstance(self.state, tuple) and len(self.state) > 1 else "="
         return found.newbyteorder(">") if order == ">" else found.newbyteorder("<") if order == "<" else found
 
 
-class _Array(StandIn):
-    """Of numpy's arrays: (version, shape, type, whether columns come first, bytes)."""
+class _Array(PickledObject):
+    """Placeholder of a numpy array; its state is (version, shape, dtype, is Fortran order, bytes)."""
 
     def dense(self, depth: int) -> NDArray[Any]:
         if not isinstance(self.state, tuple) or len(self.state) != 5:
-            raise ArrayError("is an array without its numbers")
+            raise InvalidArrayError("is an array without its numbers")
         _, shape, kind, columns_first, data = self.state
         if not isinstance(kind, _DType):
-            raise ArrayError("is an array without a type")
-        dtype, shape = kind.real(), _shape(shape)
+            raise InvalidArrayError("is an array without a type")
+        dtype, shape = kind.to_dtype(), _shape(shape)
         if isinstance(data, str):
             data = data.encode("latin1")  # how bytes of Python 2 are read
         if not isinstance(data, (bytes, bytearray)) or prod(shape) * dtype.itemsize != len(data):
             size = len(data) if isinstance(data, (bytes, bytearray)) else "no"
-            raise ArrayError(f"is said to be {_said(shape)} of {dtype}, and has {size} bytes")
+            raise InvalidArrayError(f"must be {_shape_text(shape)} of {dtype}, and has {size} bytes")
         if not prod(shape):
             return np.empty(shape, dtype)
         order: Any = "F" if columns_first else "C"
@@ -141,50 +141,54 @@ class _Array(StandIn):
 
 
 class _FromBuffer(_Array):
-    """What protocol 5 makes arrays with."""
+    """Placeholder of a numpy array in pickle protocol 5."""
 
     def __init__(self, data: Any = None, kind: Any = None, shape: Any = None, order: Any = "C", *_: Any) -> None:
         super().__init__()
         self.state = (1, shape, kind, order == "F", data)
 
 
-class _Scalar(StandIn):
-    """Of numpy's single numbers."""
+class _Scalar(PickledObject):
+    """Placeholder of a numpy scalar."""
 
     def __init__(self, kind: Any = None, data: Any = None, *_: Any) -> None:
         super().__init__()
         self.kind, self.data = kind, data
 
     def dense(self, depth: int) -> NDArray[Any]:
-        whole = _Array()
-        whole.state = (1, (), self.kind, False, self.data)
-        return whole.dense(depth)
+        array = _Array()
+        array.state = (1, (), self.kind, False, self.data)
+        return array.dense(depth)
 
 
-class _Sparse(StandIn):
-    """Of scipy's compressed matrices."""
+class _Sparse(PickledObject):
+    """Placeholder of a scipy sparse matrix, compressed by column."""
 
     by_column = True
 
     def dense(self, depth: int) -> NDArray[Any]:
-        told = self.part("_shape")
-        shape = _shape(self.part("shape") if told is None else told)
-        if len(shape) != 2 or prod(shape) > _LARGEST_MATRIX:
-            raise ArrayError(f"is a sparse matrix of {_said(shape)}, larger than any body model's")
+        shape = self.part("_shape")
+        shape = _shape(self.part("shape") if shape is None else shape)
+        if len(shape) != 2 or prod(shape) > _MAX_MATRIX_SIZE:
+            raise InvalidArrayError(f"is a sparse matrix of {_shape_text(shape)}, larger than any body model's")
         data, minor, ends = (_dense(self.part(name), depth + 1) for name in ("data", "indices", "indptr"))
         if data.dtype.kind not in "fiu" or minor.dtype.kind not in "iu" or ends.dtype.kind not in "iu":
-            raise ArrayError(f"is a sparse matrix of {data.dtype} by {minor.dtype} and {ends.dtype}, not by numbers")
+            raise InvalidArrayError(
+                f"is a sparse matrix of {data.dtype} by {minor.dtype} and {ends.dtype}, not by numbers"
+            )
         majors, minors = reversed(shape) if self.by_column else shape
         if data.ndim != 1 or data.shape != minor.shape or ends.shape != (majors + 1,):
-            raise ArrayError(
-                f"is a sparse matrix of {_said(shape)} with {data.shape} numbers at {minor.shape} places, "
+            raise InvalidArrayError(
+                f"is a sparse matrix of {_shape_text(shape)} with {data.shape} numbers at {minor.shape} places, "
                 f"and {ends.shape} ends"
             )
         if ends[0] != 0 or int(ends[-1]) != len(data) or (ends[1:] < ends[:-1]).any():
-            raise ArrayError(f"is a sparse matrix whose {len(data)} numbers do not end where it says")
+            raise InvalidArrayError(f"is a sparse matrix whose {len(data)} numbers do not end where it says")
         if len(minor) and (int(minor.min()) < 0 or int(minor.max()) >= minors):
             worst = int(minor.min()) if int(minor.min()) < 0 else int(minor.max())
-            raise ArrayError(f"is a sparse matrix of {_said(shape)} with a number at {worst}, outside of it")
+            raise InvalidArrayError(
+                f"is a sparse matrix of {_shape_text(shape)} with a number at {worst}, outside of it"
+            )
         full = np.zeros((majors, minors), data.dtype.newbyteorder("="))
         last = ends.astype(np.int64)
         major = np.repeat(np.arange(majors), last[1:] - last[:-1])
@@ -196,47 +200,47 @@ class _SparseByRow(_Sparse):
     by_column = False
 
 
-class _Chumpy(StandIn):
-    """Of chumpy's arrays: the numbers themselves, or a choice of another's."""
+class _Chumpy(PickledObject):
+    """Placeholder of a chumpy array: its numbers, or a selection of the numbers of another one."""
 
     def dense(self, depth: int) -> NDArray[Any]:
         if self.part("x") is not None:
             return _dense(self.part("x"), depth + 1)
         if self.part("a") is None or self.part("idxs") is None:
-            raise ArrayError("is left for chumpy to compute, and no numbers")
+            raise InvalidArrayError("is left for chumpy to compute, and no numbers")
         numbers, chosen = (_dense(self.part(name), depth + 1) for name in ("a", "idxs"))
         numbers = numbers.ravel()
         if chosen.dtype.kind not in "iu":
-            raise ArrayError(f"is a choice by {chosen.dtype}, not by whole numbers")
+            raise InvalidArrayError(f"is a choice by {chosen.dtype}, not by whole numbers")
         if chosen.size and (int(chosen.min()) < 0 or int(chosen.max()) >= len(numbers)):
             worst = int(chosen.min()) if int(chosen.min()) < 0 else int(chosen.max())
-            raise ArrayError(f"is a choice of number {worst} among {len(numbers)}")
+            raise InvalidArrayError(f"is a choice of number {worst} among {len(numbers)}")
         shape = chosen.shape if self.part("preferred_shape") is None else _shape(self.part("preferred_shape"))
         if prod(shape) != chosen.size:
-            raise ArrayError(f"is said to be {_said(shape)}, and has {chosen.size} numbers")
+            raise InvalidArrayError(f"must be {_shape_text(shape)}, and has {chosen.size} numbers")
         found: NDArray[Any] = numbers[chosen].reshape(shape)
         return found
 
 
-class _Reconstructed(StandIn):
-    """What makes arrays and old classes: of stand-ins only."""
+class _Reconstructed(PickledObject):
+    """Placeholder of the functions that create arrays and old-style classes; accepts placeholder classes only."""
 
     def __new__(cls, kind: Any = None, *_: Any) -> Any:
-        if not (isinstance(kind, type) and issubclass(kind, StandIn)):
-            raise RefusedError(f"the making of {_kind(kind)}")
+        if not (isinstance(kind, type) and issubclass(kind, PickledObject)):
+            raise UnsafePickleError(f"the making of {_describe(kind)}")
         return kind()
 
 
-class _Encoded(StandIn):
-    """How new Pythons write bytes for old ones."""
+class _Encoded(PickledObject):
+    """Placeholder of ``_codecs.encode``, by which Python 3 writes bytes for Python 2; accepts latin1 only."""
 
     def __new__(cls, text: Any = "", encoding: Any = "latin1", *_: Any) -> Any:
         if not isinstance(text, str) or encoding not in ("latin1", "latin-1"):
-            raise RefusedError(f"bytes in {_kind(encoding)}")
+            raise UnsafePickleError(f"bytes in {_describe(encoding)}")
         return text.encode("latin1")
 
 
-_MADE: dict[tuple[str, str], type[StandIn]] = {
+_PLACEHOLDERS: dict[tuple[str, str], type[PickledObject]] = {
     ("numpy", "ndarray"): _Array,
     ("numpy", "dtype"): _DType,
     ("numpy.core.multiarray", "_reconstruct"): _Reconstructed,
@@ -244,20 +248,20 @@ _MADE: dict[tuple[str, str], type[StandIn]] = {
     ("numpy.core.numeric", "_frombuffer"): _FromBuffer,
     ("copy_reg", "_reconstructor"): _Reconstructed,
     ("copyreg", "_reconstructor"): _Reconstructed,
-    ("__builtin__", "object"): StandIn,
-    ("builtins", "object"): StandIn,
+    ("__builtin__", "object"): PickledObject,
+    ("builtins", "object"): PickledObject,
     ("_codecs", "encode"): _Encoded,
 }
 
 
-class _Content(io.BytesIO):
-    """Of a file, where a length that goes past the end is refused."""
+class _BoundedStream(io.BytesIO):
+    """Byte stream that raises EOFError for a length beyond its end."""
 
     def read(self, size: int | None = -1, /) -> bytes:
-        """The next ``size`` bytes.
+        """Return the next ``size`` bytes.
 
         Raises:
-            EOFError: there are fewer.
+            EOFError: fewer are left.
         """
         found = super().read(size)
         if size is not None and len(found) < size:
@@ -266,49 +270,52 @@ class _Content(io.BytesIO):
 
 
 _PYTHON: Any = pickle._Unpickler
-"""Whose methods the published types of Python leave out."""
-_HASHED = (
+"""Python's unpickler; its published types omit the methods."""
+_HASHING_OPCODES = (
     (pickle.SETITEM, slice(-2, -1)),
     (pickle.SETITEMS, slice(None, None, 2)),
     (pickle.DICT, slice(None, None, 2)),
     (pickle.ADDITEMS, slice(None)),
     (pickle.FROZENSET, slice(None)),
 )
-"""Opcode, and what it hashes of the stack."""
+"""Opcode, and the part of the stack that it hashes."""
 
 
 def _load_bytearray8(unpickler: Any) -> None:
-    """As Python's, which takes the memory for a length before it looks whether the bytes are there."""
+    """Read a bytearray; unlike Python's version, it allocates memory only for bytes that exist."""
     (size,) = struct.unpack("<Q", unpickler.read(8))
     unpickler.append(bytearray(unpickler.read(size)))
 
 
 def _with_keys_checked(opcode: bytes, keys: slice) -> Callable[[Any], None]:
+    """Wrap the handler of an opcode to check and count the dictionary keys first."""
     load = _PYTHON.dispatch[opcode[0]]
 
     def checked(unpickler: Any) -> None:
         hashed = unpickler.stack[keys]
         _check_keys(hashed)
         unpickler.num_keys += len(hashed)
-        if unpickler.num_keys > _MOST_KEYS:
-            raise pickle.UnpicklingError(f"its dictionaries have more than {_MOST_KEYS} keys")
+        if unpickler.num_keys > _MAX_KEYS:
+            raise pickle.UnpicklingError(f"its dictionaries have more than {_MAX_KEYS} keys")
         load(unpickler)
 
     return checked
 
 
 def _load_put(unpickler: Any) -> None:
-    """As Python's, for the numbers that Python writes."""
+    """Store an object in the memo, with an index as Python writes them."""
     number = int(unpickler.readline()[:-1])
-    if not 0 <= number < _LARGEST_MEMO:
+    if not 0 <= number < _MAX_MEMO:
         raise pickle.UnpicklingError(f"it numbers an object as {number}")
     unpickler.memo[number] = unpickler.stack[-1]
 
 
 class _Unpickler(pickle._Unpickler):
+    """Unpickler that creates placeholders only."""
+
     dispatch: ClassVar[dict[int, Callable[[Any], None]]] = {
         **_PYTHON.dispatch,
-        **{opcode[0]: _with_keys_checked(opcode, keys) for opcode, keys in _HASHED},
+        **{opcode[0]: _with_keys_checked(opcode, keys) for opcode, keys in _HASHING_OPCODES},
         pickle.BYTEARRAY8[0]: _load_bytearray8,
         pickle.PUT[0]: _load_put,
     }
@@ -316,53 +323,56 @@ class _Unpickler(pickle._Unpickler):
     num_keys = 0
 
     def find_class(self, module: str, name: str) -> Any:
-        """What a pickle may name; classes of stand-ins alone, whose state no pickle can set.
+        """Return the placeholder class of a name. Classes have no state that a pickle can set.
 
         Raises:
-            RefusedError: it is not one of these.
+            UnsafePickleError: the name is not allowed.
         """
-        made = _MADE.get((module.replace("numpy._core", "numpy.core"), name))
-        if made is not None:
-            return made
+        placeholder = _PLACEHOLDERS.get((module.replace("numpy._core", "numpy.core"), name))
+        if placeholder is not None:
+            return placeholder
         if module.split(".")[:2] == ["scipy", "sparse"] and name in ("csc_matrix", "csr_matrix"):
             return _Sparse if name == "csc_matrix" else _SparseByRow
         if module.split(".")[0] == "chumpy":
             return _Chumpy
-        raise RefusedError(shown(f"{module}.{name}"))
+        raise UnsafePickleError(printable(f"{module}.{name}"))
 
 
 def _check_keys(keys: list[Any]) -> None:
-    """No tuple in a tuple: Python's hash of many inside one another ends the process.
+    """Refuse a tuple inside a tuple as a key: the hash of deeply nested tuples crashes Python.
 
     Raises:
-        UnpicklingError: there is one.
+        UnpicklingError: such a key exists.
     """
     if any(isinstance(part, tuple) for key in keys if isinstance(key, tuple) for part in key):
         raise pickle.UnpicklingError("a tuple in a tuple is the key of a dictionary")
 
 
 def _dense(value: Any, depth: int) -> NDArray[Any]:
-    if not isinstance(value, StandIn):
-        raise ArrayError(f"is a {type(value).__name__}, not an array")
-    if depth > _DEEPEST:
-        raise ArrayError("is a choice of a choice without end")
+    """Convert a placeholder to an array; ``depth`` counts the nested placeholders."""
+    if not isinstance(value, PickledObject):
+        raise InvalidArrayError(f"is a {type(value).__name__}, not an array")
+    if depth > _MAX_DEPTH:
+        raise InvalidArrayError("is a choice of a choice without end")
     return value.dense(depth)
 
 
-def _kind(value: Any) -> str:
-    """Never the ``repr`` of a value, which can be without end."""
-    return shown(value) if isinstance(value, str) else f"a {type(value).__name__}"
+def _describe(value: Any) -> str:
+    """Return a description of a value for messages; never its ``repr``, which can be endless."""
+    return printable(value) if isinstance(value, str) else f"a {type(value).__name__}"
 
 
 def _shape(given: Any) -> tuple[int, ...]:
+    """Return a valid array shape, or raise InvalidArrayError."""
     if not isinstance(given, (tuple, list)) or len(given) > 8:
-        raise ArrayError("has no shape")
+        raise InvalidArrayError("has no shape")
     sizes = [int(as_array(n)) if isinstance(n, _Scalar) and as_array(n).dtype.kind in "iu" else n for n in given]
-    numbers = all(isinstance(n, int) and 0 <= n < _MOST_NUMBERS for n in sizes)
-    if not numbers or prod(max(n, 1) for n in sizes) >= _MOST_NUMBERS:  # one axis of 0 would hide the others
-        raise ArrayError("has a shape that none can have")
+    numbers = all(isinstance(n, int) and 0 <= n < _MAX_ARRAY_SIZE for n in sizes)
+    if not numbers or prod(max(n, 1) for n in sizes) >= _MAX_ARRAY_SIZE:  # one axis of 0 would hide the others
+        raise InvalidArrayError("has a shape that none can have")
     return tuple(sizes)
 
 
-def _said(shape: tuple[int, ...]) -> str:
+def _shape_text(shape: tuple[int, ...]) -> str:
+    """Return a shape as text, such as "3 x 4"."""
     return " x ".join(map(str, shape)) or "one number"

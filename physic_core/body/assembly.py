@@ -1,4 +1,4 @@
-"""From the plain arrays of an asset to a BodyModel."""
+"""Build a BodyModel from the NumPy arrays of an asset."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from torch import Tensor
 from physic_core.body.joints import PARENTS
 from physic_core.body.kinematics import Kinematics
 from physic_core.body.model import BodyModel
-from physic_core.body.parts import PART_NAMES, contact_sets, label_parts
-from physic_core.body.picks import pick_surface_points
-from physic_core.body.rest_mesh import RestMesh
+from physic_core.body.parts import PART_NAMES, find_contact_sets, label_parts
 from physic_core.body.skinning import Skin
+from physic_core.body.surface_points import pick_surface_points
+from physic_core.body.tpose_mesh import TPoseMesh
 
-__all__ = ["BodyArrays", "MeshPicks", "assemble", "derive_picks"]
+__all__ = ["BodyArrays", "VertexSets", "build_body_model", "derive_vertex_sets"]
 
 _Array = NDArray[Any]
 _NUM_CROWN, _NUM_GROUND = 40, 400
-"""Vertices kept as candidates for the highest and the lowest point of any shape."""
+"""Number of candidate vertices for the highest and for the lowest point of any shape."""
 
 
 @dataclass(frozen=True)
-class MeshPicks:
-    """Vertex sets of one topology; all ids int64, ascending.
+class VertexSets:
+    """Named vertex sets of one mesh topology; all ids int64, ascending.
 
     Attributes:
         part_of_vertex: (V,) index into PART_NAMES.
@@ -45,7 +45,7 @@ class MeshPicks:
 
 @dataclass(frozen=True)
 class BodyArrays:
-    """An asset as numpy, metres; attributes as in BodyModel, Kinematics and Skin, vertices before coordinates.
+    """Arrays of a body model asset, in metres; named as in BodyModel, Kinematics and Skin.
 
     Attributes:
         template: (V, 3).
@@ -71,13 +71,13 @@ class BodyArrays:
     num_betas: int
     num_expression: int
     outer: _Array
-    picks: MeshPicks | None = None
+    picks: VertexSets | None = None
     info: str = ""
 
 
-def assemble(arrays: BodyArrays, device: torch.device | str = "cpu") -> BodyModel:
-    """Build the model, float32, on a device."""
-    picks = derive_picks(arrays) if arrays.picks is None else arrays.picks
+def build_body_model(arrays: BodyArrays, device: torch.device | str = "cpu") -> BodyModel:
+    """Build a BodyModel, float32, on a device."""
+    picks = derive_vertex_sets(arrays) if arrays.picks is None else arrays.picks
     kinematics, skin = _mechanics(arrays)
     model = BodyModel(
         name=arrays.name,
@@ -98,12 +98,12 @@ def assemble(arrays: BodyArrays, device: torch.device | str = "cpu") -> BodyMode
     return model.to(device)
 
 
-def derive_picks(arrays: BodyArrays) -> MeshPicks:
-    """Parts, contact sets and landmarks of the mean body, from its geometry and its skinning weights."""
+def derive_vertex_sets(arrays: BodyArrays) -> VertexSets:
+    """Derive body parts, contact sets and landmarks of the mean body from its geometry and skinning weights."""
     kinematics, skin = _mechanics(arrays)
     none = torch.zeros(1, 0)
     world, skinning = kinematics.transforms(torch.eye(3).repeat(1, 55, 1, 1), kinematics.rest_joints(none))
-    mesh = RestMesh(
+    mesh = TPoseMesh(
         vertices=skin.pose(none, skinning)[0].double().numpy(),
         faces=arrays.faces.astype(np.int64),
         joints=world[0, :, :, 3].double().numpy(),
@@ -112,10 +112,11 @@ def derive_picks(arrays: BodyArrays) -> MeshPicks:
     )
     by_height = np.argsort(mesh.vertices[:, 1], kind="stable")
     extremes = np.unique(np.concatenate([by_height[:_NUM_GROUND], by_height[-_NUM_CROWN:]]))
-    return MeshPicks(label_parts(mesh.weights), contact_sets(mesh), pick_surface_points(mesh), extremes)
+    return VertexSets(label_parts(mesh.weights), find_contact_sets(mesh), pick_surface_points(mesh), extremes)
 
 
 def _mechanics(arrays: BodyArrays) -> tuple[Kinematics, Skin]:
+    """Build the Kinematics and the Skin of an asset."""
     bind_rot = None if arrays.bind_rot is None else _float(arrays.bind_rot)
     kinematics = Kinematics.build(_float(arrays.joint_template), _float(arrays.joint_directions), bind_rot, PARENTS)
     skin = Skin(
@@ -127,8 +128,10 @@ def _mechanics(arrays: BodyArrays) -> tuple[Kinematics, Skin]:
 
 
 def _float(array: _Array) -> Tensor:
+    """Convert an array to a float32 tensor."""
     return torch.as_tensor(np.asarray(array, dtype=np.float32))
 
 
 def _ids(groups: Mapping[str, _Array]) -> dict[str, Tensor]:
+    """Convert id arrays to int64 tensors."""
     return {name: torch.as_tensor(ids.astype(np.int64)) for name, ids in groups.items()}

@@ -1,4 +1,4 @@
-"""The skeleton of a body model alone, in numpy and float64: joints are linear in the shape once rotations are given."""
+"""Joints of a body model in NumPy, float64; linear in the betas for given rotations."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from physic_core.body.linalg import cholesky_solve, matmul
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
 
-__all__ = ["FAMILY", "Bones", "fit_shape", "local_from_world", "world_from_local"]
+__all__ = ["ANCESTOR_MATRIX", "BoneOffsets", "fit_shape", "local_from_world", "world_from_local"]
 
 Array = NDArray[np.float64]
 
@@ -22,19 +22,20 @@ _UP = np.array([0, *PARENTS[1:]])
 
 
 def _family() -> Array:
+    """Return the (55, 55) matrix that is 1 where the column is the joint of the row or one of its ancestors."""
     reach = np.eye(NUM_JOINTS)
     for joint in range(1, NUM_JOINTS):
         reach[joint] += reach[PARENTS[joint]]
     return reach
 
 
-FAMILY = _family()
-"""(55, 55), 1 where the column is the row's joint or one of its ancestors."""
+ANCESTOR_MATRIX = _family()
+"""(55, 55), 1 where the column is the joint of the row or one of its ancestors."""
 
 
 @dataclass(frozen=True)
-class Bones:
-    """Bones of the T-pose, each from its parent's joint to its own; the root's is the place of the root.
+class BoneOffsets:
+    """Offset of each joint from its parent in the T-pose; for the root, its position.
 
     Attributes:
         template: (55, 3) metres, mean shape.
@@ -45,8 +46,8 @@ class Bones:
     directions: Array
 
     @classmethod
-    def of(cls, model: BodyModel) -> Bones:
-        """Of a body model, expression left out."""
+    def of(cls, model: BodyModel) -> BoneOffsets:
+        """Extract the offsets of a body model, with zero expression."""
         kinematics, count = model.kinematics, model.num_betas
         rest = kinematics.template.double().cpu().numpy()
         change = kinematics.directions[:count].double().cpu().numpy().reshape(count, NUM_JOINTS, 3)
@@ -58,40 +59,40 @@ class Bones:
         return cls(both[0], both[1:])
 
     def at(self, betas: Array) -> Array:
-        """Bones (B, 55, 3) of shapes (B, K)."""
+        """Return the offsets (B, 55, 3) for betas (B, K)."""
         flat = betas @ self.directions.reshape(len(self.directions), -1)
         return self.template + flat.reshape(-1, NUM_JOINTS, 3)
 
     def rest(self, betas: Array) -> Array:
-        """Joints (B, 55, 3) of shapes (B, K) in the T-pose."""
-        joints: Array = FAMILY @ self.at(betas)
+        """Return the T-pose joints (B, 55, 3) for betas (B, K)."""
+        joints: Array = ANCESTOR_MATRIX @ self.at(betas)
         return joints
 
     def pose(self, world: Array, betas: Array, transl: Array) -> Array:
-        """Joints (B, 55, 3) of bones turned by ``world`` (B, 55, 3, 3) against the T-pose, metres."""
+        """Return the posed joints (B, 55, 3), metres, for world rotations (B, 55, 3, 3) relative to the T-pose."""
         carried = self.at(betas)
         carried[:, 1:] = (world[:, _UP[1:]] @ carried[:, 1:, :, None])[..., 0]
-        joints: Array = FAMILY @ carried + transl[:, None]
+        joints: Array = ANCESTOR_MATRIX @ carried + transl[:, None]
         return joints
 
     def by_shape(self, world: Array) -> Array:
-        """(B, 55, 3, K) change of the posed joints with one unit of each shape component."""
+        """Return the derivative (B, 55, 3, K) of the posed joints with respect to the betas."""
         batch, count = len(world), len(self.directions)
         turns = world[:, _UP].copy()
         turns[:, 0] = np.eye(3)
         carried = turns @ self.directions.transpose(1, 2, 0)
-        return (FAMILY @ carried.reshape(batch, NUM_JOINTS, -1)).reshape(batch, NUM_JOINTS, 3, count)
+        return (ANCESTOR_MATRIX @ carried.reshape(batch, NUM_JOINTS, -1)).reshape(batch, NUM_JOINTS, 3, count)
 
 
 def fit_shape(slopes: Array, start: Array, targets: Array, weights: Array, ridge: float = 1.0) -> tuple[Array, Array]:
-    """Shape and place of bodies whose points are linear in both: ridge regression by normal equations in float64.
+    """Fit betas and translation by ridge regression to points that are linear in both.
 
     Minimises ``sum_i w_i |start_i + slopes_i betas + transl - target_i|^2 + ridge |betas|^2``.
 
     Args:
         slopes: (B, n, 3, K) of n points.
         start: (B, n, 3) points of the mean shape, metres.
-        targets: (B, n, 3) metres; any number where the weight is 0.
+        targets: (B, n, 3) metres; ignored where the weight is 0.
         weights: (B, n) one over squared metres.
         ridge: one over the variance of each shape component.
 
@@ -101,7 +102,7 @@ def fit_shape(slopes: Array, start: Array, targets: Array, weights: Array, ridge
     batch, count, _, shapes = slopes.shape
     total = np.maximum(weights.sum(1), 1e-12)[:, None]
     share = weights / total
-    # Taken from their weighted means, the points know nothing of the translation.
+    # Relative to their weighted means, the points do not depend on the translation.
     mean_slope = np.einsum("bn,bnik->bik", share, slopes, optimize=True)
     gap = np.where(weights[..., None] > 0, targets - start, 0.0)
     mean_gap = np.einsum("bn,bni->bi", share, gap)
@@ -115,7 +116,7 @@ def fit_shape(slopes: Array, start: Array, targets: Array, weights: Array, ridge
 
 
 def world_from_local(local: Array) -> Array:
-    """Rotations (B, 55, 3, 3) against the parents -> against the T-pose."""
+    """Convert rotations (B, 55, 3, 3) relative to the parents to rotations relative to the T-pose."""
     world = local.copy()
     for joint in range(1, NUM_JOINTS):
         world[:, joint] = world[:, PARENTS[joint]] @ local[:, joint]
@@ -123,7 +124,7 @@ def world_from_local(local: Array) -> Array:
 
 
 def local_from_world(world: Array) -> Array:
-    """Rotations (B, 55, 3, 3) against the T-pose -> against the parents."""
+    """Convert rotations (B, 55, 3, 3) relative to the T-pose to rotations relative to the parents."""
     local = np.swapaxes(world[:, _UP], -1, -2) @ world
     local[:, 0] = world[:, 0]
     return local

@@ -1,8 +1,8 @@
-"""Bodies of one model as bodies of another, and contact on one mesh as contact on another: in closed form.
+"""Convert bodies to another body model, and contact to another mesh, in closed form.
 
-Betas of two models have nothing to do with each other, and their joints lie in other places of the same body. What two
-bodies share is the surface, if its points can be told apart, and roughly their joints. So a body whose surface is known
-is fitted by that; any other by its joints, with its rotations where both models share the T-pose.
+The betas of two models are unrelated, and their joints are at different places of the same body. The surface is
+comparable if its point correspondence is known, the joints are roughly comparable. So bodies with a known surface are
+fitted to it, all others to their joints, with their rotations if both models have the same T-pose.
 """
 
 from __future__ import annotations
@@ -15,42 +15,50 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from physic_core.body import from_joints
-from physic_core.body.bones import Bones, local_from_world, world_from_local
-from physic_core.body.correspondence import Correspondence, correspondence
+from physic_core.body.bones import BoneOffsets, local_from_world, world_from_local
+from physic_core.body.correspondence import Correspondence, find_correspondence
+from physic_core.body.joint_fit import BodyFit, fit_joints
+from physic_core.body.joints import JOINT_INDEX, NUM_JOINTS
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
-from physic_core.body.part_fit import Fit, fit_joints
-from physic_core.body.surface_fit import SIGMA_M, Patches, fit_surface, spread
+from physic_core.body.rotations_from_joints import finite_rows, has_torso_joints
+from physic_core.body.surface_fit import SURFACE_SIGMA_M, VertexSample, fit_surface, sample_vertices
 from physic_core.errors import BodyModelError
 from physic_core.types import Bodies, BodyParameters, ContactProbability, Mesh, RestMesh
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
 
-Find = Callable[[RestMesh, "BodyModel"], Correspondence]
-"""Where each vertex of a model lies on another mesh; one that keeps what was found will do."""
+FindCorrespondence = Callable[[RestMesh, "BodyModel"], Correspondence]
+"""Function that finds the position of each model vertex on another mesh; it may cache results."""
 
-__all__ = ["Carried", "can_carry", "carry", "contact_to_model", "rest_mesh_of", "to_model"]
+__all__ = [
+    "ConvertedBodies",
+    "can_convert",
+    "convert_bodies",
+    "convert_contact",
+    "convert_with_residuals",
+    "rest_mesh_of_model",
+]
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Numbers = TypeVar("Numbers", bound=np.floating[Any])
 
 _SHARED = ("embedded", "smpl", "smplx")
-"""Models whose rotations are zero in the same T-pose."""
+"""Body models with the same T-pose at zero rotations."""
 _OWN_SIGMA_M = 0.002
-"""How far vertices may lie from those of the very same mesh, metres."""
-_BODY = slice(0, 22)
+"""Standard deviation of vertices from those of an identical mesh, metres."""
+_BODY = slice(0, JOINT_INDEX["right_wrist"] + 1)
 
 
 @dataclass(frozen=True)
-class Carried:
-    """Bodies that were carried over to another model.
+class ConvertedBodies:
+    """Bodies after conversion to another model, with the residuals of the fit.
 
     Attributes:
-        bodies: of that model, without joints and mesh; NaN throughout for people of whom too little is known.
-        joints_m: (N,) mean distance of the known body joints, metres; a part of it is where two models put a joint.
-        surface_m: (N,) mean distance of the surfaces, metres, or None where there is none to compare.
+        bodies: of the new model, without joints and mesh; all NaN for people with too few known joints.
+        joints_m: (N,) mean distance of the known body joints, metres; it includes the difference of joint definitions.
+        surface_m: (N,) mean distance of the surfaces, metres, or None without a mesh.
     """
 
     bodies: Bodies
@@ -58,79 +66,83 @@ class Carried:
     surface_m: Array | None
 
     def note(self, before: str) -> str:
-        """What became of bodies of the model ``before``, in plain words."""
+        """Return a note for the user: both body models and the mean residuals."""
         parts = []
         for name, apart in (("surface", self.surface_m), ("joints", self.joints_m)):
             known = apart[np.isfinite(apart)] if apart is not None else np.zeros(0)
             if len(known):
                 parts.append(f"{name} within {1000 * float(known.mean()):.0f} mm")
-        told = f", {' and '.join(parts)} on average" if parts else ""
-        return f"bodies carried over from '{before}' to '{self.bodies.body_model}'{told}"
+        residuals = f", {' and '.join(parts)} on average" if parts else ""
+        return f"bodies converted from '{before}' to '{self.bodies.body_model}'{residuals}"
 
 
-def can_carry(bodies: Bodies, model: BodyModel) -> bool:
-    """Whether enough is told of bodies to carry them over to a model."""
-    told = bodies.joints is not None or (bodies.mesh is not None and _tellable(bodies.mesh, model))
-    return told or bodies.body_model in (model.name, "embedded")
+def can_convert(bodies: Bodies, model: BodyModel) -> bool:
+    """Return whether bodies have the joints or the mesh that a conversion to this model needs."""
+    known = bodies.joints is not None or (bodies.mesh is not None and _has_correspondence(bodies.mesh, model))
+    return known or bodies.body_model in (model.name, "embedded")
 
 
-def to_model(bodies: Bodies, model: BodyModel) -> Bodies:
-    """Bodies of any model as bodies of this one; see :func:`carry`."""
-    return carry(bodies, model).bodies
+def convert_bodies(bodies: Bodies, model: BodyModel) -> Bodies:
+    """Convert bodies to another body model; see :func:`convert_with_residuals`."""
+    return convert_with_residuals(bodies, model).bodies
 
 
-def carry(bodies: Bodies, model: BodyModel, find: Find = correspondence) -> Carried:
-    """Bodies of any model as bodies of this one.
+def convert_with_residuals(
+    bodies: Bodies, model: BodyModel, find: FindCorrespondence = find_correspondence
+) -> ConvertedBodies:
+    """Convert bodies to another body model, and return the residuals of the fit.
 
     Args:
-        bodies: N people, those of whom nothing is known NaN.
+        bodies: of N people; NaN for people without an estimate.
         model: a body model on the CPU.
 
     Raises:
-        BodyModelError: neither joints nor a surface whose points are known tell where these bodies are.
+        BodyModelError: the bodies have neither joints nor a mesh with a known correspondence.
     """
     if bodies.body_model == model.name:
-        return Carried(bodies, np.zeros(len(bodies.parameters)), None)
-    if not can_carry(bodies, model):
+        return ConvertedBodies(bodies, np.zeros(len(bodies.parameters)), None)
+    if not can_convert(bodies, model):
         raise BodyModelError(
-            f"bodies for the body model '{bodies.body_model}' cannot be carried over to '{model.name}': give the "
+            f"bodies for the body model '{bodies.body_model}' cannot be converted to '{model.name}': give the "
             "joints of SMPL-X (Bodies.joints), or a mesh with its T-pose (Bodies.mesh)"
         )
-    joints, mesh = _whereabouts(bodies, model)
-    known, sound = from_joints.numbers(joints), from_joints.numbers(_rotvecs(bodies.parameters))
-    sound &= from_joints.enough(known) if mesh is None else from_joints.numbers(mesh.vertices.reshape(len(sound), -1))
+    joints, mesh = _joints_and_mesh(bodies, model)
+    known, usable = finite_rows(joints), finite_rows(_pose_vector(bodies.parameters))
+    usable &= has_torso_joints(known) if mesh is None else finite_rows(mesh.vertices.reshape(len(usable), -1))
     surface_m = None
-    if not sound.any():
-        fit = Fit(np.zeros((0, 55, 3, 3)), np.zeros((0, model.num_betas)), np.zeros((0, 3)))
+    if not usable.any():
+        fit = BodyFit(np.zeros((0, NUM_JOINTS, 3, 3)), np.zeros((0, model.num_betas)), np.zeros((0, 3)))
     elif mesh is not None:
-        fit, surface_m = _by_surface(model, replace(mesh, vertices=mesh.vertices[sound]), find)
+        fit, surface_m = _fit_to_surface(model, replace(mesh, vertices=mesh.vertices[usable]), find)
     else:
         world = None
         if bodies.body_model in _SHARED:
-            world = world_from_local(rotations_from_parameters(bodies.parameters[sound], dtype=torch.float64).numpy())
-        fit = fit_joints(Bones.of(model), joints[sound], world)
-    posed = Bones.of(model).pose(fit.world, fit.betas, fit.transl)[:, _BODY]
-    apart = np.linalg.norm(posed - np.nan_to_num(joints[sound][:, _BODY]), axis=-1)
-    seen = known[sound][:, _BODY]
+            world = world_from_local(rotations_from_parameters(bodies.parameters[usable], dtype=torch.float64).numpy())
+        fit = fit_joints(BoneOffsets.of(model), joints[usable], world)
+    posed = BoneOffsets.of(model).pose(fit.world, fit.betas, fit.transl)[:, _BODY]
+    apart = np.linalg.norm(posed - np.nan_to_num(joints[usable][:, _BODY]), axis=-1)
+    seen = known[usable][:, _BODY]
     mean_apart = np.where(seen.any(1), (apart * seen).sum(1) / np.maximum(seen.sum(1), 1), np.nan)
-    return Carried(
-        Bodies(_as_parameters(fit, model, sound), model.name, bodies.observed),
-        _spread_rows(mean_apart, sound),
-        None if surface_m is None else _spread_rows(surface_m, sound),
+    return ConvertedBodies(
+        Bodies(_fit_to_parameters(fit, model, usable), model.name, bodies.observed),
+        _spread_rows(mean_apart, usable),
+        None if surface_m is None else _spread_rows(surface_m, usable),
     )
 
 
-def contact_to_model(contact: ContactProbability, model: BodyModel, find: Find = correspondence) -> ContactProbability:
-    """Probabilities of the vertices of any mesh as those of the vertices of a model; none in its cavities.
+def convert_contact(
+    contact: ContactProbability, model: BodyModel, find: FindCorrespondence = find_correspondence
+) -> ContactProbability:
+    """Transfer contact probabilities to the vertices of a body model; 0 in its cavities.
 
     Raises:
-        BodyModelError: the mesh is not told (``rest``), or is no body in a T-pose.
+        BodyModelError: the rest mesh is missing, or is not a body in a T-pose.
     """
     if contact.topology == model.topology:
         return contact
     if contact.rest is None:
         raise BodyModelError(
-            f"contact on the mesh '{contact.topology}' cannot be carried over to '{model.topology}': give the mesh in "
+            f"contact on the mesh '{contact.topology}' cannot be converted to '{model.topology}': give the mesh in "
             "the T-pose (ContactProbability.rest)"
         )
     carried = find(contact.rest, model).carry(contact.probability[..., None])[..., 0]
@@ -139,8 +151,8 @@ def contact_to_model(contact: ContactProbability, model: BodyModel, find: Find =
     return ContactProbability(carried.astype(contact.probability.dtype), model.topology)
 
 
-def with_joints(bodies: Bodies, model: BodyModel) -> Bodies:
-    """Bodies of a model with the joints where it puts them, and without a mesh: for those who cannot load the model."""
+def add_joints(bodies: Bodies, model: BodyModel) -> Bodies:
+    """Add the posed joints of a body model to its bodies, and remove their mesh."""
     p = bodies.parameters
     given = (torch.from_numpy(np.array(value, np.float32)) for value in (p.betas, p.transl, p.expression))
     with torch.no_grad():
@@ -148,29 +160,30 @@ def with_joints(bodies: Bodies, model: BodyModel) -> Bodies:
     return replace(bodies, joints=joints, mesh=None)
 
 
-def rest_mesh_of(model: BodyModel) -> RestMesh:
-    """The mean body of a model in its T-pose, without what lies in its cavities."""
+def rest_mesh_of_model(model: BodyModel) -> RestMesh:
+    """Return the mesh of the mean body of a model in its T-pose."""
     with torch.no_grad():
         vertices = model(*model.zero_pose()).vertices[0].cpu().numpy()
     return RestMesh(model.topology, vertices, model.faces.cpu().numpy())
 
 
-def _tellable(mesh: Mesh, model: BodyModel) -> bool:
-    """Whether it is known which point of the model's surface each point of the mesh is."""
-    return mesh.rest is not None or _own(mesh, model)
+def _has_correspondence(mesh: Mesh, model: BodyModel) -> bool:
+    """Return whether the correspondence of the mesh to the model's surface can be found."""
+    return mesh.rest is not None or _same_topology(mesh, model)
 
 
-def _own(mesh: Mesh, model: BodyModel) -> bool:
+def _same_topology(mesh: Mesh, model: BodyModel) -> bool:
+    """Return whether the mesh has the model's topology."""
     return mesh.name in (model.topology, model.name) and mesh.vertices.shape[1] == model.num_vertices
 
 
-def _whereabouts(bodies: Bodies, model: BodyModel) -> tuple[Array, Mesh | None]:
-    """Joints (N, 55, 3), NaN where unknown, and the mesh if it tells anything of a model's surface.
+def _joints_and_mesh(bodies: Bodies, model: BodyModel) -> tuple[Array, Mesh | None]:
+    """Return the joints (N, 55, 3), NaN where unknown, and the mesh if it has a known correspondence.
 
     Of the embedded body both follow from its parameters.
     """
     joints = bodies.joints
-    mesh = bodies.mesh if bodies.mesh is not None and _tellable(bodies.mesh, model) else None
+    mesh = bodies.mesh if bodies.mesh is not None and _has_correspondence(bodies.mesh, model) else None
     if bodies.body_model == "embedded" and joints is None and mesh is None:
         from physic_core.body import load_body
 
@@ -178,38 +191,43 @@ def _whereabouts(bodies: Bodies, model: BodyModel) -> tuple[Array, Mesh | None]:
         with torch.no_grad():
             given = (torch.from_numpy(np.array(value, np.float32)) for value in (p.betas, p.transl))
             out = own(rotations_from_parameters(p), *given)
-        rest = rest_mesh_of(own)
+        rest = rest_mesh_of_model(own)
         joints = out.joints.numpy()
         mesh = Mesh(rest.topology, out.vertices.numpy(), rest.faces, rest.vertices)
     if joints is None:
-        return np.full((len(bodies.parameters), 55, 3), np.nan), mesh
+        return np.full((len(bodies.parameters), NUM_JOINTS, 3), np.nan), mesh
     return joints.astype(np.float64), mesh
 
 
-def _by_surface(model: BodyModel, mesh: Mesh, find: Find) -> tuple[Fit, Array]:
-    ids = spread(model)
-    patches = Patches.of(model, ids)
-    if _own(mesh, model):
+def _fit_to_surface(model: BodyModel, mesh: Mesh, find: FindCorrespondence) -> tuple[BodyFit, Array]:
+    """Fit the model to posed meshes; return the fit and the mean distance (N,) in metres."""
+    ids = sample_vertices(model)
+    patches = VertexSample.of(model, ids)
+    if _same_topology(mesh, model):
         points, weights, sigma = mesh.vertices[:, ids].astype(np.float64), np.ones(len(ids)), _OWN_SIGMA_M
     else:
         assert mesh.rest is not None
         map_ = find(RestMesh(mesh.name, mesh.rest, mesh.faces), model).rows(ids)
-        points, weights, sigma = map_.carry(mesh.vertices.astype(np.float64)), map_.sure.astype(np.float64), SIGMA_M
+        points, weights, sigma = (
+            map_.carry(mesh.vertices.astype(np.float64)),
+            map_.sure.astype(np.float64),
+            SURFACE_SIGMA_M,
+        )
     fit = fit_surface(patches, points, np.broadcast_to(weights, points.shape[:2]), sigma_m=sigma)
     start, slopes = patches.linear(fit.world)
     now = start + (slopes @ fit.betas[:, None, :, None])[..., 0] + fit.transl[:, None]
     return fit, (np.linalg.norm(now - points, axis=-1) * weights).sum(1) / max(weights.sum(), 1.0)
 
 
-def _rotvecs(parameters: BodyParameters) -> Array:
-    """(N, 168) all that is a number of a body's pose and place."""
+def _pose_vector(parameters: BodyParameters) -> Array:
+    """Concatenate all pose parameters and the translation to (N, 168)."""
     p = parameters
     poses = (p.global_orient, p.body_pose, p.left_hand_pose, p.right_hand_pose, p.jaw_pose, p.leye_pose, p.reye_pose)
     return np.concatenate([*poses, p.transl], 1).astype(np.float64)
 
 
-def _as_parameters(fit: Fit, model: BodyModel, rows: Bools) -> BodyParameters:
-    """Of all people, NaN for those who were not fitted."""
+def _fit_to_parameters(fit: BodyFit, model: BodyModel, rows: Bools) -> BodyParameters:
+    """Convert a fit to parameters of all people, NaN for those that were not fitted."""
     some = parameters_from_rotations(
         torch.from_numpy(local_from_world(fit.world)),
         torch.from_numpy(fit.betas),
@@ -220,6 +238,7 @@ def _as_parameters(fit: Fit, model: BodyModel, rows: Bools) -> BodyParameters:
 
 
 def _spread_rows(values: NDArray[Numbers], rows: Bools) -> NDArray[Numbers]:
-    whole: NDArray[Numbers] = np.full((len(rows), *values.shape[1:]), np.nan, values.dtype)
-    whole[rows] = values
-    return whole
+    """Insert values into the selected rows of a NaN array."""
+    rows_of_all: NDArray[Numbers] = np.full((len(rows), *values.shape[1:]), np.nan, values.dtype)
+    rows_of_all[rows] = values
+    return rows_of_all

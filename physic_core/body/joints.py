@@ -1,10 +1,10 @@
-"""The 55 joints of SMPL-X in their order, their parents and groups: every body model here uses them."""
+"""Names, parents and indices of the 55 SMPL-X joints, which every body model here uses."""
 
 from __future__ import annotations
 
 from physic_core.types.skeletons import SIDES
 
-__all__ = ["JOINT_INDEX", "JOINT_NAMES", "NUM_JOINTS", "PARENTS", "SIDES", "joint_pair"]
+__all__ = ["FINGER_JOINTS", "JOINT_INDEX", "JOINT_NAMES", "NUM_JOINTS", "PARENTS", "SIDES", "joint_pair"]
 
 _FINGERS = ("index", "middle", "pinky", "ring", "thumb")
 
@@ -42,11 +42,16 @@ JOINT_INDEX: dict[str, int] = {name: i for i, name in enumerate(JOINT_NAMES)}
 
 
 def joint_pair(name: str) -> list[int]:
-    """Indices of the left and the right joint of a pair: ``joint_pair("ankle") == [7, 8]``."""
+    """Return the indices of the left and the right joint of a name: ``joint_pair("ankle") == [7, 8]``."""
     return [JOINT_INDEX[f"{side}_{name}"] for side in SIDES]
 
 
 NUM_JOINTS = len(JOINT_NAMES)
+
+FINGER_JOINTS: tuple[tuple[tuple[int, ...], ...], ...] = tuple(
+    tuple(tuple(JOINT_INDEX[f"{side}_{finger}{k}"] for k in (1, 2, 3)) for finger in _FINGERS) for side in SIDES
+)
+"""(2, 5, 3) indices of the finger joints: side, finger, joint from the base."""
 
 PARENTS: tuple[int, ...] = (
     *(-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 15, 15, 15),

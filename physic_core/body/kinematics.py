@@ -1,4 +1,4 @@
-"""Forward kinematics of the 55-joint tree, and the bind-pose correction of a body whose mesh is not in a T-pose."""
+"""Forward kinematics of the 55-joint tree, including bodies with a bind pose other than the T-pose."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ __all__ = ["Kinematics"]
 
 @dataclass(frozen=True)
 class Kinematics:
-    """Joint positions of a shape, and their rigid motion under a pose.
+    """Rest joints as a linear function of the shape, and forward kinematics.
 
     Attributes:
         template: (J, 3) joints of the mean shape in the bind pose, metres.
-        directions: (D, J * 3) their change with one unit of each shape (then expression) coefficient.
-        bind_rot: (J, 3, 3) world rotation of each bone from the bind pose to the canonical T-pose; None where they
+        directions: (D, J * 3) derivative with respect to each shape (then expression) coefficient.
+        bind_rot: (J, 3, 3) world rotation of each bone from the bind pose to the canonical T-pose; None if they
             are the same.
         ancestors: for each round of pointer doubling the (J + 1,) index of each joint's 2^k-th ancestor, J where there
             is none.
@@ -33,7 +33,7 @@ class Kinematics:
 
     @classmethod
     def build(cls, template: Tensor, directions: Tensor, bind_rot: Tensor | None, parents: Sequence[int]) -> Kinematics:
-        """From (J, 3), (D, J, 3), (J, 3, 3) or None, and J parents (-1 for the root, which is joint 0)."""
+        """Build from joints (J, 3), directions (D, J, 3), bind rotations (J, 3, 3), and J parents (-1 for root 0)."""
         none = len(parents)
         ancestor = [p if p >= 0 else none for p in parents] + [none]
         rounds = []
@@ -44,7 +44,7 @@ class Kinematics:
         return cls(template, directions.flatten(1), bind_rot, tuple(rounds), own_parent)
 
     def to(self, device: torch.device | str | None, dtype: torch.dtype | None) -> Kinematics:
-        """The same on another device, or in another float type."""
+        """Return a copy on another device, or in another float type."""
         return replace(
             self,
             template=self.template.to(device=device, dtype=dtype),
@@ -55,13 +55,13 @@ class Kinematics:
         )
 
     def rest_joints(self, coefficients: Tensor) -> Tensor:
-        """Coefficients (B, up to D) -> joints (B, J, 3) in the bind pose, metres."""
+        """Return the bind-pose joints (B, J, 3), metres, for coefficients (B, up to D)."""
         count = coefficients.shape[-1]
         flat = torch.addmm(self.template.reshape(1, -1), coefficients, self.directions[:count])
         return flat.view(-1, *self.template.shape)
 
     def transforms(self, rotations: Tensor, rest: Tensor) -> tuple[Tensor, Tensor]:
-        """Pose the tree.
+        """Compute the rigid motions of all bones for a pose.
 
         Pointer doubling: after round k every joint holds the product over its 2^k nearest ancestors, so the chain of
         11 levels takes four batched products.

@@ -1,6 +1,6 @@
-"""Named points of a body: where the joints that a pose network detects lie on it.
+"""Keypoints of a skeleton as linear functions of a body's joints and vertices.
 
-A point is a joint of the model, or the mean of a few picked surface vertices. Left is always the body's own left.
+Each keypoint is a joint of the model, or the mean of a few surface vertices. Left is always the body's own left.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from physic_core.errors import BodyModelError
 from physic_core.types import Keypoints
 from physic_core.types.skeletons import Skeleton
 
-__all__ = ["BODY_POINTS", "SURFACE_POINTS", "PointRegressor", "fitted_keypoints", "skeleton_regressor"]
+__all__ = ["BODY_POINTS", "SURFACE_POINTS", "LandmarkRegressor", "keypoints_on_body", "skeleton_regressor"]
 
 _FACE = ("eye", "ear", "eye_inner", "eye_outer", "mouth_corner")
 _HAND = ("thumb_tip", "index_tip", "middle_tip", "ring_tip", "pinky_tip")
@@ -27,14 +27,14 @@ SURFACE_POINTS: tuple[str, ...] = (
     *(f"{side}_{name}_surface" for name in _FACE for side in SIDES),
     *(f"{side}_{name}" for name in (*_HAND, *_FOOT) for side in SIDES),
 )
-"""Points that are picked on the mesh: left and right of each, the nose once."""
+"""Names of landmarks on the mesh: the nose, and left and right of all others."""
 
 BODY_POINTS: tuple[str, ...] = (*JOINT_NAMES, *SURFACE_POINTS)
-"""All points that a :class:`~physic_core.types.skeletons.Skeleton` can refer to."""
+"""Names of all points that a :class:`~physic_core.types.skeletons.Skeleton` can refer to."""
 
 
-def fitted_keypoints(keypoints: Keypoints) -> Keypoints:
-    """The keypoints that bodies have: without those that the skeleton places nowhere on a body."""
+def keypoints_on_body(keypoints: Keypoints) -> Keypoints:
+    """Remove the keypoints that the skeleton does not place on a body."""
     skeleton = keypoints.joint_set
     if len(skeleton.fitted) == len(skeleton):
         return keypoints
@@ -52,11 +52,11 @@ _SHARES_OFF = 1e-6
 
 
 @dataclass(frozen=True)
-class PointRegressor:
-    """A linear map from joints and a few vertices to named points.
+class LandmarkRegressor:
+    """Linear map from joints and a few vertices to named points.
 
     Attributes:
-        vertex_ids: (n,) int64, the vertices that it reads.
+        vertex_ids: (n,) int64, input vertices.
         matrix: (J, 55 + n): each row sums to 1.
     """
 
@@ -64,23 +64,23 @@ class PointRegressor:
     matrix: Tensor
 
     def __call__(self, joints: Tensor, vertices: Tensor) -> Tensor:
-        """Joints (B, 55, 3) and the n vertices (B, n, 3) -> points (B, J, 3)."""
+        """Map joints (B, 55, 3) and the n vertices (B, n, 3) to points (B, J, 3)."""
         return self.matrix @ torch.cat([joints, vertices], 1)
 
-    def to(self, device: torch.device | str | None, dtype: torch.dtype | None) -> PointRegressor:
-        """The regressor on another device, or in another float type."""
-        return PointRegressor(self.vertex_ids.to(device=device), self.matrix.to(device=device, dtype=dtype))
+    def to(self, device: torch.device | str | None, dtype: torch.dtype | None) -> LandmarkRegressor:
+        """Return a copy on another device, or in another float type."""
+        return LandmarkRegressor(self.vertex_ids.to(device=device), self.matrix.to(device=device, dtype=dtype))
 
 
-def skeleton_regressor(skeleton: Skeleton, picks: Mapping[str, Tensor]) -> PointRegressor:
-    """The map from a body to the points of a skeleton, float32 on the CPU.
+def skeleton_regressor(skeleton: Skeleton, picks: Mapping[str, Tensor]) -> LandmarkRegressor:
+    """Build the linear map from a body to the keypoints of a skeleton, float32 on the CPU.
 
     Args:
-        skeleton: all of its points lie on a body, see ``Skeleton.fitted``.
+        skeleton: all of its points must be defined on a body, see ``Skeleton.fitted``.
         picks: name in SURFACE_POINTS -> vertex ids.
 
     Raises:
-        BodyModelError: a point does not lie on a body, or refers to something that a body does not have.
+        BodyModelError: a point is not defined on a body, or refers to an unknown point.
     """
     blend, names = _blend(skeleton)
     points = _regressor(names, picks)
@@ -88,7 +88,7 @@ def skeleton_regressor(skeleton: Skeleton, picks: Mapping[str, Tensor]) -> Point
 
 
 def _blend(skeleton: Skeleton) -> tuple[Tensor, list[str]]:
-    """(J, P) rows that sum to 1: the skeleton's points from P points of the body; and the names of those."""
+    """Return the (J, P) weights of P body points for each keypoint, with rows that sum to 1, and the P names."""
     used = [other for blend in skeleton.on_body.values() for other in blend]
     names = list(dict.fromkeys(name for name in (*skeleton.names, *used) if name in BODY_POINTS))
     column = {name: i for i, name in enumerate(names)}
@@ -106,6 +106,7 @@ def _blend(skeleton: Skeleton) -> tuple[Tensor, list[str]]:
 
 
 def _check_place(skeleton: str, name: str, shares: Mapping[str, float]) -> None:
+    """Raise BodyModelError if a keypoint has no valid definition on the body."""
     if strange := [other for other in shares if other not in BODY_POINTS]:
         raise BodyModelError(
             f"the point {name!r} of the skeleton {skeleton!r} refers to {', '.join(strange)}, which no body has: "
@@ -118,8 +119,8 @@ def _check_place(skeleton: str, name: str, shares: Mapping[str, float]) -> None:
         )
 
 
-def _regressor(names: list[str], picks: Mapping[str, Tensor]) -> PointRegressor:
-    """(P, 55 + n): points of the body from its joints and the n vertices of its surface points."""
+def _regressor(names: list[str], picks: Mapping[str, Tensor]) -> LandmarkRegressor:
+    """Return the map from joints and n vertices to the named body points, matrix (P, 55 + n)."""
     groups = [picks[name].cpu() for name in names if name not in JOINT_INDEX]
     ids = torch.cat(groups) if groups else torch.zeros(0, dtype=torch.int64)
     matrix = torch.zeros(len(names), NUM_JOINTS + len(ids))
@@ -131,4 +132,4 @@ def _regressor(names: list[str], picks: Mapping[str, Tensor]) -> PointRegressor:
             count = len(picks[name])
             matrix[row, start : start + count] = 1.0 / count
             start += count
-    return PointRegressor(ids, matrix)
+    return LandmarkRegressor(ids, matrix)

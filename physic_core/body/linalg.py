@@ -1,7 +1,6 @@
-"""Matrix products and solutions of NumPy arrays by torch, so that they use torch's number of threads.
+"""Matrix products and Cholesky solutions of NumPy arrays with torch, to use torch's number of threads.
 
-NumPy's BLAS uses a thread per core, whatever torch is set to. At the sizes of one body these threads only wait for each
-other.
+NumPy's BLAS uses one thread per core. For matrices of the size of a body, such threads only wait for each other.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ Real = TypeVar("Real", bound=np.floating[Any])
 
 
 def matmul(a: NDArray[Real], b: NDArray[Real]) -> NDArray[Real]:
-    """``a @ b``; both arrays have the same float type."""
+    """Return ``a @ b`` for arrays of the same float type."""
     left, right = (torch.from_numpy(np.require(array, requirements="W")) for array in (a, b))
     found: NDArray[Real] = torch.matmul(left, right).numpy()
     return found

@@ -1,4 +1,4 @@
-"""One linear-blend-skinning body for both assets: the embedded body and a user's own SMPL-X file."""
+"""Body model with linear blend skinning, for the embedded body and for SMPL-X files."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from torch import Tensor
 
 from physic_core.body.joints import JOINT_NAMES, NUM_JOINTS, PARENTS
 from physic_core.body.kinematics import Kinematics
-from physic_core.body.landmarks import PointRegressor, skeleton_regressor
-from physic_core.body.posing import Tree, pose_points
+from physic_core.body.landmarks import LandmarkRegressor, skeleton_regressor
+from physic_core.body.posing import JointTree, pose_vertices
 from physic_core.body.skinning import Skin
 from physic_core.errors import BodyModelError
 from physic_core.geometry.coarse_mesh import CoarseMesh, coarse_mesh
@@ -27,10 +27,10 @@ _COARSE_M = 0.02
 
 @dataclass(frozen=True, eq=False)
 class BodyOutput(ShortRepr):
-    """Posed bodies, metres, in the frame of the root rotation and the translation.
+    """Vertices, joints and bone rotations of posed bodies, metres.
 
     Attributes:
-        vertices: (B, V, 3); (B, n, 3) where only n vertices were asked for; (B, 0, 3) with joints alone.
+        vertices: (B, V, 3); (B, n, 3) for a subset of n vertices; (B, 0, 3) for joints only.
         joints: (B, 55, 3).
         world: (B, 55, 3, 3) rotation of each bone against the T-pose.
     """
@@ -42,26 +42,26 @@ class BodyOutput(ShortRepr):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BodyModel:
-    """A body in SMPL-X joint order and pose convention: zero rotations are a T-pose, y up, facing +z, left on +x.
+    """Body model with SMPL-X joints: zero rotations are a T-pose, y up, facing +z, left on +x.
 
     The root turns about the pelvis joint and ``transl`` is added after posing. Everything is differentiable; the float
     type and the device are those of the asset (:meth:`to`).
 
     Attributes:
-        name: "embedded" or "smplx"; parameters of one are never valid for the other.
+        name: "embedded" or "smplx"; their parameters are not interchangeable.
         topology: name of the mesh, "physic-embedded-1" or "smplx".
         faces: (F, 3) int64, counter-clockwise seen from outside.
         num_betas: K, how many shape components it takes.
         num_expression: E, how many expression components it takes.
         part_names: names of the body parts.
         part_of_vertex: (V,) int64, index into ``part_names``.
-        contact_sets: name -> (n,) int64 vertex ids that usually touch the world.
-        outer: (V,) bool, False in the cavities of mouth, nose and eyes: leave those out of contact terms.
-        kinematics: joints of a shape and their motion.
-        skin: vertices of a shape; rows of its directions are shape, expression, then pose correctives.
-        surface_points: landmark -> (n,) int64 ids of the vertices whose mean it is.
+        contact_sets: name -> (n,) int64 vertex ids that often are in contact with the scene.
+        outer: (V,) bool, False in the cavities of mouth, nose and eyes, which have no contact.
+        kinematics: rest joints and forward kinematics.
+        skin: blend shapes and skinning weights; the directions are shape, expression, then pose correctives.
+        surface_points: landmark -> (n,) int64 vertex ids; the landmark is their mean.
         extremes: (n,) int64 vertices that can be the highest or the lowest point in the T-pose.
-        regressors: skeletons whose points the asset itself defines; those of others follow from ``surface_points``.
+        regressors: skeletons that the asset defines; those of others follow from ``surface_points``.
         info: source and licence of the asset, in words.
         joint_names: 55 names in SMPL-X order.
         parents: index of each joint's parent, -1 for the pelvis.
@@ -80,7 +80,7 @@ class BodyModel:
     skin: Skin
     surface_points: Mapping[str, Tensor]
     extremes: Tensor
-    regressors: Mapping[Skeleton, PointRegressor] = field(default_factory=dict)
+    regressors: Mapping[Skeleton, LandmarkRegressor] = field(default_factory=dict)
     info: str = ""
     joint_names: tuple[str, ...] = JOINT_NAMES
     parents: tuple[int, ...] = PARENTS
@@ -92,7 +92,7 @@ class BodyModel:
 
     @property
     def num_vertices(self) -> int:
-        """V."""
+        """Number of vertices V."""
         return self.skin.num_vertices
 
     @property
@@ -107,18 +107,18 @@ class BodyModel:
 
     @cached_property
     def faces_around(self) -> Tensor:
-        """(V, most) int64, the faces that meet at each vertex, filled up with F."""
+        """(V, most) int64 indices of the faces at each vertex, padded with F."""
         return faces_around(self.faces, self.num_vertices)
 
     @cached_property
     def coarse(self) -> CoarseMesh:
-        """A quarter of the vertices, 2 cm apart: for what hides what."""
-        # On the CPU sums have one order, so that the same vertices are taken every time.
+        """Decimated mesh with a quarter of the vertices, 2 cm apart, for visibility tests."""
+        # Sums on the CPU have a fixed order, so the result is deterministic.
         template, faces, part = (t.cpu() for t in (self.skin.template.T, self.faces, self.part_of_vertex))
         return coarse_mesh(template, faces, part, _COARSE_M).to(self.device)
 
     def to(self, device: torch.device | str | None = None, dtype: torch.dtype | None = None) -> BodyModel:
-        """The same body on another device, or in another float type."""
+        """Return a copy on another device, or in another float type."""
         return replace(
             self,
             faces=self.faces.to(device=device),
@@ -142,13 +142,13 @@ class BodyModel:
         vertex_ids: Tensor | None = None,
         joints_only: bool = False,
     ) -> BodyOutput:
-        """Pose B bodies.
+        """Pose B bodies and return their vertices and joints.
 
         Args:
             rotations: (B, 55, 3, 3) of each joint relative to its parent.
             betas: (B, K) shape.
             transl: (B, 3) metres.
-            expression: (B, E); zero where None.
+            expression: (B, E); None for zero.
             vertex_ids: (n,) int64, to pose only these vertices. To pose the same few many times use
                 :meth:`landmarks_only`, which gathers them once.
             joints_only: leave the vertices out.
@@ -161,13 +161,13 @@ class BodyModel:
         return _pose(self.kinematics, skin, self.num_expression, rotations, betas, transl, expression)
 
     def zero_pose(self, batch: int = 1) -> tuple[Tensor, Tensor, Tensor]:
-        """Rotations (B, 55, 3, 3), betas (B, K) and transl (B, 3) of the mean body in its T-pose."""
+        """Return rotations (B, 55, 3, 3), betas (B, K) and transl (B, 3) of the mean body in its T-pose."""
         like = self.skin.template
         eye = torch.eye(3, dtype=like.dtype, device=like.device)
         return eye.repeat(batch, NUM_JOINTS, 1, 1), like.new_zeros(batch, self.num_betas), like.new_zeros(batch, 3)
 
-    def regressor(self, skeleton: Skeleton | str) -> PointRegressor:
-        """The linear map from joints and vertices to the points of a skeleton, or of a standard one by its name.
+    def regressor(self, skeleton: Skeleton | str) -> LandmarkRegressor:
+        """Return the linear map from joints and vertices to the keypoints of a skeleton.
 
         Raises:
             BodyModelError: no standard skeleton has this name, or a point does not lie on a body.
@@ -181,14 +181,14 @@ class BodyModel:
         return found.to(self.device, self.dtype)
 
     def landmarks(self, output: BodyOutput, skeleton: Skeleton | str) -> Tensor:
-        """Points (B, J, 3) of a skeleton, in the frame and unit of ``output``.
+        """Return the keypoints (B, J, 3) of a skeleton on posed bodies, metres.
 
         Args:
             output: with all vertices.
             skeleton: or the name of a standard one.
 
         Raises:
-            BodyModelError: as :meth:`regressor`, or the output lacks vertices.
+            BodyModelError: as :meth:`regressor`, or vertices are missing in the output.
         """
         regressor = self.regressor(skeleton)
         if output.vertices.shape[1] != self.num_vertices:
@@ -199,7 +199,7 @@ class BodyModel:
         return regressor(output.joints, output.vertices.index_select(1, regressor.vertex_ids))
 
     def landmarks_only(self, skeletons: Sequence[Skeleton | str], vertex_ids: Tensor | None = None) -> LandmarkModel:
-        """A model that poses only what some skeletons need: for fits that run many steps.
+        """Return a model that poses only the keypoints of some skeletons, for iterative fits.
 
         Args:
             skeletons: or names of standard ones.
@@ -212,19 +212,21 @@ class BodyModel:
         regressors = {skeleton: self.regressor(skeleton) for skeleton in skeletons}
         wanted = torch.cat([extra, *(r.vertex_ids for r in regressors.values())])
         sizes = [len(extra), *(len(r.vertex_ids) for r in regressors.values())]
-        return LandmarkModel(self, self.skin.subset(wanted), regressors, tuple(sizes), Tree(self.kinematics))
+        return LandmarkModel(self, self.skin.subset(wanted), regressors, tuple(sizes), JointTree(self.kinematics))
 
     def stature(self, betas: Tensor) -> Tensor:
-        """Height (B,) in metres from the lowest sole to the crown, of shapes (B, K) standing in the T-pose."""
+        """Return the height (B,) in metres of betas (B, K) in the T-pose, from soles to crown."""
         rotations, _, transl = self.zero_pose(len(betas))
         output = self(rotations, betas, transl, vertex_ids=self.extremes)
         height = output.vertices[..., 1]
         return height.amax(1) - height.amin(1)
 
     def _skin_of(self, vertex_ids: Tensor | None) -> Skin:
+        """Return the skin of all vertices or of a subset."""
         return self.skin if vertex_ids is None else self.skin.subset(vertex_ids)
 
     def _check(self, rotations: Tensor, betas: Tensor, transl: Tensor, expression: Tensor | None) -> None:
+        """Raise BodyModelError if a parameter has the wrong shape."""
         batch = len(rotations)
         wanted = [
             ("rotations", rotations, (batch, NUM_JOINTS, 3, 3)),
@@ -243,26 +245,26 @@ class BodyModel:
 
 @dataclass(frozen=True, eq=False)
 class LandmarkModel:
-    """Poses joints, joint sets and a few vertices of a body; made by :meth:`BodyModel.landmarks_only`.
+    """Body model that poses only joints, keypoints and a few vertices.
 
     Attributes:
-        body: the whole model.
-        skin: the vertices that are posed: those asked for besides, then those of each joint set.
+        body: the complete model.
+        skin: the posed vertices: first ``vertex_ids``, then those of each skeleton.
         regressors: skeleton -> its points from joints and its vertices.
-        sizes: how many vertices each of these is.
-        tree: of the body's joints.
+        sizes: numbers of vertices of these groups.
+        tree: matrices of the joint tree.
     """
 
     body: BodyModel
     skin: Skin
-    regressors: Mapping[Skeleton | str, PointRegressor]
+    regressors: Mapping[Skeleton | str, LandmarkRegressor]
     sizes: tuple[int, ...]
-    tree: Tree
+    tree: JointTree
 
     def __call__(
         self, rotations: Tensor, betas: Tensor, transl: Tensor, expression: Tensor | None = None
     ) -> dict[Skeleton | str, Tensor]:
-        """Pose B bodies, arguments as of :meth:`BodyModel.__call__`; differentiable once.
+        """Pose B bodies, with arguments as in :meth:`BodyModel.__call__`; differentiable once.
 
         Returns:
             Skeleton, as it was given -> (B, J, 3) metres; also "joints" (B, 55, 3), and "vertices" (B, n, 3) of
@@ -270,7 +272,7 @@ class LandmarkModel:
         """
         self.body._check(rotations, betas, transl, expression)
         shape = _coefficients(self.body.num_expression, betas, expression)
-        posed, joints = pose_points(self.body.kinematics, self.tree, self.skin, rotations, shape, transl)
+        posed, joints = pose_vertices(self.body.kinematics, self.tree, self.skin, rotations, shape, transl)
         vertices, *groups = torch.split(posed, list(self.sizes), dim=1)
         points = {
             name: regressor(joints, group)
@@ -288,6 +290,7 @@ def _pose(
     transl: Tensor,
     expression: Tensor | None,
 ) -> BodyOutput:
+    """Pose bodies by linear blend skinning."""
     batch = len(rotations)
     coefficients = _coefficients(num_expression, betas, expression)
     world, skinning = kinematics.transforms(rotations, kinematics.rest_joints(coefficients))
@@ -302,7 +305,7 @@ def _pose(
 
 
 def _coefficients(num_expression: int, betas: Tensor, expression: Tensor | None) -> Tensor:
-    """(B, K + E)."""
+    """Concatenate betas and expression to (B, K + E)."""
     if not num_expression:
         return betas
     return torch.cat([betas, betas.new_zeros(len(betas), num_expression) if expression is None else expression], 1)

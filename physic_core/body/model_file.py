@@ -1,6 +1,6 @@
-"""Reads a user's own SMPL or MANO file, ``.npz`` or the ``.pkl`` that it is published as, without running it.
+"""Read a user's SMPL or MANO file, ``.npz`` or the published ``.pkl``, without running code in it.
 
-Shapes and types are compared with the layout before memory is taken for the numbers.
+Shapes and types are checked before memory for the data is allocated.
 """
 
 from __future__ import annotations
@@ -14,20 +14,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from physic_core.body.array_archive import Header, archived_header, archived_numbers
-from physic_core.body.array_pickle import ArrayError, RefusedError, StandIn, as_array, read_pickle, shown
+from physic_core.body.array_pickle import (
+    InvalidArrayError,
+    PickledObject,
+    UnsafePickleError,
+    as_array,
+    printable,
+    read_pickle,
+)
+from physic_core.body.npz_reader import ArrayHeader, read_array, read_header
 from physic_core.errors import BodyModelError
 
-__all__ = ["MANO", "SMPL", "Layout", "check_numbers", "read_model"]
+__all__ = ["MANO", "SMPL", "ModelFileLayout", "check_values", "read_model_file"]
 
 _MOST_BETAS = 300
 _NAMES = {10475: "a SMPL-X", 6890: "a SMPL", 778: "a MANO", 5023: "a FLAME"}
-"""Vertices -> whose file it is."""
+"""Number of vertices -> family of the body model."""
 
 
 @dataclass(frozen=True)
-class Layout:
-    """What is in the files of one family of body models.
+class ModelFileLayout:
+    """Arrays and shapes in the files of one family of body models.
 
     Attributes:
         name: of the family, "SMPL".
@@ -47,7 +54,7 @@ class Layout:
 
     @property
     def shapes(self) -> dict[str, tuple[int | None, ...]]:
-        """Array -> its shape; None are the shape components, of which files have 10 to 300."""
+        """Name of each array -> its shape; None is the number of shape components, 10 to 300."""
         return {
             "v_template": (self.vertices, 3),
             "f": (self.faces, 3),
@@ -60,7 +67,7 @@ class Layout:
         }
 
 
-SMPL = Layout(
+SMPL = ModelFileLayout(
     "SMPL",
     6890,
     13776,
@@ -69,7 +76,7 @@ SMPL = Layout(
     "give the path of an official SMPL file, for example SMPL_NEUTRAL.npz or "
     "basicmodel_neutral_lbs_10_207_0_v1.1.0.pkl",
 )
-MANO = Layout(
+MANO = ModelFileLayout(
     "MANO",
     778,
     1538,
@@ -79,8 +86,8 @@ MANO = Layout(
 )
 
 
-def read_model(path: Path, layout: Layout) -> dict[str, NDArray[Any]]:
-    """The arrays of a file, of the types that it holds them in.
+def read_model_file(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[Any]]:
+    """Read and check the arrays of a body model file.
 
     Raises:
         BodyModelError: there is no such file, it is none of this layout, or what it holds does not fit together.
@@ -88,12 +95,12 @@ def read_model(path: Path, layout: Layout) -> dict[str, NDArray[Any]]:
     if not path.is_file():
         raise BodyModelError(f"there is no body model file {path}: {layout.advice}")
     arrays = _from_npz(path, layout) if zipfile.is_zipfile(path) else _from_pickle(path, layout)
-    check_numbers(path, arrays, layout.vertices, layout.joints, layout.advice)
+    check_values(path, arrays, layout.vertices, layout.joints, layout.advice)
     return arrays
 
 
-def check_numbers(path: Path, arrays: Mapping[str, NDArray[Any]], vertices: int, joints: int, advice: str) -> None:
-    """Of finite numbers, faces of vertices that there are, and joints whose parents are joints.
+def check_values(path: Path, arrays: Mapping[str, NDArray[Any]], vertices: int, joints: int, advice: str) -> None:
+    """Check that arrays are finite, and that face and parent indices are in range.
 
     Raises:
         BodyModelError: the file at ``path`` holds others.
@@ -108,8 +115,8 @@ def check_numbers(path: Path, arrays: Mapping[str, NDArray[Any]], vertices: int,
             raise BodyModelError(f"{path}: {name} holds {wrong.flat[0]}, not an index below {end}: {advice}")
 
 
-def _check(path: Path, layout: Layout, found: Mapping[str, Header | NDArray[Any]]) -> None:
-    """Of shapes and types.
+def _check(path: Path, layout: ModelFileLayout, found: Mapping[str, ArrayHeader | NDArray[Any]]) -> None:
+    """Raise BodyModelError if arrays are missing or have wrong shapes or types.
 
     Raises:
         BodyModelError: the file has others.
@@ -125,11 +132,11 @@ def _check(path: Path, layout: Layout, found: Mapping[str, Header | NDArray[Any]
     for name, shape in layout.shapes.items():
         array = found[name]
         if array.dtype.kind not in "fiu":
-            raise BodyModelError(f"{path}: {name} holds {shown(str(array.dtype))}, not numbers: {advice}")
+            raise BodyModelError(f"{path}: {name} holds {printable(str(array.dtype))}, not numbers: {advice}")
         fits = len(array.shape) == len(shape)
         if not fits or any(s is not None and s != n for s, n in zip(shape, array.shape, strict=True)):
             wanted = str(shape).replace("None", "10 or more")
-            raise BodyModelError(f"{path}: {name} must be {wanted}, got {shown(str(array.shape))}: {advice}")
+            raise BodyModelError(f"{path}: {name} must be {wanted}, got {printable(str(array.shape))}: {advice}")
     columns = found["shapedirs"].shape[2]
     if columns < 10:
         raise BodyModelError(f"{path}: shapedirs has {columns} columns, where {layout.name} has 10: {advice}")
@@ -139,31 +146,33 @@ def _check(path: Path, layout: Layout, found: Mapping[str, Header | NDArray[Any]
         )
 
 
-def _from_npz(path: Path, layout: Layout) -> dict[str, NDArray[Any]]:
+def _from_npz(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[Any]]:
+    """Read the arrays of an ``.npz`` file."""
     try:
         with zipfile.ZipFile(path) as archive:
             there = set(archive.namelist())
             names = [name for name in layout.shapes if f"{name}.npy" in there]
-            headers = {name: archived_header(archive, name) for name in names}
+            headers = {name: read_header(archive, name) for name in names}
             if any(header.dtype.hasobject for header in headers.values()):
                 raise BodyModelError(f"{path} holds a pickled object where numbers belong: {layout.advice}")
             _check(path, layout, headers)
-            return {name: archived_numbers(archive, name) for name in names}
+            return {name: read_array(archive, name) for name in names}
     except BodyModelError:
         raise
     except Exception as error:  # of zipfile, its compressors and numpy, which have many
         raise BodyModelError(f"{path} cannot be read, the file is damaged: copy or download it again") from error
 
 
-def _from_pickle(path: Path, layout: Layout) -> dict[str, NDArray[Any]]:
+def _from_pickle(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[Any]]:
+    """Read the arrays of a pickle without running code."""
     try:
         found = read_pickle(path)
-    except RefusedError as error:
+    except UnsafePickleError as error:
         raise BodyModelError(
             f"{path} is a pickle that asks for '{error}', which no {layout.name} file holds and which could run code: "
             f"it is not opened; {layout.advice}"
         ) from error
-    except ArrayError as error:
+    except InvalidArrayError as error:
         raise BodyModelError(f"{path} {error}: {layout.advice}") from error
     except Exception as error:  # a pickle that is none can fail in any way
         raise BodyModelError(
@@ -171,10 +180,10 @@ def _from_pickle(path: Path, layout: Layout) -> dict[str, NDArray[Any]]:
         ) from error
     arrays = {}
     for name in layout.shapes:
-        if isinstance(found.get(name), StandIn):
+        if isinstance(found.get(name), PickledObject):
             try:
                 arrays[name] = as_array(found[name])
-            except ArrayError as error:
+            except InvalidArrayError as error:
                 raise BodyModelError(f"{path}: {name} {error}: {layout.advice}") from error
     _check(path, layout, arrays)
     return arrays

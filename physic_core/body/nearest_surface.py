@@ -1,4 +1,4 @@
-"""The nearest point of a mesh to each of many points, on triangles that face the same way."""
+"""Find the nearest points on a mesh with similar normals."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from scipy.spatial import cKDTree
 
 from physic_core.body.rotations import cross, unit
 
-__all__ = ["OnSurface", "Surface"]
+__all__ = ["SurfaceIndex", "SurfacePoints"]
 
 Array = NDArray[np.float64]
 
 _NORMAL_M = 0.05
-"""Metres that stand for a normal turned by a radian, when the nearest triangle is sought."""
+"""Distance in metres that counts as much as one radian between normals."""
 _CANDIDATES = 12
-"""Triangles that are looked at for each point, those with the nearest middles first."""
+"""Number of triangles with the nearest centres that are tested for each point."""
 
 
 @dataclass(frozen=True)
-class OnSurface:
-    """Points of a mesh.
+class SurfacePoints:
+    """Points on the triangles of a mesh, in barycentric coordinates.
 
     Attributes:
         face: (n,) int64.
         shares: (n, 3) of its three corners, not negative, with sum 1.
-        distance: (n,) metres from the point that was asked about.
+        distance: (n,) metres from the query point.
         facing: (n,) cosine between the normals.
     """
 
@@ -37,8 +37,8 @@ class OnSurface:
     facing: Array
 
 
-class Surface:
-    """A mesh to be searched.
+class SurfaceIndex:
+    """Search tree over the triangles of a mesh.
 
     Args:
         vertices: (V, 3) metres.
@@ -52,22 +52,22 @@ class Surface:
         self.normals = unit(cross(b - a, c - a))
         self._tree = cKDTree(np.concatenate([self._corners.mean(1), _NORMAL_M * self.normals], 1))
 
-    def nearest(self, points: Array, normals: Array) -> OnSurface:
-        """Nearest points to ``points`` (n, 3) of a surface with unit ``normals`` (n, 3)."""
+    def nearest(self, points: Array, normals: Array) -> SurfacePoints:
+        """Find the nearest surface points for ``points`` (n, 3) with unit ``normals`` (n, 3)."""
         features = np.concatenate([points, _NORMAL_M * normals], 1)
         _, candidates = self._tree.query(features, k=min(_CANDIDATES, len(self.faces)))
         candidates = candidates.reshape(len(points), -1)
-        shares = closest_shares(self._corners[candidates], points[:, None])
+        shares = closest_barycentric(self._corners[candidates], points[:, None])
         touched = (shares[..., None] * self._corners[candidates]).sum(-2)
         apart = np.linalg.norm(touched - points[:, None], axis=-1)
         facing = (self.normals[candidates] * normals[:, None]).sum(-1)
         best = (apart + _NORMAL_M * (1 - facing)).argmin(1)
         row = np.arange(len(points))
-        return OnSurface(candidates[row, best], shares[row, best], apart[row, best], facing[row, best])
+        return SurfacePoints(candidates[row, best], shares[row, best], apart[row, best], facing[row, best])
 
 
-def closest_shares(corners: Array, points: Array) -> Array:
-    """Shares (..., 3) of the corners (..., 3, 3) of triangles in their nearest points to ``points`` (..., 3)."""
+def closest_barycentric(corners: Array, points: Array) -> Array:
+    """Return barycentric coordinates (..., 3) of the points of triangles (..., 3, 3) nearest to ``points`` (..., 3)."""
     a, b, c = (corners[..., k, :] for k in range(3))
     first, second, there = b - a, c - a, points - a
 
@@ -80,7 +80,7 @@ def closest_shares(corners: Array, points: Array) -> Array:
     area = np.maximum(d11 * d22 - d12 * d12, 1e-30)
     v, w = (d22 * d1 - d12 * d2) / area, (d11 * d2 - d12 * d1) / area
     inside = (v >= 0) & (w >= 0) & (v + w <= 1)
-    # Else it lies on the nearest of the three edges.
+    # Otherwise it is on the nearest edge.
     along = [
         np.clip(d1 / np.maximum(d11, 1e-30), 0, 1),
         np.clip(d2 / np.maximum(d22, 1e-30), 0, 1),

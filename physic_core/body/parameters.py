@@ -1,4 +1,4 @@
-"""SMPL-X-named parameters in files and at the border of plugins, rotation matrices inside: the way between them."""
+"""Convert between BodyParameters (rotation vectors) and rotation matrices."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ _ROTATION_FIELDS: tuple[tuple[str, int], ...] = (
     ("left_hand_pose", 15),
     ("right_hand_pose", 15),
 )
-"""Field of BodyParameters and how many joints it holds, in joint order."""
+"""Fields of BodyParameters and their numbers of joints, in joint order."""
 
 
 def rotations_from_parameters(
     parameters: BodyParameters, device: torch.device | str = "cpu", dtype: torch.dtype = torch.float32
 ) -> Tensor:
-    """Rotation matrices (N, 55, 3, 3) of every joint relative to its parent.
+    """Return rotation matrices (N, 55, 3, 3) of every joint relative to its parent.
 
     Raises:
-        BodyModelError: a field has not 3 numbers a joint.
+        BodyModelError: a field does not have 3 numbers per joint.
     """
     rows = len(parameters)
     columns = []
@@ -42,7 +42,7 @@ def rotations_from_parameters(
                 f"{name} must be ({rows}, {3 * count}), got {tuple(value.shape)}:"
                 f" give a rotation vector in radians for each of its {count} joints"
             )
-        # A plugin may answer a view: backwards in memory, or not to be written to.
+        # An array of a plugin may be a view with negative strides, or read-only.
         own = torch.from_numpy(np.require(value, requirements=["C", "W"]))
         columns.append(own.to(device=device, dtype=dtype).view(rows, count, 3))
     matrices: Tensor = roma.rotvec_to_rotmat(torch.cat(columns, 1))
@@ -52,7 +52,7 @@ def rotations_from_parameters(
 def parameters_from_rotations(
     rotations: Tensor, betas: Tensor, expression: Tensor | None, transl: Tensor
 ) -> BodyParameters:
-    """The inverse, as float32 numpy.
+    """Convert rotation matrices, shape and translation to BodyParameters, float32 NumPy.
 
     Args:
         rotations: (N, 55, 3, 3).

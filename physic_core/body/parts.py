@@ -1,7 +1,7 @@
-"""Which part of the body a vertex belongs to, and which vertex sets usually touch the world.
+"""Body part of each vertex, and vertex sets that often are in contact with the scene.
 
-Parts come from skinning weights, contact sets from the geometry of the T-pose (after the idea of PROX: feet, thighs,
-gluteus, back, hands). Both work for any mesh in SMPL-X layout.
+Parts follow from skinning weights, contact sets from the geometry of the T-pose (as in PROX: feet, thighs, gluteus,
+back, hands). Both work for any mesh with SMPL-X joints.
 """
 
 from __future__ import annotations
@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES, SIDES
-from physic_core.body.rest_mesh import RestMesh
+from physic_core.body.tpose_mesh import TPoseMesh
 
-__all__ = ["CONTACT_SETS", "PART_NAMES", "contact_sets", "label_parts"]
+__all__ = ["CONTACT_SETS", "PART_NAMES", "find_contact_sets", "label_parts"]
 
 _LIMBS = ("upper_arm", "lower_arm", "hand", "upper_leg", "lower_leg", "foot")
 
 PART_NAMES: tuple[str, ...] = ("torso", "head", *(f"{side}_{limb}" for limb in _LIMBS for side in SIDES))
-"""The trunk with the pelvis, the head with the neck, and six parts a side."""
+"""Names of the parts: torso with pelvis, head with neck, and six parts on each side."""
 
 CONTACT_SETS: tuple[str, ...] = (
     *(f"{side}_{name}" for name in ("sole", "foot", "hand") for side in SIDES),
@@ -25,16 +25,16 @@ CONTACT_SETS: tuple[str, ...] = (
     "gluteus",
     "back",
 )
-"""Names of the vertex sets: soles and their rims, soles with the lower half of the feet, palms and fingers, undersides
-of the thighs, seat, back."""
+"""Names of the sets: soles, soles with lower half of the feet, palms and fingers, underside of thighs, seat, back."""
 
 _SOLE_DEPTH = 0.02
-"""Metres over the lowest point of a foot that still count as its sole, where the surface faces down."""
+"""Maximum height of a downward-facing sole vertex over the lowest point of the foot, metres."""
 _FOOT_DEPTH = 0.045
-"""Metres over the lowest point of a foot that count as its lower half."""
+"""Maximum height of the lower half of a foot over its lowest point, metres."""
 
 
 def _part_of_joint(name: str) -> str:
+    """Return the name of the body part of a joint."""
     side, _, rest = name.partition("_")
     limb = {
         "hip": "upper_leg",
@@ -51,7 +51,7 @@ def _part_of_joint(name: str) -> str:
 
 
 def label_parts(weights: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Skinning weights (V, 55) -> the part of each vertex (V,), an index into PART_NAMES: the one with most weight."""
+    """Return the body part (V,) with the largest sum of skinning weights (V, 55), as an index into PART_NAMES."""
     member = np.zeros((len(JOINT_NAMES), len(PART_NAMES)))
     for joint, name in enumerate(JOINT_NAMES):
         member[joint, PART_NAMES.index(_part_of_joint(name))] = 1.0
@@ -59,8 +59,8 @@ def label_parts(weights: NDArray[np.float64]) -> NDArray[np.int64]:
     return labels
 
 
-def contact_sets(mesh: RestMesh) -> dict[str, NDArray[np.int64]]:
-    """Name in CONTACT_SETS -> vertex ids, ascending, cavities left out."""
+def find_contact_sets(mesh: TPoseMesh) -> dict[str, NDArray[np.int64]]:
+    """Return the vertex ids of each set in CONTACT_SETS, ascending, without cavities."""
     part = label_parts(mesh.weights)
     x, y = mesh.vertices[:, 0], mesh.vertices[:, 1]
     down, back = -mesh.normals[:, 1], -mesh.normals[:, 2]

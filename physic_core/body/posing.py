@@ -1,7 +1,7 @@
-"""Posing a few vertices with one hand-written derivative, for fits that pose the same ones a hundred times.
+"""Pose a few vertices, with a hand-written gradient for iterative fits.
 
-The same numbers as kinematics and skinning give through autograd, and their gradient in a fifth of the operations:
-along the tree it is two products with the matrix of who descends from whom, since all is written in the common frame.
+Values are the same as with kinematics, skinning and autograd; the gradient takes a fifth of the operations. In world
+coordinates, the gradient along the tree is two products with the descendant matrix.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from torch.autograd.function import once_differentiable
 from physic_core.body.kinematics import Kinematics
 from physic_core.body.skinning import Skin
 
-__all__ = ["Tree", "pose_points"]
+__all__ = ["JointTree", "pose_vertices"]
 
 
-class Tree:
-    """Who hangs on whom, as matrices.
+class JointTree:
+    """Matrices of the joint tree.
 
     Attributes:
         family: (J, J), 1 where column d is row j or one of its descendants.
@@ -42,15 +42,15 @@ class Tree:
         self.incidence = eye - eye[parents] * (torch.arange(len(parents), device=like.device) > 0)[:, None]
 
 
-def pose_points(
-    kinematics: Kinematics, tree: Tree, skin: Skin, rotations: Tensor, coefficients: Tensor, transl: Tensor
+def pose_vertices(
+    kinematics: Kinematics, tree: JointTree, skin: Skin, rotations: Tensor, coefficients: Tensor, transl: Tensor
 ) -> tuple[Tensor, Tensor]:
-    """Pose B bodies; once differentiable, at rotations that are rotations.
+    """Pose B bodies; differentiable once, with respect to rotations on SO(3).
 
     Args:
         kinematics: joints of a shape and their motion.
         tree: of these joints.
-        skin: the n vertices to pose; what its directions have beyond the coefficients are pose correctives.
+        skin: the n vertices to pose; directions beyond the coefficients are pose correctives.
         rotations: (B, J, 3, 3).
         coefficients: (B, D) of shape and expression.
         transl: (B, 3) metres.
@@ -63,6 +63,8 @@ def pose_points(
 
 
 class _Pose(torch.autograd.Function):
+    """Autograd function of :func:`pose_vertices`."""
+
     @staticmethod
     def forward(
         ctx: Any,
@@ -70,7 +72,7 @@ class _Pose(torch.autograd.Function):
         coefficients: Tensor,
         transl: Tensor,
         kinematics: Kinematics,
-        tree: Tree,
+        tree: JointTree,
         skin: Skin,
     ) -> tuple[Tensor, Tensor]:
         batch, count = len(rotations), skin.num_vertices
@@ -100,14 +102,14 @@ class _Pose(torch.autograd.Function):
         by_vertex, by_joint = gradients[0].transpose(1, 2).contiguous(), gradients[1]
         by_transl = by_vertex.sum(-1) + by_joint.sum(1)
 
-        # Skinning: of the bones' motions (B, J, 3, 4), and of the shaped vertices.
+        # Skinning: gradients of the bone motions (B, J, 3, 4) and of the shaped vertices.
         by_column = (by_vertex[:, None] * shaped).view(batch * 12, -1)
         by_skinning = (by_column @ skin.weights.T).view(batch, 4, 3, joints).permute(0, 3, 2, 1)
         by_shaped = (columns[:, :3] * by_vertex[:, None]).sum(2)
         count = num_shape if len(skin.directions) <= num_shape else len(skin.directions)
         by_shape = by_shaped.flatten(1) @ skin.directions[:count].flatten(1).T
 
-        # From motions about the origin of the bind pose to the bones' rotations and places.
+        # From bone motions about the origin of the bind pose to bone rotations and joint positions.
         turn, place = world[..., :3], world[..., 3]
         by_shift = by_skinning[..., 3]
         by_turn = by_skinning[..., :3] - by_shift[..., None] * rest[..., None, :]
@@ -115,7 +117,7 @@ class _Pose(torch.autograd.Function):
         if kinematics.bind_rot is not None:
             by_turn = by_turn @ kinematics.bind_rot.transpose(-1, -2)
 
-        # Along the tree. With b_j all pull on j and what hangs on it, and C_j = dL/dG_j G_j^T,
+        # Along the tree. With b_j the sum of gradients at j and its descendants, and C_j = dL/dG_j G_j^T,
         # C_j = S_j + sum over its children of C_c + b_c (p_c - p_j)^T.
         pull = tree.family @ (by_joint + by_shift)
         bones = tree.incidence @ place

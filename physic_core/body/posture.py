@@ -1,4 +1,4 @@
-"""Posture from joints: who stands straight, and how far a body leans."""
+"""Posture of a body from its joints: straightness and lean."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating[Any]]
 
-__all__ = ["lean_deg", "stands_straight"]
+__all__ = ["is_body_straight", "lean_deg"]
 
 _HIPS, _KNEES, _ANKLES = joint_pair("hip"), joint_pair("knee"), joint_pair("ankle")
 _NECK = JOINT_INDEX["neck"]
@@ -24,12 +24,11 @@ _STRAIGHT_KNEE_DEG = 140.0
 _STRAIGHT_HIP_DEG = 35.0
 
 
-def stands_straight(joints: Array) -> bool:
-    """Whether both legs are straight and the trunk is in line with them, so that a lean of the body is an error.
+def is_body_straight(joints: Array) -> bool:
+    """Return whether both legs are straight and in line with the trunk; such bodies should not lean.
 
-    Both knees are over 140 degrees, and the trunk is within 35 degrees of the line of the legs. Stricter than
-    :func:`physic_core.engine.joint.limbs.is_standing`, for which one straight leg is enough: a person
-    who steps up is held to the floor, but may lean.
+    Both knee angles are over 140 degrees, and the trunk is within 35 degrees of the line of the legs. Stricter than
+    :func:`physic_core.engine.joint.limbs.is_standing`, which needs one straight leg.
 
     Args:
         joints: (55, 3) metres, any frame.
@@ -41,11 +40,10 @@ def stands_straight(joints: Array) -> bool:
 
 
 def lean_deg(joints: Array, floor: Plane) -> tuple[float, float]:
-    """Tilt of the line from between the ankles to the neck against the floor's normal, and its part to the camera.
+    """Return the angle between body and floor normal, and its part towards the camera, in degrees.
 
-    Returns:
-        the tilt in degrees, and its signed component in the upright plane through camera and ankles: positive where
-        the neck is nearer to the camera than the ankles are.
+    The body is the line from the midpoint of the ankles to the neck. The signed part is measured in the vertical plane
+    through camera and ankles: positive if the neck is nearer to the camera than the ankles.
     """
     normal = np.asarray(floor.normal, np.float64)
     foot = np.asarray(joints, np.float64)[_ANKLES].mean(0)
@@ -57,5 +55,6 @@ def lean_deg(joints: Array, floor: Plane) -> tuple[float, float]:
 
 
 def _angle_deg(first: Array, second: Array) -> float:
+    """Return the angle between two vectors, degrees."""
     cross = float(np.linalg.norm(np.cross(first, second)))
     return math.degrees(math.atan2(cross, float(first @ second)))

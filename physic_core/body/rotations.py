@@ -1,4 +1,4 @@
-"""Rotation matrices from directions, in NumPy and float64, for closed-form fits of a body.
+"""Rotation matrices and vectors in NumPy, float64, for closed-form fits of a body.
 
 All functions take any leading dimensions. Directions need not have unit length.
 """
@@ -11,12 +11,12 @@ from scipy.spatial.transform import Rotation
 
 __all__ = [
     "cross",
-    "exp",
     "frame_from_axes",
-    "log",
     "nearest_rotation",
     "rotate",
     "rotation_between",
+    "rotmat_to_rotvec",
+    "rotvec_to_rotmat",
     "slerp",
     "swing_twist",
     "unit",
@@ -28,7 +28,7 @@ _TINY = 1e-12
 
 
 def unit(vectors: Array) -> Array:
-    """Vectors (..., 3) scaled to length 1; a zero vector stays zero."""
+    """Normalize vectors (..., 3) to length 1; a zero vector stays zero."""
     length = np.sqrt((vectors * vectors).sum(-1, keepdims=True))
     scaled: Array = vectors / np.maximum(length, _TINY)
     return scaled
@@ -41,38 +41,38 @@ def rotate(rotations: Array, vectors: Array) -> Array:
 
 
 def cross(first: Array, second: Array) -> Array:
-    """Cross product (..., 3). ``np.cross`` takes five times as long for a few vectors."""
+    """Return the cross product (..., 3). ``np.cross`` takes five times as long for a few vectors."""
     a, b, c = first[..., 0], first[..., 1], first[..., 2]
     d, e, f = second[..., 0], second[..., 1], second[..., 2]
     return np.stack([b * f - c * e, c * d - a * f, a * e - b * d], -1)
 
 
-def exp(rotvecs: Array) -> Array:
-    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3) in radians."""
+def rotvec_to_rotmat(rotvecs: Array) -> Array:
+    """Convert rotation vectors (..., 3) in radians to matrices (..., 3, 3)."""
     matrices: Array = Rotation.from_rotvec(rotvecs.reshape(-1, 3)).as_matrix().reshape(*rotvecs.shape, 3)
     return matrices
 
 
-def log(rotations: Array) -> Array:
-    """Rotation vectors (..., 3) in radians, at most pi long, of matrices (..., 3, 3)."""
+def rotmat_to_rotvec(rotations: Array) -> Array:
+    """Convert rotation matrices (..., 3, 3) to vectors (..., 3) in radians, of length at most pi."""
     vectors: Array = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_rotvec().reshape(rotations.shape[:-1])
     return vectors
 
 
 def slerp(first: Array, second: Array, share: Array | float) -> Array:
-    """Interpolate rotations (..., 3, 3) along the shortest arc: 0 gives the first, 1 the second.
+    """Interpolate rotations (..., 3, 3) along the shortest arc; share 0 is the first, 1 the second.
 
     Args:
         first: (..., 3, 3).
         second: (..., 3, 3).
         share: (...) of the arc.
     """
-    way = log(np.swapaxes(first, -1, -2) @ second)
-    return first @ exp(way * np.asarray(share)[..., None])
+    way = rotmat_to_rotvec(np.swapaxes(first, -1, -2) @ second)
+    return first @ rotvec_to_rotmat(way * np.asarray(share)[..., None])
 
 
 def rotation_between(first: Array, second: Array) -> Array:
-    """The smallest rotations (..., 3, 3) that turn the first directions (..., 3) into the second.
+    """Return the smallest rotations (..., 3, 3) from the first directions (..., 3) to the second.
 
     Opposite directions give half a turn about any perpendicular axis. The rotation is the product of two half-turns:
     about the first direction, then about the bisector.
@@ -92,7 +92,7 @@ def rotation_between(first: Array, second: Array) -> Array:
 
 
 def frame_from_axes(along: Array, beside: Array) -> Array:
-    """Right-handed orthonormal frames (..., 3, 3) by Gram-Schmidt.
+    """Return right-handed orthonormal frames (..., 3, 3) by Gram-Schmidt.
 
     Column 0 points along the first direction, column 1 along the part of the second that is perpendicular to it.
     """
@@ -102,16 +102,16 @@ def frame_from_axes(along: Array, beside: Array) -> Array:
 
 
 def nearest_rotation(moments: Array) -> Array:
-    """The rotations R (..., 3, 3) that maximise trace(R^T M), for ``M = sum w target source^T`` (Kabsch 1976)."""
+    """Return the rotations R (..., 3, 3) that maximise trace(R^T M), M = sum w target source^T (Kabsch 1976)."""
     left, _, right = np.linalg.svd(moments)
-    # The weakest direction is turned over where the product would be a reflection.
+    # Flip the direction of the smallest singular value if the product is a reflection.
     left[..., :, 2] *= np.sign(np.linalg.det(left @ right))[..., None]
     rotations: Array = left @ right
     return rotations
 
 
 def swing_twist(rotations: Array, axis: Array) -> tuple[Array, Array]:
-    """Decompose rotations (..., 3, 3) into ``swing @ twist`` with a twist about ``axis`` (..., 3).
+    """Decompose rotations (..., 3, 3) into ``swing @ twist``, with the twist about ``axis`` (..., 3).
 
     Returns:
         The swing (..., 3, 3), whose own axis is perpendicular to ``axis``, and the angle (...) of the twist in

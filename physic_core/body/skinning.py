@@ -1,4 +1,4 @@
-"""Blend shapes and linear blend skinning of one set of vertices."""
+"""Blend shapes and linear blend skinning of vertices."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["Skin"]
 
 @dataclass(frozen=True)
 class Skin:
-    """Vertices that deform linearly with coefficients and then follow the bones.
+    """Blend shapes and skinning weights of a set of vertices.
 
     Coordinates come before vertices in memory: every step then runs along contiguous rows, which halves the time.
 
@@ -28,15 +28,15 @@ class Skin:
 
     @property
     def num_vertices(self) -> int:
-        """How many vertices there are."""
+        """Number of vertices."""
         return self.template.shape[1]
 
     def to(self, device: torch.device | str | None, dtype: torch.dtype | None) -> Skin:
-        """The same on another device, or in another float type."""
+        """Return a copy on another device, or in another float type."""
         return Skin(*(t.to(device=device, dtype=dtype) for t in (self.template, self.directions, self.weights)))
 
     def subset(self, vertex_ids: Tensor) -> Skin:
-        """Only these vertices, (n,) int64, in this order."""
+        """Return the skin of the vertices (n,) int64, in this order."""
         return Skin(
             self.template.index_select(1, vertex_ids),
             self.directions.index_select(2, vertex_ids),
@@ -44,7 +44,7 @@ class Skin:
         )
 
     def pose(self, coefficients: Tensor, skinning: Tensor) -> Tensor:
-        """Deform and pose.
+        """Apply blend shapes and linear blend skinning.
 
         Args:
             coefficients: (B, up to D), the leading rows of ``directions``.

@@ -1,4 +1,4 @@
-"""SMPL from a user's own file, evaluated by linear blend skinning."""
+"""Load SMPL from a user's file and evaluate it by linear blend skinning."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physic_core.body.joints import PARENTS
-from physic_core.body.model_file import SMPL, read_model
+from physic_core.body.model_file import SMPL, read_model_file
 from physic_core.errors import BodyModelError
 from physic_core.types import RestMesh
 
@@ -19,14 +19,14 @@ __all__ = ["SMPL_PARENTS", "SmplBody", "load_smpl", "read_smpl"]
 Array = NDArray[np.float64]
 
 SMPL_PARENTS: tuple[int, ...] = (*PARENTS[:22], 20, 21)
-"""Parents of the 24 joints: those of SMPL-X up to the wrists, then a joint in each hand; -1 for the pelvis."""
+"""Parents of the 24 joints: as SMPL-X up to the wrists, then one joint in each hand; -1 for the pelvis."""
 
 _NUM_JOINTS, _NUM_BETAS = 24, 10
 
 
 @dataclass(frozen=True, eq=False)
 class SmplBody:
-    """SMPL by linear blend skinning, float64: zero rotations are a T-pose, y up, facing +z.
+    """SMPL body model, float64; zero rotations are a T-pose, y up, facing +z.
 
     Attributes:
         template: (6890, 3) metres.
@@ -46,16 +46,16 @@ class SmplBody:
 
     @property
     def rest(self) -> RestMesh:
-        """The mean body in its T-pose."""
+        """Mesh of the mean body in its T-pose."""
         return RestMesh("smpl", self.template, self.faces)
 
     def smpl_joints(self, rotations: Array, betas: Array, transl: Array | None = None) -> Array:
-        """Joints (N, 24, 3) in metres of rotations (N, 24, 3, 3) against the parents, betas (N, 10), transl (N, 3)."""
+        """Return posed joints (N, 24, 3), metres, for local rotations (N, 24, 3, 3), betas (N, 10), transl (N, 3)."""
         joints = self._chain(rotations, self._shaped(betas))[1]
         return joints if transl is None else joints + transl[:, None]
 
     def vertices(self, rotations: Array, betas: Array, transl: Array | None = None) -> Array:
-        """Vertices (N, 6890, 3), metres; arguments as of :meth:`smpl_joints`."""
+        """Return posed vertices (N, 6890, 3), metres; arguments as in :meth:`smpl_joints`."""
         shaped = self._shaped(betas)
         world, joints, rest = self._chain(rotations, shaped)
         bent = (rotations[:, 1:] - np.eye(3)).reshape(len(rotations), -1)
@@ -66,12 +66,13 @@ class SmplBody:
         return posed if transl is None else posed + transl[:, None]
 
     def _shaped(self, betas: Array) -> Array:
+        """Return unposed vertices (N, 6890, 3) for betas (N, 10)."""
         return self.template + (betas @ self.shapedirs.reshape(-1, self.shapedirs.shape[2]).T).reshape(
             -1, *self.template.shape
         )
 
     def _chain(self, rotations: Array, shaped: Array) -> tuple[Array, Array, Array]:
-        """World rotations (N, 24, 3, 3), joints (N, 24, 3) and where they rest (N, 24, 3)."""
+        """Return world rotations (N, 24, 3, 3), posed joints (N, 24, 3) and rest joints (N, 24, 3)."""
         rest: Array = self.regressor @ shaped
         world, joints = rotations.copy(), rest.copy()
         for joint, parent in enumerate(SMPL_PARENTS[1:], 1):
@@ -82,10 +83,10 @@ class SmplBody:
 
 
 def load_smpl(path: str | Path) -> SmplBody:
-    """The body in a SMPL file.
+    """Load the body model of a SMPL file.
 
     Raises:
-        BodyModelError: there is no such file, or it is no SMPL model.
+        BodyModelError: the file does not exist, or is not a SMPL model.
     """
     arrays = read_smpl(path)
     names = ("v_template", "f", "shapedirs", "posedirs", "J_regressor", "weights")
@@ -93,14 +94,13 @@ def load_smpl(path: str | Path) -> SmplBody:
 
 
 def read_smpl(path: str | Path) -> dict[str, NDArray[Any]]:
-    """The arrays of a SMPL file: ``v_template``, ``f``, ``shapedirs`` (the first 10), ``posedirs``, ``J_regressor``,
-    ``weights``, ``kintree_table``; numbers are float64, indices int64.
+    """Read the arrays of a SMPL file by their names in it; the first 10 shape components, float64, indices int64.
 
     Raises:
-        BodyModelError: there is no such file, or it is no SMPL model.
+        BodyModelError: the file does not exist, or is not a SMPL model.
     """
     path = Path(path)
-    found = read_model(path, SMPL)
+    found = read_model_file(path, SMPL)
     tree = found["kintree_table"].astype(np.int64)
     if tuple(tree[0, 1:]) != SMPL_PARENTS[1:]:
         raise BodyModelError(f"{path}: kintree_table is not the joint tree of SMPL: {SMPL.advice}")

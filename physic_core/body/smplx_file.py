@@ -1,7 +1,6 @@
-"""Reads a user's own ``SMPLX_*.npz``, layouts v1.0 (20 shape columns) and v1.1 (400), without ever unpickling.
+"""Load a user's ``SMPLX_*.npz``, layouts v1.0 (20 shape columns) and v1.1 (400), without unpickling.
 
-Only seven numeric arrays are touched. The object arrays in the official file (``joint2num``, ``part2num``) are pickles
-and are left alone: the names of the joints are fixed.
+Only seven numeric arrays are read, not the pickled object arrays (``joint2num``, ``part2num``) of the official file.
 """
 
 from __future__ import annotations
@@ -15,20 +14,20 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from physic_core.body.array_archive import Header, archived_header, archived_numbers
-from physic_core.body.assembly import BodyArrays, assemble
+from physic_core.body.assembly import BodyArrays, build_body_model
 from physic_core.body.joints import JOINT_INDEX, NUM_JOINTS, PARENTS
 from physic_core.body.model import BodyModel
-from physic_core.body.model_file import check_numbers
+from physic_core.body.model_file import check_values
+from physic_core.body.npz_reader import ArrayHeader, read_array, read_header
 from physic_core.errors import BodyModelError
 
 __all__ = ["load_smplx"]
 
 _NUM_VERTICES, _NUM_FACES, _NUM_POSE = 10475, 20908, 9 * (NUM_JOINTS - 1)
 _COLUMNS = {20: (10, 10), 400: (300, 100)}
-"""Columns of ``shapedirs`` -> how many of them are shape and expression."""
+"""Number of columns of ``shapedirs`` -> numbers of shape and of expression columns."""
 _FAMILY = {6890: "an SMPL or SMPL+H", 778: "a MANO", 5023: "a FLAME"}
-"""Vertex count -> whose file it is."""
+"""Number of vertices -> family of the body model."""
 _SHAPES: dict[str, tuple[int | None, ...]] = {
     "v_template": (_NUM_VERTICES, 3),
     "f": (_NUM_FACES, 3),
@@ -47,7 +46,7 @@ _Part = TypeVar("_Part")
 def load_smplx(
     path: str | Path, device: torch.device | str = "cpu", *, num_betas: int = 10, num_expression: int = 10
 ) -> BodyModel:
-    """The body in a SMPL-X file, float32.
+    """Load the body model of a SMPL-X file, float32.
 
     Its pelvis lies a little below the origin and moves with the shape; the root turns about it, and ``transl`` is added
     after that, as everywhere with SMPL-X. Hands are flat at zero: the file's mean hand pose is not used.
@@ -75,7 +74,7 @@ def load_smplx(
     regressor = arrays["J_regressor"].astype(np.float64)
     weights = arrays["weights"].astype(np.float32)
     eyes = [JOINT_INDEX["left_eye"], JOINT_INDEX["right_eye"]]
-    return assemble(
+    return build_body_model(
         BodyArrays(
             name="smplx",
             topology="smplx",
@@ -96,6 +95,7 @@ def load_smplx(
 
 
 def _read(path: Path) -> dict[str, _Array]:
+    """Read and check the arrays of a SMPL-X file."""
     if not path.is_file():
         raise BodyModelError(f"there is no body model file {path}: {_ADVICE}, or 'embedded' for the body that ships")
     if not zipfile.is_zipfile(path):
@@ -109,18 +109,18 @@ def _read(path: Path) -> dict[str, _Array]:
         raise BodyModelError(f"{path} cannot be read, the file is damaged: copy or download it again") from error
     with archive:
         there = set(archive.namelist())
-        headers = {n: _read_part(path, archive, n, archived_header) for n in _SHAPES if f"{n}.npy" in there}
+        headers = {n: _read_part(path, archive, n, read_header) for n in _SHAPES if f"{n}.npy" in there}
         _check(path, headers)
-        arrays = {name: _read_part(path, archive, name, archived_numbers) for name in _SHAPES}
-    check_numbers(path, arrays, _NUM_VERTICES, NUM_JOINTS, _ADVICE)
+        arrays = {name: _read_part(path, archive, name, read_array) for name in _SHAPES}
+    check_values(path, arrays, _NUM_VERTICES, NUM_JOINTS, _ADVICE)
     parents = arrays["kintree_table"][0].astype(np.int64)
     if tuple(parents[1:]) != PARENTS[1:]:
         raise BodyModelError(f"{path}: kintree_table is not the joint tree of SMPL-X: {_ADVICE}")
     return arrays
 
 
-def _check(path: Path, headers: Mapping[str, Header]) -> None:
-    """Before memory is taken for the numbers."""
+def _check(path: Path, headers: Mapping[str, ArrayHeader]) -> None:
+    """Raise BodyModelError if headers have wrong shapes or types."""
     template = headers.get("v_template")
     vertices = template.shape[0] if template is not None and template.shape else _NUM_VERTICES
     if vertices in _FAMILY:
@@ -145,6 +145,7 @@ def _check(path: Path, headers: Mapping[str, Header]) -> None:
 
 
 def _read_part(path: Path, archive: zipfile.ZipFile, name: str, read: Callable[[zipfile.ZipFile, str], _Part]) -> _Part:
+    """Read one array or header; raise BodyModelError if the file is damaged."""
     try:
         return read(archive, name)
     except Exception as error:  # of zipfile, its compressors and numpy, which have many

@@ -1,4 +1,4 @@
-"""Fits a body model to points of a surface of which it is known where on the model they lie."""
+"""Fit a body model to surface points with known correspondence."""
 
 from __future__ import annotations
 
@@ -10,51 +10,51 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from physic_core.body.bones import FAMILY, Bones, fit_shape, local_from_world
+from physic_core.body.bones import ANCESTOR_MATRIX, BoneOffsets, fit_shape, local_from_world
+from physic_core.body.joint_fit import BodyFit
 from physic_core.body.joints import NUM_JOINTS, PARENTS
 from physic_core.body.linalg import cholesky_solve, matmul
-from physic_core.body.part_fit import Fit
-from physic_core.body.rotations import cross, exp, nearest_rotation
+from physic_core.body.rotations import cross, nearest_rotation, rotvec_to_rotmat
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
 
-__all__ = ["SIGMA_M", "Patches", "fit_surface", "spread"]
+__all__ = ["SURFACE_SIGMA_M", "VertexSample", "fit_surface", "sample_vertices"]
 
 Array = NDArray[np.float64]
 
 _UP = np.array(PARENTS[1:])
 
 _ROUNDS = 2
-SIGMA_M = 0.03
-"""How far a vertex may lie from that of another mesh, metres: what is left over is alike for all round it."""
-_A_BONE = 20
-"""Vertices of each bone that are fitted."""
-_HELD = 0.1
-"""Of all that the vertices could say of a bone: below it, the bone is held by none."""
-_BESIDE = 0.05
-"""How much the way along the surface counts, where points say little of it."""
-_STAY_M2 = 1e-4
-"""Of levers: so that a part that too few points hold stays as it is."""
+SURFACE_SIGMA_M = 0.03
+"""Standard deviation of a vertex from another mesh, metres: residuals are correlated over the surface."""
+_VERTICES_PER_BONE = 20
+"""Number of fitted vertices of each bone."""
+_MIN_WEIGHT = 0.1
+"""Minimum share of the weights of a bone that its points have; with less, the bone follows its parent."""
+_TANGENT_WEIGHT = 0.05
+"""Weight of the residual along the surface, which points determine poorly."""
+_DAMPING_M2 = 1e-4
+"""Regularisation of small rotations, in square metres of lever arms."""
 
 
 @dataclass(frozen=True)
-class Patches:
-    """Some vertices of a model, float64, coordinates last.
+class VertexSample:
+    """Blend shapes and skinning weights of some vertices of a model, NumPy float64.
 
     Attributes:
         bones: of the model.
         ids: (n,) which vertices.
-        template: (n, 3) metres, in the pose that they are bound in.
+        template: (n, 3) metres, bind pose.
         directions: (K, n, 3) change with one unit of each shape component.
         correctives: (P, n, 3) change with each number of the local rotations, or None.
         weights: (n, 55) of skinning.
-        joints: (55, 3) where the bones are bound.
+        joints: (55, 3) metres, bind pose.
         joint_directions: (K, 55, 3).
-        bound: (55, 3, 3) rotation of each bone from the pose that it is bound in to the T-pose.
+        bound: (55, 3, 3) rotation of each bone from the bind pose to the T-pose.
     """
 
-    bones: Bones
+    bones: BoneOffsets
     ids: NDArray[np.int64]
     template: Array
     directions: Array
@@ -65,15 +65,15 @@ class Patches:
     bound: Array
 
     @classmethod
-    def of(cls, model: BodyModel, ids: NDArray[np.int64]) -> Patches:
-        """Of the vertices ``ids`` (n,) of a model."""
+    def of(cls, model: BodyModel, ids: NDArray[np.int64]) -> VertexSample:
+        """Extract the data of the vertices ``ids`` (n,) of a model."""
         count, kinematics = model.num_betas, model.kinematics
         skin = model.skin.subset(torch.as_tensor(ids, device=model.device))
         directions = skin.directions.cpu().permute(0, 2, 1)
         poses = directions[count + model.num_expression :].numpy()
         eye = torch.eye(3).repeat(NUM_JOINTS, 1, 1)
         return cls(
-            Bones.of(model),
+            BoneOffsets.of(model),
             ids,
             skin.template.T.double().cpu().numpy(),
             directions[:count].double().numpy(),
@@ -86,13 +86,13 @@ class Patches:
 
     @cached_property
     def shares(self) -> Array:
-        """(55, n): how much each vertex says of the rotation of each bone."""
+        """(55, n) weight of each vertex for the rotation of each bone."""
         squared: Array = (self.weights * self.weights).T
         shares: Array = squared / np.maximum(squared.sum(1, keepdims=True), 1e-12)
         return shares
 
     def linear(self, world: Array) -> tuple[Array, Array]:
-        """Bodies in one pose are linear in their shape.
+        """Return the posed vertices as a linear function of the betas.
 
         Args:
             world: (B, 55, 3, 3).
@@ -130,7 +130,7 @@ class Patches:
         own = matmul(template, turns.transpose(0, 3, 1, 2).reshape(batch, 3, 3 * NUM_JOINTS))
         own -= (turns @ joints[..., None]).reshape(batch, 1, 3 * NUM_JOINTS)
         levers = self.weights[..., None] * own.reshape(batch, points, NUM_JOINTS, 3)
-        # Of what hangs on a bone: the bones from its joint to the next.
+        # Bones beyond a joint, from it to the next one.
         next_ = np.arange(1, NUM_JOINTS)
         offsets = self.bones.at(betas)[:, 1:]
         bones = np.zeros((batch, NUM_JOINTS, NUM_JOINTS, 3))
@@ -140,12 +140,12 @@ class Patches:
 
     @cached_property
     def carried(self) -> Array:
-        """(n, 55): how much of each vertex moves with a bone or with what hangs on it."""
-        return matmul(self.weights, FAMILY)
+        """(n, 55) weight of each vertex that moves with a bone or its descendants."""
+        return matmul(self.weights, ANCESTOR_MATRIX)
 
 
-def spread(model: BodyModel, a_bone: int = _A_BONE) -> NDArray[np.int64]:
-    """Ids, ascending, of up to ``a_bone`` outer vertices of each bone, evenly through its list."""
+def sample_vertices(model: BodyModel, a_bone: int = _VERTICES_PER_BONE) -> NDArray[np.int64]:
+    """Return up to ``a_bone`` outer vertex ids of each bone, evenly spaced in its list, ascending."""
     owner = model.skin.weights.argmax(0).cpu().numpy()
     outer = model.outer.cpu().numpy()
     chosen = []
@@ -156,38 +156,38 @@ def spread(model: BodyModel, a_bone: int = _A_BONE) -> NDArray[np.int64]:
 
 
 def fit_surface(
-    patches: Patches,
+    patches: VertexSample,
     points: Array,
     weights: Array,
     rounds: int = _ROUNDS,
-    start: Fit | None = None,
+    start: BodyFit | None = None,
     *,
-    sigma_m: float = SIGMA_M,
-    stay_m2: float = _STAY_M2,
+    sigma_m: float = SURFACE_SIGMA_M,
+    stay_m2: float = _DAMPING_M2,
     normals: Array | None = None,
-) -> Fit:
-    """Bodies whose vertices lie where the points do.
+) -> BodyFit:
+    """Fit a body model to surface points with known correspondence.
 
-    Every bone is turned onto its points by Kabsch; then rotations, shape and translation are corrected together, each
-    round by the normal equations of all three, since all are linear in small turns.
+    Each bone is aligned with its points by Kabsch. Then Gauss-Newton rounds correct rotations, shape and translation
+    together.
 
     Args:
         patches: the vertices.
         points: (B, n, 3) metres, one for each.
-        weights: (B, n) in [0, 1]; 0 where a vertex has no point.
-        rounds: how often all is corrected.
-        start: bodies to begin with; None to turn every bone from the T-pose.
-        sigma_m: how far a vertex may lie from its point, metres; it sets how much the mean shape pulls.
+        weights: (B, n) in [0, 1]; 0 for a vertex without a point.
+        rounds: number of Gauss-Newton rounds.
+        start: initial bodies; None to align every bone from the T-pose.
+        sigma_m: standard deviation of a vertex from its point, metres; it sets the weight of the shape prior.
         stay_m2: square metres of levers below which a bone does not turn.
         normals: (B, n, 3) unit, of the surface that the points are on, where a vertex may as well lie beside its point:
-            of the way along the surface only a share of _BESIDE counts.
+            of the way along the surface only a share of _TANGENT_WEIGHT counts.
     """
     batch = len(points)
-    held = (patches.shares[None] * weights[:, None]).sum(-1) > _HELD
+    held = (patches.shares[None] * weights[:, None]).sum(-1) > _MIN_WEIGHT
     if start is None:
-        world = _following(_turned(patches, points, weights), held)
+        world = _follow_parents(_kabsch_rotations(patches, points, weights), held)
         at_rest, slopes = patches.linear(world)
-        start = Fit(world, *fit_shape(slopes, at_rest, points, weights / sigma_m**2))
+        start = BodyFit(world, *fit_shape(slopes, at_rest, points, weights / sigma_m**2))
     world, betas, transl = start.world, start.betas, start.transl
     root = np.sqrt(weights)[..., None] / sigma_m
     shapes = betas.shape[1]
@@ -201,16 +201,16 @@ def fit_surface(
         normal, pull = _normal_equations(levers, linear, gap)
         if normals is not None:
             across, along = _normal_equations_along(levers, linear, gap, normals)
-            normal, pull = _BESIDE * normal + across, _BESIDE * pull + along
+            normal, pull = _TANGENT_WEIGHT * normal + across, _TANGENT_WEIGHT * pull + along
         pull[:, -shapes - 3 : -3] -= betas
         step = cholesky_solve(normal + np.diag(stay), pull)
-        world = _following(exp(step[:, : 3 * NUM_JOINTS].reshape(batch, NUM_JOINTS, 3)) @ world, held)
+        world = _follow_parents(rotvec_to_rotmat(step[:, : 3 * NUM_JOINTS].reshape(batch, NUM_JOINTS, 3)) @ world, held)
         betas, transl = betas + step[:, -shapes - 3 : -3], transl + step[:, -3:]
-    return Fit(world, betas, transl)
+    return BodyFit(world, betas, transl)
 
 
-def _turned(patches: Patches, points: Array, weights: Array) -> Array:
-    """Rotations (B, 55, 3, 3) that turn the vertices of each bone from the T-pose onto their points, by Kabsch."""
+def _kabsch_rotations(patches: VertexSample, points: Array, weights: Array) -> Array:
+    """Return rotations (B, 55, 3, 3) that align the T-pose vertices of each bone with their points, by Kabsch."""
     rest = np.broadcast_to(np.eye(3), (1, NUM_JOINTS, 3, 3))
     now = patches.linear(rest)[0]
     share = patches.shares * weights[:, None]
@@ -222,8 +222,8 @@ def _turned(patches: Patches, points: Array, weights: Array) -> Array:
     return nearest_rotation(moments)
 
 
-def _following(world: Array, held: NDArray[np.bool_]) -> Array:
-    """Rotations (B, 55, 3, 3) where bones that nothing holds, (B, 55), turn with their parents."""
+def _follow_parents(world: Array, held: NDArray[np.bool_]) -> Array:
+    """Return rotations (B, 55, 3, 3) in which bones without points, (B, 55), follow their parents."""
     turned = world.copy()
     for joint in range(1, NUM_JOINTS):
         loose = ~held[:, joint]
@@ -232,14 +232,14 @@ def _following(world: Array, held: NDArray[np.bool_]) -> Array:
 
 
 def _normal_equations(levers: Array, slopes: Array, gap: Array) -> tuple[Array, Array]:
-    """Of small turns w_j of all bones, in the common frame, and of what the vertices are linear in.
+    """Return the normal equations of small bone rotations w_j and of linear parameters.
 
     A turn moves a vertex by ``w_j x lever``; with ``Q = sum lever_j lever_k^T``, two bones meet in ``tr(Q) 1 - Q^T``.
 
     Args:
         levers: (B, n, 55, 3).
         slopes: (B, n, 3, M).
-        gap: (B, n, 3) what is missing.
+        gap: (B, n, 3) residuals.
 
     Returns:
         (B, 165 + M, 165 + M) and (B, 165 + M).
@@ -248,7 +248,7 @@ def _normal_equations(levers: Array, slopes: Array, gap: Array) -> tuple[Array, 
     turns, others = 3 * NUM_JOINTS, slopes.shape[-1]
     flat = np.swapaxes(levers.reshape(batch, points, turns), 1, 2)
     linear = slopes.reshape(batch, points, 3 * others)
-    # Rounding of this product slows the rounds down by nothing; the gap itself is in float64.
+    # float32 is enough for this product: convergence is the same, and the residual is in float64.
     short = flat.astype(np.float32)
     met = matmul(short, np.swapaxes(short, 1, 2)).astype(np.float64).reshape(batch, NUM_JOINTS, 3, NUM_JOINTS, 3)
     normal = np.empty((batch, turns + others, turns + others))
@@ -272,7 +272,10 @@ def _normal_equations(levers: Array, slopes: Array, gap: Array) -> tuple[Array, 
 
 
 def _normal_equations_along(levers: Array, slopes: Array, gap: Array, normals: Array) -> tuple[Array, Array]:
-    """The same where only the way along ``normals`` (B, n, 3) counts: ``n . (w x lever) = w . (lever x n)``."""
+    """Return the normal equations of the residual along unit ``normals`` (B, n, 3).
+
+    ``n . (w x lever) = w . (lever x n)``.
+    """
     turns = cross(levers, normals[:, :, None])
     design = np.concatenate([turns.reshape(*gap.shape[:2], -1), (normals[:, :, None] @ slopes)[:, :, 0]], -1)
     across = np.swapaxes(design, 1, 2)
@@ -280,6 +283,6 @@ def _normal_equations_along(levers: Array, slopes: Array, gap: Array, normals: A
 
 
 def _curl(products: Array) -> Array:
-    """``sum a x b`` (..., 3) from ``sum a b^T`` (..., 3, 3)."""
+    """Return ``sum a x b`` (..., 3) from ``sum a b^T`` (..., 3, 3)."""
     p = products
     return np.stack([p[..., 1, 2] - p[..., 2, 1], p[..., 2, 0] - p[..., 0, 2], p[..., 0, 1] - p[..., 1, 0]], -1)

@@ -24,7 +24,7 @@ RESULT_SUFFIX = ".answer.npz"
 MAP_SUFFIX = ".map.npz"
 """Suffix of cached mesh correspondences (:mod:`physic_core.cache.maps`)."""
 MODEL_SUFFIX = ".model.pkl"
-"""Suffix of converted copies of the user's body models (:mod:`physic_core.adapters.plain_models`)."""
+"""Suffix of converted copies of the user's body models (:mod:`physic_core.adapters.chumpy_free`)."""
 
 _INCOMPLETE_AGE_S = 3600.0
 """Age after which an incomplete file is deleted, s."""

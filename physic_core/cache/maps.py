@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body.correspondence import VERSION, Correspondence, correspondence
+from physic_core.body.correspondence import CORRESPONDENCE_VERSION, Correspondence, find_correspondence
 from physic_core.cache.folders import maps_folder
 from physic_core.cache.lru_folder import MAP_SUFFIX
 from physic_core.errors import OutputError
@@ -27,20 +27,20 @@ def cached_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
     """Compute the correspondence between two body meshes, or read it from the cache.
 
     Raises:
-        BodyModelError: as in :func:`physic_core.body.correspondence.correspondence`.
+        BodyModelError: as in :func:`physic_core.body.correspondence.find_correspondence`.
     """
     folder, name = maps_folder(), f"{_plain(rest.topology)}-{model.topology}-{_digest(rest, model)}{MAP_SUFFIX}"
     path = None if folder is None else folder / name
     found = None if path is None else _read(path, model.num_vertices, len(rest.vertices))
     if found is None:
-        found = correspondence(rest, model)
+        found = find_correspondence(rest, model)
         if path is not None:
             _write(path, found)
     return found
 
 
 def _digest(rest: RestMesh, model: BodyModel) -> str:
-    digest = hashlib.blake2b(f"{VERSION} {model.topology}".encode(), digest_size=12)
+    digest = hashlib.blake2b(f"{CORRESPONDENCE_VERSION} {model.topology}".encode(), digest_size=12)
     for array in (rest.vertices.astype(np.float32), rest.faces.astype(np.int64), model.skin.template.cpu().numpy()):
         digest.update(str(array.shape).encode() + np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()

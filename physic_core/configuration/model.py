@@ -30,7 +30,7 @@ from pydantic import (
     model_validator,
 )
 
-from physic_core.adapters.devices import DEVICE
+from physic_core.adapters.devices import DEVICE_PATTERN
 from physic_core.configuration.faults import Fault, Findings, closest, config_error, from_pydantic
 from physic_core.configuration.layers import (
     Layer,
@@ -158,7 +158,7 @@ class RunSettings(_Table):
     device: str = Field(
         default="cpu",
         description="where the networks run: 'cpu', 'cuda' or 'cuda:N'; the engine stays on the CPU",
-        json_schema_extra={"pattern": f"^({DEVICE.pattern})$"},
+        json_schema_extra={"pattern": f"^({DEVICE_PATTERN.pattern})$"},
     )
     threads: int = Field(
         default=1,
@@ -172,7 +172,7 @@ class RunSettings(_Table):
     @field_validator("device")
     @classmethod
     def _known_device(cls, device: str) -> str:
-        if not DEVICE.fullmatch(device):
+        if not DEVICE_PATTERN.fullmatch(device):
             raise ValueError(f"should be 'cpu', 'cuda' or 'cuda:N' (got '{device}')")
         return device
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from physic_core.body.joints import joint_pair
-from physic_core.body.posture import lean_deg, stands_straight
+from physic_core.body.posture import is_body_straight, lean_deg
 from physic_core.types import CheckResult
 
 if TYPE_CHECKING:
@@ -333,7 +333,7 @@ def _check_person(estimates: Estimates, solution: Solution, person: int) -> Iter
 def _check_lean(solution: Solution, person: int, both_legs: bool) -> CheckResult:
     joints, floor = solution.joints[person], solution.scene.floor
     part = math.nan
-    if both_legs and floor is not None and np.isfinite(joints).all() and stands_straight(joints):
+    if both_legs and floor is not None and np.isfinite(joints).all() and is_body_straight(joints):
         _, part = lean_deg(joints, floor)
     direction = "towards the camera" if part > 0 else "away from the camera"
     return _check(

@@ -24,9 +24,9 @@ def replace_hands(bodies: Bodies, hands: Hands, model: BodyModel) -> Bodies:
     If ``hands.wrists`` are given, forearms and wrists are rotated to fit the hands, weighted by confidence.
     """
     if hands.wrists is not None:
-        from physic_core.body.wrists import WRIST_RANGE, stitch
+        from physic_core.body.attach_hands import WRIST_RANGE, attach_hands
 
-        return replace(bodies, parameters=stitch(bodies.parameters, hands, model, WRIST_RANGE))
+        return replace(bodies, parameters=attach_hands(bodies.parameters, hands, model, WRIST_RANGE))
     p, found = bodies.parameters, hands.confidence > 0
     flat = hands.rotvecs.reshape(len(p), 2, 45).astype(p.left_hand_pose.dtype)
     left = np.where(found[:, :1], flat[:, 0], p.left_hand_pose)
@@ -40,10 +40,10 @@ def convert_bodies(bodies: Bodies, model: BodyModel, who: str, stages: StageRunn
     Raises:
         BodyModelError: the bodies have neither joints nor mesh, or too few joints for all people.
     """
-    from physic_core.body.conversion import can_carry, carry
+    from physic_core.body.conversion import can_convert, convert_with_residuals
     from physic_core.cache.maps import cached_correspondence
 
-    if not can_carry(bodies, model):
+    if not can_convert(bodies, model):
         cure = "name = 'embedded'" if bodies.body_model == "embedded" else f"path = the file of a '{bodies.body_model}'"
         raise BodyModelError(
             f"{who} gives bodies for the body model '{bodies.body_model}', "
@@ -51,7 +51,7 @@ def convert_bodies(bodies: Bodies, model: BodyModel, who: str, stages: StageRunn
             f"or choose a body_estimator that gives '{model.name}'"
         )
     try:
-        found = carry(bodies, model, cached_correspondence)
+        found = convert_with_residuals(bodies, model, cached_correspondence)
     except BodyModelError as error:
         raise BodyModelError(f"{who}: {error}") from error
     if not finite_bodies(found.bodies).any():
@@ -67,11 +67,11 @@ def transfer_contact(
     contact: ContactProbability, model: BodyModel, who: str, stages: StageRunner
 ) -> ContactProbability | None:
     """Transfer contact probabilities to the mesh of the configured body model; None and a warning on failure."""
-    from physic_core.body.conversion import contact_to_model
+    from physic_core.body.conversion import convert_contact
     from physic_core.cache.maps import cached_correspondence
 
     try:
-        carried = contact_to_model(contact, model, cached_correspondence)
+        carried = convert_contact(contact, model, cached_correspondence)
     except BodyModelError as error:
         stages.warn(f"{who}: {error}; contact is computed from distances alone")
         return None
@@ -81,6 +81,6 @@ def transfer_contact(
 
 def bodies_for_backends(bodies: Bodies, model: BodyModel) -> Bodies:
     """Add joints to bodies for other backends, if the body model is a file that backends cannot load."""
-    from physic_core.body.conversion import with_joints
+    from physic_core.body.conversion import add_joints
 
-    return bodies if model.name == "embedded" else with_joints(bodies, model)
+    return bodies if model.name == "embedded" else add_joints(bodies, model)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from physic_core.body.posture import stands_straight
+from physic_core.body.posture import is_body_straight
 from physic_core.geometry.camera import project
 from physic_core.geometry.visibility import facing, inside_mask, vertex_areas
 
@@ -72,7 +72,7 @@ def support_gap(
     """
     height = vertices @ up
     supporting = may_touch & (normals @ up < _DOWNWARD)
-    if supporting.any() and stands_straight(joints.detach().cpu().numpy()):
+    if supporting.any() and is_body_straight(joints.detach().cpu().numpy()):
         supporting = supporting & (height < float(height[supporting].min()) + _LOWEST_M)
     if not supporting.any():
         return None

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from physic_core.body.landmarks import fitted_keypoints
+from physic_core.body.landmarks import keypoints_on_body
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.engine.joint.final_scene import finalize_scene
 from physic_core.engine.joint.problem import JointProblem
@@ -192,7 +192,7 @@ class _EstimatedBodies:
 
 def _pose_bodies(estimates: Estimates, model: BodyModel, settings: PlacementSettings) -> _EstimatedBodies:
     device, dtype = model.device, model.dtype
-    parameters, known = estimates.bodies.parameters, fitted_keypoints(estimates.keypoints)
+    parameters, known = estimates.bodies.parameters, keypoints_on_body(estimates.keypoints)
     rotations = rotations_from_parameters(parameters, device, dtype)
     betas, expression, transl, keypoints, confidence = (
         tensor(x).to(device, dtype)

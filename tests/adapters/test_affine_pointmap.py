@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
-from physic_core.adapters.affine_pointmap import AffineCamera, half_diagonal, recover_camera, settle
+from physic_core.adapters.affine_pointmap import AffineCamera, half_diagonal, points_on_rays, recover_camera
 from physic_core.errors import BackendError
 from physic_core.types import Intrinsics
 
@@ -198,7 +198,7 @@ class TestSettle:
         points = affine(seen_by(100.0, depth), 2.5, 0.3)
         found = recover_camera(points, np.ones((60, 80), bool))
         camera = found.intrinsics(80, 60, "told")
-        settled, valid = settle(points[..., 2], np.ones((60, 80), bool), found, camera, 2.5)
+        settled, valid = points_on_rays(points[..., 2], np.ones((60, 80), bool), found, camera, 2.5)
         assert valid.all()
         assert settled.dtype == np.float32
         np.testing.assert_allclose(settled, seen_by(100.0, depth), rtol=1e-5, atol=1e-6)
@@ -206,7 +206,7 @@ class TestSettle:
     def test_what_does_not_count_is_nan(self):
         z = np.array([[1.0, np.nan, np.inf, -2.0, 1.0]])
         mask = np.array([[True, True, True, True, False]])
-        settled, valid = settle(z, mask, AffineCamera(10, 10, 0.5), Intrinsics.from_focal(10, 5, 1))
+        settled, valid = points_on_rays(z, mask, AffineCamera(10, 10, 0.5), Intrinsics.from_focal(10, 5, 1))
         np.testing.assert_array_equal(valid, [[True, False, False, False, False]])
         assert np.isnan(settled[~valid]).all()
         np.testing.assert_allclose(settled[0, 0], [-0.3, 0, 1.5], rtol=1e-6)

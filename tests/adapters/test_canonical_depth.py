@@ -8,12 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from physic_core.adapters.canonical_depth import (
+    depth_from_canonical,
+    depth_from_canonical_inverse,
     focal_from_fov,
-    focal_in_frame,
-    focal_px_of,
-    metres_from_canonical,
-    metres_from_inverse,
-    metres_of_focal,
 )
 
 
@@ -37,25 +34,20 @@ def test_an_impossible_angle_is_refused(fov: float) -> None:
         focal_from_fov(fov, 100)
 
 
-def test_the_focal_length_grows_with_the_frame() -> None:
-    assert focal_in_frame(1200.0, 1536, 640) == pytest.approx(500.0)
-    assert focal_px_of(500.0, 520.0) == 510.0
-
-
 def test_inverse_depth_of_the_canonical_camera_becomes_metres() -> None:
     # A camera whose focal length is its width needs no factor.
-    assert metres_from_inverse(np.array([[0.5]]), 640.0, 640).tolist() == [[2.0]]
+    assert depth_from_canonical_inverse(np.array([[0.5]]), 640.0, 640).tolist() == [[2.0]]
     # Twice the focal length sees the same picture from twice as far.
-    assert metres_from_inverse(np.array([[0.5]]), 1280.0, 640).tolist() == [[4.0]]
+    assert depth_from_canonical_inverse(np.array([[0.5]]), 1280.0, 640).tolist() == [[4.0]]
 
 
 def test_inverse_depth_is_clipped_after_the_factor_not_before() -> None:
-    metres = metres_from_inverse(np.array([[0.0, -1.0, 5e-5, 1e9]], np.float32), 320.0, 640)
+    metres = depth_from_canonical_inverse(np.array([[0.0, -1.0, 5e-5, 1e9]], np.float32), 320.0, 640)
     np.testing.assert_allclose(metres, [[1e4, 1e4, 1e4, 1e-4]], rtol=1e-5)
     assert metres.dtype == np.float32
 
 
 def test_canonical_depth_grows_with_the_focal_length() -> None:
     raw = np.array([[2.0, 4.0]], np.float32)
-    np.testing.assert_allclose(metres_from_canonical(raw, 500.0, 1000.0), [[1.0, 2.0]])
-    np.testing.assert_allclose(metres_of_focal(raw, 600.0, 400.0), [[3.0, 6.0]])
+    np.testing.assert_allclose(depth_from_canonical(raw, 500.0, 1000.0), [[1.0, 2.0]])
+    np.testing.assert_allclose(depth_from_canonical(raw, 600.0, 400.0), [[3.0, 6.0]])

@@ -10,12 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter
 
-from physic_core.adapters.crops import Crop, Grid, crop_of, cut, padded
+from physic_core.adapters.crops import Crop, PixelAlignment, crop_around_box, padded_region, resample_crop
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-GRIDS: tuple[Grid, ...] = ("corners", "halves", "areas")
+GRIDS: tuple[PixelAlignment, ...] = ("corners", "halves", "areas")
 BOX = np.array([40.0, 30.0, 100.0, 190.0])
 
 
@@ -39,19 +39,19 @@ def slow_cut(image: NDArray[np.uint8], crop: Crop, fill: float = 0.0) -> NDArray
 
 
 def test_a_tall_box_is_widened_and_a_wide_box_heightened() -> None:
-    middle, size = padded(np.array([10.0, 20.0, 30.0, 120.0]), 0.75, 1.0)
+    middle, size = padded_region(np.array([10.0, 20.0, 30.0, 120.0]), 0.75, 1.0)
     assert middle.tolist() == [19.5, 69.5]
     assert size.tolist() == [75.0, 100.0]
-    assert padded(np.array([0.0, 0.0, 90.0, 60.0]), 0.75, 1.25)[1].tolist() == [112.5, 150.0]
+    assert padded_region(np.array([0.0, 0.0, 90.0, 60.0]), 0.75, 1.25)[1].tolist() == [112.5, 150.0]
 
 
 def test_an_empty_box_counts_as_a_pixel() -> None:
-    assert padded(np.array([5.0, 5.0, 5.0, 5.0]), 1.0, 1.0)[1].tolist() == [1.0, 1.0]
+    assert padded_region(np.array([5.0, 5.0, 5.0, 5.0]), 1.0, 1.0)[1].tolist() == [1.0, 1.0]
 
 
 def test_each_grid_puts_the_box_where_its_networks_learned_it() -> None:
-    middle, size = padded(BOX, 0.75, 1.25)
-    corners, halves, areas = (crop_of(BOX, 192, 256, grid=grid) for grid in GRIDS)
+    middle, size = padded_region(BOX, 0.75, 1.25)
+    corners, halves, areas = (crop_around_box(BOX, 192, 256, grid=grid) for grid in GRIDS)
     assert np.allclose(corners.to_photo(np.array([[0.0, 0.0], [191.0, 255.0]])), [middle - size / 2, middle + size / 2])
     assert np.allclose(halves.to_photo(np.array([96.0, 128.0])), middle)
     assert np.allclose(halves.to_photo(np.array([0.0, 0.0])), middle - size / 2)
@@ -66,29 +66,29 @@ def test_each_grid_puts_the_box_where_its_networks_learned_it() -> None:
     mirrored=st.booleans(),
 )
 def test_points_come_back(
-    grid: Grid, box: tuple[float, ...], points: list[tuple[float, float]], mirrored: bool
+    grid: PixelAlignment, box: tuple[float, ...], points: list[tuple[float, float]], mirrored: bool
 ) -> None:
     corners = np.array([box[0], box[1], box[0] + box[2], box[1] + box[3]])
-    crop = crop_of(corners, 192, 256, grid=grid, mirrored=mirrored)
+    crop = crop_around_box(corners, 192, 256, grid=grid, mirrored=mirrored)
     assert np.allclose(crop.to_photo(crop.to_crop(np.array(points))), points, atol=1e-6)
 
 
 @pytest.mark.parametrize("grid", GRIDS)
-def test_a_mirrored_crop_is_the_crop_of_the_mirrored_photo(grid: Grid) -> None:
+def test_a_mirrored_crop_is_the_crop_of_the_mirrored_photo(grid: PixelAlignment) -> None:
     image = np.random.default_rng(0).integers(0, 256, (60, 80, 3), np.uint8)
     box = np.array([20.0, 10.0, 50.0, 50.0])
     flipped = np.array([80 - box[2], box[1], 80 - box[0], box[3]])
-    ours = cut(image, crop_of(box, 32, 32, grid=grid, mirrored=True))
-    theirs = cut(np.ascontiguousarray(image[:, ::-1]), crop_of(flipped, 32, 32, grid=grid))
+    ours = resample_crop(image, crop_around_box(box, 32, 32, grid=grid, mirrored=True))
+    theirs = resample_crop(np.ascontiguousarray(image[:, ::-1]), crop_around_box(flipped, 32, 32, grid=grid))
     assert np.abs(ours.astype(int) - theirs.astype(int)).max() <= 1
 
 
 @pytest.mark.parametrize("grid", GRIDS)
 @pytest.mark.parametrize("mirrored", [False, True])
-def test_cutting_equals_its_slow_twin(grid: Grid, mirrored: bool) -> None:
+def test_cutting_equals_its_slow_twin(grid: PixelAlignment, mirrored: bool) -> None:
     image = np.random.default_rng(1).integers(0, 256, (40, 50, 3), np.uint8)
-    crop = crop_of(np.array([-5.0, 4.0, 30.0, 45.0]), 24, 32, grid=grid, mirrored=mirrored)
-    ours = cut(image, crop, fill=7).astype(float)
+    crop = crop_around_box(np.array([-5.0, 4.0, 30.0, 45.0]), 24, 32, grid=grid, mirrored=mirrored)
+    ours = resample_crop(image, crop, fill=7).astype(float)
     # OpenCV rounds places to 1/32 of a pixel.
     assert np.abs(ours - slow_cut(image, crop, 7.0)).max() < 255 / 32 * 2 + 1
     assert np.abs(ours - slow_cut(image, crop, 7.0)).mean() < 2
@@ -96,25 +96,29 @@ def test_cutting_equals_its_slow_twin(grid: Grid, mirrored: bool) -> None:
 
 def test_outside_of_the_photo_is_the_fill() -> None:
     image = np.full((20, 20, 3), 200, np.uint8)
-    found = cut(image, crop_of(np.array([30.0, 30.0, 40.0, 40.0]), 8, 8, grid="areas"), fill=255)
+    found = resample_crop(image, crop_around_box(np.array([30.0, 30.0, 40.0, 40.0]), 8, 8, grid="areas"), fill=255)
     assert (found == 255).all()
 
 
 def test_a_blur_keeps_grey_grey_and_takes_stripes_away() -> None:
     grey = np.full((40, 40, 3), 90, np.uint8)
-    crop = crop_of(np.array([5.0, 5.0, 35.0, 35.0]), 10, 10, padding=1.0, grid="areas")
-    assert (cut(grey, crop, sigma=2.0) == 90).all()
+    crop = crop_around_box(np.array([5.0, 5.0, 35.0, 35.0]), 10, 10, padding=1.0, grid="areas")
+    assert (resample_crop(grey, crop, sigma=2.0) == 90).all()
     stripes = np.zeros((40, 40, 3), np.uint8)
     stripes[:, ::2] = 200
-    assert np.ptp(cut(stripes, crop, sigma=2.0).astype(int)) < 6 < np.ptp(cut(stripes, crop).astype(int))
+    assert (
+        np.ptp(resample_crop(stripes, crop, sigma=2.0).astype(int))
+        < 6
+        < np.ptp(resample_crop(stripes, crop).astype(int))
+    )
 
 
 def test_the_grid_of_halves_is_mmposes_affine_and_its_inverse() -> None:
     """keypoint / input * scale + centre - scale / 2, the formula of RTMPose's deployment."""
-    middle, size = padded(BOX, 0.75, 1.25)
+    middle, size = padded_region(BOX, 0.75, 1.25)
     points = np.random.default_rng(2).uniform(0, 200, (9, 2))
     theirs = points / [192, 256] * size + middle - size / 2
-    assert np.allclose(crop_of(BOX, 192, 256, grid="halves").to_photo(points), theirs)
+    assert np.allclose(crop_around_box(BOX, 192, 256, grid="halves").to_photo(points), theirs)
 
 
 def test_the_grid_of_corners_is_vitposes_in_transformers() -> None:
@@ -129,11 +133,11 @@ def test_the_grid_of_corners_is_vitposes_in_transformers() -> None:
     box = [BOX[0] - 0.5, BOX[1] - 0.5, BOX[2] - BOX[0], BOX[3] - BOX[1]]
     centre, scale = box_to_center_and_scale(box, 192, 256)
     warp = get_warp_matrix(0, centre * 2.0, np.array([191.0, 255.0]), scale * 200.0)
-    crop = crop_of(BOX, 192, 256, grid="corners")
+    crop = crop_around_box(BOX, 192, 256, grid="corners")
     photo = np.random.default_rng(3).uniform(0, 300, (7, 2))
     assert np.allclose(crop.to_crop(photo), photo @ warp[:, :2].T + warp[:, 2], atol=1e-3)
     cells = np.random.default_rng(4).uniform(0, 47, (7, 2))
-    heat = crop_of(BOX, 48, 64, grid="corners")
+    heat = crop_around_box(BOX, 48, 64, grid="corners")
     assert np.allclose(heat.to_photo(cells), transform_preds(cells, centre, scale, [64, 48]), atol=1e-3)
 
 
@@ -146,8 +150,8 @@ def test_the_cut_out_is_that_of_transformers_processor() -> None:
     box = [BOX[0] - 0.5, BOX[1] - 0.5, BOX[2] - BOX[0], BOX[3] - BOX[1]]
     processor = VitPoseImageProcessorPil(do_normalize=False, do_rescale=False)
     theirs = np.asarray(processor(image, boxes=[[box]], return_tensors="np")["pixel_values"])[0].transpose(1, 2, 0)
-    crop = crop_of(BOX, 192, 256, grid="corners")
-    ours = cut(image, crop).astype(float)
+    crop = crop_around_box(BOX, 192, 256, grid="corners")
+    ours = resample_crop(image, crop).astype(float)
     apart = np.abs(ours - theirs)
     # Within a pixel of the edge OpenCV blends with what is outside, and SciPy does not.
     grid = np.stack(np.meshgrid(np.arange(192), np.arange(256)), -1)
@@ -156,5 +160,5 @@ def test_the_cut_out_is_that_of_transformers_processor() -> None:
     assert inside.mean() > 0.9
     assert apart[inside].mean() < 0.05
     assert apart[inside].max() < 2
-    half_a_pixel = cut(image, crop_of(BOX + 0.5, 192, 256, grid="corners")).astype(float)
+    half_a_pixel = resample_crop(image, crop_around_box(BOX + 0.5, 192, 256, grid="corners")).astype(float)
     assert np.abs(half_a_pixel - theirs)[inside].mean() > 2 * apart[inside].mean()

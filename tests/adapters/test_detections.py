@@ -10,15 +10,15 @@ from hypothesis import strategies as st
 from physic_core.adapters.detections import (
     Detections,
     box_iou,
-    boxes_in_photo,
-    corners_of_centred,
+    clip_boxes,
     nms,
+    xyxy_from_cxcywh,
 )
 from physic_core.types import Keypoints
 
 
 def test_a_centred_box_has_its_corners_half_its_size_away():
-    assert corners_of_centred(np.array([[10.0, 20.0, 4.0, 6.0]])).tolist() == [[8, 17, 12, 23]]
+    assert xyxy_from_cxcywh(np.array([[10.0, 20.0, 4.0, 6.0]])).tolist() == [[8, 17, 12, 23]]
 
 
 def test_iou_of_known_boxes():
@@ -30,7 +30,7 @@ def test_iou_of_known_boxes():
 @given(st.lists(st.tuples(*[st.floats(0, 50)] * 4, st.floats(0, 1)), max_size=12), st.floats(0.05, 0.95))
 def test_nms_keeps_what_a_plain_loop_keeps(rows, overlap):
     table = np.array(rows, float).reshape(-1, 5)
-    boxes, scores = corners_of_centred(table[:, :4]), table[:, 4]
+    boxes, scores = xyxy_from_cxcywh(table[:, :4]), table[:, 4]
     kept: list[int] = []
     for i in sorted(range(len(rows)), key=lambda i: (-scores[i], i)):
         if all(box_iou(boxes[i : i + 1], boxes[k : k + 1])[0, 0] <= overlap for k in kept):
@@ -40,7 +40,7 @@ def test_nms_keeps_what_a_plain_loop_keeps(rows, overlap):
 
 def test_boxes_are_cut_at_the_photo_and_vanish_outside():
     boxes = np.array([[-5.0, -5, 30, 10], [90, 10, 130, 70], [120, 0, 140, 10], [np.nan, 0, 1, 1]])
-    inside, stay = boxes_in_photo(boxes, 60, 100)
+    inside, stay = clip_boxes(boxes, 60, 100)
     assert inside[:2].tolist() == [[0, 0, 30, 10], [90, 10, 100, 60]]
     assert stay.tolist() == [True, True, False, False]
 

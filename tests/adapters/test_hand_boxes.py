@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from physic_core.adapters.crops import crop_of
+from physic_core.adapters.crops import crop_around_box
 from physic_core.adapters.hand_boxes import hand_boxes
 from physic_core.types import Keypoints, Skeleton
 
@@ -30,7 +30,7 @@ def test_a_crop_is_that_of_wilors_own_code() -> None:
     given = keypoints("coco_wholebody133", 133)
     given.points[0, 112:133] = np.linspace([50, 80], [90, 140], 21)
     given.confidence[0, 112:133] = 1.0
-    crop = crop_of(hand_boxes(given).boxes[0], 256, 256, padding=2.5, grid="halves")
+    crop = crop_around_box(hand_boxes(given).boxes[0], 256, 256, padding=2.5, grid="halves")
     np.testing.assert_allclose(crop.to_photo(np.array([128.0, 128.0])), [70, 110])  # not half a pixel beside
     np.testing.assert_allclose(256 * np.array(crop.step), 2.5 * 60)
 

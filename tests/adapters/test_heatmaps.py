@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from physic_core.adapters.heatmaps import as_confidence, peaks, refined_peaks, simcc_peaks
+from physic_core.adapters.heatmaps import heatmap_peaks, scores_to_confidence, simcc_peaks, subpixel_peaks
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -39,9 +39,9 @@ def slow_refined(heatmap: NDArray[np.float64]) -> NDArray[np.float64]:
 @pytest.mark.parametrize("sigma", [1.5, 2.0, 3.0])
 def test_known_peaks_are_found_to_a_twentieth_of_a_cell(sigma: float) -> None:
     true = np.random.default_rng(0).uniform([6, 6], [41, 57], (3, 40, 2))
-    found, value = refined_peaks(gaussians(true, 64, 48, sigma))
+    found, value = subpixel_peaks(gaussians(true, 64, 48, sigma))
     apart = np.linalg.norm(found - true, axis=-1)
-    coarse = np.linalg.norm(peaks(gaussians(true, 64, 48, sigma))[0] - true, axis=-1)
+    coarse = np.linalg.norm(heatmap_peaks(gaussians(true, 64, 48, sigma))[0] - true, axis=-1)
     print(f"sigma {sigma}: {apart.max():.4f} cells at most, the highest cell alone {coarse.max():.2f}")
     assert apart.max() < 0.05 < coarse.max()
     assert (value > 0.8).all()
@@ -52,7 +52,7 @@ def test_peaks_within_noise_stay_within_half_a_cell() -> None:
     rng = np.random.default_rng(1)
     true = rng.uniform([6, 6], [41, 57], (1, 60, 2))
     maps = gaussians(true, 64, 48, 2.0) + rng.normal(0, 0.02, (1, 60, 64, 48))
-    found, _ = refined_peaks(maps)
+    found, _ = subpixel_peaks(maps)
     assert np.linalg.norm(found - true, axis=-1).max() < 0.5
 
 
@@ -61,7 +61,7 @@ def test_refining_equals_its_slow_twin() -> None:
     maps = gaussian_filter(rng.random((2, 8, 24, 18)), (0, 0, 1, 1))
     maps[0, 0] = 0  # flat
     maps[0, 1, 0, 0] = 2  # in the corner
-    found, _ = refined_peaks(maps)
+    found, _ = subpixel_peaks(maps)
     twin = np.array([[slow_refined(one) for one in of_person] for of_person in maps])
     assert np.allclose(found, twin, atol=1e-6)
 
@@ -77,19 +77,19 @@ def test_refining_equals_transformers() -> None:
     maps = gaussians(true, 64, 48, 2.0).astype(np.float32)
     cells, scores = get_keypoint_predictions(maps)
     theirs = post_dark_unbiased_data_processing(cells.copy(), maps, kernel=11)
-    ours, value = refined_peaks(maps)
+    ours, value = subpixel_peaks(maps)
     assert np.allclose(ours, theirs, atol=2e-3)
     assert np.allclose(value, scores[..., 0])
 
 
 def test_a_flat_map_answers_its_first_cell_and_its_value() -> None:
-    found, value = refined_peaks(np.zeros((1, 1, 8, 6)))
+    found, value = subpixel_peaks(np.zeros((1, 1, 8, 6)))
     assert found.tolist() == [[[0.0, 0.0]]]
     assert value.tolist() == [[0.0]]
 
 
 def test_nobody_has_no_peaks() -> None:
-    assert refined_peaks(np.zeros((0, 17, 64, 48)))[0].shape == (0, 17, 2)
+    assert subpixel_peaks(np.zeros((0, 17, 64, 48)))[0].shape == (0, 17, 2)
     assert simcc_peaks(np.zeros((0, 17, 384)), np.zeros((0, 17, 512)))[0].shape == (0, 17, 2)
 
 
@@ -103,5 +103,5 @@ def test_simcc_bins_are_half_pixels_and_the_lower_maximum_counts() -> None:
 
 
 def test_scores_become_shares() -> None:
-    assert as_confidence(np.array([-0.2, 0.3, 4.0, np.nan]), 1.0).tolist() == [0.0, 0.3, 1.0, 0.0]
-    assert as_confidence(np.array([3.0]), 6.0).tolist() == [0.5]
+    assert scores_to_confidence(np.array([-0.2, 0.3, 4.0, np.nan]), 1.0).tolist() == [0.0, 0.3, 1.0, 0.0]
+    assert scores_to_confidence(np.array([3.0]), 6.0).tolist() == [0.5]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_core.adapters.inpainting import fill_within, widened
+from physic_core.adapters.inpainting import dilate_mask, inpaint_masked
 from physic_core.errors import BackendError
 
 IMAGE = np.arange(60 * 80 * 3, dtype=np.uint32).reshape(60, 80, 3).astype(np.uint8)
@@ -19,7 +19,7 @@ def middle() -> np.ndarray:
 
 def test_only_the_mask_is_filled_though_more_is_shown_as_a_hole():
     shown = []
-    filled = fill_within(IMAGE, middle(), 0.05, lambda image, hole: shown.append(hole) or np.zeros_like(image))
+    filled = inpaint_masked(IMAGE, middle(), 0.05, lambda image, hole: shown.append(hole) or np.zeros_like(image))
     assert (filled[middle()] == 0).all()
     assert (filled[~middle()] == IMAGE[~middle()]).all()
     rows, columns = np.nonzero(shown[0])
@@ -27,7 +27,7 @@ def test_only_the_mask_is_filled_though_more_is_shown_as_a_hole():
 
 
 def test_without_a_hole_nothing_is_asked_and_the_answer_is_another_array():
-    filled = fill_within(IMAGE, np.zeros((60, 80), bool), 0.1, lambda image, hole: pytest.fail("asked"))
+    filled = inpaint_masked(IMAGE, np.zeros((60, 80), bool), 0.1, lambda image, hole: pytest.fail("asked"))
     assert (filled == IMAGE).all()
     assert not np.shares_memory(filled, IMAGE)
 
@@ -44,10 +44,10 @@ def test_without_a_hole_nothing_is_asked_and_the_answer_is_another_array():
 )
 def test_a_mask_that_cannot_be_filled_is_refused(mask, words):
     with pytest.raises(BackendError, match=words):
-        fill_within(IMAGE, mask, 0.0, lambda image, hole: image)
+        inpaint_masked(IMAGE, mask, 0.0, lambda image, hole: image)
 
 
 def test_a_rim_that_would_leave_nothing_is_left_out():
     mask = np.ones((60, 80), bool)
     mask[0, 0] = False
-    assert (widened(mask, 0.1) == mask).all()
+    assert (dilate_mask(mask, 0.1) == mask).all()

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from physic_core.adapters.mano import hands_from_mano, no_hands
-from physic_core.adapters.rotations import mirrored
+from physic_core.adapters.mano import empty_hands, hands_from_mano
+from physic_core.adapters.rotations import mirror_rotvecs
 from physic_core.interfaces import HandEstimator
 from physic_testing import violations
 
@@ -17,10 +17,10 @@ BOTH = {"person": np.array([1, 1]), "right": np.array([False, True]), "confidenc
 
 def test_left_comes_first_and_is_mirrored_back() -> None:
     hands = hands_from_mano(2, fingers=FINGERS, wrists=WRISTS, **BOTH)
-    np.testing.assert_allclose(hands.rotvecs[1, 0], mirrored(FINGERS[0]), atol=1e-6)
+    np.testing.assert_allclose(hands.rotvecs[1, 0], mirror_rotvecs(FINGERS[0]), atol=1e-6)
     np.testing.assert_allclose(hands.rotvecs[1, 1], FINGERS[1], atol=1e-6)
     assert hands.wrists is not None
-    np.testing.assert_allclose(hands.wrists[1], [mirrored(WRISTS[0, 0]), WRISTS[1, 0]], atol=1e-6)
+    np.testing.assert_allclose(hands.wrists[1], [mirror_rotvecs(WRISTS[0, 0]), WRISTS[1, 0]], atol=1e-6)
     np.testing.assert_allclose(hands.confidence, [[0, 0], [0.8, 0.9]], atol=1e-6)
     assert violations(HandEstimator, hands, people=2) == []
 
@@ -58,7 +58,7 @@ def test_a_hand_that_is_not_a_number_was_not_found() -> None:
 
 
 def test_nobody_has_no_hands() -> None:
-    assert violations(HandEstimator, no_hands(0), people=0) == []
+    assert violations(HandEstimator, empty_hands(0), people=0) == []
     empty = hands_from_mano(3, np.zeros(0, int), np.zeros(0, bool), np.zeros((0, 15, 3)), np.zeros(0))
     assert violations(HandEstimator, empty, people=3) == []
     assert not empty.confidence.any()

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from physic_core.adapters.panoptic import COCO_PANOPTIC, FLOOR, Padded, people_and_floor
+from physic_core.adapters.panoptic import COCO_PANOPTIC, FLOOR_CLASSES, PaddedFrame, people_and_floor
 
 PERSON, FLOOR_OTHER, WALL = (
     COCO_PANOPTIC.index(name) for name in ("person", "floor-other-merged", "wall-other-merged")
@@ -39,7 +39,7 @@ def test_classes_have_the_numbers_of_coco_panoptic():
     }  # fmt: skip
     assert len(COCO_PANOPTIC) == len(set(COCO_PANOPTIC)) == 133
     assert {i: COCO_PANOPTIC[i] for i in known} == known
-    assert set(COCO_PANOPTIC) > FLOOR
+    assert set(COCO_PANOPTIC) > FLOOR_CLASSES
 
 
 def test_people_and_floor_come_apart():
@@ -80,7 +80,7 @@ def test_the_frame_is_filled_as_the_library_fills_it(size):
     processor = eomt_processor()
     made = processor.preprocess(np.full((*size, 3), 255, np.uint8), return_tensors="np")["pixel_values"][0]
     filled = made[0] > 0
-    inner = Padded(*size, 640).inner
+    inner = PaddedFrame(*size, 640).inner
     assert filled[: inner[0], : inner[1]].all()
     assert filled.sum() == inner[0] * inner[1]
 
@@ -102,8 +102,10 @@ def test_segments_are_those_of_the_library(size):
     )[0]  # fmt: skip
     segmentation = told["segmentation"].numpy()
     wanted = {s["score"]: segmentation == s["id"] for s in told["segments_info"] if s["label_id"] == PERSON}
-    floor = np.isin(segmentation, [s["id"] for s in told["segments_info"] if COCO_PANOPTIC[s["label_id"]] in FLOOR])
-    people = people_and_floor(classes, masks, Padded(*size, 640).to_photo, size, threshold=0.5, held=0.3)
+    floor = np.isin(
+        segmentation, [s["id"] for s in told["segments_info"] if COCO_PANOPTIC[s["label_id"]] in FLOOR_CLASSES]
+    )
+    people = people_and_floor(classes, masks, PaddedFrame(*size, 640).to_photo, size, threshold=0.5, held=0.3)
     assert len(people) == len(wanted) > 1
     for mask, score in zip(people.masks, people.scores, strict=True):
         (theirs,) = [m for s, m in wanted.items() if abs(s - score) < 2e-6]

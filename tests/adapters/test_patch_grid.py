@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.adapters.patch_grid import capped, least_scaled, longest_side
+from physic_core.adapters.patch_grid import input_size_by_long_side, input_size_least_scaling, limit_patches
 
 SIDES = st.integers(14, 4000)
 
@@ -20,7 +20,7 @@ SIDES = st.integers(14, 4000)
     ],
 )
 def test_one_side_becomes_518_and_the_other_a_multiple_of_14(height: int, width: int, wanted: tuple[int, int]) -> None:
-    assert least_scaled(height, width, 518) == wanted
+    assert input_size_least_scaling(height, width, 518) == wanted
 
 
 @pytest.mark.parametrize(
@@ -28,24 +28,24 @@ def test_one_side_becomes_518_and_the_other_a_multiple_of_14(height: int, width:
     [(1080, 1920, (280, 504)), (480, 640, (378, 504)), (504, 378, (504, 378)), (500, 1000, (252, 504))],
 )
 def test_the_long_side_becomes_504(height: int, width: int, wanted: tuple[int, int]) -> None:
-    assert longest_side(height, width, 504) == wanted
+    assert input_size_by_long_side(height, width, 504) == wanted
 
 
 def test_half_a_patch_goes_up() -> None:
-    assert longest_side(7 * 15, 504, 504) == (112, 504)  # 105 lies between 98 and 112
+    assert input_size_by_long_side(7 * 15, 504, 504) == (112, 504)  # 105 lies between 98 and 112
 
 
 @given(SIDES, SIDES)
 def test_sizes_are_whole_patches(height: int, width: int) -> None:
-    for rows, columns in (least_scaled(height, width, 518), longest_side(height, width, 504)):
+    for rows, columns in (input_size_least_scaling(height, width, 518), input_size_by_long_side(height, width, 504)):
         assert rows % 14 == columns % 14 == 0
         assert min(rows, columns) >= 14
 
 
 @given(SIDES, SIDES, st.integers(16, 6000))
 def test_a_cap_holds_and_never_enlarges(height: int, width: int, most: int) -> None:
-    rows, columns = least_scaled(height, width, 518)
-    less = capped(rows, columns, most)
+    rows, columns = input_size_least_scaling(height, width, 518)
+    less = limit_patches(rows, columns, most)
     assert less[0] % 14 == less[1] % 14 == 0
     assert less[0] <= rows
     assert less[1] <= columns
@@ -54,6 +54,6 @@ def test_a_cap_holds_and_never_enlarges(height: int, width: int, most: int) -> N
 
 
 def test_a_panorama_is_capped_with_its_aspect() -> None:
-    rows, columns = capped(*least_scaled(500, 5000, 518), most=3600)
+    rows, columns = limit_patches(*input_size_least_scaling(500, 5000, 518), most=3600)
     assert rows * columns / 196 <= 3600
     assert columns / rows == pytest.approx(10, rel=0.06)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from physic_core.adapters.people import distinct_masks, people_from_masks, tight_boxes
+from physic_core.adapters.people import boxes_from_masks, mask_nms, people_from_masks
 from physic_core.interfaces import Segmenter
 from physic_core.types import Keypoints
 from physic_testing import violations
@@ -89,11 +89,11 @@ def test_whatever_the_masks_the_answer_holds_to_the_interface(logits, sharp):
 
 def test_two_looks_at_one_person_are_one():
     masks = np.stack([rectangle(0, 5, 0, 5) > 0, rectangle(0, 5, 0, 4) > 0, rectangle(0, 5, 4, 8) > 0])
-    assert distinct_masks(masks, np.array([0.7, 0.9, 0.8]), overlap=0.75).tolist() == [1, 2]
+    assert mask_nms(masks, np.array([0.7, 0.9, 0.8]), overlap=0.75).tolist() == [1, 2]
 
 
 def test_the_box_of_an_empty_mask_is_empty():
-    assert tight_boxes(np.zeros((1, *SIZE), bool)).tolist() == [[0, 0, 0, 0]]
+    assert boxes_from_masks(np.zeros((1, *SIZE), bool)).tolist() == [[0, 0, 0, 0]]
 
 
 def test_a_number_that_is_none_is_outside():

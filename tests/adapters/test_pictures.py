@@ -13,9 +13,9 @@ from physic_core.adapters.pictures import (
     IMAGENET_MEAN,
     IMAGENET_STD,
     letterbox,
-    planes,
-    resample,
-    squash,
+    normalized_nchw,
+    resize_image,
+    resize_map,
 )
 from physic_core.errors import InputError
 
@@ -24,9 +24,9 @@ PHOTO = rng.integers(0, 256, (37, 53, 3), np.uint8)
 
 
 def torch_resized(image, height, width, mode, antialias):
-    planes = torch.from_numpy(np.asarray(image, np.float32)).permute(2, 0, 1)[None]
+    batch = torch.from_numpy(np.asarray(image, np.float32)).permute(2, 0, 1)[None]
     resized = torch.nn.functional.interpolate(
-        planes, (height, width), mode=mode, align_corners=False, antialias=antialias
+        batch, (height, width), mode=mode, align_corners=False, antialias=antialias
     )
     return resized[0].permute(1, 2, 0).numpy()
 
@@ -35,7 +35,7 @@ class TestPlanes:
     def test_channels_come_first_in_the_order_of_the_image(self):
         image = np.zeros((2, 3, 3), np.uint8)
         image[..., 0], image[1, 2, 2] = 255, 51
-        values = planes(image)
+        values = normalized_nchw(image)
         assert (values.shape, values.dtype) == ((1, 3, 2, 3), np.float32)
         np.testing.assert_array_equal(values[0, 0], 1)
         np.testing.assert_allclose(values[0, 2], [[0, 0, 0], [0, 0, 0.2]], atol=1e-7)
@@ -43,14 +43,16 @@ class TestPlanes:
     def test_mean_and_deviation_are_of_the_scaled_values(self):
         expected = (PHOTO / 255 - IMAGENET_MEAN) / IMAGENET_STD
         np.testing.assert_allclose(
-            planes(PHOTO, IMAGENET_MEAN, IMAGENET_STD)[0].transpose(1, 2, 0), expected, atol=1e-6
+            normalized_nchw(PHOTO, IMAGENET_MEAN, IMAGENET_STD)[0].transpose(1, 2, 0), expected, atol=1e-6
         )
 
     def test_values_of_0_to_255(self):
-        np.testing.assert_array_equal(planes(PHOTO, scale=1)[0].transpose(1, 2, 0), PHOTO)
+        np.testing.assert_array_equal(normalized_nchw(PHOTO, scale=1)[0].transpose(1, 2, 0), PHOTO)
 
     def test_image_with_strides_of_its_own(self):
-        np.testing.assert_array_equal(planes(PHOTO[::-1, ::2, ::-1]), planes(PHOTO[::-1, ::2, ::-1].copy()))
+        np.testing.assert_array_equal(
+            normalized_nchw(PHOTO[::-1, ::2, ::-1]), normalized_nchw(PHOTO[::-1, ::2, ::-1].copy())
+        )
 
 
 class TestSquash:
@@ -59,43 +61,43 @@ class TestSquash:
     def test_without_antialias_as_torch(self, kind, height, width):
         image = PHOTO.astype(np.float32)
         np.testing.assert_allclose(
-            squash(image, height, width, kind), torch_resized(image, height, width, kind, False), atol=1e-2
+            resize_image(image, height, width, kind), torch_resized(image, height, width, kind, False), atol=1e-2
         )
 
     @pytest.mark.parametrize(("height", "width"), [(74, 106), (20, 90), (11, 13)])
     @pytest.mark.parametrize("kind", ["bilinear", "bicubic"])
     def test_with_antialias_as_pillow(self, kind, height, width):
         expected = Image.fromarray(PHOTO).resize((width, height), getattr(Image.Resampling, kind.upper()))
-        np.testing.assert_array_equal(squash(PHOTO, height, width, f"{kind}-antialias"), np.asarray(expected))
+        np.testing.assert_array_equal(resize_image(PHOTO, height, width, f"{kind}-antialias"), np.asarray(expected))
 
     def test_with_antialias_as_torch(self):
         image = PHOTO.astype(np.float32)
         np.testing.assert_allclose(
-            squash(image, 11, 13, "bilinear-antialias"), torch_resized(image, 11, 13, "bilinear", True), atol=1e-3
+            resize_image(image, 11, 13, "bilinear-antialias"), torch_resized(image, 11, 13, "bilinear", True), atol=1e-3
         )
 
     def test_area_is_the_mean_of_what_becomes_one_pixel(self):
         image = rng.random((8, 12)).astype(np.float32)
-        np.testing.assert_allclose(squash(image, 4, 4, "area"), image.reshape(4, 2, 4, 3).mean((1, 3)), rtol=1e-5)
+        np.testing.assert_allclose(resize_image(image, 4, 4, "area"), image.reshape(4, 2, 4, 3).mean((1, 3)), rtol=1e-5)
 
     def test_nearest_takes_the_pixel_whose_centre_is_nearest(self):
         image = np.arange(9, dtype=np.float32)[None].repeat(3, 0)
-        np.testing.assert_array_equal(squash(image, 1, 3, "nearest"), [[1, 4, 7]])
+        np.testing.assert_array_equal(resize_image(image, 1, 3, "nearest"), [[1, 4, 7]])
 
     def test_same_size_is_a_copy(self):
-        same = squash(PHOTO, 37, 53)
+        same = resize_image(PHOTO, 37, 53)
         np.testing.assert_array_equal(same, PHOTO)
         assert not np.shares_memory(same, PHOTO)
 
     def test_nothing_is_no_size(self):
         with pytest.raises(InputError, match="cannot be resized to 0 x 5 px"):
-            squash(PHOTO, 5, 0)
+            resize_image(PHOTO, 5, 0)
 
 
 def test_resample_keeps_places_by_half_pixel_centres():
     """A ramp of x coordinates, enlarged: each new pixel holds where its centre lies in the old image."""
     ramp = np.arange(10.0)[None].repeat(4, 0)
-    larger = resample(ramp, 8, 30)
+    larger = resize_map(ramp, 8, 30)
     expected = np.clip((np.arange(30) + 0.5) / 3 - 0.5, 0, 9)
     np.testing.assert_allclose(larger, expected[None].repeat(8, 0), atol=1e-5)
 

@@ -6,35 +6,35 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from physic_core.adapters.rotations import mirrored, rotvecs_of
+from physic_core.adapters.rotations import mirror_rotvecs, to_rotvecs
 
 
 def test_matrices_and_vectors_are_the_same_rotations() -> None:
     vectors = np.random.default_rng(0).normal(0, 0.6, (3, 5, 3))
     matrices = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(3, 5, 3, 3)
     for given in (vectors, vectors.reshape(3, 15), matrices, matrices.astype(np.float32)):
-        np.testing.assert_allclose(rotvecs_of(given, 5), vectors, atol=1e-5)
+        np.testing.assert_allclose(to_rotvecs(given, 5), vectors, atol=1e-5)
 
 
 def test_three_joints_as_vectors_are_not_taken_for_a_matrix() -> None:
     vectors = np.random.default_rng(1).normal(0, 0.6, (2, 3, 3))
-    np.testing.assert_array_equal(rotvecs_of(vectors, 3), vectors)
+    np.testing.assert_array_equal(to_rotvecs(vectors, 3), vectors)
 
 
 def test_what_is_no_rotation_is_not_a_number() -> None:
     matrices = np.stack([np.eye(3), np.diag([-1.0, 1, 1]), np.zeros((3, 3)), np.full((3, 3), np.nan)])[None]
-    found = rotvecs_of(matrices, 4)[0]
+    found = to_rotvecs(matrices, 4)[0]
     np.testing.assert_array_equal(np.isnan(found).any(axis=1), [False, True, True, True])
 
 
 def test_another_shape_is_refused_in_words() -> None:
     said = r"rotations of 15 joints must be \(N, 15, 3\), \(N, 45\) or \(N, 15, 3, 3\), got \(2, 16, 3\)"
     with pytest.raises(ValueError, match=said):
-        rotvecs_of(np.zeros((2, 16, 3)), 15)
+        to_rotvecs(np.zeros((2, 16, 3)), 15)
 
 
 def test_mirrored_rotations_are_those_of_a_mirrored_world() -> None:
     vectors = np.random.default_rng(2).normal(0, 1, (20, 3))
     mirror = np.diag([-1.0, 1.0, 1.0])
     turned = mirror @ Rotation.from_rotvec(vectors).as_matrix() @ mirror
-    np.testing.assert_allclose(Rotation.from_rotvec(mirrored(vectors)).as_matrix(), turned, atol=1e-12)
+    np.testing.assert_allclose(Rotation.from_rotvec(mirror_rotvecs(vectors)).as_matrix(), turned, atol=1e-12)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from physic_core.adapters.smpl import bodies_from_smpl, no_bodies, parameters_of
+from physic_core.adapters.smpl import bodies_from_smpl, empty_bodies, parameters_from_rotvecs
 from physic_core.interfaces import BodyEstimator
 from physic_testing import violations
 
@@ -44,11 +44,11 @@ def test_joints_that_smpl_has_not_are_not_numbers() -> None:
 
 def test_parameters_of_all_55_joints_land_in_their_fields() -> None:
     full = RNG.normal(0, 0.3, (1, 55, 3))
-    p = parameters_of(full, BETAS[:1], PLACE[:1], expression=np.ones((1, 10)))
+    p = parameters_from_rotvecs(full, BETAS[:1], PLACE[:1], expression=np.ones((1, 10)))
     rows = [p.global_orient, p.body_pose, p.jaw_pose, p.leye_pose, p.reye_pose, p.left_hand_pose, p.right_hand_pose]
     np.testing.assert_allclose(np.concatenate(rows, axis=1).reshape(1, 55, 3), full, atol=1e-6)
     assert p.expression.shape == (1, 10)
 
 
 def test_nobody_is_a_whole_answer() -> None:
-    assert violations(BodyEstimator, no_bodies("smplx"), people=0) == []
+    assert violations(BodyEstimator, empty_bodies("smplx"), people=0) == []

@@ -14,9 +14,9 @@ import torch
 from torch import Tensor
 
 from physic_core.body import JOINT_INDEX, JOINT_NAMES, PARENTS, load_body
-from physic_core.body.assembly import BodyArrays, assemble
+from physic_core.body.assembly import BodyArrays, build_body_model
 from physic_core.body.model import BodyModel
-from physic_core.body.rotations import exp
+from physic_core.body.rotations import rotvec_to_rotmat
 
 sys.path.append(str(Path(__file__).parent))  # other_body.py, which tests of this folder share
 
@@ -186,7 +186,7 @@ def other(embedded: BodyModel) -> OtherBody:
 @pytest.fixture(scope="session")
 def other_model(other: OtherBody) -> BodyModel:
     """The same as a model named "smplx"."""
-    return assemble(
+    return build_body_model(
         BodyArrays(
             name="smplx",
             topology="smplx",
@@ -242,4 +242,8 @@ def people(embedded: BodyModel) -> dict[str, np.ndarray]:
     rotvecs[:, 0] = 0.3 * rng.standard_normal((4, 3))
     rotvecs[:, 0, 1] += [0, 1.5, -2.5, 3.1]
     place = rng.standard_normal((4, 3)) + np.array([0, 0, 4])
-    return {"rotations": exp(rotvecs), "betas": rng.standard_normal((4, embedded.num_betas)), "transl": place}
+    return {
+        "rotations": rotvec_to_rotmat(rotvecs),
+        "betas": rng.standard_normal((4, embedded.num_betas)),
+        "transl": place,
+    }

@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 from other_body import OtherBody, make, smpl_file_arrays
 
-from physic_core.body.conversion import can_carry, carry, rest_mesh_of, to_model
+from physic_core.body.conversion import can_convert, convert_bodies, convert_with_residuals, rest_mesh_of_model
 from physic_core.body.model import BodyModel
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
 from physic_core.body.smpl_file import SmplBody
@@ -51,24 +51,24 @@ def smpl(embedded: BodyModel) -> tuple[SmplBody, OtherBody]:
 
 
 def with_mesh(bodies: Bodies, model: BodyModel) -> Bodies:
-    rest = rest_mesh_of(model)
+    rest = rest_mesh_of_model(model)
     return replace(bodies, mesh=Mesh(rest.topology, posed(model, bodies)[0], rest.faces, rest.vertices))
 
 
 def test_bodies_of_the_model_itself_are_left_alone(own: Bodies, embedded: BodyModel) -> None:
-    assert to_model(own, embedded) is own
+    assert convert_bodies(own, embedded) is own
 
 
 def test_by_surface_there_and_back(own: Bodies, embedded: BodyModel, other_model: BodyModel, other: OtherBody) -> None:
     vertices, joints = posed(embedded, own)
-    there = carry(own, other_model)
+    there = convert_with_residuals(own, other_model)
     assert there.bodies.body_model == "smplx"
     assert there.bodies.parameters.betas.shape == (4, 10)
     np.testing.assert_array_equal(there.bodies.observed, own.observed)
     assert (there.bodies.joints, there.bodies.mesh) == (None, None)
     truth = np.stack([other.from_embedded @ v for v in vertices])
     found = posed(other_model, there.bodies)[0]
-    back = carry(with_mesh(there.bodies, other_model), embedded)
+    back = convert_with_residuals(with_mesh(there.bodies, other_model), embedded)
     again, joints_again = posed(embedded, back.bodies)
     print(
         f"there {mm(found, truth):.2f} mm; back {mm(again, vertices):.2f} mm, joints {mm(joints_again, joints):.2f} mm"
@@ -83,9 +83,9 @@ def test_by_surface_there_and_back(own: Bodies, embedded: BodyModel, other_model
 def test_by_joints_there_and_back(own: Bodies, embedded: BodyModel, other_model: BodyModel) -> None:
     """The other model has its joints up to 5 cm elsewhere: a surface that follows joints alone is off by as much."""
     vertices, joints = posed(embedded, own)
-    there = carry(replace(own, body_model="smpl", joints=joints), other_model)
+    there = convert_with_residuals(replace(own, body_model="smpl", joints=joints), other_model)
     joints_there = posed(other_model, there.bodies)[1]
-    back = carry(replace(there.bodies, joints=joints_there), embedded)
+    back = convert_with_residuals(replace(there.bodies, joints=joints_there), embedded)
     again, joints_again = posed(embedded, back.bodies)
     limbs = [4, 5, 7, 8, 18, 19, 20, 21]
     print(
@@ -101,7 +101,7 @@ def test_by_joints_there_and_back(own: Bodies, embedded: BodyModel, other_model:
 def test_own_surface_is_recovered(own: Bodies, embedded: BodyModel) -> None:
     vertices, joints = posed(embedded, own)
     mesh = Mesh("embedded", vertices, embedded.faces.numpy())
-    again, joints_again = posed(embedded, to_model(replace(own, body_model="bare", mesh=mesh), embedded))
+    again, joints_again = posed(embedded, convert_bodies(replace(own, body_model="bare", mesh=mesh), embedded))
     print(f"vertices {mm(again, vertices):.3f} mm, joints {mm(joints_again, joints):.3f} mm")
     assert mm(again, vertices) < 0.1
     assert mm(joints_again, joints) < 0.1
@@ -119,14 +119,14 @@ def test_smpl_reaches_the_embedded_body(own: Bodies, embedded: BodyModel, smpl: 
     placed[:, :22] = joints[:, :22]
     flat = replace(p, left_hand_pose=0 * p.left_hand_pose, right_hand_pose=0 * p.right_hand_pose, betas=p.betas[:, :10])
     told = Bodies(flat, "smpl", None, placed, Mesh("smpl", vertices, body.faces, body.template))
-    found = carry(told, embedded)
+    found = convert_with_residuals(told, embedded)
     print(found.note("smpl"))
     assert found.surface_m is not None
     assert found.surface_m.max() < 6e-3
     # Which vertex of the embedded body each vertex of the other is, is known.
     surface = np.stack([other.from_embedded @ v for v in posed(embedded, found.bodies)[0]])
     assert mm(surface, vertices) < 6
-    by_joints = posed(embedded, to_model(replace(told, mesh=None), embedded))[0]
+    by_joints = posed(embedded, convert_bodies(replace(told, mesh=None), embedded))[0]
     assert mm(np.stack([other.from_embedded @ v for v in by_joints]), vertices) < 35
 
 
@@ -134,7 +134,7 @@ def test_bare_joints_make_bodies(own: Bodies, embedded: BodyModel) -> None:
     """Rotations that mean nothing are not looked at."""
     vertices, joints = posed(embedded, own)
     wild = replace(own.parameters, body_pose=own.parameters.body_pose + 1, betas=np.zeros((4, 45), np.float32))
-    again = posed(embedded, to_model(Bodies(wild, "mhr", None, joints), embedded))[0]
+    again = posed(embedded, convert_bodies(Bodies(wild, "mhr", None, joints), embedded))[0]
     assert mm(again, vertices) < 9
 
 
@@ -143,23 +143,25 @@ def test_those_of_whom_nothing_is_known_are_nan(own: Bodies, embedded: BodyModel
     joints[1] = np.nan
     told = replace(own, body_model="smpl", joints=joints)
     told.parameters.body_pose.setflags(write=False)
-    found = carry(told, embedded)
+    found = convert_with_residuals(told, embedded)
     assert np.isnan(found.bodies.parameters.transl).all(1).tolist() == [False, True, False, False]
     assert np.isnan(found.joints_m).tolist() == [False, True, False, False]
-    alone = carry(replace(told, parameters=told.parameters[2:], joints=joints[2:], observed=None), embedded)
+    alone = convert_with_residuals(
+        replace(told, parameters=told.parameters[2:], joints=joints[2:], observed=None), embedded
+    )
     np.testing.assert_allclose(found.bodies.parameters.transl[2:], alone.bodies.parameters.transl, atol=1e-6)
 
 
 def test_nobody_is_carried_too(own: Bodies, embedded: BodyModel) -> None:
     none = Bodies(own.parameters[:0], "smpl", None, np.zeros((0, 55, 3)))
-    assert len(carry(none, embedded).bodies.parameters) == 0
+    assert len(convert_with_residuals(none, embedded).bodies.parameters) == 0
 
 
 def test_a_person_does_not_depend_on_the_others(own: Bodies, embedded: BodyModel) -> None:
     joints = posed(embedded, own)[1]
-    together = to_model(Bodies(own.parameters, "smpl", None, joints), embedded).parameters
+    together = convert_bodies(Bodies(own.parameters, "smpl", None, joints), embedded).parameters
     for i in range(4):
-        alone = to_model(Bodies(own.parameters[i : i + 1], "smpl", None, joints[i : i + 1]), embedded).parameters
+        alone = convert_bodies(Bodies(own.parameters[i : i + 1], "smpl", None, joints[i : i + 1]), embedded).parameters
         np.testing.assert_allclose(alone.body_pose, together.body_pose[i : i + 1], atol=1e-5)
         np.testing.assert_allclose(alone.betas, together.betas[i : i + 1], atol=1e-5)
 
@@ -169,28 +171,28 @@ def test_floats_of_any_width_and_views_are_taken(own: Bodies, embedded: BodyMode
     wide = type(own.parameters)(**{n: v.astype(np.float64) for n, v in vars(own.parameters).items()})
     turned = np.ascontiguousarray(joints[..., ::-1])[..., ::-1]
     turned.setflags(write=False)
-    first = to_model(Bodies(own.parameters, "smpl", None, joints), embedded).parameters
-    again = to_model(Bodies(wide, "smpl", None, turned), embedded).parameters
+    first = convert_bodies(Bodies(own.parameters, "smpl", None, joints), embedded).parameters
+    again = convert_bodies(Bodies(wide, "smpl", None, turned), embedded).parameters
     assert again.betas.dtype == np.float32
     np.testing.assert_allclose(again.body_pose, first.body_pose, atol=1e-5)
 
 
 def test_parameters_alone_of_a_model_that_is_not_there_are_refused(own: Bodies, embedded: BodyModel) -> None:
     told = replace(own, body_model="smplx")
-    assert not can_carry(told, embedded)
+    assert not can_convert(told, embedded)
     with pytest.raises(BodyModelError) as caught:
-        to_model(told, embedded)
+        convert_bodies(told, embedded)
     assert str(caught.value) == (
-        "bodies for the body model 'smplx' cannot be carried over to 'embedded': give the joints of SMPL-X "
+        "bodies for the body model 'smplx' cannot be converted to 'embedded': give the joints of SMPL-X "
         "(Bodies.joints), or a mesh with its T-pose (Bodies.mesh)"
     )
 
 
 def test_the_note_says_how_near_it_came(own: Bodies, embedded: BodyModel) -> None:
     joints = posed(embedded, own)[1]
-    found = carry(replace(own, body_model="smpl", joints=joints), embedded)
+    found = convert_with_residuals(replace(own, body_model="smpl", joints=joints), embedded)
     assert found.note("smpl") == (
-        f"bodies carried over from 'smpl' to 'embedded', joints within {1000 * found.joints_m.mean():.0f} mm on average"
+        f"bodies converted from 'smpl' to 'embedded', joints within {1000 * found.joints_m.mean():.0f} mm on average"
     )
 
 
@@ -211,7 +213,7 @@ def test_a_surface_is_met_as_well_as_by_smplfitter(
     vertices, joints = out.vertices.numpy(), out.joints.numpy()
     zeros = parameters_from_rotations(*model.zero_pose(4)[:2], None, torch.zeros(4, 3))
     told = Bodies(zeros, "bare", None, joints, Mesh("smplx", vertices, model.faces.numpy()))
-    ours = posed(model, to_model(told, model))
+    ours = posed(model, convert_bodies(told, model))
     peer = Peer("smplx", "neutral", model_root=str(path.parent), num_betas=10)
     fitter = BodyFitter(peer)
     with torch.no_grad():

@@ -12,12 +12,12 @@ import torch
 from other_body import OtherBody
 
 from physic_core.body import JOINT_INDEX
-from physic_core.body.conversion import contact_to_model, rest_mesh_of
-from physic_core.body.correspondence import Correspondence, correspondence
+from physic_core.body.conversion import convert_contact, rest_mesh_of_model
+from physic_core.body.correspondence import Correspondence, find_correspondence
 from physic_core.body.model import BodyModel
-from physic_core.body.nearest_surface import Surface, closest_shares
-from physic_core.body.rest_mesh import vertex_normals
+from physic_core.body.nearest_surface import SurfaceIndex, closest_barycentric
 from physic_core.body.rotations import unit
+from physic_core.body.tpose_mesh import vertex_normals
 from physic_core.cache import maps as module
 from physic_core.cache.maps import cached_correspondence
 from physic_core.errors import BodyModelError
@@ -29,20 +29,20 @@ pytestmark = pytest.mark.usefixtures("maps")
 @pytest.fixture(scope="module")
 def onto_other(maps: None, embedded: BodyModel, other_model: BodyModel) -> Correspondence:
     """Where the vertices of the embedded body lie on the other one."""
-    return correspondence(rest_mesh_of(other_model), embedded)
+    return find_correspondence(rest_mesh_of_model(other_model), embedded)
 
 
 @pytest.fixture(scope="module")
 def onto_embedded(maps: None, embedded: BodyModel, other_model: BodyModel) -> Correspondence:
     """Where the vertices of the other body lie on the embedded one."""
-    return correspondence(rest_mesh_of(embedded), other_model)
+    return find_correspondence(rest_mesh_of_model(embedded), other_model)
 
 
 def test_nearest_points_of_triangles_are_found() -> None:
     """The slow twin: the least of a fine grid of the triangle's points."""
     rng = np.random.default_rng(0)
     corners, points = rng.random((40, 3, 3)), 2 * rng.random((40, 3)) - 0.5
-    shares = closest_shares(corners, points)
+    shares = closest_barycentric(corners, points)
     assert (shares >= 0).all()
     np.testing.assert_allclose(shares.sum(-1), 1, atol=1e-12)
     u, v = (g.ravel() for g in np.meshgrid(np.linspace(0, 1, 301), np.linspace(0, 1, 301)))
@@ -54,9 +54,9 @@ def test_nearest_points_of_triangles_are_found() -> None:
 
 
 def test_a_mesh_lies_on_itself(embedded: BodyModel) -> None:
-    rest = rest_mesh_of(embedded)
+    rest = rest_mesh_of_model(embedded)
     vertices, faces = rest.vertices.astype(float), rest.faces
-    on = Surface(vertices, faces).nearest(vertices, vertex_normals(vertices, faces))
+    on = SurfaceIndex(vertices, faces).nearest(vertices, vertex_normals(vertices, faces))
     touched = (on.shares[..., None] * vertices[faces[on.face]]).sum(1)
     outer = embedded.outer.numpy()
     # Where the surface is folded, as at the lips, a triangle beside that faces better is taken.
@@ -69,7 +69,7 @@ def test_the_other_side_of_a_sheet_is_not_near() -> None:
     square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
     vertices = np.concatenate([square, square + np.array([0, 0, 0.02])])
     faces = np.array([[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]])
-    on = Surface(vertices, faces).nearest(np.array([[0.5, 0.4, 0.005]]), np.array([[0, 0, 1.0]]))
+    on = SurfaceIndex(vertices, faces).nearest(np.array([[0.5, 0.4, 0.005]]), np.array([[0, 0, 1.0]]))
     assert on.face[0] in (2, 3)
     assert on.distance[0] == pytest.approx(0.015)
     assert on.facing[0] == pytest.approx(1)
@@ -79,7 +79,7 @@ def test_vertices_find_their_places_on_the_other_body(
     onto_embedded: Correspondence, embedded: BodyModel, other: OtherBody, other_model: BodyModel
 ) -> None:
     """Of the other body it is known which vertices of the embedded one each of its vertices is the mean of."""
-    rest = rest_mesh_of(embedded).vertices.astype(float)
+    rest = rest_mesh_of_model(embedded).vertices.astype(float)
     apart = np.linalg.norm(onto_embedded.carry(rest) - other.from_embedded @ rest, axis=1)[other_model.outer.numpy()]
     print(
         f"mean {1000 * apart.mean():.2f}, 95% {1000 * np.percentile(apart, 95):.2f}, most {1000 * apart.max():.1f} mm"
@@ -93,7 +93,7 @@ def test_vertices_find_their_places_on_the_other_body(
 def test_there_and_back_is_where_it_was(
     onto_embedded: Correspondence, onto_other: Correspondence, embedded: BodyModel
 ) -> None:
-    rest = rest_mesh_of(embedded).vertices.astype(float)
+    rest = rest_mesh_of_model(embedded).vertices.astype(float)
     apart = np.linalg.norm(onto_other.carry(onto_embedded.carry(rest)) - rest, axis=1)[embedded.outer.numpy()]
     assert apart.mean() < 1e-3
 
@@ -104,7 +104,7 @@ def test_left_stays_left(shape: int, embedded: BodyModel, other_model: BodyModel
     betas = torch.from_numpy(np.random.default_rng(shape).standard_normal((1, embedded.num_betas))).float()
     with torch.no_grad():
         mesh = embedded(embedded.zero_pose()[0], betas, torch.zeros(1, 3)).vertices[0].numpy()
-    found = correspondence(RestMesh("shaped", mesh, embedded.faces.numpy()), other_model)
+    found = find_correspondence(RestMesh("shaped", mesh, embedded.faces.numpy()), other_model)
     names, labels = other_model.part_names, other_model.part_of_vertex.numpy()
     corner = found.corners[np.arange(len(labels)), found.shares.argmax(1)]
     there = np.array(embedded.part_names)[embedded.part_of_vertex.numpy()[corner]]
@@ -118,11 +118,11 @@ def test_left_stays_left(shape: int, embedded: BodyModel, other_model: BodyModel
 def test_contact_is_carried_there_and_back(name: str, embedded: BodyModel, other_model: BodyModel) -> None:
     before = np.zeros((2, embedded.num_vertices), np.float32)
     before[:, embedded.contact_sets[name].numpy()] = 0.9
-    there = contact_to_model(ContactProbability(before, embedded.topology, rest_mesh_of(embedded)), other_model)
+    there = convert_contact(ContactProbability(before, embedded.topology, rest_mesh_of_model(embedded)), other_model)
     assert there.topology == "smplx"
     assert there.probability.dtype == np.float32
     assert there.probability.max() <= 0.9 + 1e-6
-    back = contact_to_model(replace(there, rest=rest_mesh_of(other_model)), embedded)
+    back = convert_contact(replace(there, rest=rest_mesh_of_model(other_model)), embedded)
     assert back.topology == embedded.topology
     was, found = before[0] > 0.5, back.probability[0] > 0.5
     f1 = 2 * (was & found).sum() / (was.sum() + found.sum())
@@ -135,7 +135,7 @@ def test_contact_is_carried_there_and_back(name: str, embedded: BodyModel, other
 
 def test_cavities_are_never_in_contact(embedded: BodyModel, other_model: BodyModel) -> None:
     ones = np.ones((1, other_model.num_vertices), np.float32)
-    told = contact_to_model(ContactProbability(ones, "smplx", rest_mesh_of(other_model)), embedded).probability
+    told = convert_contact(ContactProbability(ones, "smplx", rest_mesh_of_model(other_model)), embedded).probability
     assert (told[:, embedded.outer.numpy()] > 0.999).all()
     assert not told[:, ~embedded.outer.numpy()].any()
 
@@ -143,38 +143,38 @@ def test_cavities_are_never_in_contact(embedded: BodyModel, other_model: BodyMod
 def test_contact_of_a_person_that_is_not_a_number_stays_so(embedded: BodyModel, other_model: BodyModel) -> None:
     some = np.zeros((2, other_model.num_vertices), np.float32)
     some[0] = np.nan
-    told = contact_to_model(ContactProbability(some, "smplx", rest_mesh_of(other_model)), embedded).probability
+    told = convert_contact(ContactProbability(some, "smplx", rest_mesh_of_model(other_model)), embedded).probability
     assert np.isnan(told[0, embedded.outer.numpy()]).all()
     assert not told[1].any()
 
 
 def test_contact_on_an_unknown_mesh_is_refused(embedded: BodyModel) -> None:
     with pytest.raises(BodyModelError) as caught:
-        contact_to_model(ContactProbability(np.zeros((1, 6890)), "smpl"), embedded)
+        convert_contact(ContactProbability(np.zeros((1, 6890)), "smpl"), embedded)
     assert str(caught.value) == (
-        "contact on the mesh 'smpl' cannot be carried over to 'physic-embedded-1': give the mesh in the T-pose "
+        "contact on the mesh 'smpl' cannot be converted to 'physic-embedded-1': give the mesh in the T-pose "
         "(ContactProbability.rest)"
     )
 
 
 def test_own_contact_is_left_alone(embedded: BodyModel) -> None:
     own = ContactProbability(np.zeros((1, embedded.num_vertices)), embedded.topology)
-    assert contact_to_model(own, embedded) is own
+    assert convert_contact(own, embedded) is own
 
 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda v: 1000 * v, "is 1.71e+03 wide, 1.69e+03 high and 307 deep, which is no body in a T-pose"),
-        (lambda v: v[:, [0, 2, 1]], "is 1.71 wide, 0.307 high and 1.69 deep, which is no body in a T-pose"),
-        (lambda v: v * [0.3, 1, 1], "is 0.513 wide, 1.69 high and 0.307 deep, which is no body in a T-pose"),
+        (lambda v: 1000 * v, "is 1.71e+03 wide, 1.69e+03 high and 307 deep, which is not a body in a T-pose"),
+        (lambda v: v[:, [0, 2, 1]], "is 1.71 wide, 0.307 high and 1.69 deep, which is not a body in a T-pose"),
+        (lambda v: v * [0.3, 1, 1], "is 0.513 wide, 1.69 high and 0.307 deep, which is not a body in a T-pose"),
     ],
     ids=["millimetres", "z up", "arms down"],
 )
 def test_a_mesh_that_is_no_t_pose_is_refused(change, words: str, embedded: BodyModel, other_model: BodyModel) -> None:
-    rest = rest_mesh_of(other_model)
+    rest = rest_mesh_of_model(other_model)
     with pytest.raises(BodyModelError) as caught:
-        correspondence(replace(rest, vertices=change(rest.vertices)), embedded)
+        find_correspondence(replace(rest, vertices=change(rest.vertices)), embedded)
     assert str(caught.value) == (
         f"the mesh 'smplx' {words}: give it in metres, y up, facing +z, arms stretched out sideways"
     )
@@ -184,8 +184,8 @@ def test_a_map_is_kept_and_found_again(
     embedded: BodyModel, onto_other: Correspondence, other_model: BodyModel, tmp_path: Path, monkeypatch
 ) -> None:
     monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path))
-    monkeypatch.setattr(module, "correspondence", lambda rest, model: onto_other)
-    rest = rest_mesh_of(other_model)
+    monkeypatch.setattr(module, "find_correspondence", lambda rest, model: onto_other)
+    rest = rest_mesh_of_model(other_model)
     cached_correspondence(rest, embedded)
     (file,) = tmp_path.iterdir()
     assert file.name.startswith("smplx-physic-embedded-1-")
@@ -194,7 +194,7 @@ def test_a_map_is_kept_and_found_again(
     def never(rest: RestMesh, model: BodyModel) -> Correspondence:
         raise AssertionError("it is told again")
 
-    monkeypatch.setattr(module, "correspondence", never)
+    monkeypatch.setattr(module, "find_correspondence", never)
     found = cached_correspondence(rest, embedded)
     np.testing.assert_array_equal(found.corners, onto_other.corners)
     np.testing.assert_allclose(found.shares, onto_other.shares, atol=1e-6)
@@ -203,7 +203,7 @@ def test_a_map_is_kept_and_found_again(
         cached_correspondence(replace(rest, vertices=rest.vertices + np.float32(1e-4)), embedded)
 
     file.write_bytes(file.read_bytes()[:1000])
-    monkeypatch.setattr(module, "correspondence", lambda rest, model: onto_other)
+    monkeypatch.setattr(module, "find_correspondence", lambda rest, model: onto_other)
     assert cached_correspondence(rest, embedded) is onto_other
 
 
@@ -212,14 +212,14 @@ def test_a_disk_that_cannot_be_written_costs_nothing_but_time(
 ) -> None:
     (tmp_path / "file").write_text("no folder")
     monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path / "file" / "folder"))
-    monkeypatch.setattr(module, "correspondence", lambda rest, model: onto_other)
-    assert cached_correspondence(rest_mesh_of(other_model), embedded) is onto_other
+    monkeypatch.setattr(module, "find_correspondence", lambda rest, model: onto_other)
+    assert cached_correspondence(rest_mesh_of_model(other_model), embedded) is onto_other
 
 
 def test_normals_of_both_face_the_same_way(
     onto_other: Correspondence, embedded: BodyModel, other_model: BodyModel
 ) -> None:
-    rest, mine = rest_mesh_of(other_model), rest_mesh_of(embedded)
+    rest, mine = rest_mesh_of_model(other_model), rest_mesh_of_model(embedded)
     theirs = unit(onto_other.carry(vertex_normals(rest.vertices.astype(float), rest.faces)))
     own = vertex_normals(mine.vertices.astype(float), mine.faces)
     facing = (theirs * own).sum(1)[onto_other.sure]
@@ -240,8 +240,8 @@ def test_arms_may_hang_and_legs_be_apart(
                 rotvecs[0, JOINT_INDEX[f"{side}_{finger}{k}"], 2] = -sign * np.radians(curl)
     with torch.no_grad():
         mesh = embedded(roma.rotvec_to_rotmat(rotvecs), *embedded.zero_pose()[1:]).vertices[0].numpy()
-    found = correspondence(RestMesh(f"hanging {arm}", mesh, embedded.faces.numpy()), other_model)
-    straight = rest_mesh_of(embedded).vertices.astype(float)
+    found = find_correspondence(RestMesh(f"hanging {arm}", mesh, embedded.faces.numpy()), other_model)
+    straight = rest_mesh_of_model(embedded).vertices.astype(float)
     apart = np.linalg.norm(found.carry(straight) - other.from_embedded @ straight, axis=1)[other_model.outer.numpy()]
     print(f"{arm} degrees: mean {1000 * apart.mean():.1f}, 95% {1000 * np.percentile(apart, 95):.1f} mm")
     assert apart.mean() < 4e-3

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from physic_core.body import JOINT_INDEX
-from physic_core.body.landmarks import fitted_keypoints
+from physic_core.body.landmarks import keypoints_on_body
 from physic_core.body.model import BodyModel
 from physic_core.errors import BodyModelError
 from physic_core.types import SKELETONS, Keypoints, Skeleton
@@ -77,7 +77,7 @@ def test_the_fitted_part_keeps_each_points_name(skeleton: str, known: str) -> No
     rows = np.arange(len(SKELETONS[skeleton]), dtype=float)
     points = np.stack([rows, rows], -1)[None]
     given = Keypoints(points, rows[None] / 200, skeleton, np.repeat(rows[None, :, None], 3, 2))
-    answer = fitted_keypoints(given)
+    answer = keypoints_on_body(given)
     assert set(answer.joint_set.names) == set(SKELETONS[known].names)
     assert answer.world is not None
     for row, name in enumerate(answer.joint_set.names):
@@ -89,7 +89,7 @@ def test_the_fitted_part_keeps_each_points_name(skeleton: str, known: str) -> No
 
 def test_keypoints_that_bodies_have_are_all_fitted() -> None:
     given = Keypoints(np.zeros((1, 33, 2)), np.zeros((1, 33)), "blazepose33")
-    assert fitted_keypoints(given) is given
+    assert keypoints_on_body(given) is given
 
 
 @pytest.mark.parametrize("skeleton", ["coco23", "blazepose33", "wholebody69"])

@@ -16,7 +16,7 @@ import pytest
 from scipy.sparse import csc_matrix, csr_matrix
 
 from physic_core.body.array_pickle import read_pickle
-from physic_core.body.model_file import MANO, SMPL, read_model
+from physic_core.body.model_file import MANO, SMPL, read_model_file
 from physic_core.errors import BodyModelError
 
 NAMES = ("v_template", "f", "shapedirs", "posedirs", "J_regressor", "weights", "kintree_table")
@@ -52,13 +52,13 @@ def test_a_mano_file_is_read_in_its_own_types(tmp_path: Path, protocol: int, spa
         "bs_type": "lrotmin",
     }
     path.write_bytes(pickle.dumps({**published, "weights": other_end, "one": np.float64(1)}, protocol=protocol))
-    found = read_model(path, MANO)
+    found = read_model_file(path, MANO)
     assert found.keys() == arrays.keys()
     for name, array in arrays.items():
         np.testing.assert_array_equal(found[name], array)
     assert found["f"].dtype == np.uint32
     np.savez_compressed(tmp_path / "MANO_RIGHT.npz", **arrays)
-    np.testing.assert_array_equal(read_model(tmp_path / "MANO_RIGHT.npz", MANO)["weights"], arrays["weights"])
+    np.testing.assert_array_equal(read_model_file(tmp_path / "MANO_RIGHT.npz", MANO)["weights"], arrays["weights"])
 
 
 class _As:
@@ -141,7 +141,7 @@ HARM: dict[str, tuple[str, Callable[[], Any], str]] = {
     "a negative matrix": ("J_regressor", lambda: sparse(_shape=(-16, -778)), "has a shape that none can have"),
     "no matrix": ("J_regressor", lambda: sparse(_shape="16"), "has no shape"),
     "text in a matrix": ("J_regressor", lambda: sparse(data="text"), "is a str, not an array"),
-    "a huge array": ("weights", lambda: array((10**12,), "f8", b"12345678"), "is said to be 1000000000000 of float64"),
+    "a huge array": ("weights", lambda: array((10**12,), "f8", b"12345678"), "must be 1000000000000 of float64"),
     "a hidden axis": ("weights", lambda: array((0, 2**61), "f8", ""), "weights has a shape that none can have"),
     "hidden axes": ("weights", lambda: array((2**40, 0, 2**40), "f8", ""), "weights has a shape that none can have"),
     "a hidden column": ("J_regressor", lambda: sparse(_shape=(0, 2**61)), "has a shape that none can have"),
@@ -159,7 +159,7 @@ HARM: dict[str, tuple[str, Callable[[], Any], str]] = {
     "a choice outside": ("shapedirs", lambda: chosen(FULL.ravel() + 1), "is a choice of number 23340 among 23340"),
     "a choice below": ("shapedirs", lambda: chosen(FULL.ravel() - 1), "is a choice of number -1 among 23340"),
     "a choice of fractions": ("shapedirs", lambda: chosen(FULL.ravel() / 2), "is a choice by float64, not by whole"),
-    "a huge choice": ("shapedirs", lambda: chosen(FULL.ravel(), (10**9, 10**9)), "to be 1000000000 x 1000000000"),
+    "a huge choice": ("shapedirs", lambda: chosen(FULL.ravel(), (10**9, 10**9)), "must be 1000000000 x 1000000000"),
     "a choice of itself": ("shapedirs", endless, "is a choice of a choice without end"),
     "many columns": ("shapedirs", lambda: np.zeros((778, 3, 301)), "shapedirs has 301 columns, where MANO has 300"),
     "vertex outside": ("f", lambda: np.full((1538, 3), 778), "f holds 778, not an index below 778"),
@@ -226,7 +226,7 @@ def test_lengths_depths_and_names_of_a_pickle_take_no_memory_and_no_screen(tmp_p
 def test_arrays_of_bytes_that_may_change_are_read(tmp_path: Path) -> None:
     """Of protocol 5, as numpy writes them: their BYTEARRAY8 is read here, not by Python."""
     (tmp_path / "MODEL.pkl").write_bytes(pickle.dumps({**mano_arrays(), "more": bytearray(b"abc" * 99)}, protocol=5))
-    np.testing.assert_array_equal(read_model(tmp_path / "MODEL.pkl", MANO)["weights"], mano_arrays()["weights"])
+    np.testing.assert_array_equal(read_model_file(tmp_path / "MODEL.pkl", MANO)["weights"], mano_arrays()["weights"])
 
 
 def refused(folder: Path, names: list[str], suffix: str = ".pkl") -> list[tuple[str, str]]:
@@ -234,12 +234,12 @@ def refused(folder: Path, names: list[str], suffix: str = ".pkl") -> list[tuple[
     code = """
 import sys, tracemalloc
 from pathlib import Path
-from physic_core.body.model_file import MANO, read_model
+from physic_core.body.model_file import MANO, read_model_file
 from physic_core.errors import BodyModelError
 for path in sys.argv[1:]:
     tracemalloc.start()
     try:
-        read_model(Path(path), MANO)
+        read_model_file(Path(path), MANO)
         print("read")
     except BodyModelError as error:
         print(str(error).replace(chr(10), " "))
@@ -294,7 +294,7 @@ def test_damaged_files_are_read_or_refused(tmp_path: Path, seed: int) -> None:
         broken[place] = rng.integers(256)
         path.write_bytes(broken)
         with suppress(BodyModelError):
-            assert read_model(path, MANO).keys() >= set(NAMES)
+            assert read_model_file(path, MANO).keys() >= set(NAMES)
 
 
 class _Runs:
@@ -307,7 +307,7 @@ def test_nothing_is_run(tmp_path: Path, layout: Any) -> None:
     path = tmp_path / "MODEL.pkl"
     path.write_bytes(pickle.dumps({**mano_arrays(), "bs_type": _Runs()}))
     with pytest.raises(BodyModelError, match="which could run code: it is not opened"):
-        read_model(path, layout)
+        read_model_file(path, layout)
 
 
 @pytest.mark.parametrize(
@@ -321,13 +321,13 @@ def test_a_pickle_cannot_change_what_reads_it(tmp_path: Path, state: bytes) -> N
     before = read_model_of(tmp_path / "before.pkl")
     (tmp_path / "MODEL.pkl").write_bytes(state)
     with pytest.raises(BodyModelError, match=r"is neither an \.npz archive nor a pickle of MANO"):
-        read_model(tmp_path / "MODEL.pkl", MANO)
+        read_model_file(tmp_path / "MODEL.pkl", MANO)
     assert read_model_of(tmp_path / "after.pkl").keys() == before.keys()
 
 
 def read_model_of(path: Path) -> dict[str, np.ndarray]:
     path.write_bytes(pickle.dumps(mano_arrays() | {"J_regressor": csc_matrix(np.eye(16, 778))}, protocol=2))
-    return read_model(path, MANO)
+    return read_model_file(path, MANO)
 
 
 @pytest.mark.parametrize(
@@ -337,7 +337,7 @@ def test_other_bodies_are_named(tmp_path: Path, vertices: int, words: str) -> No
     path = tmp_path / "MANO_RIGHT.npz"
     np.savez(path, **{**mano_arrays(), "v_template": np.zeros((vertices, 3))})
     with pytest.raises(BodyModelError) as caught:
-        read_model(path, MANO)
+        read_model_file(path, MANO)
     assert words in str(caught.value)
 
 
@@ -357,6 +357,6 @@ COLLIDING = 2**61 - 1  # the hash of its multiples is 0
 def test_keys_that_share_one_hash_are_refused_before_they_take_long(content: bytes, tmp_path: Path) -> None:
     (tmp_path / "MANO.pkl").write_bytes(content)
     with pytest.raises(BodyModelError, match="MANO"):
-        read_model(tmp_path / "MANO.pkl", MANO)
+        read_model_file(tmp_path / "MANO.pkl", MANO)
     with pytest.raises(pickle.UnpicklingError, match=r"keys|numbers an object"):
         read_pickle(tmp_path / "MANO.pkl")

@@ -8,7 +8,7 @@ import torch
 from physic_core.body import load_body
 from physic_core.body.kinematics import Kinematics
 from physic_core.body.model import _pose
-from physic_core.body.posing import Tree, pose_points
+from physic_core.body.posing import JointTree, pose_vertices
 from physic_core.body.skinning import Skin
 from physic_core.geometry.rotations import rotvec_to_rotmat
 
@@ -41,7 +41,7 @@ def test_value_and_slope_are_those_of_the_whole_model(bind, correctives):
     kinematics, skin = small_body(bind=bind, correctives=correctives)
     turns, shape, transl = pose()
     inputs = [rotvec_to_rotmat(turns).requires_grad_(), shape.requires_grad_(), transl.requires_grad_()]
-    vertices, joints = pose_points(kinematics, Tree(kinematics), skin, *inputs)
+    vertices, joints = pose_vertices(kinematics, JointTree(kinematics), skin, *inputs)
     plain = _pose(kinematics, skin, 0, *inputs, None)
     torch.testing.assert_close(vertices, plain.vertices)
     torch.testing.assert_close(joints, plain.joints)
@@ -57,11 +57,11 @@ def test_value_and_slope_are_those_of_the_whole_model(bind, correctives):
 @pytest.mark.parametrize("correctives", [False, True])
 def test_slope_against_differences(correctives):
     kinematics, skin = small_body(bind=True, correctives=correctives)
-    tree = Tree(kinematics)
+    tree = JointTree(kinematics)
     inputs = [x.requires_grad_() for x in pose(1)]
 
     def posed(turns, shape, transl):
-        return pose_points(kinematics, tree, skin, rotvec_to_rotmat(turns), shape, transl)
+        return pose_vertices(kinematics, tree, skin, rotvec_to_rotmat(turns), shape, transl)
 
     assert torch.autograd.gradcheck(posed, inputs)
 
@@ -76,6 +76,6 @@ def test_no_vertices_still_pose_joints():
 
 def test_the_family_of_the_root_is_everybody():
     kinematics, _ = small_body(bind=False, correctives=False)
-    family = Tree(kinematics).family
+    family = JointTree(kinematics).family
     assert (family[0] == 1).all()
     assert family[3].nonzero().flatten().tolist() == [3, 5, 6, 7]

@@ -13,8 +13,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from physic_core.body.assembly import BodyArrays, assemble, derive_picks
-from physic_core.body.landmarks import PointRegressor
+from physic_core.body.assembly import BodyArrays, build_body_model, derive_vertex_sets
+from physic_core.body.landmarks import LandmarkRegressor
 from physic_core.body.model import BodyModel
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.body.parts import PART_NAMES
@@ -253,10 +253,10 @@ class Published:
         )
         names = ["torso", *(f"{side}_{limb}" for side in ("left", "right") for limb in _LIMBS)]
         part = np.array([PART_NAMES.index(name) for name in names])[a["body/part12"].astype(np.int64) + 1]
-        picks = replace(derive_picks(arrays), part_of_vertex=part)
-        return assemble(replace(arrays, picks=picks))
+        picks = replace(derive_vertex_sets(arrays), part_of_vertex=part)
+        return build_body_model(replace(arrays, picks=picks))
 
-    def _points133(self, rotations: Tensor) -> PointRegressor:
+    def _points133(self, rotations: Tensor) -> LandmarkRegressor:
         """The 133 points; the two that no body has are its pelvis."""
         a = self.arrays
         faces, row = a["body/faces"], contour_row(rotations)
@@ -275,7 +275,7 @@ class Published:
             column += len(share)
         matrix = points[:1].repeat(133, 1)
         matrix[self.bits("unit/coco/used")] = points[self["unit/coco/joint_index"].long()]
-        return PointRegressor(ids, matrix)
+        return LandmarkRegressor(ids, matrix)
 
 
 _ROWS = {"root": slice(0, 1), "body": slice(1, 22), "lhand": slice(25, 40), "rhand": slice(40, 55)}

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from physic_core.body import load_body
 from physic_core.body.parameters import parameters_from_rotations
-from physic_core.body.posture import lean_deg, stands_straight
+from physic_core.body.posture import is_body_straight, lean_deg
 from physic_core.metrics.consistency import (
     consistency,
     contact_distance,
@@ -120,8 +120,8 @@ def test_a_lean_towards_the_camera_is_measured_with_its_sign(model, lean):
 
 
 def test_a_bent_person_does_not_stand(model):
-    assert stands_straight(standing(model).joints)
-    assert not stands_straight(standing(model, knee=1.0).joints)
+    assert is_body_straight(standing(model).joints)
+    assert not is_body_straight(standing(model, knee=1.0).joints)
     (person,) = consistency(reconstruction_of(model, [standing(model, knee=1.0)]), model)
     assert math.isnan(person.lean_deg)
 

@@ -1,4 +1,4 @@
-"""Example plugin: metric depth from the height of a person."""
+"""Metric depth from the height of a person."""
 
 from __future__ import annotations
 
@@ -9,9 +9,7 @@ __all__ = ["physic_backends"]
 
 @hookimpl
 def physic_backends() -> list[BackendRecord]:
-    """Return the records of this plugin's backends. Nothing heavy is imported here, because it runs whenever plugins
-    are listed.
-    """
+    """The backends of this plugin; nothing heavy is imported here, since it runs whenever plugins are listed."""
     return [
         BackendRecord(
             "metric_depth",

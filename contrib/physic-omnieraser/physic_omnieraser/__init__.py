@@ -1,4 +1,4 @@
-"""Inpainting backend: OmniEraser on FLUX.1-dev."""
+"""Inpainting with OmniEraser on FLUX.1-dev."""
 
 from __future__ import annotations
 
@@ -11,9 +11,7 @@ __all__ = ["physic_backends", "physic_weights"]
 
 @hookimpl
 def physic_backends() -> list[BackendRecord]:
-    """Return the records of this plugin's backends. Nothing heavy is imported here, because it runs whenever plugins
-    are listed.
-    """
+    """The backends of this plugin; nothing heavy is imported here, since it runs whenever plugins are listed."""
     return [
         BackendRecord(
             "inpainter",
@@ -32,5 +30,5 @@ def physic_backends() -> list[BackendRecord]:
 
 @hookimpl
 def physic_weights() -> Path:
-    """Return the folder with the manifests of this plugin's weights."""
+    """The list of weights."""
     return Path(__file__).parent / "weights"

@@ -1,6 +1,4 @@
-"""Default backends: small networks inside the wheel, run by onnxruntime, and a body fit. They need no account, download
-or GPU.
-"""
+"""The offline default: small networks inside the wheel, run by onnxruntime, and a body fit; no account, no GPU."""
 
 from __future__ import annotations
 
@@ -11,7 +9,7 @@ __all__ = ["physic_backends"]
 
 @hookimpl
 def physic_backends() -> list[BackendRecord]:
-    """Return the records of this plugin's backends."""
+    """The backends of this plugin."""
     return [
         BackendRecord(
             "segmenter",
@@ -32,7 +30,7 @@ def physic_backends() -> list[BackendRecord]:
         BackendRecord(
             "metric_depth",
             "embedded",
-            "physic_embedded.metric_depth:EmbeddedMetricDepth",
+            "physic_embedded.metric_depth:HumanRuler",
             api=1,
             summary="Scale from the people: soles on the floor where both are seen, else body size",
         ),

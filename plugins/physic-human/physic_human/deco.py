@@ -1,4 +1,4 @@
-"""Predict contact on SMPL vertices with a checkout of DECO (Tripathi et al. 2023)."""
+"""DECO (Tripathi et al. 2023) from its checkout: which vertices of SMPL touch something."""
 
 from __future__ import annotations
 
@@ -8,20 +8,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.contact_crop import GROWTH, contact_crop
+from physic_core.adapters.contact_crop import BOX_GROWTH, contact_crop
 from physic_core.adapters.devices import check_device
 from physic_core.errors import BackendError
 from physic_core.interfaces import ContactPrior, Options
 from physic_core.types import ContactProbability
-from physic_human.checkout_backend import (
-    CheckoutBackend,
-    CheckoutOptions,
-    CheckoutProject,
-    batch_slices,
-    inference_context,
-    to_numpy,
-)
-from physic_human.smpl_rest import load_rest_mesh, smpl_missing
+from physic_human.hosting import CheckoutOptions, Hosted, Project, batches, computing, to_numpy
+from physic_human.smpl_rest import rest_of_smpl, smpl_missing
 
 if TYPE_CHECKING:
     from physic_core.types import Bodies, FloatArray, People, RestMesh, UInt8Array
@@ -40,19 +33,21 @@ class DecoOptions(CheckoutOptions):
     smpl_file: str = Field(
         default="", description="your SMPL_NEUTRAL.npz or .pkl, by whose T-pose labels are carried to your body model"
     )
-    growth: float = Field(default=GROWTH, ge=0, le=1, description="of a person's box on every side, in its own sizes")
+    growth: float = Field(
+        default=BOX_GROWTH, ge=0, le=1, description="of a person's box on every side, in its own sizes"
+    )
     fit: Literal["letterbox", "squash"] = Field(
         default="letterbox",
         description="how a box becomes a square: with white, as in the PhySIC paper's code, or stretched, as in DECO's",
     )
 
 
-class Deco(CheckoutBackend, ContactPrior):
-    """Contact prior by DECO: contact with any object, threshold 0.5."""
+class Deco(Hosted, ContactPrior):
+    """Contact of any kind, whatever is touched: above 0.5 it touches."""
 
     Options: ClassVar[type[Options]] = DecoOptions
     options: DecoOptions
-    project: ClassVar[CheckoutProject] = CheckoutProject(
+    project: ClassVar[Project] = Project(
         "DECO",
         "models.deco",
         "https://github.com/sha2nkt/deco",
@@ -64,11 +59,11 @@ class Deco(CheckoutBackend, ContactPrior):
         self._rest: RestMesh | None = None
 
     def missing(self) -> tuple[str, ...]:
-        """Describe missing checkout, packages, weights and SMPL file."""
+        """Of checkout, packages, weights and the SMPL file."""
         return (*super().missing(), *smpl_missing(self.options.smpl_file))
 
     def load(self, device: str = "cpu") -> None:
-        """Build the network and load its weights.
+        """Build the network and fill it.
 
         Raises:
             DeviceError: the device is not there.
@@ -77,29 +72,29 @@ class Deco(CheckoutBackend, ContactPrior):
             BodyModelError: the SMPL file cannot be used.
         """
         check_device(device)
-        path = self._checkout_network.file()
-        kind = self._checkout_network.checkout.attribute("DECO")
-        self._rest = load_rest_mesh(self.options.smpl_file)
-        with inference_context(self._checkout_network.checkout, device):
+        path = self._host.file()
+        kind = self._host.checkout.attribute("DECO")
+        self._rest = rest_of_smpl(self.options.smpl_file)
+        with computing(self._host.checkout, device):
             # Encoder, whether it looks at the context too, device; older versions always do, and are not asked.
             asked = "context" in inspect.signature(kind).parameters
             network = kind("hrnet", True, device) if asked else kind("hrnet", device)
-            self._checkout_network.set_network(self._load_checkpoint(network, path, "deco"), device)
+            self._host.keep(self._filled(network, path, "deco"), device)
 
     def close(self) -> None:
-        """Release the network."""
+        """Let go of the network."""
         super().close()
         self._rest = None
 
     def infer(self, image: UInt8Array, people: People, bodies: Bodies) -> ContactProbability:
-        """Return the contact probability (N, 6890) on SMPL vertices of N people.
+        """N people -> probability (N, 6890) on SMPL.
 
         Raises:
             BackendError: it is not loaded, or the network answers something else.
         """
-        network = self._checkout_network.loaded()
+        network = self._host.loaded()
         found = np.zeros((len(people), SMPL_VERTICES), np.float32)
-        for rows in batch_slices(len(people), self.options.batch):
+        for rows in batches(len(people), self.options.batch):
             crops = np.stack(
                 [
                     contact_crop(image, box, growth=self.options.growth, fit=self.options.fit)
@@ -110,14 +105,13 @@ class Deco(CheckoutBackend, ContactPrior):
         return ContactProbability(np.clip(found, 0, 1), "smpl", self._rest)
 
     def _run(self, network: Any, crops: FloatArray) -> FloatArray:
-        """Run the network on crops."""
         import torch
 
-        with inference_context(self._checkout_network.checkout, self._checkout_network.device, half=self.options.half):
-            answer = network(torch.from_numpy(crops).to(self._checkout_network.device))
+        with computing(self._host.checkout, self._host.device, half=self.options.half):
+            answer = network(torch.from_numpy(crops).to(self._host.device))
         contact = to_numpy(answer[0] if isinstance(answer, (tuple, list)) else answer)
         if contact.shape != (len(crops), SMPL_VERTICES):
             raise BackendError(
-                f"DECO returned {contact.shape}, where {len(crops)} people are ({len(crops)}, {SMPL_VERTICES})"
+                f"DECO answered {contact.shape}, where {len(crops)} people are ({len(crops)}, {SMPL_VERTICES})"
             )
         return np.asarray(contact, np.float32)

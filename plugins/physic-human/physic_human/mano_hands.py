@@ -1,4 +1,4 @@
-"""Base class of hand estimators whose network takes one right hand at a time."""
+"""What backends share that show one hand at a time to a network of right hands, from the checkout of its project."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.crops import blur_before_shrinking, crop_of, cut
+from physic_core.adapters.crops import antialias_sigma, crop_around_box, resample_crop
 from physic_core.adapters.hand_boxes import hand_boxes
-from physic_core.adapters.mano import hands_from_mano, no_hands
+from physic_core.adapters.mano import empty_hands, hands_from_mano
 from physic_core.interfaces import HandEstimator
-from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions, batch_slices
+from physic_human.hosting import CheckoutOptions, Hosted, batches
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Hands, Keypoints, People, UInt8Array
 
-__all__ = ["SIDE", "ManoHandEstimator", "ManoOptions"]
+__all__ = ["SIDE", "ManoHands", "ManoOptions"]
 
 SIDE = 256
-"""Side of the networks' square input, px."""
+"""px of the square input of these networks."""
 
 
 class ManoOptions(CheckoutOptions):
-    """Base class of the settings of MANO hand estimators."""
+    """Base of their settings."""
 
     least_confidence: float = Field(
         default=0.5, ge=0, le=1, description="of a hand's keypoints; 0.7 in the code of the PhySIC paper"
@@ -33,46 +33,45 @@ class ManoOptions(CheckoutOptions):
     margin: float = Field(default=2.0, ge=1, le=4, description="side of the crop in sizes of the hand")
 
 
-class ManoHandEstimator(CheckoutBackend, HandEstimator):
-    """Base class of estimators of MANO rotations of every hand with keypoints. Left hands are mirrored."""
+class ManoHands(Hosted, HandEstimator):
+    """MANO rotations of every hand that the keypoints show; left hands are shown to the network in a mirror."""
 
     options: ManoOptions
 
     def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
-        """Return the finger rotations of N people; confidence is that of the keypoints.
+        """Image (H, W, 3) and N people with keypoints -> finger rotations; confidence is that of the keypoints.
 
         Raises:
             BackendError: it is not loaded, or the network answers something else.
         """
-        network, options = self._checkout_network.loaded(), self.options
+        network, options = self._host.loaded(), self.options
         found = hand_boxes(keypoints, least_confidence=options.least_confidence, least_size_px=options.least_size_px)
         if not len(found):
-            return no_hands(len(people))
+            return empty_hands(len(people))
         fingers, wrists = [], []
-        for rows in batch_slices(len(found), options.batch):
+        for rows in batches(len(found), options.batch):
             shown = zip(found.boxes[rows], found.right[rows], strict=True)
-            answer = self._run(
-                network, np.stack([self._hand_input(image, box, mirrored=not right) for box, right in shown])
-            )
+            answer = self._run(network, np.stack([self._seen(image, box, mirrored=not right) for box, right in shown]))
             fingers.append(answer[0])
             wrists.append(answer[1])
         return hands_from_mano(
             len(people), found.person, found.right, np.concatenate(fingers), found.confidence, np.concatenate(wrists)
         )
 
-    def _hand_input(self, image: UInt8Array, box: FloatArray, *, mirrored: bool) -> FloatArray:
-        """Crop and preprocess a hand."""
-        crop = crop_of(self._expand_box(box), SIDE, SIDE, padding=self.options.margin, grid="halves", mirrored=mirrored)
-        return self._preprocess(cut(image, crop, sigma=blur_before_shrinking(crop)))
+    def _seen(self, image: UInt8Array, box: FloatArray, *, mirrored: bool) -> FloatArray:
+        crop = crop_around_box(
+            self._region(box), SIDE, SIDE, padding=self.options.margin, grid="halves", mirrored=mirrored
+        )
+        return self._fed(resample_crop(image, crop, sigma=antialias_sigma(crop)))
 
-    def _expand_box(self, box: FloatArray) -> FloatArray:
-        """Return the box (4,) that grows by the margin."""
+    def _region(self, box: FloatArray) -> FloatArray:
+        """The box (4,) that grows by the margin."""
         return box
 
     @abstractmethod
-    def _preprocess(self, crop: UInt8Array) -> FloatArray:
-        """Convert an RGB crop (256, 256, 3) to the network's input without a batch axis."""
+    def _fed(self, crop: UInt8Array) -> FloatArray:
+        """A cut-out (256, 256, 3), RGB, as the network takes it, without the axis of a batch."""
 
     @abstractmethod
     def _run(self, network: Any, crops: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Run the network: fingers (M, 15, 3) or (M, 15, 3, 3) and wrists (M, 1, 3) or (M, 1, 3, 3) of right hands."""
+        """Fingers (M, 15, 3) or (M, 15, 3, 3) and wrists (M, 1, 3) or (M, 1, 3, 3), as of right hands."""

@@ -1,4 +1,4 @@
-"""Load the user's SMPL file: posed bodies with joints and mesh, and the T-pose."""
+"""The user's SMPL file as the backends need it: posed bodies with joints and surface, and the T-pose."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.adapters.rotations import rotvecs_of
+from physic_core.adapters.rotations import to_rotvecs
 from physic_core.adapters.smpl import SMPL_JOINTS, bodies_from_smpl
 from physic_core.errors import WeightsMissingError
 from physic_core.types import Mesh
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from physic_core.body.smpl_file import SmplBody
     from physic_core.types import Bodies, FloatArray, RestMesh
 
-__all__ = ["load_rest_mesh", "open_smpl", "posed_bodies", "smpl_missing"]
+__all__ = ["open_smpl", "posed_bodies", "rest_of_smpl", "smpl_missing"]
 
 _ADVICE = (
     "set smpl_file to your SMPL_NEUTRAL.npz or .pkl: register at https://smpl.is.tue.mpg.de (non-commercial) and "
@@ -25,14 +25,14 @@ _ADVICE = (
 
 
 def smpl_missing(path: str) -> tuple[str, ...]:
-    """Describe a missing SMPL file."""
+    """What is lacking of an option ``smpl_file``, in words."""
     if not path:
         return (f"the SMPL model is not given: {_ADVICE}",)
     return () if Path(path).expanduser().is_file() else (f"there is no file {path}: {_ADVICE}",)
 
 
 def open_smpl(path: str) -> SmplBody:
-    """Load a SMPL file.
+    """The body in a SMPL file.
 
     Raises:
         WeightsMissingError: it is not given, or not there.
@@ -45,8 +45,8 @@ def open_smpl(path: str) -> SmplBody:
     return load_smpl(Path(path).expanduser())
 
 
-def load_rest_mesh(path: str) -> RestMesh | None:
-    """Return the T-pose of a SMPL file; None for an empty path.
+def rest_of_smpl(path: str) -> RestMesh | None:
+    """The T-pose of a SMPL file; None where none is given.
 
     Raises:
         WeightsMissingError: it is not there.
@@ -56,7 +56,7 @@ def load_rest_mesh(path: str) -> RestMesh | None:
 
 
 def posed_bodies(body: SmplBody, rotations: FloatArray, betas: FloatArray, transl: FloatArray) -> Bodies:
-    """Return N bodies of the model "smpl" with joints and mesh; non-finite rows stay NaN.
+    """N bodies of the model "smpl" with joints and surface; rows that are not numbers stay so.
 
     Args:
         body: of :func:`open_smpl`.
@@ -67,7 +67,7 @@ def posed_bodies(body: SmplBody, rotations: FloatArray, betas: FloatArray, trans
     from scipy.spatial.transform import Rotation
 
     count, rest = len(betas), body.rest
-    rotvecs = rotvecs_of(rotations, SMPL_JOINTS)
+    rotvecs = to_rotvecs(rotations, SMPL_JOINTS)
     sound = np.isfinite(rotvecs).all((1, 2)) & np.isfinite(betas).all(1) & np.isfinite(transl).all(1)
     vertices = np.full((count, *rest.vertices.shape), np.nan, np.float32)
     joints = np.full((count, SMPL_JOINTS, 3), np.nan, np.float32)

@@ -65,5 +65,5 @@ def test_bodies_of_other_models_go_through_the_whole_pipeline(body: str, smpl_fi
         precision = (touching & world.contact).sum() / max(touching.sum(), 1)
         recall = (touching & world.contact).sum() / world.contact.sum()
         print(f"{body}: {apart[-1]:.0f} mm, contact precision {precision:.2f} recall {recall:.2f}; {found.warnings}")
-        assert any("carried over from" in note for note in found.notes), found.notes
+        assert any("converted from" in note for note in found.notes), found.notes
     assert np.mean(apart) < MOST_MM[body]

@@ -64,12 +64,16 @@ class MockContactPrior(interfaces.ContactPrior):
         """
         assert isinstance(self.options, ContactOptions)
         from physic_core.body import load_body
-        from physic_core.body.conversion import rest_mesh_of
+        from physic_core.body.conversion import rest_mesh_of_model
 
         found = recognise_world(image)
         rows = match_people(found, people)
         every = np.stack([_probability(found.world, i, self.options) for i in range(len(found.world.vertices))])
-        rest = None if bodies.body_model == found.world.body_model else rest_mesh_of(load_body(found.world.body_model))
+        rest = (
+            None
+            if bodies.body_model == found.world.body_model
+            else rest_mesh_of_model(load_body(found.world.body_model))
+        )
         return ContactProbability(every[rows], found.world.topology, rest)
 
 

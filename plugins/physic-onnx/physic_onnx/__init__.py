@@ -1,4 +1,4 @@
-"""Backends that run published estimators as ONNX files with onnxruntime."""
+"""Published estimators as ONNX files, run by onnxruntime."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["physic_backends", "physic_weights"]
 
 @hookimpl
 def physic_backends() -> list[BackendRecord]:
-    """Return the records of this plugin's backends."""
+    """The backends of this plugin."""
     return [
         BackendRecord(
             "segmenter",
@@ -188,5 +188,5 @@ def physic_backends() -> list[BackendRecord]:
 
 @hookimpl
 def physic_weights() -> Path:
-    """Return the folder with the manifests of this plugin's weights."""
+    """Where this plugin lists its weights."""
     return Path(__file__).parent / "weights"

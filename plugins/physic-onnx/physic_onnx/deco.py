@@ -1,7 +1,7 @@
-"""Predict contact on SMPL vertices with DECO (Tripathi et al. 2023), exported by its licensed user.
+"""DECO (Tripathi et al. 2023) as exported by its licensed user: which vertices of SMPL touch something.
 
-``python -m physic_onnx.export deco`` writes the file with SMPL's T-pose, by which labels are transferred to other body
-models.
+``python -m physic_onnx.export deco`` writes the file, with SMPL's T-pose beside the network, by which labels are
+carried to other bodies.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.contact_crop import GROWTH, SIDE
+from physic_core.adapters.contact_crop import BOX_GROWTH, INPUT_SIDE
 from physic_core.errors import BackendError
 from physic_core.interfaces import ContactPrior
 
-from .contract import GraphSignature, PortSpec
-from .one_graph import WEIGHTS_HELP, OnnxBackend, OnnxBackendOptions
+from .contract import Dialect, Wanted
+from .one_graph import WEIGHTS, OneGraph, OneGraphOptions
 
 if TYPE_CHECKING:
     from physic_core.types import Bodies, ContactProbability, People, UInt8Array
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 __all__ = ["Deco", "DecoOptions"]
 
 
-class DecoOptions(OnnxBackendOptions):
+class DecoOptions(OneGraphOptions):
     """Settings of DECO."""
 
-    weights: str = Field("deco-onnx", description=WEIGHTS_HELP)
-    growth: float = Field(GROWTH, ge=0, le=1, description="of a person's box on every side, in its own sizes")
+    weights: str = Field("deco-onnx", description=WEIGHTS)
+    growth: float = Field(BOX_GROWTH, ge=0, le=1, description="of a person's box on every side, in its own sizes")
     fit: Literal["letterbox", "squash"] = Field(
         "letterbox",
         description="how a box becomes a square: with white, as in the PhySIC paper's code, or stretched, as in DECO's",
@@ -36,24 +36,24 @@ class DecoOptions(OnnxBackendOptions):
     batch: int = Field(8, ge=1, description="people a run, where the file leaves that free")
 
 
-class Deco(OnnxBackend, ContactPrior):
-    """Contact prior by DECO: contact with any object, threshold 0.5. Its input is BGR, as in training."""
+class Deco(OneGraph, ContactPrior):
+    """Contact of any kind, whatever is touched: above 0.5 it touches. It is shown BGR, as it was trained."""
 
-    Options: ClassVar[type[OnnxBackendOptions]] = DecoOptions
+    Options: ClassVar[type[OneGraphOptions]] = DecoOptions
     options: DecoOptions
-    signatures: ClassVar = {
-        "physic_onnx.export deco": GraphSignature(
-            (PortSpec("image", ("img", "input"), shape=(None, 3, SIDE, SIDE)),),
+    dialects: ClassVar = {
+        "physic_onnx.export deco": Dialect(
+            (Wanted("image", ("img", "input"), shape=(None, 3, INPUT_SIDE, INPUT_SIDE)),),
             (
-                PortSpec("contact", ("cont",), shape=(None, None)),
-                PortSpec("faces", dtype=("int64", "int32"), shape=(None, 3)),
-                PortSpec("rest", shape=(None, 3)),
+                Wanted("contact", ("cont",), shape=(None, None)),
+                Wanted("faces", dtype=("int64", "int32"), shape=(None, 3)),
+                Wanted("rest", shape=(None, 3)),
             ),
         ),
     }
 
     def infer(self, image: UInt8Array, people: People, bodies: Bodies) -> ContactProbability:
-        """Return the contact probability (N, 6890) on SMPL vertices of N people.
+        """N people -> probability (N, 6890) on SMPL.
 
         Raises:
             BackendError: it is not loaded, or the network answers something else.
@@ -62,26 +62,26 @@ class Deco(OnnxBackend, ContactPrior):
         from physic_core.adapters.contact_crop import contact_crop
         from physic_core.types import ContactProbability, RestMesh
 
-        from .top_down import run_batches, run_constants
+        from .top_down import held, run_rows
 
-        loaded = self.loaded()
+        speaking = self.speaking()
         options = self.options
         crops = [contact_crop(image, box, growth=options.growth, fit=options.fit) for box in people.boxes]
-        feed = {"image": np.stack(crops) if crops else np.zeros((1, 3, SIDE, SIDE), np.float32)}
-        faces, rest = run_constants(loaded, feed, ["faces", "rest"])
+        feed = {"image": np.stack(crops) if crops else np.zeros((1, 3, INPUT_SIDE, INPUT_SIDE), np.float32)}
+        faces, rest = held(speaking, feed, ["faces", "rest"])
         mesh = RestMesh("smpl", rest.astype(np.float32), faces.astype(np.int64))
         if not crops:
             return ContactProbability(np.zeros((0, len(rest)), np.float32), mesh.topology, mesh)
-        (contact,) = run_batches(loaded, feed, ["contact"], options.batch)
+        (contact,) = run_rows(speaking, feed, ["contact"], options.batch)
         if contact.shape != (len(people), len(rest)):
             raise BackendError(
-                f"{loaded.network.name} returned contact {contact.shape}: one number for each of {len(people)} "
+                f"{speaking.network.name} answered contact {contact.shape}: one number for each of {len(people)} "
                 f"people and each of the {len(rest)} vertices of its T-pose was expected"
             )
         low, high = float(np.nanmin(contact)), float(np.nanmax(contact))
         if low < -1e-3 or high > 1 + 1e-3:
             raise BackendError(
-                f"{loaded.network.name} returned contact from {low:.2g} to {high:.2g}: probabilities were expected; "
+                f"{speaking.network.name} answered contact from {low:.2g} to {high:.2g}: probabilities were expected; "
                 "export the network with its sigmoid"
             )
         return ContactProbability(np.clip(contact, 0, 1).astype(np.float32), mesh.topology, mesh)

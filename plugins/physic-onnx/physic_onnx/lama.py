@@ -1,4 +1,4 @@
-"""Remove people from a photo with LaMa in any of its three published formats."""
+"""Taking people out of a photo with LaMa, in any of its three published forms."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from pydantic import Field
 from physic_core.errors import BackendError
 from physic_core.interfaces import Inpainter, Options
 
-from .contract import GraphSignature, PortSpec
-from .one_graph import OnnxBackend, OnnxBackendOptions, find_graph_file
+from .contract import Dialect, Wanted
+from .one_graph import OneGraph, OneGraphOptions, graph_file
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 
 __all__ = ["Lama", "LamaOptions"]
 
-INPUTS = (PortSpec("image", shape=(None, 3, None, None)), PortSpec("mask", shape=(None, 1, None, None)))
-OUTPUTS = (PortSpec("output", ("result",), shape=(None, 3, None, None)),)
+INPUTS = (Wanted("image", shape=(None, 3, None, None)), Wanted("mask", shape=(None, 1, None, None)))
+OUTPUTS = (Wanted("output", ("result",), shape=(None, 3, None, None)),)
 
 MULTIPLE = 8
-"""Height and width of LaMa's input are multiples of this, px."""
+"""Height and width that LaMa takes are multiples of this, px."""
 
 
-class LamaOptions(OnnxBackendOptions):
+class LamaOptions(OneGraphOptions):
     """Settings of Lama."""
 
     weights: str = Field(
@@ -53,8 +53,8 @@ class LamaOptions(OnnxBackendOptions):
     )
 
 
-class Lama(OnnxBackend, Inpainter):
-    """LaMa inpainter: takes RGB from 0 to 1, and a mask that is 1 in the hole.
+class Lama(OneGraph, Inpainter):
+    """LaMa: sees RGB from 0 to 1 and a mask that is 1 in the hole.
 
     ONNX files of a fixed size (512 px) fill one crop a hole; files of any size, as TorchScript's, see the whole photo.
     It fills what the mask covers: shadows and mirror images of who is removed stay.
@@ -62,7 +62,7 @@ class Lama(OnnxBackend, Inpainter):
 
     Options: ClassVar[type[Options]] = LamaOptions
     options: LamaOptions
-    signatures: ClassVar = {"LaMa": GraphSignature(INPUTS, OUTPUTS)}
+    dialects: ClassVar = {"LaMa": Dialect(INPUTS, OUTPUTS)}
 
     def __init__(self, options: LamaOptions | None = None) -> None:
         super().__init__(options)
@@ -77,20 +77,20 @@ class Lama(OnnxBackend, Inpainter):
             BackendError: it is not LaMa.
             DeviceError: the device is not there.
         """
-        path = find_graph_file(self.options.weights)
+        path = graph_file(self.options.weights)
         if path.suffix in (".pt", ".pth", ".ts"):
-            self._run, self._side = _open_torchscript(path, device), None
+            self._run, self._side = _torchscript(path, device), None
         else:
             super().load(device)
 
-    def bind(self, network: Network) -> None:
-        """Use an open network.
+    def attach(self, network: Network) -> None:
+        """Take an open network.
 
         Raises:
             BackendError: it is not LaMa, or its pictures are no squares.
         """
-        super().bind(network)
-        side = self.loaded().input_shape("image")[2:]
+        super().attach(network)
+        side = self.speaking().shape("image")[2:]
         fixed = [n for n in side if isinstance(n, int)]
         if len(fixed) == 1 or len(set(fixed)) == 2:
             raise BackendError(f"{network.name} takes pictures of {side} px: a square or any size is expected")
@@ -98,50 +98,50 @@ class Lama(OnnxBackend, Inpainter):
         self._run = self._ask
 
     def close(self) -> None:
-        """Close the network."""
+        """Let go of the network."""
         super().close()
         self._run = None
 
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
-        """Fill the mask (H, W), True = remove, in an image (H, W, 3); pixels outside the mask stay identical.
+        """Image (H, W, 3) and mask (H, W), True = remove -> image, the very same pixels where the mask is False.
 
         Raises:
             InputError: the image is no photo.
             BackendError: the mask has another size or leaves nothing to go by, or load() was not called.
         """
-        from physic_core.adapters.inpainting import fill_within
+        from physic_core.adapters.inpainting import inpaint_masked
 
-        from .holes import inpaint_in_crops
+        from .holes import fill_in_crops
 
         if self._run is None:
             raise BackendError("LaMa is not loaded: call load() before infer()")
         side = self._side
         if side is None:
-            return fill_within(image, mask, self.options.rim, self._fill_whole)
+            return inpaint_masked(image, mask, self.options.rim, self._fill_whole)
 
         def in_crops(image: UInt8Array, hole: BoolArray) -> UInt8Array:
-            return inpaint_in_crops(image, hole, self._fill_crop, self.options.context, side)
+            return fill_in_crops(image, hole, self._fill_crop, self.options.context, side)
 
-        return fill_within(image, mask, self.options.rim, in_crops)
+        return inpaint_masked(image, mask, self.options.rim, in_crops)
 
     def _ask(self, image: FloatArray, mask: FloatArray) -> FloatArray:
-        """Run the ONNX file."""
-        loaded = self.loaded()
-        (output,) = loaded.ports.run(loaded.network, {"image": image, "mask": mask}, ["output"])
+        """What an ONNX file answers."""
+        speaking = self.speaking()
+        (output,) = speaking.ports.run(speaking.network, {"image": image, "mask": mask}, ["output"])
         return output
 
     def _fill_crop(self, image: UInt8Array, hole: BoolArray) -> UInt8Array:
-        """Fill a crop at the network's fixed size: long side resized, short side padded by reflection."""
+        """A crop at the size of the network: its long side resized, its short side continued as in a mirror."""
         assert self._side is not None
         return self._fill(image, hole, self._side, self._side)
 
     def _fill_whole(self, image: UInt8Array, hole: BoolArray) -> UInt8Array:
-        """Fill the full photo at its own size, or at ``longest_px``."""
+        """The photo at its own size, or at the longest that is wanted."""
         return self._fill(image, hole, min(self.options.longest_px, max(hole.shape)), None)
 
     def _fill(self, image: UInt8Array, hole: BoolArray, long: int, square: int | None) -> UInt8Array:
-        """Resize, pad, run the network, and resize back."""
-        from physic_core.adapters.pictures import planes, squash
+
+        from physic_core.adapters.pictures import normalized_nchw, resize_image
 
         assert self._run is not None
         height, width = hole.shape
@@ -149,25 +149,24 @@ class Lama(OnnxBackend, Inpainter):
         inner = (max(1, round(height * scale)), max(1, round(width * scale)))
         padded = (square, square) if square is not None else tuple(-(-n // MULTIPLE) * MULTIPLE for n in inner)
         margins = [(0, total - n) for total, n in zip(padded, inner, strict=True)]
-        small = squash(image, *inner, "area" if scale < 1 else "bicubic")
+        small = resize_image(image, *inner, "area" if scale < 1 else "bicubic")
         # A pixel of which a part is hole is hole: its colour is partly that of who is removed.
-        covered = squash(hole.astype(np.float32), *inner, "area" if scale < 1 else "bilinear") > 0
-        frame = planes(np.pad(small, [*margins, (0, 0)], mode="symmetric"))
+        covered = resize_image(hole.astype(np.float32), *inner, "area" if scale < 1 else "bilinear") > 0
+        frame = normalized_nchw(np.pad(small, [*margins, (0, 0)], mode="symmetric"))
         covered = np.pad(covered, margins, mode="symmetric")
         known = ~covered
         answer = self._run(frame, covered.astype(np.float32)[None, None])[0].transpose(1, 2, 0)
         colours = answer * _to_grey_levels(answer[known], frame[0].transpose(1, 2, 0)[known])
-        back = squash(colours[: inner[0], : inner[1]].astype(np.float32), height, width, _back(scale))
+        back = resize_image(colours[: inner[0], : inner[1]].astype(np.float32), height, width, _back(scale))
         return np.asarray(back.round().clip(0, 255), np.uint8)
 
 
 def _back(scale: float) -> Any:
-    """Return the interpolation for resizing back."""
     return "bicubic" if scale < 1 else "area"
 
 
 def _to_grey_levels(answer: FloatArray, shown: FloatArray) -> float:
-    """Return 255 for outputs from 0 to 1 and 1 for grey levels, by comparing known pixels with the input.
+    """255 of files that answer from 0 to 1, 1 of files that answer grey levels.
 
     The files are of one contract but for this. LaMa hands through what is known of the picture, which tells.
     """
@@ -178,8 +177,8 @@ def _to_grey_levels(answer: FloatArray, shown: FloatArray) -> float:
     return 1.0 if ratio > 16 else 255.0
 
 
-def _open_torchscript(path: Path, device: str) -> Callable[[FloatArray, FloatArray], FloatArray]:
-    """Open a TorchScript file and return a function that runs it."""
+def _torchscript(path: Path, device: str) -> Callable[[FloatArray, FloatArray], FloatArray]:
+    """Of a TorchScript file, opened."""
     import warnings
 
     import torch

@@ -1,4 +1,4 @@
-"""Estimate metric depth with Metric3D v2, whose depth is for a focal length of 1000 px on its canvas."""
+"""Metric3D v2: depth for a focal length of 1000 px of the canvas in which the photo lies."""
 
 from __future__ import annotations
 
@@ -9,77 +9,77 @@ from pydantic import Field
 
 from physic_core.interfaces import MetricDepth
 
-from .contract import GraphSignature, PortSpec
-from .one_graph import WEIGHTS_HELP, OnnxBackend, OnnxBackendOptions
+from .contract import Dialect, Wanted
+from .one_graph import WEIGHTS, OneGraph, OneGraphOptions
 
 if TYPE_CHECKING:
     from physic_core.adapters.pictures import Letterbox
     from physic_core.types import DepthMap, FloatArray, Hints, UInt8Array
 
-__all__ = ["Metric3d", "Metric3dOptions", "preprocess"]
+__all__ = ["Metric3d", "Metric3dOptions", "prepare"]
 
 CANONICAL_FOCAL_PX = 1000.0
 PADDING = (123.675, 116.28, 103.53)
-"""Padding colour: ImageNet's mean, which the network normalises to 0."""
+"""Of the canvas round the photo: ImageNet's mean, which the file turns into 0."""
 
-_OUTPUTS = (PortSpec("pred_depth", ("predicted_depth", "depth")),)
-
-
-def _picture(*leading: None) -> PortSpec:
-    return PortSpec("pixel_values", ("image",), shape=(*leading, 3, None, None))
+_OUTPUTS = (Wanted("pred_depth", ("predicted_depth", "depth")),)
 
 
-class Metric3dOptions(OnnxBackendOptions):
+def _picture(*leading: None) -> Wanted:
+    return Wanted("pixel_values", ("image",), shape=(*leading, 3, None, None))
+
+
+class Metric3dOptions(OneGraphOptions):
     """Settings of Metric3D v2."""
 
-    weights: str = Field("metric3d-v2-small", description=WEIGHTS_HELP)
+    weights: str = Field("metric3d-v2-small", description=WEIGHTS)
     height: int = Field(616, ge=28, multiple_of=28, description="px of the canvas where the file leaves it free")
     width: int = Field(1064, ge=28, multiple_of=28, description="px of the canvas where the file leaves it free")
     farthest: float = Field(200.0, gt=0, description="metres; farther is not known, as the sky is not")
 
 
-class Metric3d(OnnxBackend, MetricDepth):
-    """Metric depth by Metric3D v2 for a known focal length, to which its scale is proportional."""
+class Metric3d(OneGraph, MetricDepth):
+    """Depth in metres for a known focal length; its scale follows that focal length closely."""
 
-    Options: ClassVar[type[OnnxBackendOptions]] = Metric3dOptions
+    Options: ClassVar[type[OneGraphOptions]] = Metric3dOptions
     options: Metric3dOptions
-    signatures: ClassVar = {
-        "a batch": GraphSignature((_picture(None),), _OUTPUTS),
-        "one picture": GraphSignature((_picture(),), _OUTPUTS),
+    dialects: ClassVar = {
+        "a batch": Dialect((_picture(None),), _OUTPUTS),
+        "one picture": Dialect((_picture(),), _OUTPUTS),
     }
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
-        """Return depth along z in metres for the camera of ``hints``.
+        """Image (H, W, 3) -> metres along z for the camera of ``hints``.
 
         Raises:
             BackendError: no camera is known, or the network is not loaded.
         """
-        from physic_core.adapters.canonical_depth import focal_px_of, metres_from_canonical
-        from physic_core.adapters.pictures import resample
+        from physic_core.adapters.canonical_depth import depth_from_canonical
+        from physic_core.adapters.pictures import resize_map
         from physic_core.types import DepthMap
 
-        from .depth_maps import fixed_input_size, mask_depth, required_camera, squeeze_map
+        from .depth_maps import depth_at, fixed_size, required_camera, single_map
 
-        loaded = self.loaded()
+        speaking = self.speaking()
         camera = required_camera(hints, image, "Metric3D")
-        rows, columns = fixed_input_size(loaded.input_shape("pixel_values"))
+        rows, columns = fixed_size(speaking.shape("pixel_values"))
         size = rows or self.options.height, columns or self.options.width
-        fed, box = preprocess(image, *size)
-        (raw,) = loaded.run_image("pixel_values", fed, "pred_depth")
-        values = squeeze_map(raw, "pred_depth", loaded.network.name)
-        canvas = values if values.shape == size else resample(values, *size)
+        fed, box = prepare(image, *size)
+        (raw,) = speaking.ask("pixel_values", fed, "pred_depth")
+        values = single_map(raw, "pred_depth", speaking.network.name)
+        canvas = values if values.shape == size else resize_map(values, *size)
         seen = camera.resized(box.inner[1], box.inner[0])
-        metres = metres_from_canonical(box.map_to_photo(canvas), focal_px_of(seen.fx, seen.fy), CANONICAL_FOCAL_PX)
-        return DepthMap(mask_depth(metres, self.options.farthest), camera)
+        metres = depth_from_canonical(box.map_to_photo(canvas), (seen.fx + seen.fy) / 2, CANONICAL_FOCAL_PX)
+        return DepthMap(depth_at(metres, self.options.farthest), camera)
 
 
-def preprocess(image: UInt8Array, height: int, width: int) -> tuple[FloatArray, Letterbox]:
-    """Letterbox an image (H, W, 3) to (1, 3, height, width) in 0 to 255, centred, and return its placement.
+def prepare(image: UInt8Array, height: int, width: int) -> tuple[FloatArray, Letterbox]:
+    """Image (H, W, 3) -> (1, 3, height, width) in 0..255, in the middle of a canvas, and how it lies there.
 
     The file itself takes off ImageNet's mean and divides by its deviation.
     """
 
-    from physic_core.adapters.pictures import letterbox, planes
+    from physic_core.adapters.pictures import letterbox, normalized_nchw
 
     canvas, box = letterbox(np.asarray(image, np.float32), height, width, PADDING, "centre")
-    return planes(canvas, scale=1.0), box
+    return normalized_nchw(canvas, scale=1.0), box

@@ -136,7 +136,7 @@ def told_deco(told: Any, told_network: Any) -> type:
             },
             answer,
         )
-        backend.bind(network)
+        backend.attach(network)
         return [network]
 
     class Told(told(Deco, attach)):  # type: ignore[misc]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.adapters.panoptic import COCO_PANOPTIC, FLOOR
+from physic_core.adapters.panoptic import COCO_PANOPTIC, FLOOR_CLASSES
 from physic_core.errors import BackendError
 from physic_onnx.eomt import Eomt, EomtOptions
 from physic_testing import build_world, check_backend
@@ -51,7 +51,7 @@ def in_square(mask):
 def eomt(told, told_network):
     def attach(backend):
         network = told_network(*PORTS, answer)
-        backend.bind(network)
+        backend.attach(network)
         backend.network = network
         return (network,)
 
@@ -142,14 +142,14 @@ def test_the_real_class_answers_the_same(tiny):
     backend = Eomt(EomtOptions(weights=str(path), threads=1))
     backend.load()
     captured = {}
-    run = backend.loaded().network.run
+    run = backend.speaking().network.run
 
     def spy(feed, outputs):
         captured.update(feed)
         captured["answers"] = run(feed, outputs)
         return captured["answers"]
 
-    backend.loaded().network.run = spy
+    backend.speaking().network.run = spy
     backend.infer(photo)
     assert captured["pixel_values"] == pytest.approx(values.numpy(), abs=0.02), "half a grey level"
     assert np.abs(captured["answers"][0] - theirs.class_queries_logits.numpy()).max() < 0.02
@@ -157,4 +157,5 @@ def test_the_real_class_answers_the_same(tiny):
 
 
 def test_floors_of_the_list_are_in_the_network_s_list():
-    assert {COCO_PANOPTIC.index(name) for name in FLOOR} == {87, 90, 96, 97, 100, 102, 105, 122, 123, 125, 126, 132}
+    floors = {COCO_PANOPTIC.index(name) for name in FLOOR_CLASSES}
+    assert floors == {87, 90, 96, 97, 100, 102, 105, 122, 123, 125, 126, 132}

@@ -12,7 +12,7 @@ from unittest.mock import patch
 import numpy as np
 from numpy.typing import NDArray
 
-from physic_core.body.model_file import MANO, SMPL, Layout
+from physic_core.body.model_file import MANO, SMPL, ModelFileLayout
 from physic_core.body.smpl_file import SMPL_PARENTS
 
 __all__ = ["mano_arrays", "smpl_arrays", "write_published"]
@@ -60,7 +60,7 @@ class _Ch:
             self.x = x
 
 
-def _arrays(layout: Layout, parents: tuple[int, ...]) -> dict[str, NDArray[Any]]:
+def _arrays(layout: ModelFileLayout, parents: tuple[int, ...]) -> dict[str, NDArray[Any]]:
     """Return random arrays with the shapes of a model file."""
     rng = np.random.default_rng(0)
     shapes = {name: tuple(10 if size is None else size for size in shape) for name, shape in layout.shapes.items()}

@@ -1,4 +1,4 @@
-"""Estimate depth with Depth Anything V2: metric depth, or relative disparity."""
+"""Depth Anything V2: metric, where it was trained on metres, and relative, where it answers disparity."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.cameras import guessed_camera, known_camera
-from physic_core.adapters.disparity import gap_of_disparity, points_of_gap
-from physic_core.adapters.patch_grid import capped, least_scaled
-from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, planes, resample, squash
+from physic_core.adapters.disparity import clip_disparity, points_from_disparity
+from physic_core.adapters.patch_grid import input_size_least_scaling, limit_patches
+from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw, resize_image, resize_map
 from physic_core.errors import BackendError
 from physic_core.interfaces import MetricDepth, Options, RelativePointmap
 from physic_core.types import DepthMap, Pointmap
-from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, Network, PretrainedBackend, to_numpy
+from physic_transformers.models import WHERE, ModelOptions, Network, Part, Pretrained, array
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Hints, UInt8Array
@@ -25,7 +25,7 @@ _SATURATED = 0.98  # of the largest depth that a metric network can say
 
 
 class DepthAnythingOptions(ModelOptions):
-    """Settings of both Depth Anything backends."""
+    """What both backends share."""
 
     side: int = Field(
         default=518,
@@ -43,7 +43,7 @@ class MetricOptions(DepthAnythingOptions):
 
     weights: str = Field(
         default="depth-anything-v2-metric-indoor-small-hf",
-        description=f"Depth Anything V2 metric, indoor (to 20 m) or outdoor (to 80 m): {WEIGHTS_HELP}.",
+        description=f"Depth Anything V2 metric, indoor (to 20 m) or outdoor (to 80 m): {WHERE}.",
     )
     farthest: float | None = Field(
         default=None,
@@ -55,7 +55,7 @@ class MetricOptions(DepthAnythingOptions):
 class RelativeOptions(DepthAnythingOptions):
     """Settings of :class:`DepthAnythingRelative`."""
 
-    weights: str = Field(default="depth-anything-v2-small-hf", description=f"Depth Anything V2, or V1: {WEIGHTS_HELP}.")
+    weights: str = Field(default="depth-anything-v2-small-hf", description=f"Depth Anything V2, or V1: {WHERE}.")
     default_fov: float = Field(
         default=55.5,
         gt=5,
@@ -64,19 +64,17 @@ class RelativeOptions(DepthAnythingOptions):
     )
 
 
-class _DepthAnything(PretrainedBackend):
-    """Base class of both backends, for a network that predicts metric depth or disparity, as its config states.
+class _DepthAnything(Pretrained):
+    """What both backends share: a network that answers either metres or disparity, as its config says.
 
     Attributes:
-        output_kind: "metric" or "relative": one grows with distance, the other falls.
-        other_interface: what weights of the other kind are for.
+        answers: "metric" or "relative": one grows with distance, the other falls.
+        otherwise: what weights of the other kind are for.
     """
 
-    specs: ClassVar[tuple[ModelSpec, ...]] = (
-        ModelSpec("weights", "DepthAnythingForDepthEstimation", ("depth_anything",)),
-    )
-    output_kind: ClassVar[str]
-    other_interface: ClassVar[str]
+    parts: ClassVar[tuple[Part, ...]] = (Part("weights", "DepthAnythingForDepthEstimation", ("depth_anything",)),)
+    answers: ClassVar[str]
+    otherwise: ClassVar[str]
 
     def load(self, device: str = "cpu") -> None:
         """Read the weights.
@@ -88,48 +86,48 @@ class _DepthAnything(PretrainedBackend):
         """
         super().load(device)
         found = self.network().config.depth_estimation_type
-        if found != self.output_kind:
+        if found != self.answers:
             raise BackendError(
-                f"these weights of Depth Anything are {found}, expected {self.output_kind} ones: "
-                f"they are for {self.other_interface}"
+                f"these weights of Depth Anything are {found}, expected {self.answers} ones: "
+                f"they are for {self.otherwise}"
             )
 
 
 class DepthAnythingMetric(_DepthAnything, MetricDepth):
-    """Metric depth by Depth Anything V2 metric. It estimates no focal length."""
+    """Depth Anything V2 metric. It gives no focal length, and needs none."""
 
     Options: ClassVar[type[Options]] = MetricOptions
     options: MetricOptions
-    output_kind, other_interface = "metric", "the relative_pointmap 'depth-anything-hf'"
+    answers, otherwise = "metric", "the relative_pointmap 'depth-anything-hf'"
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
-        """Predict depth or points of an image (H, W, 3).
+        """Image (H, W, 3) -> z-depth in metres.
 
         Raises:
             InputError: it is no photo.
             BackendError: ``load`` was not called.
         """
 
-        depth = resample(_answer(self.network(), image, self.options), *image.shape[:2])
+        depth = resize_map(_answer(self.network(), image, self.options), *image.shape[:2])
         most = self.options.farthest or _SATURATED * float(self.network().config.max_depth)
         return DepthMap(np.where((depth > 0) & (depth < most), depth, np.nan).astype(np.float32))
 
 
 class DepthAnythingRelative(_DepthAnything, RelativePointmap):
-    """Relative point map by Depth Anything: disparity up to scale and shift, as points of a camera."""
+    """Depth Anything relative: disparity up to scale and shift, as points of a camera."""
 
     Options: ClassVar[type[Options]] = RelativeOptions
     options: RelativeOptions
-    output_kind, other_interface = "relative", "the metric_depth 'depth-anything-v2-metric-hf'"
+    answers, otherwise = "relative", "the metric_depth 'depth-anything-v2-metric-hf'"
 
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
-        """Predict depth or points of an image (H, W, 3).
+        """Image (H, W, 3) -> point map whose inverse depth is open up to scale and shift.
 
         Raises:
             InputError: it is no photo.
             BackendError: ``load`` was not called, or the network saw nothing.
         """
-        gap, lost = gap_of_disparity(_answer(self.network(), image, self.options))
+        gap, lost = clip_disparity(_answer(self.network(), image, self.options))
         if lost.all():
             raise BackendError(
                 "Depth Anything saw no structure in the photo, its disparity is 0 everywhere: choose another "
@@ -137,14 +135,14 @@ class DepthAnythingRelative(_DepthAnything, RelativePointmap):
             )
         known = known_camera(hints, image)
         camera, notes = guessed_camera(self.options.default_fov, image) if known is None else (known, ())
-        return Pointmap(*points_of_gap(gap, lost, camera), "inverse_scale_shift", camera, notes)
+        return Pointmap(*points_from_disparity(gap, lost, camera), "inverse_scale_shift", camera, notes)
 
 
 def _answer(network: Network, image: UInt8Array, options: DepthAnythingOptions) -> FloatArray:
-    """Run the network and return its map (h, w) at network resolution."""
+    """(h, w) what the network sees, at its own size."""
     patch = int(network.config.patch_size)
     height, width = image.shape[:2]
-    size = capped(*least_scaled(height, width, options.side, patch), options.max_patches, patch)
-    pixels = planes(squash(image, *size, "bicubic-antialias"), IMAGENET_MEAN, IMAGENET_STD)
-    depth: FloatArray = to_numpy(network.run(pixel_values=pixels).predicted_depth)[0]
+    size = limit_patches(*input_size_least_scaling(height, width, options.side, patch), options.max_patches, patch)
+    pixels = normalized_nchw(resize_image(image, *size, "bicubic-antialias"), IMAGENET_MEAN, IMAGENET_STD)
+    depth: FloatArray = array(network.run(pixel_values=pixels).predicted_depth)[0]
     return depth

@@ -1,4 +1,4 @@
-"""Segment people and floor with EoMT, a panoptic network trained on COCO."""
+"""People and floor from one closed-set network: EoMT, trained on COCO panoptic."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field
 
-from physic_core.adapters.panoptic import COCO_PANOPTIC, Padded, framed, people_and_floor
+from physic_core.adapters.panoptic import COCO_PANOPTIC, PaddedFrame, padded_input, people_and_floor
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options, Segmenter
-from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend, to_numpy
+from physic_transformers.models import WHERE, ModelOptions, Part, Pretrained, array
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -22,7 +22,7 @@ __all__ = ["Eomt", "EomtOptions", "class_names"]
 class EomtOptions(ModelOptions):
     """Settings of :class:`Eomt`."""
 
-    weights: str = Field(default="eomt-large-640-hf", description=f"EoMT of COCO panoptic: {WEIGHTS_HELP}.")
+    weights: str = Field(default="eomt-large-640-hf", description=f"EoMT of COCO panoptic: {WHERE}.")
     threshold: float = Field(
         default=0.5, ge=0, le=1, description="Chance from which a query's class is believed; 0.8 finds fewer, surely."
     )
@@ -31,12 +31,12 @@ class EomtOptions(ModelOptions):
     )
 
 
-class Eomt(PretrainedBackend, Segmenter):
-    """Segmenter: EoMT panoptic, in which each query predicts a class and a mask."""
+class Eomt(Pretrained, Segmenter):
+    """EoMT panoptic: each query claims a class and a mask."""
 
     Options: ClassVar[type[Options]] = EomtOptions
     options: EomtOptions
-    specs: ClassVar[tuple[ModelSpec, ...]] = (ModelSpec("weights", "EomtForUniversalSegmentation", ("eomt",)),)
+    parts: ClassVar[tuple[Part, ...]] = (Part("weights", "EomtForUniversalSegmentation", ("eomt",)),)
 
     def load(self, device: str = "cpu") -> None:
         """Read the weights.
@@ -50,7 +50,7 @@ class Eomt(PretrainedBackend, Segmenter):
         class_names(self.network().config.id2label)
 
     def infer(self, image: UInt8Array) -> People:
-        """Segment the people of an image (H, W, 3), best score first, and the floor.
+        """Image (H, W, 3) -> people, best score first, and the floor.
 
         Raises:
             InputError: it is no photo.
@@ -58,11 +58,11 @@ class Eomt(PretrainedBackend, Segmenter):
         """
         network, size = self.network(), (image.shape[0], image.shape[1])
         frame = _side(network.config.image_size)
-        padded = Padded(*size, frame)
-        out = network.run(pixel_values=framed(image, padded))
+        padded = PaddedFrame(*size, frame)
+        out = network.run(pixel_values=padded_input(image, padded))
         return people_and_floor(
-            to_numpy(out.class_queries_logits)[0],
-            to_numpy(out.masks_queries_logits)[0],
+            array(out.class_queries_logits)[0],
+            array(out.masks_queries_logits)[0],
             padded.to_photo,
             size,
             labels=class_names(network.config.id2label),
@@ -72,7 +72,7 @@ class Eomt(PretrainedBackend, Segmenter):
 
 
 def class_names(labels: Mapping[Any, str]) -> tuple[str, ...]:
-    """Return a model's class names in order; those of COCO panoptic if the config only numbers them.
+    """Names of a model's classes in order; COCO panoptic's where the config only counts them.
 
     Raises:
         BackendError: people are not among them.
@@ -89,5 +89,4 @@ def class_names(labels: Mapping[Any, str]) -> tuple[str, ...]:
 
 
 def _side(size: Any) -> int:
-    """Return the side of the network's input."""
     return int(size if isinstance(size, int) else size[0])

@@ -1,4 +1,4 @@
-"""Convert the mask logits of SAM 2 and SAM 3 to people and floor."""
+"""What SAM 2 and SAM 3 give: mask logits over the whole photo, squashed to a square."""
 
 from __future__ import annotations
 
@@ -6,26 +6,26 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.adapters.people import distinct_masks, people_from_masks
-from physic_core.adapters.pictures import resample
+from physic_core.adapters.people import mask_nms, people_from_masks
+from physic_core.adapters.pictures import resize_map
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import BoolArray, FloatArray, People
 
-__all__ = ["best_rows", "people_from_sam", "union_of_masks"]
+__all__ = ["most_likely", "people_of", "union"]
 
 
-def best_rows(scores: FloatArray, threshold: float, most: int) -> NDArray[np.intp]:
-    """Return at most ``most`` rows with a score above the threshold, best first."""
+def most_likely(scores: FloatArray, threshold: float, most: int) -> NDArray[np.intp]:
+    """Rows with a score above the threshold, best first, at most ``most``."""
 
     order = np.argsort(-scores, kind="stable")
     found: NDArray[np.intp] = order[scores[order] > threshold][:most]
     return found
 
 
-def people_from_sam(
+def people_of(
     logits: FloatArray,
     boxes: FloatArray,
     scores: FloatArray,
@@ -34,7 +34,7 @@ def people_from_sam(
     *,
     same: float,
 ) -> People:
-    """Build people from one mask each, without duplicates.
+    """People from one mask each.
 
     Args:
         logits: (N, h, w) over the whole photo, above 0 inside.
@@ -45,15 +45,15 @@ def people_from_sam(
         same: masks that share more of their union than this are one person, seen twice.
     """
 
-    rows = distinct_masks(logits > 0, scores, same) if len(logits) else np.zeros(0, np.intp)
-    masks = (resample(logits[i], *size) for i in rows)
+    rows = mask_nms(logits > 0, scores, same) if len(logits) else np.zeros(0, np.intp)
+    masks = (resize_map(logits[i], *size) for i in rows)
     return people_from_masks(masks, boxes[rows], scores[rows], floor, size=size)
 
 
-def union_of_masks(logits: FloatArray, size: tuple[int, int]) -> BoolArray:
-    """Return the union (H, W) at photo size of masks (N, h, w) given as logits."""
+def union(logits: FloatArray, size: tuple[int, int]) -> BoolArray:
+    """(H, W) pixels of the photo that any of (N, h, w) masks holds."""
 
     found: BoolArray = np.zeros(size, bool)
     for one in logits:
-        found |= resample(one, *size) > 0
+        found |= resize_map(one, *size) > 0
     return found

@@ -1,7 +1,7 @@
-"""Detect keypoints with ViTPose and ViTPose+: 17 of COCO, or 133 of the whole body.
+"""ViTPose and ViTPose+: the 17 keypoints of COCO, or 133 of the whole body.
 
-Only COCO and MPII were trained with unbiased data processing. The other data sets use MMPose's plain affine, whose
-crops and heatmaps are on another pixel grid.
+Only COCO and MPII were trained with unbiased data processing. The other data sets have MMPose's plain affine, and their
+crops and heat maps lie on another grid.
 """
 
 from __future__ import annotations
@@ -11,23 +11,23 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.crops import crop_of, cut
-from physic_core.adapters.heatmaps import as_confidence, refined_peaks
-from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, planes
+from physic_core.adapters.crops import crop_around_box, resample_crop
+from physic_core.adapters.heatmaps import scores_to_confidence, subpixel_peaks
+from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw
 from physic_core.errors import BackendError
 from physic_core.interfaces import KeypointDetector, Options
 from physic_core.types import Keypoints
-from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend, to_numpy
+from physic_transformers.models import WHERE, ModelOptions, Part, Pretrained, array
 
 if TYPE_CHECKING:
-    from physic_core.adapters.crops import Crop, Grid
+    from physic_core.adapters.crops import Crop, PixelAlignment
     from physic_core.types import FloatArray, People, UInt8Array
 
 __all__ = ["VitPose", "VitPoseOptions"]
 
 _SKELETONS = {17: "coco17", 133: "coco_wholebody133"}
 _EXPERTS = {17: 0, 133: 5}
-"""Number of joints -> index of the ViTPose+ data set with these joints."""
+"""Joints -> the data set of a ViTPose+ that has them."""
 _UNBIASED = (0, 2)
 """Data sets with unbiased data processing: COCO and MPII."""
 
@@ -35,7 +35,7 @@ _UNBIASED = (0, 2)
 class VitPoseOptions(ModelOptions):
     """Settings of :class:`VitPose`."""
 
-    weights: str = Field(default="vitpose-plus-base-hf", description=f"ViTPose or ViTPose+: {WEIGHTS_HELP}.")
+    weights: str = Field(default="vitpose-plus-base-hf", description=f"ViTPose or ViTPose+: {WHERE}.")
     dataset_index: int | None = Field(
         default=None,
         ge=0,
@@ -46,15 +46,15 @@ class VitPoseOptions(ModelOptions):
     batch: int = Field(default=8, ge=1, description="People that are shown to the network at once.")
 
 
-class VitPose(PretrainedBackend, KeypointDetector):
-    """Keypoint detector by ViTPose, one person at a time, in the boxes of the segmenter."""
+class VitPose(Pretrained, KeypointDetector):
+    """ViTPose, one person at a time, from the boxes of the segmenter."""
 
     Options: ClassVar[type[Options]] = VitPoseOptions
     options: VitPoseOptions
-    specs: ClassVar[tuple[ModelSpec, ...]] = (ModelSpec("weights", "VitPoseForPoseEstimation", ("vitpose",)),)
+    parts: ClassVar[tuple[Part, ...]] = (Part("weights", "VitPoseForPoseEstimation", ("vitpose",)),)
 
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
-        """Return (N, 17) or (N, 133) keypoints of N people, px.
+        """Image (H, W, 3) and N people -> (N, 17) or (N, 133) points, px of the photo.
 
         Raises:
             InputError: it is no photo.
@@ -69,9 +69,9 @@ class VitPose(PretrainedBackend, KeypointDetector):
             return Keypoints(np.zeros((0, joints, 2)), np.zeros((0, joints)), _SKELETONS[joints])
         expert = self._expert(int(getattr(config.backbone_config, "num_experts", 1)), joints)
         unbiased = joints == 17 if expert is None else expert in _UNBIASED
-        grid: Grid = "corners" if unbiased else "halves"
+        grid: PixelAlignment = "corners" if unbiased else "halves"
         height, width = (int(side) for side in config.backbone_config.image_size)
-        crops = [crop_of(box, width, height, grid=grid) for box in people.boxes]
+        crops = [crop_around_box(box, width, height, grid=grid) for box in people.boxes]
         heatmaps = np.concatenate(
             [
                 self._heatmaps(image, crops[i : i + self.options.batch], expert)
@@ -79,13 +79,13 @@ class VitPose(PretrainedBackend, KeypointDetector):
             ]
         )
         rows, columns = heatmaps.shape[2:]
-        cells, scores = refined_peaks(heatmaps)
-        grids = [crop_of(box, columns, rows, grid=grid) for box in people.boxes]
+        cells, scores = subpixel_peaks(heatmaps)
+        grids = [crop_around_box(box, columns, rows, grid=grid) for box in people.boxes]
         points = np.stack([own.to_photo(cell) for own, cell in zip(grids, cells, strict=True)])
-        return Keypoints(points, as_confidence(scores), _SKELETONS[joints])
+        return Keypoints(points, scores_to_confidence(scores), _SKELETONS[joints])
 
     def _expert(self, experts: int, joints: int) -> int | None:
-        """Return the index of the data set's expert; None if the network has no experts."""
+        """The data set whose expert is asked; None where the network has no experts."""
         if experts <= 1:
             return None
         chosen = _EXPERTS[joints] if self.options.dataset_index is None else self.options.dataset_index
@@ -96,11 +96,13 @@ class VitPose(PretrainedBackend, KeypointDetector):
         return chosen
 
     def _heatmaps(self, image: UInt8Array, crops: list[Crop], expert: int | None) -> FloatArray:
-        """Return the heatmaps (n, J, h, w) of crops."""
+        """(n, J, h, w) of what these crops show."""
 
         inputs: dict[str, Any] = {
-            "pixel_values": np.concatenate([planes(cut(image, crop), IMAGENET_MEAN, IMAGENET_STD) for crop in crops])
+            "pixel_values": np.concatenate(
+                [normalized_nchw(resample_crop(image, crop), IMAGENET_MEAN, IMAGENET_STD) for crop in crops]
+            )
         }
         if expert is not None:
             inputs["dataset_index"] = np.full(len(crops), expert, np.int64)
-        return to_numpy(self.network().run(**inputs).heatmaps)
+        return array(self.network().run(**inputs).heatmaps)

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.adapters.panoptic import COCO_PANOPTIC, FLOOR, Padded, framed, people_and_floor
-from physic_core.adapters.patch_grid import least_scaled
-from physic_core.adapters.pictures import planes, squash
+from physic_core.adapters.panoptic import COCO_PANOPTIC, FLOOR_CLASSES, PaddedFrame, padded_input, people_and_floor
+from physic_core.adapters.patch_grid import input_size_least_scaling
+from physic_core.adapters.pictures import normalized_nchw, resize_image
 from physic_core.types import Hints, People
 from physic_testing import build_world
 from physic_transformers import depth_pro, grounded_sam2, zoedepth
 from physic_transformers.depth_anything import DepthAnythingMetric, MetricOptions
-from physic_transformers.sizes import resize_edges, resize_to_frame
+from physic_transformers.sizes import between_edges, least_change
 from physic_transformers.vitpose import VitPose, VitPoseOptions
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class TestGroundingDino:
 
         rng = np.random.default_rng(0)
         for height, width in rng.integers(8, 3000, (400, 2)).tolist():
-            assert resize_edges(height, width, 800, 1333) == get_size_with_aspect_ratio((height, width), 800, 1333)
+            assert between_edges(height, width, 800, 1333) == get_size_with_aspect_ratio((height, width), 800, 1333)
 
     def test_boxes_scores_and_words_are_those_of_the_library(self, saved: Callable[..., Path]) -> None:
         from transformers import AutoTokenizer, GroundingDinoProcessor
@@ -72,7 +72,7 @@ class TestGroundingDino:
             text_threshold=0.25,
             target_sizes=[(480, 640)],
         )
-        ours = grounded_sam2.decode_text_boxes(logits[0].numpy(), boxes[0].numpy(), 0.3, 0.25)
+        ours = grounded_sam2.named_boxes(logits[0].numpy(), boxes[0].numpy(), 0.3, 0.25)
         order = np.argsort(-theirs["scores"].numpy(), kind="stable")
         assert len(order) > 10
         np.testing.assert_allclose(ours.scores, theirs["scores"].numpy()[order], rtol=1e-6)
@@ -92,7 +92,7 @@ class TestSquares:
         theirs = torch.nn.functional.interpolate(
             tensor, (side, side), mode="bilinear", align_corners=False, antialias=True
         )
-        ours = squash(image, side, side, "bilinear-antialias").astype(int)
+        ours = resize_image(image, side, side, "bilinear-antialias").astype(int)
         gap = np.abs(ours - theirs[0].permute(1, 2, 0).numpy())
         assert gap.max() <= 2  # of 255, where they round otherwise
         assert (gap > 0).mean() < 0.05
@@ -104,7 +104,7 @@ class TestDepthPro:
         image = photo(height, width)
         normal = (torch.from_numpy(image.transpose(2, 0, 1)[None]) / 255 - 0.5) / 0.5
         theirs = torch.nn.functional.interpolate(normal, (768, 768), mode="bilinear", align_corners=False)
-        np.testing.assert_allclose(depth_pro.preprocess(image, 768), theirs.numpy(), atol=2e-4)
+        np.testing.assert_allclose(depth_pro.pixels(image, 768), theirs.numpy(), atol=2e-4)
 
     def test_depth_and_focal_length_follow_the_formulas_of_the_library(self) -> None:
         rng = np.random.default_rng(3)
@@ -143,7 +143,7 @@ class TestDepthAnything:
             "weights": SimpleNamespace(config=config, run=lambda pixel_values: seen.append(pixel_values) or out)  # type: ignore[dict-item, func-returns-value]
         }
         backend.infer(image, Hints())
-        assert seen[0].shape == theirs.shape == (1, 3, *least_scaled(height, width, 518))
+        assert seen[0].shape == theirs.shape == (1, 3, *input_size_least_scaling(height, width, 518))
         np.testing.assert_allclose(seen[0], theirs, atol=2e-6)
 
     def test_the_whole_way_is_that_of_the_library(self, saved: Callable[..., Path]) -> None:
@@ -173,7 +173,7 @@ class TestZoeDepth:
 
         image = photo(height, width)
         theirs = ZoeDepthImageProcessorPil(ensure_multiple_of=32)(images=image, return_tensors="np")["pixel_values"]
-        ours = zoedepth.preprocess(image)
+        ours = zoedepth.pixels(image)
         assert ours.shape == theirs.shape
         np.testing.assert_allclose(ours, theirs, atol=2e-5)
 
@@ -186,7 +186,7 @@ class TestZoeDepth:
                 theirs = get_resize_output_image_size(
                     np.empty((3, height, width), np.uint8), (384, 512), True, 32, "channels_first"
                 )
-                assert resize_to_frame(height, width, (384, 512), 32) == tuple(map(int, theirs))
+                assert least_change(height, width, (384, 512), 32) == tuple(map(int, theirs))
 
     @pytest.mark.parametrize(("height", "width"), [(240, 320), (97, 131), (640, 300)])
     def test_the_frame_is_cut_off_as_the_library_does(self, height: int, width: int) -> None:
@@ -196,7 +196,7 @@ class TestZoeDepth:
             torch.from_numpy(depth)[None, None], (height + 2 * rows, width + 2 * columns), mode="bilinear"
         )
         theirs = whole[0, 0, rows:-rows, columns:-columns].numpy()
-        np.testing.assert_allclose(zoedepth.crop_padding(depth, height, width), theirs, atol=1e-4)
+        np.testing.assert_allclose(zoedepth.unframed(depth, height, width), theirs, atol=1e-4)
 
 
 class TestEomt:
@@ -206,7 +206,7 @@ class TestEomt:
 
         image = photo(height, width)
         theirs = EomtImageProcessorPil(do_pad=True)(images=image, return_tensors="np")["pixel_values"]
-        ours = framed(image, Padded(height, width, 640))
+        ours = padded_input(image, PaddedFrame(height, width, 640))
         np.testing.assert_allclose(ours, theirs, atol=2e-6)
 
     def test_people_and_floor_are_those_of_the_library(self) -> None:
@@ -228,13 +228,13 @@ class TestEomt:
         )
         segments = theirs["segmentation"].numpy()
         kinds = {info["id"]: COCO_PANOPTIC[info["label_id"]] for info in theirs["segments_info"]}
-        ours = people_and_floor(classes, masks, Padded(height, width, 640).to_photo, (height, width))
+        ours = people_and_floor(classes, masks, PaddedFrame(height, width, 640).to_photo, (height, width))
         people = [segments == i for i, name in kinds.items() if name == "person"]
         assert len(ours) == len(people) == 2
         for mask, score in zip(ours.masks, ours.scores, strict=True):
             assert max((mask & p).sum() / (mask | p).sum() for p in people) > 0.995
             assert any(score == pytest.approx(info["score"], abs=1e-5) for info in theirs["segments_info"])
-        floor = np.isin(segments, [i for i, name in kinds.items() if name in FLOOR])
+        floor = np.isin(segments, [i for i, name in kinds.items() if name in FLOOR_CLASSES])
         assert ours.floor is not None
         assert floor.any()
         assert (ours.floor & floor).sum() / (ours.floor | floor).sum() > 0.995
@@ -275,14 +275,16 @@ class TestVitPose:
     def test_the_crop_is_that_of_the_library(self) -> None:
         from transformers import VitPoseImageProcessorPil
 
-        from physic_core.adapters.crops import crop_of, cut
+        from physic_core.adapters.crops import crop_around_box, resample_crop
         from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD
 
         image, box = photo(240, 320), np.array([40.0, 30.0, 150.0, 220.0])
         theirs = VitPoseImageProcessorPil()(image, boxes=[[[39.5, 29.5, 110, 190]]], return_tensors="np")[
             "pixel_values"
         ]
-        ours = planes(cut(image, crop_of(box, 192, 256, grid="corners")), IMAGENET_MEAN, IMAGENET_STD)
+        ours = normalized_nchw(
+            resample_crop(image, crop_around_box(box, 192, 256, grid="corners")), IMAGENET_MEAN, IMAGENET_STD
+        )
         # OpenCV places a pixel to 1/32 of one.
         assert np.abs(ours - theirs).mean() < 0.03
 

@@ -1,1 +1,1 @@
-"""Fit the embedded body model and its fingers to landmarks."""
+"""The embedded body, and its fingers, fitted to landmarks."""

@@ -1,1 +1,1 @@
-"""Packaged networks: opening, preprocessing and decoding."""
+"""The packaged networks: opening them, cutting their inputs out of a photo, reading their outputs."""

@@ -1,4 +1,4 @@
-"""Detect straight line segments with M-LSD."""
+"""Straight line segments of a photo with M-LSD."""
 
 from __future__ import annotations
 
@@ -8,18 +8,17 @@ import numpy as np
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+    from onnxruntime import InferenceSession
 
-    from physic_core.adapters.onnx_sessions import OnnxSession
-
-__all__ = ["detect_line_segments", "segments_outside_mask"]
+__all__ = ["line_segments", "outside"]
 
 _SIDE = 512  # px of the network's square input; its answers lie on a grid of half that
 
 
-def detect_line_segments(
-    session: OnnxSession, image: NDArray[np.uint8], threshold: float = 0.15, min_length: float = 0.015
+def line_segments(
+    session: InferenceSession, image: NDArray[np.uint8], threshold: float = 0.15, min_length: float = 0.015
 ) -> NDArray[np.float64]:
-    """Detect straight line segments in an image.
+    """Segments of ``image``, in its pixel centres.
 
     Args:
         session: on ``mlsd_large_512``.
@@ -35,7 +34,7 @@ def detect_line_segments(
     height, width = image.shape[:2]
     fed = np.ones((1, _SIDE, _SIDE, 4), np.float32)  # the fourth channel is ones
     fed[0, ..., :3] = cv2.resize(image, (_SIDE, _SIDE), interpolation=cv2.INTER_AREA)
-    offsets, scores = session.run(["offsets", "scores"], {session.session.get_inputs()[0].name: fed})
+    offsets, scores = session.run(["offsets", "scores"], {session.get_inputs()[0].name: fed})
     row, column = np.nonzero(scores[0, ..., 0] > threshold)
     shift = offsets[0, row, column].reshape(-1, 2, 2)
     cells = np.stack([column, row], -1)[:, None] + shift
@@ -46,10 +45,8 @@ def detect_line_segments(
     return np.asarray(ends[length > min_length * max(height, width)], dtype=np.float64)
 
 
-def segments_outside_mask(
-    segments: NDArray[np.float64], mask: NDArray[np.bool_], share: float = 0.3
-) -> NDArray[np.float64]:
-    """Select the segments of which at most ``share`` lies in a mask (H, W), such as the inpainted region."""
+def outside(segments: NDArray[np.float64], mask: NDArray[np.bool_], share: float = 0.3) -> NDArray[np.float64]:
+    """The segments of which at most ``share`` lies in ``mask`` (H, W), where an inpainter made the picture up."""
 
     height, width = mask.shape
     steps = np.linspace(0.0, 1.0, 9)[None, :, None]

@@ -1,1 +1,1 @@
-"""Segment people and floor."""
+"""People's masks and the floor's mask."""

@@ -1,4 +1,4 @@
-"""Build networks from checkouts and load their checkpoints, ready for export."""
+"""Networks built from checkouts and filled from checkpoints, ready to be exported."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import torch
 
 from physic_core.adapters.checkouts import Checkout
-from physic_core.adapters.plain_models import plain_model
+from physic_core.adapters.chumpy_free import chumpy_free_copy
 from physic_core.errors import BackendError, WeightsMissingError
 
 from .graphs import CameraHmrGraph, DecoGraph, WilorGraph
@@ -19,13 +19,11 @@ from .graphs import CameraHmrGraph, DecoGraph, WilorGraph
 if TYPE_CHECKING:
     from torch import nn
 
-__all__ = ["build_camerahmr", "build_deco", "build_wilor"]
+__all__ = ["camerahmr", "deco", "wilor"]
 
 
-def build_camerahmr(
-    folder: Path, checkpoint: Path | None = None, smpl: Path | None = None, *, trusted: bool
-) -> nn.Module:
-    """Build CameraHMR with SMPL from a checkout and load its checkpoint.
+def camerahmr(folder: Path, checkpoint: Path | None = None, smpl: Path | None = None, *, trusted: bool) -> nn.Module:
+    """CameraHMR and SMPL.
 
     Args:
         folder: of the checkout; its ``data`` holds the files that its scripts fetch.
@@ -41,15 +39,15 @@ def build_camerahmr(
     checkout = _checkout(folder, "CameraHMR", "core.camerahmr_model", "https://github.com/pixelite1201/CameraHMR")
     checkpoint = _file(checkpoint or folder / "data/pretrained-models/camerahmr_checkpoint_cleaned.ckpt")
     smpl = _file(smpl or folder / "data/models/SMPL/SMPL_NEUTRAL.pkl")
-    with plain_model(smpl, "smpl") as plain, _working_in(checkout, folder):
+    with chumpy_free_copy(smpl, "smpl") as plain, _working_in(checkout, folder):
         network = checkout.attribute("CameraHMR")()
         _fill(network, _read(checkpoint, trusted), "state_dict", checkpoint)
         layer = checkout.attribute("SMPLLayer", "smplx")(model_path=str(plain), num_betas=10)
     return CameraHmrGraph(network, layer).eval()
 
 
-def build_wilor(folder: Path, files: Path, *, trusted: bool) -> nn.Module:
-    """Build WiLoR with WiLoR-mini's network from a checkout and load its checkpoint.
+def wilor(folder: Path, files: Path, *, trusted: bool) -> nn.Module:
+    """WiLoR by WiLoR-mini's network.
 
     Args:
         folder: of the checkout.
@@ -65,7 +63,7 @@ def build_wilor(folder: Path, files: Path, *, trusted: bool) -> nn.Module:
     checkpoint, mano, mean = (
         _file(files / name) for name in ("wilor_final.ckpt", "MANO_RIGHT.pkl", "mano_mean_params.npz")
     )
-    with plain_model(mano, "mano") as plain, _working_in(checkout, folder):
+    with chumpy_free_copy(mano, "mano") as plain, _working_in(checkout, folder):
         network = checkout.attribute("WiLor")(
             mano_model_path=str(plain), mano_mean_path=str(mean), focal_length=5000, image_size=256
         )
@@ -73,8 +71,8 @@ def build_wilor(folder: Path, files: Path, *, trusted: bool) -> nn.Module:
     return WilorGraph(network).eval()
 
 
-def build_deco(folder: Path, checkpoint: Path | None = None, tpose: Path | None = None, *, trusted: bool) -> nn.Module:
-    """Build DECO from a checkout and load its checkpoint.
+def deco(folder: Path, checkpoint: Path | None = None, tpose: Path | None = None, *, trusted: bool) -> nn.Module:
+    """DECO.
 
     Args:
         folder: of the checkout.
@@ -104,7 +102,6 @@ def build_deco(folder: Path, checkpoint: Path | None = None, tpose: Path | None 
 
 
 def _checkout(folder: Path, name: str, package: str, homepage: str) -> Checkout:
-    """Return the checkout, or raise WeightsMissingError if it is incomplete."""
     checkout = Checkout(str(folder), name=name, package=package, homepage=homepage, option="--checkout")
     lacking = checkout.missing()
     if lacking:
@@ -113,7 +110,6 @@ def _checkout(folder: Path, name: str, package: str, homepage: str) -> Checkout:
 
 
 def _file(path: Path) -> Path:
-    """Return the path of an existing file, or raise WeightsMissingError."""
     if not path.is_file():
         raise WeightsMissingError(f"there is no file {path}: get it as the checkout's own instructions say")
     return path.absolute()  # a link keeps its name, by which smplx tells right hands
@@ -121,7 +117,7 @@ def _file(path: Path) -> Path:
 
 @contextmanager
 def _working_in(checkout: Checkout, folder: Path) -> Iterator[None]:
-    """Import from a checkout and run in its folder, from which it reads its data."""
+    """Its code finds its modules, and its data by paths from its root."""
     before = Path.cwd()
     with checkout.inside():
         os.chdir(folder)
@@ -132,7 +128,6 @@ def _working_in(checkout: Checkout, folder: Path) -> Iterator[None]:
 
 
 def _read(path: Path, trusted: bool) -> Any:
-    """Read a checkpoint, or raise BackendError."""
     try:
         return torch.load(path, map_location="cpu", weights_only=not trusted)
     except Exception as error:  # pickle's, zipfile's and torch's own
@@ -141,7 +136,7 @@ def _read(path: Path, trusted: bool) -> Any:
 
 
 def _fill(network: nn.Module, state: Mapping[str, Any], key: str, path: Path) -> None:
-    """Load a checkpoint's tensors into a network; unknown tensors are ignored."""
+    """Tensors of a checkpoint into a network; those that it does not know are left out."""
     try:
         result = network.load_state_dict(state.get(key, state), strict=False)
     except RuntimeError as error:
@@ -149,6 +144,6 @@ def _fill(network: nn.Module, state: Mapping[str, Any], key: str, path: Path) ->
     absent = [name for name, _ in network.named_parameters() if name in result.missing_keys]
     if absent:
         raise BackendError(
-            f"{path} is missing {len(absent)} parameters of the network, {', '.join(absent[:3])}, ...: "
+            f"{path} lacks {len(absent)} parameters of the network, {', '.join(absent[:3])}, ...: "
             "it is the checkpoint of another network or of another version of the checkout"
         )

@@ -28,10 +28,10 @@ _ROTATIONS = ("global_orient", "body_pose", "left_hand_pose", "right_hand_pose",
 
 def check_body_model_is_known(subject: BackendUnderTest) -> None:
     """`body_model` is a known body model with matching betas and expression; or joints or a mesh are given."""
-    from physic_core.body.conversion import can_carry
+    from physic_core.body.conversion import can_convert
 
     bodies = subject.result()
-    convertible = can_carry(bodies, embedded_body())
+    convertible = can_convert(bodies, embedded_body())
     expect(
         convertible or bodies.body_model in _KNOWN,
         f"a body_model in {', '.join(_KNOWN)}, or SMPL-X joints, or a mesh with its T-pose",
@@ -57,10 +57,10 @@ def check_angles_are_radians(subject: BackendUnderTest) -> None:
 
 def check_joints_suffice_to_convert_bodies(subject: BackendUnderTest) -> None:
     """Joints of another body model include both hips, and both shoulders or the neck, for the conversion."""
-    from physic_core.body.conversion import to_model
+    from physic_core.body.conversion import convert_bodies
 
     bodies = subject.result()
-    carried = to_model(bodies, model_of(bodies)).parameters.transl
+    carried = convert_bodies(bodies, model_of(bodies)).parameters.transl
     lost = np.isnan(carried[:, 0]) & np.isfinite(bodies.parameters.transl[:, 0])
     expect(
         not lost.any(),

@@ -37,10 +37,10 @@ def comparable_keypoints(answer: Keypoints, world: World) -> tuple[FloatArray, F
     Raises:
         CheckSkipped: the skeleton is that of a single hand, or has no point on a body.
     """
-    from physic_core.body.landmarks import fitted_keypoints
+    from physic_core.body.landmarks import keypoints_on_body
     from physic_testing.conformance.true_keypoints import world_keypoints
 
-    known = fitted_keypoints(answer)
+    known = keypoints_on_body(answer)
     skeleton = known.joint_set
     if "hand21" in skeleton.name or not len(skeleton):
         raise CheckSkipped(f"worlds have no ground truth for the skeleton {skeleton.name!r}")
@@ -71,10 +71,10 @@ def true_wrists(world: World) -> FloatArray:
     from physic_core.body import JOINT_INDEX
     from physic_core.body.bones import world_from_local
     from physic_core.body.parameters import rotations_from_parameters
-    from physic_core.body.rotations import log
+    from physic_core.body.rotations import rotmat_to_rotvec
 
     turns = world_from_local(rotations_from_parameters(world.parameters).double().numpy())
-    wrists: FloatArray = log(turns[:, [JOINT_INDEX["left_wrist"], JOINT_INDEX["right_wrist"]]])
+    wrists: FloatArray = rotmat_to_rotvec(turns[:, [JOINT_INDEX["left_wrist"], JOINT_INDEX["right_wrist"]]])
     return wrists
 
 
@@ -97,12 +97,12 @@ def posed_bodies(bodies: Bodies) -> tuple[FloatArray, FloatArray]:
     """
     import torch
 
-    from physic_core.body.conversion import to_model
+    from physic_core.body.conversion import convert_bodies
     from physic_core.body.parameters import rotations_from_parameters
     from physic_core.geometry.tensors import tensor
 
     model = model_of(bodies)
-    p = to_model(bodies, model).parameters
+    p = convert_bodies(bodies, model).parameters
     with torch.no_grad():
         out = model(rotations_from_parameters(p), tensor(p.betas), tensor(p.transl))
     return out.vertices.double().numpy(), out.joints.double().numpy()
@@ -122,9 +122,9 @@ def model_of(bodies: Bodies) -> BodyModel:
     Raises:
         CheckSkipped: the model of these bodies is a file of the user, and they cannot be converted.
     """
-    from physic_core.body.conversion import can_carry
+    from physic_core.body.conversion import can_convert
 
-    if not can_carry(bodies, embedded_body()):
+    if not can_convert(bodies, embedded_body()):
         raise CheckSkipped(
             f"the body model {bodies.body_model!r} is not installed, and the bodies have no joints or mesh to convert"
         )
@@ -134,6 +134,6 @@ def model_of(bodies: Bodies) -> BodyModel:
 def contact_on_embedded(answer: ContactProbability) -> ContactProbability:
     """Transfer contact probabilities to the mesh of the embedded body, (N, V)."""
     from physic_core.body import load_body
-    from physic_core.body.conversion import contact_to_model
+    from physic_core.body.conversion import convert_contact
 
-    return contact_to_model(answer, load_body("embedded"))
+    return convert_contact(answer, load_body("embedded"))

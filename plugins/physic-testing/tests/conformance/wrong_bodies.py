@@ -13,16 +13,16 @@ from wrong_backends import altered
 from physic_core import interfaces
 from physic_core.body import load_body
 from physic_core.body.bones import world_from_local
-from physic_core.body.conversion import rest_mesh_of
+from physic_core.body.conversion import rest_mesh_of_model
 from physic_core.body.parameters import rotations_from_parameters
-from physic_core.body.rotations import log
+from physic_core.body.rotations import rotmat_to_rotvec
 from physic_core.types import Bodies, ContactProbability, Mesh, RestMesh
 
 
 @lru_cache(maxsize=1)
 def shuffled() -> tuple[RestMesh, np.ndarray]:
     """The embedded body's mesh with another name and order of vertices, and the old number of each."""
-    rest = rest_mesh_of(load_body("embedded"))
+    rest = rest_mesh_of_model(load_body("embedded"))
     order = np.random.default_rng(0).permutation(len(rest.vertices))
     return RestMesh("shuffled", rest.vertices[order], np.argsort(order)[rest.faces]), order
 
@@ -64,7 +64,7 @@ class WristHands(RightHands):
         case, _, _ = self.look_up(image)
         world = world_from_local(rotations_from_parameters(case.bodies.parameters).double().numpy())
         told = super().infer(image, people, keypoints)
-        return replace(told, wrists=log(world[:, [20, 21]]).astype(np.float32)[self.rows(case, people)])
+        return replace(told, wrists=rotmat_to_rotvec(world[:, [20, 21]]).astype(np.float32)[self.rows(case, people)])
 
 
 RIGHT: tuple[type[interfaces.Backend], ...] = (OtherBodies, SurfaceBodies, OtherContact, WristHands)

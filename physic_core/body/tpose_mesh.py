@@ -1,4 +1,4 @@
-"""The mean body in its T-pose, as numpy: what parts, contact sets and landmarks are picked on."""
+"""Mesh of the mean body in its T-pose, for finding parts, contact sets and landmarks."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["RestMesh", "vertex_normals"]
+__all__ = ["TPoseMesh", "vertex_normals"]
 
 
 @dataclass(frozen=True)
-class RestMesh:
-    """A body in the canonical T-pose: y up, +z forward, its left on +x, metres.
+class TPoseMesh:
+    """Mesh, joints and skinning weights of a body in the T-pose: y up, +z forward, left on +x, metres.
 
     Attributes:
         vertices: (V, 3).
@@ -35,7 +35,7 @@ class RestMesh:
 
 
 def vertex_normals(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Area-weighted unit normals (V, 3); zero where no face with an area meets."""
+    """Return area-weighted unit normals (V, 3); zero at vertices without a face."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     face_normals = np.cross(b - a, c - a)
     total = np.zeros_like(vertices)

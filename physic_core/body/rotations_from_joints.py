@@ -1,8 +1,8 @@
-"""Rotations of a whole body from nothing but where its joints are, some of them unknown.
+"""Estimate the bone rotations of a body from its joint positions, some of them unknown.
 
-Trunk and head follow from frames of long sticks (hips, shoulders, spine), since where joints inside the trunk lie is a
-matter of convention; limbs from the direction of each bone, and from the axis about which knee and elbow bend; where a
-limb is straight, from the foot, or by the shortest way from the trunk.
+Trunk and head follow from directions between distant joints (hips, shoulders, spine), since the positions of joints
+inside the trunk differ between models. Limbs follow from the direction of each bone and from the hinge axis of knee or
+elbow; for a straight limb, from the foot or by the smallest rotation from the trunk.
 """
 
 from __future__ import annotations
@@ -12,20 +12,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from physic_core.body.joints import JOINT_INDEX, PARENTS, joint_pair
+from physic_core.body.joints import FINGER_JOINTS, JOINT_INDEX, PARENTS, joint_pair
 from physic_core.body.rotations import (
     cross,
-    exp,
     frame_from_axes,
     nearest_rotation,
     rotate,
     rotation_between,
+    rotvec_to_rotmat,
     slerp,
     swing_twist,
     unit,
 )
 
-__all__ = ["enough", "numbers", "rotations_of"]
+__all__ = ["finite_rows", "has_torso_joints", "rotations_from_joints"]
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -37,98 +37,100 @@ _PELVIS, _SPINE1, _SPINE2, _SPINE3 = (JOINT_INDEX[name] for name in ("pelvis", "
 _UPPER, _LOWER, _END = [*_HIPS, *_SHOULDERS], [*_KNEES, *_ELBOWS], [*_ANKLES, *_WRISTS]
 """Hips and shoulders, knees and elbows, ankles and wrists; left before right."""
 _HINGES = np.array([[1.0, 0, 0], [1.0, 0, 0], [0, -1.0, 0], [0, 1.0, 0]])
-"""About which axis of the T-pose each knee and elbow bends."""
-_FINGERS = np.arange(25, 55).reshape(2, 5, 3)
-"""Side, finger, joint from the base."""
-_BENT, _WELL_BENT = 0.15, 0.4
-"""Sine of the angle at a hinge below which its axis says nothing, and from which it says all."""
+"""Hinge axis of each knee and elbow in the T-pose."""
+_FINGERS = np.array(FINGER_JOINTS)
+_MIN_BEND, _FULL_BEND = 0.15, 0.4
+"""Sine of the hinge angle: below the first value the axis is unreliable, from the second it has full weight."""
 _BY_FOOT, _BY_TRUNK = 1.0, 0.3
-"""How much the foot and the trunk say of the axis of a straight limb."""
+"""Weights of the foot and of the trunk for the hinge axis of a straight limb."""
 
 
-def enough(known: Bools) -> Bools:
-    """(B, 55) bool -> (B,) bool: both hips, and both shoulders or the neck, without which a body has no direction."""
-    sound: Bools = known[:, _HIPS].all(1) & (known[:, _SHOULDERS].all(1) | known[:, JOINT_INDEX["neck"]])
-    return sound
+def has_torso_joints(known: Bools) -> Bools:
+    """Return which rows (B,) of (B, 55) known joints include both hips, and both shoulders or the neck."""
+    complete: Bools = known[:, _HIPS].all(1) & (known[:, _SHOULDERS].all(1) | known[:, JOINT_INDEX["neck"]])
+    return complete
 
 
-def numbers(joints: NDArray[np.floating[Any]]) -> Bools:
-    """(..., 3) -> (...) bool: which joints are known."""
+def finite_rows(joints: NDArray[np.floating[Any]]) -> Bools:
+    """Return which vectors (..., 3) are finite -> (...) bool."""
     known: Bools = np.asarray(np.isfinite(joints).all(-1), bool)
     return known
 
 
-def rotations_of(joints: Array, rest: Array) -> Array:
-    """Rotations of every bone against the T-pose.
+def rotations_from_joints(joints: Array, rest: Array) -> Array:
+    """Estimate the rotation of every bone relative to the T-pose.
 
     Args:
-        joints: (B, 55, 3) metres, NaN where unknown; of bodies with :func:`enough` joints.
-        rest: (B, 55, 3) joints of the same body in the T-pose, as far as its shape is known.
+        joints: (B, 55, 3) metres, NaN where unknown; of bodies with :func:`has_torso_joints` joints.
+        rest: (B, 55, 3) joints of the same body in the T-pose.
 
     Returns:
-        (B, 55, 3, 3); a bone of which nothing is known turns with its parent.
+        (B, 55, 3, 3); unknown bones rotate with their parents.
     """
-    known = numbers(joints)
+    known = finite_rows(joints)
     joints = np.where(known[..., None], joints, 0.0)
     world = np.broadcast_to(np.eye(3), (*joints.shape, 3)).copy()
-    _turn_trunk(world, joints, rest, known)
+    _set_trunk(world, joints, rest, known)
     neck = JOINT_INDEX["neck"]
     for shoulder in _SHOULDERS:
-        # An unknown shoulder is where it would be on this chest.
+        # Place an unknown shoulder as in the T-pose relative to the chest.
         guess = joints[:, neck] + rotate(world[:, _SPINE3], rest[:, shoulder] - rest[:, neck])
         fill = ~known[:, shoulder] & known[:, neck]
         joints[:, shoulder] = np.where(fill[:, None], guess, joints[:, shoulder])
         known[:, shoulder] |= fill
-    _turn_head(world, joints, rest, known)
-    _turn_limbs(world, joints, rest, known)
-    _turn_hands(world, joints, rest, known)
+    _set_head(world, joints, rest, known)
+    _set_limbs(world, joints, rest, known)
+    _set_hands(world, joints, rest, known)
     return world
 
 
-def _turn_trunk(world: Array, joints: Array, rest: Array, known: Bools) -> None:
+def _set_trunk(world: Array, joints: Array, rest: Array, known: Bools) -> None:
+    """Set the rotations of pelvis, spine and collars."""
     hips, rest_hips = joints[:, _HIPS].mean(1), rest[:, _HIPS].mean(1)
-    top, rest_top = _first(joints, rest, known, "neck", *_both(joints, rest, known, _SHOULDERS))
-    middle, rest_middle = _first(joints, rest, known, "spine3", top, rest_top)
-    middle, rest_middle = _first(joints, rest, known, "spine2", middle, rest_middle)
-    low = _frame([_across(joints, rest, _HIPS), (middle - hips, rest_middle - rest_hips)])
-    # Of the upper trunk, from the middle of the spine if that is known.
+    top, rest_top = _joint_or(joints, rest, known, "neck", *_midpoint(joints, rest, known, _SHOULDERS))
+    middle, rest_middle = _joint_or(joints, rest, known, "spine3", top, rest_top)
+    middle, rest_middle = _joint_or(joints, rest, known, "spine2", middle, rest_middle)
+    low = _align([_left_minus_right(joints, rest, _HIPS), (middle - hips, rest_middle - rest_hips)])
+    # The upper trunk starts at the middle of the spine if that is known.
     same = (middle == top).all(-1, keepdims=True)
     base, rest_base = np.where(same, hips, middle), np.where(same, rest_hips, rest_middle)
-    wide = _all(known[:, _SHOULDERS])[:, None]
-    across, rest_across = _across(joints, rest, _SHOULDERS)
-    high = _frame([(np.where(wide, across, rotate(low, rest_across)), rest_across), (top - base, rest_top - rest_base)])
+    wide = _all_true(known[:, _SHOULDERS])[:, None]
+    across, rest_across = _left_minus_right(joints, rest, _SHOULDERS)
+    high = _align([(np.where(wide, across, rotate(low, rest_across)), rest_across), (top - base, rest_top - rest_base)])
     world[:, _PELVIS], world[:, _SPINE3] = low, high
     world[:, _SPINE1], world[:, _SPINE2] = slerp(low, high, 1 / 3), slerp(low, high, 2 / 3)
     for collar, shoulder in zip(_COLLARS, _SHOULDERS, strict=True):
-        # Shoulders are wide or narrow by shape, so only what lifts them or pushes them forward is taken.
+        # The distance of the shoulders depends on shape, so only their elevation and protraction are used.
         seen = known[:, shoulder]
         middle_of = joints[:, _SHOULDERS].mean(1) - rotate(high, rest[:, _SHOULDERS].mean(1) - rest[:, collar])
         turn = rotation_between(rotate(high, rest[:, shoulder] - rest[:, collar]), joints[:, shoulder] - middle_of)
         world[:, collar] = np.where((seen[:, None] & wide)[..., None], turn @ high, high)
 
 
-def _turn_head(world: Array, joints: Array, rest: Array, known: Bools) -> None:
+def _set_head(world: Array, joints: Array, rest: Array, known: Bools) -> None:
+    """Set the rotations of neck, head, jaw and eyes."""
     neck, head = JOINT_INDEX["neck"], JOINT_INDEX["head"]
     chest = world[:, _SPINE3]
     way = rotation_between(rotate(chest, rest[:, head] - rest[:, neck]), joints[:, head] - joints[:, neck])
-    seen = _all(known[:, [neck, head]])[:, None, None]
+    seen = _all_true(known[:, [neck, head]])[:, None, None]
     world[:, neck] = np.where(seen, way @ chest, chest)
-    looks = _all(known[:, [head, *_EYES]])[:, None, None]
-    face = _frame(
+    looks = _all_true(known[:, [head, *_EYES]])[:, None, None]
+    face = _align(
         [
-            _across(joints, rest, _EYES),
+            _left_minus_right(joints, rest, _EYES),
             (joints[:, _EYES].mean(1) - joints[:, head], rest[:, _EYES].mean(1) - rest[:, head]),
         ]
     )
     world[:, head] = np.where(looks, face, world[:, neck])
-    # What the head turns more than the chest, the neck turns half of.
+    # The neck takes half of the twist between chest and head.
     bone = rest[:, head] - rest[:, neck]
     _, angle = swing_twist(np.swapaxes(world[:, neck], -1, -2) @ world[:, head], bone)
-    world[:, neck] = world[:, neck] @ exp(0.5 * np.where(looks[..., 0], angle[:, None], 0.0) * unit(bone))
+    world[:, neck] = world[:, neck] @ rotvec_to_rotmat(0.5 * np.where(looks[..., 0], angle[:, None], 0.0) * unit(bone))
     world[:, [JOINT_INDEX["jaw"], *_EYES]] = world[:, [head]]
 
 
-def _turn_limbs(world: Array, joints: Array, rest: Array, known: Bools) -> None:
+def _set_limbs(world: Array, joints: Array, rest: Array, known: Bools) -> None:
+    """Set the rotations of arms, legs and feet."""
     above = world[:, [_PELVIS, _PELVIS, *_COLLARS]]
     first, second = (rest[:, b] - rest[:, a] for a, b in ((_UPPER, _LOWER), (_LOWER, _END)))
     upper_known = known[:, _UPPER] & known[:, _LOWER]
@@ -139,10 +141,10 @@ def _turn_limbs(world: Array, joints: Array, rest: Array, known: Bools) -> None:
     lower = np.where(lower_known[..., None], joints[:, _END] - joints[:, _LOWER], rotate(default @ above, second))
     bend = cross(unit(upper), unit(lower))
     sine = np.sqrt((bend * bend).sum(-1, keepdims=True))
-    tells = np.clip((sine - _BENT) / (_WELL_BENT - _BENT), 0.0, 1.0)
+    weight = np.clip((sine - _MIN_BEND) / (_FULL_BEND - _MIN_BEND), 0.0, 1.0)
     hint = _BY_TRUNK * trunk
     hint[:, :2] += _BY_FOOT * _axis_by_foot(joints, known, lower[:, :2])
-    axis = tells * unit(bend) + (1 - tells) * unit(hint)
+    axis = weight * unit(bend) + (1 - weight) * unit(hint)
     frames = [frame_from_axes(bone, np.broadcast_to(_HINGES, bone.shape)) for bone in (first, second)]
     for bones, seen, frame, rows in ((upper, upper_known, frames[0], _UPPER), (lower, lower_known, frames[1], _LOWER)):
         turn = frame_from_axes(bones, axis) @ np.swapaxes(frame, -1, -2)
@@ -157,62 +159,66 @@ def _turn_limbs(world: Array, joints: Array, rest: Array, known: Bools) -> None:
 
 
 def _axis_by_foot(joints: Array, known: Bools, shins: Array) -> Array:
-    """(B, 2, 3) about which axis the knees would bend, if feet point forward; zero where the foot is unknown."""
+    """Return the knee axes (B, 2, 3) if feet point forward; zero where the foot is unknown."""
     feet = joints[:, _FEET] - joints[:, _ANKLES]
     seen = (known[:, _FEET] & known[:, _ANKLES])[..., None]
     return np.where(seen, unit(cross(feet, shins)), 0.0)
 
 
-def _turn_hands(world: Array, joints: Array, rest: Array, known: Bools) -> None:
+def _set_hands(world: Array, joints: Array, rest: Array, known: Bools) -> None:
+    """Set the rotations of forearm twist, wrists and fingers."""
     arms = world[:, _ELBOWS]
     bases = _FINGERS[:, :, 0]
     seen = known[:, bases] & known[:, _WRISTS][..., None]
     stick = joints[:, bases] - joints[:, _WRISTS][:, :, None]
     rest_stick = rest[:, bases] - rest[:, _WRISTS][:, :, None]
     moments = np.einsum("bsf,bsfi,bsfk->bsik", seen.astype(float), stick, rest_stick)
-    # Two fingers apart give a frame; the little weight of the forearm decides what they leave open.
+    # Two fingers determine a frame; the small weight of the forearm removes a remaining ambiguity.
     enough_fingers = (seen.sum(-1) >= 2)[..., None, None]
     hand = nearest_rotation(np.where(enough_fingers, moments, np.eye(3)) + np.where(enough_fingers, 1e-6, 0.0) * arms)
     hand = np.where(enough_fingers, hand, arms)
-    # Half of how far the palm is turned over happens in the forearm.
+    # The forearm takes half of the twist of the hand.
     forearm = rest[:, _WRISTS] - rest[:, _ELBOWS]
     _, angle = swing_twist(np.swapaxes(arms, -1, -2) @ hand, forearm)
-    world[:, _ELBOWS] = arms @ exp(0.5 * angle[..., None] * unit(forearm))
+    world[:, _ELBOWS] = arms @ rotvec_to_rotmat(0.5 * angle[..., None] * unit(forearm))
     world[:, _WRISTS] = hand
     above = np.repeat(hand[:, :, None], 5, axis=2)
     for joint in range(3):
         if joint < 2:
             here, there = _FINGERS[..., joint], _FINGERS[..., joint + 1]
             way = rotate(above, rest[:, there] - rest[:, here])
-            told = (known[:, here] & known[:, there])[..., None]
-            above = rotation_between(way, np.where(told, joints[:, there] - joints[:, here], way)) @ above
+            both_known = (known[:, here] & known[:, there])[..., None]
+            above = rotation_between(way, np.where(both_known, joints[:, there] - joints[:, here], way)) @ above
         world[:, _FINGERS[..., joint]] = above
 
 
-def _all(flags: Bools) -> Bools:
-    """(..., n) -> (...)."""
+def _all_true(flags: Bools) -> Bools:
+    """Return whether all flags along the last axis are true."""
     every: Bools = np.logical_and.reduce(flags, axis=-1)
     return every
 
 
-def _frame(sticks: list[tuple[Array, Array]]) -> Array:
-    """Rotation (B, 3, 3) that best turns directions of the T-pose into what they became, each pair (B, 3)."""
+def _align(sticks: list[tuple[Array, Array]]) -> Array:
+    """Return the rotation (B, 3, 3) that best aligns T-pose directions with posed ones, each pair (B, 3)."""
     moments = sum(unit(now)[:, :, None] * unit(rest)[:, None, :] for now, rest in sticks)
     return nearest_rotation(np.asarray(moments))
 
 
-def _first(joints: Array, rest: Array, known: Bools, name: str, other: Array, rest_other: Array) -> tuple[Array, Array]:
-    """A joint and where it rests, or another point where it is unknown."""
+def _joint_or(
+    joints: Array, rest: Array, known: Bools, name: str, other: Array, rest_other: Array
+) -> tuple[Array, Array]:
+    """Return a joint in the pose and in the T-pose, or another point if it is unknown."""
     i = JOINT_INDEX[name]
     seen = known[:, i, None]
     return np.where(seen, joints[:, i], other), np.where(seen, rest[:, i], rest_other)
 
 
-def _both(joints: Array, rest: Array, known: Bools, pair: list[int]) -> tuple[Array, Array]:
+def _midpoint(joints: Array, rest: Array, known: Bools, pair: list[int]) -> tuple[Array, Array]:
+    """Return the midpoint of a joint pair, in the pose and in the T-pose."""
     return joints[:, pair].mean(1), rest[:, pair].mean(1)
 
 
-def _across(joints: Array, rest: Array, pair: list[int]) -> tuple[Array, Array]:
-    """From the right to the left joint of a pair, now and in the T-pose."""
+def _left_minus_right(joints: Array, rest: Array, pair: list[int]) -> tuple[Array, Array]:
+    """Return the vector from the right to the left joint of a pair, in the pose and in the T-pose."""
     left, right = pair
     return joints[:, left] - joints[:, right], rest[:, left] - rest[:, right]

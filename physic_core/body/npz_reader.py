@@ -1,4 +1,4 @@
-"""Arrays of an ``.npz``, whose shapes and types are known before memory is taken for them."""
+"""Read arrays of an ``.npz`` file; headers can be read and checked before the data are loaded."""
 
 from __future__ import annotations
 
@@ -9,27 +9,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Header", "archived_header", "archived_numbers"]
+__all__ = ["ArrayHeader", "read_array", "read_header"]
 
 
 @dataclass(frozen=True)
-class Header:
-    """What a member of an archive says of its array.
-
-    Attributes:
-        shape: of its axes.
-        dtype: of its numbers.
-    """
+class ArrayHeader:
+    """Shape and type of an array in an ``.npz`` file."""
 
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
 
 
-def archived_header(archive: zipfile.ZipFile, name: str) -> Header:
-    """Of one array, without its numbers.
+def read_header(archive: zipfile.ZipFile, name: str) -> ArrayHeader:
+    """Read the shape and type of one array, without its data.
 
     Raises:
-        Exception: one of the many of zipfile, its compressors and numpy, where the member is damaged.
+        Exception: any error of zipfile, its compressors or numpy, if the file is damaged.
     """
     with archive.open(f"{name}.npy") as stream:
         version = np.lib.format.read_magic(stream)
@@ -37,14 +32,14 @@ def archived_header(archive: zipfile.ZipFile, name: str) -> Header:
         shape, _, dtype = read(stream)
     if min(shape, default=0) < 0:
         raise ValueError(f"the shape {shape}")
-    return Header(tuple(shape), dtype)
+    return ArrayHeader(tuple(shape), dtype)
 
 
-def archived_numbers(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
-    """The array; nothing is unpickled.
+def read_array(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
+    """Read one array; pickled objects are refused.
 
     Raises:
-        Exception: as of :func:`archived_header`.
+        Exception: any error of zipfile, its compressors or numpy, if the file is damaged.
     """
     with archive.open(f"{name}.npy") as stream:
         found: NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False)

@@ -10,23 +10,23 @@ import torch
 from numpy.typing import NDArray
 
 from physic_core.body import JOINT_INDEX, load_body
-from physic_core.body.bones import Bones, cholesky_solve, fit_shape, local_from_world, world_from_local
-from physic_core.body.from_joints import enough, rotations_of
+from physic_core.body.bones import BoneOffsets, cholesky_solve, fit_shape, local_from_world, world_from_local
+from physic_core.body.joint_fit import BodyFit, fit_joints
 from physic_core.body.model import BodyModel
-from physic_core.body.part_fit import Fit, fit_joints
-from physic_core.body.rotations import exp, log
-from physic_core.body.surface_fit import Patches, _normal_equations, fit_surface, spread
+from physic_core.body.rotations import rotmat_to_rotvec, rotvec_to_rotmat
+from physic_core.body.rotations_from_joints import has_torso_joints, rotations_from_joints
+from physic_core.body.surface_fit import VertexSample, _normal_equations, fit_surface, sample_vertices
 
 Array = NDArray[np.float64]
 People = dict[str, np.ndarray]
 LEFT_FINGERS = [f"left_{f}{k}" for f in ("index", "middle", "pinky", "ring", "thumb") for k in (1, 2, 3)]
 
 
-def as_fit(people: People) -> Fit:
-    return Fit(world_from_local(people["rotations"]), people["betas"], people["transl"])
+def as_fit(people: People) -> BodyFit:
+    return BodyFit(world_from_local(people["rotations"]), people["betas"], people["transl"])
 
 
-def posed(model: BodyModel, fit: Fit) -> tuple[Array, Array]:
+def posed(model: BodyModel, fit: BodyFit) -> tuple[Array, Array]:
     """Vertices and joints, by the model itself."""
     given = (torch.from_numpy(a).to(model.dtype) for a in (local_from_world(fit.world), fit.betas, fit.transl))
     with torch.no_grad():
@@ -39,7 +39,7 @@ def mm(first: Array, second: Array) -> float:
 
 
 def test_bones_pose_as_the_model_does(embedded64: BodyModel, people: People) -> None:
-    fit, bones = as_fit(people), Bones.of(embedded64)
+    fit, bones = as_fit(people), BoneOffsets.of(embedded64)
     joints = posed(embedded64, fit)[1]
     np.testing.assert_allclose(bones.pose(fit.world, fit.betas, fit.transl), joints, atol=1e-12)
     flat = np.zeros_like(fit.betas)
@@ -81,13 +81,13 @@ def test_systems_are_solved() -> None:
 def test_a_body_is_recovered_from_its_joints_and_rotations(embedded: BodyModel, people: People) -> None:
     truth = as_fit(people)
     vertices, joints = posed(embedded, truth)
-    found = fit_joints(Bones.of(embedded), joints, truth.world)
+    found = fit_joints(BoneOffsets.of(embedded), joints, truth.world)
     again = posed(embedded, found)
     print(f"joints {mm(again[1], joints):.2f} mm, vertices {mm(again[0], vertices):.2f} mm")
     assert mm(again[1], joints) < 1.0
     assert mm(again[0], vertices) < 5
     # Only limbs were turned, and by little: what the shape leaves over.
-    turns = np.degrees(np.linalg.norm(log(np.swapaxes(found.world, -1, -2) @ truth.world), axis=-1))
+    turns = np.degrees(np.linalg.norm(rotmat_to_rotvec(np.swapaxes(found.world, -1, -2) @ truth.world), axis=-1))
     assert turns.max() < 1.5
     kept = [i for i in range(55) if i not in (1, 2, 4, 5, 16, 17, 18, 19)]
     assert turns[:, kept].max() < 1e-5
@@ -96,9 +96,9 @@ def test_a_body_is_recovered_from_its_joints_and_rotations(embedded: BodyModel, 
 def test_a_body_is_recovered_from_its_joints_alone(embedded: BodyModel, people: People) -> None:
     truth = as_fit(people)
     vertices, joints = posed(embedded, truth)
-    found = fit_joints(Bones.of(embedded), joints, None)
+    found = fit_joints(BoneOffsets.of(embedded), joints, None)
     again = posed(embedded, found)
-    turns = np.degrees(np.linalg.norm(log(np.swapaxes(found.world, -1, -2) @ truth.world), axis=-1))
+    turns = np.degrees(np.linalg.norm(rotmat_to_rotvec(np.swapaxes(found.world, -1, -2) @ truth.world), axis=-1))
     print(
         f"joints {mm(again[1], joints):.2f}, vertices {mm(again[0], vertices):.2f} mm, turns {turns.mean():.1f} degrees"
     )
@@ -127,8 +127,8 @@ def test_joints_may_be_unknown(embedded: BodyModel, people: People, unknown: lis
     vertices, joints = posed(embedded, as_fit(people))
     told = joints.copy()
     told[:, [JOINT_INDEX[name] for name in unknown]] = np.nan
-    assert enough(np.isfinite(told).all(-1)).all()
-    again, there = posed(embedded, fit_joints(Bones.of(embedded), told, None))
+    assert has_torso_joints(np.isfinite(told).all(-1)).all()
+    again, there = posed(embedded, fit_joints(BoneOffsets.of(embedded), told, None))
     known = np.isfinite(told).all(-1)
     print(f"{mm(again, vertices):.1f} mm, known joints {mm(there[known], joints[known]):.1f} mm")
     assert np.isfinite(again).all()
@@ -142,7 +142,7 @@ def test_twelve_joints_and_a_neck_make_a_body(embedded: BodyModel, people: Peopl
     told = np.full_like(joints, np.nan)
     seen = [12, 15, *range(16, 22), 1, 2, 4, 5, 7, 8]
     told[:, seen] = joints[:, seen]
-    again, there = posed(embedded, fit_joints(Bones.of(embedded), told, None))
+    again, there = posed(embedded, fit_joints(BoneOffsets.of(embedded), told, None))
     print(f"{mm(again, vertices):.1f} mm, known joints {mm(there[:, seen], joints[:, seen]):.1f} mm")
     assert mm(there[:, seen], joints[:, seen]) < 12
     assert mm(again, vertices) < 35
@@ -154,7 +154,7 @@ def test_too_few_joints_are_told() -> None:
     known[2, JOINT_INDEX["neck"]] = False
     known[3, [JOINT_INDEX["neck"], JOINT_INDEX["right_shoulder"]]] = False
     known[4, JOINT_INDEX["right_shoulder"]] = False
-    assert enough(known).tolist() == [True, False, True, False, True]
+    assert has_torso_joints(known).tolist() == [True, False, True, False, True]
 
 
 @pytest.mark.parametrize(("side", "sign"), [("left", 1), ("right", -1)])
@@ -165,17 +165,17 @@ def test_bent_limbs_tell_how_they_are_turned(embedded: BodyModel, side: str, sig
     rotvecs[0, JOINT_INDEX[f"{side}_knee"]] = [np.radians(80), 0, 0]
     rotvecs[0, JOINT_INDEX[f"{side}_shoulder"]] = [np.radians(40), 0, 0]
     rotvecs[0, JOINT_INDEX[f"{side}_elbow"]] = [0, -sign * np.radians(70), 0]
-    truth = Fit(world_from_local(exp(rotvecs)), np.zeros((1, embedded.num_betas)), np.zeros((1, 3)))
-    bones = Bones.of(embedded)
-    world = rotations_of(bones.pose(*vars(truth).values()), bones.rest(truth.betas))
-    turns = np.degrees(np.linalg.norm(log(np.swapaxes(world, -1, -2) @ truth.world), axis=-1))[0]
+    truth = BodyFit(world_from_local(rotvec_to_rotmat(rotvecs)), np.zeros((1, embedded.num_betas)), np.zeros((1, 3)))
+    bones = BoneOffsets.of(embedded)
+    world = rotations_from_joints(bones.pose(*vars(truth).values()), bones.rest(truth.betas))
+    turns = np.degrees(np.linalg.norm(rotmat_to_rotvec(np.swapaxes(world, -1, -2) @ truth.world), axis=-1))[0]
     for name in ("hip", "knee", "shoulder", "elbow"):
         assert turns[JOINT_INDEX[f"{side}_{name}"]] < 4, name
 
 
 def test_the_t_pose_is_the_t_pose(embedded: BodyModel) -> None:
-    rest = Bones.of(embedded).rest(np.zeros((1, embedded.num_betas)))
-    np.testing.assert_allclose(rotations_of(rest, rest), np.broadcast_to(np.eye(3), (1, 55, 3, 3)), atol=1e-6)
+    rest = BoneOffsets.of(embedded).rest(np.zeros((1, embedded.num_betas)))
+    np.testing.assert_allclose(rotations_from_joints(rest, rest), np.broadcast_to(np.eye(3), (1, 55, 3, 3)), atol=1e-6)
 
 
 @pytest.mark.parametrize("source", ["embedded", "smplx"])
@@ -184,15 +184,18 @@ def test_vertices_are_linear_in_the_shape(source: str, people: People, request: 
     path: Path | str = request.getfixturevalue("smplx_v10") if source == "smplx" else "embedded"
     model = load_body(path)
     fit = as_fit({**people, "betas": people["betas"][:, : model.num_betas]})
-    ids = spread(model, 10)
-    start, slopes = Patches.of(model, ids).linear(fit.world)
+    ids = sample_vertices(model, 10)
+    start, slopes = VertexSample.of(model, ids).linear(fit.world)
     own = start + (slopes @ fit.betas[:, None, :, None])[..., 0] + fit.transl[:, None]
     np.testing.assert_allclose(own, posed(model, fit)[0][:, ids], atol=2e-6)
 
 
 def test_levers_are_the_derivative_by_small_turns(embedded: BodyModel, people: People) -> None:
     """The slow twin: each bone turned by a hundred-thousandth, about each axis, by finite differences."""
-    fit, patches = as_fit({k: v[:1] for k, v in people.items()}), Patches.of(embedded, spread(embedded, 2))
+    fit, patches = (
+        as_fit({k: v[:1] for k, v in people.items()}),
+        VertexSample.of(embedded, sample_vertices(embedded, 2)),
+    )
 
     def vertices(world: Array) -> Array:
         start, slopes = patches.linear(world)
@@ -204,7 +207,7 @@ def test_levers_are_the_derivative_by_small_turns(embedded: BodyModel, people: P
             moved = []
             for sign in (1, -1):
                 world = fit.world.copy()
-                world[:, joint] = exp(sign * 1e-5 * axis) @ world[:, joint]
+                world[:, joint] = rotvec_to_rotmat(sign * 1e-5 * axis) @ world[:, joint]
                 moved.append(vertices(world))
             slope = (moved[0] - moved[1]) / 2e-5
             np.testing.assert_allclose(np.cross(axis, levers[:, :, joint]), slope, atol=1e-8)
@@ -224,7 +227,7 @@ def test_normal_equations_are_those_of_the_dense_system() -> None:
 def test_a_body_is_recovered_from_its_surface(embedded: BodyModel, people: People) -> None:
     truth = as_fit(people)
     vertices, joints = posed(embedded, truth)
-    patches = Patches.of(embedded, spread(embedded))
+    patches = VertexSample.of(embedded, sample_vertices(embedded))
     points = vertices[:, patches.ids]
     errors = []
     for rounds in (0, 1, 2, 3):
@@ -239,11 +242,11 @@ def test_a_body_is_recovered_from_its_surface(embedded: BodyModel, people: Peopl
 def test_bones_without_points_turn_with_their_parents(embedded: BodyModel, people: People) -> None:
     truth = as_fit(people)
     vertices = posed(embedded, truth)[0]
-    patches = Patches.of(embedded, spread(embedded))
+    patches = VertexSample.of(embedded, sample_vertices(embedded))
     owner = patches.weights.argmax(1)
     weights = np.broadcast_to(~np.isin(owner, range(25, 55)), (4, len(owner))).astype(float)
     points = np.where(weights[..., None] > 0, vertices[:, patches.ids], 0.0)
     found = fit_surface(patches, points, weights)
-    bent = np.linalg.norm(log(local_from_world(found.world)[:, 28:31]), axis=-1)
+    bent = np.linalg.norm(rotmat_to_rotvec(local_from_world(found.world)[:, 28:31]), axis=-1)
     assert np.isfinite(found.world).all()
     assert bent.max() < 0.2

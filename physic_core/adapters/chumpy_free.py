@@ -17,18 +17,18 @@ from typing import TYPE_CHECKING, Literal
 from physic_core.errors import BodyModelError, OutputError
 
 if TYPE_CHECKING:
-    from physic_core.body.model_file import Layout
+    from physic_core.body.model_file import ModelFileLayout
 
-__all__ = ["plain_model"]
+__all__ = ["chumpy_free_copy"]
 
 _VERSION = "1"
 _DIGEST = 32
-"""Bytes of the checksum behind a copy; ``pickle.load`` stops before them."""
+"""Bytes of the checksum after the pickle; ``pickle.load`` stops before them."""
 
 
 @contextmanager
-def plain_model(path: str | Path, family: Literal["smpl", "mano"]) -> Iterator[Path]:
-    """Yield the path of a converted body model, for ``pickle.load(file, encoding="latin1")`` and smplx.
+def chumpy_free_copy(path: str | Path, family: Literal["smpl", "mano"]) -> Iterator[Path]:
+    """Yield the path of a chumpy-free copy of a body model, for ``pickle.load(file, encoding="latin1")`` and smplx.
 
     The copy is cached (``physic cache clear`` removes it). It is verified before each use, and written again if
     damaged. With the cache disabled it exists only inside the block. Its name starts like that of the original.
@@ -46,9 +46,9 @@ def plain_model(path: str | Path, family: Literal["smpl", "mano"]) -> Iterator[P
 
     source, layout = Path(path).expanduser(), MANO if family == "mano" else SMPL
     digest = _digest(source, layout)
-    name = f"{_plain(source.stem)}-{digest[:24]}{MODEL_SUFFIX}"
+    name = f"{_safe_name(source.stem)}-{digest[:24]}{MODEL_SUFFIX}"
     folder = models_folder()
-    if folder is not None and (_is_whole(folder / name, digest) or _keep(folder, name, source, layout, digest)):
+    if folder is not None and (_is_valid(folder / name, digest) or _write(folder, name, source, layout, digest)):
         yield (folder / name).absolute()
         return
     with tempfile.TemporaryDirectory(prefix="physic-") as temporary:
@@ -57,7 +57,8 @@ def plain_model(path: str | Path, family: Literal["smpl", "mano"]) -> Iterator[P
         yield copy
 
 
-def _digest(source: Path, layout: Layout) -> str:
+def _digest(source: Path, layout: ModelFileLayout) -> str:
+    """Return a hash of the source file's content and family, as the name of its copy."""
     if source.exists() and not source.is_file():  # a pipe would wait for ever, and a device never ends
         raise BodyModelError(f"the body model file {source} cannot be read (it is not a regular file): {layout.advice}")
     try:
@@ -70,7 +71,8 @@ def _digest(source: Path, layout: Layout) -> str:
     return hashlib.sha256(f"{_VERSION} {layout.name} {content}".encode()).hexdigest()
 
 
-def _is_whole(copy: Path, digest: str) -> bool:
+def _is_valid(copy: Path, digest: str) -> bool:
+    """Return whether a copy exists and matches its checksum."""
     try:
         content = copy.read_bytes()
     except OSError:
@@ -78,8 +80,8 @@ def _is_whole(copy: Path, digest: str) -> bool:
     return content[-_DIGEST:] == _checksum(content[:-_DIGEST], digest)
 
 
-def _keep(folder: Path, name: str, source: Path, layout: Layout, digest: str) -> bool:
-    """Write the copy to the cache; False if that fails."""
+def _write(folder: Path, name: str, source: Path, layout: ModelFileLayout, digest: str) -> bool:
+    """Write the copy to the cache; return False if that fails."""
     from physic_core.files.atomic import atomic_write
 
     content = _content(source, layout, digest)
@@ -92,20 +94,23 @@ def _keep(folder: Path, name: str, source: Path, layout: Layout, digest: str) ->
     return True
 
 
-def _content(source: Path, layout: Layout, digest: str) -> bytes:
-    from physic_core.body.model_file import read_model
+def _content(source: Path, layout: ModelFileLayout, digest: str) -> bytes:
+    """Return the copy as bytes: a pickle of NumPy arrays, then a checksum."""
+    from physic_core.body.model_file import read_model_file
 
     arrays = {
         name: array.astype(array.dtype.newbyteorder("="), order="C")
-        for name, array in read_model(source, layout).items()
+        for name, array in read_model_file(source, layout).items()
     }
     content = pickle.dumps(arrays, protocol=4)
     return content + _checksum(content, digest)
 
 
 def _checksum(content: bytes, digest: str) -> bytes:
+    """Return the SHA-256 of a digest and the content."""
     return hashlib.sha256(digest.encode() + content).digest()
 
 
-def _plain(name: str) -> str:
+def _safe_name(name: str) -> str:
+    """Return a file name of at most 40 letters, digits, "-" and "_"."""
     return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)[:40]

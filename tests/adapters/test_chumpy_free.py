@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from physic_core.adapters.plain_models import plain_model
+from physic_core.adapters.chumpy_free import chumpy_free_copy
 from physic_core.errors import BodyModelError
 from physic_testing.body_files import mano_arrays, smpl_arrays, write_published
 
@@ -46,7 +46,7 @@ def require_same(found: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
 def test_the_published_file_cannot_be_unpickled_here_and_its_copy_can(mano: Path, cache: Path) -> None:
     with pytest.raises(ModuleNotFoundError, match="No module named 'chumpy'"):
         unpickled(mano)
-    with plain_model(mano, "mano") as copy:
+    with chumpy_free_copy(mano, "mano") as copy:
         require_same(unpickled(copy), mano_arrays())
         assert copy.name.startswith("MANO_RIGHT-"), "smplx tells right hands by this name"
     assert copy.parent == cache
@@ -56,14 +56,14 @@ def test_the_published_file_cannot_be_unpickled_here_and_its_copy_can(mano: Path
 def test_smpl_is_copied_from_either_form(tmp_path: Path, cache: Path) -> None:
     np.savez(tmp_path / "SMPL.npz", **smpl_arrays())
     for path in (tmp_path / "SMPL.npz", write_published(tmp_path / "SMPL.pkl", smpl_arrays())):
-        with plain_model(path, "smpl") as copy:
+        with chumpy_free_copy(path, "smpl") as copy:
             require_same(unpickled(copy), smpl_arrays())
 
 
 def test_a_plain_file_is_copied_as_any_other(tmp_path: Path, cache: Path) -> None:
     path = tmp_path / "MANO_RIGHT.pkl"
     path.write_bytes(pickle.dumps(mano_arrays(), protocol=2))
-    with plain_model(path, "mano") as copy:
+    with chumpy_free_copy(path, "mano") as copy:
         require_same(unpickled(copy), mano_arrays())
 
 
@@ -75,43 +75,43 @@ class Runs:
 def test_a_file_that_would_run_code_is_refused(tmp_path: Path, cache: Path) -> None:
     path = tmp_path / "MANO_RIGHT.pkl"
     path.write_bytes(pickle.dumps({**mano_arrays(), "bs_type": Runs()}))
-    with pytest.raises(BodyModelError, match="could run code: it is not opened"), plain_model(path, "mano"):
+    with pytest.raises(BodyModelError, match="could run code: it is not opened"), chumpy_free_copy(path, "mano"):
         pass
     assert not cache.exists()
 
 
 def test_a_copy_is_made_once(mano: Path, cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with plain_model(mano, "mano") as first:
+    with chumpy_free_copy(mano, "mano") as first:
         pass
-    monkeypatch.setattr("physic_core.body.model_file.read_model", lambda *_: pytest.fail("it was read again"))
-    with plain_model(str(mano), "mano") as second:
+    monkeypatch.setattr("physic_core.body.model_file.read_model_file", lambda *_: pytest.fail("it was read again"))
+    with chumpy_free_copy(str(mano), "mano") as second:
         assert second == first
     assert [path.name for path in cache.iterdir()] == [first.name]
 
 
 def test_another_file_has_another_copy(mano: Path, cache: Path) -> None:
-    with plain_model(mano, "mano") as first:
+    with chumpy_free_copy(mano, "mano") as first:
         pass
     write_published(mano, {**mano_arrays(), "hands_mean": np.ones(45)})
-    with plain_model(mano, "mano") as second:
+    with chumpy_free_copy(mano, "mano") as second:
         assert second != first
         np.testing.assert_array_equal(unpickled(second)["hands_mean"], np.ones(45))
 
 
 @pytest.mark.parametrize("damage", ["a bit", "cut", "empty", "another"])
 def test_a_damaged_copy_is_made_anew(damage: str, mano: Path, cache: Path) -> None:
-    with plain_model(mano, "mano") as copy:
+    with chumpy_free_copy(mano, "mano") as copy:
         whole = copy.read_bytes()
     if damage == "another":  # whole in itself, and of another file
         write_published(mano.with_name("other.pkl"), {**mano_arrays(), "hands_mean": np.ones(45)})
-        with plain_model(mano.with_name("other.pkl"), "mano") as other:
+        with chumpy_free_copy(mano.with_name("other.pkl"), "mano") as other:
             broken = other.read_bytes()
     else:
         broken = {"a bit": bytes([*whole[:5000], whole[5000] ^ 1, *whole[5001:]]), "cut": whole[:-1], "empty": b""}[
             damage
         ]
     copy.write_bytes(broken)
-    with plain_model(mano, "mano") as again:
+    with chumpy_free_copy(mano, "mano") as again:
         assert again == copy
         assert again.read_bytes() == whole
 
@@ -124,7 +124,7 @@ def test_where_nothing_can_be_kept_the_copy_lives_for_the_block(
     monkeypatch.setenv("PHYSIC_CACHE", "off" if why == "off" else str(place))
     if why == "a file":
         place.write_text("mine")
-    with plain_model(mano, "mano") as copy:
+    with chumpy_free_copy(mano, "mano") as copy:
         require_same(unpickled(copy), mano_arrays())
         assert copy.name.startswith("MANO_RIGHT-")
     assert not copy.exists()
@@ -134,14 +134,14 @@ def test_a_relative_cache_is_found_from_anywhere(mano: Path, tmp_path: Path, mon
     """Some published code is run from the root of its checkout."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PHYSIC_CACHE", "kept")
-    with plain_model("MANO_RIGHT.pkl", "mano") as copy:
+    with chumpy_free_copy("MANO_RIGHT.pkl", "mano") as copy:
         monkeypatch.chdir("/")
         assert copy.is_file()
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
     path = tmp_path / "MANO_RIGHT.pkl"
-    with pytest.raises(BodyModelError) as caught, plain_model(path, "mano"):
+    with pytest.raises(BodyModelError) as caught, chumpy_free_copy(path, "mano"):
         pass
     assert str(caught.value) == (
         f"the body model file {path} cannot be read (No such file or directory): "
@@ -160,10 +160,10 @@ def test_what_is_no_file_is_refused_at_once(tmp_path: Path, kind: str) -> None:
         path.mkdir()
     code = """
 import sys
-from physic_core.adapters.plain_models import plain_model
+from physic_core.adapters.chumpy_free import chumpy_free_copy
 from physic_core.errors import BodyModelError
 try:
-    with plain_model(sys.argv[1], "mano"):
+    with chumpy_free_copy(sys.argv[1], "mano"):
         pass
 except BodyModelError as error:
     print(error)

@@ -1,4 +1,4 @@
-"""Geometric picks of surface landmarks on a T-posed mesh in SMPL-X layout: no vertex id comes from anybody's list."""
+"""Find landmark vertices (nose, ears, fingertips, toes) on a T-posed mesh, from its geometry."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from numpy.typing import NDArray
 from physic_core.body.joints import JOINT_INDEX, SIDES
 from physic_core.body.landmarks import SURFACE_POINTS
 from physic_core.body.parts import PART_NAMES, label_parts
-from physic_core.body.rest_mesh import RestMesh
+from physic_core.body.tpose_mesh import TPoseMesh
 
 __all__ = ["pick_surface_points"]
 
 _EYE_HALF_WIDTH = 0.015
-"""Metres from the middle of an eye to its corners."""
+"""Distance from the centre of an eye to its corners, metres."""
 _MOUTH_HALF_WIDTH = 0.024
-"""Metres from the middle of the mouth to its corners."""
+"""Distance from the centre of the mouth to its corners, metres."""
 _MOUTH_DROP = 0.85
-"""Height of the mouth under the nose's tip, as a share of the height of the eyes over it."""
+"""Height of the mouth below the tip of the nose, relative to the height of the eyes above it."""
 _EAR_DEPTH, _EAR_FORWARD = 0.012, 0.012
-"""Metres from the middle of the ear's rim inwards and forwards to where the ear canal opens."""
+"""Distance from the centre of the ear's rim inwards and forwards to the ear canal, metres."""
 
 
-def pick_surface_points(mesh: RestMesh) -> dict[str, NDArray[np.int64]]:
-    """Name in SURFACE_POINTS -> ids of the vertices whose mean is that point."""
+def pick_surface_points(mesh: TPoseMesh) -> dict[str, NDArray[np.int64]]:
+    """Return the vertex ids of each point in SURFACE_POINTS; the point is their mean."""
     part = label_parts(mesh.weights)
     joint = {name: mesh.joints[i] for name, i in JOINT_INDEX.items()}
     whole_head = part == PART_NAMES.index("head")  # with the lids or eyeballs, which are no outer surface
@@ -54,7 +54,8 @@ def pick_surface_points(mesh: RestMesh) -> dict[str, NDArray[np.int64]]:
     return {name: picks[name] for name in SURFACE_POINTS}
 
 
-def _pick_foot(mesh: RestMesh, foot: NDArray[np.bool_], side: str, sign: float) -> dict[str, NDArray[np.int64]]:
+def _pick_foot(mesh: TPoseMesh, foot: NDArray[np.bool_], side: str, sign: float) -> dict[str, NDArray[np.int64]]:
+    """Return the vertex ids of toes, heel and foot tip of one foot."""
     x, _, z = mesh.vertices.T
     forward = np.array([0.0, 0.0, 1.0])
     toes = foot & (z > mesh.joints[JOINT_INDEX[f"{side}_foot"], 2])
@@ -72,24 +73,26 @@ def _pick_foot(mesh: RestMesh, foot: NDArray[np.bool_], side: str, sign: float) 
     }
 
 
-def _furthest(mesh: RestMesh, mask: NDArray[np.bool_], direction: NDArray[np.float64], count: int) -> NDArray[np.int64]:
-    """Ids of the ``count`` vertices of the mask that lie furthest along a direction."""
+def _furthest(
+    mesh: TPoseMesh, mask: NDArray[np.bool_], direction: NDArray[np.float64], count: int
+) -> NDArray[np.int64]:
+    """Return the ids of the ``count`` vertices of the mask that are furthest along a direction."""
     return _first(mask, -(mesh.vertices @ direction), count)
 
 
-def _nearest(mesh: RestMesh, mask: NDArray[np.bool_], point: NDArray[np.float64], count: int) -> NDArray[np.int64]:
-    """Ids of the ``count`` vertices of the mask nearest to a point."""
+def _nearest(mesh: TPoseMesh, mask: NDArray[np.bool_], point: NDArray[np.float64], count: int) -> NDArray[np.int64]:
+    """Return the ids of the ``count`` vertices of the mask nearest to a point."""
     return _first(mask, np.linalg.norm(mesh.vertices - point, axis=1), count)
 
 
-def _in_front(mesh: RestMesh, mask: NDArray[np.bool_], point: NDArray[np.float64], count: int) -> NDArray[np.int64]:
-    """Ids of the ``count`` forward-facing vertices of the mask nearest to the line that leaves ``point`` along +z."""
+def _in_front(mesh: TPoseMesh, mask: NDArray[np.bool_], point: NDArray[np.float64], count: int) -> NDArray[np.int64]:
+    """Return the ids of the ``count`` forward-facing vertices of the mask nearest to the +z ray from ``point``."""
     facing = mask & (mesh.vertices[:, 2] > point[2]) & (mesh.normals[:, 2] > 0)
     off_axis = np.linalg.norm(mesh.vertices[:, :2] - point[:2], axis=1)
     return _first(facing if facing.any() else mask, off_axis, count)
 
 
 def _first(mask: NDArray[np.bool_], cost: NDArray[np.float64], count: int) -> NDArray[np.int64]:
-    """Ids of the ``count`` vertices of the mask with the least cost, ascending; of all vertices where it is empty."""
+    """Return the ids of the ``count`` vertices of the mask with the least cost, ascending; of all if it is empty."""
     ids = np.flatnonzero(mask if mask.any() else np.ones_like(mask))
     return np.sort(ids[np.argsort(cost[ids], kind="stable")[:count]])

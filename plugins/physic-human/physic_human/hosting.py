@@ -1,4 +1,4 @@
-"""Base classes and helpers of backends that run torch code of a checkout: options, checkpoints, batches, precision."""
+"""What backends around somebody else's torch code share: options, checkpoints, batches, precision, quiet."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ if TYPE_CHECKING:
 
 __all__ = [
     "MANIFEST",
-    "CheckoutBackend",
-    "CheckoutNetwork",
     "CheckoutOptions",
-    "CheckoutProject",
+    "Host",
+    "Hosted",
+    "Project",
     "SeenConfidence",
-    "batch_slices",
-    "checkpoint_error",
-    "inference_context",
-    "load_parameters",
+    "batches",
+    "computing",
+    "fill",
     "read_checkpoint",
+    "refused_checkpoint",
     "to_numpy",
 ]
 
@@ -43,11 +43,11 @@ SeenConfidence = Annotated[
     float,
     Field(ge=0, le=1, description="of keypoints from which their joints count as seen in the photo; 0 takes all"),
 ]
-"""Type of the option ``seen_confidence``."""
+"""Option of backends that say which joints the photo shows."""
 
 
 class CheckoutOptions(Options):
-    """Settings shared by all backends that run a checkout."""
+    """Settings that all backends around a checkout share."""
 
     weights: str = Field(default="", description="a name of `physic weights list`, or a path of your own")
     checkout: str = Field(
@@ -62,8 +62,8 @@ class CheckoutOptions(Options):
     )
 
 
-class CheckoutNetwork:
-    """Code, network and device of one backend.
+class Host:
+    """What one backend holds of a checkout: its code, its network, its device.
 
     Args:
         checkout: the code.
@@ -76,15 +76,15 @@ class CheckoutNetwork:
         self.device = "cpu"
 
     def missing(self) -> tuple[str, ...]:
-        """Describe missing code and weights."""
+        """What is lacking of code and weights."""
         return (*self.checkout.missing(), *weights.missing(MANIFEST, self.weights_value))
 
     def fingerprint(self) -> str:
-        """Return the identity of weights and code."""
+        """Changes with weights and code."""
         return f"{weights.fingerprint(MANIFEST, self.weights_value)} {self.checkout.fingerprint()}"
 
     def file(self, name: str | None = None) -> Path:
-        """Return the path of a weights file, or of the full weights.
+        """A file of the weights; or all of them.
 
         Raises:
             WeightsMissingError: it is not there.
@@ -92,7 +92,7 @@ class CheckoutNetwork:
         return weights.locate(MANIFEST, self.weights_value, name)
 
     def loaded(self) -> Any:
-        """Return the loaded network.
+        """The network.
 
         Raises:
             BackendError: it is not loaded.
@@ -101,19 +101,19 @@ class CheckoutNetwork:
             raise BackendError(f"{self.checkout.name} is not loaded: call load() before infer()")
         return self.network
 
-    def set_network(self, network: Any, device: str) -> None:
-        """Store a torch network and move it to its device."""
+    def keep(self, network: Any, device: str) -> None:
+        """Hold a network of torch, moved to its device."""
         self.network, self.device = network.eval().to(device), device
 
     def close(self) -> None:
-        """Release network and code."""
+        """Let go of network and code."""
         self.network = None
         self.checkout.close()
 
 
 @dataclass(frozen=True)
-class CheckoutProject:
-    """Published repository, as :class:`physic_core.adapters.checkouts.Checkout` describes it."""
+class Project:
+    """Somebody's repository, as :class:`physic_core.adapters.checkouts.Checkout` has it, wherever it lies."""
 
     name: str
     package: str
@@ -121,48 +121,48 @@ class CheckoutProject:
     needs: tuple[str, ...]
 
 
-class CheckoutBackend(Backend):
-    """Base class of a backend that runs a checkout; comes before the interface among the bases.
+class Hosted(Backend):
+    """A backend around one checkout, before the interface among its bases.
 
     Attributes:
         project: whose code it runs.
     """
 
-    project: ClassVar[CheckoutProject]
+    project: ClassVar[Project]
     options: CheckoutOptions
 
     def __init__(self, options: Any = None) -> None:
         super().__init__(options)
         described = vars(self.project) | {"needs": self.needs()}
-        self._checkout_network = CheckoutNetwork(Checkout(self.options.checkout, **described), self.options.weights)
+        self._host = Host(Checkout(self.options.checkout, **described), self.options.weights)
 
     def needs(self) -> tuple[str, ...]:
-        """Return the packages that the checkout imports with these options."""
+        """Packages of the environment that its code imports with these options."""
         return self.project.needs
 
     def missing(self) -> tuple[str, ...]:
-        """Describe missing code and weights."""
-        return self._checkout_network.missing()
+        """Of checkout, packages and weights."""
+        return self._host.missing()
 
     def fingerprint(self) -> str:
-        """Return the identity of weights and code."""
-        return self._checkout_network.fingerprint()
+        """Changes with weights and code."""
+        return self._host.fingerprint()
 
     def close(self) -> None:
-        """Release network and code."""
-        self._checkout_network.close()
+        """Let go of network and code."""
+        self._host.close()
 
-    def _load_checkpoint(
-        self, network: torch.nn.Module, path: Path, key: str = "state_dict", optional_prefix: str | None = None
+    def _filled(
+        self, network: torch.nn.Module, path: Path, key: str = "state_dict", besides: str | None = None
     ) -> torch.nn.Module:
-        """Load a checkpoint, whose tensors may be under a key, into a network, and return the network."""
+        """The network with the tensors of a checkpoint, which may hold them under a key; ``besides`` as of `fill`."""
         state = read_checkpoint(path, trusted=self.options.trust_checkpoint)
-        load_parameters(network, state.get(key, state), path, optional_prefix=optional_prefix)
+        fill(network, state.get(key, state), path, besides=besides)
         return network
 
 
 def read_checkpoint(path: Path, *, trusted: bool) -> Any:
-    """Read a ``.pt``, ``.pth`` or ``.ckpt`` file onto the CPU.
+    """What a ``.pt``, ``.pth`` or ``.ckpt`` file holds, on the CPU.
 
     Args:
         path: of the file.
@@ -178,13 +178,13 @@ def read_checkpoint(path: Path, *, trusted: bool) -> Any:
     try:
         return torch.load(path, map_location="cpu", weights_only=not trusted)
     except pickle.UnpicklingError as error:
-        raise checkpoint_error(path, error, trusted=trusted) from error
+        raise refused_checkpoint(path, error, trusted=trusted) from error
     except Exception as error:  # zip files that end too early, files of something else
-        raise BackendError(f"{path} is not a complete checkpoint of torch: {type(error).__name__}: {error}") from error
+        raise BackendError(f"{path} is no whole checkpoint of torch: {type(error).__name__}: {error}") from error
 
 
-def checkpoint_error(path: Path, error: Exception, *, trusted: bool) -> BackendError:
-    """Return the error for a file that torch could not unpickle."""
+def refused_checkpoint(path: Path, error: Exception, *, trusted: bool) -> BackendError:
+    """What to say of a file that torch could not unpickle."""
     if trusted:
         return BackendError(f"{path} is no checkpoint of torch: {error}")
     return BackendError(
@@ -193,17 +193,17 @@ def checkpoint_error(path: Path, error: Exception, *, trusted: bool) -> BackendE
     )
 
 
-def load_parameters(
-    network: torch.nn.Module, state: Mapping[str, Any], path: Path, prefix: str = "", optional_prefix: str | None = None
+def fill(
+    network: torch.nn.Module, state: Mapping[str, Any], path: Path, prefix: str = "", besides: str | None = None
 ) -> None:
-    """Load a checkpoint's tensors into a network; unknown tensors are ignored.
+    """Put a checkpoint's tensors into a network; those that it does not know are left out.
 
     Args:
         network: gets them.
         state: tensors by name.
         path: where they are from, for messages.
         prefix: with which their names begin, and the network's do not.
-        optional_prefix: with this begin names of parameters that the checkpoint need not have.
+        besides: with this begin names of parameters that the checkpoint need not have.
 
     Raises:
         BackendError: a parameter of the network is not in the checkpoint, or has another shape.
@@ -214,30 +214,25 @@ def load_parameters(
     except RuntimeError as error:
         raise BackendError(f"{path} does not fit the network of the checkout: {error}") from error
     parameters = {name for name, _ in network.named_parameters()}
-    absent = [
-        key
-        for key in result.missing_keys
-        if key in parameters and not (optional_prefix and key.startswith(optional_prefix))
-    ]
+    absent = [key for key in result.missing_keys if key in parameters and not (besides and key.startswith(besides))]
     if absent:
         raise BackendError(
-            f"{path} is missing {len(absent)} of {len(parameters)} parameters of the network, "
-            f"{', '.join(absent[:3])}, ...: "
+            f"{path} lacks {len(absent)} of {len(parameters)} parameters of the network, {', '.join(absent[:3])}, ...: "
             "it is the checkpoint of another network or of another version of the checkout"
         )
 
 
-def batch_slices(count: int, size: int) -> Iterator[slice]:
-    """Yield slices of at most ``size`` rows from 0 to ``count``."""
+def batches(count: int, size: int) -> Iterator[slice]:
+    """Rows 0 to ``count``, at most ``size`` at once."""
     for first in range(0, count, size):
         yield slice(first, min(first + size, count))
 
 
 @contextlib.contextmanager
-def inference_context(checkout: Checkout, device: str, *, half: bool = False) -> Iterator[None]:
-    """Context in which a checkout's network runs: no gradients, float16 if ``half`` on a GPU, prints sent to the log.
+def computing(checkout: Checkout, device: str, *, half: bool = False) -> Iterator[None]:
+    """While a checkout's network runs: no gradients, float16 if asked for on a GPU, and its prints go to the log.
 
-    Code that uses "cuda" without a number uses the chosen device.
+    What its code sends to "cuda", without a number, goes to the device that is asked for.
     """
     import torch
 
@@ -256,6 +251,6 @@ def inference_context(checkout: Checkout, device: str, *, half: bool = False) ->
 
 
 def to_numpy(value: Any) -> Any:
-    """Convert a tensor or an array to float32 numpy."""
+    """A tensor, or an array already, as float32 numpy."""
     tensor = value.detach().float().cpu().numpy() if hasattr(value, "detach") else value
     return np.asarray(tensor, np.float32)

@@ -13,11 +13,11 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
 from physic_core.body import JOINT_INDEX, load_body
+from physic_core.body.attach_hands import WRIST_RANGE, attach_hands, hand_weight
 from physic_core.body.bones import local_from_world, world_from_local
 from physic_core.body.model import BodyOutput
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
-from physic_core.body.rotations import exp, log, swing_twist
-from physic_core.body.wrists import WRIST_RANGE, stitch, trust
+from physic_core.body.rotations import rotmat_to_rotvec, rotvec_to_rotmat, swing_twist
 from physic_core.types import BodyParameters, Hands
 
 MODEL = load_body("embedded")
@@ -34,7 +34,7 @@ def body(seed: int = 0, bend: float = 0.4) -> BodyParameters:
     shape, place = rng.standard_normal((1, MODEL.num_betas)), rng.standard_normal((1, 3))
     numbers = (torch.from_numpy(value) for value in (shape, place))
     betas, transl = numbers
-    return parameters_from_rotations(torch.from_numpy(exp(rotvecs)), betas, None, transl)
+    return parameters_from_rotations(torch.from_numpy(rotvec_to_rotmat(rotvecs)), betas, None, transl)
 
 
 def posed(parameters: BodyParameters) -> BodyOutput:
@@ -58,15 +58,15 @@ def hands_of(parameters: BodyParameters, wrists: np.ndarray, confidence: float) 
 
 def test_a_hand_that_agrees_changes_nothing() -> None:
     before = body()
-    wrists = log(world_of(before)[:, WRISTS])
-    after = stitch(before, hands_of(before, wrists, 1.0), MODEL, RANGE)
+    wrists = rotmat_to_rotvec(world_of(before)[:, WRISTS])
+    after = attach_hands(before, hands_of(before, wrists, 1.0), MODEL, RANGE)
     for name, value in vars(before).items():
         np.testing.assert_allclose(getattr(after, name), value, atol=1e-5)
 
 
 def test_a_hand_of_no_confidence_changes_nothing_at_all() -> None:
     before = body()
-    after = stitch(before, hands_of(before, np.full((1, 2, 3), 0.7), 0.0), MODEL, RANGE)
+    after = attach_hands(before, hands_of(before, np.full((1, 2, 3), 0.7), 0.0), MODEL, RANGE)
     for name, value in vars(before).items():
         np.testing.assert_array_equal(getattr(after, name), value)
 
@@ -76,7 +76,7 @@ def test_only_the_arm_of_the_hand_that_was_found_is_touched() -> None:
     hands = replace(hands_of(before, np.full((1, 2, 3), np.nan), 0.9), confidence=np.array([[0.0, 0.9]]))
     assert hands.wrists is not None
     hands.wrists[:, 1] = [0.1, 0.2, 0.3]
-    after = stitch(before, hands, MODEL, RANGE)
+    after = attach_hands(before, hands, MODEL, RANGE)
     changed = (before.body_pose != after.body_pose).reshape(21, 3).any(1)
     assert {i + 1 for i in np.flatnonzero(changed)} <= {JOINT_INDEX["right_elbow"], JOINT_INDEX["right_wrist"]}
     assert changed.any()
@@ -87,9 +87,9 @@ def test_people_of_whom_nothing_is_known_stay_so() -> None:
     one = body()
     two = BodyParameters(**{name: np.concatenate([np.full_like(v, np.nan), v]) for name, v in vars(one).items()})
     hands = Hands(np.zeros((2, 2, 15, 3)), np.full((2, 2), 0.9), np.zeros((2, 2, 3)))
-    after = stitch(two, hands, MODEL, RANGE)
+    after = attach_hands(two, hands, MODEL, RANGE)
     assert np.isnan(after.body_pose[0]).all()
-    alone = stitch(one, Hands(hands.rotvecs[:1], hands.confidence[:1], np.zeros((1, 2, 3))), MODEL, RANGE)
+    alone = attach_hands(one, Hands(hands.rotvecs[:1], hands.confidence[:1], np.zeros((1, 2, 3))), MODEL, RANGE)
     np.testing.assert_allclose(after.body_pose[1:], alone.body_pose, atol=1e-6)
 
 
@@ -97,11 +97,11 @@ def test_people_of_whom_nothing_is_known_stay_so() -> None:
 def test_a_hand_that_a_wrist_can_reach_is_reached(side: int) -> None:
     """Known answer: bent up by 40 and turned over by 50 degrees."""
     before = body(3)
-    turn = exp(np.radians([[50.0, 0, 0]])) @ exp(np.radians([[0, 0, 40.0]]))
+    turn = rotvec_to_rotmat(np.radians([[50.0, 0, 0]])) @ rotvec_to_rotmat(np.radians([[0, 0, 40.0]]))
     wanted = world_of(before)[:, ELBOWS[side]] @ turn
-    wrists = log(world_of(before)[:, WRISTS])
-    wrists[:, side] = log(wanted)
-    after = stitch(before, hands_of(before, wrists, 1.0), MODEL, RANGE)
+    wrists = rotmat_to_rotvec(world_of(before)[:, WRISTS])
+    wrists[:, side] = rotmat_to_rotvec(wanted)
+    after = attach_hands(before, hands_of(before, wrists, 1.0), MODEL, RANGE)
     reached = world_of(after)[:, WRISTS[side]]
     np.testing.assert_allclose(reached, wanted, atol=2e-6)
     other = WRISTS[1 - side]
@@ -115,7 +115,7 @@ def test_pronation_is_shared_by_forearm_and_wrist(side: int) -> None:
     before = parameters_from_rotations(rest[0], rest[1], None, rest[2])
     wrists = np.zeros((1, 2, 3))
     wrists[0, side] = np.radians(80) * AXES[side]
-    after = stitch(before, hands_of(before, wrists, 1.0), MODEL, RANGE)
+    after = attach_hands(before, hands_of(before, wrists, 1.0), MODEL, RANGE)
     world = world_of(after)
     forearm = swing_twist(world[0, ELBOWS[side]], AXES[side])[1]
     wrist = swing_twist(local_from_world(world)[0, WRISTS[side]], AXES[side])[1]
@@ -131,11 +131,11 @@ def test_nothing_jumps_on_the_way_and_the_wrist_stays(wrists: np.ndarray, seed: 
     before = body(seed)
     start = posed(before)
     steps = np.linspace(0, 1, 41)
-    flat = Rotation.from_rotvec(log(world_of(before)[0, WRISTS]))
+    flat = Rotation.from_rotvec(rotmat_to_rotvec(world_of(before)[0, WRISTS]))
     turn = (Rotation.from_rotvec(wrists[0]) * flat.inv()).magnitude().max()
     last = start.vertices
     for confidence in steps[1:]:
-        after = posed(stitch(before, hands_of(before, wrists, float(confidence)), MODEL, RANGE))
+        after = posed(attach_hands(before, hands_of(before, wrists, float(confidence)), MODEL, RANGE))
         # Elbows and wrists do not move at all.
         arms = [*ELBOWS, *WRISTS]
         assert (after.joints[:, arms] - start.joints[:, arms]).norm(dim=-1).max() < 1e-5
@@ -149,14 +149,14 @@ def test_nothing_jumps_on_the_way_and_the_wrist_stays(wrists: np.ndarray, seed: 
 @given(ROTVEC, st.integers(0, 50))
 def test_a_wrist_stays_in_its_range(wrists: np.ndarray, seed: int) -> None:
     before = body(seed)
-    after = stitch(before, hands_of(before, wrists, 1.0), MODEL, RANGE)
+    after = attach_hands(before, hands_of(before, wrists, 1.0), MODEL, RANGE)
     first, last = (local_from_world(world_of(p))[:, WRISTS] for p in (before, after))
     low = np.array([[x[0], y[0], z[0]] for x, y, z in [RANGE]])
     high = np.array([[x[1], y[1], z[1]] for x, y, z in [RANGE]])
     lows = np.concatenate([low, [[low[0, 0], -high[0, 1], -high[0, 2]]]]) - 0.16
     highs = np.concatenate([high, [[high[0, 0], -low[0, 1], -low[0, 2]]]]) + 0.16
-    assert (log(last) >= np.minimum(lows, log(first)) - 1e-5).all()
-    assert (log(last) <= np.maximum(highs, log(first)) + 1e-5).all()
+    assert (rotmat_to_rotvec(last) >= np.minimum(lows, rotmat_to_rotvec(first)) - 1e-5).all()
+    assert (rotmat_to_rotvec(last) <= np.maximum(highs, rotmat_to_rotvec(first)) + 1e-5).all()
 
 
 @settings(max_examples=50, deadline=None)
@@ -183,14 +183,16 @@ def test_left_and_right_are_mirror_images(wrists: np.ndarray, seed: int) -> None
         global_orient=root,
     )
     both = np.stack([wrists[:, 0], mirrored(wrists[:, 0])], 1)
-    after = stitch(even, hands_of(even, both, 0.8), MODEL, RANGE).body_pose.reshape(1, 21, 3)
+    after = attach_hands(even, hands_of(even, both, 0.8), MODEL, RANGE).body_pose.reshape(1, 21, 3)
     for name in ("elbow", "wrist"):
-        left, other = (exp(after[:, JOINT_INDEX[f"{side}_{name}"] - 1].astype(float)) for side in ("left", "right"))
-        np.testing.assert_allclose(exp(mirrored(log(left))), other, atol=3e-5)
+        left, other = (
+            rotvec_to_rotmat(after[:, JOINT_INDEX[f"{side}_{name}"] - 1].astype(float)) for side in ("left", "right")
+        )
+        np.testing.assert_allclose(rotvec_to_rotmat(mirrored(rotmat_to_rotvec(left))), other, atol=3e-5)
 
 
 def test_trust_rises_smoothly_from_nothing_to_everything() -> None:
-    told = trust(np.linspace(0, 1, 101))
+    told = hand_weight(np.linspace(0, 1, 101))
     assert told[0] == 0
     assert (told[50:] == 1).all()
     assert (np.diff(told) >= 0).all()
@@ -199,7 +201,7 @@ def test_trust_rises_smoothly_from_nothing_to_everything() -> None:
 
 def test_fingers_come_along_as_far_as_the_hand_is_trusted() -> None:
     before = body()
-    wrists = log(world_of(before)[:, WRISTS])
+    wrists = rotmat_to_rotvec(world_of(before)[:, WRISTS])
     hands = replace(hands_of(before, wrists, 0.3), rotvecs=np.zeros((1, 2, 15, 3)))
-    after = stitch(before, hands, MODEL, RANGE)
+    after = attach_hands(before, hands, MODEL, RANGE)
     np.testing.assert_allclose(after.left_hand_pose, 0.5 * before.left_hand_pose, atol=1e-5)

@@ -1,0 +1,146 @@
+"""Attach separately estimated hands to the arms of bodies, by rotating wrists and forearms.
+
+A hand network estimates the hand in the camera frame, without the forearm. A body network estimates the arm, but the
+hand poorly. So the wrist is rotated along the shortest arc from the body's estimate to the hand's, by a share that
+grows with the hand's confidence, within the range of a wrist. The forearm takes most of the twist (pronation) about its
+own axis, so that elbow and wrist do not move.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from physic_core.body.bones import BoneOffsets, local_from_world, world_from_local
+from physic_core.body.joints import FINGER_JOINTS, joint_pair
+from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
+from physic_core.body.rotations import rotmat_to_rotvec, rotvec_to_rotmat, slerp, unit
+
+if TYPE_CHECKING:
+    from physic_core.body.model import BodyModel
+    from physic_core.types import BodyParameters, Hands
+
+__all__ = ["WRIST_RANGE", "AngleRange", "attach_hands", "hand_weight"]
+
+Array = NDArray[np.float64]
+AngleRange = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+"""Minimum and maximum rotation of the left wrist about x, y and z, radians."""
+
+WRIST_RANGE: AngleRange = ((-1.6, 1.6), (-1.0, 1.0), (-1.5, 1.5))
+"""Range of a left wrist relative to the T-pose, for all healthy poses."""
+
+_SHOULDERS, _ELBOWS, _WRISTS = (joint_pair(name) for name in ("shoulder", "elbow", "wrist"))
+_FOREARM_SHARE = 0.6
+"""Share of the twist that the forearm takes."""
+_MAX_FOREARM_TWIST = 1.4
+"""Maximum twist of a forearm relative to the body's estimate, radians."""
+_MIN_CONFIDENCE, _FULL_CONFIDENCE = 0.1, 0.5
+"""Confidence up to which a hand has weight 0, and from which it has weight 1."""
+_SLACK = 0.15
+"""Tolerance of the range of a wrist, radians: people differ."""
+_STEPS = 64
+"""Number of steps along the arc at which the range is checked."""
+_HANDS = np.array(FINGER_JOINTS).reshape(2, -1)
+
+
+def hand_weight(confidence: NDArray[np.floating]) -> Array:
+    """Convert confidence to a weight in [0, 1] of the hand estimate; smooth, and 0 at 0."""
+    x = np.clip((np.asarray(confidence, np.float64) - _MIN_CONFIDENCE) / (_FULL_CONFIDENCE - _MIN_CONFIDENCE), 0.0, 1.0)
+    return x * x * (3 - 2 * x)
+
+
+def attach_hands(parameters: BodyParameters, hands: Hands, model: BodyModel, wrist_range: AngleRange) -> BodyParameters:
+    """Return bodies with the rotations of wrists, forearms and fingers from the hands.
+
+    Args:
+        parameters: of N bodies; NaN for people without an estimate.
+        hands: of the same people, with ``wrists``.
+        model: the body model that the parameters are for.
+        wrist_range: range of a left wrist relative to its forearm; the right one is mirrored.
+    """
+    assert hands.wrists is not None
+    share = hand_weight(hands.confidence)
+    rows = np.flatnonzero((share > 0).any(1) & np.isfinite(parameters.global_orient).all(1))
+    if not len(rows):
+        return parameters
+    some = parameters[rows]
+    world = world_from_local(rotations_from_parameters(some).double().numpy())
+    given = (share[rows] > 0)[..., None]
+    wanted = rotvec_to_rotmat(np.where(given, hands.wrists[rows], 0.0).astype(np.float64))
+    wanted = np.where(given[..., None], wanted, world[:, _WRISTS])
+    axes = unit(BoneOffsets.of(model).at(some.betas.astype(np.float64))[:, _WRISTS])
+    elbows, wrists = _rotate_towards(world[:, _ELBOWS], world[:, _WRISTS], wanted, share[rows], axes, wrist_range)
+    local = local_from_world(world)
+    local[:, _ELBOWS] = np.swapaxes(world[:, _SHOULDERS], -1, -2) @ elbows
+    local[:, _WRISTS] = np.swapaxes(elbows, -1, -2) @ wrists
+    fingers = rotvec_to_rotmat(np.where(given[..., None], hands.rotvecs[rows], 0.0).astype(np.float64))
+    for side, joints in enumerate(_HANDS):
+        local[:, joints] = slerp(local[:, joints], fingers[:, side], share[rows, side, None])
+    return _with_arms(parameters, rows, local, given[..., 0])
+
+
+def _rotate_towards(
+    elbows: Array, wrists: Array, wanted: Array, share: Array, axes: Array, wrist_range: AngleRange
+) -> tuple[Array, Array]:
+    """Rotate forearms and hands (n, 2, 3, 3) by a ``share`` (n, 2) of the arc to the ``wanted`` rotations."""
+    way = rotmat_to_rotvec(wanted @ np.swapaxes(wrists, -1, -2))
+    low, high = _limits(wrist_range)
+    start = rotmat_to_rotvec(np.swapaxes(elbows, -1, -2) @ wrists)
+    # A wrist that is out of range at the start may stay there, and may return.
+    low, high = np.minimum(low, start), np.maximum(high, start)
+
+    def at(step: Array) -> tuple[Array, Array]:
+        turn = way * step[..., None]
+        hand = rotvec_to_rotmat(turn) @ wrists
+        forearm = elbows @ rotvec_to_rotmat(_pronation(elbows, turn, axes)[..., None] * axes)
+        return forearm, hand
+
+    steps = np.linspace(0.0, 1.0, _STEPS + 1)[:, None, None] * np.ones_like(share)
+    forearm, hand = at(steps)
+    bent = rotmat_to_rotvec(np.swapaxes(forearm, -1, -2) @ hand)
+    beyond = ((bent < low - 1e-9) | (bent > high + 1e-9)).any(-1)
+    first = np.where(beyond.any(0), beyond.argmax(0), _STEPS + 1)
+    farthest = np.clip((first - 1) / _STEPS, 0.0, 1.0)
+    return at(np.minimum(share, farthest))
+
+
+def _pronation(elbows: Array, turn: Array, axes: Array) -> Array:
+    """Return the twist (..., 2) of each forearm about its axis, radians, for hand rotations ``turn`` (..., 2, 3).
+
+    The twist of ``turn`` about an axis a: twice the angle of (q_w, q . a) of its quaternion, with no jump on the way.
+    """
+    angle = np.linalg.norm(turn, axis=-1)
+    own = (np.swapaxes(elbows, -1, -2) @ turn[..., None])[..., 0]
+    along = (own * axes).sum(-1) / np.maximum(angle, 1e-12)
+    twist = 2 * np.arctan2(along * np.sin(0.5 * angle), np.cos(0.5 * angle))
+    clipped: Array = np.clip(_FOREARM_SHARE * twist, -_MAX_FOREARM_TWIST, _MAX_FOREARM_TWIST)
+    return clipped
+
+
+def _limits(wrist_range: AngleRange) -> tuple[Array, Array]:
+    """Return the minimum and maximum angles (2, 3) of the left and the right wrist."""
+    low, high = (np.array([bounds[k] for bounds in wrist_range]) for k in (0, 1))
+    mirrored = (np.array([low[0], -high[1], -high[2]]), np.array([high[0], -low[1], -low[2]]))
+    return np.stack([low, mirrored[0]]) - _SLACK, np.stack([high, mirrored[1]]) + _SLACK
+
+
+def _with_arms(
+    parameters: BodyParameters, rows: NDArray[np.int64], local: Array, given: NDArray[np.bool_]
+) -> BodyParameters:
+    """Replace elbows, wrists and fingers of ``rows`` where ``given`` (n, 2); all other values stay identical."""
+    some = parameters[rows]
+    tensors = (torch.from_numpy(np.array(value)) for value in (some.betas, some.expression, some.transl))
+    betas, expression, transl = tensors
+    turned = parameters_from_rotations(torch.from_numpy(local), betas, expression, transl)
+    changed = {name: getattr(parameters, name).copy() for name in ("body_pose", "left_hand_pose", "right_hand_pose")}
+    for side, name in enumerate(("left_hand_pose", "right_hand_pose")):
+        people = rows[given[:, side]]
+        changed[name][people] = getattr(turned, name)[given[:, side]]
+        for joint in (_ELBOWS[side], _WRISTS[side]):
+            columns = slice(3 * joint - 3, 3 * joint)
+            changed["body_pose"][people, columns] = turned.body_pose[given[:, side], columns]
+    return replace(parameters, **changed)
