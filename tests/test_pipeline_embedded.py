@@ -13,7 +13,7 @@ from physic_core import Reconstruction, reconstruct
 from physic_core.body import load_body
 from physic_core.cli import main
 from physic_core.io.photo import read_photo
-from physic_core.metrics.consistency import consistency
+from physic_testing.bench.consistency import consistency
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 

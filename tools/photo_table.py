@@ -18,8 +18,8 @@ from pathlib import Path
 
 from physic_core.body import load_body
 from physic_core.errors import PhysicError
-from physic_core.metrics.consistency import consistency, summarise
 from physic_core.pipeline.run import reconstruct_photo
+from physic_testing.bench.consistency import consistency, summarise
 
 SUFFIXES = {".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp", ".avif", ".heic"}
 HEADER = (

@@ -1,6 +1,6 @@
-"""Measures of a reconstruction without ground truth: its agreement with the photo, and with itself.
+"""Measures of a reconstruction without ground truth: agreement with the photo, contact and posture.
 
-Everything is in metres in the OpenCV camera frame (x right, y down, z forward), unless a name says px or deg.
+Metres, OpenCV camera frame (x right, y down, z forward).
 """
 
 from __future__ import annotations
@@ -34,25 +34,25 @@ __all__ = [
 ]
 
 VISIBLE = 0.3
-"""Confidence from which a keypoint counts as seen."""
+"""Least confidence of a visible keypoint."""
 
 DEEP = 0.03
-"""Metres inside the scene from which a vertex counts as deep inside."""
+"""Least depth, metres, of a vertex deep inside the scene."""
 
 
 @dataclass(frozen=True)
 class PersonConsistency:
-    """Numbers of one person; NaN where the photo or the scene leaves nothing to measure.
+    """Measures of one person; NaN if unknown.
 
     Attributes:
-        keypoint_error_px: mean distance of the projected landmarks from the keypoints that are seen.
-        keypoint_error_share: the same over the height of the person's box.
+        keypoint_error_px: mean distance of the projected landmarks from the visible keypoints.
+        keypoint_error_share: the same, relative to the height of the person's box.
         contact_distance: median distance of the contact vertices to scene or floor.
-        inside_share: share of all vertices that lie more than 3 cm inside the scene or the floor.
-        sole_height: of the lowest sole vertex over the floor; negative below it.
+        inside_share: share of vertices more than 3 cm inside the scene or the floor.
+        sole_height: of the lowest sole vertex over the floor.
         lowest_height: of the lowest vertex over the floor.
-        lean_deg: tilt of a standing person against the floor's normal.
-        lean_to_camera_deg: the part of it towards the camera; negative away from it.
+        lean_deg: tilt of a standing person from the floor's normal.
+        lean_to_camera_deg: the part of the tilt towards the camera; negative away from it.
     """
 
     keypoint_error_px: float
@@ -67,11 +67,11 @@ class PersonConsistency:
 
 @dataclass(frozen=True)
 class Summary:
-    """One photo's numbers: means over its people, but for the median distance, which is over all contact vertices.
+    """Measures of one photo.
 
     Attributes:
-        people: how many.
-        keypoint_error_px: mean.
+        people: number of people.
+        keypoint_error_px: mean over people.
         contact_distance: median over the contact vertices of all people.
         inside_share: over the vertices of all people.
     """
@@ -83,15 +83,15 @@ class Summary:
 
 
 def consistency(reconstruction: Reconstruction, model: BodyModel) -> tuple[PersonConsistency, ...]:
-    """Numbers of every person.
+    """Measure every person of a reconstruction.
 
     Args:
         reconstruction: of one photo.
-        model: the body that its parameters are for.
+        model: body model of its parameters.
 
     Raises:
-        BodyModelError: the parameters are for another model, or it lacks a point of the skeleton.
-        ValueError: no standard skeleton has the result's name.
+        BodyModelError: the parameters are for another model, or it does not have a point of the skeleton.
+        ValueError: the skeleton is unknown.
     """
     soles = np.concatenate([model.contact_sets[f"{side}_sole"].cpu().numpy() for side in ("left", "right")])
     floor = reconstruction.scene.floor
@@ -125,7 +125,7 @@ def consistency(reconstruction: Reconstruction, model: BodyModel) -> tuple[Perso
 
 
 def summarise(reconstruction: Reconstruction, people: tuple[PersonConsistency, ...]) -> Summary:
-    """The photo's row of a table."""
+    """Combine the measures of all people of a photo."""
     distances = [person.distance for person in reconstruction.people]
     contacts = [person.contact for person in reconstruction.people]
     return Summary(
@@ -139,14 +139,14 @@ def summarise(reconstruction: Reconstruction, people: tuple[PersonConsistency, .
 def keypoint_error_px(
     projected: Array, keypoints: Array, confidence: Array, *, size: tuple[int, int], visible: float = VISIBLE
 ) -> float:
-    """Mean distance in px over the keypoints that are seen; NaN where none is.
+    """Return the mean reprojection error, px, of the visible keypoints; NaN if none is visible.
 
     Args:
         projected: (J, 2) px, landmarks of the body.
         keypoints: (J, 2) px, of the photo.
         confidence: (J,) in [0, 1].
         size: width and height of the photo, px; keypoints outside do not count.
-        visible: least confidence of a keypoint that counts.
+        visible: least confidence of a visible keypoint.
     """
     with np.errstate(invalid="ignore"):
         inside = ((keypoints > -0.5) & (keypoints < np.array(size) - 0.5)).all(-1)
@@ -155,25 +155,25 @@ def keypoint_error_px(
 
 
 def contact_distance(distance: Array, contact: NDArray[np.bool_]) -> float:
-    """Median |distance| in metres over contact vertices with a known distance; NaN where there is none."""
+    """Return the median |distance|, metres, of contact vertices with a known distance, or NaN."""
     known = contact & np.isfinite(distance)
     return float(np.median(np.abs(distance[known]))) if known.any() else math.nan
 
 
 def inside_share(distance: Array, depth: float = DEEP) -> float:
-    """Share of vertices whose signed distance (V,) is below ``-depth`` metres; unknown ones are outside."""
+    """Return the share of vertices with a signed distance (V,) below ``-depth`` metres."""
     return float(np.mean(distance < -depth)) if len(distance) else math.nan
 
 
 def lowest_height(vertices: Array, floor: Plane | None) -> float:
-    """Height in metres of the lowest of (M, 3) points over the floor; NaN without a floor or points."""
+    """Return the height of the lowest of points (M, 3) over the floor, metres; NaN without floor or points."""
     if floor is None or not len(vertices):
         return math.nan
     return float((vertices @ np.asarray(floor.normal) + floor.offset).min())
 
 
 def _landmarks_px(person: Person, reconstruction: Reconstruction, model: BodyModel, skeleton: Skeleton) -> Array:
-    """(J, 2) px: where the body of the parameters has the points of a joint set."""
+    """Project the landmarks of a person's body, (J, 2) px."""
     import torch
 
     from physic_core.body.parameters import rotations_from_parameters

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from physic_core.body import load_body
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.body.posture import is_body_straight, lean_deg
-from physic_core.metrics.consistency import (
+from physic_core.types import BodyParameters, Intrinsics, Person, Plane, Reconstruction, Scene
+from physic_testing.bench.consistency import (
     consistency,
     contact_distance,
     inside_share,
@@ -22,7 +23,6 @@ from physic_core.metrics.consistency import (
     lowest_height,
     summarise,
 )
-from physic_core.types import BodyParameters, Intrinsics, Person, Plane, Reconstruction, Scene
 
 CAMERA = Intrinsics.from_focal(600.0, 640, 480)
 FLOOR = Plane(np.array([0.0, -1.0, 0.0]), 1.5)  # the camera is level, 1.5 m up
