@@ -8,7 +8,7 @@ import torch
 
 from physic_core import Reconstruction, load_config, reconstruct
 from physic_core.body import load_body
-from physic_core.geometry.carving import carved
+from physic_core.geometry.carving import move_behind_bodies
 from physic_testing.worlds import World, build_world
 
 pytestmark = pytest.mark.kernels
@@ -65,7 +65,7 @@ def test_made_up_scene_lies_in_nobody_and_all_that_was_seen_stays() -> None:
         flags = np.zeros(valid.shape, bool)
         points = torch.from_numpy(scene_of.scene.points[valid])
         masks = torch.from_numpy(np.stack([p.mask[valid] for p in result.people]))
-        flags[valid] = carved(points, bodies, body.faces, masks, 0.4)[1].numpy()
+        flags[valid] = move_behind_bodies(points, bodies, body.faces, masks, 0.4)[1].numpy()
         return flags
 
     moved = (result.scene.points != plain.scene.points).any(-1)

@@ -114,7 +114,7 @@ def detection_scores(predicted: Sequence[bool], truth: Sequence[bool]) -> dict[s
     """Precision, recall and balanced accuracy; NaN for what has no case."""
     found, fact = np.array(predicted, bool), np.array(truth, bool)
     nan = float("nan")
-    precision, recall, _ = (float(v) for v in rates(contact_counts(found, fact)))
+    precision, recall, _ = (float(v) for v in precision_recall_f1(contact_counts(found, fact)))
     specificity = float((~found[~fact]).mean()) if (~fact).any() else nan
     return {
         "precision": precision if found.any() else nan,

@@ -16,7 +16,7 @@ from physic_core.body.posing import JointTree, pose_vertices
 from physic_core.body.skinning import Skin
 from physic_core.errors import BodyModelError
 from physic_core.geometry.coarse_mesh import CoarseMesh, coarse_mesh
-from physic_core.geometry.visibility import faces_around
+from physic_core.geometry.visibility import faces_of_vertices
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import Skeleton, skeleton_named
 
@@ -106,9 +106,9 @@ class BodyModel:
         return self.skin.template.device
 
     @cached_property
-    def faces_around(self) -> Tensor:
+    def faces_of_vertices(self) -> Tensor:
         """(V, most) int64 indices of the faces at each vertex, padded with F."""
-        return faces_around(self.faces, self.num_vertices)
+        return faces_of_vertices(self.faces, self.num_vertices)
 
     @cached_property
     def coarse(self) -> CoarseMesh:

@@ -8,7 +8,7 @@ from torch import Tensor
 from physic_core.engine.joint.distances import plane_height
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.settings import ContactSettings, EngineSettings
-from physic_core.geometry.neighbors import NearestScene, near_boxes
+from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
 
 __all__ = ["SEARCH_RADIUS_M", "contact_map", "contact_surfaces", "surface_distance"]
 
@@ -20,7 +20,7 @@ _POINT_SPACING_M = 0.02  # of scene points: a vertex between four of them is on 
 
 def contact_map(
     vertices: Tensor,
-    scene: NearestScene,
+    scene: NearestPointSearch,
     floor: tuple[Tensor, float] | None,
     outer: Tensor,
     settings: ContactSettings,
@@ -52,7 +52,7 @@ def contact_map(
 
 def contact_surfaces(
     problem: JointProblem, vertices: Tensor, scale: float, settings: EngineSettings
-) -> tuple[NearestScene, tuple[Tensor, float] | None]:
+) -> tuple[NearestPointSearch, tuple[Tensor, float] | None]:
     """Return the surfaces for contact: the scaled scene near bodies (B, V, 3), and the floor's plane.
 
     If stage 3 uses samples of the floor, they are among the scene's points, and the plane is None.
@@ -63,19 +63,18 @@ def contact_surfaces(
         points = torch.cat([points, problem.floor_points * scale])
         normals = torch.cat([normals, plane[0].expand_as(problem.floor_points)])
         plane = None
-    near = near_boxes(points, vertices, SEARCH_RADIUS_M)
-    return NearestScene(points[near], normals[near], SEARCH_RADIUS_M), plane
+    near = inside_body_boxes(points, vertices, SEARCH_RADIUS_M)
+    return NearestPointSearch(points[near], normals[near], SEARCH_RADIUS_M), plane
 
 
 def surface_distance(
-    vertices: Tensor, scene: NearestScene, settings: ContactSettings, free: Tensor | None = None
+    vertices: Tensor, scene: NearestPointSearch, settings: ContactSettings, free: Tensor | None = None
 ) -> Tensor:
     """Return the signed distance (..., V) of each vertex to the scene's surface, metres.
 
-    "plane" measures along the normal of the nearest point, so that gaps between points do not count as distance; beyond
-    the rim of a surface, the distance to the rim is added. The distance is positive at points without a normal, and for
-    vertices in free space, ``free`` (..., V) bool, see :mod:`physic_core.geometry.free_space`. Beyond the search radius
-    it is inf.
+    The metric "plane" measures along the normal of the nearest point, and adds the lateral distance beyond the rim of a
+    surface. The distance is positive at points without a normal, and for vertices in free space, ``free`` (..., V)
+    bool, see :mod:`physic_core.geometry.free_space`. It is inf beyond the search radius.
     """
     nearest = scene.query(vertices, radius=SEARCH_RADIUS_M)
     far = torch.full_like(nearest.distance, torch.inf)

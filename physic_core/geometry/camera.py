@@ -1,8 +1,7 @@
-"""The pinhole camera: points to pixels and back.
+"""Pinhole projection and unprojection.
 
-OpenCV axes (x right, y down, z forward), no distortion, no skew. Integer pixel coordinates are pixel centres. Plain
-formulas on purpose: they run inside every optimisation step, broadcast over any leading dimensions, and keep the
-dtype and device of the points.
+OpenCV axes (x right, y down, z forward), no distortion, no skew. Integer pixel coordinates are pixel centres. Leading
+dimensions broadcast; results have the dtype and device of the points.
 """
 
 from __future__ import annotations
@@ -12,29 +11,28 @@ from torch import Tensor
 
 __all__ = ["focal_px", "intrinsics_matrix", "mean_camera", "pixel_grid", "pixel_rays", "project", "unproject"]
 
-_NEAREST = 1e-3
+_MIN_DEPTH = 1e-3
 
 
 def project(points: Tensor, K: Tensor) -> Tensor:
-    """Points to pixels.
+    """Project 3D points to pixel coordinates.
 
     Args:
-        points: (..., 3) camera frame, any unit. Depths under 0.001 count as 0.001, so that pixel and gradient stay
-            finite for what is at or behind the camera.
+        points: (..., 3) camera frame, any unit. Depths below 0.001 count as 0.001, so that the gradient stays finite.
         K: (3, 3) px, or (..., 3, 3) that broadcasts with the leading dimensions of ``points``.
 
     Returns:
         (..., 2) px.
     """
     K = K.to(points)
-    z = points[..., 2].clamp(min=_NEAREST)
+    z = points[..., 2].clamp(min=_MIN_DEPTH)
     u = K[..., 0, 0] * (points[..., 0] / z) + K[..., 0, 2]
     v = K[..., 1, 1] * (points[..., 1] / z) + K[..., 1, 2]
     return torch.stack((u, v), dim=-1)
 
 
 def unproject(uv: Tensor, depth: Tensor, K: Tensor) -> Tensor:
-    """Pixels with z-depth to points; the inverse of :func:`project`.
+    """Unproject pixels with z-depth to 3D points; the inverse of :func:`project`.
 
     Args:
         uv: (..., 2) px.
@@ -51,25 +49,25 @@ def unproject(uv: Tensor, depth: Tensor, K: Tensor) -> Tensor:
 
 
 def pixel_grid(height: int, width: int, like: Tensor) -> Tensor:
-    """(H, W, 2) px coordinates of the pixel centres, x first, with the dtype and device of ``like``."""
+    """Return the (x, y) coordinates (H, W, 2) of all pixel centres, with the dtype and device of ``like``."""
     v = torch.arange(height, dtype=like.dtype, device=like.device)
     u = torch.arange(width, dtype=like.dtype, device=like.device)
     return torch.stack((u.expand(height, width), v[:, None].expand(height, width)), dim=-1)
 
 
 def pixel_rays(height: int, width: int, K: Tensor) -> Tensor:
-    """(H, W, 3) direction through each pixel's centre, scaled so that z = 1."""
+    """Return the direction (H, W, 3) of the ray through each pixel centre, with z = 1."""
     ones = K.new_ones((height, width))
     return unproject(pixel_grid(height, width, K), ones, K)
 
 
 def focal_px(K: Tensor) -> float:
-    """Focal length of a camera (3, 3), px: the geometric mean of both axes."""
+    """Return the focal length of intrinsics (3, 3): the geometric mean of fx and fy, px."""
     return float((K[0, 0] * K[1, 1]).sqrt())
 
 
 def mean_camera(first: Tensor, second: Tensor) -> Tensor:
-    """Two estimates of one camera, (3, 3) px each, as one: focal lengths err by factors, the centre by pixels."""
+    """Return the mean of two intrinsics (3, 3): geometric for focal lengths, arithmetic for the centre."""
     mean = (first + second) / 2
     for axis in (0, 1):
         mean[axis, axis] = (first[axis, axis] * second[axis, axis]).sqrt()
@@ -77,5 +75,5 @@ def mean_camera(first: Tensor, second: Tensor) -> Tensor:
 
 
 def intrinsics_matrix(fx: float, fy: float, cx: float, cy: float, like: Tensor) -> Tensor:
-    """The (3, 3) camera matrix, px, with the dtype and device of ``like``."""
+    """Return the intrinsics matrix (3, 3), px, with the dtype and device of ``like``."""
     return like.new_tensor([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])

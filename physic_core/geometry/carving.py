@@ -1,8 +1,6 @@
-"""Inpainted surfaces give way to the bodies that hid them.
+"""Move inpainted scene points behind the bodies that they intersect or occlude.
 
-Points inside a body move behind it, along their rays, and so do points before a body where the photo shows it.
-
-Metres, camera frame.
+Camera frame, metres. Points move along their rays.
 """
 
 from __future__ import annotations
@@ -14,24 +12,29 @@ from torch import Tensor
 
 from physic_core.geometry.visibility import embree_device
 
-__all__ = ["carved"]
+__all__ = ["move_behind_bodies"]
 
-_ROUNDS = 3  # limbs that touch: out of one may be into the next
-_STEP_M = 1e-4  # beyond a face, so that the next ray does not meet it again
+_ROUNDS = 3  # a point that leaves one limb may enter another
+_STEP_M = 1e-4  # beyond a face, so that the next ray does not hit it again
 
 
-def carved(points: Tensor, bodies: Tensor, faces: Tensor, shown: Tensor, reach: float) -> tuple[Tensor, Tensor]:
-    """Points (N, 3) outside all bodies, and which of them moved (N,) bool.
+def move_behind_bodies(
+    points: Tensor, bodies: Tensor, faces: Tensor, shown: Tensor, reach: float
+) -> tuple[Tensor, Tensor]:
+    """Move scene points (N, 3) out of bodies, and behind bodies that are visible at their pixels.
 
-    A ray from an inside point, away from the camera, meets the surface from within. Points that would have to move
-    farther than ``reach`` stay: there body or scene is wrong, and a hole would hide it.
+    A point that would move farther than ``reach`` does not move: then body or scene is wrong.
 
     Args:
         points: (N, 3).
         bodies: (B, V, 3), finite.
         faces: (F, 3) int64, of a closed surface, counter-clockwise seen from outside.
-        shown: (B, N) bool, the photo shows this body at the point's pixel.
+        shown: (B, N) bool, whether the body is visible at the point's pixel.
         reach: metres.
+
+    Returns:
+        points: (N, 3), moved.
+        moved: (N,) bool.
     """
     start: NDArray[np.float64] = points.detach().cpu().double().numpy()
     rays = start / np.maximum(np.linalg.norm(start, axis=1), 1e-9)[:, None]
@@ -39,13 +42,13 @@ def carved(points: Tensor, bodies: Tensor, faces: Tensor, shown: Tensor, reach: 
     if not len(start):
         return points, torch.zeros(0, dtype=torch.bool, device=points.device)
     triangles = faces.cpu().numpy()
-    solids = [_Solid(body, triangles) for body in bodies.detach().cpu().double().numpy()]
-    for solid, here in zip(solids, shown.cpu().numpy(), strict=True):
-        along[here] = np.maximum(along[here], solid.way_in(start[here], rays[here], reach))
+    casters = [_BodyRays(body, triangles) for body in bodies.detach().cpu().double().numpy()]
+    for caster, here in zip(casters, shown.cpu().numpy(), strict=True):
+        along[here] = np.maximum(along[here], caster.distance_to_front(start[here], rays[here], reach))
     for _ in range(_ROUNDS):
         before = along.copy()
-        for solid in solids:
-            along = along + solid.way_out(start + along[:, None] * rays, rays)
+        for caster in casters:
+            along = along + caster.distance_to_exit(start + along[:, None] * rays, rays)
         if np.array_equal(along, before):
             break
     along = np.where(along <= reach, along, 0.0)
@@ -54,8 +57,8 @@ def carved(points: Tensor, bodies: Tensor, faces: Tensor, shown: Tensor, reach: 
     return torch.where(out[:, None], moved, points), out
 
 
-class _Solid:
-    """A body that rays can be cast at from within."""
+class _BodyRays:
+    """Ray casts against the surface of one body."""
 
     def __init__(self, body: NDArray[np.float64], faces: NDArray[np.int64]) -> None:
         from embreex.mesh_construction import TriangleMesh
@@ -67,8 +70,10 @@ class _Solid:
         self._scene = EmbreeScene(embree_device())
         TriangleMesh(self._scene, body.astype(np.float32), faces.astype(np.int32))
 
-    def way_in(self, points: NDArray[np.float64], rays: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
-        """How far along its ray each point is before the front that the camera sees, and a little more; 0 behind it."""
+    def distance_to_front(
+        self, points: NDArray[np.float64], rays: NDArray[np.float64], reach: float
+    ) -> NDArray[np.float64]:
+        """Return the distance from each point to the front face behind it on its ray; 0 for others."""
         face = self._scene.run(np.zeros_like(points, np.float32), rays.astype(np.float32))
         hit = face >= 0
         normal = self._normal[face]
@@ -77,8 +82,8 @@ class _Solid:
         way = front - np.linalg.norm(points, axis=1)
         return np.where((way > 0) & (way <= reach), way + _STEP_M, 0.0)
 
-    def way_out(self, points: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[np.float64]:
-        """How far along its ray each point is inside; 0 outside."""
+    def distance_to_exit(self, points: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the distance from each inside point along its ray to the surface; 0 for outside points."""
         way = np.zeros(len(points))
         near = np.flatnonzero(((points > self._low) & (points < self._high)).all(1))
         if not len(near):

@@ -1,4 +1,4 @@
-"""Fewer vertices that stand for all: one for each cell of space and body part, and the faces between them."""
+"""Simplify a mesh: one vertex for each cell of a voxel grid and body part."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-__all__ = ["CoarseMesh", "clusters", "coarse_mesh"]
+__all__ = ["CoarseMesh", "cluster_points", "coarse_mesh"]
 
 _EQUAL_M = 1e-9  # smaller differences of distances are rounding errors
 
 
 @dataclass(frozen=True)
 class CoarseMesh:
-    """A mesh of a few of another one's vertices.
+    """A mesh on a subset of the vertices of a fine mesh.
 
     Attributes:
-        ids: (v,) int64, which vertices of the fine mesh.
-        faces: (F, 3) int64 into ``ids``, turned as in the fine mesh.
-        of_vertex: (V,) int64 into ``ids``, the coarse vertex that represents each vertex of the fine mesh.
+        ids: (v,) int64, vertices of the fine mesh.
+        faces: (F, 3) int64 into ``ids``, oriented as in the fine mesh.
+        of_vertex: (V,) int64 into ``ids``, representative of each vertex of the fine mesh.
     """
 
     ids: Tensor
@@ -27,40 +27,40 @@ class CoarseMesh:
     of_vertex: Tensor
 
     def to(self, device: torch.device) -> CoarseMesh:
-        """The same on another device."""
+        """Return a copy on another device."""
         return CoarseMesh(self.ids.to(device), self.faces.to(device), self.of_vertex.to(device))
 
 
 def coarse_mesh(vertices: Tensor, faces: Tensor, part_of_vertex: Tensor, spacing: float) -> CoarseMesh:
-    """Merge the vertices of each cell; faces that keep three corners are kept.
+    """Merge the vertices of each cell, and drop faces that lose a corner.
 
     Args:
         vertices: (V, 3) metres.
         faces: (F, 3) int64.
-        part_of_vertex: (V,) int64: vertices of two parts are never merged.
+        part_of_vertex: (V,) int64; vertices of different parts are not merged.
         spacing: side of a cell, metres.
     """
-    group, ids = clusters(vertices, part_of_vertex, spacing)
+    group, ids = cluster_points(vertices, part_of_vertex, spacing)
     a, b, c = group[faces].unbind(1)
     kept = (a != b) & (b != c) & (c != a)
     return CoarseMesh(ids, group[faces[kept]], group)
 
 
-def clusters(points: Tensor, part_of_point: Tensor, spacing: float) -> tuple[Tensor, Tensor]:
-    """Cells of one side length in each part.
+def cluster_points(points: Tensor, part_of_point: Tensor, spacing: float) -> tuple[Tensor, Tensor]:
+    """Group points by voxel and part, and choose one point of each group.
 
     Args:
         points: (N, 3) metres.
         part_of_point: (N,) int64.
-        spacing: side of a cell, metres.
+        spacing: side of a voxel, metres.
 
     Returns:
-        group: (N,) int64, the cell of each point.
-        chosen: (G,) int64, the point next to each cell's centre of gravity.
+        group: (N,) int64, group of each point.
+        chosen: (G,) int64, the point nearest to the centroid of each group.
     """
     points = points.double()
     cell = (points / spacing).floor().long()
-    # One number a cell and part: sorting rows of four takes ten times as long.
+    # One integer key for cell and part: unique rows take ten times as long.
     x, y, z = (cell - cell.amin(0)).unbind(1) if len(points) else cell.unbind(1)
     wide = int(cell.amax() - cell.amin()) + 1 if len(points) else 1
     parts = int(part_of_point.max()) + 1 if len(points) else 1
@@ -70,6 +70,6 @@ def clusters(points: Tensor, part_of_point: Tensor, spacing: float) -> tuple[Ten
     off = (points - centre[group]).norm(dim=-1)
     least = off.new_full((count,), torch.inf).scatter_reduce(0, group, off, "amin")
     best = (off <= least[group] + _EQUAL_M).nonzero(as_tuple=True)[0]
-    # Of several points that are equally near to the centre, as two alone always are, the first stands for the cell.
+    # Ties, as in every group of two, go to the first point.
     chosen = best.new_full((count,), len(points)).scatter_reduce(0, group[best], best, "amin")
     return group, chosen

@@ -1,7 +1,6 @@
 """RANSAC for a floor in inverse depth: 1 / Z = a x + b y + c over the ray (x, y, 1) of a pixel.
 
-Pixels are averaged over square blocks first. A plane is linear in inverse depth, so that the mean is exact on it, and
-calmer than single pixels.
+Inverse depth is averaged over square pixel blocks to reduce noise. The mean is exact on a plane.
 """
 
 from __future__ import annotations
@@ -15,15 +14,15 @@ from torch import Tensor
 __all__ = ["BlockSamples", "fit_plane", "plane_shares", "sample_blocks"]
 
 LOWER_SHARE = 0.6
-"""Part of the picture, from below, in which a floor is searched where no mask shows it."""
+"""Height of the lower part of the image, in which a floor is searched without a mask."""
 
 FEWEST_SAMPLES = 40
 
 HOLE_WEIGHT = 0.3
-"""Weight of inpainted pixels: an inpainter mostly continues the floor, but also the furniture."""
+"""Weight of inpainted pixels: an inpainter may continue furniture instead of the floor."""
 
 MAX_ROLL_DEG = 25.0
-"""Largest sideways tilt of a floor in the picture: photos are taken nearly upright."""
+"""Largest roll of the camera relative to the floor."""
 
 _HYPOTHESES = 1000
 _SEED = 0
@@ -31,39 +30,39 @@ _SAMPLES = 16_000
 _SCORED_SAMPLES = 2000
 _FINALISTS = 32  # hypotheses that are scored on all samples
 _REFITS = 8
-_UP_COSINE = math.cos(math.radians(15.0))  # least, of a floor's normal with the up that the surfaces show
-_UP_SIGMA = math.radians(3.0)  # expected error of that up
-_UP_SHARE = 0.05  # its weight, as a share of the floor's own pixels: their errors are those of a few bends
+_UP_COSINE = math.cos(math.radians(15.0))  # least cosine between a floor's normal and up
+_UP_SIGMA = math.radians(3.0)  # standard error of the up direction
+_UP_SHARE = 0.05  # weight of the up direction as a share of the pixels' weight
 
 
 class BlockSamples(NamedTuple):
-    """M blocks of pixels.
+    """Means over M blocks of pixels.
 
     Attributes:
         rays: (M, 3) mean ray (x, y, 1).
         inverse: (M,) mean inverse depth.
         weight: (M,) less for inpainted pixels.
-        candidate: (M,) bool, blocks that may lie on the floor: those of the mask, or of the lower part of the picture.
-        watched: (M,) bool, blocks of the lower part, where nothing may lie below the floor.
+        candidate: (M,) bool, blocks of the mask, or of the lower part of the image without a mask.
+        lower: (M,) bool, blocks of the lower part, in which pixels below a plane count against it.
     """
 
     rays: Tensor
     inverse: Tensor
     weight: Tensor
     candidate: Tensor
-    watched: Tensor
+    lower: Tensor
 
 
 def sample_blocks(
     rays: Tensor, inverse: Tensor, valid: Tensor, mask: Tensor | None, hole: Tensor | None
 ) -> BlockSamples:
-    """Average square blocks of pixels.
+    """Average the rays and inverse depths of a point map over square blocks of pixels.
 
     Args:
         rays: (H, W, 3), X / Z.
         inverse: (H, W), 1 / Z.
         valid: (H, W) bool.
-        mask: (H, W) bool, candidate pixels; the lower part of the picture where None.
+        mask: (H, W) bool, candidate pixels; None takes the lower part of the image.
         hole: (H, W) bool, inpainted pixels, or None.
     """
     rows, columns = valid.shape
@@ -90,12 +89,12 @@ def sample_blocks(
         inverse=mean_inverse[known].double(),
         weight=weight[known].double(),
         candidate=(candidate if mask is not None else lower & candidate)[known],
-        watched=lower[known],
+        lower=lower[known],
     )
 
 
 def _block_mean(x: Tensor, block: int) -> Tensor:
-    """(H, W) -> mean over block x block pixels; the last block of a row or column may be smaller."""
+    """Return the mean of x (H, W) over block x block pixels; blocks at the border may be smaller."""
     if block == 1:
         return x
     blocks: Tensor = torch.nn.functional.avg_pool2d(x[None, None], block, ceil_mode=True)[0, 0]
@@ -103,23 +102,23 @@ def _block_mean(x: Tensor, block: int) -> Tensor:
 
 
 def fit_plane(samples: BlockSamples, tolerance: float, least_rise: float, up: Tensor | None) -> Tensor | None:
-    """RANSAC, then reweighted least squares on the consensus.
+    """Fit a plane to the candidate blocks by RANSAC and reweighted least squares.
 
     Args:
         samples: at least ``FEWEST_SAMPLES`` candidates.
         tolerance: largest error of an inlier, inverse depth.
-        least_rise: least increase of inverse depth from the top of the picture to its bottom.
-        up: (3,) unit, up as the surfaces of the scene show it, or None.
+        least_rise: least increase of inverse depth from the top of the image to its bottom.
+        up: (3,) unit up direction, or None.
 
     Returns:
-        (3,) plane a, b, c, which points down; None where no hypothesis is level.
+        (3,) plane a, b, c, which points down; None without a valid hypothesis.
     """
     slope = least_rise / float(samples.rays[:, 1].max() - samples.rays[:, 1].min())
     generator = torch.Generator().manual_seed(_SEED)
     planes = _draw_planes(samples, slope, up, generator)
     if not len(planes):
         return None
-    counted = samples.candidate | samples.watched
+    counted = samples.candidate | samples.lower
     if int(counted.sum()) > 2 * _SCORED_SAMPLES:
         order = torch.randperm(len(counted), generator=generator).to(counted.device)
         some = order[counted[order]][:_SCORED_SAMPLES]
@@ -129,7 +128,7 @@ def fit_plane(samples: BlockSamples, tolerance: float, least_rise: float, up: Te
 
 
 def _draw_planes(samples: BlockSamples, slope: float, up: Tensor | None, generator: torch.Generator) -> Tensor:
-    """(G, 3) level planes through three random candidates each."""
+    """Return valid planes (G, 3) through three random candidates each."""
     index = samples.candidate.nonzero()[:, 0]
     odds = samples.weight[index].float().cpu()
     drawn = torch.multinomial(odds, 3 * _HYPOTHESES, replacement=True, generator=generator).to(index.device)
@@ -141,8 +140,8 @@ def _draw_planes(samples: BlockSamples, slope: float, up: Tensor | None, generat
 
 
 def _is_level(planes: Tensor, slope: float, up: Tensor | None) -> Tensor:
-    """(..., 3) -> (...) bool: seen from above, not rolled sideways, and square to up where that is known."""
-    # Nearer towards the bottom of the picture is seen from above; a / b is the tangent of the camera's roll.
+    """Return whether planes (..., 3) are seen from above, unrolled and perpendicular to up: (...) bool."""
+    # Inverse depth increases downwards on a plane seen from above; a / b is the tangent of the camera's roll.
     level: Tensor = planes[..., 0].abs() <= math.tan(math.radians(MAX_ROLL_DEG)) * planes[..., 1]
     if up is not None:
         level = level & (-(planes @ up.to(planes)) > _UP_COSINE * torch.linalg.vector_norm(planes, dim=-1))
@@ -156,7 +155,7 @@ def _refine(samples: BlockSamples, plane: Tensor, tolerance: float, slope: float
         weighted = samples.rays * weight[:, None]
         moments = weighted.T @ samples.rays
         if up is not None:
-            # The part of the plane across up is an angle times its length: as if seen with an error of that angle.
+            # A prior on the component perpendicular to up, which is the angle between them times the length.
             across = torch.eye(3, dtype=plane.dtype, device=plane.device) - torch.outer(up, up).to(plane)
             angle = float(torch.linalg.vector_norm(plane)) * _UP_SIGMA
             moments = moments + _UP_SHARE * weight.sum() * (tolerance / angle) ** 2 * across
@@ -168,22 +167,22 @@ def _refine(samples: BlockSamples, plane: Tensor, tolerance: float, slope: float
 
 
 def _score(samples: BlockSamples, planes: Tensor, tolerance: float, some: Tensor) -> Tensor:
-    """(G,) weight on each plane less weight clearly below it; what is lower in the picture counts up to double."""
+    """Return the weight (G,) of the inliers minus that of blocks below; weights double towards the bottom."""
     rays, inverse = samples.rays[some].float(), samples.inverse[some].float()
     low, high = rays[:, 1].min(), rays[:, 1].max()
     weight = samples.weight[some].float() * (1 + (rays[:, 1] - low) / (high - low).clamp(min=1e-12))
     error = inverse - planes.float() @ rays.T
     on = (error.abs() < tolerance).float() @ (weight * samples.candidate[some])
-    below = (error < -2 * tolerance).float() @ (weight * samples.watched[some])
+    below = (error < -2 * tolerance).float() @ (weight * samples.lower[some])
     return on - below
 
 
 def plane_shares(samples: BlockSamples, plane: Tensor, tolerance: float) -> tuple[float, float]:
-    """Share of the candidates on a plane (3,), and share of the watched blocks two tolerances or more below it."""
+    """Return the share of candidates on a plane (3,), and of lower blocks more than two tolerances below it."""
     error = samples.inverse - samples.rays @ plane
 
     def share(found: Tensor, among: Tensor) -> float:
         weight = samples.weight * among
         return float((weight * found).sum() / weight.sum()) if bool(among.any()) else 0.0
 
-    return share(error.abs() < tolerance, samples.candidate), share(error < -2 * tolerance, samples.watched)
+    return share(error.abs() < tolerance, samples.candidate), share(error < -2 * tolerance, samples.lower)

@@ -1,8 +1,7 @@
-"""Free space: a point map shows the fronts of surfaces, and whatever lies before them is in the open.
+"""Test whether points lie in free space, in front of all surfaces of a depth map.
 
-Past the rim of a surface the nearest point of the scene lies on that rim, and its normal does not show on which side of
-it a point lies: a calf before a seat is under the plane of the seat, but not inside it. The depth map shows which.
-Metres, camera frame.
+Beyond the rim of a surface, the normal of the nearest scene point does not tell inside from outside. For example, a
+calf in front of a seat is below the seat's plane, but not inside the seat.
 """
 
 from __future__ import annotations
@@ -11,32 +10,32 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-__all__ = ["fronts", "in_free_space"]
+__all__ = ["front_depth", "in_free_space"]
 
 
-def fronts(depth: Tensor) -> Tensor:
-    """The nearest of each four pixels that meet: (H, W) along z -> (H - 1, W - 1); inf where none is known.
+def front_depth(depth: Tensor) -> Tensor:
+    """Return the least depth of each 2 x 2 pixel block: (H, W) -> (H - 1, W - 1); inf if none is finite.
 
-    Four, since at a rim one pixel alone may be the background's.
+    Four pixels, since at a depth edge a single one may show the background.
     """
     known = torch.where(torch.isfinite(depth), depth, torch.full_like(depth, torch.inf))
     return -F.max_pool2d(-known[None, None], 2, stride=1)[0, 0]
 
 
-def in_free_space(points: Tensor, fronts: Tensor, K: Tensor) -> Tensor:
-    """Whether nothing that was seen lies before each point (..., 3): (...) bool.
+def in_free_space(points: Tensor, front: Tensor, K: Tensor) -> Tensor:
+    """Return whether each point (..., 3) lies in front of every surface of the depth map: (...) bool.
 
     Args:
-        points: in the unit of the fronts.
-        fronts: (H - 1, W - 1), from :func:`fronts`.
-        K: (3, 3) px of the whole picture. Outside the picture, and behind the camera, nothing was seen.
+        points: camera frame, in the unit of ``front``.
+        front: (H - 1, W - 1), from :func:`front_depth`.
+        K: (3, 3) px of the full image. Points outside the image or behind the camera are in free space.
     """
     K, z = K.to(points), points[..., 2]
     ahead = z > 1e-6
     away = torch.where(ahead, z, torch.ones_like(z))
     column = (K[0, 0] * points[..., 0] / away + K[0, 2]).floor()
     row = (K[1, 1] * points[..., 1] / away + K[1, 2]).floor()
-    height, width = fronts.shape
+    height, width = front.shape
     inside = ahead & (column >= 0) & (column < width) & (row >= 0) & (row < height)
     flat = torch.where(inside, row * width + column, torch.zeros_like(row)).long()
-    return ~(inside & (fronts.flatten()[flat] < z))
+    return ~(inside & (front.flatten()[flat] < z))

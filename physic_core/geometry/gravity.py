@@ -1,7 +1,7 @@
-"""The direction of up in a photo, from the normals of its surfaces.
+"""Estimate the up direction of a photo from surface normals.
 
-Man-made surfaces are level or upright, and so is the ground: up is the direction that level normals follow and upright
-ones are square to (Gupta, Arbelaez and Malik, CVPR 2013, sec. 3).
+Most man-made surfaces are horizontal or vertical: normals are parallel or perpendicular to up (Gupta, Arbelaez and
+Malik, CVPR 2013, sec. 3).
 """
 
 from __future__ import annotations
@@ -12,29 +12,29 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-__all__ = ["Gravity", "gravity"]
+__all__ = ["UpEstimate", "estimate_up"]
 
-_ROUNDS = ((45.0, 5), (20.0, 5), (10.0, 5))  # degrees off that still count as level or upright, and how often
+_ROUNDS = ((45.0, 5), (20.0, 5), (10.0, 5))  # largest deviation in degrees, and number of iterations
 _SAMPLES = 20_000
 _FEWEST = 200
 
 
-class Gravity(NamedTuple):
-    """Up, and how clearly the surfaces show it.
+class UpEstimate(NamedTuple):
+    """Up direction with its confidence.
 
     Attributes:
         up: (3,) unit, float64, camera frame.
-        firmness: how much worse the surfaces agree with a direction that is turned about the worst axis, 0-1.
+        confidence: gap between the two smallest eigenvalues of the fit, per normal, 0-1.
     """
 
     up: Tensor
-    firmness: float
+    confidence: float
 
 
-def gravity(normals: Tensor) -> Gravity | None:
-    """Up, from unit surface normals (M, 3), camera frame (y down), zero where unknown; None where too few are known.
+def estimate_up(normals: Tensor) -> UpEstimate | None:
+    """Estimate the up direction from unit surface normals (M, 3), camera frame, zero where unknown.
 
-    The search begins at the camera's own up, which may be 45 degrees off.
+    The search starts at the camera's own up axis, which may be wrong by 45 degrees. None if there are too few normals.
     """
     known = normals[normals.square().sum(-1) > 0.5].double()
     if len(known) < _FEWEST:
@@ -50,4 +50,4 @@ def gravity(normals: Tensor) -> Gravity | None:
             spread = known[upright].T @ known[upright] - known[level].T @ known[level]
             values, directions = torch.linalg.eigh(spread)
             up = -directions[:, 0] if float(directions[:, 0] @ up) < 0 else directions[:, 0]
-    return Gravity(up, float(values[1] - values[0]) / len(known))
+    return UpEstimate(up, float(values[1] - values[0]) / len(known))

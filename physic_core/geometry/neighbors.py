@@ -1,10 +1,8 @@
-"""The nearest scene point of every body vertex, found only as far as contact and penetration look.
+"""Nearest scene point of each body vertex within a search radius.
 
-Three strategies give one answer: ``kdtree`` (exact, the default), ``brute`` (exact, plain, the others' slow twin) and
-``grid`` (the paper's 128^3 lookup, sec. 4.1: approximate; held to the released code's).
-
-The scene is searched in its own units. Where the optimisation has scaled it by ``s``, the vertices are divided by ``s``
-instead, since scaling all points keeps the nearest one of each: no structure is ever rebuilt for a new scale.
+Strategies: ``kdtree`` (exact, the default), ``brute`` (exact, a reference for tests) and ``grid`` (the paper's 128^3
+lookup, sec. 4.1, approximate). To query a scene scaled by ``s``, the vertices are divided by ``s``, so that the search
+structure stays valid.
 """
 
 from __future__ import annotations
@@ -21,23 +19,23 @@ from physic_core.errors import PhysicError
 if TYPE_CHECKING:
     from torch import Tensor
 
-__all__ = ["Nearest", "NearestScene", "Strategy", "near_boxes", "nearest_other_points"]
+__all__ = ["Nearest", "NearestPointSearch", "Strategy", "inside_body_boxes", "nearest_other_points"]
 
 Strategy = Literal["kdtree", "grid", "brute"]
 
-_LEAF = 32  # points of a leaf of the tree, searched one by one
-_LEAST_MARGIN_M = 1e-3  # of the grid's box, where all points lie in one plane
-_BRUTE_PAIRS = 4_000_000  # distances held at once by the plain search: 32 MB in float64
+_LEAF = 32  # points of a leaf of the tree
+_LEAST_MARGIN_M = 1e-3  # of the grid's box around coplanar points
+_BRUTE_PAIRS = 4_000_000  # distances per chunk: 32 MB in float64
 
 
 @dataclass(frozen=True)
 class Nearest:
-    """Answer of a nearest-point query.
+    """Result of a nearest-point query.
 
     Attributes:
-        index: (...) int64 row of the nearest scene point; 0 where none was found, so that it is always safe to gather.
-        distance: (...) metres in the scaled scene; inf where none was found.
-        found: (...) bool, a scene point lies nearer than the radius.
+        index: (...) int64 row of the nearest scene point; 0 if none was found.
+        distance: (...) metres in the scaled scene; inf if none was found.
+        found: (...) bool, whether a scene point lies within the radius.
     """
 
     index: Tensor
@@ -45,18 +43,18 @@ class Nearest:
     found: Tensor
 
 
-class NearestScene:
-    """A search structure over fixed scene points.
+class NearestPointSearch:
+    """Nearest-point search structure over fixed scene points.
 
     Args:
         points: (M, 3) metres, camera frame; M may be 0.
-        normals: (M, 3) unit, or zero where unknown; kept for the caller.
-        radius: metres; nothing farther is ever reported.
+        normals: (M, 3) unit, or zero where unknown; stored for the caller.
+        radius: search radius, metres.
         strategy: "kdtree", "grid" or "brute".
         cells: nodes of the grid along each axis.
 
     Raises:
-        PhysicError: an unknown strategy, or shapes that do not fit.
+        PhysicError: the strategy is unknown, or the shapes do not match.
     """
 
     def __init__(
@@ -76,24 +74,23 @@ class NearestScene:
         self._tree: cKDTree | None = None
         self._grid: _Grid | None = None
         if strategy == "kdtree" and len(points):
-            # Splits at the middle and boxes that are not shrunk: on surfaces sampled by pixels, with a bound on the
-            # distance, both are built faster and searched three times as fast.
+            # For pixel samples and a bounded distance, this tree is built faster and searched three times as fast.
             exact = self.points.cpu().double().numpy()
             self._tree = cKDTree(exact, leafsize=_LEAF, balanced_tree=False, compact_nodes=False)
         elif strategy == "grid" and len(points):
             self._grid = _Grid(self.points, cells)
 
     def query(self, vertices: Tensor, scale: float = 1.0, radius: float | None = None) -> Nearest:
-        """Find the nearest scene point of each vertex. Not differentiable: gather the points and subtract.
+        """Find the nearest scene point of each vertex; not differentiable.
 
         Args:
             vertices: (..., 3) metres, camera frame.
             scale: factor that the scene is scaled by about the camera.
-            radius: metres in the scaled scene, instead of the structure's own.
+            radius: metres in the scaled scene; None takes the structure's radius.
         """
         radius = self.radius if radius is None else radius
         flat = vertices.detach().reshape(-1, 3) / scale
-        # A vertex that is not a number is near nothing; the trees would refuse it.
+        # cKDTree raises on non-finite queries.
         finite = torch.isfinite(flat).all(-1)
         flat = torch.where(finite[:, None], flat, torch.zeros_like(flat))
         if len(self.points) == 0:
@@ -114,21 +111,18 @@ class NearestScene:
         return Nearest(index.reshape(shape), distance.reshape(shape), found.reshape(shape))
 
 
-def near_boxes(points: Tensor, vertices: Tensor, margin: float) -> Tensor:
-    """Which scene points lie in any body's bounding box, grown by a margin.
+def inside_body_boxes(points: Tensor, vertices: Tensor, margin: float) -> Tensor:
+    """Return whether scene points (M, 3) lie in any body's bounding box, enlarged by a margin: (M,) bool.
 
     Args:
         points: (M, 3) metres.
         vertices: (B, V, 3) metres.
         margin: metres.
-
-    Returns:
-        (M,) bool.
     """
     keep = torch.zeros(len(points), dtype=torch.bool, device=points.device)
     for body in vertices:
         low, high = body.amin(0) - margin, body.amax(0) + margin
-        # z first: most of a scene is in front of or behind its people, and one axis is cheaper than three.
+        # z first: it excludes most points, and one axis is cheaper than three.
         rows = ((points[:, 2] > low[2]) & (points[:, 2] < high[2])).nonzero(as_tuple=True)[0]
         inside = ((points[rows, :2] > low[:2]) & (points[rows, :2] < high[:2])).all(-1)
         keep[rows[inside]] = True
@@ -137,7 +131,7 @@ def near_boxes(points: Tensor, vertices: Tensor, margin: float) -> Tensor:
 
 def _query_tree(tree: cKDTree, flat: Tensor, radius: float) -> tuple[Tensor, Tensor]:
     distance, index = tree.query(flat.cpu().double().numpy(), distance_upper_bound=radius)
-    index = np.where(np.isfinite(distance), index, 0)  # SciPy answers the number of points where it found none
+    index = np.where(np.isfinite(distance), index, 0)  # SciPy returns the number of points if none is found
     return (
         torch.from_numpy(index.astype(np.int64)).to(flat.device),
         torch.from_numpy(distance).to(flat.device, flat.dtype),
@@ -148,7 +142,7 @@ def _query_brute(points: Tensor, flat: Tensor) -> tuple[Tensor, Tensor]:
     index, distance = [], []
     exact = points.double()
     for chunk in torch.split(flat.double(), max(1, _BRUTE_PAIRS // len(points))):
-        # Without this mode a matrix product computes the distances and loses millimetres far from the origin.
+        # The default mode uses a matrix product and loses millimetres far from the origin.
         pairs = torch.cdist(chunk, exact, compute_mode="donot_use_mm_for_euclid_dist")
         nearest = pairs.min(dim=1)
         index.append(nearest.indices)
@@ -159,11 +153,10 @@ def _query_brute(points: Tensor, flat: Tensor) -> tuple[Tensor, Tensor]:
 
 
 class _Grid:
-    """The paper's lookup: every vertex takes the point that is nearest to the closest node of a regular lattice.
+    """The paper's lookup: the nearest point of the closest node of a regular grid.
 
-    The lattice spans the box round the points and a tenth of its extent on every side, as in the released code. Nodes
-    are searched exactly, each when a vertex first comes to it: a run visits a few thousand of two million. A vertex
-    outside the box is searched exactly by itself.
+    The grid spans the bounding box of the points, enlarged by a tenth on each side, as in the released code. Nodes are
+    searched exactly when first used. Vertices outside the grid are searched exactly.
     """
 
     def __init__(self, points: Tensor, cells: int) -> None:
@@ -196,11 +189,11 @@ class _Grid:
 
 
 def nearest_other_points(points: Tensor, count: int) -> tuple[Tensor, Tensor]:
-    """The k nearest other points of each point of a cloud, exactly.
+    """Return the k nearest neighbours of each point in a point cloud, without the point itself.
 
     Args:
         points: (M, 3), any unit, finite; M >= 2.
-        count: k >= 1; all M - 1 other points where it is larger.
+        count: k >= 1; at most M - 1 are returned.
 
     Returns:
         distance: (M, k) float64, ascending.
@@ -208,6 +201,6 @@ def nearest_other_points(points: Tensor, count: int) -> tuple[Tensor, Tensor]:
     """
     cloud = points.detach().cpu().double().numpy()
     tree = cKDTree(cloud, balanced_tree=False, compact_nodes=False)
-    # The nearest point of all is the point itself.
+    # The first neighbour is the point itself.
     distance, index = tree.query(cloud, k=min(count, len(cloud) - 1) + 1, workers=-1)
     return torch.from_numpy(distance[:, 1:]).to(points.device), torch.from_numpy(index[:, 1:]).to(points.device)

@@ -1,6 +1,6 @@
-"""Planes n . X + o = 0: heights over them, and points on them.
+"""Planes ``n . X + o = 0``: signed heights, and sample points.
 
-The height of X is n . X + o: positive above, and o is the height of the camera. OpenCV camera frame.
+The height ``n . X + o`` is positive above the plane, and o is the height of the camera. OpenCV camera frame.
 """
 
 from __future__ import annotations
@@ -10,17 +10,16 @@ import math
 import torch
 from torch import Tensor
 
-__all__ = ["height", "plane_basis", "sample_plane"]
+__all__ = ["height_over_plane", "plane_basis", "sample_plane"]
 
 
-def height(points: Tensor, normal: Tensor, offset: float | Tensor) -> Tensor:
-    """Signed height of points (..., 3) over a plane: (...), the unit of the points."""
+def height_over_plane(points: Tensor, normal: Tensor, offset: float | Tensor) -> Tensor:
+    """Return the signed height (...) of points (..., 3) over a plane, in the unit of the points."""
     return points @ normal.to(points) + offset
 
 
 def plane_basis(normal: Tensor) -> tuple[Tensor, Tensor]:
-    """Two unit vectors (3,) that span the plane: the first sideways in the picture where it can be, and their cross
-    product is the normal."""
+    """Return two unit vectors (3,) that span the plane; their cross product is the normal."""
     side = normal.new_tensor([1.0, 0.0, 0.0])
     if abs(float(normal[0])) > 0.9:
         side = normal.new_tensor([0.0, 0.0, 1.0])
@@ -39,22 +38,22 @@ def sample_plane(
     near: float = 1.5,
     max_points: int = 40_000,
 ) -> Tensor:
-    """Points on a plane over the extent of a scene, in the plane's own coordinates, so that any plane will do.
+    """Sample points on a plane over the extent of a scene.
 
-    The extent is the 2nd to 98th percentile of the scene along both axes of the plane. The lattice has ``spacing``
-    within ``near`` of the centres, and beyond that whatever spacing the number of points allows.
+    The extent is the 2nd to 98th percentile of the scene along both axes of the plane. The spacing is ``spacing``
+    within ``near`` of the centres, and elsewhere the finest that ``max_points`` allows.
 
     Args:
         normal: (3,) unit.
         offset: of the plane.
         points: (M, 3) of the scene, metres.
-        centres: (P, 3) where people stand or sit; the nearest scene point where None or empty.
+        centres: (P, 3) positions of people; the nearest scene point if None or empty.
         spacing: metres, near the centres.
         near: metres.
-        max_points: points at most.
+        max_points: limit of N.
 
     Returns:
-        (N, 3) metres; N = 0 where there is no scene.
+        (N, 3) metres; N = 0 for an empty scene.
     """
     if not len(points) or max_points < 1:
         return points.new_zeros((0, 3))
@@ -65,12 +64,12 @@ def sample_plane(
     if centres is None or not len(centres):
         centres = points[torch.linalg.vector_norm(points, dim=-1).argmin()][None]
     middles = (centres - origin) @ axes.T
-    # Half of the points at most go to the neighbourhoods; one disc alone limits how fine that can be.
+    # At most half of the points are near the centres.
     fine = max(spacing, math.sqrt(2 * math.pi * near**2 / max_points))
-    close = _discs(middles, near, fine)
+    close = _disc_points(middles, near, fine)
     while len(close) > max(max_points // 2, len(middles)):
         fine *= math.sqrt(2 * len(close) / max_points) * 1.01
-        close = _discs(middles, near, fine)
+        close = _disc_points(middles, near, fine)
     left = max_points - len(close)
     area = float((high - low).clamp(min=1e-6).prod())
     coarse = max(fine, math.sqrt(area / max(1, left)))
@@ -79,15 +78,15 @@ def sample_plane(
         coarse *= 1.02
         counts = ((high - low) / coarse).floor().clamp(min=0).long() + 1
     if left <= 0:
-        return _lift(close[:max_points], origin, axes)
+        return origin + close[:max_points] @ axes
     lines = [float(low[i]) + coarse * torch.arange(int(counts[i]), dtype=flat.dtype) for i in (0, 1)]
     wide = torch.cartesian_prod(*lines).to(flat)
     wide = wide[(torch.cdist(wide, middles) > near).all(-1)]
-    return _lift(torch.cat((close, wide)), origin, axes)
+    return origin + torch.cat((close, wide)) @ axes
 
 
-def _discs(middles: Tensor, radius: float, spacing: float) -> Tensor:
-    """(N, 2) points of one common lattice within ``radius`` of any of (P, 2) middles, each once."""
+def _disc_points(middles: Tensor, radius: float, spacing: float) -> Tensor:
+    """Return the points (N, 2) of a square lattice within ``radius`` of any centre (P, 2)."""
     reach = math.ceil(radius / spacing) + 1
     step = torch.arange(-reach, reach + 1, device=middles.device)
     around = torch.cartesian_prod(step, step)
@@ -100,9 +99,5 @@ def _discs(middles: Tensor, radius: float, spacing: float) -> Tensor:
 
 
 def _percentile(x: Tensor, share: float) -> Tensor:
-    """(C,) of (M, C); by sorting, since torch.quantile refuses large inputs."""
+    """Return a percentile (C,) of each column of x (M, C); torch.quantile does not support large inputs."""
     return x.sort(dim=0).values[round(share * (len(x) - 1))]
-
-
-def _lift(flat: Tensor, origin: Tensor, axes: Tensor) -> Tensor:
-    return origin + flat @ axes

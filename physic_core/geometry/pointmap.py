@@ -1,7 +1,6 @@
-"""Point maps: a 3D point for every pixel, OpenCV camera frame (x right, y down, z forward).
+"""Point maps: a 3D point for each pixel, OpenCV camera frame (x right, y down, z forward).
 
-Everything here works in the image grid, so that a million points take a fraction of a second; the one exception,
-:func:`knn_outliers`, is the paper's exact k-nearest-neighbour rule.
+All operations use the image grid, except :func:`knn_outliers`, the paper's k-nearest-neighbour rule.
 """
 
 from __future__ import annotations
@@ -19,16 +18,16 @@ __all__ = [
     "depth_edges",
     "depth_to_pointmap",
     "intrinsics_from_pointmap",
+    "isolated_pixels",
     "knn_outliers",
     "normals",
-    "unsupported",
 ]
 
 _FEWEST_POINTS = 16
 
 
 def depth_to_pointmap(depth: Tensor, K: Tensor) -> Tensor:
-    """Put every pixel's z-depth on its ray.
+    """Unproject a depth map to a point map.
 
     Args:
         depth: (..., H, W) along z, any unit; NaN stays NaN.
@@ -42,9 +41,9 @@ def depth_to_pointmap(depth: Tensor, K: Tensor) -> Tensor:
 
 
 def depth_edges(depth: Tensor, valid: Tensor, ratio: float = 1.05) -> Tensor:
-    """Pixels where the depth jumps: farthest over nearest valid depth among 3 x 3 pixels exceeds ``ratio``.
+    """Return pixels at depth edges: the depth ratio within 3 x 3 pixels exceeds ``ratio``.
 
-    Networks smear such jumps into points that float between the two surfaces.
+    Depth networks place points between the two surfaces of an edge.
 
     Args:
         depth: (H, W) > 0 where valid, any unit.
@@ -62,7 +61,7 @@ def depth_edges(depth: Tensor, valid: Tensor, ratio: float = 1.05) -> Tensor:
 
 
 def _max3x3(x: Tensor) -> Tensor:
-    """Maximum over 3 x 3 pixels, by rows then columns."""
+    """Return the maximum over 3 x 3 pixels, by rows then columns."""
     for dim in (0, 1):
         n = x.shape[dim]
         out = x.clone()
@@ -75,15 +74,14 @@ def _max3x3(x: Tensor) -> Tensor:
 
 
 def normals(points: Tensor, valid: Tensor, ratio: float = 1.05) -> Tensor:
-    """Unit normals that face the camera, from differences with the neighbouring pixels (paper Sec. 3.1).
+    """Return unit normals that face the camera, from differences of neighbouring pixels (paper Sec. 3.1).
 
-    A neighbour across a depth edge is left out, so a pixel beside an edge takes the normal of its own surface; a plane
-    gets its exact normal up to the border. No distance threshold: any unit and any nearness will do.
+    Differences across a depth edge are not used. A plane gets its exact normal up to its border.
 
     Args:
         points: (H, W, 3), any unit.
         valid: (H, W) bool.
-        ratio: depths of 3 x 3 pixels whose ratio exceeds it lie on different surfaces, see :func:`depth_edges`.
+        ratio: depth ratio of an edge, see :func:`depth_edges`.
 
     Returns:
         (H, W, 3), zero where a pixel has no usable neighbour along both image axes.
@@ -102,7 +100,7 @@ def normals(points: Tensor, valid: Tensor, ratio: float = 1.05) -> Tensor:
 
 
 def _tangent(points: Tensor, valid: Tensor, dim: int, limit: float) -> tuple[Tensor, Tensor]:
-    """Sum of the usable one-sided differences along an image axis, over the depth, and where there is one."""
+    """Return the sum of the usable differences along an image axis, over depth, and whether there is any."""
     n = points.shape[dim]
     tangent = torch.zeros_like(points)
     has = torch.zeros_like(valid)
@@ -122,17 +120,16 @@ def _tangent(points: Tensor, valid: Tensor, dim: int, limit: float) -> tuple[Ten
     return tangent, has
 
 
-def unsupported(depth: Tensor, valid: Tensor, ratio: float = 1.05, rings: tuple[int, ...] = (2, 4)) -> Tensor:
-    """Pixels that belong to no surface: fewer than two of eight neighbours lie at a similar depth.
+def isolated_pixels(depth: Tensor, valid: Tensor, ratio: float = 1.05, rings: tuple[int, ...] = (2, 4)) -> Tensor:
+    """Return pixels with fewer than two of eight neighbours at a similar depth.
 
-    The grid's answer to the paper's k-nearest-neighbour outlier rule: 1 million points in well under 0.1 s, and it does
-    not throw out what is merely far away. A pole two pixels wide stays, a speck of a few pixels goes.
+    A fast substitute for the paper's k-nearest-neighbour outlier rule that keeps distant points and thin poles.
 
     Args:
         depth: (H, W) > 0 where valid, any unit.
-        valid: (H, W) bool; invalid pixels support none.
-        ratio: similar means within this ratio over the two steps of a 3 x 3 window, and more in proportion farther off.
-        rings: distances of the eight neighbours, px; each ring must support the pixel.
+        valid: (H, W) bool; invalid pixels do not count as neighbours.
+        ratio: largest depth ratio of similar neighbours two pixels apart; it grows with the distance.
+        rings: distances of the eight neighbours, px; a pixel isolated in any ring is returned.
 
     Returns:
         (H, W) bool, only among valid pixels.
@@ -159,15 +156,12 @@ def unsupported(depth: Tensor, valid: Tensor, ratio: float = 1.05, rings: tuple[
 
 
 def knn_outliers(points: Tensor, neighbors: int, sigma: float = 1.45) -> Tensor:
-    """Points whose mean squared distance to their nearest neighbours is unusually large (paper Sec. 4.1).
+    """Return points with an unusually large mean squared distance to their neighbours (paper Sec. 4.1): (M,) bool.
 
     Args:
         points: (M, 3), any unit, finite.
         neighbors: k, the point itself not counted.
-        sigma: outliers lie beyond mean + sigma standard deviations of that mean squared distance.
-
-    Returns:
-        (M,) bool.
+        sigma: threshold over the mean of that distance, in standard deviations.
     """
     if min(neighbors, len(points) - 1) < 1:
         return torch.zeros(len(points), dtype=torch.bool, device=points.device)
@@ -177,7 +171,7 @@ def knn_outliers(points: Tensor, neighbors: int, sigma: float = 1.45) -> Tensor:
 
 
 def intrinsics_from_pointmap(points: Tensor, valid: Tensor) -> tuple[float, float, float, float]:
-    """The camera that a point map was made for (paper Sec. 3.1, "Combined scene points").
+    """Estimate the intrinsics of a point map (paper Sec. 3.1, "Combined scene points").
 
     The principal point is the image centre; the focal lengths are medians of (u - cx) Z / X and (v - cy) Z / Y.
 
@@ -189,7 +183,7 @@ def intrinsics_from_pointmap(points: Tensor, valid: Tensor) -> tuple[float, floa
         fx, fy, cx, cy in px.
 
     Raises:
-        BackendOutputError: too few valid points, or points on the wrong side of the axis.
+        BackendOutputError: there are too few valid points, or a focal length is not positive.
     """
     height, width = valid.shape
     cx, cy = (width - 1) / 2, (height - 1) / 2
@@ -201,13 +195,14 @@ def intrinsics_from_pointmap(points: Tensor, valid: Tensor) -> tuple[float, floa
         ratio = (offset[..., axis] * points[..., 2] / points[..., axis])[chosen]
         if len(ratio) < _FEWEST_POINTS:
             raise BackendOutputError(
-                f"no focal length can be read off the point map: {len(ratio)} valid points have {name} != 0, "
-                f"{_FEWEST_POINTS} are needed: give the camera, or check what the backend calls valid"
+                f"cannot estimate the focal length from the point map: {len(ratio)} valid points have {name} != 0, "
+                f"{_FEWEST_POINTS} are needed: give the camera, or check the backend's valid mask"
             )
         focal.append(float(ratio.median()))
     if min(focal) <= 0:
         raise BackendOutputError(
-            f"no focal length can be read off the point map: medians are fx = {focal[0]:.1f}, fy = {focal[1]:.1f} px, "
-            "both must be positive: points must be in the OpenCV camera frame, x right, y down, z forward"
+            "cannot estimate the focal length from the point map: medians are "
+            f"fx = {focal[0]:.1f}, fy = {focal[1]:.1f} px, both must be "
+            "positive: points must be in the OpenCV camera frame, x right, y down, z forward"
         )
     return focal[0], focal[1], cx, cy

@@ -1,9 +1,9 @@
-"""Depth buffers of posed bodies on any device: which face the camera sees, for a whole batch at once.
+"""Depth buffers of batches of posed bodies on any device.
 
-Camera frame (x right, y down, z forward), metres; the camera is the origin. What rays decide exactly on the CPU
-(:mod:`physic_core.geometry.visibility`) this decides by the pixel, without leaving the device. Triangles are bucketed
-by the size of their box of pixels, each bucket is tested as one block, and the nearest face of a pixel wins by a
-minimum over (depth, face) in one integer: the order of the work changes nothing, so that results repeat bit by bit.
+Camera frame (x right, y down, z forward), metres; the camera is the origin. :mod:`physic_core.geometry.visibility` uses
+rays on the CPU and this module on CUDA. Triangles are bucketed by the size of their pixel box, and each bucket is
+tested as one block. A minimum over (depth, face) in one integer selects the nearest face, so that results are
+deterministic.
 """
 
 from __future__ import annotations
@@ -15,31 +15,30 @@ from torch import Tensor
 
 __all__ = ["hidden_by_raster", "rasterise"]
 
-_SIDES = (2, 4, 8, 16, 32, 64, 128, 256, 512, 1024)  # px, of the boxes of a bucket
-_BLOCK = 1 << 24  # pixels that are tested at once
-_NEAR_M = 1e-3  # a triangle that reaches nearer to the camera's plane is left out
-_BEHIND_M = 2e-3  # as for rays: less is the vertex's own surface, rounded
+_SIDES = (2, 4, 8, 16, 32, 64, 128, 256, 512, 1024)  # px, sides of the pixel boxes of a bucket
+_BLOCK = 1 << 24  # pixels per block
+_NEAR_M = 1e-3  # triangles with a smaller depth are not drawn
+_BEHIND_M = 2e-3  # as for rays: a smaller gap is rounding error
 
 
 def hidden_by_raster(vertices: Tensor, faces: Tensor, size: int = 1024) -> tuple[Tensor, Tensor]:
-    """Which vertices lie behind another face of their own mesh.
+    """Return which vertices are behind another face of their own mesh, by a depth buffer.
 
-    Each body is drawn as large as ``size`` allows. At a vertex the plane of the face that won its pixel is evaluated
-    on the vertex's own ray, so that a slanted surface does not hide itself.
+    Each body fills its image. Depths are compared on the vertex's own ray, so that no slanted face hides itself.
 
     Args:
         vertices: (B, V, 3) metres, camera frame.
         faces: (F, 3) int64, of a closed surface, counter-clockwise seen from outside.
-        size: side of the pictures, px.
+        size: side of the images, px.
 
     Returns:
         hidden: (B, V) bool.
         face: (B, V) int64, the face in front of a hidden vertex; -1 for the others.
     """
     batch, count = vertices.shape[:2]
-    pixels = _fit(vertices, size)
+    pixels = _fill_image(vertices, size)
     seen = rasterise(pixels, vertices[..., 2], faces, size, size)
-    # Where a body is not in front of the camera, its pixels mean nothing.
+    # Pixels of vertices behind the camera are invalid.
     inside = ((pixels >= 0) & (pixels <= size - 1)).all(-1) & (vertices[..., 2] > _NEAR_M)
     at = torch.where(inside[..., None], pixels, torch.zeros_like(pixels)).round().long()
     face = seen.view(batch, -1).gather(1, at[..., 1] * size + at[..., 0])
@@ -48,7 +47,7 @@ def hidden_by_raster(vertices: Tensor, faces: Tensor, size: int = 1024) -> tuple
     a, b, c = (vertices[rows, corners[..., k]] for k in range(3))
     normal = torch.linalg.cross(b - a, c - a)
     along = (normal * vertices).sum(-1)
-    # The share of the way to the vertex at which its ray meets that plane.
+    # The plane's intersection with the vertex's ray, as a share of the distance to the vertex.
     share = torch.where(along.abs() > 1e-12, (normal * a).sum(-1) / along, torch.full_like(along, torch.inf))
     own = (corners == torch.arange(count, device=vertices.device)[:, None]).any(-1)
     gap = (1 - share) * vertices.norm(dim=-1)
@@ -57,17 +56,14 @@ def hidden_by_raster(vertices: Tensor, faces: Tensor, size: int = 1024) -> tuple
 
 
 def rasterise(pixels: Tensor, z: Tensor, faces: Tensor, height: int, width: int) -> Tensor:
-    """The nearest face at each pixel, of faces that turn their front to the camera.
+    """Return the nearest front face at each pixel: (B, height, width) int64, -1 where there is none.
 
     Args:
         pixels: (B, V, 2) px, integers at the pixels' centres.
         z: (B, V) metres along the optical axis.
         faces: (F, 3) int64.
-        height: of the picture.
-        width: of the picture.
-
-    Returns:
-        (B, height, width) int64, -1 where there is none.
+        height: of the image.
+        width: of the image.
     """
     batch, device = len(pixels), pixels.device
     nothing = torch.iinfo(torch.int64).max
@@ -80,7 +76,7 @@ def rasterise(pixels: Tensor, z: Tensor, faces: Tensor, height: int, width: int)
     low = corner.amin(1).ceil().clamp(min=0)
     high = torch.minimum(corner.amax(1).floor(), pixels.new_tensor([width - 1, height - 1]))
     extent = (high - low + 1).amax(1)
-    # Rows of a picture go down: seen from its front, a counter-clockwise triangle has a negative area here.
+    # Image rows go down: a counter-clockwise triangle that faces the camera has a negative area.
     drawn = (doubled < 0) & (depth.amin(1) > _NEAR_M) & (low <= high).all(1)
     triangles = _Triangles(corner, depth, low, high, body, name)
     least = 0
@@ -93,18 +89,18 @@ def rasterise(pixels: Tensor, z: Tensor, faces: Tensor, height: int, width: int)
 
 
 class _Triangles(NamedTuple):
-    """n triangles in the pictures of several bodies."""
+    """Triangles of several bodies, projected to images."""
 
     corner: Tensor  # (n, 3, 2) px
     depth: Tensor  # (n, 3)
-    low: Tensor  # (n, 2) px, first pixel of their boxes
+    low: Tensor  # (n, 2) px, first pixel of the box
     high: Tensor  # (n, 2) px, last pixel
-    body: Tensor  # (n,) int64, whose picture
-    name: Tensor  # (n,) int64, of the face
+    body: Tensor  # (n,) int64, index of the image
+    name: Tensor  # (n,) int64, index of the face
 
 
 def _draw(pictures: Tensor, triangles: _Triangles, side: int) -> None:
-    """Triangles of one bucket: every pixel of a square of ``side`` from ``low``, against the three edges."""
+    """Draw the triangles of one bucket into the depth buffers."""
     corner, depth, low, high, body, name = triangles
     _, height, width = pictures.shape
     steps = torch.arange(side, device=corner.device, dtype=corner.dtype)
@@ -117,18 +113,18 @@ def _draw(pictures: Tensor, triangles: _Triangles, side: int) -> None:
     total = weights[0] + weights[1] + weights[2]
     covered = (weights[0] <= 0) & (weights[1] <= 0) & (weights[2] <= 0) & (total < 0)
     covered &= ((x <= high[:, :1])[:, None, :]) & ((y <= high[:, 1:])[:, :, None])
-    # 1 / z is linear in the picture.
+    # 1 / z is linear in the image.
     inverse = sum(w / d[:, None, None] for w, d in zip(weights, depth.unbind(1), strict=True))
     z = (total / inverse)[covered]
     which, row, column = covered.nonzero(as_tuple=True)
     pixel = (body[which] * height + low[which, 1].long() + row) * width + low[which, 0].long() + column
-    # Bits of positive floats are in the order of the numbers.
+    # Positive floats have the same order as their bit patterns.
     key = (z.float().view(torch.int32).long() << 32) | name[which]
     pictures.view(-1).scatter_reduce_(0, pixel, key, "amin")
 
 
-def _fit(vertices: Tensor, size: int) -> Tensor:
-    """Pixels (B, V, 2) of each body, seen from the camera and stretched to fill a square picture."""
+def _fill_image(vertices: Tensor, size: int) -> Tensor:
+    """Project each body to pixels (B, V, 2) of a square image that it fills."""
     flat = vertices[..., :2] / vertices[..., 2:].clamp(min=_NEAR_M)
     low, high = flat.amin(1, keepdim=True), flat.amax(1, keepdim=True)
     scale = (size - 1) / (high - low).amax(-1, keepdim=True).clamp(min=1e-9)
@@ -136,6 +132,6 @@ def _fit(vertices: Tensor, size: int) -> Tensor:
 
 
 def _sides(largest: int) -> list[int]:
-    """Sides of buckets up to the one that holds the whole picture."""
+    """Return the box sides of the buckets, up to ``largest``."""
     sides = [s for s in _SIDES if s < largest]
     return [*sides, largest]

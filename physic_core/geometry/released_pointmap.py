@@ -1,4 +1,4 @@
-"""The released code's normals of a point map, its outliers by them, and its samples of a floor."""
+"""The released code's point map normals, outlier removal by normals, and floor samples."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from torch import Tensor
 
 from physic_core.geometry.neighbors import nearest_other_points
 
-__all__ = ["floor_lattice", "four_neighbour_normals", "normal_outliers"]
+__all__ = ["released_floor_grid", "released_normal_outliers", "released_normals"]
 
 _LEAST_CROSS = 1e-6  # square metres; below, no normal
 
 
-def four_neighbour_normals(points: Tensor, valid: Tensor) -> Tensor:
-    """Unit normals towards the camera: means of the unit cross products of the ways to adjacent neighbours.
+def released_normals(points: Tensor, valid: Tensor) -> Tensor:
+    """Return normals towards the camera: means of the unit cross products of differences to adjacent neighbours.
 
     Args:
         points: (H, W, 3) metres.
-        valid: (H, W) bool; the others count as the origin.
+        valid: (H, W) bool; invalid points count as the origin, as released.
 
     Returns:
-        (H, W, 3), zero where there is none.
+        (H, W, 3) unit, zero where unknown.
     """
     points = torch.where(valid[..., None], points, 0.0)
     down, right = points.diff(dim=0), points.diff(dim=1)
@@ -38,17 +38,14 @@ def four_neighbour_normals(points: Tensor, valid: Tensor) -> Tensor:
     return F.normalize(total, dim=-1) * valid[..., None]
 
 
-def normal_outliers(points: Tensor, normals: Tensor, neighbors: int, max_angle_deg: float = 50.0) -> Tensor:
-    """Points whose normal is turned away from the mean normal of their nearest points, or that have none.
+def released_normal_outliers(points: Tensor, normals: Tensor, neighbors: int, max_angle_deg: float = 50.0) -> Tensor:
+    """Return points whose normal is zero or differs from the mean normal of their neighbours: (M,) bool.
 
     Args:
         points: (M, 3), finite.
         normals: (M, 3) unit or zero.
         neighbors: k, the point itself not counted.
         max_angle_deg: largest angle to the mean.
-
-    Returns:
-        (M,) bool.
     """
     if min(neighbors, len(points) - 1) < 1:
         return torch.zeros(len(points), dtype=torch.bool, device=points.device)
@@ -60,17 +57,17 @@ def normal_outliers(points: Tensor, normals: Tensor, neighbors: int, max_angle_d
     return alike < math.cos(math.radians(max_angle_deg))
 
 
-def floor_lattice(normal: Tensor, offset: float, points: Tensor, count: int) -> Tensor:
-    """Points of a floor over the 2nd to 98th percentile of a scene in x and z, x first.
+def released_floor_grid(normal: Tensor, offset: float, points: Tensor, count: int) -> Tensor:
+    """Return grid points on a floor plane over the 2nd to 98th percentile of a scene in x and z, x first.
 
     Args:
-        normal: (3,) unit, not level.
+        normal: (3,) unit, not horizontal.
         offset: of the plane.
         points: (M, 3) of the scene, metres.
-        count: along each axis.
+        count: points along each axis.
 
     Returns:
-        (count * count, 3) metres; none without a scene, or for a plane that stands upright.
+        (count * count, 3) metres; none for an empty scene or a vertical plane.
     """
     if not len(points) or float(normal[1].abs()) < 1e-3:
         return points.new_zeros((0, 3))

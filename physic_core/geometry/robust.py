@@ -1,7 +1,7 @@
-"""Robust losses of squared residuals, scaled so that ``rho(x^2)`` is ``x^2`` near zero ("absolute" has no such zone).
+"""Robust losses of squared residuals.
 
-That scaling keeps a weight's meaning when the loss changes, and makes the scale ``c`` the one number that says where a
-residual begins to count as an outlier: a robust loss whose ``c`` is far above its residuals is a quadratic in disguise.
+All but "absolute" are scaled so that ``rho(x^2)`` is ``x^2`` near zero: a weight has one meaning for all losses. The
+scale ``c`` is the residual from which the loss differs from a quadratic.
 """
 
 from __future__ import annotations
@@ -16,53 +16,34 @@ from physic_core.errors import PhysicError
 if TYPE_CHECKING:
     from torch import Tensor
 
-__all__ = ["absolute", "barron", "cauchy", "geman_mcclure", "pseudo_huber", "robust", "unit_robust"]
+__all__ = ["absolute", "barron", "cauchy", "geman_mcclure", "loss_with_slope", "pseudo_huber", "robust_loss"]
 
 
 def geman_mcclure(squared: Tensor, c: float) -> Tensor:
-    """Redescending: saturates at ``c^2``, so that far outliers pull no more.
-
-    Args:
-        squared: (...) squared residuals, in the unit of ``c`` squared.
-        c: residual at which half of the saturation is reached.
-    """
+    """Return the Geman-McClure loss of squared residuals (...); it saturates at ``c^2`` and is half of it at ``c``."""
     return squared / (1.0 + squared / c**2)
 
 
 def absolute(squared: Tensor) -> Tensor:
-    """The residual itself, without its sign; its slope at zero is taken as zero.
-
-    Args:
-        squared: (...) squared residuals.
-    """
+    """Return the absolute residual of squared residuals (...); its derivative at zero is zero."""
     off = squared > 0
     return torch.where(off, torch.sqrt(torch.where(off, squared, torch.ones_like(squared))), squared)
 
 
 def cauchy(squared: Tensor, c: float) -> Tensor:
-    """Grows like a logarithm: outliers pull ever less, and never not at all.
-
-    Args:
-        squared: (...) squared residuals.
-        c: residual at which the pull is strongest.
-    """
+    """Return the Cauchy loss of squared residuals (...); its derivative by the residual is largest at ``c``."""
     return c**2 * torch.log1p(squared / c**2)
 
 
 def pseudo_huber(squared: Tensor, c: float) -> Tensor:
-    """Quadratic below ``c``, linear above it: the pull of a large residual is bounded and constant.
-
-    Args:
-        squared: (...) squared residuals.
-        c: residual at which the quadratic turns into a line.
-    """
-    # sqrt(1 + q) - 1 written so that it keeps its digits for small q in float32.
+    """Return the pseudo-Huber loss of squared residuals (...): quadratic below ``c``, linear above."""
+    # Equal to sqrt(1 + q) - 1, but accurate for small q in float32.
     q = squared / c**2
     return 2.0 * c**2 * q / (torch.sqrt(1.0 + q) + 1.0)
 
 
 def barron(squared: Tensor, alpha: float, c: float) -> Tensor:
-    """The general family of Barron (CVPR 2019), times ``2 c^2`` so that it is ``x^2`` near zero.
+    """Return the general robust loss of Barron (CVPR 2019) times ``2 c^2``, so that it is ``x^2`` near zero.
 
     Args:
         squared: (...) squared residuals.
@@ -77,21 +58,21 @@ def barron(squared: Tensor, alpha: float, c: float) -> Tensor:
     if alpha == -math.inf:
         return -2.0 * c**2 * torch.expm1(-q / 2.0)
     b = abs(alpha - 2.0)
-    # expm1 and log1p keep the digits that (1 + q / b) ** (alpha / 2) - 1 would lose near zero.
+    # Equal to (1 + q / b) ** (alpha / 2) - 1, but accurate near zero.
     return 2.0 * c**2 * (b / alpha) * torch.expm1((alpha / 2.0) * torch.log1p(q / b))
 
 
-def robust(kind: str, squared: Tensor, c: float) -> Tensor:
-    """The loss that a setting names.
+def robust_loss(kind: str, squared: Tensor, c: float) -> Tensor:
+    """Return the loss ``kind`` of squared residuals.
 
     Args:
-        kind: "square", "absolute", "pseudo_huber", "cauchy", "geman_mcclure", or "barron": the library default of the
-            paper's adaptive loss, of shape 1 and not rescaled, so half of the square near zero.
+        kind: "square", "absolute", "pseudo_huber", "cauchy", "geman_mcclure", or "barron": the default of the
+            library that the paper uses, of shape 1 and half of the square near zero.
         squared: (...) squared residuals.
-        c: scale; without meaning for "square" and "absolute".
+        c: scale; not used by "square" and "absolute".
 
     Raises:
-        PhysicError: no loss has that name.
+        PhysicError: ``kind`` is unknown.
     """
     if kind == "square":
         return squared
@@ -100,26 +81,24 @@ def robust(kind: str, squared: Tensor, c: float) -> Tensor:
     if kind == "barron":
         return barron(squared, 1.0, c) / (2.0 * c**2)
     if kind not in _BY_NAME:
-        raise PhysicError(
-            f"no robust loss is named {kind!r}: use square, absolute, barron, {', '.join(sorted(_BY_NAME))}"
-        )
+        raise PhysicError(f"unknown robust loss {kind!r}: use square, absolute, barron, {', '.join(sorted(_BY_NAME))}")
     return _BY_NAME[kind](squared, c)
 
 
-def unit_robust(kind: str, q: Tensor, c: float) -> tuple[Tensor, Tensor]:
-    """The loss that a setting names, with its derivative, of residuals in the unit of ``c``.
+def loss_with_slope(kind: str, q: Tensor, c: float) -> tuple[Tensor, Tensor]:
+    """Return the loss ``kind`` of residuals in the unit of ``c``, and its derivative.
 
     Args:
-        kind: as of :func:`robust`.
+        kind: as in :func:`robust_loss`.
         q: (...) squared residuals over ``c^2``.
         c: scale.
 
     Returns:
         loss: (...) ``rho(c^2 q) / c^2``.
-        slope: (...) its derivative by ``q``, which is that of ``rho`` by the squared residual.
+        slope: (...) its derivative by ``q``, equal to that of ``rho`` by the squared residual.
 
     Raises:
-        PhysicError: no loss has that name.
+        PhysicError: ``kind`` is unknown.
     """
     if kind == "square":
         return q, torch.ones_like(q)
@@ -132,7 +111,7 @@ def unit_robust(kind: str, q: Tensor, c: float) -> tuple[Tensor, Tensor]:
         root = torch.sqrt(1.0 + q)
         loss, slope = 2.0 * q / (root + 1.0), 1.0 / root
         return (loss, slope) if kind == "pseudo_huber" else (loss / (2.0 * c**2), slope / (2.0 * c**2))
-    loss = robust(kind, q * c**2, c) / c**2
+    loss = robust_loss(kind, q * c**2, c) / c**2
     return loss, torch.where(q > 0, 0.5 / (c**2 * loss), torch.zeros_like(loss))
 
 

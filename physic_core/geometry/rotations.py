@@ -1,6 +1,6 @@
-"""Rotation vectors to matrices with a hand-written derivative, for fits that turn the same joints a hundred times.
+"""Rotation vectors to matrices with a hand-written derivative, for optimisers that call it in every step.
 
-The tests hold it to ``roma``, which does everything else with rotations.
+Tests compare it with ``roma``.
 """
 
 from __future__ import annotations
@@ -18,24 +18,17 @@ _SKEW = ((0, 0, 0, 0, 0, -1, 0, 1, 0), (0, 0, 1, 0, 0, 0, -1, 0, 0), (0, -1, 0, 
 
 
 def rotvec_to_rotmat(rotvec: Tensor) -> Tensor:
-    """Rodrigues' formula, once differentiable, everywhere smooth.
-
-    Args:
-        rotvec: (..., 3) radians.
-
-    Returns:
-        (..., 3, 3).
-    """
-    matrix: Tensor = _Turn.apply(rotvec)  # type: ignore[no-untyped-call]
+    """Convert rotation vectors (..., 3), radians, to matrices (..., 3, 3); once differentiable, smooth everywhere."""
+    matrix: Tensor = _RotvecToRotmat.apply(rotvec)  # type: ignore[no-untyped-call]
     return matrix
 
 
-class _Turn(torch.autograd.Function):
+class _RotvecToRotmat(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, rotvec: Tensor) -> Tensor:
         skew = rotvec.new_tensor(_SKEW)
         square = rotvec.square().sum(-1, keepdim=True)
-        sine, versine = _shares(square)
+        sine, versine = _sinc_and_versine(square)
         # R = cos(t) 1 + sin(t)/t [v] + (1 - cos(t))/t^2 v v^T
         flat = sine * (rotvec @ skew) + versine * (rotvec[..., :, None] * rotvec[..., None, :]).flatten(-2)
         flat[..., ::4] += 1 - versine * square
@@ -50,7 +43,7 @@ class _Turn(torch.autograd.Function):
         flat = matrix.flatten(-2)
         around = flat @ skew.T
         both = ((matrix + matrix.transpose(-1, -2)) @ rotvec[..., None])[..., 0]
-        sine_slope, versine_slope = _slopes(square, sine, versine)
+        sine_slope, versine_slope = _sinc_and_versine_slopes(square, sine, versine)
         along = sine_slope * (around * rotvec).sum(-1, keepdim=True)
         along = along + 0.5 * versine_slope * (both * rotvec).sum(-1, keepdim=True)
         along = along - sine * flat[..., ::4].sum(-1, keepdim=True)
@@ -58,16 +51,16 @@ class _Turn(torch.autograd.Function):
         return slope
 
 
-def _shares(square: Tensor) -> tuple[Tensor, Tensor]:
-    """sin(t) / t and (1 - cos(t)) / t^2 of squared angles."""
-    # As quotients of sines neither loses digits, as long as nothing is divided by zero.
+def _sinc_and_versine(square: Tensor) -> tuple[Tensor, Tensor]:
+    """Return sin(t) / t and (1 - cos(t)) / t^2 of squared angles."""
+    # As quotients of sines, both are accurate for small angles.
     t = square.clamp(min=1e-30).sqrt()
     half = (0.5 * t).sin() / t
     return t.sin() / t, 2 * half * half
 
 
-def _slopes(square: Tensor, sine: Tensor, versine: Tensor) -> tuple[Tensor, Tensor]:
-    """Derivatives of the two shares by the angle, over the angle."""
+def _sinc_and_versine_slopes(square: Tensor, sine: Tensor, versine: Tensor) -> tuple[Tensor, Tensor]:
+    """Return the derivatives of both quotients by the angle, divided by the angle."""
     small = square < _small(square)
     t2 = torch.where(small, torch.ones_like(square), square)
     by_sine = torch.where(
@@ -80,5 +73,5 @@ def _slopes(square: Tensor, sine: Tensor, versine: Tensor) -> tuple[Tensor, Tens
 
 
 def _small(square: Tensor) -> float:
-    """Below this squared angle the series are exact to the last digit but one."""
+    """Return the squared angle below which the series are exact to the last digit but one."""
     return 1e-3 if square.dtype == torch.float64 else 0.25

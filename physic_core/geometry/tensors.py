@@ -1,4 +1,4 @@
-"""From the arrays that backends answer to the tensors that the engine takes."""
+"""Convert NumPy arrays of backends to tensors of the engine."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ __all__ = ["tensor"]
 
 
 def tensor(array: NDArray[Any]) -> torch.Tensor:
-    """Array -> CPU tensor: floats as float32 whatever their width, bools as they are.
+    """Convert an array to a CPU tensor: floats to float32, other types unchanged.
 
-    A plugin may answer float64, or a view that may not be written to; only then is anything copied.
+    Data is copied only if the type changes or the array is read-only or not contiguous.
     """
     kind = np.float32 if array.dtype.kind == "f" else array.dtype
     return torch.from_numpy(np.require(array, kind, ["C", "W"]))

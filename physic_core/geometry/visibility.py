@@ -1,4 +1,4 @@
-"""Which vertices of a body the photo can have seen: facing the camera, inside a mask, not behind a limb or a person.
+"""Visibility of body vertices in the photo: facing angle, masks, and occlusion by limbs or other people.
 
 Camera frame (x right, y down, z forward), metres; the camera is the origin. Pixels have integer centres.
 """
@@ -27,7 +27,7 @@ __all__ = [
     "SelfOcclusion",
     "depth_order_violations",
     "embree_device",
-    "faces_around",
+    "faces_of_vertices",
     "facing",
     "hidden_from_camera",
     "inside_image",
@@ -38,17 +38,17 @@ __all__ = [
     "vertex_normals",
 ]
 
-_BEHIND_M = 2e-3  # a surface this much nearer than a vertex hides it; less is the vertex's own surface, rounded
+_BEHIND_M = 2e-3  # least distance of a surface in front of a vertex that hides it; a smaller gap is rounding error
 
 
 def vertex_normals(vertices: Tensor, faces: Tensor, around: Tensor | None = None) -> Tensor:
-    """Unit normals out of the mesh (faces counter-clockwise from outside), weighted by the faces' areas.
+    """Return outward unit vertex normals, weighted by face areas (faces counter-clockwise from outside).
 
     Args:
         vertices: (..., V, 3) metres.
         faces: (F, 3) int64.
-        around: from :func:`faces_around`, for a mesh that is used often: several times as fast. Some rows of it alone
-            ask for those vertices alone.
+        around: from :func:`faces_of_vertices`, for a mesh used repeatedly: several times as fast. A subset of its rows
+            returns the normals of those vertices only.
 
     Returns:
         (..., V, 3), or as many as ``around`` has rows; zero at a vertex without a face.
@@ -61,8 +61,8 @@ def vertex_normals(vertices: Tensor, faces: Tensor, around: Tensor | None = None
     return F.normalize(torch.stack(total).reshape(*vertices.shape[:-2], len(around), 3), dim=-1)
 
 
-def faces_around(faces: Tensor, count: int) -> Tensor:
-    """Which faces meet at each of ``count`` vertices: faces (F, 3) -> (count, most) int64, filled up with F."""
+def faces_of_vertices(faces: Tensor, count: int) -> Tensor:
+    """Return the faces at each of ``count`` vertices: faces (F, 3) -> (count, most) int64, padded with F."""
     corner = faces.reshape(-1)
     order = corner.argsort(stable=True)
     owner = corner[order]
@@ -74,49 +74,43 @@ def faces_around(faces: Tensor, count: int) -> Tensor:
 
 
 def vertex_areas(vertices: Tensor, faces: Tensor) -> Tensor:
-    """Surface that each vertex stands for: a third of the faces round it.
+    """Return the area of each vertex: a third of the area of its faces.
 
     Args:
         vertices: (..., V, 3) metres.
         faces: (F, 3) int64.
 
     Returns:
-        (..., V) square metres; they add up to the surface of the mesh.
+        (..., V) square metres; their sum is the area of the mesh.
     """
     sixth = _doubled_areas(vertices, faces).norm(dim=-1, keepdim=True) / 6.0
     return _sum_at_corners(sixth, faces, vertices)[..., 0]
 
 
 def facing(normals: Tensor, vertices: Tensor, max_angle_deg: float) -> Tensor:
-    """Whether each vertex's normal is within an angle of the direction to the camera (paper sec. 3.2: 70 degrees).
+    """Return whether vertex normals are within an angle of the direction to the camera (paper sec. 3.2): (...) bool.
 
     Args:
         normals: (..., 3) unit.
         vertices: (..., 3) metres, camera frame.
-        max_angle_deg: 90 takes the whole side that faces the camera.
-
-    Returns:
-        (...) bool.
+        max_angle_deg: largest angle; 90 takes all vertices that face the camera.
     """
     towards = -F.normalize(vertices, dim=-1)
     return (normals * towards).sum(-1) > math.cos(math.radians(max_angle_deg))
 
 
 def inside_image(uv: Tensor, height: int, width: int) -> Tensor:
-    """Whether each pixel coordinate (..., 2) rounds to a pixel of the image; not-a-number does not. (...) bool."""
+    """Return whether pixel coordinates (..., 2) round to a pixel of the image; False for NaN: (...) bool."""
     u, v = uv[..., 0], uv[..., 1]
     return (u >= -0.5) & (u < width - 0.5) & (v >= -0.5) & (v < height - 0.5)
 
 
 def inside_mask(uv: Tensor, mask: Tensor) -> Tensor:
-    """Whether the pixel under each coordinate is set; outside the image is outside the mask.
+    """Return whether the mask is set at pixel coordinates; False outside the image: (..., V) bool.
 
     Args:
         uv: (..., V, 2) px.
         mask: (..., H, W) bool, with the leading dimensions of ``uv``.
-
-    Returns:
-        (..., V) bool.
     """
     height, width = mask.shape[-2:]
     inside = inside_image(uv, height, width)
@@ -126,9 +120,9 @@ def inside_mask(uv: Tensor, mask: Tensor) -> Tensor:
 
 
 def near_mask(uv: Tensor, mask: Tensor, reach: int) -> Tensor:
-    """Whether any pixel of a mask (H, W) lies within a square of ``reach`` px round each coordinate: (..., 2) -> (...).
+    """Return whether a mask (H, W) is set within a square of ``reach`` px around coordinates (..., 2): (...) bool.
 
-    By the mask's integral image: four look-ups a coordinate whatever the reach.
+    An integral image makes the time independent of ``reach``.
     """
     height, width = mask.shape
     sums = F.pad(mask.long().cumsum(0).cumsum(1), (1, 0, 1, 0))
@@ -139,7 +133,9 @@ def near_mask(uv: Tensor, mask: Tensor, reach: int) -> Tensor:
 
 
 def hidden_from_camera(vertices: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
-    """Which vertices lie behind another face of their own mesh: by one ray each (embree), on CUDA by the pixel.
+    """Return which vertices are behind another face of their own mesh.
+
+    By ray casts (embree) on the CPU, and by rasterisation on CUDA.
 
     Args:
         vertices: (..., V, 3) metres, camera frame.
@@ -147,7 +143,7 @@ def hidden_from_camera(vertices: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]
 
     Returns:
         hidden: (..., V) bool.
-        face: (..., V) int64, the face that the camera sees in front of a hidden vertex; -1 for the others.
+        face: (..., V) int64, the face in front of a hidden vertex; -1 for the others.
     """
     shape = vertices.shape[:-1]
     bodies = vertices.detach().reshape(-1, *vertices.shape[-2:])
@@ -155,18 +151,20 @@ def hidden_from_camera(vertices: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]
         hidden, face = hidden_by_raster(bodies, faces)
         return hidden.reshape(shape), face.reshape(shape)
     triangles = faces.cpu().numpy().astype(np.int32)
-    pairs = [_cast(body.cpu().double().numpy(), triangles) for body in bodies]
+    pairs = [_cast_rays(body.cpu().double().numpy(), triangles) for body in bodies]
     hidden, face = (torch.from_numpy(np.stack(part)).to(vertices.device) for part in zip(*pairs, strict=True))
     return hidden.reshape(shape), face.reshape(shape)
 
 
-def _cast(points: NDArray[np.float64], triangles: NDArray[np.int32]) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+def _cast_rays(
+    points: NDArray[np.float64], triangles: NDArray[np.int32]
+) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
 
     distance = np.linalg.norm(points, axis=1)
     rays = points / np.maximum(distance, 1e-9)[:, None]
-    # Of a closed surface the camera sees only faces that turn to it: the others need no place in the tree of boxes.
+    # Only faces that face the camera can be hit first: the others are left out of the search tree.
     start = points[triangles[:, 0]]
     normals = np.cross(points[triangles[:, 1]] - start, points[triangles[:, 2]] - start)
     front = np.flatnonzero((normals * start).sum(1) < 0)
@@ -185,7 +183,7 @@ def _cast(points: NDArray[np.float64], triangles: NDArray[np.int32]) -> tuple[ND
 
 @functools.cache
 def embree_device() -> Any:
-    """The device of ray casts, created once: starting its threads takes longer than the ray casts of one body."""
+    """Return the shared Embree device; creating one takes longer than the ray casts of one body."""
     from embreex.rtcore import EmbreeDevice
 
     return EmbreeDevice()
@@ -193,12 +191,12 @@ def embree_device() -> Any:
 
 @dataclass(frozen=True)
 class SelfOcclusion:
-    """What people hide of themselves, with the leading dimensions of their vertices.
+    """Self-occlusion of people, with the leading dimensions of their vertices.
 
     Attributes:
-        hidden: (..., V) bool, behind any face of the own body, of the same part too.
-        by_other_part: (..., V) bool, behind a face of another part.
-        parts: (..., P) bool, parts that count as occluded.
+        hidden: (..., V) bool, vertices behind any face of the same body.
+        by_other_part: (..., V) bool, vertices behind a face of another part.
+        parts: (..., P) bool, occluded parts.
         vertices: (..., V) bool, all vertices of those parts.
     """
 
@@ -216,15 +214,15 @@ def self_occlusion(
     share: float = 0.3,
     coarse: CoarseMesh | None = None,
 ) -> SelfOcclusion:
-    """Body parts that other parts hide from the camera (paper sec. 3.3: 30 % of a part's vertices).
+    """Find body parts that other parts of the same body hide from the camera (paper sec. 3.3).
 
     Args:
         vertices: (..., V, 3) metres, camera frame.
         faces: (F, 3) int64, of a closed surface.
         part_of_vertex: (V,) int64.
-        parts: those that can become occluded; the paper and its code take the limbs, not trunk and head.
-        share: of a part's vertices that must be hidden by other parts.
-        coarse: of the same body: its vertices are tested, each for all that it represents; several times as fast.
+        parts: parts that can become occluded; the paper and its code take the limbs, not trunk and head.
+        share: least share of a part's vertices hidden by other parts.
+        coarse: simplified mesh of the same body; its vertices are tested instead, several times as fast.
     """
     if coarse is None:
         hidden, face = hidden_from_camera(vertices, faces)
@@ -246,20 +244,19 @@ def self_occlusion(
 def depth_order_violations(
     vertices: Tensor, uv: Tensor, masks: Tensor, cell_px: int = 8, tolerance_m: float = 0.02
 ) -> Tensor:
-    """How often a person stands in front of another whose pixels say the opposite.
+    """Return how often a person is in front of another person although the masks show the opposite.
 
-    Where person j's vertices project onto person i's mask (and not onto j's own), i is in front: j's vertices must
-    be farther than i's nearest surface there.
+    Vertices of person j that project onto person i's mask, but not onto j's own, must be farther than i's surface.
 
     Args:
         vertices: (B, V, 3) metres, camera frame.
         uv: (B, V, 2) px, their projections.
         masks: (B, H, W) bool, visible pixels of each person.
         cell_px: side of the cells in which depths are compared.
-        tolerance_m: difference that does not count.
+        tolerance_m: largest accepted difference.
 
     Returns:
-        (B, B) share of all of j's vertices that are nearer than i and should not be: row i, column j.
+        (B, B) share of j's vertices that are wrongly nearer than i: row i, column j.
     """
     people, height, width = masks.shape
     columns = width // cell_px + 1
@@ -285,14 +282,14 @@ def depth_order_violations(
 
 
 def _doubled_areas(vertices: Tensor, faces: Tensor) -> Tensor:
-    """(..., F, 3) normals of the faces, twice as long as their areas."""
+    """Return face normals (..., F, 3) of twice the faces' areas as length."""
     a, b, c = (vertices[..., faces[:, k], :] for k in range(3))
     doubled: Tensor = torch.linalg.cross(b - a, c - a)
     return doubled
 
 
 def _sum_at_corners(per_face: Tensor, faces: Tensor, vertices: Tensor) -> Tensor:
-    """(..., F, C) values of faces -> (..., V, C), added up at the three corners of each."""
+    """Sum face values (..., F, C) at the faces' corners: (..., V, C)."""
     total = vertices.new_zeros((*vertices.shape[:-1], per_face.shape[-1]))
     for k in range(3):
         total = total.index_add(-2, faces[:, k], per_face)

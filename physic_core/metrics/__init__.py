@@ -1,1 +1,1 @@
-"""How good a reconstruction is."""
+"""Metrics of a reconstruction against ground truth."""

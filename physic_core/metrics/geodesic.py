@@ -1,10 +1,9 @@
-"""How far off contact is along the skin: the geodesic error of DECO and BSTRO, in centimetres, on any mesh.
+"""Geodesic contact error of DECO and BSTRO, in centimetres, on any mesh.
 
-Distances are shortest paths on a graph of the mesh, exact on that graph, by Dijkstra. They are no exact geodesics: a
-path along edges overstates the distance over the surface, by up to 2 / sqrt(3) - 1 = 15 % on flat equilateral triangles
-however fine they are, on an icosphere by 7 % in the mean and 22 % at most. With ``across`` a path may also hop over an
-edge to the vertex opposite: 3.5 % at most on the flat triangles, 1.4 % and 5 % on the icosphere. Published figures
-come from a matrix for one licensed mesh; say with yours which graph made it.
+Distances are shortest paths on a graph of the mesh (Dijkstra). Paths along edges are longer than exact geodesics, by up
+to 2 / sqrt(3) - 1 = 15 % on flat equilateral triangles, on an icosphere by 7 % in the mean and 22 % at most. With
+``across``, paths may also cross an edge to the opposite vertex: at most 3.5 % on the flat triangles, 1.4 % and 5 % on
+the icosphere. Published figures use a distance matrix of one licensed mesh: report the graph with your figures.
 """
 
 from __future__ import annotations
@@ -17,24 +16,24 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from physic_core.errors import PhysicError
-from physic_core.metrics.shapes import require_flags, require_same_shape
+from physic_core.metrics.shapes import require_bool, require_same_shape
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import BoolArray, FloatArray
 
-__all__ = ["GeodesicError", "distance_to", "geodesic_error", "surface_graph"]
+__all__ = ["GeodesicError", "distance_to_sources", "geodesic_error", "surface_graph"]
 
 
 @dataclass(frozen=True)
 class GeodesicError:
-    """Of people, each (...,).
+    """Geodesic contact errors of people, each (...,).
 
     Attributes:
-        false_positive_cm: mean over predicted contact vertices of the distance to the nearest true one.
-        false_negative_cm: mean over true contact vertices of the distance to the nearest predicted one.
-        unreachable: int64, vertices that count in neither mean, because no path leads from them to the other set.
+        false_positive_cm: mean distance from predicted contact vertices to the nearest true one.
+        false_negative_cm: mean distance from true contact vertices to the nearest predicted one.
+        unreachable: int64, vertices left out of both means, since no path leads to the other set.
     """
 
     false_positive_cm: FloatArray
@@ -43,13 +42,13 @@ class GeodesicError:
 
 
 def surface_graph(vertices: FloatArray, faces: NDArray[np.integer[Any]], *, across: bool = False) -> csr_array:
-    """The graph of a mesh; build it once, of the body at rest, and use it for everybody.
+    """Build the edge graph of a mesh; one graph of the rest pose serves all people.
 
     Args:
         vertices: (V, 3) m, any frame.
         faces: (F, 3) vertex ids.
-        across: also join the two vertices that face each other over an edge, as far apart as they are when their
-            triangles are unfolded into one plane, wherever the straight way between them crosses that edge.
+        across: also connect the two vertices opposite an edge, by their distance after the two triangles are unfolded
+            into a plane, if the straight line between them crosses that edge.
 
     Returns:
         (V, V) float64 m, upper triangle; coinciding vertices keep an edge of length 0.
@@ -61,9 +60,9 @@ def surface_graph(vertices: FloatArray, faces: NDArray[np.integer[Any]], *, acro
     lengths = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
     if across:
         opposite = np.concatenate([faces[:, c] for _, _, c in corners])
-        hops, hop_lengths = _hops(vertices, sides, opposite)
+        hops, hop_lengths = _opposite_pairs(vertices, sides, opposite)
         edges, lengths = np.concatenate([edges, hops]), np.concatenate([lengths, hop_lengths])
-        # Two ways over different edges may join the same vertices; a sparse array would add them up.
+        # Two edges may connect the same vertices: keep the shortest, as a sparse array would sum them.
         order = np.lexsort((lengths, edges[:, 1], edges[:, 0]))
         edges, lengths = edges[order], lengths[order]
         first = np.ones(len(edges), bool)
@@ -72,8 +71,8 @@ def surface_graph(vertices: FloatArray, faces: NDArray[np.integer[Any]], *, acro
     return csr_array((lengths, (edges[:, 0], edges[:, 1])), shape=(len(vertices), len(vertices)))
 
 
-def distance_to(graph: csr_array, sources: BoolArray) -> FloatArray:
-    """Distance (V,) m of every vertex to the nearest source; inf where no path leads to one.
+def distance_to_sources(graph: csr_array, sources: BoolArray) -> FloatArray:
+    """Return the distance (V,) m from every vertex to the nearest source; inf if there is no path.
 
     Args:
         graph: of :func:`surface_graph`.
@@ -88,20 +87,19 @@ def distance_to(graph: csr_array, sources: BoolArray) -> FloatArray:
 def geodesic_error(
     graph: csr_array, predicted: BoolArray, truth: BoolArray, empty: Literal["nan", "deco"] = "nan"
 ) -> GeodesicError:
-    """Geodesic error of contact (DECO, ICCV 2023; BSTRO, CVPR 2022).
+    """Compute the geodesic contact error (DECO, ICCV 2023; BSTRO, CVPR 2022).
 
     Args:
         graph: of :func:`surface_graph`, on the mesh of the contact maps.
         predicted: (..., V) bool.
         truth: (..., V) bool.
-        empty: what to do where either set is empty: "nan" makes both errors NaN; "deco" takes the whole mesh for an
-            empty set, as the published code does.
+        empty: "nan" returns NaN if either set is empty; "deco" replaces an empty set by the full mesh, as published.
 
     Raises:
-        PhysicError: shapes do not fit, or a map is not bool.
+        PhysicError: the shapes do not match, or a map is not bool.
     """
     require_same_shape("contact maps", predicted, truth)
-    predicted, truth = require_flags("predicted contact", predicted), require_flags("true contact", truth)
+    predicted, truth = require_bool("predicted contact", predicted), require_bool("true contact", truth)
     if predicted.shape[-1] != graph.shape[0]:
         raise PhysicError(
             f"The contact maps have {predicted.shape[-1]} vertices and the graph {graph.shape[0]}: "
@@ -116,7 +114,7 @@ def geodesic_error(
         if not (guess.any() and fact.any()):
             positive[i] = negative[i] = np.nan
             continue
-        ways = distance_to(graph, fact)[guess], distance_to(graph, guess)[fact]
+        ways = distance_to_sources(graph, fact)[guess], distance_to_sources(graph, guess)[fact]
         positive[i], negative[i] = (_mean_finite(way) * 100 for way in ways)
         lost[i] = sum(int(np.isinf(way).sum()) for way in ways)
     return GeodesicError(positive.reshape(shape), negative.reshape(shape), lost.reshape(shape))
@@ -127,14 +125,14 @@ def _mean_finite(distance: FloatArray) -> float:
     return float(known.mean()) if len(known) else float("nan")
 
 
-def _hops(
+def _opposite_pairs(
     vertices: FloatArray, sides: NDArray[np.int64], opposite: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], FloatArray]:
-    """Pairs (E, 2) of vertices opposite over an edge that two triangles share, and their distance (E,) unfolded.
+    """Return pairs (E, 2) of vertices opposite an edge of two triangles, and their unfolded distance (E,).
 
     Args:
         vertices: (V, 3).
-        sides: (3F, 2) sorted vertex ids, of each triangle's sides.
+        sides: (3F, 2) sorted vertex ids of each triangle's sides.
         opposite: (3F,) the third vertex of that triangle.
     """
     _, edge, count = np.unique(sides, axis=0, return_inverse=True, return_counts=True)

@@ -1,6 +1,6 @@
-"""One-to-one matching of predicted to true people, before anything is compared.
+"""One-to-one matching of predicted people to true people.
 
-As few people as the gate allows stay unmatched; among such matchings the one of least total cost (Hungarian method).
+The Hungarian method maximises the number of allowed matches, then minimises their total cost.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ __all__ = ["Matching", "mask_iou", "match_by_masks"]
 
 @dataclass(frozen=True)
 class Matching:
-    """Rows of predicted and true people.
+    """Matched and unmatched indices of predicted and true people.
 
     Attributes:
-        predicted: (M,) int64, matched predictions; ``predicted[i]`` is the person ``truth[i]``.
+        predicted: (M,) int64; ``predicted[i]`` matches ``truth[i]``.
         truth: (M,) int64, in increasing order.
         missed: (K,) int64, true people without a match.
         false_alarms: (L,) int64, predictions without a match.
@@ -41,10 +41,10 @@ class Matching:
 
 
 def mask_iou(predicted: BoolArray, truth: BoolArray) -> FloatArray:
-    """Intersection over union (N, M) of masks (N, H, W) and (M, H, W) bool; 0 of two empty masks.
+    """Return the intersection over union (N, M) of masks (N, H, W) and (M, H, W) bool; 0 for two empty masks.
 
     Raises:
-        PhysicError: the masks are not of one image size.
+        PhysicError: the image sizes differ.
     """
     if predicted.shape[1:] != truth.shape[1:]:
         raise PhysicError(
@@ -59,15 +59,15 @@ def mask_iou(predicted: BoolArray, truth: BoolArray) -> FloatArray:
 
 
 def match_by_masks(predicted: BoolArray, truth: BoolArray, min_iou: float = 0.5) -> Matching:
-    """Match by overlap in the image.
+    """Match people by the overlap of their masks.
 
     Args:
         predicted: (N, H, W) bool, N may be 0.
         truth: (M, H, W) bool, M may be 0.
-        min_iou: least overlap of a match; masks that do not touch never match.
+        min_iou: least IoU of a match; masks without overlap never match.
 
     Raises:
-        PhysicError: the masks are not of one image size.
+        PhysicError: the image sizes differ.
     """
     iou = mask_iou(predicted, truth)
     return _assign(1.0 - iou, (iou >= min_iou) & (iou > 0))
@@ -75,7 +75,7 @@ def match_by_masks(predicted: BoolArray, truth: BoolArray, min_iou: float = 0.5)
 
 def _assign(cost: FloatArray, allowed: BoolArray) -> Matching:
     usual = np.where(allowed, cost, 0.0)
-    # One forbidden pair costs more than any set of allowed ones, so it stands for two people left alone.
+    # A forbidden pair costs more than any set of allowed pairs.
     rows, columns = linear_sum_assignment(np.where(allowed, cost, usual.max(initial=0.0) * min(cost.shape) + 1.0))
     kept = allowed[rows, columns]
     rows, columns = rows[kept].astype(np.int64), columns[kept].astype(np.int64)

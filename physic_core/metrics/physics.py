@@ -1,7 +1,7 @@
-"""Whether bodies and scene share space, or miss each other: penetration depth and volume, floating distance.
+"""Penetration depth and volume, and floating distance, of bodies in a scene.
 
-From the signed distance of each vertex to the scene or the floor: metres, positive outside, negative inside, inf or NaN
-where nothing is known, which counts as outside and out of reach.
+The input is each vertex's signed distance to scene or floor, in metres, negative inside. Distances that are inf or NaN
+count as outside and out of reach.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ __all__ = ["Penetration", "contact_gap", "penetration", "vertex_areas", "vertex_
 
 @dataclass(frozen=True)
 class Penetration:
-    """Of people, each (...,) float64; all zero where no vertex is inside.
+    """Penetration of people, each (...,) float64; zero without a vertex inside.
 
     Attributes:
         max_depth: metres, of the deepest vertex.
         mean_depth: metres, over the vertices inside.
         share: of the counted vertices, those inside.
-        volume: m^3, as :func:`penetration` says.
+        volume: m^3, see :func:`penetration`.
     """
 
     max_depth: FloatArray
@@ -37,12 +37,7 @@ class Penetration:
 
 
 def vertex_areas(vertices: FloatArray, faces: NDArray[np.integer[Any]]) -> FloatArray:
-    """Area (..., V) m^2 of each vertex: a third of the triangles around it, so that they sum to the whole surface.
-
-    Args:
-        vertices: (..., V, 3) m, any frame.
-        faces: (F, 3) vertex ids.
-    """
+    """Return the area (..., V), square units, of each vertex of a mesh: a third of its triangles."""
     import torch
 
     from physic_core.geometry.visibility import vertex_areas as areas_of
@@ -53,12 +48,7 @@ def vertex_areas(vertices: FloatArray, faces: NDArray[np.integer[Any]]) -> Float
 
 
 def vertex_normals(vertices: FloatArray, faces: NDArray[np.integer[Any]]) -> FloatArray:
-    """Unit normals (..., V, 3) of each vertex, out of a mesh whose triangles run counter-clockwise.
-
-    Args:
-        vertices: (..., V, 3) m, any frame.
-        faces: (F, 3) vertex ids.
-    """
+    """Return outward unit normals (..., V, 3) of a mesh with counter-clockwise triangles."""
     import torch
 
     from physic_core.geometry.visibility import vertex_normals as normals_of
@@ -71,19 +61,17 @@ def vertex_normals(vertices: FloatArray, faces: NDArray[np.integer[Any]]) -> Flo
 def penetration(
     distance: FloatArray, areas: FloatArray, facing: FloatArray | None = None, counted: BoolArray | None = None
 ) -> Penetration:
-    """Depth and volume of what lies inside.
+    """Compute depth, share and volume of the vertices inside the scene.
 
-    The volume is the integral of the depth over the body's surface inside. Without ``facing`` skin that stands steep to
-    the scene's surface counts in full, so that it is an upper bound: a ball of radius r sunk by d gets pi r d^2, which
-    is 1 / (1 - d / 3r) times the cap's true volume. With ``facing`` it is exact for a plane (divergence theorem), up to
-    the sampling by vertices.
+    The volume is the depth integrated over the skin inside. Without ``facing`` it is an upper bound: a ball of radius r
+    with depth d gets pi r d^2, which is 1 / (1 - d / 3r) times the true volume. With ``facing`` it is exact for a plane
+    (divergence theorem), up to the sampling by vertices.
 
     Args:
         distance: (..., V) m, signed.
         areas: (..., V) m^2, of :func:`vertex_areas`.
-        facing: (..., V) in [-1, 1], minus the cosine between the body's outward normal and the scene's: 1 where skin
-            and scene face each other.
-        counted: (..., V) bool, vertices that count (not those of mouth and eyes); all without it.
+        facing: (..., V) in [-1, 1], minus the cosine between the body's outward normal and the scene's.
+        counted: (..., V) bool, vertices that count (not those of mouth and eyes); all if None.
     """
     inside = np.isfinite(distance) & (distance < 0)
     if counted is not None:
@@ -101,22 +89,19 @@ def penetration(
 
 
 def contact_gap(distance: FloatArray, contact: BoolArray, reach: float = float("inf")) -> FloatArray:
-    """Mean gap (...,) m of the vertices that truly touch: how far contact is missed, where sunk ones miss by 0.
+    """Return the mean gap (...,) m between the true contact vertices and the scene; inside vertices have gap 0.
 
     Args:
         distance: (..., V) m, signed, of the predicted body in the predicted scene.
         contact: (..., V) bool, true contact.
-        reach: farther and unknown vertices count as this far, for distances that were only looked for so far.
+        reach: upper limit of a gap, also of unknown ones.
 
     Returns:
-        float64; NaN where nothing truly touches.
+        float64; NaN without true contact.
     """
-    gap = np.where(contact, np.minimum(_gap(distance), reach), 0.0)
+    distance = np.asarray(distance, np.float64)
+    outside = np.where(np.isnan(distance), np.inf, np.maximum(distance, 0.0))
+    gap = np.where(contact, np.minimum(outside, reach), 0.0)
     number = contact.sum(-1)
     mean: FloatArray = np.where(number > 0, gap.sum(-1) / np.maximum(number, 1), np.nan)
     return mean
-
-
-def _gap(distance: FloatArray) -> FloatArray:
-    values = np.asarray(distance, np.float64)
-    return np.where(np.isnan(values), np.inf, np.maximum(values, 0.0))

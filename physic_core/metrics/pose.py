@@ -1,9 +1,8 @@
-"""Errors of joints and vertices: MPJPE, PA-MPJPE and MPVPE, per person, in millimetres.
+"""Joint and vertex errors of each person, in millimetres: MPJPE, PA-MPJPE and MPVPE.
 
-Points are metres in the OpenCV camera frame (x right, y down, z forward). The protocol is the paper's (sec. 4.1):
-MPJPE and MPVPE compare places in the camera frame as they are, without aligning roots or anything else, so that they
-hold the error of the distance from the camera too; only PA-MPJPE aligns, by a similarity for each person. The paper
-does not say over which joints; ``BODY_JOINTS`` are those that every SMPL-family body has, without jaw, eyes, fingers.
+Points are metres in the OpenCV camera frame (x right, y down, z forward). As in the paper (sec. 4.1), MPJPE and MPVPE
+use no alignment, so that they include the error of the distance from the camera. PA-MPJPE aligns each person by a
+similarity transform. The paper does not name the joints.
 """
 
 from __future__ import annotations
@@ -20,19 +19,19 @@ if TYPE_CHECKING:
 __all__ = ["BODY_JOINTS", "align_similarity", "mpjpe_mm", "mpvpe_mm", "pa_mpjpe_mm"]
 
 BODY_JOINTS = slice(0, 22)
-"""Pelvis to wrists, of the 55 joints in SMPL-X order."""
+"""Pelvis to wrists, of the 55 joints in SMPL-X order: those that all SMPL-family bodies have."""
 
 
 def mpjpe_mm(predicted: FloatArray, truth: FloatArray, valid: BoolArray | None = None) -> FloatArray:
-    """Mean per-joint position error without any alignment.
+    """Return the mean per-joint position error, without alignment.
 
     Args:
         predicted: (..., J, 3) m, camera frame.
         truth: (..., J, 3) m.
-        valid: (..., J) bool, joints that count; all without it.
+        valid: (..., J) bool, joints that count; all if None.
 
     Returns:
-        (...,) float64 mm; NaN where no joint counts or one that counts is not finite.
+        (...,) float64 mm; NaN if no joint counts, or a joint that counts is not finite.
 
     Raises:
         PhysicError: the shapes differ.
@@ -42,7 +41,7 @@ def mpjpe_mm(predicted: FloatArray, truth: FloatArray, valid: BoolArray | None =
 
 
 def mpvpe_mm(predicted: FloatArray, truth: FloatArray, valid: BoolArray | None = None) -> FloatArray:
-    """Mean per-vertex position error without any alignment: as :func:`mpjpe_mm`, of (..., V, 3) vertices of one mesh.
+    """Return the mean per-vertex position error, without alignment; arguments (..., V, 3) as in :func:`mpjpe_mm`.
 
     Raises:
         PhysicError: the shapes differ.
@@ -52,15 +51,7 @@ def mpvpe_mm(predicted: FloatArray, truth: FloatArray, valid: BoolArray | None =
 
 
 def pa_mpjpe_mm(predicted: FloatArray, truth: FloatArray, valid: BoolArray | None = None) -> FloatArray:
-    """Mean per-joint position error after :func:`align_similarity`.
-
-    Args:
-        predicted: (..., J, 3) m, any frame.
-        truth: (..., J, 3) m.
-        valid: (..., J) bool, joints that count, for the alignment too; all without it.
-
-    Returns:
-        (...,) float64 mm; NaN where no joint counts or one that counts is not finite.
+    """Return the mean per-joint position error after :func:`align_similarity`; arguments as in :func:`mpjpe_mm`.
 
     Raises:
         PhysicError: the shapes differ.
@@ -69,13 +60,11 @@ def pa_mpjpe_mm(predicted: FloatArray, truth: FloatArray, valid: BoolArray | Non
 
 
 def align_similarity(predicted: FloatArray, truth: FloatArray, valid: BoolArray | None = None) -> FloatArray:
-    """Points (..., J, 3) float64: ``predicted`` rotated (never mirrored), scaled and moved to least squared error.
+    """Align predicted points (..., J, 3) to the truth by a least-squares similarity transform without reflection.
 
-    All points move, but only the valid ones say where to.
-
-    Umeyama, Least-squares estimation of transformation parameters between two point patterns, PAMI 1991. Points that
-    all coincide go to the centroid of the truth. A person without a valid point, or with one that is not finite, is
-    NaN and leaves the others alone.
+    The transform is fitted to the valid points and applied to all (Umeyama, Least-squares estimation of
+    transformation parameters between two point patterns, PAMI 1991). Coinciding points go to the centroid of the truth.
+    A person without valid points, or with a non-finite one, becomes NaN.
 
     Raises:
         PhysicError: the shapes differ.
@@ -92,7 +81,7 @@ def align_similarity(predicted: FloatArray, truth: FloatArray, valid: BoolArray 
     if not usable.any():
         return aligned
     weights = counted[usable] / counted[usable].sum(-1, keepdims=True)
-    # Centred here, so that a person far from the origin, or one of coinciding points, loses no digits.
+    # Centred for accuracy far from the origin.
     source_mean = (weights[..., None] * source[usable]).sum(-2, keepdims=True)
     target_mean = (weights[..., None] * target[usable]).sum(-2, keepdims=True)
     centred, goal = source[usable] - source_mean, target[usable] - target_mean
@@ -103,7 +92,7 @@ def align_similarity(predicted: FloatArray, truth: FloatArray, valid: BoolArray 
         compute_scaling=True,
     )
     linear = rotation.numpy() * np.where(flat, 0.0, scale.numpy())[:, None, None]
-    with np.errstate(invalid="ignore"):  # points that do not count may be anything
+    with np.errstate(invalid="ignore"):  # invalid points may not be finite
         every = np.asarray(predicted, np.float64)[usable] - source_mean
         aligned[usable] = np.einsum("nij,nkj->nki", linear, every) + target_mean
     return aligned

@@ -1,14 +1,12 @@
-"""How far a body is from the scene that was reconstructed with it: a measure of its own, whatever engine made the two.
+"""Signed distance of a body to the reconstructed scene, independent of the engine that made both.
 
-Metres, OpenCV camera frame (x right, y down, z forward). A point map shows front sides only, so that three things need
-care:
+Metres, OpenCV camera frame (x right, y down, z forward). Since a point map shows front sides only:
 
-* Distance is taken to the surface that the points sample and not to the points: along the normal of the nearest one,
-  plus what lies beside it beyond the spacing of the points there. A vertex between four pixels of a floor is on it.
-* A vertex behind a visible surface counts as inside it, up to ``reach``, unless the camera sees past it to something
-  farther: what lies before the point map is in free space. Nobody knows what is behind a table's front: vertices that
-  are hidden behind something must be left out by whoever knows it (:func:`hidden_behind`).
-* Under the floor's plane a vertex is inside whatever the points say.
+* The distance is that to the surface between the points: along the normal of the nearest point, plus the lateral
+  distance beyond the spacing of the points.
+* A vertex behind a visible surface is inside it, up to ``reach``, unless the vertex is in free space, in front of the
+  point map. The space behind an occluder is unknown: exclude these vertices (:func:`hidden_by_depth_map`).
+* A vertex below the floor plane is always inside.
 """
 
 from __future__ import annotations
@@ -23,21 +21,21 @@ from physic_core.metrics.shapes import require_same_shape
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Intrinsics, Plane
 
-__all__ = ["REACH", "SceneDistance", "hidden_behind", "point_spacing", "scene_distance"]
+__all__ = ["SEARCH_RADIUS_M", "SceneDistance", "hidden_by_depth_map", "point_spacing", "scene_distance"]
 
-REACH = 0.15
-"""Metres beyond which nothing is near (the released code's radius)."""
+SEARCH_RADIUS_M = 0.15
+"""Default search radius, metres, as in the released code."""
 
 _LEVEL = 0.17  # sine of 10 degrees
 
 
 @dataclass(frozen=True)
 class SceneDistance:
-    """Distance from each vertex to the scene, and the surface normal there, for vertices (..., V).
+    """Signed distance and surface normal at each vertex (..., V).
 
     Attributes:
-        distance: (..., V) float64 m, negative inside; inf where nothing is within reach.
-        normal: (..., V, 3) float64 unit, of the surface there, out of the scene; zero where it is unknown.
+        distance: (..., V) float64 m, negative inside; inf without a surface within reach.
+        normal: (..., V, 3) float64 unit, of the nearest surface, out of the scene; zero where unknown.
     """
 
     distance: FloatArray
@@ -51,21 +49,21 @@ def scene_distance(
     valid: BoolArray,
     intrinsics: Intrinsics,
     floor: Plane | None = None,
-    reach: float = REACH,
+    reach: float = SEARCH_RADIUS_M,
 ) -> SceneDistance:
-    """Signed distance of vertices to a point map and to its floor.
+    """Return the signed distance of vertices to a point map and its floor.
 
     Args:
         vertices: (..., V, 3) m.
         points: (H, W, 3) m, the scene without people.
-        normals: (H, W, 3) unit, towards the camera; zero where unreliable: such a point has no inside.
+        normals: (H, W, 3) unit, towards the camera; zero where unknown: such a point has no inside.
         valid: (H, W) bool.
-        intrinsics: camera of the point map.
-        floor: its plane, or None.
-        reach: farther surfaces are not looked for, m.
+        intrinsics: of the point map.
+        floor: plane, or None.
+        reach: search radius, m.
 
     Raises:
-        PhysicError: points and normals are not of one shape.
+        PhysicError: the shapes of points and normals differ.
     """
     from scipy.spatial import KDTree
 
@@ -99,24 +97,24 @@ def scene_distance(
     return SceneDistance(answer.reshape(vertices.shape[:-1]), towards.reshape(vertices.shape))
 
 
-def hidden_behind(
+def hidden_by_depth_map(
     vertices: FloatArray, depth: FloatArray, intrinsics: Intrinsics, tolerance: float = 0.03
 ) -> BoolArray:
-    """Vertices (..., V) bool in front of which a depth map has something.
+    """Return whether a depth map hides each vertex: (..., V) bool.
 
     Args:
         vertices: (..., V, 3) m.
         depth: (H, W) m along z, of the scene without people; inf or NaN hides nothing.
-        intrinsics: its camera.
-        tolerance: a vertex hides only this far behind, m.
+        intrinsics: of the depth map.
+        tolerance: least distance of a hidden vertex behind the surface, m.
     """
     return _behind(np.asarray(vertices, np.float64), depth, intrinsics, tolerance)
 
 
 def _behind(points: FloatArray, depth: FloatArray, intrinsics: Intrinsics, tolerance: float) -> BoolArray:
-    """Whether the nearest of the four pixels around each point (..., 3) is nearer than the point; False off the image.
+    """Return whether each point (..., 3) is behind the nearest of the four pixels around it; False outside the image.
 
-    All four, since at a rim the nearest pixel alone may be the background's.
+    At a depth edge, a single pixel may show the background.
     """
     ahead = points[..., 2] > 1e-6
     z = np.where(ahead, points[..., 2], 1.0)
@@ -132,10 +130,10 @@ def _behind(points: FloatArray, depth: FloatArray, intrinsics: Intrinsics, toler
 
 
 def point_spacing(points: FloatArray, normals: FloatArray, valid: BoolArray) -> FloatArray:
-    """How densely a point map samples its surfaces: (H, W) float64 m.
+    """Return the spacing (H, W) float64 m of a point map's samples on their surfaces.
 
-    The distance from each point to the farthest of its four neighbours on the same surface, which are those that lie
-    within 10 degrees of its tangent plane, and it of theirs; 0 where there is none.
+    The spacing is the largest distance from a point to its four neighbours on the same surface. Two neighbours are
+    on the same surface if each is within 10 degrees of the other's tangent plane. It is 0 without such neighbours.
 
     Args:
         points: (H, W, 3) m.

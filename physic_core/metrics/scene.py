@@ -1,6 +1,6 @@
-"""How wrong a scene is: its depth, its points, its scale and its floor.
+"""Errors of the scene: depth, points, scale and floor.
 
-Metres, OpenCV camera frame (x right, y down, z forward); depth is along z. Nothing is aligned: the scene claims metres.
+Metres, OpenCV camera frame (x right, y down, z forward); depth is along z. No alignment: the scene is metric.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
 __all__ = ["FloorError", "SceneError", "floor_error", "scene_error"]
 
 DELTA = 1.25
-"""Ratio of depths up to which a pixel counts as right (Eigen et al., NeurIPS 2014)."""
+"""Largest depth ratio of a correct pixel (Eigen et al., NeurIPS 2014)."""
 
 
 @dataclass(frozen=True)
 class SceneError:
-    """Over the pixels valid in both maps; NaN where there is none.
+    """Errors over the pixels that are valid in both point maps; NaN without such pixels.
 
     Attributes:
-        pixels: how many.
-        coverage: their share of the truly valid pixels: leaving out what is hard does not go unseen.
+        pixels: number of these pixels.
+        coverage: their share of the truly valid pixels.
         depth_relative_median: median of |Z - Z*| / Z*.
         depth_relative_mean: mean of the same.
         delta_share: share of pixels with max(Z / Z*, Z* / Z) < 1.25.
@@ -49,12 +49,11 @@ class SceneError:
 
 @dataclass(frozen=True)
 class FloorError:
-    """NaN where no floor was found.
+    """Errors of a floor plane; NaN if no floor was found.
 
     Attributes:
         angle_deg: between the normals, in [0, 180].
-        height: metres by which a place is higher over the found floor than over the true one: positive where the floor
-            was found too low.
+        height: metres by which the found floor is too low.
     """
 
     angle_deg: float
@@ -64,12 +63,12 @@ class FloorError:
 def scene_error(
     predicted: FloatArray, truth: FloatArray, predicted_valid: BoolArray, true_valid: BoolArray
 ) -> SceneError:
-    """Compare point maps pixel by pixel.
+    """Compare two point maps pixel by pixel.
 
     Args:
-        predicted: (H, W, 3) m; any leading shape that ``truth`` has too.
+        predicted: (H, W, 3) m, or any leading shape that ``truth`` has too.
         truth: (H, W, 3) m.
-        predicted_valid: (H, W) bool; a pixel whose point is not finite, or not before the camera, is not valid.
+        predicted_valid: (H, W) bool; points that are not finite or have no positive depth are invalid too.
         true_valid: (H, W) bool, likewise.
 
     Raises:
@@ -99,19 +98,19 @@ def scene_error(
 
 
 def floor_error(predicted: Plane | None, truth: Plane, at: FloatArray | None = None) -> FloorError:
-    """Compare floors.
+    """Compare two floor planes.
 
     Args:
-        predicted: as found, or None.
-        truth: as it is.
-        at: (3,) m, the place whose heights are compared, such as a person's feet; the camera without it. A tilted floor
-            is right under the camera and wrong elsewhere.
+        predicted: found plane, or None.
+        truth: true plane.
+        at: (3,) m, position at which heights are compared, such as a person's feet; the camera if None. A tilted floor
+            has another error at another position.
     """
     if predicted is None:
         return FloorError(math.nan, math.nan)
     place = np.zeros(3) if at is None else np.asarray(at, np.float64)
     found, fact = (np.asarray(plane.normal, np.float64) for plane in (predicted, truth))
-    # The arc tangent keeps its digits for small angles, where the arc cosine has none.
+    # The arc tangent is accurate for small angles, unlike the arc cosine.
     angle = math.atan2(float(np.linalg.norm(np.cross(found, fact))), float(found @ fact))
     height = (found @ place + predicted.offset) - (fact @ place + truth.offset)
     return FloorError(math.degrees(angle), float(height))

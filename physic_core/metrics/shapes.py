@@ -1,4 +1,4 @@
-"""Checks of the shapes of a metric's inputs: a wrong shape is refused before it broadcasts into a wrong number."""
+"""Check the shapes and types of a metric's inputs before they broadcast to a wrong result."""
 
 from __future__ import annotations
 
@@ -13,36 +13,22 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray
 
-__all__ = ["require_flags", "require_same_shape"]
+__all__ = ["require_bool", "require_same_shape"]
 
 
 def require_same_shape(what: str, predicted: NDArray[Any], truth: NDArray[Any]) -> None:
-    """Raise unless both have one shape.
-
-    Args:
-        what: plural name for the message, "joints".
-        predicted: any array.
-        truth: any array.
-
-    Raises:
-        PhysicError: the shapes differ.
-    """
+    """Raise PhysicError if two arrays differ in shape; ``what`` is their plural name for the message."""
     if predicted.shape != truth.shape:
         raise PhysicError(
-            f"Predicted and true {what} must have one shape, got {predicted.shape} and {truth.shape}: "
+            f"Predicted and true {what} must have the same shape, got {predicted.shape} and {truth.shape}: "
             "match the people first, and bring both to one joint set or mesh."
         )
 
 
-def require_flags(what: str, values: NDArray[Any]) -> BoolArray:
-    """The array itself, when it is bool.
+def require_bool(what: str, values: NDArray[Any]) -> BoolArray:
+    """Return the array, or raise PhysicError if it is not bool.
 
-    Args:
-        what: name for the message, "predicted contact".
-        values: any array.
-
-    Raises:
-        PhysicError: the values are not bool; a probability cast to bool would count everything over zero.
+    A probability converted to bool would count every value above zero.
     """
     if values.dtype != np.bool_:
         raise PhysicError(f"The {what} must be bool, got {values.dtype}: threshold it first, as in probability >= 0.5.")

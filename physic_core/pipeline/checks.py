@@ -179,8 +179,8 @@ def _check_photo(estimates: Estimates, solution: Solution, settings: EngineSetti
         f"{build.ALIGN_TOLERANCE:.0%}: try another metric_depth or relative_pointmap"
         if share > 0
         else "point map and metric depth agree nowhere: the scene is the metric depth alone",
-        ok=not uses_pointmap or (share > 0 and share >= build.ALIGN_LEAST_SHARE),
-        threshold=build.ALIGN_LEAST_SHARE,
+        ok=not uses_pointmap or (share > 0 and share >= build.MIN_ALIGN_INLIER_SHARE),
+        threshold=build.MIN_ALIGN_INLIER_SHARE,
     )
     share = report["placement"]["alignment"]["inlier_share"]
     yield _check(
@@ -191,8 +191,8 @@ def _check_photo(estimates: Estimates, solution: Solution, settings: EngineSetti
         "try another inpainter or relative_pointmap"
         if share > 0
         else "the photo and its inpainted picture have no background in common: people are placed by size alone",
-        ok=share > 0 and share >= human_points.ALIGN_LEAST_SHARE,
-        threshold=human_points.ALIGN_LEAST_SHARE,
+        ok=share > 0 and share >= human_points.MIN_ALIGN_INLIER_SHARE,
+        threshold=human_points.MIN_ALIGN_INLIER_SHARE,
     )
     yield from _check_floor(report["scene"]["floor"], settings)
     yield from _check_scale(estimates, solution)
@@ -200,7 +200,7 @@ def _check_photo(estimates: Estimates, solution: Solution, settings: EngineSetti
 
 
 def _check_floor(report: Mapping[str, Any], settings: EngineSettings) -> Iterator[CheckResult]:
-    from physic_core.engine.scene.floor import least_share
+    from physic_core.engine.scene.floor import min_inlier_share
 
     reason = report["reason"]
     searched = reason != "switched_off"
@@ -213,7 +213,7 @@ def _check_floor(report: Mapping[str, Any], settings: EngineSettings) -> Iterato
         f"no floor was found: {_NO_FLOOR.get(reason, reason)}; {instead}: "
         "use a photo that shows the ground at the feet",
         ok=reason == "found" or not searched,
-        threshold=least_share(settings.scene.floor),
+        threshold=min_inlier_share(settings.scene.floor),
     )
     wrong = report["mask_reason"]
     yield _check(

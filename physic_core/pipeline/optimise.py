@@ -17,7 +17,12 @@ from physic_core.engine.joint.final_scene import finalize_scene
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.released.visibility import mean_face_normals
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.placement.human_points import FAR_M, align_original, human_points, original_in_scene
+from physic_core.engine.placement.human_points import (
+    FAR_M,
+    align_original_to_scene,
+    human_points,
+    move_original_to_scene,
+)
 from physic_core.engine.placement.people import Detections, PlacedPeople, place_people
 from physic_core.engine.placement.place import PosedBodies
 from physic_core.engine.scene.build import alignment_diagnostics, build_scene
@@ -145,7 +150,7 @@ class _AlignedPhoto:
 
 def _align_photo(estimates: Estimates, scene: SceneState, settings: PlacementSettings) -> _AlignedPhoto:
     original, valid = tensor(estimates.original.points), tensor(estimates.original.valid)
-    alignment = align_original(
+    alignment = align_original_to_scene(
         original,
         valid,
         estimates.original.unknown,
@@ -155,7 +160,7 @@ def _align_photo(estimates: Estimates, scene: SceneState, settings: PlacementSet
         settings,
         far=FAR_M,
     )
-    aligned = original_in_scene(original, alignment, scene.K)
+    aligned = move_original_to_scene(original, alignment, scene.K)
     people = tuple(human_points(aligned, valid, tensor(mask), settings) for mask in estimates.people.masks)
     return _AlignedPhoto(alignment, aligned, valid, people)
 

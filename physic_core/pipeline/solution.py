@@ -11,7 +11,7 @@ import torch
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.engine.contact import SEARCH_RADIUS_M, contact_map, contact_surfaces
 from physic_core.engine.joint.limbs import observed_parts
-from physic_core.geometry.free_space import fronts, in_free_space
+from physic_core.geometry.free_space import front_depth, in_free_space
 from physic_core.geometry.visibility import vertex_normals
 from physic_core.pipeline.measures import depth_ratio, support_gap, visible_share
 from physic_core.types import BodyParameters, CameraTrust, Intrinsics, Plane, Scene
@@ -157,7 +157,7 @@ def measure_contacts(
     scene, ground = contact_surfaces(problem, vertices, s, settings)
     free = None
     if settings.joint.energy_options.free_space and problem.scene_depth is not None:
-        free = in_free_space(vertices / s, fronts(problem.scene_depth), problem.K)
+        free = in_free_space(vertices / s, front_depth(problem.scene_depth), problem.K)
     contact[rows], distance[rows] = contact_map(vertices, scene, ground, may_touch, settings.contact, free)
     up, height = plane or (vertices.new_tensor([0.0, -1.0, 0.0]), None)
     for row, (i, body, normals) in enumerate(zip(rows.tolist(), vertices, outward, strict=True)):

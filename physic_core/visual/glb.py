@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.geometry.upright import gltf_from_camera, transform
+from physic_core.geometry.upright import gltf_from_camera, transform_points
 from physic_core.visual.surface import SceneMesh, depth_limit, mesh_scene
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def _scene_mesh(surface: SceneMesh, shape: tuple[int, ...], matrix: NDArray[np.f
     uv = np.stack([(surface.pixels[:, 0] + 0.5) / width, 1.0 - (surface.pixels[:, 1] + 0.5) / height], -1)
     # A material of its own keeps trimesh from adding its default picture; the real one is put in by _export.
     visual = trimesh.visual.TextureVisuals(uv=uv, material=trimesh.visual.material.PBRMaterial(name="photo"))
-    vertices = transform(matrix, surface.vertices)
+    vertices = transform_points(matrix, surface.vertices)
     return trimesh.Trimesh(vertices, surface.faces, visual=visual, process=False)
 
 
@@ -86,7 +86,7 @@ def _person_mesh(person: Person, faces: NDArray[np.int32], matrix: NDArray[np.fl
 
     colors = np.full((len(person.vertices), 4), 255, np.uint8)
     colors[:, :3] = np.where(person.contact[:, None], _linear(CONTACT_RGB), _linear(BODY_RGB))
-    mesh = trimesh.Trimesh(transform(matrix, person.vertices), faces, vertex_colors=colors, process=False)
+    mesh = trimesh.Trimesh(transform_points(matrix, person.vertices), faces, vertex_colors=colors, process=False)
     _ = mesh.vertex_normals  # smooth shading: the exporter writes normals that are already there
     return mesh
 

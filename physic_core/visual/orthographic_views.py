@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.geometry.upright import transform
+from physic_core.geometry.upright import transform_points
 from physic_core.visual.render import Orthographic, composite, merge_layers, render_mesh, render_points
 
 if TYPE_CHECKING:
@@ -65,8 +65,8 @@ def side_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView
     ahead = [-high[2] - 0.8, -low[2] + 0.8]
     ahead, rows = _include_camera(ahead, rows, [-0.35, eye[1] - 0.2, eye[1] + 0.25], width, height)
     view = _fit_view(geometry, ahead, rows, ("ahead", "up", "right"), high[0] + _SIDE_MARGIN, width, height)
-    near = transform(geometry.upright, geometry.points)[:, 0]
-    surface = None if geometry.surface is None else transform(geometry.upright, geometry.surface.vertices)[:, 0]
+    near = transform_points(geometry.upright, geometry.points)[:, 0]
+    surface = None if geometry.surface is None else transform_points(geometry.upright, geometry.surface.vertices)[:, 0]
     picture = _render(
         geometry, view, near < high[0] + _SIDE_MARGIN, near < low[0] - _SIDE_MARGIN, surface, low[0] - _SIDE_MARGIN
     )
@@ -82,7 +82,7 @@ def top_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView:
     across, ahead = [low[0] - 0.9, high[0] + 0.9], [-high[2] - 0.9, -low[2] + 0.9]
     ahead, across = _include_camera(ahead, across, [-0.3, -0.3, 0.3], height, width)
     view = _fit_view(geometry, across, ahead, ("right", "ahead", "up"), high[1] + 0.1, width, height)
-    near = transform(geometry.upright, geometry.points)[:, 1]
+    near = transform_points(geometry.upright, geometry.points)[:, 1]
     picture = _render(geometry, view, near < high[1] + 0.1, np.zeros(len(near), bool), None, 0.0)
     return LabeledView(picture, view.pixels_per_metre, None, _camera_pixel(geometry, view), {})
 

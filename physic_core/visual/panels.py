@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
-from physic_core.geometry.upright import gltf_from_camera, transform
+from physic_core.geometry.upright import gltf_from_camera, transform_points
 from physic_core.visual.glb import BODY_RGB, CONTACT_RGB
 from physic_core.visual.orthographic_views import PAGE_RGB
 from physic_core.visual.render import Orthographic, Perspective, composite, prepare_meshes, render_mesh
@@ -116,7 +116,7 @@ def render_contact_views(reconstruction: Reconstruction, index: int, width: int,
     """
     person = reconstruction.people[index]
     matrix = gltf_from_camera(reconstruction.scene.floor)
-    vertices, joints = transform(matrix, person.vertices), transform(matrix, person.joints)
+    vertices, joints = transform_points(matrix, person.vertices), transform_points(matrix, person.joints)
     picture = np.tile((np.array(PAGE_RGB) / 255).astype(np.float32), (height, width, 1))
     shapes = prepare_meshes([vertices], reconstruction.faces)
     if shapes is None or not np.isfinite(vertices).all():

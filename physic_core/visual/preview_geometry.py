@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.geometry.upright import gltf_from_camera, transform
+from physic_core.geometry.upright import gltf_from_camera, transform_points
 from physic_core.visual.render import RayCastMesh, prepare_meshes
 from physic_core.visual.surface import depth_limit, mesh_scene
 
@@ -85,7 +85,7 @@ def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
     colors = [np.tile(np.array(person_color(index)) / 255.0, (len(vertices), 1)) for index, vertices in finite]
     surface = mesh_scene(scene, limit, _SURFACE_VERTICES)
     points, point_colors = _cloud(scene, limit)
-    low, high = _bounds([transform(matrix, vertices) for vertices in bodies], transform(matrix, points))
+    low, high = _bounds([transform_points(matrix, vertices) for vertices in bodies], transform_points(matrix, points))
     return PreviewGeometry(
         people=prepare_meshes(bodies, reconstruction.faces),
         people_colors=np.concatenate(colors) if colors else np.zeros((0, 3)),

@@ -8,11 +8,11 @@ import trimesh
 
 from physic_core.engine.contact import contact_map, surface_distance
 from physic_core.engine.presets import PRESETS
-from physic_core.geometry.neighbors import NearestScene
+from physic_core.geometry.neighbors import NearestPointSearch
 
 SETTINGS = PRESETS["default"].contact
 RADIUS = 0.1
-NOTHING = NearestScene(torch.zeros(0, 3), torch.zeros(0, 3))
+NOTHING = NearestPointSearch(torch.zeros(0, 3), torch.zeros(0, 3))
 
 
 def plane(spacing=0.01, half=0.5):
@@ -20,7 +20,7 @@ def plane(spacing=0.01, half=0.5):
     steps = torch.arange(-half, half + 1e-6, spacing)
     x, z = torch.meshgrid(steps, steps, indexing="xy")
     points = torch.stack([x, torch.ones_like(x), z + 2], -1).reshape(-1, 3)
-    return NearestScene(points, torch.tensor([0.0, -1.0, 0.0]).expand_as(points))
+    return NearestPointSearch(points, torch.tensor([0.0, -1.0, 0.0]).expand_as(points))
 
 
 def sphere(gap):
@@ -45,7 +45,7 @@ def test_the_nearer_of_scene_and_floor_counts():
 
 
 def test_a_point_without_a_normal_has_no_inside():
-    scene = NearestScene(torch.tensor([[0.0, 0.0, 2.0]]), torch.zeros(1, 3))
+    scene = NearestPointSearch(torch.tensor([[0.0, 0.0, 2.0]]), torch.zeros(1, 3))
     distance = surface_distance(torch.tensor([[0.0, 0.0, 2.05], [0.0, 0.0, 1.95]]), scene, SETTINGS)
     assert distance.tolist() == pytest.approx([0.05, 0.05])
 

@@ -12,9 +12,9 @@ from physic_core.engine.contact import contact_map
 from physic_core.engine.joint.acceptance import total_energy
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.placement.place import PersonEvidence, PosedBodies, place
+from physic_core.engine.placement.place import PersonEvidence, PosedBodies, place_bodies
 from physic_core.engine.presets import PRESETS
-from physic_core.geometry.neighbors import NearestScene
+from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.geometry.visibility import vertex_normals
 
 from .adjusted import adjusted, with_options
@@ -118,7 +118,7 @@ def test_cuda_places_and_tells_contact_as_the_cpu_does(two):
         normals = vertex_normals(body.vertices, model.faces)
         shift = problem.transl0.new_tensor([0.1, 0.0, 0.4])
         nothing = [problem.scene_points[:0] for _ in range(2)]
-        placed = place(
+        placed = place_bodies(
             PosedBodies(
                 vertices=body.vertices + shift,
                 normals=normals,
@@ -129,7 +129,7 @@ def test_cuda_places_and_tells_contact_as_the_cpu_does(two):
             PersonEvidence(problem.keypoints, problem.keypoint_confidence, nothing, problem.masks),
             problem.K,
         )
-        scene = NearestScene(problem.scene_points, problem.scene_normals)
+        scene = NearestPointSearch(problem.scene_points, problem.scene_normals)
         plane = (problem.floor_normal, problem.floor_offset)
         contact, distance = contact_map(body.vertices, scene, plane, model.outer, PRESETS["default"].contact)
         assert placed.transl.device.type == contact.device.type == device

@@ -19,7 +19,7 @@ from physic_core.engine.joint.terms.point_contact import PointContactTerm
 from physic_core.engine.joint.terms.reprojection import ReprojectionTerm, confident_keypoints, reprojection_energy
 from physic_core.engine.joint.terms.surface import SurfaceTerms
 from physic_core.engine.presets import PRESETS
-from physic_core.geometry.robust import absolute, robust
+from physic_core.geometry.robust import absolute, robust_loss
 from physic_core.geometry.visibility import near_mask
 
 from .adjusted import adjusted, term_of, with_options
@@ -104,7 +104,7 @@ def test_contact_by_angle_side_and_mean(standing):
     snapshot = Snapshot(energy.visibility, energy.contacts, energy.context.start.vertices, 1.0)
 
     def weights(**options):
-        term = PointContactTerm(energy.context, 1.0, 0.15, partial(robust, "square", c=1.0), **options)
+        term = PointContactTerm(energy.context, 1.0, 0.15, partial(robust_loss, "square", c=1.0), **options)
         term.refresh(snapshot)
         return term.active["contact"]
 
@@ -146,7 +146,7 @@ def test_reprojection_in_pixels_of_a_full_hd_picture(standing):
 def test_reprojection_per_axis_by_hand_and_its_gradient():
     projected = torch.tensor([[[13.0, 14.0]]], dtype=torch.float64, requires_grad=True)
     observed, one = torch.tensor([[[10.0, 10.0]]], dtype=torch.float64), torch.ones(1, 1, dtype=torch.float64)
-    rho = partial(robust, "absolute", c=1.0)
+    rho = partial(robust_loss, "absolute", c=1.0)
     assert reprojection_energy(projected, observed, one, one, rho, per_axis=True).item() == pytest.approx(3 + 4)
     assert reprojection_energy(projected, observed, one, one, rho).item() == pytest.approx(5)
     for per_axis in (False, True):

@@ -10,8 +10,9 @@ import roma
 import torch
 
 from physic_core.body.joints import JOINT_INDEX
+from physic_core.engine.scene import floor_below_people
 from physic_core.engine.scene.floor_below_people import floor_cuts_people, floor_under_people, plane_cuts_people
-from physic_core.geometry.floor import FIRMNESS, PlaneFit
+from physic_core.geometry.floor import PlaneFit
 from physic_core.geometry.rotations import rotvec_to_rotmat
 
 FLOOR_Y = 1.3  # of the stage
@@ -42,10 +43,10 @@ def room(tables=300, wall=1200):
     return points @ TURN.T, (noise @ normals[..., None])[..., 0] @ TURN.T
 
 
-def ground(people, *, points=None, normals=None, firmness=FIRMNESS):
+def ground(people, *, points=None, normals=None):
     told = room()
     points, normals = told[0] if points is None else points, told[1] if normals is None else normals
-    return floor_under_people(*people, points, normals, firmness)
+    return floor_under_people(*people, points, normals)
 
 
 def shifted(people, who, by):
@@ -117,7 +118,7 @@ def test_a_floor_above_the_camera_is_none(people):
     assert ground((vertices + 1.5 * UP, joints + 1.5 * UP, soles)) is None
 
 
-def test_surfaces_must_tell_which_way_is_up(people):
+def test_surfaces_must_tell_which_way_is_up(people, monkeypatch):
     points, normals = room()
     unknown = torch.where((torch.arange(len(points)) % 10 == 0)[:, None], normals, torch.zeros_like(normals))
     assert int(unknown.any(1).sum()) == 150
@@ -125,7 +126,8 @@ def test_surfaces_must_tell_which_way_is_up(people):
     assert ground(people, points=points[:0], normals=normals[:0]) is None
     points, normals = room(tables=0)  # a wall alone does not say how it is turned
     assert ground(people, points=points, normals=normals) is None
-    assert ground(people, firmness=1.0) is None
+    monkeypatch.setattr(floor_below_people, "MIN_UP_CONFIDENCE", 1.0)
+    assert ground(people) is None
 
 
 def test_who_is_not_a_number_does_not_count(people):

@@ -17,11 +17,11 @@ from physic_core.body.joints import joint_pair
 from physic_core.engine.placement import human_points as human
 from physic_core.engine.placement import place as placing
 from physic_core.engine.placement import solvers
-from physic_core.engine.placement.human_points import align_original, human_points, original_in_scene
+from physic_core.engine.placement.human_points import align_original_to_scene, human_points, move_original_to_scene
 from physic_core.engine.placement.people import Detections, place_people
-from physic_core.engine.placement.place import PersonEvidence, Placement, PosedBodies, place
-from physic_core.engine.placement.solvers import closed_form, gauss_newton
-from physic_core.engine.placement.terms import Chamfer, Reprojection, Rows, Standing, Subject
+from physic_core.engine.placement.place import PersonEvidence, Placement, PosedBodies, place_bodies
+from physic_core.engine.placement.solvers import closed_form_translation, gauss_newton
+from physic_core.engine.placement.terms import ChamferTerm, FloorTerm, PersonProblem, ReprojectionTerm, Residuals
 from physic_core.engine.presets import PRESETS
 from physic_core.engine.scene import cleaning
 from physic_core.engine.settings import PlacementSettings
@@ -84,7 +84,7 @@ class Picture:
             kind(**{f.name: given[f.name] for f in fields(kind) if f.name in given})
             for kind in (PosedBodies, PersonEvidence)
         )
-        return place(bodies, evidence, self.K, given.get("floor"), settings)
+        return place_bodies(bodies, evidence, self.K, given.get("floor"), settings)
 
 
 def error_cm(placement: Placement) -> Tensor:
@@ -141,7 +141,7 @@ def test_the_papers_solver_leaves_nobody_farther_off_their_keypoints(
 
     before = misses(came)
     bound = misses(picture.place(PAPER, **start).transl)
-    monkeypatch.setattr(placing, "within_keypoints", lambda person, x, *_: x)
+    monkeypatch.setattr(placing, "restore_keypoint_fit", lambda person, x, *_: x)
     free = misses(picture.place(PAPER, **start).transl)
     print("before", before.tolist(), "bound", bound.tolist(), "free", free.tolist())
     assert (bound <= before + 1e-9).all()
@@ -180,14 +180,14 @@ def test_several_people_are_placed_as_each_alone() -> None:
         evidence = PersonEvidence(
             picture.keypoints[row], picture.confidence[row], picture.points[row], picture.masks[row]
         )
-        alone = place(bodies, evidence, picture.K)
+        alone = place_bodies(bodies, evidence, picture.K)
         assert torch.equal(alone.transl[0], together.transl[i])
 
 
 def test_nobody_is_a_result() -> None:
     picture = Picture()
     bodies = PosedBodies(VERTICES[None][:0], NORMALS[None][:0], LANDMARKS[None][:0], START[:0])
-    none = place(
+    none = place_bodies(
         bodies, PersonEvidence(picture.keypoints[:0], picture.confidence[:0], [], picture.masks[:0]), picture.K
     )
     assert none.transl.shape == (0, 3)
@@ -203,7 +203,7 @@ def test_one_who_fails_does_not_spoil_the_other(settings: PlacementSettings) -> 
     placed = picture.place(settings, vertices=broken)
     assert torch.equal(placed.transl[1], good)
     assert torch.equal(placed.transl[0], START[0])
-    assert placed.diagnostics[0]["problem"] == "the body is not finite, it was left where it is"
+    assert placed.diagnostics[0]["problem"] == "the body has non-finite vertices: its translation was not changed"
     assert placed.diagnostics[1]["problem"] is None
 
 
@@ -284,9 +284,9 @@ def test_dtype_and_bits_are_kept() -> None:
     assert torch.equal(picture.place(transl=START.float()).transl, first.transl)
 
 
-def subject() -> Subject:
+def subject() -> PersonProblem:
     picture = Picture()
-    return Subject(
+    return PersonProblem(
         landmarks=LANDMARKS + START[0],
         keypoints=picture.keypoints[0],
         confidence=picture.confidence[0] * torch.linspace(0.3, 1, 17),
@@ -306,9 +306,9 @@ def subject() -> Subject:
 def test_slopes_are_the_derivatives_of_the_errors(kind: str) -> None:
     person = subject()
     term = {
-        "reprojection": lambda: Reprojection(person, DEFAULT),
-        "chamfer": lambda: Chamfer(person, person.vertices[:, 2] < START[0, 2] - 0.02, DEFAULT),
-        "standing": lambda: Standing(person, DEFAULT),
+        "reprojection": lambda: ReprojectionTerm(person, DEFAULT),
+        "chamfer": lambda: ChamferTerm(person, person.vertices[:, 2] < START[0, 2] - 0.02, DEFAULT),
+        "standing": lambda: FloorTerm(person, DEFAULT),
     }[kind]()
     x = torch.tensor([0.05, -0.1, 0.2, 0.07], dtype=torch.float64)
     step = 1e-7  # small enough that no nearest point changes
@@ -316,13 +316,13 @@ def test_slopes_are_the_derivatives_of_the_errors(kind: str) -> None:
         ahead = x.clone()
         ahead[axis] += step
         for now, then in zip(term.rows(x), term.rows(ahead), strict=True):
-            assert isinstance(now, Rows)
+            assert isinstance(now, Residuals)
             torch.testing.assert_close((then.error - now.error) / step, now.slope[..., axis], atol=1e-5, rtol=1e-5)
 
 
 def test_chamfer_pairs_are_those_of_all_distances() -> None:
     person = subject()
-    term = Chamfer(person, torch.ones(len(VERTICES), dtype=torch.bool), DEFAULT)
+    term = ChamferTerm(person, torch.ones(len(VERTICES), dtype=torch.bool), DEFAULT)
     x = torch.tensor([-0.1, 0.05, -0.5, -0.1], dtype=torch.float64)
     of_vertex, of_point = term.matched(x)
     distance = torch.cdist(person.vertices + x[:3], person.points * math.exp(-0.1))
@@ -332,7 +332,7 @@ def test_chamfer_pairs_are_those_of_all_distances() -> None:
 
 def test_closed_form_is_exact_for_exact_keypoints() -> None:
     person = subject()
-    found = closed_form(person)
+    found = closed_form_translation(person)
     torch.testing.assert_close(found[:3] + START[0], TRUE[0], atol=1e-3, rtol=0)
     assert found[3] == 0
 
@@ -340,7 +340,7 @@ def test_closed_form_is_exact_for_exact_keypoints() -> None:
 def test_descent_never_raises_the_energy_and_leaves_fixed_numbers_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(solvers, "ITERATIONS", 1)
     person = subject()
-    term = Reprojection(person, replace(DEFAULT, robust_px_share=math.inf))
+    term = ReprojectionTerm(person, replace(DEFAULT, robust_px_share=math.inf))
 
     def energy(x: Tensor) -> float:
         return float(sum((r.weight * r.error.square().sum(-1)).sum() for r in term.rows(x)))
@@ -366,10 +366,10 @@ def test_the_photo_is_aligned_outside_its_people_and_carries_them_along() -> Non
     relative = RAYS * (photo / 3.0)[..., None]
     # The network smears the person's rim, beyond the mask.
     relative[18:82, 43:77] *= torch.where(PERSON[18:82, 43:77], 1.0, 0.6)[..., None]
-    found = align_original(relative, EVERYWHERE, "scale", RAYS * BACKGROUND[..., None], EVERYWHERE, PERSON)
+    found = align_original_to_scene(relative, EVERYWHERE, "scale", RAYS * BACKGROUND[..., None], EVERYWHERE, PERSON)
     assert found.scale == pytest.approx(3.0)
     assert found.inlier_share > 0.95
-    placed = original_in_scene(relative, found, None)
+    placed = move_original_to_scene(relative, found, None)
     torch.testing.assert_close(placed[PERSON][:, 2], torch.full((int(PERSON.sum()),), 2.0, dtype=torch.float64))
 
 
@@ -381,7 +381,7 @@ def test_where_two_maps_disagree_the_background_at_the_peoples_depth_decides() -
 
     def scale(settings: PlacementSettings) -> float:
         scene_points = RAYS * scene[..., None]
-        return align_original(
+        return align_original_to_scene(
             RAYS * photo[..., None], EVERYWHERE, "scale", scene_points, EVERYWHERE, PERSON, settings
         ).scale
 
@@ -392,7 +392,7 @@ def test_where_two_maps_disagree_the_background_at_the_peoples_depth_decides() -
 def test_far_background_takes_no_part_where_that_is_wanted() -> None:
     scene = BACKGROUND.clone()
     wrong = torch.where(scene > 5, scene * 1.5, scene)
-    found = align_original(
+    found = align_original_to_scene(
         RAYS * wrong[..., None], EVERYWHERE, "scale", RAYS * scene[..., None], EVERYWHERE, PERSON, far=5.0
     )
     assert (found.scale, found.inlier_share) == (pytest.approx(1.0), pytest.approx(1.0))
@@ -401,17 +401,17 @@ def test_far_background_takes_no_part_where_that_is_wanted() -> None:
 def test_aligned_points_are_put_on_the_rays_of_the_scenes_camera() -> None:
     K = intrinsics_matrix(150.0, 150.0, 59.5, 44.5, TRUE[0, 0])
     scene = RAYS * BACKGROUND[..., None]
-    found = align_original(scene / 2, EVERYWHERE, "scale", scene, EVERYWHERE, PERSON)
-    placed = original_in_scene(scene / 2, found, K)
+    found = align_original_to_scene(scene / 2, EVERYWHERE, "scale", scene, EVERYWHERE, PERSON)
+    placed = move_original_to_scene(scene / 2, found, K)
     expected = pixel_rays(ROWS, COLUMNS, K) * BACKGROUND[..., None]
     torch.testing.assert_close(placed, expected)
 
 
 def test_without_a_common_background_nobody_has_points() -> None:
     scene = RAYS * BACKGROUND[..., None]
-    found = align_original(scene, EVERYWHERE, "scale", scene, EVERYWHERE, EVERYWHERE)
+    found = align_original_to_scene(scene, EVERYWHERE, "scale", scene, EVERYWHERE, EVERYWHERE)
     assert found.inlier_share == 0
-    assert len(human_points(original_in_scene(scene, found, None), EVERYWHERE, PERSON)) == 0
+    assert len(human_points(move_original_to_scene(scene, found, None), EVERYWHERE, PERSON)) == 0
 
 
 def test_points_that_float_at_the_rim_are_no_human_points() -> None:
@@ -505,7 +505,7 @@ def test_nobody_is_grounded_where_nobody_is() -> None:
     picture = Picture()
     bodies = PosedBodies(VERTICES[None][:0], NORMALS[None][:0], LANDMARKS[None][:0], START[:0], soles=SOLES)
     evidence = PersonEvidence(picture.keypoints[:0], picture.confidence[:0], [], picture.masks[:0], BOTH[:0])
-    none = place(bodies, evidence, picture.K, (UP, 1.9))
+    none = place_bodies(bodies, evidence, picture.K, (UP, 1.9))
     assert none.grounded.shape == (0,)
     assert none.grounded.dtype == torch.bool
 

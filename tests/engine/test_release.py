@@ -20,14 +20,14 @@ from physic_core.engine.joint.released.reprojection import released_keypoint_wei
 from physic_core.engine.joint.released.visibility import mean_face_normals, visible_part_shares
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.placement.human_points import human_points
-from physic_core.engine.placement.place import PersonEvidence, PosedBodies, place
+from physic_core.engine.placement.place import PersonEvidence, PosedBodies, place_bodies
 from physic_core.engine.presets import PRESETS
 from physic_core.engine.scene.build import build_scene
 from physic_core.engine.scene.camera import Cameras
 from physic_core.engine.scene.cleaning import outlier_mask
 from physic_core.geometry.floor import FloorEvidence
-from physic_core.geometry.neighbors import NearestScene
-from physic_core.geometry.released_pointmap import four_neighbour_normals
+from physic_core.geometry.neighbors import NearestPointSearch
+from physic_core.geometry.released_pointmap import released_normals
 from physic_core.types import SKELETONS
 
 from .published import JOINT_SETS, SKELETON, Published
@@ -161,7 +161,7 @@ def test_each_keypoint_pulls_alike_in_every_joint_set(published: Published) -> N
 
 def test_nearest_points_are_those_of_the_published_grid(published: Published) -> None:
     points = torch.cat([published.scene[0], published.floor])
-    scene = NearestScene(points, torch.zeros_like(points), 10.0, RELEASE.joint.energy_options.nearest)
+    scene = NearestPointSearch(points, torch.zeros_like(points), 10.0, RELEASE.joint.energy_options.nearest)
     query = published["one/in/knn/query"]
     found = scene.query(query)
     same = found.index == published["one/out/knn/s1.0/idx"].long()
@@ -177,7 +177,7 @@ def test_stages_one_and_two_put_the_body_where_the_published_objective_is_lowest
     model = published.body(rotations[0])
     posed = model(rotations, betas, transl)
     weight = released_keypoint_weights(SKELETON, problem.keypoints, problem.keypoint_confidence, problem.masks)
-    placed = place(
+    placed = place_bodies(
         PosedBodies(
             posed.vertices,
             mean_face_normals(posed.vertices, model.faces),
@@ -224,7 +224,7 @@ def whose_body(published: Published, whose: str) -> tuple[Tensor, float]:
 
 def test_stage_one_is_the_published_one(published: Published) -> None:
     points = published.points()
-    normals = four_neighbour_normals(points, torch.isfinite(points).all(-1))
+    normals = released_normals(points, torch.isfinite(points).all(-1))
     assert float((normals[::6, ::6] - published["one/out/pre/normals_stride6"]).abs().max()) < 1e-5
     evidence = published.evidence()
     scene = build_scene(

@@ -19,7 +19,7 @@ from physic_core.engine.settings import SceneSettings
 from physic_core.errors import BackendOutputError
 from physic_core.geometry.camera import intrinsics_matrix, pixel_grid, pixel_rays, project
 from physic_core.geometry.floor import FloorEvidence
-from physic_core.geometry.plane import height
+from physic_core.geometry.plane import height_over_plane
 from physic_core.types import AffineAmbiguity
 
 ROWS, COLUMNS = 120, 160
@@ -76,7 +76,7 @@ def test_metres_come_back_whatever_was_unknown(unknown: AffineAmbiguity, preset:
     assert angle_deg(state.floor_normal, UP) < 0.5
     assert state.floor_offset == pytest.approx(HEIGHT_M, abs=0.02)
     assert state.K[0, 0] == pytest.approx(140.0, rel=0.01)
-    assert height(state.floor_points, state.floor_normal, state.floor_offset).abs().max() < 1e-4
+    assert height_over_plane(state.floor_points, state.floor_normal, state.floor_offset).abs().max() < 1e-4
 
 
 def build_scene(
@@ -241,7 +241,7 @@ def test_metric_depth_that_knows_nothing_is_an_error() -> None:
     with pytest.raises(BackendOutputError) as caught:
         build_scene(RAYS, ALL, "scale", torch.full((ROWS, COLUMNS), math.nan), K=K)
     assert str(caught.value) == (
-        "the metric depth knows no pixel: every depth is NaN, infinite or not positive; use another metric_depth "
+        "the metric depth has no valid pixel: every depth is NaN, infinite or not positive; use another metric_depth "
         "backend, or check its notes"
     )
 

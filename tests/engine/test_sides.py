@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from physic_core.body import load_body
-from physic_core.engine.placement.left_right import PAIRS, fix_left_right_swaps
+from physic_core.engine.placement.left_right import LIMB_PAIRS, fix_left_right_swaps
 from physic_core.types import SKELETONS, Skeleton
 
 COCO = SKELETONS["coco23"]
@@ -27,12 +27,12 @@ def exchanged(points: torch.Tensor, pairs: tuple[str, ...]) -> torch.Tensor:
     order = list(range(len(NAMES)))
     for j, name in enumerate(NAMES):
         side, _, point = name.partition("_")
-        if any(point in PAIRS[pair] for pair in pairs):
+        if any(point in LIMB_PAIRS[pair] for pair in pairs):
             order[j] = NAMES.index(f"{'right' if side == 'left' else 'left'}_{point}")
     return points[:, order]
 
 
-@given(pair=st.sampled_from(sorted(PAIRS)), noise=st.floats(0, 4), seed=st.integers(0, 2**16))
+@given(pair=st.sampled_from(sorted(LIMB_PAIRS)), noise=st.floats(0, 4), seed=st.integers(0, 2**16))
 def test_a_mixed_up_pair_gets_its_points_back(pair: str, noise: float, seed: int):
     truth = standing()
     shaken = truth + noise * torch.randn(truth.shape, generator=torch.Generator().manual_seed(seed)).clamp(-2, 2)
@@ -42,7 +42,7 @@ def test_a_mixed_up_pair_gets_its_points_back(pair: str, noise: float, seed: int
     assert torch.equal(found.take_along_dim(sides.order[..., None], 1), shaken)
 
 
-@given(pair=st.sampled_from(sorted(PAIRS)), x=st.floats(-40, 40), y=st.floats(-40, 40))
+@given(pair=st.sampled_from(sorted(LIMB_PAIRS)), x=st.floats(-40, 40), y=st.floats(-40, 40))
 def test_a_body_that_was_drawn_aside_tells_the_sides_as_well(pair: str, x: float, y: float):
     truth = standing()
     aside = truth + torch.tensor([x, y])

@@ -12,7 +12,7 @@ from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.terms.stature import STATURE_SIGMA
 from physic_core.engine.presets import PRESETS
-from physic_core.engine.scene.stature import stature_of, stature_prior
+from physic_core.engine.scene.stature import linearise_stature, stature_prior
 
 from .adjusted import adjusted
 
@@ -26,7 +26,7 @@ def standing(make_stage):
 
 def test_stature_is_linear_in_shape(body):
     betas = torch.zeros(1, body.num_betas)
-    stature = stature_of(body, betas)
+    stature = linearise_stature(body, betas)
     for seed in range(5):
         other = 0.7 * torch.randn(1, body.num_betas, generator=torch.Generator().manual_seed(seed))
         assert stature(other).item() == pytest.approx(body.stature(other).item(), abs=3e-3)
@@ -34,7 +34,7 @@ def test_stature_is_linear_in_shape(body):
 
 def test_gradient(body):
     model = body.to(dtype=torch.float64)
-    stature = stature_of(model, torch.zeros(2, body.num_betas, dtype=torch.float64))
+    stature = linearise_stature(model, torch.zeros(2, body.num_betas, dtype=torch.float64))
     betas = (
         0.3
         * torch.randn(
@@ -53,7 +53,7 @@ def test_by_hand():
 def spread_of_stature(body):
     """Standard deviation of log(stature) that the shape prior of weight 1 stands for: the whitened shape is normal."""
     betas = torch.zeros(1, body.num_betas)
-    stature = stature_of(body, betas)
+    stature = linearise_stature(body, betas)
     return 0.5 * (stature.slope / stature.height[:, None]).norm().item()
 
 

@@ -27,7 +27,7 @@ from physic_core.engine.joint.terms.soles import sole_energy
 from physic_core.engine.joint.visibility import HIDDEN_LIMB_SHARE
 from physic_core.engine.presets import PRESETS
 from physic_core.engine.presets.paper import CONTACT_RANGE_M
-from physic_core.geometry.robust import cauchy, geman_mcclure, pseudo_huber, robust
+from physic_core.geometry.robust import cauchy, geman_mcclure, pseudo_huber, robust_loss
 
 RHO = partial(cauchy, c=2.0)
 
@@ -269,7 +269,7 @@ def test_balance_is_finite_when_the_camera_looks_straight_down():
 
 def test_every_loss_that_settings_can_name_exists():
     for kind in get_args(RobustKind):
-        assert torch.isfinite(robust(kind, torch.tensor([0.0, 2.0]), 1.5)).all()
+        assert torch.isfinite(robust_loss(kind, torch.tensor([0.0, 2.0]), 1.5)).all()
 
 
 def test_the_papers_weights_are_those_printed():

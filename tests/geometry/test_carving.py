@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from physic_core.geometry.carving import carved
+from physic_core.geometry.carving import move_behind_bodies
 
 RADIUS = 0.25
 _BALL = trimesh.creation.icosphere(subdivisions=4, radius=RADIUS)
@@ -36,7 +36,7 @@ def points(seed: int, count: int = 400) -> Tensor:
 def test_what_is_inside_comes_out_on_the_far_side_of_its_ray_and_the_rest_stays(seed: int) -> None:
     centre = torch.tensor([0.1, 0.0, 3.0], dtype=torch.float64)
     before = points(seed)
-    after, moved = carved(before, ball(*centre.tolist())[None], FACES, nowhere(before), 1.0)
+    after, moved = move_behind_bodies(before, ball(*centre.tolist())[None], FACES, nowhere(before), 1.0)
     off = (before - centre).norm(dim=-1)
     sure = (off - RADIUS).abs() > 1e-3  # the mesh is a millimetre off the ball
     assert torch.equal(moved[sure], (off < RADIUS)[sure])
@@ -50,7 +50,7 @@ def test_what_is_inside_comes_out_on_the_far_side_of_its_ray_and_the_rest_stays(
 def test_out_of_one_body_and_into_the_next_is_out_of_both() -> None:
     both = torch.stack([ball(0.0, 0.0, 3.3), ball(0.0, 0.0, 3.0)])
     inside = torch.tensor([[0.0, 0.0, 2.9]], dtype=torch.float64)
-    after, moved = carved(inside, both, FACES, nowhere(inside, 2), 1.0)
+    after, moved = move_behind_bodies(inside, both, FACES, nowhere(inside, 2), 1.0)
     assert moved.all()
     assert after[0, 2].item() == pytest.approx(3.3 + RADIUS, abs=2e-3)
 
@@ -62,7 +62,7 @@ def test_what_hides_a_body_that_the_photo_shows_moves_behind_it() -> None:
     nearest = rays * (rays @ centre / rays.square().sum(-1))[:, None]
     off = (nearest - centre).norm(dim=-1)
     sure = (off - RADIUS).abs() > 5e-3  # at the rim a ray may miss the mesh
-    after, moved = carved(before, ball(*centre.tolist())[None], FACES, shown[None], 2.0)
+    after, moved = move_behind_bodies(before, ball(*centre.tolist())[None], FACES, shown[None], 2.0)
     assert torch.equal(moved[sure], ((off < RADIUS) & shown)[sure])
     assert torch.equal(after[~moved], before[~moved])
     assert ((after[moved] - centre).norm(dim=-1) - RADIUS).abs().max() < 5e-3
@@ -71,20 +71,20 @@ def test_what_hides_a_body_that_the_photo_shows_moves_behind_it() -> None:
 
 def test_what_would_have_to_move_too_far_stays() -> None:
     front = torch.tensor([[0.0, 0.0, 2.8]], dtype=torch.float64)
-    assert carved(front, ball(0.0, 0.0, 3.0)[None], FACES, nowhere(front), 0.5)[1].all()
-    after, moved = carved(front, ball(0.0, 0.0, 3.0)[None], FACES, nowhere(front), 0.4)
+    assert move_behind_bodies(front, ball(0.0, 0.0, 3.0)[None], FACES, nowhere(front), 0.5)[1].all()
+    after, moved = move_behind_bodies(front, ball(0.0, 0.0, 3.0)[None], FACES, nowhere(front), 0.4)
     assert not moved.any()
     assert torch.equal(after, front)
     far = torch.tensor([[0.0, 0.0, 2.0]], dtype=torch.float64)
     everywhere = ~nowhere(far)
-    assert carved(far, ball(0.0, 0.0, 3.0)[None], FACES, everywhere, 1.3)[1].all()
-    assert not carved(far, ball(0.0, 0.0, 3.0)[None], FACES, everywhere, 1.2)[1].any()
+    assert move_behind_bodies(far, ball(0.0, 0.0, 3.0)[None], FACES, everywhere, 1.3)[1].all()
+    assert not move_behind_bodies(far, ball(0.0, 0.0, 3.0)[None], FACES, everywhere, 1.2)[1].any()
 
 
 def test_nobody_and_nothing_are_results() -> None:
     some = points(0).float()
-    after, moved = carved(some, ball(0, 0, 3)[None][:0].float(), FACES, nowhere(some, 0), 1.0)
+    after, moved = move_behind_bodies(some, ball(0, 0, 3)[None][:0].float(), FACES, nowhere(some, 0), 1.0)
     assert torch.equal(after, some)
     assert not moved.any()
     assert after.dtype == torch.float32
-    assert carved(some[:0], ball(0, 0, 3)[None].float(), FACES, nowhere(some[:0]), 1.0)[0].shape == (0, 3)
+    assert move_behind_bodies(some[:0], ball(0, 0, 3)[None].float(), FACES, nowhere(some[:0]), 1.0)[0].shape == (0, 3)

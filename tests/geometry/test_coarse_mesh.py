@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from physic_core.body import load_body
-from physic_core.geometry.coarse_mesh import clusters, coarse_mesh
+from physic_core.geometry.coarse_mesh import cluster_points, coarse_mesh
 from physic_core.geometry.visibility import self_occlusion
 
 
@@ -20,7 +20,7 @@ def test_each_cell_of_a_part_has_one_that_stands_for_it(seed: int, spacing: floa
     generator = torch.Generator().manual_seed(seed)
     points = torch.randn(200, 3, generator=generator)
     part = torch.randint(parts, (200,), generator=generator)
-    group, chosen = clusters(points, part, spacing)
+    group, chosen = cluster_points(points, part, spacing)
     assert torch.equal(group[chosen], torch.arange(len(chosen)))
     assert torch.equal(part[chosen][group], part)
     assert ((points[chosen][group] / spacing).floor() == (points / spacing).floor()).all()
@@ -29,7 +29,7 @@ def test_each_cell_of_a_part_has_one_that_stands_for_it(seed: int, spacing: floa
 
 
 def test_no_points_make_no_cells() -> None:
-    group, chosen = clusters(torch.zeros(0, 3), torch.zeros(0, dtype=torch.int64), 0.1)
+    group, chosen = cluster_points(torch.zeros(0, 3), torch.zeros(0, dtype=torch.int64), 0.1)
     assert (len(group), len(chosen)) == (0, 0)
 
 
@@ -68,5 +68,5 @@ def test_rounding_does_not_choose_between_two_points_of_a_cell() -> None:
     pairs = torch.cat([torch.tensor([k + 0.1, 0.1, 0.1]) + 0.8 * points[[k, k + 100]] for k in range(100)]).double()
     parts = torch.zeros(len(pairs), dtype=torch.int64)
     for noise in (0.0, 1e-12, -1e-12):
-        _, chosen = clusters(pairs + noise * (torch.arange(len(pairs)) % 3)[:, None], parts, 1.0)
+        _, chosen = cluster_points(pairs + noise * (torch.arange(len(pairs)) % 3)[:, None], parts, 1.0)
         assert chosen.tolist() == list(range(0, 200, 2))

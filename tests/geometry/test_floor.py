@@ -120,7 +120,7 @@ def test_holes_weigh_less_than_what_was_seen(monkeypatch: pytest.MonkeyPatch) ->
     hole = NONE.clone()
     hole[90:, :130] = True  # more than half of the lower picture is made up, and wrong
     points = RAYS * torch.where(hole, sunk, ground)[..., None]
-    monkeypatch.setattr(floor, "MAX_BELOW", 1.0)
+    monkeypatch.setattr(floor, "MAX_BELOW_SHARE", 1.0)
     weighed = fit_floor(points, ALL, hole=hole).plane
     monkeypatch.setattr(floor_ransac, "HOLE_WEIGHT", 1.0)
     trusted = fit_floor(points, ALL, hole=hole).plane
@@ -262,7 +262,7 @@ def test_the_papers_search_needs_a_mask() -> None:
 
 def test_the_papers_search_refuses_points_without_a_plane(monkeypatch: pytest.MonkeyPatch) -> None:
     points = RAYS * (1 + 5 * torch.rand(ROWS, COLUMNS, 1, generator=torch.Generator().manual_seed(0)))
-    monkeypatch.setattr(floor_metric, "LEAST_SHARE", 0.3)
+    monkeypatch.setattr(floor_metric, "MIN_INLIER_SHARE", 0.3)
     found = fit_floor_metric(points, normals(points, ALL, math.inf), ALL, ALL)
     assert (found.plane, found.reason) == (None, "no_consensus")
 
@@ -386,7 +386,7 @@ def test_surfaces_that_show_no_direction_change_nothing(masked: bool, monkeypatc
     mask = on_floor if masked else None
     plain = fit_floor(points, ALL, mask=mask)
     unknown = fit_floor(points, ALL, mask=mask, normals=torch.zeros_like(points))
-    monkeypatch.setattr(floor, "FIRMNESS", 1.0)
+    monkeypatch.setattr(floor, "MIN_UP_CONFIDENCE", 1.0)
     vague = fit_floor(points, ALL, mask=mask, normals=normals(points, ALL))
     assert plain.plane is not None
     for other in (unknown, vague):

@@ -7,8 +7,8 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from physic_core.geometry.free_space import fronts, in_free_space
-from physic_core.metrics.proximity import hidden_behind
+from physic_core.geometry.free_space import front_depth, in_free_space
+from physic_core.metrics.proximity import hidden_by_depth_map
 from physic_core.types import Intrinsics
 
 CAMERA = Intrinsics(40.0, 42.0, 15.5, 11.5, 32, 24)
@@ -22,8 +22,8 @@ def test_it_is_what_the_measure_of_the_benchmark_does_not_call_hidden(seed: int)
     depth = draw.uniform(1.0, 4.0, (24, 32))
     depth[draw.random((24, 32)) < 0.2] = np.nan
     points = draw.normal([0.0, 0.0, 2.5], [1.5, 1.2, 1.5], (300, 3))
-    free = in_free_space(torch.from_numpy(points), fronts(torch.from_numpy(depth)), K)
-    np.testing.assert_array_equal(~free.numpy(), hidden_behind(points, depth, CAMERA, tolerance=0.0))
+    free = in_free_space(torch.from_numpy(points), front_depth(torch.from_numpy(depth)), K)
+    np.testing.assert_array_equal(~free.numpy(), hidden_by_depth_map(points, depth, CAMERA, tolerance=0.0))
 
 
 def test_a_calf_before_a_seat_is_in_the_open_and_a_thigh_in_the_seat_is_not() -> None:
@@ -35,16 +35,16 @@ def test_a_calf_before_a_seat_is_in_the_open_and_a_thigh_in_the_seat_is_not() ->
     front = torch.where(down * 2 >= 0.8, 2.0, torch.inf)
     depth = torch.where(seat >= 2.0, seat, torch.minimum(front, floor))
     calf, thigh = torch.tensor([0.0, 0.95, 1.9]), torch.tensor([0.0, 0.85, 2.3])
-    free = in_free_space(torch.stack([calf, thigh]), fronts(depth), wide)
+    free = in_free_space(torch.stack([calf, thigh]), front_depth(depth), wide)
     assert free.tolist() == [True, False]
 
 
 def test_nothing_is_known_outside_the_picture_and_behind_the_camera() -> None:
-    wall = fronts(torch.ones(24, 32))
+    wall = front_depth(torch.ones(24, 32))
     points = torch.tensor([[0.0, 0.0, 2.0], [5.0, 0.0, 2.0], [0.0, -5.0, 2.0], [0.0, 0.0, -2.0]])
     assert in_free_space(points, wall, K).tolist() == [False, True, True, True]
-    assert in_free_space(points, fronts(torch.full((24, 32), torch.nan)), K).all()
+    assert in_free_space(points, front_depth(torch.full((24, 32), torch.nan)), K).all()
 
 
 def test_an_empty_shape_stays_empty() -> None:
-    assert in_free_space(torch.zeros(2, 0, 3), fronts(torch.ones(24, 32)), K).shape == (2, 0)
+    assert in_free_space(torch.zeros(2, 0, 3), front_depth(torch.ones(24, 32)), K).shape == (2, 0)

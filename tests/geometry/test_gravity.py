@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from physic_core.geometry.gravity import Gravity, gravity
+from physic_core.geometry.gravity import UpEstimate, estimate_up
 
 
 def camera(pitch_deg: float, roll_deg: float = 0.0) -> Tensor:
@@ -50,8 +50,8 @@ def surfaces(
     return torch.nn.functional.normalize(torch.cat([flat, random]) @ turned.T, dim=-1)
 
 
-def found(normals: Tensor) -> Gravity:
-    told = gravity(normals)
+def found(normals: Tensor) -> UpEstimate:
+    told = estimate_up(normals)
     assert told is not None
     return told
 
@@ -69,7 +69,7 @@ def test_up_is_found_in_a_cluttered_room(pitch: float, roll: float) -> None:
     assert off < 1.0
     assert told.up.dtype == torch.float64
     assert float(torch.linalg.vector_norm(told.up)) == pytest.approx(1.0)
-    assert 0 < told.firmness < 1
+    assert 0 < told.confidence < 1
 
 
 @given(st.floats(-10, 35), st.floats(-15, 15), st.integers(0, 1000))
@@ -87,7 +87,7 @@ def test_the_floor_alone_tells_up() -> None:
 def test_walls_alone_tell_up() -> None:
     told = found(surfaces(camera(20.0, -10.0), floor=0, ceiling=0, clutter=0))
     assert angle_deg(told.up, up(20.0, -10.0)) < 0.5
-    assert told.firmness > 0.2
+    assert told.confidence > 0.2
 
 
 def test_a_ceiling_counts_as_a_floor_does() -> None:
@@ -99,9 +99,9 @@ def test_a_ceiling_counts_as_a_floor_does() -> None:
 
 def test_too_few_normals_tell_nothing() -> None:
     normals = surfaces(camera(10.0), floor=199, ceiling=0, facing=0, side=0, clutter=0)
-    assert gravity(normals) is None
-    assert gravity(torch.cat([normals, normals[:1]])) is not None
-    assert gravity(normals[:0]) is None
+    assert estimate_up(normals) is None
+    assert estimate_up(torch.cat([normals, normals[:1]])) is not None
+    assert estimate_up(normals[:0]) is None
 
 
 def test_zero_normals_do_not_count() -> None:
@@ -111,20 +111,20 @@ def test_zero_normals_do_not_count() -> None:
     plain, filled = found(normals), found(between)
     assert torch.equal(plain.up, filled.up)
     assert plain[1:] == filled[1:]
-    assert gravity(zeros) is None
-    assert gravity(torch.cat([normals[:199], zeros])) is None
+    assert estimate_up(zeros) is None
+    assert estimate_up(torch.cat([normals[:199], zeros])) is None
 
 
 def test_one_wall_with_hardly_anything_level_is_far_less_firm_than_a_room() -> None:
     room = found(surfaces(camera(10.0)))
     wall = found(surfaces(camera(10.0), floor=60, ceiling=0, facing=5000, side=0))
-    print(f"firmness: room {room.firmness:.3f}, wall {wall.firmness:.3f}")
-    assert wall.firmness < 0.25 * room.firmness
+    print(f"confidence: room {room.confidence:.3f}, wall {wall.confidence:.3f}")
+    assert wall.confidence < 0.25 * room.confidence
 
 
 def test_more_clutter_makes_up_less_firm() -> None:
     tidy, messy = found(surfaces(camera(10.0))), found(surfaces(camera(10.0), clutter=12_000))
-    assert messy.firmness < 0.6 * tidy.firmness
+    assert messy.confidence < 0.6 * tidy.confidence
 
 
 def test_a_camera_that_looks_far_down_is_told_wrong() -> None:
@@ -134,7 +134,7 @@ def test_a_camera_that_looks_far_down_is_told_wrong() -> None:
 def test_a_wall_seen_from_straight_ahead_leaves_up_a_direction_that_nothing_makes_firm() -> None:
     told = found(torch.tensor([[0.0, 0.0, -1.0]]).expand(1000, 3))
     assert float(torch.linalg.vector_norm(told.up)) == pytest.approx(1.0)
-    assert told.firmness == 0.0
+    assert told.confidence == 0.0
 
 
 def test_single_precision_is_enough() -> None:
@@ -151,7 +151,7 @@ def test_the_order_of_the_normals_does_not_matter(seed: int) -> None:
     order = torch.randperm(len(normals), generator=torch.Generator().manual_seed(seed))
     plain, mixed = found(normals), found(normals[order])
     assert torch.allclose(plain.up, mixed.up, rtol=0, atol=1e-9)
-    assert plain.firmness == pytest.approx(mixed.firmness, abs=1e-9)
+    assert plain.confidence == pytest.approx(mixed.confidence, abs=1e-9)
 
 
 def test_a_part_of_very_many_normals_is_enough() -> None:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from physic_core.errors import PhysicError
-from physic_core.geometry.neighbors import NearestScene, near_boxes
+from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
 
 
 def room(count: int = 20_000, seed: int = 0) -> tuple[torch.Tensor, torch.Tensor]:
@@ -30,8 +30,8 @@ def vertices(count: int = 500, seed: int = 1) -> torch.Tensor:
 def test_tree_equals_plain_search(scale):
     points, normals = room()
     query = vertices() * scale
-    got = NearestScene(points, normals).query(query, scale)
-    want = NearestScene(points, normals, strategy="brute").query(query, scale)
+    got = NearestPointSearch(points, normals).query(query, scale)
+    want = NearestPointSearch(points, normals, strategy="brute").query(query, scale)
     assert got.found.any()
     assert not got.found.all()
     assert torch.equal(got.found, want.found)
@@ -42,8 +42,8 @@ def test_tree_equals_plain_search(scale):
 
 def test_grid_reports_true_distances_to_nearly_the_nearest_point():
     points, normals = room()
-    got = NearestScene(points, normals, strategy="grid").query(vertices())
-    want = NearestScene(points, normals, strategy="brute").query(vertices())
+    got = NearestPointSearch(points, normals, strategy="grid").query(vertices())
+    want = NearestPointSearch(points, normals, strategy="brute").query(vertices())
     both = got.found & want.found
     excess = (got.distance - want.distance)[both]
     print(f"grid: {excess.mean() * 1e3:.1f} mm mean, {excess.max() * 1e3:.1f} mm worst, over {both.sum()} vertices")
@@ -55,7 +55,7 @@ def test_grid_reports_true_distances_to_nearly_the_nearest_point():
 
 def test_grid_vertex_outside_the_box_leaves_the_others_alone():
     points, normals = room()
-    grid = NearestScene(points, normals, strategy="grid")
+    grid = NearestPointSearch(points, normals, strategy="grid")
     inside = vertices()[0, :10]
     with_stray = torch.cat([inside, torch.tensor([[100.0, 0.0, 0.0]])])
     alone, both = grid.query(inside), grid.query(with_stray)
@@ -66,7 +66,7 @@ def test_grid_vertex_outside_the_box_leaves_the_others_alone():
 @pytest.mark.parametrize("strategy", ["kdtree", "grid", "brute"])
 def test_looks_no_farther_than_the_radius(strategy):
     points = torch.tensor([[0.0, 0.0, 2.0]])
-    scene = NearestScene(points, torch.zeros(1, 3), radius=0.15, strategy=strategy, cells=16)
+    scene = NearestPointSearch(points, torch.zeros(1, 3), radius=0.15, strategy=strategy, cells=16)
     query = scene.query(torch.tensor([[0.0, 0.14, 2.0], [0.0, 0.16, 2.0]]))
     assert query.found.tolist() == [True, False]
     assert query.distance[0].item() == pytest.approx(0.14, abs=1e-6)
@@ -76,7 +76,7 @@ def test_looks_no_farther_than_the_radius(strategy):
 @pytest.mark.parametrize("strategy", ["kdtree", "grid", "brute"])
 def test_the_radius_is_in_metres_of_the_scaled_scene(strategy):
     points = torch.tensor([[0.0, 0.0, 2.0]])
-    scene = NearestScene(points, torch.zeros(1, 3), radius=0.15, strategy=strategy, cells=16)
+    scene = NearestPointSearch(points, torch.zeros(1, 3), radius=0.15, strategy=strategy, cells=16)
     query = scene.query(torch.tensor([[0.0, 0.0, 4.14], [0.0, 0.0, 4.16]]), scale=2.0)
     assert query.found.tolist() == [True, False]
     assert query.distance[0].item() == pytest.approx(0.14, abs=1e-6)
@@ -84,7 +84,7 @@ def test_the_radius_is_in_metres_of_the_scaled_scene(strategy):
 
 @pytest.mark.parametrize("strategy", ["kdtree", "grid", "brute"])
 def test_an_empty_scene_is_near_nothing(strategy):
-    scene = NearestScene(torch.zeros(0, 3), torch.zeros(0, 3), strategy=strategy)
+    scene = NearestPointSearch(torch.zeros(0, 3), torch.zeros(0, 3), strategy=strategy)
     query = scene.query(vertices())
     assert query.found.shape == (2, 500)
     assert not query.found.any()
@@ -96,33 +96,33 @@ def test_a_vertex_that_is_not_a_number_is_near_nothing(strategy):
     points, normals = room(1000)
     broken = vertices()[0, :4].clone()
     broken[1, 2] = float("nan")
-    query = NearestScene(points, normals, radius=10.0, strategy=strategy).query(broken)
+    query = NearestPointSearch(points, normals, radius=10.0, strategy=strategy).query(broken)
     assert query.found.tolist() == [True, False, True, True]
 
 
 def test_no_vertices_is_an_empty_answer():
     points, normals = room(1000)
     for strategy in ("kdtree", "grid", "brute"):
-        assert NearestScene(points, normals, strategy=strategy).query(torch.zeros(0, 3)).index.shape == (0,)
+        assert NearestPointSearch(points, normals, strategy=strategy).query(torch.zeros(0, 3)).index.shape == (0,)
 
 
 def test_bad_input_says_what_to_do():
     with pytest.raises(PhysicError) as shapes:
-        NearestScene(torch.zeros(4, 5, 3), torch.zeros(4, 5, 3))
+        NearestPointSearch(torch.zeros(4, 5, 3), torch.zeros(4, 5, 3))
     assert str(shapes.value) == (
         "scene points and normals must both be (M, 3), got (4, 5, 3) and (4, 5, 3): flatten the point map first"
     )
     with pytest.raises(PhysicError) as name:
-        NearestScene(torch.zeros(4, 3), torch.zeros(4, 3), strategy="octree")  # type: ignore[arg-type]
+        NearestPointSearch(torch.zeros(4, 3), torch.zeros(4, 3), strategy="octree")  # type: ignore[arg-type]
     assert str(name.value) == "unknown nearest-point strategy 'octree': use 'kdtree', 'grid' or 'brute'"
 
 
 def test_boxes_keep_every_point_that_a_query_could_reach():
     points, normals = room()
-    keep = near_boxes(points, vertices(), margin=0.15)
+    keep = inside_body_boxes(points, vertices(), margin=0.15)
     assert 0 < keep.sum() < len(points)
-    everything = NearestScene(points, normals).query(vertices())
-    cropped = NearestScene(points[keep], normals[keep]).query(vertices())
+    everything = NearestPointSearch(points, normals).query(vertices())
+    cropped = NearestPointSearch(points[keep], normals[keep]).query(vertices())
     assert torch.equal(everything.distance, cropped.distance)
 
 
@@ -131,6 +131,6 @@ def test_boxes_keep_every_point_that_a_query_could_reach():
 def test_scaling_the_scene_and_scaling_the_query_agree(seed, scale, count):
     g = torch.Generator().manual_seed(seed)
     points, query = torch.rand(count, 3, generator=g).double(), torch.rand(50, 3, generator=g).double()
-    by_query = NearestScene(points, points).query(query, scale)
-    by_scene = NearestScene(points * scale, points, strategy="brute").query(query)
+    by_query = NearestPointSearch(points, points).query(query, scale)
+    by_scene = NearestPointSearch(points * scale, points, strategy="brute").query(query)
     torch.testing.assert_close(by_query.distance, by_scene.distance, atol=1e-9, rtol=0)

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import Tensor
 
-from physic_core.geometry.plane import height, plane_basis, sample_plane
+from physic_core.geometry.plane import height_over_plane, plane_basis, sample_plane
 
 UP = torch.tensor([0.0, -1.0, 0.0])
 
@@ -27,7 +27,7 @@ def unit(x: float, y: float, z: float) -> Tensor:
 
 def test_height_is_positive_above_and_the_camera_is_at_the_offset() -> None:
     points = torch.tensor([[0.0, 0.0, 0.0], [3.0, 1.5, 2.0], [0.0, 2.0, 5.0]])
-    assert height(points, UP, 1.5).tolist() == [1.5, 0.0, -0.5]
+    assert height_over_plane(points, UP, 1.5).tolist() == [1.5, 0.0, -0.5]
 
 
 directions = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: math.hypot(*v) > 0.1)
@@ -49,7 +49,7 @@ def test_samples_lie_on_any_plane_and_stay_within_the_bound(
     normal = unit(*direction)
     points = sample_plane(normal, offset, cloud(300).double(), max_points=500)
     assert 0 < len(points) <= 500
-    assert height(points, normal, offset).abs().max() < 1e-9
+    assert height_over_plane(points, normal, offset).abs().max() < 1e-9
 
 
 def test_spacing_is_fine_near_the_people_and_the_count_bounded() -> None:

@@ -17,9 +17,9 @@ from physic_core.geometry.pointmap import (
     depth_edges,
     depth_to_pointmap,
     intrinsics_from_pointmap,
+    isolated_pixels,
     knn_outliers,
     normals,
-    unsupported,
 )
 
 ROWS, COLUMNS = 48, 64
@@ -135,7 +135,7 @@ def test_an_infinite_ratio_finds_no_edge() -> None:
 @settings(max_examples=50)
 def test_unsupported_pixels_are_those_of_a_plain_loop(depth_array: object, valid_array: object) -> None:
     depth, valid = torch.as_tensor(depth_array), torch.as_tensor(valid_array)
-    found = unsupported(depth, valid, 1.05, rings=(2,))
+    found = isolated_pixels(depth, valid, 1.05, rings=(2,))
     for y in range(6):
         for x in range(7):
             support = 0
@@ -150,7 +150,7 @@ def test_a_speck_goes_and_a_pole_and_a_corner_stay() -> None:
     depth = torch.full((ROWS, COLUMNS), 5.0)
     depth[10:12, 10:12] = 2.0
     depth[:, 40:42] = 2.0
-    lonely = unsupported(depth, ALL)[4:-4]  # the ends of a pole are specks
+    lonely = isolated_pixels(depth, ALL)[4:-4]  # the ends of a pole are specks
     assert lonely[6:8, 10:12].all()
     assert int(lonely.sum()) == 4
 
@@ -159,7 +159,7 @@ def test_far_points_are_no_outliers_for_being_far() -> None:
     normal = torch.tensor([0.0, -1.0, 0.0], dtype=torch.float64)
     depth = torch.where(RAYS[..., 1] > 0.15, plane_depth(normal, 1.5), 30.0)
     # 1.05 in a picture of 1024 px is the slope of 1.05 ** 16 in one of 64 px.
-    assert not unsupported(depth, RAYS[..., 1] > 0.15, 1.05**16).any()
+    assert not isolated_pixels(depth, RAYS[..., 1] > 0.15, 1.05**16).any()
 
 
 def test_knn_outliers_are_those_of_all_pairs() -> None:
@@ -198,8 +198,8 @@ def test_no_camera_can_be_read_off_nothing() -> None:
     with pytest.raises(BackendOutputError) as caught:
         intrinsics_from_pointmap(torch.zeros((ROWS, COLUMNS, 3)), ALL)
     assert str(caught.value) == (
-        "no focal length can be read off the point map: 0 valid points have X != 0, 16 are needed: give the camera, or "
-        "check what the backend calls valid"
+        "cannot estimate the focal length from the point map: 0 valid points have X != 0, 16 are needed: give the "
+        "camera, or check the backend's valid mask"
     )
 
 
@@ -208,6 +208,6 @@ def test_no_camera_can_be_read_off_a_mirrored_map() -> None:
     with pytest.raises(BackendOutputError) as caught:
         intrinsics_from_pointmap(points * torch.tensor([1.0, -1.0, 1.0]), ALL)
     assert str(caught.value) == (
-        "no focal length can be read off the point map: medians are fx = 60.0, fy = -62.0 px, both must be positive: "
-        "points must be in the OpenCV camera frame, x right, y down, z forward"
+        "cannot estimate the focal length from the point map: medians are fx = 60.0, fy = -62.0 px, both must be "
+        "positive: points must be in the OpenCV camera frame, x right, y down, z forward"
     )

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from physic_core.engine.bounds import RobustKind
 from physic_core.errors import PhysicError
-from physic_core.geometry.robust import barron, cauchy, geman_mcclure, pseudo_huber, robust, unit_robust
+from physic_core.geometry.robust import barron, cauchy, geman_mcclure, loss_with_slope, pseudo_huber, robust_loss
 
 LOSSES = {
     "geman_mcclure": geman_mcclure,
@@ -46,13 +46,13 @@ def test_gradient_is_right(name):
 @pytest.mark.parametrize("c", [0.5, 3.0])
 def test_with_its_derivative_in_units_of_its_scale(kind, c):
     squared = torch.tensor([1e-6, 0.3, 4.0, 900.0], dtype=torch.float64, requires_grad=True)
-    loss = robust(kind, squared, c)
+    loss = robust_loss(kind, squared, c)
     (slope,) = torch.autograd.grad(loss.sum(), squared)
-    unit, derivative = unit_robust(kind, squared.detach() / c**2, c)
+    unit, derivative = loss_with_slope(kind, squared.detach() / c**2, c)
     torch.testing.assert_close(c**2 * unit, loss.detach())
     torch.testing.assert_close(derivative, slope)
-    assert unit_robust(kind, torch.zeros(1), c)[0].item() == 0
-    assert torch.isfinite(unit_robust(kind, torch.zeros(1), c)[1])
+    assert loss_with_slope(kind, torch.zeros(1), c)[0].item() == 0
+    assert torch.isfinite(loss_with_slope(kind, torch.zeros(1), c)[1])
 
 
 def test_hand_worked_values():
@@ -90,13 +90,13 @@ def test_never_falls_and_never_exceeds_the_square(a, b, name):
 
 def test_settings_name_the_losses_and_barrons_keeps_its_published_height():
     squared = torch.linspace(0, 50, 40, dtype=torch.float64)
-    assert robust("square", squared, 3.0) is squared
-    torch.testing.assert_close(robust("cauchy", squared, 3.0), cauchy(squared, 3.0))
-    torch.testing.assert_close(robust("geman_mcclure", squared, 3.0), geman_mcclure(squared, 3.0))
-    torch.testing.assert_close(robust("pseudo_huber", squared, 3.0), pseudo_huber(squared, 3.0))
-    torch.testing.assert_close(robust("barron", squared, 3.0), torch.sqrt(1 + squared / 9) - 1)
+    assert robust_loss("square", squared, 3.0) is squared
+    torch.testing.assert_close(robust_loss("cauchy", squared, 3.0), cauchy(squared, 3.0))
+    torch.testing.assert_close(robust_loss("geman_mcclure", squared, 3.0), geman_mcclure(squared, 3.0))
+    torch.testing.assert_close(robust_loss("pseudo_huber", squared, 3.0), pseudo_huber(squared, 3.0))
+    torch.testing.assert_close(robust_loss("barron", squared, 3.0), torch.sqrt(1 + squared / 9) - 1)
     with pytest.raises(PhysicError) as caught:
-        robust("huber", squared, 1.0)
+        robust_loss("huber", squared, 1.0)
     assert str(caught.value) == (
-        "no robust loss is named 'huber': use square, absolute, barron, cauchy, geman_mcclure, pseudo_huber"
+        "unknown robust loss 'huber': use square, absolute, barron, cauchy, geman_mcclure, pseudo_huber"
     )

@@ -10,7 +10,7 @@ import trimesh
 
 from physic_core.geometry.visibility import (
     depth_order_violations,
-    faces_around,
+    faces_of_vertices,
     facing,
     hidden_from_camera,
     inside_image,
@@ -60,12 +60,12 @@ def test_normals_of_a_sphere_point_outward():
 
 def test_the_faces_round_a_vertex_give_the_same_normals():
     vertices, faces = sphere([0.0, 0.0, 3.0], fineness=2)
-    around = faces_around(faces, len(vertices))
+    around = faces_of_vertices(faces, len(vertices))
     assert sorted(set(around[7].tolist()) - {len(faces)}) == (faces == 7).any(1).nonzero().flatten().tolist()
     batch = torch.stack([vertices, vertices * torch.tensor([1.0, 2.0, 0.5])])
     torch.testing.assert_close(vertex_normals(batch, faces, around), vertex_normals(batch, faces))
     lonely = torch.cat([vertices, vertices[:1]])
-    assert vertex_normals(lonely, faces, faces_around(faces, len(lonely)))[-1].tolist() == [0.0, 0.0, 0.0]
+    assert vertex_normals(lonely, faces, faces_of_vertices(faces, len(lonely)))[-1].tolist() == [0.0, 0.0, 0.0]
 
 
 def test_areas_add_up_to_the_surface():

@@ -13,7 +13,7 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.geometry.upright import gltf_from_camera, transform
+from physic_core.geometry.upright import gltf_from_camera, transform_points
 from physic_core.types import Plane, Scene
 from physic_core.visual.glb import BODY_RGB, CONTACT_RGB, glb_files
 from physic_core.visual.surface import depth_limit, mesh_scene
@@ -48,7 +48,7 @@ def test_a_level_camera_is_lifted_over_the_floor():
     expected = np.diag([1.0, -1.0, -1.0, 1.0])
     expected[1, 3] = 1.5
     np.testing.assert_allclose(matrix, expected, atol=1e-15)
-    np.testing.assert_allclose(transform(matrix, np.array([[0.2, 1.5, 3.0]])), [[0.2, 0.0, -3.0]], atol=1e-15)
+    np.testing.assert_allclose(transform_points(matrix, np.array([[0.2, 1.5, 3.0]])), [[0.2, 0.0, -3.0]], atol=1e-15)
 
 
 direction = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.norm(v) > 0.1)
@@ -60,7 +60,7 @@ def test_the_upright_frame_is_rigid_and_its_y_is_the_height(normal, offset, poin
     matrix = gltf_from_camera(Plane(unit, offset))
     np.testing.assert_allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-12)
     assert np.linalg.det(matrix[:3, :3]) == pytest.approx(1.0)
-    assert transform(matrix, np.array([point]))[0, 1] == pytest.approx(unit @ point + offset, abs=1e-9)
+    assert transform_points(matrix, np.array([point]))[0, 1] == pytest.approx(unit @ point + offset, abs=1e-9)
     np.testing.assert_allclose(matrix[[0, 2], 3], 0.0)
     # The camera looks towards -z, unless straight down or up.
     ahead = matrix[:3, :3] @ [0, 0, 1]
@@ -71,7 +71,7 @@ def test_the_upright_frame_is_rigid_and_its_y_is_the_height(normal, offset, poin
 
 def test_a_camera_that_looks_straight_down_keeps_its_top_ahead():
     matrix = gltf_from_camera(Plane(np.array([0.0, 0.0, -1.0]), 2.0))
-    np.testing.assert_allclose(transform(matrix, np.array([[0.0, -1.0, 2.0]])), [[0.0, 0.0, -1.0]], atol=1e-12)
+    np.testing.assert_allclose(transform_points(matrix, np.array([[0.0, -1.0, 2.0]])), [[0.0, 0.0, -1.0]], atol=1e-12)
 
 
 def test_a_camera_that_tilts_a_little_more_turns_nothing_over():
@@ -187,7 +187,7 @@ def test_vertices_are_the_camera_s_under_the_stated_matrix(files, reconstruction
     matrix = np.array(tree_of(files["person_1.glb"])["scenes"][0]["extras"]["gltf_from_camera"])
     np.testing.assert_array_equal(matrix, gltf_from_camera(reconstruction.scene.floor))
     mesh = opened(files["person_1.glb"]).geometry["person_1"]
-    np.testing.assert_allclose(mesh.vertices, transform(matrix, reconstruction.people[1].vertices), atol=1e-6)
+    np.testing.assert_allclose(mesh.vertices, transform_points(matrix, reconstruction.people[1].vertices), atol=1e-6)
     np.testing.assert_array_equal(mesh.faces, reconstruction.faces)
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from physic_core.body import load_body
 from physic_core.errors import PhysicError
-from physic_core.metrics.geodesic import distance_to, geodesic_error, surface_graph
+from physic_core.metrics.geodesic import distance_to_sources, geodesic_error, surface_graph
 
 
 def strip(cells):
@@ -63,11 +63,11 @@ def test_the_graph_has_each_edge_once():
 
 def test_hops_go_straight_over_an_edge():
     vertices, faces = strip(1)
-    assert distance_to(surface_graph(vertices, faces), marks(4, 0))[3] == pytest.approx(2)
-    assert distance_to(surface_graph(vertices, faces, across=True), marks(4, 0))[3] == pytest.approx(np.sqrt(2))
+    assert distance_to_sources(surface_graph(vertices, faces), marks(4, 0))[3] == pytest.approx(2)
+    assert distance_to_sources(surface_graph(vertices, faces, across=True), marks(4, 0))[3] == pytest.approx(np.sqrt(2))
     folded = vertices.copy()
     folded[3] = [0.5, 0.5, np.sqrt(0.5)]  # the second triangle at a right angle to the first: the same when unfolded
-    assert distance_to(surface_graph(folded, faces, across=True), marks(4, 0))[3] == pytest.approx(np.sqrt(2))
+    assert distance_to_sources(surface_graph(folded, faces, across=True), marks(4, 0))[3] == pytest.approx(np.sqrt(2))
 
 
 def test_no_hop_leaves_the_surface():
@@ -77,13 +77,13 @@ def test_no_hop_leaves_the_surface():
     for points, faces in ((vertices, [[0, 1, 2], [1, 3, 2]]), (mirrored, [[0, 2, 1], [1, 2, 3]])):
         for names in ([0, 1, 2, 3], [0, 2, 1, 3]):
             graph = surface_graph(points[names], np.array(names)[faces], across=True)
-            assert distance_to(graph, marks(4, 0))[3] == pytest.approx(1 + np.hypot(2, 1.5))
+            assert distance_to_sources(graph, marks(4, 0))[3] == pytest.approx(1 + np.hypot(2, 1.5))
 
 
 def test_of_several_ways_between_two_vertices_the_shortest_counts():
     corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], float)  # each pair is an edge and a hop
     graph = surface_graph(corners, np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]), across=True)
-    np.testing.assert_allclose(distance_to(graph, marks(4, 0))[1:], np.sqrt(8))
+    np.testing.assert_allclose(distance_to_sources(graph, marks(4, 0))[1:], np.sqrt(8))
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 6))
@@ -92,9 +92,9 @@ def test_distances_equal_the_slow_twin(seed, sources):
     ball = trimesh.creation.icosphere(subdivisions=1)
     vertices = ball.vertices * rng.uniform(0.5, 1.5, (len(ball.vertices), 1))
     chosen = marks(len(vertices), *rng.integers(len(vertices), size=sources))
-    plain = distance_to(surface_graph(vertices, ball.faces), chosen)
+    plain = distance_to_sources(surface_graph(vertices, ball.faces), chosen)
     np.testing.assert_allclose(plain, twin(vertices, ball.faces, chosen), atol=1e-12)
-    across = distance_to(surface_graph(vertices, ball.faces, across=True), chosen)
+    across = distance_to_sources(surface_graph(vertices, ball.faces, across=True), chosen)
     straight = np.linalg.norm(vertices[:, None] - vertices[chosen], axis=-1).min(1)
     assert (across <= plain + 1e-12).all()
     assert (across >= straight - 1e-12).all()
@@ -110,7 +110,9 @@ def test_on_flat_equilateral_triangles_the_longest_detour_is_known(across, worst
     centre = 21 * 10 + 10
     straight = np.linalg.norm(vertices - vertices[centre], axis=1)
     near = (straight > 0) & (straight < 8)
-    ratio = distance_to(surface_graph(vertices, faces, across=across), marks(441, centre))[near] / straight[near]
+    ratio = (
+        distance_to_sources(surface_graph(vertices, faces, across=across), marks(441, centre))[near] / straight[near]
+    )
     assert ratio.min() == pytest.approx(1)
     assert worst - 0.01 < ratio.max() <= worst + 1e-12
 
@@ -124,7 +126,7 @@ def test_on_a_sphere_the_distance_is_too_long_by_a_bounded_share(across, mean, w
     for source in (0, 17, 101):
         arc = np.arccos(np.clip(ball.vertices @ ball.vertices[source], -1, 1))
         far = arc > 0.3
-        excess.append(distance_to(graph, marks(len(arc), source))[far] / arc[far] - 1)
+        excess.append(distance_to_sources(graph, marks(len(arc), source))[far] / arc[far] - 1)
     excess = np.concatenate(excess)
     print(f"across={across} {subdivisions}: mean {excess.mean():.3f}, {excess.min():.4f} to {excess.max():.3f}")
     assert excess.min() > -0.005  # chords are that much shorter than arcs
@@ -162,8 +164,8 @@ def test_coinciding_vertices_are_no_distance_apart():
     vertices[1] = vertices[0]
     for across in (False, True):
         graph = surface_graph(vertices, faces, across=across)
-        assert distance_to(graph, marks(4, 0))[1] == 0
-        assert np.isfinite(distance_to(graph, marks(4, 0))).all()
+        assert distance_to_sources(graph, marks(4, 0))[1] == 0
+        assert np.isfinite(distance_to_sources(graph, marks(4, 0))).all()
 
 
 @pytest.mark.parametrize("across", [False, True])

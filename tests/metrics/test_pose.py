@@ -148,7 +148,7 @@ def test_leading_dimensions_are_kept():
 
 def test_people_who_do_not_fit_are_refused():
     message = (
-        "Predicted and true joints must have one shape, got (1, 22, 3) and (2, 22, 3): "
+        "Predicted and true joints must have the same shape, got (1, 22, 3) and (2, 22, 3): "
         "match the people first, and bring both to one joint set or mesh."
     )
     for metric in (mpjpe_mm, pa_mpjpe_mm):

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from physic_core.errors import PhysicError
-from physic_core.metrics.proximity import REACH, hidden_behind, point_spacing, scene_distance
+from physic_core.metrics.proximity import SEARCH_RADIUS_M, hidden_by_depth_map, point_spacing, scene_distance
 from physic_core.types import Intrinsics, Plane
 from physic_testing.worlds import build_world
 
@@ -51,7 +51,7 @@ def test_a_body_that_is_moved_up_is_farther_by_as_much(height, step):
 
 
 def test_what_is_out_of_reach_is_infinitely_far():
-    found = scene_distance(np.array([[0.0, 1.5 - REACH - 0.01, 3.0]]), *floor_view(), CAMERA)
+    found = scene_distance(np.array([[0.0, 1.5 - SEARCH_RADIUS_M - 0.01, 3.0]]), *floor_view(), CAMERA)
     assert found.distance == np.inf
     np.testing.assert_array_equal(found.normal, 0)
     none = scene_distance(np.zeros((0, 3)), *floor_view(), CAMERA)
@@ -63,7 +63,7 @@ def test_under_the_plane_of_the_floor_is_inside_whatever_the_points_say():
     nothing = np.zeros_like(valid)
     body = np.array([[0.0, 1.45, 3.0], [0.0, 1.53, 3.0], [0.0, 2.5, 3.0]])
     found = scene_distance(body, points, normals, nothing, CAMERA, Plane(UP, 1.5))
-    np.testing.assert_allclose(found.distance, [0.05, -0.03, -REACH], atol=1e-12)
+    np.testing.assert_allclose(found.distance, [0.05, -0.03, -SEARCH_RADIUS_M], atol=1e-12)
     np.testing.assert_allclose(found.normal, np.broadcast_to(UP, (3, 3)))
 
 
@@ -113,7 +113,7 @@ def test_hidden_is_what_lies_behind_in_the_image():
     depth[0] = np.inf
     centre = np.array([0.0, 0.0, 1.0])
     points = np.stack([1.99 * centre, 2.02 * centre, 2.04 * centre, np.array([9.0, 0, 2.5]), -centre])
-    np.testing.assert_array_equal(hidden_behind(points, depth, CAMERA), [False, False, True, False, False])
+    np.testing.assert_array_equal(hidden_by_depth_map(points, depth, CAMERA), [False, False, True, False, False])
 
 
 @pytest.mark.parametrize("name", ["stand", "sit_on_stool", "hug"])
@@ -122,7 +122,7 @@ def test_of_a_world_the_measure_finds_the_truth(name):
     points = world.points(people=False)
     valid = np.isfinite(points).all(-1)
     found = scene_distance(world.vertices, points, world.empty_normals, valid, world.intrinsics, world.floor).distance
-    counted = world.outer & (~hidden_behind(world.vertices, world.empty_depth, world.intrinsics) | world.contact)
+    counted = world.outer & (~hidden_by_depth_map(world.vertices, world.empty_depth, world.intrinsics) | world.contact)
     assert np.where(counted, found, 0).min() > -0.02
     seen = world.contact & (found < 0.05)
     assert np.median(np.abs(found - world.distance)[seen]) < 0.004

@@ -79,9 +79,9 @@ def test_nothing_in_common_is_no_number():
 
 
 def test_maps_of_another_size_are_refused():
-    with pytest.raises(PhysicError, match=r"^Predicted and true point maps must have one shape, got \(6, 8, 3\) and"):
+    with pytest.raises(PhysicError, match=r"true point maps must have the same shape, got \(6, 8, 3\) and"):
         scene_error(room(), room()[:5], ALL, ALL[:5])
-    with pytest.raises(PhysicError, match=r"^Predicted and true masks of valid pixels must have one shape"):
+    with pytest.raises(PhysicError, match=r"^Predicted and true masks of valid pixels must have the same shape"):
         scene_error(room(), room(), ALL, ALL[:5])
 
 

@@ -11,7 +11,7 @@ from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.distances import plane_height, signed_distance
 from physic_core.engine.joint.local_depth_scale import warp_share
 from physic_core.geometry.free_space import in_free_space
-from physic_core.geometry.neighbors import NearestScene, near_boxes
+from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
 
 __all__ = ["MAX_MOTION_M", "ContactState", "nearby_scene", "update_contacts"]
 
@@ -55,18 +55,18 @@ class ContactState:
     warp_share: Tensor | None
 
 
-def nearby_scene(context: JointContext, vertices: Tensor, scale: float) -> NearestScene:
+def nearby_scene(context: JointContext, vertices: Tensor, scale: float) -> NearestPointSearch:
     """Build the search structure of the scene points near people (B, V, 3), with a margin for their motion."""
     radius, nearest = context.options.search_radius_m, context.options.nearest
     if nearest == "grid":  # its nodes depend on the extent of the scene
-        return NearestScene(context.surface, context.surface_normals, radius, "grid")
-    keep = near_boxes(context.surface, vertices / scale, (radius + MAX_MOTION_M) / scale)
-    return NearestScene(context.surface[keep], context.surface_normals[keep], radius, nearest)
+        return NearestPointSearch(context.surface, context.surface_normals, radius, "grid")
+    keep = inside_body_boxes(context.surface, vertices / scale, (radius + MAX_MOTION_M) / scale)
+    return NearestPointSearch(context.surface[keep], context.surface_normals[keep], radius, nearest)
 
 
 @torch.no_grad()
 def update_contacts(
-    context: JointContext, body_normals: Tensor, scene: NearestScene, vertices: Tensor, scale: float, warp: Tensor
+    context: JointContext, body_normals: Tensor, scene: NearestPointSearch, vertices: Tensor, scale: float, warp: Tensor
 ) -> ContactState:
     """Find the nearest scene points and measure the distances to them and to the floor.
 

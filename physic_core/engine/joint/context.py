@@ -15,8 +15,8 @@ from physic_core.engine.joint.energy_options import EnergyOptions
 from physic_core.engine.joint.limbs import is_standing, observed_parts
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.geometry.camera import project
-from physic_core.geometry.coarse_mesh import clusters
-from physic_core.geometry.free_space import fronts
+from physic_core.geometry.coarse_mesh import cluster_points
+from physic_core.geometry.free_space import front_depth
 from physic_core.geometry.visibility import inside_image, vertex_areas
 
 __all__ = ["STATIC_CONTACT_PARTS", "JointContext", "Keypoints", "precompute", "thin_vertices"]
@@ -54,7 +54,7 @@ class JointContext:
     Attributes:
         problem: with finite people only.
         ids: (n,) int64, indices of the tracked vertices.
-        faces_around: adjacent faces of each tracked vertex.
+        faces_of_vertices: adjacent faces of each tracked vertex.
         pose: poses keypoints, joints and tracked vertices only.
         area: (B, n) surface per tracked vertex, square decimetres; ones if vertices are counted.
         contact_probability: (B, n) finite.
@@ -78,7 +78,7 @@ class JointContext:
     problem: JointProblem
     options: EnergyOptions
     ids: Tensor
-    faces_around: Tensor
+    faces_of_vertices: Tensor
     pose: LandmarkModel
     area: Tensor
     contact_probability: Tensor
@@ -132,7 +132,7 @@ def precompute(
         problem=problem,
         options=options,
         ids=ids,
-        faces_around=model.faces_around[ids],
+        faces_of_vertices=model.faces_of_vertices[ids],
         pose=model.landmarks_only([problem.skeleton], ids),
         area=torch.ones_like(area) if options.count_vertices else area / _AREA_UNIT_M2,
         contact_probability=probability[:, ids],
@@ -148,7 +148,7 @@ def precompute(
         legs_invisible=~observed[:, _LEGS].any(1),
         feet_visible=observed[:, _ANKLES] & inside_image(project(start.joints[:, _ANKLES], problem.K), height, width),
         log_depth=None if depth is None else torch.where(depth > 0, depth, torch.nan).log(),
-        fronts=fronts(problem.scene_depth) if use_fronts and problem.scene_depth is not None else None,
+        fronts=front_depth(problem.scene_depth) if use_fronts and problem.scene_depth is not None else None,
         surface=surface,
         surface_normals=surface_normals,
     )
@@ -188,7 +188,7 @@ def thin_vertices(model: BodyModel, keep: Tensor, spacing: float, area: Tensor) 
     # Vertices of the midline lie on the border of two cells. Rounding puts them into the same cell on every CPU.
     exact = model.to(dtype=torch.float64)
     at = torch.round(exact(*exact.zero_pose(1)).vertices[0, rest] * _STEPS_PER_M) / _STEPS_PER_M
-    group, chosen = clusters(at, model.part_of_vertex[rest], spacing)
+    group, chosen = cluster_points(at, model.part_of_vertex[rest], spacing)
     summed = area.new_zeros(len(area), len(chosen)).index_add(1, group, area[:, rest])
     kept = keep.nonzero(as_tuple=True)[0]
     ids = torch.cat([kept, rest[chosen]])

@@ -14,7 +14,7 @@ from physic_core.engine.scene.build import SceneState
 from physic_core.engine.scene.cleaning import edge_ratio
 from physic_core.engine.scene.floor_below_people import floor_under_people
 from physic_core.engine.scene.settings import SceneSettings
-from physic_core.geometry.carving import carved
+from physic_core.geometry.carving import move_behind_bodies
 from physic_core.geometry.plane import sample_plane
 from physic_core.geometry.pointmap import normals
 
@@ -73,7 +73,7 @@ def _carved(
 ) -> SceneState:
     """Move inpainted scene points out of the bodies (B, V, 3) that hid them."""
     unseen = hole & scene.valid
-    moved, out = carved(scene.points[unseen], bodies, faces, masks[:, unseen], settings.carve_m)
+    moved, out = move_behind_bodies(scene.points[unseen], bodies, faces, masks[:, unseen], settings.carve_m)
     points = scene.points.clone()
     points[unseen] = moved
     changed = unseen.clone()

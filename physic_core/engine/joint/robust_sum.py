@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
-from physic_core.geometry.robust import robust, unit_robust
+from physic_core.geometry.robust import loss_with_slope, robust_loss
 
 __all__ = ["RobustSum", "offset_loss"]
 
@@ -44,9 +44,9 @@ class RobustSum:
 
     def rho(self, squared: Tensor) -> Tensor:
         """Return the robust loss of squared residuals in sigmas, differentiable."""
-        return robust(self.kind, squared, self.scale)
+        return robust_loss(self.kind, squared, self.scale)
 
     def value_and_slope(self, residual: Tensor) -> tuple[Tensor, Tensor]:
         """Return the sum of each person (B,) and its derivative with respect to the residuals (B, n)."""
-        loss, slope = unit_robust(self.kind, (residual * (1.0 / (self.sigma * self.scale))).square(), self.scale)
+        loss, slope = loss_with_slope(self.kind, (residual * (1.0 / (self.sigma * self.scale))).square(), self.scale)
         return (self.value_weight * loss).sum(1), self.slope_weight * residual * slope

@@ -1,4 +1,4 @@
-"""Stage 2 for all people of a photo: place them, correct left-right swaps of keypoints, place those people again."""
+"""Stage 2 for all people of a photo: placement, and correction of left-right swaps of keypoints."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.engine.joint.limbs import detected_joints, placement_keypoints
 from physic_core.engine.joint.released.reprojection import released_keypoint_weights
 from physic_core.engine.placement.left_right import fix_left_right_swaps
-from physic_core.engine.placement.place import PersonEvidence, PersonPlacement, Placement, PosedBodies, place
+from physic_core.engine.placement.place import PersonEvidence, PersonPlacement, Placement, PosedBodies, place_bodies
 from physic_core.engine.placement.settings import PlacementSettings
 from physic_core.geometry.camera import project
 from physic_core.types import Skeleton
@@ -30,8 +30,8 @@ class Detections:
         skeleton: of the J keypoints.
         keypoints: (B, J, 2) px.
         confidence: (B, J) in [0, 1].
-        observed: (B, 55) bool, joints that the body estimator reports as visible; None counts as all.
-        points: B tensors (M_i, 3) metres, the people's own points in the scene.
+        observed: (B, 55) bool, joints that the body estimator reports as visible; None means all.
+        points: B tensors (M_i, 3) metres, the people's points in the scene.
         masks: (B, H, W) bool, visible pixels of each person.
     """
 
@@ -45,15 +45,15 @@ class Detections:
 
 @dataclass(frozen=True)
 class PlacedPeople:
-    """B placed people.
+    """Placement and corrected keypoints of B people.
 
     Attributes:
-        placement: of all people, by the corrected keypoints.
-        keypoints: (B, J, 2) px, swaps of left and right corrected.
-        confidence: (B, J), likewise.
+        placement: with the corrected keypoints.
+        keypoints: (B, J, 2) px, corrected.
+        confidence: (B, J), of the corrected keypoints.
         observed: (B, 55) bool, visible joints.
         exchanged: per person, the pairs of limbs whose left and right were exchanged.
-        detected: the placement by the keypoints as detected.
+        detected: placement with the keypoints as detected.
     """
 
     placement: Placement
@@ -72,7 +72,7 @@ def place_people(
     settings: PlacementSettings,
     before: PlacedPeople | None = None,
 ) -> PlacedPeople:
-    """Place B posed bodies, exchange keypoints whose left and right a detector swapped, and place those people again.
+    """Place B posed bodies, correct left-right swaps of their keypoints, and place the affected people again.
 
     Args:
         bodies: as estimated, with one landmark for each keypoint.
@@ -80,7 +80,7 @@ def place_people(
         K: (3, 3) px.
         floor: normal (3,) and offset, or None.
         settings: of stage 2.
-        before: the same people, placed with another floor; people whose result does not depend on the floor keep it.
+        before: result with another floor; people whose placement does not depend on the floor are reused.
     """
     columns = list(range(detections.keypoints.shape[1]))
     if settings.method != "released":
@@ -88,7 +88,7 @@ def place_people(
     used = replace(bodies, landmarks=bodies.landmarks[:, columns])
 
     def placed_by(given: Detections, known: list[PersonPlacement | None]) -> Placement:
-        return place(used, _evidence(given, columns, settings), K, floor, settings, known)
+        return place_bodies(used, _evidence(given, columns, settings), K, floor, settings, known)
 
     known: list[PersonPlacement | None] = [None] * len(bodies.transl)
     if before is not None:
@@ -132,7 +132,7 @@ def _evidence(detections: Detections, columns: list[int], settings: PlacementSet
 
 
 def _observed(detections: Detections, settings: PlacementSettings) -> Tensor:
-    """(B, 55) bool: joints that the body estimator or a confident keypoint reports as visible."""
+    """Return the joints (B, 55) bool that the body estimator or a confident keypoint reports as visible."""
     keypoints = detections.keypoints
     reported = detections.observed
     if reported is None:

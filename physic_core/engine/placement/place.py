@@ -6,11 +6,10 @@ The robust method minimises for each person, by Gauss-Newton steps with nearest 
     + lambda_d (mean_v min_p rho(|v + t - e^g p|^2) + mean_p min_v rho(|e^g p - v - t|^2))
     + floor_weight rho(h(t)^2) + offset cost (g / sigma)^2
 
-over the translation t and the depth offset g. g is free if the person's feet are visible and stand on a known floor.
-Monocular depth places people farther away than the floor under their feet, so without g the body leaves the floor. A
-person whose feet without g are both well above the floor stands on steps or lies on a bed; g is then 0. Means and
-relative sizes make all terms independent of the resolution. The paper's methods use sums of squares with Adam and
-L-BFGS.
+over the translation t and the depth offset g. g is free if the person's feet are visible and there is a floor.
+Monocular depth places people farther away than the floor under their feet, so without g the body leaves the floor. If
+both feet without g are well above the floor, the person is on furniture or steps, and g is 0. Means and relative sizes
+make all terms independent of the resolution. The paper's methods use sums of squares with Adam and L-BFGS.
 
 OpenCV camera frame, metres. Float64 on the CPU, which is fastest for k-d trees of a few thousand points.
 """
@@ -28,49 +27,49 @@ from torch import Tensor
 from physic_core.engine.joint.released.visibility import faces_optical_axis
 from physic_core.engine.placement.settings import PlacementSettings
 from physic_core.engine.placement.solvers import (
-    adam,
-    closed_form,
+    closed_form_translation,
     gauss_newton,
-    lbfgs,
-    loss,
     reprojection_loss,
-    within_keypoints,
+    restore_keypoint_fit,
+    solve_adam,
+    solve_lbfgs,
+    term_energy,
 )
 from physic_core.engine.placement.terms import (
     FEWEST_KEYPOINTS,
     NEAREST_M,
-    Chamfer,
-    Reprojection,
-    Standing,
-    Subject,
+    ChamferTerm,
+    FloorTerm,
+    PersonProblem,
+    ReprojectionTerm,
     Term,
 )
 from physic_core.geometry.camera import project
-from physic_core.geometry.plane import height
+from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.visibility import facing, inside_mask
 from physic_core.types.short_repr import ShortRepr
 
-__all__ = ["PersonEvidence", "PersonPlacement", "Placement", "PosedBodies", "place"]
+__all__ = ["PersonEvidence", "PersonPlacement", "Placement", "PosedBodies", "place_bodies"]
 
-_MIN_POINTS = 50  # human points and camera-facing vertices; with fewer, keypoints alone place a body
+_MIN_POINTS = 50  # least number of human points and of camera-facing vertices for Eq. 4
 _FACING_DEG = 70.0  # between a vertex's normal and the direction to the camera
 _RELEASED_FACING_DEG = 80.0
-_STAND_REACH_SHARE = 0.15  # ``stand_reach_m`` as a share of the distance from the camera; the smaller one counts
-_ROUNDS = 2  # of selecting the camera-facing vertices
+_STAND_REACH_SHARE = 0.15  # upper limit of ``stand_reach_m`` as a share of the distance from the camera
+_ROUNDS = 2  # selections of camera-facing vertices
 _MOVED_M = 1e-3
 
 
 @dataclass(frozen=True)
 class PosedBodies:
-    """B bodies as estimated, metres, camera frame.
+    """B estimated bodies, metres, camera frame.
 
     Attributes:
         vertices: (B, V, 3).
         normals: (B, V, 3) unit, out of the mesh.
         landmarks: (B, J, 3), in the order of the keypoints.
-        transl: (B, 3), translation that vertices and landmarks include.
-        outer: (V,) bool, False for vertices inside mouth and eyes; all True where None.
-        soles: (S,) int64 vertices that can touch the floor; None disables the floor term.
+        transl: (B, 3), translation included in vertices and landmarks.
+        outer: (V,) bool, False for vertices inside mouth and eyes; None means all True.
+        soles: (S,) int64 sole vertices; None disables the floor term.
     """
 
     vertices: Tensor
@@ -102,13 +101,13 @@ class PersonEvidence:
 
 @dataclass(frozen=True)
 class PersonPlacement(ShortRepr):
-    """One person's solution, float64 on the CPU.
+    """Placement of one person, float64 on the CPU.
 
     Attributes:
         move: (3,) metres, added to the estimated translation.
         depth_offset: factor on the depth of the person's points.
         grounded: False for a person on furniture or steps.
-        on_floor: whether the floor was used; if not, the result does not depend on the floor.
+        on_floor: whether the floor was used.
         keypoint_move: (3,) metres, translation by the keypoints alone (Eq. 2).
         diagnostics: see :class:`Placement`.
     """
@@ -123,19 +122,18 @@ class PersonPlacement(ShortRepr):
 
 @dataclass(frozen=True)
 class Placement(ShortRepr):
-    """B placed bodies.
+    """Placement of B bodies.
 
     Attributes:
         transl: (B, 3) metres.
-        depth_offset: (B,) factor on the depth of a person's points to match the body; 1 where they are fixed to the
-            scene.
-        grounded: (B,) bool, False for a person who stands, sits or lies with both feet well above the floor.
-        diagnostics: one mapping per person: "keypoints" and "facing_vertices" and "points" used, "reprojection_px" and
-            "chamfer_m" (medians) at start and end, "losses" (term of Eq. 3 -> its energy at "start" and "end"),
-            "moved_m", "depth_offset", "grounded", "foot_height_m" over the floor (None without one, and for a person
-            who is not on it), and "problem", a message or None.
+        depth_offset: (B,) factor on the depth of a person's points to match the body; 1 if fixed to the scene.
+        grounded: (B,) bool, False for a person with both feet well above the floor.
+        diagnostics: one mapping per person: numbers of "keypoints", "facing_vertices" and "points" used;
+            "reprojection_px" and "chamfer_m", medians at start and end; "losses", term of Eq. 3 -> its energy at
+            "start" and "end"; "moved_m"; "depth_offset"; "grounded"; "foot_height_m" over the floor (None without a
+            floor, and for a person not on it); "problem", a message or None.
         keypoint_transl: (B, 3) metres, by the keypoints alone (Eq. 2).
-        people: each person's solution.
+        people: placement of each person.
     """
 
     transl: Tensor
@@ -146,7 +144,7 @@ class Placement(ShortRepr):
     people: tuple[PersonPlacement, ...] = ()
 
 
-def place(
+def place_bodies(
     bodies: PosedBodies,
     evidence: PersonEvidence,
     K: Tensor,
@@ -160,14 +158,14 @@ def place(
         bodies: as estimated.
         evidence: keypoints, points and masks of the B people.
         K: (3, 3) px.
-        floor: normal (3,), unit, up, and offset in metres; None where there is no floor.
-        settings: of stage 2; preset "default" where None.
-        placed: per person, a known solution or None to solve; None solves all.
+        floor: unit normal (3,), up, and offset in metres, or None.
+        settings: of stage 2; preset "default" if None.
+        placed: per person, a known placement to reuse, or None to solve; None solves all.
     """
     settings = settings or PlacementSettings()
     known = placed or [None] * len(bodies.transl)
     people = tuple(
-        _place_person(_subject(i, bodies, evidence, K, floor, settings), settings) if done is None else done
+        _place_person(_person_problem(i, bodies, evidence, K, floor, settings), settings) if done is None else done
         for i, done in enumerate(known)
     )
     transl = bodies.transl
@@ -183,15 +181,15 @@ def place(
     )
 
 
-def _subject(
+def _person_problem(
     i: int,
     bodies: PosedBodies,
     evidence: PersonEvidence,
     K: Tensor,
     floor: tuple[Tensor, float] | None,
     settings: PlacementSettings,
-) -> Subject:
-    """Person i, with usable keypoints and points only."""
+) -> PersonProblem:
+    """Return the problem of person i with usable keypoints and points only."""
     uv, confidence = _on_cpu(evidence.keypoints[i]), _on_cpu(evidence.confidence[i])
     landmarks, vertices, cloud = (_on_cpu(x) for x in (bodies.landmarks[i], bodies.vertices[i], evidence.points[i]))
     used = (confidence >= settings.min_confidence) & torch.isfinite(uv).all(-1) & torch.isfinite(landmarks).all(-1)
@@ -203,11 +201,11 @@ def _subject(
     if floor is not None and bodies.soles is not None and evidence.feet_seen is not None and evidence.feet_seen[i]:
         plane = torch.cat((_on_cpu(floor[0]), torch.tensor([floor[1]], dtype=torch.float64)))
         soles = vertices[bodies.soles.cpu()]
-    return Subject(
+    return PersonProblem(
         landmarks=landmarks[used],
         keypoints=uv[used],
         confidence=confidence[used],
-        size=_extent(uv[used], mask) if settings.robust else size,
+        size=_image_size_of(uv[used], mask) if settings.robust else size,
         vertices=vertices,
         normals=_on_cpu(bodies.normals[i]),
         outer=torch.ones(len(vertices), dtype=torch.bool) if bodies.outer is None else bodies.outer.cpu(),
@@ -224,8 +222,8 @@ def _on_cpu(x: Tensor) -> Tensor:
     return x.detach().to("cpu", torch.float64)
 
 
-def _extent(keypoints: Tensor, mask: Tensor) -> Tensor:
-    """(2,) diagonal of the person's image box, px, repeated: the unit of 2D errors."""
+def _image_size_of(keypoints: Tensor, mask: Tensor) -> Tensor:
+    """Return the diagonal of the person's image box, px, twice (2,)."""
     corners = keypoints
     if bool(mask.any()):
         rows, columns = mask.any(1).nonzero()[:, 0], mask.any(0).nonzero()[:, 0]
@@ -239,12 +237,12 @@ def _extent(keypoints: Tensor, mask: Tensor) -> Tensor:
 
 @dataclass(frozen=True)
 class _Fit:
-    """Translation and log depth offset x (4,) by Eq. 3-4.
+    """Translation and log depth offset by Eq. 3-4.
 
     Attributes:
         x: (4,).
         seen: (V,) bool, the camera-facing vertices of Eq. 4.
-        chamfer_m: median distance before and after; None where there were too few points or vertices.
+        chamfer_m: median distance before and after; None with too few points or vertices.
         grounded: False for a person on furniture or steps.
     """
 
@@ -259,12 +257,12 @@ class _Fit:
         return None if self.chamfer_m is None else self.seen
 
 
-def _place_person(person: Subject, settings: PlacementSettings) -> PersonPlacement:
+def _place_person(person: PersonProblem, settings: PlacementSettings) -> PersonPlacement:
     start = torch.zeros(4, dtype=torch.float64)
     on_floor = person.on_floor
     fit, by_keypoints = _Fit(start, torch.zeros(len(person.vertices), dtype=torch.bool)), start
     if not bool(torch.isfinite(person.vertices).all()):
-        problem: str | None = "the body is not finite, it was left where it is"
+        problem: str | None = "the body has non-finite vertices: its translation was not changed"
     else:
         by_keypoints, problem = _fit_keypoints(person, settings)
         fit = replace(fit, x=by_keypoints)
@@ -281,7 +279,7 @@ def _place_person(person: Subject, settings: PlacementSettings) -> PersonPlaceme
             fit = replace(fit, x=_bounded_by_keypoints(person, fit, settings))
         if not bool(torch.isfinite(fit.x).all()) or float((person.vertices[:, 2] + fit.x[2]).median()) < NEAREST_M:
             fit, by_keypoints = replace(fit, x=start), start
-            problem = "no translation in front of the camera fits, the body was left where it is"
+            problem = "the fit has no translation in front of the camera: the translation was not changed"
     return PersonPlacement(
         move=fit.x[:3],
         depth_offset=math.exp(float(fit.x[3])),
@@ -292,11 +290,11 @@ def _place_person(person: Subject, settings: PlacementSettings) -> PersonPlaceme
     )
 
 
-def _diagnostics(person: Subject, fit: _Fit, problem: str | None, settings: PlacementSettings) -> dict[str, Any]:
+def _diagnostics(person: PersonProblem, fit: _Fit, problem: str | None, settings: PlacementSettings) -> dict[str, Any]:
     start, x = torch.zeros_like(fit.x), fit.x
     foot = None
     if person.on_floor:
-        foot = float(height(person.soles + x[:3], person.plane[:3], person.plane[3]).min())
+        foot = float(height_over_plane(person.soles + x[:3], person.plane[:3], person.plane[3]).min())
     return {
         "keypoints": len(person.keypoints),
         "points": len(person.points),
@@ -312,19 +310,19 @@ def _diagnostics(person: Subject, fit: _Fit, problem: str | None, settings: Plac
     }
 
 
-def _losses(person: Subject, fit: _Fit, settings: PlacementSettings) -> dict[str, dict[str, float]]:
-    """Each used term of Eq. 3, at the estimated translation and at the end."""
+def _losses(person: PersonProblem, fit: _Fit, settings: PlacementSettings) -> dict[str, dict[str, float]]:
+    """Return the energy of each used term of Eq. 3 at the estimated and at the final translation."""
     terms: dict[str, Term] = {}
     if not bool(torch.isfinite(person.vertices).all()):
         return {}
     if len(person.keypoints) >= FEWEST_KEYPOINTS:
-        terms["reprojection"] = Reprojection(person, settings)
+        terms["reprojection"] = ReprojectionTerm(person, settings)
     if fit.pairs is not None:
-        terms["chamfer"] = Chamfer(person, fit.pairs, settings)
+        terms["chamfer"] = ChamferTerm(person, fit.pairs, settings)
         if _has_offset(person, settings):
-            terms["floor"] = Standing(person, settings)
+            terms["floor"] = FloorTerm(person, settings)
     ends = {"start": torch.zeros_like(fit.x), "end": fit.x}
-    losses = {name: {end: loss(term, at) for end, at in ends.items()} for name, term in terms.items()}
+    losses = {name: {end: term_energy(term, at) for end, at in ends.items()} for name, term in terms.items()}
     if "reprojection" in losses and settings.method == "released":
         weight = settings.reprojection_weight
         losses["reprojection"] = {
@@ -333,60 +331,60 @@ def _losses(person: Subject, fit: _Fit, settings: PlacementSettings) -> dict[str
     return losses
 
 
-def _has_offset(person: Subject, settings: PlacementSettings) -> bool:
-    """Whether the person's depth offset is free."""
+def _has_offset(person: PersonProblem, settings: PlacementSettings) -> bool:
+    """Return whether the person's depth offset is free."""
     return settings.robust and person.on_floor and settings.depth_offset_sigma > 0
 
 
-def _fit_keypoints(person: Subject, settings: PlacementSettings) -> tuple[Tensor, str | None]:
-    """Eq. 2: x (4,), and a message if it cannot be solved, else None."""
+def _fit_keypoints(person: PersonProblem, settings: PlacementSettings) -> tuple[Tensor, str | None]:
+    """Solve Eq. 2: return x (4,), and a message if there are too few keypoints."""
     if len(person.keypoints) < FEWEST_KEYPOINTS:
         return torch.zeros(4, dtype=torch.float64), (
             f"{len(person.keypoints)} keypoints have confidence {settings.min_confidence:g} or more, "
             f"{FEWEST_KEYPOINTS} are needed to place a body by them"
         )
     if not settings.robust:
-        return adam(person, settings), None
-    return gauss_newton([Reprojection(person, settings)], closed_form(person), (0, 1, 2)), None
+        return solve_adam(person, settings), None
+    return gauss_newton([ReprojectionTerm(person, settings)], closed_form_translation(person), (0, 1, 2)), None
 
 
-def _fit_points(person: Subject, x: Tensor, settings: PlacementSettings) -> _Fit:
-    """Eq. 3-4 from x (4,). The camera-facing vertices are selected again once, after the body has moved."""
+def _fit_points(person: PersonProblem, x: Tensor, settings: PlacementSettings) -> _Fit:
+    """Solve Eq. 3-4 from x (4,); camera-facing vertices are selected again after the body has moved."""
     seen = _camera_facing(person, x, settings)
     if len(person.points) < _MIN_POINTS or int(seen.sum()) < _MIN_POINTS:
         return _Fit(x, seen)
-    chamfer = Chamfer(person, seen, settings)
+    chamfer = ChamferTerm(person, seen, settings)
     before = chamfer.median(x)
     if not settings.robust:
-        x = lbfgs(person, x, chamfer, settings)
+        x = solve_lbfgs(person, x, chamfer, settings)
         return _Fit(x, seen, (before, chamfer.median(x)))
-    others: list[Term] = [Reprojection(person, settings)] if len(person.keypoints) >= FEWEST_KEYPOINTS else []
+    others: list[Term] = [ReprojectionTerm(person, settings)] if len(person.keypoints) >= FEWEST_KEYPOINTS else []
     grounded = not _is_on_furniture(person, x, [chamfer, *others], settings)
     offset = grounded and _has_offset(person, settings)
     if offset:
-        others.insert(0, Standing(person, settings))
+        others.insert(0, FloorTerm(person, settings))
     for _ in range(_ROUNDS):
         last = x
         x = gauss_newton([chamfer, *others], x, (0, 1, 2, 3) if offset else (0, 1, 2))
         again = _camera_facing(person, x, settings)
         if float((x - last).abs().max()) < _MOVED_M or int(again.sum()) < _MIN_POINTS:
             break
-        seen, chamfer = again, Chamfer(person, again, settings)
+        seen, chamfer = again, ChamferTerm(person, again, settings)
     return _Fit(x, seen, (before, chamfer.median(x)), grounded)
 
 
-def _is_on_furniture(person: Subject, x: Tensor, terms: list[Term], settings: PlacementSettings) -> bool:
-    """Whether a fit without depth offset has both feet well above the floor."""
+def _is_on_furniture(person: PersonProblem, x: Tensor, terms: list[Term], settings: PlacementSettings) -> bool:
+    """Return whether a fit without depth offset has both feet well above the floor."""
     if not settings.stand_reach_m or not _has_offset(person, settings):
         return False
     fixed = gauss_newton(terms, x, (0, 1, 2))
-    lower = float(height(person.soles + fixed[:3], person.plane[:3], person.plane[3]).min())
+    lower = float(height_over_plane(person.soles + fixed[:3], person.plane[:3], person.plane[3]).min())
     away = float((person.vertices[:, 2] + fixed[2]).median())
     return lower > min(settings.stand_reach_m, _STAND_REACH_SHARE * away)
 
 
-def _camera_facing(person: Subject, x: Tensor, settings: PlacementSettings) -> Tensor:
-    """(V,) bool: V_cf of Eq. 4, facing the camera and inside the person's own mask."""
+def _camera_facing(person: PersonProblem, x: Tensor, settings: PlacementSettings) -> Tensor:
+    """Return vertices V_cf of Eq. 4, which face the camera and project into the person's mask: (V,) bool."""
     moved = person.vertices + x[:3]
     if settings.method == "released":
         seen = faces_optical_axis(person.normals, _RELEASED_FACING_DEG)
@@ -396,23 +394,23 @@ def _camera_facing(person: Subject, x: Tensor, settings: PlacementSettings) -> T
     return seen & person.outer & inside_mask(project(moved, person.K), person.mask)
 
 
-def _bounded_by_keypoints(person: Subject, fit: _Fit, settings: PlacementSettings) -> Tensor:
-    """x (4,), or the nearest one with a reprojection error no larger than at the estimated translation."""
+def _bounded_by_keypoints(person: PersonProblem, fit: _Fit, settings: PlacementSettings) -> Tensor:
+    """Return x (4,), moved towards the keypoints until their error is no larger than at the start."""
     if len(person.keypoints) < FEWEST_KEYPOINTS:
         return fit.x
-    came, term = torch.zeros_like(fit.x), Reprojection(person, settings)
-    largest = loss(term, came), _reprojection_px(person, came) or 0.0
+    came, term = torch.zeros_like(fit.x), ReprojectionTerm(person, settings)
+    largest = term_energy(term, came), _reprojection_px(person, came) or 0.0
 
     def fits(at: Tensor) -> bool:
-        return loss(term, at) <= largest[0] and (_reprojection_px(person, at) or 0.0) <= largest[1]
+        return term_energy(term, at) <= largest[0] and (_reprojection_px(person, at) or 0.0) <= largest[1]
 
     # The total weight of all pairs of Eq. 4. Without points its value has no effect.
     pairs = 1 if fit.pairs is None else int(fit.pairs.sum()) + len(person.points)
-    return within_keypoints(person, fit.x, settings.chamfer_weight * pairs, settings, fits)
+    return restore_keypoint_fit(person, fit.x, settings.chamfer_weight * pairs, settings, fits)
 
 
-def _reprojection_px(person: Subject, x: Tensor) -> float | None:
-    """Median reprojection error of the used keypoints, px."""
+def _reprojection_px(person: PersonProblem, x: Tensor) -> float | None:
+    """Return the median reprojection error of the used keypoints, px."""
     if not len(person.keypoints):
         return None
     uv = project(person.landmarks + x[:3], person.K)

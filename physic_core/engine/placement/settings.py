@@ -12,28 +12,27 @@ __all__ = ["PlacementSettings"]
 
 @dataclass(frozen=True)
 class PlacementSettings:
-    """Stage 2: human points in the scene, and the translation of each body (paper Sec. 3.2, Eq. 2-4).
+    """Settings of stage 2: human points in the scene, and body translation (paper Sec. 3.2, Eq. 2-4).
 
     Attributes:
-        method: "robust" minimises means of robust errors by Gauss-Newton steps. "paper" minimises the sums of squares
-            of Eq. 2-4 by Adam and L-BFGS, and no body ends farther off its keypoints than it was estimated.
-            "released" is the code of the paper: its reprojection loss, visibility and camera-facing angle.
+        method: "robust" minimises means of robust errors by Gauss-Newton. "paper" minimises the sums of squares of
+            Eq. 2-4 by Adam and L-BFGS, and never increases the reprojection error. "released" is the released code: its
+            reprojection loss, visibility and camera-facing angle.
         reprojection_weight: lambda_j2d of Eq. 3.
         chamfer_weight: lambda_d of Eq. 3; 0 stops after Eq. 2.
         min_confidence: keypoints below are ignored.
-        seen_confidence: a joint whose keypoint has this confidence and lies on the person's mask is observed, whatever
-            the body estimator reports; 1 uses the report alone.
-        swapped_sides_deg: the left and right keypoints of a person's arms, or legs, are exchanged where the directions
-            from left to right differ by more than this from those of the placed body; 180 exchanges none.
-        robust_px_share: scale of the robust reprojection error, as a share of the person's size in the picture; "inf"
-            is plain least squares.
-        robust_m: scale of the robust Chamfer distance, metres, wider where most points are farther off; "inf" is plain
+        seen_confidence: a joint is observed if its keypoint has this confidence and lies on the person's mask, or if
+            the body estimator reports it; 1 uses the report alone.
+        swapped_sides_deg: left and right keypoints of a person's arms, or legs, are exchanged if the directions from
+            left to right differ by more than this from those of the body; 180 exchanges none.
+        robust_px_share: scale of the robust reprojection error, as a share of the person's size in the image; "inf" is
             least squares.
-        depth_offset_sigma: prior of log(depth offset) of a person whose feet stand on a known floor; 0 fixes the human
+        robust_m: least scale of the robust Chamfer distance, metres; "inf" is least squares.
+        depth_offset_sigma: prior of log(depth offset) of a person with visible feet on a known floor; 0 fixes the human
             points to the scene.
-        floor_weight: of the distance of the lower foot to the floor, if the feet stand on a known floor; 0 is off.
-        stand_reach_m: if the lower foot of a person, fixed to the scene, is more than this above the floor, the person
-            is assumed to be on furniture and not on the floor; 0 disables the test.
+        floor_weight: of the distance of the lower foot to the floor, for visible feet on a known floor; 0 is off.
+        stand_reach_m: a person whose lower foot, without depth offset, is higher than this above the floor is on
+            furniture and not on the floor; 0 disables the test.
     """
 
     method: Literal["robust", "paper", "released"] = "robust"
@@ -50,5 +49,5 @@ class PlacementSettings:
 
     @property
     def robust(self) -> bool:
-        """Whether this is the default method, and not one of the paper's."""
+        """Whether the method is "robust"."""
         return self.method == "robust"

@@ -1,6 +1,6 @@
-"""Solvers of stage 2 over translation and log depth offset x = (t, g): Gauss-Newton, and the paper's Adam and L-BFGS.
+"""Solvers of stage 2 over x = (t, g): Gauss-Newton for preset "default", and the paper's Adam and L-BFGS.
 
-Preset "default" uses Gauss-Newton. Camera frame, metres; float64 on the CPU.
+x is a translation and a log depth offset. Camera frame, metres; float64 on the CPU.
 """
 
 from __future__ import annotations
@@ -16,20 +16,28 @@ from physic_core.engine.placement.settings import PlacementSettings
 from physic_core.engine.placement.terms import (
     FEWEST_KEYPOINTS,
     NEAREST_M,
-    Chamfer,
-    Reprojection,
-    Rows,
-    Subject,
+    ChamferTerm,
+    PersonProblem,
+    ReprojectionTerm,
+    Residuals,
     Term,
-    Tied,
+    TranslationPrior,
 )
 from physic_core.geometry.camera import project
 from physic_core.geometry.robust import cauchy
 
-__all__ = ["adam", "closed_form", "gauss_newton", "lbfgs", "loss", "reprojection_loss", "within_keypoints"]
+__all__ = [
+    "closed_form_translation",
+    "gauss_newton",
+    "reprojection_loss",
+    "restore_keypoint_fit",
+    "solve_adam",
+    "solve_lbfgs",
+    "term_energy",
+]
 
 ITERATIONS = 30
-"""Gauss-Newton steps at most, and Adam's steps on Eq. 2 (paper Sec. 4.1)."""
+"""Largest number of Gauss-Newton steps, and number of Adam steps on Eq. 2 (paper Sec. 4.1)."""
 
 # Paper Sec. 4.1: "two iterations of L-BFGS" are two steps with this many inner iterations.
 _LEARNING_RATE = 1e-2
@@ -38,12 +46,15 @@ _LINE_SEARCH: str | None = "strong_wolfe"  # the printed unit step diverges on t
 
 _CONVERGED_M = 1e-5
 _HALVINGS = 6
-_MAX_OFFSET = math.log(1e3)  # of depth, absolute value
+_MAX_OFFSET = math.log(1e3)  # largest absolute log depth offset
 _DOUBLINGS = 40
 
 
-def closed_form(person: Subject) -> Tensor:
-    """Initial translation (3,) for Eq. 2: X + t_x = x (Z + t_z) is linear in t; rows are weighted to image errors."""
+def closed_form_translation(person: PersonProblem) -> Tensor:
+    """Solve Eq. 2 approximately by linear least squares: x (4,), from X + t_x = u (Z + t_z).
+
+    Rows are weighted to image errors.
+    """
     ray = (person.keypoints - person.K[:2, 2]) / torch.stack((person.K[0, 0], person.K[1, 1]))
     joints = person.landmarks
     zero, one = torch.zeros(len(ray), dtype=torch.float64), torch.ones(len(ray), dtype=torch.float64)
@@ -51,7 +62,7 @@ def closed_form(person: Subject) -> Tensor:
     goal = torch.cat((ray[:, 0] * joints[:, 2] - joints[:, 0], ray[:, 1] * joints[:, 2] - joints[:, 1]))
     trust = person.confidence.repeat(2)
     move = torch.zeros(3, dtype=torch.float64)
-    # A weak prior on the estimated position, for keypoints that do not determine depth.
+    # A weak prior of zero translation, for keypoints that do not determine depth.
     tie = torch.diag(torch.tensor([1e-9, 1e-9, 1e-6], dtype=torch.float64)) * trust.sum()
     for _ in range(3):
         depth = (joints[:, 2] + move[2]).clamp(min=NEAREST_M).repeat(2)
@@ -63,9 +74,9 @@ def closed_form(person: Subject) -> Tensor:
 
 
 def gauss_newton(terms: Sequence[Term], x: Tensor, free: Sequence[int]) -> Tensor:
-    """Minimise the sum of robust terms from x (4,) by iteratively reweighted Gauss-Newton steps.
+    """Minimise a sum of robust terms from x (4,) by iteratively reweighted Gauss-Newton steps.
 
-    Only the numbers of x with an index in ``free`` change. A step that does not lower the energy is halved.
+    Only the elements of x with an index in ``free`` change. A step that increases the energy is halved.
     """
     index = torch.tensor(free)
     rows = [r for term in terms for r in term.rows(x)]
@@ -98,14 +109,14 @@ def gauss_newton(terms: Sequence[Term], x: Tensor, free: Sequence[int]) -> Tenso
     return x
 
 
-def _robust_scale(rows: Rows) -> float:
-    """The settings' scale, or the median error if larger, so that a common error is no outlier."""
+def _robust_scale(rows: Residuals) -> float:
+    """Return the scale of the settings, or twice the median error if larger."""
     if not math.isfinite(rows.scale) or len(rows.error) < FEWEST_KEYPOINTS:
         return rows.scale
     return max(rows.scale, 2 * float(torch.linalg.vector_norm(rows.error, dim=-1).median()))
 
 
-def _energy(rows: Sequence[Rows], scales: Sequence[float]) -> float:
+def _energy(rows: Sequence[Residuals], scales: Sequence[float]) -> float:
     total = 0.0
     for r, scale in zip(rows, scales, strict=True):
         squared = r.error.square().sum(-1)
@@ -113,14 +124,14 @@ def _energy(rows: Sequence[Rows], scales: Sequence[float]) -> float:
     return total
 
 
-def loss(term: Term, x: Tensor) -> float:
-    """Value of one term at x (4,)."""
+def term_energy(term: Term, x: Tensor) -> float:
+    """Return the energy of one term at x (4,)."""
     rows = term.rows(x)
     return _energy(rows, [r.scale for r in rows])
 
 
-def adam(person: Subject, settings: PlacementSettings) -> Tensor:
-    """Eq. 2 as the paper minimises it: gradient descent with Adam."""
+def solve_adam(person: PersonProblem, settings: PlacementSettings) -> Tensor:
+    """Minimise Eq. 2 by Adam, as in the paper."""
     move = torch.zeros(3, dtype=torch.float64, requires_grad=True)
     optimizer = torch.optim.Adam([move], lr=_LEARNING_RATE)
     for _ in range(ITERATIONS):
@@ -130,8 +141,8 @@ def adam(person: Subject, settings: PlacementSettings) -> Tensor:
     return torch.cat((move.detach(), torch.zeros(1, dtype=torch.float64)))
 
 
-def lbfgs(person: Subject, x: Tensor, chamfer: Chamfer, settings: PlacementSettings) -> Tensor:
-    """Eq. 3 as the paper minimises it: L-BFGS of unit rate, here with a line search."""
+def solve_lbfgs(person: PersonProblem, x: Tensor, chamfer: ChamferTerm, settings: PlacementSettings) -> Tensor:
+    """Minimise Eq. 3 by L-BFGS, as in the paper, but with a line search."""
     move = x[:3].clone().requires_grad_()
     optimizer = torch.optim.LBFGS([move], lr=1.0, max_iter=_LBFGS_INNER, line_search_fn=_LINE_SEARCH)
 
@@ -150,21 +161,22 @@ def lbfgs(person: Subject, x: Tensor, chamfer: Chamfer, settings: PlacementSetti
     return torch.cat((move.detach(), x[3:]))
 
 
-def within_keypoints(
-    person: Subject, x: Tensor, stiffness: float, settings: PlacementSettings, fits: Callable[[Tensor], bool]
+def restore_keypoint_fit(
+    person: PersonProblem, x: Tensor, stiffness: float, settings: PlacementSettings, fits: Callable[[Tensor], bool]
 ) -> Tensor:
-    """The translation nearest to x whose keypoints fit, by Eq. 3 with fixed pairs; zero if none does.
+    """Move x towards the keypoints until ``fits`` is true; return zero if it never is.
 
-    Up to a constant, squared distances of fixed pairs are ``stiffness |t - x|^2``.
+    Minimises ``stiffness |t - x|^2`` plus the reprojection term with increasing weight. Up to a constant, the first
+    part is Eq. 4 with fixed pairs.
 
     Args:
         person: with enough keypoints.
-        x: the minimum of Eq. 3.
-        stiffness: weight of the squared distance from there.
+        x: (4,) minimum of Eq. 3.
+        stiffness: weight of the squared distance from ``x``.
         settings: of stage 2.
-        fits: whether the keypoints fit at a translation.
+        fits: returns whether the keypoints fit at a translation.
     """
-    tied, reprojection = Tied(x, stiffness), Reprojection(person, settings)
+    tied, reprojection = TranslationPrior(x, stiffness), ReprojectionTerm(person, settings)
     for _ in range(_DOUBLINGS):
         if fits(x):
             return x
@@ -173,8 +185,8 @@ def within_keypoints(
     return torch.zeros_like(x)
 
 
-def reprojection_loss(person: Subject, move: Tensor, settings: PlacementSettings) -> Tensor:
-    """L_j2d after a translation (3,) metres, unweighted: ()."""
+def reprojection_loss(person: PersonProblem, move: Tensor, settings: PlacementSettings) -> Tensor:
+    """Return the unweighted reprojection loss L_j2d () after a translation (3,), metres."""
     seen = project(person.landmarks + move, person.K)
     if settings.method == "released":
         one = (seen[None], person.keypoints[None], person.confidence[None])

@@ -1,6 +1,6 @@
 """Terms of stage 2: residuals and their Jacobians by x = (t, g), a translation and a log depth offset.
 
-Each term returns :class:`Rows` for the Gauss-Newton solver. Float64, CPU, camera frame, metres and pixels.
+Float64, CPU, camera frame, metres and pixels.
 """
 
 from __future__ import annotations
@@ -12,15 +12,25 @@ import torch
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from physic_core.engine.placement.human_points import MAX_POINTS
+from physic_core.engine.placement.human_points import MAX_POINTS, subsample
 from physic_core.engine.placement.settings import PlacementSettings
 from physic_core.geometry.camera import project
-from physic_core.geometry.plane import height
+from physic_core.geometry.plane import height_over_plane
 
-__all__ = ["FEWEST_KEYPOINTS", "NEAREST_M", "Chamfer", "Reprojection", "Rows", "Standing", "Subject", "Term", "Tied"]
+__all__ = [
+    "FEWEST_KEYPOINTS",
+    "NEAREST_M",
+    "ChamferTerm",
+    "FloorTerm",
+    "PersonProblem",
+    "ReprojectionTerm",
+    "Residuals",
+    "Term",
+    "TranslationPrior",
+]
 
 FEWEST_KEYPOINTS = 3
-"""Least number of confident keypoints that determine a translation."""
+"""Least number of confident keypoints to estimate a translation."""
 
 NEAREST_M = 0.1
 """Least distance of a person from the camera, metres."""
@@ -29,13 +39,13 @@ _OFFSET_COST_M = 0.05
 _FLOOR_ROBUST_M = 0.3  # scale of the robust loss, metres
 
 
-class Subject(NamedTuple):
-    """One person to be placed, float64 on the CPU; N landmarks, V vertices, M points, S soles."""
+class PersonProblem(NamedTuple):
+    """Inputs of one person's placement, float64 on the CPU; N landmarks, V vertices, M points, S sole vertices."""
 
     landmarks: Tensor  # (N, 3)
     keypoints: Tensor  # (N, 2)
     confidence: Tensor  # (N,), at least the settings' minimum
-    size: Tensor  # (2,) px, unit of 2D errors
+    size: Tensor  # (2,) px, divisor of 2D errors
     vertices: Tensor  # (V, 3)
     normals: Tensor  # (V, 3)
     outer: Tensor  # (V,) bool
@@ -44,7 +54,7 @@ class Subject(NamedTuple):
     soles: Tensor  # (S, 3), empty if the feet are invisible or there is no floor
     plane: Tensor  # (4,) normal and offset of the floor
     K: Tensor  # (3, 3)
-    people: int = 1  # in the picture
+    people: int = 1  # in the image
 
     @property
     def on_floor(self) -> bool:
@@ -52,7 +62,7 @@ class Subject(NamedTuple):
         return len(self.soles) > 0
 
 
-class Rows(NamedTuple):
+class Residuals(NamedTuple):
     """Residuals of one term at x: error (N, D), Jacobian (N, D, 4), weight (N,), scale of the robust loss."""
 
     error: Tensor
@@ -61,16 +71,16 @@ class Rows(NamedTuple):
     scale: float
 
 
-class Reprojection:
-    """lambda_j2d times Eq. 2, a confidence-weighted mean or sum, in shares of the person's (or the image's) size."""
+class ReprojectionTerm:
+    """Reprojection error (Eq. 2) relative to the person's or image's size, times lambda_j2d."""
 
-    def __init__(self, person: Subject, settings: PlacementSettings) -> None:
+    def __init__(self, person: PersonProblem, settings: PlacementSettings) -> None:
         self.person = person
         total = person.confidence.sum() if settings.robust else 1.0
         self.weight = settings.reprojection_weight * person.confidence / total
         self.scale = settings.robust_px_share
 
-    def rows(self, x: Tensor) -> list[Rows]:
+    def rows(self, x: Tensor) -> list[Residuals]:
         moved = self.person.landmarks + x[:3]
         z = moved[:, 2].clamp(min=NEAREST_M)
         size, K = self.person.size, self.person.K
@@ -79,14 +89,14 @@ class Reprojection:
         for axis in (0, 1):
             slope[:, axis, axis] = K[axis, axis] / z / size[axis]
             slope[:, axis, 2] = -K[axis, axis] * moved[:, axis] / z**2 / size[axis]
-        return [Rows(error, slope, self.weight, self.scale)]
+        return [Residuals(error, slope, self.weight, self.scale)]
 
 
-class Chamfer:
-    """lambda_d times Eq. 4 between the camera-facing vertices and the person's points, both ways."""
+class ChamferTerm:
+    """Bidirectional Chamfer distance (Eq. 4) of camera-facing vertices and the person's points, times lambda_d."""
 
-    def __init__(self, person: Subject, seen: Tensor, settings: PlacementSettings) -> None:
-        self.vertices = _thinned(person.vertices[seen], MAX_POINTS) if settings.robust else person.vertices[seen]
+    def __init__(self, person: PersonProblem, seen: Tensor, settings: PlacementSettings) -> None:
+        self.vertices = subsample(person.vertices[seen], MAX_POINTS) if settings.robust else person.vertices[seen]
         self.points = person.points
         self.vertex_tree, self.point_tree = cKDTree(self.vertices.numpy()), cKDTree(self.points.numpy())
         # Means do not depend on the resolution; Eq. 4 is printed as sums.
@@ -95,13 +105,13 @@ class Chamfer:
         self.scale = settings.robust_m
 
     def matched(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """For each vertex its nearest point (F, 3) before scaling, and for each point its nearest vertex (M, 3)."""
+        """Return each vertex's nearest point (F, 3) before scaling, and each point's nearest vertex (M, 3)."""
         factor = math.exp(float(x[3]))
         _, nearest_point = self.point_tree.query(((self.vertices + x[:3]) / factor).numpy())
         _, nearest_vertex = self.vertex_tree.query((self.points * factor - x[:3]).numpy())
         return self.points[torch.as_tensor(nearest_point)], self.vertices[torch.as_tensor(nearest_vertex)]
 
-    def rows(self, x: Tensor) -> list[Rows]:
+    def rows(self, x: Tensor) -> list[Residuals]:
         factor = math.exp(float(x[3]))
         of_vertex, of_point = self.matched(x)
         identity = torch.eye(3, dtype=torch.float64)
@@ -113,51 +123,44 @@ class Chamfer:
             scaled = points * factor
             slope = torch.cat((identity.expand(len(scaled), 3, 3), -scaled[:, :, None]), -1)
             error = vertices + x[:3] - scaled
-            found.append(Rows(error, slope, error.new_full((len(error),), weight), self.scale))
+            found.append(Residuals(error, slope, error.new_full((len(error),), weight), self.scale))
         return found
 
     def median(self, x: Tensor) -> float:
-        """Median distance over both directions, metres."""
+        """Return the median distance over both directions, metres."""
         return float(torch.cat([torch.linalg.vector_norm(r.error, dim=-1) for r in self.rows(x)]).median())
 
 
-class Standing:
+class FloorTerm:
     """Height of the lower foot over the floor, and the prior of the depth offset ``(g / sigma)^2``."""
 
-    def __init__(self, person: Subject, settings: PlacementSettings) -> None:
+    def __init__(self, person: PersonProblem, settings: PlacementSettings) -> None:
         self.person, self.settings = person, settings
 
-    def rows(self, x: Tensor) -> list[Rows]:
+    def rows(self, x: Tensor) -> list[Residuals]:
         normal = self.person.plane[:3]
-        lowest = height(self.person.soles + x[:3], normal, self.person.plane[3]).min().reshape(1, 1)
+        lowest = height_over_plane(self.person.soles + x[:3], normal, self.person.plane[3]).min().reshape(1, 1)
         upward = torch.cat((normal, torch.zeros(1, dtype=torch.float64))).reshape(1, 1, 4)
         only_offset = torch.tensor([0.0, 0.0, 0.0, 1.0], dtype=torch.float64).reshape(1, 1, 4)
         settings = self.settings
         foot = lowest.new_tensor([settings.floor_weight])
         cost = lowest.new_tensor([settings.chamfer_weight * (_OFFSET_COST_M / settings.depth_offset_sigma) ** 2])
         return [
-            Rows(lowest, upward, foot, _FLOOR_ROBUST_M),
-            Rows(x[3].reshape(1, 1), only_offset, cost, math.inf),
+            Residuals(lowest, upward, foot, _FLOOR_ROBUST_M),
+            Residuals(x[3].reshape(1, 1), only_offset, cost, math.inf),
         ]
 
 
-class Tied:
+class TranslationPrior:
     """Quadratic prior of the translation: ``weight |t - place|^2``."""
 
     def __init__(self, place: Tensor, weight: float) -> None:
         self.place, self.weight = place, weight
 
-    def rows(self, x: Tensor) -> list[Rows]:
+    def rows(self, x: Tensor) -> list[Residuals]:
         slope = torch.eye(4, dtype=torch.float64)[:3][None]
         weight = x.new_tensor([self.weight])
-        return [Rows((x - self.place)[None, :3], slope, weight, math.inf)]
+        return [Residuals((x - self.place)[None, :3], slope, weight, math.inf)]
 
 
-Term = Reprojection | Chamfer | Standing | Tied
-
-
-def _thinned(points: Tensor, most: int) -> Tensor:
-    """At most ``most`` of points (N, 3), evenly subsampled."""
-    if len(points) <= most:
-        return points
-    return points[torch.linspace(0, len(points) - 1, most, dtype=torch.float64).round().long()]
+Term = ReprojectionTerm | ChamferTerm | FloorTerm | TranslationPrior

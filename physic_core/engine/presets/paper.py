@@ -53,7 +53,7 @@ from physic_core.engine.joint.terms.printed_regularisation import (
 from physic_core.engine.joint.terms.reprojection import ReprojectionTerm, confident_keypoints
 from physic_core.engine.joint.terms.scene_scale import SceneScaleTerm
 from physic_core.engine.joint.visibility import SelfOcclusion, Visibility, update_visibility
-from physic_core.geometry.robust import robust
+from physic_core.geometry.robust import robust_loss
 
 __all__ = ["CONTACT_RANGE_M", "PaperJoint", "PaperReprojectionSettings", "PaperVisibilitySettings"]
 
@@ -62,8 +62,8 @@ CONTACT_RANGE_M = 0.15
 
 _MIN_CONFIDENCE = 0.5  # as released
 _FACING_DEG = 70.0
-_barron = partial(robust, "barron", c=1.0)
-_square = partial(robust, "square", c=1.0)
+_barron = partial(robust_loss, "barron", c=1.0)
+_square = partial(robust_loss, "square", c=1.0)
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ from physic_core.engine.joint.terms.point_contact import PointContactTerm
 from physic_core.engine.joint.terms.point_penetration import PointPenetrationSettings, PointPenetrationTerm
 from physic_core.engine.joint.terms.printed_regularisation import ParameterPriorTerm
 from physic_core.engine.joint.terms.reprojection import ReprojectionTerm, confident_keypoints
-from physic_core.geometry.robust import robust
+from physic_core.geometry.robust import robust_loss
 
 __all__ = ["ProxContactSettings", "ProxJoint", "ProxPriorSettings", "ProxReprojectionSettings"]
 
@@ -140,21 +140,21 @@ class ProxJoint(JointSettings):
                 context,
                 self.reprojection.weight,
                 unit,
-                partial(robust, "geman_mcclure", c=_REPROJECTION_SCALE_PX),
+                partial(robust_loss, "geman_mcclure", c=_REPROJECTION_SCALE_PX),
                 per_axis=True,
             ),
             PointContactTerm(
                 context,
                 self.contact.weight,
                 _SEARCH_RADIUS_M,
-                partial(robust, "geman_mcclure", c=_CONTACT_SCALE_M),
+                partial(robust_loss, "geman_mcclure", c=_CONTACT_SCALE_M),
                 mean=True,
                 max_angle_deg=_CONTACT_ANGLE_DEG,
             ),
             PointPenetrationTerm(
                 self.penetration,
                 context,
-                partial(robust, "absolute", c=1.0),
+                partial(robust_loss, "absolute", c=1.0),
                 lambda snapshot: snapshot.visibility.eligible,
             ),
             ParameterPriorTerm(

@@ -44,12 +44,12 @@ from physic_core.engine.joint.terms.printed_regularisation import PrintedRegular
 from physic_core.engine.joint.terms.scene_scale import SceneScaleTerm
 from physic_core.engine.joint.visibility import SelfOcclusion, Visibility
 from physic_core.engine.presets.paper import CONTACT_RANGE_M, PaperJoint
-from physic_core.geometry.robust import robust
+from physic_core.geometry.robust import robust_loss
 
 __all__ = ["ReleasedJoint"]
 
 _FACING_DEG = 80.0
-_barron = partial(robust, "barron", c=1.0)
+_barron = partial(robust_loss, "barron", c=1.0)
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
-"""Stage 1: build the metric scene, with camera, normals and floor (paper Sec. 3.1).
+"""Stage 1: build the metric scene with camera, normals and floor (paper Sec. 3.1).
 
-The relative point map gives the shape, the metric depth gives the scale (Eq. 1). OpenCV camera frame (x right,
-y down, z forward).
+The relative point map gives the shape, and the metric depth the scale (Eq. 1). OpenCV camera frame (x right, y down,
+z forward).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any, Literal
 import torch
 from torch import Tensor
 
-from physic_core.engine.scene.camera import Cameras, scene_camera, with_common_camera
+from physic_core.engine.scene.camera import Cameras, convert_to_common_camera, scene_camera
 from physic_core.engine.scene.cleaning import KNN_SHARE, edge_ratio, outlier_mask
 from physic_core.engine.scene.floor import (
     feet_on_floor,
@@ -24,40 +24,46 @@ from physic_core.engine.scene.floor import (
 )
 from physic_core.engine.scene.settings import SceneSettings
 from physic_core.errors import BackendOutputError
-from physic_core.geometry.alignment import Alignment, AlignmentOptions, align, apply_alignment, options_as_released
+from physic_core.geometry.alignment import (
+    Alignment,
+    AlignmentOptions,
+    align,
+    apply_alignment,
+    released_alignment_options,
+)
 from physic_core.geometry.floor import FloorEvidence, PlaneFit
-from physic_core.geometry.plane import height, sample_plane
+from physic_core.geometry.plane import height_over_plane, sample_plane
 from physic_core.geometry.pointmap import depth_edges, depth_to_pointmap, normals
-from physic_core.geometry.released_pointmap import four_neighbour_normals, normal_outliers
+from physic_core.geometry.released_pointmap import released_normal_outliers, released_normals
 from physic_core.types import AffineAmbiguity
 from physic_core.types.short_repr import ShortRepr
 
-__all__ = ["ALIGN_LEAST_SHARE", "ALIGN_TOLERANCE", "SceneState", "alignment_diagnostics", "build_scene"]
+__all__ = ["ALIGN_TOLERANCE", "MIN_ALIGN_INLIER_SHARE", "SceneState", "alignment_diagnostics", "build_scene"]
 
 ALIGN_TOLERANCE = 0.1
-"""Point map and metric depth agree at a pixel where they differ by less than this share of the depth."""
+"""Largest difference of point map and metric depth at an inlier, as a share of the depth."""
 
-ALIGN_LEAST_SHARE = 0.5
-"""Below this share of agreeing pixels the alignment is reported as unreliable."""
+MIN_ALIGN_INLIER_SHARE = 0.5
+"""Least inlier share of a reliable alignment."""
 
 _FLOOR_THICKNESS = 0.01  # of the depth
 
 
 @dataclass(frozen=True)
 class SceneState(ShortRepr):
-    """The scene without its people, metres, camera frame.
+    """The scene without people, metres, camera frame.
 
     Attributes:
-        points: (H, W, 3); every valid point projects onto its pixel (preset "paper": as the network gave it).
-        normals: (H, W, 3) unit, facing the camera; zero where unreliable.
+        points: (H, W, 3); every valid point projects to its pixel (not in preset "paper").
+        normals: (H, W, 3) unit, facing the camera; zero where unknown.
         valid: (H, W) bool; False at depth edges, outliers and beyond the far limit.
-        floor_normal: (3,) unit, up, or None where no floor was found.
+        floor_normal: (3,) unit, up, or None without a floor.
         floor_offset: height of the camera over the floor, metres; 0 without a floor.
         floor_points: (M, 3) on the floor, within the extent of the scene.
-        floor_inlier_share: share of the searched pixels on the floor; of the best plane, where none was accepted.
+        floor_inlier_share: share of the candidate pixels on the best plane, accepted or not.
         K: (3, 3) px, float64.
         alignment: of the relative point map to the metric depth.
-        floor: the fit behind the floor, or None.
+        floor: fitted floor plane, or None.
         diagnostics: of the stage, by topic.
     """
 
@@ -75,7 +81,7 @@ class SceneState(ShortRepr):
 
     @property
     def depth(self) -> Tensor:
-        """(H, W) metres along z, NaN where no point is valid."""
+        """Depth map (H, W) along z, metres; NaN at invalid pixels."""
         return torch.where(self.valid, self.points[..., 2], torch.nan)
 
     @property
@@ -93,16 +99,16 @@ def build_scene(
     floor_evidence: FloorEvidence | None = None,
     settings: SceneSettings | None = None,
 ) -> SceneState:
-    """Scale a relative point map to metres; estimate its camera, normals and floor; drop edges and outliers.
+    """Build the scene: scale the point map to metres, estimate camera, normals and floor, remove edges and outliers.
 
     Args:
         points: (H, W, 3) relative point map of the inpainted photo.
         valid: (H, W) bool.
         unknown: ambiguity of the point map: scale, or scale and z-shift.
         metric_depth: (H, W) metres along z, NaN where unknown.
-        cameras: those that are known.
-        floor_evidence: floor mask, inpainted pixels and feet, each where known.
-        settings: of stage 1; preset "default" where None.
+        cameras: known cameras.
+        floor_evidence: floor mask, inpainted pixels and feet.
+        settings: of stage 1; preset "default" if None.
 
     Raises:
         BackendOutputError: the metric depth has no valid pixel, or the camera cannot be estimated.
@@ -110,16 +116,18 @@ def build_scene(
     settings, evidence = settings or SceneSettings(), floor_evidence or FloorEvidence()
     cameras = cameras or Cameras()
     if settings.intrinsics == "both":
-        points, metric_depth, cameras = with_common_camera(points, metric_depth, cameras)
+        points, metric_depth, cameras = convert_to_common_camera(points, metric_depth, cameras)
     alignment = _align_to_metric(points, valid, unknown, metric_depth, cameras, settings)
     placed, known, camera = _metric_points(points, valid, metric_depth, alignment, cameras, settings)
     surface, edges, outliers = _surface(placed, known, settings)
     search = search_floor(placed, known & ~outliers, surface, evidence, settings.floor)
     floor = search.plane
     if floor is not None:
-        # A floor at a grazing angle resembles a depth edge: points on its plane are kept.
+        # A floor at a grazing angle resembles a depth edge: keep points on its plane.
         z = placed[..., 2]
-        on_floor = known & floor.inliers & (height(placed, floor.normal, floor.offset).abs() < _FLOOR_THICKNESS * z)
+        on_floor = (
+            known & floor.inliers & (height_over_plane(placed, floor.normal, floor.offset).abs() < _FLOOR_THICKNESS * z)
+        )
         edges, outliers = edges & ~on_floor, outliers & ~on_floor
         bare = on_floor & (surface == 0).all(-1)
         surface = torch.where(bare[..., None], floor.normal.to(surface), surface)
@@ -162,11 +170,11 @@ def _align_to_metric(
     cameras: Cameras,
     settings: SceneSettings,
 ) -> Alignment:
-    """Eq. 1. Without any camera the target has no X and Y, and depth alone is aligned."""
+    """Align the point map to the metric depth (Eq. 1); without any camera, align z only."""
     metric_valid = _positive(metric_depth)
     if not bool(metric_valid.any()):
         raise BackendOutputError(
-            "the metric depth knows no pixel: every depth is NaN, infinite or not positive; "
+            "the metric depth has no valid pixel: every depth is NaN, infinite or not positive; "
             "use another metric_depth backend, or check its notes"
         )
     camera = cameras.metric_depth if cameras.metric_depth is not None else cameras.given
@@ -176,7 +184,7 @@ def _align_to_metric(
     else:
         target = torch.stack((torch.zeros_like(depth), torch.zeros_like(depth), depth), -1)
     as_printed = settings.align_residual == "metric"
-    options = options_as_released(ALIGN_TOLERANCE) if as_printed else AlignmentOptions(ALIGN_TOLERANCE)
+    options = released_alignment_options(ALIGN_TOLERANCE) if as_printed else AlignmentOptions(ALIGN_TOLERANCE)
     axes: Literal["xyz", "z"] = "z" if camera is None else "xyz"
     return align(points, valid, target, metric_valid, unknown, options=options, axes=axes)
 
@@ -189,9 +197,9 @@ def _metric_points(
     cameras: Cameras,
     settings: SceneSettings,
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Points (H, W, 3) in metres, which of them are known (H, W), and their camera (3, 3).
+    """Return metric points (H, W, 3), their validity (H, W) and their camera (3, 3).
 
-    The metric depth alone if ``settings.source`` selects it, or if it agrees with the point map at no pixel.
+    They come from the metric depth alone if ``settings.source`` selects it, or if the alignment has no inliers.
     """
     if alignment.inlier_share > 0 and settings.source == "pointmap":
         placed, known = apply_alignment(points, alignment), valid
@@ -207,21 +215,21 @@ def _metric_points(
 
 
 def _surface(points: Tensor, known: Tensor, settings: SceneSettings) -> tuple[Tensor, Tensor, Tensor]:
-    """Normals (H, W, 3), depth edges (H, W) bool, and outliers (H, W) bool outside edges."""
+    """Return normals (H, W, 3), depth edges (H, W) bool, and outliers (H, W) bool outside edges."""
     rows, columns = known.shape
     ratio = edge_ratio(settings.outliers, rows, columns)
     released = settings.normals == "released"
-    surface = four_neighbour_normals(points, known) if released else normals(points, known, ratio)
+    surface = released_normals(points, known) if released else normals(points, known, ratio)
     edges = depth_edges(points[..., 2], known, ratio)
     outliers = outlier_mask(points, known & ~edges, settings.outliers)
     if released:
         kept = known & ~edges & ~outliers
-        outliers[kept] = normal_outliers(points[kept], surface[kept], int(KNN_SHARE * min(rows, columns)))
+        outliers[kept] = released_normal_outliers(points[kept], surface[kept], int(KNN_SHARE * min(rows, columns)))
     return surface, edges, outliers
 
 
 def alignment_diagnostics(alignment: Alignment) -> dict[str, Any]:
-    """Diagnostics of an alignment; a missing residual is None."""
+    """Return the diagnostics of an alignment; an infinite residual becomes None."""
     return {
         "unknown": alignment.unknown,
         "scale": alignment.scale,

@@ -11,17 +11,17 @@ from torch import Tensor
 from physic_core.geometry.camera import focal_px, intrinsics_matrix, mean_camera
 from physic_core.geometry.pointmap import intrinsics_from_pointmap
 
-__all__ = ["Cameras", "scene_camera", "with_common_camera"]
+__all__ = ["Cameras", "convert_to_common_camera", "scene_camera"]
 
 
 @dataclass(frozen=True)
 class Cameras:
-    """Cameras of a photo, each (3, 3) px or None where unknown.
+    """Intrinsics of a photo from several sources, each (3, 3) px or None if unknown.
 
     Attributes:
-        given: a known camera. It overrides all others, and every point is moved onto the ray of its pixel.
-        metric_depth: the camera that the metric depth was estimated for.
-        pointmap: the camera that the relative point map was estimated for.
+        given: known camera. It overrides the others, and every point is moved onto the ray of its pixel.
+        metric_depth: camera that the metric depth was estimated for.
+        pointmap: camera that the relative point map was estimated for.
     """
 
     given: Tensor | None = None
@@ -29,11 +29,11 @@ class Cameras:
     pointmap: Tensor | None = None
 
 
-def with_common_camera(points: Tensor, depth: Tensor, cameras: Cameras) -> tuple[Tensor, Tensor, Cameras]:
+def convert_to_common_camera(points: Tensor, depth: Tensor, cameras: Cameras) -> tuple[Tensor, Tensor, Cameras]:
     """Convert point map and metric depth to one camera: the given one, else the mean of both, else the only one.
 
-    A depth network estimates depth from the size of objects, pixels times Z / f, so metric depth is proportional to f.
-    The depths of a point map are not changed, since their unit is unknown.
+    Metric depth is proportional to the focal length, since depth networks infer it from the size of objects in pixels.
+    The depth of the point map does not change, since its unit is unknown.
 
     Args:
         points: (H, W, 3), any unit.
@@ -41,7 +41,7 @@ def with_common_camera(points: Tensor, depth: Tensor, cameras: Cameras) -> tuple
         cameras: of the photo.
 
     Returns:
-        The converted points, the converted depth, and the cameras, ``metric_depth`` now the common one.
+        The converted points, the converted depth, and the cameras with ``metric_depth`` set to the common one.
     """
     common, metric, pointmap = cameras.given, cameras.metric_depth, cameras.pointmap
     if common is None and metric is not None and pointmap is not None:
@@ -62,10 +62,10 @@ def scene_camera(
     cameras: Cameras,
     preferred: Literal["both", "metric", "pointmap"] = "both",
 ) -> Tensor:
-    """(3, 3) float64: the given camera, else the preferred one, else that of the point map (H, W, 3) itself.
+    """Return the intrinsics (3, 3) float64: given, else of the preferred source, else estimated from the point map.
 
     Args:
-        points: point map, any unit.
+        points: (H, W, 3) point map, any unit.
         valid: (H, W) bool.
         cameras: of the photo.
         preferred: see ``SceneSettings.intrinsics``.

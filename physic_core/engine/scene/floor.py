@@ -1,4 +1,4 @@
-"""Floor plane of stage 1: fit it by the configured strategy, and sample points on it."""
+"""Floor plane of stage 1: fit it by the configured method, and sample points on it."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from physic_core.geometry import floor as disparity_floor
 from physic_core.geometry import floor_metric
 from physic_core.geometry.camera import unproject
 from physic_core.geometry.floor import FloorEvidence, FloorSearch, PlaneFit, fit_floor
-from physic_core.geometry.released_pointmap import floor_lattice
+from physic_core.geometry.released_pointmap import released_floor_grid
 
 __all__ = [
     "feet_on_floor",
     "fit_relative_floor",
     "floor_diagnostics",
     "floor_grid",
-    "least_share",
+    "min_inlier_share",
     "search_floor",
 ]
 
@@ -30,15 +30,13 @@ _GRID_SIDE = 100  # floor points along each side, as released
 def fit_relative_floor(
     points: Tensor, valid: Tensor, evidence: FloorEvidence, strategy: Strategy = "disparity"
 ) -> PlaneFit | None:
-    """The floor in the units of a relative point map, before its scale is known; None if none is found.
-
-    The fit is in inverse depth, since a tolerance in metres needs a known scale; "off" finds none.
+    """Fit the floor of a relative point map in its own unit; None if none is found.
 
     Args:
         points: (H, W, 3), any unit.
         valid: (H, W) bool.
         evidence: of the floor.
-        strategy: see ``SceneSettings.floor``.
+        strategy: see ``SceneSettings.floor``; all but "off" fit in inverse depth, since the scale is unknown.
     """
     return None if strategy == "off" else fit_floor(points, valid, evidence).plane
 
@@ -46,7 +44,7 @@ def fit_relative_floor(
 def search_floor(
     points: Tensor, valid: Tensor, normals: Tensor, evidence: FloorEvidence, strategy: Strategy
 ) -> FloorSearch:
-    """The floor of a metric point map (H, W, 3) with normals (H, W, 3), by a strategy of ``SceneSettings.floor``."""
+    """Search the floor of a metric point map (H, W, 3) with normals (H, W, 3) by a ``SceneSettings.floor`` method."""
     if strategy == "off":
         return FloorSearch(None, "switched_off")
     if strategy == "metric":
@@ -54,18 +52,18 @@ def search_floor(
     return fit_floor(points, valid, evidence, normals)
 
 
-def least_share(strategy: Strategy) -> float:
-    """Least share of the searched pixels with which any floor is accepted."""
-    return floor_metric.LEAST_SHARE if strategy == "metric" else disparity_floor.LEAST_SHARE
+def min_inlier_share(strategy: Strategy) -> float:
+    """Return the least inlier share of an accepted floor."""
+    return floor_metric.MIN_INLIER_SHARE if strategy == "metric" else disparity_floor.MIN_INLIER_SHARE
 
 
 def floor_grid(floor: PlaneFit, scene: Tensor) -> Tensor:
-    """(10000, 3) the released code's floor points: a plain grid over the extent of the scene (P, 3), metres."""
-    return floor_lattice(floor.normal, floor.offset, scene, _GRID_SIDE)
+    """Sample 10000 floor points (10000, 3) over the extent of the scene (P, 3), metres, as released."""
+    return released_floor_grid(floor.normal, floor.offset, scene, _GRID_SIDE)
 
 
 def feet_on_floor(floor: PlaneFit, feet_px: Tensor | None, camera: Tensor, far_m: float) -> Tensor | None:
-    """(F, 3) where the rays of the feet's pixels meet the floor, at most ``far_m`` away; None without feet."""
+    """Intersect the rays of feet pixels with the floor: (F, 3), at most ``far_m`` away; None without feet."""
     if feet_px is None or not len(feet_px):
         return None
     normal = floor.normal
@@ -77,7 +75,7 @@ def feet_on_floor(floor: PlaneFit, feet_px: Tensor | None, camera: Tensor, far_m
 
 
 def floor_diagnostics(search: FloorSearch) -> dict[str, Any]:
-    """Diagnostics of a floor search."""
+    """Return the diagnostics of a floor search."""
     found: dict[str, Any] = {
         "reason": search.reason,
         "inlier_share": search.inlier_share,

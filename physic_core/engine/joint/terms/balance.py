@@ -13,7 +13,7 @@ from physic_core.engine.bounds import NotNegative
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.term import PosedBodies, RobustLoss, Snapshot, Term
 from physic_core.engine.joint.terms.contact import ContactTerm
-from physic_core.geometry.robust import robust
+from physic_core.geometry.robust import robust_loss
 
 __all__ = ["BalanceSettings", "BalanceTerm", "balance_energy"]
 
@@ -81,5 +81,5 @@ class BalanceTerm(Term):
         if not self._weight or up is None:
             return {}
         mass = (area[:, None] @ bodies.vertices)[:, 0] / area.sum(1, keepdim=True)
-        rho = partial(robust, "cauchy", c=1.0)
+        rho = partial(robust_loss, "cauchy", c=1.0)
         return {"balance": self._weight * balance_energy(mass, bodies.joints, up, self.active["balance"], rho)}

@@ -15,7 +15,7 @@ from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.robust_sum import offset_loss
 from physic_core.engine.joint.term import PosedBodies, RobustLoss, Term
 from physic_core.geometry.camera import project
-from physic_core.geometry.robust import robust
+from physic_core.geometry.robust import robust_loss
 from physic_core.geometry.visibility import inside_image
 
 __all__ = [
@@ -51,7 +51,7 @@ class ReprojectionSettings:
 
     def rho(self) -> RobustLoss:
         """Return the robust loss."""
-        return partial(robust, "cauchy", c=self.outlier_sigmas)
+        return partial(robust_loss, "cauchy", c=self.outlier_sigmas)
 
 
 def reprojection_energy(

@@ -11,7 +11,7 @@ from physic_core.engine.bounds import NotNegative
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.distances import lowest_height
 from physic_core.engine.joint.term import RobustLoss, Snapshot
-from physic_core.geometry.robust import robust
+from physic_core.geometry.robust import robust_loss
 
 __all__ = ["SoleSettings", "SoleTerm", "sole_energy"]
 
@@ -100,16 +100,16 @@ class SoleTerm:
         s = self.settings
 
         def near(squared: Tensor) -> Tensor:
-            return robust("geman_mcclure", squared / _SIGMA_M**2, _OUTLIER_SIGMAS)
+            return robust_loss("geman_mcclure", squared / _SIGMA_M**2, _OUTLIER_SIGMAS)
 
         def far(squared: Tensor) -> Tensor:
-            return robust("cauchy", squared / _LOWER_SIGMA_M**2, _LOWER_OUTLIER_SIGMAS)
+            return robust_loss("cauchy", squared / _LOWER_SIGMA_M**2, _LOWER_OUTLIER_SIGMAS)
 
         weight, lower_weight = s.weight * self.active["soles"], s.lower_weight * self.active["lower_sole"]
         seen = sole_energy(lowest, weight, lower_weight, near, far)
         if self._all_seen:
             return seen
-        unseen = robust("geman_mcclure", (lowest / _UNSEEN_SIGMA_M).square(), _UNSEEN_OUTLIER_SIGMAS)
+        unseen = robust_loss("geman_mcclure", (lowest / _UNSEEN_SIGMA_M).square(), _UNSEEN_OUTLIER_SIGMAS)
         return seen + s.unseen_weight * (self.active["unseen_soles"] * unseen).sum(1)
 
 

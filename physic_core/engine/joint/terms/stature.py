@@ -9,7 +9,7 @@ from torch import Tensor
 from physic_core.engine.bounds import NotNegative
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.term import PosedBodies, Term
-from physic_core.engine.scene.stature import stature_of, stature_prior
+from physic_core.engine.scene.stature import linearise_stature, stature_prior
 
 __all__ = ["STATURE_SIGMA", "StatureSettings", "StatureTerm"]
 
@@ -34,7 +34,7 @@ class StatureTerm(Term):
 
     def __init__(self, settings: StatureSettings, context: JointContext) -> None:
         self._weight = settings.weight
-        self._stature = stature_of(context.problem.model, context.problem.betas0) if settings.weight else None
+        self._stature = linearise_stature(context.problem.model, context.problem.betas0) if settings.weight else None
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "stature"."""

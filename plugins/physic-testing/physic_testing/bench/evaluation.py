@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.errors import PhysicError
-from physic_core.metrics.contact_scores import contact_counts, rates
+from physic_core.metrics.contact_scores import contact_counts, precision_recall_f1
 from physic_core.metrics.geodesic import geodesic_error, surface_graph
 from physic_core.metrics.matching import match_by_masks
 from physic_core.metrics.physics import contact_gap, penetration, vertex_areas, vertex_normals
 from physic_core.metrics.pose import BODY_JOINTS, align_similarity, mpjpe_mm, mpvpe_mm, pa_mpjpe_mm
-from physic_core.metrics.proximity import REACH, SceneDistance, hidden_behind, scene_distance
+from physic_core.metrics.proximity import SEARCH_RADIUS_M, SceneDistance, hidden_by_depth_map, scene_distance
 from physic_core.metrics.scene import floor_error, scene_error
 
 if TYPE_CHECKING:
@@ -164,7 +164,7 @@ class Evaluator:
         self._near = scene_distance(
             world.vertices, self._empty, world.empty_normals, self._known, world.intrinsics, world.floor
         )
-        hidden = hidden_behind(world.vertices, world.empty_depth, world.intrinsics)
+        hidden = hidden_by_depth_map(world.vertices, world.empty_depth, world.intrinsics)
         self._counted = world.outer & (~hidden | world.contact) & (self._near.distance > -_TRUE_PENETRATION_M)
         self._shown = world.contact & (np.abs(self._near.distance) <= _SHOWN)
         self._limbs = np.zeros(world.joints_visible.shape, bool)
@@ -266,7 +266,7 @@ class Evaluator:
         """Return the contact scores of matched people."""
         predicted, fact = estimate.contact[rows], self.world.contact[true]
         counts = contact_counts(predicted, fact)
-        precision, recall, f1 = rates(counts)
+        precision, recall, f1 = precision_recall_f1(counts)
         skin = geodesic_error(self._graph, predicted, fact)
         return [
             {
@@ -298,7 +298,9 @@ class Evaluator:
         inside = penetration(
             near.distance, vertex_areas(vertices, world.faces), facing=facing, counted=self._counted[true]
         )
-        shown, every = (contact_gap(near.distance, c[true], reach=REACH) for c in (self._shown, world.contact))
+        shown, every = (
+            contact_gap(near.distance, c[true], reach=SEARCH_RADIUS_M) for c in (self._shown, world.contact)
+        )
         return [
             {
                 "penetration_mm": 1000 * float(inside.mean_depth[j]),

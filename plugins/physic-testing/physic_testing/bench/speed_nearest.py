@@ -8,7 +8,7 @@ from functools import partial
 from torch import Tensor
 
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.geometry.neighbors import Nearest, NearestScene, Strategy, near_boxes
+from physic_core.geometry.neighbors import Nearest, NearestPointSearch, Strategy, inside_body_boxes
 
 __all__ = ["nearest_errors_mm", "nearest_rows"]
 
@@ -37,7 +37,7 @@ def nearest_rows(
     points, normals = problem.scene_points, problem.scene_normals
     vertices = problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0).vertices
     some = vertices.reshape(-1, 3)[:: -(-vertices[..., 0].numel() // _SAMPLE)]
-    whole = NearestScene(points, normals, _RADIUS_M, "brute")
+    whole = NearestPointSearch(points, normals, _RADIUS_M, "brute")
     names: dict[str, Strategy] = {
         "k-d tree, bounded (default)": "kdtree",
         "grid of 128^3 nodes, each searched when first met": "grid",
@@ -83,7 +83,7 @@ def _ignore(_: object) -> None:
     """Discard a result."""
 
 
-def _gather(points: Tensor, normals: Tensor, vertices: Tensor, strategy: Strategy) -> NearestScene:
+def _gather(points: Tensor, normals: Tensor, vertices: Tensor, strategy: Strategy) -> NearestPointSearch:
     """Return the scene points near the people, as the engine selects them."""
-    keep = near_boxes(points, vertices, _RADIUS_M + _WANDER_M)
-    return NearestScene(points[keep], normals[keep], _RADIUS_M, strategy)
+    keep = inside_body_boxes(points, vertices, _RADIUS_M + _WANDER_M)
+    return NearestPointSearch(points[keep], normals[keep], _RADIUS_M, strategy)
