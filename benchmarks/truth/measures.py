@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.metrics.contact_scores import contact_counts, rates
+from physic_core.metrics.contact_scores import contact_counts, precision_recall_f1
 from physic_core.metrics.pose import mpjpe_mm, pa_mpjpe_mm
 
 from .joints import bone_lengths, root
