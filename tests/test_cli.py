@@ -14,16 +14,16 @@ from click.testing import CliRunner, Result
 
 from physic_core.cli import main
 from physic_core.cli.config import full_toml, resolved_toml
-from physic_core.cli.doctor import examine, findings
-from physic_core.cli.listing import as_dicts, listing
+from physic_core.cli.doctor import diagnose, try_backend
+from physic_core.cli.listing import plugins_as_dicts, plugins_table
 from physic_core.cli.plugins import details
-from physic_core.cli.template import template
+from physic_core.cli.template import config_template
 from physic_core.cli.toml import toml_value
 from physic_core.configuration.model import load_config, preset_names
-from physic_core.configuration.resolve import load_checked, resolve
+from physic_core.configuration.resolve import load_checked_config, resolve
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.readiness import readiness
-from physic_core.discovery.registry import BackendRecord, BrokenPlugin, Claim, Origin, Registry
+from physic_core.discovery.registry import BackendOffer, BackendRecord, BrokenPlugin, Origin, Registry
 from physic_core.errors import BackendNotFoundError, InputError
 from physic_core.types import StageRecord
 
@@ -205,9 +205,9 @@ def test_an_older_result_outlives_a_run_that_fails(pipeline):
     [
         (
             ("--focal-px", "900", "--intrinsics", "1,2,3,4"),
-            "--focal-px and --intrinsics say the same thing: give one of them",
+            "--focal-px and --intrinsics both set the camera: give one of them",
         ),
-        (("--config", "x.toml"), '--config names its preset itself, with extends = "NAME": leave --preset out'),
+        (("--config", "x.toml"), '--preset cannot be combined with --config: write extends = "NAME" into the file'),
         (
             ("--intrinsics", "1,2,3"),
             "Invalid value for '--intrinsics': '1,2,3' is not four numbers with commas between them: fx,fy,cx,cy in px",
@@ -243,18 +243,20 @@ def _big() -> BackendRecord:
 
 def offers() -> Registry:
     claims = [
-        Claim(BackendRecord("inpainter", "x", "json:C", api=1, weights_license="MIT (Net), Apache-2.0 (Other)"), A),
-        Claim(BackendRecord("inpainter", "x", "json:C", api=1), B),
-        Claim(_big(), B),
-        Claim(BackendRecord("segmenter", "file", "json:C", api=1, needs=("a checkpoint",)), A),
-        Claim(BackendRecord("segmenter", "gone", "json.gone:C", api=1), A),
-        Claim(BackendRecord("segmenter", "new", "m:C", api=2), A, "needs plugin API 2, this physic-core has 1"),
+        BackendOffer(
+            BackendRecord("inpainter", "x", "json:C", api=1, weights_license="MIT (Net), Apache-2.0 (Other)"), A
+        ),
+        BackendOffer(BackendRecord("inpainter", "x", "json:C", api=1), B),
+        BackendOffer(_big(), B),
+        BackendOffer(BackendRecord("segmenter", "file", "json:C", api=1, needs=("a checkpoint",)), A),
+        BackendOffer(BackendRecord("segmenter", "gone", "json.gone:C", api=1), A),
+        BackendOffer(BackendRecord("segmenter", "new", "m:C", api=2), A, "needs plugin API 2, this physic-core has 1"),
     ]
     return Registry(claims, [BrokenPlugin(Origin("c", "physic-c", "0.3"), "ImportError: no")], installed=False)
 
 
 def test_the_listing_tells_ready_refused_slow_and_broken_apart_and_names_that_two_have():
-    assert listing(offers()).splitlines() == [
+    assert plugins_table(offers()).splitlines() == [
         "interface  backend  plugin    version  weights          needs                     status",
         "inpainter  x        physic-a  1.0      MIT, Apache-2.0  -                         "
         "ready: physic-b offers this name too: write 'physic-a:x'",
@@ -263,7 +265,7 @@ def test_the_listing_tells_ready_refused_slow_and_broken_apart_and_names_that_tw
         "segmenter  big      physic-b  2.0      -                a checkpoint, no_package  "
         "NOT READY: not installed: no_package, slow: 2.1 s to register",
         "segmenter  file     physic-a  1.0      -                a checkpoint              "
-        "unsure: needs a checkpoint; `physic plugins doctor file` tells",
+        "unsure: needs a checkpoint; `physic plugins doctor file` checks it",
         "segmenter  gone     physic-a  1.0      -                -                         "
         "BROKEN: there is no module 'json.gone' for its target json.gone:C",
         "segmenter  new      physic-a  1.0      -                -                         "
@@ -276,24 +278,26 @@ def test_long_licences_and_needs_are_cut_in_the_table_and_nowhere_else():
     licence = "SAM License: commercial use with conditions, gated"
     packages = ("accelerate", "diffusers", "peft", "torch", "transformers")
     record = BackendRecord("segmenter", "x", "m:C", api=1, weights_license=licence, packages=packages)
-    registry = Registry([Claim(record, A)], installed=False)
-    head, row = listing(registry).splitlines()
+    registry = Registry([BackendOffer(record, A)], installed=False)
+    head, row = plugins_table(registry).splitlines()
     assert row[head.index("weights") : head.index("status")] == (
         "SAM License: commercial use with condit…  accelerate, diffusers, peft, torch, tra…  "
     )
-    assert as_dicts(registry)["backends"][0]["weights_license"] == licence
+    assert plugins_as_dicts(registry)["backends"][0]["weights_license"] == licence
     assert f"  weights   {licence}\n  needs     {', '.join(packages)}\n" in details(registry, "x")
 
 
 def test_a_gpu_that_is_needed_is_looked_for():
-    registry = Registry([Claim(BackendRecord("segmenter", "big", "json:C", api=1, needs=("GPU",)), A)], installed=False)
+    registry = Registry(
+        [BackendOffer(BackendRecord("segmenter", "big", "json:C", api=1, needs=("GPU",)), A)], installed=False
+    )
     (claim,) = registry
     assert str(readiness(registry, claim, gpu=lambda: True)) == "ready"
-    assert str(readiness(registry, claim, gpu=lambda: False)) == "NOT READY: no GPU is seen"
+    assert str(readiness(registry, claim, gpu=lambda: False)) == "NOT READY: no GPU is found"
 
 
 def test_the_listing_is_there_for_machines_too():
-    found = as_dicts(offers(), "segmenter")
+    found = plugins_as_dicts(offers(), "segmenter")
     assert [(b["backend"], b["status"]) for b in found["backends"]] == [
         ("big", "not ready"),
         ("file", "unsure"),
@@ -327,7 +331,7 @@ def test_the_listing_is_there_for_machines_too():
 
 
 def test_the_listing_may_be_of_one_interface():
-    assert [row.split()[1] for row in listing(offers(), "segmenter").splitlines()] == [
+    assert [row.split()[1] for row in plugins_table(offers(), "segmenter").splitlines()] == [
         *("backend", "big", "file", "gone", "new", "-")
     ]
 
@@ -342,10 +346,10 @@ def test_the_listing_of_an_unknown_interface_is_refused(command: tuple[str, ...]
 
 def test_an_empty_listing_says_so():
     assert (
-        listing(Registry(installed=False))
+        plugins_table(Registry(installed=False))
         == "no backend is installed: `pip install -e plugins/physic-embedded` in a checkout of PhySIC"
     )
-    assert listing(Registry(restriction="", installed=False)) == "no backend is installed (PHYSIC_PLUGINS='')"
+    assert plugins_table(Registry(restriction="", installed=False)) == "no backend is installed (PHYSIC_PLUGINS='')"
 
 
 def test_details_show_what_a_backend_is():
@@ -407,7 +411,9 @@ def test_details_describe_the_kinds_of_options(site):
         "    f: dict[str, bool] = Field({}, description='F.')\n"
         "class Rich(Inpainter):\n    Options = O\n    def infer(self, image, mask): return image\n",
     )
-    registry = Registry([Claim(BackendRecord("inpainter", "rich", "physic_rich:Rich", api=1), A)], installed=False)
+    registry = Registry(
+        [BackendOffer(BackendRecord("inpainter", "rich", "physic_rich:Rich", api=1), A)], installed=False
+    )
     assert details(registry, "rich").splitlines()[-7:] == [
         "  options",
         "    a  whole number >= 1 or unset  default None       A.",
@@ -468,15 +474,15 @@ def test_the_doctor_looks_at_every_backend_whatever_the_others_do(site, monkeypa
     done = physic("plugins", "doctor", "--timeout", "8")
     assert done.exit_code == 5
     assert [re.sub(r"\d+\.\d s$", "0.0 s", line) for line in done.stdout.splitlines()] == [
-        "BROKEN   inpainter 'dying' (physic-sick 1.0): it ended Python with code 9: no word",
+        "BROKEN   inpainter 'dying' (physic-sick 1.0): it ended Python with code 9: no output",
         "BROKEN   inpainter 'failing' (physic-sick 1.0): load('cpu') fails: "
         "ValueError: bad magic number (physic_sick.py:14)",
-        "BROKEN   inpainter 'hanging' (physic-sick 1.0): not done after 8 s",
+        "BROKEN   inpainter 'hanging' (physic-sick 1.0): not finished after 8 s",
         "missing  inpainter 'lacking' (physic-sick 1.0): no checkpoint at /x: get it from /y",
         "BROKEN   inpainter 'unclosed' (physic-sick 1.0): close() fails: RuntimeError: still open (physic_sick.py:20)",
         "ok       inpainter 'well' (physic-sick 1.0): 0.0 s",
         "BROKEN   physic-bad 0.3: ModuleNotFoundError: No module named 'no_such_module' (physic_bad.py:1)",
-        "7 looked at: 1 ok, 1 missing, 5 broken",
+        "7 checked: 1 ok, 1 missing, 5 broken",
     ]
 
 
@@ -510,7 +516,7 @@ def test_a_class_that_no_plugin_registers_is_shown_and_looked_at(monkeypatch, tm
 def test_the_doctor_tells_what_is_refused_or_cannot_be_imported_without_loading(site):
     gone, refused = (c for c in offers() if c.record.name in ("new", "gone"))
     registry = Registry([refused, gone], installed=False)
-    found = list(findings(registry, [refused, gone], lambda claim: examine(registry, claim, "cpu")))
+    found = list(diagnose(registry, [refused, gone], lambda claim: try_backend(registry, claim, "cpu")))
     assert [str(f) for f in found] == [
         "BROKEN   segmenter 'new' (physic-a 1.0): needs plugin API 2, this physic-core has 1",
         "BROKEN   segmenter 'gone' (physic-a 1.0): cannot be imported from json.gone:C: "
@@ -527,7 +533,7 @@ def test_new_refuses_names_that_do_not_serve():
         "Error: inpainter 'telea' (physic-opencv 0.1.0) is installed already: choose another name"
     )
     assert refusal("plugins", "new", "My Depth", "--interface", "metric_depth") == (
-        "a backend's name is of a-z, 0-9 and hyphens, such as my-depth, and not 'none' (got 'My Depth')"
+        "a backend's name has only a-z, 0-9 and hyphens, such as my-depth, and is not 'none' (got 'My Depth')"
     )
     Path("physic-mine").mkdir()
     assert refusal("plugins", "new", "mine", "--interface", "inpainter") == (
@@ -599,7 +605,7 @@ def test_init_writes_the_preset_as_it_is_and_uncommented(preset: str):
     Path("open.toml").write_text("\n".join(re.sub("^# ?", "", line) for line in lines))
     registry = discover()
     opened, plain = (
-        resolve(load_checked(registry, *args, preset=name), registry)
+        resolve(load_checked_config(registry, *args, preset=name), registry)
         for args, name in ((("open.toml",), None), ((), preset))
     )
     assert opened.engine == plain.engine
@@ -616,7 +622,7 @@ def _keys(table, settings):
 
 
 def test_init_lists_every_key_with_its_meaning():
-    text = template("embedded", discover())
+    text = config_template("embedded", discover())
     keys = {(table, key) for table, keys in _tables(text).items() for key in keys}
     plan = resolve(load_config(), discover())
     for stage in ("scene", "placement", "joint", "contact"):
@@ -659,7 +665,7 @@ def _tables(text: str) -> dict[str, dict[str, str]]:
 
 
 def test_init_says_whose_options_it_cannot_list():
-    text = template("paper", Registry(installed=False))
+    text = config_template("paper", Registry(installed=False))
     assert '# [inpainter]\n## the backend; `physic plugins` lists all\n# backend = "' in text
     assert "## The options of '" in text
     assert '[keypoint_detector.options]\n# weights = "vitpose-h-wholebody"\n' in text

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 import physic_core
 from physic_core import cli
 from physic_core.configuration import model as config
-from physic_core.configuration.resolve import check, resolve
+from physic_core.configuration.resolve import check_backends, resolve
 from physic_core.discovery.plugins import discover
 
 ROOT = Path(__file__).parents[1]
@@ -34,7 +34,7 @@ def commands(program: str) -> list[list[str]]:
 
 @pytest.mark.parametrize("text", blocks("toml"))
 def test_every_config_of_the_pages_holds(text: str):
-    check(
+    check_backends(
         config.load_config(flags={"page": {k: v for k, v in tomllib.loads(text).items() if k != "extends"}}), discover()
     )
 

@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner
 
 from physic_core.cli import main
-from physic_core.discovery.error_text import describe
+from physic_core.discovery.error_text import describe_error
 
 BROKEN = """\
 import numpy as np
@@ -69,10 +69,10 @@ def test_the_place_is_the_innermost_line_of_the_plugins_own_code(broken: Path):
 
     image = np.zeros((4, 4, 3), np.uint8)
     error = caught(physic_broken.Camera().infer, image, None)
-    assert describe(error, physic_broken.Camera).endswith(" (physic_broken.py:15)")
-    assert describe(error, "physic_broken").endswith(" (physic_broken.py:15)")
+    assert describe_error(error, physic_broken.Camera).endswith(" (physic_broken.py:15)")
+    assert describe_error(error, "physic_broken").endswith(" (physic_broken.py:15)")
     # Without an owner it is the innermost line of all, here one of NumPy's.
-    assert describe(error, "physic_other").rpartition("(")[2].startswith("numpy/linalg/")
+    assert describe_error(error, "physic_other").rpartition("(")[2].startswith("numpy/linalg/")
 
 
 def test_a_file_of_a_package_is_named_with_its_folders(site: Any):
@@ -84,23 +84,23 @@ def test_a_file_of_a_package_is_named_with_its_folders(site: Any):
     import physic_deep  # type: ignore[import-not-found]
     import physic_deep.nets.depth  # type: ignore[import-not-found]
 
-    assert describe(caught(physic_deep.nets.depth.infer), "physic_deep") == (
+    assert describe_error(caught(physic_deep.nets.depth.infer), "physic_deep") == (
         "ValueError: no floor (physic_deep/nets/depth.py:2)"
     )
-    assert describe(caught(physic_deep.load), "physic_deep").endswith(" (physic_deep/__init__.py:3)")
+    assert describe_error(caught(physic_deep.load), "physic_deep").endswith(" (physic_deep/__init__.py:3)")
 
 
 def test_lines_that_say_nothing_of_the_plugin_are_left_out(broken: Path):
     (broken / "physic_typo.py").write_text("x = (\n")
-    assert describe(caught(__import__, "physic_gone"), "physic_gone") == (
+    assert describe_error(caught(__import__, "physic_gone"), "physic_gone") == (
         "ModuleNotFoundError: No module named 'physic_gone' (tests/test_error_text.py:"
         f"{caught.__code__.co_firstlineno + 2})"
     )
     # Python writes the place of a syntax error itself.
-    assert describe(caught(__import__, "physic_typo"), "physic_typo") == (
+    assert describe_error(caught(__import__, "physic_typo"), "physic_typo") == (
         "SyntaxError: '(' was never closed (physic_typo.py, line 1)"
     )
-    assert describe(RuntimeError(), "physic_typo") == "RuntimeError"
+    assert describe_error(RuntimeError(), "physic_typo") == "RuntimeError"
 
 
 # ---- in every command ------------------------------------------------------------------------------------------------

@@ -150,7 +150,7 @@ def test_every_command_ends_with_the_documented_code(
     arguments: tuple[str, ...], code: int, site: Any, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-odd,physic-mock,physic-testing")
-    monkeypatch.setattr("physic_core.configuration.resolve.gpu_is_seen", lambda: False)
+    monkeypatch.setattr("physic_core.configuration.resolve.has_gpu", lambda: False)
     site.install("physic-odd", PLUGIN)
     Path("wrong.npz").write_text("no body")
     done = physic(*arguments)

@@ -12,8 +12,8 @@ from click.testing import CliRunner
 
 from physic_core.cli import main
 from physic_core.configuration.model import load_config
-from physic_core.configuration.resolve import check, resolve
-from physic_core.discovery.local_modules import in_folder, load, split
+from physic_core.configuration.resolve import check_backends, resolve
+from physic_core.discovery.local_modules import load_module, split_folder, with_folder
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import Registry
 from physic_core.errors import BackendError, ConfigError
@@ -115,7 +115,7 @@ def test_a_distribution_is_no_file(monkeypatch: pytest.MonkeyPatch):
     Path("own_depth.py").write_text("raise SystemExit('imported')")
     (claim,) = (c for c in discover() if (c.record.interface, c.record.name) == ("metric_depth", "mock"))
     registry = Registry([type(claim)(claim.record, type(claim.origin)("m", "own_depth"))], installed=False)
-    assert registry.get("metric_depth", in_folder("own_depth:mock", Path())).record is claim.record
+    assert registry.get("metric_depth", with_folder("own_depth:mock", Path())).record is claim.record
 
 
 # ---- what it may be --------------------------------------------------------------------------------------------------
@@ -128,14 +128,14 @@ def test_a_package_imports_its_own_parts_relatively_and_late(tmp_path: Path):
     (package / "first.py").write_text("")
     (package / "inner" / "depth.py").write_text("def late():\n    from .. import second\n    return second.value\n")
     (package / "second.py").write_text("value = 7")
-    assert load(tmp_path, "own_package.inner.depth").late() == 7
+    assert load_module(tmp_path, "own_package.inner.depth").late() == 7
 
 
 def test_a_folder_without_init_is_a_package_too(tmp_path: Path):
     (tmp_path / "own_package").mkdir()
     (tmp_path / "own_package" / "depth.py").write_text("from .more import value\n")
     (tmp_path / "own_package" / "more.py").write_text("value = 7")
-    assert load(tmp_path, "own_package.depth").value == 7
+    assert load_module(tmp_path, "own_package.depth").value == 7
 
 
 def test_what_lies_beside_the_module_is_not_found(tmp_path: Path):
@@ -157,21 +157,23 @@ def test_what_lies_beside_the_module_is_not_found(tmp_path: Path):
 def test_a_name_that_python_knows_is_refused(tmp_path: Path, name: str, whose: str):
     (tmp_path / f"{name}.py").write_text(DEPTH)
     with pytest.raises(ImportError) as caught:
-        load(tmp_path, name)
+        load_module(tmp_path, name)
     assert str(caught.value).startswith(f"another module is called {name} (")
     assert str(caught.value).endswith(f"{whose}): rename {tmp_path / name}.py")
     with pytest.raises(BackendError, match=f"another module is called {name} "):
-        check(load_config(preset="mock", overrides=[f"metric_depth.backend={tmp_path}/{name}:MyDepth"]), discover())
+        check_backends(
+            load_config(preset="mock", overrides=[f"metric_depth.backend={tmp_path}/{name}:MyDepth"]), discover()
+        )
 
 
 def test_two_files_of_one_name_are_refused(tmp_path: Path):
     for folder in (tmp_path / "a", tmp_path / "b"):
         folder.mkdir()
         (folder / "own_depth.py").write_text(DEPTH)
-    first = load(tmp_path / "a", "own_depth")
+    first = load_module(tmp_path / "a", "own_depth")
     with pytest.raises(ImportError, match="another module is called own_depth "):
-        load(tmp_path / "b", "own_depth")
-    assert load(tmp_path / "a", "own_depth") is first
+        load_module(tmp_path / "b", "own_depth")
+    assert load_module(tmp_path / "a", "own_depth") is first
 
 
 def test_a_module_on_pythons_path_is_imported_as_ever(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -179,7 +181,7 @@ def test_a_module_on_pythons_path_is_imported_as_ever(tmp_path: Path, monkeypatc
     (tmp_path / "own_helper.py").write_text("")
     with monkeypatch.context() as patch:
         patch.syspath_prepend(tmp_path)
-        assert load(tmp_path, "own_depth").own_helper.__name__ == "own_helper"
+        assert load_module(tmp_path, "own_depth").own_helper.__name__ == "own_helper"
 
 
 def test_a_module_that_is_not_there_is_named(tmp_path: Path):
@@ -200,4 +202,4 @@ def test_a_module_that_is_not_there_is_named(tmp_path: Path):
     ],
 )
 def test_a_name_splits_into_folder_and_target(name: str, folder: Path | None, rest: str):
-    assert split(name) == (folder, rest)
+    assert split_folder(name) == (folder, rest)

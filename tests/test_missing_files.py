@@ -12,8 +12,8 @@ from click.testing import CliRunner, Result
 
 from physic_core import interfaces, load_config, reconstruct
 from physic_core.cli import main
-from physic_core.cli.doctor import examine
-from physic_core.configuration.resolve import missing, require_available, resolve
+from physic_core.cli.doctor import try_backend
+from physic_core.configuration.resolve import missing_files, missing_gpu, require_available, resolve
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.readiness import missing_requirements
 from physic_core.discovery.registry import BackendRecord, Registry
@@ -78,7 +78,7 @@ path = "model.onnx"
 bytes = 140852051
 source = "https://example.org/model.onnx"
 """
-NET = "weights 'net' (141 MB, MIT) are not here: `physic weights fetch net`"
+NET = "weights 'net' (141 MB, MIT) are missing: `physic weights fetch net`"
 HANDS = "no checkout of hands in /x: git clone it there"
 CONFIG = """
 extends = "mock"
@@ -185,14 +185,14 @@ def test_a_file_of_another_size_is_remarked_once_and_stops_nothing(heavy: Path):
         "my.toml: no errors\n"
         "1 thing is missing; a run would stop:\n"
         f"  hand_estimator 'heavy-hands' (physic-heavy 1.0): {HANDS}\n"
-        "remark: weights 'net' are here, but model.onnx of 3 bytes where 140852051 are published: "
+        "remark: weights 'net' are found, but model.onnx has 3 bytes instead of the published 140852051: "
         "`physic weights verify net`\n",
     )
 
 
 def test_resolving_alone_asks_for_no_file(heavy: Path):
     plan = resolve(load_config("my.toml"), discover())
-    assert len(missing(plan)) == 2
+    assert len((*missing_files(plan), *missing_gpu(plan))) == 2
     with pytest.raises(WeightsMissingError):
         require_available(plan)
 
@@ -203,7 +203,7 @@ def test_the_doctor_calls_it_missing_and_loads_nothing(heavy: Path):
         0,
         f"missing  metric_depth 'heavy' (physic-heavy 1.0): {NET}\n"
         f"missing  relative_pointmap 'heavy' (physic-heavy 1.0): {NET}\n"
-        "2 looked at: 0 ok, 2 missing, 0 broken\n",
+        "2 checked: 0 ok, 2 missing, 0 broken\n",
     )
 
 
@@ -215,11 +215,11 @@ def test_show_says_what_is_missing_and_where_it_is_sought_or_lies(heavy: Path, t
     status, files = shown()
     assert status == f"  status    NOT READY: {NET}"
     assert files.startswith(
-        f"  files     'net' is sought in {heavy}, {tmp_path / 'cache' / 'physic' / 'weights' / 'net'}"
+        f"  files     'net' is missing; searched: {heavy}, {tmp_path / 'cache' / 'physic' / 'weights' / 'net'}"
     )
     bring(heavy)
     assert shown() == [
-        "  status    unsure: needs weights; `physic plugins doctor heavy` tells",
+        "  status    unsure: needs weights; `physic plugins doctor heavy` checks it",
         f"  files     {heavy / 'model.onnx'}",
     ]
 
@@ -228,7 +228,7 @@ def test_the_listing_imports_nothing_and_is_unsure(heavy: Path):
     (row,) = [
         line for line in physic("plugins").stdout.splitlines() if line.startswith("metric_depth") and "heavy" in line
     ]
-    assert row.endswith("unsure: needs weights; `physic plugins doctor heavy` tells")
+    assert row.endswith("unsure: needs weights; `physic plugins doctor heavy` checks it")
 
 
 NAMED = PLUGIN.replace('needs=("weights",)', 'needs=("weights",), weights=("net",)')
@@ -256,7 +256,7 @@ def test_the_listing_looks_for_the_weights_that_a_record_names(heavy: Path, site
 def test_the_listing_is_unsure_of_weights_that_no_list_has(heavy: Path, site, record: str, list_of_sets: str):
     (site.folder / "physic_heavy.py").write_text(NAMED.replace('weights=("net",)', record))
     (site.folder / "physic_heavy.toml").write_text(list_of_sets)
-    assert statuses()["metric_depth"] == "unsure: needs weights; `physic plugins doctor heavy` tells"
+    assert statuses()["metric_depth"] == "unsure: needs weights; `physic plugins doctor heavy` checks it"
 
 
 def test_the_kit_asks_nothing_and_fails_nothing(heavy: Path):
@@ -290,7 +290,7 @@ WRONG = [
     (None, "missing() must return a tuple of texts, got None"),
     ("model.onnx", "missing() must return a tuple of texts, got 'model.onnx'"),
     ([Path("x")], f"missing() must return a tuple of texts, got {[Path('x')]!r}"),
-    (BackendError("this list of weights does not hold:"), "this list of weights does not hold:"),
+    (BackendError("this weight manifest is invalid:"), "this weight manifest is invalid:"),
 ]
 
 
@@ -323,7 +323,7 @@ def test_it_is_named_wherever_it_is_asked():
     says = "missing() must return a tuple of texts, got None"
     assert str(caught.value) == f"metric_depth 'own' (registered by hand): {says}"
     claim = registry.get("metric_depth", "own")
-    assert str(examine(registry, claim, "cpu")) == f"BROKEN   metric_depth 'own' (registered by hand): {says}"
+    assert str(try_backend(registry, claim, "cpu")) == f"BROKEN   metric_depth 'own' (registered by hand): {says}"
     report = check_backend("own", "metric_depth", registry=registry, size=(96, 72))
     assert [(f.check, f.got) for f in report.failures] == [("loads_or_reports_what_is_missing", says)]
 

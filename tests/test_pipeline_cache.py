@@ -253,12 +253,12 @@ def test_the_environment_switches_it_off(
 
 def test_the_summary_says_what_came_from_the_cache(warm: Path, photo: Path, tmp_path: Path) -> None:
     said = physic("run", str(photo), "--preset", "mock", "-o", str(tmp_path / "out")).splitlines()
-    assert said[1] == "9 of 9 answers of backends come from the cache; --no-cache asks them all"
+    assert said[1] == "9 of 9 outputs of backends come from the cache; --no-cache runs them all"
     said = physic(
         *("run", str(photo), "--preset", "mock", "-o", str(tmp_path / "out")),
         *("--set", "metric_depth.options.noise=0.5"),
     ).splitlines()
-    assert said[1] == "8 of 9 answers of backends come from the cache; --no-cache asks them all"
+    assert said[1] == "8 of 9 outputs of backends come from the cache; --no-cache runs them all"
 
 
 def test_the_config_bounds_what_is_kept(warm: Path, counts: Counts, photo: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from physic_core.cli import main
-from physic_core.discovery.misplaced import misplaced
+from physic_core.discovery.misregistered import find_misregistered
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import Registry
 from physic_core.errors import BackendError
@@ -224,7 +224,7 @@ def test_two_distributions_may_claim_one_name_and_both_are_kept(site):
     registry = found(site)
     claims = list(registry)
     assert [c.origin.distribution for c in claims] == ["physic-a", "physic-b"]
-    assert registry.rivals(claims[0]) == (claims[1],)
+    assert registry.with_same_name(claims[0]) == (claims[1],)
 
 
 # ---- distributions that look like plugins ----------------------------------------------------------------------------
@@ -254,15 +254,17 @@ def installed_as(site: Any, distribution: str, group: str, requires: str = "") -
 )
 def test_an_entry_point_in_a_group_that_is_called_nearly_so_is_noticed(site, distribution, group, requires):
     installed_as(site, distribution, group, requires)
-    (row,) = misplaced(distributions(path=[str(site.folder)]), environment={})
+    (row,) = find_misregistered(distributions(path=[str(site.folder)]), environment={})
     assert str(row.origin) == f"{distribution} 1.0"
     assert row.cause == f"its entry points are in the group '{group}', which is not read: {CURE}"
-    assert misplaced(distributions(path=[str(site.folder)]), environment={"PHYSIC_PLUGINS": "physic-other"}) == ()
+    assert (
+        find_misregistered(distributions(path=[str(site.folder)]), environment={"PHYSIC_PLUGINS": "physic-other"}) == ()
+    )
 
 
 def test_a_distribution_that_is_called_like_a_plugin_and_offers_nothing_is_noticed(site):
     installed_as(site, "physic-mine", "console_scripts")
-    (row,) = misplaced(distributions(path=[str(site.folder)]), environment={})
+    (row,) = find_misregistered(distributions(path=[str(site.folder)]), environment={})
     assert row.cause == (
         f"it has no entry point in the group 'physic.plugins', so that no backend of it is found: {CURE}"
     )
@@ -280,7 +282,7 @@ def test_a_distribution_that_is_called_like_a_plugin_and_offers_nothing_is_notic
 )
 def test_a_distribution_that_is_no_lost_plugin_is_left_alone(site, distribution, group, requires):
     installed_as(site, distribution, group, requires)
-    assert misplaced(distributions(path=[str(site.folder)]), environment={}) == ()
+    assert find_misregistered(distributions(path=[str(site.folder)]), environment={}) == ()
 
 
 def test_doctor_names_the_lost_plugins_and_what_to_do(site, monkeypatch):

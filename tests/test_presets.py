@@ -26,7 +26,7 @@ from physic_core.body import load_body
 from physic_core.cli import main
 from physic_core.configuration.resolve import resolve
 from physic_core.discovery.plugins import discover
-from physic_core.discovery.readiness import gpu_is_seen
+from physic_core.discovery.readiness import has_gpu
 from physic_core.engine.joint.state import GROUPS
 from physic_core.pipeline.estimate import run_backends
 from physic_core.pipeline.stage_runner import StageRunner
@@ -120,8 +120,8 @@ def physic(bare: dict[str, str], cwd: Path, *arguments: str) -> subprocess.Compl
 
 
 GPU = (
-    "run.device 'cuda': no GPU is seen: run it where there is one, or set run.device to 'cpu' for backends that can do "
-    "without"
+    "run.device 'cuda': no GPU is found: use a machine with a GPU, or set run.device to 'cpu' if the "
+    "backends support it"
 )
 
 
@@ -129,7 +129,7 @@ def listed(text: str) -> list[str]:
     """The lines below the head, each without whose lack it is; the last line is about a GPU where none is seen."""
     head, *lines = text.rstrip("\n").split("\n")
     assert head.startswith(f"{len(lines)} things are missing"), head
-    if not gpu_is_seen():
+    if not has_gpu():
         assert lines.pop() == f"  {GPU}"
     whose = re.compile(r"  \w+ '[\w-]+' \(physic-\w+ [\d.]+\)(?: and \w+ '[\w-]+' \(physic-\w+ [\d.]+\))*: ")
     assert all(whose.match(line) for line in lines), lines
@@ -148,7 +148,7 @@ def test_all_that_a_preset_lacks_is_listed_with_how_to_get_it(
     lines, wanted = listed(rest), LACKING[preset]
     for name, (licence, way) in wanted.weights.items():
         (line,) = [line for line in lines if line.startswith(f"weights '{name}' (")]
-        facts, _, advice = line.partition(") are not here: ")
+        facts, _, advice = line.partition(") are missing: ")
         assert licence in facts
         assert way.format(name) in advice
         lines.remove(line)
@@ -248,7 +248,9 @@ def require_no_fault(checked: Result, says: str, code: int = 0) -> None:
     assert checked.output.startswith(says), checked.output
     assert checked.exit_code == code
     remarks = checked.output.removeprefix(says).splitlines()
-    size = re.compile(r"remark: weights '([\w.-]+)' are here, but .* are published: `physic weights verify \1`")
+    size = re.compile(
+        r"remark: weights '([\w.-]+)' are found, but .* instead of the published .*: `physic weights verify \1`"
+    )
     assert all(size.fullmatch(line) for line in remarks), remarks
     assert len(remarks) == len(set(remarks)) > 0
 
@@ -477,7 +479,7 @@ def test_without_a_gpu_the_best_bodies_are_refused_in_words(
 def test_with_all_files_a_gpu_is_still_asked_for_before_the_photo_is_read(
     best: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("physic_core.configuration.resolve.gpu_is_seen", lambda: False)
+    monkeypatch.setattr("physic_core.configuration.resolve.has_gpu", lambda: False)
     monkeypatch.setattr("torch.cuda.is_available", lambda: False)
     wanted = [*best, "--set", "run.device=cuda"]
     checked = CliRunner().invoke(main, ["config", "check", *wanted])
@@ -489,6 +491,6 @@ def test_with_all_files_a_gpu_is_still_asked_for_before_the_photo_is_read(
 
 
 def test_a_gpu_that_is_seen_is_left_to_torch(best: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("physic_core.configuration.resolve.gpu_is_seen", lambda: True)
+    monkeypatch.setattr("physic_core.configuration.resolve.has_gpu", lambda: True)
     wanted = [*best, "--set", "run.device=cuda"]
     require_no_fault(CliRunner().invoke(main, ["config", "check", *wanted]), "preset best: no errors\n")

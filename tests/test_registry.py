@@ -9,7 +9,7 @@ import pytest
 from physic_core import interfaces
 from physic_core.discovery.catalog import CATALOG
 from physic_core.discovery.plugins import discover
-from physic_core.discovery.registry import BackendRecord, BrokenPlugin, Claim, Origin, Registry
+from physic_core.discovery.registry import BackendOffer, BackendRecord, BrokenPlugin, Origin, Registry
 from physic_core.errors import BackendError, BackendNotFoundError
 
 A = Origin("a_plugin", "physic-a", "1.0")
@@ -23,7 +23,9 @@ class Blank(interfaces.Inpainter):
 
 def registry(*claims: tuple[str, Origin], **kwargs: Any) -> Registry:
     return Registry(
-        [Claim(BackendRecord("inpainter", n, "m:C", api=1), origin) for n, origin in claims], installed=False, **kwargs
+        [BackendOffer(BackendRecord("inpainter", n, "m:C", api=1), origin) for n, origin in claims],
+        installed=False,
+        **kwargs,
     )
 
 
@@ -201,7 +203,7 @@ def test_a_name_of_a_distribution_that_is_not_installed_says_what_to_install():
 
 
 def test_a_backend_with_a_problem_is_refused_with_it():
-    claim = Claim(BackendRecord("inpainter", "x", "m:C", api=1), A, "needs plugin API 2, this physic-core has 1")
+    claim = BackendOffer(BackendRecord("inpainter", "x", "m:C", api=1), A, "needs plugin API 2, this physic-core has 1")
     got = message(BackendError, Registry([claim], installed=False).get, "inpainter", "x")
     assert got == "inpainter 'x' (physic-a 1.0) cannot be used: needs plugin API 2, this physic-core has 1"
 
@@ -224,18 +226,18 @@ def test_a_class_is_called_by_its_target_and_says_its_interface(site):
         "class Fill(Inpainter):\n"
         "    def infer(self, image, mask): return image\n"
     )
-    (claim,) = registry(("telea", A)).called("my_other_fill:Fill")
+    (claim,) = registry(("telea", A)).find_by_name("my_other_fill:Fill")
     assert str(claim) == "inpainter 'my_other_fill:Fill' (a class that no plugin registers)"
     assert Registry(installed=False).load_concrete_class(claim).__name__ == "Fill"
 
 
 def test_a_class_that_is_called_but_is_no_backend_is_refused():
-    assert message(BackendError, Registry(installed=False).called, "no_such_module:C") == (
+    assert message(BackendError, Registry(installed=False).find_by_name, "no_such_module:C") == (
         "'no_such_module:C' cannot be imported: ModuleNotFoundError: No module named 'no_such_module'; "
         "put no_such_module.py beside the config, or its folder into PYTHONPATH"
     )
     for no_backend in ("json:dumps", "physic_core.interfaces:Backend"):
-        assert message(BackendError, Registry(installed=False).called, no_backend) == (
+        assert message(BackendError, Registry(installed=False).find_by_name, no_backend) == (
             f"'{no_backend}' should be a subclass of one class of physic_core.interfaces: Segmenter, Inpainter, "
             "MetricDepth, RelativePointmap, KeypointDetector, BodyEstimator, HandEstimator, ContactPrior"
         )

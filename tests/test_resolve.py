@@ -9,7 +9,7 @@ from pydantic import Field
 
 from physic_core import interfaces
 from physic_core.configuration.model import Config, load_config
-from physic_core.configuration.resolve import check, load_checked, resolve
+from physic_core.configuration.resolve import check_backends, load_checked_config, resolve
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord, BrokenPlugin, Origin, Registry
 from physic_core.errors import BackendError, ConfigError, InputError, PhysicError
@@ -46,7 +46,7 @@ def config(flag: dict[str, Any] | None = None, **tables: Any) -> Config:
 
 def refusal(chosen: Config, own: Registry, kind: type[PhysicError] = ConfigError) -> str:
     with pytest.raises(kind) as caught:
-        check(chosen, own)
+        check_backends(chosen, own)
     return str(caught.value)
 
 
@@ -107,7 +107,7 @@ def test_faults_of_the_shape_and_of_the_options_are_told_in_one_go(tmp_path, mon
     )
     choices = {f"PHYSIC__{name.upper()}__BACKEND": "own" for name in ("relative_pointmap", "body_estimator")}
     with pytest.raises(ConfigError) as caught:
-        load_checked(registry(), "my.toml", environment=choices, overrides=["metric_depth.options.mode=3"])
+        load_checked_config(registry(), "my.toml", environment=choices, overrides=["metric_depth.options.mode=3"])
     assert str(caught.value) == (
         "my.toml: 8 errors\n"
         "keypoint_detector.options               should be a table (got 3)\n"
@@ -127,7 +127,7 @@ def test_faults_of_the_shape_and_of_the_options_are_told_in_one_go(tmp_path, mon
 
 def test_a_config_that_holds_is_loaded_and_checked_at_once():
     flags = {"config": {name: {"backend": "own"} for name in INTERFACES}}
-    assert load_checked(registry(), flags=flags).as_dict() == config().as_dict()
+    assert load_checked_config(registry(), flags=flags).as_dict() == config().as_dict()
 
 
 def test_a_fault_names_the_flag_that_it_comes_from():
@@ -142,7 +142,7 @@ def test_a_missing_backend_beside_a_broken_plugin_keeps_the_cause():
         registry(), [BrokenPlugin(Origin("c", "physic-c", "1.0"), "ImportError: no such thing", cause)], installed=False
     )
     with pytest.raises(ConfigError) as caught:
-        check(config(segmenter={"backend": "other"}), own)
+        check_backends(config(segmenter={"backend": "other"}), own)
     assert caught.value.__cause__ is cause
     assert "Broken plugins: physic-c 1.0 (ImportError: no such thing)" in str(caught.value)
 
@@ -256,7 +256,7 @@ def test_a_class_that_lacks_a_method_is_one_of_the_faults():
     assert refusal(config(), registry(inpainter=kind), BackendError) == (
         "config: 1 error\n"
         f"inpainter.backend   inpainter 'own' (physic-mine 0.2): {kind} has no method infer, "
-        "which the interface inpainter asks for"
+        "which the interface inpainter requires"
     )
 
 

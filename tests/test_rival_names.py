@@ -6,18 +6,20 @@ import pytest
 from click.testing import CliRunner
 
 from physic_core.cli import main
-from physic_core.discovery.registry import BackendRecord, Claim, Origin, Registry
+from physic_core.discovery.registry import BackendOffer, BackendRecord, Origin, Registry
 
 
 def test_check_refuses_a_name_of_two_distributions_before_it_tries_any(monkeypatch: pytest.MonkeyPatch):
-    other = Claim(BackendRecord("metric_depth", "embedded", "m:C", api=1), Origin("other", "physic-other", "1.0"))
+    other = BackendOffer(
+        BackendRecord("metric_depth", "embedded", "m:C", api=1), Origin("other", "physic-other", "1.0")
+    )
     registry = Registry([other])
-    interfaces = list(dict.fromkeys(claim.record.interface for claim in registry.called("embedded")))
+    interfaces = list(dict.fromkeys(claim.record.interface for claim in registry.find_by_name("embedded")))
     assert interfaces.index("metric_depth") > 0  # else nothing would be tried before it anyway
-    rivals = [claim for claim in registry.called("embedded") if claim.record.interface == "metric_depth"]
+    rivals = [claim for claim in registry.find_by_name("embedded") if claim.record.interface == "metric_depth"]
     monkeypatch.setattr("physic_core.discovery.plugins.discover", lambda: registry)
     tried: list[str] = []
     monkeypatch.setattr("physic_testing.conformance.check_backend", lambda *args, **_: tried.append(args[1]))
     done = CliRunner().invoke(main, ["plugins", "check", "embedded"])
-    assert done.stderr == f"Error: {registry.explain_rivals(rivals)}\n"
+    assert done.stderr == f"Error: {registry.explain_ambiguity(rivals)}\n"
     assert (done.exit_code, done.stdout, tried) == (2, "", [])

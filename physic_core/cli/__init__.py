@@ -1,6 +1,6 @@
 """The command ``physic``.
 
-A command is imported when it runs: ``physic --help`` imports click and the registration modules of plugins alone.
+A command is imported when it runs. ``physic --help`` imports only click and the entry points of plugins.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ __all__ = ["main"]
 
 class _Main(ExtensibleGroup):
     def invoke(self, ctx: click.Context) -> Any:
-        """Print our errors and exit with the code of their class; PHYSIC_DEBUG=1 prints the traceback."""
+        """Run a command; print a PhysicError, and exit with the code of its class."""
         try:
             return super().invoke(ctx)
         except (KeyboardInterrupt, click.Abort):
@@ -47,7 +47,7 @@ _COMMANDS = {
     "weights": ("physic_core.cli.weights:weights", "List, download and verify the weights that plugins need."),
 }
 
-# The \b keeps click from wrapping the lines into one.
+# \b stops click from joining the lines.
 _EPILOG = "\b\nExit codes:\n" + "\n".join(f"  {code:<3}  {meaning}" for code, meaning in MEANINGS.items())
 
 

@@ -1,31 +1,31 @@
-"""Checks of arguments that several commands share."""
+"""Validation of arguments that several commands share."""
 
 from __future__ import annotations
 
 import click
 
-__all__ = ["class_here", "require_interface"]
+__all__ = ["require_interface", "with_current_folder"]
 
 
 def require_interface(name: str | None) -> None:
-    """Check that ``name`` is an interface; None is allowed.
+    """Raise UsageError if ``name`` is neither None nor the name of an interface.
 
     Raises:
-        UsageError: it is not; the message lists the interfaces and suggests the closest one.
+        UsageError: the message lists the interfaces and suggests the did_you_mean one.
     """
-    from physic_core.configuration.faults import closest
+    from physic_core.configuration.problems import did_you_mean
     from physic_core.interfaces import INTERFACES
 
     if name is not None and name not in INTERFACES:
         raise click.UsageError(
-            f"no interface named '{name}'; there are: {', '.join(INTERFACES)}{closest(name, INTERFACES)}"
+            f"no interface named '{name}'; there are: {', '.join(INTERFACES)}{did_you_mean(name, INTERFACES)}"
         )
 
 
-def class_here(name: str) -> str:
-    """Return a backend name of the command line; a "module:Class" may be in the current folder."""
+def with_current_folder(name: str) -> str:
+    """Add the current folder to a backend name "module:Class" if the folder contains the module."""
     from pathlib import Path
 
-    from physic_core.discovery.local_modules import in_folder
+    from physic_core.discovery.local_modules import with_folder
 
-    return in_folder(name, Path())
+    return with_folder(name, Path())

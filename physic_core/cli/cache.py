@@ -32,7 +32,7 @@ def info() -> None:
     click.echo(f"{folder}: {_sum(files)}")
     for line in _by_backend(files):
         click.echo(line)
-    for place, suffix, what in _others():
+    for place, suffix, what in _other_caches():
         if files := list_files(place, suffix):
             click.echo(f"{place}: {_sum(files, what)}")
 
@@ -47,7 +47,7 @@ def clear() -> None:
     for line in _by_backend(files):
         click.echo(line)
     click.echo(f"removed {_sum(files)} from {folder}")
-    for place, suffix, what in _others():
+    for place, suffix, what in _other_caches():
         if files := remove(place, suffix):
             click.echo(f"removed {_sum(files, what)} from {place}")
 
@@ -64,7 +64,7 @@ def _folder() -> Path:
 
 
 def _by_backend(files: Iterable[CacheFile]) -> list[str]:
-    """One line for each interface and backend, sorted by name."""
+    """Format one line with number and size of files for each interface and backend."""
     groups: dict[tuple[str, str], list[CacheFile]] = {}
     for file in files:
         interface, _, rest = file.path.name.partition("-")
@@ -76,8 +76,8 @@ def _by_backend(files: Iterable[CacheFile]) -> list[str]:
     ]
 
 
-def _others() -> list[tuple[Path, str, tuple[str, str]]]:
-    """The other caches: folder, file suffix, and their singular and plural name."""
+def _other_caches() -> list[tuple[Path, str, tuple[str, str]]]:
+    """Return folder, file suffix, and singular and plural name of the caches of body maps and models."""
     from physic_core.cache.lru_folder import MAP_SUFFIX, MODEL_SUFFIX
 
     kinds = (

@@ -1,4 +1,4 @@
-"""``physic config``: check, show or create a configuration."""
+"""The command ``physic config``: check, show or create a configuration."""
 
 from __future__ import annotations
 
@@ -25,30 +25,37 @@ def config() -> None:
     """Check, show or create a configuration."""
 
 
-def _arguments(command: Callable[..., None]) -> Callable[..., None]:
+def _source_arguments(command: Callable[..., None]) -> Callable[..., None]:
+    """Add the arguments FILE, --preset and --set to a command."""
     command = click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Change one value.")(command)
     command = click.option("--preset", metavar="NAME", help="Preset to use instead of a file.")(command)
     return click.argument("file", required=False, type=click.Path(path_type=Path))(command)
 
 
 @config.command()
-@_arguments
+@_source_arguments
 @click.pass_context
 def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> None:
-    """Check FILE, including the options of backends, and list what is missing on this machine.
+    """Check FILE and the options of its backends, and list what is missing on this machine.
 
-    No backend is loaded; a body model of your own is opened. Exits with code 2 if the configuration or the body model
+    No backend is loaded. A body model file is opened. Exits with code 2 if the configuration or the body model
     has errors or the device is missing, with 4 if files are missing, and with 5 if a backend is broken.
     """
-    from physic_core.configuration.resolve import load_checked, missing_device, missing_files, missing_report, resolve
+    from physic_core.configuration.resolve import (
+        format_missing,
+        load_checked_config,
+        missing_files,
+        missing_gpu,
+        resolve,
+    )
     from physic_core.discovery.plugins import discover
-    from physic_core.weights.required import remarks
+    from physic_core.weights.required import size_warnings
 
-    _refuse_both(file, preset)
+    _require_one_source(file, preset)
     registry = discover()
-    found = load_checked(registry, file, preset=preset, overrides=overrides)
+    found = load_checked_config(registry, file, preset=preset, overrides=overrides)
     plan = resolve(found, registry)
-    files, device, further = missing_files(plan), missing_device(plan), remarks(plan, registry)
+    files, device, further = missing_files(plan), missing_gpu(plan), size_warnings(plan, registry)
     path = found.body_model.path
     if path is not None and Path(path).exists():
         from physic_core.body import load_body
@@ -56,19 +63,19 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
         load_body(path)
     click.echo(f"{file or f'preset {preset}' if file or preset else 'preset embedded'}: no errors")
     if files or device:
-        click.echo(missing_report((*files, *device), "; a run would stop"))
+        click.echo(format_missing((*files, *device), "; a run would stop"))
     for text in further:
         click.echo(f"remark: {text}")
     ctx.exit(WEIGHTS if files else USAGE if device else 0)
 
 
 @config.command()
-@_arguments
-@click.option("--all", "whole", is_flag=True, help="Also print the default values of backends and engine.")
-def show(file: Path | None, preset: str | None, overrides: tuple[str, ...], whole: bool) -> None:
+@_source_arguments
+@click.option("--all", "with_defaults", is_flag=True, help="Also print the default values of backends and engine.")
+def show(file: Path | None, preset: str | None, overrides: tuple[str, ...], with_defaults: bool) -> None:
     """Print the resolved configuration of FILE and the source of each value."""
     found = _load(file, preset, overrides)
-    if whole:
+    if with_defaults:
         from physic_core.discovery.plugins import discover
 
         click.echo(full_toml(found, discover()), nl=False)
@@ -97,10 +104,10 @@ def init(file: Path, preset: str) -> None:
 
     It lists the options of the backends that the preset uses, if they are installed.
     """
-    from physic_core.cli.template import template
+    from physic_core.cli.template import config_template
     from physic_core.discovery.plugins import discover
 
-    text = template(preset, discover())
+    text = config_template(preset, discover())
     try:
         with file.open("x", encoding="utf-8") as out:
             out.write(text)
@@ -114,13 +121,13 @@ def init(file: Path, preset: str) -> None:
 def _load(file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> Config:
     from physic_core.configuration.model import load_config
 
-    _refuse_both(file, preset)
+    _require_one_source(file, preset)
     return load_config(file, preset=preset, overrides=overrides)
 
 
-def _refuse_both(file: Path | None, preset: str | None) -> None:
+def _require_one_source(file: Path | None, preset: str | None) -> None:
     if file is not None and preset is not None:
-        raise click.UsageError('FILE names its preset itself, with extends = "NAME": leave --preset out')
+        raise click.UsageError('--preset cannot be combined with FILE: write extends = "NAME" into FILE')
 
 
 def resolved_toml(found: Config) -> str:
@@ -142,26 +149,26 @@ def full_toml(found: Config, registry: Registry) -> str:
     from physic_core.configuration.resolve import resolve
 
     plan, tables = resolve(found, registry), found.as_dict()
-    otherwise: dict[str, str] = {}
+    default_sources: dict[str, str] = {}
     for name, chosen in plan.backends.items():
         who = chosen.provenance
         tables[name]["options"] = dict(who.options)
-        otherwise[f"{name}.options"] = f"default of {who.distribution} {who.version}".rstrip()
+        default_sources[f"{name}.options"] = f"default of {who.distribution} {who.version}".rstrip()
     for stage in ("scene", "placement", "joint", "contact"):
         tables["engine"][stage] = asdict(getattr(plan.engine, stage))
-        otherwise[f"engine.{stage}"] = f"engine preset {found.engine.preset}"
+        default_sources[f"engine.{stage}"] = f"engine preset {found.engine.preset}"
 
     def note(path: str) -> str:
-        above = next((words for start, words in otherwise.items() if path.startswith(f"{start}.")), "")
+        above = next((words for start, words in default_sources.items() if path.startswith(f"{start}.")), "")
         label = found.source(path)
-        # A table's own label is no word about the values that it leaves out.
-        return f"  # {label if not above or _says(found, path) else above}"
+        # The source of a table is not the source of the defaults in it.
+        return f"  # {label if not above or _sets_value(found, path) else above}"
 
     return "\n".join(line for name, table in tables.items() for line in _table(name, table, note)).lstrip("\n") + "\n"
 
 
-def _says(found: Config, path: str) -> bool:
-    """Whether the configuration sets a value at a dotted path."""
+def _sets_value(found: Config, path: str) -> bool:
+    """Return whether the configuration sets a value at a dotted path."""
     table: Any = found.as_dict()
     for key in path.split("."):
         if not isinstance(table, dict) or key not in table:
@@ -182,5 +189,5 @@ def _table(path: str, table: Mapping[str, Any], note: Callable[[str], str]) -> l
 
 
 def _is_value(value: Any) -> bool:
-    """Whether a value is neither None, which TOML cannot express, nor a table, which comes after values."""
+    """Return whether a value is neither None, which TOML cannot express, nor a table."""
     return value is not None and not isinstance(value, dict)

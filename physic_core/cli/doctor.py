@@ -1,6 +1,6 @@
-"""``physic plugins doctor``: load every installed backend, each in its own process.
+"""The command ``physic plugins doctor``: load every installed backend, each in a process of its own.
 
-A backend that crashes Python, hangs, or uses all memory does not affect the others.
+A backend that crashes, hangs, or uses all memory does not affect the others.
 """
 
 from __future__ import annotations
@@ -16,30 +16,30 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from physic_core.cli.arguments import class_here, require_interface
+from physic_core.cli.arguments import require_interface, with_current_folder
 from physic_core.cli.exit_codes import BACKEND
-from physic_core.discovery.error_text import debugging, describe, traceback_text
+from physic_core.discovery.error_text import describe_error, is_debugging, traceback_text
 
 if TYPE_CHECKING:
-    from physic_core.discovery.registry import Claim, Registry
+    from physic_core.discovery.registry import BackendOffer, Registry
 
-__all__ = ["Finding", "doctor", "examine", "in_its_own_process"]
+__all__ = ["DoctorResult", "doctor", "try_backend", "try_backend_in_subprocess"]
 
 _MARK = "physic-doctor: "
 
 
 @dataclass(frozen=True)
-class Finding:
-    """Result of loading one backend.
+class DoctorResult:
+    """Result of the attempt to load one backend.
 
     Attributes:
-        interface: "metric_depth", ...; "-" for a plugin whose backends could not be listed.
-        backend: its name.
+        interface: "metric_depth", ...; "-" for a broken plugin.
+        backend: name of the backend; "-" for a broken plugin.
         owner: distribution and version.
         state: "ok"; "missing" if the backend itself reports missing files; "broken" for all other errors.
         message: what is missing or broken.
-        seconds: time to import, construct, load and close it, s.
-        traceback: of its exception if ``PHYSIC_DEBUG`` is set; else "".
+        seconds: time to import, construct, load and close the backend.
+        traceback: traceback of the exception if ``PHYSIC_DEBUG`` is set; else "".
     """
 
     interface: str
@@ -57,7 +57,7 @@ class Finding:
 
     @property
     def title(self) -> str:
-        """Interface, name and owner of the backend."""
+        """Interface, name and distribution of the backend, for messages."""
         return self.owner if self.backend == "-" else f"{self.interface} '{self.backend}' ({self.owner})"
 
 
@@ -71,19 +71,20 @@ class Finding:
 def doctor(
     ctx: click.Context, name: str | None, interface: str | None, device: str, timeout: float, as_json: bool
 ) -> None:
-    """Load each installed backend, or those called NAME, and report what is missing or broken.
+    """Load each installed backend, or those called NAME, and report errors.
 
-    "missing": the backend itself reports that something is missing, such as a file that you have to provide.
-    "BROKEN": anything else; the command then exits with code 5.
+    "missing": the backend reports missing files or packages. "BROKEN": any other error; the exit code is then 5.
     """
     from physic_core.discovery.plugins import discover
 
     require_interface(interface)
     registry = discover()
-    claims = registry.called(class_here(name)) if name is not None else tuple(registry)
-    claims = tuple(claim for claim in claims if interface in (None, claim.record.interface))
-    found: list[Finding] = []
-    for finding in findings(registry, claims, lambda claim: in_its_own_process(claim, device, timeout), name is None):
+    offers = registry.find_by_name(with_current_folder(name)) if name is not None else tuple(registry)
+    offers = tuple(offer for offer in offers if interface in (None, offer.record.interface))
+    found: list[DoctorResult] = []
+    for finding in diagnose(
+        registry, offers, lambda offer: try_backend_in_subprocess(offer, device, timeout), name is None
+    ):
         found.append(finding)
         if not as_json:
             click.echo(str(finding))
@@ -91,94 +92,102 @@ def doctor(
         click.echo(json.dumps([asdict(finding) for finding in found], indent=2))
     else:
         count = {state: sum(f.state == state for f in found) for state in ("ok", "missing", "broken")}
-        click.echo(f"{len(found)} looked at: {', '.join(f'{n} {state}' for state, n in count.items())}")
+        click.echo(f"{len(found)} checked: {', '.join(f'{n} {state}' for state, n in count.items())}")
     ctx.exit(BACKEND if any(finding.state == "broken" for finding in found) else 0)
 
 
-def findings(
-    registry: Registry, claims: Iterable[Claim], load: Callable[[Claim], Finding], whole: bool = True
-) -> Iterable[Finding]:
-    """Yield a finding for each backend, then for each plugin that is broken or not recognised.
+def diagnose(
+    registry: Registry,
+    offers: Iterable[BackendOffer],
+    load: Callable[[BackendOffer], DoctorResult],
+    with_plugins: bool = True,
+) -> Iterable[DoctorResult]:
+    """Yield a result for each backend, then for each plugin that is broken or has a wrong entry-point group.
 
     Args:
         registry: the installed plugins.
-        claims: the backends to load.
+        offers: the backends to load.
         load: function that loads one backend.
-        whole: whether to include broken plugins.
+        with_plugins: whether to include broken plugins.
     """
-    from physic_core.discovery.misplaced import misplaced
+    from physic_core.discovery.misregistered import find_misregistered
 
-    for claim in claims:
-        if claim.problem:
-            yield _finding(claim, "broken", claim.problem)
+    for offer in offers:
+        if offer.problem:
+            yield _result(offer, "broken", offer.problem)
         else:
-            yield load(claim)
-    for lost in registry.broken if whole else ():
-        yield Finding("-", "-", str(lost.origin), "broken", lost.cause, traceback=traceback_text(lost.error))
-    for near in misplaced() if whole else ():
-        # A library may be called physic-... and offer nothing on purpose: that alone is no error.
-        yield Finding("-", "-", str(near.origin), "broken" if near.group else "missing", near.cause)
+            yield load(offer)
+    if not with_plugins:
+        return
+    for broken in registry.broken:
+        yield DoctorResult("-", "-", str(broken.origin), "broken", broken.cause, traceback=traceback_text(broken.error))
+    for plugin in find_misregistered():
+        # A library that is called physic-... may offer no backends on purpose.
+        yield DoctorResult("-", "-", str(plugin.origin), "broken" if plugin.group else "missing", plugin.cause)
 
 
-def examine(registry: Registry, claim: Claim, device: str) -> Finding:
-    """Import, construct, load and close a backend with default options, in this process."""
+def try_backend(registry: Registry, offer: BackendOffer, device: str) -> DoctorResult:
+    """Import, construct, load and close a backend with default options, and return the result."""
     from physic_core.discovery.readiness import missing_requirements
     from physic_core.errors import PhysicError
 
     start = time.perf_counter()
-    step, owner = "import", claim.origin.plugin
+    step, owner = "import", offer.origin.plugin
     try:
-        kind = registry.load_concrete_class(claim)
+        kind = registry.load_concrete_class(offer)
         owner = kind.__module__
         step = "constructor"
         backend = kind()
         step = "missing()"
-        if lacking := missing_requirements(backend):
-            return _finding(claim, "missing", "; ".join(lacking))
+        if messages := missing_requirements(backend):
+            return _result(offer, "missing", "; ".join(messages))
         step = f"load('{device}')"
         backend.load(device)
         step = "close()"
         backend.close()
     except PhysicError as error:
-        # "missing" is only what the backend itself reports; a failed import or call is "broken".
+        # A PhysicError of the backend itself is "missing"; a failed import or check is "broken".
         state: Literal["missing", "broken"] = "broken" if step in ("import", "missing()") else "missing"
-        return _finding(claim, state, str(error).removeprefix(str(claim)).lstrip(": "), error)
+        return _result(offer, state, str(error).removeprefix(str(offer)).lstrip(": "), error)
     except (Exception, SystemExit) as error:
-        return _finding(claim, "broken", f"{step} fails: {describe(error, owner)}", error)
-    return replace(_finding(claim, "ok"), seconds=round(time.perf_counter() - start, 2))
+        return _result(offer, "broken", f"{step} fails: {describe_error(error, owner)}", error)
+    return replace(_result(offer, "ok"), seconds=round(time.perf_counter() - start, 2))
 
 
-def in_its_own_process(claim: Claim, device: str, timeout: float) -> Finding:
-    """Run :func:`examine` in a new process with the same import path."""
-    record = claim.record
-    look = f"import sys; from {__name__} import _main; _main(*sys.argv[1:])"
-    # A name with a colon is that of a class.
-    name = str(record.target) if ":" in record.name else f"{claim.origin.distribution}:{record.name}"
-    command = [sys.executable, "-P", "-c", look, record.interface, name, device]
+def try_backend_in_subprocess(offer: BackendOffer, device: str, timeout: float) -> DoctorResult:
+    """Run :func:`try_backend` in a new process with the same import path, and return its result."""
+    record = offer.record
+    script = f"import sys; from {__name__} import _main; _main(*sys.argv[1:])"
+    # A name with a colon is the name of a class.
+    name = str(record.target) if ":" in record.name else f"{offer.origin.distribution}:{record.name}"
+    command = [sys.executable, "-P", "-c", script, record.interface, name, device]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     try:
         done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=timeout, check=False)
     except subprocess.TimeoutExpired:
-        return _finding(claim, "broken", f"not done after {timeout:g} s")
+        return _result(offer, "broken", f"not finished after {timeout:g} s")
     for line in done.stdout.splitlines():
         if line.startswith(_MARK):
-            return Finding(**json.loads(line.removeprefix(_MARK)))
-    last = (done.stderr.strip() or "no word").rpartition("\n")[2]
-    ended = _finding(claim, "broken", f"it ended Python with code {done.returncode}: {last}")
-    return replace(ended, traceback=done.stderr) if debugging() else ended
+            return DoctorResult(**json.loads(line.removeprefix(_MARK)))
+    last = (done.stderr.strip() or "no output").rpartition("\n")[2]
+    result = _result(offer, "broken", f"it ended Python with code {done.returncode}: {last}")
+    return replace(result, traceback=done.stderr) if is_debugging() else result
 
 
-def _finding(
-    claim: Claim, state: Literal["ok", "missing", "broken"], message: str = "", error: BaseException | None = None
-) -> Finding:
-    record = claim.record
-    owner, trace = str(claim.origin), traceback_text(error)
-    return Finding(record.interface, record.name, owner, state, message, traceback=trace)
+def _result(
+    offer: BackendOffer,
+    state: Literal["ok", "missing", "broken"],
+    message: str = "",
+    error: BaseException | None = None,
+) -> DoctorResult:
+    record = offer.record
+    owner, trace = str(offer.origin), traceback_text(error)
+    return DoctorResult(record.interface, record.name, owner, state, message, traceback=trace)
 
 
 def _main(interface: str, name: str, device: str) -> None:
     from physic_core.discovery.plugins import discover
 
     registry = discover()
-    claim = registry.get(interface, name)
-    click.echo(f"\n{_MARK}{json.dumps(asdict(examine(registry, claim, device)))}")
+    offer = registry.get(interface, name)
+    click.echo(f"\n{_MARK}{json.dumps(asdict(try_backend(registry, offer, device)))}")

@@ -1,9 +1,7 @@
 """Exit codes of all commands, by class of error.
 
-2: the user can correct it in the arguments or the configuration, such as an unknown name or an invalid option.
-5: the author of a plugin has to correct it, such as a backend or command that cannot be imported, that was written for
-another version of its interface, that does not implement it, or that fails at run time. A configuration with errors of
-both kinds exits with 2. ``physic run``, ``config check``, ``plugins check`` and ``plugins doctor`` all use these codes.
+Code 2: the user has to correct the arguments or the configuration. Code 5: the author of a plugin has to correct the
+plugin. A configuration with errors of both kinds exits with 2.
 """
 
 from __future__ import annotations
@@ -36,7 +34,7 @@ MEANINGS = {
     BACKEND: "a backend or plugin failed",
     INTERRUPTED: "Ctrl-C",
 }
-"""As printed by ``physic --help`` and listed in README."""
+"""Meaning of each exit code, as printed by ``physic --help``."""
 
 EXIT_CODES: dict[type[Exception], int] = {
     BodyModelError: USAGE,
@@ -52,7 +50,7 @@ EXIT_CODES: dict[type[Exception], int] = {
     BackendError: BACKEND,
     PluginError: BACKEND,
 }
-"""A class that is not listed has the code of its nearest base class."""
+"""Exit code of each error class; other classes have the code of their nearest base class."""
 
 
 def exit_code(error: BaseException) -> int:

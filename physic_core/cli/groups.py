@@ -1,4 +1,4 @@
-"""Command groups that import a command only when it runs: those of the core and of plugins."""
+"""A command group that imports a command only when it runs, and that plugins can extend."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ __all__ = ["ExtensibleGroup"]
 
 
 class ExtensibleGroup(click.Group):
-    """A group with the core's own commands and those that plugins add by the hook ``physic_commands``.
+    """A command group of the core's commands, and of those that plugins add with the hook ``physic_commands``.
 
-    No command is imported to list it: ``--help`` prints summaries. Plugins are only searched when help is printed or
-    when a command is not one of the core's, which always win over a plugin's command of the same name.
+    ``--help`` imports no command. Plugins are searched only for the help, and for a command that the core does not
+    have. A command of the core overrides a plugin's command of the same name.
 
     Args:
         path: the words after ``physic`` that call the group; empty for ``physic`` itself.
-        own: name -> ("package.module:function", summary) of the core's own commands.
+        own: "package.module:function" and summary of each command of the core, by name.
     """
 
     def __init__(
@@ -32,7 +32,7 @@ class ExtensibleGroup(click.Group):
         self.path = path
         self.own = dict(own or {})
 
-    def _added(self) -> dict[str, InstalledCommand]:
+    def _plugin_commands(self) -> dict[str, InstalledCommand]:
         from physic_core.discovery.commands import find_commands
 
         added: dict[str, InstalledCommand] = {}
@@ -43,25 +43,25 @@ class ExtensibleGroup(click.Group):
         return added
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Names of all commands, including those of plugins."""
-        return sorted({*self.own, *self._added()})
+        """Return the names of all commands, including those of plugins."""
+        return sorted({*self.own, *self._plugin_commands()})
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import a command of the core or of a plugin; None if there is none of this name."""
+        """Import and return a command of the core or of a plugin, or None if no command has this name."""
         if cmd_name in self.own:
             module, _, attribute = self.own[cmd_name][0].partition(":")
             own: click.Command = getattr(import_module(module), attribute)
             return own
-        command = self._added().get(cmd_name)
+        command = self._plugin_commands().get(cmd_name)
         return None if command is None else _load(command)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find the command that the arguments call.
+        """Return the command that the arguments call.
 
         Raises:
-            UsageError: there is none; if a known distribution adds it, the message names the distribution.
+            UsageError: there is no such command; the message names a known distribution that adds it.
         """
         name = args[0]
         if not name.startswith("-") and self.get_command(ctx, name) is None:
@@ -70,7 +70,7 @@ class ExtensibleGroup(click.Group):
             full_name = f"{self.path} {name}".strip()
             if (distribution := COMMANDS.get(full_name)) is not None:
                 raise click.UsageError(
-                    f"'physic {full_name}' is a command of {distribution}, which is {_why_absent(distribution)}: "
+                    f"'physic {full_name}' is a command of {distribution}, which is {_why_unavailable(distribution)}: "
                     f"{how_to_install(distribution)}"
                 )
             raise click.exceptions.NoSuchCommand(name, possibilities=self.list_commands(ctx), ctx=ctx)
@@ -78,17 +78,17 @@ class ExtensibleGroup(click.Group):
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the list of commands and their summaries."""
-        summaries = {name: command.record.summary for name, command in self._added().items()}
+        summaries = {name: command.record.summary for name, command in self._plugin_commands().items()}
         summaries |= {name: summary for name, (_, summary) in self.own.items()}
         with formatter.section("Commands"):
             formatter.write_dl(sorted(summaries.items()))
 
 
-def _why_absent(distribution: str) -> str:
-    """Explain why the commands of a known distribution are not available."""
-    from physic_core.discovery.entry_points import find
+def _why_unavailable(distribution: str) -> str:
+    """Return the reason why the commands of a known distribution are not available."""
+    from physic_core.discovery.entry_points import find_plugins
 
-    found = find()
+    found = find_plugins()
     for broken in found.broken:
         if broken.origin.distribution == distribution:
             return f"broken ({broken.cause})"
@@ -103,7 +103,7 @@ def _load(command: InstalledCommand) -> click.Command:
     Raises:
         PluginError: it cannot be imported, or is not a ``click.Command``.
     """
-    from physic_core.discovery.error_text import describe
+    from physic_core.discovery.error_text import describe_error
     from physic_core.errors import PluginError
 
     record = command.record
@@ -112,7 +112,7 @@ def _load(command: InstalledCommand) -> click.Command:
         found = getattr(import_module(module), attribute)
     except (Exception, SystemExit) as error:
         raise PluginError(
-            f"the command '{record.name}' of {command.origin} cannot be imported: {describe(error, module)}"
+            f"the command '{record.name}' of {command.origin} cannot be imported: {describe_error(error, module)}"
         ) from error
     if not isinstance(found, click.Command):
         raise PluginError(

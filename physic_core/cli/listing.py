@@ -1,4 +1,4 @@
-"""Tables and texts of ``physic plugins``."""
+"""Format the tables and descriptions that ``physic plugins`` prints."""
 
 from __future__ import annotations
 
@@ -8,82 +8,82 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from physic_core.discovery.catalog import how_to_install
-from physic_core.discovery.error_text import describe, traceback_text
-from physic_core.discovery.local_modules import split
+from physic_core.discovery.error_text import describe_error, traceback_text
+from physic_core.discovery.local_modules import split_folder
 from physic_core.discovery.readiness import Readiness, missing_requirements, readiness
 from physic_core.errors import BackendError, PhysicError
 
 if TYPE_CHECKING:
-    from physic_core.discovery.registry import Claim, Registry
+    from physic_core.discovery.registry import BackendOffer, Registry
     from physic_core.interfaces import Backend
 
-__all__ = ["as_dicts", "columns", "detail", "in_words", "listing"]
+__all__ = ["describe_backend", "describe_schema", "format_table", "plugins_as_dicts", "plugins_table"]
 
-WIDEST = 40
-"""Maximum characters of a licence or of needs in the table; ``physic plugins show`` and JSON do not shorten them."""
+MAX_CELL_WIDTH = 40
+"""Maximum characters of a licence or of needs in the table; ``physic plugins show`` prints them in full."""
 
 SLOW_SECONDS = 0.5
-"""Seconds after which registration counts as slow and is reported: the module imports too much."""
+"""Registration time above which the status of a backend is "slow": its module imports too much."""
 
 
-def listing(registry: Registry, interface: str | None = None) -> str:
-    """The table of ``physic plugins``."""
+def plugins_table(registry: Registry, interface: str | None = None) -> str:
+    """Format the table of installed backends and broken plugins."""
     rows = [("interface", "backend", "plugin", "version", "weights", "needs", "status")]
-    for claim in registry:
-        record, origin = claim.record, claim.origin
+    for offer in registry:
+        record, origin = offer.record, offer.origin
         if interface in (None, record.interface):
-            # Names of the networks in brackets are for `show`.
+            # The names of the networks, in parentheses, are only printed by `show`.
             weights = re.sub(r"\s*\([^)]*\)", "", record.weights_license) or "-"
             who = (str(record.interface), str(record.name), origin.distribution, origin.version or "-")
-            rows.append((*who, _cut(weights), _cut(_needs(claim)) or "-", _status(registry, claim)))
-    for lost in registry.broken:
-        origin = lost.origin
-        rows.append(("-", "-", origin.distribution, origin.version or "-", "-", "-", f"BROKEN: {lost.cause}"))
+            rows.append((*who, _shorten(weights), _shorten(_needs(offer)) or "-", _status(registry, offer)))
+    for broken in registry.broken:
+        origin = broken.origin
+        rows.append(("-", "-", origin.distribution, origin.version or "-", "-", "-", f"BROKEN: {broken.cause}"))
     if len(rows) == 1:
         what = "no backend is installed" if interface is None else f"no backend for '{interface}' is installed"
         if registry.restriction is not None:
             return f"{what} (PHYSIC_PLUGINS='{registry.restriction}')"
         return f"{what}: {how_to_install('physic-embedded')}"
-    traces = [traceback_text(lost.error).rstrip("\n") for lost in registry.broken]
-    return "\n".join([columns(rows), *filter(None, traces)])
+    traces = [traceback_text(broken.error).rstrip("\n") for broken in registry.broken]
+    return "\n".join([format_table(rows), *filter(None, traces)])
 
 
-def as_dicts(registry: Registry, interface: str | None = None) -> dict[str, Any]:
-    """The table of ``physic plugins`` as JSON-ready dictionaries: backends and broken plugins."""
-    claims = [claim for claim in registry if interface in (None, claim.record.interface)]
+def plugins_as_dicts(registry: Registry, interface: str | None = None) -> dict[str, Any]:
+    """Return the installed backends and broken plugins as dictionaries for JSON."""
+    offers = [offer for offer in registry if interface in (None, offer.record.interface)]
     return {
-        "backends": [_as_dict(registry, claim) for claim in claims],
+        "backends": [_as_dict(registry, offer) for offer in offers],
         "broken": [{**_owner(b.origin), "cause": b.cause} for b in registry.broken],
         "restriction": registry.restriction,
     }
 
 
-def detail(registry: Registry, claim: Claim) -> str:
-    """Describe one backend, including its options."""
-    record, status = claim.record, _status(registry, claim)
-    module = claim.origin.plugin
+def describe_backend(registry: Registry, offer: BackendOffer) -> str:
+    """Format the record, status, files and options of one backend."""
+    record, status = offer.record, _status(registry, offer)
+    module = offer.origin.plugin
     options: list[str] = []
     files: list[str] = []
     source = None
-    if not claim.problem:
+    if not offer.problem:
         try:
-            kind = registry.load_class(claim)
+            kind = registry.load_class(offer)
             source, options = inspect.getsourcefile(kind), _options(kind.Options)
-            files = _files(registry, claim, kind)
-            found = readiness(registry, claim)
-            if found.word in ("ready", "unsure", "not ready") and (lacking := _lacks(kind)):
+            files = _files(registry, offer, kind)
+            found = readiness(registry, offer)
+            if found.word in ("ready", "unsure", "not ready") and (messages := _missing_by_default(kind)):
                 known = (found.why,) if found.word == "not ready" else ()
-                status = str(Readiness("not ready", "; ".join((*known, *lacking))))
-        except Exception as error:  # a plugin's door: its module, or Options of any kind
-            said = str(error) if isinstance(error, BackendError) else describe(error, module)
-            options = [f"  options   unknown: {said}", *filter(None, [traceback_text(error).rstrip("\n")])]
+                status = str(Readiness("not ready", "; ".join((*known, *messages))))
+        except Exception as error:  # a plugin may raise anything
+            text = str(error) if isinstance(error, BackendError) else describe_error(error, module)
+            options = [f"  options   unknown: {text}", *filter(None, [traceback_text(error).rstrip("\n")])]
             status = "BROKEN: see options" if status == "ready" else status
     facts = [
         ("", record.summary),
-        ("plugin", str(claim.origin)),
-        ("class", split(str(record.target))[1]),
+        ("plugin", str(offer.origin)),
+        ("class", split_folder(str(record.target))[1]),
         ("weights", record.weights_license or "none"),
-        ("needs", _needs(claim) or "nothing else"),
+        ("needs", _needs(offer) or "nothing else"),
         ("homepage", record.homepage),
         ("status", status),
         ("source", source or ""),
@@ -94,18 +94,18 @@ def detail(registry: Registry, claim: Claim) -> str:
     return "\n".join(lines + options)
 
 
-def _lacks(kind: type[Backend]) -> tuple[str, ...]:
-    """What a backend with default options reports as missing; empty if it cannot be constructed."""
+def _missing_by_default(kind: type[Backend]) -> tuple[str, ...]:
+    """Return what a backend with default options reports as missing; empty if it cannot be constructed."""
     try:
         return missing_requirements(kind())
-    except Exception:  # a plugin's door: its constructor
+    except Exception:  # a plugin may raise anything
         return ()
 
 
-def _files(registry: Registry, claim: Claim, kind: type[Backend]) -> list[str]:
-    """Paths of the weight sets in its default options, or the folders that are searched."""
-    from physic_core.weights.folders import places_in_words
-    from physic_core.weights.locate import look
+def _files(registry: Registry, offer: BackendOffer, kind: type[Backend]) -> list[str]:
+    """List the paths of the weight sets in a backend's default options, or the folders that are searched."""
+    from physic_core.weights.folders import describe_search_folders
+    from physic_core.weights.locate import locate_files
     from physic_core.weights.manifest import read_manifest
 
     lines = []
@@ -113,30 +113,31 @@ def _files(registry: Registry, claim: Claim, kind: type[Backend]) -> list[str]:
         name = field.get_default()
         for manifest in registry.manifests if isinstance(name, str) else ():
             try:
-                weights = read_manifest(manifest.path).get(name) if manifest.origin == claim.origin else None
+                weights = read_manifest(manifest.path).get(name) if manifest.origin == offer.origin else None
             except PhysicError as error:
                 lines.append(" ".join(str(error).split()))
                 continue
             if weights is not None:
-                here = look(weights)
-                whole = len(here.files) == len(weights.files)
+                here = locate_files(weights)
+                complete = len(here.files) == len(weights.files)
                 found = [here.folder] if here.folder is not None and len(here.files) > 1 else here.files.values()
-                lines.append(", ".join(map(str, found)) if whole else f"'{name}' is sought in {places_in_words(name)}")
+                searched = f"'{name}' is missing; searched: {describe_search_folders(name)}"
+                lines.append(", ".join(map(str, found)) if complete else searched)
     return list(dict.fromkeys(lines))
 
 
-def columns(rows: Sequence[tuple[str, ...]]) -> str:
-    """Format rows as a table; the last column can have any length."""
+def format_table(rows: Sequence[tuple[str, ...]]) -> str:
+    """Format rows of text as a table with aligned columns."""
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]) - 1)]
     return "\n".join("  ".join([*(f"{t:<{w}}" for t, w in zip(row, widths, strict=False)), row[-1]]) for row in rows)
 
 
-def _as_dict(registry: Registry, claim: Claim) -> dict[str, Any]:
-    record, found = claim.record, _readiness(registry, claim)
+def _as_dict(registry: Registry, offer: BackendOffer) -> dict[str, Any]:
+    record, found = offer.record, _readiness(registry, offer)
     return {
         "interface": record.interface,
         "backend": record.name,
-        **_owner(claim.origin),
+        **_owner(offer.origin),
         "api": record.api,
         "summary": record.summary,
         "weights_license": record.weights_license,
@@ -147,7 +148,7 @@ def _as_dict(registry: Registry, claim: Claim) -> dict[str, Any]:
         "target": str(record.target),
         "status": found.word,
         "why": found.why,
-        "seconds_to_register": round(claim.origin.seconds, 4),
+        "seconds_to_register": round(offer.origin.seconds, 4),
     }
 
 
@@ -155,28 +156,29 @@ def _owner(origin: Any) -> dict[str, str]:
     return {"plugin": origin.plugin, "distribution": origin.distribution, "version": origin.version}
 
 
-def _cut(text: str) -> str:
-    return text if len(text) <= WIDEST else f"{text[: WIDEST - 1].rstrip(' ,;:')}…"
+def _shorten(text: str) -> str:
+    return text if len(text) <= MAX_CELL_WIDTH else f"{text[: MAX_CELL_WIDTH - 1].rstrip(' ,;:')}…"
 
 
-def _needs(claim: Claim) -> str:
-    return ", ".join((*claim.record.needs, *claim.record.packages))
+def _needs(offer: BackendOffer) -> str:
+    return ", ".join((*offer.record.needs, *offer.record.packages))
 
 
-def _readiness(registry: Registry, claim: Claim) -> Readiness:
+def _readiness(registry: Registry, offer: BackendOffer) -> Readiness:
     from physic_core.weights.required import missing_sets
 
-    return readiness(registry, claim, missing_sets=missing_sets)
+    return readiness(registry, offer, missing_sets=missing_sets)
 
 
-def _status(registry: Registry, claim: Claim) -> str:
-    found = _readiness(registry, claim)
-    if claim.origin.seconds > SLOW_SECONDS and found.word in ("ready", "unsure", "not ready"):
-        return f"{found}, slow: {claim.origin.seconds:.1f} s to register"
+def _status(registry: Registry, offer: BackendOffer) -> str:
+    found = _readiness(registry, offer)
+    if offer.origin.seconds > SLOW_SECONDS and found.word in ("ready", "unsure", "not ready"):
+        return f"{found}, slow: {offer.origin.seconds:.1f} s to register"
     return str(found)
 
 
 def _options(model: Any) -> list[str]:
+    """Format name, type, default and description of each option."""
     fields, schema = model.model_fields, model.model_json_schema()
     if not fields:
         return ["  options   none"]
@@ -184,16 +186,16 @@ def _options(model: Any) -> list[str]:
     rows = [
         (
             name,
-            in_words(properties.get(name, {}), parts),
+            describe_schema(properties.get(name, {}), parts),
             "required" if field.is_required() else f"default {field.get_default(call_default_factory=True)!r}",
             field.description or "",
         )
         for name, field in fields.items()
     ]
-    return ["  options", *("    " + line for line in columns(rows).splitlines())]
+    return ["  options", *("    " + line for line in format_table(rows).splitlines())]
 
 
-_NAMES = {
+_TYPE_NAMES = {
     "integer": "whole number",
     "number": "number",
     "boolean": "true or false",
@@ -205,20 +207,20 @@ _NAMES = {
 _BOUNDS = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
 
 
-def in_words(schema: dict[str, Any], parts: dict[str, Any]) -> str:
-    """Describe the allowed values of a JSON schema, as in "number > 0, <= 50"."""
+def describe_schema(schema: dict[str, Any], parts: dict[str, Any]) -> str:
+    """Describe the allowed values of a JSON Schema as text, such as "number > 0, <= 50"."""
     if len(schema.get("allOf", ())) == 1:  # pydantic before 2.9
         schema = schema["allOf"][0]
     if "$ref" in schema:
         schema = parts.get(schema["$ref"].rpartition("/")[2], {})
     if "anyOf" in schema:
-        return " or ".join(dict.fromkeys(in_words(part, parts) for part in schema["anyOf"]))
+        return " or ".join(dict.fromkeys(describe_schema(part, parts) for part in schema["anyOf"]))
     if "enum" in schema:
         return " | ".join(map(str, schema["enum"]))
     if "const" in schema:
         return str(schema["const"])
-    word = _NAMES.get(str(schema.get("type")), "value")
+    word = _TYPE_NAMES.get(str(schema.get("type")), "value")
     if isinstance(schema.get("items"), dict) and schema["items"]:
-        word = f"{word} of {in_words(schema['items'], parts)}"
+        word = f"{word} of {describe_schema(schema['items'], parts)}"
     bounds = [f"{sign} {schema[key]:g}" for key, sign in _BOUNDS.items() if key in schema]
     return f"{word} {', '.join(bounds)}" if bounds else word

@@ -1,4 +1,4 @@
-"""``physic plugins``: list the installed backends and show one of them."""
+"""The command ``physic plugins``: list the installed backends, and describe one of them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from physic_core.cli.arguments import class_here, require_interface
+from physic_core.cli.arguments import require_interface, with_current_folder
 from physic_core.cli.groups import ExtensibleGroup
 
 if TYPE_CHECKING:
@@ -31,14 +31,15 @@ def plugins(ctx: click.Context, interface: str | None, as_json: bool) -> None:
     if ctx.invoked_subcommand is None:
         import json
 
-        from physic_core.cli.listing import as_dicts, listing
-        from physic_core.discovery.misplaced import plugins_in_other_groups
+        from physic_core.cli.listing import plugins_as_dicts, plugins_table
+        from physic_core.discovery.misregistered import find_plugins_in_other_groups
         from physic_core.discovery.plugins import discover
 
         require_interface(interface)
         found = discover()
-        click.echo(json.dumps(as_dicts(found, interface), indent=2) if as_json else listing(found, interface))
-        if unread := plugins_in_other_groups():
+        text = json.dumps(plugins_as_dicts(found, interface), indent=2) if as_json else plugins_table(found, interface)
+        click.echo(text)
+        if unread := find_plugins_in_other_groups():
             names = ", ".join(str(plugin.origin) for plugin in unread)
             click.echo(f"not read, wrong entry-point group: {names}; see `physic plugins doctor`", err=True)
 
@@ -49,15 +50,15 @@ def show(name: str) -> None:
     """Show the options, licence and source of the backends called NAME."""
     from physic_core.discovery.plugins import discover
 
-    click.echo(details(discover(), class_here(name)))
+    click.echo(details(discover(), with_current_folder(name)))
 
 
 def details(registry: Registry, name: str) -> str:
-    """Return the text of ``physic plugins show NAME``.
+    """Format the descriptions of all backends with a name.
 
     Raises:
         BackendNotFoundError: no backend has this name.
     """
-    from physic_core.cli.listing import detail
+    from physic_core.cli.listing import describe_backend
 
-    return "\n\n".join(detail(registry, claim) for claim in registry.called(name))
+    return "\n\n".join(describe_backend(registry, offer) for offer in registry.find_by_name(name))

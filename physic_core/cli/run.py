@@ -1,4 +1,4 @@
-"""``physic run``: reconstruct one photo and write a folder of results."""
+"""The command ``physic run``: reconstruct one photo and write a folder of results."""
 
 from __future__ import annotations
 
@@ -24,6 +24,8 @@ __all__ = ["run"]
 
 
 class _Intrinsics(click.ParamType[Any]):
+    """Four numbers fx,fy,cx,cy."""
+
     name = "fx,fy,cx,cy"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
@@ -47,6 +49,18 @@ class _Path(click.ParamType[Path]):
         return Path(value)
 
 
+def _setting(option: str, path: str, **attributes: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Add an option that sets the configuration value at a dotted path, in the context's object."""
+
+    def store(ctx: click.Context, parameter: click.Parameter, given: Any) -> None:
+        if given is not None and given is not False:
+            table, _, key = path.partition(".")
+            value = False if option.startswith("--no-") else given
+            ctx.ensure_object(dict)[option] = {table: {key: value}}
+
+    return click.option(option, callback=store, expose_value=False, **attributes)
+
+
 _OUT = (
     "Folder for the results.  [default: photo-physic for photo.jpg; photo.jpg-physic, photo.jpg-physic-2, ... if taken]"
 )
@@ -54,82 +68,59 @@ _OUT = (
 
 @click.command()
 @click.argument("photo", type=_Path())
-@click.option(
-    "-o",
-    "--out",
-    type=_Path(),
-    help=_OUT,
-)
-@click.option(
-    "--overwrite",
-    is_flag=True,
-    help="Replace another photo's result, or changed files of a result.",
-)
+@click.option("-o", "--out", type=_Path(), help=_OUT)
+@click.option("--overwrite", is_flag=True, help="Replace another photo's result, or changed files of a result.")
 @click.option("--config", "file", metavar="FILE", type=_Path(), help="A TOML file, or reconstruction.json of a run.")
 @click.option("--preset", metavar="NAME", help="Preset to build on.  [default: embedded]")
 @click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Change one value; may be repeated.")
-@click.option("--focal-px", type=float, metavar="PX", help="Focal length in px of the photo file.")
-@click.option("--intrinsics", type=_Intrinsics(), help="Camera in px of the photo file.")
-@click.option("--device", metavar="NAME", help="cpu, cuda or cuda:N.")
-@click.option("--low-memory", is_flag=True, help="Close each backend right after its last use.")
-@click.option("--no-cache", is_flag=True, help="Do not read or write the cache of backends' outputs.")
+@_setting("--focal-px", "photo.focal_px", type=float, metavar="PX", help="Focal length in px of the photo file.")
+@_setting("--intrinsics", "photo.intrinsics", type=_Intrinsics(), help="Camera in px of the photo file.")
+@_setting("--device", "run.device", metavar="NAME", help="cpu, cuda or cuda:N.")
+@_setting("--low-memory", "run.low_memory", is_flag=True, help="Close each backend right after its last use.")
+@_setting("--no-cache", "run.cache", is_flag=True, help="Do not read or write the cache of backends' outputs.")
+@click.pass_context
 def run(
+    ctx: click.Context,
     photo: Path,
     out: Path | None,
     overwrite: bool,
     file: Path | None,
     preset: str | None,
     overrides: tuple[str, ...],
-    focal_px: float | None,
-    intrinsics: tuple[float, ...] | None,
-    device: str | None,
-    low_memory: bool,
-    no_cache: bool,
 ) -> None:
     """Reconstruct people, scene and contact from PHOTO."""
-    if focal_px is not None and intrinsics is not None:
-        raise click.UsageError("--focal-px and --intrinsics say the same thing: give one of them")
+    flags: dict[str, dict[str, Any]] = ctx.ensure_object(dict)
+    if "--focal-px" in flags and "--intrinsics" in flags:
+        raise click.UsageError("--focal-px and --intrinsics both set the camera: give one of them")
     if file is not None and preset is not None:
-        raise click.UsageError('--config names its preset itself, with extends = "NAME": leave --preset out')
+        raise click.UsageError('--preset cannot be combined with --config: write extends = "NAME" into the file')
 
-    from physic_core.configuration.resolve import load_checked, require_available, resolve
+    from physic_core.configuration.resolve import load_checked_config, require_available, resolve
     from physic_core.discovery.plugins import discover
 
-    flags: dict[str, dict[str, Any]] = {}
-    if focal_px is not None:
-        flags["--focal-px"] = {"photo": {"focal_px": focal_px}}
-    if intrinsics is not None:
-        flags["--intrinsics"] = {"photo": {"intrinsics": list(intrinsics)}}
-    if device is not None:
-        flags["--device"] = {"run": {"device": device}}
-    if low_memory:
-        flags["--low-memory"] = {"run": {"low_memory": True}}
-    if no_cache:
-        flags["--no-cache"] = {"run": {"cache": False}}
-
-    # What fails cheaply fails first: nothing is loaded before config, files, device and output folder have held.
+    # Fast checks come first: no network is loaded before config, files, device and output folder are checked.
     registry = discover()
-    config = load_checked(registry, file, preset=preset, overrides=overrides, flags=flags)
+    config = load_checked_config(registry, file, preset=preset, overrides=overrides, flags=flags)
     plan = resolve(config, registry)
     require_available(plan)
-    with _terminable(), _reserved(photo, out, overwrite) as folder:
+    with _sigterm_as_exception(), _reserve_folder(photo, out, overwrite) as folder:
         from physic_core.pipeline.run import reconstruct_photo
 
-        with _said_by_plugins() as said, _progress() as progress:
+        with _collect_plugin_messages() as messages, _show_progress() as progress:
             result = reconstruct_photo(photo, plan, progress=progress)
             result.save(str(folder), overwrite=overwrite)
-    for line in said:
+    for line in messages:
         click.echo(line, err=True)
     click.echo(_summary(result, folder))
 
 
 class _Terminated(BaseException):
-    """The process received SIGTERM; not an Exception, so that no plugin error handler catches it."""
+    """The process received SIGTERM; a BaseException, so that no handler of plugin errors catches it."""
 
 
 @contextmanager
-def _terminable() -> Iterator[None]:
-    """Turn SIGTERM into an exception, so that cleanup runs as for Ctrl-C, and then end the process."""
+def _sigterm_as_exception() -> Iterator[None]:
+    """Convert SIGTERM to an exception, so that cleanup runs as for Ctrl-C, and then end the process."""
     before = signal.getsignal(signal.SIGTERM)
     if threading.current_thread() is not threading.main_thread() or before is not signal.SIG_DFL:
         yield
@@ -149,10 +140,10 @@ def _terminable() -> Iterator[None]:
 
 
 @contextmanager
-def _reserved(photo: Path, out: Path | None, overwrite: bool) -> Iterator[Path]:
-    """Yield an output folder that is writable and loses no data; an empty one is deleted at the end.
+def _reserve_folder(photo: Path, out: Path | None, overwrite: bool) -> Iterator[Path]:
+    """Check and yield the output folder; it must be writable, and no data may be lost.
 
-    This is checked before the run, which can take minutes.
+    After an error, new empty folders are deleted.
     """
     from physic_core.files.atomic import check_writable
     from physic_core.io.result_folder import check_overwrite
@@ -160,9 +151,9 @@ def _reserved(photo: Path, out: Path | None, overwrite: bool) -> Iterator[Path]:
     digest = _digest(photo)
     folder, made = (out, []) if out is not None else _default_folder(photo, digest, overwrite)
     parts = [*reversed(folder.absolute().parents), folder.absolute()]
-    made += [part for part in parts if not os.path.exists(part)]  # Path's own raises where the way there is closed
+    made += [part for part in parts if not os.path.exists(part)]  # Path.exists raises PermissionError
     try:
-        if digest:  # otherwise reading the photo reports the error
+        if digest:  # otherwise the run reports the unreadable photo
             check_overwrite(folder, digest, overwrite=overwrite)
         check_writable(folder)
         yield folder
@@ -172,7 +163,7 @@ def _reserved(photo: Path, out: Path | None, overwrite: bool) -> Iterator[Path]:
 
 
 def _digest(photo: Path) -> str:
-    """Digests of the photo, if it can be read."""
+    """Return the digest of the photo's pixels, else of its file; "" if the file cannot be read."""
     from physic_core.errors import InputError
     from physic_core.io.photo import read_photo
     from physic_core.io.result_folder import file_digest, photo_digest
@@ -185,9 +176,9 @@ def _digest(photo: Path) -> str:
 
 
 def _default_folder(photo: Path, digest: str, overwrite: bool) -> tuple[Path, list[Path]]:
-    """Return the first folder named after the photo that is new or has its own result, and created folders.
+    """Return the first folder named after the photo that is new or has a result of the photo, and created folders.
 
-    A new folder is created at once, so that two simultaneous runs use different ones.
+    The folder is created at once, so that two simultaneous runs use different folders.
     """
     from physic_core.io.result_folder import photo_of_result, same_photo
 
@@ -201,11 +192,11 @@ def _default_folder(photo: Path, digest: str, overwrite: bool) -> tuple[Path, li
             folder.mkdir()
             made = True
         except FileExistsError:
-            whose = photo_of_result(folder)
-            if whose is None or not (overwrite or same_photo(whose, digest)):
+            existing = photo_of_result(folder)
+            if existing is None or not (overwrite or same_photo(existing, digest)):
                 continue
         except OSError:
-            pass  # writing there reports the error
+            pass  # the check of the folder reports the error
         if folder != first:
             click.echo(f"{first}{os.sep} is taken: results go to {folder}{os.sep}", err=True)
         return folder, [folder] * made
@@ -213,22 +204,22 @@ def _default_folder(photo: Path, digest: str, overwrite: bool) -> tuple[Path, li
 
 
 def _remove(folders: list[Path]) -> None:
-    """Delete the folders that were created, if they are empty."""
+    """Delete folders, the last first, if they are empty."""
     for folder in reversed(folders):
-        with suppress(OSError):  # the deepest may never have been made
+        with suppress(OSError):  # it is not empty, or was never created
             folder.rmdir()
 
 
 @contextmanager
-def _said_by_plugins() -> Iterator[list[str]]:
-    """Collect the INFO log lines of plugins named ``physic_*``, each once, such as the device that is used."""
-    said: list[str] = []
+def _collect_plugin_messages() -> Iterator[list[str]]:
+    """Yield a list that collects the distinct INFO log messages of packages named ``physic_*``."""
+    messages: list[str] = []
 
     class Listener(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
             if record.name.startswith("physic_") and record.levelno == logging.INFO:
-                if record.getMessage() not in said:
-                    said.append(record.getMessage())
+                if record.getMessage() not in messages:
+                    messages.append(record.getMessage())
             elif record.levelno >= logging.WARNING and len(root.handlers) == 1 and logging.lastResort:
                 logging.lastResort.handle(record)  # the default output of records without a handler
 
@@ -237,15 +228,15 @@ def _said_by_plugins() -> Iterator[list[str]]:
     root.addHandler(listener)
     root.setLevel(min(level, logging.INFO))
     try:
-        yield said
+        yield messages
     finally:
         root.removeHandler(listener)
         root.setLevel(level)
 
 
 @contextmanager
-def _progress() -> Iterator[Callable[[str, int, int], None]]:
-    """Progress bar on a terminal, otherwise one line for each stage; on stderr, so that stdout has only the summary."""
+def _show_progress() -> Iterator[Callable[[str, int, int], None]]:
+    """Yield a progress callback: a bar on a terminal, otherwise one line for each stage; on stderr."""
     if not sys.stderr.isatty():
         yield lambda name, done, total: click.echo(f"[{done + 1}/{total}] {name}", err=True)
         return
@@ -273,10 +264,10 @@ def _summary(result: Reconstruction, folder: Path) -> str:
     seconds = sum(s.seconds for s in result.stages)
     loading = sum(s.load_seconds for s in result.stages)
     lines = [f"{people} {'person' if people == 1 else 'people'} in {seconds:.1f} s, and {loading:.1f} s to load models"]
-    asked = [s for s in result.stages if s.provenance is not None]
-    cached = sum(s.cached for s in asked)
+    backends = [s for s in result.stages if s.provenance is not None]
+    cached = sum(s.cached for s in backends)
     if cached:
-        lines.append(f"{cached} of {len(asked)} answers of backends come from the cache; --no-cache asks them all")
+        lines.append(f"{cached} of {len(backends)} outputs of backends come from the cache; --no-cache runs them all")
     for i, person in enumerate(result.people):
         touching = int(person.contact.sum())
         failed = f"; check: {', '.join(person.failed_checks)}" if person.failed_checks else ""

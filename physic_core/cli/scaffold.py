@@ -1,4 +1,4 @@
-"""``physic plugins new``: create the files of a new plugin."""
+"""The command ``physic plugins new``: write the files of a new plugin."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ __all__ = ["new"]
 def new(name: str, interface: str, folder: Path | None) -> None:
     """Create a plugin, physic-NAME, with one backend called NAME that passes the conformance kit.
 
-    Then replace the placeholder by your own code.
+    Then replace the example code by your own.
     """
     from physic_core.discovery.plugins import core_version, discover
     from physic_core.interfaces import INTERFACES
-    from physic_core.scaffold.package import Names, write
+    from physic_core.scaffold.package import PluginNames, write_plugin
 
     require_interface(interface)
     backend = name.removeprefix("physic-")
-    taken = [claim for claim in discover() if (claim.record.interface, claim.record.name) == (interface, backend)]
+    taken = [offer for offer in discover() if (offer.record.interface, offer.record.name) == (interface, backend)]
     if taken:
         raise click.UsageError(f"{taken[0]} is installed already: choose another name")
-    names = Names(backend, interface)
+    names = PluginNames(backend, interface)
     target = folder or Path(names.distribution)
-    for file in write(target, names, core_version(), INTERFACES[interface].api):
+    for file in write_plugin(target, names, core_version(), INTERFACES[interface].api):
         click.echo(f"wrote {file}")
     click.echo(f"next: pip install -e {target} && physic plugins check {names.backend}")

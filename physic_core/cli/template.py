@@ -1,4 +1,4 @@
-"""The file that ``physic config init`` writes: every key with its value, meaning and allowed values."""
+"""Write a configuration file with every key, its value, meaning and allowed values, commented out."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, Any, get_type_hints
 
-from physic_core.cli.listing import in_words
+from physic_core.cli.listing import describe_schema
 from physic_core.cli.toml import toml_value
-from physic_core.configuration.model import load_config, settings_table, stage_tables
+from physic_core.configuration.model import load_config, settings_model, stage_models
 from physic_core.engine.settings import EngineSettings
 from physic_core.errors import BackendError
 from physic_core.interfaces import INTERFACES
@@ -22,23 +22,23 @@ if TYPE_CHECKING:
     from physic_core.configuration.model import Config
     from physic_core.discovery.registry import Registry
 
-__all__ = ["template"]
+__all__ = ["config_template"]
 
 _WIDTH = 118
 _HEAD = """\
 ## Every setting, with the value that it has in this preset. To change one, remove the single # of its line and of the
-## [table] that it is in. Lines with ## are explanations. Settings that have no value are named there.
+## [table] that it is in. Lines with ## are explanations. They also name the settings without a value.
 """
 
 
-def template(preset: str, registry: Registry) -> str:
-    """Return a configuration that extends a preset, with every other line commented out.
+def config_template(preset: str, registry: Registry) -> str:
+    """Return the text of a configuration that extends a preset, with all settings commented out.
 
-    Without the single # at the start of its lines, it is equal to the preset.
+    The values are those of the preset.
 
     Args:
-        preset: its name.
-        registry: of the backends whose options are listed.
+        preset: name of the preset.
+        registry: backends for the list of options.
     """
     found = load_config(preset=preset)
     lines = [f'extends = "{preset}"', "", _HEAD.rstrip()]
@@ -46,7 +46,7 @@ def template(preset: str, registry: Registry) -> str:
         lines += _interface(found, interface, registry)
     for name in ("photo", "body_model", "run", "engine"):
         model = getattr(found, name)
-        own = {key: getattr(model, key) for key in type(model).model_fields if key not in stage_tables()}
+        own = {key: getattr(model, key) for key in type(model).model_fields if key not in stage_models()}
         lines += _table(name, own, _meanings(type(model)))
     settings = found.engine.settings()
     for stage in fields(settings):
@@ -86,17 +86,17 @@ def _prose(text: str) -> list[str]:
 
 
 def _meanings(model: type[BaseModel]) -> dict[str, str]:
-    """Meaning and allowed values of each field of a pydantic model."""
+    """Return the meaning and allowed values of each field of a pydantic model."""
     schema = model.model_json_schema()
     properties, parts = schema.get("properties", {}), schema.get("$defs", {})
     return {
-        name: _with_kind(field.description or "", in_words(properties.get(name, {}), parts))
+        name: _with_kind(field.description or "", describe_schema(properties.get(name, {}), parts))
         for name, field in model.model_fields.items()
     }
 
 
 def _settings(name: str, settings: Any) -> list[str]:
-    """Format settings of the engine as a table, with one more table for each nested settings object."""
+    """Format engine settings as a TOML table, followed by the tables of nested settings."""
     values = {field.name: getattr(settings, field.name) for field in fields(settings)}
     own = {key: value for key, value in values.items() if not is_dataclass(value)}
     lines = _table(name, own, _engine_meanings(type(settings)), type(settings))
@@ -107,12 +107,12 @@ def _settings(name: str, settings: Any) -> list[str]:
 
 
 def _engine_meanings(kind: type) -> dict[str, str]:
-    """Meaning of each setting from the docstring, and its type from the annotation."""
-    schema = settings_table(kind).model_json_schema()
-    parts, said = schema.get("$defs", {}), _attributes(kind)
+    """Return the meaning of each setting from its docstring, and the type from its annotation."""
+    schema = settings_model(kind).model_json_schema()
+    parts, meanings = schema.get("$defs", {}), _attributes(kind)
     return {
-        # Every key is optional, but "unset" is not an allowed value.
-        name: _with_kind(said.get(name, ""), in_words(one, parts).removesuffix(" or unset"))
+        # All keys are optional in the model, but "unset" is no allowed value.
+        name: _with_kind(meanings.get(name, ""), describe_schema(one, parts).removesuffix(" or unset"))
         for name, one in schema["properties"].items()
     }
 
@@ -122,7 +122,7 @@ def _with_kind(meaning: str, kind: str) -> str:
 
 
 def _attributes(kind: type) -> dict[str, str]:
-    """Parse the ``Attributes:`` section of a docstring: name -> text."""
+    """Parse the ``Attributes:`` section of a docstring into texts by attribute name."""
     _, _, section = inspect.cleandoc(kind.__doc__ or "").partition("Attributes:\n")
     found = re.finditer(r"^    (\w+): (.*(?:\n {8}.*)*)", section, re.M)
     return {one[1]: _plain(" ".join(one[2].split())) for one in found}

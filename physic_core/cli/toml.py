@@ -1,4 +1,4 @@
-"""Format plain values as TOML."""
+"""Format Python values as TOML."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["toml_value"]
 
 
 def toml_value(value: Any) -> str:
-    """Format a plain value as TOML."""
+    """Format a bool, number, text, list or dictionary as TOML."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float) and not math.isfinite(value):

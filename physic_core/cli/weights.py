@@ -1,4 +1,4 @@
-"""``physic weights``: list, download and verify the weights of installed plugins."""
+"""The command ``physic weights``: list, download and verify the weights of installed plugins."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from physic_core.cli.exit_codes import INTERRUPTED, WEIGHTS
-from physic_core.cli.listing import columns
+from physic_core.cli.listing import format_table
 from physic_core.errors import PhysicError
 
 if TYPE_CHECKING:
     from physic_core.weights.fetch import Progress
-    from physic_core.weights.library import Library, Listed
+    from physic_core.weights.library import ListedWeights, WeightLibrary
 
 __all__ = ["weights"]
 
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
-_USE = {True: "yes", False: "NO", None: "not said"}
+_USE = {True: "yes", False: "NO", None: "not stated"}
 
 
 @click.group()
 def weights() -> None:
     """List, download and verify the weights that plugins need.
 
-    Searched are the folders of PHYSIC_WEIGHTS, your cache folder, and the cache of Hugging Face. Only `fetch` uses the
+    The folders in PHYSIC_WEIGHTS, your cache folder and the cache of Hugging Face are searched. Only `fetch` uses the
     network.
     """
 
@@ -57,14 +57,14 @@ def list_(missing: bool, as_json: bool) -> None:
         )
     for origin, why in library.broken:
         rows.append(("-", origin.distribution, "-", "-", "-", "BROKEN", " ".join(why.split())))
-    click.echo(columns(rows) if len(rows) > 1 else "nothing is missing" if missing else "no plugin lists weights")
+    click.echo(format_table(rows) if len(rows) > 1 else "nothing is missing" if missing else "no plugin lists weights")
 
 
 @weights.command()
 @click.argument("name")
 @_JSON
 def show(name: str, as_json: bool) -> None:
-    """Show the weight set NAME: licence, files, sources, and paths or searched folders."""
+    """Show the weight set NAME: licence, files, sources, and their paths or the searched folders."""
     one = _library().get(name)
     click.echo(json.dumps(_as_dict(one), indent=2) if as_json else _details(one))
 
@@ -82,15 +82,15 @@ def show(name: str, as_json: bool) -> None:
     "--to",
     type=click.Path(path_type=Path, file_okay=False),
     metavar="FOLDER",
-    help="Download to this folder, for a machine without network. Set PHYSIC_WEIGHTS to it there.",
+    help="Download to this folder, to copy it to a machine without network. Set PHYSIC_WEIGHTS to it there.",
 )
 @click.pass_context
 def fetch(ctx: click.Context, names: tuple[str, ...], accept: bool, to: Path | None) -> None:
-    """Download the missing files of the weight sets NAME..., and verify their size and hash.
+    """Download the missing files of the weight sets NAME..., and verify their size and SHA-256.
 
-    An interrupted download continues the next time. Exits with code 4 if a file is still missing.
+    The next call resumes an interrupted download. Exits with code 4 if a file is still missing.
     """
-    from physic_core.weights.fetch import fetch as bring
+    from physic_core.weights.fetch import fetch as fetch_set
 
     library = _library()
     chosen = [library.get(name) for name in dict.fromkeys(names)]
@@ -99,16 +99,18 @@ def fetch(ctx: click.Context, names: tuple[str, ...], accept: bool, to: Path | N
         name = one.weights.name
         try:
             with _progress(name) as progress:
-                fetched = bring(one.weights, accept=accept, to=to, progress=progress)
+                fetched = fetch_set(one.weights, accept=accept, to=to, progress=progress)
         except PhysicError as error:
             failed = True
             click.echo(f"{name}: {error}", err=True)
         except KeyboardInterrupt:
-            click.echo(f"{name}: interrupted; what has come is kept, and the next fetch goes on from there", err=True)
+            click.echo(f"{name}: interrupted; the partial download is kept, and the next one resumes", err=True)
             ctx.exit(INTERRUPTED)
         else:
-            where = to / name if to is not None else _where(one)
-            click.echo(f"{name}: {', '.join(fetched)} fetched, in {where}" if fetched else f"{name}: here, in {where}")
+            where = to / name if to is not None else _location(one)
+            click.echo(
+                f"{name}: {', '.join(fetched)} downloaded to {where}" if fetched else f"{name}: already in {where}"
+            )
     ctx.exit(WEIGHTS if failed else 0)
 
 
@@ -117,17 +119,17 @@ def fetch(ctx: click.Context, names: tuple[str, ...], accept: bool, to: Path | N
 @_JSON
 @click.pass_context
 def verify(ctx: click.Context, names: tuple[str, ...], as_json: bool) -> None:
-    """Compare files with their published size and SHA-256; all sets, or only those called NAME.
+    """Compare the files of all weight sets, or of the sets NAME..., with their published size and SHA-256.
 
-    Exits with code 4 if a file differs, or if a file of a set called NAME is missing.
+    Exits with code 4 if a file differs, or if a file of a set NAME is missing.
     """
-    from physic_core.weights.locate import look
-    from physic_core.weights.verify import difference
+    from physic_core.weights.locate import locate_files
+    from physic_core.weights.verify import describe_mismatch
 
     library = _library()
     rows: list[dict[str, str]] = []
     for one in [library.get(name) for name in dict.fromkeys(names)] or library.sets:
-        here = look(one.weights).files
+        here = locate_files(one.weights).files
         for file in one.weights.files:
             path = here.get(file.path)
             entry = {"weights": one.weights.name, "file": file.path, "path": str(path or "")}
@@ -136,12 +138,14 @@ def verify(ctx: click.Context, names: tuple[str, ...], as_json: bool) -> None:
                     rows.append(entry | {"state": "missing", "note": ""})
                 continue
             try:
-                wrong = difference(path, file)
+                wrong = describe_mismatch(path, file)
             except OSError as error:
                 wrong = f"it cannot be read ({error.strerror})"
-            held = [word for word, known in (("size", file.bytes), ("SHA-256", file.sha256)) if known is not None]
+            compared = [word for word, known in (("size", file.bytes), ("SHA-256", file.sha256)) if known is not None]
             note = wrong or (
-                "" if "SHA-256" in held else f"held against {held[0] if held else 'nothing'}: no more is published"
+                ""
+                if "SHA-256" in compared
+                else f"{'only the size' if compared else 'neither size nor SHA-256'} is published"
             )
             rows.append(entry | {"state": "DIFFERS" if wrong else "ok", "note": note})
             if not as_json:
@@ -162,7 +166,7 @@ def verify(ctx: click.Context, names: tuple[str, ...], as_json: bool) -> None:
 @click.argument("name")
 @click.argument("file", required=False)
 def where(name: str, file: str | None) -> None:
-    """Print only the path of the weight set NAME, or of one FILE in it."""
+    """Print only the path of the weight set NAME, or of its FILE."""
     from physic_core.discovery.plugins import discover
     from physic_core.weights.library import read_library
     from physic_core.weights.locate import locate
@@ -173,7 +177,7 @@ def where(name: str, file: str | None) -> None:
     click.echo(locate(manifest.path, one.weights.name, file))
 
 
-def _library() -> Library:
+def _library() -> WeightLibrary:
     from physic_core.discovery.plugins import discover
     from physic_core.weights.library import read_library
 
@@ -185,11 +189,11 @@ def _echo_row(row: dict[str, str]) -> None:
     click.echo(f"{row['state']:<8} {row['weights']} {row['file']}{end}")
 
 
-def _state(one: Listed) -> str:
-    """State of a set: missing, incomplete, or present; sizes are compared, hashes only by `verify`."""
-    from physic_core.weights.locate import look
+def _state(one: ListedWeights) -> str:
+    """Return whether a weight set is missing, incomplete or present; compares sizes, not hashes."""
+    from physic_core.weights.locate import locate_files
 
-    here = look(one.weights)
+    here = locate_files(one.weights)
     if not here.files:
         return "missing"
     if len(here.files) < len(one.weights.files):
@@ -198,27 +202,27 @@ def _state(one: Listed) -> str:
     return "here" if all(sizes) else "here, DIFFERS"
 
 
-def _where(one: Listed) -> str:
-    """Paths of a set."""
-    from physic_core.weights.locate import look
+def _location(one: ListedWeights) -> str:
+    """Return the folder or the file paths of a weight set, as text."""
+    from physic_core.weights.locate import locate_files
 
-    here = look(one.weights)
+    here = locate_files(one.weights)
     if len(here.files) == 1 or here.folder is None:
         return ", ".join(map(str, here.files.values()))
     return str(here.folder)
 
 
-def _details(one: Listed) -> str:
-    from physic_core.weights.fetch import terms
-    from physic_core.weights.folders import places_in_words
-    from physic_core.weights.locate import look, way_to_get
+def _details(one: ListedWeights) -> str:
+    from physic_core.weights.fetch import format_licence
+    from physic_core.weights.folders import describe_search_folders
+    from physic_core.weights.locate import how_to_get, locate_files
 
-    found, here = one.weights, look(one.weights)
+    found, here = one.weights, locate_files(one.weights)
     state = _state(one)
-    lines = [f"weights '{found.name}'", f"  {found.summary}", f"  plugin      {one.origin}", terms(found)]
+    lines = [f"weights '{found.name}'", f"  {found.summary}", f"  plugin      {one.origin}", format_licence(found)]
     lines.append(f"  state       {state}")
     if not state.startswith("here"):
-        lines += [f"  to get it   {way_to_get(found)}", f"  sought in   {places_in_words(found.name)}"]
+        lines += [f"  to get it   {how_to_get(found)}", f"  searched    {describe_search_folders(found.name)}"]
     elif found.advice:
         lines.append(f"  advice      {found.advice}")
     for file in found.files:
@@ -229,12 +233,12 @@ def _details(one: Listed) -> str:
     return "\n".join(lines)
 
 
-def _as_dict(one: Listed) -> dict[str, Any]:
+def _as_dict(one: ListedWeights) -> dict[str, Any]:
     from dataclasses import asdict
 
-    from physic_core.weights.locate import look
+    from physic_core.weights.locate import locate_files
 
-    here = look(one.weights).files
+    here = locate_files(one.weights).files
     table = asdict(one.weights)
     files = [entry | {"here": str(here.get(entry["path"], ""))} for entry in table.pop("files")]
     owner = {"distribution": one.origin.distribution, "version": one.origin.version}
@@ -242,24 +246,24 @@ def _as_dict(one: Listed) -> dict[str, Any]:
 
 
 def _size(size: int | None) -> str:
-    from physic_core.weights.locate import size_in_words
+    from physic_core.weights.locate import format_size
 
-    return size_in_words(size) or "-"
+    return format_size(size) or "-"
 
 
 @contextmanager
 def _progress(name: str) -> Iterator[Progress]:
-    """Progress bar for each file on a terminal, otherwise one line for each file; on stderr."""
+    """Yield a progress callback: a bar for each file on a terminal, otherwise one line for each file; on stderr."""
     if not sys.stderr.isatty():
-        begun: set[str] = set()
+        started: set[str] = set()
 
-        def say(file: str, done: int, total: int | None) -> None:
-            if file not in begun:
-                begun.add(file)
-                onward = f", {_size(done)} are here" if done else ""
-                click.echo(f"{name}: {file} ({_size(total)}){onward}", err=True)
+        def print_line(file: str, done: int, total: int | None) -> None:
+            if file not in started:
+                started.add(file)
+                resumed = f", resumed at {_size(done)}" if done else ""
+                click.echo(f"{name}: {file} ({_size(total)}){resumed}", err=True)
 
-        yield say
+        yield print_line
         return
     from rich.console import Console
     from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn, TransferSpeedColumn

@@ -1,7 +1,7 @@
-"""Layers of a configuration: presets, files, environment, ``--set`` and flags; later ones override earlier ones.
+"""Read and merge the layers of a configuration: presets, files, environment variables, ``--set`` and flags.
 
-A layer is a label and a nested dictionary. The label of the layer that set a value is stored. Errors and ``physic
-config show`` use it to name the file, variable or flag.
+A layer is a label and a nested dictionary. Later layers override earlier ones. For each value, the label of its layer
+is stored: errors and ``physic config show`` use it to name the file, variable or flag.
 """
 
 from __future__ import annotations
@@ -15,38 +15,47 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from physic_core.configuration.faults import closest
-from physic_core.discovery.claims import normal_name
-from physic_core.discovery.local_modules import in_folder
+from physic_core.configuration.problems import did_you_mean
+from physic_core.discovery.local_modules import with_folder
+from physic_core.discovery.offers import canonicalize_name
 from physic_core.errors import ConfigError
 from physic_core.files.strict_json import from_json
 from physic_core.interfaces import INTERFACES
 
-__all__ = ["Layer", "environment_layers", "is_path", "merge", "override_layers", "preset_names", "read", "source_of"]
+__all__ = [
+    "Layer",
+    "environment_layers",
+    "is_path",
+    "merge_layers",
+    "override_layers",
+    "preset_names",
+    "read_layers",
+    "source_of",
+]
 
 Layer = tuple[str, Mapping[str, Any]]
-"""Label, tables."""
+"""One source of settings: its label, and its tables as nested dictionaries."""
 
-_VARIABLE = "PHYSIC__"
-_EXCLUSIVE = (("photo", ("focal_px", "intrinsics")), ("body_model", ("name", "path")))
+_VARIABLE_PREFIX = "PHYSIC__"
+_ALTERNATIVE_KEYS = (("photo", ("focal_px", "intrinsics")), ("body_model", ("name", "path")))
 """Alternative keys of a table: a layer that sets one removes the others of earlier layers."""
 
-_LARGEST = {".toml": 1_000_000, ".json": 100_000_000}
-"""Bytes of a config file; every setting written out takes 40,000, and the result of a photo of 40 people 200,000."""
+_MAX_BYTES = {".toml": 1_000_000, ".json": 100_000_000}
+"""Maximum size of a config file, bytes. A file with every setting has 40,000, a result with 40 people 200,000."""
 
 
 def preset_names() -> tuple[str, ...]:
-    """Names of the presets in this package, sorted."""
+    """Return the sorted names of the presets in this package."""
     return tuple(sorted(p.name[:-5] for p in _presets().iterdir() if p.name.endswith(".toml")))
 
 
 def is_path(name: str) -> bool:
-    """Whether a text is the path of a file and not the name of a preset."""
+    """Return whether a text is the path of a file, not the name of a preset."""
     return name.endswith((".toml", ".json")) or "/" in name or os.sep in name
 
 
-def read(file: str | os.PathLike[str] | None, base: str) -> list[Layer]:
-    """Read the layers of a file and of everything that it extends, or of a preset.
+def read_layers(file: str | os.PathLike[str] | None, base: str) -> list[Layer]:
+    """Read the layers of a configuration file and of the files that it extends, or of a preset.
 
     Args:
         file: a TOML file, or the ``reconstruction.json`` of a run, which extends nothing; None for the preset only.
@@ -59,16 +68,14 @@ def read(file: str | os.PathLike[str] | None, base: str) -> list[Layer]:
 
 
 def environment_layers(environment: Mapping[str, str]) -> list[Layer]:
-    """Layers of environment variables: ``PHYSIC__INPAINTER__BACKEND=telea`` sets ``inpainter.backend``.
-
-    Empty variables are ignored.
+    """Return a layer for each environment variable such as ``PHYSIC__INPAINTER__BACKEND=telea``; ignore empty ones.
 
     Raises:
         ConfigError: the name of a variable is not a valid setting.
     """
     layers: list[Layer] = []
-    for name in sorted(n for n, value in environment.items() if n.startswith(_VARIABLE) and value.strip()):
-        path = name.removeprefix(_VARIABLE).lower().replace("__", ".")
+    for name in sorted(n for n, value in environment.items() if n.startswith(_VARIABLE_PREFIX) and value.strip()):
+        path = name.removeprefix(_VARIABLE_PREFIX).lower().replace("__", ".")
         if not re.fullmatch(r"\w+(\.\w+)*", path) or path.startswith("_") or "._" in path:
             raise ConfigError(f"the variable {name} names no setting: write PHYSIC__INPAINTER__BACKEND=telea")
         layers.append((name, _assignment(path, environment[name], f"the variable {name}={environment[name]}")))
@@ -76,19 +83,19 @@ def environment_layers(environment: Mapping[str, str]) -> list[Layer]:
 
 
 def override_layers(overrides: Sequence[str]) -> list[Layer]:
-    """Layers of ``--set a.b=c``; c is TOML, or a string without quotes.
+    """Return a layer for each text "a.b=c" of the option ``--set``; c is TOML, or a string without quotes.
 
     Raises:
-        ConfigError: a text has not the form KEY=VALUE.
+        ConfigError: a text does not have the form KEY=VALUE.
     """
-    return [("--set", _with_folder(_parse_override(text), Path())) for text in overrides]
+    return [("--set", _add_folder(_parse_override(text), Path())) for text in overrides]
 
 
-def merge(layers: Iterable[Layer]) -> tuple[dict[str, Any], dict[str, str]]:
-    """Merge layers; later ones override earlier ones.
+def merge_layers(layers: Iterable[Layer]) -> tuple[dict[str, Any], dict[str, str]]:
+    """Merge layers into one nested dictionary; later layers override earlier ones.
 
     Returns:
-        The merged tables; and dotted path -> label of the layer that set the value.
+        The merged tables, and a dictionary from dotted path to the label of the layer that set the value.
     """
     merged: dict[str, Any] = {}
     sources: dict[str, str] = {}
@@ -98,7 +105,7 @@ def merge(layers: Iterable[Layer]) -> tuple[dict[str, Any], dict[str, str]]:
 
 
 def source_of(sources: Mapping[str, str], path: str) -> str:
-    """Label of the layer that set the value, table or parent at a dotted path; "default" if none did."""
+    """Return the label of the layer that set the value or table at a dotted path, or "default" if none did."""
     if f"{path}." in sources:
         return sources[f"{path}."]
     while path:
@@ -115,20 +122,20 @@ def _presets() -> Any:
 def _read_preset(name: str) -> list[Layer]:
     if name not in preset_names():
         names = preset_names()
-        raise ConfigError(f"no preset named '{name}'; there are: {', '.join(names)}{closest(name, names)}")
+        raise ConfigError(f"no preset named '{name}'; there are: {', '.join(names)}{did_you_mean(name, names)}")
     table = tomllib.loads((_presets() / f"{name}.toml").read_text(encoding="utf-8"))
     base = table.pop("extends", None)
     return [*(_read_preset(base) if base else []), (f"preset {name}", table)]
 
 
 def _read_file(path: Path, base: str, seen: tuple[Path, ...] = ()) -> list[Layer]:
-    """Layers of a file, after those of the file that it extends."""
+    """Read the layers of a file, preceded by those of the file that it extends."""
     if path.resolve() in seen:
         chain = " -> ".join(str(p) for p in (*seen, path.resolve()))
         raise ConfigError(f"{path} extends itself: {chain}")
     if path.suffix == ".json":
-        return [(str(path), _with_folder(_read_result(path), path.parent))]
-    table = _with_folder(_read_toml(path), path.parent)
+        return [(str(path), _add_folder(_read_result(path), path.parent))]
+    table = _add_folder(_read_toml(path), path.parent)
     base = table.pop("extends", base)
     if not isinstance(base, str):
         raise ConfigError(f"{path}: 1 error\nextends   should be the name of a preset or a path (got {base!r})")
@@ -136,22 +143,22 @@ def _read_file(path: Path, base: str, seen: tuple[Path, ...] = ()) -> list[Layer
     if isinstance(body, dict) and isinstance(body.get("path"), str):
         body["path"] = str(path.parent / Path(body["path"]).expanduser())
     try:
-        # What a file extends builds on the embedded preset itself, whatever the one who extends it was given.
-        below = (
+        # An extended file builds on the preset "embedded", independently of the preset given for this one.
+        extended = (
             _read_file(path.parent / Path(base).expanduser(), "embedded", (*seen, path.resolve()))
             if is_path(base)
             else _read_preset(base)
         )
     except ConfigError as error:
         raise ConfigError(f"{path} extends '{base}': {error}") from error
-    return [*below, (str(path), table)]
+    return [*extended, (str(path), table)]
 
 
-def _with_folder(table: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Add ``folder`` to the names of classes in local files, so that they are found from any folder."""
+def _add_folder(table: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Add the config's folder to the names of classes in local files, so that any working folder finds them."""
     for choice in (table.get(interface) for interface in INTERFACES):
         if isinstance(choice, dict) and isinstance(choice.get("backend"), str):
-            choice["backend"] = in_folder(choice["backend"], folder)
+            choice["backend"] = with_folder(choice["backend"], folder)
     return table
 
 
@@ -163,7 +170,7 @@ def _read_toml(path: Path) -> dict[str, Any]:
 
 
 def _read_result(path: Path) -> dict[str, Any]:
-    """Configuration of a ``reconstruction.json``."""
+    """Read the configuration that is stored in a ``reconstruction.json``."""
     try:
         document = json.loads(_read_text(path, "name the reconstruction.json of a run"))
     except ValueError as error:
@@ -175,18 +182,18 @@ def _read_result(path: Path) -> dict[str, Any]:
     return numbers
 
 
-def _read_text(path: Path, cure: str) -> str:
-    if path.exists() and not path.is_file() and not path.is_dir():  # a pipe would wait for ever
-        raise ConfigError(f"cannot read the config {path}: it is not a regular file; {cure}")
-    limit = _LARGEST.get(path.suffix, _LARGEST[".toml"])
+def _read_text(path: Path, advice: str) -> str:
+    if path.exists() and not path.is_file() and not path.is_dir():  # reading a pipe would block
+        raise ConfigError(f"cannot read the config {path}: it is not a regular file; {advice}")
+    limit = _MAX_BYTES.get(path.suffix, _MAX_BYTES[".toml"])
     try:
         if (size := path.stat().st_size) > limit and path.is_file():
-            raise ConfigError(f"cannot read the config {path}: it has {size:,} bytes, more than {limit:,}; {cure}")
+            raise ConfigError(f"cannot read the config {path}: it has {size:,} bytes, more than {limit:,}; {advice}")
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise ConfigError(f"no config file at {path}: check the path") from None
     except OSError as error:
-        raise ConfigError(f"cannot read the config {path}: {error.strerror}; {cure}") from error
+        raise ConfigError(f"cannot read the config {path}: {error.strerror}; {advice}") from error
     except UnicodeDecodeError as error:
         raise ConfigError(f"cannot read the config {path}: {error}; save it as UTF-8") from error
 
@@ -208,16 +215,16 @@ def _assignment(key: str, value: str, label: str) -> dict[str, Any]:
 
 
 def _merge(base: dict[str, Any], layer: Mapping[str, Any], label: str, sources: dict[str, str], at: str = "") -> None:
-    """Merge a layer into ``base`` in place, and record the source of each value."""
+    """Merge a layer into ``base`` in place, and store the label of the layer for each value."""
     for key, value in layer.items():
         path = f"{at}{key}"
         below = base.get(key)
         if isinstance(value, Mapping):
             if not isinstance(below, dict):
                 below = base[key] = {}
-            _silence(path, below, value)
+            _remove_overridden(path, below, value)
             _merge(below, value, label, sources, f"{path}.")
-            sources[f"{path}."] = label  # the dot tells a table from a value
+            sources[f"{path}."] = label  # the final dot marks a table
         else:
             base[key] = value
             for covered in [p for p in sources if p.startswith(f"{path}.")]:
@@ -226,18 +233,20 @@ def _merge(base: dict[str, Any], layer: Mapping[str, Any], label: str, sources: 
 
 
 def _same_backend(one: Any, other: Any) -> bool:
-    """Whether two names can mean the same backend, such as "embedded" and "physic-embedded:embedded"."""
+    """Return whether two names can mean the same backend, such as "embedded" and "physic-embedded:embedded"."""
     if not (isinstance(one, str) and isinstance(other, str)):
         return bool(one == other)
     (owner, colon, name), (other_owner, other_colon, other_name) = one.rpartition(":"), other.rpartition(":")
-    return name == other_name and (not (colon and other_colon) or normal_name(owner) == normal_name(other_owner))
+    return name == other_name and (
+        not (colon and other_colon) or canonicalize_name(owner) == canonicalize_name(other_owner)
+    )
 
 
-def _silence(path: str, below: dict[str, Any], layer: Mapping[str, Any]) -> None:
-    """Remove values that a layer makes invalid: options of another backend, and alternatives of a setting."""
+def _remove_overridden(path: str, below: dict[str, Any], layer: Mapping[str, Any]) -> None:
+    """Remove values that a layer makes invalid: options of the previous backend, and alternatives of a set key."""
     if path in INTERFACES and "backend" in layer and not _same_backend(layer["backend"], below.get("backend")):
         below.pop("options", None)
-    for table, keys in _EXCLUSIVE:
+    for table, keys in _ALTERNATIVE_KEYS:
         if path == table and any(k in layer for k in keys):
             for key in keys:
                 below.pop(key, None)

@@ -1,11 +1,7 @@
-"""The configuration: from TOML tables to one validated object that contains names, not classes.
+"""The validated configuration: a pydantic model of its tables, and its loading from files, variables and flags.
 
-The layers are a preset, the files of ``extends``, the user's file, environment variables ``PHYSIC__...``, ``--set``,
-and flags. Later layers override earlier ones (:mod:`physic_core.configuration.layers`).
-
-This is the first of two checks. It checks structure, keys, types and the settings of the engine, without network or
-plugins. :mod:`physic_core.configuration.resolve` is the second: it checks the options of each backend. Errors of both
-are reported together.
+This module checks structure, keys, types and the settings of the engine, without plugins.
+:mod:`physic_core.configuration.resolve` checks the options of each backend. Problems of both are reported together.
 """
 
 from __future__ import annotations
@@ -31,17 +27,17 @@ from pydantic import (
 )
 
 from physic_core.adapters.devices import DEVICE_PATTERN
-from physic_core.configuration.faults import Fault, Findings, closest, config_error, from_pydantic
 from physic_core.configuration.layers import (
     Layer,
     environment_layers,
     is_path,
-    merge,
+    merge_layers,
     override_layers,
     preset_names,
-    read,
+    read_layers,
     source_of,
 )
+from physic_core.configuration.problems import CheckResult, Problem, config_error, did_you_mean, problems_from_pydantic
 from physic_core.engine.settings import PRESET_NAMES, EngineSettings, with_overrides
 from physic_core.interfaces import INTERFACES
 
@@ -57,13 +53,13 @@ __all__ = [
     "as_config",
     "load_config",
     "preset_names",
-    "settings_table",
-    "stage_tables",
+    "settings_model",
+    "stage_models",
 ]
 
 DEFAULT_PRESET = "embedded"
 OPTIONAL_INTERFACES = ("hand_estimator", "contact_prior")
-"""Interfaces that a config may leave out with ``backend = "none"``."""
+"""Interfaces that a configuration may omit with ``backend = "none"``."""
 
 
 class _Table(BaseModel):
@@ -75,7 +71,7 @@ class _StrictTable(_Table):
 
 
 class BackendChoice(_Table):
-    """One interface's table, ``[metric_depth]``."""
+    """The table of one interface, such as ``[metric_depth]``: a backend and its options."""
 
     backend: str = Field(
         min_length=1,
@@ -86,7 +82,7 @@ class BackendChoice(_Table):
 
 
 class PhotoSettings(_Table):
-    """``[photo]``: known properties of the photo, and how it is prepared."""
+    """The table ``[photo]``: camera of the photo, and its size and masks for the pipeline."""
 
     max_side: int = Field(default=1280, ge=128, description="longer photos are reduced to this long side, px; 640-1920")
     focal_px: float | None = Field(
@@ -115,7 +111,7 @@ class PhotoSettings(_Table):
 
 
 class BodyModelChoice(_Table):
-    """``[body_model]``: the embedded body, or a file of the user."""
+    """The table ``[body_model]``: the embedded body, or an SMPL-X file of the user."""
 
     name: str | None = Field(default=None, description="'embedded'")
     path: str | None = Field(default=None, description="an official SMPLX_*.npz; relative to the config file")
@@ -130,12 +126,12 @@ class BodyModelChoice(_Table):
 
     @property
     def source(self) -> str:
-        """Argument for :func:`physic_core.body.load_body`."""
+        """Name or path of the body model, for :func:`physic_core.body.load_body`."""
         return self.path or self.name or "embedded"
 
 
 class EngineChoice(_Table):
-    """``[engine]``: a preset of the engine, and settings of each stage that override it."""
+    """The table ``[engine]``: a preset of the engine, and settings of each stage that override the preset."""
 
     preset: str = Field(default="default", description="preset of the engine's settings")
     scene: dict[str, Any] = Field(default_factory=dict, description="stage 1: scene, camera, floor")
@@ -144,16 +140,16 @@ class EngineChoice(_Table):
     contact: dict[str, Any] = Field(default_factory=dict, description="the contact map")
 
     def settings(self) -> EngineSettings:
-        """Settings of the preset with the overrides applied."""
+        """Return the settings of the preset with the overrides applied."""
         changed = {
             stage: table.model_validate(getattr(self, stage)).model_dump(exclude_unset=True)
-            for stage, table in stage_tables(self.preset).items()
+            for stage, table in stage_models(self.preset).items()
         }
         return with_overrides(_engine_preset(self.preset), changed)
 
 
 class RunSettings(_Table):
-    """``[run]``: device, threads and memory."""
+    """The table ``[run]``: device, threads, memory and cache."""
 
     device: str = Field(
         default="cpu",
@@ -178,7 +174,7 @@ class RunSettings(_Table):
 
 
 class Config(_Table):
-    """A complete, validated configuration; created by :func:`load_config`."""
+    """A complete, validated configuration, created by :func:`load_config`."""
 
     segmenter: BackendChoice
     inpainter: BackendChoice
@@ -196,16 +192,16 @@ class Config(_Table):
     _sources: dict[str, str] = PrivateAttr(default_factory=dict)
 
     def choice(self, interface: str) -> BackendChoice:
-        """The table of one interface."""
+        """Return the backend and options that are chosen for an interface."""
         chosen: BackendChoice = getattr(self, interface)
         return chosen
 
     def source(self, path: str) -> str:
-        """Source of the value at a dotted path: a file, a flag, "preset embedded" or "default"."""
+        """Return the source of the value at a dotted path: a file, a flag, "preset embedded" or "default"."""
         return source_of(self._sources, path)
 
     def as_dict(self) -> dict[str, Any]:
-        """Convert to nested dictionaries as in a TOML file, without unset values and with absolute paths."""
+        """Convert to nested dictionaries, as in a TOML file, without unset values and with absolute paths."""
         tables = self.model_dump(mode="json", exclude_none=True)
         if self.body_model.path is not None:
             tables["body_model"]["path"] = str(Path(self.body_model.path).expanduser().absolute())
@@ -219,7 +215,7 @@ def load_config(
     overrides: Sequence[str] = (),
     flags: Mapping[str, Mapping[str, Any]] | None = None,
     environment: Mapping[str, str] | None = None,
-    further: Callable[[Mapping[str, Any]], Findings] | None = None,
+    check_tables: Callable[[Mapping[str, Any]], CheckResult] | None = None,
 ) -> Config:
     """Read, merge and validate a configuration.
 
@@ -231,24 +227,24 @@ def load_config(
         flags: flag -> the tables that it sets, such as ``{"--focal-px": {"photo": {"focal_px": 900.0}}}``.
         environment: variables such as ``PHYSIC__INPAINTER__BACKEND=telea``, which override the file; ``overrides``
             override them. None for ``os.environ``.
-        further: one more check of the merged tables, reported together with the others;
-            :func:`physic_core.configuration.resolve.load_checked` passes one that knows the installed backends.
+        check_tables: further check of the merged tables, such as that of the backends' options; its problems are
+            reported together with the others.
 
     Raises:
         ConfigError: the configuration is invalid; the message lists all errors.
     """
     base = preset or DEFAULT_PRESET
     layers = [
-        *read(file, base),
+        *read_layers(file, base),
         *environment_layers(os.environ if environment is None else environment),
         *override_layers(overrides),
         *(flags or {}).items(),
     ]
-    return _build(layers, f"preset {base}" if file is None else str(file), further)
+    return _validate_layers(layers, f"preset {base}" if file is None else str(file), check_tables)
 
 
 def as_config(config: Config | str | os.PathLike[str] | Mapping[str, Any] | None) -> Config:
-    """Convert what Python callers pass to a Config: a Config, name of a preset, path, mapping, or None.
+    """Convert a preset name, path, mapping, Config or None to a Config.
 
     A string is the name of a preset unless it ends in ".toml" or ".json" or contains a slash. A mapping overrides the
     default preset.
@@ -265,33 +261,33 @@ def as_config(config: Config | str | os.PathLike[str] | Mapping[str, Any] | None
     return load_config(flags={"config": config})
 
 
-# ---- checks ----------------------------------------------------------------------------------------------------------
-
-
-def _build(layers: Iterable[Layer], title: str, further: Callable[[Mapping[str, Any]], Findings] | None) -> Config:
-    merged, sources = merge(layers)
-    found = further(merged) if further is not None else Findings()
-    faults = [*_choice_faults(merged), *_engine_faults(merged.get("engine")), *found.faults]
+def _validate_layers(
+    layers: Iterable[Layer], title: str, check_tables: Callable[[Mapping[str, Any]], CheckResult] | None
+) -> Config:
+    """Merge layers and validate the result, or raise one ConfigError with all problems."""
+    merged, sources = merge_layers(layers)
+    found = check_tables(merged) if check_tables is not None else CheckResult()
+    problems = [*_check_choices(merged), *_check_engine(merged.get("engine")), *found.problems]
     try:
         config = Config.model_validate(merged)
     except ValidationError as error:
-        faults = from_pydantic(error, Config) + faults
-    if faults:
-        raise config_error(faults, lambda path: source_of(sources, path), title, found.footer) from found.cause
+        problems = problems_from_pydantic(error, Config) + problems
+    if problems:
+        raise config_error(problems, lambda path: source_of(sources, path), title, found.footer) from found.cause
     config._sources = sources
     return config
 
 
-def _choice_faults(merged: Mapping[str, Any]) -> list[Fault]:
+def _check_choices(merged: Mapping[str, Any]) -> list[Problem]:
     return [
-        Fault(f"{name}.backend", f"should name a backend: only {' and '.join(OPTIONAL_INTERFACES)} may be 'none'")
+        Problem(f"{name}.backend", f"should name a backend: only {' and '.join(OPTIONAL_INTERFACES)} may be 'none'")
         for name in INTERFACES
         if name not in OPTIONAL_INTERFACES and isinstance(t := merged.get(name), dict) and t.get("backend") == "none"
     ]
 
 
-def _engine_faults(engine: Any) -> list[Fault]:
-    """Errors in the name of the preset and in the overrides."""
+def _check_engine(engine: Any) -> list[Problem]:
+    """Return the problems of the engine's preset name and of its overrides."""
     if not isinstance(engine, dict):
         return []
     preset = engine.get("preset", "default")
@@ -299,18 +295,18 @@ def _engine_faults(engine: Any) -> list[Fault]:
         return []
     if preset not in PRESET_NAMES:
         names = sorted(PRESET_NAMES)
-        message = f"no engine preset named '{preset}'; there are: {', '.join(names)}{closest(preset, names)}"
-        return [Fault("engine.preset", message)]
+        message = f"no engine preset named '{preset}'; there are: {', '.join(names)}{did_you_mean(preset, names)}"
+        return [Problem("engine.preset", message)]
     if not any(isinstance(engine.get(stage.name), dict) for stage in fields(EngineSettings)):
         return []
-    faults = []
-    for stage, table in stage_tables(preset).items():
+    problems = []
+    for stage, table in stage_models(preset).items():
         if isinstance(engine.get(stage), dict):
             try:
                 table.model_validate(engine[stage])
             except ValidationError as error:
-                faults += from_pydantic(error, table, f"engine.{stage}", "setting")
-    return faults
+                problems += problems_from_pydantic(error, table, f"engine.{stage}", "setting")
+    return problems
 
 
 def _engine_preset(name: str) -> EngineSettings:
@@ -321,26 +317,25 @@ def _engine_preset(name: str) -> EngineSettings:
 
 
 @cache
-def stage_tables(preset: str = "default") -> dict[str, type[_Table]]:
-    """Stage -> pydantic model of its settings; all keys are optional, and strings are not converted to numbers.
+def stage_models(preset: str = "default") -> dict[str, type[_Table]]:
+    """Return a pydantic model of the settings of each stage; ``preset`` determines the terms of the joint stage.
 
-    Args:
-        preset: of the engine; it determines the terms of stage 3 and their settings.
+    All keys are optional. Strings are not converted to numbers.
     """
     settings = _engine_preset(preset)
-    return {f.name: settings_table(type(getattr(settings, f.name))) for f in fields(settings)}  # type: ignore[arg-type]
+    return {f.name: settings_model(type(getattr(settings, f.name))) for f in fields(settings)}  # type: ignore[arg-type]
 
 
 @cache
-def settings_table(kind: Any) -> type[_Table]:
-    """Build a pydantic model from a settings class; nested settings become nested models."""
+def settings_model(kind: Any) -> type[_Table]:
+    """Build a pydantic model from a dataclass of settings; nested dataclasses become nested models."""
     hints = get_type_hints(kind, include_extras=True)
     own = {f.name: hints[f.name] for f in fields(kind)}
-    kinds = {n: settings_table(h) if is_dataclass(h) else h for n, h in own.items()}  # type: ignore[arg-type]
-    keys: dict[str, Any] = {name: (_as_in_toml(hint) | None, None) for name, hint in kinds.items()}
+    kinds = {n: settings_model(h) if is_dataclass(h) else h for n, h in own.items()}  # type: ignore[arg-type]
+    keys: dict[str, Any] = {name: (_accept_list(hint) | None, None) for name, hint in kinds.items()}
     return create_model(kind.__name__, __base__=_StrictTable, **keys)
 
 
-def _as_in_toml(hint: Any) -> Any:
-    """Convert a tuple annotation to the list that TOML has."""
+def _accept_list(hint: Any) -> Any:
+    """Make a tuple annotation accept a list, as TOML has no tuples."""
     return Annotated[hint, Strict(False)] if get_origin(hint) is tuple else hint

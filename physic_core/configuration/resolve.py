@@ -1,4 +1,4 @@
-"""Construct the backends of a configuration; the second check, of each backend's own options."""
+"""Construct the backends that a configuration chooses, and check their options, files and device."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 from pydantic import BaseModel, ValidationError
 
 from physic_core.adapters.devices import check_device
-from physic_core.configuration.faults import Fault, Findings, config_error, from_pydantic
 from physic_core.configuration.model import load_config
-from physic_core.discovery.error_text import describe
-from physic_core.discovery.readiness import gpu_is_seen, missing_requirements
+from physic_core.configuration.problems import CheckResult, Problem, config_error, problems_from_pydantic
+from physic_core.discovery.error_text import describe_error
+from physic_core.discovery.readiness import has_gpu, missing_requirements
 from physic_core.errors import (
     AmbiguousBackendError,
     BackendError,
@@ -29,19 +29,18 @@ from physic_core.types import Provenance
 
 if TYPE_CHECKING:
     from physic_core.configuration.model import Config, PhotoSettings
-    from physic_core.discovery.registry import Claim, Registry
+    from physic_core.discovery.registry import BackendOffer, Registry
     from physic_core.engine.settings import EngineSettings
     from physic_core.interfaces import Backend, Options
 
 __all__ = [
     "ResolvedBackend",
     "ResolvedPipeline",
-    "check",
-    "load_checked",
-    "missing",
-    "missing_device",
+    "check_backends",
+    "format_missing",
+    "load_checked_config",
     "missing_files",
-    "missing_report",
+    "missing_gpu",
     "require_available",
     "resolve",
 ]
@@ -49,30 +48,25 @@ __all__ = [
 
 @dataclass(frozen=True)
 class ResolvedBackend:
-    """A constructed backend with its provenance.
-
-    Attributes:
-        backend: constructed, weights not loaded.
-        provenance: name, distribution, version, options and licence.
-    """
+    """A constructed backend, without loaded weights, and its provenance."""
 
     backend: Backend
     provenance: Provenance
 
     @property
     def title(self) -> str:
-        """Name for messages: "segmenter 'embedded' (physic-embedded 0.1.0)"."""
+        """Name of the backend for messages: "segmenter 'embedded' (physic-embedded 0.1.0)"."""
         who = self.provenance
         return f"{who.interface} '{who.backend}' ({f'{who.distribution} {who.version}'.strip()})"
 
 
 @dataclass(frozen=True)
 class ResolvedPipeline:
-    """Everything that a run needs.
+    """The constructed backends and the settings of a run.
 
     Attributes:
-        backends: by interface; without optional interfaces that the configuration leaves out.
-        photo: how the photo is prepared.
+        backends: by interface, without omitted optional interfaces.
+        photo: settings of the photo.
         body_model: "embedded", or the path of an SMPL-X file.
         device: "cpu", "cuda" or "cuda:N".
         config: the configuration that was resolved.
@@ -86,13 +80,13 @@ class ResolvedPipeline:
 
     @cached_property
     def engine(self) -> EngineSettings:
-        """The engine's settings. Importing them imports torch."""
+        """Settings of the engine; reading them imports torch."""
         return self.config.engine.settings()
 
 
 @dataclass(frozen=True)
 class _Choice:
-    claim: Claim
+    offer: BackendOffer
     kind: type[Backend]
     options: Options
 
@@ -104,7 +98,7 @@ def resolve(config: Config, registry: Registry) -> ResolvedPipeline:
         ConfigError: names or options are invalid; the message lists all errors.
         BackendError: the constructor of a backend failed.
     """
-    backends = {name: _construct(name, choice) for name, choice in _choose(config, registry).items()}
+    backends = {name: _construct(name, choice) for name, choice in _select_or_raise(config, registry).items()}
     return ResolvedPipeline(
         backends=MappingProxyType(backends),
         photo=config.photo,
@@ -114,20 +108,8 @@ def resolve(config: Config, registry: Registry) -> ResolvedPipeline:
     )
 
 
-def missing(plan: ResolvedPipeline) -> tuple[str, ...]:
-    """List what a run lacks on this machine, one text for each item; no network is used.
-
-    These are files that the chosen backends report as missing, and a GPU if the configuration needs one and none is
-    found. Only :func:`physic_core.adapters.devices.check_device` checks that torch can use the GPU.
-
-    Raises:
-        BackendError: the ``missing`` of a backend fails.
-    """
-    return (*missing_files(plan), *missing_device(plan))
-
-
 def missing_files(plan: ResolvedPipeline) -> tuple[str, ...]:
-    """The missing files: those that the backends report, and the file of the body model.
+    """List the missing files that backends report, and a missing body model file; one message each.
 
     Raises:
         BackendError: the ``missing`` of a backend fails.
@@ -147,73 +129,76 @@ def missing_files(plan: ResolvedPipeline) -> tuple[str, ...]:
     return tuple(texts)
 
 
-def missing_device(plan: ResolvedPipeline) -> tuple[str, ...]:
-    """The part of :func:`missing` about the GPU: one text if the configuration needs one and none is seen."""
-    if plan.device == "cpu" or gpu_is_seen():
+def missing_gpu(plan: ResolvedPipeline) -> tuple[str, ...]:
+    """Return one message if the configuration needs a GPU and there is none, else an empty tuple.
+
+    Only :func:`physic_core.adapters.devices.check_device` checks that torch can use the GPU.
+    """
+    if plan.device == "cpu" or has_gpu():
         return ()
     return (
-        f"run.device '{plan.device}': no GPU is seen: run it where there is one, or set run.device to 'cpu' for "
-        "backends that can do without",
+        f"run.device '{plan.device}': no GPU is found: use a machine with a GPU, or set run.device to 'cpu' if the "
+        "backends support it",
     )
 
 
 def require_available(plan: ResolvedPipeline) -> None:
-    """Raise an error if a chosen backend, even of an optional interface, or the device is not available.
+    """Raise an error if files of a chosen backend, the body model, or the device are missing.
 
     Raises:
-        WeightsMissingError: files are missing; the message lists them, how to get each, and a missing GPU.
+        WeightsMissingError: files are missing; the message lists them, and how to get each.
         DeviceError: only the device is missing.
         BackendError: the ``missing`` of a backend fails.
     """
     if files := missing_files(plan):
-        raise WeightsMissingError(missing_report((*files, *missing_device(plan)), ", and nothing was computed"))
+        raise WeightsMissingError(format_missing((*files, *missing_gpu(plan)), ", and nothing was computed"))
     check_device(plan.device)
 
 
-def missing_report(texts: Sequence[str], end: str) -> str:
-    """Join several texts of :func:`missing` below one heading."""
+def format_missing(texts: Sequence[str], end: str) -> str:
+    """Format messages about missing files and devices as an indented list below a heading."""
     head = "1 thing is missing" if len(texts) == 1 else f"{len(texts)} things are missing"
     return "\n".join([f"{head}{end}:", *("  " + text.replace("\n", "\n    ") for text in texts)])
 
 
-def check(config: Config, registry: Registry) -> None:
-    """Check names and options without constructing anything.
+def check_backends(config: Config, registry: Registry) -> None:
+    """Check the names and options of all backends without constructing them.
 
     Raises:
         ConfigError: names or options are invalid; the message lists all errors.
     """
-    _choose(config, registry)
+    _select_or_raise(config, registry)
 
 
-def load_checked(registry: Registry, file: str | os.PathLike[str] | None = None, **settings: Any) -> Config:
-    """:func:`physic_core.configuration.model.load_config`, with names and options of backends checked too.
+def load_checked_config(registry: Registry, file: str | os.PathLike[str] | None = None, **settings: Any) -> Config:
+    """Load a configuration, and check the names and options of its backends.
 
     Args:
         registry: the installed plugins.
-        file: as in ``load_config``.
+        file: as in :func:`physic_core.configuration.model.load_config`.
         settings: preset, overrides, flags and environment, as in ``load_config``.
 
     Raises:
         ConfigError: the configuration is invalid; the message lists all errors.
     """
-    return load_config(file, **settings, further=lambda tables: _look(tables, registry)[1])
+    return load_config(file, **settings, check_tables=lambda tables: _select_backends(tables, registry)[1])
 
 
-def _choose(config: Config, registry: Registry) -> dict[str, _Choice]:
+def _select_or_raise(config: Config, registry: Registry) -> dict[str, _Choice]:
     tables = {name: config.choice(name).model_dump() for name in INTERFACES}
-    chosen, found = _look(tables, registry)
-    if found.faults:
-        raise config_error(found.faults, config.source, "config", found.footer) from found.cause
+    chosen, found = _select_backends(tables, registry)
+    if found.problems:
+        raise config_error(found.problems, config.source, "config", found.footer) from found.cause
     return chosen
 
 
-def _look(tables: Mapping[str, Any], registry: Registry) -> tuple[dict[str, _Choice], Findings]:
-    """The backends that merged tables choose, and the errors in names and options.
+def _select_backends(tables: Mapping[str, Any], registry: Registry) -> tuple[dict[str, _Choice], CheckResult]:
+    """Import the chosen backend of each interface, and check its options; return the backends and the problems.
 
-    Values that are not a table or have no name are left to the check of the structure.
+    A value that is not a table, or has no backend name, is skipped: the check of the structure reports it.
     """
     chosen: dict[str, _Choice] = {}
-    faults: list[Fault] = []
+    problems: list[Problem] = []
     cause: BaseException | None = None
     footer = ""
     for interface in INTERFACES:
@@ -223,46 +208,46 @@ def _look(tables: Mapping[str, Any], registry: Registry) -> tuple[dict[str, _Cho
         if not isinstance(name, str) or name in ("", "none"):
             continue
         try:
-            claim = registry.get(interface, name)
-            kind = registry.load_concrete_class(claim)
-            chosen[interface] = _check_options(claim, kind, options if isinstance(options, dict) else {})
+            offer = registry.get(interface, name)
+            kind = registry.load_concrete_class(offer)
+            chosen[interface] = _check_options(offer, kind, options if isinstance(options, dict) else {})
         except BackendNotFoundError as error:
             message, _, python = str(error).partition("\nPython: ")
-            faults.append(Fault(f"{interface}.backend", message))
+            problems.append(Problem(f"{interface}.backend", message))
             cause, footer = cause or error.__cause__, f"Python: {python}" if python else footer
         except BackendError as error:
             is_choice = isinstance(error, AmbiguousBackendError)
-            faults.append(Fault(f"{interface}.backend", str(error), of_plugin=not is_choice))
+            problems.append(Problem(f"{interface}.backend", str(error), of_plugin=not is_choice))
             cause = cause or error
-        except _OptionFaults as error:
-            faults += error.faults
-    return chosen, Findings(tuple(faults), footer, cause)
+        except _InvalidOptions as error:
+            problems += error.problems
+    return chosen, CheckResult(tuple(problems), footer, cause)
 
 
-class _OptionFaults(Exception):
-    def __init__(self, faults: list[Fault]) -> None:
+class _InvalidOptions(Exception):
+    def __init__(self, problems: list[Problem]) -> None:
         super().__init__()
-        self.faults = faults
+        self.problems = problems
 
 
-def _check_options(claim: Claim, kind: type[Backend], options: Mapping[str, object]) -> _Choice:
+def _check_options(offer: BackendOffer, kind: type[Backend], options: Mapping[str, object]) -> _Choice:
     if not issubclass(kind.Options, BaseModel):
-        raise BackendError(f"{claim}: its Options is no subclass of physic_core.interfaces.Options")
+        raise BackendError(f"{offer}: its Options is no subclass of physic_core.interfaces.Options")
     try:
-        return _Choice(claim, kind, kind.Options.model_validate(dict(options)))
+        return _Choice(offer, kind, kind.Options.model_validate(dict(options)))
     except ValidationError as error:
-        path = f"{claim.record.interface}.options"
-        raise _OptionFaults(from_pydantic(error, kind.Options, path, "option")) from error
+        path = f"{offer.record.interface}.options"
+        raise _InvalidOptions(problems_from_pydantic(error, kind.Options, path, "option")) from error
 
 
 def _construct(interface: str, choice: _Choice) -> ResolvedBackend:
-    record, origin = choice.claim.record, choice.claim.origin
+    record, origin = choice.offer.record, choice.offer.origin
     try:
         backend = choice.kind(choice.options)
     except PhysicError:
         raise
-    except (Exception, SystemExit) as cause:  # a plugin's door
-        raise BackendError(f"{choice.claim} cannot be constructed: {describe(cause, choice.kind)}") from cause
+    except (Exception, SystemExit) as cause:  # a plugin may raise anything
+        raise BackendError(f"{choice.offer} cannot be constructed: {describe_error(cause, choice.kind)}") from cause
     return ResolvedBackend(
         backend,
         Provenance(

@@ -16,18 +16,17 @@ from physic_core.configuration.model import (
     PhotoSettings,
     RunSettings,
     preset_names,
-    stage_tables,
+    stage_models,
 )
 from physic_core.engine.presets import PRESETS
-from physic_core.errors import BackendError
 from physic_core.interfaces import INTERFACES
 
 if TYPE_CHECKING:
-    from physic_core.discovery.registry import Claim, Registry
+    from physic_core.discovery.registry import BackendOffer, Registry
 
 __all__ = ["config_schema"]
 
-_ELSEWHERE = {
+_QUALIFIED_NAME = {
     "type": "string",
     "pattern": "^[^:]+:[^:]+$",
     "description": "'distribution:name', or 'package.module:Class' of a class that no plugin registers",
@@ -39,15 +38,15 @@ def config_schema(registry: Registry) -> dict[str, Any]:
 
     A backend whose options cannot be read is included without them.
     """
-    claims = {(c.record.interface, name): c for c in registry if not c.problem for name in _names(registry, c)}
-    kinds = {key: _options(registry, claim) for key, claim in claims.items()}
+    offers = {(c.record.interface, name): c for c in registry if not c.problem for name in _names(registry, c)}
+    kinds = {key: _options(registry, offer) for key, offer in offers.items()}
     tables: dict[str, type[BaseModel]] = {
         "photo": PhotoSettings,
         "body_model": BodyModelChoice,
         "run": RunSettings,
         "engine": EngineChoice,
     }
-    stages = dict.fromkeys(table for preset in PRESETS for table in stage_tables(preset).values())
+    stages = dict.fromkeys(table for preset in PRESETS for table in stage_models(preset).values())
     models = [*tables.values(), *stages, *(kind for kind in kinds.values() if kind is not None)]
     places, top = models_json_schema([(model, "validation") for model in dict.fromkeys(models)])
     parts = top.get("$defs", {})
@@ -55,7 +54,7 @@ def config_schema(registry: Registry) -> dict[str, Any]:
         parts[places[model, "validation"]["$ref"].rpartition("/")[2]].pop("required", None)
     engine = parts[places[EngineChoice, "validation"]["$ref"].rpartition("/")[2]]
     engine["properties"]["preset"] |= {"enum": sorted(PRESETS)}
-    engine["allOf"] = [_of_preset(preset, places) for preset in PRESETS]
+    engine["allOf"] = [_preset_condition(preset, places) for preset in PRESETS]
     interfaces = {}
     for interface in INTERFACES:
         options = {
@@ -63,7 +62,7 @@ def config_schema(registry: Registry) -> dict[str, Any]:
             for (own, name), kind in kinds.items()
             if own == interface
         }
-        summaries = {name: claim.record.summary for (own, name), claim in claims.items() if own == interface}
+        summaries = {name: offer.record.summary for (own, name), offer in offers.items() if own == interface}
         interfaces[interface] = _interface(interface, options, summaries)
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -82,34 +81,34 @@ def config_schema(registry: Registry) -> dict[str, Any]:
     }
 
 
-def _of_preset(preset: str, places: Mapping[Any, Any]) -> dict[str, Any]:
-    """Settings of the stages for one preset of the engine."""
+def _preset_condition(preset: str, places: Mapping[Any, Any]) -> dict[str, Any]:
+    """Return the JSON Schema condition that gives each stage the settings of one engine preset."""
     chosen: dict[str, Any] = {"properties": {"preset": {"const": preset}}}
     if preset != EngineChoice.model_fields["preset"].default:
         chosen["required"] = ["preset"]
-    tables = {stage: places[table, "validation"] for stage, table in stage_tables(preset).items()}
+    tables = {stage: places[table, "validation"] for stage, table in stage_models(preset).items()}
     return {"if": chosen, "then": {"properties": tables}}
 
 
-def _names(registry: Registry, claim: Claim) -> tuple[str, ...]:
-    """The valid names of a backend; its bare name only if no other backend has it."""
-    name, qualified = claim.record.name, f"{claim.origin.distribution}:{claim.record.name}"
-    return (qualified,) if registry.rivals(claim) else (name, qualified)
+def _names(registry: Registry, offer: BackendOffer) -> tuple[str, ...]:
+    """Return the valid names of a backend; the name without distribution only if it is unique."""
+    name, qualified = offer.record.name, f"{offer.origin.distribution}:{offer.record.name}"
+    return (qualified,) if registry.with_same_name(offer) else (name, qualified)
 
 
 def _interface(interface: str, options: dict[str, Any], summaries: dict[str, str]) -> dict[str, Any]:
-    """Schema of one interface's table; the allowed options depend on the backend."""
+    """Return the JSON Schema of one interface's table; the allowed options depend on the backend."""
     names = [{"const": name, "description": summaries[name]} for name in options]
     if interface in OPTIONAL_INTERFACES:
         names.append({"const": "none", "description": "leave it out"})
-    told = {name: field.description for name, field in BackendChoice.model_fields.items()}
+    descriptions = {name: field.description for name, field in BackendChoice.model_fields.items()}
     return {
         "type": "object",
         "description": (INTERFACES[interface].__doc__ or "").partition("\n")[0],
         "additionalProperties": False,
         "properties": {
-            "backend": {"description": told["backend"], "anyOf": [*names, _ELSEWHERE]},
-            "options": {"type": "object", "description": told["options"]},
+            "backend": {"description": descriptions["backend"], "anyOf": [*names, _QUALIFIED_NAME]},
+            "options": {"type": "object", "description": descriptions["options"]},
         },
         "allOf": [
             {
@@ -122,12 +121,11 @@ def _interface(interface: str, options: dict[str, Any], summaries: dict[str, str
     }
 
 
-def _options(registry: Registry, claim: Claim) -> type[BaseModel] | None:
+def _options(registry: Registry, offer: BackendOffer) -> type[BaseModel] | None:
+    """Return the model of a backend's options, or None if it cannot be imported or described."""
     try:
-        kind = registry.load_class(claim).Options
+        kind = registry.load_class(offer).Options
         kind.model_json_schema()
-    except BackendError:
-        return None
-    except Exception:  # a plugin's door: Options that pydantic cannot describe
+    except Exception:  # a plugin may raise anything, or have Options that pydantic cannot describe
         return None
     return kind

@@ -1,4 +1,4 @@
-"""Known distributions and their backends, with install commands; used only for hints in messages."""
+"""Known distributions with their backends, commands and install commands; used only for hints in messages."""
 
 from __future__ import annotations
 
@@ -62,14 +62,14 @@ CATALOG: dict[str, dict[str, tuple[str, ...]]] = {
         "segmenter": ("eomt-hf", "grounded-sam2-hf", "sam3-hf"),
     },
 }
-"""Distribution -> interface -> names of backends; a test compares it with the records of the distributions."""
+"""Backend names by distribution and interface; a test compares them with the installed distributions."""
 
 COMMANDS = dict.fromkeys(("bench", "plugins check", "plugins compare"), "physic-testing")
-"""Command of ``physic`` -> its known distribution; a test compares it with the records of that distribution."""
+"""Distribution of each known plugin command of ``physic``; a test compares them with the distribution."""
 
 
 def distribution_for(interface: str | None, name: str) -> str | None:
-    """The known distribution that offers a backend, or None; of any interface where ``interface`` is None."""
+    """Return the known distribution that offers a backend, or None; ``interface`` None means any interface."""
     for distribution, offers in CATALOG.items():
         if name in _names(offers, interface):
             return distribution
@@ -77,7 +77,7 @@ def distribution_for(interface: str | None, name: str) -> str | None:
 
 
 def known_names(interface: str | None) -> tuple[str, ...]:
-    """Names of the backends of an interface, or of all, that known distributions offer."""
+    """Return the backend names that known distributions offer for an interface, or for all interfaces if it is None."""
     return tuple(dict.fromkeys(name for offers in CATALOG.values() for name in _names(offers, interface)))
 
 
@@ -88,7 +88,7 @@ def _names(offers: dict[str, tuple[str, ...]], interface: str | None) -> tuple[s
 
 
 def how_to_install(distribution: str) -> str:
-    """The install command; first-party distributions are installed from a checkout, as they are not released yet."""
+    """Return the install command of a distribution; those of this project are installed from a checkout."""
     if distribution not in CATALOG and distribution not in COMMANDS.values():
         return f"`pip install {distribution}`"
     folder = "contrib" if distribution == "physic-omnieraser" else "plugins"

@@ -10,28 +10,23 @@ from importlib.metadata import EntryPoint
 from typing import TYPE_CHECKING, NamedTuple
 
 from physic_core.discovery.records import CommandRecord
-from physic_core.discovery.registration import load_plugin, records_of, selected
+from physic_core.discovery.registration import call_hook, load_plugin, select_entry_points
 
 if TYPE_CHECKING:
-    from physic_core.discovery.claims import Origin
+    from physic_core.discovery.offers import Origin
 
 __all__ = ["InstalledCommand", "find_commands"]
 
 
 class InstalledCommand(NamedTuple):
-    """A command that a plugin adds.
-
-    Attributes:
-        record: the command.
-        entry: the entry point of the plugin.
-    """
+    """The record of a command, and the entry point of the plugin that adds it."""
 
     record: CommandRecord
     entry: EntryPoint
 
     @property
     def origin(self) -> Origin:
-        """The plugin."""
+        """The plugin that adds the command."""
         from physic_core.discovery.entry_points import origin_of
 
         return origin_of(self.entry)
@@ -40,18 +35,18 @@ class InstalledCommand(NamedTuple):
 def find_commands(
     installed: Iterable[EntryPoint] | None = None, *, environment: Mapping[str, str] = os.environ
 ) -> tuple[InstalledCommand, ...]:
-    """Call the hook ``physic_commands`` of every installed plugin; broken plugins are left out.
+    """Call the hook ``physic_commands`` of every installed plugin, and return the commands; skip broken plugins.
 
-    No backend is checked and no metadata read, so that ``physic --help`` is fast.
+    No backend is checked and no metadata is read, so that ``physic --help`` is fast.
 
     Args:
         installed: entry points; None for those of this Python.
         environment: may restrict the plugins with ``PHYSIC_PLUGINS``.
     """
     commands: list[InstalledCommand] = []
-    for entry in sorted(selected(installed, environment)[0], key=lambda e: e.value):
+    for entry in sorted(select_entry_points(installed, environment)[0], key=lambda e: e.value):
         with suppress(Exception, SystemExit), redirect_stdout(sys.stderr):
             commands += [
-                InstalledCommand(r, entry) for r in records_of(load_plugin(entry), "physic_commands", CommandRecord)
+                InstalledCommand(r, entry) for r in call_hook(load_plugin(entry), "physic_commands", CommandRecord)
             ]
     return tuple(commands)

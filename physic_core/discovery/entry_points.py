@@ -1,4 +1,4 @@
-"""Call the hooks of all installed plugins; collect backends, lists of weights and broken plugins."""
+"""Call the hooks of all installed plugins, and collect their backends, weight manifests and errors."""
 
 from __future__ import annotations
 
@@ -12,59 +12,59 @@ from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from physic_core.discovery.claims import BrokenPlugin, Claim, Manifest, Origin, problem_of
-from physic_core.discovery.error_text import describe
+from physic_core.discovery.error_text import describe_error
+from physic_core.discovery.offers import BackendOffer, BrokenPlugin, Manifest, Origin, record_problem
 from physic_core.discovery.records import BackendRecord, CommandRecord
 from physic_core.discovery.registration import (
-    RESTRICT,
-    BadPluginError,
+    PLUGINS_VARIABLE,
+    InvalidPluginError,
+    call_hook,
     distribution_of,
     load_plugin,
     module_of,
-    records_of,
-    selected,
+    select_entry_points,
 )
 
 if TYPE_CHECKING:
     import pluggy
 
-__all__ = ["Found", "find", "origin_of"]
+__all__ = ["FoundPlugins", "find_plugins", "origin_of"]
 
 
 @dataclass(frozen=True)
-class Found:
-    """Results of the hooks of all installed plugins.
+class FoundPlugins:
+    """Backends, weight manifests and errors of all installed plugins.
 
     Attributes:
-        claims: backends.
-        broken: plugins that failed, completely or in part.
-        manifests: lists of weights, unread.
+        offers: the backends.
+        broken: plugins with errors.
+        manifests: paths of weight manifests; they are not read.
         restriction: value of ``PHYSIC_PLUGINS``, which hides all other plugins; None if it is not set.
     """
 
-    claims: tuple[Claim, ...] = ()
+    offers: tuple[BackendOffer, ...] = ()
     broken: tuple[BrokenPlugin, ...] = ()
     manifests: tuple[Manifest, ...] = ()
     restriction: str | None = None
 
 
-def find(
+def find_plugins(
     installed: Iterable[EntryPoint] | None = None,
     *,
     environment: Mapping[str, str] = os.environ,
     clock: Callable[[], float] = time.perf_counter,
-) -> Found:
-    """Call the hooks of every installed plugin. A broken plugin is listed in ``broken`` and raises nothing.
+) -> FoundPlugins:
+    """Call the hooks of every installed plugin; list broken plugins instead of raising an error.
 
     Args:
         installed: entry points; None for those of this Python.
         environment: if it has ``PHYSIC_PLUGINS=a,b``, only the distributions or entry points of these names are
             imported; none if it is empty.
-        clock: seconds.
+        clock: returns the time in seconds.
     """
-    entries, unknown = selected(installed, environment)
-    broken = [BrokenPlugin(Origin("", name), f"named in {RESTRICT} but not installed") for name in unknown]
-    claims: list[Claim] = []
+    entries, unknown = select_entry_points(installed, environment)
+    broken = [BrokenPlugin(Origin("", name), f"named in {PLUGINS_VARIABLE} but not installed") for name in unknown]
+    offers: list[BackendOffer] = []
     manifests: list[Manifest] = []
     for entry in sorted(entries, key=lambda e: (distribution_of(e)[0], e.name)):
         start = clock()
@@ -72,22 +72,22 @@ def find(
             # Output of a plugin must not mix with the output of a command.
             with redirect_stdout(sys.stderr):
                 manager = load_plugin(entry)
-                records = records_of(manager, "physic_backends", BackendRecord)
-                records_of(manager, "physic_commands", CommandRecord)  # only checked here
+                records = call_hook(manager, "physic_backends", BackendRecord)
+                call_hook(manager, "physic_commands", CommandRecord)  # only checked here
                 weights, complaints = _manifests(manager, entry)
             origin = origin_of(entry, clock() - start)
-            claims += [Claim(record, origin, problem_of(record, origin)) for record in records]
+            offers += [BackendOffer(record, origin, record_problem(record, origin)) for record in records]
             manifests += [Manifest(origin, path) for path in weights]
             broken += [BrokenPlugin(origin, *complaint) for complaint in complaints]
         # SystemExit too: a plugin that calls sys.exit() at import must not end `physic plugins`.
         except (Exception, SystemExit) as error:
-            cause = str(error) if isinstance(error, BadPluginError) else describe(error, module_of(entry))
+            cause = str(error) if isinstance(error, InvalidPluginError) else describe_error(error, module_of(entry))
             broken.append(BrokenPlugin(origin_of(entry), cause, error))
-    return Found(tuple(claims), tuple(broken), tuple(manifests), environment.get(RESTRICT))
+    return FoundPlugins(tuple(offers), tuple(broken), tuple(manifests), environment.get(PLUGINS_VARIABLE))
 
 
 def origin_of(entry: EntryPoint, seconds: float = 0.0) -> Origin:
-    """The plugin of an entry point; reads the metadata of its distribution."""
+    """Return the plugin of an entry point; reads the metadata of its distribution."""
     distribution, number = distribution_of(entry)
     return Origin(module_of(entry), distribution, number, seconds)
 
@@ -95,14 +95,14 @@ def origin_of(entry: EntryPoint, seconds: float = 0.0) -> Origin:
 def _manifests(
     manager: pluggy.PluginManager, entry: EntryPoint
 ) -> tuple[list[Path], list[tuple[str, BaseException | None]]]:
-    """Lists of weights of one plugin, unread, and the errors of invalid ones; its backends are kept."""
+    """Return the paths of a plugin's weight manifests, and the errors of its hook ``physic_weights``."""
     paths: list[Path] = []
     complaints: list[tuple[str, BaseException | None]] = []
     for implementation in manager.hook.physic_weights.get_hookimpls():
         try:
             returned: Any = implementation.function()
         except (Exception, SystemExit) as error:
-            complaints.append((f"physic_weights() fails: {describe(error, module_of(entry))}", error))
+            complaints.append((f"physic_weights() fails: {describe_error(error, module_of(entry))}", error))
             continue
         if not isinstance(returned, (str, os.PathLike)):
             kind = type(returned).__name__

@@ -1,4 +1,4 @@
-"""One-line text of a plugin's exception, with file and line in the plugin."""
+"""Format an exception of a plugin as one line, with the file and line in the plugin."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ import traceback
 from collections.abc import Iterator
 from pathlib import PurePath
 
-__all__ = ["debugging", "describe", "traceback_text"]
+__all__ = ["describe_error", "is_debugging", "traceback_text"]
 
-_OURS = ("physic_core", "importlib", "pluggy")
-"""Modules that call or import plugins: their frames are skipped, since they do not locate a plugin's error."""
+_SKIPPED_PACKAGES = ("physic_core", "importlib", "pluggy")
+"""Packages that call or import plugins; their frames do not locate a plugin's error."""
 
 
-def describe(error: BaseException, *owners: str | type) -> str:
-    """Class, message and place of an exception, as "ValueError: no floor (my_pkg/depth.py:29)".
+def describe_error(error: BaseException, *owners: str | type) -> str:
+    """Format class, message and code line of an exception, as "ValueError: no floor (my_pkg/depth.py:29)".
 
-    The place is the innermost frame in the owners' own code, else the innermost of all.
+    The code line is that of the innermost frame in the plugin's code, else of the innermost frame.
 
     Args:
         error: the exception.
@@ -24,20 +24,19 @@ def describe(error: BaseException, *owners: str | type) -> str:
     """
     message = str(error)
     text = f"{type(error).__name__}: {message}" if message else type(error).__name__
-    place = (
-        "" if isinstance(error, SyntaxError) else _place(error, owners)
-    )  # the text of a SyntaxError contains its place
+    # The message of a SyntaxError contains its place.
+    place = "" if isinstance(error, SyntaxError) else _place(error, owners)
     return f"{text} ({place})" if place else text
 
 
-def debugging() -> bool:
-    """Whether ``PHYSIC_DEBUG`` is set to show tracebacks."""
+def is_debugging() -> bool:
+    """Return whether the environment variable ``PHYSIC_DEBUG`` asks for tracebacks."""
     return os.environ.get("PHYSIC_DEBUG", "0") not in ("", "0")
 
 
 def traceback_text(error: BaseException | None) -> str:
-    """The traceback of an exception and of its causes if ``PHYSIC_DEBUG`` is set, else an empty text."""
-    return "".join(traceback.format_exception(error)) if error is not None and debugging() else ""
+    """Return the traceback of an exception and of its causes if ``PHYSIC_DEBUG`` is set, else an empty text."""
+    return "".join(traceback.format_exception(error)) if error is not None and is_debugging() else ""
 
 
 def _place(error: BaseException, owners: tuple[str | type, ...]) -> str:
@@ -48,12 +47,12 @@ def _place(error: BaseException, owners: tuple[str | type, ...]) -> str:
     for module, place in _frames(error):
         if _package(module) in packages:
             found = place
-        last = "" if _package(module) in _OURS else place
+        last = "" if _package(module) in _SKIPPED_PACKAGES else place
     return found or last
 
 
 def _frames(error: BaseException) -> Iterator[tuple[str, str]]:
-    """Module and "folder/file.py:line" of each frame, the innermost last."""
+    """Yield the module and "folder/file.py:line" of each frame, the innermost last."""
     for frame, line in traceback.walk_tb(error.__traceback__):
         module = str(frame.f_globals.get("__name__", ""))
         file = PurePath(frame.f_code.co_filename).name

@@ -1,4 +1,4 @@
-"""Hooks that a plugin may implement: its backends, its list of weights, and commands that it adds to ``physic``.
+"""Hooks that a plugin may implement: they return its backends, its weight manifests and its commands.
 
 A plugin is a distribution with an entry point in the group ``physic.plugins`` that names a module. The
 hooks of that module return its backends::
@@ -9,7 +9,7 @@ hooks of that module return its backends::
     def physic_backends():
         return [BackendRecord("metric_depth", "my-depth", "my_pkg.depth:MyDepth", api=1, summary="Depth from ...")]
 
-The module holds nothing else and imports nothing heavy: it is imported whenever installed backends are listed.
+The module imports nothing slow: it is imported whenever installed backends are listed.
 
 A plugin whose weights are not inside its wheel lists them in TOML files (:mod:`physic_core.weights.manifest`), and
 returns their folder::
@@ -18,7 +18,7 @@ returns their folder::
     def physic_weights():
         return Path(__file__).parent / "weights"
 
-A plugin adds a subcommand to ``physic`` by naming a ``click.Command``, which is imported when the command is run::
+A plugin adds a subcommand to ``physic`` with a ``click.Command``, which is imported when the command runs::
 
     @hookimpl
     def physic_commands():
@@ -57,4 +57,4 @@ def physic_commands() -> Sequence[CommandRecord]:  # type: ignore[empty-body]
 
 @hookspec
 def physic_weights() -> Path:  # type: ignore[empty-body]
-    """Return the path of this plugin's list of weights: a TOML file, or a folder of them; optional."""
+    """Return the path of this plugin's weight manifest: a TOML file, or a folder of them."""

@@ -1,8 +1,7 @@
-"""Load a user's own module, named in a config as "module:Class", from one folder.
+"""Load a user's module, which a config names as "module:Class", from one folder.
 
-Neither the config's folder nor the current one is added to ``sys.path``, since a file there could shadow an import of a
-library. The named module is loaded from its file. In a package (a folder with ``__init__.py``) relative imports work. A
-name that Python can import already is refused, not hidden.
+The folder is not added to ``sys.path``, because a file in it could replace a library. Only the named module is loaded.
+Relative imports work in a package (a folder with ``__init__.py``). The name of an installed module is refused.
 """
 
 from __future__ import annotations
@@ -16,27 +15,27 @@ from importlib.machinery import ModuleSpec
 from pathlib import Path
 from types import ModuleType
 
-__all__ = ["TARGET", "in_folder", "load", "split"]
+__all__ = ["TARGET", "load_module", "split_folder", "with_folder"]
 
 _DOTTED = r"[^\W\d]\w*(?:\.[^\W\d]\w*)*"
 TARGET = re.compile(rf"{_DOTTED}:{_DOTTED}")
-"""Pattern of a target "module:Class"."""
+"""Pattern of the text "module:Class"."""
 
 _WITH_FOLDER = re.compile(rf"(?s)(?P<folder>.*)[/\\](?P<target>{TARGET.pattern})")
 _lock = threading.RLock()
 
 
-def in_folder(name: str, folder: Path) -> str:
-    """A backend's name with the folder of its module before it, "/folder/module:Class".
+def with_folder(name: str, folder: Path) -> str:
+    """Add the folder of its module to a backend name, as in "/folder/module:Class".
 
     Args:
-        name: as written in a config; "sub/module:Class" names a folder itself.
-        folder: of the config; base of relative folders.
+        name: the name in a config; may contain a relative folder, as in "sub/module:Class".
+        folder: folder of the config; base of relative folders.
 
     Returns:
         The unchanged name if it is not "module:Class", or if the folder does not contain the module.
     """
-    own, target = split(name)
+    own, target = split_folder(name)
     if not TARGET.fullmatch(target):
         return name
     place = (folder / own.expanduser() if own else folder).absolute()
@@ -44,18 +43,18 @@ def in_folder(name: str, folder: Path) -> str:
     return f"{place.as_posix().removesuffix('/')}/{target}" if held else name
 
 
-def split(name: str) -> tuple[Path | None, str]:
-    """The folder and the rest of a name as :func:`in_folder` writes it; (None, name) if it contains no folder."""
+def split_folder(name: str) -> tuple[Path | None, str]:
+    """Split "/folder/module:Class" into folder and "module:Class"; return (None, name) if there is no folder."""
     match = _WITH_FOLDER.fullmatch(name)
     return (None, name) if match is None else (Path(match["folder"] or "/"), match["target"])
 
 
-def load(folder: Path, name: str) -> ModuleType:
-    """Import the module ``name`` from ``folder``, and no other file of it.
+def load_module(folder: Path, name: str) -> ModuleType:
+    """Import the module ``name`` from ``folder``; other modules in the folder are not importable.
 
     Raises:
         ModuleNotFoundError: the module, or one that it imports, does not exist.
-        ImportError: another module of this name is installed, or comes from another folder.
+        ImportError: another module of this name is installed, or was loaded from another folder.
         Exception: raised by the module.
     """
     if _file(folder, name) is None:
@@ -63,7 +62,7 @@ def load(folder: Path, name: str) -> ModuleType:
     top = name.partition(".")[0]
     own = _file(folder, top) or folder / top
     with _lock:
-        taken = _known(top)
+        taken = _installed_spec(top)
         if taken is not None and own.resolve() not in _places(taken):
             raise ImportError(f"another module is called {top} ({taken.origin or 'a package'}): rename {own}")
         if taken is None:
@@ -76,8 +75,8 @@ def _file(folder: Path, name: str) -> Path | None:
     return next((f for f in (path / "__init__.py", path.with_name(f"{path.name}.py")) if f.is_file()), None)
 
 
-def _known(top: str) -> ModuleSpec | None:
-    """Spec that Python finds for this name by itself, or None."""
+def _installed_spec(top: str) -> ModuleSpec | None:
+    """Return the spec of an installed or already imported module, or None."""
     try:
         return importlib.util.find_spec(top)
     except ValueError:  # already imported, without a spec
@@ -90,7 +89,7 @@ def _places(spec: ModuleSpec) -> set[Path]:
 
 
 def _execute(top: str, own: Path) -> None:
-    """Run a module's file; a folder without ``__init__.py`` becomes a package of its files."""
+    """Execute the file of a module; a folder without ``__init__.py`` becomes a package."""
     if own.suffix == ".py":
         inside = [str(own.parent)] if own.name == "__init__.py" else None
         spec = importlib.util.spec_from_file_location(top, own, submodule_search_locations=inside)

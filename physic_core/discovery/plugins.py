@@ -1,4 +1,4 @@
-"""Discover the backends of all installed plugins, and the versions of distributions."""
+"""Find the backends of all installed plugins, and the versions of distributions."""
 
 from __future__ import annotations
 
@@ -9,30 +9,30 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from importlib.metadata import EntryPoint, PackageNotFoundError, requires, version
 
-from physic_core.discovery.claims import normal_name
-from physic_core.discovery.entry_points import find
+from physic_core.discovery.entry_points import find_plugins
+from physic_core.discovery.offers import canonicalize_name
 from physic_core.discovery.registration import GROUP
 from physic_core.discovery.registry import Registry
 
 __all__ = ["GROUP", "core_version", "discover", "required_versions"]
 
-_NEEDED = re.compile(r"[\w.-]+")
+_REQUIREMENT_NAME = re.compile(r"[\w.-]+")
 
 
 def core_version() -> str:
-    """Version of the installed physic-core."""
+    """Return the version of the installed physic-core."""
     return version("physic-core")
 
 
 def required_versions(distribution: str) -> dict[str, str]:
-    """Versions of a distribution's requirements without extras, by normal name; empty if it is not installed."""
+    """Return the installed versions of a distribution's requirements, by name; extras are ignored."""
     found = {}
     with suppress(PackageNotFoundError, ValueError):  # ValueError: the name is empty
         for line in requires(distribution) or ():
-            name, marker = _NEEDED.match(line), line.partition(";")[2]
+            name, marker = _REQUIREMENT_NAME.match(line), line.partition(";")[2]
             if name and "extra" not in marker:
                 with suppress(PackageNotFoundError):
-                    found[normal_name(name[0])] = version(name[0])
+                    found[canonicalize_name(name[0])] = version(name[0])
     return found
 
 
@@ -42,15 +42,11 @@ def discover(
     environment: Mapping[str, str] = os.environ,
     clock: Callable[[], float] = time.perf_counter,
 ) -> Registry:
-    """Find the backends of all installed plugins. A broken plugin is listed in ``broken`` and raises nothing.
+    """Return a registry of the backends of all installed plugins; it lists broken plugins in ``broken``.
 
-    Args:
-        installed: entry points; None for those of this Python.
-        environment: ``PHYSIC_PLUGINS=a,b`` in it leaves only the distributions or entry points of these names, empty
-            leaves none, and the others are not even imported.
-        clock: seconds.
+    The arguments are those of :func:`physic_core.discovery.entry_points.find_plugins`.
     """
-    found = find(installed, environment=environment, clock=clock)
+    found = find_plugins(installed, environment=environment, clock=clock)
     return Registry(
-        found.claims, found.broken, restriction=found.restriction, manifests=found.manifests, installed=False
+        found.offers, found.broken, restriction=found.restriction, manifests=found.manifests, installed=False
     )

@@ -1,4 +1,4 @@
-"""Whether a backend can be used on this machine, estimated without importing it."""
+"""Estimate whether a backend can be used on this machine, without importing it."""
 
 from __future__ import annotations
 
@@ -9,37 +9,37 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from physic_core.discovery.error_text import describe
-from physic_core.discovery.local_modules import split
+from physic_core.discovery.error_text import describe_error
+from physic_core.discovery.local_modules import split_folder
 from physic_core.errors import BackendError, PhysicError, WeightsMissingError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from physic_core.discovery.registry import Claim, Registry
+    from physic_core.discovery.registry import BackendOffer, Registry
     from physic_core.interfaces import Backend
 
-__all__ = ["Readiness", "gpu_is_seen", "missing_requirements", "readiness"]
+__all__ = ["Readiness", "has_gpu", "missing_requirements", "readiness"]
 
-Word = Literal["ready", "unsure", "not ready", "ambiguous", "refused", "broken"]
+State = Literal["ready", "unsure", "not ready", "ambiguous", "refused", "broken"]
 
 _GPU = ("gpu", "cuda")
 _WEIGHTS = "weights"
-_TRACES = ("/proc/driver/nvidia/version", "/dev/nvidiactl", "/dev/dxg")
+_DRIVER_PATHS = ("/proc/driver/nvidia/version", "/dev/nvidiactl", "/dev/dxg")
 
 
 @dataclass(frozen=True)
 class Readiness:
-    """Expected usability of a backend.
+    """Estimated usability of a backend on this machine.
 
     Attributes:
-        word: "ready"; "unsure" where only loading it can show; "not ready" where something is missing on
-            this machine; "ambiguous" where its own distribution offers the name twice; "refused" and "broken" where
-            no config can choose it as it is.
-        why: the reason; may be empty where it is ready.
+        word: "ready"; "unsure" if only loading it can show; "not ready" if a package, file or GPU is missing;
+            "ambiguous" if its distribution offers the name twice; "refused" if the record is invalid; "broken" if the
+            module does not exist.
+        why: the reason; may be empty if the backend is ready.
     """
 
-    word: Word
+    word: State
     why: str = ""
 
     def __str__(self) -> str:
@@ -49,50 +49,50 @@ class Readiness:
 
 def readiness(
     registry: Registry,
-    claim: Claim,
+    offer: BackendOffer,
     gpu: Callable[[], bool] | None = None,
-    missing_sets: Callable[[Registry, Claim], Sequence[str] | None] | None = None,
+    missing_sets: Callable[[Registry, BackendOffer], Sequence[str] | None] | None = None,
 ) -> Readiness:
-    """Check that a backend's module and the packages, GPU and weights of its record are available.
+    """Check whether the module, packages, GPU and weights that a backend needs are available.
 
     Args:
-        registry: of the claim.
-        claim: the backend.
-        gpu: whether there is a GPU; None for :func:`gpu_is_seen`.
-        missing_sets: finds missing weights, as :func:`physic_core.weights.required.missing_sets`. None skips them.
+        registry: registry that contains the backend.
+        offer: the backend.
+        gpu: returns whether there is a GPU; None for :func:`has_gpu`.
+        missing_sets: returns missing weights, as :func:`physic_core.weights.required.missing_sets`; None skips them.
     """
-    if claim.problem:
-        return Readiness("refused", claim.problem)
-    rivals = registry.rivals(claim)
-    if twins := [rival for rival in rivals if rival.origin.distribution == claim.origin.distribution]:
-        return Readiness("ambiguous", registry.explain_rivals((claim, *twins)))
-    found = _readiness(registry, claim, gpu, missing_sets)
+    if offer.problem:
+        return Readiness("refused", offer.problem)
+    rivals = registry.with_same_name(offer)
+    if twins := [rival for rival in rivals if rival.origin.distribution == offer.origin.distribution]:
+        return Readiness("ambiguous", registry.explain_ambiguity((offer, *twins)))
+    found = _readiness(registry, offer, gpu, missing_sets)
     if not rivals:
         return found
     others = " and ".join(dict.fromkeys(rival.origin.distribution for rival in rivals))
-    name = f"{claim.origin.distribution}:{claim.record.name}"
+    name = f"{offer.origin.distribution}:{offer.record.name}"
     return replace(found, why="; ".join(filter(None, (found.why, f"{others} offers this name too: write '{name}'"))))
 
 
 def _readiness(
     registry: Registry,
-    claim: Claim,
+    offer: BackendOffer,
     gpu: Callable[[], bool] | None,
-    missing_sets: Callable[[Registry, Claim], Sequence[str] | None] | None,
+    missing_sets: Callable[[Registry, BackendOffer], Sequence[str] | None] | None,
 ) -> Readiness:
-    """The readiness of a backend that a config can choose."""
-    record = claim.record
+    """Return the readiness of a backend with a valid and unique record."""
+    record = offer.record
     if isinstance(record.target, str):
-        module = split(record.target)[1].partition(":")[0]
-        if not _is_there(module):
+        module = split_folder(record.target)[1].partition(":")[0]
+        if not _is_installed(module):
             return Readiness("broken", f"there is no module '{module}' for its target {record.target}")
     faults = []
-    if absent := [package for package in record.packages if not _is_there(package)]:
-        faults.append(f"not installed: {', '.join(absent)}")
+    if uninstalled := [package for package in record.packages if not _is_installed(package)]:
+        faults.append(f"not installed: {', '.join(uninstalled)}")
     further = [need for need in record.needs if need.lower() not in _GPU]
-    if len(further) < len(record.needs) and not (gpu or gpu_is_seen)():
-        faults.append("no GPU is seen")
-    sets = missing_sets(registry, claim) if missing_sets is not None else None
+    if len(further) < len(record.needs) and not (gpu or has_gpu)():
+        faults.append("no GPU is found")
+    sets = missing_sets(registry, offer) if missing_sets is not None else None
     if sets:
         faults.append(f"missing: {', '.join(sets)}")
     if faults:
@@ -100,37 +100,37 @@ def _readiness(
     if sets is not None:
         further = [need for need in further if need != _WEIGHTS]
     if further:
-        return Readiness("unsure", f"needs {', '.join(further)}; `physic plugins doctor {record.name}` tells")
+        return Readiness("unsure", f"needs {', '.join(further)}; `physic plugins doctor {record.name}` checks it")
     return Readiness("ready")
 
 
 def missing_requirements(backend: Backend) -> tuple[str, ...]:
-    """Call ``missing()`` of a backend: its missing requirements on this machine, one text each.
+    """Call ``missing()`` of a backend, and return its messages about missing requirements.
 
     Raises:
         BackendError: ``missing()`` fails, or does not return texts.
         PhysicError: raised by the backend itself.
     """
     try:
-        answer: object = backend.missing()
+        messages: object = backend.missing()
     except WeightsMissingError as error:
         return (str(error),)
     except PhysicError:
         raise
     except (Exception, SystemExit) as error:
-        raise BackendError(f"missing() fails: {describe(error, type(backend))}") from error
-    if not isinstance(answer, (tuple, list)) or not all(isinstance(text, str) for text in answer):
-        raise BackendError(f"missing() must return a tuple of texts, got {answer!r}")
-    return tuple(answer)
+        raise BackendError(f"missing() fails: {describe_error(error, type(backend))}") from error
+    if not isinstance(messages, (tuple, list)) or not all(isinstance(text, str) for text in messages):
+        raise BackendError(f"missing() must return a tuple of texts, got {messages!r}")
+    return tuple(messages)
 
 
-def gpu_is_seen() -> bool:
-    """Whether an NVIDIA driver is loaded; faster than importing torch, which takes seconds."""
-    return shutil.which("nvidia-smi") is not None or any(Path(trace).exists() for trace in _TRACES)
+def has_gpu() -> bool:
+    """Return whether an NVIDIA driver is loaded; faster than importing torch."""
+    return shutil.which("nvidia-smi") is not None or any(Path(path).exists() for path in _DRIVER_PATHS)
 
 
-def _is_there(module: str) -> bool:
-    """Whether a module can be found; submodules are searched only if the package is already imported."""
+def _is_installed(module: str) -> bool:
+    """Return whether a module can be found; submodules are searched only if the package is already imported."""
     top = module.partition(".")[0]
     try:
         return find_spec(module if top in sys.modules else top) is not None

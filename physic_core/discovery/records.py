@@ -1,4 +1,4 @@
-"""Records that plugin hooks return: backends and commands, each with an import target that is loaded on use."""
+"""Records of backends and commands, which plugin hooks return."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["BackendRecord", "CommandRecord"]
 
 @dataclass(frozen=True)
 class BackendRecord:
-    """One backend of a plugin.
+    """Name, class, interface and requirements of one backend of a plugin.
 
     Attributes:
         interface: "segmenter", "inpainter", "metric_depth", "relative_pointmap", "keypoint_detector", "body_estimator",
@@ -24,12 +24,10 @@ class BackendRecord:
         api: version of the interface that the backend implements, such as 1; a core with another version refuses it.
         summary: one line for ``physic plugins``.
         weights_license: licence of the weights; empty without weights.
-        needs: requirements beyond its distribution, one word or phrase each ("GPU", "a checkpoint file").
+        needs: further requirements, one word or phrase each ("GPU", "a checkpoint file").
         homepage: URL of its documentation.
-        packages: import names of further requirements, such as those of an extra; ``physic plugins`` searches them
-            without an import.
-        weights: sets of its plugin's list of weights that it reads by default; ``physic plugins`` checks their files
-            for the need "weights".
+        packages: import names of required packages, such as those of an extra.
+        weights: names of the weight sets that it reads by default; ``physic plugins`` checks that they are present.
     """
 
     interface: str
@@ -49,7 +47,7 @@ class CommandRecord:
     """A command that a plugin adds to ``physic``.
 
     Attributes:
-        name: of the command, such as "bench" for ``physic bench``, or "plugins check" for ``physic plugins check``.
+        name: words after ``physic``, such as "bench" or "plugins check".
         target: "package.module:function" of a ``click.Command``, imported when the command is run.
         summary: one line for ``--help``.
     """

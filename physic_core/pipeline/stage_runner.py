@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 from physic_core import errors
-from physic_core.discovery.error_text import describe, traceback_text
+from physic_core.discovery.error_text import describe_error, traceback_text
 from physic_core.errors import BackendError, BackendOutputError, PhysicError
 from physic_core.interfaces.backend import Result, call, interface_of, violations
 from physic_core.interfaces.checks import require_image
@@ -222,7 +222,7 @@ def wrap_plugin_errors(title: str, resolved: ResolvedBackend) -> Iterator[None]:
         known = kind if kind.__module__ == errors.__name__ else BackendError  # other classes may need other arguments
         raise known(f"{title}: {error}") from error
     except (Exception, SystemExit) as cause:
-        raise BackendError(f"{title}: {describe(cause, type(resolved.backend))}") from cause
+        raise BackendError(f"{title}: {describe_error(cause, type(resolved.backend))}") from cause
 
 
 def _print_traceback(error: Exception) -> None:

@@ -1,4 +1,4 @@
-"""Bodies without looking: everybody stands upright, faces the camera and is of middle height."""
+"""Bodies independent of the photo: everybody stands upright, faces the camera and has the same height."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ if TYPE_CHECKING:
 
 __all__ = ["Template", "TemplateOptions"]
 
-_COMPONENTS = 16  # of the shape of the body named "embedded"
+_COMPONENTS = 16  # shape components of the body model "embedded"
 
 
 class TemplateOptions(Options):
     """Settings of Template."""
 
-    stature_m: float = Field(1.7, gt=0.3, lt=2.5, description="height of everybody, m")
+    stature_m: float = Field(1.7, gt=0.3, lt=2.5, description="height of every person, m")
 
 
 class Template(BodyEstimator):
-    """Puts the embedded body at rest where the person's box is."""
+    """Places the embedded body in rest pose at each person's box."""
 
     Options: ClassVar[type[Options]] = TemplateOptions
     options: TemplateOptions
@@ -40,21 +40,21 @@ class Template(BodyEstimator):
         x = ((x0 + x1) / 2 - 0.5 - intrinsics.cx) / intrinsics.fx * z
         y = ((y0 + y1) / 2 - 0.5 - intrinsics.cy) / intrinsics.fy * z
 
-        def still(width: int) -> np.ndarray:
+        def zeros(width: int) -> np.ndarray:
             return np.zeros((count, width), np.float32)
 
-        upright = still(3)
-        upright[:, 0] = np.pi  # half a turn about x: the body's own y points up, the camera's down
+        upright = zeros(3)
+        upright[:, 0] = np.pi  # 180 degrees about x: y of the body points up, y of the camera down
         parameters = BodyParameters(
             global_orient=upright,
-            body_pose=still(63),
-            left_hand_pose=still(45),
-            right_hand_pose=still(45),
-            jaw_pose=still(3),
-            leye_pose=still(3),
-            reye_pose=still(3),
-            betas=still(_COMPONENTS),
-            expression=still(0),
+            body_pose=zeros(63),
+            left_hand_pose=zeros(45),
+            right_hand_pose=zeros(45),
+            jaw_pose=zeros(3),
+            leye_pose=zeros(3),
+            reye_pose=zeros(3),
+            betas=zeros(_COMPONENTS),
+            expression=zeros(0),
             transl=np.stack([x, y, z], axis=1).astype(np.float32),
         )
         return Bodies(parameters, "embedded")

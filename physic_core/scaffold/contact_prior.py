@@ -1,4 +1,4 @@
-"""Contact: the soles of everybody, whatever they do."""
+"""Contact probability independent of the photo: the soles of every person."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ __all__ = ["Template", "TemplateOptions"]
 class TemplateOptions(Options):
     """Settings of Template."""
 
-    probability: float = Field(0.8, gt=0, le=1, description="that a vertex of a sole touches something")
+    probability: float = Field(0.8, gt=0, le=1, description="contact probability of the vertices of the soles")
 
 
 class Template(ContactPrior):
-    """The same probability on all soles, nothing elsewhere."""
+    """Returns one probability for the vertices of all soles, and zero elsewhere."""
 
     Options: ClassVar[type[Options]] = TemplateOptions
     options: TemplateOptions
@@ -33,21 +33,21 @@ class Template(ContactPrior):
     _body: BodyModel | None = None
 
     def load(self, device: str = "cpu") -> None:
-        """Read the mesh that the probabilities are on."""
+        """Load the body model, which lists the vertices of the soles."""
         from physic_core.body import load_body
 
         self._body = load_body("embedded")
 
     def close(self) -> None:
-        """Let go of it."""
+        """Release the body model."""
         self._body = None
 
     def infer(self, image: UInt8Array, people: People, bodies: Bodies) -> ContactProbability:
         """N people with their bodies -> probability (N, V)."""
         if self._body is None:
-            raise BackendError("the body is not loaded: call load() first")
+            raise BackendError("the body model is not loaded: call load() first")
         if bodies.body_model != self._body.name:
-            raise BackendError(f"this prior knows the body {self._body.name!r}, not {bodies.body_model!r}")
+            raise BackendError(f"this prior needs the body model {self._body.name!r}, got {bodies.body_model!r}")
         probability = np.zeros((len(people), self._body.num_vertices), np.float32)
         for side in ("left_sole", "right_sole"):
             probability[:, self._body.contact_sets[side].numpy()] = self.options.probability

@@ -1,4 +1,4 @@
-"""Hands: none is found, which is an answer too."""
+"""Hand poses independent of the photo: no hand is detected."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ __all__ = ["Template", "TemplateOptions"]
 class TemplateOptions(Options):
     """Settings of Template."""
 
-    min_confidence: float = Field(0.5, ge=0, le=1, description="a hand that is less sure is none; 0.3-0.7 works")
+    min_confidence: float = Field(0.5, ge=0, le=1, description="hands of lower confidence are dropped; 0.3-0.7 works")
 
 
 class Template(HandEstimator):
-    """Answers with confidence 0: the fingers of such a hand are left at rest."""
+    """Returns confidence 0 for all hands, so that fingers stay in rest pose."""
 
     Options: ClassVar[type[Options]] = TemplateOptions
     options: TemplateOptions

@@ -1,4 +1,4 @@
-"""Inpainting with one colour: the mean of what is near the hole."""
+"""Inpainting with one colour: the mean of the pixels near the mask."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ __all__ = ["Template", "TemplateOptions"]
 class TemplateOptions(Options):
     """Settings of Template."""
 
-    margin_px: int = Field(20, ge=1, description="what lies this near to the hole's box is averaged, px; 5-50 works")
+    margin_px: int = Field(20, ge=1, description="width of the averaged border around the mask's box, px; 5-50 works")
 
 
 class Template(Inpainter):
-    """Fills the hole with the mean colour of its surroundings."""
+    """Fills the mask with the mean colour of the surrounding pixels."""
 
     Options: ClassVar[type[Options]] = TemplateOptions
     options: TemplateOptions
@@ -33,8 +33,8 @@ class Template(Inpainter):
         if mask.shape != image.shape[:2] or mask.dtype != np.bool_:
             raise InputError(f"mask must be {image.shape[:2]} bool, got {mask.shape} {mask.dtype}")
         if mask.all():
-            raise InputError("mask covers the whole image: nothing is left to fill it from")
-        filled = image.copy()  # never write into what was handed over
+            raise InputError("mask covers the complete image: no pixel is left to take a colour from")
+        filled = image.copy()  # a backend must not modify its input
         if mask.any():
             margin = self.options.margin_px
             rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))

@@ -1,4 +1,4 @@
-"""Keypoints without looking: somebody stands in each box, and which side is left is not known."""
+"""Keypoints independent of the photo: a standing person on the vertical centre line of each box."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ _HEIGHTS = {
     "right_shoulder": 0.19, "left_elbow": 0.35, "right_elbow": 0.35, "left_wrist": 0.49, "right_wrist": 0.49,
     "left_hip": 0.5, "right_hip": 0.5, "left_knee": 0.73, "right_knee": 0.73, "left_ankle": 0.94, "right_ankle": 0.94,
 }  # fmt: skip
-"""Joint of the skeleton "coco17" -> its place between top and bottom of the box of someone who stands."""
+"""Height of each joint of the skeleton "coco17" in a standing person's box: 0 is the top, 1 the bottom."""
 
 
 class TemplateOptions(Options):
     """Settings of Template."""
 
-    confidence: float = Field(0.3, ge=0, le=1, description="what is said of every joint")
+    confidence: float = Field(0.3, ge=0, le=1, description="confidence of every joint")
 
 
 class Template(KeypointDetector):
-    """Puts the joints of a standing person onto the middle line of each box."""
+    """Places the joints of a standing person on the vertical centre line of each box."""
 
     Options: ClassVar[type[Options]] = TemplateOptions
     options: TemplateOptions
@@ -39,5 +39,5 @@ class Template(KeypointDetector):
         """Image (H, W, 3) and N people -> points (N, 17, 2) in px of the photo, row i for person i."""
         figure = np.array([(0.5, height) for height in _HEIGHTS.values()])
         low, high = people.boxes[:, None, :2], people.boxes[:, None, 2:]
-        points = low + figure * (high - low) - 0.5  # boxes count from the border of a pixel, points from its centre
+        points = low + figure * (high - low) - 0.5  # box edges are pixel borders, integer points are pixel centres
         return Keypoints(points, np.full(points.shape[:2], self.options.confidence), "coco17")

@@ -1,4 +1,4 @@
-"""Metric depth: the relative scene, scaled so that people are as far away as their bodies say."""
+"""Metric depth: the relative point map, scaled to the distance of the estimated bodies."""
 
 from __future__ import annotations
 
@@ -20,28 +20,28 @@ __all__ = ["Template", "TemplateOptions"]
 class TemplateOptions(Options):
     """Settings of Template."""
 
-    scale_sigma: float = Field(0.3, gt=0, lt=3, description="how unsure the scale is, log standard deviation; 0.1-0.5")
+    scale_sigma: float = Field(0.3, gt=0, lt=3, description="standard deviation of log(scale); 0.1-0.5")
 
 
 class Template(MetricDepth):
-    """Scales the relative scene by the distance of the people's bodies."""
+    """Scales the relative point map to the distance of the estimated bodies."""
 
     Options: ClassVar[type[Options]] = TemplateOptions
     options: TemplateOptions
 
     def load(self, device: str = "cpu") -> None:
-        """Read weights here, onto ``device``; not in the constructor, which has to be cheap and offline."""
+        """Load weights onto ``device`` here; the constructor must be fast and must not use the network."""
 
     def close(self) -> None:
-        """Drop them here; both may be called twice."""
+        """Release the weights here; ``load`` and ``close`` may be called twice."""
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
         """Image (H, W, 3) -> z-depth (H, W) in metres, NaN where unknown."""
         scene, original, people, bodies = hints.scene, hints.original, hints.people, hints.bodies
         if scene is None or original is None or people is None or bodies is None or not len(people):
-            raise BackendError("this depth needs the scene, the original, people and their bodies among the hints")
+            raise BackendError("this depth needs hints.scene, hints.original, hints.people and hints.bodies")
         seen = [original.points[mask & original.valid, 2] for mask in people.masks]
-        # The root of a body is about as far away as the skin that is seen.
+        # The root joint is about as far away as the visible surface of the body.
         ratios = [z / np.median(own) for z, own in zip(bodies.parameters.transl[:, 2], seen, strict=True) if len(own)]
         if not ratios:
             raise BackendError("no person has a depth in hints.original")

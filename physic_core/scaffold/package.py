@@ -1,4 +1,4 @@
-"""The files of a new plugin."""
+"""Write the files of a new plugin from templates."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from physic_core.errors import ConfigError, OutputError
 if TYPE_CHECKING:
     from pathlib import Path
 
-__all__ = ["Names", "files", "write"]
+__all__ = ["PluginNames", "plugin_files", "write_plugin"]
 
 _PREFIX = "physic-"
 
@@ -51,7 +51,7 @@ __all__ = ["physic_backends"]
 
 @hookimpl
 def physic_backends() -> list[BackendRecord]:
-    """The backends of this plugin; nothing heavy is imported here, since it runs whenever plugins are listed."""
+    """Return the backends of this plugin; import nothing slow here, as this runs whenever plugins are listed."""
     return [
         BackendRecord(
             "{interface}",
@@ -59,7 +59,7 @@ def physic_backends() -> list[BackendRecord]:
             "{package}.{module}:{kind}",
             api={api},
             summary="{summary}",
-            weights_license="",  # of the weights, if there are any: "MIT (NameOfTheNetwork)"
+            weights_license="",  # licence of the weights, if there are any: "MIT (NameOfTheNetwork)"
         ),
     ]
 '''
@@ -86,19 +86,19 @@ pytest
 physic run photo.jpg --set {interface}.backend={backend}
 ```
 
-- `{package}/{module}.py` is the backend: make it your own.
-- `{package}/__init__.py` says what it is called, what it needs and under which licence its weights are.
-- `tests/test_conformance.py` runs every check of the interface. A check that you know to fail goes there, with
+- `{package}/{module}.py` is the backend: replace its code by your own.
+- `{package}/__init__.py` registers its name, its requirements and the licence of its weights.
+- `tests/test_conformance.py` runs every check of the interface. List a check that is known to fail there, with
   the reason: `@parametrize_with_checks("{interface}", "{backend}", expected_failures={{"name_of_the_check": "why"}})`.
 """
 
 
 @dataclass(frozen=True)
-class Names:
-    """What everything of a new plugin is called.
+class PluginNames:
+    """Names of a new plugin: backend, interface, distribution, package and class.
 
     Attributes:
-        backend: in configs, such as "my-depth".
+        backend: name in configs, such as "my-depth".
         interface: "metric_depth", ...
     """
 
@@ -107,28 +107,28 @@ class Names:
 
     @property
     def distribution(self) -> str:
-        """As it is installed: "physic-my-depth"."""
+        """Name of the distribution, such as "physic-my-depth"."""
         return f"{_PREFIX}{self.backend}"
 
     @property
     def package(self) -> str:
-        """As it is imported: "physic_my_depth"."""
+        """Import name of the package, such as "physic_my_depth"."""
         return re.sub(r"[-.]", "_", self.distribution)
 
     @property
     def kind(self) -> str:
-        """The class: "MyDepth"."""
+        """Name of the backend class, such as "MyDepth"."""
         words = "".join(part.capitalize() for part in re.split(r"[-.]", self.backend))
         return words if words[0].isalpha() else f"Backend{words}"
 
 
-def files(names: Names, core: str, api: int) -> dict[str, str]:
-    """Path in the new folder -> text.
+def plugin_files(names: PluginNames, core: str, api: int) -> dict[str, str]:
+    """Return the text of each file of a new plugin, by relative path.
 
     Args:
-        names: of the plugin.
-        core: version of physic-core that it is begun with.
-        api: that core's version of the interface.
+        names: names of the plugin.
+        core: version of physic-core, the lower bound of the requirement.
+        api: version of the interface.
     """
     source = (resources.files("physic_core.scaffold") / f"{names.interface}.py").read_text(encoding="utf-8")
     summary = source.partition('"""')[2].partition(".")[0]
@@ -154,21 +154,22 @@ def files(names: Names, core: str, api: int) -> dict[str, str]:
     }
 
 
-def write(folder: Path, names: Names, core: str, api: int) -> list[Path]:
-    """Write a new plugin into a folder that is not there yet, and return its files.
+def write_plugin(folder: Path, names: PluginNames, core: str, api: int) -> list[Path]:
+    """Write the files of a new plugin into a new folder, and return their paths.
 
     Raises:
-        ConfigError: the name cannot be one of a backend.
-        OutputError: the folder is there already, or cannot be made.
+        ConfigError: the name is no valid name of a backend.
+        OutputError: the folder exists already, or cannot be created.
     """
     if not re.fullmatch(r"[a-z0-9]+([.-][a-z0-9]+)*", names.backend) or names.backend == "none":
         raise ConfigError(
-            f"a backend's name is of a-z, 0-9 and hyphens, such as my-depth, and not 'none' (got '{names.backend}')"
+            f"a backend's name has only a-z, 0-9 and hyphens, such as my-depth, and is not 'none' "
+            f"(got '{names.backend}')"
         )
     written = []
     try:
         folder.mkdir(parents=True)
-        for path, text in files(names, core, api).items():
+        for path, text in plugin_files(names, core, api).items():
             file = folder / path
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text(text, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""A relative point map without looking: a floor that ends at a wall."""
+"""Relative point map independent of the photo: a floor that ends at a wall."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class TemplateOptions(Options):
 
 
 class Template(RelativePointmap):
-    """The same box for every photo: a level floor one unit under the camera, and a wall."""
+    """Returns a level floor one unit below the camera, and a wall, for every photo."""
 
     Options: ClassVar[type[Options]] = TemplateOptions
     options: TemplateOptions

@@ -1,4 +1,4 @@
-"""People masks as ellipses in boxes that the user draws."""
+"""Person masks as ellipses in boxes that the user gives."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ class TemplateOptions(Options):
 
 
 class Template(Segmenter):
-    """Finds nobody by itself: takes the ellipse in each given box for a person, the first box in front."""
+    """Returns the ellipse in each given box as a person; an earlier box occludes a later one."""
 
     Options: ClassVar[type[Options]] = TemplateOptions
     options: TemplateOptions
 
     @staticmethod
     def conformance_options(world: Any) -> Mapping[str, Any]:
-        """Options with which the conformance kit shows a photo; without this method it would use the defaults."""
+        """Return the options that the conformance kit uses for a synthetic world, instead of the defaults."""
         return {"boxes": world.boxes.tolist()}
 
     def infer(self, image: UInt8Array) -> People:
@@ -44,7 +44,7 @@ class Template(Segmenter):
         for x0, y0, x1, y1 in self.options.boxes:
             across, down = (2 * u + 1 - x0 - x1) / max(x1 - x0, 1), (2 * v + 1 - y0 - y1) / max(y1 - y0, 1)
             mask = (across**2 + down**2 < 1) & free
-            if mask.any():  # a person has at least one pixel, and shares none
+            if mask.any():  # each mask has at least one pixel, and masks do not overlap
                 free &= ~mask
                 rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
                 masks.append(mask)

@@ -1,4 +1,4 @@
-"""Suggest existing names for an unknown name."""
+"""Suggest existing names for a misspelt name."""
 
 from __future__ import annotations
 
@@ -6,33 +6,33 @@ from collections.abc import Sequence
 from difflib import get_close_matches
 from itertools import takewhile
 
-__all__ = ["in_words", "near"]
+__all__ = ["format_choice", "similar_names"]
 
-_MOST = 4
-_TELLING = 4
-_SURE = 0.8
+_MAX_SUGGESTIONS = 4
+_MIN_PREFIX = 4
+_CERTAIN_RATIO = 0.8
 
 
-def near(name: str, names: Sequence[str]) -> list[str]:
-    """Return up to four similar names, the most similar first.
+def similar_names(name: str, names: Sequence[str]) -> list[str]:
+    """Return up to four names that are similar to a misspelt name.
 
-    A common beginning counts more than a common end. Many names have the same end ("-onnx", "-hf"), and users often
-    write only the beginning, such as "moge-2".
+    A common prefix counts more than a common suffix: many names end with "-onnx" or "-hf", and users often write only
+    a prefix such as "moge-2".
     """
-    if alike := get_close_matches(name, names, n=1, cutoff=_SURE):
+    if alike := get_close_matches(name, names, n=1, cutoff=_CERTAIN_RATIO):
         return alike
-    shared = max((_shared(name, other) for other in names), default=0)
-    if shared >= _TELLING:
-        return sorted(other for other in names if other.startswith(name[:shared]))[:_MOST]
+    shared = max((_prefix_length(name, other) for other in names), default=0)
+    if shared >= _MIN_PREFIX:
+        return sorted(other for other in names if other.startswith(name[:shared]))[:_MAX_SUGGESTIONS]
     return get_close_matches(name, names, n=1)
 
 
-def in_words(names: Sequence[str]) -> str:
-    """Format names as a choice: "'a', 'b' or 'c'"."""
+def format_choice(names: Sequence[str]) -> str:
+    """Format a list of names as a choice: "'a', 'b' or 'c'"."""
     quoted = [f"'{name}'" for name in names]
     return " or ".join([", ".join(quoted[:-1]), quoted[-1]] if len(quoted) > 1 else quoted)
 
 
-def _shared(one: str, other: str) -> int:
-    """Length of the common prefix of two names."""
+def _prefix_length(one: str, other: str) -> int:
+    """Return the length of the common prefix of two names."""
     return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(one, other, strict=False)))

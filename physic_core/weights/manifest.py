@@ -1,4 +1,4 @@
-"""Manifests: TOML files in which a plugin describes its weights, one table for each set.
+"""Weight manifests: TOML files in which a plugin describes its weight sets, one table for each set.
 
 ::
 
@@ -71,13 +71,13 @@ class WebSource:
 
 @dataclass(frozen=True)
 class WeightFile:
-    """One file of a set.
+    """Path, size, hash and source of one weight file.
 
     Attributes:
         path: relative to the folder of the set, with "/".
         bytes: published size; None if unknown.
         sha256: published SHA-256, 64 hexadecimal digits; None if unknown.
-        source: where to download it from; "" if the user has to provide it.
+        source: address of the download; "" if the user has to provide the file.
     """
 
     path: str
@@ -87,7 +87,7 @@ class WeightFile:
 
     @property
     def origin(self) -> HubSource | WebSource | None:
-        """The parsed source; None if there is none."""
+        """The parsed source, or None if there is none."""
         if found := _HUB.fullmatch(self.source):
             return HubSource(found[1], found[2], found[3] or "main")
         if self.source:
@@ -101,7 +101,7 @@ class WeightSet:
     """The weight files of one network.
 
     Attributes:
-        name: used in options and commands.
+        name: name in options and commands.
         summary: one line.
         license: name of the licence.
         commercial: whether the licence allows commercial use; None if it does not state it.
@@ -122,18 +122,18 @@ class WeightSet:
 
     @property
     def bytes(self) -> int | None:
-        """Size of all files, or None if one size is unknown."""
+        """Total size of all files, or None if one size is unknown."""
         sizes = [file.bytes for file in self.files]
         return None if None in sizes else sum(size for size in sizes if size is not None)
 
     @property
     def is_free(self) -> bool:
-        """Whether the set can be downloaded without accepting its licence: commercial use allowed, no account."""
+        """Whether the licence allows commercial use, and no account is required."""
         return self.commercial is True and not self.account
 
 
 def read_manifest(path: Path) -> Mapping[str, WeightSet]:
-    """Read the sets of a TOML file, or of all TOML files in a folder, by name.
+    """Read the weight sets of a TOML file, or of all TOML files in a folder, by name.
 
     The result is cached until a file changes.
 
@@ -145,12 +145,12 @@ def read_manifest(path: Path) -> Mapping[str, WeightSet]:
     try:
         stamps = tuple((file, file.stat().st_mtime_ns, file.stat().st_size) for file in files)
     except OSError as error:
-        raise BackendError(f"the list of weights {path} cannot be read: {error.strerror}") from error
+        raise BackendError(f"the weight manifest {path} cannot be read: {error.strerror}") from error
     return _read(stamps)
 
 
 def is_inside(path: str) -> bool:
-    """Whether a relative path stays inside its folder, on every operating system."""
+    """Return whether a relative path stays inside its folder, on every operating system."""
     parts = PurePosixPath(path).parts
     plain = not (path.startswith("/") or "\\" in path or ":" in path or "\0" in path or PureWindowsPath(path).drive)
     return plain and bool(parts) and ".." not in parts and not path.endswith("/")
@@ -167,7 +167,7 @@ def _read(stamps: tuple[tuple[Path, int, int], ...]) -> Mapping[str, WeightSet]:
         try:
             tables = tomllib.loads(file.read_text(encoding="utf-8"))
         except OSError as error:
-            raise BackendError(f"the list of weights {file} cannot be read: {error.strerror}") from error
+            raise BackendError(f"the weight manifest {file} cannot be read: {error.strerror}") from error
         except ValueError as error:  # no TOML, or no UTF-8
             faults.append(f"{file}: {error}")
             continue
@@ -180,7 +180,7 @@ def _read(stamps: tuple[tuple[Path, int, int], ...]) -> Mapping[str, WeightSet]:
             if made is not None and not found:
                 sets[name], owner[name] = made, file
     if faults:
-        raise BackendError("\n".join(["this list of weights does not hold:", *faults]))
+        raise BackendError("\n".join(["this weight manifest is invalid:", *faults]))
     return MappingProxyType(sets)
 
 
@@ -202,7 +202,7 @@ _FILE_KEYS: dict[str, tuple[type, bool, str]] = {
 
 
 def _set(name: str, table: Any, faults: list[str]) -> WeightSet | None:
-    """Parse one table; errors are appended to ``faults``."""
+    """Parse the table of one weight set; errors are appended to ``faults``."""
     if not _NAME.fullmatch(name):
         faults.append("should be of a-z, 0-9, and single hyphens, dots or underscores between them")
     if not isinstance(table, dict):
@@ -220,7 +220,7 @@ def _set(name: str, table: Any, faults: list[str]) -> WeightSet | None:
         faults.append(f"has the file {twice} more than once")
     by_hand = [file.path for file in files if not file.source]
     if by_hand and not table.get("advice"):
-        faults.append(f"has no source for {', '.join(by_hand)}: say in 'advice' how to get that")
+        faults.append(f"has no source for {', '.join(by_hand)}: write in 'advice' how to get it")
     return WeightSet(
         name=name,
         summary=table["summary"],
@@ -241,7 +241,7 @@ def _file(entry: Any, at: str, faults: list[str]) -> WeightFile | None:
         return None
     path, size, digest, source = entry["path"], entry.get("bytes"), entry.get("sha256"), entry.get("source", "")
     if not is_inside(path):
-        faults.append(f"{at}path should lie inside the folder of the set, got {path!r}")
+        faults.append(f"{at}path should be inside the folder of the set, got {path!r}")
     if size is not None and size <= 0:
         faults.append(f"{at}bytes should be > 0, got {size}")
     if digest is not None and not _HASH.fullmatch(digest):
@@ -251,7 +251,7 @@ def _file(entry: Any, at: str, faults: list[str]) -> WeightFile | None:
             f"{at}source should be hf://owner/repository/path[@revision] or https://host/path[#member], got {source!r}"
         )
     elif source.startswith("http://") and digest is None:
-        faults.append(f"{at}source is http://, which anybody on the way can change: give its sha256, or use https://")
+        faults.append(f"{at}source is http://, which is not secure: add its sha256, or use https://")
     return WeightFile(path, size, digest, source)
 
 
@@ -263,7 +263,7 @@ def _is_source(source: str) -> bool:
 
 
 def _keys(table: Mapping[str, Any], known: Mapping[str, tuple[type, bool, str]], at: str, faults: list[str]) -> bool:
-    """Whether a table has all required keys with the right types; errors are appended to ``faults``."""
+    """Return whether a table has all required keys with the right types; errors are appended to ``faults``."""
     before = len(faults)
     for key in table:
         if key not in known:

@@ -1,26 +1,26 @@
-"""The weight sets that backends require: which are missing, and which have unexpected sizes."""
+"""Find the missing weight sets of backends, and weight files of unexpected size."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from physic_core.errors import PhysicError
-from physic_core.weights.locate import missing, other_sizes
+from physic_core.weights.locate import missing, size_mismatches
 from physic_core.weights.manifest import read_manifest
 
 if TYPE_CHECKING:
     from physic_core.configuration.resolve import ResolvedPipeline
-    from physic_core.discovery.registry import Claim, Registry
+    from physic_core.discovery.registry import BackendOffer, Registry
 
-__all__ = ["missing_sets", "remarks"]
+__all__ = ["missing_sets", "size_warnings"]
 
 
-def missing_sets(registry: Registry, claim: Claim) -> tuple[str, ...] | None:
-    """Names of the missing sets of a backend's record; None if this cannot be determined."""
-    lists = [manifest.path for manifest in registry.manifests if manifest.origin == claim.origin]
+def missing_sets(registry: Registry, offer: BackendOffer) -> tuple[str, ...] | None:
+    """Return the names of missing weight sets that a backend's record lists, or None if they are unknown."""
+    lists = [manifest.path for manifest in registry.manifests if manifest.origin == offer.origin]
     found = []
     try:
-        for name in claim.record.weights:
+        for name in offer.record.weights:
             path = next((path for path in lists if name in read_manifest(path)), None)
             if path is None:
                 return None
@@ -28,11 +28,11 @@ def missing_sets(registry: Registry, claim: Claim) -> tuple[str, ...] | None:
                 found.append(name)
     except PhysicError:  # an invalid manifest, which `physic weights list` reports
         return None
-    return tuple(found) if claim.record.weights else None
+    return tuple(found) if offer.record.weights else None
 
 
-def remarks(plan: ResolvedPipeline, registry: Registry) -> tuple[str, ...]:
-    """Warnings about files whose size differs from the published one; they do not stop a run.
+def size_warnings(plan: ResolvedPipeline, registry: Registry) -> tuple[str, ...]:
+    """Return warnings about weight files of another size than published; they do not stop a run.
 
     Raises:
         BackendError: the manifest of a plugin is invalid.
@@ -46,6 +46,6 @@ def remarks(plan: ResolvedPipeline, registry: Registry) -> tuple[str, ...]:
             sets = read_manifest(manifest.path)
             named = (sets.get(value) for value in who.options.values() if isinstance(value, str))
             for weights in named:
-                if weights is not None and (told := other_sizes(weights)):
-                    found[f"weights '{weights.name}' are here, but {told}"] = None
+                if weights is not None and (text := size_mismatches(weights)):
+                    found[f"weights '{weights.name}' are found, but {text}"] = None
     return tuple(found)

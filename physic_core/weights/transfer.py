@@ -14,42 +14,41 @@ from pathlib import Path
 from typing import IO, Any
 
 from physic_core.errors import DownloadError
-from physic_core.weights.locate import size_in_words
+from physic_core.weights.locate import format_size
 
-__all__ = ["Tell", "Transfer", "unwritable", "writing"]
+__all__ = ["ByteProgress", "ResumableDownload", "wrap_write_errors", "write_error"]
 
-Tell = Callable[[int, int | None], None]
-"""Called with the bytes that are here, and with how many there will be, where that is known."""
+ByteProgress = Callable[[int, int | None], None]
+"""Callback with the bytes downloaded so far, and the total if known."""
 
-_CHUNK = 1 << 16  # what a broken connection may cost of what has come
+_CHUNK = 1 << 16  # bytes that a broken connection can lose
 _CONNECT_SECONDS, _READ_SECONDS = 20.0, 60.0
-_TRIES = 5
+_MAX_TRIES = 5
 _RANGE = re.compile(r"bytes (\d+)-")
 
 
-class _Broken(Exception):
+class _ConnectionBroken(Exception):
     """The connection ended before the download was complete."""
 
 
-class _Changed(Exception):
+class _RemoteFileChanged(Exception):
     """The partial download belongs to another version of the remote file."""
 
 
 @dataclass(frozen=True)
-class Transfer:
+class ResumableDownload:
     """A downloader for :func:`pooch.retrieve` that resumes partial downloads.
 
-    The partial content is kept in a ``.part`` file. A ``.part.of`` file beside it identifies the remote file. If
-    neither a hash nor an ETag can prove that both parts belong to the same file, the download starts again.
+    A ``.part`` file has the partial content. A ``.part.of`` file beside it has the address and ETag of the remote file.
+    Without a hash or an ETag, the download starts again, since the remote file may have changed.
 
     Attributes:
         part: path of the partial file.
         size: expected size in bytes, if known.
-        hashed: whether a hash of the complete file is verified afterwards.
+        hashed: whether the caller verifies a hash of the complete file.
         tag: ETag of the expected version, if known.
         headers: HTTP headers of the request.
         advice: text for the error if the server refuses the request or does not have the file.
-        tell: progress callback: bytes downloaded so far, and the total if known.
     """
 
     part: Path
@@ -58,70 +57,70 @@ class Transfer:
     tag: str = ""
     headers: Mapping[str, str] = field(default_factory=dict)
     advice: str = ""
-    tell: Tell = lambda done, total: None
+    report: ByteProgress = lambda done, total: None
 
     def __call__(self, url: str, output_file: str | os.PathLike[str], pooch: object = None) -> None:
-        """Download ``url`` to ``output_file``; the argument ``pooch`` is ignored.
+        """Download ``url`` to ``output_file``; ``pooch`` is ignored.
 
         Raises:
             DownloadError: the download failed; the partial file is kept.
         """
-        self.bring(url)
-        self.place(output_file)
+        self.download(url)
+        self.move_to(output_file)
 
-    def bring(self, url: str) -> None:
-        """Download ``url`` to the partial file.
+    def download(self, url: str) -> None:
+        """Download ``url`` to the partial file, or resume its download.
 
         Raises:
             DownloadError: the download failed; the partial file is kept.
         """
-        tries, anew = 0, False
+        tries, restarted = 0, False
         while True:
-            before = self._here()
+            before = self._bytes_here()
             try:
-                self._continue(url)
+                self._download_once(url)
                 return
-            except _Changed as error:
-                self.forget()
-                if anew:
-                    raise DownloadError(f"{url} changes while it is fetched: try again later") from error
-                anew = True
-            except _Broken as error:
+            except _RemoteFileChanged as error:
+                self.discard()
+                if restarted:
+                    raise DownloadError(f"{url} changes during the download: try again later") from error
+                restarted = True
+            except _ConnectionBroken as error:
                 tries += 1
-                if self._here() <= before or tries == _TRIES:
-                    raise DownloadError(f"{url}: {error}{self._kept()}") from error
-                time.sleep(1.0)  # a router that restarts, a server that moves on
+                if self._bytes_here() <= before or tries == _MAX_TRIES:
+                    raise DownloadError(f"{url}: {error}{self._kept_text()}") from error
+                time.sleep(1.0)  # the router or server may restart
 
-    def place(self, output_file: str | os.PathLike[str]) -> None:
+    def move_to(self, output_file: str | os.PathLike[str]) -> None:
         """Move the complete download to ``output_file``."""
-        with writing(Path(output_file)):
+        with wrap_write_errors(Path(output_file)):
             os.replace(self.part, output_file)
-            self._of.unlink(missing_ok=True)
+            self._identity_file.unlink(missing_ok=True)
 
-    def forget(self) -> None:
+    def discard(self) -> None:
         """Delete the partial file."""
-        with writing(self.part):
+        with wrap_write_errors(self.part):
             self.part.unlink(missing_ok=True)
-            self._of.unlink(missing_ok=True)
+            self._identity_file.unlink(missing_ok=True)
 
     @property
-    def _of(self) -> Path:
+    def _identity_file(self) -> Path:
         return self.part.with_name(self.part.name + ".of")
 
-    def _here(self) -> int:
+    def _bytes_here(self) -> int:
         return self.part.stat().st_size if self.part.is_file() else 0
 
-    def _kept(self) -> str:
-        here = self._here()
-        return f"; {size_in_words(here)} of it are kept, and the next fetch goes on from there" if here else ""
+    def _kept_text(self) -> str:
+        here = self._bytes_here()
+        return f"; {format_size(here)} are kept; the next download resumes" if here else ""
 
-    def _continue(self, url: str) -> None:
-        """Download over one connection."""
+    def _download_once(self, url: str) -> None:
+        """Download the rest of the file over one connection."""
         import requests
 
-        have, validator = self._resumable(url)
+        have, validator = self._resume_from(url)
         if self.size is not None and have == self.size:
-            self.tell(have, self.size)
+            self.report(have, self.size)
             return
         headers = {"Accept-Encoding": "identity", **self.headers}
         if have:
@@ -131,76 +130,81 @@ class Transfer:
         try:
             with requests.get(url, headers=headers, stream=True, timeout=(_CONNECT_SECONDS, _READ_SECONDS)) as answer:
                 if have and answer.status_code == 416 and answer.headers.get("Content-Range", "") == f"bytes */{have}":
-                    return  # there is no rest: it was all here
-                if have and (answer.status_code == 416 or (answer.status_code == 206 and not _goes_on(answer, have))):
-                    raise _Changed
+                    return  # the partial file is complete
+                if have and (
+                    answer.status_code == 416 or (answer.status_code == 206 and not _continues_at(answer, have))
+                ):
+                    raise _RemoteFileChanged
                 if answer.status_code == 200:
                     have = 0
-                self._require_answer(url, answer)
-                total = _total(answer, have)
+                self._check_status(url, answer)
+                total = _total_bytes(answer, have)
                 if self.size is not None and total not in (None, self.size):
                     raise DownloadError(
-                        f"{url} has {total} bytes, and the list of weights says {self.size}: it is another file by now"
-                        f"{_then(self.advice)}"
+                        f"{url} has {total} bytes, but the manifest states {self.size}: the file has changed"
+                        f"{_append_advice(self.advice)}"
                     )
                 self._write(url, answer, have, total if total is not None else self.size)
         except requests.exceptions.RequestException as error:
-            raise _Broken(_in_words(error)) from error
+            raise _ConnectionBroken(_describe_connection_error(error)) from error
 
-    def _resumable(self, url: str) -> tuple[int, str]:
-        """Bytes of the partial file that can be kept, and the ETag stored with them."""
-        have = self._here()
+    def _resume_from(self, url: str) -> tuple[int, str]:
+        """Return how many bytes of the partial file can be kept, and the ETag stored with them."""
+        have = self._bytes_here()
         if not have:
             return 0, ""
-        lines = self._of.read_text("utf-8").splitlines() if self._of.is_file() else []
+        lines = self._identity_file.read_text("utf-8").splitlines() if self._identity_file.is_file() else []
         source, tag = [*lines, "", ""][:2]
         same = source == url and (not self.tag or tag == self.tag) and (self.size is None or have <= self.size)
         if not same or not (self.hashed or tag):
             return 0, ""
         return have, "" if self.tag else tag
 
-    def _require_answer(self, url: str, answer: Any) -> None:
+    def _check_status(self, url: str, answer: Any) -> None:
         code = answer.status_code
         if code in (200, 206):
             return
         if code in (401, 403, 407):
-            raise DownloadError(f"{url} is not given to everybody (HTTP {code}){_then(self.advice)}")
+            raise DownloadError(f"{url} refuses access (HTTP {code}){_append_advice(self.advice)}")
         if code in (404, 410):
-            raise DownloadError(f"{url} is not there (HTTP {code}){_then(self.advice)}")
-        raise DownloadError(f"{url} cannot be had now (HTTP {code} {answer.reason}): try again later{self._kept()}")
+            raise DownloadError(f"{url} does not exist (HTTP {code}){_append_advice(self.advice)}")
+        raise DownloadError(
+            f"{url} is not available now (HTTP {code} {answer.reason}): try again later{self._kept_text()}"
+        )
 
     def _write(self, url: str, answer: Any, have: int, total: int | None) -> None:
-        tag = self.tag or _strong(answer.headers)
-        with writing(self.part):
+        tag = self.tag or _version_tag(answer.headers)
+        with wrap_write_errors(self.part):
             self.part.parent.mkdir(parents=True, exist_ok=True)
-            # Unbuffered, so that what has come is on the disk whatever ends us; not emptied before it is ours.
+            # Unbuffered, so that a killed process loses no data; truncated only after the lock is acquired.
             file = self.part.open("ab", buffering=0)
-        with file, writing(self.part):
+        with file, wrap_write_errors(self.part):
             _lock(file, self.part)
             if not have:
                 file.truncate(0)
             _require_room(self.part.parent, None if total is None else total - have)
-            self._of.write_text(f"{url}\n{tag}\n", "utf-8")
+            self._identity_file.write_text(f"{url}\n{tag}\n", "utf-8")
             done = have
-            self.tell(done, total)
+            self.report(done, total)
             for piece in answer.iter_content(_CHUNK):
                 view = memoryview(piece)
                 while view:
                     view = view[file.write(view) :]
                 done += len(piece)
-                self.tell(done, total)
+                self.report(done, total)
         if total is not None and done < total:
-            raise _Broken("the connection broke")
+            raise _ConnectionBroken("the connection was lost")
         if self.size is not None and done != self.size:
-            self.forget()
+            self.discard()
             raise DownloadError(
-                f"{url} came, but it has {done} bytes instead of {self.size}: removed{_then(self.advice)}"
+                f"{url} was downloaded, but it has {done} bytes instead of {self.size}: "
+                f"removed{_append_advice(self.advice)}"
             )
 
 
 @contextmanager
-def writing(path: Path) -> Iterator[None]:
-    """Convert an OSError while writing to a DownloadError with an explanation.
+def wrap_write_errors(path: Path) -> Iterator[None]:
+    """Convert an OSError while a file is written to a DownloadError with advice.
 
     Raises:
         DownloadError: the disk is full, the folder is read-only, or another error of the system.
@@ -209,18 +213,18 @@ def writing(path: Path) -> Iterator[None]:
 
     try:
         yield
-    except requests.exceptions.RequestException:  # an OSError too, but none of the disk's
+    except requests.exceptions.RequestException:  # a subclass of OSError, but not an error of the disk
         raise
     except OSError as error:
-        raise unwritable(path.parent, error) from error
+        raise write_error(path.parent, error) from error
 
 
-def unwritable(folder: Path, error: OSError) -> DownloadError:
-    """Build the error for a folder that cannot be written."""
+def write_error(folder: Path, error: OSError) -> DownloadError:
+    """Return the DownloadError for a folder that cannot be written."""
     if error.errno in (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)):
         return DownloadError(_no_room(folder))
     return DownloadError(
-        f"{folder} cannot be written ({error.strerror}): name another folder by --to, XDG_CACHE_HOME or HF_HOME"
+        f"{folder} cannot be written ({error.strerror}): choose another folder with --to, XDG_CACHE_HOME or HF_HOME"
     )
 
 
@@ -230,16 +234,16 @@ def _require_room(folder: Path, size: int | None) -> None:
 
 
 def _no_room(folder: Path, size: int | None = None) -> str:
-    free = size_in_words(shutil.disk_usage(folder).free) if folder.exists() else "nothing"
-    needed = "" if size is None else f", and {size_in_words(size)} are needed"
+    free = format_size(shutil.disk_usage(folder).free) if folder.exists() else "nothing"
+    needed = "" if size is None else f", and {format_size(size)} are needed"
     return (
-        f"no room in {folder}: {free or 'nothing'} free{needed}; make room, or name another folder by --to, "
-        "XDG_CACHE_HOME or HF_HOME; what has come is kept, and the next fetch goes on from there"
+        f"{folder} is full: {free or 'nothing'} free{needed}; free some space, or choose another folder with --to, "
+        "XDG_CACHE_HOME or HF_HOME; the partial download is kept, and the next one resumes"
     )
 
 
 def _lock(file: IO[bytes], part: Path) -> None:
-    """Lock the partial file, so that two downloads cannot write it; the lock ends with the process."""
+    """Lock the partial file until the process ends, so that no other download writes it."""
     try:
         import fcntl
     except ImportError:  # Windows
@@ -247,46 +251,50 @@ def _lock(file: IO[bytes], part: Path) -> None:
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
-        raise DownloadError(f"another fetch is writing {part}: wait for it") from error
+        raise DownloadError(f"another download is writing {part}: wait until it is done") from error
     except OSError:  # a file system without locks
         return
 
 
-def _goes_on(answer: Any, have: int) -> bool:
-    """Whether a response continues the file at byte ``have``."""
+def _continues_at(answer: Any, have: int) -> bool:
+    """Return whether a response continues the file at byte ``have``."""
     found = _RANGE.match(answer.headers.get("Content-Range", ""))
     return answer.status_code == 206 and found is not None and int(found[1]) == have
 
 
-def _total(answer: Any, have: int) -> int | None:
+def _total_bytes(answer: Any, have: int) -> int | None:
     length = answer.headers.get("Content-Length", "")
     if answer.headers.get("Content-Encoding", "identity") != "identity" or not length.isdecimal():
         return None
     return int(length) + (have if answer.status_code == 206 else 0)
 
 
-def _strong(headers: Mapping[str, str]) -> str:
-    """The strong ETag of a response, else its Last-Modified date; "" if it has neither."""
+def _version_tag(headers: Mapping[str, str]) -> str:
+    """Return the strong ETag of a response, else its Last-Modified date; "" if it has neither."""
     tag = headers.get("ETag", "")
     return tag if tag and not tag.startswith("W/") else headers.get("Last-Modified", "")
 
 
-def _in_words(error: Exception) -> str:
+def _describe_connection_error(error: Exception) -> str:
     import requests
 
     if isinstance(error, requests.exceptions.ConnectTimeout):
-        return "the server does not answer"
+        return "the server does not respond"
     if isinstance(error, requests.exceptions.ReadTimeout):
         return "the server has stopped sending"
     if isinstance(error, requests.exceptions.ChunkedEncodingError):
-        return "the connection broke"
+        return "the connection was lost"
     if isinstance(error, requests.exceptions.SSLError):
-        return f"no safe connection ({error})"
+        return f"no secure connection ({error})"
     if isinstance(error, requests.exceptions.ConnectionError):
         timeout = "Read timed out" in str(error)
-        return "the server has stopped sending" if timeout else "the server cannot be reached: is the network on?"
+        return (
+            "the server has stopped sending"
+            if timeout
+            else "the server cannot be reached: check the network connection"
+        )
     return f"{type(error).__name__}: {error}"
 
 
-def _then(advice: str) -> str:
+def _append_advice(advice: str) -> str:
     return f": {advice}" if advice else ""

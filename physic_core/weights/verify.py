@@ -1,4 +1,4 @@
-"""Compare files with the size and the SHA-256 in a manifest."""
+"""Compare weight files with the size and the SHA-256 in a manifest."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Any
 
 from physic_core.weights.manifest import WeightFile
 
-__all__ = ["difference", "git_hash", "sha256_of"]
+__all__ = ["describe_mismatch", "git_blob_hash", "sha256_of"]
 
 _CHUNK = 1 << 20
 
 
-def difference(path: Path, file: WeightFile) -> str:
-    """Describe how a file differs from its manifest entry; "" if it matches."""
+def describe_mismatch(path: Path, file: WeightFile) -> str:
+    """Describe how the size or SHA-256 of a file differs from its manifest; "" if they match."""
     size = path.stat().st_size
     if file.bytes is not None and size != file.bytes:
         return f"it has {size} bytes instead of {file.bytes}"
@@ -24,12 +24,12 @@ def difference(path: Path, file: WeightFile) -> str:
 
 
 def sha256_of(path: Path) -> str:
-    """SHA-256 of a file, in hexadecimal digits."""
+    """Return the SHA-256 of a file as hexadecimal digits."""
     return _digest(path, hashlib.sha256())
 
 
-def git_hash(path: Path) -> str:
-    """The git blob hash of a file, by which Hugging Face identifies small files."""
+def git_blob_hash(path: Path) -> str:
+    """Return the git blob hash of a file; Hugging Face uses it as ETag of small files."""
     return _digest(path, hashlib.sha1(f"blob {path.stat().st_size}\0".encode(), usedforsecurity=False))
 
 

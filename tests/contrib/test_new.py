@@ -16,7 +16,7 @@ from hatchling.plugin.manager import PluginManager
 from physic_core.cli import main
 from physic_core.discovery.registry import BackendRecord, Registry
 from physic_core.interfaces import INTERFACES
-from physic_core.scaffold.package import Names, files
+from physic_core.scaffold.package import PluginNames, plugin_files
 from physic_testing import check_backend
 
 
@@ -63,7 +63,7 @@ def test_what_a_new_package_begins_with_passes_the_kit(interface: str):
 
 @pytest.mark.parametrize("interface", INTERFACES)
 def test_the_names_are_the_authors_own(interface: str):
-    written = files(Names("my-2nd.thing", interface), "0.1.0", 1)
+    written = plugin_files(PluginNames("my-2nd.thing", interface), "0.1.0", 1)
     assert [p for p in written if "/" not in p] == ["pyproject.toml", "README.md"]
     assert f"physic_my_2nd_thing/{interface}.py" in written
     for path, text in written.items():
@@ -76,13 +76,13 @@ def test_the_names_are_the_authors_own(interface: str):
 
 
 def test_a_name_that_begins_with_a_digit_makes_a_class():
-    assert Names("3d-fill", "inpainter").kind == "Backend3dFill"
+    assert PluginNames("3d-fill", "inpainter").kind == "Backend3dFill"
 
 
 def test_a_new_package_is_the_authors_to_build(tmp_path):
     from hatchling.builders.wheel import WheelBuilder
 
-    for path, text in files(Names("my-thing", "inpainter"), "0.1.0", 1).items():
+    for path, text in plugin_files(PluginNames("my-thing", "inpainter"), "0.1.0", 1).items():
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_text(text)
     held = {f.distribution_path for f in WheelBuilder(str(tmp_path)).recurse_included_files()}

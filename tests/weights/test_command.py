@@ -92,7 +92,7 @@ def test_the_list(plugin: Any, own_cache: Path):
         "weights  plugin       size     commercial use  account  state    licence\n"
         "free     physic-nets  1.05 MB  yes             -        missing  MIT\n"
         "gated    physic-nets  -        NO              needed   missing  Own licence: research only\n"
-        "own      physic-nets  -        not said        -        in part  CC-BY-4.0\n"
+        "own      physic-nets  -        not stated      -        in part  CC-BY-4.0\n"
     )
     put(own_cache / "free" / "free.onnx")
     assert physic("list").stdout.splitlines()[1].split()[6] == "here"
@@ -123,13 +123,13 @@ def test_a_broken_list_is_a_row(plugin: Any, site: Any, monkeypatch):
     assert done.exit_code == 0
     assert done.stdout.splitlines()[-1].split(None, 6) == [
         *("-", "physic-odd", "-", "-", "-", "BROKEN"),
-        f"this list of weights does not hold: {path}: [odd] has no files",
+        f"this weight manifest is invalid: {path}: [odd] has no files",
     ]
     done = physic("show", "nothing")
     assert (done.exit_code, done.stderr) == (
         2,
-        "Error: no weights are named 'nothing'; `physic weights list` names all\n"
-        f"physic-odd 1.0: this list of weights does not hold:\n{path}: [odd] has no files\n",
+        "Error: no weights are named 'nothing'; `physic weights list` lists all names\n"
+        f"physic-odd 1.0: this weight manifest is invalid:\n{path}: [odd] has no files\n",
     )
 
 
@@ -146,12 +146,12 @@ def test_show_what_is_missing(plugin: Any, own_cache: Path):
         "  plugin      physic-nets 1.0\n"
         "  licence     Own licence: research only\n"
         "  commercial  use is NOT allowed\n"
-        "  account     needed: ask for access at https://huggingface.co/owner/gated, and log in with `hf auth login`, "
+        "  account     needed: request access at https://huggingface.co/owner/gated, and log in with `hf auth login`, "
         "or set HF_TOKEN\n"
         "  homepage    https://example.org/gated\n"
         "  state       missing\n"
         "  to get it   `physic weights fetch gated --accept-licence` (an account with access, no commercial use)\n"
-        f"  sought in   {own_cache / 'gated'}, Hugging Face's cache\n"
+        f"  searched    {own_cache / 'gated'}, Hugging Face's cache\n"
         "  file        gated.onnx\n"
         "    source    hf://owner/gated/gated.onnx\n"
     )
@@ -177,10 +177,10 @@ def test_show_what_is_here(plugin: Any, own_cache: Path, server: Any):
 def test_fetch_where_and_verify(plugin: Any, own_cache: Path):
     there = own_cache / "free" / "free.onnx"
     done = physic("fetch", "free")
-    assert (done.exit_code, done.stdout) == (0, f"free: free.onnx fetched, in {there}\n")
+    assert (done.exit_code, done.stdout) == (0, f"free: free.onnx downloaded to {there}\n")
     assert done.stderr == "free: free.onnx (1.05 MB)\n"
     done = physic("fetch", "free")
-    assert (done.exit_code, done.stdout, done.stderr) == (0, f"free: here, in {there}\n", "")
+    assert (done.exit_code, done.stdout, done.stderr) == (0, f"free: already in {there}\n", "")
     assert physic("where", "free").stdout == physic("where", "free", "free.onnx").stdout == f"{there}\n"
     done = physic("verify", "free")
     assert (done.exit_code, done.stdout) == (0, "ok       free free.onnx\n1 file: 1 ok, 0 differ, 0 missing\n")
@@ -188,17 +188,17 @@ def test_fetch_where_and_verify(plugin: Any, own_cache: Path):
 
 def test_fetch_goes_on_with_the_others(plugin: Any, own_cache: Path):
     done = physic("fetch", "own", "gated", "free")
-    assert (done.exit_code, done.stdout) == (4, f"free: free.onnx fetched, in {own_cache / 'free' / 'free.onnx'}\n")
+    assert (done.exit_code, done.stdout) == (4, f"free: free.onnx downloaded to {own_cache / 'free' / 'free.onnx'}\n")
     assert done.stderr.splitlines() == [
-        f"own: own.onnx, own.json of 'own' cannot be fetched: export it with tools/export_own.py; "
-        f"then put it into {own_cache / 'own'}",
-        "gated: 'gated' is not fetched without --accept-licence:",
+        f"own: own.onnx, own.json of 'own' cannot be downloaded: export it with tools/export_own.py; "
+        f"then copy it into {own_cache / 'own'}",
+        "gated: 'gated' is not downloaded without --accept-licence:",
         "  licence     Own licence: research only",
         "  commercial  use is NOT allowed",
-        "  account     needed: ask for access at https://huggingface.co/owner/gated, and log in with `hf auth login`, "
+        "  account     needed: request access at https://huggingface.co/owner/gated, and log in with `hf auth login`, "
         "or set HF_TOKEN",
         "  homepage    https://example.org/gated",
-        "if that suits you: physic weights fetch gated --accept-licence",
+        "to accept the licence: physic weights fetch gated --accept-licence",
         "free: free.onnx (1.05 MB)",
     ]
 
@@ -206,12 +206,12 @@ def test_fetch_goes_on_with_the_others(plugin: Any, own_cache: Path):
 def test_fetch_to_a_folder_that_another_machine_reads_offline(plugin: Any, tmp_path: Path, server: Any, monkeypatch):
     stick = tmp_path / "stick"
     done = physic("fetch", "free", "--to", str(stick))
-    assert (done.exit_code, done.stdout) == (0, f"free: free.onnx fetched, in {stick / 'free'}\n")
+    assert (done.exit_code, done.stdout) == (0, f"free: free.onnx downloaded to {stick / 'free'}\n")
     server.close()
     monkeypatch.setenv("PHYSIC_WEIGHTS", str(stick))
     assert physic("where", "free").stdout == f"{stick / 'free' / 'free.onnx'}\n"
     assert physic("verify").exit_code == 0
-    assert physic("fetch", "free").stdout == f"free: here, in {stick / 'free' / 'free.onnx'}\n"
+    assert physic("fetch", "free").stdout == f"free: already in {stick / 'free' / 'free.onnx'}\n"
 
 
 def test_a_name_that_is_none(plugin: Any):
@@ -235,8 +235,8 @@ def test_where_of_what_is_missing(plugin: Any, own_cache: Path):
     done = physic("where", "free")
     assert (done.exit_code, done.stdout) == (4, "")
     assert done.stderr == (
-        "Error: weights 'free' (1.05 MB, MIT) are not here: `physic weights fetch free`\n"
-        f"sought in {own_cache / 'free'}, Hugging Face's cache\n"
+        "Error: weights 'free' (1.05 MB, MIT) are missing: `physic weights fetch free`\n"
+        f"searched: {own_cache / 'free'}, Hugging Face's cache\n"
     )
 
 
@@ -248,7 +248,7 @@ def test_verify_tells_what_differs_and_what_cannot_be_told(plugin: Any, own_cach
     assert (done.exit_code, done.stdout) == (
         4,
         f"DIFFERS  free free.onnx: {wrong}\n"
-        "ok       own own.json: held against nothing: no more is published\n"
+        "ok       own own.json: neither size nor SHA-256 is published\n"
         "2 files: 1 ok, 1 differ, 0 missing\n",
     )
     rows = json.loads(physic("verify", "own", "--json").stdout)
@@ -292,7 +292,7 @@ def test_ctrl_c_ends_it_in_words_and_keeps_what_has_come(plugin: Any, server: An
             running.kill()
     assert (running.returncode, out) == (130, "")
     assert err == (
-        "free: free.onnx (1.05 MB)\nfree: interrupted; what has come is kept, and the next fetch goes on from there\n"
+        "free: free.onnx (1.05 MB)\nfree: interrupted; the partial download is kept, and the next one resumes\n"
     )
     here = part.stat().st_size
     page.stall = None

@@ -97,9 +97,7 @@ def test_a_broken_connection_is_taken_up_again_at_once(server: Any, own_cache: P
 
 def test_the_next_fetch_goes_on_where_the_last_one_stopped(server: Any, own_cache: Path, no_pause: None):
     url = server.add("/model.onnx", CONTENT, cut=[262_144, 0])
-    assert refusal(one(url)) == (
-        f"{url}: the connection broke; 262 kB of it are kept, and the next fetch goes on from there"
-    )
+    assert refusal(one(url)) == (f"{url}: the connection was lost; 262 kB are kept; the next download resumes")
     assert left(own_cache) == ["net/model.onnx.part", "net/model.onnx.part.of"]
     told: list[int] = []
     fetch(one(url), progress=lambda file, done, total: told.append(done))
@@ -199,7 +197,7 @@ def test_two_fetches_do_not_write_into_one_file(server: Any, own_cache: Path):
         fcntl.flock(file, fcntl.LOCK_EX)
         file.write(b"of the other")
         file.flush()
-        assert refusal(chosen) == f"another fetch is writing {part}: wait for it"
+        assert refusal(chosen) == f"another download is writing {part}: wait until it is done"
     assert part.read_bytes() == b"of the other"
 
 
@@ -210,7 +208,7 @@ def test_a_wrong_hash_is_said_and_the_file_removed(server: Any, own_cache: Path)
     other = CONTENT[::-1]
     url = server.add("/model.onnx", other)
     assert refusal(weights(WeightFile("model.onnx", len(CONTENT), HASH, url), homepage="https://example.org")) == (
-        f"{url} came, but its SHA-256 is {hashlib.sha256(other).hexdigest()} instead of {HASH}: removed; "
+        f"{url} was downloaded, but its SHA-256 is {hashlib.sha256(other).hexdigest()} instead of {HASH}: removed; "
         "see https://example.org"
     )
     assert left(own_cache) == []
@@ -219,7 +217,7 @@ def test_a_wrong_hash_is_said_and_the_file_removed(server: Any, own_cache: Path)
 def test_a_wrong_size_is_said_before_the_file_has_come(server: Any, own_cache: Path):
     url = server.add("/model.onnx", CONTENT)
     assert refusal(weights(WeightFile("model.onnx", 7, HASH, url))) == (
-        f"{url} has {len(CONTENT)} bytes, and the list of weights says 7: it is another file by now"
+        f"{url} has {len(CONTENT)} bytes, but the manifest states 7: the file has changed"
     )
     assert left(own_cache) == []
 
@@ -227,12 +225,12 @@ def test_a_wrong_size_is_said_before_the_file_has_come(server: Any, own_cache: P
 def test_a_wrong_size_is_said_where_the_server_gave_none(server: Any, own_cache: Path, no_pause: None):
     url = server.add("/model.onnx", b"too long", length=False)
     assert refusal(weights(WeightFile("model.onnx", 7, None, url))) == (
-        f"{url} came, but it has 8 bytes instead of 7: removed"
+        f"{url} was downloaded, but it has 8 bytes instead of 7: removed"
     )
     assert left(own_cache) == []
     server.add("/model.onnx", b"short", length=False)
     assert refusal(weights(WeightFile("model.onnx", 7, None, url))) == (
-        f"{url}: the connection broke; 5 bytes of it are kept, and the next fetch goes on from there"
+        f"{url}: the connection was lost; 5 bytes are kept; the next download resumes"
     )
 
 
@@ -244,30 +242,30 @@ def test_what_needs_an_account_says_how_to_get_it(server: Any, own_cache: Path, 
     url = server.add("/model.onnx", status=code)
     chosen = one(url, account=True, homepage="https://example.org/net", advice="ask there")
     assert refusal(chosen, accept=True) == (
-        f"{url} is not given to everybody (HTTP {code}): licence     MIT\n"
+        f"{url} refuses access (HTTP {code}): licence     MIT\n"
         "  commercial  use is allowed\n"
-        "  account     needed: ask for access at https://example.org/net, and log in there\n"
+        "  account     needed: request access at https://example.org/net, and log in there\n"
         "  homepage    https://example.org/net\n"
-        f"or load it down with a browser and put it at {own_cache / 'net' / 'model.onnx'}"
+        f"or download it with a browser to {own_cache / 'net' / 'model.onnx'}"
     )
 
 
 def test_what_is_not_there_any_more_names_the_homepage(server: Any):
     url = f"{server.address}/gone"
     assert refusal(one(url, homepage="https://example.org")) == (
-        f"{url} is not there (HTTP 404): see https://example.org"
+        f"{url} does not exist (HTTP 404): see https://example.org"
     )
 
 
 def test_a_server_in_trouble_is_worth_another_try(server: Any):
     url = server.add("/model.onnx", status=503)
-    assert refusal(one(url)) == f"{url} cannot be had now (HTTP 503 Service Unavailable): try again later"
+    assert refusal(one(url)) == f"{url} is not available now (HTTP 503 Service Unavailable): try again later"
 
 
 def test_no_network_is_said(server: Any):
     url = server.add("/model.onnx", CONTENT)
     server.close()
-    assert refusal(one(url)) == f"{url}: the server cannot be reached: is the network on?"
+    assert refusal(one(url)) == f"{url}: the server cannot be reached: check the network connection"
 
 
 def test_a_server_that_falls_silent_is_said(server: Any, monkeypatch: pytest.MonkeyPatch, no_pause: None):
@@ -289,8 +287,8 @@ def test_too_little_room_is_said_before_anything_comes(server: Any, own_cache: P
 
     monkeypatch.setattr(transferring.shutil, "disk_usage", lambda folder: Usage)
     assert refusal(one(server.add("/model.onnx", CONTENT))) == (
-        f"no room in {own_cache / 'net'}: 1 kB free, and 1.05 MB are needed; make room, or name another folder by "
-        "--to, XDG_CACHE_HOME or HF_HOME; what has come is kept, and the next fetch goes on from there"
+        f"{own_cache / 'net'} is full: 1 kB free, and 1.05 MB are needed; free some space, or choose another folder "
+        "with --to, XDG_CACHE_HOME or HF_HOME; the partial download is kept, and the next one resumes"
     )
 
 
@@ -310,8 +308,8 @@ def test_a_disk_that_fills_up_keeps_what_has_come(server: Any, own_cache: Path, 
     with monkeypatch.context() as full:
         full.setattr(Path, "open", opened)
         said = refusal(chosen)
-    assert said.startswith(f"no room in {own_cache / 'net'}: ")
-    assert said.endswith("what has come is kept, and the next fetch goes on from there")
+    assert said.startswith(f"{own_cache / 'net'} is full: ")
+    assert said.endswith("the partial download is kept, and the next one resumes")
     here = (own_cache / "net" / "model.onnx.part").stat().st_size
     assert 0 < here <= room
     fetch(chosen)
@@ -325,7 +323,7 @@ def test_a_folder_that_may_not_be_written_is_said(server: Any, own_cache: Path, 
 
     monkeypatch.setattr(Path, "mkdir", closed)
     assert refusal(one(server.add("/model.onnx", CONTENT))) == (
-        f"{own_cache / 'net'} cannot be written (Read-only file system): name another folder by --to, "
+        f"{own_cache / 'net'} cannot be written (Read-only file system): choose another folder with --to, "
         "XDG_CACHE_HOME or HF_HOME"
     )
     assert server.asked == []
@@ -341,7 +339,7 @@ def test_a_file_in_the_way_of_the_folder_is_said(server: Any, own_cache: Path):
 def test_a_library_that_is_not_installed_is_asked_for(server: Any, monkeypatch, absent: str):
     monkeypatch.setattr(fetching, "find_spec", lambda name: None if name == absent else object())
     assert refusal(one(server.add("/model.onnx", CONTENT))) == (
-        f"fetching weights needs {absent}: `pip install -e '.[weights]'` in a checkout of PhySIC"
+        f"downloading weights needs {absent}: `pip install -e '.[weights]'` in a checkout of PhySIC"
     )
 
 
@@ -349,25 +347,25 @@ def test_a_library_that_is_not_installed_is_asked_for(server: Any, monkeypatch, 
 
 NOT_FREE = [
     ({"commercial": False}, "is NOT allowed", []),
-    ({"commercial": None}, "is not spoken of: read the licence", []),
+    ({"commercial": None}, "is not stated: read the licence", []),
     (
         {"account": True},
         "is allowed",
-        ["  account     needed: ask for access at https://example.org, and log in there"],
+        ["  account     needed: request access at https://example.org, and log in there"],
     ),
 ]
 
 
-@pytest.mark.parametrize(("keys", "use", "account"), NOT_FREE, ids=["non-commercial", "not said", "gated"])
+@pytest.mark.parametrize(("keys", "use", "account"), NOT_FREE, ids=["non-commercial", "not stated", "gated"])
 def test_what_is_not_free_is_fetched_only_with_the_users_word(server: Any, keys: dict, use: str, account: list[str]):
     chosen = one(server.add("/model.onnx", CONTENT), license="Own licence", homepage="https://example.org", **keys)
     assert refusal(chosen).splitlines() == [
-        "'net' is not fetched without --accept-licence:",
+        "'net' is not downloaded without --accept-licence:",
         "  licence     Own licence",
         f"  commercial  use {use}",
         *account,
         "  homepage    https://example.org",
-        "if that suits you: physic weights fetch net --accept-licence",
+        "to accept the licence: physic weights fetch net --accept-licence",
     ]
     assert server.asked == []
     assert fetch(chosen, accept=True) == ("model.onnx",)
@@ -382,15 +380,15 @@ def test_what_is_here_needs_no_word(server: Any, own_cache: Path):
 def test_what_has_no_source_prints_its_advice(server: Any, own_cache: Path):
     by_hand = weights(WeightFile("model.onnx"), advice="export it with tools/export_net.py")
     assert refusal(by_hand) == (
-        "model.onnx of 'net' cannot be fetched: export it with tools/export_net.py; "
-        f"then put it into {own_cache / 'net'}"
+        "model.onnx of 'net' cannot be downloaded: export it with tools/export_net.py; "
+        f"then copy it into {own_cache / 'net'}"
     )
 
 
 def test_the_rest_of_a_set_is_fetched_all_the_same(server: Any, own_cache: Path):
     mixed = weights(WeightFile("a.onnx", source=server.add("/a", b"a")), WeightFile("b.npz"), advice="ask its makers")
     assert refusal(mixed) == (
-        f"'net': a.onnx fetched; b.npz cannot be: ask its makers; then put it into {own_cache / 'net'}"
+        f"'net': a.onnx downloaded; b.npz cannot be: ask its makers; then copy it into {own_cache / 'net'}"
     )
     assert left(own_cache) == ["net/a.onnx"]
 
@@ -401,7 +399,7 @@ def test_a_file_of_another_size_is_not_taken_for_the_published_one(server: Any, 
     there.parent.mkdir(parents=True)
     there.write_bytes(b"cut off")
     assert refusal(chosen) == (
-        f"{there} has 7 bytes instead of {len(CONTENT)}, so it is not the published file: move it away, and fetch again"
+        f"{there} has 7 bytes instead of {len(CONTENT)}, so it is not the published file: move it away, and try again"
     )
     there.unlink()
     assert fetch(chosen) == ("model.onnx",)
@@ -453,7 +451,7 @@ def test_names_inside_a_zip_decide_no_place(server: Any, own_cache: Path, tmp_pa
 
 def test_a_member_that_is_not_there_names_those_that_are(server: Any, own_cache: Path):
     url = server.add("/all.zip", zipped(b=b"b", c=b"c"))
-    assert refusal(weights(WeightFile("a", source=f"{url}#a"))) == f"{url} has no a in it, only b, c"
+    assert refusal(weights(WeightFile("a", source=f"{url}#a"))) == f"{url} does not contain a, only b, c"
     assert left(own_cache) == []
     server.add("/all.zip", zipped(a=b"a"))  # mended
     assert fetch(weights(WeightFile("a", source=f"{url}#a"))) == ("a",)
@@ -476,13 +474,13 @@ def test_a_whole_name_goes_before_the_end_of_another(server: Any, own_cache: Pat
 
 def test_the_end_of_a_name_is_no_part_of_a_word(server: Any, own_cache: Path):
     url = server.add("/all.zip", zipped(x__banana=b"b"))
-    assert refusal(weights(WeightFile("a", source=f"{url}#a"))) == f"{url} has no a in it, only x/banana"
+    assert refusal(weights(WeightFile("a", source=f"{url}#a"))) == f"{url} does not contain a, only x/banana"
 
 
 def test_the_end_of_several_names_is_refused(server: Any, own_cache: Path):
     url = server.add("/all.zip", zipped(x__a=b"1", y__a=b"2", z=b"3"))
     assert refusal(weights(WeightFile("a", source=f"{url}#a"))) == (
-        f"{url} has several a in it, and the list should say which: x/a, y/a"
+        f"{url} contains several a; the manifest should name one: x/a, y/a"
     )
     assert left(own_cache) == []
     fetch(weights(WeightFile("a", source=f"{url}#y/a")))
@@ -492,12 +490,12 @@ def test_the_end_of_several_names_is_refused(server: Any, own_cache: Path):
 def test_a_member_of_another_size_or_hash_is_refused(server: Any, own_cache: Path):
     url = server.add("/all.zip", zipped(a=b"other"))
     assert refusal(weights(WeightFile("a", 7, None, f"{url}#a"))) == (
-        f"{url}#a has 5 bytes instead of 7: it is another file by now"
+        f"{url}#a has 5 bytes instead of 7: it has changed"
     )
     assert left(own_cache) == []
     found = hashlib.sha256(b"other").hexdigest()
     assert refusal(weights(WeightFile("a", None, HASH, f"{url}#a"))) == (
-        f"{url}#a came, but its SHA-256 is {found} instead of {HASH}: removed"
+        f"{url}#a was extracted, but its SHA-256 is {found} instead of {HASH}: removed"
     )
     assert left(own_cache) == []
 
@@ -505,6 +503,6 @@ def test_a_member_of_another_size_or_hash_is_refused(server: Any, own_cache: Pat
 def test_what_is_no_zip_is_said_and_removed(server: Any, own_cache: Path):
     url = server.add("/all.zip", b"<html>please log in</html>")
     assert refusal(weights(WeightFile("a", source=f"{url}#a"))) == (
-        f"{url} is no zip that can be read (File is not a zip file): removed"
+        f"{url} is not a readable zip archive (File is not a zip file): removed"
     )
     assert left(own_cache) == []

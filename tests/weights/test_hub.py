@@ -145,9 +145,7 @@ def test_an_interrupted_file_goes_on_where_it_stopped(hub: Hub, tmp_path: Path, 
     """The library of today keeps nothing of what it was fetching when it was stopped."""
     source = hub.add("model.onnx", CONTENT, cut=[262_144, 0])
     address = f"{hub.server.address}/owner/net/resolve/main/model.onnx"
-    assert refusal(source) == (
-        f"{address}: the connection broke; 262 kB of it are kept, and the next fetch goes on from there"
-    )
+    assert refusal(source) == (f"{address}: the connection was lost; 262 kB are kept; the next download resumes")
     assert left(tmp_path / "hub") == [
         f"models--owner--net/blobs/{HASH}.part",
         f"models--owner--net/blobs/{HASH}.part.of",
@@ -180,17 +178,17 @@ def test_what_comes_spoilt_never_gets_into_the_cache(hub: Hub, tmp_path: Path, c
         wrong = f"its SHA-256 is {hashlib.sha256(content[::-1]).hexdigest()} instead of {HASH}"
     else:
         wrong = f"its git hash is {git(content[::-1])} instead of {git(content)}"
-    assert refusal(source) == f"{source} came, but {wrong}: removed"
+    assert refusal(source) == f"{source} was downloaded, but {wrong}: removed"
     assert left(tmp_path / "hub") == []
 
 
 def test_what_was_replaced_since_the_list_was_written_is_not_fetched(hub: Hub):
     source = hub.add("model.onnx", CONTENT)
     assert refusal(source, {"sha256": "ab" * 32}) == (
-        f"{source} is another file by now, its SHA-256 is {HASH} instead of {'ab' * 32}: not fetched"
+        f"{source} has changed, its SHA-256 is {HASH} instead of {'ab' * 32}: not downloaded"
     )
     assert refusal(source, {"bytes": 7}) == (
-        f"{source} is another file by now, it has {len(CONTENT)} bytes instead of 7: not fetched"
+        f"{source} has changed, it has {len(CONTENT)} bytes instead of 7: not downloaded"
     )
     assert hub.server.ranges(f"/cdn/{HASH}") == []
 
@@ -207,7 +205,7 @@ def test_a_token_goes_to_the_hub_and_not_to_where_it_sends_us(hub: Hub, server: 
 
 def access(server: Any) -> str:
     return (
-        f"accept its terms at {server.address}/owner/net, log in with `hf auth login`, or set HF_TOKEN, and fetch again"
+        f"accept its terms at {server.address}/owner/net, log in with `hf auth login`, or set HF_TOKEN, and try again"
     )
 
 
@@ -219,12 +217,12 @@ def test_a_gated_repository_says_how_to_get_in(hub: Hub, server: Any):
 def test_a_repository_that_is_not_shown_may_be_private_or_gone(hub: Hub, server: Any):
     source = hub.refuse("model.onnx", 401, "RepoNotFound", "Repository not found")
     assert refusal(source) == (
-        f"hf://owner/net is not there, or not for you (HTTP 401): if it is private or gated, {access(server)}"
+        f"hf://owner/net does not exist, or you have no access (HTTP 401): if it is private or gated, {access(server)}"
     )
 
 
 def test_a_plain_refusal_is_about_the_login(hub: Hub, server: Any):
-    assert refusal(hub.refuse("model.onnx", 403)) == f"hf://owner/net is not given to you (HTTP 403): {access(server)}"
+    assert refusal(hub.refuse("model.onnx", 403)) == f"hf://owner/net refuses access (HTTP 403): {access(server)}"
 
 
 def test_a_file_that_is_gone_names_the_homepage(hub: Hub):
@@ -236,17 +234,17 @@ def test_a_file_that_is_gone_names_the_homepage(hub: Hub):
 
 def test_a_revision_that_is_gone(hub: Hub):
     source = hub.refuse("model.onnx", 404, "RevisionNotFound")
-    assert refusal(source) == "hf://owner/net has no revision main any more"
+    assert refusal(source) == "hf://owner/net has no revision main"
 
 
 def test_a_hub_in_trouble(hub: Hub):
-    assert refusal(hub.refuse("model.onnx", 500)) == "hf://owner/net cannot be had now (HTTP 500): try again later"
+    assert refusal(hub.refuse("model.onnx", 500)) == "hf://owner/net is not available now (HTTP 500): try again later"
 
 
 def test_what_is_no_hub(hub: Hub, server: Any):
     server.add("/owner/net/resolve/main/model.onnx", CONTENT)
     assert refusal("hf://owner/net/model.onnx") == (
-        f"{server.address} answers, but not as Hugging Face's hub does: look at HF_ENDPOINT"
+        f"{server.address} does not respond like the hub of Hugging Face: check HF_ENDPOINT"
     )
 
 
@@ -254,7 +252,7 @@ def test_no_network(hub: Hub, server: Any):
     source = hub.add("model.onnx", CONTENT)
     server.close()
     said = refusal(source).replace("ConnectionError", "ConnectError")  # as the library's versions call it
-    assert said == f"hf://owner/net: {server.address} cannot be reached (ConnectError): is the network on?"
+    assert said == f"hf://owner/net: {server.address} cannot be reached (ConnectError): check the network connection"
 
 
 def test_offline_by_the_librarys_own_switch(hub: Hub, server: Any, monkeypatch):
@@ -263,7 +261,7 @@ def test_offline_by_the_librarys_own_switch(hub: Hub, server: Any, monkeypatch):
     source = hub.add("model.onnx", CONTENT)
     monkeypatch.setattr(constants, "HF_HUB_OFFLINE", True)
     assert refusal(source) == (
-        f"{source}: HF_HUB_OFFLINE is set, so nothing is fetched: unset it, or bring the file in a folder of "
+        f"{source}: HF_HUB_OFFLINE is set, so nothing is downloaded: unset it, or copy the file into a folder of "
         "PHYSIC_WEIGHTS"
     )
     assert server.asked == []
@@ -279,7 +277,7 @@ def test_a_cache_that_may_not_be_written(hub: Hub, tmp_path: Path):
 def test_the_library_is_asked_for(hub: Hub, monkeypatch):
     monkeypatch.setattr(fetching, "find_spec", lambda name: None if name == "huggingface_hub" else object())
     assert refusal(hub.add("model.onnx", CONTENT)) == (
-        "fetching weights needs huggingface_hub: `pip install -e '.[weights]'` in a checkout of PhySIC"
+        "downloading weights needs huggingface_hub: `pip install -e '.[weights]'` in a checkout of PhySIC"
     )
 
 
@@ -325,7 +323,7 @@ def test_mirror_cache_token_and_offline_switch_are_those_of_the_environment(
     assert server.asked == []
     done = physic("fetch", "mirrored")
     there = home / "hub" / "models--owner--net" / "snapshots" / COMMIT / "model.onnx"
-    assert (done.returncode, done.stdout) == (0, f"mirrored: model.onnx fetched, in {there}\n"), done.stderr
+    assert (done.returncode, done.stdout) == (0, f"mirrored: model.onnx downloaded to {there}\n"), done.stderr
     assert done.stderr == "mirrored: model.onnx (1.05 MB)\n"
     tokens = {
         headers.get("authorization", headers.get("Authorization"))

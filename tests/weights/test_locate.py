@@ -75,7 +75,7 @@ def test_a_set_from_two_repositories_lies_in_no_one_folder_of_that_cache(lists: 
     in_hub(tmp_path, "b.onnx", repository="owner/b")
     assert locate(folder, "net", "a.onnx") == one
     assert missing(folder, "net") == (
-        "weights 'net' (MIT) lie in several places, and have to be in one folder: `physic weights fetch net`",
+        "weights 'net' (MIT) are in several folders, and must be in one folder: `physic weights fetch net`",
     )
 
 
@@ -86,7 +86,7 @@ def test_a_file_right_in_a_folder_counts_if_it_has_the_published_size(
     folder = lists.add("net", {"path": "deep/model.onnx", "source": SOURCE, "bytes": size})
     there = write(tmp_path / "mine" / "model.onnx", b"weights")
     monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path / "mine"))
-    assert missing(folder, "net") == (() if found else ("weights 'net' (8 bytes, MIT) are not here: " + FETCH,))
+    assert missing(folder, "net") == (() if found else ("weights 'net' (8 bytes, MIT) are missing: " + FETCH,))
     if found:
         assert locate(folder, "net") == there
 
@@ -101,7 +101,7 @@ def test_where_no_size_is_published_it_counts_if_it_is_called_after_its_set(list
     write(tmp_path / "mine" / "model.onnx")
     monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path / "mine"))
     assert locate(folder, "deco") == there
-    assert missing(folder, "other") == ("weights 'other' (MIT) are not here: export it",)
+    assert missing(folder, "other") == ("weights 'other' (MIT) are missing: export it",)
 
 
 def test_the_whole_message(lists: Any, own_cache: Path, tmp_path: Path, monkeypatch):
@@ -110,10 +110,10 @@ def test_the_whole_message(lists: Any, own_cache: Path, tmp_path: Path, monkeypa
     with pytest.raises(WeightsMissingError) as caught:
         locate(folder, "net")
     assert str(caught.value) == (
-        "weights 'net' (141 MB, MIT) are not here: `physic weights fetch net`\n"
-        f"sought in {tmp_path / 'mine' / 'net'}, {own_cache / 'net'}, Hugging Face's cache"
+        "weights 'net' (141 MB, MIT) are missing: `physic weights fetch net`\n"
+        f"searched: {tmp_path / 'mine' / 'net'}, {own_cache / 'net'}, Hugging Face's cache"
     )
-    assert missing(folder, "net") == ("weights 'net' (141 MB, MIT) are not here: `physic weights fetch net`",)
+    assert missing(folder, "net") == ("weights 'net' (141 MB, MIT) are missing: `physic weights fetch net`",)
 
 
 @pytest.mark.parametrize(
@@ -121,7 +121,7 @@ def test_the_whole_message(lists: Any, own_cache: Path, tmp_path: Path, monkeypa
     [
         ({}, "`physic weights fetch net`"),
         ({"commercial": False}, "`physic weights fetch net --accept-licence` (no commercial use)"),
-        ({"commercial": None}, "`physic weights fetch net --accept-licence` (commercial use not said)"),
+        ({"commercial": None}, "`physic weights fetch net --accept-licence` (commercial use not stated)"),
         (
             {"account": True},
             "`physic weights fetch net --accept-licence` (an account with access, commercial use allowed)",
@@ -130,7 +130,7 @@ def test_the_whole_message(lists: Any, own_cache: Path, tmp_path: Path, monkeypa
 )
 def test_how_to_get_it_follows_the_licence(lists: Any, keys: dict[str, Any], way: str):
     folder = lists.add("net", {"path": "model.onnx", "source": SOURCE}, **keys)
-    assert missing(folder, "net") == (f"weights 'net' (MIT) are not here: {way}",)
+    assert missing(folder, "net") == (f"weights 'net' (MIT) are missing: {way}",)
 
 
 def test_a_part_of_a_set_is_named(lists: Any, own_cache: Path):
@@ -139,7 +139,7 @@ def test_a_part_of_a_set_is_named(lists: Any, own_cache: Path):
     assert missing(folder, "net") == ("weights 'net' (MIT) lack b.onnx: `physic weights fetch net`; export b.onnx",)
     assert missing(folder, "net", "a.onnx") == ()
     assert missing(folder, "net", "c.onnx") == (
-        "weights 'net' have no file c.onnx, only a.onnx, b.onnx: name those of this backend",
+        "weights 'net' have no file c.onnx, only a.onnx, b.onnx: choose weights of this backend",
     )
 
 
@@ -156,9 +156,9 @@ def test_a_path_of_the_users_own_is_taken_as_it_is(lists: Any, tmp_path: Path):
     [
         ("/no/such", None, "no file or folder /no/such"),
         ("such.onnx", None, "no file or folder such.onnx"),
-        ("nett", None, "no weights are named 'nett', and no file or folder is. Did you mean 'net'?"),
-        ("x", None, "no weights are named 'x', and no file or folder is. There are: net."),
-        (" ", None, "no weights are named: give a name of `physic weights list`, or a path"),
+        ("nett", None, "no weight set, file or folder is named 'nett'. Did you mean 'net'?"),
+        ("x", None, "no weight set, file or folder is named 'x'. There are: net."),
+        (" ", None, "the option weights is empty: set it to a name of `physic weights list`, or to a path"),
         ("{tmp}", "model.onnx", "no file model.onnx in the folder {tmp}"),
     ],
 )

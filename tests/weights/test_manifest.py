@@ -25,7 +25,7 @@ def faults(path: Path) -> list[str]:
     with pytest.raises(BackendError) as caught:
         read_manifest(path)
     head, *lines = str(caught.value).splitlines()
-    assert head == "this list of weights does not hold:"
+    assert head == "this weight manifest is invalid:"
     return [line.removeprefix(f"{path}: ") for line in lines]
 
 
@@ -136,15 +136,15 @@ def test_every_fault_is_told_at_once(tmp_path: Path):
         "[Net] has no summary",
         "[Net] license should not be empty",
         "[Net] commercial should be true or false, got 'yes'",
-        "[two] files[0] path should lie inside the folder of the set, got '../up.onnx'",
+        "[two] files[0] path should be inside the folder of the set, got '../up.onnx'",
         "[two] files[0] bytes should be > 0, got 0",
         "[two] files[0] sha256 should be 64 digits of 0-9 and a-f, got 'AB12'",
         "[two] files[0] source should be hf://owner/repository/path[@revision] or https://host/path[#member], "
         "got 'ftp://example.org/x'",
-        "[two] files[1] source is http://, which anybody on the way can change: give its sha256, or use https://",
+        "[two] files[1] source is http://, which is not secure: add its sha256, or use https://",
         "[two] files[2] has an unknown key 'size'",
         "[two] has the file same.onnx more than once",
-        "[two] has no source for same.onnx: say in 'advice' how to get that",
+        "[two] has no source for same.onnx: write in 'advice' how to get it",
         "[three] files[0] should be a table, got 'model.onnx'",
     ]
 
@@ -171,7 +171,7 @@ def test_what_is_no_toml(tmp_path: Path):
 def test_a_list_that_is_not_there(tmp_path: Path):
     with pytest.raises(BackendError) as caught:
         read_manifest(tmp_path / "no.toml")
-    assert str(caught.value) == f"the list of weights {tmp_path / 'no.toml'} cannot be read: No such file or directory"
+    assert str(caught.value) == f"the weight manifest {tmp_path / 'no.toml'} cannot be read: No such file or directory"
 
 
 @pytest.mark.parametrize(

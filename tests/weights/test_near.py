@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from physic_core.weights.close_names import in_words, near
+from physic_core.weights.close_names import format_choice, similar_names
 
 NAMES = (
     *("big-lama", "camerahmr-onnx", "deco-onnx", "lama-carve", "moge-1-vitl"),
@@ -27,15 +27,15 @@ NAMES = (
     ],
 )
 def test_what_begins_alike_is_nearer_than_what_ends_alike(name: str, expected: list[str]):
-    assert near(name, NAMES) == expected
+    assert similar_names(name, NAMES) == expected
 
 
 def test_nothing_is_near_where_there_is_nothing():
-    assert near("net", ()) == []
+    assert similar_names("net", ()) == []
 
 
 def test_a_choice_in_words():
-    assert [in_words(NAMES[:n]) for n in (1, 2, 3)] == [
+    assert [format_choice(NAMES[:n]) for n in (1, 2, 3)] == [
         "'big-lama'",
         "'big-lama' or 'camerahmr-onnx'",
         "'big-lama', 'camerahmr-onnx' or 'deco-onnx'",

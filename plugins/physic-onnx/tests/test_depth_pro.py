@@ -182,7 +182,7 @@ class TestContract:
         monkeypatch.setenv("HF_HOME", str(tmp_path))
         backend = DepthPro()
         assert backend.missing() == (
-            "weights 'depth-pro-fp16' (Apple AMLR: research only) are not here: "
+            "weights 'depth-pro-fp16' (Apple AMLR: research only) are missing: "
             "`physic weights fetch depth-pro-fp16 --accept-licence` (no commercial use)",
         )
         assert backend.fingerprint() == ""

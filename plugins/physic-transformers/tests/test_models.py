@@ -64,7 +64,7 @@ def test_a_model_is_found_by_its_folder(saved: Callable[..., Path]) -> None:
 def test_a_model_is_found_by_its_name_in_a_folder_of_weights(saved: Callable[..., Path], tmp_path: Path) -> None:
     name = MetricOptions().weights
     backend = DepthAnythingMetric()
-    told = f"weights '{name}' (Apache-2.0) are not here: `physic weights fetch {name}`"
+    told = f"weights '{name}' (Apache-2.0) are missing: `physic weights fetch {name}`"
     assert backend.missing() == (told,)
     shutil.copytree(saved("depth_anything"), tmp_path / "weights" / name)
     assert backend.missing() == ()

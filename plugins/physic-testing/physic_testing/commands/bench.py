@@ -96,12 +96,12 @@ def _measure_accuracy(options: _AccuracyOptions) -> None:
     trial, others = _split(options.overrides)
     config, noisy = _configs(options.preset, options.noise_seed, trial, others)
 
-    from physic_core.configuration.resolve import check, require_available, resolve
+    from physic_core.configuration.resolve import check_backends, require_available, resolve
     from physic_core.discovery.plugins import discover
     from physic_core.files.atomic import check_writable
 
     registry = discover()
-    check(config, registry)
+    check_backends(config, registry)
     require_available(resolve(noisy, registry))
     check_writable(options.out)
 

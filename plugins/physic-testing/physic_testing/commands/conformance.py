@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from physic_core.cli.arguments import class_here, require_interface
+from physic_core.cli.arguments import require_interface, with_current_folder
 from physic_core.cli.exit_codes import BACKEND, WEIGHTS
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def check(
     from physic_testing.conformance import check_backend
 
     require_interface(interface)
-    name, registry, given = class_here(name), discover(), _values(options) or None
+    name, registry, given = with_current_folder(name), discover(), _values(options) or None
     interfaces = [interface] if interface is not None else interfaces_of(registry, name)
     for own in interfaces:
         registry.get(own, name)  # raises an error before the checks of the other interfaces start, which take minutes
@@ -87,7 +87,7 @@ def interfaces_of(registry: Registry, name: str) -> list[str]:
     Raises:
         BackendNotFoundError: none has.
     """
-    return list(dict.fromkeys(claim.record.interface for claim in registry.called(name)))
+    return list(dict.fromkeys(claim.record.interface for claim in registry.find_by_name(name)))
 
 
 def _values(options: Sequence[str]) -> dict[str, Any]:
@@ -112,9 +112,9 @@ def _with_options(name: str) -> str | tuple[str, dict[str, Any]]:
 
     bare, brace, rest = name.partition("{")
     if not brace:
-        return class_here(name)
+        return with_current_folder(name)
     try:
-        return class_here(bare), tomllib.loads(f"options = {{{rest}")["options"]
+        return with_current_folder(bare), tomllib.loads(f"options = {{{rest}")["options"]
     except tomllib.TOMLDecodeError as error:
         raise click.UsageError(f"{name}: write NAME{{key=value, ...}} as in TOML ({error})") from error
 

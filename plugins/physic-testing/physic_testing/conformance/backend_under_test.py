@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, cast
 
 from pydantic import ValidationError
 
-from physic_core.configuration.faults import from_pydantic
-from physic_core.discovery.error_text import describe
-from physic_core.discovery.local_modules import split
+from physic_core.configuration.problems import problems_from_pydantic
+from physic_core.discovery.error_text import describe_error
+from physic_core.discovery.local_modules import split_folder
 from physic_core.discovery.readiness import missing_requirements
 from physic_core.errors import BackendError, ConfigError, PhysicError
 from physic_core.interfaces import INTERFACES, Backend
@@ -26,7 +26,7 @@ from physic_testing.conformance.requests import infer_arguments
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-    from physic_core.discovery.registry import Claim, Registry
+    from physic_core.discovery.registry import BackendOffer, Registry
     from physic_testing.conformance.cases import Case
     from physic_testing.worlds import World
 
@@ -102,7 +102,7 @@ class BackendUnderTest:
         *,
         options: OptionsFor | None = None,
         capabilities: Collection[str] | None = None,
-        claim: Claim | None = None,
+        claim: BackendOffer | None = None,
         device: str = "cpu",
         size: tuple[int, int] = SIZE,
     ) -> None:
@@ -198,7 +198,7 @@ class BackendUnderTest:
         if isinstance(attempt.error, ConfigError):
             raise CheckSkipped(f"not ready: {attempt.error}")
         if attempt.error is not None:
-            raise CheckSkipped(f"infer failed for the photo '{name}': {describe(attempt.error, self.kind)}")
+            raise CheckSkipped(f"infer failed for the photo '{name}': {describe_error(attempt.error, self.kind)}")
         if attempt.violations:
             raise CheckSkipped(f"its output for the photo '{name}' is invalid")
         return attempt.result
@@ -222,7 +222,7 @@ class BackendUnderTest:
         try:
             self.kind.Options.model_validate(dict(options))
         except ValidationError as error:
-            faults = from_pydantic(error, self.kind.Options, kind="option")
+            faults = problems_from_pydantic(error, self.kind.Options, kind="option")
             errors = "; ".join(f"{fault.path}: {fault.message}" for fault in faults)
             raise ConfigError(f"{self.interface} '{self.name}': {errors}") from error
 
@@ -266,7 +266,7 @@ def find_backend(
         interface = _single_interface(backend, registry)
     _require_interface(interface)
     claim = registry.get(interface, backend)
-    return BackendUnderTest(registry.load_class(claim), interface, split(backend)[1], claim=claim, **settings)
+    return BackendUnderTest(registry.load_class(claim), interface, split_folder(backend)[1], claim=claim, **settings)
 
 
 def _single_interface(name: str, registry: Registry) -> str:
@@ -286,7 +286,7 @@ def _require_interface(interface: str) -> None:
         raise BackendError(f"no interface named '{interface}'; valid are: {', '.join(INTERFACES)}")
 
 
-def _capabilities(kind: type[Backend], claim: Claim | None) -> frozenset[str]:
+def _capabilities(kind: type[Backend], claim: BackendOffer | None) -> frozenset[str]:
     """Return the capabilities of a backend class, plus "needs_cuda" if its record requires a GPU."""
     own = frozenset(getattr(kind, "capabilities", ()))
     gpu = claim is not None and any(need.lower() in ("gpu", "cuda") for need in claim.record.needs)

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from physic_core.discovery.error_text import describe
+from physic_core.discovery.error_text import describe_error
 from physic_core.discovery.readiness import missing_requirements
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
@@ -53,7 +53,7 @@ def _call_timed(subject: BackendUnderTest, name: str, ask: Callable[[], Any]) ->
             try:
                 answers.append(ask())
             except Exception as error:
-                raise CheckFailed(f"{name} to work before load()", describe(error, subject.kind)) from error
+                raise CheckFailed(f"{name} to work before load()", describe_error(error, subject.kind)) from error
             best = min(best, time.process_time() - start)
             if len(answers) > 1 and best < MAX_SECONDS:
                 break

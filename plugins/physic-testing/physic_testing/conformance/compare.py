@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from physic_core.discovery.error_text import describe, traceback_text
+from physic_core.discovery.error_text import describe_error, traceback_text
 from physic_core.errors import PhysicError
 from physic_testing.conformance.accuracy import BETTER_DIRECTION, mean_errors, measure_errors
 from physic_testing.conformance.backend_under_test import find_backend
@@ -177,7 +177,7 @@ def _row(subject: BackendUnderTest, worlds: Sequence[tuple[str, int]], size: tup
         except (Exception, SystemExit) as error:  # a plugin may raise any error
             cause = error.__cause__ if isinstance(error, CheckSkipped) and error.__cause__ is not None else error
             explained = isinstance(cause, (CheckSkipped, PhysicError))
-            problems.append(str(error) if explained else describe(cause, subject.kind))
+            problems.append(str(error) if explained else describe_error(cause, subject.kind))
             tracebacks.append(traceback_text(cause))
     subject.close()
     median = sorted(times)[len(times) // 2] if times else float("nan")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.discovery.error_text import describe
+from physic_core.discovery.error_text import describe_error
 from physic_core.errors import PhysicError
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckFailed, expect
@@ -68,7 +68,7 @@ def check_an_empty_mask_changes_nothing(subject: BackendUnderTest) -> None:
     try:
         answer = subject.infer(subject.loaded(case), case, (case.photo.copy(), np.zeros_like(case.hole)))
     except Exception as error:
-        raise CheckFailed("the photo itself for an empty mask", describe(error, subject.kind)) from error
+        raise CheckFailed("the photo itself for an empty mask", describe_error(error, subject.kind)) from error
     same = isinstance(answer, np.ndarray) and np.array_equal(answer, case.photo)
     expect(same, "the photo itself for an empty mask", "another image")
 
@@ -85,7 +85,7 @@ def check_accepts_or_refuses_a_full_mask(subject: BackendUnderTest) -> None:
     except PhysicError:
         return
     except Exception as error:
-        raise CheckFailed(wanted, describe(error, subject.kind)) from error
+        raise CheckFailed(wanted, describe_error(error, subject.kind)) from error
     faults = contract_violations(subject.interface, answer, case)
     expect(not faults, wanted, "; ".join(faults))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping
 from typing import TYPE_CHECKING, Any
 
-from physic_core.discovery.error_text import debugging
+from physic_core.discovery.error_text import is_debugging
 from physic_core.interfaces import INTERFACES, Backend
 from physic_testing.conformance import (
     before_load,
@@ -156,7 +156,7 @@ class BoundCheck:
         import pytest
 
         result = self._shared.run().result(self._name)
-        if result.outcome == "failed" and result.error is not None and debugging():
+        if result.outcome == "failed" and result.error is not None and is_debugging():
             raise pytest.fail.Exception(result.message) from result.error
         if result.outcome == "failed":
             pytest.fail(result.message, pytrace=False)

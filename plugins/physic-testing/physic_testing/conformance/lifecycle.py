@@ -7,7 +7,7 @@ import time
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from physic_core.discovery.error_text import describe
+from physic_core.discovery.error_text import describe_error
 from physic_core.discovery.readiness import missing_requirements
 from physic_core.errors import PhysicError
 from physic_testing.conformance.check import Check
@@ -33,7 +33,9 @@ def check_constructs_with_its_defaults(subject: BackendUnderTest) -> None:
     try:
         subject.construct()
     except Exception as error:
-        raise CheckFailed("a constructor that accepts the default options", describe(error, subject.kind)) from error
+        raise CheckFailed(
+            "a constructor that accepts the default options", describe_error(error, subject.kind)
+        ) from error
 
 
 def check_constructs_offline(subject: BackendUnderTest) -> None:
@@ -91,7 +93,7 @@ def check_loads_or_reports_what_is_missing(subject: BackendUnderTest) -> None:
     except Exception as error:
         raise CheckFailed(
             "load() to work, or to raise a physic_core.errors.BackendError with the missing file and its source",
-            describe(error, subject.kind),
+            describe_error(error, subject.kind),
         ) from error
     _close_quietly(backend)
 
@@ -111,7 +113,7 @@ def check_refuses_a_missing_device(subject: BackendUnderTest) -> None:
     except Exception as error:
         raise CheckFailed(
             f"load({MISSING_DEVICE!r}) to raise a physic_core.errors.DeviceError, or to work without a device",
-            describe(error, subject.kind),
+            describe_error(error, subject.kind),
             "physic_core.adapters.devices.check_device(device) raises this error.",
         ) from error
     _close_quietly(backend)
@@ -127,7 +129,7 @@ def check_infer_before_load_works_or_raises(subject: BackendUnderTest) -> None:
     except Exception as error:
         raise CheckFailed(
             "infer() before load() to work, or to raise a physic_core.errors.BackendError",
-            describe(error, subject.kind),
+            describe_error(error, subject.kind),
         ) from error
 
 
@@ -148,7 +150,7 @@ def check_load_and_close_may_be_repeated(subject: BackendUnderTest) -> None:
             call()
         except Exception as error:
             before = "" if i else ", on a fresh backend"
-            raise CheckFailed(f"{step} to raise no error{before}", describe(error, subject.kind)) from error
+            raise CheckFailed(f"{step} to raise no error{before}", describe_error(error, subject.kind)) from error
 
 
 def check_works_again_after_close(subject: BackendUnderTest) -> None:
@@ -162,7 +164,7 @@ def check_works_again_after_close(subject: BackendUnderTest) -> None:
         backend.load(subject.device)
         again = subject.infer(backend, case)
     except Exception as error:
-        raise CheckFailed("output after load(), close(), load()", describe(error, subject.kind)) from error
+        raise CheckFailed("output after load(), close(), load()", describe_error(error, subject.kind)) from error
     finally:
         _close_quietly(backend)
     if "stochastic" not in subject.capabilities:

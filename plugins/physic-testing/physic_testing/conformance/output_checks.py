@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from physic_core.discovery.error_text import describe
+from physic_core.discovery.error_text import describe_error
 from physic_core.errors import ConfigError, PhysicError
 from physic_testing.conformance.backend_under_test import FIRST_PHOTO
 from physic_testing.conformance.check import Check
@@ -85,7 +85,7 @@ def check_accepts_array_views(subject: BackendUnderTest) -> None:
     except Exception as error:
         raise CheckFailed(
             "valid output for read-only arrays with negative strides",
-            describe(error, subject.kind),
+            describe_error(error, subject.kind),
             "Call np.ascontiguousarray(image) before torch.from_numpy; copy before writing.",
         ) from error
     if "stochastic" not in subject.capabilities:
@@ -126,7 +126,7 @@ def check_keeps_no_state_between_photos(subject: BackendUnderTest) -> None:
     try:
         again = subject.infer(subject.loaded(case), case)
     except Exception as error:
-        raise CheckFailed("output for the same photo in a second call", describe(error, subject.kind)) from error
+        raise CheckFailed("output for the same photo in a second call", describe_error(error, subject.kind)) from error
     changes = describe_difference(first, again)
     expect(
         not changes,
@@ -151,7 +151,7 @@ def check_works_without_hints(subject: BackendUnderTest) -> None:
     except Exception as error:
         raise CheckFailed(
             "valid output for Hints(), in which everything is None, or a PhysicError that names the missing hint",
-            describe(error, subject.kind),
+            describe_error(error, subject.kind),
         ) from error
     faults = contract_violations(subject.interface, answer, case)
     expect(not faults, "valid output for Hints()", "; ".join(faults))
@@ -165,7 +165,7 @@ def _expect_valid_output(subject: BackendUnderTest, name: str, hint: str = "") -
     if isinstance(attempt.error, ConfigError):
         raise CheckSkipped(f"not ready: {attempt.error}")
     if attempt.error is not None:
-        raise CheckFailed(wanted, describe(attempt.error, subject.kind), hint) from attempt.error
+        raise CheckFailed(wanted, describe_error(attempt.error, subject.kind), hint) from attempt.error
     expect(not attempt.violations, wanted, "; ".join(attempt.violations), hint)
 
 

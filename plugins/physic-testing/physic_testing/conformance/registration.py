@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 from pydantic import BaseModel, ValidationError
 from pydantic.json_schema import PydanticJsonSchemaWarning
 
-from physic_core.discovery.error_text import describe
-from physic_core.discovery.registry import call_fault
+from physic_core.discovery.error_text import describe_error
+from physic_core.discovery.registry import signature_problem
 from physic_core.interfaces import INTERFACES
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
@@ -78,7 +78,7 @@ def check_target_is_a_concrete_class(subject: BackendUnderTest) -> None:
 def check_infer_has_the_right_signature(subject: BackendUnderTest) -> None:
     """`infer` has the parameters of its interface, in the same order."""
     wanted = list(inspect.signature(INTERFACES[subject.interface].infer).parameters)  # type: ignore[attr-defined]
-    fault = call_fault(subject.kind, subject.interface)
+    fault = signature_problem(subject.kind, subject.interface)
     expect(not fault, f"infer({', '.join(wanted)})", fault)
 
 
@@ -126,7 +126,7 @@ def check_options_survive_json(subject: BackendUnderTest) -> None:
         options = subject.options()
         back = kind.model_validate(json.loads(json.dumps(options.model_dump(mode="json"))))
     except Exception as error:  # pydantic raises many kinds
-        raise CheckFailed("options that can be written as JSON", describe(error, subject.kind)) from error
+        raise CheckFailed("options that can be written as JSON", describe_error(error, subject.kind)) from error
     expect(back == options, "equal options after a JSON round trip", f"{back!r} instead of {options!r}")
 
 

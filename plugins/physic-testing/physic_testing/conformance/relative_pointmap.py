@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
-from physic_core.discovery.error_text import describe
+from physic_core.discovery.error_text import describe_error
 from physic_core.errors import PhysicError
 from physic_core.types import AffineAmbiguity
 from physic_testing.conformance.check import Check
@@ -111,7 +111,9 @@ def check_works_without_intrinsics(subject: BackendUnderTest) -> None:
     try:
         answer = subject.infer(subject.loaded(case), case, (image, replace(hints, intrinsics=None)))
     except Exception as error:
-        raise CheckFailed("valid output for a photo without known intrinsics", describe(error, subject.kind)) from error
+        raise CheckFailed(
+            "valid output for a photo without known intrinsics", describe_error(error, subject.kind)
+        ) from error
     faults = contract_violations(subject.interface, answer, case)
     expect(not faults, "valid output for a photo without known intrinsics", "; ".join(faults))
 
@@ -126,11 +128,11 @@ def check_accepts_the_photo_with_people(subject: BackendUnderTest) -> None:
             subject.loaded(case), case, (case.photo.copy(), replace(hints, hole=None, scene=case.scene))
         )
     except PhysicError as error:
-        raise CheckFailed("valid output for the photo with people", describe(error, subject.kind)) from error
+        raise CheckFailed("valid output for the photo with people", describe_error(error, subject.kind)) from error
     except Exception as error:
         raise CheckFailed(
             "valid output for the photo with people, with hints.scene set and hints.hole None",
-            describe(error, subject.kind),
+            describe_error(error, subject.kind),
         ) from error
     faults = contract_violations(subject.interface, answer, case)
     expect(not faults, "valid output for the photo with people", "; ".join(faults))

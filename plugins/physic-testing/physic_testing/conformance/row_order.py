@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.discovery.error_text import describe
+from physic_core.discovery.error_text import describe_error
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.requests import infer_arguments
 
@@ -26,7 +26,7 @@ def check_rows_follow_the_people(subject: BackendUnderTest) -> None:
     try:
         again = subject.infer(subject.loaded(case), case, turned)
     except Exception as error:
-        raise CheckFailed("output for the same people in reverse order", describe(error, subject.kind)) from error
+        raise CheckFailed("output for the same people in reverse order", describe_error(error, subject.kind)) from error
     first, second = _rows(answer, count), _rows(again, count)
     apart = np.abs(first[:, None] - second[None]).mean(axis=2)
     if not apart.any():

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
-from physic_core.discovery.error_text import describe
+from physic_core.discovery.error_text import describe_error
 from physic_core.errors import PhysicError
 from physic_testing.conformance.accuracy import mean_accuracy
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped
@@ -96,7 +96,7 @@ class CheckRun:
         except CheckSkipped as reason:
             return Result(name, "skipped", reason=str(reason))
         except Exception as error:
-            got = describe(error, self.subject.kind)
+            got = describe_error(error, self.subject.kind)
             hint = "The check itself raised this error; it may be a defect of the check."
             return Result(name, "failed", check.summary.rstrip("."), got, hint, read=check.read, error=error)
         return Result(name, "passed")

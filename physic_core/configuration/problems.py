@@ -1,4 +1,4 @@
-"""Errors of a configuration, formatted as ``path.in.the.file   what is wrong (got what)``."""
+"""Problems of a configuration file, formatted as one exception message that lists all of them."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from physic_core.errors import BackendError, ConfigError
 if TYPE_CHECKING:
     from pydantic import BaseModel, ValidationError
 
-__all__ = ["Fault", "Findings", "closest", "config_error", "from_pydantic"]
+__all__ = ["CheckResult", "Problem", "config_error", "did_you_mean", "problems_from_pydantic"]
 
-_COMPARISONS = {
+_COMPARISON_SIGNS = {
     "less than inf": "a finite number",
     "greater than or equal to": ">=",
     "less than or equal to": "<=",
     "greater than": ">",
     "less than": "<",
 }
-_KINDS = {
+_TYPE_NAMES = {
     "a valid integer": "a whole number",
     "a valid number": "a number",
     "a valid boolean": "true or false",
@@ -35,13 +35,13 @@ _KINDS = {
 
 
 @dataclass(frozen=True)
-class Fault:
-    """One error.
+class Problem:
+    """One invalid setting of a configuration.
 
     Attributes:
-        path: dotted, as in the file: "metric_depth.options.scale".
-        message: what is wrong, the value that was given, and what to do.
-        of_plugin: whether the author of a plugin has to correct it, and not the user.
+        path: dotted path in the file: "metric_depth.options.scale".
+        message: the error, the given value, and the remedy.
+        of_plugin: whether the author of a plugin has to correct it.
     """
 
     path: str
@@ -50,75 +50,77 @@ class Fault:
 
 
 @dataclass(frozen=True)
-class Findings:
-    """Result of one check.
+class CheckResult:
+    """Problems that one check of a configuration found.
 
     Attributes:
-        faults: all errors.
-        footer: last line of the message; may be empty.
-        cause: exception that caused one of the errors, if any.
+        problems: all of them.
+        footer: last line of the error message; may be empty.
+        cause: exception that caused one of the problems, if any.
     """
 
-    faults: tuple[Fault, ...] = ()
+    problems: tuple[Problem, ...] = ()
     footer: str = ""
     cause: BaseException | None = None
 
 
 def config_error(
-    faults: Iterable[Fault], source: Callable[[str], str], title: str, footer: str = ""
+    problems: Iterable[Problem], source: Callable[[str], str], title: str, footer: str = ""
 ) -> ConfigError | BackendError:
-    """Build one exception for all errors, grouped by file or flag.
+    """Build one exception that lists all problems, grouped by the file or flag that set the value.
 
     Args:
-        faults: at least one.
-        source: path -> the file or flag that set the value.
+        problems: at least one.
+        source: maps a dotted path to the file or flag that set its value.
         title: heading for values that no file or flag set.
         footer: last line; may be empty.
 
     Returns:
-        A BackendError if all errors are those of plugins, else a ConfigError.
+        A BackendError if plugins cause all problems, else a ConfigError.
     """
-    groups: dict[str, list[Fault]] = {}
-    for fault in dict.fromkeys(faults):
-        label = source(fault.path)
-        groups.setdefault(title if label == "default" else label, []).append(fault)
+    groups: dict[str, list[Problem]] = {}
+    for problem in dict.fromkeys(problems):
+        label = source(problem.path)
+        groups.setdefault(title if label == "default" else label, []).append(problem)
     blocks = []
     for label, group in groups.items():
         width = max(len(f.path) for f in group)
         lines = [f"{f.path:<{width}}   {f.message}" for f in group]
         blocks.append("\n".join([f"{label}: {len(group)} error{'s' * (len(group) > 1)}", *lines]))
-    kind = BackendError if all(fault.of_plugin for group in groups.values() for fault in group) else ConfigError
+    kind = BackendError if all(problem.of_plugin for group in groups.values() for problem in group) else ConfigError
     return kind("\n".join([*blocks, *([footer] if footer else [])]))
 
 
-def from_pydantic(error: ValidationError, model: type[BaseModel], path: str = "", kind: str = "key") -> list[Fault]:
+def problems_from_pydantic(
+    error: ValidationError, model: type[BaseModel], path: str = "", kind: str = "key"
+) -> list[Problem]:
     """Convert errors of pydantic.
 
     Args:
-        error: the exception of the validation.
-        model: the validated model; its fields are suggested for unknown keys.
+        error: the exception.
+        model: the validated model; an unknown key is compared with its fields.
         path: dotted path of the validated table.
         kind: word for an unknown key, "key" or "option".
     """
-    faults = []
+    problems = []
     for found in error.errors(include_url=False):
         loc = [str(part) for part in found["loc"]]
         at = ".".join([*([path] if path else []), *loc])
         if found["type"] == "extra_forbidden":
-            message = f"unknown {kind}{closest(loc[-1], _fields_at(model, loc[:-1]))}"
+            message = f"unknown {kind}{did_you_mean(loc[-1], _fields_at(model, loc[:-1]))}"
         else:
-            message = _in_words(found)
-        faults.append(Fault(at or path, message))
-    return faults
+            message = _describe_pydantic_error(found)
+        problems.append(Problem(at or path, message))
+    return problems
 
 
-def closest(name: str, known: Iterable[str]) -> str:
-    """Return ". Did you mean 'x'?", or "" if no known name is similar."""
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return the hint ". Did you mean 'x'?" for a misspelt name, or "" if no known name is similar."""
     close = get_close_matches(name, list(known), n=1)
     return f". Did you mean '{close[0]}'?" if close else ""
 
 
-def _in_words(found: Any) -> str:
+def _describe_pydantic_error(found: Any) -> str:
     if found["type"] == "missing":
         return "is missing"
     if found["type"] == "string_too_short" and found["input"] == "":
@@ -128,16 +130,16 @@ def _in_words(found: Any) -> str:
     if found["type"] == "model_type":
         return f"should be a table (got {found['input']!r})"
     text = re.sub(r"^Input should be", "should be", found["msg"])
-    for words, sign in _COMPARISONS.items():
+    for words, sign in _COMPARISON_SIGNS.items():
         text = text.replace(words, sign)
-    for words, ours in _KINDS.items():
+    for words, name in _TYPE_NAMES.items():
         if text.startswith(f"should be {words}"):
-            text = f"should be {ours}"
+            text = f"should be {name}"
     return f"{text[0].lower()}{text[1:]} (got {found['input']!r})"
 
 
 def _fields_at(model: type[BaseModel], loc: list[str]) -> list[str]:
-    """Field names of the nested model at ``loc``; empty if there is none."""
+    """Return the field names of the nested model at ``loc``, or an empty list if there is none."""
     fields = model.model_fields
     for part in loc:
         inner = fields[part].annotation if part in fields else None

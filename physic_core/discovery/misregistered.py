@@ -1,4 +1,4 @@
-"""Find installed distributions that look like plugins, but have no entry point in the group ``physic.plugins``."""
+"""Find distributions that look like plugins, but have no entry point in the group ``physic.plugins``."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from importlib.metadata import Distribution, distributions, entry_points
 
-from physic_core.discovery.claims import Origin, normal_name
-from physic_core.discovery.registration import GROUP, named_plugins
+from physic_core.discovery.offers import Origin, canonicalize_name
+from physic_core.discovery.registration import GROUP, requested_plugins
 
-__all__ = ["Misplaced", "misplaced", "plugins_in_other_groups"]
+__all__ = ["MisregisteredPlugin", "find_misregistered", "find_plugins_in_other_groups"]
 
 _CORE = re.compile(r"physic[-_.]core(?![\w-])", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
-class Misplaced:
-    """An installed distribution that looks like a plugin, but has no entry point in our group.
+class MisregisteredPlugin:
+    """A distribution that looks like a plugin, but has no entry point in the group ``physic.plugins``.
 
     Attributes:
         origin: the distribution.
         cause: the error and its remedy, one line.
-        group: the group of its entry points, if its name resembles ours; else empty.
+        group: group of its entry points, if the name is similar to ``physic.plugins``; else empty.
     """
 
     origin: Origin
@@ -32,35 +32,35 @@ class Misplaced:
     group: str = ""
 
 
-def misplaced(
+def find_misregistered(
     installed: Iterable[Distribution] | None = None, *, environment: Mapping[str, str] = os.environ
-) -> tuple[Misplaced, ...]:
-    """Installed distributions that look like plugins, but that :func:`find` does not find.
+) -> tuple[MisregisteredPlugin, ...]:
+    """List distributions that look like plugins, but that :func:`find_plugins` does not find.
 
-    Their entry points are in a group whose name resembles ours, or they are called physic-... and have none.
+    Their entry points are in a group with a similar name, or they are called physic-... and have no entry point.
 
     Args:
         installed: distributions; None for those of this Python.
-        environment: as for :func:`find`.
+        environment: as for :func:`find_plugins`.
     """
-    wanted = named_plugins(environment)
-    known: dict[str, Misplaced | None] = {}
+    wanted = requested_plugins(environment)
+    known: dict[str, MisregisteredPlugin | None] = {}
     for found in distributions() if installed is None else installed:
         name = found.metadata["Name"] or ""
-        key = normal_name(name)
+        key = canonicalize_name(name)
         # Python imports the first distribution of a name.
         if name and key not in known and key != "physic-core" and (wanted is None or key in wanted):
-            known[key] = _misplaced(found, name)
+            known[key] = _misregistered(found, name)
     return tuple(row for _, row in sorted(known.items()) if row is not None)
 
 
-def plugins_in_other_groups(environment: Mapping[str, str] = os.environ) -> tuple[Misplaced, ...]:
-    """The rows of :func:`misplaced` that have a ``group``, in less time: no metadata of other distributions is read."""
+def find_plugins_in_other_groups(environment: Mapping[str, str] = os.environ) -> tuple[MisregisteredPlugin, ...]:
+    """List distributions with entry points in a group of similar name; faster than :func:`find_misregistered`."""
     found = entry_points()
     similar = {group for group in found.groups if group != GROUP and (_is_named_ours(group) or _is_close(group))}
     entries = (entry for group in similar for entry in found.select(group=group))
     owners = {entry.dist.name: entry.dist for entry in entries if entry.dist is not None}
-    return tuple(row for row in misplaced(owners.values(), environment=environment) if row.group)
+    return tuple(row for row in find_misregistered(owners.values(), environment=environment) if row.group)
 
 
 def _is_named_ours(group: str) -> bool:
@@ -71,7 +71,7 @@ def _is_close(group: str) -> bool:
     return bool(get_close_matches(group, [GROUP], cutoff=0.8))
 
 
-def _misplaced(found: Distribution, name: str) -> Misplaced | None:
+def _misregistered(found: Distribution, name: str) -> MisregisteredPlugin | None:
     groups = sorted({entry.group for entry in found.entry_points})
     if GROUP in groups:
         return None
@@ -80,9 +80,11 @@ def _misplaced(found: Distribution, name: str) -> Misplaced | None:
     uses_core = any(_CORE.match(line) for line in found.requires or ())
     for group in groups:
         if _is_named_ours(group) or (uses_core and _is_close(group)):
-            return Misplaced(origin, f"its entry points are in the group '{group}', which is not read: {cure}", group)
-    if normal_name(name).startswith("physic-"):
-        return Misplaced(
+            return MisregisteredPlugin(
+                origin, f"its entry points are in the group '{group}', which is not read: {cure}", group
+            )
+    if canonicalize_name(name).startswith("physic-"):
+        return MisregisteredPlugin(
             origin, f"it has no entry point in the group '{GROUP}', so that no backend of it is found: {cure}"
         )
     return None

@@ -1,4 +1,4 @@
-"""Backends offered by installed plugins, and whether their records are valid. No backend is imported."""
+"""Records of backends with the plugin that offers them, and the validation of records."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ if TYPE_CHECKING:
     from physic_core.discovery.records import BackendRecord
 
 __all__ = [
-    "BY_CLASS",
-    "BY_HAND",
-    "IN_CONFIG",
+    "NAMED_IN_CONFIG",
+    "REGISTERED_BY_HAND",
+    "UNREGISTERED_CLASS",
+    "BackendOffer",
     "BrokenPlugin",
-    "Claim",
     "Manifest",
     "Origin",
-    "normal_name",
-    "problem_of",
+    "canonicalize_name",
+    "record_problem",
 ]
 
 _NAME = re.compile(r"[a-z0-9]+([.-][a-z0-9]+)*")
-_RESERVED = ("none",)
+_RESERVED_NAMES = ("none",)
 
 
 @dataclass(frozen=True)
 class Origin:
-    """The plugin of a backend, command or list of weights.
+    """The plugin that a backend, command or weight manifest comes from.
 
     Attributes:
         plugin: import name of the plugin's module.
-        distribution: installed distribution.
-        version: of the distribution.
+        distribution: name of the installed distribution.
+        version: version of the distribution.
         seconds: time to import the plugin and call its hooks.
     """
 
@@ -50,19 +50,19 @@ class Origin:
         return f"{self.distribution} {self.version}".strip()
 
 
-BY_HAND = Origin("", "registered by hand")
-IN_CONFIG = Origin("", "named in the config")
-BY_CLASS = Origin("", "a class that no plugin registers")
+REGISTERED_BY_HAND = Origin("", "registered by hand")
+NAMED_IN_CONFIG = Origin("", "named in the config")
+UNREGISTERED_CLASS = Origin("", "a class that no plugin registers")
 
 
 @dataclass(frozen=True)
-class Claim:
-    """One backend offered by one plugin.
+class BackendOffer:
+    """One backend that a plugin offers.
 
     Attributes:
-        record: of the backend.
+        record: record of the backend.
         origin: the plugin.
-        problem: why it cannot be used; empty if it can.
+        problem: reason why the record is invalid; empty if it is valid.
     """
 
     record: BackendRecord
@@ -75,12 +75,12 @@ class Claim:
 
 @dataclass(frozen=True)
 class BrokenPlugin:
-    """A plugin that cannot be imported, or that has a failing hook.
+    """A plugin that cannot be imported, or a hook of which fails.
 
     Attributes:
         origin: the plugin.
-        cause: of the failure, one line.
-        error: the exception itself, if there was one.
+        cause: reason of the failure, one line.
+        error: the exception, if there was one.
     """
 
     origin: Origin
@@ -93,7 +93,7 @@ class BrokenPlugin:
 
 @dataclass(frozen=True)
 class Manifest:
-    """The list of weights of a plugin.
+    """Path of a plugin's weight manifest.
 
     Attributes:
         origin: the plugin.
@@ -104,15 +104,15 @@ class Manifest:
     path: Path
 
 
-def problem_of(record: BackendRecord, origin: Origin) -> str:
-    """Why a record cannot be used; empty if it can."""
+def record_problem(record: BackendRecord, origin: Origin) -> str:
+    """Return the reason why a record is invalid, or an empty text if it is valid."""
     from physic_core.interfaces import INTERFACES
 
     if record.interface not in INTERFACES:
         close = get_close_matches(str(record.interface), INTERFACES, n=1)
         hint = f"did you mean '{close[0]}'?" if close else f"there are: {', '.join(INTERFACES)}"
         return f"no interface named '{record.interface}'; {hint}"
-    if not isinstance(record.name, str) or not _NAME.fullmatch(record.name) or record.name in _RESERVED:
+    if not isinstance(record.name, str) or not _NAME.fullmatch(record.name) or record.name in _RESERVED_NAMES:
         return f"its name should be of a-z, 0-9 and hyphens, and not 'none', got {record.name!r}"
     if isinstance(record.target, str) and not TARGET.fullmatch(record.target):
         return f"its target should be 'package.module:Class', got {record.target!r}"
@@ -128,6 +128,6 @@ def problem_of(record: BackendRecord, origin: Origin) -> str:
     return ""
 
 
-def normal_name(distribution: str) -> str:
-    """A distribution's name in lower case, with hyphens, for comparison."""
+def canonicalize_name(distribution: str) -> str:
+    """Return a distribution name in lower case, with hyphens, for comparison (PEP 503)."""
     return re.sub(r"[-_.]+", "-", distribution).lower()
