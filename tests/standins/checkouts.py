@@ -14,7 +14,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from physic_core.body import load_body
 from physic_core.types import SKELETONS
-from physic_human.sam3d_body import JOINTS_OF_KEYPOINTS, KEYPOINTS
+from physic_human.sam3d_body import JOINT_BY_KEYPOINT, NUM_KEYPOINTS
 from physic_testing.body_files import mano_arrays, write_published
 from physic_testing.conformance.true_keypoints import world_keypoints
 from physic_testing.worlds import World
@@ -255,8 +255,8 @@ def truth_of(world: World) -> dict[str, np.ndarray]:
     known["body_seen"], known["contact_seen"] = body_seen(world), contact_seen(world)
     known["faces"] = np.asarray(world.faces).copy()
     known["vertices"] = world.vertices[0].copy()
-    keypoints = np.tile(world.joints[0, 15], (KEYPOINTS, 1))
-    keypoints[list(JOINTS_OF_KEYPOINTS)] = world.joints[0, list(JOINTS_OF_KEYPOINTS.values())]
+    keypoints = np.tile(world.joints[0, 15], (NUM_KEYPOINTS, 1))
+    keypoints[list(JOINT_BY_KEYPOINT)] = world.joints[0, list(JOINT_BY_KEYPOINT.values())]
     keypoints[[15, 16, 18, 19]] = toes(world)
     known["keypoints"] = keypoints.astype(np.float32)
     return known

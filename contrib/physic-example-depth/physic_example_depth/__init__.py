@@ -1,4 +1,4 @@
-"""Metric depth from the height of a person."""
+"""Example plugin: metric depth from the height of a person."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ __all__ = ["physic_backends"]
 
 @hookimpl
 def physic_backends() -> list[BackendRecord]:
-    """The backends of this plugin; nothing heavy is imported here, since it runs whenever plugins are listed."""
+    """Return the records of this plugin's backends. Nothing heavy is imported here, because it runs whenever plugins
+    are listed.
+    """
     return [
         BackendRecord(
             "metric_depth",

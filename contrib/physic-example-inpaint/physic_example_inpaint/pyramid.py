@@ -1,5 +1,6 @@
-"""Inpainting by pull-push (Gortler et al., The Lumigraph, 1996): known pixels are averaged down an image pyramid until
-nothing is unknown, and what is missing is fetched back up."""
+"""Inpaint by pull-push (Gortler et al., The Lumigraph, 1996): average known pixels down an image pyramid until none is
+unknown, then fill the unknown pixels from the coarser levels.
+"""
 
 from __future__ import annotations
 
@@ -29,13 +30,13 @@ class PullPushOptions(Options):
 
 
 class PullPush(Inpainter):
-    """cv2.pyrDown and cv2.pyrUp of the image and of how much of each pixel is known."""
+    """Inpainter by pull-push: image pyramids of the image and of the known share of each pixel."""
 
     Options: ClassVar[type[Options]] = PullPushOptions
     options: PullPushOptions
 
     def infer(self, image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
-        """Image (H, W, 3) and mask (H, W), True = remove -> image of that size, unchanged where the mask is False."""
+        """Fill the mask (H, W), True = remove, in an image (H, W, 3); unmasked pixels keep their values."""
         if mask.shape != image.shape[:2] or mask.dtype != np.bool_:
             raise InputError(f"mask must be {image.shape[:2]} bool, got {mask.shape} {mask.dtype}")
         if mask.all():
@@ -45,7 +46,7 @@ class PullPush(Inpainter):
         return np.where(mask[..., None], filled.round().clip(0, 255).astype(np.uint8), image)
 
     def _fill(self, weighted: Floats, known: Floats) -> Floats:
-        """Colours (H, W, 3) for pixels that are known to a share of (H, W, 1), given their product."""
+        """Return the colours (H, W, 3), given known shares (H, W, 1) and colours times known shares."""
         colours: Floats = weighted / np.maximum(known, 1e-6)
         if known.min() >= 1 or max(known.shape) == 1:
             return colours

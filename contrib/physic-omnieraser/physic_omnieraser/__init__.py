@@ -1,4 +1,4 @@
-"""Inpainting with OmniEraser on FLUX.1-dev."""
+"""Inpainting backend: OmniEraser on FLUX.1-dev."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ __all__ = ["physic_backends", "physic_weights"]
 
 @hookimpl
 def physic_backends() -> list[BackendRecord]:
-    """The backends of this plugin; nothing heavy is imported here, since it runs whenever plugins are listed."""
+    """Return the records of this plugin's backends. Nothing heavy is imported here, because it runs whenever plugins
+    are listed.
+    """
     return [
         BackendRecord(
             "inpainter",
@@ -30,5 +32,5 @@ def physic_backends() -> list[BackendRecord]:
 
 @hookimpl
 def physic_weights() -> Path:
-    """The list of weights."""
+    """Return the folder with the manifests of this plugin's weights."""
     return Path(__file__).parent / "weights"

@@ -1,4 +1,4 @@
-"""Taking people out of a photo with OmniEraser, as the released code of PhySIC does."""
+"""Remove people from a photo with OmniEraser, as in PhySIC's released code."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ __all__ = ["OmniEraser", "OmniEraserOptions"]
 MANIFEST = Path(__file__).parent / "weights"
 HOMEPAGE = "https://github.com/PRIS-CV/Omnieraser"
 MODULE, PIPELINE = "pipeline_flux_control_removal", "FluxControlRemovalPipeline"
-WIDER = 4
-"""The pipeline shows the transformer four maps side by side: noise, the photo without and with its thing, the mask."""
+CHANNEL_FACTOR = 4
+"""Number of maps side by side in the transformer's input: noise, the photo with and without the object, the mask."""
 
 
 class OmniEraserOptions(Options):
@@ -47,7 +47,7 @@ class OmniEraserOptions(Options):
 
 
 class OmniEraser(Inpainter):
-    """FLUX.1-dev with OmniEraser's LoRA in the pipeline of its repository.
+    """Inpainter: FLUX.1-dev with OmniEraser's LoRA, in the pipeline of its repository.
 
     It takes shadows and mirror images of the removed out as far as the mask covers them: outside of the mask the photo
     stays as it was.
@@ -69,7 +69,7 @@ class OmniEraser(Inpainter):
         self._device = "cpu"
 
     def load(self, device: str = "cpu") -> None:
-        """Read FLUX.1-dev, widen its input, and put the LoRA on; nothing is fetched.
+        """Read FLUX.1-dev, widen its input layer, and add the LoRA. Nothing is downloaded.
 
         Raises:
             WeightsMissingError: the checkout, FLUX.1-dev or the LoRA is not here.
@@ -81,7 +81,7 @@ class OmniEraser(Inpainter):
         if device == "cpu" and not self.options.allow_cpu:
             raise DeviceError("OmniEraser needs a GPU: choose device 'cuda', or allow_cpu if hours do not matter")
         check_device(device)
-        if lack := self._base_missing():
+        if lack := self._missing_base_model():
             raise WeightsMissingError(lack[0])
         lora = locate(MANIFEST, self.options.weights)
         lora = lora / "pytorch_lora_weights.safetensors" if lora.is_dir() else lora
@@ -92,7 +92,7 @@ class OmniEraser(Inpainter):
         here = {"torch_dtype": torch.bfloat16, "local_files_only": True}
         with self._checkout.inside():
             transformer = FluxTransformer2DModel.from_pretrained(self.options.base, subfolder="transformer", **here)
-            widen(transformer)
+            widen_input(transformer)
             pipeline = kind.from_pretrained(self.options.base, transformer=transformer, **here)
             pipeline.load_lora_weights(str(lora.parent), weight_name=lora.name)
             if self.options.offload == "model" and device != "cpu":
@@ -104,20 +104,20 @@ class OmniEraser(Inpainter):
         self._pipeline, self._device = pipeline, device
 
     def close(self) -> None:
-        """Let go of the networks."""
+        """Release the networks."""
         self._pipeline = None
         self._checkout.close()
 
     def missing(self) -> tuple[str, ...]:
-        """What is not here of the checkout, its packages, FLUX.1-dev and the LoRA."""
-        return (*self._checkout.missing(), *self._base_missing(), *missing(MANIFEST, self.options.weights))
+        """Describe missing checkout, packages, FLUX.1-dev and LoRA."""
+        return (*self._checkout.missing(), *self._missing_base_model(), *missing(MANIFEST, self.options.weights))
 
     def fingerprint(self) -> str:
-        """What the LoRA and the checkout are."""
+        """Return the identity of LoRA and checkout."""
         return f"{fingerprint(MANIFEST, self.options.weights)} {self._checkout.fingerprint()}"
 
     def infer(self, image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
-        """Image (H, W, 3) and mask (H, W), True = remove -> image, the very same pixels where the mask is False.
+        """Fill the mask (H, W), True = remove, in an image (H, W, 3); pixels outside the mask stay identical.
 
         Raises:
             InputError: the image is no photo.
@@ -130,7 +130,7 @@ class OmniEraser(Inpainter):
         return inpaint_masked(image, mask, 0.0, self._fill)
 
     def _fill(self, image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
-        """The whole photo, squashed to the network's square and back."""
+        """Run the pipeline on the photo, squashed to the network's square and back."""
         import torch
         from PIL import Image
 
@@ -154,7 +154,8 @@ class OmniEraser(Inpainter):
         height, width = mask.shape
         return np.asarray(filled.convert("RGB").resize((width, height), Image.Resampling.LANCZOS))
 
-    def _base_missing(self) -> tuple[str, ...]:
+    def _missing_base_model(self) -> tuple[str, ...]:
+        """Describe a missing FLUX.1-dev."""
         base = Path(self.options.base).expanduser()
         if base.is_dir():
             return () if (base / "model_index.json").is_file() else (f"{base} is no pipeline of diffusers",)
@@ -172,15 +173,15 @@ class OmniEraser(Inpainter):
         )
 
 
-def widen(transformer: Any) -> None:
-    """Let a transformer of FLUX take four times as many channels, of which it heeds its own first ones alone."""
+def widen_input(transformer: Any) -> None:
+    """Widen the input layer of a FLUX transformer to four times as many channels; the new weights are zero."""
     import torch
 
     old = transformer.x_embedder
     channels = transformer.config.in_channels
     with torch.no_grad():
         new = torch.nn.Linear(
-            WIDER * old.in_features,
+            CHANNEL_FACTOR * old.in_features,
             old.out_features,
             bias=old.bias is not None,
             dtype=old.weight.dtype,
@@ -191,4 +192,4 @@ def widen(transformer: Any) -> None:
         if old.bias is not None:
             new.bias.copy_(old.bias)
     transformer.x_embedder = new
-    transformer.register_to_config(in_channels=WIDER * channels)
+    transformer.register_to_config(in_channels=CHANNEL_FACTOR * channels)

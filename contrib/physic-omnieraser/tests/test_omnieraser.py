@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from physic_core.errors import BackendError, DeviceError, WeightsMissingError
-from physic_omnieraser.omnieraser import OmniEraser, OmniEraserOptions, widen
+from physic_omnieraser.omnieraser import OmniEraser, OmniEraserOptions, widen_input
 from physic_testing import check_backend
 
 torch = pytest.importorskip("torch")
@@ -178,7 +178,7 @@ def test_a_widened_transformer_answers_as_before():
     }  # fmt: skip
     with torch.no_grad():
         before = small(hidden_states=rows, **rest)[0]
-        widen(small)
+        widen_input(small)
         after = small(hidden_states=torch.cat([rows, torch.randn(1, 6, 12)], -1), **rest)[0]
     assert small.config.in_channels == 16
     assert torch.allclose(before, after, atol=1e-5)

@@ -1,4 +1,6 @@
-"""The offline default: small networks inside the wheel, run by onnxruntime, and a body fit; no account, no GPU."""
+"""Default backends: small networks inside the wheel, run by onnxruntime, and a body fit. They need no account, download
+or GPU.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,7 @@ __all__ = ["physic_backends"]
 
 @hookimpl
 def physic_backends() -> list[BackendRecord]:
-    """The backends of this plugin."""
+    """Return the records of this plugin's backends."""
     return [
         BackendRecord(
             "segmenter",
@@ -30,7 +32,7 @@ def physic_backends() -> list[BackendRecord]:
         BackendRecord(
             "metric_depth",
             "embedded",
-            "physic_embedded.metric_depth:HumanRuler",
+            "physic_embedded.metric_depth:EmbeddedMetricDepth",
             api=1,
             summary="Scale from the people: soles on the floor where both are seen, else body size",
         ),

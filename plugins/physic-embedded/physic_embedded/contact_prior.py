@@ -1,4 +1,4 @@
-"""Static contact prior: the parts of a body that usually touch the world, by what the body is doing."""
+"""Static contact prior: the body parts that usually touch the scene, depending on the pose."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pydantic import Field
 from physic_core.errors import BackendError
 from physic_core.interfaces import ContactPrior, Options
 from physic_core.types import ContactProbability
+from physic_embedded.standing import angle_deg
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -19,10 +20,10 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.floating]
 
-__all__ = ["StaticContact", "sits"]
+__all__ = ["StaticContact", "is_sitting"]
 
 # Contact set -> joints of which one must be seen.
-_NEEDS: dict[str, tuple[str, ...]] = {
+_VISIBLE_JOINTS: dict[str, tuple[str, ...]] = {
     "left_foot": ("left_ankle", "left_foot"),
     "right_foot": ("right_ankle", "right_foot"),
     "left_sole": ("left_ankle", "left_foot"),
@@ -33,7 +34,7 @@ _NEEDS: dict[str, tuple[str, ...]] = {
     "left_hand": ("left_wrist",),
     "right_hand": ("right_wrist",),
 }
-_SEAT = ("thighs", "gluteus", "back")
+_SITTING_SETS = ("thighs", "gluteus", "back")
 
 
 class StaticContactOptions(Options):
@@ -56,7 +57,7 @@ class StaticContactOptions(Options):
 
 
 class StaticContact(ContactPrior):
-    """Feet, thighs, seat, back and hands, after the idea of PROX; parts of unseen joints have probability 0."""
+    """Contact prior of fixed body parts: feet, thighs, seat, back and hands (PROX). Parts of unseen joints get 0."""
 
     Options: ClassVar[type[Options]] = StaticContactOptions
     options: StaticContactOptions
@@ -64,18 +65,18 @@ class StaticContact(ContactPrior):
     _model: BodyModel | None = None
 
     def load(self, device: str = "cpu") -> None:
-        """Load the body whose vertices are labelled."""
+        """Load the body model that defines the vertices."""
         from physic_core.body import load_body
 
         if self._model is None:
             self._model = load_body("embedded")
 
     def close(self) -> None:
-        """Drop the body."""
+        """Release the body model."""
         self._model = None
 
     def infer(self, image: NDArray[np.uint8], people: People, bodies: Bodies) -> ContactProbability:
-        """N people with bodies -> probability (N, V) on the embedded body, with its mesh if the bodies are others.
+        """Return the contact probability (N, V) on the embedded body, with its mesh if the bodies are of another model.
 
         Raises:
             BackendError: it is not loaded, or the bodies are of another model and without joints.
@@ -84,7 +85,7 @@ class StaticContact(ContactPrior):
         from physic_core.body.conversion import rest_mesh_of_model
 
         if self._model is None:
-            raise BackendError("the static contact prior was asked before it was loaded: call load() first")
+            raise BackendError("the static contact prior is not loaded: call load() before infer()")
         joints = self._joints(bodies)
         count = len(joints)
         observed = bodies.observed
@@ -92,14 +93,14 @@ class StaticContact(ContactPrior):
         options = self.options
         seated = np.ones(count, bool)
         if options.seat_by_pose:
-            seated = sits(joints, options.sitting_hip_deg) | _lies(joints, options.lying_trunk_deg)
+            seated = is_sitting(joints, options.sitting_hip_deg) | _is_lying(joints, options.lying_trunk_deg)
         worth = {"thighs": options.seat, "gluteus": options.seat, "back": options.back}
         for side in ("left", "right"):
             worth |= {f"{side}_foot": options.feet, f"{side}_sole": options.soles, f"{side}_hand": options.hands}
         probability = np.zeros((count, self._model.num_vertices), np.float32)
         for name, value in worth.items():
-            seen = observed[:, [JOINT_INDEX[joint] for joint in _NEEDS[name]]].any(1)
-            if name in _SEAT:
+            seen = observed[:, [JOINT_INDEX[joint] for joint in _VISIBLE_JOINTS[name]]].any(1)
+            if name in _SITTING_SETS:
                 seen &= seated
             ids = self._model.contact_sets[name].cpu().numpy()
             given = np.where(seen, np.float32(value), np.float32(0))[:, None]
@@ -108,6 +109,7 @@ class StaticContact(ContactPrior):
         return ContactProbability(probability, self._model.topology, rest)
 
     def _joints(self, bodies: Bodies) -> FloatArray:
+        """Return the SMPL-X joints (N, 55, 3) of the bodies."""
         import torch
 
         from physic_core.body.parameters import rotations_from_parameters
@@ -117,8 +119,8 @@ class StaticContact(ContactPrior):
         if bodies.body_model != self._model.name:
             if bodies.joints is None:
                 raise BackendError(
-                    f"the static contact prior knows the embedded body, and {bodies.body_model!r} bodies came without "
-                    "joints: use it in the pipeline, or choose no contact prior"
+                    "the static contact prior needs bodies of the embedded model or joints, got "
+                    f"{bodies.body_model!r} bodies without joints: use it in the pipeline, or choose no contact prior"
                 )
             return bodies.joints.astype(np.float64)
         p = bodies.parameters
@@ -128,8 +130,8 @@ class StaticContact(ContactPrior):
         return out.joints.double().numpy()
 
 
-def sits(joints: FloatArray, hip_deg: float) -> NDArray[np.bool_]:
-    """Who sits: the thighs make a mean angle of less than ``hip_deg`` with the trunk. Who squats or lunges counts too.
+def is_sitting(joints: FloatArray, hip_deg: float) -> NDArray[np.bool_]:
+    """Return which people sit, squat or lunge: the mean angle between thighs and trunk is below ``hip_deg``.
 
     Args:
         joints: (N, 55, 3), any frame.
@@ -139,20 +141,15 @@ def sits(joints: FloatArray, hip_deg: float) -> NDArray[np.bool_]:
 
     trunk = joints[:, INDEX["neck"]] - joints[:, INDEX["pelvis"]]
     angles = [
-        _angle_deg(joints[:, INDEX[f"{side}_knee"]] - joints[:, INDEX[f"{side}_hip"]], trunk)
+        angle_deg(joints[:, INDEX[f"{side}_knee"]] - joints[:, INDEX[f"{side}_hip"]], trunk)
         for side in ("left", "right")
     ]
     return np.asarray((angles[0] + angles[1]) / 2 < hip_deg)
 
 
-def _lies(joints: FloatArray, trunk_deg: float) -> NDArray[np.bool_]:
-    """Whose trunk is tilted from the image's vertical, which the floor's normal mostly is near, by more than this."""
+def _is_lying(joints: FloatArray, trunk_deg: float) -> NDArray[np.bool_]:
+    """Return which people lie: the trunk is tilted from the image's vertical by more than ``trunk_deg``."""
     from physic_core.body import JOINT_INDEX as INDEX
 
     trunk = joints[:, INDEX["neck"]] - joints[:, INDEX["pelvis"]]
-    return np.asarray(_angle_deg(trunk, np.array([0.0, -1.0, 0.0])) > trunk_deg)
-
-
-def _angle_deg(a: FloatArray, b: FloatArray) -> FloatArray:
-    cosine = (a * b).sum(-1) / (np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1) + 1e-9)
-    return np.asarray(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+    return np.asarray(angle_deg(trunk, np.array([0.0, -1.0, 0.0])) > trunk_deg)

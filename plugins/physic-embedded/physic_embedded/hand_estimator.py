@@ -1,4 +1,4 @@
-"""Finger poses: hands looked for at the wrists of known people, their landmarks turned into finger rotations."""
+"""Estimate finger rotations from hand landmarks found at the wrists of known people."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from pydantic import Field
 
 from physic_core.interfaces import HandEstimator, Options
 from physic_core.types import Hands
-from physic_embedded.body_fit.fingers import HandRest, fit_fingers
-from physic_embedded.networks.crops import Picture
-from physic_embedded.networks.hand_landmarks import arm_square, find_hand
-from physic_embedded.networks.sessions import Networks
+from physic_embedded.body_fit.fingers import RestHand, fit_fingers
+from physic_embedded.networks.crops import ImagePyramid
+from physic_embedded.networks.hand_landmarks import find_hand, hand_search_square
+from physic_embedded.networks.sessions import PackagedNetworks
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Keypoints, People, UInt8Array
-    from physic_embedded.networks.crops import Square
-    from physic_embedded.networks.hand_landmarks import HandLook
+    from physic_embedded.networks.crops import RotatedSquare
+    from physic_embedded.networks.hand_landmarks import HandLandmarks
 
 __all__ = ["EmbeddedHands", "EmbeddedHandsOptions"]
 
@@ -47,7 +47,7 @@ class EmbeddedHandsOptions(Options):
 
 
 class EmbeddedHands(HandEstimator):
-    """MediaPipe Hands at the wrists of the pose, fitted with the finger joints of a body.
+    """Hand estimator: MediaPipe hand landmarks at the wrists of the keypoints, fitted with the finger joints of a body.
 
     Which hand it is follows from the wrist; what looks like a hand of the other side is somebody else's, and is left.
     """
@@ -57,57 +57,59 @@ class EmbeddedHands(HandEstimator):
 
     def __init__(self, options: EmbeddedHandsOptions | None = None) -> None:
         super().__init__(options)
-        self._networks = Networks("palm_detection_full", "hand_landmark_full")
-        self._rest: dict[str, HandRest] = {}
+        self._networks = PackagedNetworks("palm_detection_full", "hand_landmark_full")
+        self._rest: dict[str, RestHand] = {}
 
     def load(self, device: str = "cpu") -> None:
-        """Open the two networks and read the hands of the body.
+        """Open the two networks and compute the rest pose of the body's hands.
 
         Raises:
             DeviceError: the device is not there.
             BodyModelError: the body is not there.
         """
         self._networks.open(device, self.options.threads)
-        self._rest = _hands_at_rest(self.options.body)
+        self._rest = _rest_hands(self.options.body)
 
     def close(self) -> None:
-        """Let go of networks and body."""
+        """Close the networks and release the body model."""
         self._networks.close()
         self._rest = {}
 
     def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
-        """Image (H, W, 3) and N people with keypoints -> finger rotations, confidence 0 where no hand is clear."""
+        """Return the finger rotations of N people; confidence is 0 where no hand is clear."""
         rotvecs = np.zeros((len(people), 2, 15, 3), np.float32)
         confidence = np.zeros((len(people), 2), np.float32)
         detector, landmarker = self._networks["palm_detection_full"], self._networks["hand_landmark_full"]
-        picture = Picture.of(image)
+        picture = ImagePyramid.from_image(image)
         row = {name: j for j, name in enumerate(keypoints.joint_set.names)}
         has_arms = all(f"{side}_{joint}" in row for joint in ("shoulder", "elbow", "wrist", "hip") for side in SIDES)
         for i, (points, seen) in enumerate(zip(keypoints.points, keypoints.confidence, strict=True)):
             for s, side in enumerate(SIDES if has_arms else ()):
-                place = _place(points, seen, row, side)
+                place = _search_square(points, seen, row, side)
                 if place is None:
                     continue
                 around, angle = place
                 if around.side < self.options.least_size_px:
                     continue
                 look = find_hand(detector, landmarker, picture, around, angle, points[row[f"{side}_wrist"]], side)
-                if look is None or not self._clear(look, side):
+                if look is None or not self._is_reliable(look, side):
                     continue
                 rotvecs[i, s] = fit_fingers(look.world, self._rest[side]).rotvecs
                 confidence[i, s] = look.presence * (look.right if s else 1.0 - look.right)
         return Hands(rotvecs, confidence)
 
-    def _clear(self, look: HandLook, side: str) -> bool:
-        """Whether a look at a hand is good enough to be used."""
+    def _is_reliable(self, look: HandLandmarks, side: str) -> bool:
+        """Return whether the landmarks of a hand are good enough to use."""
         options = self.options
         right_side = (look.right > 0.5) == (side == "right")
         steady = look.mirror_gap < options.largest_gap
         return right_side and steady and look.size >= options.least_size_px and look.presence >= options.least_presence
 
 
-def _place(points: FloatArray, seen: FloatArray, row: dict[str, int], side: str) -> tuple[Square, float] | None:
-    """The square to search for a hand, as of ``arm_square``; None where no wrist is seen."""
+def _search_square(
+    points: FloatArray, seen: FloatArray, row: dict[str, int], side: str
+) -> tuple[RotatedSquare, float] | None:
+    """Return the square in which to search for a hand and the forearm's angle; None if the wrist is not visible."""
     elbow, wrist = row[f"{side}_elbow"], row[f"{side}_wrist"]
     if seen[wrist] < 0.3:
         return None
@@ -117,17 +119,17 @@ def _place(points: FloatArray, seen: FloatArray, row: dict[str, int], side: str)
         points[row[name]] for name in ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
     )
     trunk = np.linalg.norm((left_shoulder + right_shoulder - left_hip - right_hip) / 2)
-    return arm_square(points[elbow], points[wrist], fingers, float(trunk))
+    return hand_search_square(points[elbow], points[wrist], fingers, float(trunk))
 
 
-def _hands_at_rest(body: str) -> dict[str, HandRest]:
-    """The hands of a body in its T-pose, palms down."""
+def _rest_hands(body: str) -> dict[str, RestHand]:
+    """Return both hands of a body in its T-pose, palms down."""
     from physic_core.body import load_body
 
     model = load_body(body)
     output = model(*model.zero_pose())
     down = np.array([0.0, -1.0, 0.0])
     return {
-        side: HandRest.of(model.landmarks(output, f"openpose_hand21_{side}")[0].double().numpy(), down)
+        side: RestHand.from_landmarks(model.landmarks(output, f"openpose_hand21_{side}")[0].double().numpy(), down)
         for side in SIDES
     }

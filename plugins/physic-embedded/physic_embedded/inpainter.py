@@ -1,4 +1,4 @@
-"""Taking people out of a photo with MI-GAN."""
+"""Remove people from a photo with MI-GAN."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic import Field
 
 from physic_core.adapters.inpainting import inpaint_masked
 from physic_core.interfaces import Inpainter, Options
-from physic_embedded.networks.sessions import Networks
+from physic_embedded.networks.sessions import PackagedNetworks
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, UInt8Array
@@ -31,7 +31,7 @@ class MiGanOptions(Options):
 
 
 class MiGan(Inpainter):
-    """MI-GAN for 512 px, trained on Places2, run on the part of the photo about the hole, at any size.
+    """MI-GAN inpainter for 512 px, trained on Places2; it sees a crop around the hole, at any photo size.
 
     The fill is sharp for holes up to about 512 px across and gets blurred above that. Where little but hole is left, it
     is imagination. A hole that is much larger than the person invites invented figures, so dilate little: 0.4 to 1.2 %
@@ -43,7 +43,7 @@ class MiGan(Inpainter):
 
     def __init__(self, options: MiGanOptions | None = None) -> None:
         super().__init__(options)
-        self._networks = Networks("migan_512_places2")
+        self._networks = PackagedNetworks("migan_512_places2")
 
     def load(self, device: str = "cpu") -> None:
         """Open the network.
@@ -54,11 +54,11 @@ class MiGan(Inpainter):
         self._networks.open(device, self.options.threads)
 
     def close(self) -> None:
-        """Let go of the network."""
+        """Close the network."""
         self._networks.close()
 
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
-        """Image (H, W, 3) and mask (H, W), True = remove -> image, the very same pixels where the mask is False.
+        """Fill the mask (H, W), True = remove, in an image (H, W, 3); pixels outside the mask stay identical.
 
         Raises:
             BackendError: the mask has another size, or leaves nothing to go by.
@@ -66,7 +66,7 @@ class MiGan(Inpainter):
         return inpaint_masked(image, mask, self.options.rim, self._fill)
 
     def _fill(self, image: UInt8Array, hole: BoolArray) -> UInt8Array:
-        """The network's image (H, W, 3); its mask is 255 where the photo is known and 0 in the hole."""
+        """Run the network; its mask input is 255 where the photo is known and 0 in the hole."""
         planes = np.ascontiguousarray(image.transpose(2, 0, 1))
         known = np.where(hole, 0, 255).astype(np.uint8)
         (filled,) = self._networks["migan_512_places2"].run(None, {"image": planes[None], "mask": known[None, None]})

@@ -1,4 +1,4 @@
-"""The 33 BlazePose joints of people that somebody found."""
+"""Detect the 33 BlazePose joints of people found by a segmenter."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from pydantic import Field
 
 from physic_core.interfaces import KeypointDetector, Options
 from physic_core.types import Keypoints
-from physic_embedded.networks.blazepose import BLAZEPOSE
-from physic_embedded.networks.crops import Picture, Square
-from physic_embedded.networks.pose import landmarks, person_square
-from physic_embedded.networks.sessions import Networks
+from physic_embedded.networks.blazepose import BLAZEPOSE_SKELETON
+from physic_embedded.networks.crops import ImagePyramid, RotatedSquare
+from physic_embedded.networks.pose import person_square, predict_pose
+from physic_embedded.networks.sessions import PackagedNetworks
 from physic_embedded.segmentation.people import detect_people
 
 if TYPE_CHECKING:
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, People, UInt8Array
     from physic_embedded.networks.pose import Pose
 
-__all__ = ["EmbeddedKeypoints", "EmbeddedKeypointsOptions", "keypoints_of"]
+__all__ = ["EmbeddedKeypoints", "EmbeddedKeypointsOptions", "keypoints_from_poses"]
 
-LEAST_FIT = 0.15
-"""A pose that lies worse on the mask is not this person's."""
+MIN_MASK_FIT = 0.15
+"""A pose with a lower overlap with the mask belongs to another person."""
 
 
 class EmbeddedKeypointsOptions(Options):
@@ -41,7 +41,7 @@ class EmbeddedKeypointsOptions(Options):
 
 
 class EmbeddedKeypoints(KeypointDetector):
-    """BlazePose heavy, skeleton "blazepose33" with world landmarks.
+    """Keypoint detector with BlazePose heavy: skeleton "blazepose33" with world landmarks.
 
     People of the embedded segmenter carry these joints already. For people of another segmenter, the pose that lies
     best on the person's mask is looked for in the neighbourhood of the box.
@@ -52,7 +52,7 @@ class EmbeddedKeypoints(KeypointDetector):
 
     def __init__(self, options: EmbeddedKeypointsOptions | None = None) -> None:
         super().__init__(options)
-        self._networks = Networks("pose_detection", "pose_landmark_heavy")
+        self._networks = PackagedNetworks("pose_detection", "pose_landmark_heavy")
 
     def load(self, device: str = "cpu") -> None:
         """Open the two networks.
@@ -63,54 +63,59 @@ class EmbeddedKeypoints(KeypointDetector):
         self._networks.open(device, self.options.threads)
 
     def close(self) -> None:
-        """Let go of the networks."""
+        """Close the networks."""
         self._networks.close()
 
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
-        """Image (H, W, 3) and N people -> N rows of 33 joints; confidence 0 where a person cannot be made out."""
+        """Return 33 joints of each of N people; confidence is 0 for a person without a detected pose."""
         seen = people.keypoints
-        if self.options.reuse and seen is not None and seen.skeleton == BLAZEPOSE and len(seen.points) == len(people):
+        if (
+            self.options.reuse
+            and seen is not None
+            and seen.skeleton == BLAZEPOSE_SKELETON
+            and len(seen.points) == len(people)
+        ):
             return seen
-        picture = Picture.of(image)
+        picture = ImagePyramid.from_image(image)
         looks = [self._look(picture, mask, box) for mask, box in zip(people.masks, people.boxes, strict=True)]
-        found = keypoints_of([pose for pose, _ in looks], *image.shape[:2])
-        lost = np.array([fit < LEAST_FIT for _, fit in looks], bool)
+        found = keypoints_from_poses([pose for pose, _ in looks], *image.shape[:2])
+        lost = np.array([fit < MIN_MASK_FIT for _, fit in looks], bool)
         return replace(found, confidence=np.where(lost[:, None], np.float32(0), found.confidence))
 
-    def _look(self, picture: Picture, mask: BoolArray, box: FloatArray) -> tuple[Pose, float]:
-        """The pose that lies best on a person's mask, and how well it does."""
+    def _look(self, picture: ImagePyramid, mask: BoolArray, box: FloatArray) -> tuple[Pose, float]:
+        """Return the pose that fits a person's mask best, and its fit."""
         x0, y0, x1, y1 = np.asarray(box, float)
         center = np.array([(x0 + x1 - 1) / 2, (y0 + y1 - 1) / 2])
         side = max(x1 - x0, y1 - y0, 1.0)
         # A whole body about the middle of the box, should the detector see nobody there.
-        starts = [(Square(center, 1.25 * side, 0.0), 3)]
+        starts = [(RotatedSquare(center, 1.25 * side, 0.0), 3)]
         if y1 >= picture.height - 1:
             # The photo cuts the person off below: the box may be the upper half.
-            starts.append((Square(np.array([center[0], y1]), 2.5 * side, 0.0), 2))
+            starts.append((RotatedSquare(np.array([center[0], y1]), 2.5 * side, 0.0), 2))
         left, top = np.maximum(np.floor(center - side), 0).astype(int)
         right, bottom = np.ceil(center + side).astype(int) + 1
         near = picture.levels[0][top:bottom, left:right]
         lowest = self.options.lowest_score
-        for d in detect_people(self._networks["pose_detection"], Picture.of(near), lowest, lowest, ())[:3]:
+        for d in detect_people(self._networks["pose_detection"], ImagePyramid.from_image(near), lowest, lowest, ())[:3]:
             hip, end = d.keypoints[:2] + np.array([left, top])
             starts.append((person_square(hip, end), 2))
         network = self._networks["pose_landmark_heavy"]
-        looks = [landmarks(network, picture, square, passes) for square, passes in starts]
+        looks = [predict_pose(network, picture, square, passes) for square, passes in starts]
         return max(((pose, _fit(pose, mask)) for pose in looks), key=lambda look: look[1])
 
 
-def keypoints_of(poses: Sequence[Pose], height: int, width: int) -> Keypoints:
-    """Poses as the core's keypoints; confidence 0 outside the image."""
+def keypoints_from_poses(poses: Sequence[Pose], height: int, width: int) -> Keypoints:
+    """Convert poses to keypoints; confidence is 0 outside the image."""
     return Keypoints(
         points=np.array([p.points for p in poses], np.float32).reshape(-1, 33, 2),
         confidence=np.array([p.confidence(width, height) for p in poses], np.float32).reshape(-1, 33),
-        skeleton=BLAZEPOSE,
+        skeleton=BLAZEPOSE_SKELETON,
         world=np.array([p.world for p in poses], np.float32).reshape(-1, 33, 3),
     )
 
 
 def _fit(pose: Pose, mask: BoolArray) -> float:
-    """How well a pose explains a mask (H, W): presence times overlap of the pose's own mask with it."""
+    """Return how well a pose fits a mask (H, W): presence times overlap of the pose's own mask with it."""
     ys, xs = np.nonzero(mask)
     if not len(xs):
         return pose.score

@@ -1,4 +1,4 @@
-"""Metric depth with the people as the ruler: soles on the floor where they are seen, else body size."""
+"""Scale the relative scene to metres with the people in it: soles on the floor where visible, else body size."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.floating]
 
-__all__ = ["HumanRuler", "PersonScale", "body_size_scale", "contact_scale"]
+__all__ = ["EmbeddedMetricDepth", "PersonScales", "scale_from_soles", "scale_from_torsos"]
 
 
-class HumanRulerOptions(Options):
-    """Settings of the human ruler."""
+class EmbeddedMetricDepthOptions(Options):
+    """Settings of the embedded metric depth."""
 
     rule: str = Field(
         "auto",
@@ -43,8 +43,8 @@ class HumanRulerOptions(Options):
 
 
 @dataclass(frozen=True)
-class PersonScale:
-    """Metres per unit of the scene as each of N people gives them, NaN where they do not.
+class PersonScales:
+    """Scale of the scene estimated from each of N people, metres per unit; NaN where unknown.
 
     Attributes:
         contact: (N,) from soles on the floor.
@@ -55,27 +55,27 @@ class PersonScale:
     body_size: FloatArray
 
 
-class HumanRuler(MetricDepth):
-    """Scales the relative scene to metres by the people in it.
+class EmbeddedMetricDepth(MetricDepth):
+    """Metric depth: the relative scene scaled by the people in it.
 
     The scale that puts soles on the floor is the better one, because the relative depth of a person is often larger
     than that of the floor under their feet: with a scale from the torso they would sink into it.
     """
 
-    Options: ClassVar[type[Options]] = HumanRulerOptions
-    options: HumanRulerOptions
+    Options: ClassVar[type[Options]] = EmbeddedMetricDepthOptions
+    options: EmbeddedMetricDepthOptions
 
     _model: BodyModel | None = None
 
     def load(self, device: str = "cpu") -> None:
-        """Nothing is read before the body model of the people is known."""
+        """Do nothing: the body model is loaded when the bodies are known."""
 
     def close(self) -> None:
-        """Drop the body model."""
+        """Release the body model."""
         self._model = None
 
     def infer(self, image: NDArray[np.uint8], hints: Hints) -> DepthMap:
-        """The depth of ``hints.scene`` (H, W) in metres, with the scale that ``hints.bodies`` give it.
+        """Return the depth (H, W) of ``hints.scene`` in metres, scaled by ``hints.bodies``.
 
         Raises:
             BackendError: hints lack the scene or the bodies, or nobody can serve as the ruler.
@@ -83,23 +83,24 @@ class HumanRuler(MetricDepth):
         if hints.scene is None or hints.bodies is None:
             missing = "scene" if hints.scene is None else "bodies"
             raise BackendError(
-                f"the human ruler needs hints.scene and hints.bodies, and hints.{missing} is missing: "
+                f"the embedded metric depth needs hints.scene and hints.bodies, and hints.{missing} is missing: "
                 "use it in the pipeline, which asks for both before it, or choose a metric depth network"
             )
         if not len(hints.bodies.parameters):
-            raise BackendError("the human ruler has nobody to measure by: choose a metric depth network")
-        vertices, model = self._posed(hints.bodies)
+            raise BackendError("the embedded metric depth needs at least one person: choose a metric depth network")
+        vertices, model = self._pose_bodies(hints.bodies)
         count = len(vertices)
         observed = hints.bodies.observed
         observed = np.ones((count, 55), bool) if observed is None else np.asarray(observed)
         nothing = np.full(count, np.nan)
-        contact = nothing if hints.floor is None else contact_scale(vertices, model, observed, hints.floor)
-        size = nothing if hints.original is None else body_size_scale(vertices, model, hints)
-        scale, sigma, notes = self._decide(PersonScale(contact, size))
+        contact = nothing if hints.floor is None else scale_from_soles(vertices, model, observed, hints.floor)
+        size = nothing if hints.original is None else scale_from_torsos(vertices, model, hints)
+        scale, sigma, notes = self._combine_people(PersonScales(contact, size))
         depth = np.where(hints.scene.valid, hints.scene.points[..., 2] * scale, np.nan).astype(np.float32)
         return DepthMap(depth, hints.scene.intrinsics or hints.intrinsics, sigma, tuple(notes))
 
-    def _posed(self, bodies: Bodies) -> tuple[FloatArray, BodyModel]:
+    def _pose_bodies(self, bodies: Bodies) -> tuple[FloatArray, BodyModel]:
+        """Return the vertices of the bodies and their model."""
         import torch
 
         from physic_core.body import load_body
@@ -112,8 +113,9 @@ class HumanRuler(MetricDepth):
         if bodies.body_model != "embedded":
             if bodies.joints is None:
                 raise BackendError(
-                    f"the human ruler knows the embedded body, and the people came as {bodies.body_model!r} bodies "
-                    "without joints: use it in the pipeline, or choose a metric depth network"
+                    "the embedded metric depth needs bodies of the embedded model or joints, got "
+                    f"{bodies.body_model!r} bodies without joints: use it in the pipeline, or choose a metric depth "
+                    "network"
                 )
             # A body of the same joints is as high as the one whose file is not ours.
             bodies = convert_bodies(replace(bodies, mesh=None), self._model)
@@ -123,8 +125,8 @@ class HumanRuler(MetricDepth):
             out = self._model(rotations, tensor(p.betas), tensor(p.transl))
         return out.vertices.double().numpy(), self._model
 
-    def _decide(self, people: PersonScale) -> tuple[float, float, list[str]]:
-        """Scale, standard deviation of its logarithm, and notes."""
+    def _combine_people(self, people: PersonScales) -> tuple[float, float, list[str]]:
+        """Return the scale, the standard deviation of its logarithm, and notes."""
 
         options = self.options
         contact, size = people.contact, people.body_size
@@ -133,29 +135,30 @@ class HumanRuler(MetricDepth):
             with np.errstate(invalid="ignore"):
                 off = np.abs(np.log(contact / size)) > np.log(options.most_disagreement)
             if off.any() and not off[np.isfinite(contact)].all():
-                others = _people(int(off.sum()))
+                others = _count_people(int(off.sum()))
                 notes.append(f"{others} left out of the scale: not on the floor that was found")
                 contact = np.where(off, np.nan, contact)
-            scale, sigma = _combined(contact, options.contact_sigma)
-            notes.insert(0, f"scale from the soles of {_people(int(np.isfinite(contact).sum()))} on the floor")
+            scale, sigma = _median_scale(contact, options.contact_sigma)
+            notes.insert(0, f"scale from the soles of {_count_people(int(np.isfinite(contact).sum()))} on the floor")
         elif options.rule != "contact" and np.isfinite(size).any():
-            scale, sigma = _combined(size, options.body_size_sigma)
-            seen = _people(int(np.isfinite(size).sum()))
+            scale, sigma = _median_scale(size, options.body_size_sigma)
+            seen = _count_people(int(np.isfinite(size).sum()))
             notes.append(f"scale from the body size of {seen}, less sure than from soles on a floor")
         else:
             raise BackendError(
-                "the human ruler found no soles on a floor and no torso in the relative depth: "
+                "the embedded metric depth found no soles on a floor and no torso in the relative depth: "
                 "give hints.floor or hints.original, or choose a metric depth network"
             )
         return scale, sigma, notes
 
 
-def _people(count: int) -> str:
+def _count_people(count: int) -> str:
+    """Format a number of people."""
     return "1 person" if count == 1 else f"{count} people"
 
 
-def _combined(scales: FloatArray, sigma: float) -> tuple[float, float]:
-    """Median of the logarithms; what all share in error stays, their spread averages out."""
+def _median_scale(scales: FloatArray, sigma: float) -> tuple[float, float]:
+    """Return the geometric median of scales, and its log standard deviation: a shared ``sigma`` and the spread."""
 
     logs = np.log(scales[np.isfinite(scales)])
     middle = float(np.median(logs))
@@ -163,8 +166,8 @@ def _combined(scales: FloatArray, sigma: float) -> tuple[float, float]:
     return float(np.exp(middle)), float(np.hypot(sigma, spread))
 
 
-def contact_scale(vertices: FloatArray, model: BodyModel, observed: NDArray[np.bool_], floor: Plane) -> FloatArray:
-    """Metres per unit of the scene (N,) that put the lowest sole of each person on the floor.
+def scale_from_soles(vertices: FloatArray, model: BodyModel, observed: NDArray[np.bool_], floor: Plane) -> FloatArray:
+    """Return the scale (N,), metres per unit, that puts the lowest sole of each person on the floor.
 
     With the plane n . X + h = 0 in units of the scene, a point X in metres lies on it for the scale -n . X / h. The
     normal does not depend on the scale, and the lowest sole is the one with the largest.
@@ -192,8 +195,8 @@ def contact_scale(vertices: FloatArray, model: BodyModel, observed: NDArray[np.b
     return scale
 
 
-def body_size_scale(vertices: FloatArray, model: BodyModel, hints: Hints, rays: int = 4000) -> FloatArray:
-    """Metres per unit of the scene (N,) that put each torso at the depth that the relative map of the photo gives it.
+def scale_from_torsos(vertices: FloatArray, model: BodyModel, hints: Hints, rays: int = 4000) -> FloatArray:
+    """Return the scale (N,), metres per unit, that puts each torso at its depth in the relative map of the photo.
 
     Args:
         vertices: (N, V, 3) metres, camera frame.
@@ -212,13 +215,13 @@ def body_size_scale(vertices: FloatArray, model: BodyModel, hints: Hints, rays: 
     torso = model.part_of_vertex.cpu().numpy()[faces[:, 0]] == model.part_names.index("torso")
     return np.array(
         [
-            _torso_ratio(body, faces, torso, mask, hints.original, camera.matrix, rays)
+            _scale_from_torso(body, faces, torso, mask, hints.original, camera.matrix, rays)
             for body, mask in zip(vertices, hints.people.masks, strict=True)
         ]
     )
 
 
-def _torso_ratio(
+def _scale_from_torso(
     body: FloatArray,
     faces: NDArray[np.int64],
     torso: NDArray[np.bool_],
@@ -227,10 +230,10 @@ def _torso_ratio(
     camera: FloatArray,
     rays: int,
 ) -> float:
-    """Median of body depth over map depth at the pixels of a mask where a ray meets the torso first."""
+    """Return the median ratio of body depth to map depth over the pixels of a mask whose ray hits the torso first."""
     import trimesh
 
-    inner = _inner(mask) & original.valid
+    inner = _erode(mask) & original.valid
     rows, columns = np.nonzero(inner)
     if len(rows) < 30:
         return float("nan")
@@ -252,8 +255,8 @@ def _torso_ratio(
     return float(np.median(ratio[np.isfinite(ratio)]))
 
 
-def _inner(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """A mask without its rim, where the depth of the background bleeds in."""
+def _erode(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Erode a mask, because the depth of the background bleeds into its edge."""
     import cv2
 
     reach = max(1, round(0.004 * max(mask.shape)))

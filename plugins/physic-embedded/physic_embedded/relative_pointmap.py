@@ -1,4 +1,4 @@
-"""Relative point map: Depth Anything V2, a focal length, and the disparity of infinity."""
+"""Estimate a relative point map: Depth Anything V2, a focal length, and the disparity of infinity."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from physic_core.adapters.pictures import resize_map
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options, RelativePointmap
 from physic_core.types import CameraTrust, Intrinsics, Pointmap
-from physic_embedded.networks.depth_anything import disparity
-from physic_embedded.networks.line_segments import line_segments, outside
+from physic_embedded.networks.depth_anything import predict_disparity
+from physic_embedded.networks.line_segments import detect_line_segments, segments_outside_mask
 from physic_embedded.networks.sessions import open_session
-from physic_embedded.single_view.disparity_floor import disparity_floor
-from physic_embedded.single_view.disparity_offset import Standing, disparity_of_infinity
+from physic_embedded.single_view.disparity_floor import fit_disparity_floor
+from physic_embedded.single_view.disparity_offset import disparity_of_infinity
 from physic_embedded.single_view.flying_pixels import flying_pixels
-from physic_embedded.single_view.focal import stable_frame
-from physic_embedded.single_view.gravity import gravity_from_frame, upright_gravity
-from physic_embedded.single_view.standing import standing_people
+from physic_embedded.single_view.focal import stable_manhattan_frame
+from physic_embedded.single_view.gravity import gravity_from_frame, gravity_from_segments
+from physic_embedded.standing import StandingPerson, standing_people
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-    from onnxruntime import InferenceSession
 
+    from physic_core.adapters.onnx_sessions import OnnxSession
     from physic_core.types import Hints
     from physic_embedded.single_view.focal import ManhattanFrame
     from physic_embedded.single_view.gravity import Gravity
@@ -35,9 +35,9 @@ if TYPE_CHECKING:
 
 __all__ = ["EmbeddedPointmap"]
 
-_LEAST_GAP = 0.002  # ranges of the disparity between infinity and the farthest point, so that depth stays finite
-_SKY = 0.004  # ranges: the network answers 0 for the sky
-_TOO_FAR_GAP = 0.01  # ranges: farther than this the network's own noise is larger than what it says
+_MIN_GAP = 0.002  # ranges of the disparity between infinity and the farthest point, so that depth stays finite
+_SKY_DISPARITY = 0.004  # ranges: the network answers 0 for the sky
+_MIN_RELIABLE_GAP = 0.01  # ranges: farther than this the network's own noise is larger than what it says
 
 
 class EmbeddedPointmapOptions(Options):
@@ -53,15 +53,15 @@ class EmbeddedPointmapOptions(Options):
 
 
 @dataclass(frozen=True)
-class _Edges:
-    """What straight edges say of the camera."""
+class _EdgeCues:
+    """Manhattan frame and gravity estimated from straight edges."""
 
     frame: ManhattanFrame | None
     gravity: Gravity | None
 
 
 class EmbeddedPointmap(RelativePointmap):
-    """Relative points of a photo.
+    """Relative point map by Depth Anything V2.
 
     The first call, for the inpainted photo, finds the focal length and the disparity of infinity. A call with
     ``hints.scene`` takes both from it: the same camera, and the disparity that agrees with it outside the people.
@@ -70,22 +70,22 @@ class EmbeddedPointmap(RelativePointmap):
     Options: ClassVar[type[Options]] = EmbeddedPointmapOptions
     options: EmbeddedPointmapOptions
 
-    _depth: InferenceSession | None = None
-    _lines: InferenceSession | None = None
+    _depth: OnnxSession | None = None
+    _lines: OnnxSession | None = None
 
     def load(self, device: str = "cpu") -> None:
-        """Open the depth network and, if edges are asked for, the line network."""
+        """Open the depth network and, if ``focal_from_edges`` is set, the line network."""
         if self._depth is None:
             self._depth = open_session("depth_anything_v2_vits", self.options.threads, device)
         if self._lines is None and self.options.focal_from_edges:
             self._lines = open_session("mlsd_large_512", self.options.threads, device)
 
     def close(self) -> None:
-        """Drop both networks."""
+        """Close both networks."""
         self._depth = self._lines = None
 
     def infer(self, image: NDArray[np.uint8], hints: Hints) -> Pointmap:
-        """Image (H, W, 3) -> points whose inverse depth is known up to scale and shift; the median depth is 1.
+        """Return points whose inverse depth is known up to scale and shift, with median depth 1.
 
         Points farther than the network can tell, and those that hang between a near and a far surface, are not valid.
 
@@ -93,26 +93,26 @@ class EmbeddedPointmap(RelativePointmap):
             BackendError: the networks are not loaded.
         """
         if self._depth is None:
-            raise BackendError("the embedded point map was asked before its networks were loaded: call load() first")
+            raise BackendError("the embedded point map is not loaded: call load() before infer()")
         height, width = image.shape[:2]
-        raw = disparity(self._depth, image, self.options.short_side, self.options.max_tokens)
+        raw = predict_disparity(self._depth, image, self.options.short_side, self.options.max_tokens)
         camera, edges, notes = self._camera(image, hints)
         low = np.percentile(raw, 1)
         span = max(float(np.percentile(raw, 99) - low), 1e-6)
 
-        found = _agreement(raw, hints) if hints.scene is not None else None
+        found = _match_to_scene(raw, hints) if hints.scene is not None else None
         if found is None:
             if hints.scene is not None:
                 notes.append("the photo's depth could not be matched to the scene's outside the people")
-            infinity, rule = self._infinity(raw, camera, edges, hints)
+            infinity, rule = self._disparity_of_infinity(raw, camera, edges, hints)
             notes.append(rule)
         else:
             infinity = found.infinity
-        gap = np.maximum(raw - infinity, _LEAST_GAP * span)
-        too_far = (raw - infinity < _TOO_FAR_GAP * span) | (raw < _SKY * span)
+        gap = np.maximum(raw - infinity, _MIN_GAP * span)
+        too_far = (raw - infinity < _MIN_RELIABLE_GAP * span) | (raw < _SKY_DISPARITY * span)
         lost = flying_pixels(gap) | too_far
         if lost.all():
-            raise BackendError("the depth network saw no structure in the photo: no pixel has a depth that it can tell")
+            raise BackendError("the depth network saw no structure in the photo: no pixel has a reliable depth")
         unit = float(np.median(gap[~lost])) if found is None else 1 / found.scale
         depth = 1 / resize_map((gap / unit).astype(np.float32), height, width)
         valid = resize_map(lost.astype(np.float32), height, width) < 0.5
@@ -123,21 +123,21 @@ class EmbeddedPointmap(RelativePointmap):
         points[..., 2] = depth
         return Pointmap(points, valid, "inverse_scale_shift", camera, tuple(notes))
 
-    def _camera(self, image: NDArray[np.uint8], hints: Hints) -> tuple[Intrinsics, _Edges, list[str]]:
-        """The camera that is known, or that straight edges give, or the default; what the edges say; and notes."""
+    def _camera(self, image: NDArray[np.uint8], hints: Hints) -> tuple[Intrinsics, _EdgeCues, list[str]]:
+        """Return the known, edge-based or default camera, the edge cues, and notes."""
         height, width = image.shape[:2]
         given = known_camera(hints, image)
         segments = None
         if self._lines is not None and hints.scene is None:
-            segments = line_segments(self._lines, image)
+            segments = detect_line_segments(self._lines, image)
             if hints.hole is not None:
-                segments = outside(segments, hints.hole)
+                segments = segments_outside_mask(segments, hints.hole)
         if given is None:
-            frame = None if segments is None else stable_frame(segments, width, height)
+            frame = None if segments is None else stable_manhattan_frame(segments, width, height)
             if frame is not None:
                 camera = Intrinsics.from_focal(frame.focal_px, width, height, "vanishing points")
                 note = f"focal length {frame.focal_px:.0f} px from the vanishing points of straight edges"
-                return camera, _Edges(frame, gravity_from_frame(frame)), [note]
+                return camera, _EdgeCues(frame, gravity_from_frame(frame)), [note]
             focal = self.options.default_focal * max(width, height)
             source = f"default ({self.options.default_focal:g} x the long side)"
             camera = Intrinsics.from_focal(focal, width, height, source, CameraTrust.GUESSED)
@@ -145,17 +145,19 @@ class EmbeddedPointmap(RelativePointmap):
         else:
             camera, notes = given, []
         if segments is None:
-            return camera, _Edges(None, None), notes
-        gravity = upright_gravity(segments, width, height, camera.fx, focal_known=given is not None)
-        return camera, _Edges(None, gravity), notes
+            return camera, _EdgeCues(None, None), notes
+        gravity = gravity_from_segments(segments, width, height, camera.fx, focal_known=given is not None)
+        return camera, _EdgeCues(None, gravity), notes
 
-    def _infinity(self, raw: FloatArray, camera: Intrinsics, edges: _Edges, hints: Hints) -> tuple[float, str]:
-        """The disparity of infinity by its own cues, and what decided."""
+    def _disparity_of_infinity(
+        self, raw: FloatArray, camera: Intrinsics, edges: _EdgeCues, hints: Hints
+    ) -> tuple[float, str]:
+        """Estimate the disparity of infinity from the photo's cues, and describe the cues used."""
         rows, columns = raw.shape
-        floor = disparity_floor(raw, None if hints.hole is None else _shrunk(hints.hole, rows, columns))
+        floor = fit_disparity_floor(raw, None if hints.hole is None else _shrink_mask(hints.hole, rows, columns))
         shrink = rows / camera.height
         people = tuple(
-            Standing(s.nose * shrink, s.ankle * shrink)
+            StandingPerson(s.nose * shrink, s.ankle * shrink)
             for s in standing_people(hints.keypoints, camera.height, camera.width)
         )
         infinity = disparity_of_infinity(
@@ -165,23 +167,24 @@ class EmbeddedPointmap(RelativePointmap):
 
 
 @dataclass(frozen=True)
-class _Agreement:
-    """1 / z of the scene is ``scale * (disparity - infinity)``."""
+class _SceneMatch:
+    """Affine map from disparity to the scene's inverse depth: ``scale * (disparity - infinity)``."""
 
     infinity: float
     scale: float
 
 
-def _shrunk(mask: NDArray[np.bool_], rows: int, columns: int) -> NDArray[np.bool_]:
-    """A mask at the network's resolution, True wherever it touches."""
+def _shrink_mask(mask: NDArray[np.bool_], rows: int, columns: int) -> NDArray[np.bool_]:
+    """Resize a mask to network resolution; True if any pixel is."""
     import cv2
 
     small = cv2.resize(mask.astype(np.float32), (columns, rows), interpolation=cv2.INTER_AREA)
     return np.asarray(small > 0)
 
 
-def _agreement(raw: FloatArray, hints: Hints) -> _Agreement | None:
-    """The affine map from this disparity to the scene's inverse depth: reweighted least squares outside the people."""
+def _match_to_scene(raw: FloatArray, hints: Hints) -> _SceneMatch | None:
+    """Fit the affine map from disparity to the scene's inverse depth outside the people, by reweighted least
+    squares."""
     import cv2
 
     assert hints.scene is not None
@@ -190,7 +193,7 @@ def _agreement(raw: FloatArray, hints: Hints) -> _Agreement | None:
     target = cv2.resize((1 / z).astype(np.float32), (columns, rows), interpolation=cv2.INTER_NEAREST)
     usable = target > 0
     if hints.people is not None and len(hints.people):
-        usable &= ~_shrunk(_widened(np.asarray(hints.people.masks.any(0))), rows, columns)
+        usable &= ~_shrink_mask(_dilate(np.asarray(hints.people.masks.any(0))), rows, columns)
     if usable.mean() < 0.05:
         return None
     x, y = raw[usable].astype(np.float64), target[usable].astype(np.float64)
@@ -207,11 +210,11 @@ def _agreement(raw: FloatArray, hints: Hints) -> _Agreement | None:
         weight = 1 / (1 + (rest / (1.5 * np.median(rest) + 1e-9)) ** 2)
     if slope <= 0:
         return None
-    return _Agreement(float(-shift / slope), float(slope))
+    return _SceneMatch(float(-shift / slope), float(slope))
 
 
-def _widened(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """A mask grown by 1.5 % of the long side: the depth of a person bleeds over its outline."""
+def _dilate(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Dilate a mask by 1.5 % of the long side, because the depth of a person bleeds over its outline."""
     import cv2
 
     reach = max(2, round(0.015 * max(mask.shape)))

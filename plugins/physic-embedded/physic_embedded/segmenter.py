@@ -1,4 +1,4 @@
-"""People, their masks and the floor under them: BlazePose finds, MobileSAM cuts out."""
+"""Segment people and floor: BlazePose detects people, MobileSAM segments them."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from pydantic import Field
 from physic_core.adapters.people import boxes_from_masks
 from physic_core.interfaces import Options, Segmenter
 from physic_core.types import People
-from physic_embedded.keypoint_detector import keypoints_of
-from physic_embedded.networks.mobile_sam import embed
-from physic_embedded.networks.sessions import Networks
+from physic_embedded.keypoint_detector import keypoints_from_poses
+from physic_embedded.networks.mobile_sam import encode_image
+from physic_embedded.networks.sessions import PackagedNetworks
 from physic_embedded.segmentation.floor_mask import floor_mask
-from physic_embedded.segmentation.people import find_poses
-from physic_embedded.segmentation.person_masks import person_mask, separate
+from physic_embedded.segmentation.people import detect_poses
+from physic_embedded.segmentation.person_masks import person_mask, resolve_overlaps
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, UInt8Array
@@ -50,7 +50,7 @@ class EmbeddedSegmenterOptions(Options):
 
 
 class EmbeddedSegmenter(Segmenter):
-    """Several people from the single-person BlazePose, masks and floor from MobileSAM.
+    """Segmenter: several people from the single-person BlazePose, masks and floor from MobileSAM.
 
     Answers the joints on the way (``People.keypoints``, "blazepose33", with world landmarks).
     """
@@ -60,7 +60,7 @@ class EmbeddedSegmenter(Segmenter):
 
     def __init__(self, options: EmbeddedSegmenterOptions | None = None) -> None:
         super().__init__(options)
-        self._networks = Networks(*NETWORKS)
+        self._networks = PackagedNetworks(*NETWORKS)
 
     def load(self, device: str = "cpu") -> None:
         """Open the four networks.
@@ -71,13 +71,13 @@ class EmbeddedSegmenter(Segmenter):
         self._networks.open(device, self.options.threads)
 
     def close(self) -> None:
-        """Let go of the networks."""
+        """Close the networks."""
         self._networks.close()
 
     def infer(self, image: UInt8Array) -> People:
-        """Image (H, W, 3) -> people, best score first."""
+        """Segment the people and the floor of an image (H, W, 3); people are sorted by score."""
         networks, options = self._networks, self.options
-        found = find_poses(
+        found = detect_poses(
             networks["pose_detection"],
             networks["pose_landmark_heavy"],
             image,
@@ -95,17 +95,17 @@ class EmbeddedSegmenter(Segmenter):
             boxes=boxes[tall],
             scores=np.array([score for _, score in found], np.float32)[tall],
             floor=floor,
-            keypoints=keypoints_of([p for p, t in zip(poses, tall, strict=True) if t], *image.shape[:2]),
+            keypoints=keypoints_from_poses([p for p, t in zip(poses, tall, strict=True) if t], *image.shape[:2]),
         )
 
     def _masks(self, image: UInt8Array, poses: list[Pose]) -> tuple[BoolArray, BoolArray | None]:
-        """(N, H, W) masks of the people, and the floor if it is asked for."""
+        """Return the masks (N, H, W) of the people and, if ``floor`` is set, the floor."""
         if not poses:
             nothing = np.zeros(image.shape[:2], bool)
             return np.zeros((0, *nothing.shape), bool), nothing if self.options.floor else None
-        embedding = embed(self._networks["mobilesam_encoder"], image)
+        embedding = encode_image(self._networks["mobilesam_encoder"], image)
         decoder = self._networks["mobilesam_decoder"]
         alone = [person_mask(decoder, embedding, p, [q for q in poses if q is not p]) for p in poses]
-        masks = separate(alone, embedding)
+        masks = resolve_overlaps(alone, embedding)
         floor = floor_mask(decoder, embedding, poses, np.logical_or.reduce(masks)) if self.options.floor else None
         return masks, floor

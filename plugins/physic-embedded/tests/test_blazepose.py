@@ -6,7 +6,7 @@ import torch
 
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.geometry.rotations import rotvec_to_rotmat
-from physic_embedded.networks.blazepose import BLAZEPOSE
+from physic_embedded.networks.blazepose import BLAZEPOSE_SKELETON
 
 
 def test_points_lie_by_their_shares_beside_the_points_of_the_body() -> None:
@@ -14,7 +14,7 @@ def test_points_lie_by_their_shares_beside_the_points_of_the_body() -> None:
     seed = torch.Generator().manual_seed(0)
     rotations = rotvec_to_rotmat(0.4 * torch.randn(3, 55, 3, generator=seed))
     output = model(rotations, torch.randn(3, model.num_betas, generator=seed), torch.randn(3, 3, generator=seed))
-    marks = dict(zip(BLAZEPOSE.names, model.landmarks(output, BLAZEPOSE).unbind(1), strict=True))
+    marks = dict(zip(BLAZEPOSE_SKELETON.names, model.landmarks(output, BLAZEPOSE_SKELETON).unbind(1), strict=True))
     mesh = output.vertices
     for side, other in (("left", "right"), ("right", "left")):
         hip, over, knee, ankle = (
@@ -29,4 +29,4 @@ def test_points_lie_by_their_shares_beside_the_points_of_the_body() -> None:
 
 
 def test_hips_lie_on_the_skin_and_count_half() -> None:
-    assert BLAZEPOSE.weights == {"left_hip": 0.5, "right_hip": 0.5}
+    assert BLAZEPOSE_SKELETON.weights == {"left_hip": 0.5, "right_hip": 0.5}

@@ -12,12 +12,13 @@ from physic_core.body.parameters import rotations_from_parameters
 from physic_core.errors import BackendError
 from physic_core.types import SKELETONS, Bodies, Hints, Intrinsics, Keypoints, People, Plane, Skeleton, skeleton_named
 from physic_embedded.body_estimator import EmbeddedBodies, EmbeddedBodiesOptions
-from physic_embedded.body_fit.lean import lean_towards_camera, standing
-from physic_embedded.body_fit.pose_prior import hinges, pose_prior, resting_fingers
+from physic_embedded.body_fit.lean import lean_towards_camera
+from physic_embedded.body_fit.observations import observe_people, rotation_to_ray
+from physic_embedded.body_fit.pose_prior import hinge_joints, pose_prior, relaxed_finger_pose
 from physic_embedded.body_fit.start import pose_from_landmarks, translation_from_points
-from physic_embedded.body_fit.views import people_views, ray_rotation
-from physic_embedded.body_fit.world_offset import world_offset
-from physic_embedded.networks.blazepose import BLAZEPOSE
+from physic_embedded.body_fit.world_offset import world_landmark_offset
+from physic_embedded.networks.blazepose import BLAZEPOSE_SKELETON
+from physic_embedded.standing import standing_bodies
 
 CAMERA = Intrinsics.from_focal(900.0, 1000, 800)
 IMAGE = np.zeros((800, 1000, 3), np.uint8)
@@ -40,7 +41,7 @@ def pose(**angles: tuple[float, float, float]) -> np.ndarray:
     """Rotation vectors (55, 3) of a relaxed stance with some joints given in degrees."""
     vectors = np.zeros((55, 3))
     vectors[1:22] = pose_prior().mean
-    vectors[22:] = resting_fingers()
+    vectors[22:] = relaxed_finger_pose()
     for name, degrees in angles.items():
         vectors[JOINT_INDEX[name]] = np.radians(degrees)
     return vectors
@@ -63,7 +64,7 @@ def truth(
     poses: list[np.ndarray],
     places: list[tuple[float, float, float]],
     yaw_deg: float = 25.0,
-    skeleton: Skeleton | str = BLAZEPOSE,
+    skeleton: Skeleton | str = BLAZEPOSE_SKELETON,
     lean_deg: float = 0.0,
     noise_px: float = 0.0,
 ) -> Truth:
@@ -90,7 +91,9 @@ def truth(
         ray = (middle[i] @ CAMERA.matrix.T)[0]
         pixel = ray[:2] / ray[2]
         direction = np.array([*((pixel - CAMERA.matrix[:2, 2]) / CAMERA.fx), 1.0])
-        world[i] = (points[i] - middle[i]) @ ray_rotation(direction) @ lean.T - world_offset(skeleton, names)
+        world[i] = (points[i] - middle[i]) @ rotation_to_ray(direction) @ lean.T - world_landmark_offset(
+            skeleton, names
+        )
     # The network puts its origin between its own hips.
     world -= world[:, hips].mean(1, keepdims=True)
     boxes = np.concatenate([seen.min(1), seen.max(1)], 1)
@@ -189,9 +192,11 @@ def test_people_who_stand_on_a_floor_lose_the_lean_of_their_landmarks(backend: E
     seen = truth([STANDS, SITS], PLACES[:2], lean_deg=lean_deg)
     leaning, _ = posed(fit(backend, seen))
     upright, _ = posed(fit(backend, seen, FLOOR))
-    views = people_views(seen.keypoints, seen.people, CAMERA)
+    observations = observe_people(seen.keypoints, seen.people, CAMERA)
     up = np.array([0.0, -1.0, 0.0])
-    before, after, true = (np.degrees(lean_towards_camera(j, views.turn, up)) for j in (leaning, upright, seen.joints))
+    before, after, true = (
+        np.degrees(lean_towards_camera(j, observations.turn, up)) for j in (leaning, upright, seen.joints)
+    )
     print(f"lean {before[0]:.1f} -> {after[0]:.1f} deg, truth {true[0]:.1f}")
     assert before[0] > true[0] + 0.6 * lean_deg
     assert after[0] == pytest.approx(true[0], abs=4)
@@ -236,8 +241,8 @@ def test_the_cure_can_be_switched_off(backend: EmbeddedBodies) -> None:
     plain = EmbeddedBodies(EmbeddedBodiesOptions(cure_lean=False))
     plain.load()
     seen = truth([STANDS], PLACES[:1], lean_deg=20)
-    views = people_views(seen.keypoints, seen.people, CAMERA)
-    lean = lean_towards_camera(posed(fit(plain, seen, FLOOR))[0], views.turn, np.array([0.0, -1.0, 0.0]))
+    observations = observe_people(seen.keypoints, seen.people, CAMERA)
+    lean = lean_towards_camera(posed(fit(plain, seen, FLOOR))[0], observations.turn, np.array([0.0, -1.0, 0.0]))
     assert np.degrees(lean[0]) > 12
 
 
@@ -262,7 +267,7 @@ def test_joints_out_of_the_picture_or_unsure_are_not_observed(backend: EmbeddedB
 
 
 def test_legs_of_which_nothing_is_seen_hang_straight_down(backend: EmbeddedBodies) -> None:
-    """What the network makes up below the picture says nothing: here that somebody sits."""
+    """What the network makes up below the picture says nothing: here that somebody is_sitting."""
     seen = truth([SITS], [(-0.2, 0.75, 1.8)])
     names = list(SKELETONS["blazepose33"].names)
     legs = [names.index(f"{s}_{j}") for s in ("left", "right") for j in ("knee", "ankle", "heel", "foot_tip")]
@@ -293,17 +298,17 @@ def test_torch_keeps_its_threads_and_answers_are_the_same_twice(backend: Embedde
 
 def test_unknown_joint_sets_and_an_unloaded_body_are_refused(backend: EmbeddedBodies) -> None:
     seen = truth([STANDS], PLACES[:1])
-    other = replace(seen.keypoints, skeleton=Skeleton("trunk", BLAZEPOSE.names[:23]))
+    other = replace(seen.keypoints, skeleton=Skeleton("trunk", BLAZEPOSE_SKELETON.names[:23]))
     with pytest.raises(BackendError) as error:
         backend.infer(IMAGE, seen.people, CAMERA, other, Hints())
     assert str(error.value) == (
         "the embedded body is fitted to shoulders, elbows, wrists, hips, knees and ankles, and the skeleton 'trunk' "
-        "lacks left_hip, right_hip, left_knee, right_knee, left_ankle, right_ankle: choose a keypoint detector that "
+        "has no left_hip, right_hip, left_knee, right_knee, left_ankle, right_ankle: choose a keypoint detector that "
         "detects them"
     )
     with pytest.raises(BackendError) as error:
         EmbeddedBodies().infer(IMAGE, seen.people, CAMERA, seen.keypoints, Hints())
-    assert str(error.value) == "the embedded body was asked for before it was loaded: call load() first"
+    assert str(error.value) == "the embedded body is not loaded: call load() before infer()"
 
 
 def test_the_closed_form_start_points_every_limb_the_right_way() -> None:
@@ -339,13 +344,13 @@ def test_the_place_of_landmarks_is_found_from_their_pixels() -> None:
 
 def test_the_size_in_the_picture_is_that_of_a_standing_body() -> None:
     seen = truth([STANDS, SITS], PLACES[:2])
-    views = people_views(seen.keypoints, seen.people, CAMERA)
-    assert views.size == pytest.approx(1.72 * CAMERA.fx / seen.joints[:, 0, 2], rel=0.08)
+    observations = observe_people(seen.keypoints, seen.people, CAMERA)
+    assert observations.size == pytest.approx(1.72 * CAMERA.fx / seen.joints[:, 0, 2], rel=0.08)
 
 
 def test_standing_is_told_from_sitting_and_from_unseen_legs() -> None:
     joints = truth([STANDS, SITS, STANDS], PLACES).joints
-    assert standing(joints, np.array([0.9, 0.9, 0.2])).tolist() == [True, False, False]
+    assert standing_bodies(joints, np.array([0.9, 0.9, 0.2])).tolist() == [True, False, False]
 
 
 def test_the_lean_of_a_body_is_measured_about_the_view() -> None:
@@ -358,16 +363,16 @@ def test_the_lean_of_a_body_is_measured_about_the_view() -> None:
 
 
 def test_only_blazepose_s_world_landmarks_are_offset() -> None:
-    offset = world_offset(BLAZEPOSE, list(BLAZEPOSE.names))
+    offset = world_landmark_offset(BLAZEPOSE_SKELETON, list(BLAZEPOSE_SKELETON.names))
     assert offset.shape == (33, 3)
     assert 0.07 < np.abs(offset).max() < 0.1
-    assert not world_offset(SKELETONS["coco17"], list(SKELETONS["coco17"].names)).any()
+    assert not world_landmark_offset(SKELETONS["coco17"], list(SKELETONS["coco17"].names)).any()
 
 
-def test_the_prior_s_mean_bends_hinges_the_way_they_bend() -> None:
+def test_the_prior_s_mean_bends_hinges_the_way_they_initial_angles() -> None:
     prior = pose_prior()
     assert (prior.sigma > 0).all()
-    for hinge in hinges():
+    for hinge in hinge_joints():
         assert hinge.sign * prior.mean[hinge.row, hinge.axis] > 0
     tight = pose_prior(tight=True)
     assert (tight.sigma <= prior.sigma).all()

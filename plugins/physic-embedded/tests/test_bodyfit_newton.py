@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from physic_embedded.body_fit.newton import converge
+from physic_embedded.body_fit.newton import minimize_newton
 
 
 @dataclass(frozen=True)
@@ -16,7 +16,7 @@ class Valley:
     a: Tensor
     asked: list[int]
 
-    def pick(self, rows: Tensor) -> Valley:
+    def select(self, rows: Tensor) -> Valley:
         return replace(self, a=self.a[rows])
 
     def loss(self, x: Tensor) -> Tensor:
@@ -31,7 +31,7 @@ def valley(*a: float) -> Valley:
 def test_each_person_ends_at_their_minimum() -> None:
     problem = valley(1.0, -0.5, 2.0)
     start = torch.tensor([[-1.2, 1.0], [0.0, 0.0], [2.0, 4.0]], dtype=torch.float64)
-    found = converge(problem, start)
+    found = minimize_newton(problem, start)
     torch.testing.assert_close(found[:, 0], problem.a, rtol=0, atol=1e-9)
     torch.testing.assert_close(found[:, 1], problem.a.square(), rtol=0, atol=1e-9)
     assert start[1].tolist() == [0.0, 0.0]
@@ -40,11 +40,11 @@ def test_each_person_ends_at_their_minimum() -> None:
 def test_people_are_independent_and_stop_one_by_one() -> None:
     starts = torch.tensor([[-1.2, 1.0], [2.0, 4.0]], dtype=torch.float64)
     problem = valley(1.0, 2.0)
-    together = converge(problem, starts)
+    together = minimize_newton(problem, starts)
     assert problem.asked[0] == 2 * 3
     assert problem.asked[-1] == 1  # of the last step of the first person alone
     for i in range(2):
-        alone = converge(valley(float(problem.a[i])), starts[i : i + 1])
+        alone = minimize_newton(valley(float(problem.a[i])), starts[i : i + 1])
         torch.testing.assert_close(together[i], alone[0], rtol=0, atol=1e-9)
 
 
@@ -53,7 +53,7 @@ def test_a_saddle_is_left_downhill() -> None:
         def loss(self, x: Tensor) -> Tensor:
             return (x[:, 0].square() - 1).square() + x[:, 1].square()
 
-    found = converge(Saddle(torch.zeros(1), []), torch.tensor([[0.1, 0.5]], dtype=torch.float64))
+    found = minimize_newton(Saddle(torch.zeros(1), []), torch.tensor([[0.1, 0.5]], dtype=torch.float64))
     assert found[0].tolist() == pytest.approx([1.0, 0.0], abs=1e-9)
 
 
@@ -64,5 +64,5 @@ def test_nobody_moves_where_the_loss_is_not_a_number() -> None:
 
     start = torch.tensor([[0.5, 0.25]], dtype=torch.float64)
     problem = Broken(torch.ones(1, dtype=torch.float64), [])
-    before, after = problem.loss(start), problem.loss(converge(problem, start))
+    before, after = problem.loss(start), problem.loss(minimize_newton(problem, start))
     assert after <= before

@@ -11,7 +11,7 @@ from physic_core.body.conversion import add_joints
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.errors import BackendError
 from physic_core.types import Bodies, People
-from physic_embedded.contact_prior import StaticContact, StaticContactOptions, sits
+from physic_embedded.contact_prior import StaticContact, StaticContactOptions, is_sitting
 
 IMAGE = np.zeros((40, 30, 3), np.uint8)
 UPRIGHT = torch.diag(torch.tensor([1.0, -1.0, -1.0]))
@@ -29,7 +29,7 @@ def bodies(*poses: str, observed: np.ndarray | None = None) -> Bodies:
     rotations, betas, transl = model.zero_pose(len(poses))
     rotations[:, 0] = UPRIGHT
     for i, pose in enumerate(poses):
-        if pose == "sits":
+        if pose == "is_sitting":
             for side in ("left", "right"):
                 rotations[i, JOINT_INDEX[f"{side}_hip"]] = bent((1, 0, 0), -85)
                 rotations[i, JOINT_INDEX[f"{side}_knee"]] = bent((1, 0, 0), 85)
@@ -66,7 +66,7 @@ def test_who_stands_touches_with_feet_and_hands_alone() -> None:
     assert (row[~touched] == 0).all()
 
 
-@pytest.mark.parametrize("pose", ["sits", "lies"])
+@pytest.mark.parametrize("pose", ["is_sitting", "lies"])
 def test_who_sits_or_lies_touches_with_seat_and_back_too(pose: str) -> None:
     standing, other = prior(seat=0.4, back=0.3).infer(IMAGE, people(2), bodies("stands", pose)).probability
     for name, worth in (("thighs", 0.4), ("gluteus", 0.4), ("back", 0.3)):
@@ -82,7 +82,7 @@ def test_seat_and_back_of_everybody_on_demand() -> None:
 def test_parts_of_unseen_joints_touch_nothing() -> None:
     observed = np.ones((1, 55), bool)
     observed[0, [JOINT_INDEX[n] for n in ("left_ankle", "left_foot", "right_wrist", "left_hip", "right_hip")]] = False
-    (row,) = prior().infer(IMAGE, people(1), bodies("sits", observed=observed)).probability
+    (row,) = prior().infer(IMAGE, people(1), bodies("is_sitting", observed=observed)).probability
     for name in ("left_sole", "left_foot", "right_hand", "gluteus"):
         assert (row[at(name)] == 0).all()
     for name in ("right_sole", "left_hand", "thighs", "back"):
@@ -96,11 +96,11 @@ def test_sitting_is_told_from_the_hips() -> None:
         for side in ("left", "right"):
             rotations[row, JOINT_INDEX[f"{side}_hip"]] = bent((1, 0, 0), angle)
     joints = model(rotations, betas, transl, joints_only=True).joints.double().numpy()
-    assert sits(joints, 140.0).tolist() == [False, True, False]
+    assert is_sitting(joints, 140.0).tolist() == [False, True, False]
 
 
 def test_bodies_of_another_model_are_told_by_their_joints() -> None:
-    made = bodies("sits")
+    made = bodies("is_sitting")
     told = prior().infer(IMAGE, people(1), made)
     other = replace(add_joints(made, load_body("embedded")), body_model="smplx")
     found = prior().infer(IMAGE, people(1), other)
@@ -115,10 +115,10 @@ def test_bodies_of_another_model_without_joints_are_refused() -> None:
     with pytest.raises(BackendError) as error:
         prior().infer(IMAGE, people(1), Bodies(made.parameters, "smplx"))
     assert str(error.value) == (
-        "the static contact prior knows the embedded body, and 'smplx' bodies came without joints: "
+        "the static contact prior needs bodies of the embedded model or joints, got 'smplx' bodies without joints: "
         "use it in the pipeline, or choose no contact prior"
     )
-    with pytest.raises(BackendError, match="asked before it was loaded"):
+    with pytest.raises(BackendError, match="is not loaded"):
         StaticContact().infer(IMAGE, people(1), made)
 
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from physic_embedded.networks.line_segments import line_segments, outside
+from physic_embedded.networks.line_segments import detect_line_segments, segments_outside_mask
 from physic_embedded.networks.sessions import open_session
-from physic_embedded.single_view.focal import manhattan_frame, stable_frame
-from physic_embedded.single_view.gravity import gravity_from_frame, upright_gravity
+from physic_embedded.single_view.focal import manhattan_frame, stable_manhattan_frame
+from physic_embedded.single_view.gravity import gravity_from_frame, gravity_from_segments
 
 WIDTH, HEIGHT = 800, 600
 
@@ -40,7 +40,7 @@ def edges_of_a_room(focal: float, turn: np.ndarray, *, count: int, noise: float,
 def test_focal_length_comes_back_from_edges_of_a_room(focal: float, seed: int) -> None:
     turn = Rotation.from_euler("yxz", [35, 12, 4], degrees=True).as_matrix()
     segments = edges_of_a_room(focal, turn, count=90, noise=0.5, clutter=30, seed=seed)
-    frame = stable_frame(segments, WIDTH, HEIGHT)
+    frame = stable_manhattan_frame(segments, WIDTH, HEIGHT)
     assert frame is not None
     assert frame.focal_px == pytest.approx(focal, rel=0.04)
     cosines = np.abs(frame.axes @ turn).max(1)
@@ -61,16 +61,16 @@ def test_focal_length_of_exact_edges_is_exact() -> None:
 def test_random_segments_and_too_few_segments_give_no_focal_length() -> None:
     none = np.eye(3)
     clutter = edges_of_a_room(600.0, none, count=0, noise=0, clutter=80, seed=4)
-    assert stable_frame(clutter, WIDTH, HEIGHT) is None
-    assert stable_frame(clutter[:5], WIDTH, HEIGHT) is None
-    assert stable_frame(np.zeros((0, 2, 2)), WIDTH, HEIGHT) is None
+    assert stable_manhattan_frame(clutter, WIDTH, HEIGHT) is None
+    assert stable_manhattan_frame(clutter[:5], WIDTH, HEIGHT) is None
+    assert stable_manhattan_frame(np.zeros((0, 2, 2)), WIDTH, HEIGHT) is None
 
 
 @pytest.mark.parametrize("pitch", [-8.0, 0.0, 14.0])
 def test_upright_edges_give_gravity(pitch: float) -> None:
     turn = Rotation.from_euler("xz", [pitch, 3.0], degrees=True).as_matrix()  # down is the second column
     segments = edges_of_a_room(700.0, turn, count=60, noise=0.4, clutter=20, seed=7)
-    gravity = upright_gravity(segments, WIDTH, HEIGHT, 700.0, focal_known=True)
+    gravity = gravity_from_segments(segments, WIDTH, HEIGHT, 700.0, focal_known=True)
     assert gravity is not None
     down = turn[:, 1]
     assert np.degrees(np.arccos(gravity.down @ down)) < 1.2
@@ -81,8 +81,8 @@ def test_upright_edges_give_gravity(pitch: float) -> None:
 def test_a_default_focal_length_makes_a_steep_pitch_less_sure() -> None:
     turn = Rotation.from_euler("x", 15.0, degrees=True).as_matrix()
     segments = edges_of_a_room(700.0, turn, count=60, noise=0.2, clutter=0, seed=8)
-    known = upright_gravity(segments, WIDTH, HEIGHT, 700.0, focal_known=True)
-    default = upright_gravity(segments, WIDTH, HEIGHT, 700.0)
+    known = gravity_from_segments(segments, WIDTH, HEIGHT, 700.0, focal_known=True)
+    default = gravity_from_segments(segments, WIDTH, HEIGHT, 700.0)
     assert known is not None
     assert default is not None
     assert default.sigma_deg > known.sigma_deg + 2
@@ -91,7 +91,7 @@ def test_a_default_focal_length_makes_a_steep_pitch_less_sure() -> None:
 def test_few_upright_edges_give_no_gravity() -> None:
     turn = np.eye(3)
     segments = edges_of_a_room(700.0, turn, count=9, noise=0.2, clutter=0, seed=9)
-    assert upright_gravity(segments, WIDTH, HEIGHT, 700.0) is None
+    assert gravity_from_segments(segments, WIDTH, HEIGHT, 700.0) is None
 
 
 def test_the_frame_s_most_vertical_axis_is_gravity() -> None:
@@ -109,7 +109,7 @@ def test_segments_of_a_drawn_rectangle_lie_on_its_sides() -> None:
 
     image = np.full((300, 400, 3), 40, np.uint8)
     cv2.rectangle(image, (80, 60), (320, 240), (230, 230, 230), -1)
-    segments = line_segments(open_session("mlsd_large_512", 1), image)
+    segments = detect_line_segments(open_session("mlsd_large_512", 1), image)
     assert len(segments) >= 4
     for side, axis in ((80, 0), (320, 0), (60, 1), (240, 1)):
         assert np.abs(segments[:, :, axis] - side).max(1).min() < 2.5
@@ -119,4 +119,4 @@ def test_segments_in_the_made_up_part_are_left_out() -> None:
     hole = np.zeros((100, 100), bool)
     hole[:, 50:] = True
     segments = np.array([[[5, 10], [40, 10]], [[55, 10], [95, 10]], [[40, 20], [52, 20]]], float)
-    assert outside(segments, hole).tolist() == [segments[0].tolist(), segments[2].tolist()]
+    assert segments_outside_mask(segments, hole).tolist() == [segments[0].tolist(), segments[2].tolist()]

@@ -13,18 +13,18 @@ from scipy.spatial.transform import Rotation
 from physic_core.body import load_body
 from physic_core.interfaces import HandEstimator
 from physic_core.types import SKELETONS, Keypoints, People, Skeleton
-from physic_embedded.body_fit.fingers import FINGERS, HandRest, fit_fingers
+from physic_embedded.body_fit.fingers import FINGERS, RestHand, fit_fingers
 from physic_embedded.hand_estimator import EmbeddedHands, EmbeddedHandsOptions
 from physic_embedded.networks import hand_landmarks as module
-from physic_embedded.networks.blazepose import BLAZEPOSE
-from physic_embedded.networks.crops import Picture, Square
+from physic_embedded.networks.blazepose import BLAZEPOSE_SKELETON
+from physic_embedded.networks.crops import ImagePyramid, RotatedSquare
 from physic_embedded.networks.hand_landmarks import (
-    HandLook,
-    arm_square,
+    HandLandmarks,
     find_hand,
-    hand_landmarks,
-    next_square,
-    palm_square,
+    hand_search_square,
+    predict_hand_landmarks,
+    square_from_landmarks,
+    square_from_palm,
 )
 from physic_embedded.networks.sessions import open_session
 from physic_testing import violations
@@ -43,9 +43,9 @@ def body() -> BodyModel:
     return load_body().to(dtype=torch.float64)
 
 
-def rest_of(body: BodyModel, side: str) -> HandRest:
+def rest_of(body: BodyModel, side: str) -> RestHand:
     points = body.landmarks(body(*body.zero_pose()), f"openpose_hand21_{side}")[0].numpy()
-    return HandRest.of(points, np.array([0.0, -1.0, 0.0]))
+    return RestHand.from_landmarks(points, np.array([0.0, -1.0, 0.0]))
 
 
 def posed(body: BodyModel, side: str, rotvecs: NDArray[np.float64], root: Rotation, betas: float = 0.0) -> np.ndarray:
@@ -56,7 +56,7 @@ def posed(body: BodyModel, side: str, rotvecs: NDArray[np.float64], root: Rotati
     return body.landmarks(body(rotations, shape + betas, transl), f"openpose_hand21_{side}")[0].numpy()
 
 
-def curled(rest: HandRest, degrees: float, spread: float = 0.0) -> NDArray[np.float64]:
+def curled(rest: RestHand, degrees: float, spread: float = 0.0) -> NDArray[np.float64]:
     """All fingers but the thumb bent by the same angle in every joint, index and pinky spread apart."""
     out = np.zeros((5, 3, 3))
     out[:4] = np.radians(degrees) * rest.axes[:4, :, 0]
@@ -125,9 +125,9 @@ def test_left_and_right_hands_are_mirror_images(body: BodyModel) -> None:
 
 
 def test_a_palm_square_points_up_along_the_hand() -> None:
-    square = palm_square(np.array([90, 90, 110, 110.0]), np.array([100.0, 110]), np.array([100.0, 90]))
+    square = square_from_palm(np.array([90, 90, 110, 110.0]), np.array([100.0, 110]), np.array([100.0, 90]))
     np.testing.assert_allclose([*square.center, square.side, square.angle], [100, 90, 52, 0])
-    sideways = palm_square(np.array([90, 90, 110, 110.0]), np.array([90.0, 100]), np.array([110.0, 100]))
+    sideways = square_from_palm(np.array([90, 90, 110, 110.0]), np.array([90.0, 100]), np.array([110.0, 100]))
     np.testing.assert_allclose(sideways.center, [110, 100], atol=1e-9)
     np.testing.assert_allclose(sideways.angle, np.pi / 2)
 
@@ -136,13 +136,13 @@ def test_the_square_about_landmarks_turns_with_them() -> None:
     hand = np.random.default_rng(0).normal(175, 30, (21, 2))
     hand[0], hand[[5, 9, 13]] = [200, 230], [200, 120]
     turn = np.array([[0.8, -0.6], [0.6, 0.8]])
-    a, b = next_square(hand), next_square(hand @ turn.T)
+    a, b = square_from_landmarks(hand), square_from_landmarks(hand @ turn.T)
     np.testing.assert_allclose(b.center, turn @ a.center)
     np.testing.assert_allclose([b.side, b.angle - a.angle], [a.side, np.arctan2(0.6, 0.8)])
 
 
 def test_hands_are_looked_for_beyond_the_wrist() -> None:
-    around, angle = arm_square(np.array([0.0, 100]), np.array([100.0, 100]), np.array([140.0, 100]), torso=150)
+    around, angle = hand_search_square(np.array([0.0, 100]), np.array([100.0, 100]), np.array([140.0, 100]), torso=150)
     np.testing.assert_allclose(around.center, [132, 100])
     assert around.side == pytest.approx(2.6 * 75)
     assert angle == pytest.approx(np.pi / 2)
@@ -152,16 +152,18 @@ def test_a_hand_and_its_mirror_image_give_mirrored_landmarks() -> None:
     session = open_session("hand_landmark_full", 1)
     bgr = cv2.imread(str(PHOTO))
     assert bgr is not None
-    square = Square(np.array([140.0, 130.0]), 90.0, 0.2)
-    first = hand_landmarks(session, Picture.of(np.ascontiguousarray(bgr[..., ::-1])), square)
-    other = Square(np.array([bgr.shape[1] - 1 - 140.0, 130.0]), 90.0, -0.2)
-    second = hand_landmarks(session, Picture.of(np.ascontiguousarray(bgr[:, ::-1, ::-1])), other)
+    square = RotatedSquare(np.array([140.0, 130.0]), 90.0, 0.2)
+    first = predict_hand_landmarks(session, ImagePyramid.from_image(np.ascontiguousarray(bgr[..., ::-1])), square)
+    other = RotatedSquare(np.array([bgr.shape[1] - 1 - 140.0, 130.0]), 90.0, -0.2)
+    second = predict_hand_landmarks(session, ImagePyramid.from_image(np.ascontiguousarray(bgr[:, ::-1, ::-1])), other)
     np.testing.assert_allclose(second.points * [-1, 1] + [bgr.shape[1] - 1, 0], first.points, atol=0.5)
     np.testing.assert_allclose(second.world * [-1, 1, 1], first.world, atol=2e-3)
     np.testing.assert_allclose([second.presence, second.right], [first.presence, 1 - first.right], atol=0.05)
 
 
-def arm(image: NDArray[np.uint8], skeleton: Skeleton = BLAZEPOSE, confidence: float = 1.0) -> tuple[People, Keypoints]:
+def arm(
+    image: NDArray[np.uint8], skeleton: Skeleton = BLAZEPOSE_SKELETON, confidence: float = 1.0
+) -> tuple[People, Keypoints]:
     """One person with both arms somewhere in the middle of an image."""
     h, w = image.shape[:2]
     points = np.tile(np.array([w / 2, h / 2], np.float32), (1, len(skeleton), 1))
@@ -177,7 +179,7 @@ def estimator() -> EmbeddedHands:
     return backend
 
 
-@pytest.mark.parametrize("skeleton", [BLAZEPOSE, SKELETONS["coco17"], SKELETONS["coco17"].take(range(7))])
+@pytest.mark.parametrize("skeleton", [BLAZEPOSE_SKELETON, SKELETONS["coco17"], SKELETONS["coco17"].take(range(7))])
 def test_no_hand_is_found_where_there_is_none(estimator: EmbeddedHands, skeleton: Skeleton) -> None:
     image = np.full((200, 300, 3), 128, np.uint8)
     hands = estimator.infer(image, *arm(image, skeleton))
@@ -192,15 +194,15 @@ def test_wrists_that_are_not_seen_are_not_looked_at(estimator: EmbeddedHands) ->
 
 
 def test_a_hand_of_the_other_side_is_left_alone(estimator: EmbeddedHands) -> None:
-    look = HandLook(np.array([[0.0, 0], [100, 80]]), np.zeros((21, 3)), presence=0.99, right=0.9, mirror_gap=0.01)
-    assert estimator._clear(look, "right")
-    assert not estimator._clear(look, "left")
+    look = HandLandmarks(np.array([[0.0, 0], [100, 80]]), np.zeros((21, 3)), presence=0.99, right=0.9, mirror_gap=0.01)
+    assert estimator._is_reliable(look, "right")
+    assert not estimator._is_reliable(look, "left")
 
 
 def test_small_unsteady_or_absent_hands_are_left_alone(estimator: EmbeddedHands) -> None:
     corners = np.array([[0.0, 0], [100, 80]])
     for points, presence, gap in ((corners / 5, 0.99, 0.01), (corners, 0.99, 0.2), (corners, 0.3, 0.01)):
-        assert not estimator._clear(HandLook(points, np.zeros((21, 3)), presence, 0.9, gap), "right")
+        assert not estimator._is_reliable(HandLandmarks(points, np.zeros((21, 3)), presence, 0.9, gap), "right")
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
@@ -215,13 +217,13 @@ def test_of_two_hands_at_one_wrist_the_one_of_the_side_is_taken(monkeypatch: pyt
         points, is_right = next(looks)
         return points, np.zeros((21, 3)), 1.0, is_right
 
-    monkeypatch.setattr(module, "decode", lambda *_: [palm])
+    monkeypatch.setattr(module, "decode_detections", lambda *_: [palm])
     monkeypatch.setattr(module, "_look", look)
-    monkeypatch.setattr(module, "next_square", lambda points: points)
-    monkeypatch.setattr(module, "hand_landmarks", lambda session, picture, points: points)
+    monkeypatch.setattr(module, "square_from_landmarks", lambda points: points)
+    monkeypatch.setattr(module, "predict_hand_landmarks", lambda session, picture, points: points)
     detector = SimpleNamespace(run=lambda *_: (np.zeros((1, 1, 1)), np.zeros((1, 1, 1))))
-    around = Square(np.array([200.0, 200.0]), 200.0, 0.0)
-    picture = Picture(np.zeros((400, 400, 3), np.uint8))
+    around = RotatedSquare(np.array([200.0, 200.0]), 200.0, 0.0)
+    picture = ImagePyramid(np.zeros((400, 400, 3), np.uint8))
 
     found = find_hand(detector, detector, picture, around, 0.0, np.array([200.0, 190.0]), side)  # type: ignore[arg-type]
 

@@ -11,7 +11,7 @@ import pytest
 from physic_core.interfaces import KeypointDetector
 from physic_core.types import People
 from physic_embedded.keypoint_detector import EmbeddedKeypoints, EmbeddedKeypointsOptions
-from physic_embedded.networks.blazepose import BLAZEPOSE
+from physic_embedded.networks.blazepose import BLAZEPOSE_SKELETON
 from physic_embedded.segmenter import EmbeddedSegmenter, EmbeddedSegmenterOptions
 from physic_testing import violations
 
@@ -80,4 +80,4 @@ def test_no_people_give_no_rows(detector: EmbeddedKeypoints, image: NDArray[np.u
     nobody = People(np.zeros((0, *image.shape[:2]), bool), np.zeros((0, 4)), np.zeros(0))
     found = detector.infer(image, nobody)
     assert found.points.shape == (0, 33, 2)
-    assert found.skeleton == BLAZEPOSE
+    assert found.skeleton == BLAZEPOSE_SKELETON

@@ -12,7 +12,7 @@ from physic_core.body.conversion import add_joints
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.errors import BackendError
 from physic_core.types import Bodies, BodyParameters, Hints, Intrinsics, People, Plane, Pointmap
-from physic_embedded.metric_depth import HumanRuler
+from physic_embedded.metric_depth import EmbeddedMetricDepth
 
 HEIGHT, WIDTH = 180, 160
 CAMERA = Intrinsics.from_focal(150.0, WIDTH, HEIGHT)
@@ -80,7 +80,7 @@ def world() -> World:
 
 
 def test_soles_on_the_floor_give_the_scale(world: World) -> None:
-    answer = HumanRuler().infer(IMAGE, world.hints)
+    answer = EmbeddedMetricDepth().infer(IMAGE, world.hints)
     ratio = answer.depth / world.depth
     print(f"scale is off by {100 * (np.median(ratio) - 1):+.2f} %")
     assert np.median(ratio) == pytest.approx(1, abs=0.01)
@@ -90,7 +90,7 @@ def test_soles_on_the_floor_give_the_scale(world: World) -> None:
 
 
 def test_body_size_gives_the_scale_where_no_floor_was_found(world: World) -> None:
-    answer = HumanRuler().infer(IMAGE, replace(world.hints, floor=None))
+    answer = EmbeddedMetricDepth().infer(IMAGE, replace(world.hints, floor=None))
     ratio = answer.depth / world.depth
     print(f"scale is off by {100 * (np.median(ratio) - 1):+.2f} %")
     assert np.median(ratio) == pytest.approx(1, abs=0.02)
@@ -102,17 +102,17 @@ def test_unseen_feet_do_not_measure(world: World) -> None:
     observed = np.ones((2, 55), bool)
     observed[:, [JOINT_INDEX[f"{s}_{j}"] for s in ("left", "right") for j in ("ankle", "foot")]] = False
     hidden = replace(world.bodies, observed=observed)
-    answer = HumanRuler().infer(IMAGE, replace(world.hints, bodies=hidden))
+    answer = EmbeddedMetricDepth().infer(IMAGE, replace(world.hints, bodies=hidden))
     assert answer.notes[0].startswith("scale from the body size of 2 people")
     observed[0, [JOINT_INDEX["left_ankle"], JOINT_INDEX["left_foot"]]] = True
-    answer = HumanRuler().infer(IMAGE, replace(world.hints, bodies=replace(world.bodies, observed=observed)))
+    answer = EmbeddedMetricDepth().infer(IMAGE, replace(world.hints, bodies=replace(world.bodies, observed=observed)))
     assert answer.notes == ("scale from the soles of 1 person on the floor",)
     assert np.nanmedian(answer.depth / world.depth) == pytest.approx(1, abs=0.01)
 
 
 def test_a_person_who_stands_elsewhere_is_left_out_of_the_scale() -> None:
     world = World([(-0.8, 3.0), (0.0, 3.5), (0.9, 3.6)], lifted=0.9)
-    answer = HumanRuler().infer(IMAGE, world.hints)
+    answer = EmbeddedMetricDepth().infer(IMAGE, world.hints)
     assert np.nanmedian(answer.depth / world.depth) == pytest.approx(1, abs=0.01)
     assert answer.notes == (
         "scale from the soles of 2 people on the floor",
@@ -123,7 +123,7 @@ def test_a_person_who_stands_elsewhere_is_left_out_of_the_scale() -> None:
 def test_people_who_disagree_make_the_scale_less_sure(world: World) -> None:
     lower = np.array([[0.0, 0.3, 0.0], [0.0, 0.0, 0.0]], np.float32)
     moved = replace(world.bodies.parameters, transl=world.bodies.parameters.transl + lower)
-    answer = HumanRuler().infer(IMAGE, replace(world.hints, bodies=replace(world.bodies, parameters=moved)))
+    answer = EmbeddedMetricDepth().infer(IMAGE, replace(world.hints, bodies=replace(world.bodies, parameters=moved)))
     assert answer.scale_sigma is not None
     assert answer.scale_sigma > 0.1
 
@@ -132,7 +132,7 @@ def test_what_is_not_known_of_the_scene_stays_unknown(world: World) -> None:
     assert world.hints.scene is not None
     valid = world.hints.scene.valid.copy()
     valid[:20] = False
-    answer = HumanRuler().infer(IMAGE, replace(world.hints, scene=replace(world.hints.scene, valid=valid)))
+    answer = EmbeddedMetricDepth().infer(IMAGE, replace(world.hints, scene=replace(world.hints.scene, valid=valid)))
     assert np.isnan(answer.depth[:20]).all()
     assert np.isfinite(answer.depth[20:]).all()
 
@@ -140,9 +140,9 @@ def test_what_is_not_known_of_the_scene_stays_unknown(world: World) -> None:
 def test_missing_hints_are_named(world: World) -> None:
     for name in ("scene", "bodies"):
         with pytest.raises(BackendError) as error:
-            HumanRuler().infer(IMAGE, replace(world.hints, **{name: None}))
+            EmbeddedMetricDepth().infer(IMAGE, replace(world.hints, **{name: None}))
         assert str(error.value) == (
-            f"the human ruler needs hints.scene and hints.bodies, and hints.{name} is missing: "
+            f"the embedded metric depth needs hints.scene and hints.bodies, and hints.{name} is missing: "
             "use it in the pipeline, which asks for both before it, or choose a metric depth network"
         )
 
@@ -150,16 +150,16 @@ def test_missing_hints_are_named(world: World) -> None:
 def test_nobody_and_nothing_to_measure_by_is_said(world: World) -> None:
     nobody = Bodies(world.bodies.parameters[0:0], "embedded")
     with pytest.raises(BackendError) as error:
-        HumanRuler().infer(IMAGE, replace(world.hints, bodies=nobody))
-    assert str(error.value) == ("the human ruler has nobody to measure by: choose a metric depth network")
+        EmbeddedMetricDepth().infer(IMAGE, replace(world.hints, bodies=nobody))
+    assert str(error.value) == ("the embedded metric depth needs at least one person: choose a metric depth network")
     with pytest.raises(BackendError) as error:
-        HumanRuler().infer(IMAGE, replace(world.hints, floor=None, original=None))
+        EmbeddedMetricDepth().infer(IMAGE, replace(world.hints, floor=None, original=None))
     assert str(error.value) == (
-        "the human ruler found no soles on a floor and no torso in the relative depth: "
+        "the embedded metric depth found no soles on a floor and no torso in the relative depth: "
         "give hints.floor or hints.original, or choose a metric depth network"
     )
-    with pytest.raises(BackendError, match="came as 'smplx' bodies without joints: use it in the pipeline, or choose"):
-        HumanRuler().infer(IMAGE, replace(world.hints, bodies=Bodies(world.bodies.parameters, "smplx")))
+    with pytest.raises(BackendError, match="got 'smplx' bodies without joints: use it in the pipeline, or choose"):
+        EmbeddedMetricDepth().infer(IMAGE, replace(world.hints, bodies=Bodies(world.bodies.parameters, "smplx")))
 
 
 def test_bodies_of_another_model_measure_by_their_joints(world: World) -> None:
@@ -167,7 +167,7 @@ def test_bodies_of_another_model_measure_by_their_joints(world: World) -> None:
     nothing = {f.name: np.zeros_like(getattr(given.parameters, f.name)) for f in fields(given.parameters)}
     bodies = replace(given, parameters=BodyParameters(**nothing), body_model="mhr")
     for floor, most in ((world.hints.floor, 0.01), (None, 0.02)):
-        answer = HumanRuler().infer(IMAGE, replace(world.hints, bodies=bodies, floor=floor))
+        answer = EmbeddedMetricDepth().infer(IMAGE, replace(world.hints, bodies=bodies, floor=floor))
         ratio = float(np.median(answer.depth / world.depth))
         print(f"scale is off by {100 * (ratio - 1):+.2f} %")
         assert ratio == pytest.approx(1, abs=most)

@@ -11,14 +11,14 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.errors import BackendError
 from physic_core.types import Hints, Intrinsics, Keypoints, People, Pointmap
-from physic_embedded.networks.depth_anything import network_size
+from physic_embedded.networks.depth_anything import network_input_size
 from physic_embedded.relative_pointmap import EmbeddedPointmap
-from physic_embedded.single_view.disparity_floor import disparity_floor
-from physic_embedded.single_view.disparity_offset import Standing, disparity_of_infinity, manhattan_share
+from physic_embedded.single_view.disparity_floor import fit_disparity_floor
+from physic_embedded.single_view.disparity_offset import disparity_of_infinity, manhattan_normal_share
 from physic_embedded.single_view.flying_pixels import flying_pixels
 from physic_embedded.single_view.focal import ManhattanFrame
 from physic_embedded.single_view.gravity import Gravity
-from physic_embedded.single_view.standing import standing_people
+from physic_embedded.standing import StandingPerson, standing_people
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -30,11 +30,11 @@ PHOTO = Path(__file__).parents[3] / "examples" / "basketball.png"
     ("height", "width", "wanted"), [(720, 1280, (518, 924)), (1024, 683, (770, 518)), (400, 400, (518, 518))]
 )
 def test_network_size_keeps_the_aspect_on_multiples_of_14(height: int, width: int, wanted: tuple[int, int]) -> None:
-    assert network_size(height, width) == wanted
+    assert network_input_size(height, width) == wanted
 
 
 def test_network_size_caps_the_patches_of_a_panorama() -> None:
-    rows, columns = network_size(500, 5000)
+    rows, columns = network_input_size(500, 5000)
     assert rows * columns / 196 < 3800
     assert columns / rows == pytest.approx(10, rel=0.1)
 
@@ -81,7 +81,7 @@ def test_the_floor_comes_back_under_furniture_noise_and_a_hole() -> None:
     hole = np.zeros(truth.shape, bool)
     hole[120:, 150:190] = True
     disparity[hole] += 0.8
-    floor = disparity_floor(disparity, hole)
+    floor = fit_disparity_floor(disparity, hole)
     assert floor is not None
     normal = floor.normal(2.0, FOCAL / WIDTH)
     assert np.degrees(np.arccos(normal @ down)) < 0.7
@@ -92,9 +92,9 @@ def test_the_floor_comes_back_under_furniture_noise_and_a_hole() -> None:
 
 
 def test_a_wall_is_no_floor() -> None:
-    assert disparity_floor(np.ones((HEIGHT, WIDTH))) is None
+    assert fit_disparity_floor(np.ones((HEIGHT, WIDTH))) is None
     ceiling = np.linspace(2, 1, HEIGHT)[:, None] * np.ones(WIDTH)
-    assert disparity_floor(ceiling) is None
+    assert fit_disparity_floor(ceiling) is None
 
 
 @pytest.mark.parametrize("ahead", [4.0, 6.0, 12.0])
@@ -104,7 +104,7 @@ def test_the_disparity_of_infinity_of_a_room_comes_back_from_its_gravity(ahead: 
     far, span = np.percentile(inverse, 0.5), np.ptp(np.percentile(inverse, [1, 99]))
     infinity = 1.0 - far / span
     disparity = inverse / span + infinity  # 1 / z is exact; only its origin is unknown
-    floor = disparity_floor(disparity)
+    floor = fit_disparity_floor(disparity)
     down = turn[:, 1]
     pitch = float(np.degrees(np.arctan2(down[2], down[1])))
     found = disparity_of_infinity(
@@ -122,7 +122,7 @@ def test_normals_of_a_room_agree_best_with_its_axes_at_the_true_infinity() -> No
     inverse = inverse_depth_of_a_room(turn)
     gaps = np.array([0.25, 0.5, 0.8, 1.0, 1.25, 2.0, 4.0])
     far = np.percentile(inverse, 0.5)
-    shares = [manhattan_share(inverse, far * (1 - gap), FOCAL, frame_of(turn)) for gap in gaps]
+    shares = [manhattan_normal_share(inverse, far * (1 - gap), FOCAL, frame_of(turn)) for gap in gaps]
     assert gaps[int(np.argmax(shares))] == 1.0
     assert max(shares) > 0.85
 
@@ -130,7 +130,7 @@ def test_normals_of_a_room_agree_best_with_its_axes_at_the_true_infinity() -> No
 def test_sky_over_ground_is_infinitely_far() -> None:
     down = Rotation.from_euler("x", 5, degrees=True).as_matrix()[:, 1]
     disparity = 8 * np.maximum(rays() @ down / 1.5, 0.0)
-    found = disparity_of_infinity(disparity, disparity_floor(disparity), FOCAL)
+    found = disparity_of_infinity(disparity, fit_disparity_floor(disparity), FOCAL)
     assert found.outdoors > 0.9
     assert found.gap == pytest.approx(0.006, rel=0.1)
     assert found.rule == "the farthest pixels are taken as infinitely far, by default"
@@ -145,10 +145,10 @@ def test_nothing_known_of_a_room_leaves_the_default() -> None:
 def test_a_standing_person_tells_how_high_the_camera_is() -> None:
     """Without the cue the default horizon would put the camera at twice a person's height."""
     disparity = np.maximum(np.linspace(-1, 5, HEIGHT), 1.0)[:, None] * np.ones(WIDTH)
-    floor = disparity_floor(disparity)
+    floor = fit_disparity_floor(disparity)
     assert floor is not None
     horizon = (HEIGHT - 1) / 2 + floor.horizon(disparity.min()) * WIDTH
-    person = Standing(nose=horizon + 30, ankle=horizon + 60)
+    person = StandingPerson(nose=horizon + 30, ankle=horizon + 60)
     plain = disparity_of_infinity(disparity, floor, FOCAL)
     told = disparity_of_infinity(disparity, floor, FOCAL, standing=(person,))
     assert told.gap < 0.75 * plain.gap
@@ -168,7 +168,7 @@ STANDS = {
 
 
 def test_who_stands_is_told_from_who_sits_and_from_who_is_cut_off() -> None:
-    assert standing_people(keypoints(STANDS), 200, 100) == (Standing(20.0, 160.0),)
+    assert standing_people(keypoints(STANDS), 200, 100) == (StandingPerson(20.0, 160.0),)
     bent = {"left_knee": (90.0, 100.0), "right_knee": (10.0, 100.0)}
     assert standing_people(keypoints({**STANDS, **bent}), 200, 100) == ()
     assert standing_people(keypoints(STANDS), 150, 100) == ()
@@ -219,7 +219,7 @@ def test_a_given_camera_is_respected(backend: EmbeddedPointmap, image: NDArray[n
     assert not any("focal" in note for note in answer.notes)
 
 
-def test_the_second_call_agrees_with_the_scene_outside_the_people(
+def test_the_second_call_agrees_with_the_scene_outside_the_count_people(
     backend: EmbeddedPointmap, image: NDArray[np.uint8], scene: Pointmap
 ) -> None:
     mask = np.zeros((1, 240, 320), bool)
@@ -253,7 +253,7 @@ def test_the_same_photo_gives_the_same_points(
 def test_asking_before_loading_is_refused(image: NDArray[np.uint8]) -> None:
     with pytest.raises(BackendError) as error:
         EmbeddedPointmap().infer(image, Hints())
-    assert str(error.value) == "the embedded point map was asked before its networks were loaded: call load() first"
+    assert str(error.value) == "the embedded point map is not loaded: call load() before infer()"
 
 
 def test_loading_and_closing_twice_is_harmless() -> None:

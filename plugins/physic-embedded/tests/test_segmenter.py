@@ -13,14 +13,14 @@ from physic_core.adapters.detections import box_iou
 from physic_core.adapters.people import boxes_from_masks
 from physic_core.errors import BackendError
 from physic_core.interfaces import Segmenter
-from physic_embedded.networks.crops import Picture, Square, letterboxed
-from physic_embedded.networks.mobile_sam import Embedding, embed, prompt
-from physic_embedded.networks.person_detection import Detection, anchor_centers, decode
-from physic_embedded.networks.pose import LEFT_RIGHT, Pose
+from physic_embedded.networks.crops import ImagePyramid, RotatedSquare, letterbox_square
+from physic_embedded.networks.mobile_sam import ImageEmbedding, encode_image, predict_masks
+from physic_embedded.networks.person_detection import Detection, anchor_centers, decode_detections
+from physic_embedded.networks.pose import MIRROR_PAIRS, Pose
 from physic_embedded.networks.sessions import open_session
 from physic_embedded.segmentation.floor_mask import ground_points
-from physic_embedded.segmentation.people import DETECTOR_LAYERS, believable, merge_candidates, same_body, tiles
-from physic_embedded.segmentation.person_masks import PersonMask, separate
+from physic_embedded.segmentation.people import DETECTOR_LAYERS, is_person, is_same_person, merge_candidates, tiles
+from physic_embedded.segmentation.person_masks import PersonMask, resolve_overlaps
 from physic_embedded.segmenter import EmbeddedSegmenter, EmbeddedSegmenterOptions
 from physic_testing import violations
 
@@ -70,7 +70,7 @@ def pose_at(center: tuple[float, float], height: float = 200.0, confidence: floa
         world=np.zeros((33, 3)),
         score=1.0,
         mask=np.ones((256, 256)),
-        square=Square(np.array(center, float), 1.25 * height, 0.0),
+        square=RotatedSquare(np.array(center, float), 1.25 * height, 0.0),
         mirror_gap=0.0,
         mirror_mask_iou=1.0,
     )
@@ -87,7 +87,7 @@ def test_decode_puts_boxes_and_keypoints_at_their_anchor() -> None:
     anchors = anchor_centers(224, DETECTOR_LAYERS)
     raw, logits = np.zeros((len(anchors), 12)), np.full(len(anchors), -100.0)
     raw[2, :6], logits[2] = [4.0, -2.0, 40.0, 20.0, 10.0, 30.0], 0.0
-    (found,) = decode(raw, logits, anchors, 224, threshold=0.4)
+    (found,) = decode_detections(raw, logits, anchors, 224, threshold=0.4)
     np.testing.assert_allclose(found.box, [12 + 4 - 20, 4 - 2 - 10, 12 + 4 + 20, 4 - 2 + 10])
     np.testing.assert_allclose(found.keypoints[0], [22, 34])
     assert found.score == 0.5
@@ -99,14 +99,14 @@ def test_decode_averages_what_overlaps_by_score_and_keeps_the_rest() -> None:
     raw[:, 2:4] = 50
     raw[1, 0], raw[2, 0] = 10.0, 90.0
     logits = np.log(np.array([0.8, 0.6, 0.7]) / (1 - np.array([0.8, 0.6, 0.7])))
-    first, second = decode(raw, logits, anchors, 100, threshold=0.5)
+    first, second = decode_detections(raw, logits, anchors, 100, threshold=0.5)
     np.testing.assert_allclose(first.box[0], 25 + 10 * 0.6 / 1.4)
     np.testing.assert_allclose([first.score, second.score], [0.8, 0.7])
     np.testing.assert_allclose(second.box[0], 115)
 
 
 def test_nothing_is_decoded_below_the_threshold() -> None:
-    assert decode(np.zeros((3, 12)), np.full(3, -5.0), np.zeros((3, 2)), 224, threshold=0.5) == []
+    assert decode_detections(np.zeros((3, 12)), np.full(3, -5.0), np.zeros((3, 2)), 224, threshold=0.5) == []
 
 
 def test_box_iou_of_half_shifted_squares_is_a_third() -> None:
@@ -117,7 +117,7 @@ def test_box_iou_of_half_shifted_squares_is_a_third() -> None:
 
 @given(st.floats(-500, 500), st.floats(-500, 500), st.floats(1, 2000), st.floats(-7, 7), st.integers(1, 512))
 def test_a_square_carries_points_there_and_back(x: float, y: float, side: float, angle: float, size: int) -> None:
-    square = Square(np.array([x, y]), side, angle)
+    square = RotatedSquare(np.array([x, y]), side, angle)
     points = np.array([[0.0, 0.0], [size, 0.0], [0.3 * size, 1.7 * size]])
     there = square.to_photo(points, size)
     np.testing.assert_allclose(np.linalg.norm(there[1] - there[0]), side, rtol=1e-9)
@@ -126,7 +126,7 @@ def test_a_square_carries_points_there_and_back(x: float, y: float, side: float,
 
 @given(st.integers(1, 700), st.integers(1, 700), st.sampled_from([192, 224]))
 def test_a_letterbox_shows_the_corners_of_the_photo_where_it_says(width: int, height: int, size: int) -> None:
-    pixels, square = letterboxed(np.full((height, width, 3), 255, np.uint8), size, (30, 7))
+    pixels, square = letterbox_square(np.full((height, width, 3), 255, np.uint8), size, (30, 7))
     corners = np.array([[29.5, 6.5], [width + 29.5, height + 6.5]])
     low, high = square.from_photo(corners, size)
     y, x = np.nonzero(pixels[..., 0] > 127)
@@ -139,8 +139,8 @@ def test_a_letterbox_shows_the_corners_of_the_photo_where_it_says(width: int, he
 def test_a_cut_shows_the_pixel_that_its_coordinates_name(side: float) -> None:
     y, x = np.mgrid[:400, :400]
     image = np.stack([x * 0.6, y * 0.6, np.zeros_like(x)], axis=-1).astype(np.uint8)
-    square = Square(np.array([200.0, 190.0]), side, 0.0)
-    cut = Picture.of(image).cut(square, 64)
+    square = RotatedSquare(np.array([200.0, 190.0]), side, 0.0)
+    cut = ImagePyramid.from_image(image).crop(square, 64)
     at = square.to_photo(np.array([20.5, 40.5]), 64)
     np.testing.assert_allclose(cut[40, 20, :2], at * 0.6, atol=2)
 
@@ -148,7 +148,7 @@ def test_a_cut_shows_the_pixel_that_its_coordinates_name(side: float) -> None:
 def test_a_small_cut_of_a_big_photo_does_not_alias() -> None:
     stripes = np.zeros((2048, 2048, 3), np.uint8)
     stripes[:, ::2] = 255
-    cut = Picture.of(stripes).cut(Square(np.array([1023.5, 1023.5]), 1500.0, 0.3), 64)
+    cut = ImagePyramid.from_image(stripes).crop(RotatedSquare(np.array([1023.5, 1023.5]), 1500.0, 0.3), 64)
     assert cut.std() < 8
 
 
@@ -175,21 +175,21 @@ def test_a_weak_candidate_must_look_the_same_in_a_mirror() -> None:
     from dataclasses import replace
 
     pose = pose_at((100, 100))
-    assert believable(pose, 0.5, sure=0.75)
-    assert not believable(replace(pose, mirror_gap=0.02), 0.5, sure=0.75)
-    assert believable(replace(pose, mirror_gap=0.02), 0.8, sure=0.75)
-    assert not believable(replace(pose, score=0.4), 0.8, sure=0.75)
+    assert is_person(pose, 0.5, sure=0.75)
+    assert not is_person(replace(pose, mirror_gap=0.02), 0.5, sure=0.75)
+    assert is_person(replace(pose, mirror_gap=0.02), 0.8, sure=0.75)
+    assert not is_person(replace(pose, score=0.4), 0.8, sure=0.75)
 
 
 def test_two_poses_are_one_body_when_their_trunks_lie_together() -> None:
-    assert same_body(pose_at((100, 100)), pose_at((110, 100)))
-    assert not same_body(pose_at((100, 100)), pose_at((180, 100)))
+    assert is_same_person(pose_at((100, 100)), pose_at((110, 100)))
+    assert not is_same_person(pose_at((100, 100)), pose_at((180, 100)))
 
 
 def test_two_poses_are_one_body_when_they_share_a_nose() -> None:
     short, tall = pose_at((100, 100)), pose_at((100, 160), height=330)
     assert np.linalg.norm(short.points[0] - tall.points[0]) < 10
-    assert same_body(short, tall)
+    assert is_same_person(short, tall)
 
 
 def test_confidence_is_zero_outside_the_photo() -> None:
@@ -200,12 +200,12 @@ def test_confidence_is_zero_outside_the_photo() -> None:
 
 
 def test_every_joint_but_the_nose_has_one_partner() -> None:
-    assert sorted(j for pair in LEFT_RIGHT for j in pair) == list(range(1, 33))
+    assert sorted(j for pair in MIRROR_PAIRS for j in pair) == list(range(1, 33))
 
 
 @pytest.mark.parametrize(("height", "width"), [(480, 640), (1500, 700), (90, 333)])
 def test_grid_values_land_on_the_pixels_that_the_grid_names(height: int, width: int) -> None:
-    embedding = Embedding(np.zeros((1, 256, 64, 64), np.float32), height, width, 1024 / max(height, width))
+    embedding = ImageEmbedding(np.zeros((1, 256, 64, 64), np.float32), height, width, 1024 / max(height, width))
     ramp = embedding.to_photo(embedding.grid_points()[..., 0])
     inner = slice(20, width - 20)
     np.testing.assert_allclose(ramp[height // 2, inner], np.arange(width)[inner], atol=0.2)
@@ -216,8 +216,8 @@ def test_the_mask_of_an_ellipse_is_that_ellipse() -> None:
     truth = np.zeros((300, 400), np.uint8)
     cv2.ellipse(truth, (170, 160), (90, 50), 25, 0, 360, 1, -1)
     image[truth > 0] = (190, 40, 30)
-    embedding = embed(open_session("mobilesam_encoder", 1), image)
-    answer = prompt(open_session("mobilesam_decoder", 1), embedding, np.array([[170, 160.0]]), np.zeros((0, 2)))
+    embedding = encode_image(open_session("mobilesam_encoder", 1), image)
+    answer = predict_masks(open_session("mobilesam_decoder", 1), embedding, np.array([[170, 160.0]]), np.zeros((0, 2)))
     masks = [embedding.to_photo(v) > 0 for v in answer.logits]
     iou = [(m & (truth > 0)).sum() / (m | (truth > 0)).sum() for m in masks]
     print("overlap with the drawn ellipse", np.round(iou, 3))
@@ -225,12 +225,12 @@ def test_the_mask_of_an_ellipse_is_that_ellipse() -> None:
 
 
 def test_masks_are_told_apart_and_a_stray_piece_is_given_back() -> None:
-    embedding = Embedding(np.zeros((1, 256, 64, 64), np.float32), 256, 256, 4.0)
+    embedding = ImageEmbedding(np.zeros((1, 256, 64, 64), np.float32), 256, 256, 4.0)
     left, right = np.full((256, 256), -5.0), np.full((256, 256), -5.0)
     left[50:200, 20:140] = 2.0
     left[100:110, 200:210] = 3.0
     right[50:200, 100:230] = 1.0
-    masks = separate(
+    masks = resolve_overlaps(
         [PersonMask(left, np.array([[60.0, 100.0]]), 1.0), PersonMask(right, np.array([[180.0, 100.0]]), 1.0)],
         embedding,
     )
@@ -267,7 +267,7 @@ def test_people_are_found_all_along_a_panorama(segmenter: EmbeddedSegmenter, ima
         assert np.abs(middles - man).min() < 30
 
 
-def test_the_example_photo_has_two_people(people: People, image: NDArray[np.uint8]) -> None:
+def test_the_example_photo_has_two_count_people(people: People, image: NDArray[np.uint8]) -> None:
     assert violations(Segmenter, people, height=image.shape[0], width=image.shape[1]) == []
     assert len(people) == 2
     assert (np.diff(people.scores) <= 0).all()
@@ -318,7 +318,7 @@ def test_a_mirror_image_swaps_sides(segmenter: EmbeddedSegmenter, people: People
     assert people.keypoints is not None
     assert other.keypoints is not None
     swap = np.arange(33)
-    for a, b in LEFT_RIGHT:
+    for a, b in MIRROR_PAIRS:
         swap[a], swap[b] = b, a
     back = other.keypoints.points[0, swap] * [-1, 1] + [image.shape[1] - 1, 0]
     apart = np.linalg.norm(back - people.keypoints.points[0], axis=1)
@@ -337,7 +337,7 @@ def test_nobody_is_found_where_nobody_is(segmenter: EmbeddedSegmenter, shape: tu
     assert not found.floor.any()
 
 
-def test_the_same_photo_gives_the_same_people(
+def test_the_same_photo_gives_the_same_count_people(
     segmenter: EmbeddedSegmenter, people: People, image: NDArray[np.uint8]
 ) -> None:
     again = segmenter.infer(image)

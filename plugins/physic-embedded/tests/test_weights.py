@@ -6,18 +6,18 @@ import json
 import pytest
 
 from physic_core.errors import BackendError, DeviceError
-from physic_embedded.networks.sessions import WEIGHTS, Networks, open_session, weights_path
+from physic_embedded.networks.sessions import WEIGHTS_FOLDER, PackagedNetworks, open_session, weights_path
 
-MODELS = {m["file"]: m for m in json.loads((WEIGHTS / "MANIFEST.json").read_text())["models"]}
+MODELS = {m["file"]: m for m in json.loads((WEIGHTS_FOLDER / "MANIFEST.json").read_text())["models"]}
 
 
 def test_the_manifest_lists_every_network_that_ships() -> None:
-    assert sorted(MODELS) == sorted(p.name for p in WEIGHTS.glob("*.onnx"))
+    assert sorted(MODELS) == sorted(p.name for p in WEIGHTS_FOLDER.glob("*.onnx"))
 
 
 @pytest.mark.parametrize("name", sorted(MODELS))
 def test_a_network_is_the_file_that_the_manifest_names(name: str) -> None:
-    data = (WEIGHTS / name).read_bytes()
+    data = (WEIGHTS_FOLDER / name).read_bytes()
     assert len(data) == MODELS[name]["bytes"]
     assert hashlib.sha256(data).hexdigest() == MODELS[name]["sha256"]
 
@@ -25,19 +25,19 @@ def test_a_network_is_the_file_that_the_manifest_names(name: str) -> None:
 @pytest.mark.parametrize("name", sorted(MODELS))
 def test_a_network_opens_with_the_inputs_of_the_manifest(name: str) -> None:
     session = open_session(name.removesuffix(".onnx"), threads=1)
-    got = {i.name: list(i.shape) for i in session.get_inputs()}
+    got = {i.name: list(i.shape) for i in session.session.get_inputs()}
     assert got == {i["name"]: i["shape"] for i in MODELS[name]["inputs"]}
-    assert {o.name for o in session.get_outputs()} == {o["name"] for o in MODELS[name]["outputs"]}
+    assert {o.name for o in session.session.get_outputs()} == {o["name"] for o in MODELS[name]["outputs"]}
 
 
 def test_every_network_has_an_attribution_and_its_licence_text() -> None:
-    notice = (WEIGHTS / "NOTICE").read_text()
+    notice = (WEIGHTS_FOLDER / "NOTICE").read_text()
     for name, model in MODELS.items():
         assert name in notice
         assert f"{model['source']['name']} {model['source']['version']}" in notice
-    assert "Version 2.0, January 2004" in (WEIGHTS / "LICENSES" / "Apache-2.0.txt").read_text()
+    assert "Version 2.0, January 2004" in (WEIGHTS_FOLDER / "LICENSES" / "Apache-2.0.txt").read_text()
     for owner, who in {"MI-GAN": "Picsart AI Research (PAIR)", "TinyViT": "Microsoft Corporation"}.items():
-        text = (WEIGHTS / "LICENSES" / f"MIT-{owner}.txt").read_text()
+        text = (WEIGHTS_FOLDER / "LICENSES" / f"MIT-{owner}.txt").read_text()
         assert "Permission is hereby granted" in text
         assert who in text
 
@@ -46,9 +46,9 @@ def test_a_network_that_is_not_there_is_named_with_those_that_are() -> None:
     with pytest.raises(BackendError) as error:
         weights_path("yolo")
     assert str(error.value) == (
-        "physic-embedded holds no network 'yolo' (it holds: depth_anything_v2_vits, hand_landmark_full, "
+        "physic-embedded contains no network 'yolo' (it contains: depth_anything_v2_vits, hand_landmark_full, "
         "migan_512_places2, mlsd_large_512, mobilesam_decoder, mobilesam_encoder, palm_detection_full, "
-        "pose_detection, pose_landmark_heavy): install the package again from its wheel, which carries them"
+        "pose_detection, pose_landmark_heavy): install the package again from its wheel"
     )
 
 
@@ -61,8 +61,8 @@ def test_a_device_that_onnxruntime_does_not_have_is_refused() -> None:
     with pytest.raises(DeviceError) as error:
         open_session("palm_detection_full", device="cuda:0")
     assert str(error.value) == (
-        f"device 'cuda:0' was asked for, but the installed onnxruntime has only {', '.join(have)}: "
-        "install onnxruntime-gpu in place of onnxruntime, or use device 'cpu'"
+        "device 'cuda:0' needs CUDA, and the installed onnxruntime has only 'cpu': "
+        "install onnxruntime-gpu in place of onnxruntime, or choose device 'cpu'"
     )
 
 
@@ -74,13 +74,13 @@ def test_a_device_of_an_unknown_kind_is_refused(device: str) -> None:
 
 
 def test_networks_open_and_close_twice_and_say_when_they_are_closed() -> None:
-    networks = Networks("palm_detection_full")
+    networks = PackagedNetworks("palm_detection_full")
     with pytest.raises(BackendError) as error:
         networks["palm_detection_full"]
     assert str(error.value) == "network 'palm_detection_full' is not loaded: call load() before infer()"
     networks.open("cpu", 1)
     networks.open("cpu", 1)
-    assert networks["palm_detection_full"].get_inputs()[0].name == "image"
+    assert networks["palm_detection_full"].session.get_inputs()[0].name == "image"
     networks.close()
     networks.close()
     with pytest.raises(BackendError):

@@ -1,4 +1,4 @@
-"""Bodies, hands, contact and depth from checkouts and TorchScript files of your own."""
+"""Backends of bodies, hands, contact and depth that run the user's checkouts and TorchScript files."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["physic_backends", "physic_weights"]
 
 @hookimpl
 def physic_backends() -> list[BackendRecord]:
-    """The backends of this plugin."""
+    """Return the records of this plugin's backends."""
     return [
         BackendRecord(
             "body_estimator",
@@ -108,5 +108,5 @@ def physic_backends() -> list[BackendRecord]:
 
 @hookimpl
 def physic_weights() -> Path:
-    """Where this plugin lists its weights."""
+    """Return the folder with the manifests of this plugin's weights."""
     return Path(__file__).parent / "weights"

@@ -1,6 +1,6 @@
-"""CameraHMR (Patel and Black 2025) from its checkout: SMPL bodies, told the camera that is known.
+"""Estimate SMPL bodies with a checkout of CameraHMR (Patel and Black 2025), for the known camera.
 
-Only its networks are used: boxes are the people's, crops are made here, and SMPL is evaluated from the user's own file,
+Only its networks are used. Boxes are the people's, crops are made here, and SMPL is evaluated from the user's own file,
 so neither detectron2 nor smplx is needed.
 """
 
@@ -21,7 +21,15 @@ from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, letterbox
 from physic_core.adapters.smpl import empty_bodies
 from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator, Options
-from physic_human.hosting import CheckoutOptions, Hosted, Project, SeenConfidence, batches, computing, to_numpy
+from physic_human.checkout_backend import (
+    CheckoutBackend,
+    CheckoutOptions,
+    CheckoutProject,
+    SeenConfidence,
+    batch_slices,
+    inference_context,
+    to_numpy,
+)
 from physic_human.smpl_rest import open_smpl, posed_bodies, smpl_missing
 
 if TYPE_CHECKING:
@@ -31,7 +39,7 @@ if TYPE_CHECKING:
 __all__ = ["CameraHmr", "CameraHmrOptions"]
 
 SIDE = 256
-"""px of the square inputs of both networks."""
+"""Side of the square input of both networks, px."""
 _CHECKPOINT, _CAMERA_CHECKPOINT, _MEAN = (
     "camerahmr_checkpoint_cleaned.ckpt",
     "cam_model_cleaned.ckpt",
@@ -71,12 +79,12 @@ class CameraHmrOptions(CheckoutOptions):
     )
 
 
-class CameraHmr(Hosted, BodyEstimator):
-    """SMPL bodies with joints and surface, in the given camera."""
+class CameraHmr(CheckoutBackend, BodyEstimator):
+    """Body estimator: SMPL bodies by CameraHMR with joints and mesh, in the given camera."""
 
     Options: ClassVar[type[Options]] = CameraHmrOptions
     options: CameraHmrOptions
-    project: ClassVar[Project] = Project(
+    project: ClassVar[CheckoutProject] = CheckoutProject(
         "CameraHMR",
         "core.camerahmr_model",
         "https://github.com/pixelite1201/CameraHMR",
@@ -89,15 +97,15 @@ class CameraHmr(Hosted, BodyEstimator):
         self._body: SmplBody | None = None
 
     def needs(self) -> tuple[str, ...]:
-        """FLNet's code imports more than the network's."""
+        """Return the packages that the checkout imports; FLNet needs more."""
         return (*super().needs(), *(_FLNET_NEEDS if self.options.focal == "own" else ()))
 
     def missing(self) -> tuple[str, ...]:
-        """Of checkout, packages, weights and the SMPL file."""
+        """Describe missing checkout, packages, weights and SMPL file."""
         return (*super().missing(), *smpl_missing(self.options.smpl_file))
 
     def load(self, device: str = "cpu") -> None:
-        """Build the networks and fill them.
+        """Build the networks and load their weights.
 
         Raises:
             DeviceError: the device is not there.
@@ -106,34 +114,34 @@ class CameraHmr(Hosted, BodyEstimator):
             BodyModelError: the SMPL file cannot be used.
         """
         check_device(device)
-        checkpoint, mean = self._host.file(_CHECKPOINT), self._host.file(_MEAN)
+        checkpoint, mean = self._checkout_network.file(_CHECKPOINT), self._checkout_network.file(_MEAN)
         self._body = open_smpl(self.options.smpl_file)
-        checkout = self._host.checkout
+        checkout = self._checkout_network.checkout
         constants: Any = checkout.load("core.constants")
         constants.SMPL_MEAN_PARAMS_FILE = str(mean)  # its own path begins at the folder that Python was started in
         kind = checkout.attribute("CameraHMR")
-        with computing(checkout, device):
-            self._host.keep(self._filled(kind(), checkpoint), device)
+        with inference_context(checkout, device):
+            self._checkout_network.set_network(self._load_checkpoint(kind(), checkpoint), device)
         if self.options.focal == "own":
-            path = self._host.file(_CAMERA_CHECKPOINT)
+            path = self._checkout_network.file(_CAMERA_CHECKPOINT)
             kind = checkout.attribute("FLNet", "core.cam_model.fl_net")
-            with computing(checkout, device):
-                self._focal_network = self._filled(kind(), path).eval().to(device)
+            with inference_context(checkout, device):
+                self._focal_network = self._load_checkpoint(kind(), path).eval().to(device)
 
     def close(self) -> None:
-        """Let go of the networks and of SMPL."""
+        """Release the networks and the SMPL model."""
         super().close()
         self._focal_network, self._body = None, None
 
     def infer(
         self, image: UInt8Array, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
     ) -> Bodies:
-        """N people -> N SMPL bodies in metres in the camera frame.
+        """Return SMPL bodies of N people, metres, camera frame.
 
         Raises:
             BackendError: it is not loaded, or the network answers something else.
         """
-        network, body = self._host.loaded(), self._body
+        network, body = self._checkout_network.loaded(), self._body
         if not len(people) or body is None:
             return empty_bodies("smpl")
         regions = [padded_region(box, 1.0, self.options.margin) for box in people.boxes]
@@ -142,7 +150,7 @@ class CameraHmr(Hosted, BodyEstimator):
         rotations: list[FloatArray] = []
         betas: list[FloatArray] = []
         weak: list[FloatArray] = []
-        for rows in batches(len(people), self.options.batch):
+        for rows in batch_slices(len(people), self.options.batch):
             crops = np.concatenate([self._crop(image, box) for box in people.boxes[rows]])
             one = self._run(network, crops, centres[rows], sides[rows], focal, intrinsics)
             for to, what in zip((rotations, betas, weak), one, strict=True):
@@ -154,18 +162,20 @@ class CameraHmr(Hosted, BodyEstimator):
         )
 
     def _crop(self, image: UInt8Array, box: FloatArray) -> FloatArray:
-        """(1, 3, 256, 256), black outside of the image."""
+        """Crop and normalise a person: (1, 3, 256, 256), black outside the image."""
         crop = crop_around_box(box, SIDE, SIDE, padding=self.options.margin, grid="halves")
-        return normalized_nchw(_ordered(resample_crop(image, crop), self.options.channels), IMAGENET_MEAN, IMAGENET_STD)
+        return normalized_nchw(
+            _reorder_channels(resample_crop(image, crop), self.options.channels), IMAGENET_MEAN, IMAGENET_STD
+        )
 
     def _own_focal(self, image: UInt8Array) -> float:
-        """px, by the vertical field of view that FLNet sees in the whole photo."""
+        """Return the focal length in px that FLNet estimates from the photo."""
         import torch
 
         order = self.options.focal_channels or self.options.channels
-        seen, _ = letterbox(_ordered(image, order), SIDE, SIDE, fill=_WHITE, how="area")
-        pixels = torch.from_numpy(normalized_nchw(seen, IMAGENET_MEAN, IMAGENET_STD)).to(self._host.device)
-        with computing(self._host.checkout, self._host.device):
+        seen, _ = letterbox(_reorder_channels(image, order), SIDE, SIDE, fill=_WHITE, how="area")
+        pixels = torch.from_numpy(normalized_nchw(seen, IMAGENET_MEAN, IMAGENET_STD)).to(self._checkout_network.device)
+        with inference_context(self._checkout_network.checkout, self._checkout_network.device):
             fields = to_numpy(self._focal_network(pixels)[0])
         vertical = float(fields.reshape(-1, 2)[0, 1])
         if not 0.02 < vertical < 3.1:
@@ -181,13 +191,13 @@ class CameraHmr(Hosted, BodyEstimator):
         focal: float,
         camera: Intrinsics,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Rotations (M, 24, 3, 3), betas (M, 10) and weak perspective (M, 3)."""
+        """Run the network: rotations (M, 24, 3, 3), betas (M, 10) and weak perspective (M, 3)."""
         import torch
 
         count = len(crops)
         given = {"img": crops, **camerahmr_inputs(centres, sides, focal, camera)}
-        batch = {name: torch.from_numpy(value).to(self._host.device) for name, value in given.items()}
-        with computing(self._host.checkout, self._host.device, half=self.options.half):
+        batch = {name: torch.from_numpy(value).to(self._checkout_network.device) for name, value in given.items()}
+        with inference_context(self._checkout_network.checkout, self._checkout_network.device, half=self.options.half):
             answer = network(batch)
         try:
             parameters, weak = answer[0], to_numpy(answer[1])
@@ -195,17 +205,18 @@ class CameraHmr(Hosted, BodyEstimator):
             betas = to_numpy(parameters["betas"])
         except (KeyError, TypeError, IndexError) as error:
             raise BackendError(
-                f"CameraHMR answered {type(answer).__name__} without SMPL parameters and a camera: take the checkout "
+                f"CameraHMR returned {type(answer).__name__} without SMPL parameters and a camera: take the checkout "
                 "of https://github.com/pixelite1201/CameraHMR"
             ) from error
         rotations = np.concatenate([root.reshape(count, 1, 3, 3), body.reshape(count, -1, 3, 3)], axis=1)
         if rotations.shape[1] != 24:
             raise BackendError(
-                f"CameraHMR answered {rotations.shape[1]} joints, where SMPL has 24: checkpoint and code of its SMPL-X "
+                f"CameraHMR returned {rotations.shape[1]} joints, where SMPL has 24: checkpoint and code of its SMPL-X "
                 "branch are not supported"
             )
         return rotations, betas, weak.reshape(count, 3)
 
 
-def _ordered(image: UInt8Array, channels: str) -> UInt8Array:
+def _reorder_channels(image: UInt8Array, channels: str) -> UInt8Array:
+    """Return the image in the given channel order."""
     return image if channels == "rgb" else np.ascontiguousarray(image[..., ::-1])

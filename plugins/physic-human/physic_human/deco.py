@@ -1,4 +1,4 @@
-"""DECO (Tripathi et al. 2023) from its checkout: which vertices of SMPL touch something."""
+"""Predict contact on SMPL vertices with a checkout of DECO (Tripathi et al. 2023)."""
 
 from __future__ import annotations
 
@@ -13,8 +13,15 @@ from physic_core.adapters.devices import check_device
 from physic_core.errors import BackendError
 from physic_core.interfaces import ContactPrior, Options
 from physic_core.types import ContactProbability
-from physic_human.hosting import CheckoutOptions, Hosted, Project, batches, computing, to_numpy
-from physic_human.smpl_rest import rest_of_smpl, smpl_missing
+from physic_human.checkout_backend import (
+    CheckoutBackend,
+    CheckoutOptions,
+    CheckoutProject,
+    batch_slices,
+    inference_context,
+    to_numpy,
+)
+from physic_human.smpl_rest import load_rest_mesh, smpl_missing
 
 if TYPE_CHECKING:
     from physic_core.types import Bodies, FloatArray, People, RestMesh, UInt8Array
@@ -42,12 +49,12 @@ class DecoOptions(CheckoutOptions):
     )
 
 
-class Deco(Hosted, ContactPrior):
-    """Contact of any kind, whatever is touched: above 0.5 it touches."""
+class Deco(CheckoutBackend, ContactPrior):
+    """Contact prior by DECO: contact with any object, threshold 0.5."""
 
     Options: ClassVar[type[Options]] = DecoOptions
     options: DecoOptions
-    project: ClassVar[Project] = Project(
+    project: ClassVar[CheckoutProject] = CheckoutProject(
         "DECO",
         "models.deco",
         "https://github.com/sha2nkt/deco",
@@ -59,11 +66,11 @@ class Deco(Hosted, ContactPrior):
         self._rest: RestMesh | None = None
 
     def missing(self) -> tuple[str, ...]:
-        """Of checkout, packages, weights and the SMPL file."""
+        """Describe missing checkout, packages, weights and SMPL file."""
         return (*super().missing(), *smpl_missing(self.options.smpl_file))
 
     def load(self, device: str = "cpu") -> None:
-        """Build the network and fill it.
+        """Build the network and load its weights.
 
         Raises:
             DeviceError: the device is not there.
@@ -72,29 +79,29 @@ class Deco(Hosted, ContactPrior):
             BodyModelError: the SMPL file cannot be used.
         """
         check_device(device)
-        path = self._host.file()
-        kind = self._host.checkout.attribute("DECO")
-        self._rest = rest_of_smpl(self.options.smpl_file)
-        with computing(self._host.checkout, device):
+        path = self._checkout_network.file()
+        kind = self._checkout_network.checkout.attribute("DECO")
+        self._rest = load_rest_mesh(self.options.smpl_file)
+        with inference_context(self._checkout_network.checkout, device):
             # Encoder, whether it looks at the context too, device; older versions always do, and are not asked.
             asked = "context" in inspect.signature(kind).parameters
             network = kind("hrnet", True, device) if asked else kind("hrnet", device)
-            self._host.keep(self._filled(network, path, "deco"), device)
+            self._checkout_network.set_network(self._load_checkpoint(network, path, "deco"), device)
 
     def close(self) -> None:
-        """Let go of the network."""
+        """Release the network."""
         super().close()
         self._rest = None
 
     def infer(self, image: UInt8Array, people: People, bodies: Bodies) -> ContactProbability:
-        """N people -> probability (N, 6890) on SMPL.
+        """Return the contact probability (N, 6890) on SMPL vertices of N people.
 
         Raises:
             BackendError: it is not loaded, or the network answers something else.
         """
-        network = self._host.loaded()
+        network = self._checkout_network.loaded()
         found = np.zeros((len(people), SMPL_VERTICES), np.float32)
-        for rows in batches(len(people), self.options.batch):
+        for rows in batch_slices(len(people), self.options.batch):
             crops = np.stack(
                 [
                     contact_crop(image, box, growth=self.options.growth, fit=self.options.fit)
@@ -105,13 +112,14 @@ class Deco(Hosted, ContactPrior):
         return ContactProbability(np.clip(found, 0, 1), "smpl", self._rest)
 
     def _run(self, network: Any, crops: FloatArray) -> FloatArray:
+        """Run the network on crops."""
         import torch
 
-        with computing(self._host.checkout, self._host.device, half=self.options.half):
-            answer = network(torch.from_numpy(crops).to(self._host.device))
+        with inference_context(self._checkout_network.checkout, self._checkout_network.device, half=self.options.half):
+            answer = network(torch.from_numpy(crops).to(self._checkout_network.device))
         contact = to_numpy(answer[0] if isinstance(answer, (tuple, list)) else answer)
         if contact.shape != (len(crops), SMPL_VERTICES):
             raise BackendError(
-                f"DECO answered {contact.shape}, where {len(crops)} people are ({len(crops)}, {SMPL_VERTICES})"
+                f"DECO returned {contact.shape}, where {len(crops)} people are ({len(crops)}, {SMPL_VERTICES})"
             )
         return np.asarray(contact, np.float32)

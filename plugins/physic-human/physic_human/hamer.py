@@ -1,6 +1,6 @@
-"""HaMeR (Pavlakos et al. 2024): finger poses and how hands are turned, from its checkout.
+"""Estimate finger and wrist rotations with a checkout of HaMeR (Pavlakos et al. 2024).
 
-Boxes come from the keypoints of people and crops are made here, so neither detectron2 nor mmpose is needed.
+Boxes come from the people's keypoints and crops are made here, so neither detectron2 nor mmpose is needed.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from physic_core.adapters.devices import check_device
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options
-from physic_human.hosting import Project, computing, to_numpy
-from physic_human.mano_hands import ManoHands, ManoOptions
+from physic_human.checkout_backend import CheckoutProject, inference_context, to_numpy
+from physic_human.mano_hands import ManoHandEstimator, ManoOptions
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, UInt8Array
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 __all__ = ["Hamer", "HamerOptions"]
 
 ASPECT = 192 / 256
-"""Width over height of the part of its input that the network looks at: boxes are widened to it before they grow."""
+"""Width over height of the input region that the network uses; boxes are widened to it before they grow."""
 _CHECKPOINT, _CONFIG = "hamer_ckpts/checkpoints/hamer.ckpt", "hamer_ckpts/model_config.yaml"
 _TRAINING = "discriminator."
-"""Parameters that only its training uses; not every checkpoint holds them."""
+"""Prefix of parameters that only training uses; not every checkpoint contains them."""
 _MANO, _MEAN = "data/mano/MANO_RIGHT.pkl", "data/mano_mean_params.npz"
 
 
@@ -41,12 +41,12 @@ class HamerOptions(ManoOptions):
     margin: float = Field(default=2.0, ge=1, le=4, description="side of the crop in sizes of the hand; 2.0 is HaMeR's")
 
 
-class Hamer(ManoHands):
-    """MANO rotations of every hand that the keypoints show; left hands are shown to the network in a mirror."""
+class Hamer(ManoHandEstimator):
+    """Hand estimator: MANO rotations by HaMeR of every hand with keypoints. Left hands are mirrored."""
 
     Options: ClassVar[type[Options]] = HamerOptions
     options: HamerOptions
-    project: ClassVar[Project] = Project(
+    project: ClassVar[CheckoutProject] = CheckoutProject(
         "HaMeR",
         "hamer.models",
         "https://github.com/geopavlakos/hamer",
@@ -54,7 +54,7 @@ class Hamer(ManoHands):
     )
 
     def load(self, device: str = "cpu") -> None:
-        """Build the network and fill it.
+        """Build the network and load its weights.
 
         Raises:
             DeviceError: the device is not there.
@@ -63,10 +63,12 @@ class Hamer(ManoHands):
             BodyModelError: the MANO file cannot be used.
         """
         check_device(device)
-        checkpoint, config, mano, mean = (self._host.file(name) for name in (_CHECKPOINT, _CONFIG, _MANO, _MEAN))
-        read = self._host.checkout.attribute("get_config", "hamer.configs")
-        kind = self._host.checkout.attribute("HAMER")
-        with chumpy_free_copy(mano, "mano") as plain, computing(self._host.checkout, device):
+        checkpoint, config, mano, mean = (
+            self._checkout_network.file(name) for name in (_CHECKPOINT, _CONFIG, _MANO, _MEAN)
+        )
+        read = self._checkout_network.checkout.attribute("get_config", "hamer.configs")
+        kind = self._checkout_network.checkout.attribute("HAMER")
+        with chumpy_free_copy(mano, "mano") as plain, inference_context(self._checkout_network.checkout, device):
             settings = read(str(config))
             settings.defrost()
             # Its own paths begin at the folder that Python was started in.
@@ -77,30 +79,33 @@ class Hamer(ManoHands):
             )  # of its training; the checkpoint holds the backbone
             settings.freeze()
             network = kind(settings, init_renderer=False)
-            self._host.keep(self._filled(network, checkpoint, besides=_TRAINING), device)
+            self._checkout_network.set_network(
+                self._load_checkpoint(network, checkpoint, optional_prefix=_TRAINING), device
+            )
 
-    def _region(self, box: FloatArray) -> FloatArray:
+    def _expand_box(self, box: FloatArray) -> FloatArray:
+        """Widen a box to the aspect of the network's input."""
         taller = max((box[2] - box[0]) / ASPECT - (box[3] - box[1]), 0.0)
         region: FloatArray = box + np.array([0.0, -taller / 2, 0.0, taller / 2])
         return region
 
-    def _fed(self, crop: UInt8Array) -> FloatArray:
-        """(3, 256, 256), red, green, blue."""
+    def _preprocess(self, crop: UInt8Array) -> FloatArray:
+        """Normalise a crop to (3, 256, 256), RGB."""
         plane: FloatArray = normalized_nchw(crop, IMAGENET_MEAN, IMAGENET_STD)[0]
         return plane
 
     def _run(self, network: object, crops: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Fingers (M, 15, 3, 3) and wrists (M, 1, 3, 3), as of right hands."""
+        """Run the network: fingers (M, 15, 3, 3) and wrists (M, 1, 3, 3) of right hands."""
         import torch
 
-        with computing(self._host.checkout, self._host.device, half=self.options.half):
-            answer = network({"img": torch.from_numpy(crops).to(self._host.device)})  # type: ignore[operator]
+        with inference_context(self._checkout_network.checkout, self._checkout_network.device, half=self.options.half):
+            answer = network({"img": torch.from_numpy(crops).to(self._checkout_network.device)})  # type: ignore[operator]
         try:
             hands = answer["pred_mano_params"]
             fingers, wrists = to_numpy(hands["hand_pose"]), to_numpy(hands["global_orient"])
         except (KeyError, TypeError) as error:
             raise BackendError(
-                f"HaMeR's network answered {type(answer).__name__} without pred_mano_params: "
+                f"HaMeR's network returned {type(answer).__name__} without pred_mano_params: "
                 "take the checkout of https://github.com/geopavlakos/hamer"
             ) from error
         return fingers.reshape(len(crops), 15, 3, 3), wrists.reshape(len(crops), 1, 3, 3)

@@ -1,8 +1,8 @@
-"""Contact that InteractVLM (Dwivedi et al. 2025) wrote earlier: files beside its photos, found again by the photo.
+"""Read contact that InteractVLM (Dwivedi et al. 2025) predicted earlier, from files matched by their photo.
 
-InteractVLM needs a large GPU and an environment of its own, so it runs apart: its ``run_demo.py`` writes
-``<photo>_hcontact_vertices.npz`` with probabilities on SMPL(+H) and on SMPL-X. Photos are recognised by how they look,
-since a backend is shown pixels and not names.
+InteractVLM needs a large GPU and its own environment, so it runs separately: its ``run_demo.py`` writes
+``<photo>_hcontact_vertices.npz`` with probabilities on SMPL(+H) and on SMPL-X. Photos are matched by their pixels,
+because a backend does not get file names.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pydantic import Field
 from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.interfaces import ContactPrior, Options
 from physic_core.types import ContactProbability
-from physic_human.smpl_rest import rest_of_smpl
+from physic_human.smpl_rest import load_rest_mesh
 
 if TYPE_CHECKING:
     from physic_core.types import Bodies, FloatArray, People, RestMesh, UInt8Array
@@ -30,7 +30,7 @@ _SUFFIX = "_hcontact_vertices"
 _TOPOLOGIES = {6890: "smpl", 10475: "smplx"}
 _PICTURES = (".jpg", ".jpeg", ".png", ".webp", ".bmp")
 _THUMB = 48
-"""px of the thumbnails that photos are compared by."""
+"""Side of the thumbnails by which photos are matched, px."""
 _MOST_GREY = 6.0
 """Mean difference of two thumbnails of one photo, grey levels; sizes and JPEG leave 1 to 3, another photo 30 and up."""
 _MOST_ASPECT = 0.03
@@ -55,8 +55,8 @@ class InteractVlmOptions(Options):
 
 
 @dataclass(frozen=True)
-class _Result:
-    """One file.
+class _ResultFile:
+    """Result file of InteractVLM with the thumbnail of its photo.
 
     Attributes:
         path: of it.
@@ -70,9 +70,9 @@ class _Result:
 
 
 class InteractVlmResults(ContactPrior):
-    """Probabilities of the files that belong to the photo; of several for one photo, the highest count.
+    """Contact prior that reads InteractVLM's result files; of several files of one photo, the maximum counts.
 
-    A file tells of one person unless it has a row a person: then of whom the photo shows largest.
+    A file is about one person, or has one row for each. In the first case the largest person in the photo gets it.
     """
 
     Options: ClassVar[type[Options]] = InteractVlmOptions
@@ -80,11 +80,11 @@ class InteractVlmResults(ContactPrior):
 
     def __init__(self, options: InteractVlmOptions | None = None) -> None:
         super().__init__(options)
-        self._results: tuple[_Result, ...] | None = None
+        self._results: tuple[_ResultFile, ...] | None = None
         self._rest: RestMesh | None = None
 
     def missing(self) -> tuple[str, ...]:
-        """The results, and the SMPL file."""
+        """Describe missing results."""
         given = self.options.results
         place = Path(given).expanduser()
         if not given:
@@ -96,7 +96,7 @@ class InteractVlmResults(ContactPrior):
         return ()
 
     def fingerprint(self) -> str:
-        """Changes with what the files hold."""
+        """Return a checksum of the files' contents."""
         if not self.options.results:
             return ""
         place = Path(self.options.results).expanduser()
@@ -107,7 +107,7 @@ class InteractVlmResults(ContactPrior):
         return whole.hexdigest() if files else ""
 
     def load(self, device: str = "cpu") -> None:
-        """Look through the files; no device is needed.
+        """Index the result files.
 
         Raises:
             WeightsMissingError: there are none.
@@ -117,9 +117,11 @@ class InteractVlmResults(ContactPrior):
         if lacking:
             raise WeightsMissingError(lacking[0])
         place = Path(self.options.results).expanduser()
-        self._rest = rest_of_smpl(self.options.smpl_file)
+        self._rest = load_rest_mesh(self.options.smpl_file)
         self._results = (
-            (_Result(place, None, 0.0),) if place.is_file() else tuple(_indexed(path) for path in _result_files(place))
+            (_ResultFile(place, None, 0.0),)
+            if place.is_file()
+            else tuple(_index_result(path) for path in _result_files(place))
         )
 
     def close(self) -> None:
@@ -127,7 +129,7 @@ class InteractVlmResults(ContactPrior):
         self._results, self._rest = None, None
 
     def infer(self, image: UInt8Array, people: People, bodies: Bodies) -> ContactProbability:
-        """N people -> probability (N, V) on SMPL, or on SMPL-X where the bodies are SMPL-X.
+        """Return the contact probability (N, V) of N people on SMPL, or on SMPL-X for SMPL-X bodies.
 
         Raises:
             BackendError: it is not loaded, the photo has no result, or a file holds something else.
@@ -153,6 +155,7 @@ class InteractVlmResults(ContactPrior):
         return self._answer(rows, topology)
 
     def _answer(self, values: FloatArray, topology: str) -> ContactProbability:
+        """Map values to probabilities so that the threshold becomes 0.5."""
         t = self.options.threshold
         values = np.clip(values, 0, 1)
         probability = np.where(values < t, 0.5 * values / t, 0.5 + 0.5 * (values - t) / (1 - t))
@@ -166,29 +169,31 @@ _ADVICE = (
 
 
 def _size_of(topology: str) -> int:
+    """Return the number of vertices of a topology."""
     return next(size for size, name in _TOPOLOGIES.items() if name == topology)
 
 
 def _result_files(folder: Path) -> list[Path]:
+    """Return the result files in a folder and below it."""
     return sorted(
         path for path in folder.rglob(f"*{_SUFFIX}.*") if path.suffix in (".npz", ".npy", ".json") and path.is_file()
     )
 
 
-def _indexed(path: Path) -> _Result:
-    """With the thumbnail of its photo, which run_demo.py reads beside it or one folder up."""
+def _index_result(path: Path) -> _ResultFile:
+    """Return a result file with the thumbnail of its photo, which is beside it or one folder up."""
     stem = path.name.split(_SUFFIX)[0]
     for folder in (path.parent, path.parent.parent):
         for suffix in _PICTURES:
             picture = folder / f"{stem}{suffix}"
             if picture.is_file():
                 image = _upright(picture)
-                return _Result(path, _thumb(image), image.shape[1] / image.shape[0])
+                return _ResultFile(path, _thumbnail(image), image.shape[1] / image.shape[0])
     raise BackendError(f"the photo of {path} is not there: keep {stem}.jpg or .png beside it or one folder up")
 
 
 def _upright(path: Path) -> UInt8Array:
-    """(H, W, 3) RGB, turned as its EXIF tag says."""
+    """Read a photo (H, W, 3) RGB with its EXIF rotation applied."""
     import cv2
 
     image = cv2.imread(str(path), cv2.IMREAD_COLOR)
@@ -197,7 +202,8 @@ def _upright(path: Path) -> UInt8Array:
     return np.ascontiguousarray(image[..., ::-1], np.uint8)
 
 
-def _thumb(image: UInt8Array) -> FloatArray:
+def _thumbnail(image: UInt8Array) -> FloatArray:
+    """Resize an image to a thumbnail."""
     import cv2
 
     return np.asarray(
@@ -205,17 +211,18 @@ def _thumb(image: UInt8Array) -> FloatArray:
     )
 
 
-def _same_photo(result: _Result, image: UInt8Array) -> bool:
+def _same_photo(result: _ResultFile, image: UInt8Array) -> bool:
+    """Return whether a result belongs to an image."""
     if result.thumb is None:
         return True
     aspect = image.shape[1] / image.shape[0]
     if abs(np.log(aspect / result.aspect)) > _MOST_ASPECT:
         return False
-    return float(np.abs(_thumb(image) - result.thumb).mean()) < _MOST_GREY
+    return float(np.abs(_thumbnail(image) - result.thumb).mean()) < _MOST_GREY
 
 
 def _read(path: Path, wanted: str) -> tuple[str, FloatArray]:
-    """Topology and values (M, V) of a file: the wanted topology where it has several."""
+    """Return topology and values (M, V) of a file, in the wanted topology if the file has several."""
     try:
         arrays = _arrays(path)
     except (OSError, ValueError, KeyError) as error:
@@ -232,6 +239,7 @@ def _read(path: Path, wanted: str) -> tuple[str, FloatArray]:
 
 
 def _arrays(path: Path) -> list[Any]:
+    """Return the arrays of a file."""
     if path.suffix == ".npz":
         with np.load(path, allow_pickle=False) as held:
             return [held[key] for key in held.files]
@@ -248,7 +256,7 @@ def _arrays(path: Path) -> list[Any]:
 
 
 def _rows_of(values: FloatArray, people: People) -> FloatArray:
-    """(N, V): a row a person as they are; one row for whom the photo shows largest."""
+    """Return values (N, V) of N people; a single row goes to the largest person."""
     if len(values) == len(people):
         return values
     rows = np.zeros((len(people), values.shape[1]), np.float32)

@@ -1,4 +1,4 @@
-"""What backends share that show one hand at a time to a network of right hands, from the checkout of its project."""
+"""Base class of hand estimators whose network takes one right hand at a time."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from physic_core.adapters.crops import antialias_sigma, crop_around_box, resampl
 from physic_core.adapters.hand_boxes import hand_boxes
 from physic_core.adapters.mano import empty_hands, hands_from_mano
 from physic_core.interfaces import HandEstimator
-from physic_human.hosting import CheckoutOptions, Hosted, batches
+from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions, batch_slices
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Hands, Keypoints, People, UInt8Array
 
-__all__ = ["SIDE", "ManoHands", "ManoOptions"]
+__all__ = ["SIDE", "ManoHandEstimator", "ManoOptions"]
 
 SIDE = 256
-"""px of the square input of these networks."""
+"""Side of the networks' square input, px."""
 
 
 class ManoOptions(CheckoutOptions):
-    """Base of their settings."""
+    """Base class of the settings of MANO hand estimators."""
 
     least_confidence: float = Field(
         default=0.5, ge=0, le=1, description="of a hand's keypoints; 0.7 in the code of the PhySIC paper"
@@ -33,45 +33,48 @@ class ManoOptions(CheckoutOptions):
     margin: float = Field(default=2.0, ge=1, le=4, description="side of the crop in sizes of the hand")
 
 
-class ManoHands(Hosted, HandEstimator):
-    """MANO rotations of every hand that the keypoints show; left hands are shown to the network in a mirror."""
+class ManoHandEstimator(CheckoutBackend, HandEstimator):
+    """Base class of estimators of MANO rotations of every hand with keypoints. Left hands are mirrored."""
 
     options: ManoOptions
 
     def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
-        """Image (H, W, 3) and N people with keypoints -> finger rotations; confidence is that of the keypoints.
+        """Return the finger rotations of N people; confidence is that of the keypoints.
 
         Raises:
             BackendError: it is not loaded, or the network answers something else.
         """
-        network, options = self._host.loaded(), self.options
+        network, options = self._checkout_network.loaded(), self.options
         found = hand_boxes(keypoints, least_confidence=options.least_confidence, least_size_px=options.least_size_px)
         if not len(found):
             return empty_hands(len(people))
         fingers, wrists = [], []
-        for rows in batches(len(found), options.batch):
+        for rows in batch_slices(len(found), options.batch):
             shown = zip(found.boxes[rows], found.right[rows], strict=True)
-            answer = self._run(network, np.stack([self._seen(image, box, mirrored=not right) for box, right in shown]))
+            answer = self._run(
+                network, np.stack([self._hand_input(image, box, mirrored=not right) for box, right in shown])
+            )
             fingers.append(answer[0])
             wrists.append(answer[1])
         return hands_from_mano(
             len(people), found.person, found.right, np.concatenate(fingers), found.confidence, np.concatenate(wrists)
         )
 
-    def _seen(self, image: UInt8Array, box: FloatArray, *, mirrored: bool) -> FloatArray:
+    def _hand_input(self, image: UInt8Array, box: FloatArray, *, mirrored: bool) -> FloatArray:
+        """Crop and preprocess a hand."""
         crop = crop_around_box(
-            self._region(box), SIDE, SIDE, padding=self.options.margin, grid="halves", mirrored=mirrored
+            self._expand_box(box), SIDE, SIDE, padding=self.options.margin, grid="halves", mirrored=mirrored
         )
-        return self._fed(resample_crop(image, crop, sigma=antialias_sigma(crop)))
+        return self._preprocess(resample_crop(image, crop, sigma=antialias_sigma(crop)))
 
-    def _region(self, box: FloatArray) -> FloatArray:
-        """The box (4,) that grows by the margin."""
+    def _expand_box(self, box: FloatArray) -> FloatArray:
+        """Return the box (4,) that grows by the margin."""
         return box
 
     @abstractmethod
-    def _fed(self, crop: UInt8Array) -> FloatArray:
-        """A cut-out (256, 256, 3), RGB, as the network takes it, without the axis of a batch."""
+    def _preprocess(self, crop: UInt8Array) -> FloatArray:
+        """Convert an RGB crop (256, 256, 3) to the network's input without a batch axis."""
 
     @abstractmethod
     def _run(self, network: Any, crops: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Fingers (M, 15, 3) or (M, 15, 3, 3) and wrists (M, 1, 3) or (M, 1, 3, 3), as of right hands."""
+        """Run the network: fingers (M, 15, 3) or (M, 15, 3, 3) and wrists (M, 1, 3) or (M, 1, 3, 3) of right hands."""

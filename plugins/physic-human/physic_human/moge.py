@@ -1,6 +1,6 @@
-"""MoGe 1 (Wang et al. 2025) from its checkout: the relative point map of the PhySIC paper.
+"""Estimate a relative point map with a checkout of MoGe 1 (Wang et al. 2025), the paper's.
 
-Its network answers points that are right up to a scale and a shift along z; focal length and shift are found here.
+The network returns points up to a scale and a shift along z. Focal length and shift are computed here.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from physic_core.adapters.pictures import normalized_nchw
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options, RelativePointmap
 from physic_core.types import Pointmap
-from physic_human.hosting import CheckoutOptions, Hosted, Project, computing, to_numpy
+from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions, CheckoutProject, inference_context, to_numpy
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Hints, UInt8Array
@@ -35,13 +35,13 @@ class Moge1Options(CheckoutOptions):
     resolution_level: int = Field(default=9, ge=0, le=9, description="9 sees the finest details, 0 is fastest")
 
 
-class Moge1(Hosted, RelativePointmap):
-    """Points up to a scale, on the rays of the given camera or of the one that fits them."""
+class Moge1(CheckoutBackend, RelativePointmap):
+    """Relative point map by MoGe 1, up to a scale, on the rays of the given or the estimated camera."""
 
     Options: ClassVar[type[Options]] = Moge1Options
     options: Moge1Options
     capabilities = frozenset({"returns_intrinsics"})
-    project: ClassVar[Project] = Project(
+    project: ClassVar[CheckoutProject] = CheckoutProject(
         "MoGe",
         "moge.model.v1",
         "https://github.com/microsoft/MoGe",
@@ -49,7 +49,7 @@ class Moge1(Hosted, RelativePointmap):
     )
 
     def load(self, device: str = "cpu") -> None:
-        """Build the network and fill it.
+        """Build the network and load its weights.
 
         Raises:
             DeviceError: the device is not there.
@@ -57,19 +57,19 @@ class Moge1(Hosted, RelativePointmap):
             BackendError: they are not MoGe's.
         """
         check_device(device)
-        path = self._host.file()
-        kind = self._host.checkout.attribute("MoGeModel")
-        with computing(self._host.checkout, device):
+        path = self._checkout_network.file()
+        kind = self._checkout_network.checkout.attribute("MoGeModel")
+        with inference_context(self._checkout_network.checkout, device):
             network = kind.from_pretrained(str(path))  # an existing path: nothing is fetched
-            self._host.keep(network, device)
+            self._checkout_network.set_network(network, device)
 
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
-        """Image (H, W, 3) -> point map up to a scale.
+        """Return the point map, up to a scale, of an image (H, W, 3).
 
         Raises:
             BackendError: it is not loaded, or no camera fits what the network answers.
         """
-        points, mask = self._run(self._host.loaded(), image)
+        points, mask = self._run(self._checkout_network.loaded(), image)
         height, width = mask.shape
         told = hints.intrinsics
         found = recover_camera(points, mask, None if told is None else (told.fx, told.fy))
@@ -81,23 +81,23 @@ class Moge1(Hosted, RelativePointmap):
         return Pointmap(settled, valid, "scale_shift", camera, ("MoGe saw a scene too flat to tell the focal length",))
 
     def _run(self, network: Any, image: UInt8Array) -> tuple[FloatArray, BoolArray]:
-        """Affine points (H, W, 3) and which of them count (H, W)."""
+        """Run the network: affine points (H, W, 3) and their mask (H, W)."""
         import torch
 
         low, high = network.num_tokens_range
         tokens = int(low + self.options.resolution_level / _LEVELS * (high - low))
         # Red, green and blue from 0 to 1: the network subtracts mean and divides by deviation itself.
-        pixels = torch.from_numpy(normalized_nchw(image)).to(self._host.device)
-        with computing(self._host.checkout, self._host.device, half=self.options.half):
+        pixels = torch.from_numpy(normalized_nchw(image)).to(self._checkout_network.device)
+        with inference_context(self._checkout_network.checkout, self._checkout_network.device, half=self.options.half):
             answer = network.forward(pixels, tokens)
         try:
             points, mask = to_numpy(answer["points"])[0], to_numpy(answer["mask"])[0]
         except (KeyError, TypeError, IndexError) as error:
             raise BackendError(
-                f"MoGe answered {type(answer).__name__} without points and mask: "
+                f"MoGe returned {type(answer).__name__} without points and mask: "
                 "take the checkout of https://github.com/microsoft/MoGe"
             ) from error
         if points.shape != image.shape or mask.shape != image.shape[:2]:
-            raise BackendError(f"MoGe answered points {points.shape} and a mask {mask.shape} for {image.shape}")
+            raise BackendError(f"MoGe returned points {points.shape} and a mask {mask.shape} for {image.shape}")
         counts: BoolArray = (mask > network.mask_threshold) & np.isfinite(points).all(axis=-1)
         return points, counts

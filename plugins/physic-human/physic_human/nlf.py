@@ -1,7 +1,7 @@
-"""NLF (Sarandi and Pons-Moll 2024): bodies in metres for any camera, from one TorchScript file.
+"""Estimate bodies in metres for any camera with NLF (Sarandi and Pons-Moll 2024), from one TorchScript file.
 
-Asked with the people's own boxes, so that the detector inside the file, which has a licence of its own and wants CUDA,
-is never called.
+The people's boxes are given to the network, so that the detector inside the file, which has its own licence and needs
+CUDA, is never called.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from physic_core.adapters.smpl import bodies_from_smpl, empty_bodies, parameters
 from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator, Options
 from physic_core.types import Bodies, Mesh
-from physic_human.hosting import MANIFEST, SeenConfidence, to_numpy
+from physic_human.checkout_backend import MANIFEST, SeenConfidence, to_numpy
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
@@ -34,7 +34,7 @@ _LOG = logging.getLogger(__name__)
 _METHODS = ("estimate_parametric_batched", "estimate_smpl_batched")
 _MM = 1000.0
 _PELVIS_REACH_M = 0.8
-"""How far a pelvis can be from where its body's origin is."""
+"""Largest distance from a body's origin to its pelvis, metres."""
 _WORST_MM = 5.0
 _EXPRESSION = 10
 
@@ -65,7 +65,7 @@ class NlfOptions(Options):
 
 
 class Nlf(BodyEstimator):
-    """SMPL-X or SMPL bodies with their 55 or 24 joints, in the given camera."""
+    """Body estimator: SMPL-X or SMPL bodies by NLF with 55 or 24 joints, in the given camera."""
 
     Options: ClassVar[type[Options]] = NlfOptions
     options: NlfOptions
@@ -78,7 +78,7 @@ class Nlf(BodyEstimator):
         self._checked = False
 
     def missing(self) -> tuple[str, ...]:
-        """The file, and torchvision, whose operators it uses."""
+        """Describe a missing file and missing torchvision, whose operators the file uses."""
         from importlib.util import find_spec
 
         lacking = list(weights.missing(MANIFEST, self.options.weights))
@@ -89,7 +89,7 @@ class Nlf(BodyEstimator):
         return tuple(lacking)
 
     def fingerprint(self) -> str:
-        """Changes with the file."""
+        """Return the checksum of the file."""
         return weights.fingerprint(MANIFEST, self.options.weights)
 
     def load(self, device: str = "cpu") -> None:
@@ -126,13 +126,13 @@ class Nlf(BodyEstimator):
             self._body = load_body(Path(self.options.smplx_file).expanduser())
 
     def close(self) -> None:
-        """Let go of the network."""
+        """Release the network."""
         self._network, self._body = None, None
 
     def infer(
         self, image: UInt8Array, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
     ) -> Bodies:
-        """N people -> N bodies in metres in the camera frame.
+        """Return bodies of N people, metres, camera frame.
 
         Raises:
             BackendError: it is not loaded, or the network answers something else.
@@ -149,7 +149,7 @@ class Nlf(BodyEstimator):
         )
 
     def _ask(self, image: UInt8Array, boxes: FloatArray, intrinsics: Intrinsics) -> dict[str, FloatArray]:
-        """What the network says of each person, lengths still in its own units."""
+        """Run the network on the people's boxes; lengths in its own units."""
         import torch
 
         method = next(getattr(self._network, name) for name in _METHODS if hasattr(self._network, name))
@@ -178,24 +178,25 @@ class Nlf(BodyEstimator):
             came = found[key].shape if key in found else None
             if came != shape:
                 raise BackendError(
-                    f"NLF answered {key} {'nothing' if came is None else came}, where {len(boxes)} people of "
+                    f"NLF returned {key} {'nothing' if came is None else came}, where {len(boxes)} people of "
                     f"'{self.options.body}' are {shape}: the file may be of another version than those known here"
                 )
         if not np.isfinite(found["joints3d"]).any():
             raise BackendError(
-                "NLF answered no numbers at all: its crop network computes in float16, which some GPUs (GTX 16xx) "
+                "NLF returned no numbers at all: its crop network computes in float16, which some GPUs (GTX 16xx) "
                 "cannot; load it on the CPU"
             )
         return found
 
     def _as_smplx(self, found: dict[str, FloatArray]) -> Bodies:
+        """Convert the network output to SMPL-X bodies."""
         count = len(found["pose"])
         joints = found["joints3d"] / _MM
         rotvecs = found["pose"].reshape(count, 55, 3)
         expression = np.zeros((count, _EXPRESSION), np.float32)
         body, mesh = self._body, None
         if body is None:
-            transl = _places(found)
+            transl = _translations(found)
         else:
             from physic_core.geometry.tensors import tensor
 
@@ -207,21 +208,22 @@ class Nlf(BodyEstimator):
             parameters_from_rotvecs(rotvecs, found["betas"], transl, expression), "smplx", joints=joints, mesh=mesh
         )
         if body is not None and not self._checked:
-            _check_rebuilt(body, bodies, found["vertices3d"] / _MM)
+            _check_reconstruction(body, bodies, found["vertices3d"] / _MM)
             self._checked = True
         return bodies
 
     def _as_smpl(self, found: dict[str, FloatArray]) -> Bodies:
+        """Convert the network output to SMPL bodies."""
         return bodies_from_smpl(
-            found["pose"].reshape(-1, 24, 3), found["betas"], _places(found), joints=found["joints3d"] / _MM
+            found["pose"].reshape(-1, 24, 3), found["betas"], _translations(found), joints=found["joints3d"] / _MM
         )
 
 
-def _places(found: dict[str, FloatArray]) -> FloatArray:
-    """Translations (N, 3) in metres, whatever the version of the file.
+def _translations(found: dict[str, FloatArray]) -> FloatArray:
+    """Return translations (N, 3) in metres for every version of the file.
 
-    In v0.2.0 they are relative to the middle of the points that the body was fitted to. The pelvis tells which it is:
-    it is never far from the body's origin.
+    In v0.2.0 they are relative to the mean of the points to which the body was fitted. The distance from the pelvis to
+    the body's origin tells the version.
     """
     pelvis, transl = found["joints3d"][:, 0] / _MM, found["trans"]
     if np.nanmedian(np.linalg.norm(pelvis - transl, axis=1)) < _PELVIS_REACH_M:
@@ -232,14 +234,14 @@ def _places(found: dict[str, FloatArray]) -> FloatArray:
         if np.nanmedian(np.linalg.norm(pelvis - moved, axis=1)) < _PELVIS_REACH_M:
             return moved
     raise BackendError(
-        f"NLF answered a body at {np.round(transl[0], 2).tolist()} m and its pelvis at "
+        f"NLF returned a body at {np.round(transl[0], 2).tolist()} m and its pelvis at "
         f"{np.round(pelvis[0], 2).tolist()} m: the file may be of another version than those known here; "
         "with the option smplx_file the place is told from the pelvis alone"
     )
 
 
-def _check_rebuilt(body: BodyModel, bodies: Bodies, vertices: FloatArray) -> None:
-    """Whether the user's file gives the surface that NLF gave."""
+def _check_reconstruction(body: BodyModel, bodies: Bodies, vertices: FloatArray) -> None:
+    """Raise BackendError if the user's SMPL-X file gives another surface than NLF."""
     import torch
 
     from physic_core.body.parameters import rotations_from_parameters
@@ -248,7 +250,7 @@ def _check_rebuilt(body: BodyModel, bodies: Bodies, vertices: FloatArray) -> Non
     p = bodies.parameters
     if p.betas.shape[1] != body.num_betas or vertices.shape[1] != body.num_vertices:
         raise BackendError(
-            f"NLF answered {p.betas.shape[1]} betas and {vertices.shape[1]} vertices, "
+            f"NLF returned {p.betas.shape[1]} betas and {vertices.shape[1]} vertices, "
             f"smplx_file has {body.num_betas} and {body.num_vertices}"
         )
     with torch.no_grad():
@@ -268,8 +270,8 @@ _NO_TORCHVISION = (
 
 
 def _register_torchvision() -> None:
-    """Its operators have to be known before the file is read."""
+    """Import torchvision, whose operators must be registered before the file is read."""
     try:
-        import torchvision  # noqa: F401
+        pass
     except Exception as error:  # a build for another torch raises what it likes
         raise BackendError(f"{_NO_TORCHVISION} ({type(error).__name__}: {error})") from error

@@ -1,7 +1,7 @@
-"""SAM 3D Body (Meta 2025) from its checkout: surfaces and keypoints of the MHR body, in metres, in the given camera.
+"""Estimate MHR bodies in metres, in the given camera, with a checkout of SAM 3D Body (Meta 2025).
 
-Its code fetches DINOv3's main branch while it is built, and reads checkpoints with all that they hold. Here it gets the
-folder that the option ``dinov3_checkout`` names, and tensors alone; the ViT-H weights need no DINOv3.
+Its code downloads DINOv3's main branch while it builds the network, and unpickles checkpoints. Here it gets the folder
+of the option ``dinov3_checkout``, and tensors only. The ViT-H weights need no DINOv3.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from physic_core.body.joints import JOINT_INDEX, NUM_JOINTS
 from physic_core.errors import BackendError, DeviceError, WeightsMissingError
 from physic_core.interfaces import BodyEstimator, Options
 from physic_core.types import Bodies, Mesh
-from physic_human.hosting import (
+from physic_human.checkout_backend import (
+    CheckoutBackend,
     CheckoutOptions,
-    Hosted,
-    Project,
+    CheckoutProject,
     SeenConfidence,
-    batches,
-    computing,
-    refused_checkpoint,
+    batch_slices,
+    checkpoint_error,
+    inference_context,
 )
 from physic_human.torch_guard import guarded_torch
 
@@ -40,9 +40,9 @@ if TYPE_CHECKING:
 
     from physic_core.types import FloatArray, Hints, Intrinsics, Keypoints, People, UInt8Array
 
-__all__ = ["JOINTS_OF_KEYPOINTS", "KEYPOINTS", "Sam3dBody", "Sam3dBodyOptions", "joints_of_keypoints"]
+__all__ = ["JOINT_BY_KEYPOINT", "NUM_KEYPOINTS", "Sam3dBody", "Sam3dBodyOptions", "joints_from_keypoints"]
 
-KEYPOINTS = 70
+NUM_KEYPOINTS = 70
 _CHECKPOINT, _CONFIG, _MHR = "model.ckpt", "model_config.yaml", "assets/mhr_model.pt"
 _DINOV3 = "facebookresearch/dinov3"
 _DINOV3_BACKBONE = re.compile(r"^\s*TYPE:\s*['\"]?dinov3", re.MULTILINE)
@@ -57,16 +57,16 @@ _WRIST = {"left": 62, "right": 41}
 _FIRST_FINGER = {"left": 42, "right": 21}
 _FINGERS = ("thumb", "index", "middle", "ring", "pinky")
 _FOOT = {"left": (13, 15, 16), "right": (14, 18, 19)}
-"""Ankle, and tips of the big and the small toe: the ball of the foot is a mean of them, and says how it is turned."""
+"""Keypoints of the ankle and the tips of the big and the small toe, whose weighted mean is the ball of the foot."""
 _BALL = np.array([0.2, 0.4, 0.4], np.float32)
 """Weights of that mean: on worlds it is 5 mm off on average, and 31 mm with bent toes."""
 
 
 def _table() -> dict[int, int]:
-    """Keypoint -> joint of SMPL-X.
+    """Return the SMPL-X joint of each keypoint that has one.
 
-    Fingers come thumb first, each from its tip: tip, "first", "second", "third joint"; the third is the knuckle, and
-    there SMPL-X begins to count. The neck is left out, for it is another point; so are olecranon, fossa and acromion.
+    Fingers are sorted from the thumb, each from its tip: tip, "first", "second", "third joint". The third is the
+    knuckle, SMPL-X's first. The neck is left out because it is another point; so are olecranon, fossa and acromion.
     """
     table = {number: JOINT_INDEX[name] for name, number in _EYES.items()}
     for name, number in _BODY.items():
@@ -79,14 +79,14 @@ def _table() -> dict[int, int]:
     return table
 
 
-JOINTS_OF_KEYPOINTS = _table()
-"""Which of the 70 keypoints is which joint of SMPL-X."""
+JOINT_BY_KEYPOINT = _table()
+"""SMPL-X joint by MHR keypoint."""
 
 
-def joints_of_keypoints(keypoints: FloatArray) -> FloatArray:
-    """Keypoints (N, 70, 3) -> joints of SMPL-X (N, 55, 3) float32, NaN where MHR's keypoints say nothing."""
+def joints_from_keypoints(keypoints: FloatArray) -> FloatArray:
+    """Convert keypoints (N, 70, 3) to SMPL-X joints (N, 55, 3) float32; NaN for joints without a keypoint."""
     joints = np.full((len(keypoints), NUM_JOINTS, 3), np.nan, np.float32)
-    joints[:, list(JOINTS_OF_KEYPOINTS.values())] = keypoints[:, list(JOINTS_OF_KEYPOINTS)]
+    joints[:, list(JOINT_BY_KEYPOINT.values())] = keypoints[:, list(JOINT_BY_KEYPOINT)]
     for side, points in _FOOT.items():
         joints[:, JOINT_INDEX[f"{side}_foot"]] = np.einsum("k,nki->ni", _BALL, keypoints[:, list(points)])
     return joints
@@ -110,13 +110,13 @@ class Sam3dBodyOptions(CheckoutOptions):
     )
 
 
-class Sam3dBody(Hosted, BodyEstimator):
-    """MHR bodies: surface and joints say everything, the rotations are zero. Needs a GPU, for its code does."""
+class Sam3dBody(CheckoutBackend, BodyEstimator):
+    """Body estimator: MHR bodies by SAM 3D Body as mesh and joints, with zero rotations. Needs a GPU."""
 
     Options: ClassVar[type[Options]] = Sam3dBodyOptions
     options: Sam3dBodyOptions
     capabilities = frozenset({"needs_cuda"})
-    project: ClassVar[Project] = Project(
+    project: ClassVar[CheckoutProject] = CheckoutProject(
         "SAM 3D Body",
         "sam_3d_body",
         "https://github.com/facebookresearch/sam-3d-body",
@@ -135,28 +135,28 @@ class Sam3dBody(Hosted, BodyEstimator):
         )
 
     def missing(self) -> tuple[str, ...]:
-        """Of checkouts, packages and weights."""
+        """Describe missing checkouts, packages and weights."""
         return (*super().missing(), *(self._dinov3.missing() if self._needs_dinov3() else ()))
 
     def fingerprint(self) -> str:
-        """Changes with weights and code."""
+        """Return the identity of weights and code."""
         return f"{super().fingerprint()} {self._dinov3.fingerprint()}"
 
     def close(self) -> None:
-        """Let go of network and code."""
+        """Release networks and code."""
         super().close()
         self._dinov3.close()
 
     def _needs_dinov3(self) -> bool:
-        """By the config beside the weights; by their name where they are not here yet."""
+        """Return whether the weights need DINOv3, by their config, or by their name if they are missing."""
         try:
-            text = self._host.file(_CONFIG).read_text("utf-8", errors="replace")
+            text = self._checkout_network.file(_CONFIG).read_text("utf-8", errors="replace")
         except (WeightsMissingError, OSError):
             return "dinov3" in self.options.weights
         return _DINOV3_BACKBONE.search(text) is not None
 
     def load(self, device: str = "cpu") -> None:
-        """Build the estimator and fill it.
+        """Build the estimator and load its weights.
 
         Raises:
             DeviceError: the device is not there, or is no GPU.
@@ -165,24 +165,28 @@ class Sam3dBody(Hosted, BodyEstimator):
         """
         check_device(device)
         if not device.startswith("cuda"):
-            raise DeviceError(f"SAM 3D Body's own code runs on a GPU only, and '{device}' was asked for: use 'cuda'")
+            raise DeviceError(f"SAM 3D Body's own code runs on a GPU only, got '{device}': use 'cuda'")
         self._build(device)
 
     def _build(self, device: str) -> None:
-        checkpoint, mhr = self._host.file(_CHECKPOINT), self._host.file(_MHR)
-        build = self._host.checkout.attribute("load_sam_3d_body")
-        kind = self._host.checkout.attribute("SAM3DBodyEstimator")
+        """Build the network on a device and load its weights."""
+        checkpoint, mhr = self._checkout_network.file(_CHECKPOINT), self._checkout_network.file(_MHR)
+        build = self._checkout_network.checkout.attribute("load_sam_3d_body")
+        kind = self._checkout_network.checkout.attribute("SAM3DBodyEstimator")
         trusted = self.options.trust_checkpoint
-        with computing(self._host.checkout, device), guarded_torch(self._from_hub, trusted=trusted) as read:
+        with (
+            inference_context(self._checkout_network.checkout, device),
+            guarded_torch(self._from_hub, trusted=trusted) as read,
+        ):
             try:
                 network, settings = build(str(checkpoint), device=device, mhr_path=str(mhr))
             except pickle.UnpicklingError as error:
-                raise refused_checkpoint(checkpoint, error, trusted=trusted) from error
-            _check_filled(network, read, checkpoint)
-            self._host.network, self._host.device = kind(network, settings), device
+                raise checkpoint_error(checkpoint, error, trusted=trusted) from error
+            _check_parameters(network, read, checkpoint)
+            self._checkout_network.network, self._checkout_network.device = kind(network, settings), device
 
     def _from_hub(self, repo: str, name: str, *args: Any, **options: Any) -> Any:
-        """In place of ``torch.hub.load``: a network of the user's DINOv3; its weights are in the checkpoint."""
+        """Replace ``torch.hub.load``: build a network from the user's DINOv3 checkout."""
         if str(repo).partition(":")[0] != _DINOV3:
             raise BackendError(
                 f"SAM 3D Body wants to run code of {repo}, which is not fetched: this backend knows the checkout of "
@@ -196,22 +200,22 @@ class Sam3dBody(Hosted, BodyEstimator):
     def infer(
         self, image: UInt8Array, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
     ) -> Bodies:
-        """N people -> N bodies of the model "mhr", in metres in the camera frame.
+        """Return bodies of N people of the model "mhr", metres, camera frame.
 
         Raises:
             BackendError: it is not loaded, or it answers something else.
         """
-        estimator = self._host.loaded()
+        estimator = self._checkout_network.loaded()
         if not len(people):
             return empty_bodies("mhr", num_betas=0)
         found: list[dict[str, Any]] = []
-        for rows in batches(len(people), self.options.batch):
+        for rows in batch_slices(len(people), self.options.batch):
             found += self._ask(estimator, image, people, rows, intrinsics)
         place = np.stack([np.asarray(one["pred_cam_t"], np.float32) for one in found])
         if not uses_principal_point(estimator.cfg):
-            place[:, :2] += _from_middle(image, intrinsics) * place[:, 2:]
+            place[:, :2] += _principal_point_shift(image, intrinsics) * place[:, 2:]
         vertices = np.stack([np.asarray(one["pred_vertices"], np.float32) for one in found]) + place[:, None]
-        points = np.stack([np.asarray(one["pred_keypoints_3d"], np.float32)[:KEYPOINTS] for one in found])
+        points = np.stack([np.asarray(one["pred_keypoints_3d"], np.float32)[:NUM_KEYPOINTS] for one in found])
         zero = np.zeros((len(people), 22, 3), np.float32)
         betas = np.stack([np.asarray(one.get("shape_params", ()), np.float32).reshape(-1) for one in found])
         mesh = Mesh("mhr", vertices, np.asarray(estimator.faces, np.int32))
@@ -219,13 +223,14 @@ class Sam3dBody(Hosted, BodyEstimator):
             parameters_from_rotvecs(zero, betas, place),
             "mhr",
             observed=observed_joints(keypoints, image.shape[0], image.shape[1], self.options.seen_confidence),
-            joints=joints_of_keypoints(points + place[:, None]),
+            joints=joints_from_keypoints(points + place[:, None]),
             mesh=mesh,
         )
 
     def _ask(
         self, estimator: Any, image: UInt8Array, people: People, rows: slice, intrinsics: Intrinsics
     ) -> list[dict[str, Any]]:
+        """Run the estimator on some people."""
         import torch
 
         boxes = np.asarray(people.boxes[rows], np.float32)
@@ -234,7 +239,10 @@ class Sam3dBody(Hosted, BodyEstimator):
             camera[:2, 2] += 0.5  # it counts pixels from their edges
         else:
             camera[:2, 2] = image.shape[1] / 2, image.shape[0] / 2  # where it takes it to be
-        with self._dinov3.inside(), computing(self._host.checkout, self._host.device, half=self.options.half):
+        with (
+            self._dinov3.inside(),
+            inference_context(self._checkout_network.checkout, self._checkout_network.device, half=self.options.half),
+        ):
             answer = estimator.process_one_image(
                 np.ascontiguousarray(image),  # RGB, as it wants arrays; only files it reads as BGR
                 bboxes=boxes,
@@ -244,23 +252,23 @@ class Sam3dBody(Hosted, BodyEstimator):
         wanted = {"pred_vertices", "pred_cam_t", "pred_keypoints_3d"}
         if len(answer) != len(boxes) or not all(wanted <= one.keys() for one in answer):
             raise BackendError(
-                f"SAM 3D Body answered {len(answer)} people for {len(boxes)} boxes, or one without "
+                f"SAM 3D Body returned {len(answer)} people for {len(boxes)} boxes, or one without "
                 f"{', '.join(sorted(wanted))}: take the checkout of https://github.com/facebookresearch/sam-3d-body"
             )
         return list(answer)
 
 
 def uses_principal_point(config: Any) -> bool:
-    """Whether the network places bodies about the principal point that it is given, by its ``model_config.yaml``.
+    """Return whether the network places bodies relative to the given principal point, by its ``model_config.yaml``.
 
-    Otherwise, as its code has it where the config says nothing, it places them about the middle of the photo.
+    Otherwise it places them relative to the centre of the photo, which is the default.
     """
     for name in ("MODEL", "DECODER", "USE_INTRIN_CENTER"):
         config = config.get(name) if isinstance(config, Mapping) else None
     return bool(config)
 
 
-def _check_filled(network: torch.nn.Module, read: list[Any], path: Path) -> None:
+def _check_parameters(network: torch.nn.Module, read: list[Any], path: Path) -> None:
     """Its code leaves random numbers where a checkpoint, or another version of DINOv3, has other parameters.
 
     Raises:
@@ -275,13 +283,14 @@ def _check_filled(network: torch.nn.Module, read: list[Any], path: Path) -> None
     ]
     if absent:
         raise BackendError(
-            f"{path} lacks {len(absent)} of {len(own)} parameters of the network, {', '.join(absent[:3])}, ...: it is "
-            "the checkpoint of another network, or of another version of SAM 3D Body or of DINOv3"
+            f"{path} is missing {len(absent)} of {len(own)} parameters of the network, "
+            f"{', '.join(absent[:3])}, ...: "
+            "it is the checkpoint of another network, or of another version of SAM 3D Body or of DINOv3"
         )
 
 
-def _from_middle(image: UInt8Array, intrinsics: Intrinsics) -> FloatArray:
-    """(2,) by how much bodies move in x and y, in units of their z, from the middle to the principal point."""
+def _principal_point_shift(image: UInt8Array, intrinsics: Intrinsics) -> FloatArray:
+    """Return the shift (2,) of bodies in x and y, in units of z, from the image centre to the principal point."""
     height, width = image.shape[:2]
     apart = np.array([width / 2 - intrinsics.cx, height / 2 - intrinsics.cy]) - 0.5
     return np.asarray(apart / intrinsics.fx, np.float32)

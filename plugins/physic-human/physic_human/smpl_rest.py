@@ -1,4 +1,4 @@
-"""The user's SMPL file as the backends need it: posed bodies with joints and surface, and the T-pose."""
+"""Load the user's SMPL file: posed bodies with joints and mesh, and the T-pose."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from physic_core.body.smpl_file import SmplBody
     from physic_core.types import Bodies, FloatArray, RestMesh
 
-__all__ = ["open_smpl", "posed_bodies", "rest_of_smpl", "smpl_missing"]
+__all__ = ["load_rest_mesh", "open_smpl", "posed_bodies", "smpl_missing"]
 
 _ADVICE = (
     "set smpl_file to your SMPL_NEUTRAL.npz or .pkl: register at https://smpl.is.tue.mpg.de (non-commercial) and "
@@ -25,14 +25,14 @@ _ADVICE = (
 
 
 def smpl_missing(path: str) -> tuple[str, ...]:
-    """What is lacking of an option ``smpl_file``, in words."""
+    """Describe a missing SMPL file."""
     if not path:
         return (f"the SMPL model is not given: {_ADVICE}",)
     return () if Path(path).expanduser().is_file() else (f"there is no file {path}: {_ADVICE}",)
 
 
 def open_smpl(path: str) -> SmplBody:
-    """The body in a SMPL file.
+    """Load a SMPL file.
 
     Raises:
         WeightsMissingError: it is not given, or not there.
@@ -45,8 +45,8 @@ def open_smpl(path: str) -> SmplBody:
     return load_smpl(Path(path).expanduser())
 
 
-def rest_of_smpl(path: str) -> RestMesh | None:
-    """The T-pose of a SMPL file; None where none is given.
+def load_rest_mesh(path: str) -> RestMesh | None:
+    """Return the T-pose of a SMPL file; None for an empty path.
 
     Raises:
         WeightsMissingError: it is not there.
@@ -56,7 +56,7 @@ def rest_of_smpl(path: str) -> RestMesh | None:
 
 
 def posed_bodies(body: SmplBody, rotations: FloatArray, betas: FloatArray, transl: FloatArray) -> Bodies:
-    """N bodies of the model "smpl" with joints and surface; rows that are not numbers stay so.
+    """Return N bodies of the model "smpl" with joints and mesh; non-finite rows stay NaN.
 
     Args:
         body: of :func:`open_smpl`.

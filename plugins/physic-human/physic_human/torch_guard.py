@@ -1,4 +1,4 @@
-"""What a checkout may do with torch while it is built: no code but the user's, no objects out of checkpoints."""
+"""Restrict torch while a checkout builds its network: no downloaded code, and no pickled objects."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ _lock = threading.RLock()
 
 @contextmanager
 def guarded_torch(hub: Callable[..., Any], *, trusted: bool) -> Iterator[list[Any]]:
-    """In this thread, for the block: ``torch.hub.load`` is another function, and ``torch.load`` reads tensors alone.
+    """Replace ``torch.hub.load`` and let ``torch.load`` read only tensors, in this thread and inside the block.
 
-    Published code fetches somebody's main branch and runs it, or reads whole objects, without asking. Other threads
-    are not affected; a second block waits for the first. Yields what ``torch.load`` has read so far.
+    Published code downloads and runs main branches, or unpickles objects. Other threads are not affected; a second
+    block waits for the first. Yields what ``torch.load`` has read so far.
 
     Args:
         hub: what is called in place of ``torch.hub.load``.

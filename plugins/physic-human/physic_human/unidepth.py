@@ -1,4 +1,4 @@
-"""UniDepth V2 (Piccinelli et al. 2025) from its checkout: depth in metres, and the camera where nobody knows it."""
+"""Estimate metric depth, and the camera where unknown, with a checkout of UniDepth V2 (Piccinelli et al. 2025)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from physic_core.adapters.devices import check_device
 from physic_core.errors import BackendError
 from physic_core.interfaces import MetricDepth, Options
 from physic_core.types import DepthMap, Intrinsics
-from physic_human.hosting import CheckoutOptions, Hosted, Project, computing, to_numpy
+from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions, CheckoutProject, inference_context, to_numpy
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Hints, UInt8Array
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["UniDepth", "UniDepthOptions"]
 
 _HALF_PIXEL = 0.5
-"""It counts pixels from their edges: the middle of the first one is at 0.5."""
+"""Offset of pixel centres in UniDepth's image coordinates, px."""
 _FARTHEST_M = 1e4
 
 
@@ -35,13 +35,13 @@ class UniDepthOptions(CheckoutOptions):
     use_camera: bool = Field(default=True, description="tell the network the camera where it is known")
 
 
-class UniDepth(Hosted, MetricDepth):
-    """Depth along z, and the camera that it was seen with."""
+class UniDepth(CheckoutBackend, MetricDepth):
+    """Metric depth by UniDepth V2, and its camera."""
 
     Options: ClassVar[type[Options]] = UniDepthOptions
     options: UniDepthOptions
     capabilities = frozenset({"returns_intrinsics"})
-    project: ClassVar[Project] = Project(
+    project: ClassVar[CheckoutProject] = CheckoutProject(
         "UniDepth",
         "unidepth.models",
         "https://github.com/lpiccinelli-eth/UniDepth",
@@ -49,7 +49,7 @@ class UniDepth(Hosted, MetricDepth):
     )
 
     def load(self, device: str = "cpu") -> None:
-        """Build the network and fill it, from a folder and never from the network.
+        """Build the network and load its weights from a folder.
 
         Raises:
             DeviceError: the device is not there.
@@ -57,21 +57,21 @@ class UniDepth(Hosted, MetricDepth):
             BackendError: they are not UniDepth's.
         """
         check_device(device)
-        folder = self._host.file()
-        kind = self._host.checkout.attribute("UniDepthV2")
-        with computing(self._host.checkout, device):
+        folder = self._checkout_network.file()
+        kind = self._checkout_network.checkout.attribute("UniDepthV2")
+        with inference_context(self._checkout_network.checkout, device):
             network = kind.from_pretrained(str(folder))
             network.resolution_level = self.options.resolution_level
             network.interpolation_mode = "bilinear"
-            self._host.keep(network, device)
+            self._checkout_network.set_network(network, device)
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
-        """Image (H, W, 3) -> z-depth in metres.
+        """Return z-depth in metres of an image (H, W, 3).
 
         Raises:
             BackendError: it is not loaded, or the network answers something else.
         """
-        network = self._host.loaded()
+        network = self._checkout_network.loaded()
         height, width = image.shape[:2]
         told = hints.intrinsics if self.options.use_camera else None
         if told is not None and told.guessed:
@@ -79,13 +79,14 @@ class UniDepth(Hosted, MetricDepth):
         answer = self._run(network, image, told)
         depth = to_numpy(answer["depth"]).reshape(-1)
         if depth.size != height * width:
-            raise BackendError(f"UniDepth answered {depth.size} depths for {width} x {height} px")
+            raise BackendError(f"UniDepth returned {depth.size} depths for {width} x {height} px")
         depth = depth.reshape(height, width)
         known = np.isfinite(depth) & (depth > 0) & (depth < _FARTHEST_M)
         camera = told or _camera(to_numpy(answer["intrinsics"]), width, height)
         return DepthMap(np.where(known, depth, np.nan).astype(np.float32), camera)
 
     def _run(self, network: Any, image: UInt8Array, told: Intrinsics | None) -> dict[str, Any]:
+        """Run the network."""
         import torch
 
         rgb = torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)))
@@ -96,19 +97,19 @@ class UniDepth(Hosted, MetricDepth):
             camera = torch.from_numpy(matrix)[None]  # its own: the network's code writes into it
         # Its own decorators would compute in float16 on every GPU, whatever is asked for.
         infer = inspect.unwrap(type(network).infer)
-        with computing(self._host.checkout, self._host.device, half=self.options.half):
+        with inference_context(self._checkout_network.checkout, self._checkout_network.device, half=self.options.half):
             answer = infer(network, rgb, camera)
         if not isinstance(answer, dict) or not {"depth", "intrinsics"} <= answer.keys():
             raise BackendError(
-                f"UniDepth answered {type(answer).__name__} without depth and intrinsics: "
+                f"UniDepth returned {type(answer).__name__} without depth and intrinsics: "
                 "take the checkout of https://github.com/lpiccinelli-eth/UniDepth"
             )
         return answer
 
 
 def _camera(matrix: FloatArray, width: int, height: int) -> Intrinsics:
-    """From (1, 3, 3) or (3, 3), counted from the edges of pixels."""
+    """Convert a camera matrix (1, 3, 3) or (3, 3) that counts from pixel edges."""
     k = matrix.reshape(-1, 3, 3)[0].astype(float)
     if not (np.isfinite(k).all() and k[0, 0] > 0 and k[1, 1] > 0):
-        raise BackendError(f"UniDepth answered a camera without a focal length: {k.tolist()}")
+        raise BackendError(f"UniDepth returned a camera without a focal length: {k.tolist()}")
     return Intrinsics(k[0, 0], k[1, 1], k[0, 2] - _HALF_PIXEL, k[1, 2] - _HALF_PIXEL, width, height, "UniDepth V2")

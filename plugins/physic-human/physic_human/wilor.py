@@ -1,7 +1,7 @@
-"""WiLoR (Potamias et al. 2025) by the network of WiLoR-mini: finger poses and how hands are turned.
+"""Estimate finger and wrist rotations with WiLoR (Potamias et al. 2025), by the network of WiLoR-mini.
 
-Only its network is used: boxes come from the keypoints of people and crops are made here, so neither the detector of
-hands (AGPL) nor its downloads are needed.
+Only its network is used. Boxes come from the people's keypoints and crops are made here, so neither the hand detector
+(AGPL) nor its downloads are needed.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from physic_core.adapters.chumpy_free import chumpy_free_copy
 from physic_core.adapters.devices import check_device
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options
-from physic_human.hosting import Project, computing, to_numpy
-from physic_human.mano_hands import SIDE, ManoHands, ManoOptions
+from physic_human.checkout_backend import CheckoutProject, inference_context, to_numpy
+from physic_human.mano_hands import SIDE, ManoHandEstimator, ManoOptions
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, UInt8Array
@@ -44,12 +44,12 @@ class WilorOptions(ManoOptions):
     )
 
 
-class Wilor(ManoHands):
-    """MANO rotations of every hand that the keypoints show; left hands are shown to the network in a mirror."""
+class Wilor(ManoHandEstimator):
+    """Hand estimator: MANO rotations by WiLoR of every hand with keypoints. Left hands are mirrored."""
 
     Options: ClassVar[type[Options]] = WilorOptions
     options: WilorOptions
-    project: ClassVar[Project] = Project(
+    project: ClassVar[CheckoutProject] = CheckoutProject(
         "WiLoR-mini",
         "wilor_mini.models.wilor",
         "https://github.com/warmshao/WiLoR-mini",
@@ -57,7 +57,7 @@ class Wilor(ManoHands):
     )
 
     def load(self, device: str = "cpu") -> None:
-        """Build the network and fill it.
+        """Build the network and load its weights.
 
         Raises:
             DeviceError: the device is not there.
@@ -66,25 +66,25 @@ class Wilor(ManoHands):
             BodyModelError: the MANO file cannot be used.
         """
         check_device(device)
-        checkpoint, mano, mean = (self._host.file(name) for name in _FILES)
-        kind = self._host.checkout.attribute("WiLor")
-        with chumpy_free_copy(mano, "mano") as plain, computing(self._host.checkout, device):
+        checkpoint, mano, mean = (self._checkout_network.file(name) for name in _FILES)
+        kind = self._checkout_network.checkout.attribute("WiLor")
+        with chumpy_free_copy(mano, "mano") as plain, inference_context(self._checkout_network.checkout, device):
             network = kind(mano_model_path=str(plain), mano_mean_path=str(mean), focal_length=_FOCAL, image_size=SIDE)
-            self._host.keep(self._filled(network, checkpoint), device)
+            self._checkout_network.set_network(self._load_checkpoint(network, checkpoint), device)
 
-    def _fed(self, crop: UInt8Array) -> FloatArray:
-        """(256, 256, 3) grey levels in the order blue, green, red: the network exchanges them itself."""
+    def _preprocess(self, crop: UInt8Array) -> FloatArray:
+        """Convert a crop to (256, 256, 3) grey levels in BGR, which the network reorders itself."""
         return np.asarray(crop if self.options.swap_channels else crop[..., ::-1], np.float32)
 
     def _run(self, network: object, crops: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Fingers (M, 15, 3) and wrists (M, 1, 3), as of right hands."""
+        """Run the network: fingers (M, 15, 3) and wrists (M, 1, 3) of right hands."""
         import torch
 
-        with computing(self._host.checkout, self._host.device, half=self.options.half):
-            answer = network(torch.from_numpy(crops).to(self._host.device))  # type: ignore[operator]
+        with inference_context(self._checkout_network.checkout, self._checkout_network.device, half=self.options.half):
+            answer = network(torch.from_numpy(crops).to(self._checkout_network.device))  # type: ignore[operator]
         if not isinstance(answer, dict) or not {"hand_pose", "global_orient"} <= answer.keys():
             raise BackendError(
-                f"WiLoR-mini's network answered {type(answer).__name__}, where its releases answer a dictionary with "
+                f"WiLoR-mini's network returned {type(answer).__name__}, where its releases answer a dictionary with "
                 "hand_pose and global_orient: another revision of the checkout is needed"
             )
         return to_numpy(answer["hand_pose"]), to_numpy(answer["global_orient"])

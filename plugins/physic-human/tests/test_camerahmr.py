@@ -21,7 +21,7 @@ from physic_testing.worlds import World, build_world
 
 from .seen import coordinates, normalised_back, pixels, place_of, smpl_arrays, smpl_pose, world_of
 
-KEYPOINTS = Keypoints(np.zeros((2, 17, 2)), np.zeros((2, 17)), "coco17")
+NUM_KEYPOINTS = Keypoints(np.zeros((2, 17, 2)), np.zeros((2, 17)), "coco17")
 CAMERA = Intrinsics(500.0, 500.0, 140.0, 105.0, 300, 200)
 
 CHECKOUT = {
@@ -89,13 +89,13 @@ def made(stub: Callable[..., Path], tmp_path: Path, smpl_file: Path) -> Callable
 
 def ask(backend: CameraHmr, image: np.ndarray | None = None, camera: Intrinsics = CAMERA) -> Bodies:
     shown = coordinates(200, 300) if image is None else image
-    return backend.infer(shown, people(), camera, KEYPOINTS, Hints())
+    return backend.infer(shown, people(), camera, NUM_KEYPOINTS, Hints())
 
 
 def test_crops_are_squares_of_the_longer_side_and_red_comes_first(made: Callable[..., CameraHmr]) -> None:
     backend = made()
     ask(backend)
-    seen = backend._host.network.seen[0]
+    seen = backend._checkout_network.network.seen[0]
     for crop, middle, side in zip(seen["img"], [[119.5, 89.5], [229.5, 79.5]], [100, 60], strict=True):
         place = place_of(normalised_back(crop), 200, 300)
         assert not place.mirrored
@@ -109,15 +109,15 @@ def test_channels_can_be_exchanged_to_compare(made: Callable[..., CameraHmr]) ->
     image = np.zeros((200, 300, 3), np.uint8)
     image[:] = [200, 100, 10]
     ask(backend, image)
-    crop = normalised_back(backend._host.network.seen[0]["img"][0])
+    crop = normalised_back(backend._checkout_network.network.seen[0]["img"][0])
     np.testing.assert_allclose(crop[128, 128], [10, 100, 200], atol=0.6)
 
 
 def test_what_is_outside_of_the_photo_is_black(made: Callable[..., CameraHmr]) -> None:
     backend = made()
     who = People(np.zeros((1, 200, 300), bool), np.array([[0.0, 150, 60, 200]]), np.ones(1))
-    backend.infer(np.full((200, 300, 3), 255, np.uint8), who, CAMERA, KEYPOINTS, Hints())
-    crop = normalised_back(backend._host.network.seen[0]["img"][0])
+    backend.infer(np.full((200, 300, 3), 255, np.uint8), who, CAMERA, NUM_KEYPOINTS, Hints())
+    crop = normalised_back(backend._checkout_network.network.seen[0]["img"][0])
     np.testing.assert_allclose(crop[250, 128], 0, atol=0.6)
     np.testing.assert_allclose(crop[128, 128], 255, atol=0.6)
 
@@ -127,7 +127,7 @@ def test_it_is_told_the_given_camera_and_where_boxes_lie_about_its_principal_poi
 ) -> None:
     backend = made()
     ask(backend)
-    seen = backend._host.network.seen[0]
+    seen = backend._checkout_network.network.seen[0]
     np.testing.assert_allclose(seen["cam_int"][:, 0, 0], 500)
     np.testing.assert_allclose(seen["img_size"], [[200, 300]] * 2)
     # What it computes is box_center - img_size / 2.
@@ -156,12 +156,14 @@ def test_its_own_focal_length_goes_to_the_network_and_not_to_the_place(made: Cal
     image = np.zeros((200, 300, 3), np.uint8)
     image[:] = [200, 100, 10]
     bodies = ask(backend, image)
-    np.testing.assert_allclose(backend._host.network.seen[0]["cam_int"][0, 0, 0], 200 / (2 * np.tan(0.4)), rtol=1e-5)
+    np.testing.assert_allclose(
+        backend._checkout_network.network.seen[0]["cam_int"][0, 0, 0], 200 / (2 * np.tan(0.4)), rtol=1e-5
+    )
     np.testing.assert_allclose(bodies.parameters.transl[0, 2], 2 * 500 / (100 * 0.9), rtol=1e-5)
     seen = normalised_back(backend._focal_network.seen[0])
     np.testing.assert_allclose(seen[128, 128], [10, 100, 200], atol=0.6)
     np.testing.assert_allclose(seen[10, 128], 255, atol=0.6)  # letterboxed on white
-    np.testing.assert_allclose(backend._host.network.seen[0]["img"][0], _rgb(image), atol=0.05)
+    np.testing.assert_allclose(backend._checkout_network.network.seen[0]["img"][0], _rgb(image), atol=0.05)
 
 
 def _rgb(image: np.ndarray) -> np.ndarray:
@@ -173,7 +175,7 @@ def _rgb(image: np.ndarray) -> np.ndarray:
 def test_people_come_in_batches(made: Callable[..., CameraHmr]) -> None:
     backend = made(batch=1)
     bodies = ask(backend)
-    assert [len(seen["img"]) for seen in backend._host.network.seen] == [1, 1]
+    assert [len(seen["img"]) for seen in backend._checkout_network.network.seen] == [1, 1]
     assert len(bodies.parameters) == 2
 
 
@@ -227,14 +229,14 @@ class ToldHmr(CameraHmr):
     def load(self, device: str = "cpu") -> None:
         check_device(device)
         self._body = open_smpl(self.options.smpl_file)
-        self._host.network = PerfectHmr(smpl_arrays()["J_regressor"][0] @ smpl_arrays()["v_template"])
+        self._checkout_network.network = PerfectHmr(smpl_arrays()["J_regressor"][0] @ smpl_arrays()["v_template"])
 
     def infer(
         self, image: np.ndarray, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
     ) -> Bodies:
-        if self._host.network is not None:
-            self._host.network.world = world_of(image)
-            self._host.network.size = image.shape[:2]
+        if self._checkout_network.network is not None:
+            self._checkout_network.network.world = world_of(image)
+            self._checkout_network.network.size = image.shape[:2]
         shown = coordinates(*image.shape[:2]) if image.shape[2:] == (3,) and image.dtype == np.uint8 else image
         return super().infer(shown, people, intrinsics, keypoints, hints)
 
@@ -258,7 +260,7 @@ def test_a_perfect_network_gives_the_bodies(smpl_file: Path) -> None:
     backend = ToldHmr(CameraHmrOptions(smpl_file=str(smpl_file)))
     backend.load()
     who = People(world.masks, world.boxes, np.ones(len(world.masks)))
-    given = backend.infer(world.image, who, world.intrinsics, KEYPOINTS, Hints())
+    given = backend.infer(world.image, who, world.intrinsics, NUM_KEYPOINTS, Hints())
     assert given.joints is not None
     assert 1000 * np.linalg.norm(given.joints - world.joints, axis=2)[:, :22].mean() < 40  # its shape is the mean one
     found = convert_bodies(given, model).parameters

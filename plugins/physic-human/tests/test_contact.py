@@ -18,7 +18,7 @@ from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.types import Bodies, ContactProbability, People
 from physic_human.deco import Deco, DecoOptions
 from physic_human.interactvlm import InteractVlmOptions, InteractVlmResults
-from physic_human.smpl_rest import rest_of_smpl
+from physic_human.smpl_rest import load_rest_mesh
 from physic_testing.conformance import parametrize_with_checks
 from physic_testing.worlds import World
 
@@ -71,7 +71,7 @@ def test_deco_sees_blue_first(deco: Callable[..., Deco]) -> None:
     image = np.zeros((200, 300, 3), np.uint8)
     image[:] = [200, 100, 10]
     backend.infer(image, people([[100, 40, 180, 160]]), NOBODY)
-    crop = normalised_back(backend._host.network.seen[0][0])
+    crop = normalised_back(backend._checkout_network.network.seen[0][0])
     np.testing.assert_allclose(crop[128, 128], [10, 100, 200], atol=0.6)
     np.testing.assert_allclose(crop[128, 5], 255, atol=0.6)  # letterboxed on white
 
@@ -79,7 +79,7 @@ def test_deco_sees_blue_first(deco: Callable[..., Deco]) -> None:
 def test_deco_sees_the_box_and_a_tenth_more(deco: Callable[..., Deco]) -> None:
     backend = deco()
     backend.infer(coordinates(200, 300), people([[100, 40, 180, 140]]), NOBODY)
-    crop = normalised_back(backend._host.network.seen[0][0])[..., ::-1]
+    crop = normalised_back(backend._checkout_network.network.seen[0][0])[..., ::-1]
     columns = np.flatnonzero(np.abs(crop[128] - 255).max(axis=1) > 40)
     place = place_of(np.where(crop > 250, 0, crop)[:, columns[0] + 2 : columns[-1] - 1], 200, 300)
     np.testing.assert_allclose(place.step[1] * 256, 120, rtol=0.02)
@@ -92,7 +92,7 @@ def test_deco_gives_smpls_labels_with_smpls_t_pose(deco: Callable[..., Deco], sm
     assert found.probability.shape == (3, 6890)
     np.testing.assert_allclose(found.probability[:, 0], 0.75)
     assert found.rest is not None
-    wanted = rest_of_smpl(str(smpl_file))
+    wanted = load_rest_mesh(str(smpl_file))
     assert wanted is not None
     np.testing.assert_array_equal(found.rest.vertices, wanted.vertices)
 
@@ -105,7 +105,7 @@ def test_older_decos_are_built_as_they_want(deco: Callable[..., Deco]) -> None:
 def test_deco_is_asked_in_batches_and_not_about_nobody(deco: Callable[..., Deco]) -> None:
     backend = deco(batch=2)
     backend.infer(np.zeros((200, 300, 3), np.uint8), people([[100, 40, 180, 140]] * 3), NOBODY)
-    assert [len(seen) for seen in backend._host.network.seen] == [2, 1]
+    assert [len(seen) for seen in backend._checkout_network.network.seen] == [2, 1]
     found = backend.infer(np.zeros((200, 300, 3), np.uint8), people([]), NOBODY)
     assert found.probability.shape == (0, 6890)
 
@@ -158,13 +158,13 @@ class ToldDeco(Deco):
 
     def load(self, device: str = "cpu") -> None:
         check_device(device)
-        self._rest = rest_of_smpl(self.options.smpl_file)
-        self._host.network = PerfectDeco()
+        self._rest = load_rest_mesh(self.options.smpl_file)
+        self._checkout_network.network = PerfectDeco()
 
     def infer(self, image: np.ndarray, people: People, bodies: Bodies) -> ContactProbability:
-        if self._host.network is not None:
-            self._host.network.world = world_of(image)
-            self._host.network.size = image.shape[:2]
+        if self._checkout_network.network is not None:
+            self._checkout_network.network.world = world_of(image)
+            self._checkout_network.network.size = image.shape[:2]
         shown = coordinates(*image.shape[:2]) if image.shape[2:] == (3,) and image.dtype == np.uint8 else image
         return super().infer(shown, people, bodies)
 
@@ -293,7 +293,7 @@ class ToldInteractVlm(InteractVlmResults):
 
     def load(self, device: str = "cpu") -> None:
         check_device(device)
-        self._rest, self._results = rest_of_smpl(self.options.smpl_file), ()
+        self._rest, self._results = load_rest_mesh(self.options.smpl_file), ()
 
     def infer(self, image: np.ndarray, people: People, bodies: Bodies) -> ContactProbability:
         import tempfile

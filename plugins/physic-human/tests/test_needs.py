@@ -17,7 +17,7 @@ import pytest
 
 import physic_human
 from physic_core.adapters import checkouts
-from physic_human.hosting import Hosted
+from physic_human.checkout_backend import CheckoutBackend
 
 from .published_imports import ENVIRONMENT, FILES
 
@@ -79,7 +79,7 @@ def packages_of(source: str) -> set[str]:
     return plain | others
 
 
-def modules_of(kind: type[Hosted], *, own_focal: bool) -> list[str]:
+def modules_of(kind: type[CheckoutBackend], *, own_focal: bool) -> list[str]:
     """Modules of its checkout that a backend names in its source, in that order."""
     calls = [node for node in ast.walk(ast.parse(inspect.getsource(inspect.getmodule(kind)))) if is_load(node)]  # type: ignore[arg-type]
     named = [argument.value for call in calls for argument in call.args if isinstance(argument, ast.Constant)]
@@ -95,7 +95,7 @@ def is_load(node: ast.AST) -> bool:
 
 
 def test_all_backends_around_checkouts_are_here() -> None:
-    assert {name for name, kind in KINDS.items() if issubclass(kind, Hosted)} == FILES.keys()
+    assert {name for name, kind in KINDS.items() if issubclass(kind, CheckoutBackend)} == FILES.keys()
 
 
 @pytest.mark.parametrize(
@@ -109,7 +109,7 @@ def test_missing_names_all_packages_that_its_checkout_imports(
     kind = KINDS[name]
     backend = kind(kind.Options(checkout=str(stub(name, FILES[name])), **options))
     for module in modules_of(kind, own_focal=options.get("focal") == "own"):
-        backend._host.checkout.load(module)
+        backend._checkout_network.checkout.load(module)
     imported = set(recorder.imported)
     assert imported
 

@@ -24,7 +24,7 @@ from .seen import smpl_pose, world_of
 
 CAMERA = Intrinsics(500.0, 510.0, 30.0, 20.0, 64, 48)
 BOXES = np.array([[10.0, 5, 30, 45], [40.0, 10, 60, 40]])
-KEYPOINTS = Keypoints(np.zeros((2, 17, 2)), np.zeros((2, 17)), "coco17")
+NUM_KEYPOINTS = Keypoints(np.zeros((2, 17, 2)), np.zeros((2, 17)), "coco17")
 
 
 class TinyNlf(torch.nn.Module):
@@ -104,7 +104,7 @@ def people(boxes: np.ndarray = BOXES) -> People:
 
 def ask(backend: Nlf, image: np.ndarray | None = None, who: People | None = None) -> Bodies:
     shown = np.zeros((48, 64, 3), np.uint8) if image is None else image
-    return backend.infer(shown, people() if who is None else who, CAMERA, KEYPOINTS, Hints())
+    return backend.infer(shown, people() if who is None else who, CAMERA, NUM_KEYPOINTS, Hints())
 
 
 @pytest.fixture
@@ -303,7 +303,7 @@ def test_a_perfect_network_puts_joints_where_they_are() -> None:
     backend = ToldNlf()
     backend.load()
     who = People(world.masks, world.boxes, np.ones(len(world.masks)))
-    found = backend.infer(world.image, who, world.intrinsics, KEYPOINTS, Hints())
+    found = backend.infer(world.image, who, world.intrinsics, NUM_KEYPOINTS, Hints())
     assert found.joints is not None
     np.testing.assert_allclose(found.joints, world.joints, atol=1e-3)
 

@@ -18,7 +18,7 @@ from physic_core.adapters.devices import check_device
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.errors import BackendError, DeviceError, WeightsMissingError
 from physic_core.types import Hints, Intrinsics, Keypoints, People
-from physic_human.sam3d_body import JOINTS_OF_KEYPOINTS, Sam3dBody, Sam3dBodyOptions, joints_of_keypoints
+from physic_human.sam3d_body import JOINT_BY_KEYPOINT, Sam3dBody, Sam3dBodyOptions, joints_from_keypoints
 from physic_human.torch_guard import guarded_torch
 from physic_testing.conformance import parametrize_with_checks
 from physic_testing.worlds import World, build_world
@@ -26,7 +26,7 @@ from physic_testing.worlds import World, build_world
 from .seen import world_of
 
 CAMERA = Intrinsics(500.0, 510.0, 30.0, 20.0, 64, 48)
-KEYPOINTS = Keypoints(np.zeros((2, 17, 2)), np.zeros((2, 17)), "coco17")
+NUM_KEYPOINTS = Keypoints(np.zeros((2, 17, 2)), np.zeros((2, 17)), "coco17")
 
 # As the published code is in what it fetches, reads, sends to which device, and where it puts bodies.
 CHECKOUT = """
@@ -162,8 +162,8 @@ def sam(make_sam: Callable[..., Sam3dBody]) -> Sam3dBody:
 def test_it_is_given_boxes_the_camera_and_red_first(sam: Sam3dBody, capsys: pytest.CaptureFixture[str]) -> None:
     image = np.zeros((48, 64, 3), np.uint8)
     image[:] = [200, 100, 10]
-    sam.infer(image, people(), CAMERA, KEYPOINTS, Hints())
-    asked = sam._host.network.asked
+    sam.infer(image, people(), CAMERA, NUM_KEYPOINTS, Hints())
+    asked = sam._checkout_network.network.asked
     assert len(asked) == 2
     np.testing.assert_array_equal(asked[0][0][0, 0], [200, 100, 10])
     np.testing.assert_array_equal(asked[0][1], [[10, 5, 30, 45]])
@@ -174,14 +174,14 @@ def test_it_is_given_boxes_the_camera_and_red_first(sam: Sam3dBody, capsys: pyte
 
 def test_masks_are_given_where_asked_for(sam: Sam3dBody) -> None:
     sam.options = sam.options.model_copy(update={"use_masks": True})
-    sam.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, KEYPOINTS, Hints())
-    mask = sam._host.network.asked[0][2]
+    sam.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, NUM_KEYPOINTS, Hints())
+    mask = sam._checkout_network.network.asked[0][2]
     assert mask.shape == (1, 48, 64, 1)
     assert mask.sum() == 800
 
 
 def test_the_translation_is_added_to_surface_and_joints(sam: Sam3dBody) -> None:
-    bodies = sam.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, KEYPOINTS, Hints())
+    bodies = sam.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, NUM_KEYPOINTS, Hints())
     assert bodies.body_model == "mhr"
     assert bodies.mesh is not None
     assert bodies.joints is not None
@@ -200,7 +200,7 @@ def test_bodies_lie_where_the_given_camera_sees_their_boxes(
     sam = make_sam(decoder="    TYPE: sam\n" + decoder)
     sam._build("cpu")
     camera = Intrinsics(500.0, 500.0, *centre, 64, 48)
-    bodies = sam.infer(np.zeros((48, 64, 3), np.uint8), people(), camera, KEYPOINTS, Hints())
+    bodies = sam.infer(np.zeros((48, 64, 3), np.uint8), people(), camera, NUM_KEYPOINTS, Hints())
     place = bodies.parameters.transl
     seen = 500 * place[:, :2] / place[:, 2:] + np.array(centre)
     middles = (people().boxes[:, :2] + people().boxes[:, 2:] - 1) / 2
@@ -216,8 +216,8 @@ def test_dinov3_comes_from_the_named_folder_and_nothing_is_fetched(
     sam = make_sam("dinov3_vith16plus", held=held, dinov3_checkout=str(stub("dinov3", DINOV3)))
     assert not any("DINOv3" in line for line in sam.missing())
     sam._build("cpu")
-    assert sam._host.network.model.encoder.cls_token.tolist() == [[[0.5, 0.5]]]
-    assert sam._host.network.model.encoder.drop_path == 0.1
+    assert sam._checkout_network.network.model.encoder.cls_token.tolist() == [[[0.5, 0.5]]]
+    assert sam._checkout_network.network.model.encoder.drop_path == 0.1
     assert (torch.hub.load, torch.load) == before
     assert "dinov3" not in sys.modules
     assert sam.fingerprint() != make_sam("dinov3_vith16plus").fingerprint()
@@ -266,7 +266,7 @@ def test_numbers_that_the_checkpoint_lacks_are_not_made_up(
 ) -> None:
     """Its code goes on with random ones, and another version of DINOv3 has other names."""
     sam = make_sam("dinov3_vith16plus", held={"state_dict": state}, dinov3_checkout=str(stub("dinov3", DINOV3)))
-    with pytest.raises(BackendError, match=rf"lacks 1 of 5 parameters of the network, {absent}, \.\.\."):
+    with pytest.raises(BackendError, match=rf"is missing 1 of 5 parameters of the network, {absent}, \.\.\."):
         sam._build("cpu")
 
 
@@ -286,7 +286,7 @@ def test_a_checkpoint_with_objects_is_read_only_if_trusted(make_sam: Callable[..
         make_sam(held=held)._build("cpu")
     trusting = make_sam(held=held, trust_checkpoint=True)
     trusting._build("cpu")
-    assert trusting._host.network.model.held["hyper_parameters"] == Path("x")
+    assert trusting._checkout_network.network.model.held["hyper_parameters"] == Path("x")
 
 
 def test_other_threads_load_as_ever_while_one_is_guarded(tmp_path: Path) -> None:
@@ -320,21 +320,21 @@ def test_what_its_code_sends_to_cuda_goes_to_the_device_of_the_config(
     monkeypatch.setattr("physic_human.sam3d_body.check_device", lambda name: None)
     sam = make_sam()
     sam.load(device)
-    estimator = sam._host.network
+    estimator = sam._checkout_network.network
     assert estimator.model.device == device
     process, at = estimator.process_one_image, []
     estimator.process_one_image = lambda *args, **rest: (at.append(current[-1]), process(*args, **rest))[1]
-    sam.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, KEYPOINTS, Hints())
+    sam.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, NUM_KEYPOINTS, Hints())
     assert at == [device, device]
     assert current == ["none"]
 
 
 def test_every_keypoint_is_the_joint_of_the_same_name() -> None:
-    assert {number: JOINT_INDEX[name] for number, name in NAMES.items()} == JOINTS_OF_KEYPOINTS
+    assert {number: JOINT_INDEX[name] for number, name in NAMES.items()} == JOINT_BY_KEYPOINT
 
 
 def test_joints_without_a_keypoint_are_not_numbers() -> None:
-    joints = joints_of_keypoints(np.zeros((1, 70, 3), np.float32))[0]
+    joints = joints_from_keypoints(np.zeros((1, 70, 3), np.float32))[0]
     unknown = np.flatnonzero(np.isnan(joints).all(axis=1)).tolist()
     assert unknown == [JOINT_INDEX[n] for n in (
         "pelvis", "spine1", "spine2", "spine3", "neck", "left_collar", "right_collar",
@@ -350,7 +350,7 @@ def test_feet_are_turned_as_their_toes_say(name: str, most_mm: float) -> None:
     points = np.zeros((len(ankles), 70, 3), np.float32)
     points[:, [13, 14]] = ankles
     points[:, [15, 16, 18, 19]] = toes_of(world)
-    found = joints_of_keypoints(points)[:, [JOINT_INDEX["left_foot"], JOINT_INDEX["right_foot"]]]
+    found = joints_from_keypoints(points)[:, [JOINT_INDEX["left_foot"], JOINT_INDEX["right_foot"]]]
     apart = 1000 * np.linalg.norm(found - feet, axis=2).mean()
     print(f"{apart:.1f} mm")
     assert apart < most_mm
@@ -369,20 +369,20 @@ def toes_of(world: World) -> np.ndarray:
 
 
 def test_it_needs_a_gpu_and_says_so(sam: Sam3dBody) -> None:
-    with pytest.raises(DeviceError, match="SAM 3D Body's own code runs on a GPU only, and 'cpu' was asked for"):
+    with pytest.raises(DeviceError, match="SAM 3D Body's own code runs on a GPU only, got 'cpu'"):
         sam.load("cpu")
 
 
 def test_nobody_is_not_asked_about(sam: Sam3dBody) -> None:
-    bodies = sam.infer(np.zeros((48, 64, 3), np.uint8), people(0), CAMERA, KEYPOINTS, Hints())
+    bodies = sam.infer(np.zeros((48, 64, 3), np.uint8), people(0), CAMERA, NUM_KEYPOINTS, Hints())
     assert len(bodies.parameters) == 0
-    assert sam._host.network.asked == []
+    assert sam._checkout_network.network.asked == []
 
 
 def test_another_number_of_people_is_refused(sam: Sam3dBody) -> None:
-    sam._host.network.process_one_image = lambda *args, **rest: []
-    with pytest.raises(BackendError, match="answered 0 people for 1 boxes"):
-        sam.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, KEYPOINTS, Hints())
+    sam._checkout_network.network.process_one_image = lambda *args, **rest: []
+    with pytest.raises(BackendError, match="returned 0 people for 1 boxes"):
+        sam.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, NUM_KEYPOINTS, Hints())
 
 
 class PerfectSam:
@@ -419,7 +419,7 @@ class ToldSam(Sam3dBody):
 
     def load(self, device: str = "cpu") -> None:
         check_device(device)
-        self._host.network = PerfectSam()
+        self._checkout_network.network = PerfectSam()
 
 
 @parametrize_with_checks("body_estimator", ToldSam, capabilities=())
@@ -436,7 +436,7 @@ def test_its_joints_are_enough_for_a_body() -> None:
     backend = ToldSam()
     backend.load()
     who = People(world.masks, world.boxes, np.ones(len(world.masks)))
-    found = convert_bodies(backend.infer(world.image, who, world.intrinsics, KEYPOINTS, Hints()), model).parameters
+    found = convert_bodies(backend.infer(world.image, who, world.intrinsics, NUM_KEYPOINTS, Hints()), model).parameters
     rotations = rotations_from_parameters(found)
     posed = model(rotations, torch.from_numpy(found.betas), torch.from_numpy(found.transl)).joints.numpy()
     apart = 1000 * np.linalg.norm(posed - world.joints, axis=2)[:, :22].mean()

@@ -1,7 +1,7 @@
-"""CameraHMR (Patel and Black 2025) as exported by its licensed user: SMPL bodies, one person at a time.
+"""Estimate SMPL bodies with CameraHMR (Patel and Black 2025), exported by its licensed user.
 
-``python -m physic_onnx.export camerahmr`` writes the file. The camera is the pipeline's, so the network that guesses
-one (FLNet) is not needed.
+``python -m physic_onnx.export camerahmr`` writes the file. The camera is the pipeline's, so FLNet, which estimates one,
+is not needed.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from pydantic import Field
 from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator
 
-from .contract import Dialect, Wanted
-from .one_graph import WEIGHTS, OneGraph, OneGraphOptions
+from .contract import GraphSignature, PortSpec
+from .one_graph import WEIGHTS_HELP, OnnxBackend, OnnxBackendOptions
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,18 +25,18 @@ if TYPE_CHECKING:
     from physic_core.adapters.crops import Crop
     from physic_core.types import Bodies, FloatArray, Hints, Intrinsics, Keypoints, Mesh, People, UInt8Array
 
-    from .one_graph import Speaking
+    from .one_graph import LoadedGraph
 
 __all__ = ["CameraHmr", "CameraHmrOptions"]
 
 SIDE = 256
-"""px of the square crop; the network itself looks at its middle 192 columns."""
+"""Side of the square crop, px; the network uses its middle 192 columns."""
 
 
-class CameraHmrOptions(OneGraphOptions):
+class CameraHmrOptions(OnnxBackendOptions):
     """Settings of CameraHMR."""
 
-    weights: str = Field("camerahmr-onnx", description=WEIGHTS)
+    weights: str = Field("camerahmr-onnx", description=WEIGHTS_HELP)
     margin: float = Field(
         1.0, ge=0.5, le=3, description="side of the crop in longer sides of the person's box; 1 as in CameraHMR's demo"
     )
@@ -54,29 +54,29 @@ class CameraHmrOptions(OneGraphOptions):
     )
 
 
-class CameraHmr(OneGraph, BodyEstimator):
-    """SMPL bodies by CameraHMR (the paper's), with SMPL's joints and surface where the file has them."""
+class CameraHmr(OnnxBackend, BodyEstimator):
+    """Body estimator: SMPL bodies by CameraHMR, with SMPL's joints and, if the file has it, its mesh."""
 
-    Options: ClassVar[type[OneGraphOptions]] = CameraHmrOptions
+    Options: ClassVar[type[OnnxBackendOptions]] = CameraHmrOptions
     options: CameraHmrOptions
-    dialects: ClassVar = {
-        "physic_onnx.export camerahmr": Dialect(
+    signatures: ClassVar = {
+        "physic_onnx.export camerahmr": GraphSignature(
             (
-                Wanted("img", ("image", "input"), shape=(None, 3, SIDE, SIDE)),
-                Wanted("box_center", ("box_centre",), shape=(None, 2)),
-                Wanted("box_size", shape=(None,)),
-                Wanted("img_size", shape=(None, 2)),
-                Wanted("cam_int", shape=(None, 3, 3)),
+                PortSpec("img", ("image", "input"), shape=(None, 3, SIDE, SIDE)),
+                PortSpec("box_center", ("box_centre",), shape=(None, 2)),
+                PortSpec("box_size", shape=(None,)),
+                PortSpec("img_size", shape=(None, 2)),
+                PortSpec("cam_int", shape=(None, 3, 3)),
             ),
             (
-                Wanted("global_orient", shape=(None, 1, 3, 3)),
-                Wanted("body_pose", shape=(None, 23, 3, 3)),
-                Wanted("betas", shape=(None, None)),
-                Wanted("pred_cam", shape=(None, 3)),
-                Wanted("joints", shape=(None, 24, 3)),
-                Wanted("vertices", shape=(None, None, 3), optional=True),
-                Wanted("faces", dtype=("int64", "int32"), shape=(None, 3), optional=True),
-                Wanted("rest", shape=(None, 3), optional=True),
+                PortSpec("global_orient", shape=(None, 1, 3, 3)),
+                PortSpec("body_pose", shape=(None, 23, 3, 3)),
+                PortSpec("betas", shape=(None, None)),
+                PortSpec("pred_cam", shape=(None, 3)),
+                PortSpec("joints", shape=(None, 24, 3)),
+                PortSpec("vertices", shape=(None, None, 3), optional=True),
+                PortSpec("faces", dtype=("int64", "int32"), shape=(None, 3), optional=True),
+                PortSpec("rest", shape=(None, 3), optional=True),
             ),
         ),
     }
@@ -84,7 +84,7 @@ class CameraHmr(OneGraph, BodyEstimator):
     def infer(
         self, image: UInt8Array, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
     ) -> Bodies:
-        """N people -> N bodies of SMPL, metres, in the frame of the camera ``intrinsics``.
+        """Return the SMPL bodies of N people, metres, in the frame of the camera ``intrinsics``.
 
         Raises:
             BackendError: it is not loaded, or the network fails.
@@ -95,27 +95,27 @@ class CameraHmr(OneGraph, BodyEstimator):
         from physic_core.adapters.observed import observed_joints
         from physic_core.adapters.smpl import bodies_from_smpl, empty_bodies
 
-        from .top_down import pictures_of, run_rows
+        from .top_down import crop_batch, run_batches
 
-        speaking = self.speaking()
+        loaded = self.loaded()
         if not len(people):
             return empty_bodies("smpl")
         crops = [crop_around_box(box, SIDE, SIDE, padding=self.options.margin, grid="halves") for box in people.boxes]
         centres, sides = _regions(crops)
         feed = {
-            "img": pictures_of(image, crops, bgr=self.options.channels == "bgr"),
+            "img": crop_batch(image, crops, bgr=self.options.channels == "bgr"),
             **camerahmr_inputs(centres, sides, math.sqrt(intrinsics.fx * intrinsics.fy), intrinsics),
         }
-        surface = speaking.has("vertices") and speaking.has("faces")
+        surface = loaded.has_output("vertices") and loaded.has_output("faces")
         names = ["global_orient", "body_pose", "betas", "pred_cam", "joints", *(["vertices"] if surface else [])]
-        orient, pose, betas, weak, joints, *vertices = run_rows(speaking, feed, names, self.options.batch)
+        orient, pose, betas, weak, joints, *vertices = run_batches(loaded, feed, names, self.options.batch)
         if weak.shape != (len(people), 3) or joints.shape[1:] != (24, 3):
             raise BackendError(
-                f"{speaking.network.name} answered pred_cam {weak.shape} and joints {joints.shape}: "
+                f"{loaded.network.name} returned pred_cam {weak.shape} and joints {joints.shape}: "
                 f"({len(people)}, 3) and ({len(people)}, 24, 3) were expected"
             )
         transl = translation_from_crop(weak, centres, sides, intrinsics)
-        mesh = _mesh(speaking, feed, vertices[0] + transl[:, None]) if vertices else None
+        mesh = _mesh(loaded, feed, vertices[0] + transl[:, None]) if vertices else None
         rotations = np.concatenate([orient.reshape(-1, 1, 3, 3), pose], axis=1)
         bodies = bodies_from_smpl(rotations, betas, transl, joints=joints + transl[:, None], mesh=mesh)
         return replace(
@@ -124,18 +124,18 @@ class CameraHmr(OneGraph, BodyEstimator):
 
 
 def _regions(crops: list[Crop]) -> tuple[FloatArray, FloatArray]:
-    """Middle (N, 2) and side (N,) of each crop, px of the photo."""
+    """Return centre (N, 2) and side (N,) of each crop, photo px."""
 
     middles = np.stack([crop.to_photo(np.array([SIDE / 2, SIDE / 2])) for crop in crops])
     return middles, np.array([SIDE * crop.step[0] for crop in crops])
 
 
-def _mesh(speaking: Speaking, feed: dict[str, NDArray[Any]], vertices: FloatArray) -> Mesh:
-
+def _mesh(loaded: LoadedGraph, feed: dict[str, NDArray[Any]], vertices: FloatArray) -> Mesh:
+    """Return the mesh of the bodies."""
     from physic_core.types import Mesh
 
-    from .top_down import held
+    from .top_down import run_constants
 
-    names = ["faces", *(["rest"] if speaking.has("rest") else [])]
-    faces, *rest = held(speaking, feed, names)
+    names = ["faces", *(["rest"] if loaded.has_output("rest") else [])]
+    faces, *rest = run_constants(loaded, feed, names)
     return Mesh("smpl", vertices.astype(np.float32), faces.astype(np.int64), rest[0] if rest else None)

@@ -1,4 +1,4 @@
-"""What an adapter expects of a file's inputs and outputs, held against what the file has."""
+"""Match the inputs and outputs of an ONNX file against the signatures that a backend can run."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ if TYPE_CHECKING:
 
     from .sessions import Network, Port
 
-__all__ = ["Dialect", "Match", "Wanted", "choose", "match"]
+__all__ = ["GraphSignature", "PortMatch", "PortSpec", "match", "match_signature"]
 
 _FLOATS = ("float32", "float16", "float64")
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """An input or an output that an adapter needs.
+class PortSpec:
+    """Required input or output of an ONNX graph.
 
     Attributes:
         name: what the adapter calls it, and the published file too.
@@ -45,8 +45,8 @@ class Wanted:
 
 
 @dataclass(frozen=True)
-class Match:
-    """Which ports of a file serve what an adapter wants.
+class PortMatch:
+    """Ports of an ONNX file by the backend's names of inputs and outputs.
 
     Attributes:
         inputs: what the adapter calls it -> port of the file.
@@ -57,14 +57,14 @@ class Match:
     outputs: Mapping[str, Port]
 
     def run(self, network: Network, feed: Mapping[str, NDArray[Any]], outputs: Sequence[str]) -> list[NDArray[Any]]:
-        """Run the network, inputs and outputs being named as the adapter calls them."""
+        """Run a network with inputs and outputs named as in the backend."""
         given = {self.inputs[name].name: value for name, value in feed.items()}
         return network.run(given, [self.outputs[name].name for name in outputs])
 
 
 @dataclass(frozen=True)
-class Dialect:
-    """One of the forms in which a network was published.
+class GraphSignature:
+    """Inputs and outputs of one published form of a network.
 
     Attributes:
         inputs: all of them.
@@ -72,40 +72,42 @@ class Dialect:
         by_position: whether a port of another name may serve if its place, its type and its rank are right.
     """
 
-    inputs: tuple[Wanted, ...]
-    outputs: tuple[Wanted, ...]
+    inputs: tuple[PortSpec, ...]
+    outputs: tuple[PortSpec, ...]
     by_position: bool = False
 
 
-def match(network: Network, inputs: Sequence[Wanted], outputs: Sequence[Wanted], *, by_position: bool = False) -> Match:
-    """Find what an adapter wants among a file's inputs and outputs: by name, by alias, then by place if allowed.
+def match(
+    network: Network, inputs: Sequence[PortSpec], outputs: Sequence[PortSpec], *, by_position: bool = False
+) -> PortMatch:
+    """Match a network against one signature: by name, by alias, then by position if allowed.
 
     Raises:
         BackendError: something is missing or of another form; the message holds what was expected against what is
             there.
     """
-    return choose(network, {"": Dialect(tuple(inputs), tuple(outputs), by_position)})[1]
+    return match_signature(network, {"": GraphSignature(tuple(inputs), tuple(outputs), by_position)})[1]
 
 
-def choose(network: Network, dialects: Mapping[str, Dialect]) -> tuple[str, Match]:
-    """The first dialect that a file speaks, and its ports.
+def match_signature(network: Network, signatures: Mapping[str, GraphSignature]) -> tuple[str, PortMatch]:
+    """Return the first signature that a network fits, and its ports.
 
     Raises:
         BackendError: it speaks none of them; the message holds each against what is there.
     """
     told = []
-    for name, dialect in dialects.items():
-        ins, faults = _assign("input", dialect.inputs, network.inputs, dialect.by_position)
-        outs, more = _assign("output", dialect.outputs, network.outputs, dialect.by_position)
+    for name, signature in signatures.items():
+        ins, faults = _assign("input", signature.inputs, network.inputs, signature.by_position)
+        outs, more = _assign("output", signature.outputs, network.outputs, signature.by_position)
         served = {port.name for port in ins.values()}
         faults += [f"nothing is known of its input {other!r}" for other in network.inputs if other not in served]
         faults += more
         if not faults:
-            return name, Match(ins, outs)
+            return name, PortMatch(ins, outs)
         told += [
             f"expected{f' of {name}' if name else ''}:",
-            f"  inputs:  {'; '.join(map(str, dialect.inputs))}",
-            f"  outputs: {'; '.join(map(str, dialect.outputs))}",
+            f"  inputs:  {'; '.join(map(str, signature.inputs))}",
+            f"  outputs: {'; '.join(map(str, signature.outputs))}",
             f"  but {'; '.join(faults)}",
         ]
     found = [
@@ -118,9 +120,9 @@ def choose(network: Network, dialects: Mapping[str, Dialect]) -> tuple[str, Matc
 
 
 def _assign(
-    kind: str, wanted: Sequence[Wanted], ports: Mapping[str, Port], by_position: bool
+    kind: str, wanted: Sequence[PortSpec], ports: Mapping[str, Port], by_position: bool
 ) -> tuple[dict[str, Port], list[str]]:
-    """What is wanted -> port, and what is wrong."""
+    """Assign ports to specs, and return the assignment and the mismatches."""
     found: dict[str, Port] = {}
     faults = []
     for want in wanted:
@@ -142,7 +144,8 @@ def _assign(
     return {want.name: found[want.name] for want in wanted if want.name in found}, faults
 
 
-def _fits(want: Wanted, port: Port, kind: str) -> bool:
+def _fits(want: PortSpec, port: Port, kind: str) -> bool:
+    """Return whether type and shape of a port fit a spec."""
     kinds = (want.dtype,) if isinstance(want.dtype, str) else want.dtype
     allowed = None if kinds is None else {k for name in kinds for k in (_FLOATS if name == "float" else (name,))}
     if allowed is not None and port.dtype not in allowed:
@@ -156,8 +159,10 @@ def _fits(want: Wanted, port: Port, kind: str) -> bool:
 
 
 def _told(port: Port) -> str:
+    """Format a port for a message."""
     return f"{port.name} {port.dtype} {_shape(port.shape)}"
 
 
 def _shape(shape: Sequence[int | str]) -> str:
+    """Format a shape for a message."""
     return f"({', '.join(map(str, shape))})"

@@ -1,8 +1,7 @@
-"""Depth Anything: V2 in metres, and V2 or 3 up to scale and shift, from the many ONNX exports that are about.
+"""Estimate depth with Depth Anything from its many ONNX exports: V2 metric, and V2 or 3 relative.
 
-V2 relative answers disparity, larger is nearer. V2 metric answers metres. Depth Anything 3 relative answers depth,
-larger is farther, and some of its files a camera too. Names of inputs and outputs do not tell V2 metric from relative:
-the last activation does, a sigmoid in the metric one.
+V2 relative returns disparity, larger is nearer. V2 metric returns metres. Depth Anything 3 relative returns depth, and
+some of its files a camera. V2 metric and relative have the same ports; only the metric network ends in a sigmoid.
 """
 
 from __future__ import annotations
@@ -15,9 +14,9 @@ from pydantic import Field
 from physic_core.errors import BackendError
 from physic_core.interfaces import MetricDepth, RelativePointmap
 
-from .contract import Dialect, Wanted
-from .depth_anything_forms import has_sigmoid, last_part, names_version_3, normalises_itself
-from .one_graph import WEIGHTS, OneGraph, OneGraphOptions
+from .contract import GraphSignature, PortSpec
+from .depth_anything_files import base_name, has_sigmoid, is_version_3_name, takes_raw_pixels
+from .one_graph import WEIGHTS_HELP, OnnxBackend, OnnxBackendOptions
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -33,14 +32,14 @@ if TYPE_CHECKING:
         UInt8Array,
     )
 
-    from .one_graph import Speaking
+    from .one_graph import LoadedGraph
 
 __all__ = [
     "DepthAnythingMetric",
     "DepthAnythingMetricOptions",
     "DepthAnythingRelative",
     "DepthAnythingRelativeOptions",
-    "prepare",
+    "preprocess",
 ]
 
 PATCH = 14  # px
@@ -48,13 +47,13 @@ _SKY_SCORE = 0.3  # of Depth Anything 3, from here on it is sky
 _SATURATED = 0.98  # of the largest depth that a metric network can say
 _LARGEST = {"indoor": 20.0, "hypersim": 20.0, "outdoor": 80.0, "vkitti": 80.0}
 
-_PICTURE = Wanted("pixel_values", ("image", "input", "l_x_"), shape=(None, 3, None, None))
-_ONE_VIEW = Wanted("pixel_values", ("image",), shape=(None, 1, 3, None, None))
-_DEPTH = Wanted("predicted_depth", ("depth", "output"))
+_PICTURE = PortSpec("pixel_values", ("image", "input", "l_x_"), shape=(None, 3, None, None))
+_ONE_VIEW = PortSpec("pixel_values", ("image",), shape=(None, 1, 3, None, None))
+_DEPTH = PortSpec("predicted_depth", ("depth", "output"))
 _EXTRAS = (
-    Wanted("sky", optional=True),
-    Wanted("intrinsics", optional=True),
-    Wanted("depth_conf", ("confidence", "predicted_confidence"), optional=True),
+    PortSpec("sky", optional=True),
+    PortSpec("intrinsics", optional=True),
+    PortSpec("depth_conf", ("confidence", "predicted_confidence"), optional=True),
 )
 VIEWS, PUBLISHED, OTHER = "Depth Anything 3 of several views", "a published file", "an export of other names"
 
@@ -65,10 +64,10 @@ _PIXELS = (
 _PATCHES = "cap on 14 px patches, which limits the time of long panoramas"
 
 
-class DepthAnythingMetricOptions(OneGraphOptions):
+class DepthAnythingMetricOptions(OnnxBackendOptions):
     """Settings of Depth Anything V2 metric."""
 
-    weights: str = Field("depth-anything-v2-metric-indoor-small", description=WEIGHTS)
+    weights: str = Field("depth-anything-v2-metric-indoor-small", description=WEIGHTS_HELP)
     side: int = Field(518, ge=56, multiple_of=14, description="px of the input's side where the file leaves it free")
     max_patches: int = Field(5000, ge=64, description=_PATCHES)
     pixels: Pixels = Field("auto", description=_PIXELS)
@@ -78,10 +77,10 @@ class DepthAnythingMetricOptions(OneGraphOptions):
     trust: bool = Field(False, description="take the file for a metric one though its last activation says relative")
 
 
-class DepthAnythingRelativeOptions(OneGraphOptions):
+class DepthAnythingRelativeOptions(OnnxBackendOptions):
     """Settings of Depth Anything V2 or 3 relative."""
 
-    weights: str = Field("depth-anything-v2-small", description=WEIGHTS)
+    weights: str = Field("depth-anything-v2-small", description=WEIGHTS_HELP)
     side: int | None = Field(
         None,
         ge=56,
@@ -99,18 +98,18 @@ class DepthAnythingRelativeOptions(OneGraphOptions):
     trust: bool = Field(False, description="take the file for a relative one though its last activation says metric")
 
 
-class DepthAnythingMetric(OneGraph, MetricDepth):
-    """Depth in metres by Depth Anything V2, trained indoors (to 20 m) or on streets (to 80 m); it knows no camera."""
+class DepthAnythingMetric(OnnxBackend, MetricDepth):
+    """Metric depth by Depth Anything V2, trained indoors (to 20 m) or on streets (to 80 m); estimates no camera."""
 
-    Options: ClassVar[type[OneGraphOptions]] = DepthAnythingMetricOptions
+    Options: ClassVar[type[OnnxBackendOptions]] = DepthAnythingMetricOptions
     options: DepthAnythingMetricOptions
-    dialects: ClassVar = {
-        PUBLISHED: Dialect((_PICTURE,), (_DEPTH,)),
-        OTHER: Dialect((_PICTURE,), (_DEPTH,), by_position=True),
+    signatures: ClassVar = {
+        PUBLISHED: GraphSignature((_PICTURE,), (_DEPTH,)),
+        OTHER: GraphSignature((_PICTURE,), (_DEPTH,), by_position=True),
     }
 
     def check_file(self, path: Path) -> None:
-        """Refuse a relative file.
+        """Raise BackendError for a file of the other kind, metric or relative.
 
         Raises:
             BackendError: its graph holds no sigmoid.
@@ -123,51 +122,52 @@ class DepthAnythingMetric(OneGraph, MetricDepth):
             )
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
-        """Image (H, W, 3) -> metres along z, NaN where the network is at its end."""
+        """Predict depth or points of an image (H, W, 3); NaN or invalid where the network has no depth."""
         from physic_core.adapters.pictures import resize_map
         from physic_core.types import DepthMap
 
-        from .depth_maps import depth_at
+        from .depth_maps import mask_depth
 
-        speaking = self.speaking()
-        rows, columns = _size(speaking, image, self.options.side, self.options.max_patches)
-        (values, *_), notes = _ask(speaking, image, rows, columns, self.options.pixels)
+        loaded = self.loaded()
+        rows, columns = _size(loaded, image, self.options.side, self.options.max_patches)
+        (values, *_), notes = _ask(loaded, image, rows, columns, self.options.pixels)
         metres = resize_map(values, *image.shape[:2])
-        return DepthMap(depth_at(metres, self._farthest()), notes=notes)
+        return DepthMap(mask_depth(metres, self._farthest()), notes=notes)
 
     def _farthest(self) -> float | None:
+        """Return the largest reliable depth in metres, or None."""
         if self.options.farthest is not None:
             return self.options.farthest
-        names = f"{last_part(self.options.weights)} {self.speaking().network.name}".lower()
+        names = f"{base_name(self.options.weights)} {self.loaded().network.name}".lower()
         return next((_SATURATED * most for word, most in _LARGEST.items() if word in names), None)
 
 
-class DepthAnythingRelative(OneGraph, RelativePointmap):
-    """Points up to scale, or up to scale and shift, by Depth Anything V2 or 3 relative."""
+class DepthAnythingRelative(OnnxBackend, RelativePointmap):
+    """Relative point map by Depth Anything V2 or 3, up to scale, or scale and shift."""
 
-    Options: ClassVar[type[OneGraphOptions]] = DepthAnythingRelativeOptions
+    Options: ClassVar[type[OnnxBackendOptions]] = DepthAnythingRelativeOptions
     options: DepthAnythingRelativeOptions
-    dialects: ClassVar = {
-        VIEWS: Dialect((_ONE_VIEW,), (_DEPTH, *_EXTRAS)),
-        PUBLISHED: Dialect((_PICTURE,), (_DEPTH, *_EXTRAS)),
-        OTHER: Dialect((_PICTURE,), (_DEPTH,), by_position=True),
+    signatures: ClassVar = {
+        VIEWS: GraphSignature((_ONE_VIEW,), (_DEPTH, *_EXTRAS)),
+        PUBLISHED: GraphSignature((_PICTURE,), (_DEPTH, *_EXTRAS)),
+        OTHER: GraphSignature((_PICTURE,), (_DEPTH,), by_position=True),
     }
 
     def check_file(self, path: Path) -> None:
-        """Refuse a metric file of V2.
+        """Raise BackendError for a file of the other kind, metric or relative.
 
         Raises:
             BackendError: its graph ends in a sigmoid.
         """
-        if not self.options.trust and not names_version_3(path.name) and has_sigmoid(path):
+        if not self.options.trust and not is_version_3_name(path.name) and has_sigmoid(path):
             raise BackendError(
-                f"{path.name} holds a sigmoid, as the metric networks of Depth Anything V2 do: it answers metres, and "
+                f"{path.name} holds a sigmoid, as the metric networks of Depth Anything V2 do: it returns metres, and "
                 "not disparity. Use it as metric_depth 'depth-anything-v2-metric-onnx', or name relative weights; "
                 "trust = true takes it for relative all the same"
             )
 
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
-        """Image (H, W, 3) -> points; what ``unknown`` names is open, and the median depth is 1.
+        """Predict depth or points of an image (H, W, 3); NaN or invalid where the network has no depth.
 
         Raises:
             BackendError: the network is not loaded, or sees nothing.
@@ -176,45 +176,47 @@ class DepthAnythingRelative(OneGraph, RelativePointmap):
         from physic_core.adapters.disparity import clip_disparity, points_from_disparity
         from physic_core.types import Pointmap
 
-        from .depth_maps import single_map
+        from .depth_maps import squeeze_map
 
-        speaking = self.speaking()
-        third = self._answers_depth(speaking)
-        rows, columns = self._size(speaking, image, third)
-        extras = tuple(name for name in ("sky", "intrinsics") if speaking.has(name))
-        (values, *more), notes = _ask(speaking, image, rows, columns, self.options.pixels, *extras)
+        loaded = self.loaded()
+        third = self._answers_depth(loaded)
+        rows, columns = self._size(loaded, image, third)
+        extras = tuple(name for name in ("sky", "intrinsics") if loaded.has_output(name))
+        (values, *more), notes = _ask(loaded, image, rows, columns, self.options.pixels, *extras)
         told = dict(zip(extras, more, strict=True))
         gap, lost = _inverse_depth(values) if third else clip_disparity(values)
         if "sky" in told:
-            lost |= single_map(told["sky"], "sky", speaking.network.name, may_be_flat=True) >= _SKY_SCORE
+            lost |= squeeze_map(told["sky"], "sky", loaded.network.name, may_be_flat=True) >= _SKY_SCORE
         if lost.all():
-            raise BackendError(f"{speaking.network.name} saw no structure in the photo: no pixel has a depth")
+            raise BackendError(f"{loaded.network.name} saw no structure in the photo: no pixel has a depth")
         camera, said = self._camera(hints, image, told.get("intrinsics"), values.shape)
         points, valid = points_from_disparity(np.where(lost, gap[~lost].min(), gap), lost, camera)
-        return Pointmap(points, valid, _open(speaking, third), camera, (*said, *notes))
+        return Pointmap(points, valid, _open(loaded, third), camera, (*said, *notes))
 
-    def _answers_depth(self, speaking: Speaking) -> bool:
+    def _answers_depth(self, loaded: LoadedGraph) -> bool:
+        """Return whether the file predicts depth in place of disparity."""
         if self.options.answers != "auto":
             return self.options.answers == "depth"
-        names = f"{last_part(self.options.weights)} {speaking.network.name}"
-        third = speaking.dialect == VIEWS or any(speaking.has(extra.name) for extra in _EXTRAS)
-        return third or names_version_3(names)
+        names = f"{base_name(self.options.weights)} {loaded.network.name}"
+        third = loaded.signature == VIEWS or any(loaded.has_output(extra.name) for extra in _EXTRAS)
+        return third or is_version_3_name(names)
 
-    def _size(self, speaking: Speaking, image: UInt8Array, third: bool) -> tuple[int, int]:
+    def _size(self, loaded: LoadedGraph, image: UInt8Array, third: bool) -> tuple[int, int]:
+        """Return the input size (rows, columns)."""
         from physic_core.adapters.patch_grid import input_size_by_long_side, limit_patches
 
         if not third:
-            return _size(speaking, image, self.options.side or 518, self.options.max_patches)
+            return _size(loaded, image, self.options.side or 518, self.options.max_patches)
         height, width = image.shape[:2]
         free = limit_patches(
             *input_size_by_long_side(height, width, self.options.side or 504, PATCH), self.options.max_patches
         )
-        return _fixed_or(speaking, free)
+        return _fixed_or(loaded, free)
 
     def _camera(
         self, hints: Hints, image: UInt8Array, matrix: FloatArray | None, seen: tuple[int, ...]
     ) -> tuple[Intrinsics, tuple[str, ...]]:
-        """The camera that is known, else the network's, else a default; and notes."""
+        """Return the known camera, else the network's, else a default; and notes."""
         from physic_core.adapters.cameras import guessed_camera, known_camera
 
         known = known_camera(hints, image)
@@ -227,8 +229,8 @@ class DepthAnythingRelative(OneGraph, RelativePointmap):
         return guessed_camera(self.options.default_fov, image)
 
 
-def prepare(image: UInt8Array, rows: int, columns: int, *, normalised: bool = True) -> FloatArray:
-    """Image (H, W, 3) -> (1, 3, rows, columns): bicubic with antialiasing, in 8 bits as published, then ImageNet's.
+def preprocess(image: UInt8Array, rows: int, columns: int, *, normalised: bool = True) -> FloatArray:
+    """Resize an image (H, W, 3) to (1, 3, rows, columns): antialiased bicubic in 8 bits, then ImageNet's normalisation.
 
     Args:
         image: uint8 RGB.
@@ -242,53 +244,54 @@ def prepare(image: UInt8Array, rows: int, columns: int, *, normalised: bool = Tr
     return normalized_nchw(small, IMAGENET_MEAN, IMAGENET_STD) if normalised else normalized_nchw(small, scale=1.0)
 
 
-def _size(speaking: Speaking, image: UInt8Array, side: int, most: int) -> tuple[int, int]:
+def _size(loaded: LoadedGraph, image: UInt8Array, side: int, most: int) -> tuple[int, int]:
+    """Return the input size (rows, columns)."""
     from physic_core.adapters.patch_grid import input_size_least_scaling, limit_patches
 
     height, width = image.shape[:2]
-    return _fixed_or(speaking, limit_patches(*input_size_least_scaling(height, width, side, PATCH), most))
+    return _fixed_or(loaded, limit_patches(*input_size_least_scaling(height, width, side, PATCH), most))
 
 
-def _fixed_or(speaking: Speaking, free: tuple[int, int]) -> tuple[int, int]:
-    """What the file fixes, and the rest of a size of our choice."""
-    from .depth_maps import fixed_size
+def _fixed_or(loaded: LoadedGraph, free: tuple[int, int]) -> tuple[int, int]:
+    """Return the file's fixed input size, with free sides from a given size."""
+    from .depth_maps import fixed_input_size
 
-    rows, columns = fixed_size(speaking.shape("pixel_values"))
+    rows, columns = fixed_input_size(loaded.input_shape("pixel_values"))
     return rows or free[0], columns or free[1]
 
 
 def _ask(
-    speaking: Speaking, image: UInt8Array, rows: int, columns: int, pixels: Pixels, *extras: str
+    loaded: LoadedGraph, image: UInt8Array, rows: int, columns: int, pixels: Pixels, *extras: str
 ) -> tuple[list[FloatArray], tuple[str, ...]]:
-    """The map of depth or disparity (h, w), further outputs as they come, and notes."""
-    from .depth_maps import single_map, squash_note
+    """Run the network: the map of depth or disparity (h, w), further outputs, and notes."""
+    from .depth_maps import aspect_change_note, squeeze_map
 
-    normalised = pixels == "imagenet" or (pixels == "auto" and not normalises_itself(speaking))
-    fed = prepare(image, rows, columns, normalised=normalised)
-    raw, *more = speaking.ask("pixel_values", fed, "predicted_depth", *extras)
-    values = single_map(raw, "predicted_depth", speaking.network.name)
-    fixed = speaking.ports.inputs["pixel_values"].shape[-2:] == (rows, columns)
-    return [values, *more], squash_note(image, rows, columns, speaking.network.name) if fixed else ()
+    normalised = pixels == "imagenet" or (pixels == "auto" and not takes_raw_pixels(loaded))
+    fed = preprocess(image, rows, columns, normalised=normalised)
+    raw, *more = loaded.run_image("pixel_values", fed, "predicted_depth", *extras)
+    values = squeeze_map(raw, "predicted_depth", loaded.network.name)
+    fixed = loaded.ports.inputs["pixel_values"].shape[-2:] == (rows, columns)
+    return [values, *more], aspect_change_note(image, rows, columns, loaded.network.name) if fixed else ()
 
 
 def _inverse_depth(depth: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """1 / depth and where there is none; both (h, w)."""
+    """Return 1 / depth and where it is unknown; both (h, w)."""
 
     with np.errstate(invalid="ignore"):
         lost = ~(np.isfinite(depth) & (depth > 0))
     return 1 / np.where(lost, 1.0, depth), lost
 
 
-def _open(speaking: Speaking, third: bool) -> AffineAmbiguity:
-    """What the answer leaves open; networks of several views find a camera, and so no shift is left."""
+def _open(loaded: LoadedGraph, third: bool) -> AffineAmbiguity:
+    """Return the ambiguity of the output. Networks of several views estimate a camera, so that no shift is left."""
     if not third:
         return "inverse_scale_shift"
-    views = speaking.dialect == VIEWS or speaking.has("intrinsics") or speaking.has("depth_conf")
+    views = loaded.signature == VIEWS or loaded.has_output("intrinsics") or loaded.has_output("depth_conf")
     return "scale" if views else "scale_shift"
 
 
 def _camera_of(matrix: FloatArray, seen: tuple[int, ...]) -> Intrinsics:
-    """A camera matrix (..., 3, 3) of the network's picture, whose coordinates count from the picture's corner."""
+    """Convert a camera matrix (..., 3, 3) that counts from pixel edges."""
     from physic_core.types import Intrinsics
 
     k = matrix.reshape(-1, 3, 3)[0]

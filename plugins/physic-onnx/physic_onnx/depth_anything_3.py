@@ -1,4 +1,4 @@
-"""Depth Anything 3 metric: depth for a focal length of 300 px of the network's own picture, and the sky."""
+"""Estimate metric depth and the sky with Depth Anything 3 metric, whose depth is for a focal length of 300 px."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ from pydantic import Field
 from physic_core.errors import BackendError
 from physic_core.interfaces import MetricDepth
 
-from .contract import Dialect, Wanted
-from .one_graph import WEIGHTS, OneGraph, OneGraphOptions
+from .contract import GraphSignature, PortSpec
+from .one_graph import WEIGHTS_HELP, OnnxBackend, OnnxBackendOptions
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from physic_core.types import DepthMap, FloatArray, Hints, UInt8Array
 
-__all__ = ["DepthAnything3", "DepthAnything3Options", "prepare"]
+__all__ = ["DepthAnything3", "DepthAnything3Options", "preprocess"]
 
 CANONICAL_FOCAL_PX = 300.0
 PATCH = 14  # px
 
-_PICTURE = Wanted("image", ("pixel_values", "input"), shape=(None, 3, None, None))
-_ONE_VIEW = Wanted("image", ("pixel_values",), shape=(None, 1, 3, None, None))
-_OUTPUTS = (Wanted("depth", ("predicted_depth",)), Wanted("sky"))
+_PICTURE = PortSpec("image", ("pixel_values", "input"), shape=(None, 3, None, None))
+_ONE_VIEW = PortSpec("image", ("pixel_values",), shape=(None, 1, 3, None, None))
+_OUTPUTS = (PortSpec("depth", ("predicted_depth",)), PortSpec("sky"))
 
 
-class DepthAnything3Options(OneGraphOptions):
+class DepthAnything3Options(OnnxBackendOptions):
     """Settings of Depth Anything 3 metric."""
 
-    weights: str = Field("depth-anything-3-metric-large", description=WEIGHTS)
+    weights: str = Field("depth-anything-3-metric-large", description=WEIGHTS_HELP)
     side: int = Field(
         504, ge=56, multiple_of=14, description="px of the input's long side where the file leaves it free"
     )
@@ -40,30 +40,30 @@ class DepthAnything3Options(OneGraphOptions):
     farthest: float = Field(200.0, gt=0, description="metres; farther is not known")
 
 
-class DepthAnything3(OneGraph, MetricDepth):
-    """Depth in metres for a known focal length, and no depth in the sky."""
+class DepthAnything3(OnnxBackend, MetricDepth):
+    """Metric depth by Depth Anything 3 for a known focal length; NaN in the sky."""
 
-    Options: ClassVar[type[OneGraphOptions]] = DepthAnything3Options
+    Options: ClassVar[type[OnnxBackendOptions]] = DepthAnything3Options
     options: DepthAnything3Options
-    dialects: ClassVar = {
-        "one picture": Dialect((_PICTURE,), _OUTPUTS),
-        "several views": Dialect((_ONE_VIEW,), _OUTPUTS),
+    signatures: ClassVar = {
+        "one picture": GraphSignature((_PICTURE,), _OUTPUTS),
+        "several views": GraphSignature((_ONE_VIEW,), _OUTPUTS),
     }
 
     def check_file(self, path: Path) -> None:
-        """Refuse the relative file with a sky, whose ports are the same.
+        """Raise BackendError for the relative file with a sky output, which has the same ports.
 
         Raises:
             BackendError: it is called "mono".
         """
         if "mono" in path.name.lower():
             raise BackendError(
-                f"{path.name} is called after Depth Anything 3 mono, which answers relative depth: use it as "
+                f"{path.name} is called after Depth Anything 3 mono, which returns relative depth: use it as "
                 "relative_pointmap 'depth-anything-onnx', or name weights of Depth Anything 3 metric"
             )
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
-        """Image (H, W, 3) -> metres along z for the camera of ``hints``; NaN in the sky.
+        """Return depth along z in metres for the camera of ``hints``; NaN in the sky.
 
         Raises:
             BackendError: no camera is known, or the network is not loaded.
@@ -73,37 +73,40 @@ class DepthAnything3(OneGraph, MetricDepth):
         from physic_core.adapters.pictures import resize_map
         from physic_core.types import DepthMap
 
-        from .depth_maps import depth_at, required_camera, single_map, squash_note
+        from .depth_maps import aspect_change_note, mask_depth, required_camera, squeeze_map
 
-        speaking = self.speaking()
+        loaded = self.loaded()
         camera = required_camera(hints, image, "Depth Anything 3 metric")
         rows, columns = self._size(image)
-        file = speaking.network.name
-        raw, score = speaking.ask("image", prepare(image, rows, columns), "depth", "sky")
-        values = single_map(raw, "depth", file)
+        file = loaded.network.name
+        raw, score = loaded.run_image("image", preprocess(image, rows, columns), "depth", "sky")
+        values = squeeze_map(raw, "depth", file)
         # A squash changes the two focal lengths differently; the network was trained on their mean.
         seen = camera.resized(columns, rows)
         metres = depth_from_canonical(values, (seen.fx + seen.fy) / 2, CANONICAL_FOCAL_PX)
-        sky = single_map(score, "sky", file, may_be_flat=True) >= self.options.sky
+        sky = squeeze_map(score, "sky", file, may_be_flat=True) >= self.options.sky
         depth = resize_map(np.where(sky, np.nan, metres), *image.shape[:2])
-        fixed = speaking.shape("image")[-2:] == (rows, columns)
-        notes = squash_note(image, rows, columns, file) if fixed else ()
-        return DepthMap(depth_at(depth, self.options.farthest), camera, notes=notes)
+        fixed = loaded.input_shape("image")[-2:] == (rows, columns)
+        notes = aspect_change_note(image, rows, columns, file) if fixed else ()
+        return DepthMap(mask_depth(depth, self.options.farthest), camera, notes=notes)
 
     def _size(self, image: UInt8Array) -> tuple[int, int]:
+        """Return the input size (rows, columns)."""
         from physic_core.adapters.patch_grid import input_size_by_long_side, limit_patches
 
-        from .depth_maps import fixed_size
+        from .depth_maps import fixed_input_size
 
-        rows, columns = fixed_size(self.speaking().shape("image"))
+        rows, columns = fixed_input_size(self.loaded().input_shape("image"))
         free = limit_patches(
             *input_size_by_long_side(image.shape[0], image.shape[1], self.options.side, PATCH), self.options.max_patches
         )
         return rows or free[0], columns or free[1]
 
 
-def prepare(image: UInt8Array, rows: int, columns: int) -> FloatArray:
-    """Image (H, W, 3) -> (1, 3, rows, columns), ImageNet's normalisation; shrunk by areas, enlarged bicubically."""
+def preprocess(image: UInt8Array, rows: int, columns: int) -> FloatArray:
+    """Resize an image (H, W, 3) to (1, 3, rows, columns) with ImageNet's normalisation: area to shrink, bicubic to
+    enlarge.
+    """
     from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw, resize_image
 
     grows = max(rows, columns) > max(image.shape[:2])

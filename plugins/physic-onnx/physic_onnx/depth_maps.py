@@ -1,4 +1,4 @@
-"""Maps of depth as networks answer them: freed of spare axes, refused where they say nothing, brought to the photo."""
+"""Check and convert depth maps in network outputs."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ if TYPE_CHECKING:
 
     from physic_core.types import FloatArray, Hints, Intrinsics
 
-__all__ = ["depth_at", "fixed_size", "one_number", "required_camera", "single_map", "squash_note"]
+__all__ = ["aspect_change_note", "fixed_input_size", "mask_depth", "required_camera", "squeeze_map", "squeeze_number"]
 
 _MOST_SQUASH = 1.6
 _LEAST_SPREAD = 1e-6  # of the largest value; below it a map is a constant
 
 
-def single_map(values: NDArray[Any], what: str, file: str, *, may_be_flat: bool = False) -> FloatArray:
-    """The one map (h, w) float32 in an output with batch, view or channel axes of size 1.
+def squeeze_map(values: NDArray[Any], what: str, file: str, *, may_be_flat: bool = False) -> FloatArray:
+    """Return the single map (h, w) float32 of an output with batch, view or channel axes of size 1.
 
     Args:
         values: as the network gave it.
@@ -36,45 +36,45 @@ def single_map(values: NDArray[Any], what: str, file: str, *, may_be_flat: bool 
     while values.ndim > 2 and 1 in values.shape:
         values = np.squeeze(values, axis=values.shape.index(1))
     if values.ndim != 2:
-        raise BackendError(f"{file} answered {what} of shape {shape}: one map (height, width) was expected")
+        raise BackendError(f"{file} returned {what} of shape {shape}: one map (height, width) was expected")
     found = np.asarray(values, np.float32)
     finite = found[np.isfinite(found)]
     if not finite.size:
         raise BackendError(
-            f"{file} answered {what} without one finite number: in half precision networks can overflow; "
+            f"{file} returned {what} without one finite number: in half precision networks can overflow; "
             "use its float32 file"
         )
     if not may_be_flat and found.size > 1 and np.ptp(finite) <= _LEAST_SPREAD * np.abs(finite).max():
         raise BackendError(
-            f"{file} answered {what} = {float(finite[0]):.4g} for every pixel: some exports in half precision do so on "
+            f"{file} returned {what} = {float(finite[0]):.4g} for every pixel: some exports in half precision do so on "
             "GPUs; use its float32 file, or provider 'cpu'"
         )
     return found
 
 
-def one_number(values: NDArray[Any], what: str, file: str) -> float:
-    """The number in an output of shape (), (1,) or (1, 1).
+def squeeze_number(values: NDArray[Any], what: str, file: str) -> float:
+    """Return the single positive number of an output of shape (), (1,) or (1, 1).
 
     Raises:
         BackendError: there are several, or it is not above 0.
     """
 
     if values.size != 1:
-        raise BackendError(f"{file} answered {what} of shape {values.shape}: one number was expected")
+        raise BackendError(f"{file} returned {what} of shape {values.shape}: one number was expected")
     number = float(np.reshape(values, -1)[0])
     if not 0 < number < float("inf"):
-        raise BackendError(f"{file} answered {what} = {number:g}: a number above 0 was expected")
+        raise BackendError(f"{file} returned {what} = {number:g}: a number above 0 was expected")
     return number
 
 
-def fixed_size(shape: tuple[int | str, ...]) -> tuple[int | None, int | None]:
-    """Rows and columns that an input fixes, None where they are free."""
+def fixed_input_size(shape: tuple[int | str, ...]) -> tuple[int | None, int | None]:
+    """Return height and width of an input; None for a free size."""
     rows, columns = (side if isinstance(side, int) else None for side in shape[-2:])
     return rows, columns
 
 
-def squash_note(image: NDArray[Any], rows: int, columns: int, file: str) -> tuple[str, ...]:
-    """A note where a fixed size changes the aspect of the photo much."""
+def aspect_change_note(image: NDArray[Any], rows: int, columns: int, file: str) -> tuple[str, ...]:
+    """Return a note if a fixed input size changes the photo's aspect by more than a factor of 1.6, else nothing."""
     height, width = image.shape[:2]
     squash = (columns / rows) / (width / height)
     if 1 / _MOST_SQUASH < squash < _MOST_SQUASH:
@@ -87,7 +87,7 @@ def squash_note(image: NDArray[Any], rows: int, columns: int, file: str) -> tupl
 
 
 def required_camera(hints: Hints, image: NDArray[Any], name: str) -> Intrinsics:
-    """The camera of the hints for this image.
+    """Return the camera of the hints for an image.
 
     Raises:
         BackendError: none is known, and the network called ``name`` gives no metres without.
@@ -103,8 +103,8 @@ def required_camera(hints: Hints, image: NDArray[Any], name: str) -> Intrinsics:
     return camera
 
 
-def depth_at(depth: FloatArray, farthest: float | None) -> FloatArray:
-    """Depth (h, w) with NaN where it is not above 0, or farther than a network can tell."""
+def mask_depth(depth: FloatArray, farthest: float | None) -> FloatArray:
+    """Replace depth (h, w) that is not positive, or farther than ``farthest``, by NaN."""
 
     with np.errstate(invalid="ignore"):
         known = np.isfinite(depth) & (depth > 0)

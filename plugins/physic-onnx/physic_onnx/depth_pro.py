@@ -1,8 +1,7 @@
-"""DepthPro: metres and the focal length, from 1536 x 1536 px.
+"""Estimate metric depth and the focal length with DepthPro at 1536 x 1536 px.
 
-Two forms of the file are about. The published ONNX file answers metres, for the focal length that it found, which it
-tells in px of the 1536 px wide square. An export of the class in transformers answers canonical inverse depth and a
-field of view.
+Two forms of the file exist. The published ONNX file returns metres and its focal length in px of the 1536 px square. An
+export of the class in transformers returns canonical inverse depth and a field of view.
 """
 
 from __future__ import annotations
@@ -15,45 +14,47 @@ from pydantic import Field
 from physic_core.errors import BackendError
 from physic_core.interfaces import MetricDepth
 
-from .contract import Dialect, Wanted
-from .one_graph import WEIGHTS, OneGraph, OneGraphOptions
+from .contract import GraphSignature, PortSpec
+from .one_graph import WEIGHTS_HELP, OnnxBackend, OnnxBackendOptions
 
 if TYPE_CHECKING:
     from physic_core.types import DepthMap, FloatArray, Hints, UInt8Array
 
-    from .one_graph import Speaking
+    from .one_graph import LoadedGraph
 
-__all__ = ["DepthPro", "DepthProOptions", "prepare"]
+__all__ = ["DepthPro", "DepthProOptions", "preprocess"]
 
 SIDE = 1536
 _TELLING = 0.1  # share by which two focal lengths differ before it is worth a note
-_PICTURE = Wanted("pixel_values", ("image", "input"), shape=(None, 3, SIDE, SIDE))
+_PICTURE = PortSpec("pixel_values", ("image", "input"), shape=(None, 3, SIDE, SIDE))
 METRES, INVERSE = "metres and focal length in px", "canonical inverse depth and field of view"
 
 
-class DepthProOptions(OneGraphOptions):
+class DepthProOptions(OnnxBackendOptions):
     """Settings of DepthPro."""
 
-    weights: str = Field("depth-pro-fp16", description=WEIGHTS)
+    weights: str = Field("depth-pro-fp16", description=WEIGHTS_HELP)
     use_known_focal: bool = Field(
         True, description="scale depth to the focal length that is known; false keeps DepthPro's own"
     )
     farthest: float = Field(1000.0, gt=0, description="metres; farther is not known: DepthPro puts the sky at 10 km")
 
 
-class DepthPro(OneGraph, MetricDepth):
-    """Depth in metres and the camera (paper's MetricDepth). On a CPU it takes minutes and about 18 GB of memory."""
+class DepthPro(OnnxBackend, MetricDepth):
+    """Metric depth and camera by DepthPro (the paper's). On a CPU it takes minutes and about 18 GB of memory."""
 
-    Options: ClassVar[type[OneGraphOptions]] = DepthProOptions
+    Options: ClassVar[type[OnnxBackendOptions]] = DepthProOptions
     options: DepthProOptions
     capabilities = ("returns_intrinsics",)
-    dialects: ClassVar = {
-        METRES: Dialect((_PICTURE,), (Wanted("predicted_depth", ("depth",)), Wanted("focallength_px"))),
-        INVERSE: Dialect((_PICTURE,), (Wanted("predicted_depth"), Wanted("field_of_view", ("fov", "fov_deg")))),
+    signatures: ClassVar = {
+        METRES: GraphSignature((_PICTURE,), (PortSpec("predicted_depth", ("depth",)), PortSpec("focallength_px"))),
+        INVERSE: GraphSignature(
+            (_PICTURE,), (PortSpec("predicted_depth"), PortSpec("field_of_view", ("fov", "fov_deg")))
+        ),
     }
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
-        """Image (H, W, 3) -> metres along z and the camera; NaN in the sky.
+        """Return depth along z in metres and the camera; NaN in the sky.
 
         Depth is proportional to the focal length: a camera of ``hints``, unless it is a default, replaces the one that
         the network found.
@@ -62,11 +63,11 @@ class DepthPro(OneGraph, MetricDepth):
         from physic_core.adapters.canonical_depth import depth_from_canonical
         from physic_core.types import DepthMap, Intrinsics
 
-        from .depth_maps import depth_at
+        from .depth_maps import mask_depth
 
-        speaking = self.speaking()
+        loaded = self.loaded()
         height, width = image.shape[:2]
-        depth, own = self._metres(speaking, image)
+        depth, own = self._metres(loaded, image)
         camera = Intrinsics.from_focal(own, width, height, "DepthPro")
         notes = [f"focal length {own:.0f} px from DepthPro"]
         known = known_camera(hints, image) if self.options.use_known_focal else None
@@ -75,26 +76,26 @@ class DepthPro(OneGraph, MetricDepth):
             notes = []
             if abs(known.fx / own - 1) > _TELLING:
                 notes = [f"DepthPro took the focal length for {own:.0f} px; its depth is scaled to {known.fx:.0f} px"]
-        return DepthMap(depth_at(depth, self.options.farthest), camera, notes=tuple(notes))
+        return DepthMap(mask_depth(depth, self.options.farthest), camera, notes=tuple(notes))
 
-    def _metres(self, speaking: Speaking, image: UInt8Array) -> tuple[FloatArray, float]:
-        """Depth at the photo's size and focal length in px of the photo, both as the network believes."""
+    def _metres(self, loaded: LoadedGraph, image: UInt8Array) -> tuple[FloatArray, float]:
+        """Return depth at photo size and focal length in photo px, both as estimated by the network."""
 
         from physic_core.adapters.canonical_depth import depth_from_canonical_inverse, focal_from_fov
         from physic_core.adapters.pictures import resize_map
 
-        from .depth_maps import one_number, single_map
+        from .depth_maps import squeeze_map, squeeze_number
 
         height, width = image.shape[:2]
-        file = speaking.network.name
-        inverse_is_told = speaking.dialect == INVERSE
+        file = loaded.network.name
+        inverse_is_told = loaded.signature == INVERSE
         second = "field_of_view" if inverse_is_told else "focallength_px"
-        raw, told = speaking.ask("pixel_values", prepare(image), "predicted_depth", second)
-        values, number = single_map(raw, "predicted_depth", file), one_number(told, second, file)
+        raw, told = loaded.run_image("pixel_values", preprocess(image), "predicted_depth", second)
+        values, number = squeeze_map(raw, "predicted_depth", file), squeeze_number(told, second, file)
         # Between a near and a far surface the inverse is what may be averaged, in both forms.
         if inverse_is_told:
             if number >= 180:
-                raise BackendError(f"{file} answered a field of view of {number:g} degrees: less than 180 was expected")
+                raise BackendError(f"{file} returned a field of view of {number:g} degrees: less than 180 was expected")
             focal = focal_from_fov(number, width)
             return depth_from_canonical_inverse(resize_map(values, height, width), focal, width), focal
         with np.errstate(divide="ignore"):
@@ -103,8 +104,8 @@ class DepthPro(OneGraph, MetricDepth):
         return metres, number * width / SIDE
 
 
-def prepare(image: UInt8Array) -> FloatArray:
-    """Image (H, W, 3) -> (1, 3, 1536, 1536) in [-1, 1]: squashed, bilinear, not antialiased, and never rounded.
+def preprocess(image: UInt8Array) -> FloatArray:
+    """Squash an image (H, W, 3) to (1, 3, 1536, 1536) in [-1, 1], bilinear without antialiasing or rounding.
 
     The published processor normalises first and resizes then, which in float32 is the same.
     """

@@ -1,4 +1,4 @@
-"""People in boxes: YOLOX, RT-DETR (v2 and D-FINE too) and RTMO, recognised by their files' inputs and outputs."""
+"""Detect people with YOLOX, RT-DETR (v2 and D-FINE too) or RTMO, recognised by their files' ports."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from physic_core.errors import BackendError
 
-from .contract import Dialect, Match, Wanted, choose
+from .contract import GraphSignature, PortMatch, PortSpec, match_signature
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -22,52 +22,54 @@ if TYPE_CHECKING:
     from .options import OnnxOptions
     from .sessions import Network
 
-__all__ = ["DIALECTS", "Detector", "open_detector"]
+__all__ = ["SIGNATURES", "Detector", "open_detector"]
 
 GREY = 114
-"""What YOLOX and RTMO were trained to see round a photo."""
+"""Grey level around the photo in the training of YOLOX and RTMO."""
 
-USUAL_SIDE = 640
-"""Side of the picture for files that leave it free, px."""
+DEFAULT_SIDE = 640
+"""Input side for files of free size, px."""
 
 PERSON = 0
-"""Class of people in COCO's 80, and in lists that hold nothing else."""
+"""Class index of people in COCO's 80 classes, and in lists of people alone."""
 
 _FRAME = (None, 3, None, None)
-DIALECTS: Mapping[str, Dialect] = {
-    "RTMO": Dialect(
-        (Wanted("input", ("images",), shape=_FRAME),),
-        (Wanted("dets", shape=(None, None, 5)), Wanted("keypoints", shape=(None, None, 17, 3))),
+SIGNATURES: Mapping[str, GraphSignature] = {
+    "RTMO": GraphSignature(
+        (PortSpec("input", ("images",), shape=_FRAME),),
+        (PortSpec("dets", shape=(None, None, 5)), PortSpec("keypoints", shape=(None, None, 17, 3))),
     ),
-    "YOLOX with NMS inside": Dialect(
-        (Wanted("input", ("images",), shape=_FRAME),), (Wanted("dets", shape=(None, None, 5)),)
+    "YOLOX with NMS inside": GraphSignature(
+        (PortSpec("input", ("images",), shape=_FRAME),), (PortSpec("dets", shape=(None, None, 5)),)
     ),
-    "YOLOX": Dialect(
-        (Wanted("images", ("input",), shape=_FRAME),), (Wanted("output", ("outputs",), shape=(None, None, None)),)
+    "YOLOX": GraphSignature(
+        (PortSpec("images", ("input",), shape=_FRAME),), (PortSpec("output", ("outputs",), shape=(None, None, None)),)
     ),
-    "RT-DETR": Dialect(
-        (Wanted("pixel_values", shape=_FRAME),),
-        (Wanted("logits", shape=(None, None, None)), Wanted("pred_boxes", shape=(None, None, 4))),
+    "RT-DETR": GraphSignature(
+        (PortSpec("pixel_values", shape=_FRAME),),
+        (PortSpec("logits", shape=(None, None, None)), PortSpec("pred_boxes", shape=(None, None, 4))),
     ),
 }
-"""YOLOX and RTMO see BGR from 0 to 255 in a letterbox, RT-DETR sees RGB from 0 to 1 squashed to a square."""
+"""Signatures of the detectors. YOLOX and RTMO take BGR from 0 to 255 in a letterbox, RT-DETR takes RGB from 0 to 1 in a
+squashed square.
+"""
 
 
 class Detector:
-    """An open network that finds people.
+    """Open person detector.
 
     Attributes:
-        dialect: one of DIALECTS.
+        signature: one of SIGNATURES.
     """
 
     def __init__(self, network: Network) -> None:
         self.network = network
-        self.dialect, self._match = choose(network, DIALECTS)
+        self.signature, self._match = match_signature(network, SIGNATURES)
         (port,) = self._match.inputs.values()
-        self._size = tuple(side if isinstance(side, int) else USUAL_SIDE for side in port.shape[2:])
+        self._size = tuple(side if isinstance(side, int) else DEFAULT_SIDE for side in port.shape[2:])
 
     def infer(self, image: UInt8Array, score: float, overlap: float) -> Detections:
-        """People in a photo (H, W, 3), best score first.
+        """Detect people in a photo (H, W, 3), best score first.
 
         Args:
             image: RGB.
@@ -76,11 +78,11 @@ class Detector:
                 not choose.
 
         Raises:
-            BackendError: the network answers what this dialect does not know.
+            BackendError: the network answers what this signature does not know.
         """
         from physic_core.adapters.detections import Detections, clip_boxes, nms
 
-        boxes, scores, joints = _DECODERS[self.dialect](self._match, self.network, image, self._size)
+        boxes, scores, joints = _DECODERS[self.signature](self._match, self.network, image, self._size)
         height, width = image.shape[:2]
         boxes, stay = clip_boxes(boxes, height, width)
         stay &= scores >= score
@@ -91,10 +93,10 @@ class Detector:
 
 
 def open_detector(path: Path, options: OnnxOptions, device: str) -> Detector:
-    """Open a file of a detector.
+    """Open the ONNX file of a detector.
 
     Raises:
-        BackendError: it cannot be opened, or is none of DIALECTS.
+        BackendError: it cannot be opened, or is none of SIGNATURES.
         DeviceError: the device is not there.
     """
     from .sessions import open_network
@@ -103,29 +105,29 @@ def open_detector(path: Path, options: OnnxOptions, device: str) -> Detector:
 
 
 Answer = tuple["FloatArray", "FloatArray", "NDArray[Any] | None"]
-"""Boxes (N, 4) px of the photo, scores (N,), and of RTMO (N, 17, 3) points of the photo and how sure they are."""
+"""Boxes (N, 4) px, scores (N,), and for RTMO joints (N, 17, 3) with confidence."""
 
 
-def _boxed(image: UInt8Array, size: tuple[int, ...]) -> tuple[FloatArray, Letterbox]:
-    """The photo in a grey letterbox from the top left corner, BGR 0..255."""
+def _letterbox_bgr(image: UInt8Array, size: tuple[int, ...]) -> tuple[FloatArray, Letterbox]:
+    """Return the photo in a grey letterbox at the top left corner, BGR 0 to 255."""
     from physic_core.adapters.pictures import letterbox, normalized_nchw
 
     canvas, box = letterbox(image, size[0], size[1], GREY, "top-left")
     return normalized_nchw(canvas[..., ::-1], scale=1.0), box
 
 
-def _yolox(match: Match, network: Network, image: UInt8Array, size: tuple[int, ...]) -> Answer:
-    """Raw answers of the head: per cell an offset, the logarithm of a size, "something" and 80 classes."""
+def _decode_yolox(match: PortMatch, network: Network, image: UInt8Array, size: tuple[int, ...]) -> Answer:
+    """Run YOLOX and decode its head: per cell an offset, a log size, an objectness and 80 class scores."""
 
     from physic_core.adapters.detections import xyxy_from_cxcywh
 
-    frame, box = _boxed(image, size)
+    frame, box = _letterbox_bgr(image, size)
     (raw,) = match.run(network, {"images": frame}, ["output"])
     rows = raw[0].astype(np.float64)
     cells, strides = _yolox_cells(size)
     if rows.ndim != 2 or rows.shape[0] != len(cells) or rows.shape[1] < 6:
         raise BackendError(
-            f"a YOLOX file for {size[1]} x {size[0]} px must answer (1, {len(cells)}, 85), got {raw.shape}: "
+            f"a YOLOX file for {size[1]} x {size[0]} px must return (1, {len(cells)}, 85), got {raw.shape}: "
             "is it of another size, or cut?"
         )
     # Some exports hold the decoding. Offsets are a cell or two, decoded centres lie all over the picture.
@@ -138,7 +140,7 @@ def _yolox(match: Match, network: Network, image: UInt8Array, size: tuple[int, .
 
 
 def _yolox_cells(size: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
-    """(N, 2) column and row of each answer's cell, and (N,) its side, px."""
+    """Return column and row (N, 2) and side (N,) px of each output cell."""
 
     cells, strides = [], []
     for stride in (8, 16, 32):
@@ -148,10 +150,10 @@ def _yolox_cells(size: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
     return np.concatenate(cells), np.concatenate(strides)
 
 
-def _chosen(match: Match, network: Network, image: UInt8Array, size: tuple[int, ...]) -> Answer:
-    """Boxes that the graph itself has chosen: x0 y0 x1 y1 of the letterbox, and a score."""
+def _decode_nms(match: PortMatch, network: Network, image: UInt8Array, size: tuple[int, ...]) -> Answer:
+    """Run a detector with built-in NMS: boxes x0 y0 x1 y1 of the letterbox, scores, and RTMO's joints."""
 
-    frame, box = _boxed(image, size)
+    frame, box = _letterbox_bgr(image, size)
     names = ["dets", "keypoints"] if "keypoints" in match.outputs else ["dets"]
     dets, *rest = match.run(network, {"input": frame}, names)
     rows = dets[0].astype(np.float64)
@@ -162,8 +164,8 @@ def _chosen(match: Match, network: Network, image: UInt8Array, size: tuple[int, 
     return box.edges_to_photo(rows[:, :4]), rows[:, 4], joints
 
 
-def _rt_detr(match: Match, network: Network, image: UInt8Array, size: tuple[int, ...]) -> Answer:
-    """300 queries: logits of 80 classes, each on its own, and centred boxes in shares of the photo."""
+def _decode_rt_detr(match: PortMatch, network: Network, image: UInt8Array, size: tuple[int, ...]) -> Answer:
+    """Run RT-DETR: 300 queries with logits of 80 classes, and centred boxes in shares of the photo."""
 
     from physic_core.adapters.detections import xyxy_from_cxcywh
     from physic_core.adapters.pictures import normalized_nchw, resize_image
@@ -172,7 +174,7 @@ def _rt_detr(match: Match, network: Network, image: UInt8Array, size: tuple[int,
     logits, boxes = match.run(network, {"pixel_values": frame}, ["logits", "pred_boxes"])
     if logits.shape[-1] in (91, 92):
         raise BackendError(
-            f"{network.name} answers {logits.shape[-1]} classes, as DETR does, and not 80 as RT-DETR and D-FINE: "
+            f"{network.name} returns {logits.shape[-1]} classes, as DETR does, and not 80 as RT-DETR and D-FINE: "
             "choose a file of those"
         )
     score = 1.0 / (1.0 + np.exp(-np.clip(logits[0, :, PERSON].astype(np.float64), -60.0, 60.0)))
@@ -181,14 +183,15 @@ def _rt_detr(match: Match, network: Network, image: UInt8Array, size: tuple[int,
 
 
 def _coco17(joints: NDArray[Any]) -> Any:
+    """Convert joints to COCO-17 keypoints."""
     from physic_core.types import Keypoints
 
     return Keypoints(joints[..., :2], joints[..., 2].clip(0, 1), "coco17")
 
 
-_DECODERS: Mapping[str, Callable[[Match, Network, UInt8Array, tuple[int, ...]], Answer]] = {
-    "RTMO": _chosen,
-    "YOLOX with NMS inside": _chosen,
-    "YOLOX": _yolox,
-    "RT-DETR": _rt_detr,
+_DECODERS: Mapping[str, Callable[[PortMatch, Network, UInt8Array, tuple[int, ...]], Answer]] = {
+    "RTMO": _decode_nms,
+    "YOLOX with NMS inside": _decode_nms,
+    "YOLOX": _decode_yolox,
+    "RT-DETR": _decode_rt_detr,
 }

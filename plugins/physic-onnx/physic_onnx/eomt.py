@@ -1,4 +1,4 @@
-"""People and the floor by EoMT, one panoptic network."""
+"""Segment people and floor with EoMT, a panoptic network."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from pydantic import Field
 
 from physic_core.interfaces import Options, Segmenter
 
-from .contract import Dialect, Wanted
-from .one_graph import OneGraph, OneGraphOptions
+from .contract import GraphSignature, PortSpec
+from .one_graph import OnnxBackend, OnnxBackendOptions
 
 if TYPE_CHECKING:
     from physic_core.types import People, UInt8Array
 
 __all__ = ["Eomt", "EomtOptions"]
 
-INPUTS = (Wanted("pixel_values", shape=(None, 3, None, None)),)
+INPUTS = (PortSpec("pixel_values", shape=(None, 3, None, None)),)
 OUTPUTS = (
-    Wanted("class_queries_logits", shape=(None, None, 134)),
-    Wanted("masks_queries_logits", shape=(None, None, None, None)),
+    PortSpec("class_queries_logits", shape=(None, None, 134)),
+    PortSpec("masks_queries_logits", shape=(None, None, None, None)),
 )
-USUAL_SIDE = 640
-"""Side of the picture for files that leave it free, px."""
+DEFAULT_SIDE = 640
+"""Input side for files of free size, px."""
 
 
-class EomtOptions(OneGraphOptions):
+class EomtOptions(OnnxBackendOptions):
     """Settings of Eomt."""
 
     weights: str = Field(
@@ -41,15 +41,15 @@ class EomtOptions(OneGraphOptions):
     )
 
 
-class Eomt(OneGraph, Segmenter):
-    """EoMT trained on COCO panoptic: classes of queries say who is a person and what is ground."""
+class Eomt(OnnxBackend, Segmenter):
+    """Segmenter: EoMT trained on COCO panoptic, whose query classes include people and kinds of floor."""
 
     Options: ClassVar[type[Options]] = EomtOptions
     options: EomtOptions
-    dialects: ClassVar = {"EoMT of COCO panoptic": Dialect(INPUTS, OUTPUTS)}
+    signatures: ClassVar = {"EoMT of COCO panoptic": GraphSignature(INPUTS, OUTPUTS)}
 
     def infer(self, image: UInt8Array) -> People:
-        """Image (H, W, 3) -> people, best score first, and the floor.
+        """Segment the people of an image (H, W, 3), best score first, and the floor.
 
         Raises:
             InputError: it is no photo.
@@ -59,12 +59,12 @@ class Eomt(OneGraph, Segmenter):
 
         from physic_core.adapters.panoptic import PaddedFrame, padded_input, people_and_floor
 
-        from .top_down import fixed_or
+        from .top_down import size_or_default
 
-        speaking = self.speaking()
+        loaded = self.loaded()
         size = (image.shape[0], image.shape[1])
-        padded = PaddedFrame(*size, fixed_or(speaking.shape("pixel_values")[2], USUAL_SIDE))
-        classes, masks = speaking.ask(
+        padded = PaddedFrame(*size, size_or_default(loaded.input_shape("pixel_values")[2], DEFAULT_SIDE))
+        classes, masks = loaded.run_image(
             "pixel_values", padded_input(image, padded), "class_queries_logits", "masks_queries_logits"
         )
         people = people_and_floor(

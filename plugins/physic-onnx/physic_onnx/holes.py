@@ -1,9 +1,8 @@
-"""Filling the holes of a photo one by one, each in a crop of its own.
+"""Inpaint the holes of a photo one by one, each in its own crop.
 
-A network that works at a fixed size sees a hole the sharper, the smaller the part of the photo is that it is shown.
-Measured with MI-GAN on ten pairs of holes over backgrounds of five photos, against the whole photo squashed to 512 px:
-detail 0.40 of the true picture's in place of 0.28 with crops twice as wide as their hole (0.50 at 1.5, 0.28 at 3), at
-the same error (15.2 dB).
+A network of fixed input size fills a hole the sharper, the smaller the crop. Measured with MI-GAN on ten pairs of holes
+in five photos, against the full photo squashed to 512 px: detail 0.40 of the true image's in place of 0.28 with crops
+twice as wide as their hole (0.50 at 1.5, 0.28 at 3), at the same error (15.2 dB).
 """
 
 from __future__ import annotations
@@ -18,24 +17,24 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, UInt8Array
 
-__all__ = ["crops_of", "fill_in_crops"]
+__all__ = ["hole_crops", "inpaint_in_crops"]
 
 Box = tuple[int, int, int, int]
-"""y0, y1, x0, x1 px."""
+"""Box y0, y1, x0, x1 px."""
 
 MOST_CROPS = 8
 NEAR = 1.3
-"""Holes go into one crop if that is at most so many times as wide as the larger of their own."""
+"""Holes share a crop if it is at most this many times as wide as the larger of their own crops."""
 
 
-def fill_in_crops(
+def inpaint_in_crops(
     image: UInt8Array,
     hole: BoolArray,
     fill: Callable[[UInt8Array, BoolArray], UInt8Array],
     context: float,
     least: int,
 ) -> UInt8Array:
-    """Fill every hole with what a network makes of a crop about it; what is filled helps to fill the next.
+    """Fill every hole with a network that sees a crop around it; filled pixels are known to later crops.
 
     Args:
         image: (H, W, 3).
@@ -45,7 +44,7 @@ def fill_in_crops(
         least: side that a crop has at least, px.
     """
     filled, left = image.copy(), hole.copy()
-    for own, (y0, y1, x0, x1) in crops_of(hole, context, least):
+    for own, (y0, y1, x0, x1) in hole_crops(hole, context, least):
         here = (slice(y0, y1), slice(x0, x1))
         answer = fill(np.ascontiguousarray(filled[here]), np.ascontiguousarray(left[here]))
         filled[here][own[here]] = answer[own[here]]
@@ -53,8 +52,8 @@ def fill_in_crops(
     return filled
 
 
-def crops_of(hole: BoolArray, context: float, least: int) -> list[tuple[BoolArray, Box]]:
-    """Which pixels (H, W) of the hole to fill together, and the crop to show for them; arguments as above."""
+def hole_crops(hole: BoolArray, context: float, least: int) -> list[tuple[BoolArray, Box]]:
+    """Group the connected components of a hole, and return for each group its mask (H, W) and crop."""
     import cv2
 
     count, piece, stats, _ = cv2.connectedComponentsWithStats(hole.astype(np.uint8), connectivity=8)
@@ -73,7 +72,7 @@ def crops_of(hole: BoolArray, context: float, least: int) -> list[tuple[BoolArra
 
 
 def _pair_to_join(boxes: list[Box], context: float, least: int, *, hard: bool) -> tuple[int, int] | None:
-    """The two boxes whose common crop is smallest compared to their own, if it is small enough or has to be."""
+    """Return the two boxes whose common crop is relatively smallest, if small enough or if ``hard``."""
     best, pair = np.inf, None
     for i in range(len(boxes)):
         for j in range(i + 1, len(boxes)):
@@ -85,11 +84,12 @@ def _pair_to_join(boxes: list[Box], context: float, least: int, *, hard: bool) -
 
 
 def _side(box: Box, context: float, least: int) -> float:
+    """Return the side of a box's crop."""
     return max(float(least), context * max(box[1] - box[0], box[3] - box[2]))
 
 
 def _crop(box: Box, hole: BoolArray, context: float, least: int) -> Box:
-    """A square about a box, on the photo; wider where it would show little else than hole."""
+    """Return a square crop around a box, inside the photo; larger if less than 30 % of it is known."""
     height, width = hole.shape
     side = _side(box, context, least)
     while True:
@@ -102,15 +102,18 @@ def _crop(box: Box, hole: BoolArray, context: float, least: int) -> Box:
 
 
 def _span(middle: float, side: float, length: int) -> tuple[int, int]:
+    """Return start and end of an interval of a given length inside the image."""
     whole = min(length, round(side))
     start = int(np.clip(round(middle - whole / 2), 0, length - whole))
     return start, start + whole
 
 
 def _box(stats: NDArray[np.int32]) -> Box:
+    """Convert OpenCV's component statistics to a box."""
     x, y, w, h = (int(v) for v in stats[:4])
     return y, y + h, x, x + w
 
 
 def _around(a: Box, b: Box) -> Box:
+    """Return the smallest box around two boxes."""
     return min(a[0], b[0]), max(a[1], b[1]), min(a[2], b[2]), max(a[3], b[3])

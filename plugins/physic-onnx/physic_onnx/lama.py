@@ -1,4 +1,4 @@
-"""Taking people out of a photo with LaMa, in any of its three published forms."""
+"""Remove people from a photo with LaMa in any of its three published formats."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from pydantic import Field
 from physic_core.errors import BackendError
 from physic_core.interfaces import Inpainter, Options
 
-from .contract import Dialect, Wanted
-from .one_graph import OneGraph, OneGraphOptions, graph_file
+from .contract import GraphSignature, PortSpec
+from .one_graph import OnnxBackend, OnnxBackendOptions, find_graph_file
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 
 __all__ = ["Lama", "LamaOptions"]
 
-INPUTS = (Wanted("image", shape=(None, 3, None, None)), Wanted("mask", shape=(None, 1, None, None)))
-OUTPUTS = (Wanted("output", ("result",), shape=(None, 3, None, None)),)
+INPUTS = (PortSpec("image", shape=(None, 3, None, None)), PortSpec("mask", shape=(None, 1, None, None)))
+OUTPUTS = (PortSpec("output", ("result",), shape=(None, 3, None, None)),)
 
 MULTIPLE = 8
-"""Height and width that LaMa takes are multiples of this, px."""
+"""Height and width of LaMa's input are multiples of this, px."""
 
 
-class LamaOptions(OneGraphOptions):
+class LamaOptions(OnnxBackendOptions):
     """Settings of Lama."""
 
     weights: str = Field(
@@ -53,8 +53,8 @@ class LamaOptions(OneGraphOptions):
     )
 
 
-class Lama(OneGraph, Inpainter):
-    """LaMa: sees RGB from 0 to 1 and a mask that is 1 in the hole.
+class Lama(OnnxBackend, Inpainter):
+    """LaMa inpainter: takes RGB from 0 to 1, and a mask that is 1 in the hole.
 
     ONNX files of a fixed size (512 px) fill one crop a hole; files of any size, as TorchScript's, see the whole photo.
     It fills what the mask covers: shadows and mirror images of who is removed stay.
@@ -62,7 +62,7 @@ class Lama(OneGraph, Inpainter):
 
     Options: ClassVar[type[Options]] = LamaOptions
     options: LamaOptions
-    dialects: ClassVar = {"LaMa": Dialect(INPUTS, OUTPUTS)}
+    signatures: ClassVar = {"LaMa": GraphSignature(INPUTS, OUTPUTS)}
 
     def __init__(self, options: LamaOptions | None = None) -> None:
         super().__init__(options)
@@ -77,20 +77,20 @@ class Lama(OneGraph, Inpainter):
             BackendError: it is not LaMa.
             DeviceError: the device is not there.
         """
-        path = graph_file(self.options.weights)
+        path = find_graph_file(self.options.weights)
         if path.suffix in (".pt", ".pth", ".ts"):
-            self._run, self._side = _torchscript(path, device), None
+            self._run, self._side = _open_torchscript(path, device), None
         else:
             super().load(device)
 
-    def attach(self, network: Network) -> None:
-        """Take an open network.
+    def bind(self, network: Network) -> None:
+        """Use an open network.
 
         Raises:
             BackendError: it is not LaMa, or its pictures are no squares.
         """
-        super().attach(network)
-        side = self.speaking().shape("image")[2:]
+        super().bind(network)
+        side = self.loaded().input_shape("image")[2:]
         fixed = [n for n in side if isinstance(n, int)]
         if len(fixed) == 1 or len(set(fixed)) == 2:
             raise BackendError(f"{network.name} takes pictures of {side} px: a square or any size is expected")
@@ -98,12 +98,12 @@ class Lama(OneGraph, Inpainter):
         self._run = self._ask
 
     def close(self) -> None:
-        """Let go of the network."""
+        """Close the network."""
         super().close()
         self._run = None
 
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
-        """Image (H, W, 3) and mask (H, W), True = remove -> image, the very same pixels where the mask is False.
+        """Fill the mask (H, W), True = remove, in an image (H, W, 3); pixels outside the mask stay identical.
 
         Raises:
             InputError: the image is no photo.
@@ -111,7 +111,7 @@ class Lama(OneGraph, Inpainter):
         """
         from physic_core.adapters.inpainting import inpaint_masked
 
-        from .holes import fill_in_crops
+        from .holes import inpaint_in_crops
 
         if self._run is None:
             raise BackendError("LaMa is not loaded: call load() before infer()")
@@ -120,27 +120,27 @@ class Lama(OneGraph, Inpainter):
             return inpaint_masked(image, mask, self.options.rim, self._fill_whole)
 
         def in_crops(image: UInt8Array, hole: BoolArray) -> UInt8Array:
-            return fill_in_crops(image, hole, self._fill_crop, self.options.context, side)
+            return inpaint_in_crops(image, hole, self._fill_crop, self.options.context, side)
 
         return inpaint_masked(image, mask, self.options.rim, in_crops)
 
     def _ask(self, image: FloatArray, mask: FloatArray) -> FloatArray:
-        """What an ONNX file answers."""
-        speaking = self.speaking()
-        (output,) = speaking.ports.run(speaking.network, {"image": image, "mask": mask}, ["output"])
+        """Run the ONNX file."""
+        loaded = self.loaded()
+        (output,) = loaded.ports.run(loaded.network, {"image": image, "mask": mask}, ["output"])
         return output
 
     def _fill_crop(self, image: UInt8Array, hole: BoolArray) -> UInt8Array:
-        """A crop at the size of the network: its long side resized, its short side continued as in a mirror."""
+        """Fill a crop at the network's fixed size: long side resized, short side padded by reflection."""
         assert self._side is not None
         return self._fill(image, hole, self._side, self._side)
 
     def _fill_whole(self, image: UInt8Array, hole: BoolArray) -> UInt8Array:
-        """The photo at its own size, or at the longest that is wanted."""
+        """Fill the full photo at its own size, or at ``longest_px``."""
         return self._fill(image, hole, min(self.options.longest_px, max(hole.shape)), None)
 
     def _fill(self, image: UInt8Array, hole: BoolArray, long: int, square: int | None) -> UInt8Array:
-
+        """Resize, pad, run the network, and resize back."""
         from physic_core.adapters.pictures import normalized_nchw, resize_image
 
         assert self._run is not None
@@ -162,11 +162,12 @@ class Lama(OneGraph, Inpainter):
 
 
 def _back(scale: float) -> Any:
+    """Return the interpolation for resizing back."""
     return "bicubic" if scale < 1 else "area"
 
 
 def _to_grey_levels(answer: FloatArray, shown: FloatArray) -> float:
-    """255 of files that answer from 0 to 1, 1 of files that answer grey levels.
+    """Return 255 for outputs from 0 to 1 and 1 for grey levels, by comparing known pixels with the input.
 
     The files are of one contract but for this. LaMa hands through what is known of the picture, which tells.
     """
@@ -177,8 +178,8 @@ def _to_grey_levels(answer: FloatArray, shown: FloatArray) -> float:
     return 1.0 if ratio > 16 else 255.0
 
 
-def _torchscript(path: Path, device: str) -> Callable[[FloatArray, FloatArray], FloatArray]:
-    """Of a TorchScript file, opened."""
+def _open_torchscript(path: Path, device: str) -> Callable[[FloatArray, FloatArray], FloatArray]:
+    """Open a TorchScript file and return a function that runs it."""
     import warnings
 
     import torch

@@ -1,4 +1,4 @@
-"""Taking people out of a photo with MI-GAN's published pipeline."""
+"""Remove people from a photo with MI-GAN's published ONNX pipeline."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pydantic import Field
 
 from physic_core.interfaces import Inpainter, Options
 
-from .contract import Dialect, Wanted
-from .one_graph import WEIGHTS, OneGraph, OneGraphOptions
+from .contract import GraphSignature, PortSpec
+from .one_graph import WEIGHTS_HELP, OnnxBackend, OnnxBackendOptions
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, UInt8Array
@@ -18,22 +18,22 @@ if TYPE_CHECKING:
 __all__ = ["MiGan", "MiGanOptions"]
 
 INPUTS = (
-    Wanted("image", dtype="uint8", shape=(None, 3, None, None)),
-    Wanted("mask", dtype="uint8", shape=(None, 1, None, None)),
+    PortSpec("image", dtype="uint8", shape=(None, 3, None, None)),
+    PortSpec("mask", dtype="uint8", shape=(None, 1, None, None)),
 )
-OUTPUTS = (Wanted("result", dtype="uint8", shape=(None, 3, None, None)),)
+OUTPUTS = (PortSpec("result", dtype="uint8", shape=(None, 3, None, None)),)
 
 NATIVE = 512
-"""Side at which the network inside the pipeline works, px."""
+"""Input side of the network inside the pipeline, px."""
 
 CONTEXT = 2.0
-"""Side of a crop of its own, in sides of its hole."""
+"""Side of a hole's crop over the side of the hole."""
 
 
-class MiGanOptions(OneGraphOptions):
+class MiGanOptions(OnnxBackendOptions):
     """Settings of MiGan."""
 
-    weights: str = Field("mi-gan", description=WEIGHTS)
+    weights: str = Field("mi-gan", description=WEIGHTS_HELP)
     rim: float = Field(
         0.004,
         ge=0,
@@ -47,18 +47,18 @@ class MiGanOptions(OneGraphOptions):
     )
 
 
-class MiGan(OneGraph, Inpainter):
-    """MI-GAN for 512 px in the pipeline that takes photos of any size, and crops them about all holes together.
+class MiGan(OnnxBackend, Inpainter):
+    """MI-GAN inpainter for 512 px; its pipeline takes photos of any size and crops them around all holes.
 
     It fills what the mask covers: shadows and mirror images of who is removed stay.
     """
 
     Options: ClassVar[type[Options]] = MiGanOptions
     options: MiGanOptions
-    dialects: ClassVar = {"MI-GAN's pipeline": Dialect(INPUTS, OUTPUTS)}
+    signatures: ClassVar = {"MI-GAN's pipeline": GraphSignature(INPUTS, OUTPUTS)}
 
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
-        """Image (H, W, 3) and mask (H, W), True = remove -> image, the very same pixels where the mask is False.
+        """Fill the mask (H, W), True = remove, in an image (H, W, 3); pixels outside the mask stay identical.
 
         Raises:
             InputError: the image is no photo.
@@ -66,22 +66,22 @@ class MiGan(OneGraph, Inpainter):
         """
         from physic_core.adapters.inpainting import inpaint_masked
 
-        from .holes import fill_in_crops
+        from .holes import inpaint_in_crops
 
-        self.speaking()
+        self.loaded()
 
         def one_by_one(image: UInt8Array, hole: BoolArray) -> UInt8Array:
-            return fill_in_crops(image, hole, self._fill, CONTEXT, NATIVE)
+            return inpaint_in_crops(image, hole, self._fill, CONTEXT, NATIVE)
 
         return inpaint_masked(image, mask, self.options.rim, one_by_one if self.options.one_by_one else self._fill)
 
     def _fill(self, image: UInt8Array, hole: BoolArray) -> UInt8Array:
-        """RGB as it is; the pipeline's mask is 255 where the photo is known and 0 in the hole."""
+        """Run the pipeline; its mask input is 255 where the photo is known and 0 in the hole."""
 
-        speaking = self.speaking()
+        loaded = self.loaded()
         feed = {
             "image": np.ascontiguousarray(image.transpose(2, 0, 1))[None],
             "mask": np.where(hole, 0, 255).astype(np.uint8)[None, None],
         }
-        (result,) = speaking.ports.run(speaking.network, feed, ["result"])
+        (result,) = loaded.ports.run(loaded.network, feed, ["result"])
         return np.asarray(result[0].transpose(1, 2, 0), np.uint8)

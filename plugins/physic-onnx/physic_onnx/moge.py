@@ -1,8 +1,8 @@
-"""MoGe-2 (Wang et al. 2025): depth in metres, points and the focal length from one network.
+"""Estimate depth, points and focal length with MoGe-2 (Wang et al. 2025).
 
-The file answers points up to a scale and a shift along z, a mask, and the scale in metres. The focal length and the
-shift are found here (:mod:`physic_core.adapters.affine_pointmap`). The two backends share the network and its answers:
-a photo that both are asked about is run once.
+The network returns points up to a scale and a shift along z, a mask, and the scale in metres. Focal length and shift
+are computed here (:mod:`physic_core.adapters.affine_pointmap`). The two backends share network and outputs, so that
+each photo is run once.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from physic_core.adapters.pictures import resize_map
 from physic_core.interfaces import Backend, MetricDepth, Options, RelativePointmap
 from physic_core.types import CameraTrust, DepthMap, Intrinsics, Pointmap
 
-from .moge_network import MogeRunner, runner_for
+from .moge_network import SharedMoge, shared_moge
 from .options import OnnxOptions
 from .sessions import open_network
 
@@ -35,7 +35,7 @@ _FILE = "model.onnx"
 
 
 class MogeOptions(OnnxOptions):
-    """Settings of MoGe-2; backends with the same ones share their network."""
+    """Settings of MoGe-2; backends with equal settings share their network."""
 
     weights: str = Field(
         "moge-2-vits-normal", description="a name of `physic weights list`, or the path of a file of your own"
@@ -49,7 +49,7 @@ class MogeOptions(OnnxOptions):
 
 
 class _Moge(Backend):
-    """What both backends share."""
+    """Base class of both MoGe-2 backends."""
 
     Options: ClassVar[type[Options]] = MogeOptions
     options: MogeOptions
@@ -58,11 +58,11 @@ class _Moge(Backend):
     def __init__(self, options: BaseModel | None = None) -> None:
         super().__init__(options)
         chosen = self.options
-        self.runner: MogeRunner = runner_for(chosen.weights, chosen.provider, chosen.threads)
-        self.runner.expect(self)
+        self.runner: SharedMoge = shared_moge(chosen.weights, chosen.provider, chosen.threads)
+        self.runner.register(self)
 
     def load(self, device: str = "cpu") -> None:
-        """Open the network, or join those who have it open.
+        """Open the network, or share it if it is open.
 
         Raises:
             WeightsMissingError: the file is not on this machine; the message says how to get it.
@@ -75,19 +75,19 @@ class _Moge(Backend):
         self.runner.open(self, identity, lambda: open_network(path, self.options, device))
 
     def close(self) -> None:
-        """Let go of the network."""
+        """Release the network."""
         self.runner.release(self)
 
     def missing(self) -> tuple[str, ...]:
-        """The file, where it is not on this machine."""
+        """Describe the file if it is missing on this machine."""
         return weights.missing(MANIFEST, self.options.weights, _FILE)
 
     def fingerprint(self) -> str:
-        """Of the file."""
+        """Return the checksum of the file."""
         return weights.fingerprint(MANIFEST, self.options.weights)
 
-    def _ask(self, image: UInt8Array, known: Intrinsics | None, *, metric: bool) -> _Solved:
-        """The points of a photo, on the rays of the known camera or of the one that they tell.
+    def _ask(self, image: UInt8Array, known: Intrinsics | None, *, metric: bool) -> _CameraPoints:
+        """Return the points of a photo on the rays of the known or the estimated camera.
 
         Raises:
             BackendError: the backend is not loaded, or the network answers nothing that can be used.
@@ -110,14 +110,14 @@ class _Moge(Backend):
         mask = resize_map(raw.confidence, height, width) > 0.5
         depth = resize_map(raw.points[..., 2], height, width)
         points, valid = points_on_rays(depth, mask, found, camera, raw.scale if metric else 1.0)
-        return _Solved(points, valid, camera, found.determined, tuple(notes))
+        return _CameraPoints(points, valid, camera, found.determined, tuple(notes))
 
 
 class Moge2Depth(_Moge, MetricDepth):
-    """Depth in metres. The camera of the hints is respected, unless it is a default and MoGe-2 knows better."""
+    """Metric depth by MoGe-2 in the camera of the hints, or in its own if that camera is only a default."""
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
-        """Image (H, W, 3) -> z-depth in metres, NaN where MoGe-2 sees no surface, such as in the sky.
+        """Predict depth or points of an image (H, W, 3).
 
         Raises:
             BackendError: it is not loaded, or sees no surface at all.
@@ -130,10 +130,10 @@ class Moge2Depth(_Moge, MetricDepth):
 
 
 class Moge2Pointmap(_Moge, RelativePointmap):
-    """Points without their unit: what the network says of metres is left to the metric depth."""
+    """Relative point map by MoGe-2, without its metric scale."""
 
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
-        """Image (H, W, 3) -> points on the rays of ``hints.intrinsics``, or of the camera that they tell.
+        """Predict depth or points of an image (H, W, 3).
 
         The shift along z is found with the focal length, so that only a scale is left unknown; where a flat scene
         tells neither, the shift is left unknown too.
@@ -147,8 +147,8 @@ class Moge2Pointmap(_Moge, RelativePointmap):
 
 
 @dataclass(frozen=True)
-class _Solved:
-    """Points (H, W, 3) on the rays of ``camera``, where they are ``valid``; ``determined`` if the shift is known."""
+class _CameraPoints:
+    """Points (H, W, 3) on the rays of ``camera`` where ``valid``; ``determined`` if the shift along z is known."""
 
     points: FloatArray
     valid: BoolArray

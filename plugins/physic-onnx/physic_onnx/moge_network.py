@@ -1,4 +1,4 @@
-"""Running MoGe-2: one network, and each photo once, for all backends that ask it the same."""
+"""Run MoGe-2 once for each photo and share the network and its outputs between backends."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import numpy as np
 from physic_core.adapters.pictures import normalized_nchw, resize_image
 from physic_core.errors import BackendError
 
-from .contract import Dialect, Match, Wanted, choose
+from .contract import GraphSignature, PortMatch, PortSpec, match_signature
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,31 +24,31 @@ if TYPE_CHECKING:
 
     from .sessions import Network
 
-__all__ = ["DIALECTS", "AffinePoints", "MogeRunner", "runner_for", "size_seen"]
+__all__ = ["SIGNATURES", "AffinePoints", "SharedMoge", "network_input_size", "shared_moge"]
 
-DIALECTS = {
-    "MoGe-2": Dialect(
+SIGNATURES = {
+    "MoGe-2": GraphSignature(
         inputs=(
-            Wanted("image", dtype="float", shape=("batch", 3, "height", "width")),
-            Wanted("num_tokens", dtype=("int64", "int32")),
+            PortSpec("image", dtype="float", shape=("batch", 3, "height", "width")),
+            PortSpec("num_tokens", dtype=("int64", "int32")),
         ),
         outputs=(
-            Wanted("points", shape=("batch", "height", "width", 3)),
-            Wanted("normal", shape=("batch", "height", "width", 3), optional=True),
-            Wanted("mask", shape=("batch", "height", "width")),
+            PortSpec("points", shape=("batch", "height", "width", 3)),
+            PortSpec("normal", shape=("batch", "height", "width", 3), optional=True),
+            PortSpec("mask", shape=("batch", "height", "width")),
             # The published files say "scale", what upstream's instructions export says "metric_scale".
-            Wanted("metric_scale", ("scale",)),
+            PortSpec("metric_scale", ("scale",)),
         ),
         by_position=True,
     )
 }
 _PATCH = 14  # px
-_KEPT = 2  # photos: the inpainted one is asked about again after the original
+_CACHE_SIZE = 2  # photos: the inpainted one is asked about again after the original
 
 
 @dataclass(frozen=True)
 class AffinePoints:
-    """What the network answers, at the size at which it saw the photo.
+    """Network output at network resolution.
 
     Attributes:
         points: (h, w, 3) float32, right up to a scale and a shift along z.
@@ -64,42 +64,42 @@ class AffinePoints:
 
     @property
     def mask(self) -> BoolArray:
-        """(h, w) bool, the points that count."""
+        """Mask (h, w) of valid points."""
         surface: BoolArray = self.confidence > 0.5
         return surface
 
 
-def size_seen(height: int, width: int, tokens: int) -> tuple[int, int]:
-    """Height and width at which a photo is fed.
+def network_input_size(height: int, width: int, tokens: int) -> tuple[int, int]:
+    """Return the height and width to which a photo is reduced.
 
-    The graph resizes whatever it gets to ``tokens`` patches of 14 px, without looking at the pixels in between: a
-    larger photo has to be reduced before, and loses nothing by it.
+    The network resizes its input to ``tokens`` patches of 14 px without antialiasing. A larger photo is therefore
+    reduced before.
     """
     factor = min(1.0, (tokens * _PATCH**2 / (height * width)) ** 0.5)
     return max(1, round(height * factor)), max(1, round(width * factor))
 
 
-class MogeRunner:
-    """An open network and its last answers, shared by backends.
+class SharedMoge:
+    """MoGe-2 network and cached outputs, shared by backends and thread-safe.
 
-    A backend says that it exists (``expect``), opens, and releases. The network is open while a backend holds it;
-    answers are kept while one holds it or may still come to. Safe to be used by several threads.
+    A backend registers, opens and releases it. The network is open while a backend holds it. Outputs are cached while a
+    backend holds it or is registered.
     """
 
     def __init__(self) -> None:
         self._lock = threading.RLock()
         self._expected: WeakSet[object] = WeakSet()
         self._holders: WeakKeyDictionary[object, Hashable] = WeakKeyDictionary()
-        self._networks: dict[Hashable, tuple[Network, Match]] = {}
-        self._kept: OrderedDict[Hashable, AffinePoints] = OrderedDict()
+        self._networks: dict[Hashable, tuple[Network, PortMatch]] = {}
+        self._cache: OrderedDict[Hashable, AffinePoints] = OrderedDict()
 
-    def expect(self, backend: object) -> None:
-        """A backend that has not been loaded yet."""
+    def register(self, backend: object) -> None:
+        """Register a backend that is not loaded yet."""
         with self._lock:
             self._expected.add(backend)
 
     def open(self, backend: object, identity: Hashable, opener: Callable[[], Network]) -> None:
-        """Hold the network for a backend; ``opener`` opens it if none of this identity (file, device) is open.
+        """Hold the network for a backend, and call ``opener`` if no network of this identity (file, device) is open.
 
         Raises:
             BackendError: it is not a MoGe-2.
@@ -107,7 +107,7 @@ class MogeRunner:
         with self._lock:
             if identity not in self._networks:
                 network = opener()
-                _, match = choose(network, DIALECTS)
+                _, match = match_signature(network, SIGNATURES)
                 fixed = [size for size in match.inputs["image"].shape[2:] if isinstance(size, int)]
                 if fixed:
                     raise BackendError(
@@ -117,19 +117,19 @@ class MogeRunner:
                 self._networks[identity] = (network, match)
             self._expected.add(backend)
             self._holders[backend] = identity
-            self._drop_unheld()
+            self._close_unused()
 
     def release(self, backend: object) -> None:
-        """Let go of the network for a backend; the last one closes it."""
+        """Release the network for a backend; the last release closes it."""
         with self._lock:
             self._holders.pop(backend, None)
             self._expected.discard(backend)
-            self._drop_unheld()
+            self._close_unused()
             if not self._expected:
-                self._kept.clear()
+                self._cache.clear()
 
     def run(self, backend: object, image: UInt8Array, tokens: int) -> AffinePoints:
-        """What the network says of a photo (H, W, 3); it is run unless it was asked the same before.
+        """Return the network output for a photo (H, W, 3), from the cache if possible.
 
         Raises:
             BackendError: the backend does not hold it, or the network fails.
@@ -141,34 +141,35 @@ class MogeRunner:
                 raise BackendError("MoGe-2 is not loaded: call load() before infer()")
             pixels = np.ascontiguousarray(image)
             key = (identity, tokens, pixels.shape, hashlib.blake2b(pixels.data).digest())
-            if key not in self._kept:
-                self._kept[key] = _run(*self._networks[identity], pixels, tokens)
-            self._kept.move_to_end(key)
-            while len(self._kept) > _KEPT:
-                self._kept.popitem(last=False)
-            return self._kept[key]
+            if key not in self._cache:
+                self._cache[key] = _run(*self._networks[identity], pixels, tokens)
+            self._cache.move_to_end(key)
+            while len(self._cache) > _CACHE_SIZE:
+                self._cache.popitem(last=False)
+            return self._cache[key]
 
-    def _drop_unheld(self) -> None:
+    def _close_unused(self) -> None:
+        """Close networks that no backend holds."""
         held = set(self._holders.values())
         self._networks = {identity: opened for identity, opened in self._networks.items() if identity in held}
 
 
-def runner_for(*settings: Hashable) -> MogeRunner:
-    """The runner of all living backends with these settings; it goes when the last of them does."""
+def shared_moge(*settings: Hashable) -> SharedMoge:
+    """Return the shared network of all living backends with these settings."""
     with _LOCK:
         runner = _RUNNERS.get(settings)
         if runner is None:
-            runner = _RUNNERS[settings] = MogeRunner()
+            runner = _RUNNERS[settings] = SharedMoge()
         return runner
 
 
 _LOCK = threading.Lock()
-_RUNNERS: WeakValueDictionary[Hashable, MogeRunner] = WeakValueDictionary()
+_RUNNERS: WeakValueDictionary[Hashable, SharedMoge] = WeakValueDictionary()
 
 
-def _run(network: Network, match: Match, image: UInt8Array, tokens: int) -> AffinePoints:
-
-    seen = resize_image(image, *size_seen(image.shape[0], image.shape[1], tokens), "bilinear-antialias")
+def _run(network: Network, match: PortMatch, image: UInt8Array, tokens: int) -> AffinePoints:
+    """Run the network on a photo and check its outputs."""
+    seen = resize_image(image, *network_input_size(image.shape[0], image.shape[1], tokens), "bilinear-antialias")
     feed: dict[str, NDArray[np.generic]] = {
         "image": normalized_nchw(seen),  # the graph subtracts mean and divides by deviation itself
         # The published files take it without dimensions, and refuse one of shape (1,).
@@ -177,12 +178,12 @@ def _run(network: Network, match: Match, image: UInt8Array, tokens: int) -> Affi
     points, confidence, scale = match.run(network, feed, ["points", "mask", "metric_scale"])
     if points.shape != (1, *seen.shape) or confidence.shape != points.shape[:3]:
         raise BackendError(
-            f"{network.name} answered points {points.shape} and a mask {confidence.shape} for {seen.shape[1]} x "
+            f"{network.name} returned points {points.shape} and a mask {confidence.shape} for {seen.shape[1]} x "
             f"{seen.shape[0]} px: it was exported for other sizes, or is no MoGe-2"
         )
     metres = float(np.reshape(scale, -1)[0])
     if not 0 < metres < np.inf:
-        raise BackendError(f"{network.name} answered a scale of {metres}, which has to be a number above 0")
+        raise BackendError(f"{network.name} returned a scale of {metres}, which has to be a number above 0")
     return AffinePoints(
         np.asarray(points[0], np.float32), np.asarray(confidence[0], np.float32), metres, network.provider
     )

@@ -1,4 +1,4 @@
-"""What adapters of one ONNX file share: finding it, opening it, telling its dialect, saying what is missing."""
+"""Base class of backends that run a single ONNX file."""
 
 from __future__ import annotations
 
@@ -11,69 +11,69 @@ from pydantic import Field
 
 from physic_core.errors import BackendError
 
-from .contract import Dialect, choose
+from .contract import GraphSignature, match_signature
 from .options import OnnxOptions
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from .contract import Match
+    from .contract import PortMatch
     from .sessions import Network
 
-__all__ = ["MANIFEST", "OneGraph", "OneGraphOptions", "Speaking", "graph_file"]
+__all__ = ["MANIFEST", "LoadedGraph", "OnnxBackend", "OnnxBackendOptions", "find_graph_file"]
 
 MANIFEST = Path(__file__).parent / "weights"
-WEIGHTS = "a name of `physic weights list`, or the path of an ONNX file of your own"
+WEIGHTS_HELP = "a name of `physic weights list`, or the path of an ONNX file of your own"
 
 
-class OneGraphOptions(OnnxOptions):
-    """Base of the settings of an adapter that runs one file."""
+class OnnxBackendOptions(OnnxOptions):
+    """Base class of the settings of a backend that runs one ONNX file."""
 
-    weights: str = Field("", description=WEIGHTS)
+    weights: str = Field("", description=WEIGHTS_HELP)
 
 
 @dataclass(frozen=True)
-class Speaking:
-    """An open network and the dialect that it speaks.
+class LoadedGraph:
+    """Open network, with the signature and the ports that were matched.
 
     Attributes:
         network: open.
-        dialect: key in the adapter's table of dialects.
+        signature: key in the adapter's table of signatures.
         ports: its inputs and outputs by the adapter's names.
     """
 
     network: Network
-    dialect: str
-    ports: Match
+    signature: str
+    ports: PortMatch
 
-    def shape(self, name: str) -> tuple[int | str, ...]:
-        """Of an input; a number where the file fixes the size."""
+    def input_shape(self, name: str) -> tuple[int | str, ...]:
+        """Return the shape of an input; a number is a fixed size."""
         return self.ports.inputs[name].shape
 
-    def has(self, output: str) -> bool:
-        """Whether the file has this output."""
+    def has_output(self, output: str) -> bool:
+        """Return whether the file has an output."""
         return output in self.ports.outputs
 
-    def ask(self, name: str, value: NDArray[Any], *outputs: str) -> list[NDArray[Any]]:
-        """Feed one input with (1, 3, h, w), or with as many leading axes as the file wants, and take outputs."""
-        rank = len(self.shape(name)) or value.ndim
+    def run_image(self, name: str, value: NDArray[Any], *outputs: str) -> list[NDArray[Any]]:
+        """Run the network on one input and return the named outputs. Leading axes are added up to the file's rank."""
+        rank = len(self.input_shape(name)) or value.ndim
         fed = value.reshape((1,) * (rank - 3) + value.shape[-3:])
         return self.ports.run(self.network, {name: fed}, outputs)
 
 
-class OneGraph:
-    """A backend whose whole network is one ONNX file; mixed in before the interface.
+class OnnxBackend:
+    """Base class of a backend whose network is a single ONNX file; comes before the interface among the bases.
 
     Attributes:
-        dialects: name -> the inputs and outputs of that form of the file, most telling first.
+        signatures: name -> the inputs and outputs of that form of the file, most telling first.
     """
 
-    dialects: ClassVar[Mapping[str, Dialect]]
-    options: OneGraphOptions
-    _speaking: Speaking | None = None
+    signatures: ClassVar[Mapping[str, GraphSignature]]
+    options: OnnxBackendOptions
+    _loaded: LoadedGraph | None = None
 
     def load(self, device: str = "cpu") -> None:
-        """Find the file, open it, and hold its inputs and outputs against the known dialects.
+        """Find the file, open it, and match its inputs and outputs against the known signatures.
 
         Raises:
             WeightsMissingError: the file is not on this machine.
@@ -82,50 +82,50 @@ class OneGraph:
         """
         from .sessions import open_network
 
-        path = graph_file(self.options.weights)
+        path = find_graph_file(self.options.weights)
         self.check_file(path)
-        self.attach(open_network(path, self.options, device))
+        self.bind(open_network(path, self.options, device))
 
     def check_file(self, path: Path) -> None:
-        """Refuse a file by what can be told before it is opened."""
+        """Raise BackendError for a file that can be rejected before it is opened."""
 
-    def attach(self, network: Network) -> None:
-        """Take an open network.
+    def bind(self, network: Network) -> None:
+        """Use an open network.
 
         Raises:
             BackendError: it is of no known form.
         """
-        self._speaking = Speaking(network, *choose(network, self.dialects))
+        self._loaded = LoadedGraph(network, *match_signature(network, self.signatures))
 
     def close(self) -> None:
-        """Drop the network."""
-        self._speaking = None
+        """Close the network."""
+        self._loaded = None
 
     def missing(self) -> tuple[str, ...]:
-        """What is not on this machine, in words."""
+        """Describe the weights that are missing on this machine."""
         from physic_core.weights import missing
 
         return missing(MANIFEST, self.options.weights)
 
     def fingerprint(self) -> str:
-        """Of the weights."""
+        """Return the checksum of the weights."""
         from physic_core.weights import fingerprint
 
         return fingerprint(MANIFEST, self.options.weights)
 
-    def speaking(self) -> Speaking:
-        """The open network.
+    def loaded(self) -> LoadedGraph:
+        """Return the open network.
 
         Raises:
             BackendError: it is not loaded.
         """
-        if self._speaking is None:
-            raise BackendError(f"{type(self).__name__} was asked before its network was loaded: call load() first")
-        return self._speaking
+        if self._loaded is None:
+            raise BackendError(f"{type(self).__name__} is not loaded: call load() before infer()")
+        return self._loaded
 
 
-def graph_file(weights: str) -> Path:
-    """The one ONNX file that an option ``weights`` stands for.
+def find_graph_file(weights: str) -> Path:
+    """Return the path of the one ONNX file that the option ``weights`` names.
 
     Raises:
         WeightsMissingError: it, or another file of its set, is not here.

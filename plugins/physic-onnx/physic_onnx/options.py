@@ -1,4 +1,4 @@
-"""Settings that every adapter of an ONNX file has."""
+"""Settings shared by all backends that run ONNX files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ProviderName = Literal["auto", "cpu", "cuda", "tensorrt", "coreml", "directml"]
 
 
 class OnnxOptions(Options):
-    """Base of the settings of adapters that run an ONNX file.
+    """Base class of the settings of backends that run ONNX files: provider and threads.
 
     Files in half precision are taken as they come: what is fed is cast to the type that the file asks for.
     """

@@ -1,4 +1,4 @@
-"""RTMO: boxes and 17 joints of all people at once, then given to the people whom the segmenter found."""
+"""Detect 17 joints of all people at once with RTMO, and assign the poses to the segmented people."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from pydantic import Field
 from physic_core.errors import BackendError
 from physic_core.interfaces import KeypointDetector
 
-from .contract import Dialect, Wanted
-from .one_graph import WEIGHTS, OneGraph, OneGraphOptions
+from .contract import GraphSignature, PortSpec
+from .one_graph import WEIGHTS_HELP, OnnxBackend, OnnxBackendOptions
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, IntArray, Keypoints, People, UInt8Array
 
     from .sessions import Network
 
-__all__ = ["Rtmo", "RtmoOptions", "assigned"]
+__all__ = ["Rtmo", "RtmoOptions", "assign_poses"]
 
 SIDE = 640
 GREY = 114  # around the photo
@@ -26,69 +26,69 @@ _SKELETON = "coco17"
 _JOINTS = 17
 
 
-class RtmoOptions(OneGraphOptions):
+class RtmoOptions(OnnxBackendOptions):
     """Settings of RTMO."""
 
-    weights: str = Field("rtmo-l", description=WEIGHTS)
+    weights: str = Field("rtmo-l", description=WEIGHTS_HELP)
     least_score: float = Field(0.1, ge=0, le=1, description="score of a pose below which it is nobody's")
     least_iou: float = Field(
         0.3, ge=0, le=1, description="overlap with a person's box below which a pose is not that person's"
     )
 
 
-class Rtmo(OneGraph, KeypointDetector):
-    """Keypoints by RTMO; it is shown BGR from 0 to 255, as it was trained.
+class Rtmo(OnnxBackend, KeypointDetector):
+    """Keypoint detector by RTMO; its input is BGR from 0 to 255, as in training.
 
     Who gets no pose has confidence 0 everywhere.
     """
 
-    Options: ClassVar[type[OneGraphOptions]] = RtmoOptions
+    Options: ClassVar[type[OnnxBackendOptions]] = RtmoOptions
     options: RtmoOptions
-    dialects: ClassVar = {
-        "mmdeploy": Dialect(
-            (Wanted("input", ("images", "image"), shape=(None, 3, None, None)),),
+    signatures: ClassVar = {
+        "mmdeploy": GraphSignature(
+            (PortSpec("input", ("images", "image"), shape=(None, 3, None, None)),),
             (
-                Wanted("dets", ("boxes",), shape=(None, None, 5)),
-                Wanted("keypoints", ("poses",), shape=(None, None, None, 3)),
+                PortSpec("dets", ("boxes",), shape=(None, None, 5)),
+                PortSpec("keypoints", ("poses",), shape=(None, None, None, 3)),
             ),
             by_position=True,
         ),
     }
 
-    def attach(self, network: Network) -> None:
-        """Take an open network; one of another joint set is refused at once if it tells the number of its joints."""
-        super().attach(network)
-        told = self.speaking().ports.outputs["keypoints"].shape
+    def bind(self, network: Network) -> None:
+        """Use an open network; reject another number of joints if the file states it."""
+        super().bind(network)
+        told = self.loaded().ports.outputs["keypoints"].shape
         if len(told) == 4:
             _check_joints(told[2], network.name)
 
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
-        """Image (H, W, 3) and N people -> the pose whose box overlaps a person's most, each given once."""
+        """Return keypoints of N people: each gets the pose whose box overlaps most, and each pose is used once."""
 
         from physic_core.adapters.heatmaps import scores_to_confidence
         from physic_core.adapters.pictures import letterbox, normalized_nchw
         from physic_core.types import Keypoints
 
-        from .top_down import fixed_or
+        from .top_down import size_or_default
 
-        speaking = self.speaking()
+        loaded = self.loaded()
         middles = (people.boxes[:, :2] + people.boxes[:, 2:] - 1) / 2
         points = np.repeat(middles[:, None], _JOINTS, axis=1)
         confidence = np.zeros((len(people), _JOINTS))
         if not len(people):
             return Keypoints(points, confidence, _SKELETON)
-        height, width = (fixed_or(side, SIDE) for side in speaking.shape("input")[2:])
+        height, width = (size_or_default(side, SIDE) for side in loaded.input_shape("input")[2:])
         canvas, place = letterbox(image, height, width, fill=GREY, where="top-left")
-        dets, poses = speaking.ask("input", normalized_nchw(canvas[..., ::-1], scale=1.0), "dets", "keypoints")
+        dets, poses = loaded.run_image("input", normalized_nchw(canvas[..., ::-1], scale=1.0), "dets", "keypoints")
         if dets.ndim != 3 or poses.ndim != 4 or dets.shape[1] != poses.shape[1]:
             raise BackendError(
-                f"{speaking.network.name} answered dets {dets.shape} and keypoints {poses.shape}: "
+                f"{loaded.network.name} returned dets {dets.shape} and keypoints {poses.shape}: "
                 "(1, N, 5) and (1, N, 17, 3) were expected"
             )
-        _check_joints(poses.shape[2], speaking.network.name)
+        _check_joints(poses.shape[2], loaded.network.name)
         found = np.flatnonzero(dets[0, :, 4] >= self.options.least_score)
         boxes = place.edges_to_photo(dets[0, found, :4])
-        whose = assigned(people.boxes, boxes, self.options.least_iou)
+        whose = assign_poses(people.boxes, boxes, self.options.least_iou)
         for person, pose in enumerate(whose):
             if pose >= 0:
                 own = poses[0, found[pose]]
@@ -97,8 +97,8 @@ class Rtmo(OneGraph, KeypointDetector):
         return Keypoints(points, confidence, _SKELETON)
 
 
-def assigned(people: FloatArray, poses: FloatArray, least_iou: float) -> IntArray:
-    """Which pose is whose, so that boxes overlap most in all.
+def assign_poses(people: FloatArray, poses: FloatArray, least_iou: float) -> IntArray:
+    """Assign poses to people so that the total overlap of boxes is largest.
 
     Args:
         people: (N, 4) boxes.
@@ -122,5 +122,6 @@ def assigned(people: FloatArray, poses: FloatArray, least_iou: float) -> IntArra
 
 
 def _check_joints(count: int | str, file: str) -> None:
+    """Raise BackendError if the number of joints is not 17."""
     if isinstance(count, int) and count != _JOINTS:
-        raise BackendError(f"{file} answers {count} joints, and RTMO's {_JOINTS} of COCO were expected")
+        raise BackendError(f"{file} returns {count} joints, and RTMO's {_JOINTS} of COCO were expected")

@@ -1,4 +1,4 @@
-"""People by SAM 2 in the boxes of a detector, and the ground under their feet."""
+"""Segment people with SAM 2 in the boxes of a detector, and the floor at their feet."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from physic_core.types import FloatArray, People, UInt8Array
 
     from .detectors import Detector
-    from .sam2_networks import Encoded, Sam2Networks
+    from .sam2_networks import EncodedImage, Sam2Networks
 
 __all__ = ["Sam2", "Sam2Options"]
 
@@ -53,9 +53,9 @@ class Sam2Options(OnnxOptions):
 
 
 class Sam2(Segmenter):
-    """SAM 2.1 (or SAM 3's tracker) with a detector of people, both of which are recognised by their files' contract.
+    """Segmenter: SAM 2.1 (or SAM 3's tracker) with a person detector; both are recognised by their files' ports.
 
-    The photo is encoded once for all people and the floor. Where the detector sees joints (RTMO), they are answered,
+    The photo is encoded once for all people and the floor. Where the detector sees joints (RTMO), they are returned,
     and the floor is asked for beside ankles in place of the lower ends of masks.
     """
 
@@ -85,20 +85,20 @@ class Sam2(Segmenter):
         self._detector = open_detector(locate(MANIFEST, self.options.detector), self.options, device)
 
     def close(self) -> None:
-        """Let go of the networks."""
+        """Close the networks."""
         self._networks = self._detector = None
 
     def missing(self) -> tuple[str, ...]:
-        """What is not here of the encoder, the decoder and the detector."""
+        """Describe the missing files of encoder, decoder and detector."""
         lack = missing(MANIFEST, self.options.weights)
         return (*(lack or self._not_in_folder()), *missing(MANIFEST, self.options.detector))
 
     def fingerprint(self) -> str:
-        """What the files are."""
+        """Return the checksums of the weights."""
         return f"{fingerprint(MANIFEST, self.options.weights)} {fingerprint(MANIFEST, self.options.detector)}"
 
     def infer(self, image: UInt8Array) -> People:
-        """Image (H, W, 3) -> people, best score first.
+        """Segment the people of an image (H, W, 3), best score first, and the floor.
 
         Raises:
             InputError: it is no photo.
@@ -133,23 +133,24 @@ class Sam2(Segmenter):
         return replace(people, floor=floor_mask(self._networks, photo, people, border=border))
 
     @staticmethod
-    def _masks(networks: Sam2Networks, photo: Encoded, found: Detections) -> tuple[Detections, FloatArray]:
-        """People of whom no other has the same mask, and (N, h, w) logits of the squashed photo."""
+    def _masks(networks: Sam2Networks, photo: EncodedImage, found: Detections) -> tuple[Detections, FloatArray]:
+        """Return the people with distinct masks, and their mask logits (N, h, w)."""
 
         from physic_core.adapters.people import mask_nms
 
         if not len(found):
             return found, np.zeros((0, 1, 1), np.float32)
-        three, fits = networks.in_boxes(photo, found.boxes)
+        three, fits = networks.masks_from_boxes(photo, found.boxes)
         logits = three[np.arange(len(three)), fits.argmax(axis=1)]
         rows = mask_nms(logits > 0, found.scores)
         return found[rows], logits[rows]
 
     def _not_in_folder(self) -> tuple[str, ...]:
-        from .sam2_networks import files_in
+        """Describe a missing encoder or decoder in the folder."""
+        from .sam2_networks import find_sam2_files
 
         try:
-            files_in(locate(MANIFEST, self.options.weights), self.options.variant)
+            find_sam2_files(locate(MANIFEST, self.options.weights), self.options.variant)
         except PhysicError as error:
             return (str(error),)
         return ()

@@ -1,8 +1,8 @@
-"""The ground that people stand on: what SAM 2 takes for one thing about their feet.
+"""Segment the floor with SAM 2, prompted by points around people's feet.
 
-A point beside a foot may lie on a rug, on the floor or on a sofa, and the network's three answers are a part, a whole
-and what is about it. So an answer has to look like ground before it is believed. Asked for in a box from the people's
-chests down, the ground is answered whole, and without it often in pieces.
+A point beside a foot may lie on a rug, on the floor or on a sofa, and the network's three masks are a part, an object
+and its surroundings. A mask must therefore pass a plausibility check. With a box from the people's chests down, the
+mask of the floor is complete; without it, it is often in pieces.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ from physic_core.adapters.pictures import resize_map
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Keypoints, People
 
-    from .sam2_networks import Encoded, Sam2Networks
+    from .sam2_networks import EncodedImage, Sam2Networks
 
-__all__ = ["border_points", "feet_of", "floor_mask", "ground_points"]
+__all__ = ["bottom_edge_points", "feet_positions", "floor_mask", "ground_points"]
 
 ANKLES = (15, 16)
-"""Of the skeleton "coco17"."""
+"""Indices of the ankles in the skeleton "coco17"."""
 
-AROUND = np.array([[-1.0, 0.0], [1.0, 0.0], [-0.6, 0.4], [0.6, 0.4], [0.0, 0.5]])
-"""Where the ground is about a foot, in reaches."""
+GROUND_OFFSETS = np.array([[-1.0, 0.0], [1.0, 0.0], [-0.6, 0.4], [0.6, 0.4], [0.0, 0.5]])
+"""Prompt points around a foot, in multiples of its reach."""
 
 MOST_POINTS = 12
 
 
-def floor_mask(networks: Sam2Networks, photo: Encoded, people: People, *, border: bool) -> BoolArray | None:
-    """(H, W) pixels of the ground; None where no feet are seen, or where no answer looks like ground.
+def floor_mask(networks: Sam2Networks, photo: EncodedImage, people: People, *, border: bool) -> BoolArray | None:
+    """Segment the floor (H, W); None if no feet are visible, or if no mask is plausible.
 
     Args:
         networks: of SAM 2.
@@ -41,26 +41,27 @@ def floor_mask(networks: Sam2Networks, photo: Encoded, people: People, *, border
     anybody: BoolArray = np.asarray(people.masks.any(axis=0))
     points = ground_points(people)
     if border:
-        points = np.concatenate([points, border_points(anybody)])
+        points = np.concatenate([points, bottom_edge_points(anybody)])
     if not len(points):
         return None
     points = points[np.linspace(0, len(points) - 1, min(len(points), MOST_POINTS)).astype(int)]
-    logits, _ = networks.at_points(photo, points, _middles(people), np.array([0, _chests(people), *photo.size[::-1]]))
+    logits, _ = networks.masks_from_points(
+        photo, points, _person_centres(people), np.array([0, _chest_row(people), *photo.size[::-1]])
+    )
     best, most = None, 0.0
     for answer in logits:
-        mask = np.asarray(resize_map(_in_one_piece(answer, photo, points), *photo.size) > 0)
-        value = _like_ground(mask & ~anybody, mask, points, people)
+        mask = np.asarray(resize_map(_connected_to_points(answer, photo, points), *photo.size) > 0)
+        value = _ground_score(mask & ~anybody, mask, points, people)
         if value > most:
             best, most = mask & ~anybody, value
     return best
 
 
-def feet_of(people: People) -> FloatArray:
-    """(F, 3) px: column and row where people touch the ground, and how far about it is ground, their height over seven.
+def feet_positions(people: People) -> FloatArray:
+    """Return (F, 3) px: column and row of each foot on the ground, and the radius of ground around it.
 
-    Ankles where they are known. Else the lower ends of masks that are as high as people from head to feet and do not
-    end at the edge of the photo, if that is so of half of the people: where most are cut off, furniture hides the
-    others.
+    Uses ankles where known. Otherwise uses the lower ends of masks with the aspect of a full person that do not touch
+    the lower photo edge, if at least half of the people have one. The radius is a seventh of the person's height.
     """
     joints = people.keypoints
     if joints is not None and joints.joint_set.name == "coco17":
@@ -77,18 +78,18 @@ def feet_of(people: People) -> FloatArray:
 
 
 def ground_points(people: People) -> FloatArray:
-    """(P, 2) px about the feet, on nobody and on the photo."""
+    """Return prompt points (P, 2) px around the feet, outside all people and inside the photo."""
     anybody: BoolArray = np.asarray(people.masks.any(axis=0))
     height, width = anybody.shape
-    feet = feet_of(people)
-    points = (feet[:, None, :2] + AROUND * feet[:, None, 2:]).reshape(-1, 2)
+    feet = feet_positions(people)
+    points = (feet[:, None, :2] + GROUND_OFFSETS * feet[:, None, 2:]).reshape(-1, 2)
     points = points[((points >= 1) & (points <= [width - 2, height - 2])).all(axis=1)]
     x, y = np.rint(points).astype(int).T
     return np.asarray(points[~anybody[y, x]])
 
 
-def border_points(anybody: BoolArray, count: int = 5) -> FloatArray:
-    """(P, 2) px a little above the lower edge of the photo, on nobody."""
+def bottom_edge_points(anybody: BoolArray, count: int = 5) -> FloatArray:
+    """Return prompt points (P, 2) px just above the lower photo edge, outside all people."""
     height, width = anybody.shape
     x = (np.arange(count) + 0.5) * width / count
     points = np.stack([x, np.full(count, 0.97 * (height - 1))], axis=1)
@@ -96,10 +97,10 @@ def border_points(anybody: BoolArray, count: int = 5) -> FloatArray:
     return np.asarray(points[~anybody[row.clip(0, height - 1), column.clip(0, width - 1)]])
 
 
-def _in_one_piece(logits: FloatArray, photo: Encoded, points: FloatArray) -> FloatArray:
-    """Logits (h, w) of what hangs together with the points; what does not is well below 0.
+def _connected_to_points(logits: FloatArray, photo: EncodedImage, points: FloatArray) -> FloatArray:
+    """Return mask logits (h, w) of the components that contain a prompt point; -8 elsewhere.
 
-    Large even things are answered as a grid of specks, of which a blur of two cells makes a whole.
+    Large uniform areas are predicted as a grid of specks, which a blur of two cells joins.
     """
     import cv2
 
@@ -113,7 +114,7 @@ def _in_one_piece(logits: FloatArray, photo: Encoded, points: FloatArray) -> Flo
 
 
 def _ankles(keypoints: Keypoints, person: int) -> list[tuple[float, float]]:
-    """Ankles that are seen, a little lower, where the sole is."""
+    """Return the visible ankles, shifted down to the sole."""
     points, sure = keypoints.points[person], keypoints.confidence[person]
     shin = np.linalg.norm(points[list(ANKLES)] - points[[13, 14]], axis=1)
     return [
@@ -123,8 +124,8 @@ def _ankles(keypoints: Keypoints, person: int) -> list[tuple[float, float]]:
     ]
 
 
-def _middles(people: People) -> FloatArray:
-    """(Q, 2) a pixel in the middle of each person."""
+def _person_centres(people: People) -> FloatArray:
+    """Return a central mask pixel of each person, (Q, 2)."""
     middles = []
     for mask in people.masks[:6]:
         y, x = np.nonzero(mask)
@@ -133,15 +134,16 @@ def _middles(people: People) -> FloatArray:
     return np.array(middles, float).reshape(-1, 2)
 
 
-def _chests(people: People) -> float:
-    """Row of the chests, above which there is hardly any ground; a third of the photo where nobody is."""
+def _chest_row(people: People) -> float:
+    """Return the median row of the chests, above which there is hardly any floor; a third of the photo without
+    people."""
     if not len(people):
         return int(people.masks.shape[1]) / 3
     return float(np.median(people.boxes[:, 1] + 0.35 * (people.boxes[:, 3] - people.boxes[:, 1])))
 
 
-def _like_ground(ground: BoolArray, mask: BoolArray, points: FloatArray, people: People) -> float:
-    """How much a mask looks like the ground, 0 for one that cannot be it.
+def _ground_score(ground: BoolArray, mask: BoolArray, points: FloatArray, people: People) -> float:
+    """Score how likely a mask is the floor; 0 if it cannot be.
 
     It holds the points beside the feet and hardly any of the people, hardly rises above their chests, and is large:
     a shoe's shadow is no floor.
@@ -152,7 +154,7 @@ def _like_ground(ground: BoolArray, mask: BoolArray, points: FloatArray, people:
     on_people = float((mask & anybody).sum() / max(1, anybody.sum()))
     if held < 0.6 or area < 0.01 * ground.size or on_people > 0.5:
         return 0.0
-    high = float(ground[: max(0, int(_chests(people)))].sum() / area)
+    high = float(ground[: max(0, int(_chest_row(people)))].sum() / area)
     # The ground that people stand on goes on towards the camera, or ends at something that stands before it.
     wide = float(ground[int(points[:, 1].min()) :].any(axis=0).mean())
     if high > 0.35 or wide < 0.35:

@@ -1,7 +1,7 @@
-"""The two networks of SAM 2: a photo is encoded once, and asked for masks of boxes and of points.
+"""Run the two networks of SAM 2: encode a photo once, then predict masks from boxes and points.
 
-Two exports are at large. They hold the same networks, and differ in the names, the types and the ranks of everything,
-and in how a box is told: as a box, or as two points with labels of their own.
+Two exports are published. They contain the same networks, with different names, types and ranks, and encode a box as a
+box or as two labelled points.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from physic_core.errors import BackendError
 
-from .contract import Dialect, Wanted, choose
+from .contract import GraphSignature, PortSpec, match_signature
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,50 +25,50 @@ if TYPE_CHECKING:
     from .options import OnnxOptions
     from .sessions import Network
 
-__all__ = ["DECODERS", "ENCODERS", "Encoded", "Sam2Networks", "open_sam2"]
+__all__ = ["DECODERS", "ENCODERS", "EncodedImage", "Sam2Networks", "open_sam2"]
 
-ENCODERS: Mapping[str, Dialect] = {
-    "transformers.js": Dialect(
-        (Wanted("pixel_values", shape=(None, 3, None, None)),),
+ENCODERS: Mapping[str, GraphSignature] = {
+    "transformers.js": GraphSignature(
+        (PortSpec("pixel_values", shape=(None, 3, None, None)),),
         (
-            Wanted("image_embeddings.0", shape=(None, 32, None, None)),
-            Wanted("image_embeddings.1", shape=(None, 64, None, None)),
-            Wanted("image_embeddings.2", shape=(None, 256, None, None)),
+            PortSpec("image_embeddings.0", shape=(None, 32, None, None)),
+            PortSpec("image_embeddings.1", shape=(None, 64, None, None)),
+            PortSpec("image_embeddings.2", shape=(None, 256, None, None)),
         ),
     ),
-    "samexporter": Dialect(
-        (Wanted("image", shape=(None, 3, None, None)),),
+    "samexporter": GraphSignature(
+        (PortSpec("image", shape=(None, 3, None, None)),),
         (
-            Wanted("high_res_feats_0", shape=(None, 32, None, None)),
-            Wanted("high_res_feats_1", shape=(None, 64, None, None)),
-            Wanted("image_embed", shape=(None, 256, None, None)),
+            PortSpec("high_res_feats_0", shape=(None, 32, None, None)),
+            PortSpec("high_res_feats_1", shape=(None, 64, None, None)),
+            PortSpec("image_embed", shape=(None, 256, None, None)),
         ),
     ),
 }
-"""By the tool that wrote the files. Outputs come finest first."""
+"""Signatures of the encoder by the exporting tool. Outputs are sorted from fine to coarse."""
 
-DECODERS: Mapping[str, Dialect] = {
-    "transformers.js": Dialect(
+DECODERS: Mapping[str, GraphSignature] = {
+    "transformers.js": GraphSignature(
         (
-            Wanted("input_points", shape=(None, None, None, 2)),
-            Wanted("input_labels", dtype="int64", shape=(None, None, None)),
-            Wanted("input_boxes", shape=(None, None, 4)),
+            PortSpec("input_points", shape=(None, None, None, 2)),
+            PortSpec("input_labels", dtype="int64", shape=(None, None, None)),
+            PortSpec("input_boxes", shape=(None, None, 4)),
             *ENCODERS["transformers.js"].outputs,
         ),
         (
-            Wanted("iou_scores", shape=(None, None, None)),
-            Wanted("pred_masks", shape=(None, None, None, None, None)),
+            PortSpec("iou_scores", shape=(None, None, None)),
+            PortSpec("pred_masks", shape=(None, None, None, None, None)),
         ),
     ),
-    "samexporter": Dialect(
+    "samexporter": GraphSignature(
         (
             *ENCODERS["samexporter"].outputs,
-            Wanted("point_coords", shape=(None, None, 2)),
-            Wanted("point_labels", shape=(None, None)),
-            Wanted("mask_input", shape=(None, 1, None, None)),
-            Wanted("has_mask_input", shape=(None,)),
+            PortSpec("point_coords", shape=(None, None, 2)),
+            PortSpec("point_labels", shape=(None, None)),
+            PortSpec("mask_input", shape=(None, 1, None, None)),
+            PortSpec("has_mask_input", shape=(None,)),
         ),
-        (Wanted("masks", shape=(None, None, None, None)), Wanted("iou_predictions", shape=(None, None))),
+        (PortSpec("masks", shape=(None, None, None, None)), PortSpec("iou_predictions", shape=(None, None))),
     ),
 }
 
@@ -76,15 +76,15 @@ INSIDE, OUTSIDE, NOTHING, FIRST_CORNER, LAST_CORNER = 1, 0, -1, 2, 3
 """Labels of points."""
 
 SAM3_SIDE = 1008
-"""The tracker of SAM 3 speaks as transformers.js's SAM 2 does, and sees pictures of this side, from -1 to 1."""
+"""Input side of SAM 3's tracker, which has the ports of SAM 2 and takes pixels from -1 to 1."""
 
-AT_ONCE = 8
-"""Boxes that are asked for in one go."""
+BOXES_PER_CALL = 8
+"""Boxes in one run of the decoder."""
 
 
 @dataclass(frozen=True)
-class Encoded:
-    """A photo as the decoder wants it.
+class EncodedImage:
+    """Image encoding for SAM 2's mask decoder.
 
     Attributes:
         features: three maps, finest first.
@@ -97,7 +97,7 @@ class Encoded:
     side: int
 
     def to_frame(self, points: FloatArray) -> FloatArray:
-        """(..., 2) photo px -> px of the square; integers are pixel centres in both."""
+        """Convert photo pixels (..., 2) to pixels of the square input; integers are pixel centres in both."""
 
         height, width = self.size
         scale = self.side / np.array([width, height], np.float64)
@@ -106,10 +106,10 @@ class Encoded:
 
 
 class Sam2Networks:
-    """Encoder and decoder, open.
+    """Open encoder and decoder of SAM 2.
 
     Attributes:
-        dialect: one of ENCODERS.
+        signature: one of ENCODERS.
 
     Raises:
         BackendError: they are not what they should be, or are of two exports.
@@ -117,17 +117,17 @@ class Sam2Networks:
 
     def __init__(self, encoder: Network, decoder: Network) -> None:
         self._encoder, self._decoder = encoder, decoder
-        self.dialect, self._encoding = choose(encoder, ENCODERS)
-        told, self._decoding = choose(decoder, DECODERS)
-        if told != self.dialect:
+        self.signature, self._encoding = match_signature(encoder, ENCODERS)
+        told, self._decoding = match_signature(decoder, DECODERS)
+        if told != self.signature:
             raise BackendError(
-                f"the encoder {encoder.name} comes from {self.dialect} and the decoder {decoder.name} from {told}: "
+                f"the encoder {encoder.name} comes from {self.signature} and the decoder {decoder.name} from {told}: "
                 "take both from one export"
             )
         (port,) = self._encoding.inputs.values()
         self._side = port.shape[2] if isinstance(port.shape[2], int) else 1024
 
-    def encode(self, image: UInt8Array) -> Encoded:
+    def encode(self, image: UInt8Array) -> EncodedImage:
         """Encode a photo (H, W, 3), RGB."""
         from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw, resize_image
 
@@ -136,10 +136,10 @@ class Sam2Networks:
         frame = normalized_nchw(resize_image(image, self._side, self._side, "bilinear-antialias"), mean, std)
         (name,) = self._encoding.inputs
         features = self._encoding.run(self._encoder, {name: frame}, list(self._encoding.outputs))
-        return Encoded(tuple(features), (image.shape[0], image.shape[1]), self._side)
+        return EncodedImage(tuple(features), (image.shape[0], image.shape[1]), self._side)
 
-    def in_boxes(self, photo: Encoded, boxes: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """What lies in each of (N, 4) half-open boxes x0 y0 x1 y1 px of the photo.
+    def masks_from_boxes(self, photo: EncodedImage, boxes: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Predict three masks for each of (N, 4) half-open boxes x0 y0 x1 y1 px.
 
         Returns:
             (N, 3, h, w) logits of the squashed photo, above 0 inside, and (N, 3) how well each fits, as the network
@@ -147,15 +147,15 @@ class Sam2Networks:
         """
 
         corners = self._corners(photo, boxes)
-        at_once = self._at_once()
+        at_once = self._boxes_per_call()
         answers = [self._ask(photo, corners[i : i + at_once]) for i in range(0, len(corners), at_once)]
         logits, fits = zip(*answers, strict=True)
         return np.concatenate(logits), np.concatenate(fits)
 
-    def at_points(
-        self, photo: Encoded, inside: FloatArray, outside: FloatArray, box: FloatArray
+    def masks_from_points(
+        self, photo: EncodedImage, inside: FloatArray, outside: FloatArray, box: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """The one thing that holds (P, 2) points of the photo and not (Q, 2) others, in a box (4,).
+        """Predict three masks of the object in a box (4,) that contains (P, 2) points and not (Q, 2) others.
 
         Points without any box are not asked for. An export by which they can be asked joins them with an array of no
         boxes, and onnxruntime leaves the place of three tokens as it finds it: with whatever was in memory.
@@ -169,29 +169,30 @@ class Sam2Networks:
         logits, fits = self._ask(photo, self._corners(photo, box[None]), (points, labels))
         return logits[0], fits[0]
 
-    def _corners(self, photo: Encoded, boxes: FloatArray) -> FloatArray:
-        """(N, 4) boxes px of the photo -> (N, 2, 2) px of the square."""
+    def _corners(self, photo: EncodedImage, boxes: FloatArray) -> FloatArray:
+        """Convert boxes (N, 4) in photo px to corner points (N, 2, 2) in px of the square."""
 
         # The network was trained with the first and the last pixel of what is meant.
         return photo.to_frame(np.asarray(boxes, np.float64).reshape(-1, 2, 2) - [[0, 0], [1, 1]])
 
     def _ask(
-        self, photo: Encoded, corners: FloatArray, points: tuple[FloatArray, NDArray[Any]] | None = None
+        self, photo: EncodedImage, corners: FloatArray, points: tuple[FloatArray, NDArray[Any]] | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        if self.dialect == "transformers.js":
+        """Run the decoder on boxes and optional points: logits and predicted fits."""
+        if self.signature == "transformers.js":
             feed, names = self._with_boxes(corners, points), ["pred_masks", "iou_scores"]
         else:
             feed, names = self._with_corner_points(corners, points), ["masks", "iou_predictions"]
         feed.update(zip(self._encoding.outputs, photo.features, strict=True))
         logits, fits = self._decoding.run(self._decoder, feed, names)
-        if self.dialect == "transformers.js":
+        if self.signature == "transformers.js":
             logits, fits = logits[0], fits[0]
         return logits, fits
 
     def _with_boxes(
         self, corners: FloatArray, points: tuple[FloatArray, NDArray[Any]] | None
     ) -> dict[str, NDArray[Any]]:
-
+        """Build the decoder input of transformers.js: boxes, and points with labels."""
         if points is not None:
             told, labels = points[0][None, None], points[1][None, None]
         else:
@@ -208,7 +209,7 @@ class Sam2Networks:
     def _with_corner_points(
         self, corners: FloatArray, points: tuple[FloatArray, NDArray[Any]] | None
     ) -> dict[str, NDArray[Any]]:
-
+        """Build the decoder input of samexporter: corner points and points with labels."""
         told, labels = corners, np.tile([FIRST_CORNER, LAST_CORNER], (len(corners), 1))
         if points is not None:
             told = np.concatenate([told, points[0][None]], axis=1)
@@ -222,11 +223,11 @@ class Sam2Networks:
             "has_mask_input": np.zeros(1, np.float32),
         }
 
-    def _at_once(self) -> int:
-        """Boxes that may be asked for at once: files may fix them to one."""
-        name, axis = ("input_boxes", 1) if self.dialect == "transformers.js" else ("point_coords", 0)
+    def _boxes_per_call(self) -> int:
+        """Return the number of boxes in one run, which a file may fix to one."""
+        name, axis = ("input_boxes", 1) if self.signature == "transformers.js" else ("point_coords", 0)
         fixed = self._decoding.inputs[name].shape[axis]
-        return fixed if isinstance(fixed, int) and fixed > 0 else AT_ONCE
+        return fixed if isinstance(fixed, int) and fixed > 0 else BOXES_PER_CALL
 
 
 def open_sam2(folder: Path, options: OnnxOptions, device: str, variant: str = "") -> Sam2Networks:
@@ -238,12 +239,12 @@ def open_sam2(folder: Path, options: OnnxOptions, device: str, variant: str = ""
     """
     from .sessions import open_network
 
-    encoder, decoder = files_in(folder, variant)
+    encoder, decoder = find_sam2_files(folder, variant)
     return Sam2Networks(open_network(encoder, options, device), open_network(decoder, options, device))
 
 
-def files_in(folder: Path, variant: str = "") -> tuple[Path, Path]:
-    """The files of the encoder and of the decoder in a folder or below it.
+def find_sam2_files(folder: Path, variant: str = "") -> tuple[Path, Path]:
+    """Find the encoder file and the decoder file in a folder or below it.
 
     Args:
         folder: that holds them under whatever names hold the words "encoder" and "decoder".

@@ -1,10 +1,10 @@
-"""ViTPose: heat maps of 133 whole-body joints, or of 17, one person at a time.
+"""Detect keypoints with ViTPose: heatmaps of 133 whole-body joints, or of 17, one person at a time.
 
-Two forms are about: the exports of easy_ViTPose (``input_0`` -> ``output_0``) and those of the class in transformers
-(``pixel_values`` -> ``heatmaps``), whose "plus" models ask which of their data sets' experts is to answer.
+Two forms exist: the exports of easy_ViTPose (``input_0`` -> ``output_0``), and those of the class in transformers
+(``pixel_values`` -> ``heatmaps``), whose "plus" models also take the index of a data set's expert.
 
 Only the networks of COCO's 17 joints were trained with unbiased data processing. Those of 133 joints were trained with
-MMPose's plain affine; read as the others are, they move a person's feet by 1.2 % of the crop.
+MMPose's plain affine; with the other convention, a person's feet are off by 1.2 % of the crop.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from pydantic import Field
 from physic_core.errors import BackendError
 from physic_core.interfaces import KeypointDetector
 
-from .contract import Dialect, Wanted
-from .one_graph import WEIGHTS, OneGraph, OneGraphOptions
+from .contract import GraphSignature, PortSpec
+from .one_graph import WEIGHTS_HELP, OnnxBackend, OnnxBackendOptions
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -32,67 +32,70 @@ __all__ = ["VitPose", "VitPoseOptions"]
 
 HEIGHT, WIDTH = 256, 192
 COCO = 0
-EXPERT_OF = {17: COCO, 133: 5}
-"""Joints -> the data set whose expert a "plus" model is asked for."""
+EXPERT_BY_JOINTS = {17: COCO, 133: 5}
+"""Number of joints -> index of the data set whose expert a "plus" model uses."""
 EASY, HUB, PLUS = "easy_ViTPose", "transformers", "transformers, plus"
 _PICTURE = (None, 3, None, None)
 _MAPS = (None, None, None, None)
 
 
-class VitPoseOptions(OneGraphOptions):
+class VitPoseOptions(OnnxBackendOptions):
     """Settings of ViTPose."""
 
-    weights: str = Field("vitpose-b-wholebody", description=WEIGHTS)
+    weights: str = Field("vitpose-b-wholebody", description=WEIGHTS_HELP)
     padding: float = Field(1.25, ge=1, le=3, description="how much larger than the person's box the crop is")
     batch: int = Field(8, ge=1, description="people a run, where the file leaves that free")
 
 
-class VitPose(OneGraph, KeypointDetector):
-    """Keypoints by ViTPose (the paper's detector with 133 joints); it is shown RGB."""
+class VitPose(OnnxBackend, KeypointDetector):
+    """Keypoint detector by ViTPose (the paper's with 133 joints); its input is RGB."""
 
-    Options: ClassVar[type[OneGraphOptions]] = VitPoseOptions
+    Options: ClassVar[type[OnnxBackendOptions]] = VitPoseOptions
     options: VitPoseOptions
     _joints: int
-    dialects: ClassVar = {
-        PLUS: Dialect(
-            (Wanted("pixel_values", shape=_PICTURE), Wanted("dataset_index", dtype=("int64", "int32"), shape=(None,))),
-            (Wanted("heatmaps", shape=_MAPS),),
+    signatures: ClassVar = {
+        PLUS: GraphSignature(
+            (
+                PortSpec("pixel_values", shape=_PICTURE),
+                PortSpec("dataset_index", dtype=("int64", "int32"), shape=(None,)),
+            ),
+            (PortSpec("heatmaps", shape=_MAPS),),
         ),
-        HUB: Dialect((Wanted("pixel_values", shape=_PICTURE),), (Wanted("heatmaps", shape=_MAPS),)),
-        EASY: Dialect(
-            (Wanted("input_0", ("input", "images"), shape=_PICTURE),),
-            (Wanted("output_0", ("output", "heatmaps"), shape=_MAPS),),
+        HUB: GraphSignature((PortSpec("pixel_values", shape=_PICTURE),), (PortSpec("heatmaps", shape=_MAPS),)),
+        EASY: GraphSignature(
+            (PortSpec("input_0", ("input", "images"), shape=_PICTURE),),
+            (PortSpec("output_0", ("output", "heatmaps"), shape=_MAPS),),
             by_position=True,
         ),
     }
 
-    def attach(self, network: Network) -> None:
-        """Take an open network, and find out how many joints it has; a file that does not state it is run once."""
-        from .top_down import skeleton_of
+    def bind(self, network: Network) -> None:
+        """Use an open network and find its number of joints. A file that does not state it is run once."""
+        from .top_down import skeleton_name
 
-        super().attach(network)
-        shape = self.speaking().ports.outputs[self._maps()].shape
+        super().bind(network)
+        shape = self.loaded().ports.outputs[self._maps()].shape
         stated = shape[1] if len(shape) == 4 else ""
         self._joints = stated if isinstance(stated, int) else self._count()
-        skeleton_of(self._joints, network.name)
+        skeleton_name(self._joints, network.name)
 
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
-        """Image (H, W, 3) and N people -> keypoints; the confidence of one is the height of its heat map's peak."""
+        """Return keypoints of N people; the confidence of a joint is the peak of its heatmap."""
 
         from physic_core.adapters.crops import crop_around_box
         from physic_core.adapters.heatmaps import scores_to_confidence, subpixel_peaks
         from physic_core.types import Keypoints
 
-        from .top_down import pictures_of, skeleton_of
+        from .top_down import crop_batch, skeleton_name
 
-        network = self.speaking().network
-        joints, skeleton = self._joints, skeleton_of(self._joints, network.name)
+        network = self.loaded().network
+        joints, skeleton = self._joints, skeleton_name(self._joints, network.name)
         if not len(people):
             return Keypoints(np.zeros((0, joints, 2)), np.zeros((0, joints)), skeleton)
         height, width = self._size()
-        padding, grid = self.options.padding, grid_of(joints)
+        padding, grid = self.options.padding, crop_grid(joints)
         crops = [crop_around_box(box, width, height, padding=padding, grid=grid) for box in people.boxes]
-        heatmaps = self._heatmaps(pictures_of(image, crops), EXPERT_OF.get(joints, COCO))
+        heatmaps = self._heatmaps(crop_batch(image, crops), EXPERT_BY_JOINTS.get(joints, COCO))
         if heatmaps.shape[1] != joints:
             raise BackendError(f"{network.name} states {joints} joints and returned {heatmaps.shape[1]} heat maps")
         cells, height_of_peak = subpixel_peaks(heatmaps)
@@ -102,41 +105,41 @@ class VitPose(OneGraph, KeypointDetector):
         return Keypoints(points, scores_to_confidence(height_of_peak), skeleton)
 
     def _count(self) -> int:
-        """Joints of a file that does not state them: it is shown one black crop."""
+        """Count the joints of a file that does not state them by running one black crop."""
 
         return int(self._heatmaps(np.zeros((1, 3, *self._size()), np.float32), COCO).shape[1])
 
     def _size(self) -> tuple[int, int]:
-        """Height and width of a crop, px."""
-        from .top_down import fixed_or
+        """Return height and width of a crop, px."""
+        from .top_down import size_or_default
 
-        shape = self.speaking().shape(self._picture())
-        return fixed_or(shape[2], HEIGHT), fixed_or(shape[3], WIDTH)
+        shape = self.loaded().input_shape(self._picture())
+        return size_or_default(shape[2], HEIGHT), size_or_default(shape[3], WIDTH)
 
     def _heatmaps(self, pictures: FloatArray, expert: int) -> FloatArray:
-        """Crops (N, 3, h, w) -> (N, J, rows, columns)."""
+        """Return heatmaps (N, J, rows, columns) of crops (N, 3, h, w)."""
 
-        from .top_down import run_rows
+        from .top_down import run_batches
 
-        speaking, maps = self.speaking(), self._maps()
+        loaded, maps = self.loaded(), self._maps()
         feed: dict[str, NDArray[Any]] = {self._picture(): pictures}
-        if speaking.dialect == PLUS:
+        if loaded.signature == PLUS:
             feed["dataset_index"] = np.full(len(pictures), expert, np.int64)
-        (heatmaps,) = run_rows(speaking, feed, [maps], self.options.batch)
+        (heatmaps,) = run_batches(loaded, feed, [maps], self.options.batch)
         if heatmaps.ndim != 4:
             raise BackendError(
-                f"{speaking.network.name} answered {maps} {heatmaps.shape}: heat maps (N, joints, rows, columns) "
+                f"{loaded.network.name} returned {maps} {heatmaps.shape}: heat maps (N, joints, rows, columns) "
                 "were expected"
             )
         return heatmaps
 
     def _picture(self) -> str:
-        return next(iter(self.speaking().ports.inputs))
+        return next(iter(self.loaded().ports.inputs))
 
     def _maps(self) -> str:
-        return next(iter(self.speaking().ports.outputs))
+        return next(iter(self.loaded().ports.outputs))
 
 
-def grid_of(joints: int) -> PixelAlignment:
-    """Where the network of so many joints has the box, on its crops and on its heat maps."""
+def crop_grid(joints: int) -> PixelAlignment:
+    """Return the pixel grid of crops and heatmaps on which a network of this number of joints was trained."""
     return "corners" if joints == 17 else "halves"

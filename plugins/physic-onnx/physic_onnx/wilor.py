@@ -1,8 +1,7 @@
-"""WiLoR (Potamias et al. 2025) as exported by its licensed user: finger poses, one hand at a time.
+"""Estimate finger poses with WiLoR (Potamias et al. 2025), exported by its licensed user.
 
-``python -m physic_onnx.export wilor`` writes the file. Boxes come from the keypoints, so no detector of hands is
-needed. Two forms are known: WiLoR-mini's network, which takes grey levels in the order blue, green, red, and
-normalises them itself; and WiLoR's own, which takes normalised RGB.
+``python -m physic_onnx.export wilor`` writes the file. Boxes come from the keypoints, so no hand detector is needed.
+WiLoR-mini's network takes BGR from 0 to 255 and normalises it itself. WiLoR's own network takes normalised RGB.
 """
 
 from __future__ import annotations
@@ -14,8 +13,8 @@ from pydantic import Field
 
 from physic_core.interfaces import HandEstimator
 
-from .contract import Dialect, Wanted
-from .one_graph import WEIGHTS, OneGraph, OneGraphOptions
+from .contract import GraphSignature, PortSpec
+from .one_graph import WEIGHTS_HELP, OnnxBackend, OnnxBackendOptions
 
 if TYPE_CHECKING:
     from physic_core.adapters.crops import Crop
@@ -24,14 +23,14 @@ if TYPE_CHECKING:
 __all__ = ["Wilor", "WilorOptions"]
 
 SIDE = 256
-"""px of the square crop; the network itself looks at its middle 192 columns."""
-MINI, WHOLE = "WiLoR-mini: grey levels, BGR", "WiLoR: normalised RGB"
+"""Side of the square crop, px; the network uses its middle 192 columns."""
+MINI, ORIGINAL = "WiLoR-mini: grey levels, BGR", "WiLoR: normalised RGB"
 
 
-class WilorOptions(OneGraphOptions):
+class WilorOptions(OnnxBackendOptions):
     """Settings of WiLoR."""
 
-    weights: str = Field("wilor-onnx", description=WEIGHTS)
+    weights: str = Field("wilor-onnx", description=WEIGHTS_HELP)
     least_confidence: float = Field(
         0.5, ge=0, le=1, description="of a hand's keypoints; 0.7 in the code of the PhySIC paper"
     )
@@ -46,24 +45,24 @@ class WilorOptions(OneGraphOptions):
     batch: int = Field(4, ge=1, description="hands a run, where the file leaves that free")
 
 
-class Wilor(OneGraph, HandEstimator):
-    """MANO rotations of every hand that the keypoints show; left hands are shown to the network in a mirror."""
+class Wilor(OnnxBackend, HandEstimator):
+    """Hand estimator: MANO rotations by WiLoR of every hand with keypoints. Left hands are mirrored."""
 
-    Options: ClassVar[type[OneGraphOptions]] = WilorOptions
+    Options: ClassVar[type[OnnxBackendOptions]] = WilorOptions
     options: WilorOptions
-    dialects: ClassVar = {
-        MINI: Dialect(
-            (Wanted("image", ("x", "input"), shape=(None, SIDE, SIDE, 3)),),
-            (Wanted("hand_pose", shape=None), Wanted("global_orient", shape=None, optional=True)),
+    signatures: ClassVar = {
+        MINI: GraphSignature(
+            (PortSpec("image", ("x", "input"), shape=(None, SIDE, SIDE, 3)),),
+            (PortSpec("hand_pose", shape=None), PortSpec("global_orient", shape=None, optional=True)),
         ),
-        WHOLE: Dialect(
-            (Wanted("image", ("img", "input"), shape=(None, 3, SIDE, SIDE)),),
-            (Wanted("hand_pose", shape=None), Wanted("global_orient", shape=None, optional=True)),
+        ORIGINAL: GraphSignature(
+            (PortSpec("image", ("img", "input"), shape=(None, 3, SIDE, SIDE)),),
+            (PortSpec("hand_pose", shape=None), PortSpec("global_orient", shape=None, optional=True)),
         ),
     }
 
     def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
-        """Image (H, W, 3) and N people with keypoints -> finger rotations; confidence is that of the keypoints.
+        """Return the finger rotations of N people; confidence is that of the keypoints.
 
         Raises:
             BackendError: it is not loaded, or the network answers something else.
@@ -73,9 +72,9 @@ class Wilor(OneGraph, HandEstimator):
         from physic_core.adapters.mano import JOINTS_PER_HAND, empty_hands, hands_from_mano
         from physic_core.errors import BackendError
 
-        from .top_down import run_rows
+        from .top_down import run_batches
 
-        speaking, options = self.speaking(), self.options
+        loaded, options = self.loaded(), self.options
         found = hand_boxes(keypoints, least_confidence=options.least_confidence, least_size_px=options.least_size_px)
         if not len(found):
             return empty_hands(len(people))
@@ -83,26 +82,26 @@ class Wilor(OneGraph, HandEstimator):
             crop_around_box(box, SIDE, SIDE, padding=options.margin, grid="halves", mirrored=not right)
             for box, right in zip(found.boxes, found.right, strict=True)
         ]
-        names = ["hand_pose", *(["global_orient"] if speaking.has("global_orient") else [])]
-        fingers, *wrists = run_rows(speaking, {"image": self._pictures(image, crops)}, names, options.batch)
+        names = ["hand_pose", *(["global_orient"] if loaded.has_output("global_orient") else [])]
+        fingers, *wrists = run_batches(loaded, {"image": self._pictures(image, crops)}, names, options.batch)
         try:
             return hands_from_mano(
                 len(people), found.person, found.right, fingers, found.confidence, wrists[0] if wrists else None
             )
         except ValueError as error:
             raise BackendError(
-                f"{speaking.network.name} answered hand_pose {fingers.shape}, where {len(found)} hands have "
+                f"{loaded.network.name} returned hand_pose {fingers.shape}, where {len(found)} hands have "
                 f"{JOINTS_PER_HAND} rotations each, vectors or matrices: {error}"
             ) from error
 
     def _pictures(self, image: UInt8Array, crops: list[Crop]) -> FloatArray:
-
+        """Crop and preprocess the hands as the network takes them."""
         from physic_core.adapters.crops import antialias_sigma, resample_crop
 
-        from .top_down import pictures_of
+        from .top_down import crop_batch
 
         sigmas = [antialias_sigma(crop) for crop in crops]
-        if self.speaking().dialect == WHOLE:
-            return pictures_of(image, crops, bgr=self.options.swap_channels, sigmas=sigmas)
+        if self.loaded().signature == ORIGINAL:
+            return crop_batch(image, crops, bgr=self.options.swap_channels, sigmas=sigmas)
         seen = np.stack([resample_crop(image, crop, sigma=sigma) for crop, sigma in zip(crops, sigmas, strict=True)])
         return np.asarray(seen if self.options.swap_channels else seen[..., ::-1], np.float32)

@@ -64,7 +64,7 @@ def recorded(told_network: Any) -> Any:
     def make(weak: tuple[float, float, float] = (0.9, 0.1, -0.2), **options: Any) -> tuple[CameraHmr, Recorded]:
         backend = CameraHmr(CameraHmr.Options(**options))
         network = Recorded(told_network(PORTS, ANSWERS, lambda *_: {}), weak)
-        backend.attach(network)
+        backend.bind(network)
         return backend, network
 
     return make
@@ -176,7 +176,7 @@ def test_many_people_come_in_batches_and_in_their_order(recorded: Any) -> None:
 def test_an_export_without_joints_is_refused(told_network: Any) -> None:
     outputs = {name: port for name, port in ANSWERS.items() if name != "joints"}
     with pytest.raises(BackendError, match="there is no output 'joints'"):
-        CameraHmr().attach(told_network(PORTS, outputs, lambda *_: {}))
+        CameraHmr().bind(told_network(PORTS, outputs, lambda *_: {}))
 
 
 def told_camerahmr(told: Any, told_network: Any) -> type:
@@ -217,7 +217,7 @@ def told_camerahmr(told: Any, told_network: Any) -> type:
             return {name: np.stack(rows) for name, rows in answers.items()}
 
         network = told_network(PORTS, ANSWERS, answer)
-        backend.attach(network)
+        backend.bind(network)
         return [network]
 
     class Told(told(CameraHmr, attach)):  # type: ignore[misc]

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from physic_core.errors import BackendError
-from physic_onnx.contract import Dialect, Wanted, choose, match
+from physic_onnx.contract import GraphSignature, PortSpec, match, match_signature
 from physic_onnx.options import OnnxOptions
 from physic_onnx.sessions import open_network
 
 IMAGE = {"image": ("float32", ("batch", 3, "height", "width"))}
-WANTED_IMAGE = Wanted("image", shape=("batch", 3, "height", "width"))
+WANTED_IMAGE = PortSpec("image", shape=("batch", 3, "height", "width"))
 
 
 @pytest.fixture
@@ -26,57 +26,57 @@ def depth(dtype="float32", shape=("batch", "height", "width"), name="depth"):
     return {name: (dtype, shape)}
 
 
-class TestOneDialect:
+class TestOneSignature:
     def test_by_name(self, file):
-        found = match(file(IMAGE, {**depth(), "extra": ("float32", ())}), [WANTED_IMAGE], [Wanted("depth")])
+        found = match(file(IMAGE, {**depth(), "extra": ("float32", ())}), [WANTED_IMAGE], [PortSpec("depth")])
         assert (found.inputs["image"].name, found.outputs["depth"].name) == ("image", "depth")
         assert list(found.outputs) == ["depth"]
 
     def test_by_alias(self, file):
-        found = match(file(IMAGE, depth(name="z")), [WANTED_IMAGE], [Wanted("depth", ("distance", "z"))])
+        found = match(file(IMAGE, depth(name="z")), [WANTED_IMAGE], [PortSpec("depth", ("distance", "z"))])
         assert found.outputs["depth"].name == "z"
 
     def test_own_name_goes_before_aliases(self, file):
         outputs = {**depth(name="z"), **depth()}
-        assert match(file(IMAGE, outputs), [WANTED_IMAGE], [Wanted("depth", ("z",))]).outputs["depth"].name == "depth"
+        assert match(file(IMAGE, outputs), [WANTED_IMAGE], [PortSpec("depth", ("z",))]).outputs["depth"].name == "depth"
 
     def test_by_place_only_where_it_is_allowed(self, file):
-        network, wanted = file(IMAGE, depth(name="out_0")), [Wanted("depth", shape=(None, None, None))]
+        network, wanted = file(IMAGE, depth(name="out_0")), [PortSpec("depth", shape=(None, None, None))]
         assert match(network, [WANTED_IMAGE], wanted, by_position=True).outputs["depth"].name == "out_0"
         with pytest.raises(BackendError, match="there is no output 'depth'"):
             match(network, [WANTED_IMAGE], wanted)
 
     def test_by_place_needs_the_same_rank_and_a_port_that_serves_nothing_else(self, file):
-        wanted = [Wanted("depth", shape=(None, None, None)), Wanted("mask", shape=(None, None, None))]
+        wanted = [PortSpec("depth", shape=(None, None, None)), PortSpec("mask", shape=(None, None, None))]
         with pytest.raises(BackendError, match="there is no output 'depth'"):
             match(file(IMAGE, depth(name="a", shape=("b", 1, "h", "w"))), [WANTED_IMAGE], wanted[:1], by_position=True)
         with pytest.raises(BackendError, match="there is no output 'depth'"):
             match(file(IMAGE, depth(name="mask")), [WANTED_IMAGE], wanted, by_position=True)
 
     def test_optional_output_may_lack_and_an_optional_input_too(self, file):
-        inputs = [WANTED_IMAGE, Wanted("points", optional=True)]
-        found = match(file(IMAGE, depth()), inputs, [Wanted("depth"), Wanted("normal", optional=True)])
+        inputs = [WANTED_IMAGE, PortSpec("points", optional=True)]
+        found = match(file(IMAGE, depth()), inputs, [PortSpec("depth"), PortSpec("normal", optional=True)])
         assert (list(found.inputs), list(found.outputs)) == (["image"], ["depth"])
 
     def test_input_of_which_nothing_is_known_is_a_fault(self, file):
         network = file({**IMAGE, "camera": ("float32", (3, 3))}, depth())
         with pytest.raises(BackendError, match="nothing is known of its input 'camera'"):
-            match(network, [WANTED_IMAGE], [Wanted("depth")])
+            match(network, [WANTED_IMAGE], [PortSpec("depth")])
 
     @pytest.mark.parametrize(
         ("wanted", "dtype", "shape", "fits"),
         [
-            (Wanted("x"), "float16", ("a", "b"), True),
-            (Wanted("x"), "int64", ("a", "b"), False),
-            (Wanted("x", dtype="float32"), "float16", ("a",), False),
-            (Wanted("x", dtype=("int32", "int64")), "int32", ("a",), True),
-            (Wanted("x", dtype=None), "uint8", ("a",), True),
-            (Wanted("x", shape=(1, 3, None)), "float32", (1, 3, 640), True),
-            (Wanted("x", shape=(1, 3, None)), "float32", ("batch", "?", "n"), True),
-            (Wanted("x", shape=(1, 3, None)), "float32", (1, 4, 640), False),
-            (Wanted("x", shape=(1, 3, None)), "float32", (1, 3), False),
-            (Wanted("x", shape=()), "float32", (1,), False),
-            (Wanted("x", shape=("n",)), "float32", (), False),
+            (PortSpec("x"), "float16", ("a", "b"), True),
+            (PortSpec("x"), "int64", ("a", "b"), False),
+            (PortSpec("x", dtype="float32"), "float16", ("a",), False),
+            (PortSpec("x", dtype=("int32", "int64")), "int32", ("a",), True),
+            (PortSpec("x", dtype=None), "uint8", ("a",), True),
+            (PortSpec("x", shape=(1, 3, None)), "float32", (1, 3, 640), True),
+            (PortSpec("x", shape=(1, 3, None)), "float32", ("batch", "?", "n"), True),
+            (PortSpec("x", shape=(1, 3, None)), "float32", (1, 4, 640), False),
+            (PortSpec("x", shape=(1, 3, None)), "float32", (1, 3), False),
+            (PortSpec("x", shape=()), "float32", (1,), False),
+            (PortSpec("x", shape=("n",)), "float32", (), False),
         ],
     )
     def test_type_and_shape(self, file, wanted, dtype, shape, fits):
@@ -88,7 +88,7 @@ class TestOneDialect:
                 match(network, [wanted], [])
 
     def test_output_whose_shape_the_file_does_not_tell_fits(self, file):
-        found = match(file(IMAGE, depth(shape=())), [WANTED_IMAGE], [Wanted("depth", shape=("batch", None, None))])
+        found = match(file(IMAGE, depth(shape=())), [WANTED_IMAGE], [PortSpec("depth", shape=("batch", None, None))])
         assert found.outputs["depth"].shape == ()
 
     def test_running_by_the_names_of_the_adapter(self, graph, node, tmp_path):
@@ -99,32 +99,32 @@ class TestOneDialect:
             [node("Relu", ["input_0"], ["output_0"])],
         )
         network = open_network(path, OnnxOptions(), "cpu")
-        found = match(network, [Wanted("image", ("input_0",))], [Wanted("positive")], by_position=True)
+        found = match(network, [PortSpec("image", ("input_0",))], [PortSpec("positive")], by_position=True)
         (answer,) = found.run(network, {"image": -np.ones((1, 3, 2, 2))}, ["positive"])
         np.testing.assert_array_equal(answer, np.zeros((1, 3, 2, 2)))
 
 
-DIALECTS = {
-    "depth": Dialect((WANTED_IMAGE,), (Wanted("depth", shape=("batch", None, None)),)),
-    "inverse depth": Dialect(
-        (Wanted("pixel_values", dtype="float32", shape=(1, 3, 518, 518)),),
-        (Wanted("predicted_depth", shape=(1, 518, 518)),),
+SIGNATURES = {
+    "depth": GraphSignature((WANTED_IMAGE,), (PortSpec("depth", shape=("batch", None, None)),)),
+    "inverse depth": GraphSignature(
+        (PortSpec("pixel_values", dtype="float32", shape=(1, 3, 518, 518)),),
+        (PortSpec("predicted_depth", shape=(1, 518, 518)),),
     ),
 }
 
 
-class TestSeveralDialects:
+class TestSeveralSignatures:
     def test_first_that_fits(self, file):
-        assert choose(file(IMAGE, depth()), DIALECTS)[0] == "depth"
+        assert match_signature(file(IMAGE, depth()), SIGNATURES)[0] == "depth"
         other = file({"pixel_values": ("float32", ("b", 3, "h", "w"))}, depth(name="predicted_depth"))
-        name, found = choose(other, DIALECTS)
+        name, found = match_signature(other, SIGNATURES)
         assert name == "inverse depth"
         assert found.inputs["pixel_values"].name == "pixel_values"
 
     def test_none_that_fits_is_told_with_each(self, file):
         network = file({"pixel_values": ("float16", (1, 3, 518, 518))}, depth(shape=(1, 1, "h", "w")))
         with pytest.raises(BackendError) as refusal:
-            choose(network, DIALECTS)
+            match_signature(network, SIGNATURES)
         assert str(refusal.value) == (
             "told.onnx is not a network that this backend can run:\n"
             "expected of depth:\n"

@@ -136,7 +136,7 @@ def told_deco(told: Any, told_network: Any) -> type:
             },
             answer,
         )
-        backend.attach(network)
+        backend.bind(network)
         return [network]
 
     class Told(told(Deco, attach)):  # type: ignore[misc]

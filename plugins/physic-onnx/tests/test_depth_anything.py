@@ -22,9 +22,9 @@ from physic_onnx.depth_anything import (
     DepthAnythingMetricOptions,
     DepthAnythingRelative,
     DepthAnythingRelativeOptions,
-    prepare,
+    preprocess,
 )
-from physic_onnx.depth_anything_forms import has_sigmoid
+from physic_onnx.depth_anything_files import has_sigmoid
 from physic_testing import check_backend
 
 IMAGENET_MEAN, IMAGENET_STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
@@ -92,7 +92,7 @@ class TestExports:
     """Names, sizes and values of the files that are about."""
 
     @pytest.mark.parametrize(
-        ("takes", "gives", "dialect"),
+        ("takes", "gives", "signature"),
         [
             ("pixel_values", "predicted_depth", PUBLISHED),
             ("image", "depth", PUBLISHED),
@@ -102,9 +102,9 @@ class TestExports:
             ("x", "y", OTHER),
         ],
     )
-    def test_ports_are_known_by_their_names_or_their_place(self, contract_graph, takes, gives, dialect):
+    def test_ports_are_known_by_their_names_or_their_place(self, contract_graph, takes, gives, signature):
         backend = relative(contract_graph(takes=takes, gives=gives))
-        assert backend.speaking().dialect == dialect
+        assert backend.loaded().signature == signature
         backend.infer(ramp(), Hints())
 
     @pytest.mark.parametrize("channel", [0, 1, 2])
@@ -136,7 +136,7 @@ class TestExports:
         )
         network.show("anything")
         backend = DepthAnythingRelative()
-        backend.attach(network)
+        backend.bind(network)
         answer = backend.infer(np.zeros((259, 259, 3), np.uint8), Hints())
         assert not answer.valid[:48].any()
         assert answer.valid[52:].all()
@@ -153,7 +153,7 @@ class TestExports:
         )
         network.show("anything")
         for kind in (DepthAnythingRelative(), DepthAnythingMetric()):
-            kind.attach(network)
+            kind.bind(network)
             for size in ((720, 1280), (1280, 720), (97, 131)):
                 kind.infer(np.random.default_rng(0).integers(0, 256, (*size, 3), dtype=np.uint8), Hints())
         assert seen[:3] == seen[3:] == [(1, 3, 518, 924), (1, 3, 924, 518), (1, 3, 378, 518)]
@@ -178,7 +178,7 @@ class TestExports:
         )
         network.show("anything")
         backend = DepthAnythingMetric()
-        backend.attach(network)
+        backend.bind(network)
         depth = backend.infer(ramp(140, 280), Hints()).depth
         np.testing.assert_allclose(
             depth[:, 0], np.clip(1 + (np.arange(140) + 0.5) / 140 * 28 / 27 - 0.5 / 27, 1, 2), atol=1e-5
@@ -202,8 +202,8 @@ class TestExports:
         )
         network.show("anything")
         backend = DepthAnythingMetric()
-        backend.attach(network)
-        with pytest.raises(BackendError, match=r"answered predicted_depth = 0\.9741 for every pixel"):
+        backend.bind(network)
+        with pytest.raises(BackendError, match=r"returned predicted_depth = 0\.9741 for every pixel"):
             backend.infer(ramp(), Hints())
 
     def test_relative_file_is_refused_for_metres_by_its_last_activation(self, contract_graph):
@@ -213,7 +213,7 @@ class TestExports:
             metric(path)
         assert str(refusal.value) == (
             "depth_anything_v2_vits.onnx does not end in a sigmoid, as the metric networks of Depth Anything V2 do: "
-            "it answers relative disparity. Use it as relative_pointmap 'depth-anything-onnx', or name metric "
+            "it returns relative disparity. Use it as relative_pointmap 'depth-anything-onnx', or name metric "
             "weights; trust = true takes it for metric all the same"
         )
         metric(path, trust=True)
@@ -221,7 +221,7 @@ class TestExports:
     def test_metric_file_is_refused_for_disparity(self, contract_graph):
         path = contract_graph(sigmoid=True)
         assert has_sigmoid(Path(path))
-        with pytest.raises(BackendError, match="it answers metres, and not disparity"):
+        with pytest.raises(BackendError, match="it returns metres, and not disparity"):
             relative(path)
         relative(path, trust=True)
 
@@ -282,7 +282,7 @@ class TestNormalisation:
         )
         image = np.random.default_rng(0).integers(0, 256, (*size, 3), dtype=np.uint8)
         wanted = np.asarray(processor(image, return_tensors="np")["pixel_values"])
-        fed = prepare(image, *input_size_least_scaling(*size, 518))
+        fed = preprocess(image, *input_size_least_scaling(*size, 518))
         assert fed.shape == wanted.shape
         np.testing.assert_allclose(fed, wanted, atol=1e-5)
 
@@ -299,7 +299,7 @@ class TestVersion3:
         """Trap: the names are those of V2, and larger is farther."""
         image = ramp(252, 252)
         backend = relative(self.image_of_views(contract_graph))
-        assert backend.speaking().dialect == VIEWS
+        assert backend.loaded().signature == VIEWS
         answer = backend.infer(image, Hints())
         assert answer.unknown == "scale"
         depth = normalised(image) + 4
@@ -341,7 +341,7 @@ class TestVersion3:
         )
         network.show("anything")
         backend = DepthAnythingRelative()
-        backend.attach(network)
+        backend.bind(network)
         backend.infer(ramp(720, 1280), Hints())
         assert seen == [(1, 1, 3, 280, 504)]
 
@@ -470,7 +470,7 @@ def test_conformance(told, told_network, name):
 
     def attach(backend):
         network = told_network(inputs, outputs, answer)
-        backend.attach(network)
+        backend.bind(network)
         return [network]
 
     report = check_backend(told(kind, attach))
@@ -592,7 +592,7 @@ class TestRealClass:
         path, model = exported("metric")
         image = np.random.default_rng(0).integers(0, 256, (140, 196, 3), dtype=np.uint8)
         with torch.no_grad():
-            own = model(torch.from_numpy(prepare(image, *self.SIDES)))
+            own = model(torch.from_numpy(preprocess(image, *self.SIDES)))
             own = torch.nn.functional.interpolate(own[None], image.shape[:2], mode="bilinear")[0, 0].numpy()
         assert np.ptp(own) > 0.1
         answer = metric(str(path), side=70).infer(image, Hints())
@@ -603,7 +603,7 @@ class TestRealClass:
         path, _ = exported("metric")
         image = np.random.default_rng(0).integers(0, 256, (140, 280, 3), dtype=np.uint8)
         backend = metric(str(path), side=70)
-        (raw,) = backend.speaking().ask("pixel_values", prepare(image, 70, 140), "predicted_depth")
+        (raw,) = backend.loaded().run_image("pixel_values", preprocess(image, 70, 140), "predicted_depth")
         assert raw.shape == (1, *self.SIDES)
         assert backend.infer(image, Hints()).depth.shape == (140, 280)
 

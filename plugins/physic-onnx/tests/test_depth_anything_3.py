@@ -8,7 +8,7 @@ from scipy.ndimage import map_coordinates
 
 from physic_core.errors import BackendError
 from physic_core.types import Hints, Intrinsics
-from physic_onnx.depth_anything_3 import DepthAnything3, DepthAnything3Options, prepare
+from physic_onnx.depth_anything_3 import DepthAnything3, DepthAnything3Options, preprocess
 from physic_testing import check_backend
 
 IMAGENET_MEAN, IMAGENET_STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
@@ -103,7 +103,7 @@ class TestContract:
         )
         network.show("anything")
         backend = DepthAnything3()
-        backend.attach(network)
+        backend.bind(network)
         backend.infer(ramp(1080, 1920), hints(1500.0, 1920, 1080))
         backend.infer(ramp(640, 480), hints(500.0, 480, 640))
         assert seen == [(1, 3, 280, 504), (1, 3, 504, 378)]
@@ -154,7 +154,7 @@ class TestContract:
         assert "found:\n  inputs:  image float32 (b, 3, 504, 504)" in str(refusal.value)
 
     def test_relative_file_with_a_sky_is_refused_by_its_name(self, contract_graph):
-        with pytest.raises(BackendError, match="answers relative depth: use it as relative_pointmap"):
+        with pytest.raises(BackendError, match="returns relative depth: use it as relative_pointmap"):
             loaded(contract_graph(name="da3mono_l_504x378.onnx"))
 
 
@@ -165,7 +165,7 @@ def test_photo_is_shrunk_by_areas_and_enlarged_bicubically(size, how):
     image = np.random.default_rng(0).integers(0, 256, (*size, 3), dtype=np.uint8)
     resized = cv2.resize(image, (406, 504), interpolation={"area": cv2.INTER_AREA, "bicubic": cv2.INTER_CUBIC}[how])
     wanted = ((resized / 255 - IMAGENET_MEAN) / IMAGENET_STD).transpose(2, 0, 1)[None]
-    np.testing.assert_allclose(prepare(image, 504, 406), wanted, atol=1e-5)
+    np.testing.assert_allclose(preprocess(image, 504, 406), wanted, atol=1e-5)
 
 
 def at(values: np.ndarray, rows: int, columns: int) -> np.ndarray:
@@ -194,11 +194,11 @@ def perfect(shown, fed):
 @pytest.mark.parametrize("form", ["504 x 504", "504 x 280", "free"])
 def test_conformance(told, told_network, form):
     shape = FORMS[form][0]
-    answered = ("float32", (1, 1, *shape[-2:]))
+    returned = ("float32", (1, 1, *shape[-2:]))
 
     def attach(backend):
-        network = told_network({"image": ("float32", shape)}, {"depth": answered, "sky": answered}, perfect)
-        backend.attach(network)
+        network = told_network({"image": ("float32", shape)}, {"depth": returned, "sky": returned}, perfect)
+        backend.bind(network)
         return [network]
 
     report = check_backend(told(DepthAnything3, attach))

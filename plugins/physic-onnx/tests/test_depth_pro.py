@@ -10,7 +10,7 @@ from scipy.ndimage import map_coordinates
 
 from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.types import CameraTrust, Hints, Intrinsics
-from physic_onnx.depth_pro import INVERSE, METRES, DepthPro, DepthProOptions, prepare
+from physic_onnx.depth_pro import INVERSE, METRES, DepthPro, DepthProOptions, preprocess
 from physic_testing import check_backend
 from physic_testing.worlds import build_world
 
@@ -73,7 +73,7 @@ class TestContract:
         """Trap: metres are focal / (width * raw), focal from the horizontal angle in degrees over the photo's width."""
         image = ramp()
         backend = loaded(contract_graph("field_of_view", 60.0, ("batch_size",)))
-        assert backend.speaking().dialect == INVERSE
+        assert backend.loaded().signature == INVERSE
         answer = backend.infer(image, Hints())
         focal = 0.5 * 128 / math.tan(math.radians(30))
         assert answer.intrinsics.fx == pytest.approx(focal)
@@ -83,7 +83,7 @@ class TestContract:
     def test_focal_length_is_in_px_of_the_wide_square(self, contract_graph, shape):
         """Trap: 1200 px of 1536 are 100 px of a photo 128 px wide; the output has one axis or two."""
         backend = loaded(contract_graph(shape=shape))
-        assert backend.speaking().dialect == METRES
+        assert backend.loaded().signature == METRES
         camera = backend.infer(ramp(), Hints()).intrinsics
         assert (camera.fx, camera.fy) == (pytest.approx(100.0), pytest.approx(100.0))
         assert (camera.cx, camera.cy, camera.width, camera.height) == (63.5, 47.5, 128, 96)
@@ -131,7 +131,7 @@ class TestContract:
         )
         network.show("anything")
         backend = DepthPro()
-        backend.attach(network)
+        backend.bind(network)
         answer = backend.infer(ramp(), Hints())
         assert np.isnan(answer.depth[:46]).all()
         np.testing.assert_allclose(answer.depth[50:], 5.0, rtol=1e-5)
@@ -173,7 +173,7 @@ class TestContract:
         )
 
     def test_asked_before_it_is_loaded(self):
-        with pytest.raises(BackendError, match=r"call load\(\) first"):
+        with pytest.raises(BackendError, match=r"call load\(\)"):
             DepthPro().infer(ramp(), Hints())
 
     def test_missing_weights_are_told_before_they_are_needed(self, monkeypatch, tmp_path):
@@ -198,7 +198,7 @@ class TestContract:
             (folder / "model.onnx").write_bytes(made.read())
         backend = loaded("depth-pro")
         assert backend.missing() == ()
-        assert backend.speaking().network.name == "model.onnx"
+        assert backend.loaded().network.name == "model.onnx"
 
 
 class TestPreparing:
@@ -211,7 +211,7 @@ class TestPreparing:
         wanted = torch.nn.functional.interpolate(
             (normalised - 0.5) / 0.5, size=(SIDE, SIDE), mode="bilinear", align_corners=False, antialias=False
         )
-        fed = prepare(image)
+        fed = preprocess(image)
         assert fed.shape == (1, 3, SIDE, SIDE)
         assert fed.dtype == np.float32
         np.testing.assert_allclose(fed, wanted.numpy(), atol=1e-6)
@@ -258,7 +258,7 @@ def test_conformance(told, told_network, form):
 
     def attach(backend):
         network = told_network(PICTURE_IN, {"predicted_depth": DEPTH_OUT, **second}, answer)
-        backend.attach(network)
+        backend.bind(network)
         return [network]
 
     report = check_backend(told(DepthPro, attach))
@@ -271,7 +271,7 @@ def test_the_worlds_camera_is_recovered_without_hints(told, told_network):
 
     def attach(backend):
         network = told_network(PICTURE_IN, outputs, answer_metres)
-        backend.attach(network)
+        backend.bind(network)
         return [network]
 
     world = build_world("stand", 0, (131, 97))

@@ -85,7 +85,7 @@ def scoring(graph, node, tmp_path):
 def test_a_raw_head_is_decoded(answering):
     """Cell 3, 2 of stride 8: the centre is (offset + cell) * stride, the sides are e to the power."""
     detector = answering("images", (1, 3, SIDE, SIDE), output=raw((2 * 8 + 3, row(0.5, 0.25, np.log(2), np.log(3)))))
-    assert detector.dialect == "YOLOX"
+    assert detector.signature == "YOLOX"
     found = detector.infer(GREY, 0.5, 0.65)
     cx, cy, w, h = 3.5 * 8, 2.25 * 8, 16, 24
     assert found.boxes[0] == pytest.approx([cx - w / 2, cy - h / 2, cx + w / 2, cy + h / 2])
@@ -139,7 +139,7 @@ def test_boxes_chosen_inside_are_taken_to_the_photo(answering, labels):
     dets = [[[10, 5, 20, 25, 0.9], [30, 5, 40, 25, 0.2]]]
     outputs = {"dets": dets, "labels": [[0, 0]]} if labels else {"dets": dets}
     detector = answering("input", ("batch", 3, SIDE, SIDE), **outputs)
-    assert detector.dialect == "YOLOX with NMS inside"
+    assert detector.signature == "YOLOX with NMS inside"
     found = detector.infer(np.zeros((60, 128, 3), np.uint8), 0.45, 0.65)
     assert found.boxes == pytest.approx(np.array([[20.0, 10, 40, 50]]))
 
@@ -149,7 +149,7 @@ def test_rtmo_gives_joints_too(answering):
     joints = np.zeros((1, 1, 17, 3))
     joints[0, 0, 15] = 12, 20, 0.7
     detector = answering("input", ("batch", 3, SIDE, SIDE), dets=[[[10, 5, 20, 25, 0.9]]], keypoints=joints)
-    assert detector.dialect == "RTMO"
+    assert detector.signature == "RTMO"
     found = detector.infer(np.zeros((60, 128, 3), np.uint8), 0.45, 0.65)
     assert found.keypoints is not None
     assert found.keypoints.skeleton == "coco17"
@@ -163,7 +163,7 @@ def test_rt_detr_has_centred_boxes_in_shares_of_the_photo(answering):
     boxes = np.full((1, 300, 4), 0.5)
     boxes[0, 7] = 0.5, 0.25, 0.2, 0.5
     detector = answering("pixel_values", ("batch", 3, SIDE, SIDE), logits=logits, pred_boxes=boxes)
-    assert detector.dialect == "RT-DETR"
+    assert detector.signature == "RT-DETR"
     found = detector.infer(np.zeros((100, 200, 3), np.uint8), 0.45, 0.65)
     assert found.boxes == pytest.approx(np.array([[80.0, 0, 120, 50]]))
     assert found.scores == pytest.approx([1 / (1 + np.exp(-2))])
@@ -205,7 +205,7 @@ def test_detr_is_not_taken_for_rt_detr(answering):
     detector = answering(
         "pixel_values", ("b", 3, SIDE, SIDE), logits=np.zeros((1, 9, 92)), pred_boxes=np.zeros((1, 9, 4))
     )
-    with pytest.raises(BackendError, match="answers 92 classes, as DETR does, and not 80"):
+    with pytest.raises(BackendError, match="returns 92 classes, as DETR does, and not 80"):
         detector.infer(GREY, 0.5, 0.65)
 
 

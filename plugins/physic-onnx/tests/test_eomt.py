@@ -51,7 +51,7 @@ def in_square(mask):
 def eomt(told, told_network):
     def attach(backend):
         network = told_network(*PORTS, answer)
-        backend.attach(network)
+        backend.bind(network)
         backend.network = network
         return (network,)
 
@@ -142,14 +142,14 @@ def test_the_real_class_answers_the_same(tiny):
     backend = Eomt(EomtOptions(weights=str(path), threads=1))
     backend.load()
     captured = {}
-    run = backend.speaking().network.run
+    run = backend.loaded().network.run
 
     def spy(feed, outputs):
         captured.update(feed)
         captured["answers"] = run(feed, outputs)
         return captured["answers"]
 
-    backend.speaking().network.run = spy
+    backend.loaded().network.run = spy
     backend.infer(photo)
     assert captured["pixel_values"] == pytest.approx(values.numpy(), abs=0.02), "half a grey level"
     assert np.abs(captured["answers"][0] - theirs.class_queries_logits.numpy()).max() < 0.02

@@ -248,7 +248,7 @@ def test_another_checkpoint_is_refused(tmp_path: Path, capsys: Any, camerahmr: P
     path = camerahmr / "data/pretrained-models/camerahmr_checkpoint_cleaned.ckpt"
     torch.save({"state_dict": {"backbone.bias": torch.zeros(4)}}, path)
     assert main(["camerahmr", "--checkout", str(camerahmr), "--output", str(tmp_path / "x.onnx")]) == 1
-    assert "lacks 3 parameters of the network" in capsys.readouterr().err
+    assert "is missing 3 parameters of the network" in capsys.readouterr().err
 
 
 def test_a_checkpoint_with_objects_is_not_run_unasked(tmp_path: Path, capsys: Any, camerahmr: Path) -> None:

@@ -161,7 +161,7 @@ def test_what_a_perfect_network_paints_lands_where_it_was(lama, size):
 def test_far_holes_have_crops_of_their_own():
     hole = np.zeros((900, 1600), bool)
     hole[200:500, 100:200] = hole[400:700, 1400:1500] = True
-    parts = holes.crops_of(hole, 2.0, 512)
+    parts = holes.hole_crops(hole, 2.0, 512)
     assert len(parts) == 2
     assert (sum(own for own, _ in parts) == hole).all()
     for own, (y0, y1, x0, x1) in parts:
@@ -172,19 +172,19 @@ def test_far_holes_have_crops_of_their_own():
 def test_near_holes_share_a_crop():
     hole = np.zeros((900, 1600), bool)
     hole[200:500, 100:200] = hole[200:500, 230:330] = True
-    assert len(holes.crops_of(hole, 2.0, 512)) == 1
+    assert len(holes.hole_crops(hole, 2.0, 512)) == 1
 
 
 def test_many_specks_have_few_crops():
     hole = np.zeros((3000, 3000), bool)
     hole[::250, ::250] = True
-    assert 1 <= len(holes.crops_of(hole, 2.0, 64)) <= holes.MOST_CROPS
+    assert 1 <= len(holes.hole_crops(hole, 2.0, 64)) <= holes.MOST_CROPS
 
 
 def test_a_crop_shows_more_than_hole():
     hole = np.zeros((400, 2000), bool)
     hole[:, 500:1500] = True
-    ((_, (y0, y1, x0, x1)),) = holes.crops_of(hole, 1.01, 64)
+    ((_, (y0, y1, x0, x1)),) = holes.hole_crops(hole, 1.01, 64)
     assert (~hole[y0:y1, x0:x1]).mean() >= 0.3
 
 
@@ -268,13 +268,13 @@ class Ready:
 class ToldMiGan(Ready, MiGan):
     def load(self, device="cpu"):
         image = {"image": ("uint8", ("b", 3, "h", "w")), "mask": ("uint8", ("b", 1, "h", "w"))}
-        self.attach(Painter(ports(image), ports({"result": ("uint8", ("b", 3, "h", "w"))}), "0 is hole"))
+        self.bind(Painter(ports(image), ports({"result": ("uint8", ("b", 3, "h", "w"))}), "0 is hole"))
 
 
 class ToldLama(Ready, Lama):
     def load(self, device="cpu"):
         shapes = {"image": ("float32", ("b", 3, 512, 512)), "mask": ("float32", ("b", 1, 512, 512))}
-        self.attach(Painter(ports(shapes), ports({"output": ("float32", ("b", 3, 512, 512))}), "1 is hole"))
+        self.bind(Painter(ports(shapes), ports({"output": ("float32", ("b", 3, 512, 512))}), "1 is hole"))
 
 
 @parametrize_with_checks("inpainter", ToldMiGan)

@@ -8,7 +8,7 @@ from scipy.ndimage import map_coordinates
 
 from physic_core.errors import BackendError
 from physic_core.types import Hints, Intrinsics
-from physic_onnx.metric3d import PADDING, Metric3d, Metric3dOptions, prepare
+from physic_onnx.metric3d import PADDING, Metric3d, Metric3dOptions, preprocess
 from physic_testing import check_backend
 
 ROWS, COLUMNS = 616, 1064
@@ -102,7 +102,7 @@ class TestContract:
         )
         network.show("anything")
         backend = Metric3d(Metric3dOptions(height=1064, width=616))
-        backend.attach(network)
+        backend.bind(network)
         backend.infer(ramp(400, 300), hints(500.0, 300, 400))
         assert seen == [(1, 3, 1064, 616)]
         with pytest.raises(ValueError, match="multiple of 28"):
@@ -150,7 +150,7 @@ class TestContract:
 
 def test_canvas_is_padded_with_the_mean_round_the_middle():
     image = np.random.default_rng(0).integers(0, 256, (400, 300, 3), dtype=np.uint8)
-    fed, box = prepare(image, ROWS, COLUMNS)
+    fed, box = preprocess(image, ROWS, COLUMNS)
     assert (box.inner, box.top, box.left) == ((616, 462), 0, 301)
     np.testing.assert_allclose(
         fed[0, :, :, :301], np.array(PADDING)[:, None, None] * np.ones((3, ROWS, 301)), rtol=1e-6
@@ -199,7 +199,7 @@ def test_conformance(told, told_network, form):
 
     def attach(backend):
         network = told_network({takes: ("float32", shape)}, {gives: ("float32", map_shape)}, answer)
-        backend.attach(network)
+        backend.bind(network)
         return [network]
 
     report = check_backend(told(Metric3d, attach))

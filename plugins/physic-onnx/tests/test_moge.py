@@ -12,7 +12,7 @@ from scipy.ndimage import map_coordinates
 from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.types import CameraTrust, Hints, Intrinsics
 from physic_onnx.moge import Moge2Depth, Moge2Pointmap, MogeOptions
-from physic_onnx.moge_network import size_seen
+from physic_onnx.moge_network import network_input_size
 from physic_testing import check_backend
 from physic_testing.worlds import build_world
 
@@ -308,7 +308,7 @@ class TestWorld:
     def test_photo_larger_than_what_is_seen_is_reduced_and_answered_at_its_own_size(self, perfect, loaded):
         world = build_world("stand", 0, (960, 720))
         found = loaded(Moge2Depth, tokens=1200).infer(world.empty_image, Hints())
-        assert perfect.networks[0].fed["image"].shape[2:] == size_seen(720, 960, 1200) == (420, 560)
+        assert perfect.networks[0].fed["image"].shape[2:] == network_input_size(720, 960, 1200) == (420, 560)
         assert found.intrinsics.fx == pytest.approx(world.intrinsics.fx, rel=1e-4)
         assert (found.intrinsics.width, found.intrinsics.height) == (960, 720)
         off = np.abs(found.depth / world.empty_depth - 1)
@@ -407,12 +407,12 @@ class TestOddAnswers:
     @pytest.mark.parametrize("scale", [0.0, -1.0, np.nan, np.inf])
     def test_scale_that_is_none_is_refused(self, answering, wall, scale):
         backend, photo = answering(Moge2Depth, wall, scale=scale)
-        with pytest.raises(BackendError, match="answered a scale of"):
+        with pytest.raises(BackendError, match="returned a scale of"):
             backend.infer(photo, Hints())
 
     def test_answer_of_another_size_is_refused(self, answering, wall):
         backend, photo = answering(Moge2Depth, wall)
-        with pytest.raises(BackendError, match=r"answered points \(1, 60, 80, 3\) .* for 40 x 30 px"):
+        with pytest.raises(BackendError, match=r"returned points \(1, 60, 80, 3\) .* for 40 x 30 px"):
             backend.infer(photo[::2, ::2].copy(), Hints())
 
     def test_asked_before_it_is_loaded(self):
@@ -430,7 +430,7 @@ class TestOddAnswers:
     ],
 )
 def test_photo_is_reduced_to_the_pixels_of_its_patches_and_never_enlarged(size, tokens, seen):
-    assert size_seen(*size, tokens) == seen
+    assert network_input_size(*size, tokens) == seen
 
 
 def test_tokens_are_those_of_the_training():

@@ -12,7 +12,7 @@ import pytest
 from physic_core.errors import BackendError
 from physic_core.types import Hints
 from physic_onnx.moge import Moge2Depth, Moge2Pointmap, MogeOptions
-from physic_onnx.moge_network import MogeRunner, runner_for
+from physic_onnx.moge_network import SharedMoge, shared_moge
 
 HEIGHT, WIDTH = 48, 64
 INPUTS = {"image": ("float32", ("b", 3, "h", "w")), "num_tokens": ("int64", ())}
@@ -135,7 +135,7 @@ def test_another_file_or_device_is_another_network(network, opened, photos):
 
 
 def test_other_settings_are_not_shared():
-    assert runner_for("a", "cpu", 2) is not runner_for("a", "cpu", 3)
+    assert shared_moge("a", "cpu", 2) is not shared_moge("a", "cpu", 3)
 
 
 def test_photo_of_the_same_bytes_and_another_shape_is_another_photo(network, opened, photos):
@@ -169,7 +169,7 @@ def test_threads_that_ask_the_same_wait_for_one_run(network, opened, photos):
 
 def test_nothing_is_left_when_the_backends_are_gone(opened, photos):
     pointmap, depth = backends()
-    runner: weakref.ref[MogeRunner] = weakref.ref(depth.runner)
+    runner: weakref.ref[SharedMoge] = weakref.ref(depth.runner)
     depth.runner.open(depth, "file", opened)
     depth.infer(photos[0], Hints())
     del pointmap, depth

@@ -12,10 +12,10 @@ from physic_core.types import Hints, Intrinsics
 from physic_core.weights import read_manifest
 from physic_onnx.depth_anything import DepthAnythingMetric, DepthAnythingRelative
 from physic_onnx.depth_anything_3 import DepthAnything3
-from physic_onnx.depth_maps import depth_at, fixed_size, one_number, single_map
+from physic_onnx.depth_maps import fixed_input_size, mask_depth, squeeze_map, squeeze_number
 from physic_onnx.depth_pro import DepthPro
 from physic_onnx.metric3d import Metric3d, Metric3dOptions
-from physic_onnx.one_graph import MANIFEST, graph_file
+from physic_onnx.one_graph import MANIFEST, find_graph_file
 
 ADAPTERS = (DepthPro, DepthAnythingMetric, DepthAnythingRelative, DepthAnything3, Metric3d)
 
@@ -37,8 +37,8 @@ class TestFile:
 
     def test_folder_with_one_graph_stands_for_it(self, depth_file):
         (depth_file.parent / "notes.txt").write_text("mine")
-        assert graph_file(str(depth_file.parent)) == depth_file
-        assert graph_file(str(depth_file)) == depth_file
+        assert find_graph_file(str(depth_file.parent)) == depth_file
+        assert find_graph_file(str(depth_file)) == depth_file
 
     @pytest.mark.parametrize("count", [0, 2])
     def test_folder_with_none_or_several_is_refused(self, tmp_path, count):
@@ -46,11 +46,11 @@ class TestFile:
             (tmp_path / f"{i}.onnx").write_bytes(b"0")
         held = "0.onnx, 1.onnx" if count else "none"
         with pytest.raises(BackendError, match=f"holds {held}: give the path of the file itself"):
-            graph_file(str(tmp_path))
+            find_graph_file(str(tmp_path))
 
     def test_unknown_name_is_answered_with_a_known_one(self):
         with pytest.raises(WeightsMissingError, match="Did you mean 'metric3d-v2-small'"):
-            graph_file("metric3d-v2-smal")
+            find_graph_file("metric3d-v2-smal")
 
     def test_fingerprint_is_of_the_file(self, depth_file):
         first = Metric3d(Metric3dOptions(weights=str(depth_file))).fingerprint()
@@ -72,7 +72,7 @@ class TestLife:
         backend = Metric3d(Metric3dOptions(weights=str(depth_file)))
         for step in (backend.close, backend.load, backend.load, backend.close, backend.close):
             step()
-        with pytest.raises(BackendError, match=r"Metric3d was asked before its network was loaded: call load\(\)"):
+        with pytest.raises(BackendError, match=r"Metric3d is not loaded: call load\(\)"):
             backend.infer(np.zeros((56, 112, 3), np.uint8), Hints(intrinsics=Intrinsics.from_focal(100.0, 112, 56)))
 
     def test_missing_device_is_refused(self, depth_file):
@@ -84,7 +84,7 @@ class TestMaps:
     @pytest.mark.parametrize("shape", [(2, 3), (1, 2, 3), (1, 1, 2, 3), (1, 2, 3, 1), (1, 1, 1, 2, 3)])
     def test_spare_axes_are_dropped(self, shape):
         values = np.arange(6.0).reshape(shape)
-        np.testing.assert_array_equal(single_map(values, "depth", "file"), np.arange(6.0).reshape(2, 3))
+        np.testing.assert_array_equal(squeeze_map(values, "depth", "file"), np.arange(6.0).reshape(2, 3))
 
     @pytest.mark.parametrize(
         ("values", "words"),
@@ -96,27 +96,27 @@ class TestMaps:
     )
     def test_what_says_nothing_is_refused(self, values, words):
         with pytest.raises(BackendError, match=words):
-            single_map(values, "depth", "file")
+            squeeze_map(values, "depth", "file")
 
     def test_flat_map_may_be_an_answer(self):
-        assert single_map(np.zeros((1, 2, 3)), "sky", "file", may_be_flat=True).shape == (2, 3)
+        assert squeeze_map(np.zeros((1, 2, 3)), "sky", "file", may_be_flat=True).shape == (2, 3)
 
     @pytest.mark.parametrize("values", [np.array(3.0), np.array([3.0]), np.array([[3.0]])])
     def test_number_comes_in_any_rank(self, values):
-        assert one_number(values, "focal", "file") == 3.0
+        assert squeeze_number(values, "focal", "file") == 3.0
 
     @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
     def test_number_is_above_0(self, value):
         with pytest.raises(BackendError, match="a number above 0 was expected"):
-            one_number(np.array([value]), "focal", "file")
+            squeeze_number(np.array([value]), "focal", "file")
 
     def test_depth_that_is_not_known_is_nan(self):
         with np.errstate(invalid="raise"):
-            found = depth_at(np.array([[1.0, 0.0, -2.0], [np.nan, np.inf, 9.0]], np.float32), 5.0)
+            found = mask_depth(np.array([[1.0, 0.0, -2.0], [np.nan, np.inf, 9.0]], np.float32), 5.0)
         np.testing.assert_array_equal(found, np.array([[1, np.nan, np.nan], [np.nan, np.nan, np.nan]], np.float32))
         with pytest.raises(BackendError, match="nothing in this photo nearer than 5 m"):
-            depth_at(np.array([[9.0]], np.float32), 5.0)
+            mask_depth(np.array([[9.0]], np.float32), 5.0)
 
     def test_fixed_and_free_sides(self):
-        assert fixed_size((1, 3, 518, 518)) == (518, 518)
-        assert fixed_size(("b", 3, "h", 504)) == (None, 504)
+        assert fixed_input_size((1, 3, 518, 518)) == (518, 518)
+        assert fixed_input_size(("b", 3, "h", 504)) == (None, 504)

@@ -108,8 +108,8 @@ class TestSam2:
     def test_boxes_are_told_in_the_frame_of_the_training(self, networks):
         """The network itself tells how well a mask fits, and does not believe a box that is off."""
         world = build_world("stand", 0, (320, 240))
-        right = networks.in_boxes(networks.encode(world.image), world.boxes)[1].max()
-        away = networks.in_boxes(networks.encode(world.image), world.boxes + 60)[1].max()
+        right = networks.masks_from_boxes(networks.encode(world.image), world.boxes)[1].max()
+        away = networks.masks_from_boxes(networks.encode(world.image), world.boxes + 60)[1].max()
         assert right > 0.8
         assert right > away + 0.05
 

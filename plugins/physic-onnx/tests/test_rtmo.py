@@ -10,7 +10,7 @@ import pytest
 
 from physic_core.errors import BackendError
 from physic_core.types import People
-from physic_onnx.rtmo import Rtmo, assigned
+from physic_onnx.rtmo import Rtmo, assign_poses
 from physic_testing.conformance import check_backend
 
 from .pose_worlds import joints
@@ -80,9 +80,9 @@ def test_each_person_gets_the_pose_that_overlaps_most(rtmo: Any) -> None:
 
 def test_no_pose_is_given_twice() -> None:
     boxes = np.array([[0.0, 0, 10, 10], [0, 0, 10, 12]])
-    assert assigned(boxes, np.array([[0.0, 0, 10, 12]]), 0.3).tolist() == [-1, 0]
-    assert assigned(boxes, np.zeros((0, 4)), 0.3).tolist() == [-1, -1]
-    assert assigned(boxes, np.array([[9.0, 9, 20, 20]]), 0.3).tolist() == [-1, -1]
+    assert assign_poses(boxes, np.array([[0.0, 0, 10, 12]]), 0.3).tolist() == [-1, 0]
+    assert assign_poses(boxes, np.zeros((0, 4)), 0.3).tolist() == [-1, -1]
+    assert assign_poses(boxes, np.array([[9.0, 9, 20, 20]]), 0.3).tolist() == [-1, -1]
 
 
 def test_weak_poses_are_nobodys(rtmo: Any) -> None:
@@ -92,7 +92,7 @@ def test_weak_poses_are_nobodys(rtmo: Any) -> None:
 
 
 def test_another_joint_set_is_refused(rtmo: Any) -> None:
-    with pytest.raises(BackendError, match="answers 14 joints, and RTMO's 17 of COCO were expected"):
+    with pytest.raises(BackendError, match="returns 14 joints, and RTMO's 17 of COCO were expected"):
         rtmo([[0, 0, 640, 480]], count=14)
 
 
@@ -118,7 +118,7 @@ def told_rtmo(told: Any, told_network: Any) -> type:
             {"dets": ("float32", (1, "n", 5)), "keypoints": ("float32", (1, "n", 17, 3))},
             answer,
         )
-        backend.attach(network)
+        backend.bind(network)
         return [network]
 
     class Told(told(Rtmo, attach)):  # type: ignore[misc]

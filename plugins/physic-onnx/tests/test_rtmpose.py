@@ -132,7 +132,7 @@ def test_the_number_of_joints_decides_the_joint_set(rtmpose: Any, count: int, sk
 
 
 def test_a_hand_is_refused(rtmpose: Any) -> None:
-    with pytest.raises(BackendError, match=r"answers 21 keypoints a person.*those of one hand"):
+    with pytest.raises(BackendError, match=r"returns 21 keypoints a person.*those of one hand"):
         rtmpose(count=21)
 
 
@@ -197,7 +197,7 @@ def told_rtmpose(told: Any, told_network: Any) -> Any:
                 },
                 answer,
             )
-            backend.attach(network)
+            backend.bind(network)
             return [network]
 
         class Told(told(RtmPose, attach)):  # type: ignore[misc]

@@ -1,4 +1,4 @@
-"""SAM 2 in both of its dialects: graphs of their contract, and networks that know what they are shown."""
+"""SAM 2 in both of its signatures: graphs of their contract, and networks that know what they are shown."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from physic_core.types import Keypoints, People
 from physic_onnx.detectors import Detector
 from physic_onnx.options import OnnxOptions
 from physic_onnx.sam2 import Sam2, Sam2Options
-from physic_onnx.sam2_floor import feet_of, ground_points
-from physic_onnx.sam2_networks import Sam2Networks, files_in, open_sam2
+from physic_onnx.sam2_floor import feet_positions, ground_points
+from physic_onnx.sam2_networks import Sam2Networks, find_sam2_files, open_sam2
 from physic_testing import build_world, check_backend
 
 FEATURES = {
@@ -25,11 +25,11 @@ FEATURES = {
 PICTURE = {"transformers.js": "pixel_values", "samexporter": "image"}
 MAPS = ((1, 32, 256, 256), (1, 64, 128, 128), (1, 256, 64, 64))
 ENCODER = {
-    dialect: (
-        {PICTURE[dialect]: ("float32", (1, 3, 1024, 1024))},
-        {name: ("float32", shape) for name, shape in zip(FEATURES[dialect], MAPS, strict=True)},
+    signature: (
+        {PICTURE[signature]: ("float32", (1, 3, 1024, 1024))},
+        {name: ("float32", shape) for name, shape in zip(FEATURES[signature], MAPS, strict=True)},
     )
-    for dialect in FEATURES
+    for signature in FEATURES
 }
 DECODER = {
     "transformers.js": (
@@ -59,21 +59,21 @@ DECODER = {
     ),
 }
 CENTRES = (np.arange(256) + 0.5) * 4 - 0.5
-"""Of the cells of answered masks, px of the square."""
+"""Of the cells of returned masks, px of the square."""
 
 
 @pytest.fixture(scope="module")
 def folder(graph, node, tmp_path_factory):
-    """Files of a dialect that answer the box itself as the second of three masks, and judge that one best."""
+    """Files of a signature that answer the box itself as the second of three masks, and judge that one best."""
 
-    def make(dialect, external=False):
+    def make(signature, external=False):
         where = tmp_path_factory.mktemp("sam2")
-        inputs, outputs = ENCODER[dialect]
+        inputs, outputs = ENCODER[signature]
         nodes, constants = [], {}
-        for i, (name, shape) in enumerate(zip(FEATURES[dialect], MAPS, strict=True)):
+        for i, (name, shape) in enumerate(zip(FEATURES[signature], MAPS, strict=True)):
             constants |= {f"shape{i}": np.array(shape), "ones": np.ones((256, 1), np.float32)}
             nodes += [
-                node("ReduceMean", [PICTURE[dialect]], [f"mean{i}"], keepdims=0),
+                node("ReduceMean", [PICTURE[signature]], [f"mean{i}"], keepdims=0),
                 node("Mul", [f"mean{i}", "ones"], [f"means{i}"]),
                 node("ReduceMean", [f"means{i}"], [f"one{i}"], keepdims=0),
                 node("Expand", [f"one{i}", f"shape{i}"], [name]),
@@ -85,17 +85,17 @@ def folder(graph, node, tmp_path_factory):
                 onnx.load(encoder), encoder, save_as_external_data=True, location=f"{names[0]}.onnx_data",
                 size_threshold=512,
             )  # fmt: skip
-        inputs, outputs = DECODER[dialect]
-        mask, fit = ("pred_masks", "iou_scores") if dialect == "transformers.js" else ("masks", "iou_predictions")
-        graph(where / f"{names[1]}.onnx", inputs, outputs, *decoder_body(node, dialect, mask, fit))
+        inputs, outputs = DECODER[signature]
+        mask, fit = ("pred_masks", "iou_scores") if signature == "transformers.js" else ("masks", "iou_predictions")
+        graph(where / f"{names[1]}.onnx", inputs, outputs, *decoder_body(node, signature, mask, fit))
         return where
 
     return make
 
 
-def decoder_body(node, dialect, mask, fit):
+def decoder_body(node, signature, mask, fit):
     """Nodes: min(x - x0, x1 - x, y - y0, y1 - y) as the second mask, its negative as the others."""
-    lead = 2 if dialect == "transformers.js" else 1
+    lead = 2 if signature == "transformers.js" else 1
     constants = {
         "x": CENTRES.astype(np.float32).reshape(*[1] * (lead + 1), 1, 256),
         "y": CENTRES.astype(np.float32).reshape(*[1] * (lead + 1), 256, 1),
@@ -104,7 +104,7 @@ def decoder_body(node, dialect, mask, fit):
         "grown": np.array([0, 0, -1, 1, 1] if lead == 2 else [0, -1, 1, 1]),
         "nought": np.float32(0),
     }
-    if dialect == "transformers.js":
+    if signature == "transformers.js":
         corners = [node("Identity", ["input_boxes"], ["corners"])]
     else:  # the first corner is what is labelled 2, the last what is labelled 3
         corners = []
@@ -134,7 +134,7 @@ def decoder_body(node, dialect, mask, fit):
         node("Mul", ["largest", "nought"], ["none"]),
         node("Add", ["none", "fits"], [fit]),
     ]
-    if dialect == "transformers.js":
+    if signature == "transformers.js":
         more.append(node("Identity", ["none"], ["object_score_logits"]))
     return [*corners, *sides, *more], constants
 
@@ -152,17 +152,17 @@ def told_boxes(boxes, scores, graph, node, path):
     return graph(path, *ports, nodes, constants)
 
 
-@pytest.mark.parametrize("dialect", FEATURES)
+@pytest.mark.parametrize("signature", FEATURES)
 @pytest.mark.parametrize("size", [(320, 640), (640, 400)])
-def test_a_box_is_answered_in_place(folder, graph, node, tmp_path, dialect, size):
-    """From the photo to the square, as a prompt of the dialect, and back: the mask is the box, to a cell's width.
+def test_a_box_is_answered_in_place(folder, graph, node, tmp_path, signature, size):
+    """From the photo to the square, as a prompt of the signature, and back: the mask is the box, to a cell's width.
 
     Were labels, coordinates, the order of sides or the choice among the masks wrong, it were another.
     """
     scale = 640 / max(size)
     boxes = np.array([[40.0, 60, 200, 290], [250, 30, 330, 310]])
     detector = told_boxes(boxes * scale, [0.9, 0.8], graph, node, tmp_path / "detector.onnx")
-    options = Sam2Options(weights=str(folder(dialect)), detector=str(detector), floor="none", threads=1)
+    options = Sam2Options(weights=str(folder(signature)), detector=str(detector), floor="none", threads=1)
     backend = Sam2(options)
     assert backend.missing() == ()
     backend.load()
@@ -190,23 +190,23 @@ def test_a_lost_file_of_weights_is_named(folder):
         open_sam2(where, OnnxOptions(threads=1), "cpu")
 
 
-def networks_of(dialect, told_network, answer=None, encoder_ports=None):
+def networks_of(signature, told_network, answer=None, encoder_ports=None):
     def encode(shown, feed):
-        return {name: np.zeros(shape, np.float32) for name, shape in zip(FEATURES[dialect], MAPS, strict=True)}
+        return {name: np.zeros(shape, np.float32) for name, shape in zip(FEATURES[signature], MAPS, strict=True)}
 
-    encoder = told_network(*(encoder_ports or ENCODER[dialect]), encode)
-    return encoder, told_network(*DECODER[dialect], answer or (lambda shown, feed: {}))
+    encoder = told_network(*(encoder_ports or ENCODER[signature]), encode)
+    return encoder, told_network(*DECODER[signature], answer or (lambda shown, feed: {}))
 
 
-@pytest.mark.parametrize("dialect", FEATURES)
-def test_the_encoder_sees_red_first_normalised_and_squashed(dialect, told_network, shown):
-    encoder, decoder = networks_of(dialect, told_network)
+@pytest.mark.parametrize("signature", FEATURES)
+def test_the_encoder_sees_red_first_normalised_and_squashed(signature, told_network, shown):
+    encoder, decoder = networks_of(signature, told_network)
     photo = np.zeros((50, 80, 3), np.uint8)
     photo[:, :, 0] = 255
     photo[25:, 40:, 1] = 255
     encoder.show(shown(photo))
     Sam2Networks(encoder, decoder).encode(photo)
-    frame = encoder.fed[PICTURE[dialect]]
+    frame = encoder.fed[PICTURE[signature]]
     assert frame.shape == (1, 3, 1024, 1024)
     assert frame[0, :, 10, 10] == pytest.approx([(1 - 0.485) / 0.229, -0.456 / 0.224, -0.406 / 0.225], abs=1e-4)
     assert frame[0, 1, 600, 600] == pytest.approx((1 - 0.456) / 0.224, abs=1e-4)
@@ -236,8 +236,10 @@ def test_prompts_of_transformers_js(told_network, shown):
     decoder.show(shown(photo))
     networks = Sam2Networks(encoder, decoder)
     encoded = networks.encode(photo)
-    networks.in_boxes(encoded, np.array([[0.0, 0, 256, 512], [64, 128, 128, 256]]))
-    networks.at_points(encoded, np.array([[0.0, 0.0]]), np.array([[255.0, 511.0]]), np.array([0.0, 256, 256, 512]))
+    networks.masks_from_boxes(encoded, np.array([[0.0, 0, 256, 512], [64, 128, 128, 256]]))
+    networks.masks_from_points(
+        encoded, np.array([[0.0, 0.0]]), np.array([[255.0, 511.0]]), np.array([0.0, 256, 256, 512])
+    )
     box, point = asked
     assert box["input_points"].shape == (1, 2, 0, 2)
     assert box["input_labels"].shape == (1, 2, 0)
@@ -260,7 +262,7 @@ def test_providers_that_take_no_empty_arrays_are_told_a_point_that_is_none(told_
     decoder.show(shown(photo))
     decoder.provider = "CoreML"
     networks = Sam2Networks(encoder, decoder)
-    networks.in_boxes(networks.encode(photo), np.array([[0.0, 0, 10, 10]]))
+    networks.masks_from_boxes(networks.encode(photo), np.array([[0.0, 0, 10, 10]]))
     assert decoder.fed["input_points"].shape == (1, 1, 1, 2)
     assert decoder.fed["input_labels"].tolist() == [[[-1]]]
 
@@ -280,8 +282,10 @@ def test_prompts_of_samexporter(told_network, shown):
     decoder.show(shown(photo))
     networks = Sam2Networks(encoder, decoder)
     encoded = networks.encode(photo)
-    networks.in_boxes(encoded, np.array([[0.0, 0, 256, 512], [64, 128, 128, 256]]))
-    networks.at_points(encoded, np.array([[0.0, 0.0]]), np.array([[255.0, 511.0]]), np.array([0.0, 256, 256, 512]))
+    networks.masks_from_boxes(encoded, np.array([[0.0, 0, 256, 512], [64, 128, 128, 256]]))
+    networks.masks_from_points(
+        encoded, np.array([[0.0, 0.0]]), np.array([[255.0, 511.0]]), np.array([0.0, 256, 256, 512])
+    )
     box, point = asked
     assert box["point_coords"][0].tolist() == [[1.5, 0.5], [1021.5, 1022.5]]
     assert box["point_labels"].tolist() == [[2, 3], [2, 3]]
@@ -308,12 +312,12 @@ def test_files_are_found_by_their_names(tmp_path):
         "prompt_encoder_mask_decoder_q4",
     ):
         (tmp_path / "onnx" / f"{name}.onnx").write_bytes(b"x")
-    assert [p.stem for p in files_in(tmp_path)] == ["vision_encoder", "prompt_encoder_mask_decoder"]
-    assert files_in(tmp_path, "fp16")[0].stem == "vision_encoder_fp16"
+    assert [p.stem for p in find_sam2_files(tmp_path)] == ["vision_encoder", "prompt_encoder_mask_decoder"]
+    assert find_sam2_files(tmp_path, "fp16")[0].stem == "vision_encoder_fp16"
     with pytest.raises(
         BackendError, match="has not an encoder _q8; its files of networks: prompt_encoder_mask_decoder"
     ):
-        files_in(tmp_path, "q8")
+        find_sam2_files(tmp_path, "q8")
 
 
 def standing(boxes, size=(200, 300), keypoints=None):
@@ -325,14 +329,14 @@ def standing(boxes, size=(200, 300), keypoints=None):
 
 def test_feet_are_the_lower_ends_of_whole_people():
     """Not of those who are cut off by the photo's edge, nor of those who are wider than a standing person."""
-    feet = feet_of(standing([(20, 20, 60, 160)]))
+    feet = feet_positions(standing([(20, 20, 60, 160)]))
     assert feet == pytest.approx(np.array([[39.5, 159, 20]]))
-    assert not len(feet_of(standing([(20, 60, 60, 200)])))
-    assert not len(feet_of(standing([(20, 100, 100, 160)])))
+    assert not len(feet_positions(standing([(20, 60, 60, 200)])))
+    assert not len(feet_positions(standing([(20, 100, 100, 160)])))
 
 
 def test_where_most_people_are_cut_off_nobody_has_feet():
-    assert not len(feet_of(standing([(20, 20, 60, 160), (80, 60, 120, 200), (140, 60, 180, 200)])))
+    assert not len(feet_positions(standing([(20, 20, 60, 160), (80, 60, 120, 200), (140, 60, 180, 200)])))
 
 
 def test_feet_are_ankles_where_they_are_known():
@@ -341,7 +345,7 @@ def test_feet_are_ankles_where_they_are_known():
     sure = np.zeros((1, 17))
     sure[0, 15] = 0.9
     people = standing([(20, 20, 60, 200)], keypoints=Keypoints(points, sure, "coco17"))
-    assert feet_of(people)[:, :2] == pytest.approx(np.array([[40, 146]]))
+    assert feet_positions(people)[:, :2] == pytest.approx(np.array([[40, 146]]))
 
 
 def test_points_of_the_ground_are_on_nobody_and_on_the_photo():
@@ -444,9 +448,9 @@ def of_three(logits):
     return np.stack([part, np.full_like(logits, 10), logits]), np.array([0.6, 0.3, 0.95])
 
 
-def decode(dialect):
+def decode(signature):
     def answer(shown, feed):
-        if dialect == "transformers.js":
+        if signature == "transformers.js":
             prompts = [(box, None) for box in feed["input_boxes"][0]]
             if feed["input_points"].shape[2]:
                 prompts = [(None, (feed["input_points"][0, 0], feed["input_labels"][0, 0]))]
@@ -457,7 +461,7 @@ def decode(dialect):
             ]
         answers = [of_three(thing_in(shown, b) if b is not None else thing_at(shown, *p)) for b, p in prompts]
         masks, fits = (np.stack(part) for part in zip(*answers, strict=True))
-        if dialect == "transformers.js":
+        if signature == "transformers.js":
             return {"pred_masks": masks[None], "iou_scores": fits[None]}
         return {"masks": masks, "iou_predictions": fits}
 
@@ -519,7 +523,7 @@ def test_the_real_class_answers_boxes_the_same(real):
     photo = np.random.default_rng(0).integers(0, 255, (48, 64, 3), np.uint8)
     boxes = np.array([[4.0, 6, 30, 40], [20, 3, 60, 47]])
     encoded = networks.encode(photo)
-    logits, fits = networks.in_boxes(encoded, boxes)
+    logits, fits = networks.masks_from_boxes(encoded, boxes)
     corners = np.stack([encoded.to_frame(boxes[:, :2]), encoded.to_frame(boxes[:, 2:] - 1)], 1).reshape(1, 2, 4)
     with torch.no_grad():
         theirs = model(
@@ -535,7 +539,7 @@ def test_the_real_class_answers_points_in_a_box_the_same(real):
     model, networks = real
     encoded = networks.encode(np.random.default_rng(0).integers(0, 255, (48, 64, 3), np.uint8))
     inside, outside = np.array([[10.0, 20], [30, 40]]), np.array([[50.0, 5]])
-    logits, fits = networks.at_points(encoded, inside, outside, np.array([0.0, 10, 64, 48]))
+    logits, fits = networks.masks_from_points(encoded, inside, outside, np.array([0.0, 10, 64, 48]))
     points = encoded.to_frame(np.concatenate([inside, outside]))
     corners = encoded.to_frame(np.array([[0.0, 10], [63, 47]])).reshape(1, 1, 4)
     with torch.no_grad():
@@ -552,9 +556,9 @@ def test_the_real_class_answers_points_in_a_box_the_same(real):
 
 @pytest.fixture(scope="module")
 def sam2(told, told_network):
-    def make(dialect, detector):
+    def make(signature, detector):
         def attach(backend):
-            encoder, decoder = networks_of(dialect, told_network, decode(dialect))
+            encoder, decoder = networks_of(signature, told_network, decode(signature))
             seer = detector(told_network)
             backend._networks, backend._detector = Sam2Networks(encoder, decoder), Detector(seer)
             backend.encoder = encoder
@@ -566,10 +570,10 @@ def sam2(told, told_network):
 
 
 @pytest.mark.parametrize(
-    ("dialect", "detector"), [("transformers.js", rt_detr), ("samexporter", yolox), ("samexporter", rtmo)]
+    ("signature", "detector"), [("transformers.js", rt_detr), ("samexporter", yolox), ("samexporter", rtmo)]
 )
-def test_conformance(sam2, dialect, detector):
-    report = check_backend(sam2(dialect, detector))
+def test_conformance(sam2, signature, detector):
+    report = check_backend(sam2(signature, detector))
     report.raise_if_failed()
     print(report.text)
 

@@ -9,9 +9,10 @@ import onnx
 import onnxruntime
 import pytest
 
+from physic_core.adapters.onnx_sessions import select_provider
 from physic_core.errors import BackendError, DeviceError
 from physic_onnx.options import OnnxOptions
-from physic_onnx.sessions import Port, open_network, wanted_provider
+from physic_onnx.sessions import Port, open_network
 
 CPU, CUDA, TENSORRT = "CPUExecutionProvider", "CUDAExecutionProvider", "TensorrtExecutionProvider"
 COREML, DIRECTML = "CoreMLExecutionProvider", "DmlExecutionProvider"
@@ -70,7 +71,7 @@ class TestRunning:
 
     def test_bytes_are_not_taken_for_floats(self, doubler):
         network = open_network(doubler(), OnnxOptions(), "cpu")
-        with pytest.raises(BackendError, match=r"input 'image' of double.onnx takes float32, and uint8 was fed"):
+        with pytest.raises(BackendError, match=r"input 'image' of double.onnx takes float32, got uint8"):
             network.run({**ONE, "image": np.ones((1, 3, 2, 2), np.uint8)}, ["sum"])
 
     def test_input_that_is_not_there(self, doubler):
@@ -100,7 +101,7 @@ class TestProviders:
         ],
     )
     def test_option_and_device_choose_it(self, name, device, available, asked):
-        _, settings = wanted_provider(name, device, available)
+        _, settings = select_provider(name, device, available)
         assert [s if isinstance(s, str) else (s[0], s[1]["device_id"]) for s in settings] == asked
 
     @pytest.mark.parametrize(
@@ -122,7 +123,7 @@ class TestProviders:
                 "coreml",
                 "cpu",
                 "provider 'coreml' is CoreML, and the installed onnxruntime has only 'cpu': "
-                "use the onnxruntime for macOS, which carries it, or choose provider 'cpu'",
+                "use the onnxruntime for macOS, which contains it, or choose provider 'cpu'",
             ),
             (
                 "directml",
@@ -136,7 +137,7 @@ class TestProviders:
     )
     def test_what_is_not_there_is_refused_with_what_to_install(self, name, device, message):
         with pytest.raises(DeviceError) as refusal:
-            wanted_provider(name, device, ["AzureExecutionProvider", CPU])
+            select_provider(name, device, ["AzureExecutionProvider", CPU])
         assert str(refusal.value) == message
 
     def test_installed_onnxruntime_is_asked_what_it_has(self, doubler, monkeypatch):
@@ -158,7 +159,7 @@ class TestProviders:
             refusal.value
         )
 
-    def test_cpu_stands_by_for_operators_that_a_provider_lacks(self, doubler, monkeypatch):
+    def test_cpu_runs_operators_that_a_provider_does_not_have(self, doubler, monkeypatch):
         asked = []
 
         class Session:
@@ -179,7 +180,7 @@ class TestProviders:
         assert [name if isinstance(name, str) else name[0] for name in asked] == [CUDA, CPU]
 
     def test_one_line_says_what_is_used(self, doubler, caplog):
-        with caplog.at_level(logging.INFO, logger="physic_onnx"):
+        with caplog.at_level(logging.INFO, logger="physic_core.adapters.onnx_sessions"):
             open_network(doubler(), OnnxOptions(), "cpu")
         assert [record.getMessage() for record in caplog.records] == [
             f"double.onnx runs on CPU (onnxruntime {onnxruntime.__version__})"
@@ -195,7 +196,7 @@ class TestFiles:
     def test_file_that_is_no_network(self, tmp_path, content):
         path = tmp_path / "page.onnx"
         path.write_bytes(content)
-        with pytest.raises(BackendError, match=r"cannot open .*page.onnx with CPU.*`physic weights verify` tells"):
+        with pytest.raises(BackendError, match=r"cannot open .*page.onnx with CPU.*`physic weights verify` reports"):
             open_network(path, OnnxOptions(), "cpu")
 
     def test_file_that_was_cut_short(self, doubler):
@@ -223,6 +224,6 @@ class TestFiles:
         with pytest.raises(BackendError) as refusal:
             open_network(path, OnnxOptions(), "cpu")
         assert str(refusal.value) == (
-            f"model.onnx keeps its weights in other files, and {location} is not in {tmp_path}: put it there, under "
+            f"model.onnx has its weights in other files, and {location} is not in {tmp_path}: put it there, under "
             "this name (`physic weights fetch` fetches all files of a set)"
         )

@@ -147,9 +147,9 @@ def test_plus_models_are_asked_for_the_expert_of_their_joints(vitpose: Any, coun
 
 
 def test_a_hand_is_refused(vitpose: Any) -> None:
-    with pytest.raises(BackendError, match=r"answers 21 keypoints a person.*those of one hand"):
+    with pytest.raises(BackendError, match=r"returns 21 keypoints a person.*those of one hand"):
         vitpose(count=21)
-    with pytest.raises(BackendError, match=r"answers 21 keypoints a person.*those of one hand"):
+    with pytest.raises(BackendError, match=r"returns 21 keypoints a person.*those of one hand"):
         vitpose(count=21, stated=False)
 
 
@@ -230,7 +230,7 @@ def told_vitpose(told: Any, told_network: Any) -> Any:
                 {"output_0": ("float32", ("b", count, 64, 48))},
                 answer,
             )
-            backend.attach(network)
+            backend.bind(network)
             return [network]
 
         class Told(told(VitPose, attach)):  # type: ignore[misc]

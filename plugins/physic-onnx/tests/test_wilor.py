@@ -11,13 +11,13 @@ from scipy.spatial.transform import Rotation
 from physic_core.errors import BackendError
 from physic_core.interfaces import HandEstimator
 from physic_core.types import Keypoints, People
-from physic_onnx.wilor import MINI, WHOLE, Wilor
+from physic_onnx.wilor import MINI, ORIGINAL, Wilor
 from physic_testing import violations
 from physic_testing.conformance import check_backend
 
 from .pose_worlds import sampled
 
-PICTURES = {MINI: ("float32", ("b", 256, 256, 3)), WHOLE: ("float32", ("b", 3, 256, 256))}
+PICTURES = {MINI: ("float32", ("b", 256, 256, 3)), ORIGINAL: ("float32", ("b", 3, 256, 256))}
 MEAN, STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
 IMAGE = np.random.default_rng(0).integers(0, 256, (240, 320, 3), np.uint8)
 PEOPLE = People(np.zeros((1, 240, 320), bool), np.array([[20.0, 20, 300, 230]]), np.ones(1))
@@ -41,12 +41,12 @@ LEFT, RIGHT = np.array([60.0, 80, 120, 130]), np.array([180.0, 100, 240, 170])
 def recorded(told_network: Any) -> Any:
     """The adapter, and what its network was fed; hand i of those fed turns its joints by (0.1 (i + 1), 0.2, 0.3)."""
 
-    def make(dialect: str = MINI, matrices: bool = False, **options: Any) -> tuple[Wilor, list[np.ndarray]]:
+    def make(signature: str = MINI, matrices: bool = False, **options: Any) -> tuple[Wilor, list[np.ndarray]]:
         fed: list[np.ndarray] = []
         backend = Wilor(Wilor.Options(**options))
         shape = ("b", 15, 3, 3) if matrices else ("b", 15, 3)
         network = told_network(
-            {"image": PICTURES[dialect]},
+            {"image": PICTURES[signature]},
             {"hand_pose": ("float32", shape), "global_orient": ("float32", ("b", 1, *shape[2:]))},
             lambda *_: {},
         )
@@ -63,7 +63,7 @@ def recorded(told_network: Any) -> Any:
             return [parts[name].astype(np.float32) for name in outputs]
 
         network.run = run
-        backend.attach(network)
+        backend.bind(network)
         return backend, fed
 
     return make
@@ -79,21 +79,21 @@ def crop_of_hand(photo: np.ndarray, box: np.ndarray, mirrored: bool, margin: flo
     return sampled(photo, centre - side / 2, np.array([step, step]), 256, 256)
 
 
-def grey_levels(fed: np.ndarray, dialect: str) -> np.ndarray:
+def grey_levels(fed: np.ndarray, signature: str) -> np.ndarray:
     """What was fed of one hand, (256, 256, 3) RGB."""
-    return fed[..., ::-1] if dialect == MINI else (fed.transpose(1, 2, 0) * STD + MEAN) * 255
+    return fed[..., ::-1] if signature == MINI else (fed.transpose(1, 2, 0) * STD + MEAN) * 255
 
 
-@pytest.mark.parametrize("dialect", [MINI, WHOLE])
-def test_colours_come_as_the_file_wants_them_and_left_hands_in_a_mirror(recorded: Any, dialect: str) -> None:
-    backend, fed = recorded(dialect)
-    assert backend.speaking().dialect == dialect
+@pytest.mark.parametrize("signature", [MINI, ORIGINAL])
+def test_colours_come_as_the_file_wants_them_and_left_hands_in_a_mirror(recorded: Any, signature: str) -> None:
+    backend, fed = recorded(signature)
+    assert backend.loaded().signature == signature
     backend.infer(IMAGE, PEOPLE, hands_at(LEFT, RIGHT))
-    assert fed[0].shape == ((2, 256, 256, 3) if dialect == MINI else (2, 3, 256, 256))
+    assert fed[0].shape == ((2, 256, 256, 3) if signature == MINI else (2, 3, 256, 256))
     for shown, box, mirrored in zip(fed[0], (LEFT, RIGHT), (True, False), strict=True):
-        apart = np.abs(grey_levels(shown, dialect) - crop_of_hand(IMAGE, box, mirrored))
+        apart = np.abs(grey_levels(shown, signature) - crop_of_hand(IMAGE, box, mirrored))
         assert np.median(apart) < 4  # noise of one pixel, sampled at 1/32 of one
-        assert np.abs(grey_levels(shown, dialect) - crop_of_hand(IMAGE, box, not mirrored)).mean() > 5 * apart.mean()
+        assert np.abs(grey_levels(shown, signature) - crop_of_hand(IMAGE, box, not mirrored)).mean() > 5 * apart.mean()
 
 
 def test_swapping_channels_is_a_switch(recorded: Any) -> None:
@@ -107,7 +107,7 @@ def test_swapping_channels_is_a_switch(recorded: Any) -> None:
 
 @pytest.mark.parametrize("matrices", [False, True])
 def test_left_hands_are_mirrored_back_and_come_first(recorded: Any, matrices: bool) -> None:
-    found = recorded(WHOLE, matrices)[0].infer(IMAGE, PEOPLE, hands_at(LEFT, RIGHT))
+    found = recorded(ORIGINAL, matrices)[0].infer(IMAGE, PEOPLE, hands_at(LEFT, RIGHT))
     assert violations(HandEstimator, found, people=1) == []
     assert np.allclose(found.rotvecs[0, 0], [0.1, -0.2, -0.3], atol=1e-5)
     assert np.allclose(found.rotvecs[0, 1], [0.2, 0.2, 0.3], atol=1e-5)
@@ -129,7 +129,7 @@ def test_another_number_of_joints_is_refused(told_network: Any) -> None:
     backend = Wilor()
     network = told_network({"image": PICTURES[MINI]}, {"hand_pose": ("float32", ("b", 16, 3))}, lambda *_: {})
     network.run = lambda feed, outputs: [np.zeros((len(feed["image"]), 16, 3), np.float32)]
-    backend.attach(network)
+    backend.bind(network)
     with pytest.raises(BackendError, match="where 2 hands have 15 rotations each"):
         backend.infer(IMAGE, PEOPLE, hands_at(LEFT, RIGHT))
 
@@ -175,7 +175,7 @@ def told_wilor(told: Any, told_network: Any) -> type:
             {"hand_pose": ("float32", ("b", 15, 3)), "global_orient": ("float32", ("b", 1, 3))},
             answer,
         )
-        backend.attach(network)
+        backend.bind(network)
         return [network]
 
     class Told(told(Wilor, attach)):  # type: ignore[misc]

@@ -1,4 +1,4 @@
-"""Classical OpenCV: inpainting without a network, and people masks by GrabCut."""
+"""Classical OpenCV backends: inpainting without a network, and people masks by GrabCut."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ __all__ = ["physic_backends"]
 
 @hookimpl
 def physic_backends() -> list[BackendRecord]:
-    """The backends of this plugin."""
+    """Return the records of this plugin's backends."""
     return [
         BackendRecord(
             "inpainter",

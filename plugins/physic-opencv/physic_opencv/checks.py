@@ -1,4 +1,4 @@
-"""What every inpainter of this plugin asks of its mask."""
+"""Check the masks of inpainters."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["check_mask"]
 
 
 def check_mask(image: UInt8Array, mask: BoolArray) -> None:
-    """Refuse a mask that is not (H, W) bool of the image's size, or that leaves nothing to fill from.
+    """Raise InputError if a mask is not (H, W) bool of the image's size, or covers the whole image.
 
     Raises:
         InputError: another shape or dtype came, or every pixel is masked.

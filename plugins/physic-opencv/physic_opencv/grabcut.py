@@ -1,7 +1,7 @@
-"""People masks by GrabCut from boxes or keypoints that the user gives.
+"""Segment people by GrabCut in boxes or around keypoints that the user gives.
 
-OpenCV 5 holds no classical people detector any more (HOG left the main modules), so this backend finds nobody by
-itself: it outlines the people that it is pointed at.
+OpenCV 5 has no classical person detector (HOG left the main modules), so this backend detects nobody: it segments the
+people to which the options point.
 """
 
 from __future__ import annotations
@@ -60,17 +60,17 @@ class GrabCutOptions(interfaces.Options):
 
 
 class GrabCut(interfaces.Segmenter):
-    """Interactive segmentation by colour models and graph cuts (C. Rother et al., 2004)."""
+    """Segmenter by colour models and graph cuts (C. Rother et al., 2004) in given boxes or around given keypoints."""
 
     Options = GrabCutOptions
 
     @staticmethod
     def conformance_options(world: World) -> dict[str, object]:
-        """Boxes of the people of a world, for the conformance kit."""
+        """Return options with the people's boxes of a world, for the conformance kit."""
         return {"boxes": world.boxes.tolist()}
 
     def infer(self, image: UInt8Array) -> People:
-        """Image (H, W, 3) -> the people that the options point at, best score first; the floor is not looked for.
+        """Segment the people that the options name, best score first; the floor is not segmented.
 
         The score is the overlap (IoU) of the box that was asked for and the box of the mask that was found. Where two
         people claim a pixel, the one whose box reaches lower in the photo has it.
@@ -106,7 +106,7 @@ class GrabCut(interfaces.Segmenter):
             others = [box for j, box in enumerate(boxes) if j != i]
             masks[i] = _cut(image, boxes[i], seeds[i], others, options) & ~taken
             if not masks[i].any():
-                raise _nothing(boxes[i])
+                raise _empty_cut_error(boxes[i])
             taken |= masks[i]
         tight = {i: _tight(mask) for i, mask in masks.items()}
         scores = {i: _overlap(boxes[i], tight[i]) for i in masks}
@@ -115,11 +115,12 @@ class GrabCut(interfaces.Segmenter):
             masks=np.stack([masks[i] for i in order]),
             boxes=np.stack([tight[i] for i in order]),
             scores=np.array([scores[i] for i in order]),
-            keypoints=_known_keypoints([seeds[i] for i in order], options.skeleton),
+            keypoints=_given_keypoints([seeds[i] for i in order], options.skeleton),
         )
 
 
-def _known_keypoints(seeds: list[NDArray[np.float64]], skeleton: str) -> Keypoints | None:
+def _given_keypoints(seeds: list[NDArray[np.float64]], skeleton: str) -> Keypoints | None:
+    """Return the user's keypoints if all are COCO-17."""
     if skeleton != "coco17" or any(len(points) != 17 for points in seeds):
         return None
     points = np.stack(seeds)
@@ -127,6 +128,7 @@ def _known_keypoints(seeds: list[NDArray[np.float64]], skeleton: str) -> Keypoin
 
 
 def _box_of(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a box around points, with a margin."""
     low, high = points.min(axis=0), points.max(axis=0)
     margin = _BOX_MARGIN * max(high - low)
     return np.concatenate([low - margin, high + margin])
@@ -139,7 +141,7 @@ def _cut(
     others: list[NDArray[np.float64]],
     options: GrabCutOptions,
 ) -> BoolArray:
-    """Mask (H, W) of one person; cut on a crop with context round the box."""
+    """Segment one person on a crop around the box, and return the mask (H, W)."""
     import cv2
 
     height, width = image.shape[:2]
@@ -165,7 +167,7 @@ def _cut(
         labels[inside] = cv2.GC_PR_FGD
     foreground = (labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD)
     if not foreground.any():
-        raise _nothing(box)
+        raise _empty_cut_error(box)
     if foreground.all():
         raise BackendError(
             f"GrabCut needs some background, but the box {box.round(1).tolist()} px covers the whole image: "
@@ -185,7 +187,8 @@ def _cut(
     return mask
 
 
-def _nothing(box: NDArray[np.float64]) -> BackendError:
+def _empty_cut_error(box: NDArray[np.float64]) -> BackendError:
+    """Return the error for a box without a segmented person."""
     return BackendError(
         f"GrabCut found nothing that stands out in the box {box.round(1).tolist()} px: "
         "draw the box round the whole person, with some background inside, or give keypoints."
@@ -195,9 +198,9 @@ def _nothing(box: NDArray[np.float64]) -> BackendError:
 def _draw_seeds(
     labels: UInt8Array, inside: tuple[slice, slice], points: NDArray[np.float64], side: float, skeleton: str
 ) -> None:
-    """Along the limbs sure foreground, then likely foreground, then likely background; beyond that all is background.
+    """Label pixels near the limbs as sure or likely foreground, then likely background; the rest is background.
 
-    Points without limbs say nothing about how far the body reaches: there the whole box stays in question.
+    Points without limbs do not show how far the body reaches, so the rest of the box stays undecided.
     """
     import cv2
 
@@ -215,7 +218,7 @@ def _draw_seeds(
 
 
 def _clean(mask: BoolArray, radius: float) -> BoolArray:
-    """Open and close by ``radius`` px, keep the parts of at least a tenth of the largest, fill the holes."""
+    """Open and close a mask by ``radius`` px, drop parts below a tenth of the largest, and fill small holes."""
     import cv2
 
     if round(radius) < 1:
@@ -236,11 +239,13 @@ def _clean(mask: BoolArray, radius: float) -> BoolArray:
 
 
 def _tight(mask: BoolArray) -> NDArray[np.float64]:
+    """Return the tight box of a mask."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     return np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], np.float64)
 
 
 def _overlap(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """Return the intersection over union of two boxes."""
     sides = np.clip(np.minimum(a[2:], b[2:]) - np.maximum(a[:2], b[:2]), 0, None)
     both = float(sides.prod())
     return both / (float((a[2:] - a[:2]).prod() + (b[2:] - b[:2]).prod()) - both)

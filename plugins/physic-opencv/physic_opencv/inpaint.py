@@ -1,7 +1,7 @@
 """Diffusion inpainting with OpenCV: Telea's fast marching and Navier-Stokes.
 
 A hole much wider than the brush becomes streaks, and takes long. Such a hole is filled on a reduced image, and the
-smooth fill is brought back to full size inside the mask only.
+smooth fill is enlarged inside the mask.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ __all__ = ["DiffusionOptions", "NavierStokes", "Telea"]
 
 
 class DiffusionOptions(interfaces.Options):
-    """Settings that both methods share."""
+    """Settings of both diffusion inpainters."""
 
     radius_px: float = Field(
         5.0, gt=0, le=50, description="Neighbourhood that a filled pixel is made from, px; 3-8 works."
@@ -39,7 +39,7 @@ class _Diffusion(interfaces.Inpainter):
     _method: ClassVar[str]
 
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
-        """Image (H, W, 3) and mask (H, W), True = remove -> filled image; unmasked pixels keep their values.
+        """Fill the mask (H, W), True = remove, in an image (H, W, 3); unmasked pixels keep their values.
 
         Raises:
             InputError: image or mask has another shape or dtype, or the mask covers everything.
@@ -64,6 +64,7 @@ class NavierStokes(_Diffusion):
 
 
 def _fill(image: UInt8Array, mask: BoolArray, method: int, options: DiffusionOptions) -> UInt8Array:
+    """Fill a hole, on a reduced image if it is large."""
     import cv2
 
     filled = image.copy()
@@ -75,15 +76,15 @@ def _fill(image: UInt8Array, mask: BoolArray, method: int, options: DiffusionOpt
     if factor == 1:
         answer = cv2.inpaint(image, mask.astype(np.uint8), options.radius_px, method)
     else:
-        small, hole = reduce(image, mask, factor)
+        small, hole = downsample_known(image, mask, factor)
         small = cv2.inpaint(small, hole.astype(np.uint8), options.radius_px, method)
         answer = _enlarge(small, image.shape[:2], factor)
     filled[mask] = answer[mask]
     return filled
 
 
-def reduce(image: UInt8Array, mask: BoolArray, factor: int) -> tuple[UInt8Array, BoolArray]:
-    """Shrink by a whole factor with means over unmasked pixels only, so that nothing of the hole leaks out.
+def downsample_known(image: UInt8Array, mask: BoolArray, factor: int) -> tuple[UInt8Array, BoolArray]:
+    """Downsample an image by an integer factor with means over unmasked pixels only.
 
     Args:
         image: (H, W, 3) uint8.
@@ -105,6 +106,7 @@ def reduce(image: UInt8Array, mask: BoolArray, factor: int) -> tuple[UInt8Array,
 
 def _enlarge(small: UInt8Array, shape: tuple[int, int], factor: int) -> UInt8Array:
     # Pixel centres are integers: small pixel i is the mean of factor * i ... factor * i + factor - 1.
+    """Enlarge an image by an integer factor, bilinear."""
     import cv2
 
     height, width = shape

@@ -1,4 +1,4 @@
-"""Patch-based inpainting: the hole is filled with texture copied from elsewhere in the photo."""
+"""Inpaint with texture copied from elsewhere in the photo."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class PatchOptions(interfaces.Options):
 
 
 class PatchBased(interfaces.Inpainter):
-    """Coarse-to-fine search for similar patches and voting (Wexler et al. 2007; PatchMatch, Barnes et al. 2009).
+    """Inpainter by coarse-to-fine patch search and voting (Wexler et al. 2007; PatchMatch, Barnes et al. 2009).
 
     Slower than diffusion, a few seconds for a person in a 720p photo, but floors keep their texture.
     """
@@ -44,7 +44,7 @@ class PatchBased(interfaces.Inpainter):
     Options = PatchOptions
 
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
-        """Image (H, W, 3) and mask (H, W), True = remove -> filled image; unmasked pixels keep their values.
+        """Fill the mask (H, W), True = remove, in an image (H, W, 3); unmasked pixels keep their values.
 
         Raises:
             InputError: image or mask has another shape or dtype, or too little is unmasked to take a patch from.
@@ -53,7 +53,7 @@ class PatchBased(interfaces.Inpainter):
         assert isinstance(self.options, PatchOptions)
         filled = image.copy()
         if mask.any():
-            answer = patchmatch.complete(
+            answer = patchmatch.fill_by_patches(
                 image,
                 mask,
                 radius=self.options.patch_radius_px,

@@ -1,4 +1,4 @@
-"""Exemplar completion: a pyramid of nearest-patch fields, found by PatchMatch and merged by voting.
+"""Patch-based completion: an image pyramid with nearest-patch fields, searched by PatchMatch and merged by voting.
 
 Method: Wexler, Shechtman and Irani, "Space-time completion of video" (2007) for the search-and-vote rounds; Barnes et
 al., "PatchMatch" (2009) for the search; Newson et al., "Video inpainting of complex scenes" (2014) for the two texture
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     Float = NDArray[np.float32]
     Int = NDArray[np.int64]
 
-__all__ = ["complete"]
+__all__ = ["fill_by_patches"]
 
 _COARSEST_DEPTH_PX = 9.0  # on the coarsest level no pixel of the hole lies deeper than this
 _MOVE_COST = (15000.0, 1500.0)  # squared grey levels for a source one image height above, one image width aside
@@ -31,7 +31,7 @@ _TEXTURE_WEIGHT = 2.0  # of the mean absolute gradient against a colour channel
 
 @dataclass
 class _Level:
-    """One level of the pyramid: arrays padded by the patch radius on every side, and flat pixel ids into them."""
+    """Pyramid level: arrays padded by the patch radius on every side, with flat pixel indices into them."""
 
     channels: Float  # (H, W, 5) padded: RGB and two texture channels, 0-255; the hole is rewritten by each vote
     weight: Float  # (H, W) padded: trust in a target's pixel, 0 outside the image
@@ -47,7 +47,7 @@ class _Level:
         return self.channels.reshape(-1, self.channels.shape[2])
 
 
-def complete(
+def fill_by_patches(
     image: UInt8Array, mask: BoolArray, *, radius: int, working_px: int, rounds: int, rng: np.random.Generator
 ) -> UInt8Array:
     """Fill a hole with patches from the rest of the photo.
@@ -87,7 +87,7 @@ def complete(
         coarsest = level is None
         level = _make_level(pixels, hole, inside, radius, level, rng)
         if coarsest:
-            _peel(level, radius, rng)
+            _fill_by_layers(level, radius, rng)
         for _ in range(rounds):
             distance = _search(level, radius, rng)
             _vote(level, radius, distance)
@@ -96,11 +96,11 @@ def complete(
         colours = _unpad(level.channels, radius)[:, :, :3]
         filled: UInt8Array = np.clip(colours + 0.5, 0, 255).astype(np.uint8)
         return filled
-    return _transfer(image, mask, level, distance, radius, factor)
+    return _copy_full_resolution(image, mask, level, distance, radius, factor)
 
 
 def _texture(image: UInt8Array, mask: BoolArray) -> Float:
-    """Mean absolute gradients along x and y over 5 x 5 known pixels: (H, W, 2)."""
+    """Return the mean absolute gradients along x and y over 5 x 5 known pixels, (H, W, 2)."""
     import cv2
 
     gray = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
@@ -112,7 +112,7 @@ def _texture(image: UInt8Array, mask: BoolArray) -> Float:
 
 
 def _shrink(channels: Float, hole: BoolArray, inside: BoolArray, factor: int) -> tuple[Float, BoolArray, BoolArray]:
-    """Mean over known pixels of factor x factor blocks; a block with a hole in it belongs to the hole."""
+    """Downsample by means over known pixels of factor x factor blocks; a block with a hole pixel is hole."""
     if factor == 1:
         return channels, hole, inside
     height, width = hole.shape
@@ -131,13 +131,14 @@ def _shrink(channels: Float, hole: BoolArray, inside: BoolArray, factor: int) ->
 
 
 def _depth(hole: BoolArray) -> float:
+    """Return the largest distance from a hole pixel to the hole's border, px."""
     import cv2
 
     return float(cv2.distanceTransform(np.pad(hole, 1).astype(np.uint8), cv2.DIST_L2, 3).max())
 
 
 def _sources(hole: BoolArray, inside: BoolArray, radius: int) -> BoolArray:
-    """Centres of patches that are wholly known and inside the image."""
+    """Return the centres of fully known patches inside the image."""
     import cv2
 
     usable = np.pad(inside & ~hole, radius).astype(np.uint8)
@@ -149,6 +150,7 @@ def _sources(hole: BoolArray, inside: BoolArray, radius: int) -> BoolArray:
 def _make_level(
     channels: Float, hole: BoolArray, inside: BoolArray, radius: int, coarser: _Level | None, rng: np.random.Generator
 ) -> _Level:
+    """Build a pyramid level, initialised from the coarser one."""
     import cv2
 
     source = _sources(hole, inside, radius)
@@ -162,11 +164,11 @@ def _make_level(
     all_sources = np.flatnonzero(source)
     field = all_sources[rng.integers(len(all_sources), size=len(targets))]
     if coarser is None:
-        filled[hole] = _membrane(channels, hole)[hole]
+        filled[hole] = _smooth_fill(channels, hole)[hole]
     else:
         upper = cv2.resize(_unpad(coarser.channels, radius), None, fx=2, fy=2, interpolation=cv2.INTER_LINEAR)
         filled[hole] = upper[: hole.shape[0], : hole.shape[1]][hole]
-        inherited = _inherit(coarser, targets, stride, radius)
+        inherited = _upsample_field(coarser, targets, stride, radius)
         ok = source.reshape(-1)[inherited]
         field[ok] = inherited[ok]
     padded = np.pad(filled, ((radius, radius), (radius, radius), (0, 0)), mode="edge")
@@ -175,8 +177,8 @@ def _make_level(
     )
 
 
-def _peel(level: _Level, radius: int, rng: np.random.Generator) -> None:
-    """First fill of the coarsest level, layer by layer inwards: each layer is compared by what is already filled."""
+def _fill_by_layers(level: _Level, radius: int, rng: np.random.Generator) -> None:
+    """Fill the coarsest level layer by layer from the border; each layer is matched against filled pixels."""
     trust, holes = level.weight.copy(), level.hole
     depth = level.depth.reshape(-1)
     inner = 0.0
@@ -192,8 +194,8 @@ def _peel(level: _Level, radius: int, rng: np.random.Generator) -> None:
     level.weight[...] = trust
 
 
-def _inherit(coarser: _Level, targets: Int, stride: int, radius: int) -> Int:
-    """Each target's source, doubled from the level above; pixel 0, which is no source, where there is none."""
+def _upsample_field(coarser: _Level, targets: Int, stride: int, radius: int) -> Int:
+    """Return the source of each target from the coarser level; pixel 0 if there is none."""
     lookup = np.full(coarser.source.size, -1, np.int64)
     lookup[coarser.targets] = coarser.field
     y, x = np.divmod(targets, stride)
@@ -204,8 +206,8 @@ def _inherit(coarser: _Level, targets: Int, stride: int, radius: int) -> Int:
     return np.where(parent >= 0, (sy + radius) * stride + sx + radius, 0)
 
 
-def _membrane(channels: Float, hole: BoolArray) -> Float:
-    """Smooth first fill: repeated means of what is known around, so that the border's colours meet in the middle."""
+def _smooth_fill(channels: Float, hole: BoolArray) -> Float:
+    """Fill a hole with repeated means of the known surroundings."""
     import cv2
 
     known = (~hole).astype(np.float32)
@@ -221,12 +223,13 @@ def _membrane(channels: Float, hole: BoolArray) -> Float:
 
 
 def _offsets(radius: int, stride: int) -> Int:
+    """Return the flat index offsets of a patch's pixels."""
     around = np.arange(-radius, radius + 1)
     return (around[:, None] * stride + around[None, :]).reshape(-1)
 
 
 def _search(level: _Level, radius: int, rng: np.random.Generator) -> Float:
-    """One PatchMatch round over all targets at once; improves ``level.field``.
+    """Run one PatchMatch round over all targets, and update ``level.field``.
 
     Returns:
         (T,) weighted mean squared difference to the nearest source.
@@ -279,7 +282,7 @@ def _search(level: _Level, radius: int, rng: np.random.Generator) -> Float:
 
 
 def _vote(level: _Level, radius: int, distance: Float) -> None:
-    """Rewrite the hole: every patch over a pixel votes with the colour that its source has there."""
+    """Rewrite the hole by weighted votes of all patches over each pixel."""
     sigma = max(float(np.percentile(distance, 25)) / 2, 1e-3)
     # During the first fill, patches that see nothing yet have weight 0 at their centre and hardly count.
     trust = (np.exp(-distance / (2 * sigma)) + 1e-6).astype(np.float32)
@@ -294,13 +297,14 @@ def _vote(level: _Level, radius: int, distance: Float) -> None:
 
 
 def _unpad(x: Float, radius: int) -> Float:
+    """Remove the padding of a level."""
     return x[radius : x.shape[0] - radius, radius : x.shape[1] - radius]
 
 
-def _transfer(
+def _copy_full_resolution(
     image: UInt8Array, mask: BoolArray, level: _Level, distance: Float, radius: int, factor: int
 ) -> UInt8Array:
-    """Copy full-resolution pixels along the working field, blended where neighbouring cells disagree."""
+    """Copy full-resolution pixels along the field, blended where neighbouring cells disagree."""
     height, width = mask.shape
     row_of = np.full(level.source.size, -1, np.int64)
     row_of[level.targets] = np.arange(len(level.targets))

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from physic_core.errors import InputError
-from physic_opencv.inpaint import DiffusionOptions, NavierStokes, Telea, reduce
+from physic_opencv.inpaint import DiffusionOptions, NavierStokes, Telea, downsample_known
 from physic_opencv.patches import PatchBased, PatchOptions
 
 EVERY = [Telea, NavierStokes, PatchBased]
@@ -155,7 +155,7 @@ def test_patches_need_one_square_without_mask():
 def test_reduce_means_known_pixels_only():
     image = np.array([[10, 20, 30], [30, 40, 50]], np.uint8)[..., None].repeat(3, axis=2)
     mask = np.array([[True, False, True], [False, False, True]])
-    small, hole = reduce(image, mask, 2)
+    small, hole = downsample_known(image, mask, 2)
     np.testing.assert_array_equal(small[..., 0], [[30, 0]])  # (20 + 30 + 40) / 3; the last column is all hole
     np.testing.assert_array_equal(hole, [[False, True]])
 

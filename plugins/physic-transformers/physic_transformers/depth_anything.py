@@ -1,4 +1,4 @@
-"""Depth Anything V2: metric, where it was trained on metres, and relative, where it answers disparity."""
+"""Estimate depth with Depth Anything V2: metric depth, or relative disparity."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalize
 from physic_core.errors import BackendError
 from physic_core.interfaces import MetricDepth, Options, RelativePointmap
 from physic_core.types import DepthMap, Pointmap
-from physic_transformers.models import WHERE, ModelOptions, Network, Part, Pretrained, array
+from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, Network, PretrainedBackend, to_numpy
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Hints, UInt8Array
@@ -25,7 +25,7 @@ _SATURATED = 0.98  # of the largest depth that a metric network can say
 
 
 class DepthAnythingOptions(ModelOptions):
-    """What both backends share."""
+    """Settings of both Depth Anything backends."""
 
     side: int = Field(
         default=518,
@@ -43,7 +43,7 @@ class MetricOptions(DepthAnythingOptions):
 
     weights: str = Field(
         default="depth-anything-v2-metric-indoor-small-hf",
-        description=f"Depth Anything V2 metric, indoor (to 20 m) or outdoor (to 80 m): {WHERE}.",
+        description=f"Depth Anything V2 metric, indoor (to 20 m) or outdoor (to 80 m): {WEIGHTS_HELP}.",
     )
     farthest: float | None = Field(
         default=None,
@@ -55,7 +55,7 @@ class MetricOptions(DepthAnythingOptions):
 class RelativeOptions(DepthAnythingOptions):
     """Settings of :class:`DepthAnythingRelative`."""
 
-    weights: str = Field(default="depth-anything-v2-small-hf", description=f"Depth Anything V2, or V1: {WHERE}.")
+    weights: str = Field(default="depth-anything-v2-small-hf", description=f"Depth Anything V2, or V1: {WEIGHTS_HELP}.")
     default_fov: float = Field(
         default=55.5,
         gt=5,
@@ -64,17 +64,19 @@ class RelativeOptions(DepthAnythingOptions):
     )
 
 
-class _DepthAnything(Pretrained):
-    """What both backends share: a network that answers either metres or disparity, as its config says.
+class _DepthAnything(PretrainedBackend):
+    """Base class of both backends, for a network that predicts metric depth or disparity, as its config states.
 
     Attributes:
-        answers: "metric" or "relative": one grows with distance, the other falls.
-        otherwise: what weights of the other kind are for.
+        output_kind: "metric" or "relative": one grows with distance, the other falls.
+        other_interface: what weights of the other kind are for.
     """
 
-    parts: ClassVar[tuple[Part, ...]] = (Part("weights", "DepthAnythingForDepthEstimation", ("depth_anything",)),)
-    answers: ClassVar[str]
-    otherwise: ClassVar[str]
+    specs: ClassVar[tuple[ModelSpec, ...]] = (
+        ModelSpec("weights", "DepthAnythingForDepthEstimation", ("depth_anything",)),
+    )
+    output_kind: ClassVar[str]
+    other_interface: ClassVar[str]
 
     def load(self, device: str = "cpu") -> None:
         """Read the weights.
@@ -86,22 +88,22 @@ class _DepthAnything(Pretrained):
         """
         super().load(device)
         found = self.network().config.depth_estimation_type
-        if found != self.answers:
+        if found != self.output_kind:
             raise BackendError(
-                f"these weights of Depth Anything are {found}, expected {self.answers} ones: "
-                f"they are for {self.otherwise}"
+                f"these weights of Depth Anything are {found}, expected {self.output_kind} ones: "
+                f"they are for {self.other_interface}"
             )
 
 
 class DepthAnythingMetric(_DepthAnything, MetricDepth):
-    """Depth Anything V2 metric. It gives no focal length, and needs none."""
+    """Metric depth by Depth Anything V2 metric. It estimates no focal length."""
 
     Options: ClassVar[type[Options]] = MetricOptions
     options: MetricOptions
-    answers, otherwise = "metric", "the relative_pointmap 'depth-anything-hf'"
+    output_kind, other_interface = "metric", "the relative_pointmap 'depth-anything-hf'"
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
-        """Image (H, W, 3) -> z-depth in metres.
+        """Predict depth or points of an image (H, W, 3).
 
         Raises:
             InputError: it is no photo.
@@ -114,14 +116,14 @@ class DepthAnythingMetric(_DepthAnything, MetricDepth):
 
 
 class DepthAnythingRelative(_DepthAnything, RelativePointmap):
-    """Depth Anything relative: disparity up to scale and shift, as points of a camera."""
+    """Relative point map by Depth Anything: disparity up to scale and shift, as points of a camera."""
 
     Options: ClassVar[type[Options]] = RelativeOptions
     options: RelativeOptions
-    answers, otherwise = "relative", "the metric_depth 'depth-anything-v2-metric-hf'"
+    output_kind, other_interface = "relative", "the metric_depth 'depth-anything-v2-metric-hf'"
 
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
-        """Image (H, W, 3) -> point map whose inverse depth is open up to scale and shift.
+        """Predict depth or points of an image (H, W, 3).
 
         Raises:
             InputError: it is no photo.
@@ -139,10 +141,10 @@ class DepthAnythingRelative(_DepthAnything, RelativePointmap):
 
 
 def _answer(network: Network, image: UInt8Array, options: DepthAnythingOptions) -> FloatArray:
-    """(h, w) what the network sees, at its own size."""
+    """Run the network and return its map (h, w) at network resolution."""
     patch = int(network.config.patch_size)
     height, width = image.shape[:2]
     size = limit_patches(*input_size_least_scaling(height, width, options.side, patch), options.max_patches, patch)
     pixels = normalized_nchw(resize_image(image, *size, "bicubic-antialias"), IMAGENET_MEAN, IMAGENET_STD)
-    depth: FloatArray = array(network.run(pixel_values=pixels).predicted_depth)[0]
+    depth: FloatArray = to_numpy(network.run(pixel_values=pixels).predicted_depth)[0]
     return depth

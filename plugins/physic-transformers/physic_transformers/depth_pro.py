@@ -1,4 +1,6 @@
-"""Depth in metres and the focal length from DepthPro, as transformers answers them: inverse depth and an angle."""
+"""Estimate metric depth and the focal length with DepthPro, whose class in transformers returns inverse depth and a
+field of view.
+"""
 
 from __future__ import annotations
 
@@ -14,12 +16,12 @@ from physic_core.adapters.pictures import normalized_nchw, resize_image, resize_
 from physic_core.errors import BackendError, DeviceError
 from physic_core.interfaces import MetricDepth, Options
 from physic_core.types import DepthMap, Intrinsics
-from physic_transformers.models import WHERE, ModelOptions, Part, Pretrained, array
+from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend, to_numpy
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Hints, UInt8Array
 
-__all__ = ["DepthPro", "DepthProOptions", "memory_gb", "pixels"]
+__all__ = ["DepthPro", "DepthProOptions", "memory_gb", "preprocess"]
 
 _LARGE = 1536  # px of the published input; 35 patches of it go through the network at once
 _TELLING = 0.1  # share by which two focal lengths differ before it is worth a note
@@ -28,7 +30,7 @@ _TELLING = 0.1  # share by which two focal lengths differ before it is worth a n
 class DepthProOptions(ModelOptions):
     """Settings of :class:`DepthPro`."""
 
-    weights: str = Field(default="depth-pro-hf", description=f"DepthPro: {WHERE}.")
+    weights: str = Field(default="depth-pro-hf", description=f"DepthPro: {WEIGHTS_HELP}.")
     use_known_focal: bool = Field(
         default=True,
         description="Scale depth to the focal length that the photo, its file or the user tells, if any does; false "
@@ -45,13 +47,13 @@ class DepthProOptions(ModelOptions):
     )
 
 
-class DepthPro(Pretrained, MetricDepth):
-    """DepthPro. It needs about 18 GB of memory on a CPU, and minutes."""
+class DepthPro(PretrainedBackend, MetricDepth):
+    """Metric depth and camera by DepthPro. On a CPU it takes minutes and about 18 GB of memory."""
 
     Options: ClassVar[type[Options]] = DepthProOptions
     options: DepthProOptions
     capabilities: ClassVar[frozenset[str]] = frozenset({"returns_intrinsics"})
-    parts: ClassVar[tuple[Part, ...]] = (Part("weights", "DepthProForDepthEstimation", ("depth_pro",)),)
+    specs: ClassVar[tuple[ModelSpec, ...]] = (ModelSpec("weights", "DepthProForDepthEstimation", ("depth_pro",)),)
 
     def load(self, device: str = "cpu") -> None:
         """Read the weights.
@@ -71,7 +73,7 @@ class DepthPro(Pretrained, MetricDepth):
             )
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
-        """Image (H, W, 3) -> z-depth in metres, and the camera that it is for.
+        """Return z-depth in metres of an image (H, W, 3), and its camera.
 
         Raises:
             InputError: it is no photo.
@@ -80,9 +82,9 @@ class DepthPro(Pretrained, MetricDepth):
 
         height, width = image.shape[:2]
         network = self.network()
-        out = network.run(pixel_values=pixels(image, _side(network.config)))
+        out = network.run(pixel_values=preprocess(image, _side(network.config)))
         camera, notes = self._camera(_degrees(out.field_of_view), known_camera(hints, image), width, height)
-        inverse = resize_map(array(out.predicted_depth)[0], height, width)
+        inverse = resize_map(to_numpy(out.predicted_depth)[0], height, width)
         depth = depth_from_canonical_inverse(inverse, camera.fx, width)
         near = np.where(depth < self.options.farthest, depth, np.nan)
         return DepthMap(near.astype(np.float32), camera, notes=notes)
@@ -90,7 +92,7 @@ class DepthPro(Pretrained, MetricDepth):
     def _camera(
         self, degrees: float | None, given: Intrinsics | None, width: int, height: int
     ) -> tuple[Intrinsics, tuple[str, ...]]:
-        """The camera that scales the depth, and notes."""
+        """Return the camera that scales the depth, and notes."""
         own = None if degrees is None else focal_from_fov(degrees, width)
         if self.options.use_known_focal and given is not None and not given.guessed:
             if own is None or abs(given.fx / own - 1) <= _TELLING:
@@ -107,15 +109,15 @@ class DepthPro(Pretrained, MetricDepth):
 
 
 def _degrees(angle: Any) -> float | None:
-    """The field of view, or None where the network has no part for it, or answers none that a camera can have."""
+    """Return the field of view, or None if the network predicts none or an invalid one."""
     if angle is None:
         return None
-    degrees = float(array(angle).reshape(-1)[0])
+    degrees = float(to_numpy(angle).reshape(-1)[0])
     return degrees if math.isfinite(degrees) and 0 < degrees < 180 else None
 
 
 def memory_gb() -> float | None:
-    """Memory of this machine, or None where the system does not tell."""
+    """Return the memory of this machine in GB, or None if unknown."""
     import os
 
     try:
@@ -124,8 +126,8 @@ def memory_gb() -> float | None:
         return None
 
 
-def pixels(image: UInt8Array, side: int) -> FloatArray:
-    """A photo squashed to (1, 3, S, S), from -1 to 1; normalised before it is resized, which is not antialiased."""
+def preprocess(image: UInt8Array, side: int) -> FloatArray:
+    """Squash an image (H, W, 3) to (1, 3, S, S) in [-1, 1], normalised before resizing, without antialiasing."""
 
     return normalized_nchw(
         resize_image(image.astype(np.float32), side, side, "bilinear"), (0.5, 0.5, 0.5), (0.5, 0.5, 0.5)
@@ -133,5 +135,5 @@ def pixels(image: UInt8Array, side: int) -> FloatArray:
 
 
 def _side(config: Any) -> int:
-    """Width and height of the network's input: 1536 px of the published one."""
+    """Return the side of the network's input: 1536 px for the published one."""
     return round(int(config.patch_size) / float(min(config.scaled_images_ratios)))

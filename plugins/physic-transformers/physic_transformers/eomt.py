@@ -1,4 +1,4 @@
-"""People and floor from one closed-set network: EoMT, trained on COCO panoptic."""
+"""Segment people and floor with EoMT, a panoptic network trained on COCO."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic import Field
 from physic_core.adapters.panoptic import COCO_PANOPTIC, PaddedFrame, padded_input, people_and_floor
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options, Segmenter
-from physic_transformers.models import WHERE, ModelOptions, Part, Pretrained, array
+from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend, to_numpy
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -22,7 +22,7 @@ __all__ = ["Eomt", "EomtOptions", "class_names"]
 class EomtOptions(ModelOptions):
     """Settings of :class:`Eomt`."""
 
-    weights: str = Field(default="eomt-large-640-hf", description=f"EoMT of COCO panoptic: {WHERE}.")
+    weights: str = Field(default="eomt-large-640-hf", description=f"EoMT of COCO panoptic: {WEIGHTS_HELP}.")
     threshold: float = Field(
         default=0.5, ge=0, le=1, description="Chance from which a query's class is believed; 0.8 finds fewer, surely."
     )
@@ -31,12 +31,12 @@ class EomtOptions(ModelOptions):
     )
 
 
-class Eomt(Pretrained, Segmenter):
-    """EoMT panoptic: each query claims a class and a mask."""
+class Eomt(PretrainedBackend, Segmenter):
+    """Segmenter: EoMT panoptic, in which each query predicts a class and a mask."""
 
     Options: ClassVar[type[Options]] = EomtOptions
     options: EomtOptions
-    parts: ClassVar[tuple[Part, ...]] = (Part("weights", "EomtForUniversalSegmentation", ("eomt",)),)
+    specs: ClassVar[tuple[ModelSpec, ...]] = (ModelSpec("weights", "EomtForUniversalSegmentation", ("eomt",)),)
 
     def load(self, device: str = "cpu") -> None:
         """Read the weights.
@@ -50,7 +50,7 @@ class Eomt(Pretrained, Segmenter):
         class_names(self.network().config.id2label)
 
     def infer(self, image: UInt8Array) -> People:
-        """Image (H, W, 3) -> people, best score first, and the floor.
+        """Segment the people of an image (H, W, 3), best score first, and the floor.
 
         Raises:
             InputError: it is no photo.
@@ -61,8 +61,8 @@ class Eomt(Pretrained, Segmenter):
         padded = PaddedFrame(*size, frame)
         out = network.run(pixel_values=padded_input(image, padded))
         return people_and_floor(
-            array(out.class_queries_logits)[0],
-            array(out.masks_queries_logits)[0],
+            to_numpy(out.class_queries_logits)[0],
+            to_numpy(out.masks_queries_logits)[0],
             padded.to_photo,
             size,
             labels=class_names(network.config.id2label),
@@ -72,7 +72,7 @@ class Eomt(Pretrained, Segmenter):
 
 
 def class_names(labels: Mapping[Any, str]) -> tuple[str, ...]:
-    """Names of a model's classes in order; COCO panoptic's where the config only counts them.
+    """Return a model's class names in order; those of COCO panoptic if the config only numbers them.
 
     Raises:
         BackendError: people are not among them.
@@ -89,4 +89,5 @@ def class_names(labels: Mapping[Any, str]) -> tuple[str, ...]:
 
 
 def _side(size: Any) -> int:
+    """Return the side of the network's input."""
     return int(size if isinstance(size, int) else size[0])

@@ -1,4 +1,4 @@
-"""Where on this machine the folder of a model is, and what it lacks. Nothing is fetched from here."""
+"""Find the local folder of a model and check its files. Nothing is downloaded here."""
 
 from __future__ import annotations
 
@@ -10,40 +10,48 @@ from pathlib import Path
 from physic_core import weights
 from physic_core.errors import BackendError, WeightsMissingError
 
-__all__ = ["MANIFEST", "WHERE", "Part", "check_type", "find_folder", "fingerprint_of", "lacks"]
+__all__ = [
+    "MANIFEST",
+    "WEIGHTS_HELP",
+    "ModelSpec",
+    "check_model_type",
+    "find_folder",
+    "missing_files",
+    "model_fingerprint",
+]
 
 MANIFEST = Path(__file__).parent / "weights"
-"""What ``physic weights`` knows of this plugin's files."""
+"""Folder with the manifests of this plugin's weights."""
 
 _HUB_ID = re.compile(r"[A-Za-z0-9][\w.-]*/[A-Za-z0-9][\w.-]*")
 _CONFIG = "config.json"
 _WEIGHTS = ("model.safetensors", "model.safetensors.index.json", "pytorch_model.bin", "pytorch_model.bin.index.json")
 _TOKENS = ("tokenizer.json", "vocab.txt", "vocab.json")
-WHERE = (
+WEIGHTS_HELP = (
     "a name of `physic weights list`, a folder of your own, or owner/repository of what lies in Hugging Face's cache"
 )
-"""What the option that names weights takes, in words."""
+"""Description of the options that name weights."""
 
 
 @dataclass(frozen=True)
-class Part:
-    """One network of a backend.
+class ModelSpec:
+    """Network of a backend: its option, class and file types.
 
     Attributes:
-        option: name of the option that says where its weights are.
-        kind: class in transformers.
-        types: values of ``model_type`` in config.json that the class can read.
-        tokens: whether words are asked for, and a tokenizer is needed.
+        option: name of the option that names its weights.
+        class_name: class in transformers.
+        model_types: values of ``model_type`` in config.json that the class can read.
+        needs_tokenizer: whether the network takes text.
     """
 
     option: str
-    kind: str
-    types: tuple[str, ...]
-    tokens: bool = False
+    class_name: str
+    model_types: tuple[str, ...]
+    needs_tokenizer: bool = False
 
 
 def find_folder(value: str) -> Path:
-    """The folder of a model.
+    """Return the local folder of a model.
 
     Args:
         value: a name in the manifest, a folder, or owner/repository of a model in Hugging Face's cache.
@@ -66,8 +74,8 @@ def find_folder(value: str) -> Path:
     return folder if folder.is_dir() else folder.parent
 
 
-def lacks(part: Part, value: str) -> tuple[str, ...]:
-    """What a network's folder lacks, each in words; cheap and offline."""
+def missing_files(spec: ModelSpec, value: str) -> tuple[str, ...]:
+    """Describe the missing files of a network. Cheap and offline."""
     known = weights.read_manifest(MANIFEST)
     if value in known:
         return weights.missing(MANIFEST, value)
@@ -75,7 +83,7 @@ def lacks(part: Part, value: str) -> tuple[str, ...]:
         folder = find_folder(value)
     except WeightsMissingError as error:
         return (str(error),)
-    wanted = [(_CONFIG,), _WEIGHTS, *([_TOKENS] if part.tokens else [])]
+    wanted = [(_CONFIG,), _WEIGHTS, *([_TOKENS] if spec.needs_tokenizer else [])]
     return tuple(
         f"{folder} has no {' or '.join(names[:2])}: it must be a folder as save_pretrained of transformers writes it"
         for names in wanted
@@ -83,16 +91,16 @@ def lacks(part: Part, value: str) -> tuple[str, ...]:
     )
 
 
-def fingerprint_of(value: str) -> str:
-    """Identity of a model's files, without their path; empty where they are missing."""
+def model_fingerprint(value: str) -> str:
+    """Return the identity of a model's files, independent of their path; empty if they are missing."""
     if value in weights.read_manifest(MANIFEST) or not _HUB_ID.fullmatch(value) or Path(value).exists():
         return weights.fingerprint(MANIFEST, value)
     cached = _cached(value)
     return "" if cached is None else f"{value}@{cached.name}"  # a snapshot's folder is named after its commit
 
 
-def check_type(folder: Path, part: Part) -> None:
-    """Refuse the folder of another model.
+def check_model_type(folder: Path, spec: ModelSpec) -> None:
+    """Raise BackendError if the folder contains another type of model.
 
     Raises:
         BackendError: its config.json cannot be read, or names another type.
@@ -101,13 +109,13 @@ def check_type(folder: Path, part: Part) -> None:
         found = json.loads((folder / _CONFIG).read_text("utf-8")).get("model_type")
     except (OSError, ValueError, AttributeError) as cause:
         raise BackendError(f"{folder / _CONFIG} cannot be read: {cause}") from cause
-    if found not in part.types:
-        wanted = " or ".join(f"'{name}'" for name in part.types)
-        raise BackendError(f"{folder} holds a model of the type '{found}', expected {wanted} for {part.kind}")
+    if found not in spec.model_types:
+        wanted = " or ".join(f"'{name}'" for name in spec.model_types)
+        raise BackendError(f"{folder} holds a model of the type '{found}', expected {wanted} for {spec.class_name}")
 
 
 def _cached(repository: str) -> Path | None:
-    """The newest snapshot of a repository in Hugging Face's cache."""
+    """Return the newest snapshot of a repository in Hugging Face's cache, or None."""
     from huggingface_hub import try_to_load_from_cache
 
     found = try_to_load_from_cache(repository, _CONFIG)

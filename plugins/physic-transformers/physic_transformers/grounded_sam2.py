@@ -1,4 +1,4 @@
-"""People and floor by words: GroundingDINO finds boxes, SAM 2.1 masks them. The segmenter of the paper.
+"""Segment people and floor from text: GroundingDINO detects boxes, SAM 2.1 segments them. The paper's segmenter.
 
 The defaults are those of PhySIC's release: its prompts, thresholds and models.
 """
@@ -14,26 +14,26 @@ from pydantic import Field
 from physic_core.adapters.detections import clip_boxes, xyxy_from_cxcywh
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw, resize_image
 from physic_core.interfaces import Options, Segmenter
-from physic_transformers.models import WHERE, ModelOptions, Part, Pretrained, array
-from physic_transformers.sam_masks import most_likely, people_of, union
-from physic_transformers.sizes import between_edges
+from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend, to_numpy
+from physic_transformers.sam_masks import best_rows, people_from_sam, union_of_masks
+from physic_transformers.sizes import resize_edges
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import BoolArray, FloatArray, People, UInt8Array
 
-__all__ = ["Found", "GroundedSam2", "GroundedSam2Options", "named_boxes", "prompt_of"]
+__all__ = ["GroundedSam2", "GroundedSam2Options", "TextDetections", "decode_text_boxes", "format_prompt"]
 
 _SHORT, _LONG = 800, 1333  # px that GroundingDINO was trained with
-_AT_ONCE = 16  # boxes a call of the mask decoder
+_BOXES_PER_CALL = 16  # boxes a call of the mask decoder
 
 
 class GroundedSam2Options(ModelOptions):
     """Settings of :class:`GroundedSam2`."""
 
-    detector: str = Field(default="grounding-dino-base-hf", description=f"GroundingDINO: {WHERE}.")
-    masks: str = Field(default="sam2.1-hiera-large-hf", description=f"SAM 2 or 2.1: {WHERE}.")
+    detector: str = Field(default="grounding-dino-base-hf", description=f"GroundingDINO: {WEIGHTS_HELP}.")
+    masks: str = Field(default="sam2.1-hiera-large-hf", description=f"SAM 2 or 2.1: {WEIGHTS_HELP}.")
     people_words: str = Field(default="person.", min_length=1, description="What a person is called, ended by a dot.")
     floor_words: str = Field(
         default="ground, floor, carpet.",
@@ -55,8 +55,8 @@ class GroundedSam2Options(ModelOptions):
 
 
 @dataclass(frozen=True)
-class Found:
-    """Boxes that a text was found at, best score first.
+class TextDetections:
+    """Boxes detected from a text prompt, best score first.
 
     Attributes:
         boxes: (N, 4) x0 y0 x1 y1, shares of the photo's width and height.
@@ -69,19 +69,19 @@ class Found:
     tokens: tuple[tuple[int, ...], ...]
 
 
-class GroundedSam2(Pretrained, Segmenter):
-    """GroundingDINO and SAM 2.1, with the words and thresholds of the paper's release."""
+class GroundedSam2(PretrainedBackend, Segmenter):
+    """Segmenter: GroundingDINO and SAM 2.1, with the prompts and thresholds of the paper's release."""
 
     Options: ClassVar[type[Options]] = GroundedSam2Options
     options: GroundedSam2Options
-    parts: ClassVar[tuple[Part, ...]] = (
-        Part("detector", "GroundingDinoForObjectDetection", ("grounding-dino",), tokens=True),
-        # The published SAM 2 repositories hold the model for videos, of which this is a part.
-        Part("masks", "Sam2Model", ("sam2", "sam2_video")),
+    specs: ClassVar[tuple[ModelSpec, ...]] = (
+        ModelSpec("detector", "GroundingDinoForObjectDetection", ("grounding-dino",), needs_tokenizer=True),
+        # The published SAM 2 repositories hold the model for videos, of which this is a spec.
+        ModelSpec("masks", "Sam2Model", ("sam2", "sam2_video")),
     )
 
     def infer(self, image: UInt8Array) -> People:
-        """Image (H, W, 3) -> people, best score first, and the floor.
+        """Segment the people of an image (H, W, 3), best score first, and the floor.
 
         Raises:
             InputError: it is no photo.
@@ -95,30 +95,32 @@ class GroundedSam2(Pretrained, Segmenter):
         if options.floor_words:
             places, _ = self._boxes(pixels, options.floor_words, options.box_threshold, size)
         logits = self._masks(image, np.concatenate([boxes, places]))
-        floor = union(logits[len(boxes) :], size) if options.floor_words else None
-        return people_of(logits[: len(boxes)], boxes, scores, floor, size, same=options.same_person)
+        floor = union_of_masks(logits[len(boxes) :], size) if options.floor_words else None
+        return people_from_sam(logits[: len(boxes)], boxes, scores, floor, size, same=options.same_person)
 
     def _boxes(
         self, pixels: FloatArray, words: str, threshold: float, size: tuple[int, int]
     ) -> tuple[FloatArray, FloatArray]:
-        """(N, 4) px of the photo and (N,) scores of what the words name."""
+        """Detect boxes (N, 4) px with scores (N,) for a text prompt."""
 
         network, options = self.network("detector"), self.options
-        text = network.tokenizer(prompt_of(words), return_tensors="np", return_token_type_ids=True)
+        text = network.tokenizer(format_prompt(words), return_tensors="np", return_token_type_ids=True)
         out = network.run(
             pixel_values=pixels,
             pixel_mask=np.ones((1, *pixels.shape[2:]), np.int64),
             **{name: np.asarray(text[name], np.int64) for name in ("input_ids", "token_type_ids", "attention_mask")},
         )
         threshold = max(threshold, options.box_threshold)
-        found = named_boxes(array(out.logits)[0], array(out.pred_boxes)[0], threshold, options.text_threshold)
+        found = decode_text_boxes(
+            to_numpy(out.logits)[0], to_numpy(out.pred_boxes)[0], threshold, options.text_threshold
+        )
         height, width = size
         boxes, inside = clip_boxes(found.boxes * np.array([width, height, width, height]), height, width)
         rows = [i for i in np.flatnonzero(inside) if found.tokens[i]][: options.max_people]
         return boxes[rows], found.scores[rows]
 
     def _masks(self, image: UInt8Array, boxes: FloatArray) -> FloatArray:
-        """(N, h, w) logits over the photo, one mask a box."""
+        """Predict the mask logits (N, h, w) of boxes."""
 
         network = self.network("masks")
         side = int(network.config.prompt_encoder_config.image_size)
@@ -130,23 +132,27 @@ class GroundedSam2(Pretrained, Segmenter):
         height, width = image.shape[:2]
         prompts = (boxes * (side / np.array([width, height, width, height]))).astype(np.float32)
         masks = [
-            self._decoded(network, embeddings, prompts[i : i + _AT_ONCE]) for i in range(0, len(prompts), _AT_ONCE)
+            self._decoded(network, embeddings, prompts[i : i + _BOXES_PER_CALL])
+            for i in range(0, len(prompts), _BOXES_PER_CALL)
         ]
         return np.concatenate(masks)
 
     def _decoded(self, network: Any, embeddings: Any, prompts: FloatArray) -> FloatArray:
+        """Run the mask decoder on boxes."""
         out = network.run(input_boxes=prompts[None], image_embeddings=embeddings, multimask_output=False)
-        return array(out.pred_masks)[0, :, 0]
+        return to_numpy(out.pred_masks)[0, :, 0]
 
 
-def prompt_of(words: str) -> str:
-    """A text as GroundingDINO was trained on: lower case, ended by a dot."""
+def format_prompt(words: str) -> str:
+    """Format a text as in the training of GroundingDINO: lower case, with a full stop."""
     text = words.strip().lower()
     return text if text.endswith(".") else f"{text}."
 
 
-def named_boxes(logits: FloatArray, boxes: FloatArray, box_threshold: float, text_threshold: float) -> Found:
-    """What the queries found.
+def decode_text_boxes(
+    logits: FloatArray, boxes: FloatArray, box_threshold: float, text_threshold: float
+) -> TextDetections:
+    """Decode GroundingDINO's queries to boxes, scores and matching tokens.
 
     Args:
         logits: (Q, T), how well each query fits each token, of which the first begins the text and is no word.
@@ -157,13 +163,14 @@ def named_boxes(logits: FloatArray, boxes: FloatArray, box_threshold: float, tex
 
     chance = 1 / (1 + np.exp(-np.clip(np.asarray(logits, np.float64), -60, 60)))
     scores = chance.max(axis=1)
-    rows = most_likely(scores, box_threshold, len(scores))
+    rows = best_rows(scores, box_threshold, len(scores))
     named: BoolArray = chance[rows] > text_threshold
     named[:, [0, -1]] = False
     tokens = tuple(tuple(int(i) for i in np.flatnonzero(row)) for row in named)
-    return Found(xyxy_from_cxcywh(boxes[rows].astype(np.float64)), scores[rows], tokens)
+    return TextDetections(xyxy_from_cxcywh(boxes[rows].astype(np.float64)), scores[rows], tokens)
 
 
 def _detector_pixels(image: NDArray[np.uint8]) -> FloatArray:
-    height, width = between_edges(image.shape[0], image.shape[1], _SHORT, _LONG)
+    """Preprocess a photo for GroundingDINO."""
+    height, width = resize_edges(image.shape[0], image.shape[1], _SHORT, _LONG)
     return normalized_nchw(resize_image(image, height, width, "bilinear-antialias"), IMAGENET_MEAN, IMAGENET_STD)

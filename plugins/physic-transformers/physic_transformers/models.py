@@ -1,7 +1,7 @@
-"""Models of Hugging Face transformers, opened from folders on this machine.
+"""Load models of Hugging Face transformers from local folders.
 
-Only model classes and tokenizers of the library are used: its image processors want torchvision, and what they do is
-little. Nothing is fetched from here; ``physic weights fetch NAME`` does that.
+Only model classes and tokenizers of the library are used: its image processors need torchvision and do little. Nothing
+is downloaded here; ``physic weights fetch NAME`` does that.
 """
 
 from __future__ import annotations
@@ -16,7 +16,14 @@ from physic_core.adapters.devices import check_device
 from physic_core.adapters.threads import limited_threads
 from physic_core.errors import BackendError, DeviceError, WeightsMissingError
 from physic_core.interfaces import Backend, Options
-from physic_transformers.folders import WHERE, Part, check_type, find_folder, fingerprint_of, lacks
+from physic_transformers.folders import (
+    WEIGHTS_HELP,
+    ModelSpec,
+    check_model_type,
+    find_folder,
+    missing_files,
+    model_fingerprint,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,13 +31,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-__all__ = ["WHERE", "ModelOptions", "Network", "Part", "Pretrained", "array", "open_network"]
+__all__ = ["WEIGHTS_HELP", "ModelOptions", "ModelSpec", "Network", "PretrainedBackend", "open_network", "to_numpy"]
 
 _TOLD = 4  # names of weights in a message
 
 
 class ModelOptions(Options):
-    """What all backends of this plugin share."""
+    """Settings shared by all backends of this plugin."""
 
     dtype: Literal["float32", "float16", "bfloat16"] = Field(
         default="float32",
@@ -46,7 +53,7 @@ class ModelOptions(Options):
 
 
 class Network:
-    """One loaded model behind one door: numpy in, the library's own outputs back.
+    """Loaded transformers model that takes numpy arrays and returns the library's outputs.
 
     Attributes:
         config: the model's, as the library has it.
@@ -58,7 +65,7 @@ class Network:
         self._model, self._threads = model, threads
 
     def run(self, method: str = "", /, **inputs: Any) -> Any:
-        """Call the model, or a method of it.
+        """Call the model, or one of its methods.
 
         Args:
             method: its name; empty for the model's own call.
@@ -72,6 +79,7 @@ class Network:
             return call(**{name: self._tensor(name, value) for name, value in inputs.items()})
 
     def _tensor(self, name: str, value: Any) -> Any:
+        """Convert an input to a tensor on the model's device."""
         import torch
 
         if not isinstance(value, np.ndarray):
@@ -80,10 +88,10 @@ class Network:
         return tensor.to(self._model.dtype) if name == "pixel_values" else tensor
 
 
-class Pretrained(Backend):
-    """A backend of networks that were saved by transformers' ``save_pretrained``, or lie so on the hub."""
+class PretrainedBackend(Backend):
+    """Base class of backends whose networks are in the format of transformers' ``save_pretrained``."""
 
-    parts: ClassVar[tuple[Part, ...]]
+    specs: ClassVar[tuple[ModelSpec, ...]]
     options: ModelOptions
 
     def __init__(self, options: Any = None) -> None:
@@ -91,12 +99,12 @@ class Pretrained(Backend):
         self._networks: dict[str, Network] = {}
 
     def missing(self) -> tuple[str, ...]:
-        """What of the weights is not on this machine, each in words with how to get it."""
-        return tuple(told for part in self.parts for told in lacks(part, self._value(part)))
+        """Describe the missing weights, each with how to get it."""
+        return tuple(told for spec in self.specs for told in missing_files(spec, self._value(spec)))
 
     def fingerprint(self) -> str:
-        """Identity of the weights, without their path."""
-        found = [fingerprint_of(self._value(part)) for part in self.parts]
+        """Return the identity of the weights, independent of their path."""
+        found = [model_fingerprint(self._value(spec)) for spec in self.specs]
         return " ".join(found) if all(found) else ""
 
     def load(self, device: str = "cpu") -> None:
@@ -109,15 +117,15 @@ class Pretrained(Backend):
         """
         check_device(device)
         self._networks = {
-            part.option: open_network(part, self._value(part), self.options, device) for part in self.parts
+            spec.option: open_network(spec, self._value(spec), self.options, device) for spec in self.specs
         }
 
     def close(self) -> None:
-        """Let go of the networks."""
+        """Release the networks."""
         self._networks = {}
 
     def network(self, option: str = "weights") -> Network:
-        """A loaded network.
+        """Return a loaded network by its option.
 
         Raises:
             BackendError: ``load`` was not called.
@@ -126,24 +134,24 @@ class Pretrained(Backend):
             return self._networks[option]
         except KeyError:
             name = type(self).__name__
-            raise BackendError(f"{name} was asked before its networks were loaded: call load() first") from None
+            raise BackendError(f"{name} is not loaded: call load() before infer()") from None
 
-    def _value(self, part: Part) -> str:
-        return str(getattr(self.options, part.option))
+    def _value(self, spec: ModelSpec) -> str:
+        return str(getattr(self.options, spec.option))
 
 
-def array(tensor: Any) -> NDArray[np.float32]:
-    """A tensor of any device and type of number as float32 numpy."""
+def to_numpy(tensor: Any) -> NDArray[np.float32]:
+    """Convert a tensor of any device and float type to float32 numpy."""
 
     plain = tensor.detach().float().cpu().numpy() if hasattr(tensor, "detach") else tensor
     return np.asarray(plain, np.float32)
 
 
-def open_network(part: Part, value: str, options: ModelOptions, device: str) -> Network:
-    """Read a model, and its tokenizer if it takes words.
+def open_network(spec: ModelSpec, value: str, options: ModelOptions, device: str) -> Network:
+    """Load a model, and its tokenizer if it takes text.
 
     Args:
-        part: which class it is to be.
+        spec: which class it is to be.
         value: as for :func:`find_folder`.
         options: types of numbers and threads.
         device: "cpu", "cuda", "cuda:N".
@@ -153,19 +161,19 @@ def open_network(part: Part, value: str, options: ModelOptions, device: str) -> 
         DeviceError: the device cannot compute with such numbers.
         BackendError: the folder holds another model, or not all of its weights.
     """
-    _check_numbers(options.dtype, device)
-    if absent := lacks(part, value):
+    _check_dtype(options.dtype, device)
+    if absent := missing_files(spec, value):
         raise WeightsMissingError("; ".join(absent))
     folder = find_folder(value)
-    check_type(folder, part)
+    check_model_type(folder, spec)
     import torch
     import transformers
 
     try:
-        kind = getattr(transformers, part.kind)
+        kind = getattr(transformers, spec.class_name)
     except (AttributeError, ImportError) as cause:
         raise BackendError(
-            f"transformers {transformers.__version__} has no {part.kind}, or needs more for it: "
+            f"transformers {transformers.__version__} has no {spec.class_name}, or needs more for it: "
             f"pip install --upgrade transformers ({cause})"
         ) from cause
     try:
@@ -174,15 +182,16 @@ def open_network(part: Part, value: str, options: ModelOptions, device: str) -> 
                 str(folder), local_files_only=True, dtype=getattr(torch, options.dtype), output_loading_info=True
             )
             tokenizer = None
-            if part.tokens:
+            if spec.needs_tokenizer:
                 tokenizer = transformers.AutoTokenizer.from_pretrained(str(folder), local_files_only=True)
     except Exception as cause:  # a library's door: what it raises for an unfit file is not documented
-        raise BackendError(f"{folder} cannot be read as {part.kind}: {type(cause).__name__}: {cause}") from cause
-    _check_whole(folder, part, told)
+        raise BackendError(f"{folder} cannot be read as {spec.class_name}: {type(cause).__name__}: {cause}") from cause
+    _check_complete(folder, spec, told)
     return Network(model.eval().to(device), tokenizer, threads=options.threads if device == "cpu" else 0)
 
 
-def _check_numbers(dtype: str, device: str) -> None:
+def _check_dtype(dtype: str, device: str) -> None:
+    """Raise DeviceError if the device cannot compute with this dtype."""
     if dtype == "float16" and device == "cpu":
         raise DeviceError("dtype 'float16' needs a GPU: take 'float32', or 'bfloat16', on the device 'cpu'")
     if dtype == "bfloat16" and device != "cpu":
@@ -192,20 +201,20 @@ def _check_numbers(dtype: str, device: str) -> None:
             raise DeviceError(f"device '{device}' cannot compute with 'bfloat16': take 'float16' or 'float32'")
 
 
-def _check_whole(folder: Path, part: Part, told: Any) -> None:
-    """Refuse a file from which weights are missing: the library would fill in random numbers."""
+def _check_complete(folder: Path, spec: ModelSpec, told: Any) -> None:
+    """Raise BackendError if weights are missing, which the library would fill with random numbers."""
     absent = sorted(map(str, told.get("missing_keys", ())))
     if absent:
         names = ", ".join(absent[:_TOLD]) + (", ..." if len(absent) > _TOLD else "")
         raise BackendError(
-            f"{folder} has not all weights of {part.kind}: {len(absent)} are expected and not found ({names}); "
+            f"{folder} has not all weights of {spec.class_name}: {len(absent)} are expected and not found ({names}); "
             "it is another model, or of another version"
         )
 
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """No bars and no advice of the library on the user's screen: what matters is raised from here."""
+    """Hide the library's progress bars and advice."""
     from transformers.utils import logging as library_logging
 
     logging: Any = library_logging  # untyped

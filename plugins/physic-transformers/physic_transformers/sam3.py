@@ -1,4 +1,4 @@
-"""People and floor by words, with one network: SAM 3."""
+"""Segment people and floor from text with SAM 3."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from pydantic import Field
 from physic_core.adapters.detections import clip_boxes
 from physic_core.adapters.pictures import normalized_nchw, resize_image, resize_map
 from physic_core.interfaces import Options, Segmenter
-from physic_transformers.models import WHERE, ModelOptions, Part, Pretrained, array
-from physic_transformers.sam_masks import most_likely, people_of
+from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend, to_numpy
+from physic_transformers.sam_masks import best_rows, people_from_sam
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, People, UInt8Array
@@ -25,7 +25,7 @@ _TOKENS = 32  # of each text: shorter ones are padded
 class Sam3Options(ModelOptions):
     """Settings of :class:`Sam3`."""
 
-    weights: str = Field(default="sam3-hf", description=f"SAM 3: {WHERE}.")
+    weights: str = Field(default="sam3-hf", description=f"SAM 3: {WEIGHTS_HELP}.")
     people_words: str = Field(default="person", min_length=1, description="What a person is called.")
     floor_words: str = Field(
         default="ground, floor, carpet.",
@@ -47,16 +47,18 @@ class Sam3Options(ModelOptions):
     )
 
 
-class Sam3(Pretrained, Segmenter):
-    """Instances of the one text, pixels of the other; the photo is encoded once."""
+class Sam3(PretrainedBackend, Segmenter):
+    """Segmenter by SAM 3: instances of the people's text, pixels of the floor's text. The photo is encoded once."""
 
     Options: ClassVar[type[Options]] = Sam3Options
     options: Sam3Options
-    # The published repository holds the model for videos, of which this is a part.
-    parts: ClassVar[tuple[Part, ...]] = (Part("weights", "Sam3Model", ("sam3", "sam3_video"), tokens=True),)
+    # The published repository holds the model for videos, of which this is a spec.
+    specs: ClassVar[tuple[ModelSpec, ...]] = (
+        ModelSpec("weights", "Sam3Model", ("sam3", "sam3_video"), needs_tokenizer=True),
+    )
 
     def infer(self, image: UInt8Array) -> People:
-        """Image (H, W, 3) -> people, best score first, and the floor.
+        """Segment the people of an image (H, W, 3), best score first, and the floor.
 
         Raises:
             InputError: it is no photo.
@@ -70,30 +72,34 @@ class Sam3(Pretrained, Segmenter):
         floor = self._floor(seen, size)
         out = self._asked(seen, options.people_words)
         # How well a query fits the text, if there is such a thing in the photo at all.
-        scores = _chance(array(out.pred_logits)[0]) * _chance(array(out.presence_logits)[0])
-        rows = most_likely(scores, options.person_score, options.max_people)
+        scores = _chance(to_numpy(out.pred_logits)[0]) * _chance(to_numpy(out.presence_logits)[0])
+        rows = best_rows(scores, options.person_score, options.max_people)
         height, width = size
         boxes, inside = clip_boxes(
-            array(out.pred_boxes)[0, rows] * np.array([width, height, width, height]), height, width
+            to_numpy(out.pred_boxes)[0, rows] * np.array([width, height, width, height]), height, width
         )
-        masks = array(out.pred_masks)[0, rows]
-        return people_of(masks[inside], boxes[inside], scores[rows][inside], floor, size, same=options.same_person)
+        masks = to_numpy(out.pred_masks)[0, rows]
+        return people_from_sam(
+            masks[inside], boxes[inside], scores[rows][inside], floor, size, same=options.same_person
+        )
 
     def _floor(self, seen: Any, size: tuple[int, int]) -> BoolArray | None:
-        """Union of what is found by each word: SAM 3 was trained on one short noun phrase at a time."""
+        """Return the union of the masks of each floor word, because SAM 3 was trained on one short noun phrase at a
+        time.
+        """
 
-        words = [word for part in self.options.floor_words.split(",") if (word := part.strip(" ."))]
+        words = [word for spec in self.options.floor_words.split(",") if (word := spec.strip(" ."))]
         if not words:
             return None
         floor: BoolArray = np.zeros(size, bool)
         for word in words:
             out = self._asked(seen, word)
-            chance = _chance(array(out.semantic_seg)[0, 0]) * _chance(array(out.presence_logits)[0]).item()
+            chance = _chance(to_numpy(out.semantic_seg)[0, 0]) * _chance(to_numpy(out.presence_logits)[0]).item()
             floor |= resize_map(chance, *size) > self.options.floor_score
         return floor
 
     def _asked(self, seen: Any, words: str) -> Any:
-        """The network's answer to a text about a photo that was encoded."""
+        """Run the network on a text and an encoded photo."""
 
         network = self.network()
         text = network.tokenizer(
@@ -104,7 +110,7 @@ class Sam3(Pretrained, Segmenter):
 
 
 def _vision(config: Any) -> Any:
-    """The part of a config that tells the size of the input, be it of the model for photos or of that for videos."""
+    """Return the part of a config with the input size, for the image model or the video model."""
     return getattr(config, "detector_config", None) or config
 
 

@@ -1,4 +1,4 @@
-"""What SAM 2 and SAM 3 give: mask logits over the whole photo, squashed to a square."""
+"""Convert the mask logits of SAM 2 and SAM 3 to people and floor."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, FloatArray, People
 
-__all__ = ["most_likely", "people_of", "union"]
+__all__ = ["best_rows", "people_from_sam", "union_of_masks"]
 
 
-def most_likely(scores: FloatArray, threshold: float, most: int) -> NDArray[np.intp]:
-    """Rows with a score above the threshold, best first, at most ``most``."""
+def best_rows(scores: FloatArray, threshold: float, most: int) -> NDArray[np.intp]:
+    """Return at most ``most`` rows with a score above the threshold, best first."""
 
     order = np.argsort(-scores, kind="stable")
     found: NDArray[np.intp] = order[scores[order] > threshold][:most]
     return found
 
 
-def people_of(
+def people_from_sam(
     logits: FloatArray,
     boxes: FloatArray,
     scores: FloatArray,
@@ -34,7 +34,7 @@ def people_of(
     *,
     same: float,
 ) -> People:
-    """People from one mask each.
+    """Build people from one mask each, without duplicates.
 
     Args:
         logits: (N, h, w) over the whole photo, above 0 inside.
@@ -50,8 +50,8 @@ def people_of(
     return people_from_masks(masks, boxes[rows], scores[rows], floor, size=size)
 
 
-def union(logits: FloatArray, size: tuple[int, int]) -> BoolArray:
-    """(H, W) pixels of the photo that any of (N, h, w) masks holds."""
+def union_of_masks(logits: FloatArray, size: tuple[int, int]) -> BoolArray:
+    """Return the union (H, W) at photo size of masks (N, h, w) given as logits."""
 
     found: BoolArray = np.zeros(size, bool)
     for one in logits:

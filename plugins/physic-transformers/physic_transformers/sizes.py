@@ -1,12 +1,12 @@
-"""To which size a photo is brought for a network that wants its proportions kept."""
+"""Compute input sizes of networks that keep the photo's aspect."""
 
 from __future__ import annotations
 
-__all__ = ["between_edges", "least_change"]
+__all__ = ["resize_edges", "resize_to_frame"]
 
 
-def between_edges(height: int, width: int, short: int, long: int) -> tuple[int, int]:
-    """Height and width so that the shorter side is ``short`` px, or less where the longer one would exceed ``long``.
+def resize_edges(height: int, width: int, short: int, long: int) -> tuple[int, int]:
+    """Return height and width with the shorter side ``short`` px, or less so that the longer side is at most ``long``.
 
     Sides are cut to whole pixels as DETR and its descendants were trained.
     """
@@ -22,8 +22,10 @@ def between_edges(height: int, width: int, short: int, long: int) -> tuple[int, 
     return (side, other) if height <= width else (other, side)
 
 
-def least_change(height: int, width: int, target: tuple[int, int], multiple: int) -> tuple[int, int]:
-    """Height and width, multiples of ``multiple``, of which one is the target's: that which changes the photo less."""
+def resize_to_frame(height: int, width: int, target: tuple[int, int], multiple: int) -> tuple[int, int]:
+    """Return height and width, multiples of ``multiple``, with one side of the target: the side that changes the photo
+    less.
+    """
     scales = (target[0] / height, target[1] / width)
     scale = scales[1] if abs(1 - scales[1]) < abs(1 - scales[0]) else scales[0]
     return (

@@ -1,7 +1,7 @@
-"""ViTPose and ViTPose+: the 17 keypoints of COCO, or 133 of the whole body.
+"""Detect keypoints with ViTPose and ViTPose+: 17 of COCO, or 133 of the whole body.
 
-Only COCO and MPII were trained with unbiased data processing. The other data sets have MMPose's plain affine, and their
-crops and heat maps lie on another grid.
+Only COCO and MPII were trained with unbiased data processing. The other data sets use MMPose's plain affine, whose
+crops and heatmaps are on another pixel grid.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalize
 from physic_core.errors import BackendError
 from physic_core.interfaces import KeypointDetector, Options
 from physic_core.types import Keypoints
-from physic_transformers.models import WHERE, ModelOptions, Part, Pretrained, array
+from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend, to_numpy
 
 if TYPE_CHECKING:
     from physic_core.adapters.crops import Crop, PixelAlignment
@@ -27,7 +27,7 @@ __all__ = ["VitPose", "VitPoseOptions"]
 
 _SKELETONS = {17: "coco17", 133: "coco_wholebody133"}
 _EXPERTS = {17: 0, 133: 5}
-"""Joints -> the data set of a ViTPose+ that has them."""
+"""Number of joints -> index of the ViTPose+ data set with these joints."""
 _UNBIASED = (0, 2)
 """Data sets with unbiased data processing: COCO and MPII."""
 
@@ -35,7 +35,7 @@ _UNBIASED = (0, 2)
 class VitPoseOptions(ModelOptions):
     """Settings of :class:`VitPose`."""
 
-    weights: str = Field(default="vitpose-plus-base-hf", description=f"ViTPose or ViTPose+: {WHERE}.")
+    weights: str = Field(default="vitpose-plus-base-hf", description=f"ViTPose or ViTPose+: {WEIGHTS_HELP}.")
     dataset_index: int | None = Field(
         default=None,
         ge=0,
@@ -46,15 +46,15 @@ class VitPoseOptions(ModelOptions):
     batch: int = Field(default=8, ge=1, description="People that are shown to the network at once.")
 
 
-class VitPose(Pretrained, KeypointDetector):
-    """ViTPose, one person at a time, from the boxes of the segmenter."""
+class VitPose(PretrainedBackend, KeypointDetector):
+    """Keypoint detector by ViTPose, one person at a time, in the boxes of the segmenter."""
 
     Options: ClassVar[type[Options]] = VitPoseOptions
     options: VitPoseOptions
-    parts: ClassVar[tuple[Part, ...]] = (Part("weights", "VitPoseForPoseEstimation", ("vitpose",)),)
+    specs: ClassVar[tuple[ModelSpec, ...]] = (ModelSpec("weights", "VitPoseForPoseEstimation", ("vitpose",)),)
 
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
-        """Image (H, W, 3) and N people -> (N, 17) or (N, 133) points, px of the photo.
+        """Return (N, 17) or (N, 133) keypoints of N people, px.
 
         Raises:
             InputError: it is no photo.
@@ -85,7 +85,7 @@ class VitPose(Pretrained, KeypointDetector):
         return Keypoints(points, scores_to_confidence(scores), _SKELETONS[joints])
 
     def _expert(self, experts: int, joints: int) -> int | None:
-        """The data set whose expert is asked; None where the network has no experts."""
+        """Return the index of the data set's expert; None if the network has no experts."""
         if experts <= 1:
             return None
         chosen = _EXPERTS[joints] if self.options.dataset_index is None else self.options.dataset_index
@@ -96,7 +96,7 @@ class VitPose(Pretrained, KeypointDetector):
         return chosen
 
     def _heatmaps(self, image: UInt8Array, crops: list[Crop], expert: int | None) -> FloatArray:
-        """(n, J, h, w) of what these crops show."""
+        """Return the heatmaps (n, J, h, w) of crops."""
 
         inputs: dict[str, Any] = {
             "pixel_values": np.concatenate(
@@ -105,4 +105,4 @@ class VitPose(Pretrained, KeypointDetector):
         }
         if expert is not None:
             inputs["dataset_index"] = np.full(len(crops), expert, np.int64)
-        return array(self.network().run(**inputs).heatmaps)
+        return to_numpy(self.network().run(**inputs).heatmaps)

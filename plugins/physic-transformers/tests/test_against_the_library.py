@@ -16,7 +16,7 @@ from physic_core.types import Hints, People
 from physic_testing import build_world
 from physic_transformers import depth_pro, grounded_sam2, zoedepth
 from physic_transformers.depth_anything import DepthAnythingMetric, MetricOptions
-from physic_transformers.sizes import between_edges, least_change
+from physic_transformers.sizes import resize_edges, resize_to_frame
 from physic_transformers.vitpose import VitPose, VitPoseOptions
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class TestGroundingDino:
 
         rng = np.random.default_rng(0)
         for height, width in rng.integers(8, 3000, (400, 2)).tolist():
-            assert between_edges(height, width, 800, 1333) == get_size_with_aspect_ratio((height, width), 800, 1333)
+            assert resize_edges(height, width, 800, 1333) == get_size_with_aspect_ratio((height, width), 800, 1333)
 
     def test_boxes_scores_and_words_are_those_of_the_library(self, saved: Callable[..., Path]) -> None:
         from transformers import AutoTokenizer, GroundingDinoProcessor
@@ -72,7 +72,7 @@ class TestGroundingDino:
             text_threshold=0.25,
             target_sizes=[(480, 640)],
         )
-        ours = grounded_sam2.named_boxes(logits[0].numpy(), boxes[0].numpy(), 0.3, 0.25)
+        ours = grounded_sam2.decode_text_boxes(logits[0].numpy(), boxes[0].numpy(), 0.3, 0.25)
         order = np.argsort(-theirs["scores"].numpy(), kind="stable")
         assert len(order) > 10
         np.testing.assert_allclose(ours.scores, theirs["scores"].numpy()[order], rtol=1e-6)
@@ -104,7 +104,7 @@ class TestDepthPro:
         image = photo(height, width)
         normal = (torch.from_numpy(image.transpose(2, 0, 1)[None]) / 255 - 0.5) / 0.5
         theirs = torch.nn.functional.interpolate(normal, (768, 768), mode="bilinear", align_corners=False)
-        np.testing.assert_allclose(depth_pro.pixels(image, 768), theirs.numpy(), atol=2e-4)
+        np.testing.assert_allclose(depth_pro.preprocess(image, 768), theirs.numpy(), atol=2e-4)
 
     def test_depth_and_focal_length_follow_the_formulas_of_the_library(self) -> None:
         rng = np.random.default_rng(3)
@@ -173,7 +173,7 @@ class TestZoeDepth:
 
         image = photo(height, width)
         theirs = ZoeDepthImageProcessorPil(ensure_multiple_of=32)(images=image, return_tensors="np")["pixel_values"]
-        ours = zoedepth.pixels(image)
+        ours = zoedepth.preprocess(image)
         assert ours.shape == theirs.shape
         np.testing.assert_allclose(ours, theirs, atol=2e-5)
 
@@ -186,7 +186,7 @@ class TestZoeDepth:
                 theirs = get_resize_output_image_size(
                     np.empty((3, height, width), np.uint8), (384, 512), True, 32, "channels_first"
                 )
-                assert least_change(height, width, (384, 512), 32) == tuple(map(int, theirs))
+                assert resize_to_frame(height, width, (384, 512), 32) == tuple(map(int, theirs))
 
     @pytest.mark.parametrize(("height", "width"), [(240, 320), (97, 131), (640, 300)])
     def test_the_frame_is_cut_off_as_the_library_does(self, height: int, width: int) -> None:
@@ -196,7 +196,7 @@ class TestZoeDepth:
             torch.from_numpy(depth)[None, None], (height + 2 * rows, width + 2 * columns), mode="bilinear"
         )
         theirs = whole[0, 0, rows:-rows, columns:-columns].numpy()
-        np.testing.assert_allclose(zoedepth.unframed(depth, height, width), theirs, atol=1e-4)
+        np.testing.assert_allclose(zoedepth.crop_padding(depth, height, width), theirs, atol=1e-4)
 
 
 class TestEomt:

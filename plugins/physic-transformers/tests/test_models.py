@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 BACKENDS = (GroundedSam2, Sam3, Eomt, DepthPro, DepthAnythingMetric, DepthAnythingRelative, ZoeDepth, VitPose)
-DEPTH = models.Part("weights", "DepthAnythingForDepthEstimation", ("depth_anything",))
+DEPTH = models.ModelSpec("weights", "DepthAnythingForDepthEstimation", ("depth_anything",))
 GREY = np.full((60, 80, 3), 128, np.uint8)
 
 
@@ -128,10 +128,10 @@ def test_a_folder_without_the_files_is_missing_them(tmp_path: Path) -> None:
 def test_every_default_is_in_the_list_of_weights(kind: Any) -> None:
     known = weights.read_manifest(MANIFEST)
     backend = kind()
-    for part in kind.parts:
-        files = {file.path for file in known[getattr(backend.options, part.option)].files}
+    for spec in kind.specs:
+        files = {file.path for file in known[getattr(backend.options, spec.option)].files}
         assert {"config.json", "model.safetensors"} <= files
-        assert ("tokenizer.json" in files) == part.tokens
+        assert ("tokenizer.json" in files) == spec.needs_tokenizer
 
 
 def test_a_model_of_another_type_is_refused(saved: Callable[..., Path]) -> None:
@@ -203,7 +203,7 @@ def test_a_gpu_that_is_not_there_is_refused_before_anything_is_read() -> None:
 def test_a_backend_that_is_not_loaded_says_so() -> None:
     with pytest.raises(BackendError) as error:
         DepthPro().infer(GREY, Hints())
-    assert str(error.value) == "DepthPro was asked before its networks were loaded: call load() first"
+    assert str(error.value) == "DepthPro is not loaded: call load() before infer()"
 
 
 def test_threads_are_given_back_after_the_call(saved: Callable[..., Path]) -> None:
@@ -249,13 +249,13 @@ def test_the_fingerprint_changes_with_the_files_and_not_with_their_place(
 
 
 class TestPublishedLayouts:
-    """The repositories of SAM 2.1 and SAM 3 hold the models for videos, of which those for photos are a part."""
+    """The repositories of SAM 2.1 and SAM 3 hold the models for videos, of which those for photos are a spec."""
 
     def test_sam_2_is_read_from_the_model_for_videos(self, saved: Callable[..., Path]) -> None:
         folder = saved("sam2_video")
         assert json.loads((folder / "config.json").read_text())["model_type"] == "sam2_video"
-        part = models.Part("masks", "Sam2Model", ("sam2", "sam2_video"))
-        network = models.open_network(part, str(folder), models.ModelOptions(), "cpu")
+        spec = models.ModelSpec("masks", "Sam2Model", ("sam2", "sam2_video"))
+        network = models.open_network(spec, str(folder), models.ModelOptions(), "cpu")
         from safetensors.numpy import load_file
 
         published = load_file(folder / "model.safetensors")
@@ -267,8 +267,8 @@ class TestPublishedLayouts:
     def test_sam_3_is_read_from_the_model_for_videos(self, saved: Callable[..., Path]) -> None:
         folder = saved("sam3_video")
         assert json.loads((folder / "config.json").read_text())["model_type"] == "sam3_video"
-        part = models.Part("weights", "Sam3Model", ("sam3", "sam3_video"))
-        network = models.open_network(part, str(folder), models.ModelOptions(), "cpu")
+        spec = models.ModelSpec("weights", "Sam3Model", ("sam3", "sam3_video"))
+        network = models.open_network(spec, str(folder), models.ModelOptions(), "cpu")
         from safetensors.numpy import load_file
 
         published = load_file(folder / "model.safetensors")

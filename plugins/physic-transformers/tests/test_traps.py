@@ -24,11 +24,11 @@ from physic_transformers.depth_anything import (
 )
 from physic_transformers.depth_pro import DepthPro, DepthProOptions
 from physic_transformers.eomt import Eomt, EomtOptions, class_names
-from physic_transformers.grounded_sam2 import GroundedSam2, GroundedSam2Options, named_boxes, prompt_of
+from physic_transformers.grounded_sam2 import GroundedSam2, GroundedSam2Options, decode_text_boxes, format_prompt
 from physic_transformers.models import Network
 from physic_transformers.sam3 import Sam3, Sam3Options
 from physic_transformers.vitpose import VitPose, VitPoseOptions
-from physic_transformers.zoedepth import ZoeDepth, ZoeDepthOptions, margins
+from physic_transformers.zoedepth import ZoeDepth, ZoeDepthOptions, reflect_padding
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -44,11 +44,11 @@ class Recorded:
 
     def __init__(self, config: Any, *answers: Any, tokenizer: Any = None) -> None:
         self.config, self.tokenizer = config, tokenizer
-        self.answers, self.asked = list(answers), []
+        self.output_kind, self.asked = list(answers), []
 
     def run(self, method: str = "", /, **inputs: Any) -> Any:
         self.asked.append((method, inputs))
-        return self.answers.pop(0) if len(self.answers) > 1 else self.answers[0]
+        return self.output_kind.pop(0) if len(self.output_kind) > 1 else self.output_kind[0]
 
     def shown(self, call: int = 0) -> NDArray[np.float32]:
         """The pixels of a call."""
@@ -236,7 +236,7 @@ class TestDepthAnything:
 
 class TestZoeDepth:
     def test_the_frame_is_cut_off(self) -> None:
-        rows, columns = margins(60, 100)
+        rows, columns = reflect_padding(60, 100)
         framed_depth = np.full((60 + 2 * rows, 100 + 2 * columns), 9.0, np.float32)
         framed_depth[rows:-rows, columns:-columns] = np.arange(1, 101)
         network = Recorded(None, tensors(predicted_depth=framed_depth[None]))
@@ -288,16 +288,16 @@ class TestGroundedSam2:
         assert (options.box_threshold, options.text_threshold, options.person_score) == (0.3, 0.25, 0.45)
 
     def test_words_are_lower_case_and_end_with_a_dot(self) -> None:
-        assert prompt_of(" A Person") == "a person."
-        assert prompt_of("person.") == "person."
+        assert format_prompt(" A Person") == "a person."
+        assert format_prompt("person.") == "person."
 
     def test_boxes_are_centres_and_sizes_in_shares_of_the_photo(self) -> None:
-        found = named_boxes(np.array([[-9, 2.0, -9]]), np.array([[0.5, 0.4, 0.2, 0.6]]), 0.3, 0.25)
+        found = decode_text_boxes(np.array([[-9, 2.0, -9]]), np.array([[0.5, 0.4, 0.2, 0.6]]), 0.3, 0.25)
         np.testing.assert_allclose(found.boxes, [[0.4, 0.1, 0.6, 0.7]])
         assert found.tokens == ((1,),)
 
     def test_the_first_token_is_no_word(self) -> None:
-        found = named_boxes(np.array([[3.0, -9, -9]]), np.full((1, 4), 0.5), 0.3, 0.25)
+        found = decode_text_boxes(np.array([[3.0, -9, -9]]), np.full((1, 4), 0.5), 0.3, 0.25)
         assert len(found.scores) == 1
         assert found.tokens == ((),)
 

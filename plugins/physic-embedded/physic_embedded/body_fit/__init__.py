@@ -1,1 +1,1 @@
-"""The embedded body, and its fingers, fitted to landmarks."""
+"""Fit the embedded body model and its fingers to landmarks."""

@@ -1,4 +1,4 @@
-"""From 21 hand landmarks in metres to the 15 finger rotations of a body model.
+"""Fit the 15 finger rotations of a body model to 21 hand landmarks.
 
 Bones of different hands differ in length, so their directions are matched, not their ends: the palm's attitude and the
 angles of a hand's own degrees of freedom (flexion, some spread, hardly any twist) are fitted by least squares within
@@ -17,21 +17,21 @@ if TYPE_CHECKING:
 
     Float = NDArray[np.floating[Any]]
 
-__all__ = ["FingerFit", "HandRest", "fit_fingers"]
+__all__ = ["FingerFit", "RestHand", "fit_fingers"]
 
 FINGERS = ((5, 6, 7, 8), (9, 10, 11, 12), (17, 18, 19, 20), (13, 14, 15, 16), (1, 2, 3, 4))
-"""Landmarks of index, middle, pinky, ring and thumb from base to tip: the order of SMPL-X's hand joints."""
-BASES = [5, 9, 13, 17]
+"""Landmark indices of index, middle, pinky, ring and thumb from base to tip: the order of SMPL-X's hand joints."""
+FINGER_BASES = [5, 9, 13, 17]
 
 FLEX, SPREAD, TWIST = 0, 1, 2
-_FINGER = (
+_FINGER_LIMITS = (
     (0, FLEX, -30, 95, 15, 50),
     (0, SPREAD, -25, 25, 0, 10),
     (0, TWIST, -10, 10, 0, 4),
     (1, FLEX, -5, 110, 20, 50),
     (2, FLEX, -10, 85, 12, 40),
 )
-_THUMB = (
+_THUMB_LIMITS = (
     (0, FLEX, -45, 50, 0, 25),
     (0, SPREAD, -45, 45, 0, 25),
     (0, TWIST, -35, 35, 0, 15),
@@ -42,12 +42,12 @@ _THUMB = (
 """Joint, axis, lowest, highest, usual angle and its spread (degrees) of each degree of freedom. The ranges are those of
 textbooks on the hand, rounded; the usual hand is half open."""
 DIRECTION_SIGMA = 0.12
-"""How far a landmark network's bone directions are off, radians."""
+"""Standard deviation of the landmark network's bone directions, radians."""
 
 
 @dataclass(frozen=True)
-class HandRest:
-    """A hand at rest: what zero rotations look like.
+class RestHand:
+    """Bone directions and joint axes of a hand in the rest pose.
 
     Attributes:
         bones: (5, 3, 3) unit directions of each finger's three bones.
@@ -60,22 +60,24 @@ class HandRest:
     axes: Float
 
     @classmethod
-    def of(cls, points: Float, palm_down: Float) -> HandRest:
-        """From the (21, 3) landmarks of a body in its rest pose and the direction that its palm faces."""
+    def from_landmarks(cls, points: Float, palm_down: Float) -> RestHand:
+        """Compute the rest directions from (21, 3) landmarks of a body in rest pose and the normal of its palm."""
         chains = points[np.array(FINGERS)]
-        bones = _unit(np.diff(chains, axis=1))
+        bones = _normalise(np.diff(chains, axis=1))
         inward = np.tile(palm_down, (5, 3, 1))
         # A thumb does not bend towards the palm's normal but across the palm.
         inward[4] = points[17] - chains[4, 1:2]
-        flexion = _unit(np.cross(bones, inward))
+        flexion = _normalise(np.cross(bones, inward))
         return cls(
-            bones, _unit(points[BASES] - points[0]), np.stack([flexion, np.cross(flexion, bones), bones], axis=2)
+            bones,
+            _normalise(points[FINGER_BASES] - points[0]),
+            np.stack([flexion, np.cross(flexion, bones), bones], axis=2),
         )
 
 
 @dataclass(frozen=True)
 class FingerFit:
-    """A fitted hand.
+    """Finger rotations fitted to the landmarks of one hand.
 
     Attributes:
         rotvecs: (15, 3) radians, index, middle, pinky, ring, thumb, each from base to tip.
@@ -88,8 +90,8 @@ class FingerFit:
     error: float
 
 
-def fit_fingers(landmarks: Float, rest: HandRest) -> FingerFit:
-    """Fit the finger joints of a hand to (21, 3) landmarks in any unit, in a right-handed frame.
+def fit_fingers(landmarks: Float, rest: RestHand) -> FingerFit:
+    """Fit finger rotations to (21, 3) hand landmarks in any unit, in a right-handed frame.
 
     Args:
         landmarks: wrist, then thumb, index, middle, ring and pinky from base to tip.
@@ -98,20 +100,20 @@ def fit_fingers(landmarks: Float, rest: HandRest) -> FingerFit:
     from scipy.optimize import least_squares
     from scipy.spatial.transform import Rotation
 
-    bones = _unit(np.diff(landmarks[np.array(FINGERS)], axis=1))
-    palm = _unit(landmarks[BASES] - landmarks[0])
+    bones = _normalise(np.diff(landmarks[np.array(FINGERS)], axis=1))
+    palm = _normalise(landmarks[FINGER_BASES] - landmarks[0])
     start = Rotation.align_vectors(palm, rest.palm)[0].as_matrix()
-    joints, low, high, usual, spread = _freedoms()
+    joints, low, high, usual, spread = _degrees_of_freedom()
 
     def rotvecs(angles: Float) -> Float:
-        """(P, 26) angles -> (P, 15, 3)."""
+        """Convert angles (P, 26) to rotation vectors (P, 15, 3)."""
         turned = angles[..., None] * rest.axes.reshape(45, 3)[joints]
         out = np.zeros((len(angles), 15, 3))
         np.add.at(out, (slice(None), joints // 3), turned)  # type: ignore[arg-type]  # a slice is an index
         return out
 
     def directions(x: Float) -> tuple[Float, Float]:
-        """(P, 29) palm rotation vector and angles -> bones (P, 5, 3, 3) and palm (P, 4, 3)."""
+        """Convert palm rotation and angles (P, 29) to bone directions (P, 5, 3, 3) and palm directions (P, 4, 3)."""
         root = Rotation.from_rotvec(x[:, :3]).as_matrix() @ start
         turns = Rotation.from_rotvec(rotvecs(x[:, 3:]).reshape(-1, 3)).as_matrix().reshape(len(x), 5, 3, 3, 3)
         first = root[:, None] @ turns[:, :, 0]
@@ -120,7 +122,7 @@ def fit_fingers(landmarks: Float, rest: HandRest) -> FingerFit:
         return (chain @ rest.bones[..., None])[..., 0], rest.palm @ root.transpose(0, 2, 1)
 
     def residuals(x: Float) -> Float:
-        """(P, 29) -> (P, R)."""
+        """Return the residuals (P, R) of unknowns (P, 29)."""
         b, p = directions(x)
         return np.concatenate(
             [
@@ -131,20 +133,20 @@ def fit_fingers(landmarks: Float, rest: HandRest) -> FingerFit:
             axis=1,
         )
 
-    def slope(x: Float) -> Float:
-        """Forward differences, all columns in one call."""
+    def jacobian(x: Float) -> Float:
+        """Return the Jacobian by forward differences, all columns in one call."""
         step = 1e-6
         ahead = residuals(np.concatenate([x[None], x + step * np.eye(len(x))]))
         columns: Float = (ahead[1:] - ahead[0]).T / step
         return columns
 
     inner = 1e-3
-    first = np.clip(_bend(bones, palm, start, rest, joints), low + inner, high - inner)
+    first = np.clip(_initial_angles(bones, palm, start, rest, joints), low + inner, high - inner)
     wide = np.full(3, np.pi)
     found = least_squares(
         lambda x: residuals(x[None])[0],
         np.concatenate([np.zeros(3), first]),
-        jac=slope,
+        jac=jacobian,
         bounds=(np.concatenate([-wide, low]), np.concatenate([wide, high])),
         max_nfev=30,
         ftol=1e-5,
@@ -155,20 +157,20 @@ def fit_fingers(landmarks: Float, rest: HandRest) -> FingerFit:
     return FingerFit(rotvecs(found[:, 3:])[0], root, float(np.arccos(np.clip(cosine, -1, 1)).mean()))
 
 
-def _freedoms() -> tuple[NDArray[np.intp], Float, Float, Float, Float]:
-    """Row in (15 joints x 3 axes), lowest, highest, usual angle and spread (radians) of the 26 degrees of freedom."""
+def _degrees_of_freedom() -> tuple[NDArray[np.intp], Float, Float, Float, Float]:
+    """Return index in (15 joints x 3 axes), lower and upper limit, mean and sigma (radians) of the 26 finger angles."""
     table = [
         ((3 * finger + joint) * 3 + axis, *np.radians(limits))
         for finger in range(5)
-        for joint, axis, *limits in (_THUMB if finger == 4 else _FINGER)
+        for joint, axis, *limits in (_THUMB_LIMITS if finger == 4 else _FINGER_LIMITS)
     ]
     rows, *columns = zip(*table, strict=True)
     low, high, usual, spread = (np.array(c, float) for c in columns)
     return np.array(rows, np.intp), low, high, usual, spread
 
 
-def _bend(bones: Float, palm: Float, root: Float, rest: HandRest, joints: NDArray[np.intp]) -> Float:
-    """Closed form: how far each bone is turned about its joint's axes, seen from the bone before it at rest."""
+def _initial_angles(bones: Float, palm: Float, root: Float, rest: RestHand, joints: NDArray[np.intp]) -> Float:
+    """Return a closed-form estimate of the finger angles: the swing of each bone relative to its parent bone."""
     from scipy.spatial.transform import Rotation
 
     turns = np.zeros((5, 3, 3))
@@ -185,5 +187,6 @@ def _bend(bones: Float, palm: Float, root: Float, rest: HandRest, joints: NDArra
     return turns.reshape(45)[joints]
 
 
-def _unit(v: Float) -> Float:
+def _normalise(v: Float) -> Float:
+    """Scale vectors to unit length."""
     return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-9))

@@ -1,7 +1,7 @@
-"""Bodies fitted to 2D keypoints and 3D landmarks, all people in one optimisation.
+"""Fit the body model to 2D keypoints and 3D landmarks, all people in one optimisation.
 
-Every unknown is divided by its expected size first: on such whitened unknowns L-BFGS comes near a minimum in about 80
-iterations where on raw ones it stalls. Newton's method then finds the minimum itself.
+Every unknown is divided by its standard deviation. On such whitened unknowns L-BFGS comes near a minimum in about 80
+iterations; on raw ones it stalls. Newton's method then converges to the minimum.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from physic_embedded.body_fit.newton import converge
+from physic_embedded.body_fit.newton import minimize_newton
 from physic_embedded.body_fit.problem import fit_problem
 
 if TYPE_CHECKING:
@@ -21,10 +21,9 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel
     from physic_core.types import Skeleton
-    from physic_embedded.body_fit.problem import FitSettings, Start
-    from physic_embedded.body_fit.views import Views
+    from physic_embedded.body_fit.observations import Observations
+    from physic_embedded.body_fit.problem import FitSettings, FloorConstraint, InitialPose
 
-    BoolArray = NDArray[np.bool_]
     FloatArray = NDArray[np.floating]
 
 __all__ = ["BodyFit", "fit_bodies"]
@@ -32,17 +31,17 @@ __all__ = ["BodyFit", "fit_bodies"]
 
 @dataclass(frozen=True)
 class BodyFit:
-    """Fitted bodies, torch tensors of the model's float type, camera frame, metres.
+    """Fitted bodies of N people in the camera frame, metres; tensors of the model's float type.
 
     Attributes:
         rotations: (N, 55, 3, 3).
         betas: (N, K).
         transl: (N, 3).
         joints: (N, 55, 3).
-        loss: (N,) at the end, what the floor says left out, so that fits with and without it compare.
-        reprojection: (N,) mean distance of confident keypoints in sizes of the person.
-        lean: (N,) radians that the landmarks were turned about the view's x axis.
-        landmark_size: (N,) how much larger the body is than its landmarks.
+        loss: (N,) final loss without the terms of the floor, so that fits with and without a floor are comparable.
+        reprojection: (N,) mean reprojection error of confident keypoints, in sizes of the person.
+        lean: (N,) rotation of the landmarks about the view's x axis, radians.
+        landmark_size: (N,) size of the body over that of its landmarks.
     """
 
     rotations: Tensor
@@ -57,37 +56,30 @@ class BodyFit:
 
 def fit_bodies(
     model: BodyModel,
-    views: Views,
+    observations: Observations,
     camera: FloatArray,
     skeleton: Skeleton,
-    start: Start,
+    start: InitialPose,
     settings: FitSettings,
     *,
-    floor_up: FloatArray | None = None,
-    stands: BoolArray | None = None,
-    lean: FloatArray | None = None,
+    floor: FloorConstraint | None = None,
     starts: int = 1,
 ) -> BodyFit:
-    """Fit N bodies.
+    """Fit the body model to the keypoints and landmarks of N people, and return the best fit of each person.
 
     Args:
-        model: the body, float64.
-        views: what is seen of the people.
-        camera: (3, 3) px.
+        model: body model, float64.
+        observations: keypoints and landmarks of the people.
+        camera: (3, 3) intrinsics matrix, px.
         skeleton: joint set of the keypoints.
-        start: first guess.
-        settings: numbers.
-        floor_up: (3,) the floor's normal, camera frame; None where there is no floor.
-        stands: (N,) people who must come out upright; None for nobody.
-        lean: (N,) radians about the view's x axis by which the landmarks are turned before the fit.
-        starts: how many starts each person has: N is the number of people times this, one start of all people after
-            the other. The best one of each person is kept.
-
-    Returns:
-        The fit of each person.
+        start: initial poses.
+        settings: weights and standard deviations.
+        floor: constraint of the floor; None without a floor.
+        starts: initial poses of each person. N is the number of people times this, one start of all people after the
+            other.
     """
-    problem = fit_problem(model, views, camera, skeleton, start, settings, floor_up, stands, lean)
-    unknowns = torch.zeros(len(views.points), problem.width, dtype=model.dtype, requires_grad=True)
+    problem = fit_problem(model, observations, camera, skeleton, start, settings, floor)
+    unknowns = torch.zeros(len(observations.points), problem.num_unknowns, dtype=model.dtype, requires_grad=True)
     optimiser = torch.optim.LBFGS(
         [unknowns],
         max_iter=settings.iterations,
@@ -107,11 +99,11 @@ def fit_bodies(
     with torch.no_grad():
         best = problem.loss(unknowns).view(starts, -1).argmin(0)
     rows = best * len(best) + torch.arange(len(best))
-    problem = problem.pick(rows)
-    found = converge(problem, unknowns.detach()[rows])
+    problem = problem.select(rows)
+    found = minimize_newton(problem, unknowns.detach()[rows])
     with torch.no_grad():
         loss, _, projected = problem.terms(found)
-        body = problem.body(found)
+        body = problem.decode(found)
         seen = (problem.confidence > 0.5).to(model.dtype)
         miss = (projected - problem.points).norm(dim=-1) * seen
         joints = model(body.rotations, body.betas, body.transl, joints_only=True).joints

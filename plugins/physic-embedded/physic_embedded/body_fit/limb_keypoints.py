@@ -1,4 +1,4 @@
-"""The keypoints that the body fit uses, and their rows by name."""
+"""Select the keypoints that the body fit uses."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from physic_core.types.skeletons import is_finger
 if TYPE_CHECKING:
     from physic_core.types import Keypoints, Skeleton
 
-__all__ = ["limb_keypoints", "point_rows"]
+__all__ = ["keypoint_indices", "limb_keypoints"]
 
 _NEEDED = tuple(
     f"{side}_{joint}" for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle") for side in ("left", "right")
@@ -21,7 +21,7 @@ _MOST_FINGERS = 10  # points on fingers; a skeleton with more has whole hands
 
 
 def limb_keypoints(keypoints: Keypoints) -> Keypoints:
-    """The keypoints that bodies have, of whole-body skeletons those of COCO-17 and the feet alone.
+    """Select the keypoints that the body model has; of whole-body skeletons only those of COCO-17 and the feet.
 
     Raises:
         BackendError: the skeleton is unknown, or lacks a joint of an arm or a leg.
@@ -33,7 +33,7 @@ def limb_keypoints(keypoints: Keypoints) -> Keypoints:
     if missing := [name for name in _NEEDED if name not in skeleton.names]:
         raise BackendError(
             f"the embedded body is fitted to shoulders, elbows, wrists, hips, knees and ankles, and the skeleton "
-            f"{skeleton.name!r} lacks {', '.join(missing)}: choose a keypoint detector that detects them"
+            f"{skeleton.name!r} has no {', '.join(missing)}: choose a keypoint detector that detects them"
         )
     columns = list(skeleton.fitted)
     if sum(is_finger(skeleton.names[i]) for i in columns) > _MOST_FINGERS:
@@ -49,6 +49,6 @@ def limb_keypoints(keypoints: Keypoints) -> Keypoints:
     )
 
 
-def point_rows(skeleton: Skeleton) -> dict[str, int]:
-    """Name of each point of a skeleton -> its row."""
+def keypoint_indices(skeleton: Skeleton) -> dict[str, int]:
+    """Return the index of each keypoint of a skeleton by its name."""
     return {name: row for row, name in enumerate(skeleton.names)}

@@ -1,4 +1,4 @@
-"""Which poses are likely: a Gaussian per joint about a relaxed stance, and hinges that bend one way.
+"""Prior of body poses: a Gaussian for each joint about a relaxed stance, and joints that bend in one direction.
 
 Rotation vectors are those of SMPL-X: zero is the T-pose, y up, facing +z, left on +x. A knee bends about +x, the left
 elbow about -y and the right one about +y.
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.floating]
 
-__all__ = ["HINGE_LIMIT", "Hinge", "PosePrior", "hinges", "pose_prior", "resting_fingers"]
+__all__ = ["MAX_HINGE_ANGLE", "Hinge", "PosePrior", "hinge_joints", "pose_prior", "relaxed_finger_pose"]
 
-HINGE_LIMIT = 2.7
-"""Radians to which knees and elbows bend."""
+MAX_HINGE_ANGLE = 2.7
+"""Largest bend of knees and elbows, radians."""
 
 # Standard deviations in radians about x, y, z of each joint's own T-pose axes; left and right alike.
 _SIGMA: dict[str, tuple[float, float, float]] = {
@@ -52,7 +52,7 @@ class PosePrior:
 
 @dataclass(frozen=True)
 class Hinge:
-    """A joint that bends about one axis and one way.
+    """Joint that bends about one axis in one direction.
 
     Attributes:
         row: index among joints 1 to 21.
@@ -66,7 +66,7 @@ class Hinge:
 
 
 def _side(name: str) -> float:
-    """+1 left, -1 right, 0 in the middle."""
+    """Return +1 for a left, -1 for a right and 0 for a middle joint."""
     return 1.0 if name.startswith("left_") else -1.0 if name.startswith("right_") else 0.0
 
 
@@ -74,7 +74,7 @@ _TIGHTER: dict[str, float] = {"spine": 0.4, "neck": 0.6, "head": 0.6, "collar": 
 
 
 def pose_prior(*, tight: bool = False) -> PosePrior:
-    """The prior of a person who may stand, walk, sit or reach: wide at hips, shoulders, knees and elbows.
+    """Return the pose prior of a person who may stand, walk, sit or reach: wide at hips, shoulders, knees and elbows.
 
     Args:
         tight: for fits to 2D keypoints alone, in which a bend towards the camera or away from it only looks like a
@@ -97,15 +97,16 @@ def pose_prior(*, tight: bool = False) -> PosePrior:
     return PosePrior(mean, sigma)
 
 
-def hinges() -> tuple[Hinge, ...]:
-    """Knees and elbows."""
+def hinge_joints() -> tuple[Hinge, ...]:
+    """Return the hinge joints: knees and elbows."""
     knees = [Hinge(JOINT_INDEX[f"{side}_knee"] - 1, 0, 1.0) for side in ("left", "right")]
     elbows = [Hinge(JOINT_INDEX[f"{side}_elbow"] - 1, 1, -_side(f"{side}_")) for side in ("left", "right")]
     return (*knees, *elbows)
 
 
-def resting_fingers() -> FloatArray:
-    """Rotation vectors (33, 3) of joints 22 to 54: jaw and eyes straight, fingers a little curled, thumbs flat."""
+def relaxed_finger_pose() -> FloatArray:
+    """Return rotation vectors (33, 3) of joints 22 to 54: jaw and eyes straight, fingers slightly curled, thumbs
+    flat."""
     curl = np.zeros((33, 3))
     for row, name in enumerate(JOINT_NAMES[22:]):
         if any(finger in name for finger in ("index", "middle", "pinky", "ring")):

@@ -1,4 +1,4 @@
-"""The sum of squares that a body fit makes small: keypoints, landmarks, priors, and what the floor says."""
+"""Loss of the body fit: keypoints, 3D landmarks, priors, and the constraint of a known floor."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import roma
 import torch
 
 from physic_core.body import JOINT_INDEX
-from physic_embedded.body_fit.limb_keypoints import point_rows
-from physic_embedded.body_fit.pose_prior import HINGE_LIMIT, hinges, pose_prior, resting_fingers
-from physic_embedded.body_fit.world_offset import world_offset
+from physic_embedded.body_fit.limb_keypoints import keypoint_indices
+from physic_embedded.body_fit.pose_prior import MAX_HINGE_ANGLE, hinge_joints, pose_prior, relaxed_finger_pose
+from physic_embedded.body_fit.world_offset import world_landmark_offset
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel, LandmarkModel
     from physic_core.types import Skeleton
-    from physic_embedded.body_fit.views import Views
+    from physic_embedded.body_fit.observations import Observations
 
     BoolArray = NDArray[np.bool_]
     FloatArray = NDArray[np.floating]
 
-__all__ = ["FitProblem", "FitSettings", "FittedBody", "Start", "fit_problem"]
+__all__ = ["DecodedUnknowns", "FitProblem", "FitSettings", "FloorConstraint", "InitialPose", "fit_problem"]
 
 
 @dataclass(frozen=True)
 class FitSettings:
-    """Numbers of the fit.
+    """Weights and standard deviations of the body fit.
 
     Attributes:
         iterations: of L-BFGS, which choose the minimum that Newton's method then finds.
@@ -60,8 +60,8 @@ class FitSettings:
 
 
 @dataclass(frozen=True)
-class Start:
-    """Where the fit starts, camera frame.
+class InitialPose:
+    """Initial rotations and positions of N bodies, camera frame.
 
     Attributes:
         root: (N, 3, 3).
@@ -74,13 +74,28 @@ class Start:
     transl: FloatArray
 
 
+@dataclass(frozen=True)
+class FloorConstraint:
+    """Constraint of a known floor on the fit of N people: level feet, and upright bodies.
+
+    Attributes:
+        up: (3,) unit normal of the floor, camera frame.
+        upright: (N,) bool, people whose line from ankles to neck must be vertical.
+        lean: (N,) rotation of the landmarks about the view's x axis before the fit, radians.
+    """
+
+    up: FloatArray
+    upright: BoolArray
+    lean: FloatArray
+
+
 # Steps of one unit of the whitened unknowns.
 _ROOT_STEP, _LOG_Z_STEP, _SIDE_STEP = 0.2, 0.05, 0.01
 _HINGE_WEIGHT = 12.0
 _SEEN = 0.5  # confidence of a joint that counts as seen
 _SOLE_STRIDE = 4  # every fourth vertex of a sole is enough to find its lowest point
-_SHARP = 150.0  # per metre, of the smooth minimum
-_TWINS = ("eye_inner", "eye_outer")  # say the same as the eyes
+_SMOOTH_MIN_SHARPNESS = 150.0  # per metre, of the smooth minimum
+_DUPLICATE_POINTS = ("eye_inner", "eye_outer")  # say the same as the eyes
 _PER_PERSON = (
     "points",
     "weight",
@@ -96,13 +111,13 @@ _PER_PERSON = (
     "lean",
     "up_angle",
     "feet",
-    "stands",
+    "upright",
 )
 
 
 @dataclass(frozen=True)
-class FittedBody:
-    """What the unknowns stand for."""
+class DecodedUnknowns:
+    """Body parameters that correspond to the whitened unknowns of the fit."""
 
     rotations: Tensor
     pose: Tensor
@@ -114,7 +129,7 @@ class FittedBody:
 
 @dataclass(frozen=True)
 class FitProblem:
-    """Everything that stays fixed during a fit, as tensors of the model's float type."""
+    """Constant data of a body fit as tensors of the model's float type."""
 
     landmarks: LandmarkModel
     skeleton: Skeleton
@@ -141,21 +156,22 @@ class FitProblem:
     up_angle: Tensor
     feet: Tensor
     soles: tuple[int, int]
-    stands: Tensor
+    upright: Tensor
     stature: Tensor
     settings: FitSettings
 
     @property
-    def width(self) -> int:
-        """How many unknowns a person has: root, pose, shape, translation, landmark size and lean."""
+    def num_unknowns(self) -> int:
+        """Number of unknowns of one person: root, pose, shape, translation, landmark size and lean."""
         return 3 + 63 + len(self.stature) + 3 + 2
 
-    def pick(self, rows: Tensor) -> FitProblem:
-        """The problem of some people, (n,) int64; who is named twice is there twice."""
+    def select(self, rows: Tensor) -> FitProblem:
+        """Select people by index (n,) int64; an index may repeat."""
         values = {name: getattr(self, name) for name in _PER_PERSON}
         return replace(self, **{name: value[rows] for name, value in values.items() if value is not None})
 
-    def body(self, unknowns: Tensor) -> FittedBody:
+    def decode(self, unknowns: Tensor) -> DecodedUnknowns:
+        """Convert unknowns (N, W) to body parameters."""
         count = len(unknowns)
         root, pose, betas, transl, size, lean = unknowns.split([3, 63, len(self.stature), 3, 1, 1], 1)  # type: ignore[no-untyped-call]
         rotvecs = self.pose + self.sigma * pose.view(count, 21, 3)
@@ -165,24 +181,26 @@ class FitProblem:
         )
         z = torch.exp(self.log_z + _LOG_Z_STEP * transl[:, 2:])
         transl = torch.cat([(self.side + _SIDE_STEP * transl[:, :2]) * z, z], 1)
-        return FittedBody(
+        return DecodedUnknowns(
             rotations,
             rotvecs,
             betas,
             transl,
             torch.exp(self.settings.size_sigma * size)[:, 0],
-            self.lean + self.settings.lean_sigma * lean[:, 0] * self.stands,
+            self.lean + self.settings.lean_sigma * lean[:, 0] * self.upright,
         )
 
     def loss(self, unknowns: Tensor) -> Tensor:
-        """(N,) what the fit makes small: all terms of each person."""
+        """Return the loss (N,) of each person: the sum of all terms."""
         data, floor, _ = self.terms(unknowns)
         return data + floor
 
     def terms(self, unknowns: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Losses (N,) of data and priors, and of what the floor says; and the projected keypoints (N, J, 2)."""
+        """Return the losses (N,) of data and priors, the losses (N,) of the floor, and the projected keypoints (N, J,
+        2).
+        """
         s = self.settings
-        body = self.body(unknowns)
+        body = self.decode(unknowns)
         posed = self.landmarks(body.rotations, body.betas, body.transl)
         joints, points = posed["joints"], posed[self.skeleton].index_select(1, self.rows)
 
@@ -204,49 +222,50 @@ class FitProblem:
         loss = loss + s.shape_weight * body.betas.square().sum(1)
         loss = loss + (body.betas @ self.stature / s.stature_sigma).square()
         loss = loss + unknowns[:, -2:].square().sum(1)
-        for hinge in hinges():
+        for hinge in hinge_joints():
             bend = hinge.sign * body.pose[:, hinge.row, hinge.axis]
             loss = loss + (_HINGE_WEIGHT * torch.relu(-bend)).square()
-            loss = loss + (_HINGE_WEIGHT * torch.relu(bend - HINGE_LIMIT)).square()
+            loss = loss + (_HINGE_WEIGHT * torch.relu(bend - MAX_HINGE_ANGLE)).square()
 
         column = ((joints[:, 12] - joints[:, 7:9].mean(1))[:, None] @ self.turn)[:, 0]
         angle = torch.atan2(column[:, 2], -column[:, 1]) - self.up_angle
         heights = (posed["vertices"] @ self.up).split(self.soles, 1)  # type: ignore[no-untyped-call]
-        left, right = (-torch.logsumexp(-_SHARP * h, 1) / _SHARP for h in heights)  # a smooth minimum
+        left, right = (
+            -torch.logsumexp(-_SMOOTH_MIN_SHARPNESS * h, 1) / _SMOOTH_MIN_SHARPNESS for h in heights
+        )  # a smooth minimum
         level = self.feet * 8 * torch.log1p(((left - right) / s.level_sigma).square() / 8)
         knees = ((body.pose - self.pose)[:, self.knees, 0] / s.knee_sigma).square().sum(1)
-        vertical = self.stands * ((angle / s.upright_sigma).square() + knees)
+        vertical = self.upright * ((angle / s.upright_sigma).square() + knees)
         return loss, vertical + level, projected
 
 
 def fit_problem(
     model: BodyModel,
-    views: Views,
+    observations: Observations,
     camera: FloatArray,
     skeleton: Skeleton,
-    start: Start,
+    start: InitialPose,
     settings: FitSettings,
-    floor_up: FloatArray | None,
-    stands: BoolArray | None,
-    lean: FloatArray | None,
+    floor: FloorConstraint | None,
 ) -> FitProblem:
-    """The problem of N people; arguments as of :func:`physic_embedded.body_fit.fit.fit_bodies`."""
+    """Build the least-squares problem of N people; arguments as of :func:`physic_embedded.body_fit.fit.fit_bodies`."""
 
     def tensor(array: object) -> Tensor:
         # A copy: torch takes neither read-only arrays nor negative strides.
         return torch.as_tensor(np.array(array, order="C"), dtype=model.dtype)
 
-    count = len(views.points)
-    index = point_rows(skeleton)
-    used = [name for name in index if not any(twin in name for twin in _TWINS)]
+    count = len(observations.points)
+    index = keypoint_indices(skeleton)
+    used = [name for name in index if not any(twin in name for twin in _DUPLICATE_POINTS)]
     rows = [index[name] for name in used]
-    prior = pose_prior(tight=views.world is None)
+    prior = pose_prior(tight=observations.world is None)
     up, up_angle, feet = np.zeros(3), np.zeros(count), np.zeros(count)
-    if floor_up is not None:
-        up = np.asarray(floor_up, np.float64)
-        seen_up = np.einsum("nij,i->nj", views.turn, up)
+    upright, lean = np.zeros(count), np.zeros(count)
+    if floor is not None:
+        up, upright, lean = np.asarray(floor.up, np.float64), floor.upright, floor.lean
+        seen_up = np.einsum("nij,i->nj", observations.turn, up)
         up_angle = np.arctan2(seen_up[:, 2], -seen_up[:, 1])
-        ankles = views.confidence[:, [index["left_ankle"], index["right_ankle"]]].min(1)
+        ankles = observations.confidence[:, [index["left_ankle"], index["right_ankle"]]].min(1)
         feet = (ankles > _SEEN).astype(float)
     soles = [model.contact_sets[f"{side}_sole"][::_SOLE_STRIDE] for side in ("left", "right")]
     z = start.transl[:, 2:]
@@ -256,34 +275,36 @@ def fit_problem(
         rows=torch.as_tensor(rows),
         hips=(used.index("left_hip"), used.index("right_hip")),
         knees=(JOINT_INDEX["left_knee"] - 1, JOINT_INDEX["right_knee"] - 1),
-        points=tensor(views.points[:, rows]),
-        weight=tensor(views.weight[:, rows]),
-        confidence=tensor(views.confidence[:, rows]),
-        size=tensor(views.size),
-        turn=tensor(views.turn),
-        world=None if views.world is None else tensor(views.world[:, rows] + world_offset(skeleton, used)),
-        world_weight=tensor(views.world_weight[:, rows]),
+        points=tensor(observations.points[:, rows]),
+        weight=tensor(observations.weight[:, rows]),
+        confidence=tensor(observations.confidence[:, rows]),
+        size=tensor(observations.size),
+        turn=tensor(observations.turn),
+        world=None
+        if observations.world is None
+        else tensor(observations.world[:, rows] + world_landmark_offset(skeleton, used)),
+        world_weight=tensor(observations.world_weight[:, rows]),
         camera=tensor(camera),
         root=tensor(start.root),
         pose=tensor(start.pose),
         mean=tensor(prior.mean),
         sigma=tensor(prior.sigma),
-        fingers=roma.rotvec_to_rotmat(tensor(resting_fingers())),
+        fingers=roma.rotvec_to_rotmat(tensor(relaxed_finger_pose())),
         log_z=tensor(np.log(z)),
         side=tensor(start.transl[:, :2] / z),
-        lean=tensor(np.zeros(count) if lean is None else lean),
+        lean=tensor(lean),
         up_angle=tensor(up_angle),
         up=tensor(up),
         feet=tensor(feet),
         soles=(len(soles[0]), len(soles[1])),
-        stands=tensor(np.zeros(count) if stands is None else stands),
+        upright=tensor(upright),
         stature=_stature_per_component(model),
         settings=settings,
     )
 
 
 def _stature_per_component(model: BodyModel) -> Tensor:
-    """Metres (K,) that one unit of each shape component adds to the stature."""
+    """Return the stature (K,) in metres that one unit of each shape component adds."""
     with torch.no_grad():
         units = torch.eye(model.num_betas, dtype=model.dtype)
         return (model.stature(units) - model.stature(-units)) / 2

@@ -1,4 +1,4 @@
-"""A closed-form start for the body fit: limb by limb from 3D landmarks.
+"""Compute closed-form initial poses for the body fit from 3D landmarks, limb by limb.
 
 Zero rotations are a T-pose, y up, facing +z, left on +x; every frame here has these axes.
 """
@@ -11,29 +11,29 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from physic_core.body import JOINT_INDEX
-from physic_embedded.body_fit.limb_keypoints import point_rows
+from physic_embedded.body_fit.limb_keypoints import keypoint_indices
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import Skeleton
-    from physic_embedded.body_fit.views import Views
+    from physic_embedded.body_fit.observations import Observations
 
     FloatArray = NDArray[np.floating]
 
-__all__ = ["place", "pose_from_landmarks", "translation_from_points"]
+__all__ = ["initial_translation", "pose_from_landmarks", "translation_from_points"]
 
 _STRAIGHT = 0.25  # sine of the bend under which a limb shows no hinge axis
 _SPINE_LIMIT = 1.2  # radians between hips and shoulders
 
 
 def pose_from_landmarks(landmarks: FloatArray, skeleton: Skeleton) -> tuple[FloatArray, FloatArray]:
-    """Landmarks (J, 3) in camera axes -> root rotation (3, 3) and rotation vectors (21, 3) of joints 1 to 21.
+    """Convert landmarks (J, 3) in camera axes to a root rotation (3, 3) and rotation vectors (21, 3) of joints 1 to 21.
 
     Wrists, ankles, neck and collars stay at zero. A knee that would bend forward is a wrong depth: it keeps the side of
     the pelvis.
     """
-    row = point_rows(skeleton)
+    row = keypoint_indices(skeleton)
 
     def at(name: str) -> FloatArray:
         return np.asarray(landmarks[row[name]])
@@ -43,8 +43,8 @@ def pose_from_landmarks(landmarks: FloatArray, skeleton: Skeleton) -> tuple[Floa
 
     hips, shoulders = at("left_hip") - at("right_hip"), at("left_shoulder") - at("right_shoulder")
     up = (at("left_shoulder") + at("right_shoulder") - at("left_hip") - at("right_hip")) / 2
-    pelvis = _frame_x(hips + 0.3 * shoulders, up)
-    chest = _frame_y(up, shoulders)
+    pelvis = _frame_from_x(hips + 0.3 * shoulders, up)
+    chest = _frame_from_y(up, shoulders)
     pose = np.zeros((21, 3))
     twist = log(pelvis.T @ chest)
     twist = twist * min(1.0, _SPINE_LIMIT / (float(np.linalg.norm(twist)) + 1e-9))
@@ -52,24 +52,24 @@ def pose_from_landmarks(landmarks: FloatArray, skeleton: Skeleton) -> tuple[Floa
         pose[JOINT_INDEX[name] - 1] = twist / 3
     chest = pelvis @ Rotation.from_rotvec(twist).as_matrix()
     for side, sign in (("left", 1.0), ("right", -1.0)):
-        thigh = _unit(at(f"{side}_knee") - at(f"{side}_hip"))
-        shank = _unit(at(f"{side}_ankle") - at(f"{side}_knee"))
+        thigh = _normalise(at(f"{side}_knee") - at(f"{side}_hip"))
+        shank = _normalise(at(f"{side}_ankle") - at(f"{side}_knee"))
         axis = np.cross(thigh, shank)
         if np.linalg.norm(axis) < _STRAIGHT or axis @ pelvis[:, 0] < -0.2 * np.linalg.norm(axis):
             axis = pelvis[:, 0]
-        leg = _frame_y(-thigh, axis)
+        leg = _frame_from_y(-thigh, axis)
         pose[JOINT_INDEX[f"{side}_hip"] - 1] = log(pelvis.T @ leg)
         local = leg.T @ shank
         pose[JOINT_INDEX[f"{side}_knee"] - 1, 0] = np.clip(np.arctan2(-local[2], -local[1]), 0.0, 2.6)
 
-        upper = _unit(at(f"{side}_elbow") - at(f"{side}_shoulder"))
-        fore = _unit(at(f"{side}_wrist") - at(f"{side}_elbow"))
+        upper = _normalise(at(f"{side}_elbow") - at(f"{side}_shoulder"))
+        fore = _normalise(at(f"{side}_wrist") - at(f"{side}_elbow"))
         axis = np.cross(upper, fore)
         if np.linalg.norm(axis) < _STRAIGHT:
-            swing = _least_rotation(np.array([sign, 0.0, 0.0]), chest.T @ upper)
+            swing = _rotation_between(np.array([sign, 0.0, 0.0]), chest.T @ upper)
             arm = chest @ swing
         else:
-            arm = _frame_x(sign * upper, -sign * axis)
+            arm = _frame_from_x(sign * upper, -sign * axis)
         pose[JOINT_INDEX[f"{side}_shoulder"] - 1] = log(chest.T @ arm)
         pose[JOINT_INDEX[f"{side}_elbow"] - 1, 1] = -sign * np.arctan2(np.linalg.norm(axis), upper @ fore)
     return pelvis, pose
@@ -78,7 +78,7 @@ def pose_from_landmarks(landmarks: FloatArray, skeleton: Skeleton) -> tuple[Floa
 def translation_from_points(
     landmarks: FloatArray, points: FloatArray, weight: FloatArray, camera: FloatArray
 ) -> FloatArray | None:
-    """Where landmarks (J, 3) must be moved to project onto points (J, 2) px; linear least squares.
+    """Solve by linear least squares for the translation with which landmarks (J, 3) project onto points (J, 2) px.
 
     Args:
         landmarks: metres, camera axes.
@@ -100,40 +100,41 @@ def translation_from_points(
     return np.asarray(solution) if solution[2] > 0.2 else None
 
 
-def place(landmarks: FloatArray, views: Views, i: int, camera: FloatArray) -> FloatArray:
-    """Where person i must stand for landmarks about the pelvis (J, 3), camera axes, to project onto the keypoints."""
+def initial_translation(landmarks: FloatArray, observations: Observations, i: int, camera: FloatArray) -> FloatArray:
+    """Return the translation with which the landmarks (J, 3) of person i project onto the keypoints."""
 
-    found = translation_from_points(landmarks, views.points[i], views.confidence[i], camera)
+    found = translation_from_points(landmarks, observations.points[i], observations.confidence[i], camera)
     if found is not None:
         return found
-    ray = views.turn[i][:, 2]
-    return np.asarray(ray / ray[2] * camera[1, 1] * 1.72 / views.size[i])
+    ray = observations.turn[i][:, 2]
+    return np.asarray(ray / ray[2] * camera[1, 1] * 1.72 / observations.size[i])
 
 
-def _unit(vector: FloatArray) -> FloatArray:
+def _normalise(vector: FloatArray) -> FloatArray:
+    """Scale a vector to unit length."""
     return np.asarray(vector / (np.linalg.norm(vector) + 1e-9))
 
 
-def _frame_x(x: FloatArray, near_y: FloatArray) -> FloatArray:
-    """The frame, axes as columns, with this x and a y as near as possible to another direction."""
+def _frame_from_x(x: FloatArray, near_y: FloatArray) -> FloatArray:
+    """Return the frame with this x axis and a y axis as close as possible to another direction; axes are columns."""
 
-    x = _unit(x)
-    y = _unit(near_y - near_y @ x * x)
+    x = _normalise(x)
+    y = _normalise(near_y - near_y @ x * x)
     return np.stack([x, y, np.cross(x, y)], 1)
 
 
-def _frame_y(y: FloatArray, near_x: FloatArray) -> FloatArray:
-    """The frame, axes as columns, with this y and an x as near as possible to another direction."""
+def _frame_from_y(y: FloatArray, near_x: FloatArray) -> FloatArray:
+    """Return the frame with this y axis and an x axis as close as possible to another direction; axes are columns."""
 
-    y = _unit(y)
-    x = _unit(near_x - near_x @ y * y)
+    y = _normalise(y)
+    x = _normalise(near_x - near_x @ y * y)
     return np.stack([x, y, np.cross(x, y)], 1)
 
 
-def _least_rotation(start: FloatArray, end: FloatArray) -> FloatArray:
-    """The least rotation (3, 3) that turns one unit vector onto another."""
+def _rotation_between(start: FloatArray, end: FloatArray) -> FloatArray:
+    """Return the smallest rotation (3, 3) from one unit vector to another."""
     axis = np.cross(start, end)
     angle = np.arctan2(np.linalg.norm(axis), start @ end)
     if np.linalg.norm(axis) < 1e-6:
         axis = np.array([0.0, 0.0, 1.0])  # opposite: any axis will do
-    return np.asarray(Rotation.from_rotvec(angle * _unit(axis)).as_matrix())
+    return np.asarray(Rotation.from_rotvec(angle * _normalise(axis)).as_matrix())

@@ -1,4 +1,4 @@
-"""The constant error of BlazePose's world landmarks.
+"""Systematic error of BlazePose's world landmarks.
 
 They carry an offset that is not the same on the left and on the right. It was measured as the mean residual of the
 embedded body fitted to 31 people in 16 photos; halves of the photos agree on it.
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.floating]
 
-__all__ = ["world_offset"]
+__all__ = ["world_landmark_offset"]
 
 # Centimetres right, down and away from the camera that looks at the person: body minus landmark.
 _WORLD_OFFSET_CM: dict[str, tuple[float, float, float]] = {
@@ -53,8 +53,8 @@ _WORLD_OFFSET_CM: dict[str, tuple[float, float, float]] = {
 }
 
 
-def world_offset(skeleton: Skeleton, names: list[str]) -> FloatArray:
-    """Metres (J, 3) to add to the world landmarks of a joint set; zeros for every set but "blazepose33".
+def world_landmark_offset(skeleton: Skeleton, names: list[str]) -> FloatArray:
+    """Return the correction (J, 3) in metres to add to world landmarks; zeros for every skeleton but "blazepose33".
 
     Args:
         skeleton: of the landmarks.

@@ -1,1 +1,1 @@
-"""The packaged networks: opening them, cutting their inputs out of a photo, reading their outputs."""
+"""Packaged networks: opening, preprocessing and decoding."""

@@ -1,11 +1,11 @@
-"""BlazePose's 33 points, and where the network draws them on a body."""
+"""Skeleton of BlazePose's 33 keypoints, with their positions on the body model."""
 
 from __future__ import annotations
 
 from physic_core.types import SKELETONS, Skeleton
 from physic_core.types.skeletons import SIDES
 
-__all__ = ["BLAZEPOSE"]
+__all__ = ["BLAZEPOSE_SKELETON"]
 
 _SHARES = (
     ("hip", "same knee", 0.06),
@@ -29,7 +29,8 @@ other half by a fifth."""
 _HIP_WEIGHT = 0.5  # BlazePose marks hips on the skin, with a larger error than other joints
 
 
-def _on_body() -> dict[str, dict[str, float]]:
+def _attachment() -> dict[str, dict[str, float]]:
+    """Return the position of each keypoint as weights of points on the body."""
     places: dict[str, dict[str, float]] = {}
     for side, other in zip(SIDES, reversed(SIDES), strict=True):
         for point, towards, share in _SHARES:
@@ -38,10 +39,10 @@ def _on_body() -> dict[str, dict[str, float]]:
     return places
 
 
-BLAZEPOSE = Skeleton(
+BLAZEPOSE_SKELETON = Skeleton(
     "blazepose33",
     SKELETONS["blazepose33"].names,
-    on_body=_on_body(),
+    on_body=_attachment(),
     weights={f"{side}_hip": _HIP_WEIGHT for side in SIDES},
 )
-"""MediaPipe BlazePose with the calibration of the network in this package."""
+"""MediaPipe BlazePose skeleton with the calibration of the network in this package."""

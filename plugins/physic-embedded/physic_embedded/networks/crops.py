@@ -1,7 +1,7 @@
-"""Cutting turned squares and letterboxed squares out of a photo, and carrying coordinates back.
+"""Crop rotated and letterboxed squares from a photo, and convert coordinates between crop and photo.
 
-Photo coordinates are pixels with integer pixel centres. Coordinates inside a cut are its own corner coordinates: 0 is
-the left edge of the first pixel and ``size`` the right edge of the last, which is what the networks here speak.
+Photo coordinates are pixels with integer pixel centres. Crop coordinates are pixel edges: 0 is the left edge of the
+first pixel and ``size`` the right edge of the last, as the networks here use them.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     Float = NDArray[np.floating[Any]]
     Image = NDArray[np.uint8]
 
-__all__ = ["Picture", "Square", "letterboxed"]
+__all__ = ["ImagePyramid", "RotatedSquare", "letterbox_square"]
 
 
 @dataclass(frozen=True)
-class Square:
-    """A square of the photo, turned about its centre.
+class RotatedSquare:
+    """Square of a photo, rotated about its centre.
 
     Attributes:
         center: (2,) px.
@@ -38,25 +38,25 @@ class Square:
 
     @property
     def rotation(self) -> Float:
-        """(2, 2), directions of the square to directions of the photo."""
+        """Rotation (2, 2) from directions in the square to directions in the photo."""
 
         c, s = np.cos(self.angle), np.sin(self.angle)
         return np.array([[c, -s], [s, c]])
 
     def to_photo(self, points: Float, size: int) -> Float:
-        """(..., 2) corner coordinates of a ``size`` x ``size`` cut -> photo px."""
+        """Convert crop coordinates (..., 2) of a ``size`` x ``size`` crop to photo pixels."""
         unit: Float = points / size - 0.5
         return self.center + unit @ self.rotation.T * self.side
 
     def from_photo(self, points: Float, size: int) -> Float:
-        """(..., 2) photo px -> corner coordinates of a ``size`` x ``size`` cut."""
+        """Convert photo pixels (..., 2) to crop coordinates of a ``size`` x ``size`` crop."""
         unit: Float = (points - self.center) @ self.rotation / self.side
         return (unit + 0.5) * size
 
 
 @dataclass(frozen=True)
-class Picture:
-    """A photo with its halved copies, so that a big photo is cut into small squares without aliasing.
+class ImagePyramid:
+    """Photo with half-size copies, so that crops of a large photo are not aliased.
 
     Attributes:
         levels: uint8 RGB images, each about half the size of the one before; the first is the photo.
@@ -65,8 +65,8 @@ class Picture:
     levels: tuple[Image, ...]
 
     @classmethod
-    def of(cls, image: Image, smallest: int = 128) -> Picture:
-        """Halve ``image`` (H, W, 3) until the long side would fall below ``smallest`` px."""
+    def from_image(cls, image: Image, smallest: int = 128) -> ImagePyramid:
+        """Halve an image (H, W, 3) until its long side would fall below ``smallest`` px."""
         import cv2
 
         levels = [image]
@@ -77,16 +77,16 @@ class Picture:
 
     @property
     def height(self) -> int:
-        """Rows of the photo."""
+        """Height of the photo, px."""
         return int(self.levels[0].shape[0])
 
     @property
     def width(self) -> int:
-        """Columns of the photo."""
+        """Width of the photo, px."""
         return int(self.levels[0].shape[1])
 
-    def cut(self, square: Square, size: int) -> Image:
-        """The square resampled to (size, size, 3) uint8; black outside the photo."""
+    def crop(self, square: RotatedSquare, size: int) -> Image:
+        """Resample a square to (size, size, 3) uint8; black outside the photo."""
         import cv2
 
         # The coarsest level that still has a pixel for every pixel of the cut.
@@ -103,8 +103,8 @@ class Picture:
         return cut
 
 
-def letterboxed(image: Image, size: int, origin: tuple[int, int] = (0, 0)) -> tuple[Image, Square]:
-    """Fit a part of the photo into the middle of a black square.
+def letterbox_square(image: Image, size: int, origin: tuple[int, int] = (0, 0)) -> tuple[Image, RotatedSquare]:
+    """Resize an image into the middle of a black square.
 
     Args:
         image: (H, W, 3).
@@ -119,4 +119,4 @@ def letterboxed(image: Image, size: int, origin: tuple[int, int] = (0, 0)) -> tu
     # The photo's corner coordinate 0 lies at pixel coordinate -1/2.
     bands = np.array([box.left, box.top], float)
     center = np.array(origin, float) - 0.5 + (size / 2 - bands) * side / size
-    return pixels, Square(center, float(side), 0.0)
+    return pixels, RotatedSquare(center, float(side), 0.0)

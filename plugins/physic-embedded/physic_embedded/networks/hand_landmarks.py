@@ -1,7 +1,7 @@
-"""A person's hands in a photo with the two MediaPipe hand networks: 21 landmarks, in the photo and in metres.
+"""Detect a person's hands with the two MediaPipe hand networks: 21 landmarks in pixels and in metres.
 
-The palm detector wants a palm that fills a good part of its view, so it looks at cuts about the wrists of a known pose,
-upright and turned so that the forearm points up; the pose also says whose hand and which one it is.
+The palm detector needs a palm that fills a large part of its input, so it gets crops around the wrists of a known pose:
+upright, and rotated so that the forearm points up. The pose also tells whose hand and which side it is.
 """
 
 from __future__ import annotations
@@ -11,28 +11,35 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_embedded.networks.crops import Square
-from physic_embedded.networks.person_detection import anchor_centers, decode
+from physic_embedded.networks.crops import RotatedSquare
+from physic_embedded.networks.person_detection import anchor_centers, decode_detections
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-    from onnxruntime import InferenceSession
 
-    from physic_embedded.networks.crops import Picture
+    from physic_core.adapters.onnx_sessions import OnnxSession
+    from physic_embedded.networks.crops import ImagePyramid
 
     Float = NDArray[np.floating[Any]]
 
-__all__ = ["HandLook", "arm_square", "find_hand", "hand_landmarks", "next_square", "palm_square"]
+__all__ = [
+    "HandLandmarks",
+    "find_hand",
+    "hand_search_square",
+    "predict_hand_landmarks",
+    "square_from_landmarks",
+    "square_from_palm",
+]
 
 DETECTOR_SIZE, LANDMARK_SIZE = 192, 224
 DETECTOR_LAYERS = ((8, 2), (16, 6))
 PALM = [0, 1, 2, 3, 5, 6, 9, 10, 13, 14, 17, 18]
-"""Landmarks of palm and first finger joints, which frame a hand whatever its fingers do."""
+"""Landmark indices of palm and first finger joints, whose box does not depend on the pose of the fingers."""
 
 
 @dataclass(frozen=True)
-class HandLook:
-    """One hand as the landmark network sees it. Wrist, then thumb, index, middle, ring and pinky from base to tip.
+class HandLandmarks:
+    """21 landmarks of one hand: wrist, then thumb, index, middle, ring and pinky from base to tip.
 
     Attributes:
         points: (21, 2) photo px.
@@ -50,12 +57,12 @@ class HandLook:
 
     @property
     def size(self) -> float:
-        """Longer side of the box about the landmarks, px."""
+        """Longer side of the landmarks' box, px."""
         return float(np.ptp(self.points, axis=0).max())
 
 
-def palm_square(box: Float, wrist: Float, middle: Float) -> Square:
-    """The square that the landmark network wants about a detected palm.
+def square_from_palm(box: Float, wrist: Float, middle: Float) -> RotatedSquare:
+    """Return the landmark network's input square for a detected palm.
 
     Wrist -> base of the middle finger points up; half a palm towards the fingers, 2.6 palms wide.
 
@@ -66,37 +73,37 @@ def palm_square(box: Float, wrist: Float, middle: Float) -> Square:
     """
     d = middle - wrist
     side = float(max(box[2] - box[0], box[3] - box[1]))
-    turned = Square((box[:2] + box[2:]) / 2, 2.6 * side, float(np.arctan2(d[0], -d[1])))
-    return Square(turned.center + turned.rotation @ np.array([0.0, -0.5 * side]), turned.side, turned.angle)
+    turned = RotatedSquare((box[:2] + box[2:]) / 2, 2.6 * side, float(np.arctan2(d[0], -d[1])))
+    return RotatedSquare(turned.center + turned.rotation @ np.array([0.0, -0.5 * side]), turned.side, turned.angle)
 
 
-def next_square(points: Float) -> Square:
-    """The square that the landmark network wants about a hand whose (21, 2) landmarks are known."""
+def square_from_landmarks(points: Float) -> RotatedSquare:
+    """Return the landmark network's input square for a hand with known landmarks (21, 2)."""
     middle = (points[[5, 13]].mean(axis=0) + points[9]) / 2
     d = middle - points[0]
-    upright = Square(np.zeros(2), 1.0, float(np.arctan2(d[0], -d[1])))
+    upright = RotatedSquare(np.zeros(2), 1.0, float(np.arctan2(d[0], -d[1])))
     turned = points[PALM] @ upright.rotation
     low, high = turned.min(axis=0), turned.max(axis=0)
     side = float((high - low).max())
     center = upright.rotation @ ((low + high) / 2 + np.array([0.0, -0.1 * (high - low)[1]]))
-    return Square(center, 2.0 * side, upright.angle)
+    return RotatedSquare(center, 2.0 * side, upright.angle)
 
 
-def hand_landmarks(session: InferenceSession, picture: Picture, square: Square) -> HandLook:
-    """Run the landmark network on ``square`` and on its mirror image; the mean of two looks is steadier.
+def predict_hand_landmarks(session: OnnxSession, picture: ImagePyramid, square: RotatedSquare) -> HandLandmarks:
+    """Predict hand landmarks as the mean over a square and its mirror image.
 
     Args:
         session: of ``hand_landmark_full``.
         picture: the photo.
-        square: see :func:`palm_square` and :func:`next_square`.
+        square: see :func:`square_from_palm` and :func:`square_from_landmarks`.
     """
-    cut = picture.cut(square, LANDMARK_SIZE)
+    cut = picture.crop(square, LANDMARK_SIZE)
     points, world, presence, right = _look(session, cut)
     other, other_world, other_presence, other_right = _look(session, cut[:, ::-1])
     other = other * [-1.0, 1.0] + [float(LANDMARK_SIZE), 0.0]
     gap = np.linalg.norm(points - other, axis=1).mean() / max(np.ptp(points, axis=0).max(), 1e-6)
     mean_world = (world + other_world * [-1.0, 1.0, 1.0]) / 2
-    return HandLook(
+    return HandLandmarks(
         points=square.to_photo((points + other) / 2, LANDMARK_SIZE),
         world=np.concatenate([mean_world[:, :2] @ square.rotation.T, mean_world[:, 2:]], axis=1),
         presence=(presence + other_presence) / 2,
@@ -105,8 +112,10 @@ def hand_landmarks(session: InferenceSession, picture: Picture, square: Square) 
     )
 
 
-def _look(session: InferenceSession, cut: NDArray[np.uint8]) -> tuple[Float, Float, float, float]:
-    """Landmarks in corner coordinates of the cut, in metres, presence, and that it is a right hand."""
+def _look(session: OnnxSession, cut: NDArray[np.uint8]) -> tuple[Float, Float, float, float]:
+    """Run the landmark network on a crop: landmarks in crop coordinates, landmarks in metres, presence, right-hand
+    score.
+    """
     raw, presence, right, world = session.run(
         ["landmarks", "presence", "handedness", "world_landmarks"], {"image": cut[None].astype(np.float32) / 255.0}
     )
@@ -114,8 +123,8 @@ def _look(session: InferenceSession, cut: NDArray[np.uint8]) -> tuple[Float, Flo
     return points[:, :2], world[0].reshape(21, 3).astype(float), float(presence[0, 0]), float(right[0, 0])
 
 
-def arm_square(elbow: Float, wrist: Float, knuckles: Float, torso: float) -> tuple[Square, float]:
-    """Where to look for a palm: an upright square about the hand, and the angle that turns the forearm up.
+def hand_search_square(elbow: Float, wrist: Float, knuckles: Float, torso: float) -> tuple[RotatedSquare, float]:
+    """Return the upright square around a hand in which to detect its palm, and the angle that rotates the forearm up.
 
     Args:
         elbow: (2,) px.
@@ -125,28 +134,28 @@ def arm_square(elbow: Float, wrist: Float, knuckles: Float, torso: float) -> tup
     """
     hand = max(0.75 * float(np.linalg.norm(wrist - elbow)), 0.36 * torso)
     forearm = knuckles - elbow
-    return Square(wrist + 0.8 * (knuckles - wrist), 2.6 * hand, 0.0), float(np.arctan2(forearm[0], -forearm[1]))
+    return RotatedSquare(wrist + 0.8 * (knuckles - wrist), 2.6 * hand, 0.0), float(np.arctan2(forearm[0], -forearm[1]))
 
 
 def find_hand(
-    detector: InferenceSession,
-    landmarker: InferenceSession,
-    picture: Picture,
-    around: Square,
+    detector: OnnxSession,
+    landmarker: OnnxSession,
+    picture: ImagePyramid,
+    around: RotatedSquare,
     arm_angle: float,
     wrist: Float,
     side: str,
     *,
     threshold: float = 0.4,
-) -> HandLook | None:
-    """The hand at a wrist, or None.
+) -> HandLandmarks | None:
+    """Detect the hand at a wrist and return its landmarks, or None.
 
     Args:
         detector: session of ``palm_detection_full``.
         landmarker: session of ``hand_landmark_full``.
         picture: the photo.
-        around: see :func:`arm_square`.
-        arm_angle: see :func:`arm_square`.
+        around: see :func:`hand_search_square`.
+        arm_angle: see :func:`hand_search_square`.
         wrist: (2,) of the pose, px.
         side: "left" or "right"; of two hands at one wrist, the one of this side is taken.
         threshold: lowest score of a palm.
@@ -154,23 +163,23 @@ def find_hand(
     anchors = anchor_centers(DETECTOR_SIZE, DETECTOR_LAYERS)
     starts = []
     for angle in (0.0, arm_angle):
-        view = Square(around.center, around.side, angle)
-        cut = picture.cut(view, DETECTOR_SIZE)
+        view = RotatedSquare(around.center, around.side, angle)
+        cut = picture.crop(view, DETECTOR_SIZE)
         boxes, scores = detector.run(["boxes", "scores"], {"image": cut[None].astype(np.float32) / 255.0})
-        for palm in decode(boxes[0], scores[0, :, 0], anchors, DETECTOR_SIZE, threshold)[:2]:
+        for palm in decode_detections(boxes[0], scores[0, :, 0], anchors, DETECTOR_SIZE, threshold)[:2]:
             center = view.to_photo((palm.box[:2] + palm.box[2:]) / 2, DETECTOR_SIZE)
             length = max(palm.box[2] - palm.box[0], palm.box[3] - palm.box[1]) * view.side / DETECTOR_SIZE
             keys = view.to_photo(palm.keypoints, DETECTOR_SIZE)
             box = np.concatenate([center - length / 2, center + length / 2])
-            starts.append(palm_square(box, keys[0], keys[2]))
+            starts.append(square_from_palm(box, keys[0], keys[2]))
     # No palm to see: the pose's own guess of where the hand is.
-    starts.append(Square(around.center, around.side / 1.5, arm_angle))
+    starts.append(RotatedSquare(around.center, around.side / 1.5, arm_angle))
     best, most = None, 0.0
     for start in starts:
-        points, _, presence, right = _look(landmarker, picture.cut(start, LANDMARK_SIZE))
+        points, _, presence, right = _look(landmarker, picture.crop(start, LANDMARK_SIZE))
         points = start.to_photo(points, LANDMARK_SIZE)
         worth = presence * (0.2 + (right if side == "right" else 1.0 - right))
         near = np.linalg.norm(points[0] - wrist) < 0.25 * around.side
         if near and worth > most:
-            best, most = next_square(points), worth
-    return None if best is None else hand_landmarks(landmarker, picture, best)
+            best, most = square_from_landmarks(points), worth
+    return None if best is None else predict_hand_landmarks(landmarker, picture, best)

@@ -1,4 +1,4 @@
-"""Straight line segments of a photo with M-LSD."""
+"""Detect straight line segments with M-LSD."""
 
 from __future__ import annotations
 
@@ -8,17 +8,18 @@ import numpy as np
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-    from onnxruntime import InferenceSession
 
-__all__ = ["line_segments", "outside"]
+    from physic_core.adapters.onnx_sessions import OnnxSession
+
+__all__ = ["detect_line_segments", "segments_outside_mask"]
 
 _SIDE = 512  # px of the network's square input; its answers lie on a grid of half that
 
 
-def line_segments(
-    session: InferenceSession, image: NDArray[np.uint8], threshold: float = 0.15, min_length: float = 0.015
+def detect_line_segments(
+    session: OnnxSession, image: NDArray[np.uint8], threshold: float = 0.15, min_length: float = 0.015
 ) -> NDArray[np.float64]:
-    """Segments of ``image``, in its pixel centres.
+    """Detect straight line segments in an image.
 
     Args:
         session: on ``mlsd_large_512``.
@@ -34,7 +35,7 @@ def line_segments(
     height, width = image.shape[:2]
     fed = np.ones((1, _SIDE, _SIDE, 4), np.float32)  # the fourth channel is ones
     fed[0, ..., :3] = cv2.resize(image, (_SIDE, _SIDE), interpolation=cv2.INTER_AREA)
-    offsets, scores = session.run(["offsets", "scores"], {session.get_inputs()[0].name: fed})
+    offsets, scores = session.run(["offsets", "scores"], {session.session.get_inputs()[0].name: fed})
     row, column = np.nonzero(scores[0, ..., 0] > threshold)
     shift = offsets[0, row, column].reshape(-1, 2, 2)
     cells = np.stack([column, row], -1)[:, None] + shift
@@ -45,8 +46,10 @@ def line_segments(
     return np.asarray(ends[length > min_length * max(height, width)], dtype=np.float64)
 
 
-def outside(segments: NDArray[np.float64], mask: NDArray[np.bool_], share: float = 0.3) -> NDArray[np.float64]:
-    """The segments of which at most ``share`` lies in ``mask`` (H, W), where an inpainter made the picture up."""
+def segments_outside_mask(
+    segments: NDArray[np.float64], mask: NDArray[np.bool_], share: float = 0.3
+) -> NDArray[np.float64]:
+    """Select the segments of which at most ``share`` lies in a mask (H, W), such as the inpainted region."""
 
     height, width = mask.shape
     steps = np.linspace(0.0, 1.0, 9)[None, :, None]

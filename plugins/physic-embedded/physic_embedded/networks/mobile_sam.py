@@ -1,4 +1,4 @@
-"""Masks from points and boxes with the two MobileSAM networks."""
+"""Predict masks from points and boxes with MobileSAM."""
 
 from __future__ import annotations
 
@@ -10,20 +10,21 @@ import numpy as np
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-    from onnxruntime import InferenceSession
+
+    from physic_core.adapters.onnx_sessions import OnnxSession
 
     Float = NDArray[np.floating[Any]]
 
-__all__ = ["Answer", "Embedding", "embed", "prompt"]
+__all__ = ["ImageEmbedding", "MaskProposals", "encode_image", "predict_masks"]
 
-FRAME = 1024
-GRID = 256
-"""Side of the answered masks: one cell is 4 x 4 px of the 1024 px frame."""
+FRAME_SIZE = 1024
+MASK_SIZE = 256
+"""Side of the predicted masks: one cell is 4 x 4 px of the 1024 px frame."""
 
 
 @dataclass(frozen=True)
-class Embedding:
-    """A photo as the mask decoder wants it.
+class ImageEmbedding:
+    """Image encoding for MobileSAM's mask decoder.
 
     Attributes:
         features: (1, 256, 64, 64).
@@ -38,23 +39,23 @@ class Embedding:
     scale: float
 
     def to_frame(self, points: Float) -> Float:
-        """(..., 2) photo px -> px of the 1024 px frame (integer pixel centres in both)."""
+        """Convert photo pixels (..., 2) to pixels of the 1024 px frame; integers are pixel centres in both."""
         frame: Float = (points + 0.5) * self.scale - 0.5
         return frame
 
     @property
     def grid_shape(self) -> tuple[int, int]:
-        """Rows and columns of a mask's cells that lie on the photo."""
-        cell = FRAME / GRID
+        """Rows and columns of mask cells that lie on the photo."""
+        cell = FRAME_SIZE / MASK_SIZE
         return math.ceil(self.height * self.scale / cell), math.ceil(self.width * self.scale / cell)
 
     @property
     def cell(self) -> float:
-        """Side of a cell of the answered masks, photo px."""
-        return FRAME / GRID / self.scale
+        """Side of a mask cell, photo px."""
+        return FRAME_SIZE / MASK_SIZE / self.scale
 
     def grid_points(self) -> Float:
-        """(rows, columns, 2) centres of the cells, photo px."""
+        """Return the centres (rows, columns, 2) of the mask cells, photo px."""
 
         rows, columns = self.grid_shape
         y, x = np.mgrid[:rows, :columns]
@@ -62,7 +63,7 @@ class Embedding:
         return points
 
     def to_photo(self, logits: Float) -> NDArray[np.float32]:
-        """(rows, columns) values of cells -> (H, W) values of photo pixels, bilinear."""
+        """Resample cell values (rows, columns) to photo pixels (H, W), bilinear."""
         import cv2
 
         half = 0.5 / self.cell - 0.5
@@ -75,8 +76,8 @@ class Embedding:
 
 
 @dataclass(frozen=True)
-class Answer:
-    """Four proposals for one prompt.
+class MaskProposals:
+    """Four mask proposals for one prompt.
 
     Attributes:
         logits: (4, rows, columns), above 0 inside; the first is for prompts without ambiguity, the others are whole,
@@ -90,30 +91,30 @@ class Answer:
     raw: Float
 
 
-def embed(session: InferenceSession, image: NDArray[np.uint8]) -> Embedding:
-    """Encode a photo (H, W, 3) once; ``session`` is of ``mobilesam_encoder``."""
+def encode_image(session: OnnxSession, image: NDArray[np.uint8]) -> ImageEmbedding:
+    """Encode a photo (H, W, 3) with the ``mobilesam_encoder``."""
     import cv2
 
     h, w = image.shape[:2]
-    scale = FRAME / max(h, w)
+    scale = FRAME_SIZE / max(h, w)
     nh, nw = max(1, round(h * scale)), max(1, round(w * scale))
     small = cv2.resize(image, (nw, nh), interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
-    frame = np.zeros((FRAME, FRAME, 3), np.float32)
+    frame = np.zeros((FRAME_SIZE, FRAME_SIZE, 3), np.float32)
     frame[:nh, :nw] = small
     size = np.array([nh, nw], np.int64)
     (features,) = session.run(None, {"image": frame.transpose(2, 0, 1)[None], "size": size})
-    return Embedding(features, h, w, scale)
+    return ImageEmbedding(features, h, w, scale)
 
 
-def prompt(
-    session: InferenceSession,
-    embedding: Embedding,
+def predict_masks(
+    session: OnnxSession,
+    embedding: ImageEmbedding,
     inside: Float,
     outside: Float,
     box: Float | None = None,
     mask: Float | None = None,
-) -> Answer:
-    """Ask for the thing that holds some points and not others.
+) -> MaskProposals:
+    """Predict masks of the object that contains some points and not others.
 
     Args:
         session: of ``mobilesam_decoder``.
@@ -138,9 +139,9 @@ def prompt(
             "image_embeddings": embedding.features,
             "point_coords": np.concatenate(points)[None].astype(np.float32),
             "point_labels": np.concatenate(labels)[None].astype(np.float32),
-            "mask_input": np.zeros((1, 1, GRID, GRID), np.float32) if mask is None else mask[None, None],
+            "mask_input": np.zeros((1, 1, MASK_SIZE, MASK_SIZE), np.float32) if mask is None else mask[None, None],
             "has_mask_input": np.array([0 if mask is None else 1], np.float32),
         },
     )
     rows, columns = embedding.grid_shape
-    return Answer(raw[0, :, :rows, :columns], iou[0], raw[0])
+    return MaskProposals(raw[0, :, :rows, :columns], iou[0], raw[0])

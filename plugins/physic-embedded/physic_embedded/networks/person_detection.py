@@ -1,4 +1,4 @@
-"""Decoding the single-shot detectors of MediaPipe: anchors, boxes with keypoints, merging of overlapping answers."""
+"""Decode MediaPipe's single-shot detectors: anchors, boxes with keypoints, merging of overlapping detections."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
     Float = NDArray[np.floating[Any]]
 
-__all__ = ["Detection", "anchor_centers", "decode"]
+__all__ = ["Detection", "anchor_centers", "decode_detections"]
 
 
 @dataclass(frozen=True)
 class Detection:
-    """One answer of a detector.
+    """Detected box with keypoints and score.
 
     Attributes:
         box: (4,) x0 y0 x1 y1.
@@ -33,7 +33,7 @@ class Detection:
 
 
 def anchor_centers(size: int, layers: tuple[tuple[int, int], ...]) -> Float:
-    """(A, 2) anchor centres in [0, 1], x y, of a ``size`` px network.
+    """Return the anchor centres (A, 2), x y in [0, 1], of a ``size`` px network.
 
     Args:
         size: side of the network's input, px.
@@ -48,13 +48,12 @@ def anchor_centers(size: int, layers: tuple[tuple[int, int], ...]) -> Float:
     return np.concatenate(out)
 
 
-def decode(
+def decode_detections(
     raw: Float, logits: Float, anchors: Float, size: int, threshold: float, overlap: float = 0.3
 ) -> list[Detection]:
-    """Network output -> detections in corner coordinates of the ``size`` px input, best first.
+    """Decode network output to detections in pixel-edge coordinates of the ``size`` px input, best first.
 
-    Answers whose boxes overlap are averaged with their scores as weights, as MediaPipe does: the mean is steadier than
-    the best one.
+    Detections whose boxes overlap are averaged with their scores as weights, as in MediaPipe.
 
     Args:
         raw: (A, 4 + 2 K) box centre, box size and K keypoints, px relative to the anchor.

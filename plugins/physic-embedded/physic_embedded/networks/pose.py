@@ -1,4 +1,4 @@
-"""The 33 joints of one person with the BlazePose landmark network."""
+"""Predict the 33 joints of one person with the BlazePose landmark network."""
 
 from __future__ import annotations
 
@@ -8,29 +8,29 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.adapters.detections import sigmoid
-from physic_embedded.networks.crops import Square
+from physic_embedded.networks.crops import RotatedSquare
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-    from onnxruntime import InferenceSession
 
-    from physic_embedded.networks.crops import Picture
+    from physic_core.adapters.onnx_sessions import OnnxSession
+    from physic_embedded.networks.crops import ImagePyramid
 
     Float = NDArray[np.floating[Any]]
 
-__all__ = ["LEFT_RIGHT", "Pose", "landmarks", "person_square"]
+__all__ = ["MIRROR_PAIRS", "Pose", "person_square", "predict_pose"]
 
 LANDMARK_SIZE = 256
-LEFT_RIGHT = (
+MIRROR_PAIRS = (
     *((1, 4), (2, 5), (3, 6), (7, 8), (9, 10), (11, 12), (13, 14), (15, 16), (17, 18)),
     *((19, 20), (21, 22), (23, 24), (25, 26), (27, 28), (29, 30), (31, 32)),
 )
-"""Pairs of BlazePose landmarks that trade places in a mirror, the person's left first."""
+"""Pairs of BlazePose landmarks that swap in a mirror image, the person's left one first."""
 
 
 @dataclass(frozen=True)
 class Pose:
-    """One person as the landmark network sees it.
+    """33 joints, mask and scores of one person, predicted by the landmark network.
 
     Attributes:
         points: (33, 2) photo px.
@@ -50,23 +50,23 @@ class Pose:
     world: Float
     score: float
     mask: Float
-    square: Square
+    square: RotatedSquare
     mirror_gap: float
     mirror_mask_iou: float
 
     def confidence(self, width: int, height: int) -> Float:
-        """(33,) visibility times presence; 0 for a joint outside the photo."""
+        """Return visibility times presence (33,); 0 for a joint outside the photo."""
         x, y = self.points.T
         inside = (x >= -0.5) & (x < width - 0.5) & (y >= -0.5) & (y < height - 0.5)
         return np.where(inside, self.visibility * self.presence, 0.0)
 
     @property
     def torso_length(self) -> float:
-        """Mid shoulders to mid hips, px."""
+        """Distance from mid shoulders to mid hips, px."""
         return float(np.linalg.norm(self.points[[11, 12]].mean(0) - self.points[[23, 24]].mean(0)))
 
     def mask_at(self, points: Float) -> Float:
-        """Logits of the person's mask at (R, C, 2) photo px -> (R, C); very negative outside ``square``."""
+        """Sample the mask logits at photo pixels (R, C, 2); -30 outside ``square``."""
         import cv2
 
         at = (self.square.from_photo(points, LANDMARK_SIZE) - 0.5).astype(np.float32)
@@ -77,17 +77,19 @@ class Pose:
         return logits
 
 
-def person_square(hip: Float, end: Float) -> Square:
-    """The square that the landmark network wants: about the mid hip, upright along hip -> ``end``, 1.25 x as far."""
+def person_square(hip: Float, end: Float) -> RotatedSquare:
+    """Return the landmark network's input square: centred on the mid hip, upright along hip -> ``end``, 1.25 times as
+    large.
+    """
     d = np.asarray(end, float) - hip
-    return Square(np.asarray(hip, float), 2.5 * float(np.hypot(*d)), float(np.arctan2(d[0], -d[1])))
+    return RotatedSquare(np.asarray(hip, float), 2.5 * float(np.hypot(*d)), float(np.arctan2(d[0], -d[1])))
 
 
-def landmarks(session: InferenceSession, picture: Picture, square: Square, passes: int = 2) -> Pose:
-    """Run the landmark network on ``square``, then again where it says the person is.
+def predict_pose(session: OnnxSession, picture: ImagePyramid, square: RotatedSquare, passes: int = 2) -> Pose:
+    """Predict the pose of the person in a square, refining the square ``passes - 1`` times.
 
-    It looks at the last square and at its mirror image: the mean of two looks is steadier, and two looks that disagree
-    are a sign that there is nobody.
+    The last pass is averaged with that of the mirror image, which is steadier. Their disagreement is large where there
+    is no person.
 
     Args:
         session: of ``pose_landmark_heavy``.
@@ -96,17 +98,17 @@ def landmarks(session: InferenceSession, picture: Picture, square: Square, passe
         passes: number of runs, at least 1; the second moves joints by a few px, more move nothing.
     """
     for _ in range(passes - 1):
-        look = _look(session, picture.cut(square, LANDMARK_SIZE))
+        look = _look(session, picture.crop(square, LANDMARK_SIZE))
         square = person_square(*square.to_photo(look.points[33:35], LANDMARK_SIZE))
-    cut = picture.cut(square, LANDMARK_SIZE)
+    cut = picture.crop(square, LANDMARK_SIZE)
     look = _look(session, cut)
     other = _look(session, cut[:, ::-1]).mirrored()
     return _pose(_mean(look, other), square, _gap(look, other), _mask_iou(look.mask, other.mask))
 
 
 @dataclass(frozen=True)
-class _Look:
-    """What the network says about one cut: 39 points in corner coordinates of the cut, 33 of them joints."""
+class _RawPose:
+    """Network output for one crop: 39 points in crop coordinates, of which 33 are joints."""
 
     points: Float
     visibility: Float
@@ -115,12 +117,12 @@ class _Look:
     score: float
     mask: Float
 
-    def mirrored(self) -> _Look:
-        """The same about the mirror image of the cut."""
+    def mirrored(self) -> _RawPose:
+        """Return the output mirrored left to right."""
         swap = np.arange(len(self.points))
-        for a, b in LEFT_RIGHT:
+        for a, b in MIRROR_PAIRS:
             swap[a], swap[b] = b, a
-        return _Look(
+        return _RawPose(
             points=self.points[swap] * [-1.0, 1.0] + [float(LANDMARK_SIZE), 0.0],
             visibility=self.visibility[swap],
             presence=self.presence[swap],
@@ -130,13 +132,13 @@ class _Look:
         )
 
 
-def _look(session: InferenceSession, cut: NDArray[np.uint8]) -> _Look:
-    """One run of the landmark network on a (256, 256, 3) cut."""
+def _look(session: OnnxSession, cut: NDArray[np.uint8]) -> _RawPose:
+    """Run the landmark network on a (256, 256, 3) crop."""
     raw, score, mask, world = session.run(
         ["landmarks", "presence", "mask", "world_landmarks"], {"image": cut[None].astype(np.float32) / 255.0}
     )
     rows = raw[0].reshape(39, 5).astype(float)
-    return _Look(
+    return _RawPose(
         points=rows[:, :2],
         visibility=sigmoid(rows[:, 3]),
         presence=sigmoid(rows[:, 4]),
@@ -146,8 +148,10 @@ def _look(session: InferenceSession, cut: NDArray[np.uint8]) -> _Look:
     )
 
 
-def _mean(a: _Look, b: _Look, near: float = 0.05 * LANDMARK_SIZE) -> _Look:
-    """Mean of two looks; a joint on which they differ by more than ``near`` px stays as the surer look has it."""
+def _mean(a: _RawPose, b: _RawPose, near: float = 0.05 * LANDMARK_SIZE) -> _RawPose:
+    """Average two outputs. A joint that differs by more than ``near`` px is taken from the output with the higher
+    score.
+    """
     first, second = (a, b) if a.score >= b.score else (b, a)
     agree = np.linalg.norm(a.points - b.points, axis=1) < near
 
@@ -155,7 +159,7 @@ def _mean(a: _Look, b: _Look, near: float = 0.05 * LANDMARK_SIZE) -> _Look:
         mean: Float = (x + y) / 2
         return np.where(agree.reshape(-1, *[1] * (x.ndim - 1)), mean, x)
 
-    return _Look(
+    return _RawPose(
         points=mix(first.points, second.points),
         visibility=mix(first.visibility, second.visibility),
         presence=mix(first.presence, second.presence),
@@ -165,21 +169,22 @@ def _mean(a: _Look, b: _Look, near: float = 0.05 * LANDMARK_SIZE) -> _Look:
     )
 
 
-def _gap(a: _Look, b: _Look) -> float:
-    """Mean distance between the joints of two looks over the side of the cut, weighted by what both see."""
+def _gap(a: _RawPose, b: _RawPose) -> float:
+    """Return the mean distance between the joints of two outputs over the crop's side, weighted by common
+    confidence."""
     weight = np.minimum(a.visibility * a.presence, b.visibility * b.presence)[:33]
     apart = np.linalg.norm(a.points - b.points, axis=1)[:33]
     return float((weight * apart).sum() / max(weight.sum(), 1e-6) / LANDMARK_SIZE)
 
 
 def _mask_iou(a: Float, b: Float) -> float:
-    """Intersection over union of two masks given as logits."""
+    """Return the intersection over union of two masks given as logits."""
     both, any_ = ((a > 0) & (b > 0)).sum(), ((a > 0) | (b > 0)).sum()
     return float(both / max(any_, 1))
 
 
-def _pose(look: _Look, square: Square, gap: float, mask_iou: float) -> Pose:
-    """A look carried from its cut to the photo."""
+def _pose(look: _RawPose, square: RotatedSquare, gap: float, mask_iou: float) -> Pose:
+    """Convert a network output from its crop to the photo."""
     points = square.to_photo(look.points, LANDMARK_SIZE)
     world = look.world[:33]
     return Pose(

@@ -1,1 +1,1 @@
-"""People's masks and the floor's mask."""
+"""Segment people and floor."""

@@ -1,7 +1,7 @@
-"""Several people from networks that were made for one.
+"""Detect several people with networks made for one person.
 
-The pose detector expects one person before a camera. Three things make it serve a group: it also looks at overlapping
-tiles of the photo, candidates that mean one body are merged, and the landmark network has the last word.
+The pose detector expects one person in front of the camera. For groups, it also runs on overlapping tiles of the photo,
+detections of the same body are merged, and the landmark network rejects false ones.
 """
 
 from __future__ import annotations
@@ -11,30 +11,30 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.adapters.detections import box_iou
-from physic_embedded.networks.crops import Picture, letterboxed
-from physic_embedded.networks.person_detection import Detection, anchor_centers, decode
-from physic_embedded.networks.pose import landmarks, person_square
+from physic_embedded.networks.crops import ImagePyramid, letterbox_square
+from physic_embedded.networks.person_detection import Detection, anchor_centers, decode_detections
+from physic_embedded.networks.pose import person_square, predict_pose
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
-    from onnxruntime import InferenceSession
 
+    from physic_core.adapters.onnx_sessions import OnnxSession
     from physic_embedded.networks.pose import Pose
 
     Float = NDArray[np.floating[Any]]
 
-__all__ = ["believable", "detect_people", "find_poses", "merge_candidates", "same_body", "tiles"]
+__all__ = ["detect_people", "detect_poses", "is_person", "is_same_person", "merge_candidates", "tiles"]
 
 DETECTOR_SIZE = 224
 DETECTOR_LAYERS = ((8, 2), (16, 2), (32, 6))
 TORSO = [11, 12, 23, 24]
 
 
-def find_poses(
-    detector: InferenceSession,
-    landmarker: InferenceSession,
+def detect_poses(
+    detector: OnnxSession,
+    landmarker: OnnxSession,
     image: NDArray[np.uint8],
     *,
     sure: float = 0.75,
@@ -42,7 +42,7 @@ def find_poses(
     fractions: Sequence[float] = (0.6, 0.4),
     most: int = 20,
 ) -> list[tuple[Pose, float]]:
-    """Poses of different people with their scores, best first.
+    """Detect the poses of all people in an image, and return them with their scores, best first.
 
     Of several candidates on one body, the one whose joints agree best with those of its mirror image stays.
 
@@ -50,28 +50,28 @@ def find_poses(
         detector: session of ``pose_detection``.
         landmarker: session of ``pose_landmark_heavy``.
         image: (H, W, 3).
-        sure: detector score from which a candidate is a person, see :func:`believable`.
+        sure: detector score from which a candidate is a person, see :func:`is_person`.
         weak: detector score from which a candidate is looked at; 0.2 more in a tile, where a close view of anything
             looks more like a person.
         fractions: tile sides over the photo's long side.
         most: at most so many people.
     """
-    picture = Picture.of(image)
+    picture = ImagePyramid.from_image(image)
     weak = min(weak, sure)
     seen = []
     for d in detect_people(detector, picture, weak, min(weak + 0.2, sure), fractions)[: 2 * most]:
-        pose = landmarks(landmarker, picture, person_square(d.keypoints[0], d.keypoints[1]))
-        if believable(pose, d.score, sure):
+        pose = predict_pose(landmarker, picture, person_square(d.keypoints[0], d.keypoints[1]))
+        if is_person(pose, d.score, sure):
             seen.append((pose, d.score * pose.score))
     kept: list[tuple[Pose, float]] = []
     for pose, score in sorted(seen, key=lambda s: s[0].mirror_gap):
-        if not any(same_body(pose, k) for k, _ in kept):
+        if not any(is_same_person(pose, k) for k, _ in kept):
             kept.append((pose, score))
     return sorted(kept, key=lambda s: -s[1])[:most]
 
 
 def tiles(width: int, height: int, fractions: Sequence[float], smallest: int = 160) -> Iterator[tuple[int, int, int]]:
-    """Overlapping squares (x, y, side) that cover a photo.
+    """Yield overlapping squares (x, y, side) that cover a photo.
 
     Args:
         width: of the photo, px.
@@ -96,9 +96,9 @@ def tiles(width: int, height: int, fractions: Sequence[float], smallest: int = 1
 
 
 def detect_people(
-    session: InferenceSession, picture: Picture, threshold: float, tile_threshold: float, fractions: Sequence[float]
+    session: OnnxSession, picture: ImagePyramid, threshold: float, tile_threshold: float, fractions: Sequence[float]
 ) -> list[Detection]:
-    """Candidates in the whole photo, in its tiles and in their mirror images, merged; photo px, best first.
+    """Detect candidate people in the full photo, its tiles and their mirror images; merged, photo px, best first.
 
     Keypoint 0 of a candidate lies between the hips, keypoint 1 at the radius that the landmark network needs.
 
@@ -126,11 +126,11 @@ def detect_people(
     anchors = anchor_centers(DETECTOR_SIZE, DETECTOR_LAYERS)
     found: list[Detection] = []
     for x, y, side, lowest in [(0, 0, max(h, w), threshold), *((*t, tile_threshold) for t in tiles(w, h, fractions))]:
-        shown, square = letterboxed(image[y : y + side, x : x + side], DETECTOR_SIZE, (x, y))
+        shown, square = letterbox_square(image[y : y + side, x : x + side], DETECTOR_SIZE, (x, y))
         for mirrored in (False, True):
             pixels = shown[:, ::-1] if mirrored else shown
             boxes, scores = session.run(["boxes", "scores"], {"image": pixels[None].astype(np.float32) / 127.5 - 1.0})
-            for d in decode(boxes[0], scores[0, :, 0], anchors, DETECTOR_SIZE, lowest):
+            for d in decode_detections(boxes[0], scores[0, :, 0], anchors, DETECTOR_SIZE, lowest):
                 points = np.concatenate([d.box.reshape(2, 2), d.keypoints])
                 if mirrored:
                     points[:, 0] = DETECTOR_SIZE - points[:, 0]
@@ -141,7 +141,7 @@ def detect_people(
 
 
 def merge_candidates(found: Sequence[Detection], nearness: float = 0.35, overlap: float = 0.3) -> list[Detection]:
-    """Keep the best of the candidates that mean one person.
+    """Merge detections of the same person and keep the best.
 
     Two candidates do when their mid hips are nearer than ``nearness`` times the larger body radius, or when their boxes
     overlap by more than ``overlap`` (intersection over union).
@@ -161,11 +161,11 @@ def merge_candidates(found: Sequence[Detection], nearness: float = 0.35, overlap
     return kept
 
 
-def believable(pose: Pose, detected: float, sure: float) -> bool:
-    """Whether a candidate is a person.
+def is_person(pose: Pose, detected: float, sure: float) -> bool:
+    """Return whether a candidate is a person.
 
-    From a detector's score of ``sure`` on, the landmark network's word is enough. It alone also believes in armchairs,
-    so a weaker candidate must in addition look the same in a mirror, and have the trunk of a person.
+    From a detector score of ``sure`` on, the landmark network's score decides. That score alone also accepts armchairs.
+    A weaker candidate must therefore look the same in the mirror image, and have a trunk of plausible length.
 
     Args:
         pose: what the landmark network made of it.
@@ -178,8 +178,8 @@ def believable(pose: Pose, detected: float, sure: float) -> bool:
     return pose.score > 0.95 and steady and pose.torso_length > 0.15 * pose.square.side
 
 
-def same_body(a: Pose, b: Pose) -> bool:
-    """Whether two poses are of one person.
+def is_same_person(a: Pose, b: Pose) -> bool:
+    """Return whether two poses belong to the same person.
 
     They are when their trunks' corners are on average nearer than half a trunk, or when their noses are nearer than a
     quarter of one: the hips of a person who is cut off by the photo's edge are a guess, the head is not.

@@ -1,4 +1,4 @@
-"""From poses to masks that do not overlap: prompts for MobileSAM, the choice among its answers, who owns a pixel."""
+"""Segment people with MobileSAM prompted by poses, and resolve overlapping masks."""
 
 from __future__ import annotations
 
@@ -7,32 +7,32 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_embedded.networks.mobile_sam import prompt
+from physic_embedded.networks.mobile_sam import predict_masks
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
-    from onnxruntime import InferenceSession
 
-    from physic_embedded.networks.mobile_sam import Embedding
+    from physic_core.adapters.onnx_sessions import OnnxSession
+    from physic_embedded.networks.mobile_sam import ImageEmbedding
     from physic_embedded.networks.pose import Pose
 
     Bool = NDArray[np.bool_]
     Float = NDArray[np.floating[Any]]
 
-__all__ = ["PersonMask", "person_mask", "separate"]
+__all__ = ["PersonMask", "person_mask", "resolve_overlaps"]
 
 PROMPT_JOINTS = [0, 11, 12, 13, 14, 23, 24, 25, 26, 27, 28]
-"""Nose, shoulders, elbows, hips, knees, ankles: joints that lie well inside the body."""
+"""Landmark indices of joints well inside the body: nose, shoulders, elbows, hips, knees, ankles."""
 WRISTS = [15, 16]
-CLEAR, VERY_CLEAR = 0.6, 0.9
+MIN_CONFIDENCE, MIN_WRIST_CONFIDENCE = 0.6, 0.9
 """Confidence from which a joint, or a thin joint, is a prompt."""
 
 
 @dataclass(frozen=True)
 class PersonMask:
-    """One person's mask before people are told apart.
+    """Mask of one person before overlaps are resolved.
 
     Attributes:
         logits: (rows, columns) on the grid of the embedding, above 0 inside.
@@ -46,9 +46,9 @@ class PersonMask:
 
 
 def person_mask(
-    decoder: InferenceSession, embedding: Embedding, pose: Pose, others: Sequence[Pose], most_others: int = 8
+    decoder: OnnxSession, embedding: ImageEmbedding, pose: Pose, others: Sequence[Pose], most_others: int = 8
 ) -> PersonMask:
-    """Mask of one person, the answer that agrees best with the landmark network's own rough mask and with the joints.
+    """Segment one person: the proposal that agrees best with the landmark network's rough mask and with the joints.
 
     Joints of the person are the points inside; noses and trunks of the nearest ``others`` the points outside. Asked
     with and without a box, and once more with the best answer as a start.
@@ -65,37 +65,37 @@ def person_mask(
     theirs = np.max([o.mask_at(cells) for o in others], axis=0) if others else np.full_like(soft, -np.inf)
     rough = soft > 0
     # A joint that is hidden behind someone lies on them, and would ask for them.
-    inside = _where(_own_points(pose, embedding), rough & (soft > theirs), embedding)
+    inside = _points_in_mask(_own_points(pose, embedding), rough & (soft > theirs), embedding)
     if not len(inside):
         return PersonMask(soft, inside, 0.0)
-    outside = _where(_trunks(others), ~rough | (theirs > soft), embedding)
+    outside = _points_in_mask(_trunks(others), ~rough | (theirs > soft), embedding)
     near = np.argsort(np.linalg.norm(outside - inside.mean(axis=0), axis=1), kind="stable")[:most_others]
     outside = outside[near]
 
-    joints = pose.points[pose.confidence(embedding.width, embedding.height) > CLEAR]
-    joints = _where(joints, soft > theirs, embedding)
+    joints = pose.points[pose.confidence(embedding.width, embedding.height) > MIN_CONFIDENCE]
+    joints = _points_in_mask(joints, soft > theirs, embedding)
     best, fit, start, used = soft, -np.inf, None, None
     for box in (None, _box(rough, embedding)):
-        answer = prompt(decoder, embedding, inside, outside, box)
+        answer = predict_masks(decoder, embedding, inside, outside, box)
         k, value = _best(answer.logits, rough, joints, outside, embedding)
         if value > fit:
             best, fit, start, used = answer.logits[k], value, answer.raw[k], box
-    answer = prompt(decoder, embedding, inside, outside, used, start)
+    answer = predict_masks(decoder, embedding, inside, outside, used, start)
     k, value = _best(answer.logits, rough, joints, outside, embedding)
     if value > fit:
         best = answer.logits[k]
     return PersonMask(best, inside, float(_iou(best[None] > 0, rough)[0]))
 
 
-def separate(masks: Sequence[PersonMask], embedding: Embedding, speck: float = 0.1) -> Bool:
-    """(N, H, W) masks at the size of the photo; a pixel that several people claim goes to the largest logit.
+def resolve_overlaps(masks: Sequence[PersonMask], embedding: ImageEmbedding, speck: float = 0.1) -> Bool:
+    """Assign each pixel to the person with the largest logit, and return masks (N, H, W) at photo size.
 
     A piece of a mask that holds none of the person's own points and is smaller than ``speck`` times the whole mask is
     taken for somebody else's.
     """
     owner = np.full((embedding.height, embedding.width), -1, np.int16)
     strongest = np.zeros((embedding.height, embedding.width), np.float32)
-    for i, logits in enumerate(_without_specks(masks, embedding, speck)):
+    for i, logits in enumerate(_drop_stray_pieces(masks, embedding, speck)):
         fine = embedding.to_photo(logits)
         wins = fine > strongest
         owner[wins] = i
@@ -103,8 +103,8 @@ def separate(masks: Sequence[PersonMask], embedding: Embedding, speck: float = 0
     return np.stack([owner == i for i in range(len(masks))]) if masks else np.zeros((0, *owner.shape), bool)
 
 
-def _without_specks(masks: Sequence[PersonMask], embedding: Embedding, speck: float) -> Float:
-    """(N, rows, columns) logits of the masks with the claim to stray pieces withdrawn."""
+def _drop_stray_pieces(masks: Sequence[PersonMask], embedding: ImageEmbedding, speck: float) -> Float:
+    """Return the mask logits (N, rows, columns), negative on small pieces without a point of the person."""
     import cv2
 
     logits = np.stack([m.logits for m in masks]) if masks else np.zeros((0, *embedding.grid_shape), np.float32)
@@ -122,36 +122,38 @@ def _without_specks(masks: Sequence[PersonMask], embedding: Embedding, speck: fl
     return logits
 
 
-def _own_points(pose: Pose, embedding: Embedding) -> Float:
-    """Clear joints and three points down the trunk, (P, 2) photo px."""
+def _own_points(pose: Pose, embedding: ImageEmbedding) -> Float:
+    """Return prompt points (P, 2) px on the person: confident joints and three points down the trunk."""
     confidence = pose.confidence(embedding.width, embedding.height)
-    clear = [j for j in PROMPT_JOINTS if confidence[j] > CLEAR] + [j for j in WRISTS if confidence[j] > VERY_CLEAR]
+    clear = [j for j in PROMPT_JOINTS if confidence[j] > MIN_CONFIDENCE] + [
+        j for j in WRISTS if confidence[j] > MIN_WRIST_CONFIDENCE
+    ]
     shoulders, hips = pose.points[[11, 12]].mean(axis=0), pose.points[[23, 24]].mean(axis=0)
     return np.concatenate([pose.points[clear], [shoulders, (shoulders + hips) / 2, hips]])
 
 
 def _trunks(others: Sequence[Pose]) -> Float:
-    """Nose and middle of the trunk of each person, (Q, 2) photo px."""
+    """Return nose and trunk centre of each person, (Q, 2) photo px."""
     points = [p for o in others for p in (o.points[0], o.points[[11, 12, 23, 24]].mean(axis=0))]
     return np.array(points, float).reshape(-1, 2)
 
 
-def _cells(points: Float, embedding: Embedding) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Column and row of the cells that hold (P, 2) photo px, which lie on the photo."""
+def _cells(points: Float, embedding: ImageEmbedding) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return column and row of the mask cells that contain photo pixels (P, 2)."""
     x, y = ((points + 0.5) / embedding.cell).astype(np.intp).T
     return x, y
 
 
-def _where(points: Float, mask: Bool, embedding: Embedding) -> Float:
-    """Those of (P, 2) photo px that lie on the photo and on a cell of ``mask``."""
+def _points_in_mask(points: Float, mask: Bool, embedding: ImageEmbedding) -> Float:
+    """Select the photo pixels (P, 2) that lie on the photo and in a mask."""
     x, y = points.T
     points = points[(x >= 0) & (y >= 0) & (x <= embedding.width - 1) & (y <= embedding.height - 1)]
     column, row = _cells(points, embedding)
     return np.asarray(points[mask[row, column]])
 
 
-def _box(mask: Bool, embedding: Embedding, margin: float = 0.04) -> Float:
-    """Box about a grid mask, photo px, a little larger than its 0.5th to 99.5th percentile."""
+def _box(mask: Bool, embedding: ImageEmbedding, margin: float = 0.04) -> Float:
+    """Return the box of a grid mask in photo px, slightly larger than its 0.5th to 99.5th percentile."""
     y, x = np.nonzero(mask)
     low, high = (np.percentile(np.stack([x, y], axis=1), q, axis=0) for q in (0.5, 99.5))
     grow = margin * (high - low)
@@ -160,8 +162,8 @@ def _box(mask: Bool, embedding: Embedding, margin: float = 0.04) -> Float:
     return np.asarray(edges.ravel())
 
 
-def _best(logits: Float, rough: Bool, joints: Float, outside: Float, embedding: Embedding) -> tuple[int, float]:
-    """Index and fit of the best of several answers.
+def _best(logits: Float, rough: Bool, joints: Float, outside: Float, embedding: ImageEmbedding) -> tuple[int, float]:
+    """Return index and fit of the best proposal.
 
     The fit is the intersection over union with the rough mask, plus the share of clear joints inside, minus the share
     of other people's points inside, both at 0.3.
@@ -178,6 +180,6 @@ def _best(logits: Float, rough: Bool, joints: Float, outside: Float, embedding: 
 
 
 def _iou(masks: Bool, rough: Bool) -> Float:
-    """Intersection over union of masks (M, rows, columns) with one mask -> (M,)."""
+    """Return the intersection over union (M,) of masks (M, rows, columns) with one mask."""
     shared: Float = (masks & rough).sum(axis=(1, 2)) / np.maximum((masks | rough).sum(axis=(1, 2)), 1)
     return shared

@@ -1,1 +1,1 @@
-"""Focal length, gravity and depth offset from what one photo shows."""
+"""Focal length, gravity and disparity offset estimated from a single photo."""

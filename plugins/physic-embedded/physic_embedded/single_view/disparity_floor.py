@@ -1,4 +1,4 @@
-"""The floor as a plane in disparity, before focal length, scale and shift are known.
+"""Fit the floor as a plane in a disparity map of unknown focal length, scale and offset.
 
 A plane n . X = h gives 1 / z = (n . r) / h with the ray r = (x, y, 1), and a disparity is affine in 1 / z: so every
 plane of the scene is a plane over the pixels of the disparity map, whatever the camera and what the map leaves open.
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.floating]
     BoolArray = NDArray[np.bool_]
 
-__all__ = ["DisparityFloor", "disparity_floor"]
+__all__ = ["DisparityFloor", "fit_disparity_floor"]
 
 _MAX_ROLL_DEG = 25.0
 _LOWER_SHARE = 0.6  # the floor is looked for in this lower part of the picture
@@ -25,7 +25,7 @@ _LOWER_SHARE = 0.6  # the floor is looked for in this lower part of the picture
 
 @dataclass(frozen=True)
 class DisparityFloor:
-    """Disparity ``x * du + y * dv + d0`` of the floor, x and y in long sides from the principal point.
+    """Plane of the floor in disparity: ``x * du + y * dv + d0``, x and y in long sides from the principal point.
 
     Attributes:
         du: slope along x.
@@ -44,17 +44,19 @@ class DisparityFloor:
     value_range: float
 
     def horizon(self, infinity: float) -> float:
-        """y (long sides from the principal point) at which the floor reaches the disparity of infinity, at x = 0."""
+        """Return the image y of the floor's horizon (long sides from the principal point) at x = 0."""
         return (infinity - self.d0) / self.dv
 
     def normal(self, infinity: float, focal: float) -> FloatArray:
-        """(3,) downward unit normal, camera frame, for a disparity of infinity and a focal length in long sides."""
+        """Return the downward unit normal (3,), camera frame, for a disparity of infinity and a focal length in long
+        sides.
+        """
 
         down = np.array([self.du * focal, self.dv * focal, self.d0 - infinity])
         return np.asarray(down / np.linalg.norm(down))
 
 
-def disparity_floor(
+def fit_disparity_floor(
     disparity: FloatArray,
     made_up: BoolArray | None = None,
     *,
@@ -62,7 +64,7 @@ def disparity_floor(
     draws: int = 1500,
     seed: int = 0,
 ) -> DisparityFloor | None:
-    """The lowest large plane of a disparity map, by RANSAC.
+    """Fit the lowest large plane of a disparity map by RANSAC.
 
     Pixels nearer to the bottom count more, made-up ones less, and pixels that lie beyond the plane count against it:
     one does not see through a floor.
@@ -121,5 +123,5 @@ def disparity_floor(
 
 
 def _votes(rest: FloatArray, band: float) -> FloatArray:
-    """1 on the plane, -1 clearly beyond it."""
+    """Return 1 for inliers of a plane, -1 for pixels clearly behind it, else 0."""
     return (abs(rest) < band).astype(float) - (rest < -2 * band)

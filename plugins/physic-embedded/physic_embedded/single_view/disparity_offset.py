@@ -1,4 +1,4 @@
-"""The disparity of infinity: what separates a relative disparity from 1 / z.
+"""Estimate the disparity of infinity, the offset between a relative disparity and 1 / z.
 
 A plane stays a plane whatever is taken for infinity, so flatness says nothing about it. What moves is the floor's
 horizon, so cues are weighed on it: gravity read off upright edges, the height of the camera beside a standing person,
@@ -19,10 +19,11 @@ if TYPE_CHECKING:
     from physic_embedded.single_view.disparity_floor import DisparityFloor
     from physic_embedded.single_view.focal import ManhattanFrame
     from physic_embedded.single_view.gravity import Gravity
+    from physic_embedded.standing import StandingPerson
 
     FloatArray = NDArray[np.floating]
 
-__all__ = ["Infinity", "Standing", "disparity_of_infinity", "manhattan_share"]
+__all__ = ["InfinityEstimate", "disparity_of_infinity", "manhattan_normal_share"]
 
 # Ranges of the map: median, and standard deviation of the logarithm. Outdoors below 0, where the network puts the sky;
 # indoors below the farthest pixel.
@@ -35,16 +36,8 @@ _FLOOR_SHARE = 0.1  # a smaller floor than this has no horizon worth reading
 
 
 @dataclass(frozen=True)
-class Standing:
-    """Where a standing person's nose and ankles are, y px."""
-
-    nose: float
-    ankle: float
-
-
-@dataclass(frozen=True)
-class Infinity:
-    """Answer of :func:`disparity_of_infinity`.
+class InfinityEstimate:
+    """Estimated disparity of infinity.
 
     Attributes:
         disparity: of infinity, in the units of the map.
@@ -60,6 +53,7 @@ class Infinity:
 
 
 def _logistic(x: float) -> float:
+    """Return the logistic function."""
     return float(1 / (1 + np.exp(-np.clip(x, -30, 30))))
 
 
@@ -70,9 +64,9 @@ def disparity_of_infinity(
     *,
     gravity: Gravity | None = None,
     frame: ManhattanFrame | None = None,
-    standing: tuple[Standing, ...] = (),
-) -> Infinity:
-    """The most likely disparity of infinity below the farthest pixels of a map.
+    standing: tuple[StandingPerson, ...] = (),
+) -> InfinityEstimate:
+    """Estimate the most likely disparity of infinity of a disparity map.
 
     Args:
         disparity: (H, W), larger is nearer; the network answers 0 for the sky.
@@ -112,7 +106,7 @@ def disparity_of_infinity(
             cost = cost + _robust(np.log(camera / _CAMERA_HEIGHT[0]) / _CAMERA_HEIGHT[1])
             cues.append("the camera's height beside standing people")
     if frame is not None:
-        seen = np.array([manhattan_share(disparity, c, focal_px, frame) for c in candidates[::4]])
+        seen = np.array([manhattan_normal_share(disparity, c, focal_px, frame) for c in candidates[::4]])
         score = np.interp(np.log(gaps), np.log(gaps[::4]), seen)
         cost = cost + 4 * (1 - score / max(float(score.max()), 1e-6))
         cues.append("the walls of the room")
@@ -120,24 +114,24 @@ def disparity_of_infinity(
     kind = "infinitely far" if outdoors > 0.5 else "a wall"
     far = f"the farthest pixels are taken as {kind}"
     rule = far + (", with " + ", ".join(cues) if cues else ", by default")
-    return Infinity(float(candidates[best]), float(gaps[best]), outdoors, rule)
+    return InfinityEstimate(float(candidates[best]), float(gaps[best]), outdoors, rule)
 
 
 def _farthest(disparity: FloatArray) -> tuple[float, float]:
-    """Disparity of the farthest pixels, and the range of the map."""
+    """Return the disparity of the farthest pixels and the range of the map."""
 
     low, far, high = np.percentile(disparity, [1, 0.5, 99])
     return float(far), max(float(high - low), 1e-6)
 
 
 def _robust(residual: FloatArray) -> FloatArray:
-    """A squared residual that levels off: a single cue that is wrong must not outvote everything else."""
+    """Return a robust squared residual, so that a single wrong cue cannot outweigh the others."""
 
     return np.asarray(4 * np.log1p(residual**2 / 4))
 
 
-def manhattan_share(disparity: FloatArray, infinity: float, focal_px: float, frame: ManhattanFrame) -> float:
-    """How many surface normals lie along the axes of a Manhattan frame, 0 to 1, if infinity has this disparity.
+def manhattan_normal_share(disparity: FloatArray, infinity: float, focal_px: float, frame: ManhattanFrame) -> float:
+    """Return the share, 0 to 1, of surface normals along the axes of a Manhattan frame for a disparity of infinity.
 
     Args:
         disparity: (H, W).

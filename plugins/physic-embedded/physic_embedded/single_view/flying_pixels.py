@@ -1,4 +1,4 @@
-"""Pixels of a depth map that hang in the air between a near and a far surface."""
+"""Find flying pixels: pixels of a depth map between a near and a far surface."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["flying_pixels"]
 
 
 def flying_pixels(inverse_depth: NDArray[np.floating], ratio: float = 1.05, bend: float = 0.02) -> NDArray[np.bool_]:
-    """Where depth changes fast and not along a plane.
+    """Return a mask of flying pixels: depth changes fast, and not along a plane.
 
     A plane has a linear inverse depth however flat one looks along it, so a steep change alone does not make an edge: a
     floor near its horizon is as steep. An edge is steep and its inverse depth bends nearby.

@@ -1,4 +1,4 @@
-"""Focal length and the directions of a Manhattan world from line segments.
+"""Estimate the focal length and a Manhattan frame from line segments.
 
 Three orthogonal directions with one focal length explain most straight edges of rooms and streets. The principal point
 is taken at the centre of the picture.
@@ -16,17 +16,17 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["ManhattanFrame", "manhattan_frame", "stable_frame"]
+__all__ = ["ManhattanFrame", "manhattan_frame", "stable_manhattan_frame"]
 
 _BOUNDS = (0.4, 2.5)  # focal lengths searched, in long sides
 _ACCEPTED = (0.45, 2.0)  # an answer nearer the bounds is the bounds' answer
 _TOLERANCE_DEG = 2.0  # a segment that misses its vanishing point by more supports nothing
-_FEWEST_SEGMENTS = 12
+_MIN_SEGMENTS = 12
 
 
 @dataclass(frozen=True)
 class ManhattanFrame:
-    """Focal length and axes that a set of segments agrees on.
+    """Focal length and three orthogonal axes that explain a set of segments.
 
     Attributes:
         focal_px: focal length, px.
@@ -42,8 +42,8 @@ class ManhattanFrame:
 
 
 @dataclass(frozen=True)
-class _Lines:
-    """Segments in units of the long side about the principal point."""
+class _Segments:
+    """Line segments in units of the long side, relative to the principal point."""
 
     middle: FloatArray  # (M, 2)
     direction: FloatArray  # (M, 2) unit
@@ -51,18 +51,19 @@ class _Lines:
     line: FloatArray  # (M, 3) homogeneous
 
 
-def _normalised(segments: FloatArray, width: int, height: int) -> _Lines:
+def _normalised(segments: FloatArray, width: int, height: int) -> _Segments:
+    """Convert segments from pixels to units of the long side."""
     centre = np.array([(width - 1) / 2, (height - 1) / 2])
     ends = (segments - centre) / max(width, height)
     span = ends[:, 1] - ends[:, 0]
     length = np.linalg.norm(span, axis=-1)
     ones = np.ones((len(ends), 1))
     line = np.cross(np.hstack([ends[:, 0], ones]), np.hstack([ends[:, 1], ones]))
-    return _Lines(ends.mean(1), span / length[:, None], length, line)
+    return _Segments(ends.mean(1), span / length[:, None], length, line)
 
 
-def _miss(lines: _Lines, axes: FloatArray, focal: FloatArray) -> FloatArray:
-    """Sine of the angle between every segment and the way from its middle to each vanishing point: (..., 3, M)."""
+def _segment_errors(lines: _Segments, axes: FloatArray, focal: FloatArray) -> FloatArray:
+    """Return the sine of the angle between each segment and the direction to each vanishing point, (..., 3, M)."""
 
     vanishing = axes * np.stack([focal, focal, np.ones_like(focal)], -1)[..., None, :]  # (..., 3, 3)
     way = vanishing[..., None, :2] - lines.middle * vanishing[..., None, 2:]
@@ -70,10 +71,10 @@ def _miss(lines: _Lines, axes: FloatArray, focal: FloatArray) -> FloatArray:
     return np.abs(way[..., 0] * lines.direction[:, 1] - way[..., 1] * lines.direction[:, 0])
 
 
-def _score(lines: _Lines, axes: FloatArray, focal: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Length explained (...,) and by which axis (..., 3)."""
+def _score(lines: _Segments, axes: FloatArray, focal: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the explained segment length (...,), and that of each axis (..., 3)."""
 
-    miss = _miss(lines, axes, focal)
+    miss = _segment_errors(lines, axes, focal)
     nearest = miss.argmin(-2)
     worth = lines.length * np.clip(1 - miss.min(-2) / np.sin(np.radians(_TOLERANCE_DEG)), 0, 1)
     by_axis = np.stack([np.where(nearest == k, worth, 0).sum(-1) for k in range(3)], -1)
@@ -83,7 +84,7 @@ def _score(lines: _Lines, axes: FloatArray, focal: FloatArray) -> tuple[FloatArr
 def manhattan_frame(
     segments: FloatArray, width: int, height: int, *, seed: int = 0, draws: int = 1200
 ) -> ManhattanFrame | None:
-    """The frame of ``draws`` random ones that explains the greatest length, then polished by least squares.
+    """Estimate the Manhattan frame that explains the greatest segment length, by random search and least squares.
 
     Two segments give the first vanishing point; with a focal length, a third segment gives the second direction,
     because it is orthogonal to the first and lies in the plane of that segment and the camera.
@@ -99,7 +100,7 @@ def manhattan_frame(
         The frame, or None when there are too few segments.
     """
 
-    if len(segments) < _FEWEST_SEGMENTS:
+    if len(segments) < _MIN_SEGMENTS:
         return None
     rng = np.random.default_rng(seed)
     lines = _normalised(segments, width, height)
@@ -121,45 +122,45 @@ def manhattan_frame(
         if best is None or total[i, j] > best[0]:
             best = (float(total[i, j]), axes[i, j], float(focal[i, j]))
     assert best is not None
-    axes, focal_long = _polished(lines, best[1], best[2])
+    axes, focal_long = _refine(lines, best[1], best[2])
     total, by_axis = _score(lines, axes, np.asarray(focal_long))
     support = by_axis / max(float(total), 1e-12)
     return ManhattanFrame(focal_long * max(width, height), axes, support, float(total / lines.length.sum()))
 
 
-def _polished(lines: _Lines, axes: FloatArray, focal: float) -> tuple[FloatArray, float]:
-    """Axes and focal length after a robust least-squares fit to the segments that already agree."""
+def _refine(lines: _Segments, axes: FloatArray, focal: float) -> tuple[FloatArray, float]:
+    """Refine axes and focal length by robust least squares on the inlier segments."""
     from scipy.optimize import least_squares
 
     for _ in range(2):
-        miss = _miss(lines, axes, np.asarray(focal))
+        miss = _segment_errors(lines, axes, np.asarray(focal))
         near = miss.min(0) < np.sin(np.radians(_TOLERANCE_DEG))
         weight = np.sqrt(lines.length / lines.length.mean()) * near
         given = (lines, axes, focal, miss.argmin(0), weight)
         step = least_squares(_residual, np.zeros(4), loss="soft_l1", max_nfev=12, args=given).x
-        axes, focal = _stepped(step, axes, focal)
+        axes, focal = _apply_step(step, axes, focal)
         focal = float(np.clip(focal, *_BOUNDS))
     return axes, focal
 
 
 def _residual(
-    step: FloatArray, lines: _Lines, axes: FloatArray, focal: float, owner: NDArray[np.int64], weight: FloatArray
+    step: FloatArray, lines: _Segments, axes: FloatArray, focal: float, owner: NDArray[np.int64], weight: FloatArray
 ) -> FloatArray:
-    """Weighted misses (M,) of the segments from the axes that own them, in quarters of the tolerance."""
+    """Return the weighted errors (M,) of segments relative to their axes, in quarters of the tolerance."""
 
-    axes, focal = _stepped(step, axes, focal)
-    miss = _miss(lines, axes, np.asarray(focal))[owner, np.arange(len(owner))]
+    axes, focal = _apply_step(step, axes, focal)
+    miss = _segment_errors(lines, axes, np.asarray(focal))[owner, np.arange(len(owner))]
     return np.asarray(weight * miss / np.sin(np.radians(_TOLERANCE_DEG)) * 4)
 
 
-def _stepped(step: FloatArray, axes: FloatArray, focal: float) -> tuple[FloatArray, float]:
-    """Axes turned by a rotation vector, and the focal length times the exponential of the fourth number."""
+def _apply_step(step: FloatArray, axes: FloatArray, focal: float) -> tuple[FloatArray, float]:
+    """Rotate the axes by a rotation vector and scale the focal length by an exponential."""
     from scipy.spatial.transform import Rotation
 
     return axes @ Rotation.from_rotvec(step[:3]).as_matrix().T, float(focal * np.exp(step[3]))
 
 
-def stable_frame(
+def stable_manhattan_frame(
     segments: FloatArray,
     width: int,
     height: int,
@@ -169,12 +170,12 @@ def stable_frame(
     kept: float = 0.6,
     agreement: float = 0.2,
 ) -> ManhattanFrame | None:
-    """The Manhattan frame, if searches on random parts of the segments agree on it; None where it cannot be trusted.
+    """Estimate the Manhattan frame, or None if searches on random subsets of the segments disagree.
 
-    Searches that all see every segment agree on wrong answers too; seeing ``kept`` of them, only a focal length that
-    many segments carry comes back. Agreed means: in all searches but at most one the focal length lies between 0.45
-    and 2 long sides, each axis holds more than 6 % of what is explained, and that is more than 30 % of the whole
-    length; and the largest of these focal lengths is at most ``1 + agreement`` times the smallest.
+    Searches on all segments agree on wrong answers too. On subsets, only a focal length that many segments support is
+    found again. Searches agree if in all but at most one the focal length lies between 0.45 and 2 long sides, each axis
+    holds more than 6 % of the explained length, and the explained length is more than 30 %. The largest of these focal
+    lengths must be at most ``1 + agreement`` times the smallest.
     """
 
     rng = np.random.default_rng(0)

@@ -1,4 +1,4 @@
-"""Which way is down, from edges of a photo that stand upright in the world."""
+"""Estimate the direction of gravity from upright edges."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Gravity", "gravity_from_frame", "upright_gravity"]
+__all__ = ["Gravity", "gravity_from_frame", "gravity_from_segments"]
 
 _MAX_TILT_DEG = 25.0  # from the image's vertical; a pitched camera fans upright edges out
 _MAX_PITCH_DEG = 35.0
 _MAX_ROLL_DEG = 15.0
 _TOLERANCE_DEG = 1.5
-_FEWEST_SEGMENTS = 20  # fewer agree by chance
+_MIN_SEGMENTS = 20  # fewer agree by chance
 _FOCAL_LOG_SIGMA = 0.3  # of a default focal length
 
 
 @dataclass(frozen=True)
 class Gravity:
-    """Direction of gravity.
+    """Direction of gravity with its uncertainty.
 
     Attributes:
         down: (3,) unit vector, camera frame.
@@ -42,7 +42,7 @@ class Gravity:
 
 
 def gravity_from_frame(frame: ManhattanFrame) -> Gravity | None:
-    """The axis of a Manhattan frame that is nearest to the image's vertical, if it is near enough."""
+    """Return gravity from the most vertical axis of a Manhattan frame, or None if no axis is near the vertical."""
 
     axis = frame.axes[np.abs(frame.axes[:, 1]).argmax()]
     down = axis * np.sign(axis[1])
@@ -53,10 +53,11 @@ def gravity_from_frame(frame: ManhattanFrame) -> Gravity | None:
 
 
 def _pitch_roll(down: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return pitch and roll of a direction of gravity, degrees."""
     return np.degrees(np.arctan2(down[..., 2], down[..., 1])), np.degrees(np.arcsin(down[..., 0]))
 
 
-def upright_gravity(
+def gravity_from_segments(
     segments: FloatArray,
     width: int,
     height: int,
@@ -67,7 +68,7 @@ def upright_gravity(
     draws: int = 600,
     kept: float = 0.6,
 ) -> Gravity | None:
-    """Gravity from the vanishing point of near-vertical segments.
+    """Estimate gravity from the vanishing point of near-vertical segments.
 
     Searches on random parts of the segments must agree: their spread is part of the uncertainty, and so is the focal
     length, because the tangent of the pitch is the focal length over the distance of that vanishing point.
@@ -92,13 +93,13 @@ def upright_gravity(
     size = np.linalg.norm(span, axis=-1)
     upright = np.abs(span[:, 1]) > np.cos(np.radians(_MAX_TILT_DEG)) * size
     rays, size = rays[upright], size[upright]
-    if len(rays) < _FEWEST_SEGMENTS:
+    if len(rays) < _MIN_SEGMENTS:
         return None
     rng = np.random.default_rng(0)
     found = []
     for _ in range(searches):
         part = rng.permutation(len(rays))[: max(5, round(kept * len(rays)))]
-        down = _vanishing(rays[part], size[part], rng, draws)
+        down = _vertical_direction(rays[part], size[part], rng, draws)
         if down is None:
             return None
         found.append(down)
@@ -112,8 +113,8 @@ def upright_gravity(
     return Gravity(down, pitch, float(np.hypot(np.hypot(1.5, spread), from_focal)), "upright edges")
 
 
-def _vanishing(rays: FloatArray, size: FloatArray, rng: np.random.Generator, draws: int) -> FloatArray | None:
-    """The direction in which the longest sum of segments runs, by RANSAC on pairs and a weighted refit."""
+def _vertical_direction(rays: FloatArray, size: FloatArray, rng: np.random.Generator, draws: int) -> FloatArray | None:
+    """Estimate the direction along which the most segment length runs, by RANSAC on pairs and a weighted refit."""
 
     ends = np.concatenate([rays, np.ones((*rays.shape[:2], 1))], -1)
     planes = np.cross(ends[:, 0], ends[:, 1])  # of a segment and the camera; gravity lies in all of them

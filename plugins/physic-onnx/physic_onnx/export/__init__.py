@@ -1,7 +1,7 @@
-"""Networks that may not be passed on, exported to ONNX by whoever has the licence: ``python -m physic_onnx.export``.
+"""Export networks that may not be redistributed to ONNX by their licensed user: ``python -m physic_onnx.export``.
 
-Checkout and checkpoints are the user's own; the file is written where the adapters look for it. torch's tracing
-exporter is used: the newer one cannot export these networks.
+Checkout and checkpoint are the user's own. The file is written where the backends look for it. torch's tracing exporter
+is used, because the newer one cannot export these networks.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""``python -m physic_onnx.export``: see its help."""
+"""Command line of ``python -m physic_onnx.export``."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _MOST_DIFFERENCE = 1e-3
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Export one network; the exit status."""
+    """Export one network and return the exit status."""
     given = _parser().parse_args(arguments)
     try:
         path = given.output or _place(given.network)
@@ -31,32 +31,35 @@ def _export(given: argparse.Namespace, path: Path) -> None:
     from physic_core.errors import BackendError
 
     from . import checkouts, graphs
-    from .writing import difference, write_graph
+    from .writing import max_relative_difference, write_graph
 
     folder, trusted = given.checkout.expanduser().resolve(), given.trust
     if given.network == "camerahmr":
-        module, ports = checkouts.camerahmr(folder, given.checkpoint, given.smpl, trusted=trusted), graphs.CAMERAHMR
+        module, ports = (
+            checkouts.build_camerahmr(folder, given.checkpoint, given.smpl, trusted=trusted),
+            graphs.CAMERAHMR,
+        )
     elif given.network == "wilor":
-        module, ports = checkouts.wilor(folder, given.files, trusted=trusted), graphs.WILOR
+        module, ports = checkouts.build_wilor(folder, given.files, trusted=trusted), graphs.WILOR
     else:
-        module, ports = checkouts.deco(folder, given.checkpoint, given.tpose, trusted=trusted), graphs.DECO
-    write_graph(module, graphs.example(given.network), ports, path)
+        module, ports = checkouts.build_deco(folder, given.checkpoint, given.tpose, trusted=trusted), graphs.DECO
+    write_graph(module, graphs.example_inputs(given.network), ports, path)
     # Another number of rows than it was traced with, so that a batch that became a constant shows.
-    apart = difference(module, graphs.example(given.network, 3), ports, path)
+    apart = max_relative_difference(module, graphs.example_inputs(given.network, 3), ports, path)
     worst = max(apart, key=lambda name: apart[name])
     sys.stdout.write(f"file and network differ by {apart[worst]:.1e} of the largest value at most, in {worst}\n")
     if not apart[worst] < _MOST_DIFFERENCE:
-        raise BackendError(f"{path} answers something else than the network: do not use it")
+        raise BackendError(f"{path} returns other values than the network: do not use it")
 
 
 def _place(network: str) -> Path:
-    """Where the adapter looks for it."""
+    """Return the path at which the backend looks for the file."""
     from physic_core.errors import OutputError
     from physic_core.weights.folders import own_folder, user_folders
 
     folders = [*user_folders(), own_folder()]
     if folders[0] is None:
-        raise OutputError("there is no folder for weights: say --output FILE")
+        raise OutputError("there is no folder for weights: give --output FILE")
     return folders[0] / f"{network}-onnx" / "model.onnx"
 
 

@@ -1,4 +1,4 @@
-"""Networks built from checkouts and filled from checkpoints, ready to be exported."""
+"""Build networks from checkouts and load their checkpoints, ready for export."""
 
 from __future__ import annotations
 
@@ -19,11 +19,13 @@ from .graphs import CameraHmrGraph, DecoGraph, WilorGraph
 if TYPE_CHECKING:
     from torch import nn
 
-__all__ = ["camerahmr", "deco", "wilor"]
+__all__ = ["build_camerahmr", "build_deco", "build_wilor"]
 
 
-def camerahmr(folder: Path, checkpoint: Path | None = None, smpl: Path | None = None, *, trusted: bool) -> nn.Module:
-    """CameraHMR and SMPL.
+def build_camerahmr(
+    folder: Path, checkpoint: Path | None = None, smpl: Path | None = None, *, trusted: bool
+) -> nn.Module:
+    """Build CameraHMR with SMPL from a checkout and load its checkpoint.
 
     Args:
         folder: of the checkout; its ``data`` holds the files that its scripts fetch.
@@ -46,8 +48,8 @@ def camerahmr(folder: Path, checkpoint: Path | None = None, smpl: Path | None = 
     return CameraHmrGraph(network, layer).eval()
 
 
-def wilor(folder: Path, files: Path, *, trusted: bool) -> nn.Module:
-    """WiLoR by WiLoR-mini's network.
+def build_wilor(folder: Path, files: Path, *, trusted: bool) -> nn.Module:
+    """Build WiLoR with WiLoR-mini's network from a checkout and load its checkpoint.
 
     Args:
         folder: of the checkout.
@@ -71,8 +73,8 @@ def wilor(folder: Path, files: Path, *, trusted: bool) -> nn.Module:
     return WilorGraph(network).eval()
 
 
-def deco(folder: Path, checkpoint: Path | None = None, tpose: Path | None = None, *, trusted: bool) -> nn.Module:
-    """DECO.
+def build_deco(folder: Path, checkpoint: Path | None = None, tpose: Path | None = None, *, trusted: bool) -> nn.Module:
+    """Build DECO from a checkout and load its checkpoint.
 
     Args:
         folder: of the checkout.
@@ -102,6 +104,7 @@ def deco(folder: Path, checkpoint: Path | None = None, tpose: Path | None = None
 
 
 def _checkout(folder: Path, name: str, package: str, homepage: str) -> Checkout:
+    """Return the checkout, or raise WeightsMissingError if it is incomplete."""
     checkout = Checkout(str(folder), name=name, package=package, homepage=homepage, option="--checkout")
     lacking = checkout.missing()
     if lacking:
@@ -110,6 +113,7 @@ def _checkout(folder: Path, name: str, package: str, homepage: str) -> Checkout:
 
 
 def _file(path: Path) -> Path:
+    """Return the path of an existing file, or raise WeightsMissingError."""
     if not path.is_file():
         raise WeightsMissingError(f"there is no file {path}: get it as the checkout's own instructions say")
     return path.absolute()  # a link keeps its name, by which smplx tells right hands
@@ -117,7 +121,7 @@ def _file(path: Path) -> Path:
 
 @contextmanager
 def _working_in(checkout: Checkout, folder: Path) -> Iterator[None]:
-    """Its code finds its modules, and its data by paths from its root."""
+    """Import from a checkout and run in its folder, from which it reads its data."""
     before = Path.cwd()
     with checkout.inside():
         os.chdir(folder)
@@ -128,6 +132,7 @@ def _working_in(checkout: Checkout, folder: Path) -> Iterator[None]:
 
 
 def _read(path: Path, trusted: bool) -> Any:
+    """Read a checkpoint, or raise BackendError."""
     try:
         return torch.load(path, map_location="cpu", weights_only=not trusted)
     except Exception as error:  # pickle's, zipfile's and torch's own
@@ -136,7 +141,7 @@ def _read(path: Path, trusted: bool) -> Any:
 
 
 def _fill(network: nn.Module, state: Mapping[str, Any], key: str, path: Path) -> None:
-    """Tensors of a checkpoint into a network; those that it does not know are left out."""
+    """Load a checkpoint's tensors into a network; unknown tensors are ignored."""
     try:
         result = network.load_state_dict(state.get(key, state), strict=False)
     except RuntimeError as error:
@@ -144,6 +149,6 @@ def _fill(network: nn.Module, state: Mapping[str, Any], key: str, path: Path) ->
     absent = [name for name, _ in network.named_parameters() if name in result.missing_keys]
     if absent:
         raise BackendError(
-            f"{path} lacks {len(absent)} parameters of the network, {', '.join(absent[:3])}, ...: "
+            f"{path} is missing {len(absent)} parameters of the network, {', '.join(absent[:3])}, ...: "
             "it is the checkpoint of another network or of another version of the checkout"
         )

@@ -1,4 +1,4 @@
-"""Networks of checkouts with the inputs and outputs that the adapters expect."""
+"""Wrap networks of checkouts so that they have the inputs and outputs that the backends expect."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from torch import Tensor, nn
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["CAMERAHMR", "DECO", "WILOR", "CameraHmrGraph", "DecoGraph", "Ports", "WilorGraph", "example"]
+__all__ = ["CAMERAHMR", "DECO", "WILOR", "CameraHmrGraph", "DecoGraph", "Ports", "WilorGraph", "example_inputs"]
 
 Ports = tuple[tuple[str, ...], tuple[str, ...]]
-"""Names of inputs and of outputs."""
+"""Names of inputs and outputs."""
 
 CAMERAHMR: Ports = (
     ("img", "box_center", "box_size", "img_size", "cam_int"),
@@ -23,12 +23,12 @@ CAMERAHMR: Ports = (
 WILOR: Ports = (("image",), ("hand_pose", "global_orient", "pred_cam", "joints"))
 DECO: Ports = (("image",), ("contact", "faces", "rest"))
 
-HELD = ("faces", "rest")
-"""Outputs without a batch."""
+UNBATCHED = ("faces", "rest")
+"""Names of outputs without a batch axis."""
 
 
 class CameraHmrGraph(nn.Module):
-    """CameraHMR and SMPL in one: rotations, shape, weak camera, and the body that they pose about its own origin.
+    """CameraHMR and SMPL in one module: rotations, shape, weak-perspective camera, and the mesh about its own origin.
 
     Args:
         network: of the checkout; called with its batch, a dictionary, it answers parameters, camera, focal length.
@@ -61,7 +61,7 @@ class CameraHmrGraph(nn.Module):
 
 
 class WilorGraph(nn.Module):
-    """WiLoR-mini's network.
+    """WiLoR-mini's network with the outputs of WILOR.
 
     Args:
         network: of the checkout; shown (B, 256, 256, 3) it answers a dictionary.
@@ -78,7 +78,7 @@ class WilorGraph(nn.Module):
 
 
 class DecoGraph(nn.Module):
-    """DECO's contact with the T-pose of the SMPL that it is on.
+    """DECO's contact output with the T-pose and faces of its SMPL mesh.
 
     Args:
         network: of the checkout; what it answers first is the contact.
@@ -99,8 +99,8 @@ class DecoGraph(nn.Module):
         return contact, *_held(self, image)
 
 
-def example(name: str, rows: int = 2) -> tuple[Tensor, ...]:
-    """Inputs of a network, as it may be shown them."""
+def example_inputs(name: str, rows: int = 2) -> tuple[Tensor, ...]:
+    """Return example inputs of a network for tracing."""
     rng = torch.Generator().manual_seed(0)
     if name == "wilor":
         return (torch.rand(rows, 256, 256, 3, generator=rng) * 255,)
@@ -113,12 +113,14 @@ def example(name: str, rows: int = 2) -> tuple[Tensor, ...]:
 
 
 def _held(module: nn.Module, shown: Tensor) -> tuple[Tensor, Tensor]:
-    """Faces and rest; the exporter takes the names off outputs that depend on no input at all."""
+    """Return faces and rest vertices. They get a formal dependence on the input, because the exporter drops the names
+    of constant outputs.
+    """
     nothing = shown.size(0) * 0
     faces, rest = module.get_buffer("faces"), module.get_buffer("rest")
     return faces + nothing, rest + nothing
 
 
 def _faces(faces: Any) -> Tensor:
-
+    """Convert faces to an int64 tensor."""
     return torch.from_numpy(np.asarray(faces).astype(np.int64))

@@ -1,4 +1,4 @@
-"""A torch module as an ONNX file, and the proof that both answer the same."""
+"""Write a torch module as an ONNX file, and compare the outputs of both."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ import torch
 
 from physic_core.errors import BackendError, OutputError
 
-from .graphs import HELD
+from .graphs import UNBATCHED
 
 if TYPE_CHECKING:
     from torch import Tensor, nn
 
     from .graphs import Ports
 
-__all__ = ["difference", "write_graph"]
+__all__ = ["max_relative_difference", "write_graph"]
 
 OPSET = 17
 
 
 def write_graph(module: nn.Module, inputs: tuple[Tensor, ...], ports: Ports, path: Path) -> None:
-    """Trace a module and write it; tensors of more than 2 GB in all are put into files beside it.
+    """Trace a module and write it as ONNX; tensors of more than 2 GB in total go to files beside it.
 
     Args:
         module: in evaluation mode, on the CPU.
@@ -37,7 +37,7 @@ def write_graph(module: nn.Module, inputs: tuple[Tensor, ...], ports: Ports, pat
         OutputError: the file cannot be written.
     """
     names, outputs = ports
-    free = {name: {0: "batch"} for name in (*names, *outputs) if name not in HELD}
+    free = {name: {0: "batch"} for name in (*names, *outputs) if name not in UNBATCHED}
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -61,8 +61,10 @@ def write_graph(module: nn.Module, inputs: tuple[Tensor, ...], ports: Ports, pat
         raise BackendError(f"torch {torch.__version__} cannot export it: {type(error).__name__}: {error}") from error
 
 
-def difference(module: nn.Module, inputs: tuple[Tensor, ...], ports: Ports, path: Path) -> dict[str, float]:
-    """Largest difference of each output between the module and its file, as a share of the output's largest value."""
+def max_relative_difference(
+    module: nn.Module, inputs: tuple[Tensor, ...], ports: Ports, path: Path
+) -> dict[str, float]:
+    """Return the largest difference of each output between module and file, relative to the output's largest value."""
     import onnxruntime as ort
 
     session = ort.InferenceSession(str(path), providers=["CPUExecutionProvider"])

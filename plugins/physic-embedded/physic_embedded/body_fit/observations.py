@@ -1,4 +1,5 @@
-"""How each person is seen: the ray, the size in the picture, and the 3D landmarks brought into the camera's axes.
+"""Collect what the body fit needs of each person: viewing ray, size in pixels, keypoints, and 3D landmarks in the
+camera frame.
 
 A single-person pose network sees a crop and answers as if its camera looked straight at the person; the photo's camera
 does not, so its landmarks belong to the person's ray and not to the optical axis.
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_embedded.body_fit.limb_keypoints import point_rows
+from physic_embedded.body_fit.limb_keypoints import keypoint_indices
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.floating]
 
-__all__ = ["Views", "people_views", "ray_rotation"]
+__all__ = ["Observations", "observe_people", "rotation_to_ray"]
 
 _STATURE = 1.72  # metres, of the body that a size in px stands for
 _OUTSIDE = 0.05  # weight left to a keypoint outside the picture, which the network can only guess
@@ -33,8 +34,8 @@ _HANGING = {"knee": 0.4, "ankle": 0.8}  # metres under the hip, of legs of which
 
 
 @dataclass(frozen=True)
-class Views:
-    """What is seen of N people; J keypoints.
+class Observations:
+    """Keypoints, 3D landmarks, sizes and viewing directions of N people; J keypoints.
 
     Attributes:
         points: (N, J, 2) px.
@@ -55,8 +56,8 @@ class Views:
     world_weight: FloatArray
 
 
-def ray_rotation(ray: FloatArray) -> FloatArray:
-    """The least rotation (3, 3) that turns the z axis onto ``ray`` (3,), which points forward."""
+def rotation_to_ray(ray: FloatArray) -> FloatArray:
+    """Return the smallest rotation (3, 3) from the z axis to a ray (3,) that points forward."""
 
     z = ray / np.linalg.norm(ray)
     axis = np.cross([0.0, 0.0, 1.0], z)
@@ -64,8 +65,8 @@ def ray_rotation(ray: FloatArray) -> FloatArray:
     return np.asarray(np.eye(3) + skew + skew @ skew / (1 + z[2]))
 
 
-def people_views(keypoints: Keypoints, people: People, intrinsics: Intrinsics) -> Views:
-    """Weights, sizes and rays of everyone. Where nothing is seen of knees and ankles, the legs hang straight down.
+def observe_people(keypoints: Keypoints, people: People, intrinsics: Intrinsics) -> Observations:
+    """Compute weights, sizes and viewing rays of all people. Unseen legs are set to hang straight down.
 
     Args:
         keypoints: of a joint set with hips and shoulders; one row a person.
@@ -73,7 +74,7 @@ def people_views(keypoints: Keypoints, people: People, intrinsics: Intrinsics) -
         intrinsics: of the photo.
     """
 
-    row = point_rows(keypoints.joint_set)
+    row = keypoint_indices(keypoints.joint_set)
     hips = [row["left_hip"], row["right_hip"]]
     points = np.asarray(keypoints.points, np.float64)
     limits = np.array([intrinsics.width, intrinsics.height]) - 0.5
@@ -91,7 +92,7 @@ def people_views(keypoints: Keypoints, people: People, intrinsics: Intrinsics) -
         ],
         -1,
     )
-    turn = np.stack([ray_rotation(ray) for ray in rays]) if len(rays) else np.zeros((0, 3, 3))
+    turn = np.stack([rotation_to_ray(ray) for ray in rays]) if len(rays) else np.zeros((0, 3, 3))
     if world is None:
         size = _size_without_landmarks(points, row, people)
     else:
@@ -111,11 +112,11 @@ def people_views(keypoints: Keypoints, people: People, intrinsics: Intrinsics) -
                 down = _HANGING[name] * turn[unseen, 1]  # the camera's y axis in the axes of each view
                 world[unseen, joint] = world[unseen, row[f"{side}_hip"]] + down
                 world_weight[unseen, joint] = _LEAST_WORLD_WEIGHT
-    return Views(points, weight, confidence, size, turn, world, world_weight)
+    return Observations(points, weight, confidence, size, turn, world, world_weight)
 
 
 def _pixels_per_metre(points: FloatArray, world: FloatArray, weight: FloatArray) -> FloatArray:
-    """Scale (N,) of the weak perspective that maps the landmarks to the keypoints best."""
+    """Return the scale (N,) of the weak perspective that maps the 3D landmarks to the keypoints."""
 
     total = weight.sum(1)[:, None, None]
     flat = world[..., :2]
@@ -128,7 +129,9 @@ def _pixels_per_metre(points: FloatArray, world: FloatArray, weight: FloatArray)
 
 
 def _size_without_landmarks(points: FloatArray, row: dict[str, int], people: People) -> FloatArray:
-    """From the box, the trunk and the shoulders, whichever is largest: each of them can only look too short."""
+    """Estimate the size in pixels from box, trunk and shoulders. The largest is taken, because each can only look too
+    short.
+    """
 
     def middle(joint: str) -> FloatArray:
         return (points[:, row[f"left_{joint}"]] + points[:, row[f"right_{joint}"]]) / 2

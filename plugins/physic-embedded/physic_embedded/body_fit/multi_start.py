@@ -1,4 +1,4 @@
-"""The body fit without 3D landmarks: several starts, and the one that explains the keypoints best."""
+"""Fit bodies to 2D keypoints alone from several initial poses."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from physic_core.body import JOINT_INDEX
 from physic_embedded.body_fit.fit import fit_bodies
 from physic_embedded.body_fit.pose_prior import pose_prior
-from physic_embedded.body_fit.problem import Start
-from physic_embedded.body_fit.start import place
+from physic_embedded.body_fit.problem import InitialPose
+from physic_embedded.body_fit.start import initial_translation
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,33 +21,33 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import Skeleton
     from physic_embedded.body_fit.fit import BodyFit
+    from physic_embedded.body_fit.observations import Observations
     from physic_embedded.body_fit.problem import FitSettings
-    from physic_embedded.body_fit.views import Views
 
     FloatArray = NDArray[np.floating]
 
-__all__ = ["fit_without_landmarks"]
+__all__ = ["fit_without_world_landmarks"]
 
 _YAWS = (0.0, 1.57, 3.14, -1.57)  # radians that the starts without landmarks are turned away from facing the camera
 _SIT = {"hip": -1.4, "knee": 1.4}
 
 
-def fit_without_landmarks(
-    model: BodyModel, views: Views, camera: FloatArray, skeleton: Skeleton, settings: FitSettings
+def fit_without_world_landmarks(
+    model: BodyModel, observations: Observations, camera: FloatArray, skeleton: Skeleton, settings: FitSettings
 ) -> BodyFit:
-    """The best of fits from eight starts, all in one optimisation."""
+    """Fit each person from eight initial poses in one optimisation, and return the best fit of each."""
     mean = pose_prior().mean
     sitting = mean.copy()
     for joint, angle in _SIT.items():
         for side in ("left", "right"):
             sitting[JOINT_INDEX[f"{side}_{joint}"] - 1, 0] = angle
     starts = [(yaw, pose) for pose in (mean, sitting) for yaw in _YAWS]
-    count = len(views.points)
+    count = len(observations.points)
     facing = np.diag([1.0, -1.0, -1.0])  # y up and facing +z, seen by a camera whose y points down
     roots, poses, places = [], [], []
     with torch.no_grad():
         for yaw, pose in starts:
-            root = views.turn @ facing @ Rotation.from_euler("y", yaw).as_matrix()
+            root = observations.turn @ facing @ Rotation.from_euler("y", yaw).as_matrix()
             rotations, betas, transl = model.zero_pose(count)
             rotvecs = np.concatenate([np.zeros((1, 3)), pose])
             rotations[:, :22] = torch.from_numpy(Rotation.from_rotvec(rotvecs).as_matrix())
@@ -55,14 +55,14 @@ def fit_without_landmarks(
             points = model.landmarks_only([skeleton])(rotations, betas, transl)[skeleton].double().numpy()
             roots.append(root)
             poses.append(np.broadcast_to(pose, (count, 21, 3)))
-            places.append(np.stack([place(points[i], views, i, camera) for i in range(count)]))
+            places.append(np.stack([initial_translation(points[i], observations, i, camera) for i in range(count)]))
     tiled = replace(
-        views,
+        observations,
         **{
-            field.name: np.concatenate([getattr(views, field.name)] * len(starts))
-            for field in fields(views)
-            if getattr(views, field.name) is not None
+            field.name: np.concatenate([getattr(observations, field.name)] * len(starts))
+            for field in fields(observations)
+            if getattr(observations, field.name) is not None
         },
     )
-    start = Start(np.concatenate(roots), np.concatenate(poses), np.concatenate(places))
+    start = InitialPose(np.concatenate(roots), np.concatenate(poses), np.concatenate(places))
     return fit_bodies(model, tiled, camera, skeleton, start, settings, starts=len(starts))

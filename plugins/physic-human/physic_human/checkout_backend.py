@@ -1,4 +1,4 @@
-"""What backends around somebody else's torch code share: options, checkpoints, batches, precision, quiet."""
+"""Base classes and helpers of backends that run torch code of a checkout: options, checkpoints, batches, precision."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ if TYPE_CHECKING:
 
 __all__ = [
     "MANIFEST",
+    "CheckoutBackend",
+    "CheckoutNetwork",
     "CheckoutOptions",
-    "Host",
-    "Hosted",
-    "Project",
+    "CheckoutProject",
     "SeenConfidence",
-    "batches",
-    "computing",
-    "fill",
+    "batch_slices",
+    "checkpoint_error",
+    "inference_context",
+    "load_parameters",
     "read_checkpoint",
-    "refused_checkpoint",
     "to_numpy",
 ]
 
@@ -43,11 +43,11 @@ SeenConfidence = Annotated[
     float,
     Field(ge=0, le=1, description="of keypoints from which their joints count as seen in the photo; 0 takes all"),
 ]
-"""Option of backends that say which joints the photo shows."""
+"""Type of the option ``seen_confidence``."""
 
 
 class CheckoutOptions(Options):
-    """Settings that all backends around a checkout share."""
+    """Settings shared by all backends that run a checkout."""
 
     weights: str = Field(default="", description="a name of `physic weights list`, or a path of your own")
     checkout: str = Field(
@@ -62,8 +62,8 @@ class CheckoutOptions(Options):
     )
 
 
-class Host:
-    """What one backend holds of a checkout: its code, its network, its device.
+class CheckoutNetwork:
+    """Code, network and device of one backend.
 
     Args:
         checkout: the code.
@@ -76,15 +76,15 @@ class Host:
         self.device = "cpu"
 
     def missing(self) -> tuple[str, ...]:
-        """What is lacking of code and weights."""
+        """Describe missing code and weights."""
         return (*self.checkout.missing(), *weights.missing(MANIFEST, self.weights_value))
 
     def fingerprint(self) -> str:
-        """Changes with weights and code."""
+        """Return the identity of weights and code."""
         return f"{weights.fingerprint(MANIFEST, self.weights_value)} {self.checkout.fingerprint()}"
 
     def file(self, name: str | None = None) -> Path:
-        """A file of the weights; or all of them.
+        """Return the path of a weights file, or of the full weights.
 
         Raises:
             WeightsMissingError: it is not there.
@@ -92,7 +92,7 @@ class Host:
         return weights.locate(MANIFEST, self.weights_value, name)
 
     def loaded(self) -> Any:
-        """The network.
+        """Return the loaded network.
 
         Raises:
             BackendError: it is not loaded.
@@ -101,19 +101,19 @@ class Host:
             raise BackendError(f"{self.checkout.name} is not loaded: call load() before infer()")
         return self.network
 
-    def keep(self, network: Any, device: str) -> None:
-        """Hold a network of torch, moved to its device."""
+    def set_network(self, network: Any, device: str) -> None:
+        """Store a torch network and move it to its device."""
         self.network, self.device = network.eval().to(device), device
 
     def close(self) -> None:
-        """Let go of network and code."""
+        """Release network and code."""
         self.network = None
         self.checkout.close()
 
 
 @dataclass(frozen=True)
-class Project:
-    """Somebody's repository, as :class:`physic_core.adapters.checkouts.Checkout` has it, wherever it lies."""
+class CheckoutProject:
+    """Published repository, as :class:`physic_core.adapters.checkouts.Checkout` describes it."""
 
     name: str
     package: str
@@ -121,48 +121,48 @@ class Project:
     needs: tuple[str, ...]
 
 
-class Hosted(Backend):
-    """A backend around one checkout, before the interface among its bases.
+class CheckoutBackend(Backend):
+    """Base class of a backend that runs a checkout; comes before the interface among the bases.
 
     Attributes:
         project: whose code it runs.
     """
 
-    project: ClassVar[Project]
+    project: ClassVar[CheckoutProject]
     options: CheckoutOptions
 
     def __init__(self, options: Any = None) -> None:
         super().__init__(options)
         described = vars(self.project) | {"needs": self.needs()}
-        self._host = Host(Checkout(self.options.checkout, **described), self.options.weights)
+        self._checkout_network = CheckoutNetwork(Checkout(self.options.checkout, **described), self.options.weights)
 
     def needs(self) -> tuple[str, ...]:
-        """Packages of the environment that its code imports with these options."""
+        """Return the packages that the checkout imports with these options."""
         return self.project.needs
 
     def missing(self) -> tuple[str, ...]:
-        """Of checkout, packages and weights."""
-        return self._host.missing()
+        """Describe missing code and weights."""
+        return self._checkout_network.missing()
 
     def fingerprint(self) -> str:
-        """Changes with weights and code."""
-        return self._host.fingerprint()
+        """Return the identity of weights and code."""
+        return self._checkout_network.fingerprint()
 
     def close(self) -> None:
-        """Let go of network and code."""
-        self._host.close()
+        """Release network and code."""
+        self._checkout_network.close()
 
-    def _filled(
-        self, network: torch.nn.Module, path: Path, key: str = "state_dict", besides: str | None = None
+    def _load_checkpoint(
+        self, network: torch.nn.Module, path: Path, key: str = "state_dict", optional_prefix: str | None = None
     ) -> torch.nn.Module:
-        """The network with the tensors of a checkpoint, which may hold them under a key; ``besides`` as of `fill`."""
+        """Load a checkpoint, whose tensors may be under a key, into a network, and return the network."""
         state = read_checkpoint(path, trusted=self.options.trust_checkpoint)
-        fill(network, state.get(key, state), path, besides=besides)
+        load_parameters(network, state.get(key, state), path, optional_prefix=optional_prefix)
         return network
 
 
 def read_checkpoint(path: Path, *, trusted: bool) -> Any:
-    """What a ``.pt``, ``.pth`` or ``.ckpt`` file holds, on the CPU.
+    """Read a ``.pt``, ``.pth`` or ``.ckpt`` file onto the CPU.
 
     Args:
         path: of the file.
@@ -178,13 +178,13 @@ def read_checkpoint(path: Path, *, trusted: bool) -> Any:
     try:
         return torch.load(path, map_location="cpu", weights_only=not trusted)
     except pickle.UnpicklingError as error:
-        raise refused_checkpoint(path, error, trusted=trusted) from error
+        raise checkpoint_error(path, error, trusted=trusted) from error
     except Exception as error:  # zip files that end too early, files of something else
-        raise BackendError(f"{path} is no whole checkpoint of torch: {type(error).__name__}: {error}") from error
+        raise BackendError(f"{path} is not a complete checkpoint of torch: {type(error).__name__}: {error}") from error
 
 
-def refused_checkpoint(path: Path, error: Exception, *, trusted: bool) -> BackendError:
-    """What to say of a file that torch could not unpickle."""
+def checkpoint_error(path: Path, error: Exception, *, trusted: bool) -> BackendError:
+    """Return the error for a file that torch could not unpickle."""
     if trusted:
         return BackendError(f"{path} is no checkpoint of torch: {error}")
     return BackendError(
@@ -193,17 +193,17 @@ def refused_checkpoint(path: Path, error: Exception, *, trusted: bool) -> Backen
     )
 
 
-def fill(
-    network: torch.nn.Module, state: Mapping[str, Any], path: Path, prefix: str = "", besides: str | None = None
+def load_parameters(
+    network: torch.nn.Module, state: Mapping[str, Any], path: Path, prefix: str = "", optional_prefix: str | None = None
 ) -> None:
-    """Put a checkpoint's tensors into a network; those that it does not know are left out.
+    """Load a checkpoint's tensors into a network; unknown tensors are ignored.
 
     Args:
         network: gets them.
         state: tensors by name.
         path: where they are from, for messages.
         prefix: with which their names begin, and the network's do not.
-        besides: with this begin names of parameters that the checkpoint need not have.
+        optional_prefix: with this begin names of parameters that the checkpoint need not have.
 
     Raises:
         BackendError: a parameter of the network is not in the checkpoint, or has another shape.
@@ -214,25 +214,30 @@ def fill(
     except RuntimeError as error:
         raise BackendError(f"{path} does not fit the network of the checkout: {error}") from error
     parameters = {name for name, _ in network.named_parameters()}
-    absent = [key for key in result.missing_keys if key in parameters and not (besides and key.startswith(besides))]
+    absent = [
+        key
+        for key in result.missing_keys
+        if key in parameters and not (optional_prefix and key.startswith(optional_prefix))
+    ]
     if absent:
         raise BackendError(
-            f"{path} lacks {len(absent)} of {len(parameters)} parameters of the network, {', '.join(absent[:3])}, ...: "
+            f"{path} is missing {len(absent)} of {len(parameters)} parameters of the network, "
+            f"{', '.join(absent[:3])}, ...: "
             "it is the checkpoint of another network or of another version of the checkout"
         )
 
 
-def batches(count: int, size: int) -> Iterator[slice]:
-    """Rows 0 to ``count``, at most ``size`` at once."""
+def batch_slices(count: int, size: int) -> Iterator[slice]:
+    """Yield slices of at most ``size`` rows from 0 to ``count``."""
     for first in range(0, count, size):
         yield slice(first, min(first + size, count))
 
 
 @contextlib.contextmanager
-def computing(checkout: Checkout, device: str, *, half: bool = False) -> Iterator[None]:
-    """While a checkout's network runs: no gradients, float16 if asked for on a GPU, and its prints go to the log.
+def inference_context(checkout: Checkout, device: str, *, half: bool = False) -> Iterator[None]:
+    """Context in which a checkout's network runs: no gradients, float16 if ``half`` on a GPU, prints sent to the log.
 
-    What its code sends to "cuda", without a number, goes to the device that is asked for.
+    Code that uses "cuda" without a number uses the chosen device.
     """
     import torch
 
@@ -251,6 +256,6 @@ def computing(checkout: Checkout, device: str, *, half: bool = False) -> Iterato
 
 
 def to_numpy(value: Any) -> Any:
-    """A tensor, or an array already, as float32 numpy."""
+    """Convert a tensor or an array to float32 numpy."""
     tensor = value.detach().float().cpu().numpy() if hasattr(value, "detach") else value
     return np.asarray(tensor, np.float32)
