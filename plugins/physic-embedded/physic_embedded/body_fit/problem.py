@@ -260,7 +260,8 @@ def fit_problem(
     rows = [index[name] for name in used]
     prior = pose_prior(tight=observations.world is None)
     up, up_angle, feet = np.zeros(3), np.zeros(count), np.zeros(count)
-    upright, lean = np.zeros(count), np.zeros(count)
+    upright: BoolArray | FloatArray = np.zeros(count)
+    lean: FloatArray = np.zeros(count)
     if floor is not None:
         up, upright, lean = np.asarray(floor.up, np.float64), floor.upright, floor.lean
         seen_up = np.einsum("nij,i->nj", observations.turn, up)
