@@ -15,7 +15,7 @@ from physic_testing.worlds import build_world
 
 
 @pytest.fixture(scope="module")
-def body_graph():
+def skin():
     return Evaluator.body_graph(load_body("embedded"))
 
 

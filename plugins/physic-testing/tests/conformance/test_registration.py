@@ -66,7 +66,8 @@ def test_torch_imported_at_registration_is_caught(offer):
         "registration_is_light\n"
         "  expected: a registration module, physic_flat, that imports nothing heavy\n"
         f"  got:      {result.got}\n"
-        "  hint:     Give the target as a text, 'package.module:Class', and import the rest in that module.\n"
+        "  hint:     Register the target as a str, 'package.module:Class', "
+        "and import the other packages in that module.\n"
         "  read:     physic_core.discovery.hookspecs"
     )
     assert "torch" in result.got
