@@ -19,7 +19,11 @@ from physic_core.discovery.registry import BackendRecord
 from physic_core.errors import BodyModelError
 from physic_core.files.archive import pack, read_archive, unpack, write_archive
 from physic_core.interfaces import BodyEstimator, ContactPrior, HandEstimator
-from physic_core.pipeline.nonfinite_results import drop_nonfinite_bodies, drop_nonfinite_hands, select_people
+from physic_core.pipeline.nonfinite_results import (
+    invalidate_nonfinite_bodies,
+    invalidate_nonfinite_hands,
+    select_people,
+)
 from physic_core.types import Bodies, BodyParameters, ContactProbability, Hands, Mesh, Reconstruction, RestMesh
 from physic_mock import backends
 from physic_testing import violations
@@ -142,7 +146,7 @@ def test_a_body_whose_mesh_is_nan_is_lost_with_all_that_is_its_own() -> None:
     assert told.mesh is not None
     told.mesh.vertices[0, 2] = np.nan
     assert violations(BodyEstimator, told, people=2) == []
-    kept, lost = drop_nonfinite_bodies(told)
+    kept, lost = invalidate_nonfinite_bodies(told)
     assert lost.tolist() == [True, False]
     assert kept.mesh is not None
     assert kept.joints is not None
@@ -156,9 +160,9 @@ def test_a_body_whose_mesh_is_nan_is_lost_with_all_that_is_its_own() -> None:
 def test_hands_whose_wrists_are_nan_are_not_found() -> None:
     wrists = np.zeros((2, 2, 3))
     wrists[0, 1] = np.nan  # of a hand that was not found: means nothing
-    assert not drop_nonfinite_hands(replace(hands(), wrists=wrists))[1].any()
+    assert not invalidate_nonfinite_hands(replace(hands(), wrists=wrists))[1].any()
     wrists[0, 0] = np.nan
-    kept, lost = drop_nonfinite_hands(replace(hands(), wrists=wrists))
+    kept, lost = invalidate_nonfinite_hands(replace(hands(), wrists=wrists))
     assert lost.tolist() == [True, False]
     assert kept.confidence[0].tolist() == [0, 0]
     assert kept.wrists is not None

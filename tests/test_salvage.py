@@ -17,10 +17,10 @@ from physic_core.discovery.registry import BackendRecord
 from physic_core.engine.joint import solve as joint
 from physic_core.errors import BackendOutputError
 from physic_core.pipeline.nonfinite_results import (
-    drop_nonfinite_bodies,
-    drop_nonfinite_hands,
-    drop_nonfinite_keypoints,
     expand_contact,
+    invalidate_nonfinite_bodies,
+    invalidate_nonfinite_hands,
+    invalidate_nonfinite_keypoints,
     select_people,
 )
 from physic_core.types import Bodies, ContactProbability, Hands, Keypoints, Person, Reconstruction
@@ -227,19 +227,21 @@ def test_a_body_for_nobody_is_still_refused(world: World) -> None:
 def test_lost_rows_become_what_stands_for_nothing() -> None:
     points = np.ones((3, 4, 2))
     points[1, 2] = np.nan
-    keypoints, lost = drop_nonfinite_keypoints(Keypoints(points, np.full((3, 4), 0.5), "x", np.full((3, 4, 3), 2.0)))
+    keypoints, lost = invalidate_nonfinite_keypoints(
+        Keypoints(points, np.full((3, 4), 0.5), "x", np.full((3, 4, 3), 2.0))
+    )
     assert lost.tolist() == [False, True, False]
     assert keypoints.confidence[:, 0].tolist() == [0.5, 0, 0.5]
     np.testing.assert_array_equal(keypoints.points[1], points[0])
     assert np.isfinite(keypoints.points).all()
     assert np.isnan(points[1, 2]).all()  # the backend's own array is left alone
-    unseen, lost = drop_nonfinite_keypoints(Keypoints(points, np.zeros((3, 4)), "x"))
+    unseen, lost = invalidate_nonfinite_keypoints(Keypoints(points, np.zeros((3, 4)), "x"))
     assert not lost.any()
     assert unseen.points is points
 
     hands = Hands(np.full((2, 2, 15, 3), 0.5), np.array([[0.9, 0.0], [0.9, 0.9]]))
     hands.rotvecs[0, 1] = hands.rotvecs[1, 0] = np.nan
-    hands, lost = drop_nonfinite_hands(hands)
+    hands, lost = invalidate_nonfinite_hands(hands)
     assert lost.tolist() == [False, True]
     assert hands.confidence.tolist() == [[0.9, 0.0], [0.0, 0.0]]
 
@@ -267,7 +269,7 @@ def test_a_body_that_is_lost_in_one_number_is_lost() -> None:
 
     values = {f.name: np.zeros((2, 3), np.float32) for f in fields(BodyParameters)}
     values["betas"][1, 2] = np.inf
-    bodies, lost = drop_nonfinite_bodies(Bodies(BodyParameters(**values), "embedded"))
+    bodies, lost = invalidate_nonfinite_bodies(Bodies(BodyParameters(**values), "embedded"))
     assert lost.tolist() == [False, True]
     assert np.isnan(bodies.parameters.transl[1]).all()
     assert (bodies.parameters.transl[0] == 0).all()

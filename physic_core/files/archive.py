@@ -31,7 +31,7 @@ class DamagedFileError(Exception):
 
 
 def pack(value: object) -> tuple[Arrays, Any]:
-    """Split a dataclass into arrays and a JSON document.
+    """Split a dataclass into arrays and a JSON document of all other values.
 
     Args:
         value: an array, or a dataclass of arrays, numbers, strings, tuples, mappings and dataclasses.
@@ -67,7 +67,7 @@ def pack(value: object) -> tuple[Arrays, Any]:
 
 
 def unpack(arrays: Mapping[str, NDArray[Any]], document: Any, classes: Iterable[type]) -> Any:
-    """Restore a value from the arrays and the document of :func:`pack`.
+    """Restore a value that :func:`pack` has split into arrays and a JSON document.
 
     Args:
         arrays: by path.
@@ -96,7 +96,7 @@ def unpack(arrays: Mapping[str, NDArray[Any]], document: Any, classes: Iterable[
 
 
 def read_archive(path: Path) -> tuple[Arrays, Any]:
-    """Read arrays and document of a file, and verify all checksums.
+    """Read the arrays and the JSON document of an archive file, and verify all checksums.
 
     Raises:
         OSError: the file is missing or cannot be read.

@@ -15,7 +15,7 @@ __all__ = ["atomic_write", "check_writable"]
 
 @contextmanager
 def atomic_write(folder: Path) -> Iterator[Callable[[str], Path]]:
-    """Yield a function that returns a temporary path for a file name; rename all files on success.
+    """Yield a function from a file name to a temporary path; on success, rename all temporary files.
 
     Raises:
         OutputError: the folder cannot be written, the disk is full, or a folder has the name of a file.

@@ -54,7 +54,7 @@ class AlignmentOptions:
 
 
 def released_alignment_options(tolerance: float) -> AlignmentOptions:
-    """Return the options of Eq. 1 as printed, with the 20 hypotheses of the released code."""
+    """Return the alignment options of the paper (Eq. 1), with the 20 hypotheses of the released code."""
     return AlignmentOptions(tolerance, hypotheses=20, residual="metric")
 
 

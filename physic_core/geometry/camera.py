@@ -67,7 +67,7 @@ def focal_px(K: Tensor) -> float:
 
 
 def mean_camera(first: Tensor, second: Tensor) -> Tensor:
-    """Return the mean of two intrinsics (3, 3): geometric for focal lengths, arithmetic for the centre."""
+    """Return the mean of two intrinsics (3, 3): geometric for focal lengths, arithmetic for the principal point."""
     mean = (first + second) / 2
     for axis in (0, 1):
         mean[axis, axis] = (first[axis, axis] * second[axis, axis]).sqrt()

@@ -32,7 +32,7 @@ class CoarseMesh:
 
 
 def coarse_mesh(vertices: Tensor, faces: Tensor, part_of_vertex: Tensor, spacing: float) -> CoarseMesh:
-    """Merge the vertices of each cell, and drop faces that lose a corner.
+    """Merge the vertices of each voxel and body part, and remove degenerate faces.
 
     Args:
         vertices: (V, 3) metres.

@@ -1,4 +1,4 @@
-"""RANSAC for a floor in inverse depth: 1 / Z = a x + b y + c over the ray (x, y, 1) of a pixel.
+"""RANSAC for a floor in inverse depth: 1 / Z = a x + b y + c for the pixel ray (x, y, 1).
 
 Inverse depth is averaged over square pixel blocks to reduce noise. The mean is exact on a plane.
 """
@@ -178,7 +178,7 @@ def _score(samples: BlockSamples, planes: Tensor, tolerance: float, some: Tensor
 
 
 def plane_shares(samples: BlockSamples, plane: Tensor, tolerance: float) -> tuple[float, float]:
-    """Return the share of candidates on a plane (3,), and of lower blocks more than two tolerances below it."""
+    """Return the share of candidates on a plane (3,), and of lower blocks over two tolerances below the plane."""
     error = samples.inverse - samples.rays @ plane
 
     def share(found: Tensor, among: Tensor) -> float:

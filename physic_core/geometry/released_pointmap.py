@@ -58,7 +58,7 @@ def released_normal_outliers(points: Tensor, normals: Tensor, neighbors: int, ma
 
 
 def released_floor_grid(normal: Tensor, offset: float, points: Tensor, count: int) -> Tensor:
-    """Return grid points on a floor plane over the 2nd to 98th percentile of a scene in x and z, x first.
+    """Sample a grid on a floor plane, from the 2nd to the 98th percentile of the scene in x and z; z varies fastest.
 
     Args:
         normal: (3,) unit, not horizontal.

@@ -20,18 +20,18 @@ __all__ = ["absolute", "barron", "cauchy", "geman_mcclure", "loss_with_slope", "
 
 
 def geman_mcclure(squared: Tensor, c: float) -> Tensor:
-    """Return the Geman-McClure loss of squared residuals (...); it saturates at ``c^2`` and is half of it at ``c``."""
+    """Return the Geman-McClure loss of squared residuals (...): ``c^2 / 2`` at residual ``c``, always below ``c^2``."""
     return squared / (1.0 + squared / c**2)
 
 
 def absolute(squared: Tensor) -> Tensor:
-    """Return the absolute residual of squared residuals (...); its derivative at zero is zero."""
+    """Return the absolute residuals of squared residuals (...), with derivative zero at zero."""
     off = squared > 0
     return torch.where(off, torch.sqrt(torch.where(off, squared, torch.ones_like(squared))), squared)
 
 
 def cauchy(squared: Tensor, c: float) -> Tensor:
-    """Return the Cauchy loss of squared residuals (...); its derivative by the residual is largest at ``c``."""
+    """Return the Cauchy loss of squared residuals (...), with the largest derivative at residual ``c``."""
     return c**2 * torch.log1p(squared / c**2)
 
 
@@ -43,7 +43,7 @@ def pseudo_huber(squared: Tensor, c: float) -> Tensor:
 
 
 def barron(squared: Tensor, alpha: float, c: float) -> Tensor:
-    """Return the general robust loss of Barron (CVPR 2019) times ``2 c^2``, so that it is ``x^2`` near zero.
+    """Return the general robust loss of Barron (CVPR 2019) times ``2 c^2``, about ``x^2`` near zero.
 
     Args:
         squared: (...) squared residuals.
@@ -86,7 +86,7 @@ def robust_loss(kind: str, squared: Tensor, c: float) -> Tensor:
 
 
 def loss_with_slope(kind: str, q: Tensor, c: float) -> tuple[Tensor, Tensor]:
-    """Return the loss ``kind`` of residuals in the unit of ``c``, and its derivative.
+    """Return the robust loss ``kind`` and the derivative, for squared residuals divided by ``c^2``.
 
     Args:
         kind: as in :func:`robust_loss`.

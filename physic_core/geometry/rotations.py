@@ -1,6 +1,6 @@
-"""Rotation vectors to matrices with a hand-written derivative, for optimisers that call it in every step.
+"""Convert rotation vectors to matrices, with an analytic derivative for fast optimisation.
 
-Tests compare it with ``roma``.
+Tests compare the matrices and derivatives with ``roma``.
 """
 
 from __future__ import annotations

@@ -62,7 +62,7 @@ def vertex_normals(vertices: Tensor, faces: Tensor, around: Tensor | None = None
 
 
 def faces_of_vertices(faces: Tensor, count: int) -> Tensor:
-    """Return the faces at each of ``count`` vertices: faces (F, 3) -> (count, most) int64, padded with F."""
+    """Return the faces at each of ``count`` vertices: faces (F, 3) -> (count, largest number) int64, padded with F."""
     corner = faces.reshape(-1)
     order = corner.argsort(stable=True)
     owner = corner[order]
@@ -183,7 +183,7 @@ def _cast_rays(
 
 @functools.cache
 def embree_device() -> Any:
-    """Return the shared Embree device; creating one takes longer than the ray casts of one body."""
+    """Return the shared Embree device; creating a device takes longer than the ray casts of one body."""
     from embreex.rtcore import EmbreeDevice
 
     return EmbreeDevice()
@@ -191,7 +191,7 @@ def embree_device() -> Any:
 
 @dataclass(frozen=True)
 class SelfOcclusion:
-    """Self-occlusion of people, with the leading dimensions of their vertices.
+    """Self-occlusion of people: occluded vertices (..., V) and occluded body parts (..., P).
 
     Attributes:
         hidden: (..., V) bool, vertices behind any face of the same body.

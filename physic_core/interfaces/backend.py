@@ -102,7 +102,7 @@ class Backend(ABC):
 
 
 def interface_of(backend: type[Backend]) -> type[Backend]:
-    """Return the interface that a backend class implements: its base class with an ``interface`` of its own."""
+    """Return the interface that a backend class implements: the base class that defines ``interface``."""
     return next(c for c in reversed(backend.__mro__) if issubclass(c, Backend) and "interface" in vars(c))
 
 

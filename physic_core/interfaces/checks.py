@@ -52,7 +52,7 @@ def check_type(value: object, expected: type, name: str = "") -> Iterator[str]:
 
 
 def check_array(name: str, value: Any, shape: tuple[int, ...], kind: str) -> Iterator[str]:
-    """Check the shape of a numpy array, and its dtype: "float" for any width, or a name such as "bool"."""
+    """Check the type, shape and dtype of a numpy array; dtype "float" accepts a float of any width."""
     import numpy as np
 
     if not isinstance(value, np.ndarray):
@@ -132,7 +132,7 @@ def finite_rows(arrays: Iterable[Any], rows: int) -> BoolArray:
 
 
 def rows_to_check(finite: BoolArray) -> BoolArray:
-    """Return the rows to validate: the finite ones, or all rows if none is finite."""
+    """Return a mask of the rows to validate: the finite rows, or all rows if no row is finite."""
     return finite if finite.any() else ~finite
 
 
@@ -142,7 +142,7 @@ def length(value: Any) -> int:
 
 
 def tensor_advice(value: object) -> str:
-    """Return advice on converting a torch tensor to numpy; "" for any other value."""
+    """Return advice to convert a torch tensor to numpy; "" if the value is not a tensor."""
     return ": write .detach().cpu().numpy()" if type(value).__module__.partition(".")[0] == "torch" else ""
 
 

@@ -1,4 +1,4 @@
-"""Names, dtypes and shapes of the arrays in ``reconstruction.npz``, and conversion to them.
+"""Names, dtypes and shapes of the arrays in ``reconstruction.npz``, and conversion of a reconstruction to arrays.
 
 Lengths are in metres. The frame is the OpenCV camera's (x right, y down, z forward). Pixel (0, 0) is the centre of the
 top left pixel. H and W are image rows and columns, F faces, V vertices, J keypoints, K shape components, E expression

@@ -145,7 +145,7 @@ def parse_stages(records: Sequence[Mapping[str, Any]]) -> tuple[StageRecord, ...
 
 
 def parse_trust(camera: Mapping[str, Any]) -> CameraTrust:
-    """Parse the trust of a document's ``intrinsics``; older documents have it as the first word of ``source``."""
+    """Parse the trust in a document's ``intrinsics``; older documents state the trust at the start of ``source``."""
     if "trust" in camera:
         return CameraTrust(camera["trust"])
     if camera["source"].startswith(("given", "EXIF", "measured")):

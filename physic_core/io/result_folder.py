@@ -72,7 +72,7 @@ def photo_of_result(folder: str | os.PathLike[str]) -> str | None:
 
 
 def files_of_result(folder: str | os.PathLike[str]) -> frozenset[str]:
-    """Read the file names of the result in a folder; other than standard names are ignored."""
+    """Read the file names of the result in a folder; non-standard file names are ignored."""
     document = _document(Path(folder))
     files = None if document is None else document.get("files")
     named = [str(name) for name in files] if isinstance(files, list) else []

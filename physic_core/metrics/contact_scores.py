@@ -1,4 +1,4 @@
-"""Precision, recall and F1 of per-vertex contact, with the three averages that papers use.
+"""Precision, recall and F1 of per-vertex contact, with the averages pooled, F1 of means and mean F1.
 
 The averages differ by several points on the same prediction. PhySIC prints the harmonic mean of its precision and
 recall, so ``f1_pooled`` or ``f1_of_means``; DECO and BSTRO print ``f1_mean``.
@@ -97,7 +97,7 @@ def precision_recall_f1(counts: ContactCounts) -> tuple[FloatArray, FloatArray, 
 
 
 def contact_scores(predicted: BoolArray, truth: BoolArray) -> ContactScores:
-    """Score the contact of matched people, one row each; empty sets as in :func:`precision_recall_f1`.
+    """Score the contact of matched people, one row each; :func:`precision_recall_f1` defines scores of empty sets.
 
     Args:
         predicted: (..., V) bool.

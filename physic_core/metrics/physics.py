@@ -37,7 +37,7 @@ class Penetration:
 
 
 def vertex_areas(vertices: FloatArray, faces: NDArray[np.integer[Any]]) -> FloatArray:
-    """Return the area (..., V), square units, of each vertex of a mesh: a third of its triangles."""
+    """Return the area (..., V) of each mesh vertex, square units: a third of the area of the adjacent triangles."""
     import torch
 
     from physic_core.geometry.visibility import vertex_areas as areas_of
@@ -89,7 +89,7 @@ def penetration(
 
 
 def contact_gap(distance: FloatArray, contact: BoolArray, reach: float = float("inf")) -> FloatArray:
-    """Return the mean gap (...,) m between the true contact vertices and the scene; inside vertices have gap 0.
+    """Return the mean gap (...,) m from true contact vertices to the scene; a vertex inside the scene has gap 0.
 
     Args:
         distance: (..., V) m, signed, of the predicted body in the predicted scene.

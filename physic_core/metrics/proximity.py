@@ -1,4 +1,4 @@
-"""Signed distance of a body to the reconstructed scene, independent of the engine that made both.
+"""Signed distance of a body to the reconstructed scene, computed independently of the engine.
 
 Metres, OpenCV camera frame (x right, y down, z forward). Since a point map shows front sides only:
 
@@ -130,10 +130,11 @@ def _behind(points: FloatArray, depth: FloatArray, intrinsics: Intrinsics, toler
 
 
 def point_spacing(points: FloatArray, normals: FloatArray, valid: BoolArray) -> FloatArray:
-    """Return the spacing (H, W) float64 m of a point map's samples on their surfaces.
+    """Return the spacing (H, W) float64 m between neighbouring points of a point map on the same surface.
 
     The spacing is the largest distance from a point to its four neighbours on the same surface. Two neighbours are
-    on the same surface if each is within 10 degrees of the other's tangent plane. It is 0 without such neighbours.
+    on the same surface if each is within 10 degrees of the other's tangent plane. The spacing is 0 without such
+    neighbours.
 
     Args:
         points: (H, W, 3) m.

@@ -130,7 +130,7 @@ _NO_FLOOR = {
 
 
 def run_checks(estimates: Estimates, solution: Solution, settings: EngineSettings) -> tuple[CheckResult, ...]:
-    """Run all self-checks: those of the photo, then those of each person, in the order of ``CHECKS``."""
+    """Run all self-checks, first of the photo, then of each person, in the order of ``CHECKS``."""
     found = [*_check_photo(estimates, solution, settings)]
     for person in range(len(solution.people)):
         found += [replace(diagnostic, person=person) for diagnostic in _check_person(estimates, solution, person)]
@@ -143,7 +143,7 @@ def failed_checks(diagnostics: Sequence[CheckResult], person: int) -> tuple[str,
 
 
 def check_warnings(diagnostics: Sequence[CheckResult]) -> tuple[str, ...]:
-    """Return the messages of failed checks of the photo, and of checks of people with ``warns``."""
+    """Return the messages of the failed self-checks that have ``warns`` set."""
     return tuple(
         d.message if d.person is None else f"person {d.person}: {d.message}"
         for d in diagnostics

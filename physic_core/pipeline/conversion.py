@@ -35,7 +35,7 @@ def replace_hands(bodies: Bodies, hands: Hands, model: BodyModel) -> Bodies:
 
 
 def convert_bodies(bodies: Bodies, model: BodyModel, who: str, stages: StageRunner) -> Bodies:
-    """Convert bodies to the configured body model, and add a note with the remaining error.
+    """Convert bodies to the configured body model, and add a note with the conversion error.
 
     Raises:
         BodyModelError: the bodies have neither joints nor mesh, or too few joints for all people.
@@ -80,7 +80,7 @@ def transfer_contact(
 
 
 def bodies_for_backends(bodies: Bodies, model: BodyModel) -> Bodies:
-    """Add joints to bodies for other backends, if the body model is a file that backends cannot load."""
+    """Add joints to bodies for other backends, unless all backends can load the body model ("embedded")."""
     from physic_core.body.conversion import add_joints
 
     return bodies if model.name == "embedded" else add_joints(bodies, model)

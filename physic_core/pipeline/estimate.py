@@ -27,10 +27,10 @@ from physic_core.interfaces.backend import interface_of, violations
 from physic_core.interfaces.body_estimator import finite_bodies
 from physic_core.pipeline.conversion import bodies_for_backends, convert_bodies, replace_hands, transfer_contact
 from physic_core.pipeline.nonfinite_results import (
-    drop_nonfinite_bodies,
-    drop_nonfinite_hands,
-    drop_nonfinite_keypoints,
     expand_contact,
+    invalidate_nonfinite_bodies,
+    invalidate_nonfinite_hands,
+    invalidate_nonfinite_keypoints,
     select_people,
 )
 from physic_core.types import (
@@ -187,7 +187,7 @@ class _BackendCalls:
                 "use a photo that shows at least one head and torso, or another segmenter"
             )
         if people.keypoints is not None:
-            own, self.missing["segmenter"] = drop_nonfinite_keypoints(people.keypoints)
+            own, self.missing["segmenter"] = invalidate_nonfinite_keypoints(people.keypoints)
             people = replace(people, keypoints=own)
         return people
 
@@ -195,7 +195,7 @@ class _BackendCalls:
         """Detect the keypoints of all people in an image."""
         detector, request = self.backends["keypoint_detector"], KeypointDetectorRequest(image, people)
         found = self.stages.call_backend("keypoints", detector, request)
-        keypoints, self.missing["keypoint_detector"] = drop_nonfinite_keypoints(found)
+        keypoints, self.missing["keypoint_detector"] = invalidate_nonfinite_keypoints(found)
         return keypoints
 
     def pointmap(self, stage: str, image: UInt8Array, hints: Hints, *, last: bool = True) -> Pointmap:
@@ -209,7 +209,7 @@ class _BackendCalls:
         """Estimate bodies of the configured body model; NaN for people without finite results."""
         estimator = self.backends["body_estimator"]
         found = self.stages.call_backend("bodies", estimator, request)
-        bodies, missing = drop_nonfinite_bodies(found)
+        bodies, missing = invalidate_nonfinite_bodies(found)
         if bodies.body_model != self.model.name:
             bodies = convert_bodies(bodies, self.model, estimator.title, self.stages)
             missing |= ~finite_bodies(bodies)
@@ -227,7 +227,7 @@ class _BackendCalls:
         if found is None:
             self.missing["hand_estimator"] = np.ones(len(request.people), bool)
             return bodies
-        hands, self.missing["hand_estimator"] = drop_nonfinite_hands(found)
+        hands, self.missing["hand_estimator"] = invalidate_nonfinite_hands(found)
         return replace_hands(bodies, hands, self.model)
 
     def contact(self, image: UInt8Array, people: People, bodies: Bodies, embodied: BoolArray) -> ContactProbability:

@@ -87,7 +87,7 @@ def support_gap(
 def depth_ratio(
     vertices: Tensor, normals: Tensor, outer: Tensor, mask: Tensor, K: Tensor, depth: Tensor
 ) -> float | None:
-    """Compute the median ratio of a depth map to the body's depth at visible vertices; None if these are few.
+    """Compute the median ratio of a depth map to the body's depth at visible vertices; None with too few vertices.
 
     Args:
         vertices: (V, 3) metres.

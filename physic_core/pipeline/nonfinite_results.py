@@ -1,4 +1,4 @@
-"""Mark people with non-finite backend results, so that the pipeline continues with the others.
+"""Replace non-finite backend results of people, so that the pipeline continues with the other people.
 
 Each function takes a checked result. It returns the result with the rows of non-finite people replaced by values for
 "unknown", and a mask (N,) bool of these people. :func:`select_people` selects the rows of some people.
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from physic_core.types import Bodies, BoolArray, ContactProbability, Hands, Keypoints, People
 
 __all__ = [
-    "drop_nonfinite_bodies",
-    "drop_nonfinite_hands",
-    "drop_nonfinite_keypoints",
     "expand_contact",
+    "invalidate_nonfinite_bodies",
+    "invalidate_nonfinite_hands",
+    "invalidate_nonfinite_keypoints",
     "select_people",
 ]
 
@@ -35,7 +35,7 @@ _SHARED = ("floor", "faces", "rest")
 """Names of arrays without a row for each person."""
 
 
-def drop_nonfinite_keypoints(keypoints: Keypoints) -> tuple[Keypoints, BoolArray]:
+def invalidate_nonfinite_keypoints(keypoints: Keypoints) -> tuple[Keypoints, BoolArray]:
     """Set the confidence of people with non-finite keypoints to 0.
 
     Their points are replaced by those of another person, since the optimisation needs finite start points that form a
@@ -57,8 +57,8 @@ def drop_nonfinite_keypoints(keypoints: Keypoints) -> tuple[Keypoints, BoolArray
     return replace(keypoints, points=points, confidence=confidence, world=world), ~finite
 
 
-def drop_nonfinite_bodies(bodies: Bodies) -> tuple[Bodies, BoolArray]:
-    """Set all values of people with a non-finite body to NaN; also return (N,) bool, these people."""
+def invalidate_nonfinite_bodies(bodies: Bodies) -> tuple[Bodies, BoolArray]:
+    """Set all values of non-finite bodies to NaN; also return the mask (N,) bool of these bodies."""
     nonfinite = ~finite_bodies(bodies)
     if not nonfinite.any():
         return bodies, nonfinite
@@ -68,8 +68,8 @@ def drop_nonfinite_bodies(bodies: Bodies) -> tuple[Bodies, BoolArray]:
     return _fill_rows(replace(blank, mesh=mesh), nonfinite, joints=np.nan), nonfinite
 
 
-def drop_nonfinite_hands(hands: Hands) -> tuple[Hands, BoolArray]:
-    """Set the confidence of non-finite hands to 0; also return (N,) bool, people with such hands."""
+def invalidate_nonfinite_hands(hands: Hands) -> tuple[Hands, BoolArray]:
+    """Set the confidence of non-finite hands to 0; also return the mask (N,) bool of people with such hands."""
     nonfinite = ~finite_hands(hands)
     return (
         _fill_rows(hands, nonfinite, rotvecs=0.0, confidence=0.0, wrists=0.0) if nonfinite.any() else hands

@@ -50,7 +50,7 @@ __all__ = ["run_engine"]
 
 
 def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel, stages: StageRunner) -> Solution:
-    """Run scene, placement, joint optimisation and contact on the device of ``model``.
+    """Run scene, placement, joint optimisation and contact on the device of the body model.
 
     The pipeline uses the CPU, since nearest-point search and ray casts run there.
     """

@@ -65,11 +65,11 @@ class StageRunner:
         self._loaded: dict[int, ResolvedBackend] = {}
 
     def warn(self, *texts: str) -> None:
-        """Add warnings; each is kept once."""
+        """Add warnings, without duplicates."""
         self.warnings += [t for t in dict.fromkeys(texts) if t not in self.warnings]
 
     def note(self, *texts: str) -> None:
-        """Add notes; each is kept once."""
+        """Add notes, without duplicates."""
         self.notes += [t for t in dict.fromkeys(texts) if t not in self.notes]
 
     @contextmanager

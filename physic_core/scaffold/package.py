@@ -56,7 +56,7 @@ def physic_backends() -> list[BackendRecord]:
         BackendRecord(
             "{interface}",
             "{backend}",
-            "{package}.{module}:{kind}",
+            "{package}.{module}:{class_name}",
             api={api},
             summary="{summary}",
             weights_license="",  # licence of the weights, if there are any: "MIT (NameOfTheNetwork)"
@@ -116,7 +116,7 @@ class PluginNames:
         return re.sub(r"[-.]", "_", self.distribution)
 
     @property
-    def kind(self) -> str:
+    def class_name(self) -> str:
         """Name of the backend class, such as "MyDepth"."""
         words = "".join(part.capitalize() for part in re.split(r"[-.]", self.backend))
         return words if words[0].isalpha() else f"Backend{words}"
@@ -137,7 +137,7 @@ def plugin_files(names: PluginNames, core: str, api: int) -> dict[str, str]:
         "interface": names.interface,
         "distribution": names.distribution,
         "package": names.package,
-        "kind": names.kind,
+        "class_name": names.class_name,
         "module": names.interface,
         "entry": names.backend,
         "summary": summary,
@@ -148,7 +148,7 @@ def plugin_files(names: PluginNames, core: str, api: int) -> dict[str, str]:
         "pyproject.toml": _PYPROJECT.format(**words),
         "README.md": _README.format(**words),
         f"{names.package}/__init__.py": _INIT.format(**words),
-        f"{names.package}/{names.interface}.py": source.replace("Template", names.kind),
+        f"{names.package}/{names.interface}.py": source.replace("Template", names.class_name),
         f"{names.package}/py.typed": "",
         "tests/test_conformance.py": _TEST.format(**words),
     }

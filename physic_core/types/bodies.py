@@ -15,7 +15,7 @@ __all__ = ["Bodies", "BodyParameters", "ContactProbability", "Hands", "Mesh", "R
 
 @dataclass(frozen=True)
 class BodyParameters(ShortRepr):
-    """SMPL-X-named parameters of N bodies: rotation vectors in SMPL-X joint order, flat hand mean, no hand PCA.
+    """Parameters of N bodies with SMPL-X names: rotation vectors in SMPL-X joint order, flat hand mean, no hand PCA.
 
     Attributes:
         global_orient: (N, 3) rotation about the pelvis joint.
@@ -69,7 +69,7 @@ class Mesh(ShortRepr):
 
 @dataclass(frozen=True)
 class RestMesh(ShortRepr):
-    """Mesh of one body in the T-pose: y up, facing +z, its left on +x, palms down.
+    """Mesh of one body in the T-pose: y up, facing +z, left side towards +x, palms down.
 
     Attributes:
         topology: name of the mesh ("smpl", "smplx").

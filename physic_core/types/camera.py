@@ -13,7 +13,7 @@ __all__ = ["CameraTrust", "Intrinsics"]
 
 
 class CameraTrust(StrEnum):
-    """Trust in camera intrinsics; a more trusted camera replaces a less trusted one."""
+    """Reliability of camera intrinsics; a more reliable camera replaces a less reliable one."""
 
     KNOWN = "known"
     """Given by the user, the photo's EXIF data or a sensor."""

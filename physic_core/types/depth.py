@@ -33,7 +33,7 @@ class Plane(ShortRepr):
 
 @dataclass(frozen=True)
 class Pointmap(ShortRepr):
-    """3D point of each pixel in the camera frame, up to the ambiguity ``unknown``.
+    """3D point of each pixel in the camera frame, metric up to the transformation ``unknown``.
 
     Attributes:
         points: (H, W, 3) float32; z > 0 where valid.

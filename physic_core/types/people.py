@@ -35,7 +35,7 @@ class Keypoints(ShortRepr):
 
     @property
     def joint_set(self) -> Skeleton:
-        """Skeleton of the keypoints; a name is looked up among the standard skeletons.
+        """Skeleton of the keypoints; if ``skeleton`` is a name, the standard skeleton of this name.
 
         Raises:
             ValueError: no standard skeleton has this name.
@@ -45,7 +45,7 @@ class Keypoints(ShortRepr):
 
 @dataclass(frozen=True)
 class People(ShortRepr):
-    """Result of a Segmenter: masks, boxes and scores of N people; N = 0 without people, never None.
+    """Result of a Segmenter: masks, boxes and scores of N people; arrays of length N = 0, never None, without people.
 
     Attributes:
         masks: (N, H, W) bool, visible pixels of each person. Masks of two people do not overlap.

@@ -59,7 +59,7 @@ class Skeleton(ShortRepr):
 
     @property
     def fitted(self) -> tuple[int, ...]:
-        """Indices of the points that exist on the body model."""
+        """Indices of the keypoints that have a position on the body model."""
         return tuple(i for i, name in enumerate(self.names) if self.on_body.get(name, name))
 
     def take(self, indices: Sequence[int]) -> Skeleton:

@@ -58,7 +58,7 @@ class LabeledView:
 
 
 def side_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView:
-    """Render the view from the camera's right, parallel to the floor; the camera looks to the right."""
+    """Render the view from the camera's right, parallel to the floor; the camera looks towards the image's right."""
     low, high, eye = geometry.low, geometry.high, geometry.upright[:3, 3]
     bottom = min(low[1], 0.0) if geometry.has_floor else low[1]
     rows = [bottom - 0.35, high[1] + 0.25]
@@ -77,7 +77,7 @@ def side_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView
 
 
 def top_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView:
-    """Render the view from above, clipped at the height of the people; the camera looks to the top."""
+    """Render the view from above, clipped at the height of the people; the camera looks towards the image's top."""
     low, high = geometry.low, geometry.high
     across, ahead = [low[0] - 0.9, high[0] + 0.9], [-high[2] - 0.9, -low[2] + 0.9]
     ahead, across = _include_camera(ahead, across, [-0.3, -0.3, 0.3], height, width)

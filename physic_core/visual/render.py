@@ -111,7 +111,7 @@ class Orthographic:
         return np.cross(self.right, self.top)
 
     def project(self, points: Array) -> Array:
-        """See :class:`ViewCamera`; the eye is 1000 m in front of ``center``."""
+        """See :class:`ViewCamera`; the distance is from a plane 1000 m in front of ``center``."""
         offset = points - self.center
         return np.stack(
             [

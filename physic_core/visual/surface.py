@@ -46,7 +46,7 @@ class SceneMesh:
 
 
 def depth_limit(reconstruction: Reconstruction) -> float:
-    """Return the maximum depth to mesh: three times that of the farthest person, at least 8 m."""
+    """Return the depth limit of the scene mesh: three times the depth of the farthest person, at least 8 m."""
     depths = [float(np.median(person.vertices[:, 2])) for person in reconstruction.people]
     finite = [depth for depth in depths if math.isfinite(depth)]
     return max(8.0, 3.0 * max(finite)) if finite else 20.0

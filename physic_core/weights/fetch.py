@@ -11,7 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from physic_core.errors import DownloadError
-from physic_core.weights.folders import own_folder
+from physic_core.weights.folders import default_download_folder
 from physic_core.weights.locate import locate_files
 from physic_core.weights.manifest import HubSource, WebSource, WeightFile, WeightSet
 from physic_core.weights.transfer import ResumableDownload, wrap_write_errors
@@ -121,7 +121,7 @@ def _refuse_other_sizes(weights: WeightSet, here: Mapping[str, Path]) -> None:
 
 
 def _folder(to: Path | None) -> Path:
-    folder = own_folder() if to is None else to
+    folder = default_download_folder() if to is None else to
     if folder is None:
         raise DownloadError("there is no home folder for weights: choose a folder with --to")
     return folder

@@ -12,10 +12,10 @@ from physic_core.weights.manifest import HubSource, WeightFile, WeightSet
 
 __all__ = [
     "FOLDERS_VARIABLE",
+    "default_download_folder",
     "describe_search_folders",
     "find_in_hub_cache",
     "find_without_subfolder",
-    "own_folder",
     "user_folders",
 ]
 
@@ -30,13 +30,13 @@ def user_folders() -> tuple[Path, ...]:
     )
 
 
-def own_folder() -> Path | None:
+def default_download_folder() -> Path | None:
     """Return the default download folder of ``physic weights fetch``, or None if the user has no home folder."""
     return cache_folder("weights")
 
 
 def find_without_subfolder(folder: Path, weights: WeightSet, file: WeightFile) -> Path | None:
-    """Find a weight file directly in a folder, without the subfolder of its set; None if the match is uncertain."""
+    """Find a weight file directly in a folder, not in the weight set's subfolder; None if the match is uncertain."""
     path = folder / Path(file.path).name
     if not path.is_file():
         return None
@@ -70,7 +70,7 @@ def _hub_folder(repository: str) -> Path:
 
 def describe_search_folders(name: str) -> str:
     """Return the list of folders that are searched for a weight set, as text."""
-    own = own_folder()
+    own = default_download_folder()
     folders = [*user_folders(), *([own] if own is not None else [])]
     words = [str(folder / name) for folder in folders]
     if find_spec("huggingface_hub") is not None:

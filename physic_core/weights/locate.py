@@ -11,10 +11,10 @@ from pathlib import Path
 from physic_core.errors import WeightsMissingError
 from physic_core.weights.close_names import format_choice, similar_names
 from physic_core.weights.folders import (
+    default_download_folder,
     describe_search_folders,
     find_in_hub_cache,
     find_without_subfolder,
-    own_folder,
     user_folders,
 )
 from physic_core.weights.manifest import WeightFile, WeightSet, read_manifest
@@ -78,7 +78,7 @@ def locate(manifest: Path, value: str, file: str | None = None) -> Path:
 
 
 def missing(manifest: Path, value: str, file: str | None = None) -> tuple[str, ...]:
-    """Return a message about the files that :func:`locate` does not find, or an empty tuple if it finds all.
+    """Return a message about the files that :func:`locate` does not find; empty if no file is missing.
 
     Raises:
         BackendError: the manifest is invalid.
@@ -122,7 +122,7 @@ def locate_files(weights: WeightSet) -> LocatedFiles:
 
 
 def size_mismatches(weights: WeightSet) -> str:
-    """List the files of a weight set with another size than published, as one line; "" if there are none."""
+    """List the weight files whose size differs from the published size, as one line; "" if there are none."""
     here = locate_files(weights).files
     sizes = [(file, here[file.path].stat().st_size) for file in weights.files if file.path in here]
     texts = [
@@ -159,7 +159,7 @@ def format_size(size: int | None) -> str:
 
 def _places(weights: WeightSet) -> list[dict[str, Path]]:
     """List the files of a weight set in each searched folder, in search order."""
-    own = own_folder()
+    own = default_download_folder()
     candidates = [
         {file.path: folder / weights.name / file.path for file in weights.files}
         for folder in [*user_folders(), *([own] if own is not None else [])]

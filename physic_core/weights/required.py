@@ -16,7 +16,7 @@ __all__ = ["missing_sets", "size_warnings"]
 
 
 def missing_sets(registry: Registry, offer: BackendOffer) -> tuple[str, ...] | None:
-    """Return the names of missing weight sets that a backend's record lists, or None if they are unknown."""
+    """Return the names of a backend's missing weight sets, or None if the required sets are unknown."""
     lists = [manifest.path for manifest in registry.manifests if manifest.origin == offer.origin]
     found = []
     try:
@@ -32,7 +32,7 @@ def missing_sets(registry: Registry, offer: BackendOffer) -> tuple[str, ...] | N
 
 
 def size_warnings(plan: ResolvedPipeline, registry: Registry) -> tuple[str, ...]:
-    """Return warnings about weight files of another size than published; they do not stop a run.
+    """Return warnings about weight files whose size differs from the published size; the run continues.
 
     Raises:
         BackendError: the manifest of a plugin is invalid.

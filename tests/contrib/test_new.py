@@ -76,7 +76,7 @@ def test_the_names_are_the_authors_own(interface: str):
 
 
 def test_a_name_that_begins_with_a_digit_makes_a_class():
-    assert PluginNames("3d-fill", "inpainter").kind == "Backend3dFill"
+    assert PluginNames("3d-fill", "inpainter").class_name == "Backend3dFill"
 
 
 def test_a_new_package_is_the_authors_to_build(tmp_path):

@@ -12,7 +12,7 @@ from physic_core.engine.contact import contact_map
 from physic_core.engine.joint.acceptance import total_energy
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.placement.place import PersonEvidence, PosedBodies, place_bodies
+from physic_core.engine.placement.place import PeopleObservations, PosedBodies, place_bodies
 from physic_core.engine.presets import PRESETS
 from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.geometry.visibility import vertex_normals
@@ -126,7 +126,7 @@ def test_cuda_places_and_tells_contact_as_the_cpu_does(two):
                 transl=problem.transl0 + shift,
                 outer=model.outer,
             ),
-            PersonEvidence(problem.keypoints, problem.keypoint_confidence, nothing, problem.masks),
+            PeopleObservations(problem.keypoints, problem.keypoint_confidence, nothing, problem.masks),
             problem.K,
         )
         scene = NearestPointSearch(problem.scene_points, problem.scene_normals)

@@ -19,9 +19,9 @@ from physic_core.engine.placement import place as placing
 from physic_core.engine.placement import solvers
 from physic_core.engine.placement.human_points import align_original_to_scene, human_points, move_original_to_scene
 from physic_core.engine.placement.people import Detections, place_people
-from physic_core.engine.placement.place import PersonEvidence, Placement, PosedBodies, place_bodies
+from physic_core.engine.placement.place import PeopleObservations, Placement, PosedBodies, place_bodies
 from physic_core.engine.placement.solvers import closed_form_translation, gauss_newton
-from physic_core.engine.placement.terms import ChamferTerm, FloorTerm, PersonProblem, ReprojectionTerm, Residuals
+from physic_core.engine.placement.terms import ChamferTerm, FloorTerm, PlacementProblem, ReprojectionTerm, Residuals
 from physic_core.engine.presets import PRESETS
 from physic_core.engine.scene import cleaning
 from physic_core.engine.settings import PlacementSettings
@@ -82,7 +82,7 @@ class Picture:
         } | options
         bodies, evidence = (
             kind(**{f.name: given[f.name] for f in fields(kind) if f.name in given})
-            for kind in (PosedBodies, PersonEvidence)
+            for kind in (PosedBodies, PeopleObservations)
         )
         return place_bodies(bodies, evidence, self.K, given.get("floor"), settings)
 
@@ -177,7 +177,7 @@ def test_several_people_are_placed_as_each_alone() -> None:
     for i in (0, 1):
         row = slice(i, i + 1)
         bodies = PosedBodies((VERTICES + START[i])[None], NORMALS[None], (LANDMARKS + START[i])[None], START[row])
-        evidence = PersonEvidence(
+        evidence = PeopleObservations(
             picture.keypoints[row], picture.confidence[row], picture.points[row], picture.masks[row]
         )
         alone = place_bodies(bodies, evidence, picture.K)
@@ -188,7 +188,7 @@ def test_nobody_is_a_result() -> None:
     picture = Picture()
     bodies = PosedBodies(VERTICES[None][:0], NORMALS[None][:0], LANDMARKS[None][:0], START[:0])
     none = place_bodies(
-        bodies, PersonEvidence(picture.keypoints[:0], picture.confidence[:0], [], picture.masks[:0]), picture.K
+        bodies, PeopleObservations(picture.keypoints[:0], picture.confidence[:0], [], picture.masks[:0]), picture.K
     )
     assert none.transl.shape == (0, 3)
     assert none.diagnostics == ()
@@ -284,9 +284,9 @@ def test_dtype_and_bits_are_kept() -> None:
     assert torch.equal(picture.place(transl=START.float()).transl, first.transl)
 
 
-def subject() -> PersonProblem:
+def subject() -> PlacementProblem:
     picture = Picture()
-    return PersonProblem(
+    return PlacementProblem(
         landmarks=LANDMARKS + START[0],
         keypoints=picture.keypoints[0],
         confidence=picture.confidence[0] * torch.linspace(0.3, 1, 17),
@@ -504,7 +504,7 @@ def test_who_has_no_points_or_shows_no_feet_or_has_no_floor_counts_as_grounded()
 def test_nobody_is_grounded_where_nobody_is() -> None:
     picture = Picture()
     bodies = PosedBodies(VERTICES[None][:0], NORMALS[None][:0], LANDMARKS[None][:0], START[:0], soles=SOLES)
-    evidence = PersonEvidence(picture.keypoints[:0], picture.confidence[:0], [], picture.masks[:0], BOTH[:0])
+    evidence = PeopleObservations(picture.keypoints[:0], picture.confidence[:0], [], picture.masks[:0], BOTH[:0])
     none = place_bodies(bodies, evidence, picture.K, (UP, 1.9))
     assert none.grounded.shape == (0,)
     assert none.grounded.dtype == torch.bool

@@ -20,7 +20,7 @@ from physic_core.engine.joint.released.reprojection import released_keypoint_wei
 from physic_core.engine.joint.released.visibility import mean_face_normals, visible_part_shares
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.placement.human_points import human_points
-from physic_core.engine.placement.place import PersonEvidence, PosedBodies, place_bodies
+from physic_core.engine.placement.place import PeopleObservations, PosedBodies, place_bodies
 from physic_core.engine.presets import PRESETS
 from physic_core.engine.scene.build import build_scene
 from physic_core.engine.scene.camera import Cameras
@@ -184,7 +184,7 @@ def test_stages_one_and_two_put_the_body_where_the_published_objective_is_lowest
             model.landmarks(posed, SKELETON),
             transl,
         ),
-        PersonEvidence(problem.keypoints, weight, [published.human_points], problem.masks),
+        PeopleObservations(problem.keypoints, weight, [published.human_points], problem.masks),
         problem.K,
         settings=RELEASE.placement,
     )

@@ -1,6 +1,6 @@
-"""Visibility of each vertex: inside its mask, not self-occluded, facing the camera.
+"""Visibility of each vertex: inside the person's mask, not self-occluded, and facing the camera.
 
-The optimiser updates it every few steps. OpenCV camera frame, metres and pixels.
+The optimiser updates the visibility every few steps. OpenCV camera frame, metres and pixels.
 """
 
 from __future__ import annotations
@@ -146,7 +146,7 @@ def _in_image(uv: Tensor, vertices: Tensor, masks: Tensor) -> Tensor:
 
 
 def sample_mask_neighbours(uv: Tensor, masks: Tensor, reach: Tensor) -> Tensor:
-    """Sample masks (B, H, W) at coordinates (B, V, 2) px and at eight neighbours in a distance (B,): (9, B, V) bool."""
+    """Sample masks (B, H, W) at pixels (B, V, 2) and at eight neighbours, ``reach`` (B,) px away: (9, B, V) bool."""
     height, width = masks.shape[-2:]
     steps = torch.tensor([-1.0, 0.0, 1.0], device=uv.device, dtype=uv.dtype) * reach[:, None]
     u, v = ((uv[..., None, :, axis] + steps[..., None]) for axis in (0, 1))  # (B, 3, V): three columns and three rows

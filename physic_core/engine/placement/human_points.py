@@ -62,7 +62,7 @@ def align_original_to_scene(
     settings: PlacementSettings | None = None,
     far: float = math.inf,
 ) -> Alignment:
-    """Align the point map of the original photo to that of the scene on the background (Eq. 1).
+    """Align the original photo's point map to the scene's point map on background pixels (Eq. 1).
 
     Args:
         points: (H, W, 3) point map of the original photo.
@@ -97,7 +97,7 @@ def align_original_to_scene(
 
 
 def move_original_to_scene(points: Tensor, alignment: Alignment, K: Tensor | None) -> Tensor:
-    """Apply the alignment to the original photo's point map, and move points onto the rays of ``K`` (3, 3) if given.
+    """Apply the alignment to the original photo's point map; if ``K`` (3, 3) is given, move points onto rays of ``K``.
 
     Returns:
         (H, W, 3) metres; NaN if the alignment has no inliers, since the distance of people is then unknown.

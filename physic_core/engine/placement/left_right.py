@@ -28,7 +28,7 @@ _LEAST = 0.1  # least mean difference, as a share of the person's size
 
 @dataclass(frozen=True)
 class CorrectedSides:
-    """Order of keypoints after the correction of left-right swaps.
+    """Index of the detected keypoint for each body landmark, after the correction of left-right swaps.
 
     Attributes:
         order: (B, J) int64, index of the detected keypoint for each landmark of the body.

@@ -12,7 +12,7 @@ from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.engine.joint.limbs import detected_joints, placement_keypoints
 from physic_core.engine.joint.released.reprojection import released_keypoint_weights
 from physic_core.engine.placement.left_right import fix_left_right_swaps
-from physic_core.engine.placement.place import PersonEvidence, PersonPlacement, Placement, PosedBodies, place_bodies
+from physic_core.engine.placement.place import PeopleObservations, PersonPlacement, Placement, PosedBodies, place_bodies
 from physic_core.engine.placement.settings import PlacementSettings
 from physic_core.geometry.camera import project
 from physic_core.types import Skeleton
@@ -117,12 +117,12 @@ def place_people(
     )
 
 
-def _evidence(detections: Detections, columns: list[int], settings: PlacementSettings) -> PersonEvidence:
+def _evidence(detections: Detections, columns: list[int], settings: PlacementSettings) -> PeopleObservations:
     weight, masks = detections.confidence, detections.masks
     if settings.method == "released":
         on_device = masks.to(weight.device)
         weight = released_keypoint_weights(detections.skeleton, detections.keypoints, weight, on_device)
-    return PersonEvidence(
+    return PeopleObservations(
         keypoints=detections.keypoints[:, columns],
         confidence=weight[:, columns],
         points=detections.points,

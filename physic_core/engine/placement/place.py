@@ -40,7 +40,7 @@ from physic_core.engine.placement.terms import (
     NEAREST_M,
     ChamferTerm,
     FloorTerm,
-    PersonProblem,
+    PlacementProblem,
     ReprojectionTerm,
     Term,
 )
@@ -49,7 +49,7 @@ from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.visibility import facing, inside_mask
 from physic_core.types.short_repr import ShortRepr
 
-__all__ = ["PersonEvidence", "PersonPlacement", "Placement", "PosedBodies", "place_bodies"]
+__all__ = ["PeopleObservations", "PersonPlacement", "Placement", "PosedBodies", "place_bodies"]
 
 _MIN_POINTS = 50  # least number of human points and of camera-facing vertices for Eq. 4
 _FACING_DEG = 70.0  # between a vertex's normal and the direction to the camera
@@ -81,8 +81,8 @@ class PosedBodies:
 
 
 @dataclass(frozen=True)
-class PersonEvidence:
-    """Keypoints, points and masks of B people.
+class PeopleObservations:
+    """Observed keypoints, 3D points and masks of B people.
 
     Attributes:
         keypoints: (B, J, 2) px.
@@ -146,7 +146,7 @@ class Placement(ShortRepr):
 
 def place_bodies(
     bodies: PosedBodies,
-    evidence: PersonEvidence,
+    evidence: PeopleObservations,
     K: Tensor,
     floor: tuple[Tensor, float] | None = None,
     settings: PlacementSettings | None = None,
@@ -184,11 +184,11 @@ def place_bodies(
 def _person_problem(
     i: int,
     bodies: PosedBodies,
-    evidence: PersonEvidence,
+    evidence: PeopleObservations,
     K: Tensor,
     floor: tuple[Tensor, float] | None,
     settings: PlacementSettings,
-) -> PersonProblem:
+) -> PlacementProblem:
     """Return the problem of person i with usable keypoints and points only."""
     uv, confidence = _on_cpu(evidence.keypoints[i]), _on_cpu(evidence.confidence[i])
     landmarks, vertices, cloud = (_on_cpu(x) for x in (bodies.landmarks[i], bodies.vertices[i], evidence.points[i]))
@@ -201,7 +201,7 @@ def _person_problem(
     if floor is not None and bodies.soles is not None and evidence.feet_seen is not None and evidence.feet_seen[i]:
         plane = torch.cat((_on_cpu(floor[0]), torch.tensor([floor[1]], dtype=torch.float64)))
         soles = vertices[bodies.soles.cpu()]
-    return PersonProblem(
+    return PlacementProblem(
         landmarks=landmarks[used],
         keypoints=uv[used],
         confidence=confidence[used],
@@ -257,7 +257,7 @@ class _Fit:
         return None if self.chamfer_m is None else self.seen
 
 
-def _place_person(person: PersonProblem, settings: PlacementSettings) -> PersonPlacement:
+def _place_person(person: PlacementProblem, settings: PlacementSettings) -> PersonPlacement:
     start = torch.zeros(4, dtype=torch.float64)
     on_floor = person.on_floor
     fit, by_keypoints = _Fit(start, torch.zeros(len(person.vertices), dtype=torch.bool)), start
@@ -290,7 +290,9 @@ def _place_person(person: PersonProblem, settings: PlacementSettings) -> PersonP
     )
 
 
-def _diagnostics(person: PersonProblem, fit: _Fit, problem: str | None, settings: PlacementSettings) -> dict[str, Any]:
+def _diagnostics(
+    person: PlacementProblem, fit: _Fit, problem: str | None, settings: PlacementSettings
+) -> dict[str, Any]:
     start, x = torch.zeros_like(fit.x), fit.x
     foot = None
     if person.on_floor:
@@ -310,7 +312,7 @@ def _diagnostics(person: PersonProblem, fit: _Fit, problem: str | None, settings
     }
 
 
-def _losses(person: PersonProblem, fit: _Fit, settings: PlacementSettings) -> dict[str, dict[str, float]]:
+def _losses(person: PlacementProblem, fit: _Fit, settings: PlacementSettings) -> dict[str, dict[str, float]]:
     """Return the energy of each used term of Eq. 3 at the estimated and at the final translation."""
     terms: dict[str, Term] = {}
     if not bool(torch.isfinite(person.vertices).all()):
@@ -331,12 +333,12 @@ def _losses(person: PersonProblem, fit: _Fit, settings: PlacementSettings) -> di
     return losses
 
 
-def _has_offset(person: PersonProblem, settings: PlacementSettings) -> bool:
+def _has_offset(person: PlacementProblem, settings: PlacementSettings) -> bool:
     """Return whether the person's depth offset is free."""
     return settings.robust and person.on_floor and settings.depth_offset_sigma > 0
 
 
-def _fit_keypoints(person: PersonProblem, settings: PlacementSettings) -> tuple[Tensor, str | None]:
+def _fit_keypoints(person: PlacementProblem, settings: PlacementSettings) -> tuple[Tensor, str | None]:
     """Solve Eq. 2: return x (4,), and a message if there are too few keypoints."""
     if len(person.keypoints) < FEWEST_KEYPOINTS:
         return torch.zeros(4, dtype=torch.float64), (
@@ -348,7 +350,7 @@ def _fit_keypoints(person: PersonProblem, settings: PlacementSettings) -> tuple[
     return gauss_newton([ReprojectionTerm(person, settings)], closed_form_translation(person), (0, 1, 2)), None
 
 
-def _fit_points(person: PersonProblem, x: Tensor, settings: PlacementSettings) -> _Fit:
+def _fit_points(person: PlacementProblem, x: Tensor, settings: PlacementSettings) -> _Fit:
     """Solve Eq. 3-4 from x (4,); camera-facing vertices are selected again after the body has moved."""
     seen = _camera_facing(person, x, settings)
     if len(person.points) < _MIN_POINTS or int(seen.sum()) < _MIN_POINTS:
@@ -373,7 +375,7 @@ def _fit_points(person: PersonProblem, x: Tensor, settings: PlacementSettings) -
     return _Fit(x, seen, (before, chamfer.median(x)), grounded)
 
 
-def _is_on_furniture(person: PersonProblem, x: Tensor, terms: list[Term], settings: PlacementSettings) -> bool:
+def _is_on_furniture(person: PlacementProblem, x: Tensor, terms: list[Term], settings: PlacementSettings) -> bool:
     """Return whether a fit without depth offset has both feet well above the floor."""
     if not settings.stand_reach_m or not _has_offset(person, settings):
         return False
@@ -383,7 +385,7 @@ def _is_on_furniture(person: PersonProblem, x: Tensor, terms: list[Term], settin
     return lower > min(settings.stand_reach_m, _STAND_REACH_SHARE * away)
 
 
-def _camera_facing(person: PersonProblem, x: Tensor, settings: PlacementSettings) -> Tensor:
+def _camera_facing(person: PlacementProblem, x: Tensor, settings: PlacementSettings) -> Tensor:
     """Return vertices V_cf of Eq. 4, which face the camera and project into the person's mask: (V,) bool."""
     moved = person.vertices + x[:3]
     if settings.method == "released":
@@ -394,7 +396,7 @@ def _camera_facing(person: PersonProblem, x: Tensor, settings: PlacementSettings
     return seen & person.outer & inside_mask(project(moved, person.K), person.mask)
 
 
-def _bounded_by_keypoints(person: PersonProblem, fit: _Fit, settings: PlacementSettings) -> Tensor:
+def _bounded_by_keypoints(person: PlacementProblem, fit: _Fit, settings: PlacementSettings) -> Tensor:
     """Return x (4,), moved towards the keypoints until their error is no larger than at the start."""
     if len(person.keypoints) < FEWEST_KEYPOINTS:
         return fit.x
@@ -409,7 +411,7 @@ def _bounded_by_keypoints(person: PersonProblem, fit: _Fit, settings: PlacementS
     return restore_keypoint_fit(person, fit.x, settings.chamfer_weight * pairs, settings, fits)
 
 
-def _reprojection_px(person: PersonProblem, x: Tensor) -> float | None:
+def _reprojection_px(person: PlacementProblem, x: Tensor) -> float | None:
     """Return the median reprojection error of the used keypoints, px."""
     if not len(person.keypoints):
         return None

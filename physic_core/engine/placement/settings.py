@@ -49,5 +49,5 @@ class PlacementSettings:
 
     @property
     def robust(self) -> bool:
-        """Whether the method is "robust"."""
+        """Whether the placement method is "robust"."""
         return self.method == "robust"

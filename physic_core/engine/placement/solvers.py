@@ -1,6 +1,6 @@
-"""Solvers of stage 2 over x = (t, g): Gauss-Newton for preset "default", and the paper's Adam and L-BFGS.
+"""Solvers of stage 2: Gauss-Newton for preset "default"; Adam and L-BFGS as in the paper.
 
-x is a translation and a log depth offset. Camera frame, metres; float64 on the CPU.
+The unknown x = (t, g) is a translation and a log depth offset. Camera frame, metres; float64 on the CPU.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from physic_core.engine.placement.terms import (
     FEWEST_KEYPOINTS,
     NEAREST_M,
     ChamferTerm,
-    PersonProblem,
+    PlacementProblem,
     ReprojectionTerm,
     Residuals,
     Term,
@@ -50,10 +50,10 @@ _MAX_OFFSET = math.log(1e3)  # largest absolute log depth offset
 _DOUBLINGS = 40
 
 
-def closed_form_translation(person: PersonProblem) -> Tensor:
-    """Solve Eq. 2 approximately by linear least squares: x (4,), from X + t_x = u (Z + t_z).
+def closed_form_translation(person: PlacementProblem) -> Tensor:
+    """Estimate the translation of Eq. 2 by linear least squares of X + t_x = u (Z + t_z); return x (4,).
 
-    Rows are weighted to image errors.
+    The solution is approximate: the weights of the rows approximate image errors.
     """
     ray = (person.keypoints - person.K[:2, 2]) / torch.stack((person.K[0, 0], person.K[1, 1]))
     joints = person.landmarks
@@ -125,12 +125,12 @@ def _energy(rows: Sequence[Residuals], scales: Sequence[float]) -> float:
 
 
 def term_energy(term: Term, x: Tensor) -> float:
-    """Return the energy of one term at x (4,)."""
+    """Return the energy of one term at x = (t, g), (4,)."""
     rows = term.rows(x)
     return _energy(rows, [r.scale for r in rows])
 
 
-def solve_adam(person: PersonProblem, settings: PlacementSettings) -> Tensor:
+def solve_adam(person: PlacementProblem, settings: PlacementSettings) -> Tensor:
     """Minimise Eq. 2 by Adam, as in the paper."""
     move = torch.zeros(3, dtype=torch.float64, requires_grad=True)
     optimizer = torch.optim.Adam([move], lr=_LEARNING_RATE)
@@ -141,7 +141,7 @@ def solve_adam(person: PersonProblem, settings: PlacementSettings) -> Tensor:
     return torch.cat((move.detach(), torch.zeros(1, dtype=torch.float64)))
 
 
-def solve_lbfgs(person: PersonProblem, x: Tensor, chamfer: ChamferTerm, settings: PlacementSettings) -> Tensor:
+def solve_lbfgs(person: PlacementProblem, x: Tensor, chamfer: ChamferTerm, settings: PlacementSettings) -> Tensor:
     """Minimise Eq. 3 by L-BFGS, as in the paper, but with a line search."""
     move = x[:3].clone().requires_grad_()
     optimizer = torch.optim.LBFGS([move], lr=1.0, max_iter=_LBFGS_INNER, line_search_fn=_LINE_SEARCH)
@@ -162,9 +162,9 @@ def solve_lbfgs(person: PersonProblem, x: Tensor, chamfer: ChamferTerm, settings
 
 
 def restore_keypoint_fit(
-    person: PersonProblem, x: Tensor, stiffness: float, settings: PlacementSettings, fits: Callable[[Tensor], bool]
+    person: PlacementProblem, x: Tensor, stiffness: float, settings: PlacementSettings, fits: Callable[[Tensor], bool]
 ) -> Tensor:
-    """Move x towards the keypoints until ``fits`` is true; return zero if it never is.
+    """Move x towards the minimum of the keypoint errors until ``fits(x)`` is true; return zeros if this fails.
 
     Minimises ``stiffness |t - x|^2`` plus the reprojection term with increasing weight. Up to a constant, the first
     part is Eq. 4 with fixed pairs.
@@ -185,7 +185,7 @@ def restore_keypoint_fit(
     return torch.zeros_like(x)
 
 
-def reprojection_loss(person: PersonProblem, move: Tensor, settings: PlacementSettings) -> Tensor:
+def reprojection_loss(person: PlacementProblem, move: Tensor, settings: PlacementSettings) -> Tensor:
     """Return the unweighted reprojection loss L_j2d () after a translation (3,), metres."""
     seen = project(person.landmarks + move, person.K)
     if settings.method == "released":

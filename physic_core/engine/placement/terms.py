@@ -1,4 +1,4 @@
-"""Terms of stage 2: residuals and their Jacobians by x = (t, g), a translation and a log depth offset.
+"""Terms of stage 2: residuals and Jacobians with respect to x = (t, g), a translation and a log depth offset.
 
 Float64, CPU, camera frame, metres and pixels.
 """
@@ -22,7 +22,7 @@ __all__ = [
     "NEAREST_M",
     "ChamferTerm",
     "FloorTerm",
-    "PersonProblem",
+    "PlacementProblem",
     "ReprojectionTerm",
     "Residuals",
     "Term",
@@ -39,8 +39,8 @@ _OFFSET_COST_M = 0.05
 _FLOOR_ROBUST_M = 0.3  # scale of the robust loss, metres
 
 
-class PersonProblem(NamedTuple):
-    """Inputs of one person's placement, float64 on the CPU; N landmarks, V vertices, M points, S sole vertices."""
+class PlacementProblem(NamedTuple):
+    """Inputs to place one person, float64 on the CPU; N landmarks, V vertices, M points, S sole vertices."""
 
     landmarks: Tensor  # (N, 3)
     keypoints: Tensor  # (N, 2)
@@ -58,12 +58,12 @@ class PersonProblem(NamedTuple):
 
     @property
     def on_floor(self) -> bool:
-        """Whether the feet are visible and there is a floor."""
+        """Whether the feet are visible and the scene has a floor."""
         return len(self.soles) > 0
 
 
 class Residuals(NamedTuple):
-    """Residuals of one term at x: error (N, D), Jacobian (N, D, 4), weight (N,), scale of the robust loss."""
+    """Residuals of one term at x: error (N, D), Jacobian ``slope`` (N, D, 4), weight (N,), scale of the robust loss."""
 
     error: Tensor
     slope: Tensor
@@ -74,7 +74,7 @@ class Residuals(NamedTuple):
 class ReprojectionTerm:
     """Reprojection error (Eq. 2) relative to the person's or image's size, times lambda_j2d."""
 
-    def __init__(self, person: PersonProblem, settings: PlacementSettings) -> None:
+    def __init__(self, person: PlacementProblem, settings: PlacementSettings) -> None:
         self.person = person
         total = person.confidence.sum() if settings.robust else 1.0
         self.weight = settings.reprojection_weight * person.confidence / total
@@ -95,7 +95,7 @@ class ReprojectionTerm:
 class ChamferTerm:
     """Bidirectional Chamfer distance (Eq. 4) of camera-facing vertices and the person's points, times lambda_d."""
 
-    def __init__(self, person: PersonProblem, seen: Tensor, settings: PlacementSettings) -> None:
+    def __init__(self, person: PlacementProblem, seen: Tensor, settings: PlacementSettings) -> None:
         self.vertices = subsample(person.vertices[seen], MAX_POINTS) if settings.robust else person.vertices[seen]
         self.points = person.points
         self.vertex_tree, self.point_tree = cKDTree(self.vertices.numpy()), cKDTree(self.points.numpy())
@@ -105,7 +105,7 @@ class ChamferTerm:
         self.scale = settings.robust_m
 
     def matched(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """Return each vertex's nearest point (F, 3) before scaling, and each point's nearest vertex (M, 3)."""
+        """Return the nearest point (F, 3) of each vertex, unscaled, and the nearest vertex (M, 3) of each point."""
         factor = math.exp(float(x[3]))
         _, nearest_point = self.point_tree.query(((self.vertices + x[:3]) / factor).numpy())
         _, nearest_vertex = self.vertex_tree.query((self.points * factor - x[:3]).numpy())
@@ -132,9 +132,9 @@ class ChamferTerm:
 
 
 class FloorTerm:
-    """Height of the lower foot over the floor, and the prior of the depth offset ``(g / sigma)^2``."""
+    """Height of the lower foot over the floor, plus the prior ``(g / sigma)^2`` of the log depth offset g."""
 
-    def __init__(self, person: PersonProblem, settings: PlacementSettings) -> None:
+    def __init__(self, person: PlacementProblem, settings: PlacementSettings) -> None:
         self.person, self.settings = person, settings
 
     def rows(self, x: Tensor) -> list[Residuals]:
@@ -152,7 +152,7 @@ class FloorTerm:
 
 
 class TranslationPrior:
-    """Quadratic prior of the translation: ``weight |t - place|^2``."""
+    """Quadratic prior of the translation t: ``weight |t - place|^2``, with the preferred translation ``place``."""
 
     def __init__(self, place: Tensor, weight: float) -> None:
         self.place, self.weight = place, weight

@@ -30,7 +30,7 @@ from physic_core.engine.joint.terms.reprojection import ReprojectionSettings, Re
 from physic_core.engine.joint.terms.scene_scale import DEPTH_SCALE_SIGMA, SceneScaleSettings, SceneScaleTerm
 from physic_core.engine.joint.terms.soles import SoleSettings, SoleTerm
 from physic_core.engine.joint.terms.stature import StatureSettings, StatureTerm
-from physic_core.engine.joint.terms.surface import SurfaceParts, SurfaceTerms
+from physic_core.engine.joint.terms.surface import SurfaceTermGroup, SurfaceTerms
 from physic_core.engine.joint.terms.surface_fused import fused_surface_energies
 
 __all__ = ["DefaultJoint"]
@@ -82,7 +82,7 @@ class DefaultJoint(JointSettings):
 
     @property
     def energy_options(self) -> EnergyOptions:
-        """Vertices are weighted by area, distances are along normals, and the floor is a plane."""
+        """Options of the energy: vertices weighted by area, distances along normals, and the floor as a plane."""
         return EnergyOptions(
             search_radius_m=max(self.contact.max_distance_m, self.penetration.max_depth_m),
             facing_deg=self.visibility.facing_deg,
@@ -95,7 +95,7 @@ class DefaultJoint(JointSettings):
         )
 
     def weigh_keypoints(self, problem: JointProblem, person_px: Tensor, observed: Tensor) -> Keypoints:
-        """Return the keypoints, weighted by confidence; less for low confidences and on invisible limbs."""
+        """Return the keypoints with weights from confidence, reduced for low confidence and for invisible limbs."""
         return weighted_keypoints(problem, person_px, observed, self.reprojection)
 
     @property
@@ -134,7 +134,7 @@ class DefaultJoint(JointSettings):
         """Return the terms of the energy, in the order of summation."""
         aware = self.visibility.occlusion_aware
         contact = ContactTerm(self.contact, context)
-        surface = SurfaceParts(
+        surface = SurfaceTermGroup(
             depth=DepthTerm(self.depth, context, state),
             contact=contact,
             penetration=PenetrationTerm(self.penetration, context, occlusion_aware=aware),

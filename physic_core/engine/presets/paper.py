@@ -90,7 +90,7 @@ class PaperVisibilitySettings:
 
 @dataclass(frozen=True)
 class PaperJoint(JointSettings):
-    """Settings of stage 3 as printed: raw parameters, Adam, distances to the nearest points, every vertex counted once.
+    """Settings of stage 3 as printed in the paper: raw parameters, Adam, nearest-point distances, equal vertex weights.
 
     Attributes:
         frozen: parameter groups that are kept constant: root, pose, hands, betas, translation, scale.
@@ -113,7 +113,7 @@ class PaperJoint(JointSettings):
 
     @property
     def energy_options(self) -> EnergyOptions:
-        """All limbs count as visible, and samples of the floor are scene points."""
+        """Options of the energy: all limbs count as visible, and samples of the floor are scene points."""
         return EnergyOptions(
             search_radius_m=max(CONTACT_RANGE_M, self.penetration.max_depth_m),
             facing_deg=_FACING_DEG,
@@ -128,13 +128,13 @@ class PaperJoint(JointSettings):
         )
 
     def weigh_keypoints(self, problem: JointProblem, person_px: Tensor, observed: Tensor) -> Keypoints:
-        """Return the keypoints, weighted by confidence; 0 for low confidences."""
+        """Return the keypoints with weights from confidence; a low confidence gives weight 0."""
         return confident_keypoints(problem, _MIN_CONFIDENCE)
 
     def update_visibility(
         self, context: JointContext, bodies: BodyOutput, self_occlusion: SelfOcclusion, last: Visibility | None
     ) -> Visibility:
-        """Return the visibility of the posed bodies; camera-facing vertices stay those of the first update.
+        """Return the visibility of the posed bodies; keep the camera-facing vertices of the first update.
 
         "The camera-facing mask remains stable throughout optimization" (paper sec. 4.1).
         """

@@ -84,7 +84,7 @@ class ProxPriorSettings:
 
 @dataclass(frozen=True)
 class ProxJoint(JointSettings):
-    """Settings of stage 3 as in PROX: the scene is constant; the first steps leave out contact and penetration.
+    """Settings of stage 3 as in PROX: constant scene, and no contact and penetration terms in the first steps.
 
     Attributes:
         frozen: parameter groups that are kept constant: root, pose, hands, betas, translation, scale.
@@ -110,7 +110,7 @@ class ProxJoint(JointSettings):
 
     @property
     def energy_options(self) -> EnergyOptions:
-        """Static contacts, all limbs count as visible, and the floor is ignored."""
+        """Options of the energy: static contacts, all limbs count as visible, and no floor."""
         return EnergyOptions(
             search_radius_m=max(_SEARCH_RADIUS_M, self.penetration.max_depth_m),
             facing_deg=_FACING_DEG,

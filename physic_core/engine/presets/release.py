@@ -74,17 +74,17 @@ class ReleasedJoint(PaperJoint):
 
     @property
     def energy_options(self) -> EnergyOptions:
-        """As printed, with the masks and the facing angle of the released code."""
+        """Options of the energy: as in the paper, with the masks and the facing angle of the released code."""
         return replace(super().energy_options, facing_deg=_FACING_DEG, merge_masks=True)
 
     def weigh_keypoints(self, problem: JointProblem, person_px: Tensor, observed: Tensor) -> Keypoints:
-        """Return the keypoints with the weights of the released code."""
+        """Return the keypoints with the keypoint weights of the released code."""
         return released_keypoints(problem)
 
     def update_visibility(
         self, context: JointContext, bodies: BodyOutput, self_occlusion: SelfOcclusion, last: Visibility | None
     ) -> Visibility:
-        """Return the visibility as in the released code."""
+        """Return the visibility of the posed bodies, computed as in the released code."""
         return update_released_visibility(context, bodies, self_occlusion, last)
 
     def terms(self, context: JointContext, state: State) -> Sequence[Term]:

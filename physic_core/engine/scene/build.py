@@ -229,7 +229,7 @@ def _surface(points: Tensor, known: Tensor, settings: SceneSettings) -> tuple[Te
 
 
 def alignment_diagnostics(alignment: Alignment) -> dict[str, Any]:
-    """Return the diagnostics of an alignment; an infinite residual becomes None."""
+    """Return the diagnostics of an alignment as a dictionary; an infinite residual becomes None."""
     return {
         "unknown": alignment.unknown,
         "scale": alignment.scale,

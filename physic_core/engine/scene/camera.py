@@ -30,7 +30,9 @@ class Cameras:
 
 
 def convert_to_common_camera(points: Tensor, depth: Tensor, cameras: Cameras) -> tuple[Tensor, Tensor, Cameras]:
-    """Convert point map and metric depth to one camera: the given one, else the mean of both, else the only one.
+    """Convert point map and metric depth to the given camera, or to the mean of their two cameras if none is given.
+
+    If only one of the two cameras is known, nothing is converted.
 
     Metric depth is proportional to the focal length, since depth networks infer it from the size of objects in pixels.
     The depth of the point map does not change, since its unit is unknown.
@@ -62,7 +64,7 @@ def scene_camera(
     cameras: Cameras,
     preferred: Literal["both", "metric", "pointmap"] = "both",
 ) -> Tensor:
-    """Return the intrinsics (3, 3) float64: given, else of the preferred source, else estimated from the point map.
+    """Return the intrinsics (3, 3) float64: given ones, else of the preferred source, else from the point map.
 
     Args:
         points: (H, W, 3) point map, any unit.

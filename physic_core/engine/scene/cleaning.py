@@ -23,10 +23,10 @@ _REFERENCE_SIDE = 1024
 
 
 def edge_ratio(outliers: OutlierMethod, rows: int, columns: int) -> float:
-    """Return the depth ratio of an edge for an image of (rows, columns): that of ``EDGE_RATIO`` scaled from 1024 px.
+    """Return the threshold of the depth ratio at an edge: ``EDGE_RATIO`` for an image side of 1024 px, else scaled.
 
-    It is at most ``EDGE_RATIO`` squared, since edges are sharp in small images too, and infinite (no edge) if
-    ``outliers`` is not "grid".
+    The threshold is at most ``EDGE_RATIO`` squared, since edges are sharp in small images too. The threshold is
+    infinite (no edge) if ``outliers`` is not "grid".
     """
     return EDGE_RATIO ** min(2.0, _REFERENCE_SIDE / max(rows, columns, 1)) if outliers == "grid" else math.inf
 

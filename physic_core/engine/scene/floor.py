@@ -30,7 +30,7 @@ _GRID_SIDE = 100  # floor points along each side, as released
 def fit_relative_floor(
     points: Tensor, valid: Tensor, evidence: FloorEvidence, strategy: Strategy = "disparity"
 ) -> PlaneFit | None:
-    """Fit the floor of a relative point map in its own unit; None if none is found.
+    """Fit the floor to a relative point map of any unit; return None if no floor is found.
 
     Args:
         points: (H, W, 3), any unit.
@@ -44,7 +44,7 @@ def fit_relative_floor(
 def search_floor(
     points: Tensor, valid: Tensor, normals: Tensor, evidence: FloorEvidence, strategy: Strategy
 ) -> FloorSearch:
-    """Search the floor of a metric point map (H, W, 3) with normals (H, W, 3) by a ``SceneSettings.floor`` method."""
+    """Find the floor in a metric point map (H, W, 3) with normals (H, W, 3), by a method of ``SceneSettings.floor``."""
     if strategy == "off":
         return FloorSearch(None, "switched_off")
     if strategy == "metric":
@@ -53,12 +53,12 @@ def search_floor(
 
 
 def min_inlier_share(strategy: Strategy) -> float:
-    """Return the least inlier share of an accepted floor."""
+    """Return the minimum share of inliers for the acceptance of a floor."""
     return floor_metric.MIN_INLIER_SHARE if strategy == "metric" else disparity_floor.MIN_INLIER_SHARE
 
 
 def floor_grid(floor: PlaneFit, scene: Tensor) -> Tensor:
-    """Sample 10000 floor points (10000, 3) over the extent of the scene (P, 3), metres, as released."""
+    """Sample 10000 floor points (10000, 3) over the extent of the scene (P, 3), metres, as in the released code."""
     return released_floor_grid(floor.normal, floor.offset, scene, _GRID_SIDE)
 
 

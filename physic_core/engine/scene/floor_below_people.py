@@ -35,7 +35,10 @@ def floor_under_people(
     points: Tensor,
     normals: Tensor,
 ) -> tuple[Tensor, float] | None:
-    """Fit a floor plane under the soles of upright people; None if up is unknown or scene points contradict the plane.
+    """Fit a floor plane under the soles of upright people; None if the up direction is unknown or the fit is rejected.
+
+    The fit is rejected if the heights of the soles differ too much, the floor is not below the camera, or too many
+    scene points are below the floor.
 
     Args:
         vertices: (B, V, 3); people with non-finite vertices are ignored.

@@ -12,7 +12,7 @@ from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.distances import root_relative
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
-from physic_core.engine.joint.terms.regularisation import mesh_energy, mesh_weights, parameter_energy
+from physic_core.engine.joint.terms.regularisation import mesh_energy, parameter_energy, vertex_weights
 
 __all__ = ["ParameterPriorTerm", "PrintedRegularisationSettings", "PrintedRegularisationTerm"]
 
@@ -43,7 +43,7 @@ class PrintedRegularisationTerm(Term):
     def refresh(self, snapshot: Snapshot) -> None:
         """Update the weights of visible and hidden vertices."""
         s, area = self._settings, self._context.area
-        weight = mesh_weights(
+        weight = vertex_weights(
             snapshot, s.visible_weight, s.occluded_weight, area, occlusion_aware=self._occlusion_aware
         )
         self.active = {"regularisation": weight}

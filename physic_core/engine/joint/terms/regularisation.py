@@ -12,7 +12,7 @@ from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Snapshot
 
-__all__ = ["RegularisationSettings", "RegularisationTerm", "mesh_energy", "mesh_weights", "parameter_energy"]
+__all__ = ["RegularisationSettings", "RegularisationTerm", "mesh_energy", "parameter_energy", "vertex_weights"]
 
 
 @dataclass(frozen=True)
@@ -52,14 +52,14 @@ def mesh_energy(relative: Tensor, start: Tensor, weight: Tensor) -> Tensor:
 
 
 def parameter_energy(deviation: Tensor, weight: Tensor) -> Tensor:
-    """Return L_reg of the parameters, whitened or raw, ``sum_i w_i x_i^2``: (B, P) and (P,) -> (B,)."""
+    """Return the L_reg of parameter deviations (B, P), whitened or raw: ``sum_i w_i x_i^2`` (B,), weights (P,)."""
     return deviation.square() @ weight
 
 
-def mesh_weights(
+def vertex_weights(
     snapshot: Snapshot, visible: float, occluded: float, area: Tensor, *, occlusion_aware: bool = True
 ) -> Tensor:
-    """Return the weight of each vertex (B, n) in L_reg: ``visible`` or ``occluded`` times its area."""
+    """Return the L_reg weight of each vertex (B, n): vertex area times ``visible``, or ``occluded`` if not visible."""
     strong = ~snapshot.visibility.eligible
     if occlusion_aware:
         strong = strong | snapshot.visibility.hidden
@@ -89,11 +89,11 @@ class RegularisationTerm:
     def refresh(self, snapshot: Snapshot) -> None:
         """Update the weights of visible and hidden vertices."""
         s = self._settings
-        weight = mesh_weights(
+        weight = vertex_weights(
             snapshot, s.visible_weight, s.occluded_weight, self._context.area, occlusion_aware=self._occlusion_aware
         )
         self.active = {"regularisation": weight / s.sigma_m**2}
 
     def energy(self, mesh: Tensor, deviation: Tensor) -> Tensor:
-        """Return the energy (B,) for the energy of the mesh (B,) and the deviation of the parameters (B, P)."""
+        """Return the energy (B,): the mesh energy ``mesh`` (B,) plus the energy of parameter deviations (B, P)."""
         return mesh + parameter_energy(deviation, self._prior_weight)

@@ -50,14 +50,14 @@ class ReprojectionSettings:
     low_confidence_weight: NotNegative = 0.1
 
     def rho(self) -> RobustLoss:
-        """Return the robust loss."""
+        """Return the robust loss of reprojection errors: Cauchy with scale ``outlier_sigmas``."""
         return partial(robust_loss, "cauchy", c=self.outlier_sigmas)
 
 
 def reprojection_energy(
     projected: Tensor, observed: Tensor, weight: Tensor, unit: Tensor, rho: RobustLoss, *, per_axis: bool = False
 ) -> Tensor:
-    """Return L_j2d (Eq. 2) of each person (B,): ``sum_j w_j rho(|(pi(J_j) - J^_j) / unit|^2)``.
+    """Return the energy L_j2d (Eq. 2) of each person (B,): ``sum_j w_j rho(|(pi(J_j) - J^_j) / unit|^2)``, unit in px.
 
     Args:
         projected: (B, J, 2) px.
@@ -71,7 +71,7 @@ def reprojection_energy(
 
 
 class ReprojectionTerm(Term):
-    """Reprojection term of all keypoints; ``unit``, ``rho`` and ``per_axis`` as in :func:`reprojection_energy`."""
+    """Reprojection term L_j2d of all keypoints, with the arguments of :func:`reprojection_energy`."""
 
     def __init__(
         self, context: JointContext, weight: float, unit: Tensor, rho: RobustLoss, *, per_axis: bool = False
@@ -92,7 +92,7 @@ class ReprojectionTerm(Term):
 
 
 def finite_keypoints(problem: JointProblem) -> tuple[Tensor, Tensor]:
-    """Return keypoints (B, J, 2) px and confidence (B, J), both 0 if one of them is not finite."""
+    """Return keypoints (B, J, 2) px and confidence (B, J); set both to 0 if either of them is not finite."""
     points, confidence = problem.keypoints, problem.keypoint_confidence
     finite = torch.isfinite(points).all(-1) & torch.isfinite(confidence)
     points = torch.where(finite[..., None], points, torch.zeros_like(points))
@@ -102,7 +102,7 @@ def finite_keypoints(problem: JointProblem) -> tuple[Tensor, Tensor]:
 def weighted_keypoints(
     problem: JointProblem, person_px: Tensor, observed: Tensor, settings: ReprojectionSettings
 ) -> Keypoints:
-    """Return the keypoints, weighted by confidence; less for low confidences and on invisible limbs.
+    """Return the keypoints with weights from confidence, reduced for low confidence and for invisible limbs.
 
     Args:
         problem: with finite people only.

@@ -30,7 +30,7 @@ class SceneScaleSettings:
 
 
 class SceneScaleTerm(Term):
-    """Scene-scale term: ``w x^2`` of the deviation ``x`` of the scale from the start (``State.deviation``)."""
+    """Scene-scale term ``w x^2``; ``x`` is the deviation of the scale from the initial scale (``State.deviation``)."""
 
     def __init__(self, weight: float) -> None:
         self._weight = weight

@@ -1,4 +1,4 @@
-"""Sole term: height over the floor of soles near it."""
+"""Sole term: height of soles over the floor, for soles near the floor."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class SoleSettings:
 
 
 def sole_energy(lowest: Tensor, weight: Tensor, lower_weight: Tensor, near: RobustLoss, far: RobustLoss) -> Tensor:
-    """Return the energy of visible soles over the floor, (B,): ``sum_f w_f near(h_f^2) + w far(min_f h_f^2)``.
+    """Return the sole energy (B,): ``sum_f w_f near(h_f^2) + w far(min_f h_f^2)`` with robust losses near and far.
 
     ``near`` redescends within centimetres, so that a foot in the air gets no gradient. ``far`` does not redescend. It
     applies to the lower foot only: a person who stands, walks or runs has at most one foot far from the ground.
@@ -69,12 +69,12 @@ class SoleTerm:
 
     @property
     def is_on(self) -> bool:
-        """Whether there is a floor and a weight is not 0."""
+        """Whether the sole term is used: there is a floor, and at least one weight of the term is not 0."""
         s = self.settings
         return self._context.floor_normal is not None and bool(s.weight or s.lower_weight or s.unseen_weight)
 
     def refresh(self, snapshot: Snapshot) -> None:
-        """Select the feet that are not on a step, and the people whose lower foot has expected contact."""
+        """Select the feet that are not on a step, and the people whose lower foot is expected to touch the floor."""
         context, contacts = self._context, snapshot.contacts
         far = torch.full_like(context.area[:, 0], torch.inf)
         heights = [contacts.height[:, rows] for rows in context.soles]
@@ -96,7 +96,7 @@ class SoleTerm:
         }
 
     def energy(self, lowest: Tensor) -> Tensor:
-        """Return the energy (B,) for heights of both soles (B, 2), metres."""
+        """Return the sole energy (B,) for the heights (B, 2) of the left and the right sole, metres."""
         s = self.settings
 
         def near(squared: Tensor) -> Tensor:

@@ -19,7 +19,7 @@ STATURE_SIGMA = 0.06
 
 @dataclass(frozen=True)
 class StatureSettings:
-    """Settings of the stature term: change of each person's height.
+    """Settings of the stature term: deviation of each person's height from the estimated height.
 
     Attributes:
         weight: together with the weight of the scene's scale, divides a disagreement of sizes between people and scene;
@@ -30,7 +30,7 @@ class StatureSettings:
 
 
 class StatureTerm(Term):
-    """Stature term of all people, relative to the body estimator's result."""
+    """Stature term of all people: deviation of each person's height from the body estimator's result."""
 
     def __init__(self, settings: StatureSettings, context: JointContext) -> None:
         self._weight = settings.weight

@@ -31,7 +31,7 @@ __all__ = [
     "SURFACE_ENERGIES",
     "SurfaceFunction",
     "SurfaceInputs",
-    "SurfaceParts",
+    "SurfaceTermGroup",
     "SurfaceTerms",
     "reference_surface_energies",
 ]
@@ -41,7 +41,7 @@ SURFACE_ENERGIES = ("depth", "contact", "penetration", "floor", "mesh")
 
 @dataclass(frozen=True)
 class SurfaceInputs:
-    """Inputs of the surface terms, constant since the last refresh. B people, n tracked vertices.
+    """Inputs of the surface terms for B people and n tracked vertices, constant between two refreshes.
 
     Attributes:
         depth: robust sum over differences of log depth; None if the term is off, as in the next three.
@@ -89,7 +89,7 @@ SurfaceFunction = Callable[[SurfaceInputs, Tensor, Tensor, Tensor, Tensor, Tenso
 def reference_surface_energies(
     data: SurfaceInputs, vertices: Tensor, pelvis: Tensor, root: Tensor, log_scale: Tensor, offset: Tensor, warp: Tensor
 ) -> tuple[Tensor, Tensor]:
-    """Return the weighted energies of the surface terms, by the equations of the terms.
+    """Compute the weighted energy of each surface term directly from the term's equation.
 
     Args:
         data: inputs since the last refresh.
@@ -137,8 +137,8 @@ def reference_surface_energies(
 
 
 @dataclass(frozen=True)
-class SurfaceParts:
-    """Terms that :class:`SurfaceTerms` evaluates together."""
+class SurfaceTermGroup:
+    """Group of the six terms that :class:`SurfaceTerms` evaluates together."""
 
     depth: DepthTerm
     contact: ContactTerm
@@ -163,13 +163,13 @@ class SurfaceTerms(Term):
         surface: inputs since the last refresh.
     """
 
-    def __init__(self, context: JointContext, state: State, parts: SurfaceParts, energies: SurfaceFunction) -> None:
+    def __init__(self, context: JointContext, state: State, parts: SurfaceTermGroup, energies: SurfaceFunction) -> None:
         self.context, self.parts, self.energies = context, parts, energies
         self._warp_is_free = "warp" in state.free
         self.surface: SurfaceInputs
 
     def refresh(self, snapshot: Snapshot) -> None:
-        """Refresh each term and collect their inputs."""
+        """Refresh all terms and collect the inputs of the energies."""
         parts, context, contacts = self.parts, self.context, snapshot.contacts
         for part in parts.all:
             part.refresh(snapshot)

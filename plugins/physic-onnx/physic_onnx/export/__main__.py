@@ -55,9 +55,9 @@ def _export(given: argparse.Namespace, path: Path) -> None:
 def _place(network: str) -> Path:
     """Return the path at which the backend looks for the file."""
     from physic_core.errors import OutputError
-    from physic_core.weights.folders import own_folder, user_folders
+    from physic_core.weights.folders import default_download_folder, user_folders
 
-    folders = [*user_folders(), own_folder()]
+    folders = [*user_folders(), default_download_folder()]
     if folders[0] is None:
         raise OutputError("there is no folder for weights: give --output FILE")
     return folders[0] / f"{network}-onnx" / "model.onnx"
