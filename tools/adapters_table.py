@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 
 from physic_core.discovery.registry import BackendRecord
-from physic_testing.conformance.run import Run
+from physic_testing.conformance.run import CheckRun
 
 ROOT = Path(__file__).parents[1]
 PLUGINS = {
@@ -37,14 +37,14 @@ NONE = "NO RUN"
 def main() -> int:
     sys.path[:0] = map(str, PLUGINS.values())  # what is in contrib need not be installed
     write, further = "--write" in sys.argv, [word for word in sys.argv[1:] if word != "--write"]
-    runs: list[Run] = []
-    first = Run.__init__
+    runs: list[CheckRun] = []
+    first = CheckRun.__init__
 
-    def remembered(self: Run, *arguments: object, **named: object) -> None:
+    def remembered(self: CheckRun, *arguments: object, **named: object) -> None:
         first(self, *arguments, **named)  # type: ignore[arg-type]
         runs.append(self)
 
-    Run.__init__ = remembered  # type: ignore[method-assign,assignment]
+    CheckRun.__init__ = remembered  # type: ignore[method-assign,assignment]
     tests = [str(folder / "tests") for folder in PLUGINS.values()]
     status = int(pytest.main([*tests, "-k", TESTS, "-q", "--no-header", "-p", "no:cacheprovider", *further]))
     rows = table(runs)
@@ -56,7 +56,7 @@ def main() -> int:
     return status or int(not all(rows.values()))
 
 
-def table(runs: list[Run]) -> dict[tuple[str, str], str]:
+def table(runs: list[CheckRun]) -> dict[tuple[str, str], str]:
     """(interface, name) of every record -> what came of its runs in words, empty where there is none."""
     counts: dict[str, Counter[str]] = defaultdict(Counter)
     for run in runs:

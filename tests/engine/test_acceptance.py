@@ -63,6 +63,16 @@ def test_who_ends_worse_goes_back_alone(settings):
     assert trace.end["own"] < trace.start["own"]
 
 
+def test_adam_at_a_lower_rate_improves_a_start_that_the_first_steps_lose():
+    """The goals are 2 mm off; a step of Adam is half a metre, then 5 cm."""
+    energy = Two()
+    energy.goals = STARTS + 0.002
+    trace = minimise(energy, replace(ADAM, steps=20, refresh_steps=20))
+    assert torch.linalg.vector_norm(energy.places() - energy.goals, dim=1).max() < 0.002
+    assert 0 < trace.end["own"] < trace.start["own"] == pytest.approx(2 * 100 * 3 * 0.002**2)
+    assert trace.steps == 40
+
+
 def test_who_leaves_the_numbers_is_held_and_the_other_arrives():
     """Beyond the wall the first person's energy is not a number."""
     energy = Two(wall=1.0)

@@ -124,11 +124,14 @@ def test_adam_keeps_the_best_of_a_path_that_leaves_the_numbers():
 
 @pytest.mark.parametrize("settings", [LBFGS, ADAM])
 def test_never_ends_worse_than_it_began(settings):
-    """Where the last look at the photo turns everything round, the start is the better answer."""
+    """The last refresh moves the minimum behind the start. L-BFGS returns there; Adam searches from there again."""
     energy = Bowl(goal=(0.0, 0.0, 3.0), after_refresh=(0.0, 0.0, 1.9))
     trace = minimise(energy, replace(settings, steps=20, refresh_steps=20))
-    torch.testing.assert_close(energy.state.unpack().transl, torch.tensor([[0.0, 0.0, 2.0]]).double())
-    assert trace.end == trace.start
+    if settings is LBFGS:
+        torch.testing.assert_close(energy.state.unpack().transl, torch.tensor([[0.0, 0.0, 2.0]]).double())
+        assert trace.end == trace.start
+    else:
+        assert trace.end["bowl"] < trace.start["bowl"] == pytest.approx(100 * 0.1**2)
 
 
 def test_progress_grows_to_one():

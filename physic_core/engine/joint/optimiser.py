@@ -1,20 +1,22 @@
 """Minimisation of an energy: L-BFGS with a backtracking line search, or Adam.
 
 Both update visibility every few steps and reject non-finite steps. No person's energy is higher at the end than at the
-start (:mod:`physic_core.engine.joint.acceptance`). The scene's scale couples all people, so one L-BFGS optimises them
-all. A separate curvature for each person and for the scale took twice as long and stopped centimetres from the minimum.
+start (:mod:`physic_core.engine.joint.acceptance`). The first steps of Adam can lose a start that is nearly optimal: it
+is then repeated with a tenth of the learning rate, at most twice. The scene's scale couples all people, so one L-BFGS
+optimises them all. A separate curvature for each person and for the scale took twice as long and stopped centimetres
+from the minimum.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.acceptance import Energy, energy_per_person, revert_if_worse, total_energy
+from physic_core.engine.joint.acceptance import Energy, energy_per_person, revert_if_worse, term_totals, total_energy
 from physic_core.engine.joint.settings import AdamSettings, LbfgsSettings
 
 __all__ = ["MinimisationResult", "minimise"]
@@ -25,6 +27,7 @@ _ARMIJO = 1e-4  # share of the predicted decrease that a step must reach
 _MAX_TRIALS = 10  # step lengths that a line search tries
 _MIN_CURVATURE = 1e-8  # cosine between a step and its change of the gradient
 _MIN_SLOPE = 1e-9  # share of the energy; a smaller slope is below the resolution of float32
+_RATE_CUTS = 2  # Adam: restarts with a tenth of the learning rate, for people whose energy has only increased
 _PATIENCE = 5  # steps that together have to lower the energy by the tolerance
 
 
@@ -57,6 +60,38 @@ def minimise(
         settings: their type selects the optimiser.
         progress: called with the completed share of the steps, 0-1.
     """
+    origin = energy.state.pack()
+    result = _minimise_once(energy, settings, progress)
+    for _ in range(_RATE_CUTS):
+        if not isinstance(settings, AdamSettings) or not energy.state.parameters():
+            break
+        if bool(energy.state.people_changed(origin).all()):
+            break
+        settings = replace(settings, learning_rate=settings.learning_rate / 10)
+        result = _join(energy, origin, result, _minimise_once(energy, settings, None))
+    return result
+
+
+@torch.no_grad()
+def _join(energy: Energy, origin: Tensor, first: MinimisationResult, second: MinimisationResult) -> MinimisationResult:
+    """Merge the results of two minimisations in a row, of which the first started at ``origin``."""
+    end = energy.state.pack()
+    energy.state.load(origin)
+    start = term_totals(energy())
+    energy.state.load(end)
+    return MinimisationResult(
+        start,
+        second.end,
+        first.evaluations + second.evaluations,
+        first.steps + second.steps,
+        (*first.totals, *second.totals),
+    )
+
+
+def _minimise_once(
+    energy: Energy, settings: LbfgsSettings | AdamSettings, progress: Callable[[float], None] | None
+) -> MinimisationResult:
+    """Take all steps of the settings, then revert the people whose energy has increased."""
     state = energy.state
     origin = state.pack()
     memory = _OptimiserMemory()

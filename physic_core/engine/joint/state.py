@@ -308,6 +308,16 @@ class State:
                 rows = people.reshape(-1, *[1] * (value.ndim - 1))
                 value.copy_(torch.where(rows, part.view_as(value), value))
 
+    @torch.no_grad()
+    def people_changed(self, packed: Tensor) -> Tensor:
+        """Return (B,) bool: people with a parameter that differs from a vector of :meth:`pack`."""
+        changed = torch.zeros(self.num_people, dtype=torch.bool, device=packed.device)
+        for group, part in zip(self.free, self._parts(packed), strict=True):
+            if group != "scale":
+                value = self.values[group]
+                changed |= (value != part.view_as(value)).reshape(self.num_people, -1).any(1)
+        return changed
+
     def _parts(self, packed: Tensor) -> tuple[Tensor, ...]:
         """Split a packed vector into the free parameter groups."""
         sizes = [v.numel() for v in self.parameters()]

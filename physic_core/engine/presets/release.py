@@ -16,7 +16,8 @@ released result. Deviations, with their effect on that problem where it was meas
 - A vertex outside the box of the grid is searched exactly. The released code then searches all vertices exactly (there
   was no such vertex).
 - The scene is not enlarged before stage 2 (factor 1 there), and fx and fy are not averaged (equal there).
-- After stage 3 people return to their start if their own energy is lower there. Not measured.
+- After stage 3 people return to their start if their own energy is lower there, and Adam is repeated with a tenth of
+  the learning rate. Not measured.
 - Vertices inside eyes and mouth are left out. Not measured.
 """
 
