@@ -1,5 +1,6 @@
-"""Default backends: small networks inside the wheel, run by onnxruntime, and a body fit. They need no account, download
-or GPU.
+"""Default backends: small networks that are part of the package, and a body fit. No account, download or GPU is needed.
+
+onnxruntime runs the networks.
 """
 
 from __future__ import annotations

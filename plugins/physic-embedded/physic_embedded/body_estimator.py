@@ -54,7 +54,7 @@ class EmbeddedBodies(BodyEstimator):
     _model: BodyModel | None = None
 
     def load(self, device: str = "cpu") -> None:
-        """Load the body model. The fit runs on the CPU on every device."""
+        """Load the body model. The fit always runs on the CPU, whatever the ``device``."""
         import torch
 
         from physic_core.body import load_body
@@ -75,7 +75,9 @@ class EmbeddedBodies(BodyEstimator):
         keypoints: Keypoints,
         hints: Hints,
     ) -> Bodies:
-        """Fit one body to each of N people: metres, camera frame, fingers at rest, ``observed`` marks visible joints.
+        """Fit one body to each of N people, in metres in the camera frame.
+
+        The fingers are at rest. ``observed`` marks the visible joints.
 
         Raises:
             BackendError: the body is not loaded, or the joint set of the keypoints has no hips that bodies know.

@@ -57,7 +57,10 @@ class StaticContactOptions(Options):
 
 
 class StaticContact(ContactPrior):
-    """Contact prior of fixed body parts: feet, thighs, seat, back and hands (PROX). Parts of unseen joints get 0."""
+    """Contact prior of fixed body parts: feet, thighs, buttocks, back and hands (PROX).
+
+    Body parts whose joints are not observed get probability 0.
+    """
 
     Options: ClassVar[type[Options]] = StaticContactOptions
     options: StaticContactOptions
@@ -76,7 +79,9 @@ class StaticContact(ContactPrior):
         self._model = None
 
     def infer(self, image: NDArray[np.uint8], people: People, bodies: Bodies) -> ContactProbability:
-        """Return the contact probability (N, V) on the embedded body, with its mesh if the bodies are of another model.
+        """Return the contact probability (N, V) on the vertices of the embedded body.
+
+        If the bodies are of another model, the T-pose mesh of the embedded body is returned too.
 
         Raises:
             BackendError: it is not loaded, or the bodies are of another model and without joints.

@@ -47,9 +47,10 @@ class EmbeddedHandsOptions(Options):
 
 
 class EmbeddedHands(HandEstimator):
-    """Hand estimator: MediaPipe hand landmarks at the wrists of the keypoints, fitted with the finger joints of a body.
+    """Hand estimator: detects MediaPipe hand landmarks near the wrist keypoints, and fits finger rotations to them.
 
-    Which hand it is follows from the wrist; what looks like a hand of the other side is somebody else's, and is left.
+    The wrist tells the side of the hand. A hand that looks like one of the other side belongs to another person and is
+    not used.
     """
 
     Options: ClassVar[type[Options]] = EmbeddedHandsOptions
@@ -76,7 +77,7 @@ class EmbeddedHands(HandEstimator):
         self._rest = {}
 
     def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
-        """Return the finger rotations of N people; confidence is 0 where no hand is clear."""
+        """Return the finger rotations of N people; confidence is 0 for a hand without reliable landmarks."""
         rotvecs = np.zeros((len(people), 2, 15, 3), np.float32)
         confidence = np.zeros((len(people), 2), np.float32)
         detector, landmarker = self._networks["palm_detection_full"], self._networks["hand_landmark_full"]

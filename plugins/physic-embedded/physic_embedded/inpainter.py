@@ -31,7 +31,7 @@ class MiGanOptions(Options):
 
 
 class MiGan(Inpainter):
-    """MI-GAN inpainter for 512 px, trained on Places2; it sees a crop around the hole, at any photo size.
+    """MI-GAN inpainter for 512 px, trained on Places2. It runs on a crop around the hole, for any photo size.
 
     The fill is sharp for holes up to about 512 px across and gets blurred above that. Where little but hole is left, it
     is imagination. A hole that is much larger than the person invites invented figures, so dilate little: 0.4 to 1.2 %

@@ -1,4 +1,4 @@
-"""Scale the relative scene to metres with the people in it: soles on the floor where visible, else body size."""
+"""Scale the relative depth of a scene to metres by its people: soles on the floor where visible, else body size."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class PersonScales:
 
 
 class EmbeddedMetricDepth(MetricDepth):
-    """Metric depth: the relative scene scaled by the people in it.
+    """Metric depth: the relative depth of the scene, scaled by the known size of the people.
 
     The scale that puts soles on the floor is the better one, because the relative depth of a person is often larger
     than that of the floor under their feet: with a scale from the torso they would sink into it.
@@ -196,7 +196,7 @@ def scale_from_soles(vertices: FloatArray, model: BodyModel, observed: NDArray[n
 
 
 def scale_from_torsos(vertices: FloatArray, model: BodyModel, hints: Hints, rays: int = 4000) -> FloatArray:
-    """Return the scale (N,), metres per unit, that puts each torso at its depth in the relative map of the photo.
+    """Return the scale (N,), metres per unit, that makes the relative depth of each torso equal to its depth in metres.
 
     Args:
         vertices: (N, V, 3) metres, camera frame.

@@ -1,4 +1,4 @@
-"""Estimate a relative point map: Depth Anything V2, a focal length, and the disparity of infinity."""
+"""Estimate a relative point map from Depth Anything V2, a focal length and the disparity at infinity."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from physic_embedded.networks.depth_anything import predict_disparity
 from physic_embedded.networks.line_segments import detect_line_segments, segments_outside_mask
 from physic_embedded.networks.sessions import open_session
 from physic_embedded.single_view.disparity_floor import fit_disparity_floor
-from physic_embedded.single_view.disparity_offset import disparity_of_infinity
+from physic_embedded.single_view.disparity_offset import disparity_at_infinity
 from physic_embedded.single_view.flying_pixels import flying_pixels
 from physic_embedded.single_view.focal import stable_manhattan_frame
 from physic_embedded.single_view.gravity import gravity_from_frame, gravity_from_segments
@@ -63,7 +63,7 @@ class _EdgeCues:
 class EmbeddedPointmap(RelativePointmap):
     """Relative point map by Depth Anything V2.
 
-    The first call, for the inpainted photo, finds the focal length and the disparity of infinity. A call with
+    The first call, for the inpainted photo, finds the focal length and the disparity at infinity. A call with
     ``hints.scene`` takes both from it: the same camera, and the disparity that agrees with it outside the people.
     """
 
@@ -74,7 +74,7 @@ class EmbeddedPointmap(RelativePointmap):
     _lines: OnnxSession | None = None
 
     def load(self, device: str = "cpu") -> None:
-        """Open the depth network and, if ``focal_from_edges`` is set, the line network."""
+        """Open the depth network and, if ``focal_from_edges`` is set, the line segment network."""
         if self._depth is None:
             self._depth = open_session("depth_anything_v2_vits", self.options.threads, device)
         if self._lines is None and self.options.focal_from_edges:
@@ -104,7 +104,7 @@ class EmbeddedPointmap(RelativePointmap):
         if found is None:
             if hints.scene is not None:
                 notes.append("the photo's depth could not be matched to the scene's outside the people")
-            infinity, rule = self._disparity_of_infinity(raw, camera, edges, hints)
+            infinity, rule = self._disparity_at_infinity(raw, camera, edges, hints)
             notes.append(rule)
         else:
             infinity = found.infinity
@@ -149,10 +149,10 @@ class EmbeddedPointmap(RelativePointmap):
         gravity = gravity_from_segments(segments, width, height, camera.fx, focal_known=given is not None)
         return camera, _EdgeCues(None, gravity), notes
 
-    def _disparity_of_infinity(
+    def _disparity_at_infinity(
         self, raw: FloatArray, camera: Intrinsics, edges: _EdgeCues, hints: Hints
     ) -> tuple[float, str]:
-        """Estimate the disparity of infinity from the photo's cues, and describe the cues used."""
+        """Estimate the disparity at infinity from the photo's cues, and describe the cues used."""
         rows, columns = raw.shape
         floor = fit_disparity_floor(raw, None if hints.hole is None else _shrink_mask(hints.hole, rows, columns))
         shrink = rows / camera.height
@@ -160,7 +160,7 @@ class EmbeddedPointmap(RelativePointmap):
             StandingPerson(s.nose * shrink, s.ankle * shrink)
             for s in standing_people(hints.keypoints, camera.height, camera.width)
         )
-        infinity = disparity_of_infinity(
+        infinity = disparity_at_infinity(
             raw, floor, camera.fx * columns / camera.width, gravity=edges.gravity, frame=edges.frame, standing=people
         )
         return infinity.disparity, f"depth is ambiguous up to an offset: {infinity.rule}"

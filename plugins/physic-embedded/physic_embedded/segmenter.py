@@ -50,9 +50,9 @@ class EmbeddedSegmenterOptions(Options):
 
 
 class EmbeddedSegmenter(Segmenter):
-    """Segmenter: several people from the single-person BlazePose, masks and floor from MobileSAM.
+    """Segmenter: the single-person BlazePose detects people, MobileSAM predicts the masks of people and floor.
 
-    Answers the joints on the way (``People.keypoints``, "blazepose33", with world landmarks).
+    Also returns the joints (``People.keypoints``, "blazepose33", with world landmarks).
     """
 
     Options: ClassVar[type[Options]] = EmbeddedSegmenterOptions

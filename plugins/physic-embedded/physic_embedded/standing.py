@@ -1,4 +1,4 @@
-"""Find people who stand: visible legs of which at least one is straight, and a trunk in line with the vertical.
+"""Find people who stand: the legs are visible, at least one leg is straight, and the trunk is upright.
 
 The rule is the same for 2D keypoints and for fitted 3D joints. The limits are narrower in 2D, where limbs that point
 towards the camera look straight.

@@ -14,7 +14,7 @@ from physic_core.types import Hints, Intrinsics, Keypoints, People, Pointmap
 from physic_embedded.networks.depth_anything import network_input_size
 from physic_embedded.relative_pointmap import EmbeddedPointmap
 from physic_embedded.single_view.disparity_floor import fit_disparity_floor
-from physic_embedded.single_view.disparity_offset import disparity_of_infinity, manhattan_normal_share
+from physic_embedded.single_view.disparity_offset import disparity_at_infinity, manhattan_normal_share
 from physic_embedded.single_view.flying_pixels import flying_pixels
 from physic_embedded.single_view.focal import ManhattanFrame
 from physic_embedded.single_view.gravity import Gravity
@@ -107,7 +107,7 @@ def test_the_disparity_of_infinity_of_a_room_comes_back_from_its_gravity(ahead: 
     floor = fit_disparity_floor(disparity)
     down = turn[:, 1]
     pitch = float(np.degrees(np.arctan2(down[2], down[1])))
-    found = disparity_of_infinity(
+    found = disparity_at_infinity(
         disparity, floor, FOCAL, gravity=Gravity(down, pitch, 1.5, "the edges of the room"), frame=frame_of(turn)
     )
     print(f"gap {found.gap:.3f} ranges, truth {far / span:.3f}")
@@ -130,14 +130,14 @@ def test_normals_of_a_room_agree_best_with_its_axes_at_the_true_infinity() -> No
 def test_sky_over_ground_is_infinitely_far() -> None:
     down = Rotation.from_euler("x", 5, degrees=True).as_matrix()[:, 1]
     disparity = 8 * np.maximum(rays() @ down / 1.5, 0.0)
-    found = disparity_of_infinity(disparity, fit_disparity_floor(disparity), FOCAL)
+    found = disparity_at_infinity(disparity, fit_disparity_floor(disparity), FOCAL)
     assert found.outdoors > 0.9
     assert found.gap == pytest.approx(0.006, rel=0.1)
     assert found.rule == "the farthest pixels are taken as infinitely far, by default"
 
 
 def test_nothing_known_of_a_room_leaves_the_default() -> None:
-    found = disparity_of_infinity(np.linspace(2, 5, 400).reshape(20, 20), None, 20.0)
+    found = disparity_at_infinity(np.linspace(2, 5, 400).reshape(20, 20), None, 20.0)
     assert found.gap == pytest.approx(0.25, rel=0.1)
     assert found.rule == "the farthest pixels are taken as a wall, by default"
 
@@ -149,8 +149,8 @@ def test_a_standing_person_tells_how_high_the_camera_is() -> None:
     assert floor is not None
     horizon = (HEIGHT - 1) / 2 + floor.horizon(disparity.min()) * WIDTH
     person = StandingPerson(nose=horizon + 30, ankle=horizon + 60)
-    plain = disparity_of_infinity(disparity, floor, FOCAL)
-    told = disparity_of_infinity(disparity, floor, FOCAL, standing=(person,))
+    plain = disparity_at_infinity(disparity, floor, FOCAL)
+    told = disparity_at_infinity(disparity, floor, FOCAL, standing=(person,))
     assert told.gap < 0.75 * plain.gap
 
 

@@ -15,9 +15,9 @@ from physic_core.errors import BackendError
 from physic_core.interfaces import Segmenter
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare, letterbox_square
 from physic_embedded.networks.mobile_sam import ImageEmbedding, encode_image, predict_masks
-from physic_embedded.networks.person_detection import Detection, anchor_centers, decode_detections
 from physic_embedded.networks.pose import MIRROR_PAIRS, Pose
 from physic_embedded.networks.sessions import open_session
+from physic_embedded.networks.single_shot_detection import Detection, anchor_centers, decode_detections
 from physic_embedded.segmentation.floor_mask import ground_points
 from physic_embedded.segmentation.people import DETECTOR_LAYERS, is_person, is_same_person, merge_candidates, tiles
 from physic_embedded.segmentation.person_masks import PersonMask, resolve_overlaps

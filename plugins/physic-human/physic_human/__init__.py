@@ -1,4 +1,4 @@
-"""Backends of bodies, hands, contact and depth that run the user's checkouts and TorchScript files."""
+"""Backends of bodies, hands, contact and depth that run published code or TorchScript files on the user's disk."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ from physic_human.checkout_backend import (
     inference_context,
     to_numpy,
 )
-from physic_human.smpl_rest import open_smpl, posed_bodies, smpl_missing
+from physic_human.user_smpl import open_smpl, posed_bodies, smpl_missing
 
 if TYPE_CHECKING:
     from physic_core.body.smpl_file import SmplBody
@@ -97,7 +97,7 @@ class CameraHmr(CheckoutBackend, BodyEstimator):
         self._body: SmplBody | None = None
 
     def needs(self) -> tuple[str, ...]:
-        """Return the packages that the checkout imports; FLNet needs more."""
+        """Return the packages that the checkout imports, including those of FLNet if it is used."""
         return (*super().needs(), *(_FLNET_NEEDS if self.options.focal == "own" else ()))
 
     def missing(self) -> tuple[str, ...]:

@@ -63,7 +63,7 @@ class CheckoutOptions(Options):
 
 
 class CheckoutNetwork:
-    """Code, network and device of one backend.
+    """Checkout of a published repository, with its network and its device.
 
     Args:
         checkout: the code.
@@ -84,7 +84,7 @@ class CheckoutNetwork:
         return f"{weights.fingerprint(MANIFEST, self.weights_value)} {self.checkout.fingerprint()}"
 
     def file(self, name: str | None = None) -> Path:
-        """Return the path of a weights file, or of the full weights.
+        """Return the path of one weights file; without ``name``, the path of the complete weights.
 
         Raises:
             WeightsMissingError: it is not there.
@@ -113,7 +113,10 @@ class CheckoutNetwork:
 
 @dataclass(frozen=True)
 class CheckoutProject:
-    """Published repository, as :class:`physic_core.adapters.checkouts.Checkout` describes it."""
+    """Published repository: name, package, homepage and required packages.
+
+    The fields are those of :class:`physic_core.adapters.checkouts.Checkout`.
+    """
 
     name: str
     package: str
@@ -122,7 +125,9 @@ class CheckoutProject:
 
 
 class CheckoutBackend(Backend):
-    """Base class of a backend that runs a checkout; comes before the interface among the bases.
+    """Base class of a backend that runs a checkout of a published repository.
+
+    In the list of base classes, it precedes the interface.
 
     Attributes:
         project: whose code it runs.
@@ -235,9 +240,9 @@ def batch_slices(count: int, size: int) -> Iterator[slice]:
 
 @contextlib.contextmanager
 def inference_context(checkout: Checkout, device: str, *, half: bool = False) -> Iterator[None]:
-    """Context in which a checkout's network runs: no gradients, float16 if ``half`` on a GPU, prints sent to the log.
+    """Run a block without gradients, and in float16 if ``half`` on a GPU, as a checkout's network needs.
 
-    Code that uses "cuda" without a number uses the chosen device.
+    Printed text goes to the log. Code that uses "cuda" without a number uses the chosen device.
     """
     import torch
 

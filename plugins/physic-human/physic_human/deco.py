@@ -21,7 +21,7 @@ from physic_human.checkout_backend import (
     inference_context,
     to_numpy,
 )
-from physic_human.smpl_rest import load_rest_mesh, smpl_missing
+from physic_human.user_smpl import load_rest_mesh, smpl_missing
 
 if TYPE_CHECKING:
     from physic_core.types import Bodies, FloatArray, People, RestMesh, UInt8Array

@@ -19,7 +19,7 @@ from pydantic import Field
 from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.interfaces import ContactPrior, Options
 from physic_core.types import ContactProbability
-from physic_human.smpl_rest import load_rest_mesh
+from physic_human.user_smpl import load_rest_mesh
 
 if TYPE_CHECKING:
     from physic_core.types import Bodies, FloatArray, People, RestMesh, UInt8Array
@@ -37,7 +37,7 @@ _MOST_ASPECT = 0.03
 
 
 class InteractVlmOptions(Options):
-    """Settings of InteractVLM's results."""
+    """Settings of :class:`InteractVlmResults`."""
 
     results: str = Field(
         default="",
@@ -70,9 +70,10 @@ class _ResultFile:
 
 
 class InteractVlmResults(ContactPrior):
-    """Contact prior that reads InteractVLM's result files; of several files of one photo, the maximum counts.
+    """Contact prior that reads InteractVLM's result files.
 
-    A file is about one person, or has one row for each. In the first case the largest person in the photo gets it.
+    The results of several files of one photo are merged by their maximum. A file is about one person, or has one row
+    for each. In the first case, the result is assigned to the largest person in the photo.
     """
 
     Options: ClassVar[type[Options]] = InteractVlmOptions
@@ -125,7 +126,7 @@ class InteractVlmResults(ContactPrior):
         )
 
     def close(self) -> None:
-        """Forget the files."""
+        """Release the list of result files and the T-pose mesh."""
         self._results, self._rest = None, None
 
     def infer(self, image: UInt8Array, people: People, bodies: Bodies) -> ContactProbability:

@@ -1,4 +1,4 @@
-"""Estimate a relative point map with a checkout of MoGe 1 (Wang et al. 2025), the paper's.
+"""Estimate a relative point map with a checkout of MoGe 1 (Wang et al. 2025), as in the PhySIC paper.
 
 The network returns points up to a scale and a shift along z. Focal length and shift are computed here.
 """
@@ -36,7 +36,7 @@ class Moge1Options(CheckoutOptions):
 
 
 class Moge1(CheckoutBackend, RelativePointmap):
-    """Relative point map by MoGe 1, up to a scale, on the rays of the given or the estimated camera."""
+    """Relative point map by MoGe 1, up to a scale, on the pixel rays of the given camera or else the estimated one."""
 
     Options: ClassVar[type[Options]] = Moge1Options
     options: Moge1Options

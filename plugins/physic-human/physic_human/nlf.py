@@ -65,7 +65,7 @@ class NlfOptions(Options):
 
 
 class Nlf(BodyEstimator):
-    """Body estimator: SMPL-X or SMPL bodies by NLF with 55 or 24 joints, in the given camera."""
+    """Body estimator: SMPL-X (55 joints) or SMPL (24 joints) bodies by NLF, in the frame of the given camera."""
 
     Options: ClassVar[type[Options]] = NlfOptions
     options: NlfOptions
@@ -78,7 +78,7 @@ class Nlf(BodyEstimator):
         self._checked = False
 
     def missing(self) -> tuple[str, ...]:
-        """Describe a missing file and missing torchvision, whose operators the file uses."""
+        """Describe missing files, and missing torchvision, which the TorchScript file needs."""
         from importlib.util import find_spec
 
         lacking = list(weights.missing(MANIFEST, self.options.weights))
@@ -89,11 +89,11 @@ class Nlf(BodyEstimator):
         return tuple(lacking)
 
     def fingerprint(self) -> str:
-        """Return the checksum of the file."""
+        """Return the checksum of the TorchScript file."""
         return weights.fingerprint(MANIFEST, self.options.weights)
 
     def load(self, device: str = "cpu") -> None:
-        """Read the file.
+        """Load the TorchScript file.
 
         Raises:
             DeviceError: the device is not there.

@@ -111,7 +111,7 @@ class Sam3dBodyOptions(CheckoutOptions):
 
 
 class Sam3dBody(CheckoutBackend, BodyEstimator):
-    """Body estimator: MHR bodies by SAM 3D Body as mesh and joints, with zero rotations. Needs a GPU."""
+    """Body estimator: MHR bodies by SAM 3D Body, as mesh and joints; all rotations are zero. Needs a GPU."""
 
     Options: ClassVar[type[Options]] = Sam3dBodyOptions
     options: Sam3dBodyOptions
@@ -259,7 +259,7 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
 
 
 def uses_principal_point(config: Any) -> bool:
-    """Return whether the network places bodies relative to the given principal point, by its ``model_config.yaml``.
+    """Return whether ``model_config.yaml`` tells the network to place bodies relative to the principal point.
 
     Otherwise it places them relative to the centre of the photo, which is the default.
     """

@@ -36,7 +36,7 @@ class UniDepthOptions(CheckoutOptions):
 
 
 class UniDepth(CheckoutBackend, MetricDepth):
-    """Metric depth by UniDepth V2, and its camera."""
+    """Metric depth and camera by UniDepth V2."""
 
     Options: ClassVar[type[Options]] = UniDepthOptions
     options: UniDepthOptions

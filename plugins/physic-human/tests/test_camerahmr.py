@@ -15,7 +15,7 @@ from physic_core.adapters.devices import check_device
 from physic_core.errors import BackendError
 from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People
 from physic_human.camerahmr import CameraHmr, CameraHmrOptions
-from physic_human.smpl_rest import open_smpl
+from physic_human.user_smpl import open_smpl
 from physic_testing.conformance import parametrize_with_checks
 from physic_testing.worlds import World, build_world
 

@@ -18,7 +18,7 @@ from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.types import Bodies, ContactProbability, People
 from physic_human.deco import Deco, DecoOptions
 from physic_human.interactvlm import InteractVlmOptions, InteractVlmResults
-from physic_human.smpl_rest import load_rest_mesh
+from physic_human.user_smpl import load_rest_mesh
 from physic_testing.conformance import parametrize_with_checks
 from physic_testing.worlds import World
 

@@ -58,7 +58,7 @@ def line_of_sight_axes(point: FloatArray) -> FloatArray:
 
 
 def hidden_bones(joints_visible: BoolArray) -> BoolArray:
-    """Return the bones (22,) bool whose far joint is hidden."""
+    """Return whether (22,) bool the child joint of each bone is hidden."""
     ends: BoolArray = joints_visible[_FIRST_CHILD]
     return ~ends
 

@@ -21,7 +21,10 @@ _REACH = 2.0  # a blur_depth_edges edge fades out over this many of its widths
 
 
 def add_smooth_noise(depth: FloatArray, sigma: float, waves: float, rng: np.random.Generator) -> FloatArray:
-    """Multiply by a smooth factor: standard deviation of its log ``sigma``, ``waves`` across the longer side."""
+    """Multiply a depth map by a smooth random factor whose logarithm has the standard deviation ``sigma``.
+
+    The factor has about ``waves`` waves across the longer side.
+    """
     factor: FloatArray = np.exp(sigma * smooth_image(depth.shape, waves, rng))
     return depth * factor
 
@@ -29,7 +32,7 @@ def add_smooth_noise(depth: FloatArray, sigma: float, waves: float, rng: np.rand
 def add_hole_noise(
     depth: FloatArray, hole: BoolArray | None, sigma: float, waves: float, rng: np.random.Generator
 ) -> FloatArray:
-    """Multiply by smooth noise inside the inpainted pixels (H, W), increasing from zero at their border."""
+    """Multiply the depth of the inpainted pixels (H, W) by smooth noise that increases from zero at their border."""
     import cv2
 
     waves_inside = smooth_image(depth.shape, waves, rng)

@@ -79,7 +79,7 @@ def roughen_border(mask: BoolArray, amount_px: float, rng: np.random.Generator) 
 
 
 def add_rotation_noise(rotvecs: FloatArray, degrees: float, rng: np.random.Generator) -> FloatArray:
-    """Append to rotation vectors (..., 3) a random rotation with ``degrees`` standard deviation per axis."""
+    """Compose rotation vectors (..., 3) with random rotations of ``degrees`` standard deviation per axis."""
     from scipy.spatial.transform import Rotation
 
     flat = rotvecs.reshape(-1, 3).astype(np.float64)

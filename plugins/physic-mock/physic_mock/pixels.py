@@ -99,7 +99,7 @@ class MockInpainter(interfaces.Inpainter):
     Options = MockOptions
 
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
-        """Return the image with the masked pixels of the world without people; other pixels are unchanged.
+        """Return the image with masked pixels from the world's image without people; other pixels are unchanged.
 
         Raises:
             BackendError: the image shows no world.

@@ -1,4 +1,4 @@
-"""Recognition of the world in a photo; a mock refuses all other photos."""
+"""Recognition of the world in a photo. A mock raises BackendError for all other photos."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Estimate SMPL bodies with CameraHMR (Patel and Black 2025), exported by its licensed user.
+"""Estimate SMPL bodies with CameraHMR (Patel and Black 2025) from an ONNX file that a licensed user exported.
 
 ``python -m physic_onnx.export camerahmr`` writes the file. The camera is the pipeline's, so FLNet, which estimates one,
 is not needed.
@@ -55,7 +55,7 @@ class CameraHmrOptions(OnnxBackendOptions):
 
 
 class CameraHmr(OnnxBackend, BodyEstimator):
-    """Body estimator: SMPL bodies by CameraHMR, with SMPL's joints and, if the file has it, its mesh."""
+    """Body estimator: SMPL bodies by CameraHMR with joints, and with a mesh if the ONNX file returns one."""
 
     Options: ClassVar[type[OnnxBackendOptions]] = CameraHmrOptions
     options: CameraHmrOptions

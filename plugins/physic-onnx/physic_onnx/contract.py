@@ -20,7 +20,7 @@ _FLOATS = ("float32", "float16", "float64")
 
 @dataclass(frozen=True)
 class PortSpec:
-    """Required input or output of an ONNX graph.
+    """Expected name, type and shape of one input or output ("port") of an ONNX graph.
 
     Attributes:
         name: what the adapter calls it, and the published file too.
@@ -46,7 +46,7 @@ class PortSpec:
 
 @dataclass(frozen=True)
 class PortMatch:
-    """Ports of an ONNX file by the backend's names of inputs and outputs.
+    """Inputs and outputs ("ports") of an ONNX file by the names that the backend uses.
 
     Attributes:
         inputs: what the adapter calls it -> port of the file.
@@ -57,7 +57,7 @@ class PortMatch:
     outputs: Mapping[str, Port]
 
     def run(self, network: Network, feed: Mapping[str, NDArray[Any]], outputs: Sequence[str]) -> list[NDArray[Any]]:
-        """Run a network with inputs and outputs named as in the backend."""
+        """Run a network; inputs and outputs have the names that the backend uses."""
         given = {self.inputs[name].name: value for name, value in feed.items()}
         return network.run(given, [self.outputs[name].name for name in outputs])
 
@@ -80,20 +80,20 @@ class GraphSignature:
 def match(
     network: Network, inputs: Sequence[PortSpec], outputs: Sequence[PortSpec], *, by_position: bool = False
 ) -> PortMatch:
-    """Match a network against one signature: by name, by alias, then by position if allowed.
+    """Match a network's inputs and outputs to one signature: by name, by alias, then by position if allowed.
 
     Raises:
-        BackendError: something is missing or of another form; the message holds what was expected against what is
-            there.
+        BackendError: an input or output is missing or of another form; the message compares the network with the
+            signature.
     """
     return match_signature(network, {"": GraphSignature(tuple(inputs), tuple(outputs), by_position)})[1]
 
 
 def match_signature(network: Network, signatures: Mapping[str, GraphSignature]) -> tuple[str, PortMatch]:
-    """Return the first signature that a network fits, and its ports.
+    """Return the name of the first signature that matches a network, with the network's inputs and outputs.
 
     Raises:
-        BackendError: it speaks none of them; the message holds each against what is there.
+        BackendError: no signature matches; the message compares each of them with the network.
     """
     told = []
     for name, signature in signatures.items():

@@ -1,4 +1,4 @@
-"""Predict contact on SMPL vertices with DECO (Tripathi et al. 2023), exported by its licensed user.
+"""Predict contact on SMPL vertices with DECO (Tripathi et al. 2023) from an ONNX file that a licensed user exported.
 
 ``python -m physic_onnx.export deco`` writes the file with SMPL's T-pose, by which labels are transferred to other body
 models.

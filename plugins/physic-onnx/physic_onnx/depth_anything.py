@@ -1,4 +1,4 @@
-"""Estimate depth with Depth Anything from its many ONNX exports: V2 metric, and V2 or 3 relative.
+"""Estimate depth with ONNX files of Depth Anything: V2 metric, V2 relative and 3 relative.
 
 V2 relative returns disparity, larger is nearer. V2 metric returns metres. Depth Anything 3 relative returns depth, and
 some of its files a camera. V2 metric and relative have the same ports; only the metric network ends in a sigmoid.
@@ -109,7 +109,7 @@ class DepthAnythingMetric(OnnxBackend, MetricDepth):
     }
 
     def check_file(self, path: Path) -> None:
-        """Raise BackendError for a file of the other kind, metric or relative.
+        """Raise BackendError for a file of a relative network.
 
         Raises:
             BackendError: its graph holds no sigmoid.
@@ -122,7 +122,7 @@ class DepthAnythingMetric(OnnxBackend, MetricDepth):
             )
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
-        """Predict depth or points of an image (H, W, 3); NaN or invalid where the network has no depth."""
+        """Predict the metric depth (H, W) of an image (H, W, 3); NaN where the network has no depth."""
         from physic_core.adapters.pictures import resize_map
         from physic_core.types import DepthMap
 
@@ -154,7 +154,7 @@ class DepthAnythingRelative(OnnxBackend, RelativePointmap):
     }
 
     def check_file(self, path: Path) -> None:
-        """Raise BackendError for a file of the other kind, metric or relative.
+        """Raise BackendError for a file of a metric network.
 
         Raises:
             BackendError: its graph ends in a sigmoid.
@@ -167,7 +167,7 @@ class DepthAnythingRelative(OnnxBackend, RelativePointmap):
             )
 
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
-        """Predict depth or points of an image (H, W, 3); NaN or invalid where the network has no depth.
+        """Predict the relative point map of an image (H, W, 3); points without depth are invalid.
 
         Raises:
             BackendError: the network is not loaded, or sees nothing.

@@ -1,4 +1,7 @@
-"""Estimate metric depth and the sky with Depth Anything 3 metric, whose depth is for a focal length of 300 px."""
+"""Estimate metric depth and the sky with Depth Anything 3 metric.
+
+The depth of the network is for a focal length of 300 px.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +54,9 @@ class DepthAnything3(OnnxBackend, MetricDepth):
     }
 
     def check_file(self, path: Path) -> None:
-        """Raise BackendError for the relative file with a sky output, which has the same ports.
+        """Raise BackendError for a file of Depth Anything 3 mono, whose depth is relative.
+
+        Both networks have the same inputs and outputs.
 
         Raises:
             BackendError: it is called "mono".
@@ -104,8 +109,9 @@ class DepthAnything3(OnnxBackend, MetricDepth):
 
 
 def preprocess(image: UInt8Array, rows: int, columns: int) -> FloatArray:
-    """Resize an image (H, W, 3) to (1, 3, rows, columns) with ImageNet's normalisation: area to shrink, bicubic to
-    enlarge.
+    """Resize an image (H, W, 3) to (1, 3, rows, columns) and apply ImageNet's normalisation.
+
+    Area averaging shrinks, bicubic interpolation enlarges.
     """
     from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw, resize_image
 

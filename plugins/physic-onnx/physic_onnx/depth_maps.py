@@ -68,7 +68,7 @@ def squeeze_number(values: NDArray[Any], what: str, file: str) -> float:
 
 
 def fixed_input_size(shape: tuple[int | str, ...]) -> tuple[int | None, int | None]:
-    """Return height and width of an input; None for a free size."""
+    """Return height and width of a network input; None for a side that is not fixed."""
     rows, columns = (side if isinstance(side, int) else None for side in shape[-2:])
     return rows, columns
 
@@ -87,7 +87,7 @@ def aspect_change_note(image: NDArray[Any], rows: int, columns: int, file: str) 
 
 
 def required_camera(hints: Hints, image: NDArray[Any], name: str) -> Intrinsics:
-    """Return the camera of the hints for an image.
+    """Return the camera for an image from ``hints``, or raise BackendError.
 
     Raises:
         BackendError: none is known, and the network called ``name`` gives no metres without.

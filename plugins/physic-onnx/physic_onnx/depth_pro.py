@@ -41,7 +41,10 @@ class DepthProOptions(OnnxBackendOptions):
 
 
 class DepthPro(OnnxBackend, MetricDepth):
-    """Metric depth and camera by DepthPro (the paper's). On a CPU it takes minutes and about 18 GB of memory."""
+    """Metric depth and camera by DepthPro, as in the PhySIC paper.
+
+    On a CPU, the network takes minutes and about 18 GB of memory.
+    """
 
     Options: ClassVar[type[OnnxBackendOptions]] = DepthProOptions
     options: DepthProOptions
@@ -105,7 +108,7 @@ class DepthPro(OnnxBackend, MetricDepth):
 
 
 def preprocess(image: UInt8Array) -> FloatArray:
-    """Squash an image (H, W, 3) to (1, 3, 1536, 1536) in [-1, 1], bilinear without antialiasing or rounding.
+    """Stretch an image (H, W, 3) to (1, 3, 1536, 1536) in [-1, 1], bilinear without antialiasing or rounding.
 
     The published processor normalises first and resizes then, which in float32 is the same.
     """

@@ -1,4 +1,4 @@
-"""Detect people with YOLOX, RT-DETR (v2 and D-FINE too) or RTMO, recognised by their files' ports."""
+"""Detect people with YOLOX, RT-DETR, RT-DETRv2, D-FINE or RTMO, identified by the ONNX file's inputs and outputs."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ squashed square.
 
 
 class Detector:
-    """Open person detector.
+    """Loaded person detector.
 
     Attributes:
         signature: one of SIGNATURES.

@@ -42,7 +42,7 @@ class EomtOptions(OnnxBackendOptions):
 
 
 class Eomt(OnnxBackend, Segmenter):
-    """Segmenter: EoMT trained on COCO panoptic, whose query classes include people and kinds of floor."""
+    """Segmenter by EoMT, trained on COCO panoptic. Its classes include people and several kinds of floor."""
 
     Options: ClassVar[type[Options]] = EomtOptions
     options: EomtOptions

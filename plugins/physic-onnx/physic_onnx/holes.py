@@ -34,7 +34,9 @@ def inpaint_in_crops(
     context: float,
     least: int,
 ) -> UInt8Array:
-    """Fill every hole with a network that sees a crop around it; filled pixels are known to later crops.
+    """Fill every hole of an image with a network that runs on a crop around the hole.
+
+    Filled pixels count as known pixels in later crops.
 
     Args:
         image: (H, W, 3).

@@ -70,7 +70,7 @@ class Lama(OnnxBackend, Inpainter):
         self._side: int | None = None
 
     def load(self, device: str = "cpu") -> None:
-        """Open the file.
+        """Open the ONNX or TorchScript file of LaMa.
 
         Raises:
             WeightsMissingError: it is not here; the message says how to get it.
@@ -84,7 +84,7 @@ class Lama(OnnxBackend, Inpainter):
             super().load(device)
 
     def bind(self, network: Network) -> None:
-        """Use an open network.
+        """Store an open network and read its input size.
 
         Raises:
             BackendError: it is not LaMa, or its pictures are no squares.

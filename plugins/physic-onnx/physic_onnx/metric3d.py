@@ -1,4 +1,7 @@
-"""Estimate metric depth with Metric3D v2, whose depth is for a focal length of 1000 px on its canvas."""
+"""Estimate metric depth with Metric3D v2.
+
+The depth of the network is for a focal length of 1000 px in the letterboxed input.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +42,7 @@ class Metric3dOptions(OnnxBackendOptions):
 
 
 class Metric3d(OnnxBackend, MetricDepth):
-    """Metric depth by Metric3D v2 for a known focal length, to which its scale is proportional."""
+    """Metric depth by Metric3D v2. The depth is proportional to the focal length, which must be known."""
 
     Options: ClassVar[type[OnnxBackendOptions]] = Metric3dOptions
     options: Metric3dOptions
@@ -74,9 +77,9 @@ class Metric3d(OnnxBackend, MetricDepth):
 
 
 def preprocess(image: UInt8Array, height: int, width: int) -> tuple[FloatArray, Letterbox]:
-    """Letterbox an image (H, W, 3) to (1, 3, height, width) in 0 to 255, centred, and return its placement.
+    """Letterbox an image (H, W, 3) to (1, 3, height, width), centred, values 0 to 255. Also return the letterbox.
 
-    The file itself takes off ImageNet's mean and divides by its deviation.
+    The ONNX file itself subtracts ImageNet's mean and divides by its standard deviation.
     """
 
     from physic_core.adapters.pictures import letterbox, normalized_nchw

@@ -48,9 +48,9 @@ class MiGanOptions(OnnxBackendOptions):
 
 
 class MiGan(OnnxBackend, Inpainter):
-    """MI-GAN inpainter for 512 px; its pipeline takes photos of any size and crops them around all holes.
+    """MI-GAN inpainter for 512 px. The ONNX file takes photos of any size and crops them around all holes.
 
-    It fills what the mask covers: shadows and mirror images of who is removed stay.
+    Shadows and mirror images of removed people stay, unless the mask covers them.
     """
 
     Options: ClassVar[type[Options]] = MiGanOptions

@@ -114,10 +114,10 @@ class _Moge(Backend):
 
 
 class Moge2Depth(_Moge, MetricDepth):
-    """Metric depth by MoGe-2 in the camera of the hints, or in its own if that camera is only a default."""
+    """Metric depth by MoGe-2, in the camera of ``hints``; if that camera is a default, in the estimated camera."""
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
-        """Predict depth or points of an image (H, W, 3).
+        """Predict the metric depth (H, W) of an image (H, W, 3), and its camera.
 
         Raises:
             BackendError: it is not loaded, or sees no surface at all.
@@ -133,7 +133,7 @@ class Moge2Pointmap(_Moge, RelativePointmap):
     """Relative point map by MoGe-2, without its metric scale."""
 
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
-        """Predict depth or points of an image (H, W, 3).
+        """Predict the relative point map of an image (H, W, 3), and its camera.
 
         The shift along z is found with the focal length, so that only a scale is left unknown; where a flat scene
         tells neither, the shift is left unknown too.

@@ -48,7 +48,7 @@ _CACHE_SIZE = 2  # photos: the inpainted one is asked about again after the orig
 
 @dataclass(frozen=True)
 class AffinePoints:
-    """Network output at network resolution.
+    """Output of MoGe-2 at network resolution: points up to a scale and a shift along z, confidence, and metric scale.
 
     Attributes:
         points: (h, w, 3) float32, right up to a scale and a shift along z.
@@ -99,7 +99,9 @@ class SharedMoge:
             self._expected.add(backend)
 
     def open(self, backend: object, identity: Hashable, opener: Callable[[], Network]) -> None:
-        """Hold the network for a backend, and call ``opener`` if no network of this identity (file, device) is open.
+        """Open the network for a backend; ``opener`` is called only if the network is not open yet.
+
+        ``identity`` (file, device) identifies the network.
 
         Raises:
             BackendError: it is not a MoGe-2.
@@ -155,7 +157,7 @@ class SharedMoge:
 
 
 def shared_moge(*settings: Hashable) -> SharedMoge:
-    """Return the shared network of all living backends with these settings."""
+    """Return the MoGe-2 network that backends with equal settings share."""
     with _LOCK:
         runner = _RUNNERS.get(settings)
         if runner is None:

@@ -34,7 +34,7 @@ class OnnxBackendOptions(OnnxOptions):
 
 @dataclass(frozen=True)
 class LoadedGraph:
-    """Open network, with the signature and the ports that were matched.
+    """Open network with its matched signature, inputs and outputs.
 
     Attributes:
         network: open.
@@ -51,18 +51,23 @@ class LoadedGraph:
         return self.ports.inputs[name].shape
 
     def has_output(self, output: str) -> bool:
-        """Return whether the file has an output."""
+        """Return whether the network has the output ``output``."""
         return output in self.ports.outputs
 
     def run_image(self, name: str, value: NDArray[Any], *outputs: str) -> list[NDArray[Any]]:
-        """Run the network on one input and return the named outputs. Leading axes are added up to the file's rank."""
+        """Run the network on one image and return the named outputs.
+
+        Axes of length 1 are added in front of the image up to the rank of the input.
+        """
         rank = len(self.input_shape(name)) or value.ndim
         fed = value.reshape((1,) * (rank - 3) + value.shape[-3:])
         return self.ports.run(self.network, {name: fed}, outputs)
 
 
 class OnnxBackend:
-    """Base class of a backend whose network is a single ONNX file; comes before the interface among the bases.
+    """Base class of a backend that runs a single ONNX file.
+
+    In the list of base classes, it precedes the interface.
 
     Attributes:
         signatures: name -> the inputs and outputs of that form of the file, most telling first.
@@ -90,7 +95,7 @@ class OnnxBackend:
         """Raise BackendError for a file that can be rejected before it is opened."""
 
     def bind(self, network: Network) -> None:
-        """Use an open network.
+        """Store an open network, and match its inputs and outputs to the known signatures.
 
         Raises:
             BackendError: it is of no known form.

@@ -56,14 +56,14 @@ class Rtmo(OnnxBackend, KeypointDetector):
     }
 
     def bind(self, network: Network) -> None:
-        """Use an open network; reject another number of joints if the file states it."""
+        """Store an open network; raise BackendError if it states a number of joints other than 17."""
         super().bind(network)
         told = self.loaded().ports.outputs["keypoints"].shape
         if len(told) == 4:
             _check_joints(told[2], network.name)
 
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
-        """Return keypoints of N people: each gets the pose whose box overlaps most, and each pose is used once."""
+        """Return keypoints of N people. Poses are assigned to people by box overlap, each pose at most once."""
 
         from physic_core.adapters.heatmaps import scores_to_confidence
         from physic_core.adapters.pictures import letterbox, normalized_nchw

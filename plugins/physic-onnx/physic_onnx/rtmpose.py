@@ -1,7 +1,7 @@
-"""Detect keypoints with RTMPose, RTMW or DWPose, which classify x and y separately (SimCC), one person at a time.
+"""Detect keypoints with RTMPose, RTMW or DWPose, one person at a time.
 
-MMPose trains these networks on RGB, and its own deployment feeds RGB. rtmlib feeds the same files BGR; set ``channels =
-"bgr"`` to compare with it.
+The networks classify x and y separately (SimCC). MMPose trains these networks on RGB, and its own deployment feeds RGB.
+rtmlib feeds the same files BGR; set ``channels = "bgr"`` to compare with it.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class RtmPose(OnnxBackend, KeypointDetector):
     }
 
     def bind(self, network: Network) -> None:
-        """Use an open network; reject an unknown number of joints if the file states it."""
+        """Store an open network; raise BackendError if it states an unknown number of joints."""
         from .top_down import skeleton_name
 
         super().bind(network)
@@ -71,7 +71,7 @@ class RtmPose(OnnxBackend, KeypointDetector):
             skeleton_name(told[1], network.name)
 
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
-        """Return keypoints of N people; the confidence of a joint is the lower of its two peaks."""
+        """Return keypoints of N people. A joint's confidence is the lower one of its peaks in x and y."""
 
         from physic_core.adapters.crops import crop_around_box
         from physic_core.adapters.heatmaps import scores_to_confidence, simcc_peaks

@@ -53,10 +53,11 @@ class Sam2Options(OnnxOptions):
 
 
 class Sam2(Segmenter):
-    """Segmenter: SAM 2.1 (or SAM 3's tracker) with a person detector; both are recognised by their files' ports.
+    """Segmenter: SAM 2.1 (or SAM 3's tracker) with a person detector.
 
-    The photo is encoded once for all people and the floor. Where the detector sees joints (RTMO), they are returned,
-    and the floor is asked for beside ankles in place of the lower ends of masks.
+    Both networks are identified by the inputs and outputs of their files. The photo is encoded once for all people and
+    the floor. Where the detector sees joints (RTMO), they are returned, and the points that prompt the
+    floor lie beside ankles, not beside the lower ends of masks.
     """
 
     Options: ClassVar[type[Options]] = Sam2Options

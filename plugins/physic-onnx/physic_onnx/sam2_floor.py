@@ -58,7 +58,7 @@ def floor_mask(networks: Sam2Networks, photo: EncodedImage, people: People, *, b
 
 
 def feet_positions(people: People) -> FloatArray:
-    """Return (F, 3) px: column and row of each foot on the ground, and the radius of ground around it.
+    """Return (F, 3) px: column and row of each foot, and the radius of the ground area around the foot.
 
     Uses ankles where known. Otherwise uses the lower ends of masks with the aspect of a full person that do not touch
     the lower photo edge, if at least half of the people have one. The radius is a seventh of the person's height.

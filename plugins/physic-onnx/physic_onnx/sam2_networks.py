@@ -84,7 +84,7 @@ BOXES_PER_CALL = 8
 
 @dataclass(frozen=True)
 class EncodedImage:
-    """Image encoding for SAM 2's mask decoder.
+    """Output of SAM 2's image encoder for one photo.
 
     Attributes:
         features: three maps, finest first.
@@ -96,8 +96,8 @@ class EncodedImage:
     size: tuple[int, int]
     side: int
 
-    def to_frame(self, points: FloatArray) -> FloatArray:
-        """Convert photo pixels (..., 2) to pixels of the square input; integers are pixel centres in both."""
+    def to_input_pixels(self, points: FloatArray) -> FloatArray:
+        """Convert photo pixels (..., 2) to pixels of the network input. Integers are pixel centres in both images."""
 
         height, width = self.size
         scale = self.side / np.array([width, height], np.float64)
@@ -106,7 +106,7 @@ class EncodedImage:
 
 
 class Sam2Networks:
-    """Open encoder and decoder of SAM 2.
+    """Loaded encoder and decoder networks of SAM 2.
 
     Attributes:
         signature: one of ENCODERS.
@@ -139,11 +139,11 @@ class Sam2Networks:
         return EncodedImage(tuple(features), (image.shape[0], image.shape[1]), self._side)
 
     def masks_from_boxes(self, photo: EncodedImage, boxes: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Predict three masks for each of (N, 4) half-open boxes x0 y0 x1 y1 px.
+        """Predict three masks for each of N boxes (N, 4): x0 y0 x1 y1 px, end exclusive.
 
         Returns:
-            (N, 3, h, w) logits of the squashed photo, above 0 inside, and (N, 3) how well each fits, as the network
-            judges.
+            (N, 3, h, w) logits of the photo resized to a square, above 0 inside, and (N, 3) quality predicted by the
+            network.
         """
 
         corners = self._corners(photo, boxes)
@@ -155,16 +155,16 @@ class Sam2Networks:
     def masks_from_points(
         self, photo: EncodedImage, inside: FloatArray, outside: FloatArray, box: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Predict three masks of the object in a box (4,) that contains (P, 2) points and not (Q, 2) others.
+        """Predict three masks of the object in a box (4,) that contains ``inside`` (P, 2) and not ``outside`` (Q, 2).
 
         Points without any box are not asked for. An export by which they can be asked joins them with an array of no
         boxes, and onnxruntime leaves the place of three tokens as it finds it: with whatever was in memory.
 
         Returns:
-            (3, h, w) logits of the squashed photo, and (3,) how well each fits.
+            (3, h, w) logits of the photo resized to a square, and (3,) predicted quality.
         """
 
-        points = photo.to_frame(np.concatenate([inside, outside]))
+        points = photo.to_input_pixels(np.concatenate([inside, outside]))
         labels = np.array([INSIDE] * len(inside) + [OUTSIDE] * len(outside))
         logits, fits = self._ask(photo, self._corners(photo, box[None]), (points, labels))
         return logits[0], fits[0]
@@ -173,7 +173,7 @@ class Sam2Networks:
         """Convert boxes (N, 4) in photo px to corner points (N, 2, 2) in px of the square."""
 
         # The network was trained with the first and the last pixel of what is meant.
-        return photo.to_frame(np.asarray(boxes, np.float64).reshape(-1, 2, 2) - [[0, 0], [1, 1]])
+        return photo.to_input_pixels(np.asarray(boxes, np.float64).reshape(-1, 2, 2) - [[0, 0], [1, 1]])
 
     def _ask(
         self, photo: EncodedImage, corners: FloatArray, points: tuple[FloatArray, NDArray[Any]] | None = None

@@ -39,7 +39,7 @@ class Port:
 
 
 class Network:
-    """Open ONNX network.
+    """Loaded ONNX network.
 
     Attributes:
         name: file name without its folder.

@@ -24,7 +24,7 @@ SKELETON_BY_JOINTS: dict[int, str] = {17: "coco17", 23: "coco23", 26: "halpe26",
 
 
 def skeleton_name(count: int, file: str) -> str:
-    """Return the skeleton of a network with ``count`` joints.
+    """Return the skeleton name of a network with ``count`` joints.
 
     Raises:
         BackendError: none that people have.
@@ -37,7 +37,7 @@ def skeleton_name(count: int, file: str) -> str:
 
 
 def size_or_default(size: int | str, otherwise: int) -> int:
-    """Return a fixed size, or a default for a free one."""
+    """Return ``size`` if it is a fixed number, else the default ``otherwise``."""
     return size if isinstance(size, int) and size > 0 else otherwise
 
 
@@ -49,7 +49,7 @@ def crop_batch(
     fill: int = 0,
     sigmas: Sequence[float] | None = None,
 ) -> FloatArray:
-    """Crop and normalise the network inputs: (N, 3, h, w) float32, ImageNet's mean and deviation.
+    """Crop network inputs (N, 3, h, w) float32, normalised with ImageNet's mean and standard deviation.
 
     Args:
         image: (H, W, 3) uint8 RGB.

@@ -1,4 +1,4 @@
-"""Detect keypoints with ViTPose: heatmaps of 133 whole-body joints, or of 17, one person at a time.
+"""Detect 133 whole-body or 17 body keypoints with ViTPose heatmaps, one person at a time.
 
 Two forms exist: the exports of easy_ViTPose (``input_0`` -> ``output_0``), and those of the class in transformers
 (``pixel_values`` -> ``heatmaps``), whose "plus" models also take the index of a data set's expert.
@@ -48,7 +48,7 @@ class VitPoseOptions(OnnxBackendOptions):
 
 
 class VitPose(OnnxBackend, KeypointDetector):
-    """Keypoint detector by ViTPose (the paper's with 133 joints); its input is RGB."""
+    """Keypoint detector by ViTPose, as in the PhySIC paper (133 joints). Its input is RGB."""
 
     Options: ClassVar[type[OnnxBackendOptions]] = VitPoseOptions
     options: VitPoseOptions
@@ -70,7 +70,10 @@ class VitPose(OnnxBackend, KeypointDetector):
     }
 
     def bind(self, network: Network) -> None:
-        """Use an open network and find its number of joints. A file that does not state it is run once."""
+        """Store an open network and find its number of joints.
+
+        A file that does not state the number is run once.
+        """
         from .top_down import skeleton_name
 
         super().bind(network)
@@ -93,7 +96,7 @@ class VitPose(OnnxBackend, KeypointDetector):
         if not len(people):
             return Keypoints(np.zeros((0, joints, 2)), np.zeros((0, joints)), skeleton)
         height, width = self._size()
-        padding, grid = self.options.padding, crop_grid(joints)
+        padding, grid = self.options.padding, training_alignment(joints)
         crops = [crop_around_box(box, width, height, padding=padding, grid=grid) for box in people.boxes]
         heatmaps = self._heatmaps(crop_batch(image, crops), EXPERT_BY_JOINTS.get(joints, COCO))
         if heatmaps.shape[1] != joints:
@@ -140,6 +143,6 @@ class VitPose(OnnxBackend, KeypointDetector):
         return next(iter(self.loaded().ports.outputs))
 
 
-def crop_grid(joints: int) -> PixelAlignment:
-    """Return the pixel grid of crops and heatmaps on which a network of this number of joints was trained."""
+def training_alignment(joints: int) -> PixelAlignment:
+    """Return the pixel alignment of crops and heatmaps in the training of a network with this number of joints."""
     return "corners" if joints == 17 else "halves"

@@ -1,4 +1,4 @@
-"""Estimate finger poses with WiLoR (Potamias et al. 2025), exported by its licensed user.
+"""Estimate finger poses with WiLoR (Potamias et al. 2025) from an ONNX file that a licensed user exported.
 
 ``python -m physic_onnx.export wilor`` writes the file. Boxes come from the keypoints, so no hand detector is needed.
 WiLoR-mini's network takes BGR from 0 to 255 and normalises it itself. WiLoR's own network takes normalised RGB.

@@ -524,7 +524,8 @@ def test_the_real_class_answers_boxes_the_same(real):
     boxes = np.array([[4.0, 6, 30, 40], [20, 3, 60, 47]])
     encoded = networks.encode(photo)
     logits, fits = networks.masks_from_boxes(encoded, boxes)
-    corners = np.stack([encoded.to_frame(boxes[:, :2]), encoded.to_frame(boxes[:, 2:] - 1)], 1).reshape(1, 2, 4)
+    ends = [encoded.to_input_pixels(boxes[:, :2]), encoded.to_input_pixels(boxes[:, 2:] - 1)]
+    corners = np.stack(ends, 1).reshape(1, 2, 4)
     with torch.no_grad():
         theirs = model(
             image_embeddings=[torch.tensor(f) for f in encoded.features],
@@ -540,8 +541,8 @@ def test_the_real_class_answers_points_in_a_box_the_same(real):
     encoded = networks.encode(np.random.default_rng(0).integers(0, 255, (48, 64, 3), np.uint8))
     inside, outside = np.array([[10.0, 20], [30, 40]]), np.array([[50.0, 5]])
     logits, fits = networks.masks_from_points(encoded, inside, outside, np.array([0.0, 10, 64, 48]))
-    points = encoded.to_frame(np.concatenate([inside, outside]))
-    corners = encoded.to_frame(np.array([[0.0, 10], [63, 47]])).reshape(1, 1, 4)
+    points = encoded.to_input_pixels(np.concatenate([inside, outside]))
+    corners = encoded.to_input_pixels(np.array([[0.0, 10], [63, 47]])).reshape(1, 1, 4)
     with torch.no_grad():
         theirs = model(
             image_embeddings=[torch.tensor(f) for f in encoded.features],

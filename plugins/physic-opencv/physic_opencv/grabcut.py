@@ -70,7 +70,7 @@ class GrabCut(interfaces.Segmenter):
         return {"boxes": world.boxes.tolist()}
 
     def infer(self, image: UInt8Array) -> People:
-        """Segment the people that the options name, best score first; the floor is not segmented.
+        """Segment the people at the boxes or keypoints in the options, best score first; the floor is not segmented.
 
         The score is the overlap (IoU) of the box that was asked for and the box of the mask that was found. Where two
         people claim a pixel, the one whose box reaches lower in the photo has it.

@@ -52,13 +52,16 @@ class _Diffusion(interfaces.Inpainter):
 
 
 class Telea(_Diffusion):
-    """Fast marching (A. Telea, 2004): fills from the border inwards with a weighted mean that keeps level lines."""
+    """Fast marching (A. Telea, 2004): fills the hole from its border inwards with a weighted mean of known pixels.
+
+    The weights continue lines of equal brightness into the hole.
+    """
 
     _method = "INPAINT_TELEA"
 
 
 class NavierStokes(_Diffusion):
-    """Navier-Stokes (M. Bertalmio et al., 2001): carries level lines into the hole as a fluid would flow."""
+    """Navier-Stokes (M. Bertalmio et al., 2001): continues lines of equal brightness into the hole as in a fluid."""
 
     _method = "INPAINT_NS"
 

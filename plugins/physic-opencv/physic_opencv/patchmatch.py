@@ -50,7 +50,7 @@ class _Level:
 def fill_by_patches(
     image: UInt8Array, mask: BoolArray, *, radius: int, working_px: int, rounds: int, rng: np.random.Generator
 ) -> UInt8Array:
-    """Fill a hole with patches from the rest of the photo.
+    """Fill a hole with patches from the unmasked part of the photo.
 
     Args:
         image: (H, W, 3) uint8.

@@ -11,7 +11,7 @@ __all__ = ["physic_backends", "physic_weights"]
 
 @hookimpl
 def physic_backends() -> list[BackendRecord]:
-    """The backends of this plugin."""
+    """Return the records of this plugin's backends."""
     return [
         BackendRecord(
             "segmenter",
@@ -98,5 +98,5 @@ def physic_backends() -> list[BackendRecord]:
 
 @hookimpl
 def physic_weights() -> Path:
-    """Where this plugin lists its weights."""
+    """Return the folder with the manifests of this plugin's weights."""
     return Path(__file__).parent / "weights"

@@ -103,7 +103,7 @@ class DepthAnythingMetric(_DepthAnything, MetricDepth):
     output_kind, other_interface = "metric", "the relative_pointmap 'depth-anything-hf'"
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
-        """Predict depth or points of an image (H, W, 3).
+        """Predict the metric depth (H, W) of an image (H, W, 3); NaN where the network has no depth.
 
         Raises:
             InputError: it is no photo.
@@ -123,7 +123,7 @@ class DepthAnythingRelative(_DepthAnything, RelativePointmap):
     output_kind, other_interface = "relative", "the metric_depth 'depth-anything-v2-metric-hf'"
 
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
-        """Predict depth or points of an image (H, W, 3).
+        """Predict the relative point map of an image (H, W, 3), and its camera.
 
         Raises:
             InputError: it is no photo.

@@ -1,5 +1,6 @@
-"""Estimate metric depth and the focal length with DepthPro, whose class in transformers returns inverse depth and a
-field of view.
+"""Estimate metric depth and the focal length with DepthPro in Hugging Face transformers.
+
+The class in transformers returns inverse depth and a field of view.
 """
 
 from __future__ import annotations
@@ -127,7 +128,7 @@ def memory_gb() -> float | None:
 
 
 def preprocess(image: UInt8Array, side: int) -> FloatArray:
-    """Squash an image (H, W, 3) to (1, 3, S, S) in [-1, 1], normalised before resizing, without antialiasing."""
+    """Stretch an image (H, W, 3) to (1, 3, S, S) in [-1, 1], normalised before resizing, without antialiasing."""
 
     return normalized_nchw(
         resize_image(image.astype(np.float32), side, side, "bilinear"), (0.5, 0.5, 0.5), (0.5, 0.5, 0.5)

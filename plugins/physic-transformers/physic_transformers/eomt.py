@@ -72,7 +72,7 @@ class Eomt(PretrainedBackend, Segmenter):
 
 
 def class_names(labels: Mapping[Any, str]) -> tuple[str, ...]:
-    """Return a model's class names in order; those of COCO panoptic if the config only numbers them.
+    """Return a model's class names in order, or those of COCO panoptic if the config has only numbered labels.
 
     Raises:
         BackendError: people are not among them.

@@ -35,7 +35,7 @@ WEIGHTS_HELP = (
 
 @dataclass(frozen=True)
 class ModelSpec:
-    """Network of a backend: its option, class and file types.
+    """Network of a backend: name of its weights option, class in transformers and readable model types.
 
     Attributes:
         option: name of the option that names its weights.
@@ -75,7 +75,7 @@ def find_folder(value: str) -> Path:
 
 
 def missing_files(spec: ModelSpec, value: str) -> tuple[str, ...]:
-    """Describe the missing files of a network. Cheap and offline."""
+    """Describe the missing files of a network, fast and without network access."""
     known = weights.read_manifest(MANIFEST)
     if value in known:
         return weights.missing(MANIFEST, value)

@@ -16,7 +16,7 @@ from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalize
 from physic_core.interfaces import Options, Segmenter
 from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend, to_numpy
 from physic_transformers.sam_masks import best_rows, people_from_sam, union_of_masks
-from physic_transformers.sizes import resize_edges
+from physic_transformers.sizes import size_from_edges
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -172,5 +172,5 @@ def decode_text_boxes(
 
 def _detector_pixels(image: NDArray[np.uint8]) -> FloatArray:
     """Preprocess a photo for GroundingDINO."""
-    height, width = resize_edges(image.shape[0], image.shape[1], _SHORT, _LONG)
+    height, width = size_from_edges(image.shape[0], image.shape[1], _SHORT, _LONG)
     return normalized_nchw(resize_image(image, height, width, "bilinear-antialias"), IMAGENET_MEAN, IMAGENET_STD)

@@ -99,7 +99,7 @@ class PretrainedBackend(Backend):
         self._networks: dict[str, Network] = {}
 
     def missing(self) -> tuple[str, ...]:
-        """Describe the missing weights, each with how to get it."""
+        """Describe the missing weights, and how to get them."""
         return tuple(told for spec in self.specs for told in missing_files(spec, self._value(spec)))
 
     def fingerprint(self) -> str:
@@ -125,7 +125,7 @@ class PretrainedBackend(Backend):
         self._networks = {}
 
     def network(self, option: str = "weights") -> Network:
-        """Return a loaded network by its option.
+        """Return the loaded network of a weights option.
 
         Raises:
             BackendError: ``load`` was not called.

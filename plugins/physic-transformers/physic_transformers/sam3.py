@@ -48,7 +48,10 @@ class Sam3Options(ModelOptions):
 
 
 class Sam3(PretrainedBackend, Segmenter):
-    """Segmenter by SAM 3: instances of the people's text, pixels of the floor's text. The photo is encoded once."""
+    """Segmenter by SAM 3: person masks from a text prompt for people, floor pixels from a text prompt for the floor.
+
+    The photo is encoded once.
+    """
 
     Options: ClassVar[type[Options]] = Sam3Options
     options: Sam3Options

@@ -1,4 +1,4 @@
-"""Convert the mask logits of SAM 2 and SAM 3 to people and floor."""
+"""Convert the mask logits of SAM 2 and SAM 3 to person masks and a floor mask."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def people_from_sam(
     *,
     same: float,
 ) -> People:
-    """Build people from one mask each, without duplicates.
+    """Build people from masks (N, h, w), one mask per person, and remove duplicates.
 
     Args:
         logits: (N, h, w) over the whole photo, above 0 inside.

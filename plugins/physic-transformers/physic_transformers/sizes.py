@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-__all__ = ["resize_edges", "resize_to_frame"]
+__all__ = ["size_from_edges", "size_from_target"]
 
 
-def resize_edges(height: int, width: int, short: int, long: int) -> tuple[int, int]:
-    """Return height and width with the shorter side ``short`` px, or less so that the longer side is at most ``long``.
+def size_from_edges(height: int, width: int, short: int, long: int) -> tuple[int, int]:
+    """Return height and width with the shorter side ``short`` px, or less if the longer side would exceed ``long`` px.
 
     Sides are cut to whole pixels as DETR and its descendants were trained.
     """
@@ -22,9 +22,10 @@ def resize_edges(height: int, width: int, short: int, long: int) -> tuple[int, i
     return (side, other) if height <= width else (other, side)
 
 
-def resize_to_frame(height: int, width: int, target: tuple[int, int], multiple: int) -> tuple[int, int]:
-    """Return height and width, multiples of ``multiple``, with one side of the target: the side that changes the photo
-    less.
+def size_from_target(height: int, width: int, target: tuple[int, int], multiple: int) -> tuple[int, int]:
+    """Return height and width, multiples of ``multiple``, with one side of the target size.
+
+    Of the two sides, the one that changes the photo less is taken.
     """
     scales = (target[0] / height, target[1] / width)
     scale = scales[1] if abs(1 - scales[1]) < abs(1 - scales[0]) else scales[0]

@@ -11,12 +11,12 @@ from physic_core.adapters.pictures import normalized_nchw, resize_map
 from physic_core.interfaces import MetricDepth, Options
 from physic_core.types import DepthMap
 from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend, to_numpy
-from physic_transformers.sizes import resize_to_frame
+from physic_transformers.sizes import size_from_target
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Hints, UInt8Array
 
-__all__ = ["ZoeDepth", "ZoeDepthOptions", "crop_padding", "preprocess", "reflect_padding"]
+__all__ = ["ZoeDepth", "ZoeDepthOptions", "crop_padding", "preprocess", "reflection_margins"]
 
 _FRAME = (384, 512)  # height and width, one of which the input takes
 _MULTIPLE = 32
@@ -55,8 +55,11 @@ class ZoeDepth(PretrainedBackend, MetricDepth):
         return DepthMap(np.where(photo > 0, photo, np.nan).astype(np.float32))
 
 
-def reflect_padding(height: int, width: int) -> tuple[int, int]:
-    """Return the rows above and below and the columns beside a photo that are padded by reflection, as in training."""
+def reflection_margins(height: int, width: int) -> tuple[int, int]:
+    """Return the number of rows above and below, and of columns beside a photo for reflection padding.
+
+    The network was trained with the same padding.
+    """
     return int((height / 2) ** 0.5 * 3), int((width / 2) ** 0.5 * 3)
 
 
@@ -64,10 +67,10 @@ def preprocess(image: UInt8Array) -> FloatArray:
     """Pad and resize a photo to (1, 3, h, w) in [-1, 1]; corners are aligned, as in ZoeDepth's own resizing."""
     import torch
 
-    rows, columns = reflect_padding(*image.shape[:2])
+    rows, columns = reflection_margins(*image.shape[:2])
     framed = np.pad(image, ((rows, rows), (columns, columns), (0, 0)), mode="reflect")
     tensor = torch.from_numpy(normalized_nchw(framed))
-    size = resize_to_frame(framed.shape[0], framed.shape[1], _FRAME, _MULTIPLE)
+    size = size_from_target(framed.shape[0], framed.shape[1], _FRAME, _MULTIPLE)
     resized = torch.nn.functional.interpolate(tensor, size, mode="bilinear", align_corners=True).numpy()
     centred: FloatArray = (resized - np.float32(0.5)) / np.float32(0.5)
     return centred
@@ -75,6 +78,6 @@ def preprocess(image: UInt8Array) -> FloatArray:
 
 def crop_padding(depth: FloatArray, height: int, width: int) -> FloatArray:
     """Resize a padded map (h, w) and return the part (H, W) without padding."""
-    rows, columns = reflect_padding(height, width)
+    rows, columns = reflection_margins(height, width)
     whole = resize_map(depth, height + 2 * rows, width + 2 * columns)
     return whole[rows : rows + height, columns : columns + width]

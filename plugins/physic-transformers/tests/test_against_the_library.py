@@ -16,7 +16,7 @@ from physic_core.types import Hints, People
 from physic_testing import build_world
 from physic_transformers import depth_pro, grounded_sam2, zoedepth
 from physic_transformers.depth_anything import DepthAnythingMetric, MetricOptions
-from physic_transformers.sizes import resize_edges, resize_to_frame
+from physic_transformers.sizes import size_from_edges, size_from_target
 from physic_transformers.vitpose import VitPose, VitPoseOptions
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class TestGroundingDino:
 
         rng = np.random.default_rng(0)
         for height, width in rng.integers(8, 3000, (400, 2)).tolist():
-            assert resize_edges(height, width, 800, 1333) == get_size_with_aspect_ratio((height, width), 800, 1333)
+            assert size_from_edges(height, width, 800, 1333) == get_size_with_aspect_ratio((height, width), 800, 1333)
 
     def test_boxes_scores_and_words_are_those_of_the_library(self, saved: Callable[..., Path]) -> None:
         from transformers import AutoTokenizer, GroundingDinoProcessor
@@ -186,7 +186,7 @@ class TestZoeDepth:
                 theirs = get_resize_output_image_size(
                     np.empty((3, height, width), np.uint8), (384, 512), True, 32, "channels_first"
                 )
-                assert resize_to_frame(height, width, (384, 512), 32) == tuple(map(int, theirs))
+                assert size_from_target(height, width, (384, 512), 32) == tuple(map(int, theirs))
 
     @pytest.mark.parametrize(("height", "width"), [(240, 320), (97, 131), (640, 300)])
     def test_the_frame_is_cut_off_as_the_library_does(self, height: int, width: int) -> None:

@@ -28,7 +28,7 @@ from physic_transformers.grounded_sam2 import GroundedSam2, GroundedSam2Options,
 from physic_transformers.models import Network
 from physic_transformers.sam3 import Sam3, Sam3Options
 from physic_transformers.vitpose import VitPose, VitPoseOptions
-from physic_transformers.zoedepth import ZoeDepth, ZoeDepthOptions, reflect_padding
+from physic_transformers.zoedepth import ZoeDepth, ZoeDepthOptions, reflection_margins
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -236,7 +236,7 @@ class TestDepthAnything:
 
 class TestZoeDepth:
     def test_the_frame_is_cut_off(self) -> None:
-        rows, columns = reflect_padding(60, 100)
+        rows, columns = reflection_margins(60, 100)
         framed_depth = np.full((60 + 2 * rows, 100 + 2 * columns), 9.0, np.float32)
         framed_depth[rows:-rows, columns:-columns] = np.arange(1, 101)
         network = Recorded(None, tensors(predicted_depth=framed_depth[None]))

@@ -21,7 +21,9 @@ _MOST_FINGERS = 10  # points on fingers; a skeleton with more has whole hands
 
 
 def limb_keypoints(keypoints: Keypoints) -> Keypoints:
-    """Select the keypoints that the body model has; of whole-body skeletons only those of COCO-17 and the feet.
+    """Select the keypoints that the body fit uses: for a whole-body skeleton, those of COCO-17 and the feet.
+
+    For other skeletons, these are all keypoints that the body model has.
 
     Raises:
         BackendError: the skeleton is unknown, or lacks a joint of an arm or a leg.
@@ -50,5 +52,5 @@ def limb_keypoints(keypoints: Keypoints) -> Keypoints:
 
 
 def keypoint_indices(skeleton: Skeleton) -> dict[str, int]:
-    """Return the index of each keypoint of a skeleton by its name."""
+    """Return a dict from keypoint name to keypoint index for a skeleton."""
     return {name: row for row, name in enumerate(skeleton.names)}

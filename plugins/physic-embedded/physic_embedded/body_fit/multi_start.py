@@ -35,7 +35,7 @@ _SIT = {"hip": -1.4, "knee": 1.4}
 def fit_without_world_landmarks(
     model: BodyModel, observations: Observations, camera: FloatArray, skeleton: Skeleton, settings: FitSettings
 ) -> BodyFit:
-    """Fit each person from eight initial poses in one optimisation, and return the best fit of each."""
+    """Fit each person from eight initial poses in one optimisation, and return each person's best fit."""
     mean = pose_prior().mean
     sitting = mean.copy()
     for joint, angle in _SIT.items():

@@ -1,4 +1,4 @@
-"""Newton's method for the body fit: about eight steps from near a minimum to the minimum.
+"""Refine body fits near a minimum with Newton's method, in about eight steps.
 
 L-BFGS ends some centimetres short, at a place that rounding errors decide: it multiplies them by a million on the way.
 At a minimum an error of the input moves the body by about as much.
@@ -29,7 +29,7 @@ _DAMPING_UP, _DAMPING_DOWN, _MIN_DAMPING = (
 
 
 def minimize_newton(problem: FitProblem, unknowns: Tensor) -> Tensor:
-    """Minimise the loss of each person by Newton's method from unknowns (N, W) near a minimum; no loss rises.
+    """Minimise the loss of each person by Newton's method, from unknowns (N, W) near a minimum; no loss increases.
 
     The Hessian is the difference of gradients, those of all unknowns in one batch. Where it is not positive, the
     absolute values of its eigenvalues take its place (Dauphin et al. 2014, saddle-free Newton), damped as by Levenberg

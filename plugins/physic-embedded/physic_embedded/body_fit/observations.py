@@ -1,8 +1,8 @@
-"""Collect what the body fit needs of each person: viewing ray, size in pixels, keypoints, and 3D landmarks in the
-camera frame.
+"""Compute the inputs of the body fit for each person: viewing ray, size in px, keypoints and 3D landmarks.
 
-A single-person pose network sees a crop and answers as if its camera looked straight at the person; the photo's camera
-does not, so its landmarks belong to the person's ray and not to the optical axis.
+The landmarks are in the camera frame. A single-person pose network sees a crop and answers as if its camera looked
+straight at the person; the photo's camera does not, so its landmarks belong to the person's ray and not to the optical
+axis.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def rotation_to_ray(ray: FloatArray) -> FloatArray:
 
 
 def observe_people(keypoints: Keypoints, people: People, intrinsics: Intrinsics) -> Observations:
-    """Compute weights, sizes and viewing rays of all people. Unseen legs are set to hang straight down.
+    """Compute weights, sizes and viewing rays of all people. Legs that are not visible are set to hang straight down.
 
     Args:
         keypoints: of a joint set with hips and shoulders; one row a person.

@@ -74,7 +74,9 @@ _TIGHTER: dict[str, float] = {"spine": 0.4, "neck": 0.6, "head": 0.6, "collar": 
 
 
 def pose_prior(*, tight: bool = False) -> PosePrior:
-    """Return the pose prior of a person who may stand, walk, sit or reach: wide at hips, shoulders, knees and elbows.
+    """Return the pose prior of a person who may stand, walk, sit or reach.
+
+    The standard deviations are large at hips, shoulders, knees and elbows.
 
     Args:
         tight: for fits to 2D keypoints alone, in which a bend towards the camera or away from it only looks like a

@@ -117,7 +117,7 @@ _PER_PERSON = (
 
 @dataclass(frozen=True)
 class DecodedUnknowns:
-    """Body parameters that correspond to the whitened unknowns of the fit."""
+    """Body parameters of N people, decoded from the scaled unknowns of the fit."""
 
     rotations: Tensor
     pose: Tensor
@@ -162,7 +162,7 @@ class FitProblem:
 
     @property
     def num_unknowns(self) -> int:
-        """Number of unknowns of one person: root, pose, shape, translation, landmark size and lean."""
+        """Number of unknowns of one person: root rotation, pose, shape, translation, landmark scale and lean."""
         return 3 + 63 + len(self.stature) + 3 + 2
 
     def select(self, rows: Tensor) -> FitProblem:
@@ -248,7 +248,7 @@ def fit_problem(
     settings: FitSettings,
     floor: FloorConstraint | None,
 ) -> FitProblem:
-    """Build the least-squares problem of N people; arguments as of :func:`physic_embedded.body_fit.fit.fit_bodies`."""
+    """Build the least-squares problem of N people; arguments as in :func:`physic_embedded.body_fit.fit.fit_bodies`."""
 
     def tensor(array: object) -> Tensor:
         # A copy: torch takes neither read-only arrays nor negative strides.

@@ -101,7 +101,7 @@ def translation_from_points(
 
 
 def initial_translation(landmarks: FloatArray, observations: Observations, i: int, camera: FloatArray) -> FloatArray:
-    """Return the translation with which the landmarks (J, 3) of person i project onto the keypoints."""
+    """Return the translation for which the landmarks (J, 3) of person ``i`` project onto this person's keypoints."""
 
     found = translation_from_points(landmarks, observations.points[i], observations.confidence[i], camera)
     if found is not None:

@@ -66,7 +66,7 @@ class ImagePyramid:
 
     @classmethod
     def from_image(cls, image: Image, smallest: int = 128) -> ImagePyramid:
-        """Halve an image (H, W, 3) until its long side would fall below ``smallest`` px."""
+        """Build a pyramid of an image (H, W, 3), halved until its long side would fall below ``smallest`` px."""
         import cv2
 
         levels = [image]

@@ -17,7 +17,7 @@ _PATCH = 14  # px, side of the vision transformer's patches
 
 
 def network_input_size(height: int, width: int, short_side: int = 518, max_tokens: int = 3600) -> tuple[int, int]:
-    """Return height and width of the network input: multiples of 14 in the photo's aspect.
+    """Return height and width of the network input: multiples of 14, near the photo's aspect ratio.
 
     The short side is ``short_side`` px unless that gives more than ``max_tokens`` patches, because long panoramas cost
     quadratic time.

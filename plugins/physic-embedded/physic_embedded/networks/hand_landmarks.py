@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_embedded.networks.crops import RotatedSquare
-from physic_embedded.networks.person_detection import anchor_centers, decode_detections
+from physic_embedded.networks.single_shot_detection import anchor_centers, decode_detections
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -90,7 +90,7 @@ def square_from_landmarks(points: Float) -> RotatedSquare:
 
 
 def predict_hand_landmarks(session: OnnxSession, picture: ImagePyramid, square: RotatedSquare) -> HandLandmarks:
-    """Predict hand landmarks as the mean over a square and its mirror image.
+    """Predict the landmarks of the hand in a square, averaged over the crop and its mirror image.
 
     Args:
         session: of ``hand_landmark_full``.
@@ -124,7 +124,7 @@ def _look(session: OnnxSession, cut: NDArray[np.uint8]) -> tuple[Float, Float, f
 
 
 def hand_search_square(elbow: Float, wrist: Float, knuckles: Float, torso: float) -> tuple[RotatedSquare, float]:
-    """Return the upright square around a hand in which to detect its palm, and the angle that rotates the forearm up.
+    """Return the upright square in which to detect a palm, and the angle, radians, that rotates the forearm upright.
 
     Args:
         elbow: (2,) px.

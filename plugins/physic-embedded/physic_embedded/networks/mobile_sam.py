@@ -24,7 +24,7 @@ MASK_SIZE = 256
 
 @dataclass(frozen=True)
 class ImageEmbedding:
-    """Image encoding for MobileSAM's mask decoder.
+    """Output of MobileSAM's image encoder for one photo.
 
     Attributes:
         features: (1, 256, 64, 64).
@@ -38,24 +38,24 @@ class ImageEmbedding:
     width: int
     scale: float
 
-    def to_frame(self, points: Float) -> Float:
-        """Convert photo pixels (..., 2) to pixels of the 1024 px frame; integers are pixel centres in both."""
+    def to_input_pixels(self, points: Float) -> Float:
+        """Convert photo pixels (..., 2) to pixels of the network input. Integers are pixel centres in both images."""
         frame: Float = (points + 0.5) * self.scale - 0.5
         return frame
 
     @property
     def grid_shape(self) -> tuple[int, int]:
-        """Rows and columns of mask cells that lie on the photo."""
+        """Rows and columns of the low-resolution mask that lie on the photo."""
         cell = FRAME_SIZE / MASK_SIZE
         return math.ceil(self.height * self.scale / cell), math.ceil(self.width * self.scale / cell)
 
     @property
     def cell(self) -> float:
-        """Side of a mask cell, photo px."""
+        """Side of one pixel of the low-resolution mask, in photo px."""
         return FRAME_SIZE / MASK_SIZE / self.scale
 
     def grid_points(self) -> Float:
-        """Return the centres (rows, columns, 2) of the mask cells, photo px."""
+        """Return the centres (rows, columns, 2) of the low-resolution mask's pixels, in photo px."""
 
         rows, columns = self.grid_shape
         y, x = np.mgrid[:rows, :columns]
@@ -63,7 +63,7 @@ class ImageEmbedding:
         return points
 
     def to_photo(self, logits: Float) -> NDArray[np.float32]:
-        """Resample cell values (rows, columns) to photo pixels (H, W), bilinear."""
+        """Resample a low-resolution mask (rows, columns) to photo pixels (H, W), bilinear."""
         import cv2
 
         half = 0.5 / self.cell - 0.5
@@ -114,7 +114,7 @@ def predict_masks(
     box: Float | None = None,
     mask: Float | None = None,
 ) -> MaskProposals:
-    """Predict masks of the object that contains some points and not others.
+    """Predict masks of the object that contains the points ``inside`` and none of the points ``outside``.
 
     Args:
         session: of ``mobilesam_decoder``.
@@ -124,14 +124,14 @@ def predict_masks(
         box: (4,) x0 y0 x1 y1 photo px about it.
         mask: (256, 256) logits, one of an earlier answer's ``raw``.
     """
-    points = [embedding.to_frame(np.asarray(p, float).reshape(-1, 2)) for p in (inside, outside)]
+    points = [embedding.to_input_pixels(np.asarray(p, float).reshape(-1, 2)) for p in (inside, outside)]
     labels = [np.ones(len(points[0])), np.zeros(len(points[1]))]
     if box is None:
         # The decoder wants a padding point where there is no box.
         points.append(np.zeros((1, 2)))
         labels.append(np.full(1, -1.0))
     else:
-        points.append(embedding.to_frame(np.asarray(box, float).reshape(2, 2)))
+        points.append(embedding.to_input_pixels(np.asarray(box, float).reshape(2, 2)))
         labels.append(np.array([2.0, 3.0]))
     raw, iou = session.run(
         ["low_res_masks", "iou"],

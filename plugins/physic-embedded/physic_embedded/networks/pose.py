@@ -78,15 +78,16 @@ class Pose:
 
 
 def person_square(hip: Float, end: Float) -> RotatedSquare:
-    """Return the landmark network's input square: centred on the mid hip, upright along hip -> ``end``, 1.25 times as
-    large.
+    """Return the landmark network's input square, centred on the mid hip.
+
+    In the square, the direction from ``hip`` to ``end`` points up. Half its side is 1.25 times their distance.
     """
     d = np.asarray(end, float) - hip
     return RotatedSquare(np.asarray(hip, float), 2.5 * float(np.hypot(*d)), float(np.arctan2(d[0], -d[1])))
 
 
 def predict_pose(session: OnnxSession, picture: ImagePyramid, square: RotatedSquare, passes: int = 2) -> Pose:
-    """Predict the pose of the person in a square, refining the square ``passes - 1`` times.
+    """Predict the pose of the person in a square. Every pass but the last one refines the square.
 
     The last pass is averaged with that of the mirror image, which is steadier. Their disagreement is large where there
     is no person.

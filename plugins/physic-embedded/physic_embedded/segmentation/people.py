@@ -12,8 +12,8 @@ import numpy as np
 
 from physic_core.adapters.detections import box_iou
 from physic_embedded.networks.crops import ImagePyramid, letterbox_square
-from physic_embedded.networks.person_detection import Detection, anchor_centers, decode_detections
 from physic_embedded.networks.pose import person_square, predict_pose
+from physic_embedded.networks.single_shot_detection import Detection, anchor_centers, decode_detections
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -98,9 +98,10 @@ def tiles(width: int, height: int, fractions: Sequence[float], smallest: int = 1
 def detect_people(
     session: OnnxSession, picture: ImagePyramid, threshold: float, tile_threshold: float, fractions: Sequence[float]
 ) -> list[Detection]:
-    """Detect candidate people in the full photo, its tiles and their mirror images; merged, photo px, best first.
+    """Detect candidate people in the full photo, its tiles and their mirror images: photo px, best score first.
 
-    Keypoint 0 of a candidate lies between the hips, keypoint 1 at the radius that the landmark network needs.
+    Overlapping detections are merged. Keypoint 0 of a candidate lies between the hips, keypoint 1 at the radius that
+    the landmark network needs.
 
     Args:
         session: of ``pose_detection``.

@@ -48,10 +48,10 @@ class PersonMask:
 def person_mask(
     decoder: OnnxSession, embedding: ImageEmbedding, pose: Pose, others: Sequence[Pose], most_others: int = 8
 ) -> PersonMask:
-    """Segment one person: the proposal that agrees best with the landmark network's rough mask and with the joints.
+    """Segment one person: select the mask proposal that agrees best with the pose network's mask and with the joints.
 
-    Joints of the person are the points inside; noses and trunks of the nearest ``others`` the points outside. Asked
-    with and without a box, and once more with the best answer as a start.
+    Joints of the person are the points inside; noses and trunks of the nearest ``others`` the points outside. The
+    decoder runs with and without a box, and once more with the best mask as input.
 
     Args:
         decoder: session of ``mobilesam_decoder``.

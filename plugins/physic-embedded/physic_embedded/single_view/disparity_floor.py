@@ -25,7 +25,9 @@ _LOWER_SHARE = 0.6  # the floor is looked for in this lower part of the picture
 
 @dataclass(frozen=True)
 class DisparityFloor:
-    """Plane of the floor in disparity: ``x * du + y * dv + d0``, x and y in long sides from the principal point.
+    """Plane of the floor in a disparity map: disparity = ``x * du + y * dv + d0``.
+
+    x and y are relative to the principal point, in units of the photo's long side.
 
     Attributes:
         du: slope along x.
@@ -44,12 +46,13 @@ class DisparityFloor:
     value_range: float
 
     def horizon(self, infinity: float) -> float:
-        """Return the image y of the floor's horizon (long sides from the principal point) at x = 0."""
+        """Return the image y of the floor's horizon at x = 0, from the principal point, in units of the long side."""
         return (infinity - self.d0) / self.dv
 
     def normal(self, infinity: float, focal: float) -> FloatArray:
-        """Return the downward unit normal (3,), camera frame, for a disparity of infinity and a focal length in long
-        sides.
+        """Return the downward unit normal (3,) of the floor, camera frame.
+
+        ``infinity`` is the disparity at infinity; ``focal`` is the focal length in units of the photo's long side.
         """
 
         down = np.array([self.du * focal, self.dv * focal, self.d0 - infinity])

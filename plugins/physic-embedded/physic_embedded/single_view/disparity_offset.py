@@ -1,4 +1,4 @@
-"""Estimate the disparity of infinity, the offset between a relative disparity and 1 / z.
+"""Estimate the disparity at infinity, the offset between a relative disparity and 1 / z.
 
 A plane stays a plane whatever is taken for infinity, so flatness says nothing about it. What moves is the floor's
 horizon, so cues are weighed on it: gravity read off upright edges, the height of the camera beside a standing person,
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.floating]
 
-__all__ = ["InfinityEstimate", "disparity_of_infinity", "manhattan_normal_share"]
+__all__ = ["InfinityEstimate", "disparity_at_infinity", "manhattan_normal_share"]
 
 # Ranges of the map: median, and standard deviation of the logarithm. Outdoors below 0, where the network puts the sky;
 # indoors below the farthest pixel.
@@ -37,10 +37,10 @@ _FLOOR_SHARE = 0.1  # a smaller floor than this has no horizon worth reading
 
 @dataclass(frozen=True)
 class InfinityEstimate:
-    """Estimated disparity of infinity.
+    """Estimated disparity at infinity.
 
     Attributes:
-        disparity: of infinity, in the units of the map.
+        disparity: at infinity, in the units of the map.
         gap: from it to the farthest pixels, in ranges of the map.
         outdoors: probability that the farthest pixels are as good as infinitely far.
         rule: what decided, in words.
@@ -57,7 +57,7 @@ def _logistic(x: float) -> float:
     return float(1 / (1 + np.exp(-np.clip(x, -30, 30))))
 
 
-def disparity_of_infinity(
+def disparity_at_infinity(
     disparity: FloatArray,
     floor: DisparityFloor | None,
     focal_px: float,
@@ -66,7 +66,7 @@ def disparity_of_infinity(
     frame: ManhattanFrame | None = None,
     standing: tuple[StandingPerson, ...] = (),
 ) -> InfinityEstimate:
-    """Estimate the most likely disparity of infinity of a disparity map.
+    """Estimate the most likely disparity at infinity of a disparity map.
 
     Args:
         disparity: (H, W), larger is nearer; the network answers 0 for the sky.
@@ -131,7 +131,7 @@ def _robust(residual: FloatArray) -> FloatArray:
 
 
 def manhattan_normal_share(disparity: FloatArray, infinity: float, focal_px: float, frame: ManhattanFrame) -> float:
-    """Return the share, 0 to 1, of surface normals along the axes of a Manhattan frame for a disparity of infinity.
+    """Return the share, 0 to 1, of surface normals along the axes of a Manhattan frame for a disparity at infinity.
 
     Args:
         disparity: (H, W).

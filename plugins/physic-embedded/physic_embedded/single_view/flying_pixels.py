@@ -13,7 +13,7 @@ __all__ = ["flying_pixels"]
 
 
 def flying_pixels(inverse_depth: NDArray[np.floating], ratio: float = 1.05, bend: float = 0.02) -> NDArray[np.bool_]:
-    """Return a mask of flying pixels: depth changes fast, and not along a plane.
+    """Return a mask of flying pixels: pixels where depth changes steeply, but not along a plane.
 
     A plane has a linear inverse depth however flat one looks along it, so a steep change alone does not make an edge: a
     floor near its horizon is as steep. An edge is steep and its inverse depth bends nearby.

@@ -26,7 +26,7 @@ _MIN_SEGMENTS = 12
 
 @dataclass(frozen=True)
 class ManhattanFrame:
-    """Focal length and three orthogonal axes that explain a set of segments.
+    """Focal length and three orthogonal axes, fitted to the vanishing points of line segments.
 
     Attributes:
         focal_px: focal length, px.
@@ -84,10 +84,11 @@ def _score(lines: _Segments, axes: FloatArray, focal: FloatArray) -> tuple[Float
 def manhattan_frame(
     segments: FloatArray, width: int, height: int, *, seed: int = 0, draws: int = 1200
 ) -> ManhattanFrame | None:
-    """Estimate the Manhattan frame that explains the greatest segment length, by random search and least squares.
+    """Estimate the Manhattan frame whose axes fit the greatest total segment length.
 
-    Two segments give the first vanishing point; with a focal length, a third segment gives the second direction,
-    because it is orthogonal to the first and lies in the plane of that segment and the camera.
+    A random search is refined by least squares. Two segments give the first vanishing point; with a focal length, a
+    third segment gives the second direction, because it is orthogonal to the first and lies in the plane of that
+    segment and the camera.
 
     Args:
         segments: (M, 2, 2) px.

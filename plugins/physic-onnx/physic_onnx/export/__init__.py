@@ -1,7 +1,7 @@
-"""Export networks that may not be redistributed to ONNX by their licensed user: ``python -m physic_onnx.export``.
+"""Write ONNX files of networks whose licence forbids redistribution: ``python -m physic_onnx.export``.
 
-Checkout and checkpoint are the user's own. The file is written where the backends look for it. torch's tracing exporter
-is used, because the newer one cannot export these networks.
+A user who has the licence runs it. Checkout and checkpoint are the user's own. The file is written where the backends
+look for it. torch's tracing exporter is used, because the newer one cannot export these networks.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Wrap networks of checkouts so that they have the inputs and outputs that the backends expect."""
+"""Wrap networks of published repositories to give them the inputs and outputs that the backends expect."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ UNBATCHED = ("faces", "rest")
 
 
 class CameraHmrGraph(nn.Module):
-    """CameraHMR and SMPL in one module: rotations, shape, weak-perspective camera, and the mesh about its own origin.
+    """CameraHMR and SMPL in one module: rotations, shape, weak-perspective camera, and the mesh without translation.
 
     Args:
         network: of the checkout; called with its batch, a dictionary, it answers parameters, camera, focal length.
@@ -44,7 +44,10 @@ class CameraHmrGraph(nn.Module):
     def forward(
         self, img: Tensor, box_center: Tensor, box_size: Tensor, img_size: Tensor, cam_int: Tensor
     ) -> tuple[Tensor, ...]:
-        """(B, 3, 256, 256), (B, 2), (B,), (B, 2), (B, 3, 3) -> the outputs of CAMERAHMR."""
+        """Run CameraHMR and SMPL and return the outputs of ``CAMERAHMR``.
+
+        The inputs are (B, 3, 256, 256), (B, 2), (B,), (B, 2) and (B, 3, 3).
+        """
         batch = {"img": img, "box_center": box_center, "box_size": box_size, "img_size": img_size, "cam_int": cam_int}
         parameters, camera, *_ = self.network(batch)
         body = self.smpl(**parameters)
@@ -72,7 +75,7 @@ class WilorGraph(nn.Module):
         self.network = network
 
     def forward(self, image: Tensor) -> tuple[Tensor, ...]:
-        """(B, 256, 256, 3) grey levels, BGR -> the outputs of WILOR."""
+        """Run WiLoR on images (B, 256, 256, 3), BGR from 0 to 255, and return the outputs of ``WILOR``."""
         found = self.network(image)
         return found["hand_pose"], found["global_orient"], found["pred_cam"], found["pred_keypoints_3d"]
 
@@ -93,7 +96,7 @@ class DecoGraph(nn.Module):
         self.register_buffer("rest", torch.as_tensor(rest, dtype=torch.float32))
 
     def forward(self, image: Tensor) -> tuple[Tensor, ...]:
-        """(B, 3, 256, 256) -> the outputs of DECO."""
+        """Run DECO on images (B, 3, 256, 256) and return the outputs of ``DECO``."""
         found = self.network(image)
         contact = found[0] if isinstance(found, (tuple, list)) else found
         return contact, *_held(self, image)

@@ -24,7 +24,9 @@ OPSET = 17
 
 
 def write_graph(module: nn.Module, inputs: tuple[Tensor, ...], ports: Ports, path: Path) -> None:
-    """Trace a module and write it as ONNX; tensors of more than 2 GB in total go to files beside it.
+    """Trace a module and write it as an ONNX file.
+
+    Tensors of more than 2 GB in total are written to separate files in the same folder.
 
     Args:
         module: in evaluation mode, on the CPU.

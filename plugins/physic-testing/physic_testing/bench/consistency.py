@@ -155,7 +155,7 @@ def keypoint_error_px(
 
 
 def contact_distance(distance: Array, contact: NDArray[np.bool_]) -> float:
-    """Return the median |distance|, metres, of contact vertices with a known distance, or NaN."""
+    """Return the median absolute distance, metres, of contact vertices with known distance; NaN if there are none."""
     known = contact & np.isfinite(distance)
     return float(np.median(np.abs(distance[known]))) if known.any() else math.nan
 

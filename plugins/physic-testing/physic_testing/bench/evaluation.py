@@ -91,7 +91,9 @@ WORLD_METRICS = {
 
 @dataclass(frozen=True)
 class Estimate:
-    """Reconstruction of a world by one table row: N people, in the order of the evidence.
+    """Reconstruction of the N people of a world, computed with the settings of one table row.
+
+    The people are in the order of the estimators' output.
 
     Attributes:
         vertices: (N, V, 3) m, camera frame.
@@ -111,7 +113,7 @@ class Estimate:
 
 
 def initial_estimate(evidence: Estimates, model: BodyModel, contact_probability: float) -> Estimate:
-    """Return the estimators' bodies, with contact where the prior is above a threshold."""
+    """Return the estimators' bodies before optimisation; vertices with a high contact probability are in contact."""
     import torch
 
     from physic_core.body.parameters import rotations_from_parameters
@@ -172,12 +174,12 @@ class Evaluator:
 
     @staticmethod
     def body_graph(model: BodyModel) -> csr_array:
-        """Return the edge graph of the rest body's surface, with diagonals across edges."""
+        """Return the edge graph of the rest body's surface, with shortcuts across pairs of adjacent faces."""
         vertices = model(*model.zero_pose()).vertices[0]
         return surface_graph(vertices.cpu().numpy(), model.faces.cpu().numpy(), across=True)
 
     def truth_records(self) -> list[dict[str, Any]]:
-        """Return facts of every true person, with the contact metrics of the ground truth itself."""
+        """Return distance, visibility and contact metrics of every person in the ground truth."""
         world = self.world
         touch = self._touch(np.arange(len(world.masks)), self._near, world.vertices)
         seen, whole = world.masks.sum((1, 2)), world.unoccluded_masks.sum((1, 2))
@@ -223,11 +225,11 @@ class Evaluator:
         return answers
 
     def missed_records(self, why: str) -> list[dict[str, Any]]:
-        """Return the records of all true people for a row without result."""
+        """Return the records of all true people for a table row whose run failed."""
         return [{"found": False, "why": why, **self._missed(i)} for i in range(len(self.world.masks))]
 
     def scene_record(self, estimate: Estimate) -> dict[str, Any]:
-        """Return the errors of scene and floor; empty if the row has no scene."""
+        """Return the errors of scene and floor; empty if the estimate has no scene."""
         if estimate.scene is None:
             return {}
         world, scene = self.world, estimate.scene

@@ -80,7 +80,7 @@ class SpeedReport:
         return asdict(self)
 
     def row(self, section: str, name: str) -> SpeedRow:
-        """Return the row of a section and name.
+        """Return the row with the given section and name.
 
         Raises:
             KeyError: it was not measured.

@@ -69,7 +69,7 @@ def nearest_rows(
 
 
 def nearest_errors_mm(got: Nearest, exact: Nearest) -> dict[str, float]:
-    """Return mean and largest excess distance of nearest points, mm, and the share found by only one search."""
+    """Return mean and largest error of nearest-point distances, mm, and the percentage found by one search only."""
     both = got.found & exact.found
     excess = 1e3 * (got.distance - exact.distance)[both].double()
     return {

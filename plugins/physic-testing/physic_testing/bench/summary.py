@@ -135,7 +135,7 @@ def row_difference(row: RowStatistics, base: RowStatistics, name: str) -> Statis
 
 
 def by_action(records: Sequence[Mapping[str, Any]], rows: Sequence[str]) -> dict[str, dict[str, dict[str, Any]]]:
-    """Average the metrics by action and row: action -> row -> metric -> mean over its people.
+    """Average the metrics by action and row: action -> row -> metric -> mean over the people of the action.
 
     "people", "missed" and "hidden_limbs_people" are counts. "hidden_limbs_change_mm" is the mean change of the
     hidden-limb error relative to the row "start" over the same people, and "hidden_limbs_change_half_mm" half of its

@@ -1,7 +1,8 @@
-"""Synthetic problems of stage 3 for speed measurements: any number of people, any resolution.
+"""Synthetic problems of the joint optimisation (stage 3) for speed measurements.
 
-A room with a floor, a wall and a seat for every second person. People stand or sit, four per row. The evidence is the
-truth with noise of a realistic size, so that the optimisation takes as long as on a photo.
+The number of people and the resolution are free. The scene is a room with a floor, a wall and a seat for every second
+person. People stand or sit, four per row. The evidence is the truth with noise of a realistic size, so that the
+optimisation takes as long as on a photo.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ _SITTING = {
 def make_joint_problem(
     model: BodyModel, people: int = 1, size: tuple[int, int] = (640, 480), seed: int = 0
 ) -> JointProblem:
-    """Build a stage-3 problem of people in a room, initialised near the truth.
+    """Build a problem of the joint optimisation (stage 3): people in a room, initialised near the truth.
 
     Args:
         model: embedded or SMPL-X body model, on the CPU.

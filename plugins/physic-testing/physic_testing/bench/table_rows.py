@@ -67,7 +67,7 @@ def ablation_rows(preset: str) -> tuple[Row, ...]:
 
 
 def select_rows(preset: str, keys: Sequence[str]) -> tuple[Row, ...]:
-    """Select rows of the table, and other engine presets, by key.
+    """Select rows of the ablation table by key. The name of an engine preset is also a key.
 
     Args:
         preset: engine preset of the table.

@@ -123,13 +123,13 @@ def accuracy_tables(
 
 
 def main_row(keys: Sequence[str]) -> str | None:
-    """Return the key of the trial, the full model or the last engine row; None if there is only the start."""
+    """Return the key of the main row: the trial, else the full model, else the last engine row; None without one."""
     engine = [key for key in keys if key != "start"]
     return next((key for key in ("trial", "full") if key in engine), engine[-1] if engine else None)
 
 
 def trial_table(trial: RowStatistics, full: RowStatistics, label: str, worlds: str) -> Table:
-    """Build the table that compares a trial with the full model on the same worlds.
+    """Build the table that compares changed settings (a "trial") with the full model on the same worlds.
 
     Args:
         trial: statistics of the trial.

@@ -65,7 +65,7 @@ def bench() -> None:
 @click.option("--cache", type=click.Path(path_type=Path), help="Keeps evidence.  [default: user's cache folder]")
 @click.option("--no-cache", is_flag=True, help="Keep no evidence between runs.")
 def accuracy(**options: Any) -> None:
-    """Print the ablation table on synthetic worlds with ground truth; write it, every number and a plot to --out.
+    """Print the ablation table on synthetic worlds with ground truth; write the tables, all values and a plot to --out.
 
     Ctrl-C ends the run and writes the results of the completed worlds; the same command continues the run.
     """

@@ -85,7 +85,7 @@ def measure_errors(interface: str, answer: Any, case: Case) -> dict[str, float]:
 
 
 def mean_accuracy(subject: BackendUnderTest) -> dict[str, float]:
-    """Average the errors of a backend over the photos of worlds it was called on; empty without results."""
+    """Average the errors of a backend over the photos of worlds that have a result; empty if there are none."""
     found: list[Mapping[str, float]] = []
     shown = [name for name in ("one person", "several people", "close") if name in subject.case_runs]
     for name in shown:

@@ -76,7 +76,7 @@ class CaseRun:
 
 
 class BackendUnderTest:
-    """One backend class with its options, for the checks to call.
+    """One backend class with its options, its loaded instances and its stored results.
 
     Args:
         kind: backend class.
@@ -132,7 +132,7 @@ class BackendUnderTest:
             return self.kind(options)
 
     def options(self, case: Case | None = None) -> BaseModel:
-        """Return the backend's options for a photo; for a photo without ground truth, those for "one person"."""
+        """Return the backend's options for a photo. A photo without ground truth uses the options for "one person"."""
         given = self._options
         if callable(given):
             world = self.case("one person").truth if case is None or case.world is None else case.world
@@ -176,7 +176,7 @@ class BackendUnderTest:
         return cast("Any", backend).infer(*given)
 
     def run_case(self, name: str) -> CaseRun:
-        """Return the stored call of the backend on a photo; call it first if needed, after FIRST_PHOTO.
+        """Run the backend on a photo, or return the stored result. FIRST_PHOTO is always run first.
 
         Raises:
             CheckSkipped: the backend cannot be constructed or loaded.
@@ -209,7 +209,7 @@ class BackendUnderTest:
         return self._case_runs
 
     def close(self) -> None:
-        """Close all loaded backends and ignore errors, which another check reports."""
+        """Close all loaded backends. Errors are ignored, because the life cycle checks report them."""
         for backend in self._loaded.values():
             try:
                 backend.close()

@@ -27,7 +27,7 @@ _ROTATIONS = ("global_orient", "body_pose", "left_hand_pose", "right_hand_pose",
 
 
 def check_body_model_is_known(subject: BackendUnderTest) -> None:
-    """`body_model` is a known body model with matching betas and expression; or joints or a mesh are given."""
+    """`body_model` is known, with matching betas and expression, or the bodies have joints or a mesh."""
     from physic_core.body.conversion import can_convert
 
     bodies = subject.result()

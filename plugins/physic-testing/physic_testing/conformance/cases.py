@@ -1,4 +1,4 @@
-"""Photos of the conformance kit, each with the inputs that the pipeline would pass with it."""
+"""Photos of the conformance kit, each with the inputs that the pipeline would pass to the interfaces."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ def check_rest_mesh_is_a_t_pose(subject: BackendUnderTest) -> None:
 
 
 def check_contact_is_more_likely_where_bodies_touch(subject: BackendUnderTest) -> None:
-    """Vertices in true contact have a higher mean probability than the others."""
+    """Vertices in true contact have a higher mean probability than vertices without contact."""
     answer, truth = subject.result(), subject.case("one person").truth
     if not truth.contact.any():
         raise CheckSkipped("the person touches nothing")

@@ -27,7 +27,7 @@ def contract_violations(interface: str, answer: Any, case: Case) -> list[str]:
 def violations(
     interface: type[Backend], result: object, *, height: int = 1, width: int = 1, people: int = 0, **more: Any
 ) -> list[str]:
-    """List the contract violations of a result in a unit test, one sentence each; no backend is called.
+    """List the contract violations of a result that a unit test has built, one sentence each; no backend is called.
 
     Args:
         interface: interface class, such as ``MetricDepth``.

@@ -42,7 +42,9 @@ def rank_correlation(first: FloatArray, second: FloatArray) -> float:
 
 
 def aligned_depth_error(z: FloatArray, truth: FloatArray, unknown: AffineAmbiguity) -> float:
-    """Return the median relative depth error after a robust fit of the ambiguity; inf without common pixels.
+    """Return the median relative depth error after a robust fit of the unknown scale and shift.
+
+    The error is inf without common pixels.
 
     Args:
         z: (H, W) depth in any unit, NaN where unknown.
@@ -70,7 +72,7 @@ def aligned_depth_error(z: FloatArray, truth: FloatArray, unknown: AffineAmbigui
 
 
 def expect_coverage(known: BoolArray) -> None:
-    """Raise CheckFailed if too few pixels are known."""
+    """Raise CheckFailed if too few pixels have a known depth."""
     share = float(known.mean())
     expect(
         share >= MIN_COVERAGE,

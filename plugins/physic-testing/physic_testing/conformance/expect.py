@@ -6,7 +6,7 @@ __all__ = ["CheckFailed", "CheckSkipped", "expect"]
 
 
 class CheckFailed(AssertionError):
-    """Failure of a check: the backend violates the contract of its interface.
+    """Exception of a failed check: the backend violates the contract of its interface.
 
     Args:
         expected: what the contract requires, with units.
@@ -20,7 +20,7 @@ class CheckFailed(AssertionError):
 
 
 class CheckSkipped(Exception):
-    """Skip of a check; the message gives the reason."""
+    """Exception of a skipped check; the message gives the reason."""
 
 
 def expect(condition: bool, expected: str, got: str, hint: str = "") -> None:

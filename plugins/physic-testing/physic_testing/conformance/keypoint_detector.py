@@ -43,7 +43,7 @@ def check_skeleton_is_known(subject: BackendUnderTest) -> None:
 
 
 def check_joints_lie_on_the_person(subject: BackendUnderTest) -> None:
-    """Visible joints are close to the true ones, in px of the photo."""
+    """Visible joints are close to the true joints, in px of the photo."""
     answer, truth = subject.result(), subject.case("one person").truth
     points, true, seen, _ = comparable_keypoints(answer, truth)
     if not seen.any():

@@ -90,7 +90,7 @@ def check_pixel_centres_are_integers(subject: BackendUnderTest) -> None:
 
 
 def check_unknown_names_the_ambiguity(subject: BackendUnderTest) -> None:
-    """After a fit of the ambiguity named in `unknown`, the points agree with the truth."""
+    """After a fit of the scale and shift that `unknown` names, the points agree with the truth."""
     answer, truth = subject.result(), subject.case("one person").truth.empty_depth
     errors = {kind: aligned_depth_error(_depth(answer), truth, kind) for kind in get_args(AffineAmbiguity)}
     best = min(errors, key=lambda kind: errors[kind])

@@ -103,7 +103,7 @@ class Report:
 
     @property
     def not_run_reason(self) -> str:
-        """Reason why the backend was never called; empty if it was."""
+        """Reason why the backend was never called; empty if it was called."""
         judged = {r.check: r for r in self.results if r.outcome != "skipped"}
         if not judged:
             return next((r.reason for r in self.results), "there was no check to run")

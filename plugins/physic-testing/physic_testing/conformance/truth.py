@@ -28,7 +28,7 @@ __all__ = [
 
 
 def comparable_keypoints(answer: Keypoints, world: World) -> tuple[FloatArray, FloatArray, BoolArray, Skeleton]:
-    """Return the detected keypoints that are defined on a body, with the true ones.
+    """Return the detected keypoints that are defined on a body, with the true keypoints.
 
     Returns:
         Detected points (N, J, 2) px, true points (N, J, 2) px, mask (N, J) bool of the points that are visible in the
@@ -79,7 +79,7 @@ def true_wrists(world: World) -> FloatArray:
 
 
 def rotation_errors_deg(rotvecs: FloatArray, truth: FloatArray) -> FloatArray:
-    """Return the angles (...) in degrees between rotation vectors (..., 3) and the true ones, in radians."""
+    """Return the angles (...), degrees, between estimated and true rotations, rotation vectors (..., 3) in radians."""
     from scipy.spatial.transform import Rotation
 
     first, second = (Rotation.from_rotvec(r.reshape(-1, 3).astype(np.float64)) for r in (rotvecs, truth))
@@ -117,7 +117,7 @@ def embedded_body() -> BodyModel:
 
 
 def model_of(bodies: Bodies) -> BodyModel:
-    """Return the body model with which these bodies are checked.
+    """Return the body model with which the given bodies are checked.
 
     Raises:
         CheckSkipped: the model of these bodies is a file of the user, and they cannot be converted.

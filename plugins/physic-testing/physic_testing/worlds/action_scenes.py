@@ -69,7 +69,7 @@ class ActionScene:
 
 
 def draw_action(name: str, model: BodyModel, rng: np.random.Generator) -> ActionScene:
-    """Draw a random action scene with fitted poses; of up to three draws the best is kept.
+    """Draw up to three random action scenes with fitted poses, and return the best one.
 
     Args:
         name: key of ACTIONS.

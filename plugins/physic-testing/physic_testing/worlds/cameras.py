@@ -103,8 +103,8 @@ class PhotoSubjects:
         )
         self._person_casters = [RayCaster(person, faces) for person in vertices]
 
-    def shown(self, shot: CameraShot) -> tuple[FloatArray, FloatArray]:
-        """Return each person's visible share of the own silhouette, and its share of the photo."""
+    def visible_shares(self, shot: CameraShot) -> tuple[FloatArray, FloatArray]:
+        """Return the visible share of each person's silhouette, and the share of the photo that each person covers."""
         scale = _COARSE / max(shot.intrinsics.width, shot.intrinsics.height)
         small = shot.intrinsics.resized(
             max(8, round(scale * shot.intrinsics.width)), max(8, round(scale * shot.intrinsics.height))
@@ -217,7 +217,7 @@ def _shows_everybody(subject: PhotoSubjects, shot: CameraShot) -> bool:
     whole = in_frame(subject.vertices, shot, margin=0.01 * max(shot.intrinsics.width, shot.intrinsics.height)).all()
     if not (whole or (shot.cut and (inside > _IN_FRAME).all())):
         return False
-    share, area = subject.shown(shot)
+    share, area = subject.visible_shares(shot)
     return bool(
         (share >= _MIN_VISIBLE + 0.05).all() and (area >= _MIN_AREA).all() and subject.trunk_in_sight(shot).all()
     )

@@ -49,8 +49,8 @@ __all__ = [
     "OtherPerson",
     "PosePlan",
     "PositionTarget",
-    "depth_inside",
     "fit_contacts",
+    "largest_penetration",
     "pose_body",
 ]
 
@@ -91,7 +91,7 @@ _MASSES = (
 
 @dataclass(frozen=True)
 class ContactTarget:
-    """A skin patch and the surface that it is to touch.
+    """A skin patch and the surface that the patch should touch.
 
     Attributes:
         patch: key of ``ContactSkin.patches``.
@@ -159,7 +159,7 @@ class PosePlan:
 
 @dataclass(frozen=True)
 class OtherPerson:
-    """A fixed person near the one that is fitted.
+    """A person with a fixed pose near the person whose pose is fitted.
 
     Attributes:
         vertices: (V, 3) vertices of the same mesh.
@@ -188,7 +188,7 @@ class ContactFit:
 
     @property
     def residual(self) -> float:
-        """Larger of depth and gap, m."""
+        """Larger one of penetration depth and gap, m."""
         return max(self.depth, self.gap)
 
 
@@ -482,7 +482,7 @@ class _ContactEnergy:
         outer = vertices[self.skin.outer]
         depth = float((-signed_distance(outer, self.blocks, self.ground)).max())
         for other, _ in self.others:
-            depth = max(depth, depth_inside(outer, other, self.skin.faces))
+            depth = max(depth, largest_penetration(outer, other, self.skin.faces))
         normals = vertex_normals(vertices, self.skin.faces)
         first, second = _self_contact_pairs(self.skin, vertices, self.skin.outer)
         crossing = float(np.maximum(-dot(vertices[first] - vertices[second], normals[second]), 0).max(initial=0.0))
@@ -498,8 +498,8 @@ class _ContactEnergy:
         )
 
 
-def depth_inside(points: FloatArray, other: FloatArray, faces: NDArray[np.int64]) -> float:
-    """Return the largest penetration of points (n, 3) into a closed mesh (V, 3), (F, 3), in metres; 0 without one.
+def largest_penetration(points: FloatArray, other: FloatArray, faces: NDArray[np.int64]) -> float:
+    """Return the largest penetration of points (n, 3) into a closed mesh (V, 3), (F, 3), in metres; 0 if there is none.
 
     Inside is what sees a face from behind in most of three directions; the depth is the distance to the nearest
     vertex's plane.

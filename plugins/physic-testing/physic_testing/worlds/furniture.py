@@ -58,7 +58,7 @@ def chair(
     depth: float | None = None,
     recline: float | None = None,
 ) -> Blocks:
-    """Four legs, a seat and a back.
+    """Build a chair with four legs, a seat and a back.
 
     Args:
         rng: draws what is not given.
@@ -95,7 +95,7 @@ def sofa(
     depth: float | None = None,
     recline: float | None = None,
 ) -> Blocks:
-    """A seat, a back and two arms; blocks in this order.
+    """Build a sofa; its blocks are the seat, the back and two arms, in this order.
 
     Args:
         rng: draws what is not given.
@@ -227,7 +227,7 @@ def stairs(
     width: float | None = None,
     material: str = "wood",
 ) -> Blocks:
-    """Build steps that rise towards +z, the lowest first, with its front edge at ``place``."""
+    """Build steps that rise towards +z, the lowest first; the front edge of the lowest step is at ``place``."""
     rise, going = _drawn(rng, rise, 0.15, 0.19), _drawn(rng, going, 0.26, 0.32)
     width = _drawn(rng, width, 0.9, 1.3)
     long = steps * going

@@ -1,4 +1,4 @@
-"""Ground truth of a set-up scene: bodies in the camera frame, images, and visibility of landmarks."""
+"""Ground truth of a scene and its camera: bodies in the camera frame, images, and visibility of landmarks."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class PosedBodies:
 
 @dataclass(frozen=True)
 class Pictures:
-    """Images, masks and views with and without people; attributes as in ``worlds.World``."""
+    """Images, masks and renderings with and without people; the attributes are those of ``worlds.World``."""
 
     image: UInt8Array
     empty_image: UInt8Array
@@ -77,7 +77,7 @@ class Pictures:
 
 
 def place_bodies(model: BodyModel, stage: StagedScene, skeletons: tuple[Skeleton, ...]) -> PosedBodies:
-    """Return the bodies in the camera frame, posed with the float32 parameters that are stored."""
+    """Return the bodies in the camera frame, posed with the float32 parameters that the world stores."""
     from scipy.spatial.transform import Rotation
 
     turn = Rotation.from_matrix(stage.camera.rotation)

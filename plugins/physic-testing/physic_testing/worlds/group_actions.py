@@ -44,7 +44,7 @@ class FittedGroup:
 
 
 def hug(model: BodyModel, rng: np.random.Generator) -> FittedGroup:
-    """Fit two people who hug face to face, or stand side by side with an arm around the other."""
+    """Fit two people who hug face to face, or stand side by side with an arm around each other."""
     first, second = _pair(model, rng)
     if rng.random() < 0.6:
         apart = first.behind + second.behind + rng.uniform(0.10, 0.14)

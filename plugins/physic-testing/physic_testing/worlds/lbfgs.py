@@ -1,4 +1,4 @@
-"""L-BFGS for functions with kinks: line search by bisection for the weak Wolfe conditions.
+"""L-BFGS for non-smooth functions: line search by bisection for the weak Wolfe conditions.
 
 SciPy's implementation uses BLAS for inner products. Their last bit depends on the CPU, and a fit with kinks then has
 another result.
@@ -24,7 +24,7 @@ _FLAT, _STILL = 1e-5, 2.2e-9  # largest entry of the gradient, and relative decr
 
 
 def minimize(function: Callable[[FloatArray], tuple[float, FloatArray]], x: FloatArray, steps: int) -> FloatArray:
-    """Return a local minimum near x (n,).
+    """Minimise a function by L-BFGS, and return a local minimum near x (n,).
 
     Args:
         function: x -> value and gradient (n,).

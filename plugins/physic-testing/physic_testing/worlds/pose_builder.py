@@ -39,13 +39,13 @@ class PoseBuilder:
         _set(self.pose, "pelvis", *root)
 
     def trunk(self, lean: float = 0.0, twist: float = 0.0, side: float = 0.0) -> PoseBuilder:
-        """Bend the spine forward, turn it to the left and bend it to the left, degrees in total."""
+        """Bend the spine forward, twist it to the left and bend it to the left; degrees, summed over its joints."""
         for joint, share in (("spine1", 0.3), ("spine2", 0.4), ("spine3", 0.3)):
             _set(self.pose, joint, (share * lean, share * twist, -share * side))
         return self
 
     def head(self, nod: float = 0.0, turn: float = 0.0, tilt: float = 0.0) -> PoseBuilder:
-        """Nod forward, turn to the left and tilt to the left, degrees, shared by neck and head."""
+        """Nod forward, turn to the left and tilt to the left; degrees, divided between neck and head."""
         _set(self.pose, "neck", (0.5 * nod, 0.45 * turn, -0.5 * tilt))
         _set(self.pose, "head", (0.5 * nod, 0.55 * turn, -0.5 * tilt))
         return self

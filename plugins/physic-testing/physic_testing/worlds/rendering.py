@@ -55,7 +55,7 @@ class Mesh:
     smooth: FloatArray
 
     @cached_property
-    def flat(self) -> FloatArray:
+    def face_normals(self) -> FloatArray:
         """Outward unit normals (F, 3) of the faces."""
         a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
         normals = np.cross(b - a, c - a)
@@ -252,7 +252,7 @@ def _smoothed(values: FloatArray, seen: RenderedView) -> FloatArray:
 
 def _face_normals(mesh: Mesh, hits: RayHits, rays: FloatArray) -> FloatArray:
     """Return unit face normals (n, 3) towards the ray origin; zero without a hit."""
-    normals = mesh.flat[np.maximum(hits.face, 0)]
+    normals = mesh.face_normals[np.maximum(hits.face, 0)]
     towards = np.where(dot(normals, rays)[:, None] > 0, -normals, normals)
     return np.where((hits.face >= 0)[:, None], towards, 0.0)
 

@@ -45,7 +45,7 @@ _UNRELATED_MODULES = (
 
 @dataclass(frozen=True)
 class StagedScene:
-    """A place with its people and its camera."""
+    """A room or outdoor place with posed people and a camera."""
 
     room: Room
     actors: tuple[PosedPerson, ...]

@@ -57,7 +57,7 @@ class ContactSkin:
 
 @lru_cache(maxsize=4)
 def contact_skin(model: BodyModel) -> ContactSkin:
-    """Return the contact skin of a body model; recent ones are cached."""
+    """Return the skin patches and vertex sets of a body model; recent results are cached."""
     rest, joints = Skinner(model, np.zeros(model.num_betas))(np.tile(np.eye(3), (55, 1, 1)), np.zeros(3))
     faces, outer = model.faces.numpy(), model.outer.numpy()
     part = model.part_of_vertex.numpy()

@@ -61,7 +61,7 @@ class Skinner:
         return vertices, places + transl
 
     def gradient(self, by_vertices: FloatArray, by_joints: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Convert gradients of the last pose by vertices and joints to gradients by rotations and transl."""
+        """Convert a gradient by vertices and joints to a gradient by rotations and translation, at the last pose."""
         rig, count = self._rig, len(self._rest)
         by_transl = by_vertices.sum(axis=0) + by_joints.sum(axis=0)
         pulled = np.flatnonzero((by_vertices != 0).any(axis=1))

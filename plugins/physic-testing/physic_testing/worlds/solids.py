@@ -51,7 +51,7 @@ _CHUNK = 1 << 20  # points times blocks at once
 
 @dataclass(frozen=True)
 class Block:
-    """A box with yaw and pitch; its numbers are rounded to a grid.
+    """A box with yaw and pitch; all its values are rounded to a grid.
 
     Attributes:
         centre: x, y, z of the centre, m.
@@ -77,7 +77,7 @@ class Block:
 
     @property
     def rotation(self) -> FloatArray:
-        """(3, 3), the block's axes to the room's."""
+        """Rotation (3, 3) from the block's axes to the room's axes."""
         s, c = (float(part) for part in sin_cos(self.pitch))
         return matmul(yaw_matrix(self.yaw), np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]]))
 
@@ -162,7 +162,7 @@ class SolidScene:
 
 
 def signed_distance(points: FloatArray, blocks: Sequence[Block], ground: Ground) -> FloatArray:
-    """Return the signed distance of points (..., 3) to the union of blocks and ground: exact in the air.
+    """Return the signed distance of points (..., 3) to the union of blocks and ground; exact outside the solids.
 
     Inside it is the depth below the surface of the one thing in which the point lies deepest.
 

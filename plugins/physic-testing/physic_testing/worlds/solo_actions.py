@@ -44,7 +44,7 @@ _SIDES = ("left", "right")
 
 @dataclass(frozen=True)
 class Person:
-    """Body shape and derived measures, m.
+    """Body shape and lengths measured on the body, m.
 
     Attributes:
         betas: (K,) shape.
@@ -70,7 +70,7 @@ class Person:
 
 
 def draw_person(model: BodyModel, rng: np.random.Generator, *, adult: bool = False) -> Person:
-    """Draw a random body shape: adults, and one child in seven unless ``adult``."""
+    """Draw a random body shape: an adult's, or in one of seven draws a child's, unless ``adult`` is set."""
     betas = np.clip(rng.normal(0, 0.6, model.num_betas), -1.3, 1.3)
     betas[0] = np.clip(rng.normal(0.15, 0.5), -0.9, 1.2)
     if not adult and rng.random() < 0.14:
@@ -368,7 +368,7 @@ def sit_on_chair(person: Person, rng: np.random.Generator) -> PosePlan:
 
 
 def sit_on_sofa(person: Person, rng: np.random.Generator, x: float = 0.0, sofa: tuple[Block, ...] = ()) -> PosePlan:
-    """Plan a person leaning back on a new sofa, or at ``x`` on a given one."""
+    """Plan a person leaning back on a sofa: on a new sofa, or at ``x`` on the given sofa."""
     seat = _seat_height(person, rng, 0.38, 0.43)
     recline = float(rng.uniform(0.20, 0.32))
     deep = min(float(rng.uniform(0.46, 0.53)), person.thigh + person.behind - 0.08)

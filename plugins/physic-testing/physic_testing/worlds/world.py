@@ -164,7 +164,7 @@ _COLOUR_STREAM = 9  # of the random numbers of clothes and light
 
 
 def benchmark_worlds(count: int, seed: int) -> tuple[tuple[str, int], ...]:
-    """Return the names and seeds of ``count`` benchmark worlds: the names in turn, with random seeds."""
+    """Return names and seeds of ``count`` benchmark worlds: all names in cyclic order, with random seeds."""
     seeds = np.random.default_rng(seed).integers(0, 1 << 31, count)
     return tuple((WORLDS[i % len(WORLDS)], int(own)) for i, own in enumerate(seeds))
 

@@ -17,8 +17,8 @@ from physic_testing.worlds.contact_fit import (
     ContactTarget,
     OtherPerson,
     PosePlan,
-    depth_inside,
     fit_contacts,
+    largest_penetration,
     pose_body,
 )
 from physic_testing.worlds.skin_patches import contact_skin, vertex_normals
@@ -100,9 +100,9 @@ def test_a_neighbour_is_not_entered() -> None:
     aside = replace(plan, pelvis=(plan.pelvis[0] + 0.48, plan.pelvis[1], plan.pelvis[2]), drift=0.15)
     _, joints = pose_body(_model(), aside.pose, aside.betas, np.zeros(3))
     before = pose_body(_model(), aside.pose, aside.betas, np.array(aside.pelvis) - joints[0])[0]
-    assert depth_inside(before[skin.outer], other, skin.faces) > 0.005
+    assert largest_penetration(before[skin.outer], other, skin.faces) > 0.005
     apart = fit_contacts(_model(), aside, neighbours=(OtherPerson(other),))
-    inside = depth_inside(_vertices(aside, apart)[skin.outer], other, skin.faces)
+    inside = largest_penetration(_vertices(aside, apart)[skin.outer], other, skin.faces)
     assert inside < 0.004
     assert apart.depth == pytest.approx(max(inside, apart.depth))
 
@@ -110,8 +110,8 @@ def test_a_neighbour_is_not_entered() -> None:
 def test_depth_inside_a_sphere_is_known() -> None:
     sphere = trimesh.creation.icosphere(subdivisions=4, radius=0.3)
     points = np.array([[0.0, 0.28, 0.0], [0.2, 0.2, 0.2], [0.0, 0.0, 0.31]])
-    assert depth_inside(points, sphere.vertices, sphere.faces) == pytest.approx(0.02, abs=1e-3)
-    assert depth_inside(points[1:], sphere.vertices, sphere.faces) == 0.0
+    assert largest_penetration(points, sphere.vertices, sphere.faces) == pytest.approx(0.02, abs=1e-3)
+    assert largest_penetration(points[1:], sphere.vertices, sphere.faces) == 0.0
 
 
 def test_patches_lie_on_the_outer_skin_and_face_their_way() -> None:

@@ -1,4 +1,4 @@
-"""Load the user's SMPL file: posed bodies with joints and mesh, and the T-pose."""
+"""Load the user's SMPL file, and compute its T-pose and posed bodies with joints and mesh."""
 
 from __future__ import annotations
 
