@@ -1,4 +1,4 @@
-"""One photo in; people, scene and contact out, in one metric camera frame (OpenCV axes, metres).
+"""Reconstruct people, scene and contact from one photo, in one camera frame (OpenCV axes, metres).
 
 All names but the errors are imported at their first use, so that commands that only list or print start fast.
 """

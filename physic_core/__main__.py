@@ -1,4 +1,4 @@
-"""``python -m physic_core`` is ``physic``."""
+"""Run the command ``physic`` as ``python -m physic_core``."""
 
 if __name__ == "__main__":
     import sys

@@ -51,7 +51,7 @@ class AffineCamera:
     given: bool = False
 
     def intrinsics(self, width: int, height: int, source: str) -> Intrinsics:
-        """Return intrinsics with the principal point in the image centre; trust is "guessed" unless ``determined``."""
+        """Return intrinsics with the principal point in the image centre, marked as guessed if not ``determined``."""
         trust = CameraTrust.ESTIMATED if self.determined else CameraTrust.GUESSED
         return replace(Intrinsics.from_focal(self.fx, width, height, source, trust), fy=self.fy)
 

@@ -1,4 +1,4 @@
-"""Intrinsics of a photo: the known ones, or a guess from a field of view."""
+"""Intrinsics of a photo: given by the user, or guessed from a field of view."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["guessed_camera", "known_camera"]
 
 
 def known_camera(hints: Hints, image: NDArray[Any]) -> Intrinsics | None:
-    """Return the intrinsics from the hints, resized to this image; None if there are none."""
+    """Return the intrinsics in ``hints``, scaled to the size of ``image``; None if the hints have no intrinsics."""
     camera, (height, width) = hints.intrinsics, image.shape[:2]
     if camera is None or (camera.width, camera.height) == (width, height):
         return camera

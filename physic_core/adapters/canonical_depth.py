@@ -51,7 +51,7 @@ def depth_from_canonical_inverse(raw: FloatArray, focal_px: float, width: float)
 
 
 def depth_from_canonical(raw: FloatArray, focal_px: float, canonical_focal_px: float) -> FloatArray:
-    """Convert the depth of a camera of ``canonical_focal_px`` to metres: ``raw * focal_px / canonical``.
+    """Convert depth predicted for a canonical focal length to metres: ``raw * focal_px / canonical_focal_px``.
 
     Args:
         raw: (h, w) depth for the canonical camera, m.

@@ -66,7 +66,7 @@ class Checkout:
         self.name, self.package, self.homepage, self.option, self.needs = name, package, homepage, option, needs
         self._modules: dict[str, ModuleType] = {}
         self._own: dict[str, Path | None] | None = None
-        self._is_inside = False
+        self._is_active = False
 
     def missing(self) -> tuple[str, ...]:
         """Return a message for each missing folder or package, without importing the code."""
@@ -80,7 +80,7 @@ class Checkout:
         return tuple(messages)
 
     def load(self, module: str | None = None) -> ModuleType:
-        """Import and return a module of the checkout, by default the main one.
+        """Import and return a module of the checkout, by default ``package``.
 
         Raises:
             WeightsMissingError: the folder is missing or is another project, or a package of the environment is
@@ -90,7 +90,7 @@ class Checkout:
         fault = self._problem()
         if fault:
             raise WeightsMissingError(fault)
-        with self.inside():
+        with self.activated():
             try:
                 return importlib.import_module(module or self.package)
             except ModuleNotFoundError as error:
@@ -117,8 +117,8 @@ class Checkout:
         return getattr(found, name)
 
     @contextmanager
-    def inside(self) -> Iterator[None]:
-        """Put the folder first on ``sys.path`` and use its modules inside the block.
+    def activated(self) -> Iterator[None]:
+        """Make the modules of the checkout importable inside a ``with`` block, by ``sys.path`` and ``sys.modules``.
 
         Only one checkout is active at a time, in all threads.
         """
@@ -127,13 +127,13 @@ class Checkout:
             return
         root = self.folder.resolve()
         with _lock:
-            if self._is_inside:
+            if self._is_active:
                 yield
                 return
             if self._own is None:
                 self._own = _top_names(root)  # once: folders of data can be large
             own = self._own
-            self._is_inside, others = True, _pop_modules(own)
+            self._is_active, others = True, _pop_modules(own)
             sys.modules.update(self._modules)
             for package in own.values():
                 if package is not None and package.name not in sys.modules:
@@ -147,14 +147,14 @@ class Checkout:
                     sys.path.remove(str(root))
                 self._modules = _pop_modules(own)
                 sys.modules.update(others)
-                self._is_inside = False
+                self._is_active = False
 
     def close(self) -> None:
         """Discard the imported modules."""
         self._modules, self._own = {}, None
 
     def fingerprint(self) -> str:
-        """Return a hash of the names and sizes of its Python files; "" if the folder is missing."""
+        """Return a hash of the names and sizes of the package's Python files; "" if the folder is missing."""
         import hashlib
 
         if self.folder is None or not self.folder.is_dir():

@@ -1,4 +1,4 @@
-"""Convert a user's SMPL or MANO file to plain NumPy arrays, for published code that unpickles it.
+"""Convert a user's SMPL or MANO file to plain NumPy arrays, for published code that unpickles such files.
 
 The published pickles need chumpy, which does not work with new versions of Python. Unpickling a file can run any code
 in it. So such code gets a copy that contains only NumPy arrays.

@@ -15,7 +15,7 @@ from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalize
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, UInt8Array
 
-__all__ = ["BOX_GROWTH", "INPUT_SIDE", "contact_crop", "grown_window"]
+__all__ = ["BOX_GROWTH", "INPUT_SIDE", "contact_crop", "enlarged_box_slices"]
 
 INPUT_SIDE = 256
 """Height and width of the network's square input, px."""
@@ -24,8 +24,8 @@ BOX_GROWTH = 0.1
 _WHITE = 255
 
 
-def grown_window(box: FloatArray, height: int, width: int, growth: float = BOX_GROWTH) -> tuple[slice, slice]:
-    """Return the row and column slices of an enlarged box (4,) x0 y0 x1 y1 px, clipped to the image."""
+def enlarged_box_slices(box: FloatArray, height: int, width: int, growth: float = BOX_GROWTH) -> tuple[slice, slice]:
+    """Enlarge a box (4,) x0 y0 x1 y1 px, clip it to the image, and return its row and column slices."""
     x0, y0, x1, y1 = (float(v) for v in box)
     dx, dy = growth * (x1 - x0), growth * (y1 - y0)
     return _span(y0 - dy, y1 + dy, height), _span(x0 - dx, x1 + dx, width)
@@ -48,7 +48,7 @@ def contact_crop(
     """
     import cv2
 
-    rows, columns = grown_window(box, image.shape[0], image.shape[1], growth)
+    rows, columns = enlarged_box_slices(box, image.shape[0], image.shape[1], growth)
     cut = np.ascontiguousarray(image[rows, columns, ::-1])
     height, width = cut.shape[:2]
     scale = INPUT_SIDE / max(height, width)

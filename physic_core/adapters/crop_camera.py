@@ -42,7 +42,7 @@ def translation_from_crop(weak: FloatArray, centres: FloatArray, sides: FloatArr
 
 
 def camerahmr_inputs(centres: FloatArray, sides: FloatArray, focal: float, camera: Intrinsics) -> dict[str, FloatArray]:
-    """Return the box and camera inputs of CameraHMR's network, float32, by the network's names.
+    """Return the box and camera inputs of CameraHMR's network, float32: input name -> array.
 
     The network assumes the principal point in the image centre, so boxes are shifted by the difference.
 

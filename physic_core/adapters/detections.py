@@ -96,7 +96,7 @@ def nms(boxes: FloatArray, scores: FloatArray, overlap: float) -> NDArray[np.int
 def clip_boxes(
     boxes: FloatArray, height: int, width: int, smallest: float = 1.0
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Clip boxes to the photo, and return which are finite and still at least ``smallest`` px wide and high.
+    """Clip boxes to the photo, and return which clipped boxes are finite and at least ``smallest`` px wide and high.
 
     Args:
         boxes: (N, 4) x0 y0 x1 y1 px; boxes with non-finite coordinates are not kept.

@@ -51,7 +51,7 @@ def inpaint_masked(
 
 
 def dilate_mask(mask: BoolArray, share: float) -> BoolArray:
-    """Dilate a mask by a disc with a radius of ``share`` of its long side.
+    """Dilate a mask by a disc, whose radius is ``share`` times the long side of the mask array.
 
     The mask is unchanged if the result would cover the complete image.
     """

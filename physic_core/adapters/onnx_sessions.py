@@ -53,7 +53,7 @@ _PROVIDERS = {
 
 
 class OnnxSession:
-    """Open ONNX file. On the CPU, unused working memory is freed after each run.
+    """An ONNX file that is opened with onnxruntime. On the CPU, unused working memory is freed after each run.
 
     Without this the networks of one photo together use about three times as much memory (the five largest embedded
     ones 2.8 GB, in place of 0.8 GB for all nine), for a tenth to a fifth less time. Without a memory arena, large
@@ -118,7 +118,7 @@ def open_session(path: Path, threads: int, device: str, provider: str = "auto", 
 def select_provider(
     name: str, device: str, available: Sequence[str]
 ) -> tuple[ExecutionProvider, list[str | tuple[str, dict[str, str]]]]:
-    """Return the execution provider for an option and a device, and its settings for onnxruntime.
+    """Return the execution provider for a provider name and a device, and onnxruntime's settings of the provider.
 
     Args:
         name: "auto", "cpu", "cuda", "tensorrt", "coreml" or "directml".

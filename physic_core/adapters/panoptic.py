@@ -1,4 +1,4 @@
-"""Convert panoptic queries (MaskFormer, Mask2Former, EoMT) to people and floor.
+"""Convert panoptic queries (MaskFormer, Mask2Former, EoMT) to masks of people and of the floor.
 
 A query has a class and a mask. Each pixel belongs to the query with the largest product of class and mask probability.
 """

@@ -27,7 +27,7 @@ def input_size_least_scaling(height: int, width: int, side: int, patch: int = 14
 
 
 def input_size_by_long_side(height: int, width: int, side: int, patch: int = 14) -> tuple[int, int]:
-    """Return the input size of Depth Anything 3: ``side`` px for the long side, both rounded to patches.
+    """Return the input size of Depth Anything 3: long side ``side`` px, both sides rounded to multiples of ``patch``.
 
     Args:
         height: of the photo, px.

@@ -37,15 +37,15 @@ _DTYPE_CODE = re.compile(r"[biufcSU][0-9]{1,6}")
 
 
 class UnsafePickleError(Exception):
-    """The pickle names an object that must not be created; the message is its name."""
+    """A pickle refers to a class or function that is not allowed. The message is the refused name."""
 
 
 class InvalidArrayError(Exception):
-    """A value is not an array, or its parts are inconsistent; the message begins with a verb."""
+    """A pickled value is not an array, or its shape and data are inconsistent. The message begins with a verb."""
 
 
 def read_pickle(path: Path) -> dict[str, Any]:
-    """Read a pickled dictionary; its arrays become placeholders for :func:`as_array`.
+    """Read a pickled dictionary, with a placeholder for each array, to be converted by :func:`as_array`.
 
     Raises:
         UnsafePickleError: it names an object that could run code.
@@ -89,11 +89,11 @@ class PickledObject:
         self.state = state
 
     def part(self, name: str) -> Any:
-        """Return one item of the state if it is a dictionary, else None."""
+        """Return the item ``name`` of the pickled state; None if the state is not a dictionary or has no such item."""
         return self.state.get(name) if isinstance(self.state, dict) else None
 
     def dense(self, depth: int) -> NDArray[Any]:
-        """Return the array of this placeholder.
+        """Return the dense array that this placeholder stands for.
 
         Raises:
             InvalidArrayError: it is not an array.

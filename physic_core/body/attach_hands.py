@@ -72,7 +72,7 @@ def attach_hands(parameters: BodyParameters, hands: Hands, model: BodyModel, wri
     given = (share[rows] > 0)[..., None]
     wanted = rotvec_to_rotmat(np.where(given, hands.wrists[rows], 0.0).astype(np.float64))
     wanted = np.where(given[..., None], wanted, world[:, _WRISTS])
-    axes = unit(BoneOffsets.of(model).at(some.betas.astype(np.float64))[:, _WRISTS])
+    axes = unit(BoneOffsets.of(model).for_betas(some.betas.astype(np.float64))[:, _WRISTS])
     elbows, wrists = _rotate_towards(world[:, _ELBOWS], world[:, _WRISTS], wanted, share[rows], axes, wrist_range)
     local = local_from_world(world)
     local[:, _ELBOWS] = np.swapaxes(world[:, _SHOULDERS], -1, -2) @ elbows

@@ -1,4 +1,4 @@
-"""Joints of a body model in NumPy, float64; linear in the betas for given rotations."""
+"""Compute the joints of a body model in NumPy, float64. For given rotations, the joints are linear in the betas."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class BoneOffsets:
 
     @classmethod
     def of(cls, model: BodyModel) -> BoneOffsets:
-        """Extract the offsets of a body model, with zero expression."""
+        """Extract the bone offsets of a body model, with zero expression."""
         kinematics, count = model.kinematics, model.num_betas
         rest = kinematics.template.double().cpu().numpy()
         change = kinematics.directions[:count].double().cpu().numpy().reshape(count, NUM_JOINTS, 3)
@@ -58,24 +58,24 @@ class BoneOffsets:
             both[:, 1:] = (turn @ both[:, 1:, :, None])[..., 0]
         return cls(both[0], both[1:])
 
-    def at(self, betas: Array) -> Array:
-        """Return the offsets (B, 55, 3) for betas (B, K)."""
+    def for_betas(self, betas: Array) -> Array:
+        """Return the bone offsets (B, 55, 3), metres, for betas (B, K)."""
         flat = betas @ self.directions.reshape(len(self.directions), -1)
         return self.template + flat.reshape(-1, NUM_JOINTS, 3)
 
     def rest(self, betas: Array) -> Array:
         """Return the T-pose joints (B, 55, 3) for betas (B, K)."""
-        joints: Array = ANCESTOR_MATRIX @ self.at(betas)
+        joints: Array = ANCESTOR_MATRIX @ self.for_betas(betas)
         return joints
 
     def pose(self, world: Array, betas: Array, transl: Array) -> Array:
         """Return the posed joints (B, 55, 3), metres, for world rotations (B, 55, 3, 3) relative to the T-pose."""
-        carried = self.at(betas)
+        carried = self.for_betas(betas)
         carried[:, 1:] = (world[:, _UP[1:]] @ carried[:, 1:, :, None])[..., 0]
         joints: Array = ANCESTOR_MATRIX @ carried + transl[:, None]
         return joints
 
-    def by_shape(self, world: Array) -> Array:
+    def shape_jacobian(self, world: Array) -> Array:
         """Return the derivative (B, 55, 3, K) of the posed joints with respect to the betas."""
         batch, count = len(world), len(self.directions)
         turns = world[:, _UP].copy()
@@ -85,7 +85,7 @@ class BoneOffsets:
 
 
 def fit_shape(slopes: Array, start: Array, targets: Array, weights: Array, ridge: float = 1.0) -> tuple[Array, Array]:
-    """Fit betas and translation by ridge regression to points that are linear in both.
+    """Fit betas and translation to target points by ridge regression; the fitted points are linear in both.
 
     Minimises ``sum_i w_i |start_i + slopes_i betas + transl - target_i|^2 + ridge |betas|^2``.
 

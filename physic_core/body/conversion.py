@@ -77,7 +77,7 @@ class ConvertedBodies:
 
 
 def can_convert(bodies: Bodies, model: BodyModel) -> bool:
-    """Return whether bodies have the joints or the mesh that a conversion to this model needs."""
+    """Return whether bodies have the joints or the mesh that a conversion to ``model`` needs."""
     known = bodies.joints is not None or (bodies.mesh is not None and _has_correspondence(bodies.mesh, model))
     return known or bodies.body_model in (model.name, "embedded")
 
@@ -145,14 +145,14 @@ def convert_contact(
             f"contact on the mesh '{contact.topology}' cannot be converted to '{model.topology}': give the mesh in "
             "the T-pose (ContactProbability.rest)"
         )
-    carried = find(contact.rest, model).carry(contact.probability[..., None])[..., 0]
+    probability = find(contact.rest, model).interpolate(contact.probability[..., None])[..., 0]
     inner = ~model.outer.cpu().numpy()
-    carried = np.where(inner & np.isfinite(carried), 0.0, carried)
-    return ContactProbability(carried.astype(contact.probability.dtype), model.topology)
+    probability = np.where(inner & np.isfinite(probability), 0.0, probability)
+    return ContactProbability(probability.astype(contact.probability.dtype), model.topology)
 
 
-def add_joints(bodies: Bodies, model: BodyModel) -> Bodies:
-    """Add the posed joints of a body model to its bodies, and remove their mesh."""
+def replace_mesh_with_joints(bodies: Bodies, model: BodyModel) -> Bodies:
+    """Return bodies with the posed joints of their body model, and without a mesh."""
     p = bodies.parameters
     given = (torch.from_numpy(np.array(value, np.float32)) for value in (p.betas, p.transl, p.expression))
     with torch.no_grad():
@@ -207,9 +207,9 @@ def _fit_to_surface(model: BodyModel, mesh: Mesh, find: FindCorrespondence) -> t
         points, weights, sigma = mesh.vertices[:, ids].astype(np.float64), np.ones(len(ids)), _OWN_SIGMA_M
     else:
         assert mesh.rest is not None
-        map_ = find(RestMesh(mesh.name, mesh.rest, mesh.faces), model).rows(ids)
+        map_ = find(RestMesh(mesh.name, mesh.rest, mesh.faces), model).subset(ids)
         points, weights, sigma = (
-            map_.carry(mesh.vertices.astype(np.float64)),
+            map_.interpolate(mesh.vertices.astype(np.float64)),
             map_.sure.astype(np.float64),
             SURFACE_SIGMA_M,
         )

@@ -60,14 +60,14 @@ class Correspondence:
     shares: Array
     sure: NDArray[np.bool_]
 
-    def carry(self, values: NDArray[np.floating]) -> Array:
-        """Interpolate values (..., V of the other mesh, C) at the vertices of the model -> (..., V, C)."""
+    def interpolate(self, values: NDArray[np.floating]) -> Array:
+        """Interpolate values (..., V_other, C) of the other mesh's vertices at the model's vertices: (..., V, C)."""
         return sum(  # type: ignore[return-value]
             values[..., self.corners[:, k], :] * self.shares[:, k, None] for k in range(3)
         )
 
-    def rows(self, ids: NDArray[np.int64]) -> Correspondence:
-        """Return the correspondence of a subset of the vertices."""
+    def subset(self, ids: NDArray[np.int64]) -> Correspondence:
+        """Return the correspondence of the model's vertices ``ids`` (n,)."""
         return Correspondence(self.corners[ids], self.shares[ids], self.sure[ids])
 
 

@@ -97,7 +97,9 @@ def fit_joints(bones: BoneOffsets, joints: Array, world: Array | None, rounds: i
     bare = world is None
     turns = rotations_from_joints(joints, bones.rest(betas)) if world is None else world
     for round_ in range(rounds):
-        betas, transl = fit_shape(bones.by_shape(turns), bones.pose(turns, 0 * betas, 0 * transl), targets, weights)
+        betas, transl = fit_shape(
+            bones.shape_jacobian(turns), bones.pose(turns, 0 * betas, 0 * transl), targets, weights
+        )
         weights = known * _WEIGHT / _residual(bones.pose(turns, betas, transl) - targets, known * _WEIGHT)
         if bare and not round_:
             turns = rotations_from_joints(joints, bones.rest(betas))
@@ -124,7 +126,7 @@ def _residual(gap: Array, weights: Array) -> Array:
 def _align_limbs(bones: BoneOffsets, world: Array, betas: Array, transl: Array, targets: Array, known: Bools) -> Array:
     """Rotate each limb bone from its posed start to its target end."""
     turns = world.copy()
-    offsets = bones.at(betas)
+    offsets = bones.for_betas(betas)
     start = bones.pose(turns, betas, transl)[:, _LIMBS[0][0]]
     for upper, lower in _LIMBS:
         bone = rotate(turns[:, upper], offsets[:, lower])

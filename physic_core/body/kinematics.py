@@ -33,7 +33,7 @@ class Kinematics:
 
     @classmethod
     def build(cls, template: Tensor, directions: Tensor, bind_rot: Tensor | None, parents: Sequence[int]) -> Kinematics:
-        """Build from joints (J, 3), directions (D, J, 3), bind rotations (J, 3, 3), and J parents (-1 for root 0)."""
+        """Build from mean joints (J, 3), shape directions (D, J, 3), bind rotations (J, 3, 3), J parents (root: -1)."""
         none = len(parents)
         ancestor = [p if p >= 0 else none for p in parents] + [none]
         rounds = []
@@ -55,7 +55,7 @@ class Kinematics:
         )
 
     def rest_joints(self, coefficients: Tensor) -> Tensor:
-        """Return the bind-pose joints (B, J, 3), metres, for coefficients (B, up to D)."""
+        """Return the bind-pose joints (B, J, 3), metres, for shape coefficients (B, K), K <= D."""
         count = coefficients.shape[-1]
         flat = torch.addmm(self.template.reshape(1, -1), coefficients, self.directions[:count])
         return flat.view(-1, *self.template.shape)

@@ -34,7 +34,7 @@ BODY_POINTS: tuple[str, ...] = (*JOINT_NAMES, *SURFACE_POINTS)
 
 
 def keypoints_on_body(keypoints: Keypoints) -> Keypoints:
-    """Remove the keypoints that the skeleton does not place on a body."""
+    """Remove the keypoints whose position on a body model is not defined by the skeleton."""
     skeleton = keypoints.joint_set
     if len(skeleton.fitted) == len(skeleton):
         return keypoints

@@ -23,8 +23,8 @@ def matmul(a: NDArray[Real], b: NDArray[Real]) -> NDArray[Real]:
     return found
 
 
-def cholesky_solve(normal: NDArray[np.float64], pull: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Solve ``normal x = pull`` by Cholesky: (B, M, M) symmetric positive definite and (B, M) -> x (B, M)."""
+def cholesky_solve(normal: NDArray[np.float64], rhs: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Solve ``normal x = rhs`` by Cholesky: symmetric positive definite (B, M, M) and (B, M) -> x (B, M)."""
     factor = torch.linalg.cholesky(torch.from_numpy(normal))
-    solution: NDArray[np.float64] = torch.cholesky_solve(torch.from_numpy(pull)[..., None], factor)[..., 0].numpy()
+    solution: NDArray[np.float64] = torch.cholesky_solve(torch.from_numpy(rhs)[..., None], factor)[..., 0].numpy()
     return solution

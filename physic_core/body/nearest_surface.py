@@ -1,4 +1,4 @@
-"""Find the nearest points on a mesh with similar normals."""
+"""Find the point of a mesh that is nearest to each query point and has a similar normal."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ __all__ = ["JointTree", "pose_vertices"]
 
 
 class JointTree:
-    """Matrices of the joint tree.
+    """Descendant and parent-child matrices of a joint tree.
 
     Attributes:
         family: (J, J), 1 where column d is row j or one of its descendants.
@@ -45,7 +45,7 @@ class JointTree:
 def pose_vertices(
     kinematics: Kinematics, tree: JointTree, skin: Skin, rotations: Tensor, coefficients: Tensor, transl: Tensor
 ) -> tuple[Tensor, Tensor]:
-    """Pose B bodies; differentiable once, with respect to rotations on SO(3).
+    """Pose the vertices and joints of B bodies; differentiable once, for rotations on SO(3).
 
     Args:
         kinematics: joints of a shape and their motion.

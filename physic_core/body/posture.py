@@ -25,10 +25,10 @@ _STRAIGHT_HIP_DEG = 35.0
 
 
 def is_body_straight(joints: Array) -> bool:
-    """Return whether both legs are straight and in line with the trunk; such bodies should not lean.
+    """Return whether both legs are straight and in line with the trunk.
 
-    Both knee angles are over 140 degrees, and the trunk is within 35 degrees of the line of the legs. Stricter than
-    :func:`physic_core.engine.joint.limbs.is_standing`, which needs one straight leg.
+    Straight bodies should not lean. Both knee angles are over 140 degrees, and the trunk is within 35 degrees of the
+    line of the legs. Stricter than :func:`physic_core.engine.joint.limbs.is_standing`, which needs one straight leg.
 
     Args:
         joints: (55, 3) metres, any frame.
@@ -40,7 +40,7 @@ def is_body_straight(joints: Array) -> bool:
 
 
 def lean_deg(joints: Array, floor: Plane) -> tuple[float, float]:
-    """Return the angle between body and floor normal, and its part towards the camera, in degrees.
+    """Return the angle between body and floor normal, and its signed component towards the camera, in degrees.
 
     The body is the line from the midpoint of the ankles to the neck. The signed part is measured in the vertical plane
     through camera and ankles: positive if the neck is nearer to the camera than the ankles.

@@ -1,4 +1,4 @@
-"""Estimate the bone rotations of a body from its joint positions, some of them unknown.
+"""Estimate the bone rotations of a body from its joint positions, of which some may be unknown.
 
 Trunk and head follow from directions between distant joints (hips, shoulders, spine), since the positions of joints
 inside the trunk differ between models. Limbs follow from the direction of each bone and from the hinge axis of knee or
@@ -46,7 +46,7 @@ _BY_FOOT, _BY_TRUNK = 1.0, 0.3
 
 
 def has_torso_joints(known: Bools) -> Bools:
-    """Return which rows (B,) of (B, 55) known joints include both hips, and both shoulders or the neck."""
+    """Return which bodies (B,) have both hips, and both shoulders or the neck, among the known joints (B, 55)."""
     complete: Bools = known[:, _HIPS].all(1) & (known[:, _SHOULDERS].all(1) | known[:, JOINT_INDEX["neck"]])
     return complete
 

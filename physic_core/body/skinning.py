@@ -36,7 +36,7 @@ class Skin:
         return Skin(*(t.to(device=device, dtype=dtype) for t in (self.template, self.directions, self.weights)))
 
     def subset(self, vertex_ids: Tensor) -> Skin:
-        """Return the skin of the vertices (n,) int64, in this order."""
+        """Return the skin of the vertices ``vertex_ids`` (n,) int64, in the order of the ids."""
         return Skin(
             self.template.index_select(1, vertex_ids),
             self.directions.index_select(2, vertex_ids),

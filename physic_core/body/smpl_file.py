@@ -94,7 +94,7 @@ def load_smpl(path: str | Path) -> SmplBody:
 
 
 def read_smpl(path: str | Path) -> dict[str, NDArray[Any]]:
-    """Read the arrays of a SMPL file by their names in it; the first 10 shape components, float64, indices int64.
+    """Read a SMPL file: array name -> array (float64, indices int64), with the first 10 shape components.
 
     Raises:
         BodyModelError: the file does not exist, or is not a SMPL model.

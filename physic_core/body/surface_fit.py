@@ -85,11 +85,11 @@ class VertexSample:
         )
 
     @cached_property
-    def shares(self) -> Array:
-        """(55, n) weight of each vertex for the rotation of each bone."""
+    def rotation_weights(self) -> Array:
+        """(55, n) weight of each vertex in the fit of each bone's rotation."""
         squared: Array = (self.weights * self.weights).T
-        shares: Array = squared / np.maximum(squared.sum(1, keepdims=True), 1e-12)
-        return shares
+        weights: Array = squared / np.maximum(squared.sum(1, keepdims=True), 1e-12)
+        return weights
 
     def linear(self, world: Array) -> tuple[Array, Array]:
         """Return the posed vertices as a linear function of the betas.
@@ -113,7 +113,7 @@ class VertexSample:
             moved = matmul(bent, self.correctives.reshape(len(self.correctives), -1))
             template = template + moved.reshape(batch, points, 3)
         start = (by_vertex @ template[..., None])[..., 0] + matmul(self.weights, shifts)
-        joint_slopes = self.bones.by_shape(world) - turns @ self.joint_directions.transpose(1, 2, 0)
+        joint_slopes = self.bones.shape_jacobian(world) - turns @ self.joint_directions.transpose(1, 2, 0)
         carried = matmul(self.weights, joint_slopes.reshape(batch, NUM_JOINTS, -1))
         slopes = carried.reshape(batch, points, 3, shapes)
         # Three steps along contiguous rows: ten times as fast as a product of small matrices for each vertex.
@@ -121,8 +121,11 @@ class VertexSample:
             slopes += by_vertex[..., axis, None] * rows[:, None]
         return start, slopes
 
-    def levers(self, world: Array, betas: Array) -> Array:
-        """(B, n, 55, 3): a small turn w of a bone, with all that hangs on it, moves a vertex by ``w x lever``."""
+    def lever_arms(self, world: Array, betas: Array) -> Array:
+        """Return lever arms (B, n, 55, 3): a small rotation w of a bone moves a vertex by ``w x lever``.
+
+        The descendants of the bone move with it.
+        """
         batch, points = len(world), len(self.ids)
         turns = world @ self.bound
         template = self.template + (betas @ self.directions.reshape(len(betas[0]), -1)).reshape(batch, points, 3)
@@ -132,26 +135,26 @@ class VertexSample:
         levers = self.weights[..., None] * own.reshape(batch, points, NUM_JOINTS, 3)
         # Bones beyond a joint, from it to the next one.
         next_ = np.arange(1, NUM_JOINTS)
-        offsets = self.bones.at(betas)[:, 1:]
+        offsets = self.bones.for_betas(betas)[:, 1:]
         bones = np.zeros((batch, NUM_JOINTS, NUM_JOINTS, 3))
         bones[:, next_, _UP] = (world[:, _UP] @ offsets[..., None])[..., 0]
-        levers += matmul(self.carried, bones.reshape(batch, NUM_JOINTS, -1)).reshape(levers.shape)
+        levers += matmul(self.descendant_weights, bones.reshape(batch, NUM_JOINTS, -1)).reshape(levers.shape)
         return levers
 
     @cached_property
-    def carried(self) -> Array:
-        """(n, 55) weight of each vertex that moves with a bone or its descendants."""
+    def descendant_weights(self) -> Array:
+        """(n, 55) sum of the skinning weights of each bone and its descendants, at each vertex."""
         return matmul(self.weights, ANCESTOR_MATRIX)
 
 
-def sample_vertices(model: BodyModel, a_bone: int = _VERTICES_PER_BONE) -> NDArray[np.int64]:
-    """Return up to ``a_bone`` outer vertex ids of each bone, evenly spaced in its list, ascending."""
+def sample_vertices(model: BodyModel, per_bone: int = _VERTICES_PER_BONE) -> NDArray[np.int64]:
+    """Return the ids of at most ``per_bone`` outer vertices of each bone, evenly sampled by id, ascending."""
     owner = model.skin.weights.argmax(0).cpu().numpy()
     outer = model.outer.cpu().numpy()
     chosen = []
     for joint in range(NUM_JOINTS):
         own = np.flatnonzero((owner == joint) & outer)
-        chosen.append(own[:: max(1, -(-len(own) // a_bone))])
+        chosen.append(own[:: max(1, -(-len(own) // per_bone))])
     return np.sort(np.concatenate(chosen))
 
 
@@ -183,7 +186,7 @@ def fit_surface(
             of the way along the surface only a share of _TANGENT_WEIGHT counts.
     """
     batch = len(points)
-    held = (patches.shares[None] * weights[:, None]).sum(-1) > _MIN_WEIGHT
+    held = (patches.rotation_weights[None] * weights[:, None]).sum(-1) > _MIN_WEIGHT
     if start is None:
         world = _follow_parents(_kabsch_rotations(patches, points, weights), held)
         at_rest, slopes = patches.linear(world)
@@ -195,7 +198,7 @@ def fit_surface(
     for _ in range(rounds):
         at_rest, slopes = patches.linear(world)
         gap = root * (points - at_rest - (slopes @ betas[:, None, :, None])[..., 0] - transl[:, None])
-        levers = root[..., None] * patches.levers(world, betas)
+        levers = root[..., None] * patches.lever_arms(world, betas)
         places = np.broadcast_to(np.eye(3), (*points.shape, 3))
         linear = root[..., None] * np.concatenate([slopes, places], -1)
         normal, pull = _normal_equations(levers, linear, gap)
@@ -213,7 +216,7 @@ def _kabsch_rotations(patches: VertexSample, points: Array, weights: Array) -> A
     """Return rotations (B, 55, 3, 3) that align the T-pose vertices of each bone with their points, by Kabsch."""
     rest = np.broadcast_to(np.eye(3), (1, NUM_JOINTS, 3, 3))
     now = patches.linear(rest)[0]
-    share = patches.shares * weights[:, None]
+    share = patches.rotation_weights * weights[:, None]
     total = np.maximum(share.sum(-1, keepdims=True), 1e-12)
     mean_now, mean_there = (matmul(share, p) / total for p in (now, points))
     # sum w (q - mean)(v - mean)^T

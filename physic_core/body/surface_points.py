@@ -23,7 +23,7 @@ _EAR_DEPTH, _EAR_FORWARD = 0.012, 0.012
 
 
 def pick_surface_points(mesh: TPoseMesh) -> dict[str, NDArray[np.int64]]:
-    """Return the vertex ids of each point in SURFACE_POINTS; the point is their mean."""
+    """Return landmark name -> vertex ids, for each name in SURFACE_POINTS. A landmark is the mean of its vertices."""
     part = label_parts(mesh.weights)
     joint = {name: mesh.joints[i] for name, i in JOINT_INDEX.items()}
     whole_head = part == PART_NAMES.index("head")  # with the lids or eyeballs, which are no outer surface

@@ -6,7 +6,7 @@ import os
 import sys
 from pathlib import Path
 
-__all__ = ["CACHE_VARIABLE", "cache_folder", "maps_folder", "models_folder", "results_folder"]
+__all__ = ["CACHE_VARIABLE", "cache_folder", "correspondences_folder", "models_folder", "results_folder"]
 
 CACHE_VARIABLE = "PHYSIC_CACHE"
 """Environment variable with the folder of all caches, or "off"."""
@@ -42,7 +42,7 @@ def results_folder() -> Path | None:
     return cache_folder("answers", CACHE_VARIABLE)
 
 
-def maps_folder() -> Path | None:
+def correspondences_folder() -> Path | None:
     """Return the cache folder of mesh correspondences; None if disabled."""
     return cache_folder("maps", CACHE_VARIABLE)
 

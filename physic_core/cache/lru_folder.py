@@ -22,7 +22,7 @@ __all__ = [
 RESULT_SUFFIX = ".answer.npz"
 """Suffix of cached backend results; files without the suffix of a cache are never deleted."""
 MAP_SUFFIX = ".map.npz"
-"""Suffix of cached mesh correspondences (:mod:`physic_core.cache.maps`)."""
+"""Suffix of cached mesh correspondences (:mod:`physic_core.cache.correspondences`)."""
 MODEL_SUFFIX = ".model.pkl"
 """Suffix of converted copies of the user's body models (:mod:`physic_core.adapters.chumpy_free`)."""
 

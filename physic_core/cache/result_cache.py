@@ -130,7 +130,7 @@ class ResultCache:
         return CacheKey(f"{who.interface}-{_plain(who.backend)}-{name}{RESULT_SUFFIX}", parts)
 
     def read(self, key: CacheKey) -> object | None:
-        """Read a cached result; None if there is none. A damaged file, or one with another key, is deleted."""
+        """Read a cached result; None if the cache has none. Delete a file that is damaged or has another key."""
         path = self._folder / key.name
         try:
             arrays, document = read_archive(path)

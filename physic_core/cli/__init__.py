@@ -42,7 +42,7 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 _COMMANDS = {
     "cache": ("physic_core.cli.cache:cache", "Show or clear the cache."),
     "config": ("physic_core.cli.config:config", "Check, show or create a configuration."),
-    "plugins": ("physic_core.cli.plugins:plugins", "List installed backends; show, diagnose or create one."),
+    "plugins": ("physic_core.cli.plugins:plugins", "List installed backends; show or test them; create a plugin."),
     "run": ("physic_core.cli.run:run", "Reconstruct people, scene and contact from PHOTO."),
     "weights": ("physic_core.cli.weights:weights", "List, download and verify the weights that plugins need."),
 }
@@ -56,4 +56,4 @@ _EPILOG = "\b\nExit codes:\n" + "\n".join(f"  {code:<3}  {meaning}" for code, me
     "--version", is_flag=True, is_eager=True, expose_value=False, callback=_print_version, help="Print the version."
 )
 def main() -> None:
-    """One photo in; people, scene and contact out, in one metric frame."""
+    """Reconstruct people, scene and contact from one photo, in one metric camera frame."""

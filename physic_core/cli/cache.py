@@ -1,4 +1,4 @@
-"""``physic cache``: show and clear cached backend outputs, mesh maps and body models."""
+"""``physic cache``: show and clear cached backend outputs, mesh correspondences and body models."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from physic_core.cache.folders import maps_folder, models_folder
+from physic_core.cache.folders import correspondences_folder, models_folder
 from physic_core.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ __all__ = ["cache"]
 
 @click.group()
 def cache() -> None:
-    """Show or clear the cache: outputs of backends, maps between body meshes, copies of body models."""
+    """Show or clear the cache: outputs of backends, correspondences of body meshes, copies of body models."""
 
 
 @cache.command()
@@ -81,7 +81,7 @@ def _other_caches() -> list[tuple[Path, str, tuple[str, str]]]:
     from physic_core.cache.lru_folder import MAP_SUFFIX, MODEL_SUFFIX
 
     kinds = (
-        (maps_folder(), MAP_SUFFIX, ("map between bodies", "maps between bodies")),
+        (correspondences_folder(), MAP_SUFFIX, ("map between bodies", "maps between bodies")),
         (models_folder(), MODEL_SUFFIX, ("copy of a body model", "copies of body models")),
     )
     return [(place, suffix, names) for place, suffix, names in kinds if place is not None]

@@ -1,4 +1,4 @@
-"""The command ``physic plugins doctor``: load every installed backend, each in a process of its own.
+"""The command ``physic plugins doctor``: load every installed backend, each in a separate process.
 
 A backend that crashes, hangs, or uses all memory does not affect the others.
 """

@@ -15,7 +15,7 @@ __all__ = ["ExtensibleGroup"]
 
 
 class ExtensibleGroup(click.Group):
-    """A command group of the core's commands, and of those that plugins add with the hook ``physic_commands``.
+    """A command group with the commands of the core, and the commands of plugins (hook ``physic_commands``).
 
     ``--help`` imports no command. Plugins are searched only for the help, and for a command that the core does not
     have. A command of the core overrides a plugin's command of the same name.

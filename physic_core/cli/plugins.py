@@ -27,7 +27,7 @@ _COMMANDS = {
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 @click.pass_context
 def plugins(ctx: click.Context, interface: str | None, as_json: bool) -> None:
-    """List installed backends; show, diagnose or create one."""
+    """List installed backends; show or test them; create a plugin."""
     if ctx.invoked_subcommand is None:
         import json
 

@@ -94,7 +94,7 @@ def config_error(
 def problems_from_pydantic(
     error: ValidationError, model: type[BaseModel], path: str = "", kind: str = "key"
 ) -> list[Problem]:
-    """Convert errors of pydantic.
+    """Convert a validation error of pydantic to Problems.
 
     Args:
         error: the exception.

@@ -34,9 +34,9 @@ _QUALIFIED_NAME = {
 
 
 def config_schema(registry: Registry) -> dict[str, Any]:
-    """Return the JSON Schema (draft 2020-12); all keys are optional, since a file only lists differences.
+    """Return the JSON Schema (draft 2020-12) of a configuration file. All keys are optional.
 
-    A backend whose options cannot be read is included without them.
+    A file lists only the differences from a preset. A backend whose options cannot be read is included without them.
     """
     offers = {(c.record.interface, name): c for c in registry if not c.problem for name in _names(registry, c)}
     kinds = {key: _options(registry, offer) for key, offer in offers.items()}

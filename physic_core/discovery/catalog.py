@@ -88,7 +88,7 @@ def _names(offers: dict[str, tuple[str, ...]], interface: str | None) -> tuple[s
 
 
 def how_to_install(distribution: str) -> str:
-    """Return the install command of a distribution; those of this project are installed from a checkout."""
+    """Return the install command of a distribution; distributions of this project are installed from a checkout."""
     if distribution not in CATALOG and distribution not in COMMANDS.values():
         return f"`pip install {distribution}`"
     folder = "contrib" if distribution == "physic-omnieraser" else "plugins"

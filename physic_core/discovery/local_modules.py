@@ -26,7 +26,7 @@ _lock = threading.RLock()
 
 
 def with_folder(name: str, folder: Path) -> str:
-    """Add the folder of its module to a backend name, as in "/folder/module:Class".
+    """Add the folder of the module to a backend name: "module:Class" becomes "/folder/module:Class".
 
     Args:
         name: the name in a config; may contain a relative folder, as in "sub/module:Class".

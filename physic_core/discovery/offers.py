@@ -75,7 +75,7 @@ class BackendOffer:
 
 @dataclass(frozen=True)
 class BrokenPlugin:
-    """A plugin that cannot be imported, or a hook of which fails.
+    """A plugin that cannot be imported, or has a hook that fails.
 
     Attributes:
         origin: the plugin.

@@ -91,7 +91,7 @@ class Registry:
         return f"Registry({', '.join(parts)})"
 
     def register(self, record: BackendRecord, origin: Origin = REGISTERED_BY_HAND) -> None:
-        """Add a backend; it replaces a backend of the same name that was added before by this method.
+        """Add a backend, or replace a backend of the same name from an earlier call of this method.
 
         Raises:
             BackendError: the record is invalid.
@@ -112,7 +112,7 @@ class Registry:
         return tuple(c for c in self if _key(c) == _key(offer) and c is not offer)
 
     def get(self, interface: str, name: str) -> BackendOffer:
-        """Return the backend with an interface and a name.
+        """Return the backend of an interface that has this name.
 
         Args:
             interface: "metric_depth", ...
@@ -141,7 +141,7 @@ class Registry:
         return found[0]
 
     def find_by_name(self, name: str) -> tuple[BackendOffer, ...]:
-        """Return all backends with a name, of any interface; the forms of a name are those of :meth:`get`.
+        """Return the backends of all interfaces that have this name. Names are written as in :meth:`get`.
 
         "package.module:Class" is imported to find its interface.
 

@@ -41,7 +41,7 @@ def convert_bodies(bodies: Bodies, model: BodyModel, who: str, stages: StageRunn
         BodyModelError: the bodies have neither joints nor mesh, or too few joints for all people.
     """
     from physic_core.body.conversion import can_convert, convert_with_residuals
-    from physic_core.cache.maps import cached_correspondence
+    from physic_core.cache.correspondences import cached_correspondence
 
     if not can_convert(bodies, model):
         cure = "name = 'embedded'" if bodies.body_model == "embedded" else f"path = the file of a '{bodies.body_model}'"
@@ -68,7 +68,7 @@ def transfer_contact(
 ) -> ContactProbability | None:
     """Transfer contact probabilities to the mesh of the configured body model; None and a warning on failure."""
     from physic_core.body.conversion import convert_contact
-    from physic_core.cache.maps import cached_correspondence
+    from physic_core.cache.correspondences import cached_correspondence
 
     try:
         carried = convert_contact(contact, model, cached_correspondence)
@@ -81,6 +81,6 @@ def transfer_contact(
 
 def bodies_for_backends(bodies: Bodies, model: BodyModel) -> Bodies:
     """Add joints to bodies for other backends, unless all backends can load the body model ("embedded")."""
-    from physic_core.body.conversion import add_joints
+    from physic_core.body.conversion import replace_mesh_with_joints
 
-    return bodies if model.name == "embedded" else add_joints(bodies, model)
+    return bodies if model.name == "embedded" else replace_mesh_with_joints(bodies, model)

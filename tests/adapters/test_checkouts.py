@@ -36,7 +36,7 @@ def test_two_checkouts_with_packages_of_one_name_do_not_meet(tmp_path: Path) -> 
     nets = [one.load(), two.load()]
     assert [net.WORD for net in nets] == ["first", "second"]
     for side, net in zip((one, two, one), (nets[0], nets[1], nets[0]), strict=True):
-        with side.inside():
+        with side.activated():
             assert net.late() == net.WORD
 
 
@@ -82,7 +82,7 @@ def test_modules_are_kept_between_uses(tmp_path: Path) -> None:
 def test_code_inside_may_import_more_of_it(tmp_path: Path) -> None:
     side = checkout(tmp_path, {"core/net.py": "A = []", "core/more.py": "from core.net import A", "extra.py": "B = 2"})
     net = side.load()
-    with side.inside():
+    with side.activated():
         assert side.load("core.more").A is net.A
         assert side.attribute("B", "extra") == 2
     assert side.load("core.more").A is net.A

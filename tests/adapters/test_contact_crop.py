@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_core.adapters.contact_crop import contact_crop, grown_window
+from physic_core.adapters.contact_crop import contact_crop, enlarged_box_slices
 
 MEAN, STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
 
@@ -23,8 +23,8 @@ def test_channels_come_as_blue_green_red() -> None:
 
 
 def test_the_box_grows_by_a_tenth_on_every_side_and_ends_at_the_image() -> None:
-    assert grown_window(np.array([100.0, 50, 200, 250]), 480, 640) == (slice(30, 270), slice(90, 210))
-    assert grown_window(np.array([0.0, 400, 640, 480]), 480, 640) == (slice(392, 480), slice(0, 640))
+    assert enlarged_box_slices(np.array([100.0, 50, 200, 250]), 480, 640) == (slice(30, 270), slice(90, 210))
+    assert enlarged_box_slices(np.array([0.0, 400, 640, 480]), 480, 640) == (slice(392, 480), slice(0, 640))
 
 
 def test_the_rest_is_white_and_the_person_in_the_middle() -> None:

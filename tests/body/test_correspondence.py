@@ -18,8 +18,8 @@ from physic_core.body.model import BodyModel
 from physic_core.body.nearest_surface import SurfaceIndex, closest_barycentric
 from physic_core.body.rotations import unit
 from physic_core.body.tpose_mesh import vertex_normals
-from physic_core.cache import maps as module
-from physic_core.cache.maps import cached_correspondence
+from physic_core.cache import correspondences as module
+from physic_core.cache.correspondences import cached_correspondence
 from physic_core.errors import BodyModelError
 from physic_core.types import ContactProbability, RestMesh
 
@@ -80,7 +80,9 @@ def test_vertices_find_their_places_on_the_other_body(
 ) -> None:
     """Of the other body it is known which vertices of the embedded one each of its vertices is the mean of."""
     rest = rest_mesh_of_model(embedded).vertices.astype(float)
-    apart = np.linalg.norm(onto_embedded.carry(rest) - other.from_embedded @ rest, axis=1)[other_model.outer.numpy()]
+    apart = np.linalg.norm(onto_embedded.interpolate(rest) - other.from_embedded @ rest, axis=1)[
+        other_model.outer.numpy()
+    ]
     print(
         f"mean {1000 * apart.mean():.2f}, 95% {1000 * np.percentile(apart, 95):.2f}, most {1000 * apart.max():.1f} mm"
     )
@@ -94,7 +96,9 @@ def test_there_and_back_is_where_it_was(
     onto_embedded: Correspondence, onto_other: Correspondence, embedded: BodyModel
 ) -> None:
     rest = rest_mesh_of_model(embedded).vertices.astype(float)
-    apart = np.linalg.norm(onto_other.carry(onto_embedded.carry(rest)) - rest, axis=1)[embedded.outer.numpy()]
+    apart = np.linalg.norm(onto_other.interpolate(onto_embedded.interpolate(rest)) - rest, axis=1)[
+        embedded.outer.numpy()
+    ]
     assert apart.mean() < 1e-3
 
 
@@ -220,7 +224,7 @@ def test_normals_of_both_face_the_same_way(
     onto_other: Correspondence, embedded: BodyModel, other_model: BodyModel
 ) -> None:
     rest, mine = rest_mesh_of_model(other_model), rest_mesh_of_model(embedded)
-    theirs = unit(onto_other.carry(vertex_normals(rest.vertices.astype(float), rest.faces)))
+    theirs = unit(onto_other.interpolate(vertex_normals(rest.vertices.astype(float), rest.faces)))
     own = vertex_normals(mine.vertices.astype(float), mine.faces)
     facing = (theirs * own).sum(1)[onto_other.sure]
     assert np.percentile(facing, 1) > 0.7
@@ -242,7 +246,9 @@ def test_arms_may_hang_and_legs_be_apart(
         mesh = embedded(roma.rotvec_to_rotmat(rotvecs), *embedded.zero_pose()[1:]).vertices[0].numpy()
     found = find_correspondence(RestMesh(f"hanging {arm}", mesh, embedded.faces.numpy()), other_model)
     straight = rest_mesh_of_model(embedded).vertices.astype(float)
-    apart = np.linalg.norm(found.carry(straight) - other.from_embedded @ straight, axis=1)[other_model.outer.numpy()]
+    apart = np.linalg.norm(found.interpolate(straight) - other.from_embedded @ straight, axis=1)[
+        other_model.outer.numpy()
+    ]
     print(f"{arm} degrees: mean {1000 * apart.mean():.1f}, 95% {1000 * np.percentile(apart, 95):.1f} mm")
     assert apart.mean() < 4e-3
     assert np.percentile(apart, 95) < 12e-3

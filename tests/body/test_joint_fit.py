@@ -43,7 +43,9 @@ def test_bones_pose_as_the_model_does(embedded64: BodyModel, people: People) -> 
     joints = posed(embedded64, fit)[1]
     np.testing.assert_allclose(bones.pose(fit.world, fit.betas, fit.transl), joints, atol=1e-12)
     flat = np.zeros_like(fit.betas)
-    linear = bones.pose(fit.world, flat, fit.transl) + np.einsum("bnik,bk->bni", bones.by_shape(fit.world), fit.betas)
+    linear = bones.pose(fit.world, flat, fit.transl) + np.einsum(
+        "bnik,bk->bni", bones.shape_jacobian(fit.world), fit.betas
+    )
     np.testing.assert_allclose(linear, joints, atol=1e-12)
 
 
@@ -201,7 +203,7 @@ def test_levers_are_the_derivative_by_small_turns(embedded: BodyModel, people: P
         start, slopes = patches.linear(world)
         return start + (slopes @ fit.betas[:, None, :, None])[..., 0]
 
-    levers = patches.levers(fit.world, fit.betas)
+    levers = patches.lever_arms(fit.world, fit.betas)
     for joint in (0, 3, 9, 14, 17, 19, 21, 44, 54):
         for axis in np.eye(3):
             moved = []

@@ -11,7 +11,7 @@ import torch
 from other_body import OtherBody, smplx_file_arrays
 
 from physic_core import Reconstruction, load_config, reconstruct
-from physic_core.body.conversion import add_joints, convert_bodies
+from physic_core.body.conversion import convert_bodies, replace_mesh_with_joints
 from physic_core.body.model import BodyModel
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
 from physic_core.types import Bodies
@@ -57,7 +57,7 @@ def test_a_body_known_by_its_joints_alone_is_as_high(embedded: BodyModel, other_
     """As the ruler takes it: from the embedded body to the file's, and back by joints that lie elsewhere."""
     world = build_world("stand", 0, (160, 120))
     told = Bodies(world.parameters, "embedded")
-    back = convert_bodies(add_joints(convert_bodies(told, other_model), other_model), embedded)
+    back = convert_bodies(replace_mesh_with_joints(convert_bodies(told, other_model), other_model), embedded)
     feet = [surface(embedded, bodies)[embedded.contact_sets["left_sole"], 1].max() for bodies in (told, back)]
     print(f"soles are {1000 * (feet[1] - feet[0]):+.1f} mm lower")
     assert feet[1] == pytest.approx(feet[0], abs=0.01)
@@ -73,7 +73,7 @@ def test_joints_are_where_the_model_puts_them(other_model: BodyModel) -> None:
     rotations, betas, transl = other_model.zero_pose(2)
     transl[1] = torch.tensor([1.0, 2.0, 3.0])
     bodies = Bodies(parameters_from_rotations(rotations, betas, None, transl), "smplx")
-    given = add_joints(bodies, other_model)
+    given = replace_mesh_with_joints(bodies, other_model)
     assert given.joints is not None
     np.testing.assert_allclose(given.joints, other_model(rotations, betas, transl).joints.numpy(), atol=1e-6)
     assert given.mesh is None

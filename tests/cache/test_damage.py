@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from physic_core.body.correspondence import Correspondence
-from physic_core.cache import maps
+from physic_core.cache import correspondences
 from physic_core.cache.digest import Digester
 from physic_core.cache.result_cache import ResultCache
 from physic_core.files.archive import DamagedFileError, read_archive, write_archive
@@ -178,13 +178,13 @@ def test_no_flipped_bit_changes_a_map_between_bodies(tmp_path: Path):
     random = np.random.default_rng(0)
     found = Correspondence(random.integers(0, 9, (7, 3)), random.random((7, 3)).astype(np.float32), np.ones(7, bool))
     path = tmp_path / "a.map.npz"
-    maps._write(path, found)
-    whole, digest = path.read_bytes(), Digester().digest(maps._read(path, 7, 9))
+    correspondences._write(path, found)
+    whole, digest = path.read_bytes(), Digester().digest(correspondences._read(path, 7, 9))
     for bit in random.integers(0, 8 * len(whole), 500):
         flipped = bytearray(whole)
         flipped[bit // 8] ^= 1 << (bit % 8)
         path.write_bytes(flipped)
-        read = maps._read(path, 7, 9)
+        read = correspondences._read(path, 7, 9)
         assert read is None or Digester().digest(read) == digest
-    maps._write(path, Correspondence(found.corners - 1, found.shares, found.sure))
-    assert maps._read(path, 7, 9) is None
+    correspondences._write(path, Correspondence(found.corners - 1, found.shares, found.sure))
+    assert correspondences._read(path, 7, 9) is None

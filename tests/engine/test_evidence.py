@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.joint.context import thin_vertices
+from physic_core.engine.joint.context import subsample_vertices
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.limbs import (
     is_standing,
@@ -40,7 +40,7 @@ def test_thinning_keeps_the_surface_and_what_may_touch(body):
     area = vertex_areas(body(*body.zero_pose(1)).vertices, body.faces)
     keep = torch.zeros(body.num_vertices, dtype=torch.bool)
     keep[body.contact_sets["gluteus"]] = True
-    ids, thinned = thin_vertices(body, keep, 0.02, area)
+    ids, thinned = subsample_vertices(body, keep, 0.02, area)
     assert len(ids) < 0.35 * body.num_vertices
     assert (ids[1:] > ids[:-1]).all()
     assert body.outer[ids].all()
@@ -55,7 +55,7 @@ def test_thinning_keeps_the_surface_and_what_may_touch(body):
 
 def test_without_a_spacing_every_outer_vertex_stays(body):
     area = vertex_areas(body(*body.zero_pose(1)).vertices, body.faces)
-    ids, same = thin_vertices(body, torch.zeros(body.num_vertices, dtype=torch.bool), 0.0, area)
+    ids, same = subsample_vertices(body, torch.zeros(body.num_vertices, dtype=torch.bool), 0.0, area)
     assert torch.equal(ids, body.outer.nonzero().flatten())
     assert torch.equal(same, area[:, ids])
 
@@ -131,7 +131,7 @@ def test_who_leans_on_a_wall_is_not_balanced(make_stage, standing):
     def balanced(gap, **changes):
         wall = ([-2.0, -1.0, back + gap], [2.0, 1.3, back + gap + 0.1])
         problem = make_stage([({}, (0.0, 0.0, 3.5))], [wall]).problem
-        return JointEnergy(replace(problem, **changes), SETTINGS).active["balance"].tolist()
+        return JointEnergy(replace(problem, **changes), SETTINGS).weights["balance"].tolist()
 
     untouched = torch.zeros_like(standing.problem.contact_probability)
     assert balanced(0.0) == [0.0]
@@ -176,7 +176,7 @@ def test_a_person_without_points_has_no_chamfer(standing):
 
 def test_depth_is_read_where_the_photo_shows_the_person(standing):
     energy = JointEnergy(standing.problem, SETTINGS)
-    rows = energy.active["depth"][0] > 0
+    rows = energy.weights["depth"][0] > 0
     vertices = standing.vertices[0, energy.context.ids[rows]]
     (surface,) = (term for term in energy.terms if isinstance(term, SurfaceTerms))
     seen = surface.parts.depth.log_map_depth[0, rows].exp()
@@ -191,7 +191,7 @@ def test_points_of_the_floor_are_left_to_the_plane(standing):
     assert height.amin() > 0.05
     without = JointEnergy(standing.problem, with_options(SETTINGS, floor="ignored"))
     assert len(without.context.surface) > len(energy.context.surface)
-    assert (without.active["floor"] == 0).all()
+    assert (without.weights["floor"] == 0).all()
     assert "floor" not in without()
 
 

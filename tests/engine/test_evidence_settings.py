@@ -106,7 +106,7 @@ def test_contact_by_angle_side_and_mean(standing):
     def weights(**options):
         term = PointContactTerm(energy.context, 1.0, 0.15, partial(robust_loss, "square", c=1.0), **options)
         term.refresh(snapshot)
-        return term.active["contact"]
+        return term.weights["contact"]
 
     plain, steep = weights(), weights(max_angle_deg=30.0)
     square = energy.contacts.facing_scene.abs() >= np.cos(np.radians(30.0))
@@ -123,9 +123,9 @@ def test_contact_vertices_may_penetrate_in_the_released_code_alone(make_stage):
     stage = make_stage([({}, (0.0, 0.0, 3.5))], boxes=[((-0.5, 1.0, 3.0), (0.5, 1.3, 4.0))], stands_at=1.02)
     spared, plain = (JointEnergy(stage.problem, joint) for joint in (RELEASE, PAPER))
     contact = plain.context.is_contact
-    assert (plain.active["penetration"][contact] > 0).any()
-    assert (spared.active["penetration"][contact] == 0).all()
-    assert (spared.active["penetration"][~contact] > 0).any()
+    assert (plain.weights["penetration"][contact] > 0).any()
+    assert (spared.weights["penetration"][contact] == 0).all()
+    assert (spared.weights["penetration"][~contact] > 0).any()
 
 
 def test_what_only_the_own_body_hides_penetrates_in_the_released_code_alone(make_stage):
@@ -135,7 +135,7 @@ def test_what_only_the_own_body_hides_penetrates_in_the_released_code_alone(make
         energy = JointEnergy(stage.problem, joint)
         own = energy.visibility.hidden & energy.visibility.in_mask
         assert own.any()
-        assert bool((energy.active["penetration"] > 0)[own].any()) == wanted
+        assert bool((energy.weights["penetration"] > 0)[own].any()) == wanted
 
 
 def test_reprojection_in_pixels_of_a_full_hd_picture(standing):

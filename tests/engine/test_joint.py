@@ -151,7 +151,7 @@ def test_who_stands_on_a_step_is_not_pulled_to_the_floor(make_stage):
 def test_what_is_hardly_higher_than_the_floor_is_no_step(make_stage, high, pulled):
     stage = make_stage(ALONE, boxes=[((-0.5, 1.3 - high, 3.1), (0.5, 1.3, 4.0))], stands_at=1.3 - high)
     energy = JointEnergy(stage.problem, SETTINGS)
-    assert energy.active["soles"].tolist() == [[pulled, pulled]]
+    assert energy.weights["soles"].tolist() == [[pulled, pulled]]
 
 
 def test_legs_that_the_photo_does_not_show_feel_no_floor(standing, monkeypatch):
@@ -164,9 +164,9 @@ def test_legs_that_the_photo_does_not_show_feel_no_floor(standing, monkeypatch):
     energy = JointEnergy(cut, SETTINGS)
     legs = torch.tensor([name.endswith(("upper_leg", "lower_leg", "foot")) for name in model.part_names])
     on_legs = legs[model.part_of_vertex[energy.context.ids]]
-    for weight in (energy.active["contact"], energy.active["floor"], energy.active["penetration"]):
+    for weight in (energy.weights["contact"], energy.weights["floor"], energy.weights["penetration"]):
         assert (weight[0, on_legs] == 0).all()
-    assert (energy.active["soles"] == 0).all()
+    assert (energy.weights["soles"] == 0).all()
     for unseen_weight in (0.4, 0.0):
         monkeypatch.setattr(reprojection, "_INVISIBLE_WEIGHT", unseen_weight)
         result = optimize(cut, SETTINGS)
@@ -185,8 +185,8 @@ def test_unseen_feet_a_little_under_the_floor_are_pushed_out_and_leave_the_scene
     sunk = JointEnergy(replace(shown, observed=observed), SETTINGS)
     legs = torch.tensor([name.endswith(("upper_leg", "lower_leg", "foot")) for name in model.part_names])
     on_legs = legs[model.part_of_vertex[sunk.context.ids]]
-    share = 0.3 * JointEnergy(shown, SETTINGS).active["floor"]
-    torch.testing.assert_close(sunk.active["floor"][0, on_legs], share[0, on_legs])
+    share = 0.3 * JointEnergy(shown, SETTINGS).weights["floor"]
+    torch.testing.assert_close(sunk.weights["floor"][0, on_legs], share[0, on_legs])
     floor = sunk()["floor"]
     assert floor.item() > 0
     (slope,) = torch.autograd.grad(floor.sum(), [sunk.state.values["scale"]], allow_unused=True)
@@ -427,9 +427,9 @@ def test_who_is_elsewhere_is_not_pulled_to_the_floor_from_afar(two):
     problem = moved(two.problem, by=(0.0, -0.15, 0.0))
     everybody = JointEnergy(problem, SETTINGS)
     one = JointEnergy(replace(problem, grounded=torch.tensor([False, True])), SETTINGS)
-    assert everybody.active["lower_sole"].tolist() == [1, 1]
-    assert one.active["lower_sole"].tolist() == [0, 1]
-    assert torch.equal(one.active["soles"], everybody.active["soles"])
+    assert everybody.weights["lower_sole"].tolist() == [1, 1]
+    assert one.weights["lower_sole"].tolist() == [0, 1]
+    assert torch.equal(one.weights["soles"], everybody.weights["soles"])
     told, of_all = one()["soles"].tolist(), everybody()["soles"].tolist()
     assert told[0] < of_all[0] - 1
     assert told[1] == of_all[1]

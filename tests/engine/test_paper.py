@@ -99,7 +99,7 @@ def test_reprojection_is_the_sum_over_keypoints(start):
 def test_visible_vertices_are_regularised_and_hidden_ones_more(make_stage):
     stage = make_stage([({}, (0.0, 0.0, 3.2))], boxes=[((-0.6, 0.55, 2.9), (0.6, 1.3, 3.12))])
     energy = JointEnergy(floor_grid(stage.problem), PAPER)
-    weight = energy.active["regularisation"]
+    weight = energy.weights["regularisation"]
     hidden = energy.visibility.hidden | ~energy.visibility.eligible
     assert 0.2 < hidden.float().mean() < 0.95
     assert weight[~hidden].unique().tolist() == [1.0]
@@ -130,7 +130,7 @@ def test_contact_outside_the_picture_counts(make_stage):
     energy = JointEnergy(floor_grid(stage.problem), PAPER)
     soles = torch.cat(energy.context.soles)
     assert not energy.visibility.eligible[0, soles].any()
-    assert (energy.active["contact"][0, soles] > 0).float().mean() > 0.9
+    assert (energy.weights["contact"][0, soles] > 0).float().mean() > 0.9
 
 
 def test_penetration_looks_as_far_as_a_metre(make_stage):

@@ -11,7 +11,11 @@ import torch
 from physic_core.engine.contact import contact_map, contact_surfaces
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.released.reprojection import released_keypoint_weights, released_reprojection
-from physic_core.engine.joint.released.visibility import faces_optical_axis, mean_face_normals, visible_part_shares
+from physic_core.engine.joint.released.visibility import (
+    is_opposite_optical_axis,
+    mean_face_normals,
+    visible_part_shares,
+)
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.presets import PRESETS
 from physic_core.engine.scene.cleaning import outlier_mask
@@ -148,7 +152,7 @@ def test_the_robust_loss_takes_each_axis_by_itself(standing) -> None:
     value = float(energy()["contact"].detach())
     vertices = problem.model(problem.rotations0, problem.betas0, problem.transl0).vertices[:, energy.context.ids]
     way = (vertices - energy.contacts.points).double()
-    active = energy.active["contact"] > 0
+    active = energy.weights["contact"] > 0
     assert active.any()
     by_hand = (torch.sqrt(way[active].square() + 1) - 1).sum()
     assert value == pytest.approx(0.7 * float(by_hand), rel=1e-5)
@@ -159,7 +163,7 @@ def test_the_robust_loss_takes_each_axis_by_itself(standing) -> None:
 def test_the_mesh_is_held_without_its_root_and_with_its_pelvis(standing) -> None:
     problem = released(standing.problem)
     energy = JointEnergy(problem, RELEASE.joint)
-    weight = energy.active["regularisation"]
+    weight = energy.weights["regularisation"]
     assert set(weight.unique().tolist()) == {0.0, 12.0}
     before = float(energy()["regularisation"].detach())
     with torch.no_grad():
@@ -218,8 +222,8 @@ def test_normals_are_means_of_faces_whatever_their_size_and_face_the_axis() -> N
     faces = torch.tensor([[0, 1, 2], [0, 4, 3]])
     normal = mean_face_normals(vertices, faces)[0]
     torch.testing.assert_close(normal, torch.tensor([-1.0, 0.0, -1.0]) / math.sqrt(2))
-    assert faces_optical_axis(normal, 46.0)
-    assert not faces_optical_axis(normal, 44.0)
+    assert is_opposite_optical_axis(normal, 46.0)
+    assert not is_opposite_optical_axis(normal, 44.0)
 
 
 def test_a_floor_of_samples_is_touched_where_its_samples_are(standing) -> None:

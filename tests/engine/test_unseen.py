@@ -147,8 +147,8 @@ def test_guessed_keypoints_bring_a_hidden_foot_back(standing, monkeypatch):
 
 
 def test_an_unseen_foot_high_up_is_let_go(standing):
-    assert JointEnergy(lifted(standing, 0.06), SETTINGS).active["unseen_soles"].tolist() == [[1.0, 0.0]]
-    assert JointEnergy(lifted(standing, 0.35), SETTINGS).active["unseen_soles"].tolist() == [[0.0, 0.0]]
+    assert JointEnergy(lifted(standing, 0.06), SETTINGS).weights["unseen_soles"].tolist() == [[1.0, 0.0]]
+    assert JointEnergy(lifted(standing, 0.35), SETTINGS).weights["unseen_soles"].tolist() == [[0.0, 0.0]]
 
 
 def test_a_person_without_a_floor_may_be_nearer_than_depth_says(standing):

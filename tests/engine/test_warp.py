@@ -204,7 +204,7 @@ def test_a_warp_is_felt_as_a_scene_that_is_warped(make_stage, high, log):
     other = JointEnergy(warped, SETTINGS)
     for here, there in (
         [term_of(e, SurfaceTerms).parts.contact.on_scene for e in (energy, other)],
-        [e.active["contact"] > 0 for e in (energy, other)],
+        [e.weights["contact"] > 0 for e in (energy, other)],
     ):
         assert (here != there).sum() <= 0.02 * there.sum()  # the rim of what is in reach
     felt, wanted = energy(), other()

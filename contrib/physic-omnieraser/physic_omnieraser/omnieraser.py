@@ -90,7 +90,7 @@ class OmniEraser(Inpainter):
         from diffusers import FluxTransformer2DModel
 
         here = {"torch_dtype": torch.bfloat16, "local_files_only": True}
-        with self._checkout.inside():
+        with self._checkout.activated():
             transformer = FluxTransformer2DModel.from_pretrained(self.options.base, subfolder="transformer", **here)
             widen_input(transformer)
             pipeline = kind.from_pretrained(self.options.base, transformer=transformer, **here)
@@ -138,7 +138,7 @@ class OmniEraser(Inpainter):
         photo = Image.fromarray(np.ascontiguousarray(image)).resize(square, Image.Resampling.LANCZOS)
         white = Image.fromarray(mask.astype(np.uint8) * 255).convert("RGB").resize(square, Image.Resampling.LANCZOS)
         cuda = [torch.device(self._device)] if self._device != "cpu" else []
-        with self._checkout.inside(), torch.random.fork_rng(devices=cuda):
+        with self._checkout.activated(), torch.random.fork_rng(devices=cuda):
             torch.manual_seed(options.seed)  # the pipeline also draws from the common generator
             filled = self._pipeline(
                 prompt=options.prompt,

@@ -30,7 +30,7 @@ _SCENE_TERM = "scale"  # the term of the scene, not of a person
 
 
 class Energy(Protocol):
-    """Energy that can be minimised over a state."""
+    """Energy as a function of its state, for a minimiser that changes the state."""
 
     state: State
 
@@ -65,7 +65,7 @@ def term_totals(energies: Mapping[str, Tensor]) -> dict[str, float]:
 
 @torch.no_grad()
 def revert_if_worse(energy: Energy, end: Tensor, start: Tensor) -> tuple[dict[str, float], dict[str, float]]:
-    """Set each person to the end state, or to the start state if their energy is lower there.
+    """Keep the end state of each person, or restore the start state of a person whose energy is lower at the start.
 
     Args:
         energy: its visibility is that of the end.
@@ -95,7 +95,7 @@ def revert_if_worse(energy: Energy, end: Tensor, start: Tensor) -> tuple[dict[st
 
 @torch.no_grad()
 def select_lowest_energy(energy: Energy, states: Sequence[Tensor], *, refresh: bool = False) -> None:
-    """Set each person to their state of lowest energy, at the scene's scale with the lowest total.
+    """Set each person to the state of lowest energy, and the scene to the scale with the lowest total energy.
 
     Args:
         energy: its state is changed.

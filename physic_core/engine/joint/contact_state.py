@@ -24,7 +24,7 @@ _MIN_STEP_M = 0.1  # height of a step; lower points may be floor that the point 
 
 @dataclass(frozen=True)
 class ContactState:
-    """Nearest scene points and distances of the tracked vertices (B, n).
+    """Nearest scene points and distances of the subsampled vertices (B, n).
 
     Attributes:
         found: bool, a scene point is within the search radius.
@@ -73,7 +73,7 @@ def update_contacts(
     Args:
         body_normals: (B, n, 3) unit.
         scene: from :func:`nearby_scene`.
-        vertices: (B, n, 3) tracked vertices, metres.
+        vertices: (B, n, 3) subsampled vertices, metres.
         scale: of the scene.
         warp: (B,) log of the local depth scale near each person.
     """

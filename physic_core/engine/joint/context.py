@@ -1,4 +1,4 @@
-"""Constants of the joint optimisation: tracked vertices, keypoints and the scene's surface."""
+"""Constants of the joint optimisation: subsampled vertices, keypoints and the scene's surface."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from physic_core.geometry.coarse_mesh import cluster_points
 from physic_core.geometry.free_space import front_depth
 from physic_core.geometry.visibility import inside_image, vertex_areas
 
-__all__ = ["STATIC_CONTACT_PARTS", "JointContext", "Keypoints", "precompute", "thin_vertices"]
+__all__ = ["STATIC_CONTACT_PARTS", "JointContext", "Keypoints", "precompute", "subsample_vertices"]
 
 STATIC_CONTACT_PARTS = ("left_foot", "right_foot", "left_hand", "right_hand", "thighs", "gluteus", "back")
 """Parts of the body that usually touch the scene, after PROX."""
@@ -49,14 +49,14 @@ class Keypoints:
 
 @dataclass(frozen=True)
 class JointContext:
-    """Constants of one joint optimisation. B people, n tracked vertices.
+    """Constants of one joint optimisation. B people, n subsampled vertices.
 
     Attributes:
         problem: with finite people only.
-        ids: (n,) int64, indices of the tracked vertices.
-        faces_of_vertices: adjacent faces of each tracked vertex.
-        pose: poses keypoints, joints and tracked vertices only.
-        area: (B, n) surface per tracked vertex, square decimetres; ones if vertices are counted.
+        ids: (n,) int64, indices of the subsampled vertices.
+        faces_of_vertices: adjacent faces of each subsampled vertex.
+        pose: poses keypoints, joints and subsampled vertices only.
+        area: (B, n) surface per subsampled vertex, square decimetres; ones if vertices are counted.
         contact_probability: (B, n) finite.
         is_contact: (B, n) bool, contact vertices: of a probability of at least one half.
         on_visible_part: (B, n) bool, on a visible limb.
@@ -65,7 +65,7 @@ class JointContext:
         keypoints: with their weights.
         person_px: (B,) stature in px at the person's depth.
         start: posed bodies at the start, all vertices.
-        relative: (B, n, 3) tracked vertices at the start in the root's frame, metres.
+        relative: (B, n, 3) subsampled vertices at the start in the root's frame, metres.
         standing: (B,) bool, see :func:`physic_core.engine.joint.limbs.is_standing`.
         legs_invisible: (B,) bool, knees and ankles are all invisible.
         feet_visible: (B, 2) bool.
@@ -123,7 +123,7 @@ def precompute(
     probability = _contact_probability(problem, options)
     is_contact = probability >= _CONTACT_PROBABILITY
     area = vertex_areas(start.vertices, model.faces)
-    ids, area = thin_vertices(model, is_contact.any(0), options.vertex_spacing_m, area)
+    ids, area = subsample_vertices(model, is_contact.any(0), options.vertex_spacing_m, area)
     person_px = problem.K[1, 1] * model.stature(problem.betas0) / start.joints[:, 0, 2].clamp(min=0.1)
     depth = problem.human_depth
     use_fronts = options.free_space and problem.scene_depth is not None
@@ -164,11 +164,11 @@ def _contact_probability(problem: JointProblem, options: EnergyOptions) -> Tenso
     return probability
 
 
-def thin_vertices(model: BodyModel, keep: Tensor, spacing: float, area: Tensor) -> tuple[Tensor, Tensor]:
-    """Thin the vertices of a body: select one per grid cell and body part in the T-pose, and sum their areas.
+def subsample_vertices(model: BodyModel, keep: Tensor, spacing: float, area: Tensor) -> tuple[Tensor, Tensor]:
+    """Subsample vertices: select one per grid cell and body part in the T-pose, with the summed area of its group.
 
     Args:
-        keep: (V,) bool, vertices that are not thinned.
+        keep: (V,) bool, vertices that are always selected.
         spacing: side of a cell, metres; 0 keeps all outer vertices.
         area: (B, V) of all vertices.
 

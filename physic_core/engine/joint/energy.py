@@ -60,9 +60,9 @@ class JointEnergy:
         self.refresh()
 
     @property
-    def active(self) -> dict[str, Tensor]:
-        """Weights of vertices, feet or people in each term: name -> weights."""
-        return {name: weight for term in self.terms for name, weight in term.active.items()}
+    def weights(self) -> dict[str, Tensor]:
+        """Weights of vertices, feet or people in each term: term name -> (B, n) or (B,)."""
+        return {name: weight for term in self.terms for name, weight in term.weights.items()}
 
     @torch.no_grad()
     def refresh(self) -> None:

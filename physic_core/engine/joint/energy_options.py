@@ -1,4 +1,4 @@
-"""Options of a preset's energy: which vertices, keypoints, limbs and surfaces count, and how points are searched."""
+"""Options of a preset's energy: its vertices, limbs, masks and floor, and the search for nearest points."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["EnergyOptions"]
 
 @dataclass(frozen=True)
 class EnergyOptions:
-    """Fixed choices of one preset's energy.
+    """Options of one preset's energy, constant during the optimisation.
 
     Attributes:
         search_radius_m: search radius of vertices for scene points, metres.

@@ -26,7 +26,7 @@ _ANKLES = joint_pair("ankle")
 def finalize_scene(
     scene: SceneState, problem: JointProblem, result: JointResult, hole: Tensor, settings: SceneSettings
 ) -> tuple[SceneState, JointProblem]:
-    """Return the final scene and problem after stage 3, before the scale of the scene is applied.
+    """Return the final scene after stage 3, still unscaled, and the problem with its points, depth and floor.
 
     The local depth scales are applied. Inpainted points inside people are moved out. If no floor was found, one may be
     placed under the soles. Normals are kept: the local depth scale rotates them by a few degrees only, at half a metre

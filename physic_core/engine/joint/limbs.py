@@ -1,4 +1,4 @@
-"""Limbs: which body parts and keypoints belong to which joints, and which of them are visible."""
+"""Limbs: visible joints, body parts and keypoints of arms and legs, and a test for standing people."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def detected_joints(
 
 
 def observed_parts(part_names: Sequence[str], observed: Tensor) -> Tensor:
-    """Return the visible body parts (B, P) bool: a limb segment is visible if the joint at its end is.
+    """Return the visible body parts (B, P) bool. A limb segment is visible if the joint at its end is visible.
 
     Args:
         part_names: P names, like "left_upper_leg"; others are trunk or head.

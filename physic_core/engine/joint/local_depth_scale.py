@@ -19,7 +19,7 @@ _MIN_WEIGHT_DISTANCE_M = 0.02  # added to the distance from a person's box in th
 
 
 def warp_share(points: Tensor, floor_normal: Tensor | None, floor_offset: float) -> Tensor:
-    """Return the share of a warp that applies to points (..., 3): 0 on the floor, 1 far from it or without a floor."""
+    """Return the factor on a person's warp at points (..., 3): 0 on the floor, 1 far from it or without a floor."""
     if floor_normal is None:
         return torch.ones_like(points[..., 0])
     high = plane_height(points, floor_normal.to(points), points.new_tensor(floor_offset))
@@ -29,7 +29,7 @@ def warp_share(points: Tensor, floor_normal: Tensor | None, floor_offset: float)
 def log_local_scale(
     points: Tensor, bodies: Tensor, warps: Tensor, floor_normal: Tensor | None, floor_offset: float
 ) -> Tensor:
-    """Return the logarithm of the depth scale of each point: a mean of people's warps, weighted by nearness.
+    """Return the logarithm of the local depth scale of each point: the mean of nearby people's warps (log scales).
 
     ``max_i n_i * share * sum_i w_i warp_i / sum_i w_i`` with ``w_i = n_i / (d_i + 2 cm)^2``. d_i is the distance from
     person i's bounding box, n_i falls from 1 (20 cm) to 0 (1 m), and share is :func:`warp_share`.

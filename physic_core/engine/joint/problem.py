@@ -182,8 +182,8 @@ class JointResult(ShortRepr):
     steps: int
 
 
-def finite_people(problem: JointProblem) -> Tensor:
-    """Return which people (B,) bool have a finite start in front of the camera."""
+def people_with_valid_start(problem: JointProblem) -> Tensor:
+    """Return which people (B,) bool have finite start parameters and start in front of the camera."""
     fine = problem.transl0[:, 2] > 0
     for name in ("rotations0", "betas0", "transl0"):
         fine = fine & torch.isfinite(getattr(problem, name)).flatten(1).all(1)

@@ -13,7 +13,7 @@ __all__ = ["RobustSum", "offset_loss"]
 
 
 def offset_loss(squared: Tensor, rho: Callable[[Tensor], Tensor], *, per_axis: bool) -> Tensor:
-    """Return the robust loss of offsets with squared components (..., D): of their length, or the sum over axes."""
+    """Return the robust loss of offsets from squared components (..., D): of the length, or summed over the axes."""
     return rho(squared).sum(-1) if per_axis else rho(squared.sum(-1))
 
 
@@ -39,11 +39,11 @@ class RobustSum:
 
     @classmethod
     def of(cls, kind: str, scale: float, sigma: float, weight: Tensor) -> RobustSum:
-        """Build the sum for a kind of loss, its scale in sigmas, the expected residual and weights (B, n)."""
+        """Build from the kind of loss, its scale in units of ``sigma``, the expected residual and weights (B, n)."""
         return cls(kind, scale, sigma, weight, weight * scale**2, weight * (2.0 / sigma**2))
 
     def rho(self, squared: Tensor) -> Tensor:
-        """Return the robust loss of squared residuals in sigmas, differentiable."""
+        """Return the robust loss of squared residuals ``r^2 / sigma^2``, differentiable."""
         return robust_loss(self.kind, squared, self.scale)
 
     def value_and_slope(self, residual: Tensor) -> tuple[Tensor, Tensor]:

@@ -58,7 +58,7 @@ class VisibilitySettings:
     """Settings of the visibility of vertices.
 
     Attributes:
-        vertex_spacing_m: vertices without contact are thinned to this spacing, metres; 0 keeps all.
+        vertex_spacing_m: vertices without contact are subsampled to this spacing, metres; 0 keeps all.
         facing_deg: a vertex faces the camera when its normal is within this angle of the direction to the camera.
         mask_tolerance: vertices this share of the person outside their mask still count as visible.
         occlusion_aware: hidden vertices are left out of penetration and regularised more.
@@ -90,7 +90,7 @@ class JointSettings(ABC):
     @property
     @abstractmethod
     def energy_options(self) -> EnergyOptions:
-        """Fixed choices of this energy: which vertices, keypoints and limbs count."""
+        """Options of this preset's energy, such as its vertices, limbs and floor."""
 
     @abstractmethod
     def weigh_keypoints(self, problem: JointProblem, person_px: Tensor, observed: Tensor) -> Keypoints:

@@ -12,7 +12,7 @@ from physic_core.engine.joint.contact_state import update_contacts
 from physic_core.engine.joint.distances import lowest_height, plane_height
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.optimiser import MinimisationResult
-from physic_core.engine.joint.problem import JointProblem, JointResult, finite_people
+from physic_core.engine.joint.problem import JointProblem, JointResult, people_with_valid_start
 from physic_core.engine.joint.schedule import minimise_with_restarts
 from physic_core.engine.joint.settings import JointSettings
 from physic_core.engine.joint.state import Estimate
@@ -45,7 +45,7 @@ def optimize(
     problem.check()
     problem = problem.to_model_dtype()
     failures = [""] * len(problem)
-    healthy = finite_people(problem)
+    healthy = people_with_valid_start(problem)
     for i in (~healthy).nonzero().flatten().tolist():
         failures[i] = _INVALID_START
     energy: JointEnergy | None = None
@@ -158,7 +158,7 @@ def _diagnostics(energy: JointEnergy, estimate: Estimate, vertices: Tensor, hidd
     if problem.floor_normal is not None and context.options.floor != "ignored":
         offset = tracked.new_tensor(problem.floor_offset * scale)
         height = plane_height(tracked, problem.floor_normal, offset)
-    counted = (energy.active["penetration"] > 0) & (distance < -_DEEP_M)
+    counted = (energy.weights["penetration"] > 0) & (distance < -_DEEP_M)
     gap = torch.where(visibility.eligible, distance, torch.inf)
     if height is not None:
         counted = counted | (visibility.eligible & (height < -_DEEP_M))

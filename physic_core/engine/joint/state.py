@@ -23,7 +23,7 @@ from physic_core.types.short_repr import ShortRepr
 if TYPE_CHECKING:
     from physic_core.engine.joint.context import JointContext
 
-__all__ = ["GROUPS", "Estimate", "State", "raw_state"]
+__all__ = ["GROUPS", "Estimate", "State", "unwhitened_state"]
 
 GROUPS: tuple[str, ...] = ("root", "pose", "hands", "betas", "translation", "scale", "offset", "warp")
 """Parameter groups: root rotation, rotations of body joints 1-21 and of both hands, shape, translation, scene scale,
@@ -249,7 +249,7 @@ class State:
         return self._concatenate(self.values) - self._origin_columns, self.values["scale"] - self._origin["scale"]
 
     def expand_to_parameters(self, of_group: Mapping[str, float]) -> Tensor:
-        """Repeat one number per group for each of its parameters: (P,), in the columns of :meth:`deviation`."""
+        """Expand one number per parameter group to one per parameter: (P,), in the columns of :meth:`deviation`."""
         sizes = zip(_OF_PEOPLE, self._sizes, strict=True)
         return self._origin_columns.new_tensor([of_group[group] for group, size in sizes for _ in range(size)])
 
@@ -262,7 +262,7 @@ class State:
 
     @torch.no_grad()
     def displace(self, people: Tensor, tilt: float, farther: float) -> None:
-        """Rotate people about the camera's horizontal axis and move them along their rays; whitened only.
+        """Rotate people about the camera's horizontal axis and move them along their rays. Needs a whitened state.
 
         Args:
             people: (B,) bool.
@@ -301,7 +301,7 @@ class State:
 
     @torch.no_grad()
     def load_people(self, packed: Tensor, people: Tensor) -> None:
-        """Set the parameters of some people, (B,) bool, from a vector of :meth:`pack`; the rest does not change."""
+        """Set the parameters of the ``people`` (B,) bool from a vector of :meth:`pack`, without the scene's scale."""
         for group, part in zip(self.free, self._parts(packed), strict=True):
             value = self.values[group]
             if group != "scale":
@@ -326,8 +326,8 @@ class State:
         return torch.split(packed, sizes)
 
 
-def raw_state(context: JointContext, frozen: Sequence[str]) -> State:
-    """Build a state of raw parameters without depth offsets and local depth scales.
+def unwhitened_state(context: JointContext, frozen: Sequence[str]) -> State:
+    """Build a state with unwhitened parameters, without depth offsets and local depth scales.
 
     The groups ``frozen`` are constant, and the scale as well if there is neither scene nor floor.
     """

@@ -27,7 +27,7 @@ class Snapshot(ShortRepr):
     Attributes:
         visibility: of each vertex.
         contacts: nearest scene point of each vertex, and distances.
-        vertices: (B, n, 3) tracked vertices, metres.
+        vertices: (B, n, 3) subsampled vertices, metres.
         scale: of the scene.
     """
 
@@ -39,7 +39,7 @@ class Snapshot(ShortRepr):
 
 @dataclass(frozen=True)
 class PosedBodies(ShortRepr):
-    """Posed bodies and scene parameters of one energy evaluation, differentiable. B people, n tracked vertices.
+    """Posed bodies and scene parameters of one energy evaluation, differentiable. B people, n subsampled vertices.
 
     Attributes:
         vertices: (B, n, 3) metres, camera frame.
@@ -62,13 +62,13 @@ class Term(ABC):
     """One summand of the energy (paper Eq. 5), or several that are evaluated together.
 
     Attributes:
-        active: name -> (B, n) or (B,) weights since the last :meth:`refresh`; 0 leaves a vertex or person out.
+        weights: name -> (B, n) or (B,) weights since the last :meth:`refresh`; 0 leaves a vertex or person out.
     """
 
-    active: Mapping[str, Tensor] = MappingProxyType({})
+    weights: Mapping[str, Tensor] = MappingProxyType({})
 
     def refresh(self, snapshot: Snapshot) -> None:  # noqa: B027 - most terms have constant weights
-        """Update the weights, which are constant until the next call. By default nothing changes."""
+        """Update :attr:`weights`, which are constant until the next call. By default nothing changes."""
 
     @abstractmethod
     def __call__(self, bodies: PosedBodies) -> Mapping[str, Tensor]:

@@ -35,7 +35,7 @@ _MIN_MOTION_M = 0.01  # mean motion of a person across the rays, from which self
 
 @dataclass(frozen=True)
 class Visibility:
-    """Visibility of the tracked vertices (B, n) of B people.
+    """Visibility of the subsampled vertices (B, n) of B people.
 
     Attributes:
         uv: (B, n, 2) px, projected vertices.
@@ -98,7 +98,7 @@ class SelfOcclusion:
 
 @torch.no_grad()
 def update_visibility(context: JointContext, bodies: BodyOutput, self_occlusion: SelfOcclusion) -> Visibility:
-    """Compute the visibility of the tracked vertices from masks, normals and ray casts.
+    """Compute the visibility of the subsampled vertices from masks, normals and ray casts.
 
     Args:
         bodies: posed at the present state, all vertices.

@@ -24,7 +24,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.released.visibility import faces_optical_axis
+from physic_core.engine.joint.released.visibility import is_opposite_optical_axis
 from physic_core.engine.placement.settings import PlacementSettings
 from physic_core.engine.placement.solvers import (
     closed_form_translation,
@@ -389,7 +389,7 @@ def _camera_facing(person: PlacementProblem, x: Tensor, settings: PlacementSetti
     """Return vertices V_cf of Eq. 4, which face the camera and project into the person's mask: (V,) bool."""
     moved = person.vertices + x[:3]
     if settings.method == "released":
-        seen = faces_optical_axis(person.normals, _RELEASED_FACING_DEG)
+        seen = is_opposite_optical_axis(person.normals, _RELEASED_FACING_DEG)
     else:
         seen = facing(person.normals, moved, _FACING_DEG)
     seen = seen & (moved[:, 2] > NEAREST_M)

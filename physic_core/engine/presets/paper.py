@@ -42,7 +42,7 @@ from physic_core.engine.joint.context import JointContext, Keypoints
 from physic_core.engine.joint.energy_options import EnergyOptions
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.settings import AdamSettings, JointSettings
-from physic_core.engine.joint.state import State, raw_state
+from physic_core.engine.joint.state import State, unwhitened_state
 from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.terms.chamfer import ChamferSettings, ChamferTerm
 from physic_core.engine.joint.terms.point_contact import PointContactSettings, PointContactTerm
@@ -144,7 +144,7 @@ class PaperJoint(JointSettings):
 
     def initial_state(self, context: JointContext) -> State:
         """Return raw parameters: two columns of each rotation, translation, shape and scale."""
-        return raw_state(context, self.frozen)
+        return unwhitened_state(context, self.frozen)
 
     def terms(self, context: JointContext, state: State) -> Sequence[Term]:
         """Return the terms of Eq. 5 as printed."""

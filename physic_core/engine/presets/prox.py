@@ -6,7 +6,7 @@ Deviations from the publication:
 - The pose prior is the distance to the estimated pose, instead of VPoser.
 - The seven phases are two: without and with the scene.
 - The exponential bending prior is a one-sided limit.
-- Nearest scene points are searched within half a metre, and the body's vertices are thinned.
+- Nearest scene points are searched within half a metre, and the body's vertices are subsampled.
 - Self-penetration, jaw and expression are left out.
 - Neck and hip keypoints, which PROX ignores, count.
 """
@@ -26,7 +26,7 @@ from physic_core.engine.joint.context import JointContext, Keypoints
 from physic_core.engine.joint.energy_options import EnergyOptions
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.settings import JointSettings, LbfgsSettings
-from physic_core.engine.joint.state import State, raw_state
+from physic_core.engine.joint.state import State, unwhitened_state
 from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.terms.limits import LimitSettings, LimitTerm
 from physic_core.engine.joint.terms.point_contact import PointContactTerm
@@ -128,7 +128,7 @@ class ProxJoint(JointSettings):
 
     def initial_state(self, context: JointContext) -> State:
         """Return raw parameters: two columns of each rotation, translation and shape."""
-        return raw_state(context, self.frozen)
+        return unwhitened_state(context, self.frozen)
 
     def terms(self, context: JointContext, state: State) -> Sequence[Term]:
         """Return the terms of PROX without self-penetration and bending prior."""

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from physic_core.body import JOINT_INDEX, load_body
-from physic_core.body.conversion import add_joints
+from physic_core.body.conversion import replace_mesh_with_joints
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.errors import BackendError
 from physic_core.types import Bodies, People
@@ -102,7 +102,7 @@ def test_sitting_is_told_from_the_hips() -> None:
 def test_bodies_of_another_model_are_told_by_their_joints() -> None:
     made = bodies("is_sitting")
     told = prior().infer(IMAGE, people(1), made)
-    other = replace(add_joints(made, load_body("embedded")), body_model="smplx")
+    other = replace(replace_mesh_with_joints(made, load_body("embedded")), body_model="smplx")
     found = prior().infer(IMAGE, people(1), other)
     np.testing.assert_array_equal(found.probability, told.probability)
     assert (told.rest, found.topology) == (None, told.topology)

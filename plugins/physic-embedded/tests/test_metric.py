@@ -8,7 +8,7 @@ import torch
 import trimesh
 
 from physic_core.body import JOINT_INDEX, load_body
-from physic_core.body.conversion import add_joints
+from physic_core.body.conversion import replace_mesh_with_joints
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.errors import BackendError
 from physic_core.types import Bodies, BodyParameters, Hints, Intrinsics, People, Plane, Pointmap
@@ -163,7 +163,7 @@ def test_nobody_and_nothing_to_measure_by_is_said(world: World) -> None:
 
 
 def test_bodies_of_another_model_measure_by_their_joints(world: World) -> None:
-    given = add_joints(world.bodies, load_body("embedded"))
+    given = replace_mesh_with_joints(world.bodies, load_body("embedded"))
     nothing = {f.name: np.zeros_like(getattr(given.parameters, f.name)) for f in fields(given.parameters)}
     bodies = replace(given, parameters=BodyParameters(**nothing), body_model="mhr")
     for floor, most in ((world.hints.floor, 0.01), (None, 0.02)):

@@ -249,7 +249,7 @@ def inference_context(checkout: Checkout, device: str, *, half: bool = False) ->
     said = io.StringIO()
     kind = "cuda" if device.startswith("cuda") else "cpu"
     with (
-        checkout.inside(),
+        checkout.activated(),
         torch.cuda.device(device) if kind == "cuda" else contextlib.nullcontext(),
         torch.no_grad(),
         torch.autocast(kind, dtype=torch.float16, enabled=half and kind == "cuda"),

@@ -194,7 +194,7 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
             )
         make = self._dinov3.attribute(name)
         given = {key: value for key, value in options.items() if key not in _OF_THE_HUB}
-        with self._dinov3.inside():
+        with self._dinov3.activated():
             return make(*args, **(given | {"pretrained": False}))
 
     def infer(
@@ -240,7 +240,7 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
         else:
             camera[:2, 2] = image.shape[1] / 2, image.shape[0] / 2  # where it takes it to be
         with (
-            self._dinov3.inside(),
+            self._dinov3.activated(),
             inference_context(self._checkout_network.checkout, self._checkout_network.device, half=self.options.half),
         ):
             answer = estimator.process_one_image(

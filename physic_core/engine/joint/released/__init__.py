@@ -1,1 +1,1 @@
-"""Parts of the released code that differ from the printed equations; for preset "release"."""
+"""Preset "release": parts of the paper's released code that differ from the equations of the paper."""

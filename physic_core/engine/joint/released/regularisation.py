@@ -1,4 +1,4 @@
-"""Regularisation as in the released code: mesh without root rotation, root rotation, and translation."""
+"""Regularisation of the paper's released code: mesh without root rotation, root rotation, and translation."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ _ROOT_WEIGHT = 50.0
 
 
 def unrotated_vertices(pose: LandmarkModel, rotations: Tensor, betas: Tensor, expression: Tensor) -> Tensor:
-    """Return the tracked vertices (B, n, 3), metres, with identity root rotation and without translation.
+    """Return the subsampled vertices (B, n, 3), metres, with identity root rotation and without translation.
 
     Args:
-        pose: poses the tracked vertices.
+        pose: poses the subsampled vertices.
         rotations: (B, 55, 3, 3).
         betas: (B, K).
         expression: (B, E).
@@ -35,7 +35,7 @@ def unrotated_vertices(pose: LandmarkModel, rotations: Tensor, betas: Tensor, ex
 
 
 class ReleasedRegularisationTerm(PrintedRegularisationTerm):
-    """Regularisation term: ``lambda_reg (sum_v w_v |v - v0|^2 + 50 |r - r0|^2 + |t - t0|^2)``.
+    """Regularisation term of preset "release": ``lambda_reg (sum_v w_v |v - v0|^2 + 50 |r - r0|^2 + |t - t0|^2)``.
 
     v: vertices without root rotation. r: the first two columns of the root's rotation. t: translation. t0 is the
     translation by the body estimator.
@@ -57,7 +57,7 @@ class ReleasedRegularisationTerm(PrintedRegularisationTerm):
         """Return the energy "regularisation"."""
         context, estimate = self._context, bodies.estimate
         unrotated = unrotated_vertices(context.pose, estimate.rotations, estimate.betas, context.problem.expression0)
-        mesh = mesh_energy(unrotated, self._start, self.active["regularisation"])
+        mesh = mesh_energy(unrotated, self._start, self.weights["regularisation"])
         people = mesh + parameter_energy(bodies.deviation, self._parameter_weight)
         people = people + (estimate.transl - self._translation).square().sum(-1)
         return {"regularisation": self._settings.weight * people}

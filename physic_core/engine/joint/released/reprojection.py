@@ -1,4 +1,4 @@
-"""Reprojection as in the released code: its weights of keypoints, and a mean over its 133 keypoints.
+"""Reprojection term of the paper's released code: weights of keypoints, and a mean over 133 keypoints.
 
 The sum is divided by 133 for every joint set, so that each keypoint has the same gradient as in the released code.
 """
@@ -28,7 +28,7 @@ _LONGEST_SIDE_PX = 1024  # of the images in the released code
 
 
 def released_keypoint_weights(skeleton: Skeleton, points: Tensor, confidence: Tensor, masks: Tensor) -> Tensor:
-    """Compute the weight of each keypoint from its confidence and the masks.
+    """Compute the weight of each keypoint (B, J) from its confidence and from the masks of people.
 
     Confidences below 0.5 count as 0; those of body and feet are multiplied by ten. Hands with a mean below 0.7 and
     keypoints outside the masks have weight 0.
@@ -59,7 +59,7 @@ def released_keypoint_weights(skeleton: Skeleton, points: Tensor, confidence: Te
 
 
 def released_reprojection(projected: Tensor, observed: Tensor, weight: Tensor, size: Tensor, people: int) -> Tensor:
-    """Return the mean weighted reprojection error over people, 133 keypoints and both axes, in shares of the image.
+    """Return the weighted reprojection error relative to the image size, a mean over people, 133 keypoints and axes.
 
     Args:
         projected: (B, J, 2) px.
@@ -76,20 +76,20 @@ def released_reprojection(projected: Tensor, observed: Tensor, weight: Tensor, s
 
 
 def released_keypoints(problem: JointProblem) -> Keypoints:
-    """Return the keypoints with the weights of :func:`released_keypoint_weights`."""
+    """Return the detected keypoints, with the weights of :func:`released_keypoint_weights`."""
     points, confidence = finite_keypoints(problem)
     weight = released_keypoint_weights(problem.skeleton, points, confidence, problem.masks)
     return Keypoints(points, weight, weight > 0)
 
 
 class ReleasedReprojectionTerm(Term):
-    """Mean absolute reprojection error of all people's keypoints, in shares of the image."""
+    """Reprojection term of preset "release": mean absolute error of all keypoints, relative to the image size."""
 
     def __init__(self, context: JointContext, weight: float) -> None:
         self._context, self._weight = context, weight
         height, width = context.problem.masks.shape[-2:]
         self._size = context.person_px.new_tensor([width, height])
-        self.active = {"reprojection": context.keypoints.weight}
+        self.weights = {"reprojection": context.keypoints.weight}
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "reprojection"."""

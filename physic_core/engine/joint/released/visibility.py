@@ -1,4 +1,4 @@
-"""Visibility as in the released code: inside the union of all masks, and on limbs that ray casting shows.
+"""Visibility as in the paper's released code: inside the union of all masks, on limbs that ray casting finds visible.
 
 Vertices inside the masks and camera-facing vertices are found once, with bodies placed by the keypoints alone (Eq. 2).
 Hidden limbs are found at each refresh.
@@ -19,7 +19,7 @@ from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.limbs import limb_part_indices
 from physic_core.engine.joint.visibility import HIDDEN_LIMB_SHARE, SelfOcclusion, Visibility, update_visibility
 
-__all__ = ["faces_optical_axis", "mean_face_normals", "update_released_visibility", "visible_part_shares"]
+__all__ = ["is_opposite_optical_axis", "mean_face_normals", "update_released_visibility", "visible_part_shares"]
 
 
 def mean_face_normals(vertices: Tensor, faces: Tensor) -> Tensor:
@@ -32,8 +32,8 @@ def mean_face_normals(vertices: Tensor, faces: Tensor) -> Tensor:
     return torch.nn.functional.normalize(total, dim=-1)
 
 
-def faces_optical_axis(normals: Tensor, max_angle_deg: float) -> Tensor:
-    """Return which normals (..., 3) are within an angle of the direction (0, 0, -1): (...) bool."""
+def is_opposite_optical_axis(normals: Tensor, max_angle_deg: float) -> Tensor:
+    """Return which normals (..., 3) are within an angle of (0, 0, -1), opposite to the optical axis: (...) bool."""
     return -normals[..., 2] > math.cos(math.radians(max_angle_deg))
 
 
@@ -66,7 +66,7 @@ def visible_part_shares(vertices: Tensor, faces: Tensor, part_of_vertex: Tensor,
 def update_released_visibility(
     context: JointContext, bodies: BodyOutput, self_occlusion: SelfOcclusion, last: Visibility | None
 ) -> Visibility:
-    """Compute the visibility as in the released code.
+    """Compute the visibility of vertices as in the paper's released code.
 
     The first update (``last`` is None) uses the positions by the keypoints alone.
     """
@@ -77,7 +77,7 @@ def update_released_visibility(
     now = update_visibility(context, bodies, self_occlusion)
     if last is None:
         in_mask, normals = now.in_mask, mean_face_normals(bodies.vertices, model.faces)[:, ids]
-        facing = faces_optical_axis(normals, context.options.facing_deg) & in_mask
+        facing = is_opposite_optical_axis(normals, context.options.facing_deg) & in_mask
     else:
         in_mask, facing = last.in_mask, last.facing
     parts = torch.tensor(limb_part_indices(model.part_names), device=ids.device)

@@ -73,7 +73,7 @@ class BalanceTerm(Term):
         context, contact = self._context, self._contact
         rests = context.is_contact & context.above_knees & contact.touching & contact.on_scene
         leans = (context.area * rests).sum(1) > _LEAN_SHARE * context.area.sum(1)
-        self.active = {"balance": (context.standing & ~leans).to(context.area.dtype)}
+        self.weights = {"balance": (context.standing & ~leans).to(context.area.dtype)}
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "balance"; nothing without a floor."""
@@ -82,4 +82,4 @@ class BalanceTerm(Term):
             return {}
         mass = (area[:, None] @ bodies.vertices)[:, 0] / area.sum(1, keepdim=True)
         rho = partial(robust_loss, "cauchy", c=1.0)
-        return {"balance": self._weight * balance_energy(mass, bodies.joints, up, self.active["balance"], rho)}
+        return {"balance": self._weight * balance_energy(mass, bodies.joints, up, self.weights["balance"], rho)}

@@ -1,4 +1,4 @@
-"""Depth term L_d as printed: Chamfer distance between visible vertices and human points (paper Eq. 4)."""
+"""Depth term L_d as in the paper: Chamfer distance between visible vertices and human points (Eq. 4)."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ class HumanPoints(ShortRepr):
 
 
 class ChamferTerm(Term):
-    """Depth term as printed: Chamfer distance (Eq. 4) of all people."""
+    """Depth term as in the paper: Chamfer distance (Eq. 4), for all people."""
 
     def __init__(self, settings: ChamferSettings, context: JointContext) -> None:
         self._weight = settings.weight
@@ -130,10 +130,10 @@ class ChamferTerm(Term):
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Select the camera-facing vertices."""
-        self.active = {"depth": snapshot.visibility.facing}
+        self.weights = {"depth": snapshot.visibility.facing}
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "depth"."""
         if self._cloud is None:
             return {}
-        return {"depth": self._weight * self._cloud(bodies.vertices, self.active["depth"], bodies.estimate.log_scale)}
+        return {"depth": self._weight * self._cloud(bodies.vertices, self.weights["depth"], bodies.estimate.log_scale)}

@@ -50,7 +50,7 @@ def contact_energy(squared: Tensor, weight: Tensor, rho: RobustLoss) -> Tensor:
 
 
 class ContactTerm:
-    """Contact term: Eq. 6 for contact vertices that face a near surface, the nearer of scene and floor.
+    """Contact term: Eq. 6 for contact vertices near scene or floor that face the nearer of these two surfaces.
 
     Attributes:
         prior: (B, n) weight of each vertex by its contact probability.
@@ -69,7 +69,7 @@ class ContactTerm:
                 static[model.contact_sets[name]] = True
             prior = torch.where(static[context.ids], prior.clamp(min=settings.static_weight), prior)
         self.prior = prior
-        self.active: dict[str, Tensor] = {}
+        self.weights: dict[str, Tensor] = {}
         self.on_scene = self.touching = torch.zeros_like(context.is_contact)
 
     def refresh(self, snapshot: Snapshot) -> None:
@@ -83,11 +83,11 @@ class ContactTerm:
         # Only vertices that face a surface can lie on it: the rim of a foot is over the floor without contact.
         cosine = torch.where(self.on_scene, contacts.facing_scene, contacts.facing_floor).clamp(min=0.0)
         weight = self._context.area * self.prior * cosine
-        self.active = {"contact": torch.where(self.touching, weight, torch.zeros_like(weight))}
+        self.weights = {"contact": torch.where(self.touching, weight, torch.zeros_like(weight))}
 
     def robust_sum(self) -> RobustSum | None:
         """Return the robust sum over distances to the touched surface; None if the term is off."""
         s = self.settings
         if not s.weight:
             return None
-        return RobustSum.of("geman_mcclure", s.outlier_sigmas, s.sigma_m, s.weight * self.active["contact"])
+        return RobustSum.of("geman_mcclure", s.outlier_sigmas, s.sigma_m, s.weight * self.weights["contact"])

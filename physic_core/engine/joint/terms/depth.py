@@ -65,7 +65,7 @@ def depth_energy(
 
 
 class DepthTerm:
-    """Depth term: Eq. 4 on the logarithm of depth, between each visible vertex and its own pixel.
+    """Depth term: Eq. 4 with log depth, between each visible vertex and the depth map at its projection.
 
     Args:
         state: free parameters; people with a free offset have a smaller weight.
@@ -82,7 +82,7 @@ class DepthTerm:
             )
         self._context, self._weight = context, settings.weight
         self._per_person = torch.where(state.offset_free, settings.weight * _RELIEF_SHARE, settings.weight)
-        self.active: dict[str, Tensor] = {}
+        self.weights: dict[str, Tensor] = {}
         self.log_map_depth = torch.zeros_like(context.area)
 
     def refresh(self, snapshot: Snapshot) -> None:
@@ -96,19 +96,19 @@ class DepthTerm:
         # A slanted surface covers fewer pixels.
         rays = torch.nn.functional.normalize(snapshot.vertices, dim=-1)
         slope = -(visibility.normals * rays).sum(-1)
-        self.active = {"depth": torch.where(shown, context.area * slope, torch.zeros_like(context.area))}
+        self.weights = {"depth": torch.where(shown, context.area * slope, torch.zeros_like(context.area))}
 
     def robust_sum(self) -> RobustSum | None:
         """Return the robust sum over differences of log depth; None if the term is off."""
         if not self._weight:
             return None
-        weight = self.active["depth"]
+        weight = self.weights["depth"]
         share = weight / weight.sum(1, keepdim=True).clamp(min=1e-9)
         return RobustSum.of("cauchy", _OUTLIER_SIGMAS, _SIGMA, self._per_person.to(share.dtype)[:, None] * share)
 
 
 def depth_offset_sigmas(settings: DepthSettings, context: JointContext) -> Tensor:
-    """Return the expected size of each person's depth offset (B,); 0 if it is fixed to the scene."""
+    """Return the expected size of each person's log depth offset to the scene: (B,), 0 for a fixed offset."""
     problem, feet_visible = context.problem, context.feet_visible
     alone = torch.full_like(problem.transl0[:, 2], settings.offset_alone_sigma)
     if context.floor_normal is None:

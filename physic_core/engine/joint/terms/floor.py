@@ -36,7 +36,7 @@ class FloorTerm:
 
     def __init__(self, settings: FloorSettings, context: JointContext) -> None:
         self.settings, self._context = settings, context
-        self.active: dict[str, Tensor] = {}
+        self.weights: dict[str, Tensor] = {}
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Update the weights: full weight on visible limbs, less on invisible ones."""
@@ -44,11 +44,11 @@ class FloorTerm:
         shallow = snapshot.contacts.height.amin(1, keepdim=True) > -_MAX_DEPTH_M
         invisible = torch.where(shallow, _UNSEEN_SHARE * area, torch.zeros_like(area))
         weight = torch.where(snapshot.visibility.eligible, area, invisible)
-        self.active = {"floor": torch.zeros_like(area) if self._context.floor_normal is None else weight}
+        self.weights = {"floor": torch.zeros_like(area) if self._context.floor_normal is None else weight}
 
     def robust_sum(self) -> RobustSum | None:
         """Return the robust sum over depths below the floor; None if the term is off or there is no floor."""
         weight = self.settings.weight
         if not weight or self._context.floor_normal is None:
             return None
-        return RobustSum.of("pseudo_huber", _OUTLIER_SIGMAS, _SIGMA_M, weight * self.active["floor"])
+        return RobustSum.of("pseudo_huber", _OUTLIER_SIGMAS, _SIGMA_M, weight * self.weights["floor"])

@@ -46,10 +46,10 @@ class LegSymmetryTerm(Term):
     def __init__(self, settings: LegSymmetrySettings, context: JointContext) -> None:
         self._weight = settings.weight
         self._is_on = bool(settings.weight) and bool(context.legs_invisible.any())
-        self.active = {"symmetry": context.legs_invisible.to(context.area.dtype)}
+        self.weights = {"symmetry": context.legs_invisible.to(context.area.dtype)}
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "symmetry"; nothing where all legs are visible."""
         if not self._is_on:
             return {}
-        return {"symmetry": self._weight * (self.active["symmetry"] * leg_asymmetry(bodies.estimate.rotations))}
+        return {"symmetry": self._weight * (self.weights["symmetry"] * leg_asymmetry(bodies.estimate.rotations))}

@@ -52,21 +52,21 @@ class PenetrationTerm:
 
     def __init__(self, settings: PenetrationSettings, context: JointContext, *, occlusion_aware: bool) -> None:
         self.settings, self._context, self._occlusion_aware = settings, context, occlusion_aware
-        self.active: dict[str, Tensor] = {}
+        self.weights: dict[str, Tensor] = {}
 
     def refresh(self, snapshot: Snapshot) -> None:
-        """Select the vertices near the scene; hidden ones are left out."""
+        """Select the vertices near the scene that are not hidden."""
         contacts, visibility = snapshot.contacts, snapshot.visibility
         near = contacts.found & (contacts.distance < self.settings.max_depth_m) & visibility.eligible
         near = near & ~contacts.in_free_space
         if self._occlusion_aware:
             near = near & ~visibility.hidden
         area = self._context.area
-        self.active = {"penetration": torch.where(near, area, torch.zeros_like(area))}
+        self.weights = {"penetration": torch.where(near, area, torch.zeros_like(area))}
 
     def robust_sum(self) -> RobustSum | None:
-        """Return the robust sum over depths beyond the slack; None if the term is off."""
+        """Return the robust sum over penetration depths beyond ``slack_m``; None if the term is off."""
         s = self.settings
         if not s.weight:
             return None
-        return RobustSum.of("pseudo_huber", s.outlier_sigmas, s.sigma_m, s.weight * self.active["penetration"])
+        return RobustSum.of("pseudo_huber", s.outlier_sigmas, s.sigma_m, s.weight * self.weights["penetration"])

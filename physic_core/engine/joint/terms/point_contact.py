@@ -1,4 +1,4 @@
-"""Contact term L_c as printed: distance to the nearest scene point (paper Eq. 6; PROX Eq. 5)."""
+"""Contact term L_c as in the paper: distance to the nearest scene point (Eq. 6; PROX Eq. 5)."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class PointContactSettings:
 
 
 class PointContactTerm(Term):
-    """Contact term: distance of contact vertices to their nearest scene points, visible or not.
+    """Contact term: distance of contact vertices, visible or occluded, to their nearest scene points.
 
     Args:
         weight: lambda_c.
@@ -72,14 +72,14 @@ class PointContactTerm(Term):
         weight = torch.where(near, self._of_vertex, torch.zeros_like(self._of_vertex))
         if self._mean:
             weight = weight / weight.sum(1, keepdim=True).clamp(min=1e-9)
-        self.active = {"contact": weight}
+        self.weights = {"contact": weight}
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "contact"."""
         if not self._weight:
             return {}
         loss = offset_loss(squared_offsets(bodies, self._contacts), self._rho, per_axis=self._per_axis)
-        return {"contact": self._weight * (self.active["contact"] * loss).sum(-1)}
+        return {"contact": self._weight * (self.weights["contact"] * loss).sum(-1)}
 
 
 def squared_offsets(bodies: PosedBodies, contacts: ContactState) -> Tensor:

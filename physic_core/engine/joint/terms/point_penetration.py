@@ -1,4 +1,4 @@
-"""Penetration term L_i as printed: distance to the nearest scene point (paper Eq. 7; PROX Eq. 6)."""
+"""Penetration term L_i as in the paper: distance to the nearest scene point (Eq. 7; PROX Eq. 6)."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class PointPenetrationSettings:
 
 
 def point_penetration_energy(loss: Tensor, signed: Tensor, weight: Tensor) -> Tensor:
-    """Return L_i (Eq. 7) as printed: ``sum_v w_v rho(|v - p|^2) [n_p . (v - p) < 0]``, (B, V) each -> (B,).
+    """Return L_i (Eq. 7 of the paper): ``sum_v w_v rho(|v - p|^2) [n_p . (v - p) < 0]``, (B, V) each -> (B,).
 
     ``loss`` is ``rho(|v - p|^2)``, ``signed`` is ``n_p . (v - p)``.
     """
@@ -66,7 +66,7 @@ class PointPenetrationTerm(Term):
         self._contacts = contacts = snapshot.contacts
         near = contacts.found & (contacts.distance < self._settings.max_depth_m) & self._may_not_penetrate(snapshot)
         area = self._context.area
-        self.active = {"penetration": torch.where(near, area, torch.zeros_like(area))}
+        self.weights = {"penetration": torch.where(near, area, torch.zeros_like(area))}
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "penetration"."""
@@ -78,4 +78,4 @@ class PointPenetrationTerm(Term):
             along = (contacts.normals * bodies.vertices).sum(-1)
             signed = along - bodies.estimate.log_scale.exp() * contacts.plane_distance
         loss = offset_loss(squared_offsets(bodies, contacts), self._rho, per_axis=self._per_axis)
-        return {"penetration": weight * point_penetration_energy(loss, signed, self.active["penetration"])}
+        return {"penetration": weight * point_penetration_energy(loss, signed, self.weights["penetration"])}

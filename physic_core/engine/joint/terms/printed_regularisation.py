@@ -1,4 +1,4 @@
-"""Regularisation L_reg as printed, of mesh and translation (paper sec. 3.3), and parameter priors of PROX."""
+"""Regularisation L_reg of mesh and translation as in the paper (sec. 3.3), and parameter priors of PROX."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class PrintedRegularisationSettings:
 
 
 class PrintedRegularisationTerm(Term):
-    """Regularisation term: ``lambda_reg (sum_v w_v |v - v0|^2 + |t - t0|^2)``, vertices in the root's frame."""
+    """Regularisation term of the paper, root-relative vertices: ``lambda_reg (sum_v w_v |v - v0|^2 + |t - t0|^2)``."""
 
     def __init__(
         self, settings: PrintedRegularisationSettings, context: JointContext, *, occlusion_aware: bool
@@ -46,13 +46,13 @@ class PrintedRegularisationTerm(Term):
         weight = vertex_weights(
             snapshot, s.visible_weight, s.occluded_weight, area, occlusion_aware=self._occlusion_aware
         )
-        self.active = {"regularisation": weight}
+        self.weights = {"regularisation": weight}
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "regularisation"."""
         context = self._context
         relative = root_relative(bodies.vertices, bodies.joints[:, 0], bodies.estimate.rotations[:, 0])
-        mesh = mesh_energy(relative, context.relative, self.active["regularisation"])
+        mesh = mesh_energy(relative, context.relative, self.weights["regularisation"])
         moved = (bodies.estimate.transl - context.problem.transl0).square().sum(-1)
         return {"regularisation": self._settings.weight * (mesh + moved)}
 

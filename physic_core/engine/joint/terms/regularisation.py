@@ -84,7 +84,7 @@ class RegularisationTerm:
                 "warp": 1.0,
             }
         )
-        self.active: dict[str, Tensor] = {}
+        self.weights: dict[str, Tensor] = {}
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Update the weights of visible and hidden vertices."""
@@ -92,7 +92,7 @@ class RegularisationTerm:
         weight = vertex_weights(
             snapshot, s.visible_weight, s.occluded_weight, self._context.area, occlusion_aware=self._occlusion_aware
         )
-        self.active = {"regularisation": weight / s.sigma_m**2}
+        self.weights = {"regularisation": weight / s.sigma_m**2}
 
     def energy(self, mesh: Tensor, deviation: Tensor) -> Tensor:
         """Return the energy (B,): the mesh energy ``mesh`` (B,) plus the energy of parameter deviations (B, P)."""

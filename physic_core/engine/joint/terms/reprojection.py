@@ -77,7 +77,7 @@ class ReprojectionTerm(Term):
         self, context: JointContext, weight: float, unit: Tensor, rho: RobustLoss, *, per_axis: bool = False
     ) -> None:
         self._context, self._weight, self._unit, self._rho, self._per_axis = context, weight, unit, rho, per_axis
-        self.active = {"reprojection": context.keypoints.weight}
+        self.weights = {"reprojection": context.keypoints.weight}
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "reprojection"."""

@@ -65,7 +65,7 @@ class SoleTerm:
     def __init__(self, settings: SoleSettings, context: JointContext) -> None:
         self.settings, self._context = settings, context
         self._all_seen = bool(context.feet_visible.all())
-        self.active: dict[str, Tensor] = {}
+        self.weights: dict[str, Tensor] = {}
 
     @property
     def is_on(self) -> bool:
@@ -89,7 +89,7 @@ class SoleTerm:
             pulled = pulled & context.problem.grounded
         unseen = ~context.feet_visible & (lowest.abs() < _MAX_UNSEEN_SIGMAS * _UNSEEN_SIGMA_M) & ~stepped
         dtype = context.area.dtype
-        self.active = {
+        self.weights = {
             "soles": on_floor.to(dtype),
             "lower_sole": pulled.to(dtype),
             "unseen_soles": unseen.to(dtype),
@@ -105,12 +105,12 @@ class SoleTerm:
         def far(squared: Tensor) -> Tensor:
             return robust_loss("cauchy", squared / _LOWER_SIGMA_M**2, _LOWER_OUTLIER_SIGMAS)
 
-        weight, lower_weight = s.weight * self.active["soles"], s.lower_weight * self.active["lower_sole"]
+        weight, lower_weight = s.weight * self.weights["soles"], s.lower_weight * self.weights["lower_sole"]
         seen = sole_energy(lowest, weight, lower_weight, near, far)
         if self._all_seen:
             return seen
         unseen = robust_loss("geman_mcclure", (lowest / _UNSEEN_SIGMA_M).square(), _UNSEEN_OUTLIER_SIGMAS)
-        return seen + s.unseen_weight * (self.active["unseen_soles"] * unseen).sum(1)
+        return seen + s.unseen_weight * (self.weights["unseen_soles"] * unseen).sum(1)
 
 
 def _share(flags: Tensor) -> Tensor:

@@ -41,7 +41,7 @@ SURFACE_ENERGIES = ("depth", "contact", "penetration", "floor", "mesh")
 
 @dataclass(frozen=True)
 class SurfaceInputs:
-    """Inputs of the surface terms for B people and n tracked vertices, constant between two refreshes.
+    """Inputs of the surface terms for B people and n subsampled vertices, constant between two refreshes.
 
     Attributes:
         depth: robust sum over differences of log depth; None if the term is off, as in the next three.
@@ -173,14 +173,14 @@ class SurfaceTerms(Term):
         parts, context, contacts = self.parts, self.context, snapshot.contacts
         for part in parts.all:
             part.refresh(snapshot)
-        self.active = {name: weight for part in parts.all for name, weight in part.active.items()}
+        self.weights = {name: weight for part in parts.all for name, weight in part.weights.items()}
         no_scene = torch.zeros_like(context.area)
         self.surface = SurfaceInputs(
             depth=parts.depth.robust_sum(),
             contact=parts.contact.robust_sum(),
             penetration=parts.penetration.robust_sum(),
             floor=parts.floor.robust_sum(),
-            mesh_weight=self.active["regularisation"],
+            mesh_weight=self.weights["regularisation"],
             log_map_depth=parts.depth.log_map_depth,
             on_scene=parts.contact.on_scene,
             penetration_slack=parts.penetration.settings.slack_m,

@@ -123,7 +123,7 @@ def _file(path: Path) -> Path:
 def _working_in(checkout: Checkout, folder: Path) -> Iterator[None]:
     """Import from a checkout and run in its folder, from which it reads its data."""
     before = Path.cwd()
-    with checkout.inside():
+    with checkout.activated():
         os.chdir(folder)
         try:
             yield

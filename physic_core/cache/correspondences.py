@@ -1,4 +1,4 @@
-"""Cache of correspondences between body meshes."""
+"""Cache of vertex correspondences between body meshes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body.correspondence import CORRESPONDENCE_VERSION, Correspondence, find_correspondence
-from physic_core.cache.folders import maps_folder
+from physic_core.cache.folders import correspondences_folder
 from physic_core.cache.lru_folder import MAP_SUFFIX
 from physic_core.errors import OutputError
 from physic_core.files.archive import DamagedFileError, read_archive, write_archive
@@ -29,7 +29,8 @@ def cached_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
     Raises:
         BodyModelError: as in :func:`physic_core.body.correspondence.find_correspondence`.
     """
-    folder, name = maps_folder(), f"{_plain(rest.topology)}-{model.topology}-{_digest(rest, model)}{MAP_SUFFIX}"
+    folder = correspondences_folder()
+    name = f"{_plain(rest.topology)}-{model.topology}-{_digest(rest, model)}{MAP_SUFFIX}"
     path = None if folder is None else folder / name
     found = None if path is None else _read(path, model.num_vertices, len(rest.vertices))
     if found is None:
