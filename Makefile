@@ -30,7 +30,7 @@ QUICK := $(addprefix tests/, body/test_model.py body/test_parameters.py body/tes
 	test_config.py test_exit_codes.py test_packaging.py test_pipeline.py test_pipeline_mock.py test_plugins.py \
 	test_public_api.py test_registry.py test_resolve.py test_rival_names.py test_schema.py test_stages.py \
 	test_startup.py weights) plugins/physic-mock/tests/test_mock.py $(addprefix plugins/physic-testing/tests/, \
-	bench/test_judge.py bench/test_summary.py conformance/test_asking.py conformance/test_kit.py worlds/test_labels.py \
+	bench/test_evaluation.py bench/test_summary.py conformance/test_requests_and_comparison.py conformance/test_kit.py worlds/test_labels.py \
 	worlds/test_rooms.py)
 
 quick: $(VENV)/test.stamp

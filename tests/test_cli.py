@@ -638,7 +638,7 @@ def test_init_lists_every_key_with_its_meaning():
         in text
     )
     assert (
-        "## a vertex nearer than this to the scene or the floor is in contact, metres; 0.02 as released (number >= 0)\n"
+        "## largest distance to scene or floor of a vertex in contact, metres; 0.02 as released (number >= 0)\n"
         "# distance_m = 0.02\n" in text
     )
     assert "## focal_px, not set: focal length, px of the upright photo file (number > 0 or unset)\n" in text

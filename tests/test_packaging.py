@@ -67,12 +67,12 @@ def test_wheel_and_source_distribution_contain_the_licence(name: str):
 MODULES = {"opencv-python-headless": "cv2", "pillow": "PIL"}
 """Import names that are not the distribution's."""
 THROUGH_OTHERS = {
-    "physic-embedded": {"embreex"},  # trimesh.ray
+    "physic-embedded": {"embreex", "onnxruntime"},  # trimesh.ray, physic_core.adapters.onnx_sessions
     "physic-omnieraser": {"accelerate", "peft", "protobuf", "sentencepiece", "transformers"},  # diffusers
 }
 """Requirements that another library imports for us."""
 BY_THE_USER = {
-    "physic-core": {"pillow_heif"},  # for HEIF photos only
+    "physic-core": {"onnxruntime", "pillow_heif"},  # for plugins that run ONNX files, and for HEIF photos
     "physic-opencv": {"physic_testing"},  # for types only
     "physic-human": {"torchvision"},  # has to fit the user's torch; missing() names it
     "physic-testing": {"pytest"},  # for the tests of plugins only

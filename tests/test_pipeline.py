@@ -125,7 +125,7 @@ def test_a_body_model_of_the_users_own_that_the_estimator_does_not_speak(world: 
     monkeypatch.setattr(body, "load_body", lambda source: replace(load("embedded"), name="smplx"))
     result = reconstruct(world.image, "mock")
     assert result.body_model == "smplx"
-    assert [note for note in result.notes if "carried" in note] == [
+    assert [note for note in result.notes if "converted" in note] == [
         "bodies converted from 'embedded' to 'smplx', surface within 0 mm and joints within 0 mm on average"
     ]
 

@@ -472,7 +472,7 @@ def test_without_a_gpu_the_best_bodies_are_refused_in_words(
     tell(monkeypatch, world)
     done = CliRunner().invoke(main, ["run", "photo.png", "-o", "out", *best])
     assert (done.exit_code, done.stdout) == (2, "")
-    assert "SAM 3D Body's own code runs on a GPU only, and 'cpu' was asked for: use 'cuda'" in done.stderr
+    assert "SAM 3D Body's own code runs on a GPU only, got 'cpu': use 'cuda'" in done.stderr
     assert not Path("out").exists()
 
 

@@ -131,7 +131,7 @@ def test_whose_body_is_lost_stays_without_one_and_the_other_is_as_before(
     assert result.warnings[-3:] == (
         "person 0: no finite values for this person from body_estimator: results that need them are left out; "
         "try another backend",
-        "person 0: the body is not finite, it was left where it is",
+        "person 0: the body has non-finite vertices: its translation was not changed",
         "person 0: pose and position are those of the placement: the start has non-finite parameters or is behind "
         "the camera",
     )

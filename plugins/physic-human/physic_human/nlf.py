@@ -272,6 +272,6 @@ _NO_TORCHVISION = (
 def _register_torchvision() -> None:
     """Import torchvision, whose operators must be registered before the file is read."""
     try:
-        pass
+        import torchvision  # noqa: F401
     except Exception as error:  # a build for another torch raises what it likes
         raise BackendError(f"{_NO_TORCHVISION} ({type(error).__name__}: {error})") from error

@@ -116,7 +116,7 @@ class DepthAnythingMetric(OnnxBackend, MetricDepth):
         """
         if not self.options.trust and not has_sigmoid(path):
             raise BackendError(
-                f"{path.name} does not end in a sigmoid, as the metric networks of Depth Anything V2 do: it answers "
+                f"{path.name} does not end in a sigmoid, as the metric networks of Depth Anything V2 do: it returns "
                 "relative disparity. Use it as relative_pointmap 'depth-anything-onnx', or name metric weights; "
                 "trust = true takes it for metric all the same"
             )

@@ -506,10 +506,10 @@ class TestRealNetwork:
     def test_disparity_is_that_of_the_embedded_backend(self, photo):
         import onnxruntime
 
-        from physic_embedded.networks.depth_anything import disparity
+        from physic_embedded.networks.depth_anything import predict_disparity
 
         session = onnxruntime.InferenceSession(str(_packaged()), providers=["CPUExecutionProvider"])
-        own = disparity(session, photo, short_side=266)
+        own = predict_disparity(session, photo, short_side=266)
         answer = relative(str(_packaged()), side=266).infer(photo, Hints())
         own = at(own.astype(float), *photo.shape[:2])
         here = 1 / answer.points[..., 2]

@@ -210,7 +210,7 @@ def test_detr_is_not_taken_for_rt_detr(answering):
 
 
 def test_a_head_of_another_size_is_refused(answering):
-    with pytest.raises(BackendError, match=r"for 64 x 64 px must answer \(1, 84, 85\), got \(1, 85, 85\)"):
+    with pytest.raises(BackendError, match=r"for 64 x 64 px must return \(1, 84, 85\), got \(1, 85, 85\)"):
         answering("images", (1, 3, SIDE, SIDE), output=raw(cells=85)).infer(GREY, 0.5, 0.65)
 
 

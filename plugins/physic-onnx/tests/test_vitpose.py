@@ -198,7 +198,7 @@ def test_missing_weights_say_how_to_get_them(monkeypatch: pytest.MonkeyPatch, tm
 
 
 def test_nothing_is_answered_before_loading() -> None:
-    with pytest.raises(PhysicError, match="before its network was loaded"):
+    with pytest.raises(PhysicError, match="is not loaded"):
         VitPose().infer(np.zeros((64, 64, 3), np.uint8), people(BOX, size=(64, 64)))
 
 

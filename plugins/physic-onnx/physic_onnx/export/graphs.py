@@ -31,7 +31,7 @@ class CameraHmrGraph(nn.Module):
     """CameraHMR and SMPL in one module: rotations, shape, weak-perspective camera, and the mesh without translation.
 
     Args:
-        network: of the checkout; called with its batch, a dictionary, it answers parameters, camera, focal length.
+        network: of the checkout; called with its batch, a dictionary, it returns parameters, camera, focal length.
         smpl: an SMPL layer that takes rotation matrices.
     """
 
@@ -67,7 +67,7 @@ class WilorGraph(nn.Module):
     """WiLoR-mini's network with the outputs of WILOR.
 
     Args:
-        network: of the checkout; shown (B, 256, 256, 3) it answers a dictionary.
+        network: of the checkout; shown (B, 256, 256, 3) it returns a dictionary.
     """
 
     def __init__(self, network: nn.Module) -> None:
@@ -84,7 +84,7 @@ class DecoGraph(nn.Module):
     """DECO's contact output with the T-pose and faces of its SMPL mesh.
 
     Args:
-        network: of the checkout; what it answers first is the contact.
+        network: of the checkout; its first output is the contact.
         rest: (6890, 3) metres.
         faces: (F, 3).
     """
