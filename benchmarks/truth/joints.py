@@ -65,21 +65,28 @@ def bone_lengths(joints: Array) -> dict[str, Any]:
     return lengths
 
 
-def is_upright(joints: Array, up: Array | None) -> bool:
+def is_upright(joints: Array, up: Array | None) -> bool | None:
     """Whether somebody stands or walks: the trunk is upright, and stretched over a leg that is not folded.
+
+    None where joints are missing that decide it.
 
     Args:
         joints: (12, 3) m; NaN where unknown.
         up: (3,) unit, or None where unknown: then the angles of the limbs decide alone.
     """
     trunk = joints[SHOULDERS].mean(0) - joints[HIPS].mean(0)
+    if not np.isfinite(trunk).all():
+        return None
     if up is not None and not _angle(trunk, up) < MAX_TRUNK_DEG:
         return False
+    legs = []
     for side in SIDES:
         hip, knee, ankle = (joints[ROW[f"{side}_{name}"]] for name in ("hip", "knee", "ankle"))
-        if _angle(trunk, hip - knee) < MAX_TRUNK_DEG and _angle(hip - knee, knee - ankle) < MAX_KNEE_DEG:
-            return True
-    return False
+        if np.isfinite([hip, knee, ankle]).all():
+            legs.append(_angle(trunk, hip - knee) < MAX_TRUNK_DEG and _angle(hip - knee, knee - ankle) < MAX_KNEE_DEG)
+    if any(legs):
+        return True
+    return False if len(legs) == len(SIDES) else None
 
 
 def _angle(one: Array, two: Array) -> float:

@@ -198,7 +198,7 @@ def _of(sample: Sample) -> Record:
 
 
 def _person(sample: Sample, name: str, truth: Array, up: Array | None, person: Mapping[str, Any] | None) -> Record:
-    posture = "upright" if is_upright(truth, up) else "bent"
+    posture = {True: "upright", False: "bent", None: "unknown"}[is_upright(truth, up)]
     record: Record = {**_of(sample), "person": name, "found": person is not None, "posture": posture}
     if person is not None:
         record |= pose_errors(joints_of(person), truth)

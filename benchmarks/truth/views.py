@@ -58,7 +58,6 @@ def errors(cameras: Sequence[Camera], points: Array, joints: Array) -> Array:
 
 def robust_joints(cameras: Sequence[Camera], points: Array, min_views: int = MIN_VIEWS) -> tuple[Array, Array]:
     """(J, 3) joints of the largest agreeing set of views of each, and (J,) median errors; NaN where too few agree."""
-    best = np.full((points.shape[1], 3), np.nan)
     agreed = np.zeros((len(cameras), points.shape[1]), bool)
     quality = np.full(points.shape[1], -np.inf)
     for pair in combinations(range(len(cameras)), 2):

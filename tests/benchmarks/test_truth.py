@@ -104,6 +104,16 @@ def test_who_sits_bends_or_lies_is_not_upright(truth, joints):
     assert not truth.joints.is_upright(lying, UP)
 
 
+def test_posture_is_unknown_where_the_joints_that_decide_are_missing(truth, joints):
+    one_leg, no_legs, no_trunk = joints.copy(), joints.copy(), joints.copy()
+    one_leg[truth.joints.ROW["left_knee"]] = np.nan
+    no_legs[[truth.joints.ROW[f"{side}_knee"] for side in ("left", "right")]] = np.nan
+    no_trunk[truth.joints.SHOULDERS] = np.nan
+    assert truth.joints.is_upright(one_leg, UP) is True
+    assert truth.joints.is_upright(no_legs, UP) is None
+    assert truth.joints.is_upright(no_trunk, UP) is None
+
+
 def test_a_shift_is_in_the_place_and_not_in_the_pose(truth, joints):
     found = truth.measures.pose_errors(moved(joints, 0.03, 0, 0.04), joints)
     assert found["mpjpe_mm"] == pytest.approx(50)
