@@ -50,9 +50,10 @@ def limb_joints(named: Mapping[str, Sequence[float]], size: int) -> Array:
     return np.array([list(points.get(name, missing))[:size] for name in LIMB_JOINTS], np.float64)
 
 
-def root(joints: Array) -> Array:
-    """(..., 3) the middle of the hips: the pelvis, which data sets place differently."""
-    middle: Array = joints[..., HIPS, :].mean(-2)
+def root(joints: Array, known: NDArray[np.bool_] | None = None) -> Array:
+    """(3,) the middle of the hips, of the known ones alone: the pelvis itself is placed differently by data sets."""
+    hips = [row for row in HIPS if known is None or known[row]]
+    middle: Array = joints[hips].mean(0) if hips else np.full(3, np.nan)
     return middle
 
 
@@ -74,7 +75,9 @@ def is_upright(joints: Array, up: Array | None) -> bool | None:
         joints: (12, 3) m; NaN where unknown.
         up: (3,) unit, or None where unknown: then the angles of the limbs decide alone.
     """
-    trunk = joints[SHOULDERS].mean(0) - joints[HIPS].mean(0)
+    known = np.isfinite(joints).all(-1)
+    shoulders = joints[[row for row in SHOULDERS if known[row]]]
+    trunk = (shoulders.mean(0) if len(shoulders) else np.full(3, np.nan)) - root(joints, known)
     if not np.isfinite(trunk).all():
         return None
     if up is not None and not _angle(trunk, up) < MAX_TRUNK_DEG:

@@ -32,7 +32,7 @@ def pose_errors(predicted: Array, truth: Array) -> dict[str, Any]:
     own, true = bone_lengths(predicted), bone_lengths(truth)
     both = [name for name in true if np.isfinite(true[name]) and np.isfinite(own[name])]
     ratio = sum(own[name] for name in both) / sum(true[name] for name in both) if both else float("nan")
-    pelvis, true_pelvis = root(predicted), root(truth)
+    pelvis, true_pelvis = root(predicted, known), root(truth, known)
     return {
         "pa_mpjpe_mm": float(pa_mpjpe_mm(predicted, truth, known)),
         "root_aligned_mm": float(mpjpe_mm(predicted - pelvis, truth - true_pelvis, known)),

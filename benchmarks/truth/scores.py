@@ -112,12 +112,9 @@ def score_moment(
     ]
     for i, places in pelvises.items():
         apart = spread_m(np.array(places))
-        off = math.nan
-        if places and np.isfinite(root(truth[i])).all():
-            off = float(np.linalg.norm(np.mean(places, 0) - root(truth[i])))
         for record in people:
             if record["person"] == str(i):
-                record |= {"spread_m": apart, "views": len(places), "mean_place_off_m": off}
+                record |= {"spread_m": apart, "views": len(places)}
     return people, floors, list(truth)
 
 

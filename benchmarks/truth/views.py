@@ -19,8 +19,11 @@ if TYPE_CHECKING:
 LIMIT = 0.02
 """Error of a joint that still agrees, as a share of the picture's width: 38 px of 1920, or 10 cm at 4 m."""
 
-MIN_JOINTS, MIN_VIEWS = 6, 3
-"""Fewer joints of somebody, or fewer views of a joint, prove nothing: any two rays nearly meet somewhere."""
+MIN_JOINTS, MIN_VIEWS = 5, 3
+"""Fewer joints of somebody, or fewer views, prove nothing: any two rays nearly meet somewhere."""
+
+SEEN_JOINTS, AGREEING_SHARE = 4, 0.7
+"""A further view belongs to a person where it sees this many of the joints, and this share of them agrees."""
 
 
 @dataclass(frozen=True)
@@ -56,23 +59,33 @@ def errors(cameras: Sequence[Camera], points: Array, joints: Array) -> Array:
     )
 
 
-def robust_joints(cameras: Sequence[Camera], points: Array, min_views: int = MIN_VIEWS) -> tuple[Array, Array]:
-    """(J, 3) joints of the largest agreeing set of views of each, and (J,) median errors; NaN where too few agree."""
+def robust_joints(cameras: Sequence[Camera], points: Array) -> tuple[Array, Array]:
+    """(J, 3) joints of the largest agreeing set of views of each, and (J,) median errors; NaN where too few agree.
+
+    Three views have to agree. Two are enough where no other sees the joint, if they agree within half the limit.
+    """
     agreed = np.zeros((len(cameras), points.shape[1]), bool)
-    quality = np.full(points.shape[1], -np.inf)
+    quality = np.zeros(points.shape[1])
     for pair in combinations(range(len(cameras)), 2):
         joints = triangulate([cameras[v] for v in pair], points[list(pair)])
-        error = errors(cameras, points, joints)
-        with np.errstate(invalid="ignore"):
-            within = error < LIMIT
-        value = within.sum(0) - np.where(within, error, 0).sum(0)
-        better = value > quality
-        quality[better] = value[better]
-        agreed[:, better] = within[:, better]
-    kept = np.where((agreed & (agreed.sum(0) >= min_views))[..., None], points, np.nan)
-    best = triangulate(cameras, kept)
-    error = errors(cameras, kept, best)
-    return best, np.array([np.median(e[np.isfinite(e)]) if np.isfinite(e).any() else np.nan for e in error.T])
+        agreement = _agreement(errors(cameras, points, joints))
+        better = agreement.sum(0) > quality
+        quality[better] = agreement.sum(0)[better]
+        agreed[:, better] = agreement[:, better] > 0
+    count, seen = agreed.sum(0), np.isfinite(points).all(-1).sum(0)
+    kept = np.where((agreed & (count >= 2))[..., None], points, np.nan)
+    joints = triangulate(cameras, kept)
+    error = np.array(
+        [np.median(e[np.isfinite(e)]) if np.isfinite(e).any() else np.nan for e in errors(cameras, kept, joints).T]
+    )
+    with np.errstate(invalid="ignore"):
+        enough = (count >= MIN_VIEWS) | ((count == 2) & (seen == 2) & (error < LIMIT / 2))
+    return np.where(enough[:, None], joints, np.nan), np.where(enough, error, np.nan)
+
+
+def _agreement(error: Array) -> Array:
+    """1 of an exact point, 0 of one at the limit, beyond it or unknown."""
+    return np.clip(1 - np.nan_to_num(error, nan=np.inf) / LIMIT, 0, 1)
 
 
 def match_views(cameras: Sequence[Camera], views: Sequence[Sequence[Array]]) -> list[Triangulated]:
@@ -107,29 +120,34 @@ def match_views(cameras: Sequence[Camera], views: Sequence[Sequence[Array]]) -> 
 def _hypothesis(
     cameras: Sequence[Camera], views: Sequence[Sequence[Array]], free: Sequence[set[int]], pair: dict[int, int]
 ) -> tuple[float, dict[int, int]]:
-    used = list(pair)
-    points = np.stack([views[v][pair[v]] for v in used])
-    joints = triangulate([cameras[v] for v in used], points)
-    with np.errstate(invalid="ignore"):
-        agree = (errors([cameras[v] for v in used], points, joints) < LIMIT).all(0)
-    if agree.sum() < MIN_JOINTS:
+    """How well detections of all views agree with the joints of a pair, and which they are; 0 of fewer than three."""
+    used = [cameras[v] for v in pair]
+    points = np.stack([views[v][i] for v, i in pair.items()])
+    joints = triangulate(used, points)
+    own = _agreement(errors(used, points, joints)).min(0)
+    if (own > 0).sum() < max(MIN_JOINTS, AGREEING_SHARE * np.isfinite(joints).all(-1).sum()):
         return 0.0, {}
-    members, total = dict(pair), float(agree.sum())
+    joints = np.where((own > 0)[:, None], joints, np.nan)
+    members, total = dict(pair), float(own.sum())
     for v in range(len(cameras)):
         if v in pair:
             continue
-        counts = {i: _agreeing(cameras[v], views[v][i], joints, agree) for i in free[v]}
-        if counts and max(counts.values()) >= MIN_JOINTS:
-            members[v] = max(counts, key=lambda i: counts[i])
-            total += counts[members[v]]
+        values = {i: _support(cameras[v], views[v][i], joints) for i in free[v]}
+        best = max(values, key=lambda i: values[i], default=-1)
+        if best >= 0 and values[best] > 0:
+            members[v] = best
+            total += values[best]
     return total if len(members) >= MIN_VIEWS else 0.0, members
 
 
-def _agreeing(camera: Camera, points: Array, joints: Array, counted: NDArray[np.bool_]) -> float:
+def _support(camera: Camera, points: Array, joints: Array) -> float:
+    """Agreement of a detection with joints of the world; 0 where it is not theirs."""
     error = errors([camera], points[None], joints)[0]
-    with np.errstate(invalid="ignore"):
-        within = counted & (error < LIMIT)
-    return float(within.sum()) - float(error[within].sum())
+    agreement = _agreement(error)
+    seen = int(np.isfinite(error).sum())
+    if seen < SEEN_JOINTS or (agreement > 0).sum() < AGREEING_SHARE * seen:
+        return 0.0
+    return float(agreement.sum())
 
 
 def visible_joints(camera: Camera, joints: Array) -> NDArray[np.bool_]:

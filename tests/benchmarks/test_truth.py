@@ -141,6 +141,13 @@ def test_joints_that_the_truth_lacks_do_not_count(truth, joints):
     assert (found["mpjpe_mm"], found["joints"]) == (pytest.approx(0), 11)
 
 
+def test_one_hip_is_a_root_too(truth, joints):
+    facts = joints.copy()
+    facts[truth.joints.ROW["left_hip"]] = np.nan
+    found = truth.measures.pose_errors(moved(joints, 0, 0, 0.1), facts)
+    assert (found["pelvis_mm"], found["root_aligned_mm"]) == (pytest.approx(100), pytest.approx(0, abs=1e-9))
+
+
 def test_floors(truth):
     tilt = np.radians(5)
     plane = np.array([0.0, -np.cos(tilt), np.sin(tilt), 1.35])
