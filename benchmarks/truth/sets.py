@@ -135,7 +135,7 @@ def parkour(folder: Path) -> list[Sample]:
     from .measures import true_contact
 
     films = []
-    for archive in sorted(folder.glob("*.npz")):
+    for number, archive in enumerate(sorted(folder.glob("*.npz"))):
         with np.load(archive, allow_pickle=False) as data:
             arrays = {key: data[key] for key in data.files}
         touches = true_contact(arrays["forces"].astype(np.float64))
@@ -156,7 +156,7 @@ def parkour(folder: Path) -> list[Sample]:
                         "uncaptured": dict(zip(limbs, arrays["uncaptured"][frame].tolist(), strict=True)),
                     },
                 )
-                for frame in scattered(range(0, frames_of(film), FRAME_STEP))
+                for frame in rotated(scattered(range(0, frames_of(film), FRAME_STEP)), number)
             ]
         )
     return in_turn(films)
@@ -201,6 +201,12 @@ def scattered(items: Sequence[int]) -> list[int]:
     bits = max(len(items) - 1, 1).bit_length()
     order = [int(f"{k:0{bits}b}"[::-1], 2) for k in range(1 << bits)]
     return [items[k] for k in order if k < len(items)]
+
+
+def rotated(items: list[int], by: int) -> list[int]:
+    """From another item on, so that the first of several films are not all of their beginnings."""
+    start = by % max(len(items), 1)
+    return items[start:] + items[:start]
 
 
 def stature_m(joints: Mapping[str, Sequence[float]]) -> float:

@@ -29,15 +29,15 @@ class Figure:
 def figure(records: Sequence[Record], statistic: Callable[[Strata], float]) -> Figure:
     """A statistic of the records by data set, and its interval by a bootstrap over the groups of each set.
 
-    Groups are resampled, not people: those of one moment or film are alike. A figure of which every set has one group
-    alone gets no interval.
+    Groups are resampled, not people: those of one moment or film are alike. Photos are, where a set has one group
+    alone. A set of one photo gives no interval, nor does a figure that it takes part in.
     """
-    groups: dict[str, dict[str, list[Record]]] = {}
+    sets: dict[str, list[Record]] = {}
     for record in records:
-        groups.setdefault(record["set"], {}).setdefault(record["group"], []).append(record)
-    strata = [list(of_set.values()) for of_set in groups.values()]
+        sets.setdefault(record["set"], []).append(record)
+    strata = [max(_grouped(of_set, "group"), _grouped(of_set, "photo"), key=_several) for of_set in sets.values()]
     value = statistic([[r for group in stratum for r in group] for stratum in strata])
-    if max((len(stratum) for stratum in strata), default=0) < 2:
+    if min((len(stratum) for stratum in strata), default=0) < 2:
         return Figure(value, math.nan, math.nan, len(records))
     rng, draws = np.random.default_rng(SEED), []
     for _ in range(DRAWS):
@@ -46,6 +46,17 @@ def figure(records: Sequence[Record], statistic: Callable[[Strata], float]) -> F
     known = [draw for draw in draws if math.isfinite(draw)]
     low, high = np.percentile(known, [2.5, 97.5]) if known else (math.nan, math.nan)
     return Figure(value, float(low), float(high), len(records))
+
+
+def _grouped(records: Sequence[Record], key: str) -> list[list[Record]]:
+    groups: dict[str, list[Record]] = {}
+    for record in records:
+        groups.setdefault(record[key], []).append(record)
+    return list(groups.values())
+
+
+def _several(groups: Sequence[Sequence[Record]]) -> bool:
+    return len(groups) > 1
 
 
 def mean_of(values: Sequence[float]) -> float:

@@ -161,15 +161,15 @@ def test_floors(truth):
 
 
 def test_boxes_or_keypoints_decide_who_is_found(truth):
-    whole, upper, far = [0, 0, 100, 200], [0, 0, 100, 80], [300, 0, 400, 200]
+    full, upper, far = [0, 0, 100, 200], [0, 0, 100, 80], [300, 0, 400, 200]
     points = np.column_stack([np.linspace(10, 90, 12), np.linspace(10, 70, 12)])
     nowhere = np.full((12, 2), np.nan)
     match = truth.measures.match_people
-    assert match([upper], [nowhere], [whole], [nowhere]) == {}
-    assert match([upper], [points], [whole], [points]) == {0: 0}
-    assert match([far, whole], [nowhere] * 2, [whole], [nowhere]) == {0: 1}
-    assert match([whole], [points], [whole, whole], [points] * 2) in ({0: 0}, {1: 0})
-    assert match([], [], [whole], [points]) == {}
+    assert match([upper], [nowhere], [full], [nowhere]) == {}
+    assert match([upper], [points], [full], [points]) == {0: 0}
+    assert match([far, full], [nowhere] * 2, [full], [nowhere]) == {0: 1}
+    assert match([full], [points], [full, full], [points] * 2) in ({0: 0}, {1: 0})
+    assert match([], [], [full], [points]) == {}
 
 
 def test_a_box_around_a_group_finds_nobody_of_it(truth):
@@ -263,7 +263,7 @@ def test_a_view_that_disagrees_about_a_joint_is_left_out_there(truth, people):
     assert np.isfinite(np.delete(found, 4, 0)).all()
 
 
-def test_people_are_told_apart_across_views(truth, people):
+def test_people_are_matched_across_views(truth, people):
     cameras = ring(truth)
     rng = np.random.default_rng(1)
     views, order = [], []
@@ -327,23 +327,27 @@ def test_undistorted_pictures_are_of_the_pinhole(truth):
 
 def test_intervals_are_over_groups(truth):
     pooled, figure = truth.statistics.pooled("x"), truth.statistics.figure
-    alike = [{"set": "a", "group": str(i // 10), "x": float(i // 10)} for i in range(40)]
-    apart = [{"set": "a", "group": str(i), "x": float(i // 10)} for i in range(40)]
+    alike = [{"set": "a", "group": str(i // 10), "photo": str(i // 10), "x": float(i // 10)} for i in range(40)]
+    apart = [{"set": "a", "group": str(i), "photo": str(i), "x": float(i // 10)} for i in range(40)]
     wide, narrow = figure(alike, pooled), figure(apart, pooled)
     assert wide.value == narrow.value == pytest.approx(1.5)
     assert wide.count == 40
     assert wide.high - wide.low > 2 * (narrow.high - narrow.low)
     assert narrow.low < 1.5 < narrow.high
+    one_moment = figure([{"set": "a", "group": "0", "photo": str(i), "x": float(i)} for i in range(5)], pooled)
+    assert one_moment.low < 2 < one_moment.high
     alone = figure(alike[:10], pooled)
     assert alone.value == 0
     assert math.isnan(alone.low)
+    assert math.isnan(figure([*alike, {**alike[0], "set": "b"}], pooled).low)
     nothing = figure([], pooled)
     assert math.isnan(nothing.value)
     assert nothing.count == 0
 
 
 def test_a_large_set_does_not_drown_a_small_one(truth):
-    records = [{"set": "many", "group": str(i), "x": 1.0} for i in range(9)] + [{"set": "few", "group": "0", "x": 2.0}]
+    records = [{"set": "many", "group": str(i), "photo": str(i), "x": 1.0} for i in range(9)]
+    records.append({"set": "few", "group": "0", "photo": "0", "x": 2.0})
     assert truth.statistics.figure(records, truth.statistics.of_sets("x")).value == pytest.approx(1.5)
     assert truth.statistics.figure(records, truth.statistics.pooled("x")).value == pytest.approx(1.1)
 
@@ -353,6 +357,7 @@ def test_the_first_of_a_film_are_from_all_over_it(truth):
     assert sorted(order) == list(range(0, 50, 5))
     assert order[:3] == [0, 40, 20]
     assert truth.sets.scattered([7]) == [7]
+    assert truth.sets.rotated([0, 40, 20], 4) == [40, 20, 0]
     assert truth.sets.in_turn([["a1", "a2", "a3"], ["b1"]]) == ["a1", "b1", "a2", "a3"]
 
 
