@@ -19,7 +19,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["InvalidArrayError", "PickledObject", "UnsafePickleError", "as_array", "printable", "read_pickle"]
+__all__ = ["InvalidArrayError", "PickledObject", "UnsafePickleError", "as_array", "escape_unprintable", "read_pickle"]
 
 _MAX_FILE_BYTES = 2**30
 """Bytes. The largest published body model has a quarter of that."""
@@ -73,7 +73,7 @@ def as_array(value: Any) -> NDArray[Any]:
         raise InvalidArrayError("is an array whose parts do not fit together") from error
 
 
-def printable(text: str) -> str:
+def escape_unprintable(text: str) -> str:
     """Return untrusted text for a message: one line, in ASCII, of at most 80 characters."""
     safe = ascii(text[: _MAX_TEXT + 1])[1:-1]
     return safe if len(safe) <= _MAX_TEXT else f"{safe[: _MAX_TEXT - 3]}..."
@@ -335,7 +335,7 @@ class _Unpickler(pickle._Unpickler):
             return _Sparse if name == "csc_matrix" else _SparseByRow
         if module.split(".")[0] == "chumpy":
             return _Chumpy
-        raise UnsafePickleError(printable(f"{module}.{name}"))
+        raise UnsafePickleError(escape_unprintable(f"{module}.{name}"))
 
 
 def _check_keys(keys: list[Any]) -> None:
@@ -359,7 +359,7 @@ def _dense(value: Any, depth: int) -> NDArray[Any]:
 
 def _describe(value: Any) -> str:
     """Return a description of a value for messages; never its ``repr``, which can be endless."""
-    return printable(value) if isinstance(value, str) else f"a {type(value).__name__}"
+    return escape_unprintable(value) if isinstance(value, str) else f"a {type(value).__name__}"
 
 
 def _shape(given: Any) -> tuple[int, ...]:

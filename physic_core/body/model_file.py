@@ -19,7 +19,7 @@ from physic_core.body.array_pickle import (
     PickledObject,
     UnsafePickleError,
     as_array,
-    printable,
+    escape_unprintable,
     read_pickle,
 )
 from physic_core.body.npz_reader import ArrayHeader, read_array, read_header
@@ -132,11 +132,13 @@ def _check(path: Path, layout: ModelFileLayout, found: Mapping[str, ArrayHeader 
     for name, shape in layout.shapes.items():
         array = found[name]
         if array.dtype.kind not in "fiu":
-            raise BodyModelError(f"{path}: {name} holds {printable(str(array.dtype))}, not numbers: {advice}")
+            raise BodyModelError(f"{path}: {name} holds {escape_unprintable(str(array.dtype))}, not numbers: {advice}")
         fits = len(array.shape) == len(shape)
         if not fits or any(s is not None and s != n for s, n in zip(shape, array.shape, strict=True)):
             wanted = str(shape).replace("None", "10 or more")
-            raise BodyModelError(f"{path}: {name} must be {wanted}, got {printable(str(array.shape))}: {advice}")
+            raise BodyModelError(
+                f"{path}: {name} must be {wanted}, got {escape_unprintable(str(array.shape))}: {advice}"
+            )
     columns = found["shapedirs"].shape[2]
     if columns < 10:
         raise BodyModelError(f"{path}: shapedirs has {columns} columns, where {layout.name} has 10: {advice}")

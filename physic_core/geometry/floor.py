@@ -20,7 +20,7 @@ from physic_core.geometry.floor_ransac import (
     LOWER_SHARE,
     BlockSamples,
     fit_plane,
-    plane_shares,
+    plane_inlier_shares,
     sample_blocks,
 )
 from physic_core.geometry.gravity import estimate_up
@@ -71,7 +71,7 @@ _LEVEL_BELOW = 0.04  # as ``MAX_BELOW_SHARE``, for a horizontal surface
 
 @dataclass(frozen=True)
 class FloorEvidence:
-    """Evidence of the floor besides the point map.
+    """Floor mask, inpainted pixels and pixels at soles, as input of the floor fit.
 
     Attributes:
         mask: (H, W) bool, pixels that a segmenter labels floor, or None.
@@ -205,7 +205,7 @@ def _search_mask(view: _InverseDepthMap, mask: Tensor, tolerance: float) -> Floo
     plane = _fit_plane(samples, view, tolerance)
     if isinstance(plane, str):
         return FloorSearch(None, plane)
-    shares = plane_shares(samples, plane, tolerance)
+    shares = plane_inlier_shares(samples, plane, tolerance)
     rejected = _rejection(shares, _MASK_SHARE if view.up is None else _MASK_SHARE * _MASK_SHARE_FACTOR)
     if rejected is not None:
         return rejected
@@ -223,7 +223,7 @@ def _search_lower_part(view: _InverseDepthMap) -> FloorSearch:
     plane = _fit_plane(samples, view, view.tolerance)
     if isinstance(plane, str):
         return FloorSearch(None, plane)
-    shares = plane_shares(samples, plane, view.tolerance)
+    shares = plane_inlier_shares(samples, plane, view.tolerance)
     factors = _depth_factors_at_feet(plane, view, view.valid, view.tolerance, _FEET_NEAR)
     feet_agree = len(factors) > 0 and float((factors - 1).abs().median()) < _FEET_AGREE
     rejected = _rejection(shares, min(_PICTURE_SHARE, MIN_INLIER_SHARE) if feet_agree else _PICTURE_SHARE)
@@ -246,8 +246,8 @@ def _search_level_surfaces(view: _InverseDepthMap) -> FloorSearch | None:
             plane = _fit_plane(samples, view, tolerance)
             if isinstance(plane, str):
                 break
-            on = plane_shares(samples, plane, tolerance)[0]
-            below = plane_shares(samples, plane, view.tolerance)[1]
+            on = plane_inlier_shares(samples, plane, tolerance)[0]
+            below = plane_inlier_shares(samples, plane, view.tolerance)[1]
             near = view.error(plane) < tolerance
             if on > _PICTURE_SHARE and below <= _LEVEL_BELOW:
                 return _floor_result(view, plane, (on, below), "lower image", tolerance, level & near)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-__all__ = ["BlockSamples", "fit_plane", "plane_shares", "sample_blocks"]
+__all__ = ["BlockSamples", "fit_plane", "plane_inlier_shares", "sample_blocks"]
 
 LOWER_SHARE = 0.6
 """Height of the lower part of the image, in which a floor is searched without a mask."""
@@ -177,7 +177,7 @@ def _score(samples: BlockSamples, planes: Tensor, tolerance: float, some: Tensor
     return on - below
 
 
-def plane_shares(samples: BlockSamples, plane: Tensor, tolerance: float) -> tuple[float, float]:
+def plane_inlier_shares(samples: BlockSamples, plane: Tensor, tolerance: float) -> tuple[float, float]:
     """Return the share of candidates on a plane (3,), and of lower blocks over two tolerances below the plane."""
     error = samples.inverse - samples.rays @ plane
 

@@ -61,7 +61,7 @@ class ContactPrior(Backend):
 
     @classmethod
     def check(cls, result: ContactProbability, request: ContactPriorRequest) -> Iterator[str]:
-        """Check N rows of probabilities in [0, 1], on the mesh of the bodies or on the mesh in the result."""
+        """Check contact probabilities of N people: in [0, 1], one per vertex of the bodies or of ``result.rest``."""
         vertices, topology = request.vertices, request.topology
         if topology is None or vertices is None:
             vertices = result.probability.shape[-1]

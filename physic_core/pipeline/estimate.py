@@ -305,12 +305,12 @@ def _relative_floor(
 
 
 def _aligned(original: Pointmap, scene: Pointmap, hole: BoolArray, settings: EngineSettings) -> Pointmap:
-    from physic_core.engine.placement.human_points import align_original_to_scene
+    from physic_core.engine.placement.human_points import align_photo_points_to_scene
     from physic_core.geometry.alignment import apply_alignment
     from physic_core.geometry.tensors import tensor
 
     points = tensor(original.points)
-    alignment = align_original_to_scene(
+    alignment = align_photo_points_to_scene(
         points,
         tensor(original.valid),
         original.unknown,

@@ -19,9 +19,9 @@ from physic_core.engine.joint.released.visibility import mean_face_normals
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.placement.human_points import (
     FAR_M,
-    align_original_to_scene,
+    align_photo_points_to_scene,
     human_points,
-    move_original_to_scene,
+    move_photo_points_to_scene,
 )
 from physic_core.engine.placement.people import Detections, PlacedPeople, place_people
 from physic_core.engine.placement.place import PosedBodies
@@ -150,7 +150,7 @@ class _AlignedPhoto:
 
 def _align_photo(estimates: Estimates, scene: SceneState, settings: PlacementSettings) -> _AlignedPhoto:
     original, valid = tensor(estimates.original.points), tensor(estimates.original.valid)
-    alignment = align_original_to_scene(
+    alignment = align_photo_points_to_scene(
         original,
         valid,
         estimates.original.unknown,
@@ -160,7 +160,7 @@ def _align_photo(estimates: Estimates, scene: SceneState, settings: PlacementSet
         settings,
         far=FAR_M,
     )
-    aligned = move_original_to_scene(original, alignment, scene.K)
+    aligned = move_photo_points_to_scene(original, alignment, scene.K)
     people = tuple(human_points(aligned, valid, tensor(mask), settings) for mask in estimates.people.masks)
     return _AlignedPhoto(alignment, aligned, valid, people)
 

@@ -20,7 +20,7 @@ from physic_core.body.parameters import parameters_from_rotations
 from physic_core.body.parts import PART_NAMES
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.geometry.camera import pixel_grid, unproject
-from physic_core.geometry.released_pointmap import released_normals
+from physic_core.geometry.published_pointmap import published_normals
 from physic_core.pipeline.estimate import Estimates
 from physic_core.types import (
     SKELETONS,
@@ -91,7 +91,7 @@ class Published:
     def scene(self) -> tuple[Tensor, Tensor]:
         """Points and normals that are left of the scene, (M, 3) each."""
         kept, points = self.bits("one/out/pre/inlier"), self.points()
-        return points[kept], released_normals(points, torch.isfinite(points).all(-1))[kept]
+        return points[kept], published_normals(points, torch.isfinite(points).all(-1))[kept]
 
     @cached_property
     def floor(self) -> Tensor:

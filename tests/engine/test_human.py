@@ -17,7 +17,11 @@ from physic_core.body.joints import joint_pair
 from physic_core.engine.placement import human_points as human
 from physic_core.engine.placement import place as placing
 from physic_core.engine.placement import solvers
-from physic_core.engine.placement.human_points import align_original_to_scene, human_points, move_original_to_scene
+from physic_core.engine.placement.human_points import (
+    align_photo_points_to_scene,
+    human_points,
+    move_photo_points_to_scene,
+)
 from physic_core.engine.placement.people import Detections, place_people
 from physic_core.engine.placement.place import PeopleObservations, Placement, PosedBodies, place_bodies
 from physic_core.engine.placement.solvers import closed_form_translation, gauss_newton
@@ -366,10 +370,10 @@ def test_the_photo_is_aligned_outside_its_people_and_carries_them_along() -> Non
     relative = RAYS * (photo / 3.0)[..., None]
     # The network smears the person's rim, beyond the mask.
     relative[18:82, 43:77] *= torch.where(PERSON[18:82, 43:77], 1.0, 0.6)[..., None]
-    found = align_original_to_scene(relative, EVERYWHERE, "scale", RAYS * BACKGROUND[..., None], EVERYWHERE, PERSON)
+    found = align_photo_points_to_scene(relative, EVERYWHERE, "scale", RAYS * BACKGROUND[..., None], EVERYWHERE, PERSON)
     assert found.scale == pytest.approx(3.0)
     assert found.inlier_share > 0.95
-    placed = move_original_to_scene(relative, found, None)
+    placed = move_photo_points_to_scene(relative, found, None)
     torch.testing.assert_close(placed[PERSON][:, 2], torch.full((int(PERSON.sum()),), 2.0, dtype=torch.float64))
 
 
@@ -381,7 +385,7 @@ def test_where_two_maps_disagree_the_background_at_the_peoples_depth_decides() -
 
     def scale(settings: PlacementSettings) -> float:
         scene_points = RAYS * scene[..., None]
-        return align_original_to_scene(
+        return align_photo_points_to_scene(
             RAYS * photo[..., None], EVERYWHERE, "scale", scene_points, EVERYWHERE, PERSON, settings
         ).scale
 
@@ -392,7 +396,7 @@ def test_where_two_maps_disagree_the_background_at_the_peoples_depth_decides() -
 def test_far_background_takes_no_part_where_that_is_wanted() -> None:
     scene = BACKGROUND.clone()
     wrong = torch.where(scene > 5, scene * 1.5, scene)
-    found = align_original_to_scene(
+    found = align_photo_points_to_scene(
         RAYS * wrong[..., None], EVERYWHERE, "scale", RAYS * scene[..., None], EVERYWHERE, PERSON, far=5.0
     )
     assert (found.scale, found.inlier_share) == (pytest.approx(1.0), pytest.approx(1.0))
@@ -401,17 +405,17 @@ def test_far_background_takes_no_part_where_that_is_wanted() -> None:
 def test_aligned_points_are_put_on_the_rays_of_the_scenes_camera() -> None:
     K = intrinsics_matrix(150.0, 150.0, 59.5, 44.5, TRUE[0, 0])
     scene = RAYS * BACKGROUND[..., None]
-    found = align_original_to_scene(scene / 2, EVERYWHERE, "scale", scene, EVERYWHERE, PERSON)
-    placed = move_original_to_scene(scene / 2, found, K)
+    found = align_photo_points_to_scene(scene / 2, EVERYWHERE, "scale", scene, EVERYWHERE, PERSON)
+    placed = move_photo_points_to_scene(scene / 2, found, K)
     expected = pixel_rays(ROWS, COLUMNS, K) * BACKGROUND[..., None]
     torch.testing.assert_close(placed, expected)
 
 
 def test_without_a_common_background_nobody_has_points() -> None:
     scene = RAYS * BACKGROUND[..., None]
-    found = align_original_to_scene(scene, EVERYWHERE, "scale", scene, EVERYWHERE, EVERYWHERE)
+    found = align_photo_points_to_scene(scene, EVERYWHERE, "scale", scene, EVERYWHERE, EVERYWHERE)
     assert found.inlier_share == 0
-    assert len(human_points(move_original_to_scene(scene, found, None), EVERYWHERE, PERSON)) == 0
+    assert len(human_points(move_photo_points_to_scene(scene, found, None), EVERYWHERE, PERSON)) == 0
 
 
 def test_points_that_float_at_the_rim_are_no_human_points() -> None:

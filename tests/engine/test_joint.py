@@ -14,7 +14,7 @@ from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.terms import reprojection
 from physic_core.engine.presets import PRESETS
-from physic_core.engine.presets.paper import PaperJoint
+from physic_core.engine.presets.paper import PaperOptimisation
 from physic_core.errors import PhysicError
 
 from .adjusted import adjusted, with_options
@@ -274,7 +274,7 @@ def test_gradient_of_the_whole_energy(make_stage, settings):
         slopes[name] = torch.cat(
             [(torch.zeros_like(p) if g is None else g).reshape(-1) for g, p in zip(gradients, parameters, strict=True)]
         )
-    if isinstance(settings, PaperJoint):
+    if isinstance(settings, PaperOptimisation):
         del slopes["depth"]  # its nearest neighbours are found at every evaluation
     way = torch.nn.functional.normalize(torch.randn(len(here), generator=generator, dtype=torch.float64), dim=0)
     ends = []

@@ -27,7 +27,7 @@ from physic_core.engine.scene.camera import Cameras
 from physic_core.engine.scene.cleaning import outlier_mask
 from physic_core.geometry.floor import FloorEvidence
 from physic_core.geometry.neighbors import NearestPointSearch
-from physic_core.geometry.released_pointmap import released_normals
+from physic_core.geometry.published_pointmap import published_normals
 from physic_core.types import SKELETONS
 
 from .published import JOINT_SETS, SKELETON, Published
@@ -224,7 +224,7 @@ def whose_body(published: Published, whose: str) -> tuple[Tensor, float]:
 
 def test_stage_one_is_the_published_one(published: Published) -> None:
     points = published.points()
-    normals = released_normals(points, torch.isfinite(points).all(-1))
+    normals = published_normals(points, torch.isfinite(points).all(-1))
     assert float((normals[::6, ::6] - published["one/out/pre/normals_stride6"]).abs().max()) < 1e-5
     evidence = published.evidence()
     scene = build_scene(

@@ -21,7 +21,7 @@ from physic_core.engine.presets import PRESETS
 from physic_core.engine.scene.cleaning import outlier_mask
 from physic_core.geometry.camera import project
 from physic_core.geometry.neighbors import NearestPointSearch
-from physic_core.geometry.released_pointmap import released_floor_grid, released_normal_outliers, released_normals
+from physic_core.geometry.published_pointmap import published_floor_grid, published_normal_outliers, published_normals
 from physic_core.types import SKELETONS, Skeleton, skeleton_named
 
 from .adjusted import adjusted
@@ -252,12 +252,12 @@ def test_floor_samples_span_the_scene_in_x_and_z() -> None:
     normal = torch.tensor([0.0, -0.8, -0.6])
     x = torch.arange(100.0)
     points = torch.stack([x, torch.zeros(100), 2 * x], -1)
-    floor = released_floor_grid(normal, 1.5, points, 3)
+    floor = published_floor_grid(normal, 1.5, points, 3)
     assert floor[:, 0].tolist() == pytest.approx([2.0] * 3 + [50.0] * 3 + [98.0] * 3)
     assert floor[:3, 2].tolist() == pytest.approx([4.0, 100.0, 196.0])
     assert (floor @ normal + 1.5).abs().max() < 1e-4
-    assert not len(released_floor_grid(torch.tensor([1.0, 0.0, 0.0]), 1.5, points, 3))
-    assert not len(released_floor_grid(normal, 1.5, points[:0], 3))
+    assert not len(published_floor_grid(torch.tensor([1.0, 0.0, 0.0]), 1.5, points, 3))
+    assert not len(published_floor_grid(normal, 1.5, points[:0], 3))
 
 
 def test_normals_are_those_of_four_crosses_and_look_at_the_camera() -> None:
@@ -265,12 +265,12 @@ def test_normals_are_those_of_four_crosses_and_look_at_the_camera() -> None:
     v, u = torch.meshgrid(torch.arange(7.0), torch.arange(9.0), indexing="ij")
     points = torch.stack([u, v, 20 + u], -1)
     valid = torch.ones(7, 9, dtype=torch.bool)
-    normals = released_normals(points, valid)
+    normals = published_normals(points, valid)
     slope = torch.tensor([1.0, 0.0, -1.0]) / math.sqrt(2)
     torch.testing.assert_close(normals, slope.expand(7, 9, 3))
     valid[3, 4] = False
-    assert released_normals(points, valid)[3, 4].eq(0).all()
-    assert released_normals(1e-4 * points, torch.ones_like(valid)).eq(0).all()  # too near for its threshold
+    assert published_normals(points, valid)[3, 4].eq(0).all()
+    assert published_normals(1e-4 * points, torch.ones_like(valid)).eq(0).all()  # too near for its threshold
 
 
 def test_points_whose_normal_is_turned_from_their_neighbours_go() -> None:
@@ -278,8 +278,8 @@ def test_points_whose_normal_is_turned_from_their_neighbours_go() -> None:
     normals = torch.tensor([0.0, 0.0, -1.0]).repeat(50, 1)
     normals[7], normals[9] = torch.tensor([0.8, 0.0, -0.6]), torch.tensor([0.7, 0.0, -0.714])
     normals[11] = 0.0
-    assert released_normal_outliers(points, normals, 20).nonzero().flatten().tolist() == [7, 11]
-    assert not released_normal_outliers(points[:1], normals[:1], 20).any()
+    assert published_normal_outliers(points, normals, 20).nonzero().flatten().tolist() == [7, 11]
+    assert not published_normal_outliers(points[:1], normals[:1], 20).any()
 
 
 def test_outliers_count_the_point_itself_among_its_neighbours() -> None:

@@ -15,14 +15,14 @@ from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.schedule import minimise_with_restarts, select_start_poses
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.presets import PRESETS
-from physic_core.engine.presets.default import DefaultJoint
+from physic_core.engine.presets.default import DefaultOptimisation
 
 from .adjusted import adjusted
 
 JOINT = PRESETS["default"].joint
 
 
-class Late(DefaultJoint):
+class Late(DefaultOptimisation):
     """Preset "default" whose scene joins after half of the steps, as PROX's does."""
 
     scene_start_share = 0.5

@@ -9,12 +9,12 @@ from dataclasses import FrozenInstanceError, fields, is_dataclass
 import pytest
 
 from physic_core.engine.presets import PRESETS
-from physic_core.engine.presets.default import DefaultJoint
+from physic_core.engine.presets.default import DefaultOptimisation
 from physic_core.engine.settings import PRESET_NAMES, EngineSettings
 
 
 def test_presets_hold_ours_and_the_papers() -> None:
-    assert PRESETS["default"] == EngineSettings(joint=DefaultJoint())
+    assert PRESETS["default"] == EngineSettings(joint=DefaultOptimisation())
     paper = PRESETS["paper"]
     assert (paper.placement.reprojection_weight, paper.placement.chamfer_weight) == (5000.0, 0.6)
     assert (paper.placement.method, paper.scene.floor, paper.scene.align_residual) == ("paper", "metric", "metric")

@@ -26,11 +26,11 @@ _ANKLES = joint_pair("ankle")
 def finalize_scene(
     scene: SceneState, problem: JointProblem, result: JointResult, hole: Tensor, settings: SceneSettings
 ) -> tuple[SceneState, JointProblem]:
-    """Return the final scene after stage 3, still unscaled, and the problem with its points, depth and floor.
+    """Return the scene after the joint optimisation, and the problem with the points, depth and floor of that scene.
 
-    The local depth scales are applied. Inpainted points inside people are moved out. If no floor was found, one may be
-    placed under the soles. Normals are kept: the local depth scale rotates them by a few degrees only, at half a metre
-    and more from a person.
+    The scene's scale is not applied, the local depth scales are. Inpainted points inside people are moved out. If no
+    floor was found, one may be placed under the soles. Normals are kept: the local depth scale rotates them by a few
+    degrees only, at half a metre and more from a person.
 
     Args:
         hole: (H, W) bool, inpainted pixels.

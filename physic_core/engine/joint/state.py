@@ -23,7 +23,7 @@ from physic_core.types.short_repr import ShortRepr
 if TYPE_CHECKING:
     from physic_core.engine.joint.context import JointContext
 
-__all__ = ["GROUPS", "Estimate", "State", "unwhitened_state"]
+__all__ = ["GROUPS", "Estimate", "State", "build_unwhitened_state"]
 
 GROUPS: tuple[str, ...] = ("root", "pose", "hands", "betas", "translation", "scale", "offset", "warp")
 """Parameter groups: root rotation, rotations of body joints 1-21 and of both hands, shape, translation, scene scale,
@@ -326,7 +326,7 @@ class State:
         return torch.split(packed, sizes)
 
 
-def unwhitened_state(context: JointContext, frozen: Sequence[str]) -> State:
+def build_unwhitened_state(context: JointContext, frozen: Sequence[str]) -> State:
     """Build a state with unwhitened parameters, without depth offsets and local depth scales.
 
     The groups ``frozen`` are constant, and the scale as well if there is neither scene nor floor.

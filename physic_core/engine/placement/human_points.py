@@ -27,9 +27,9 @@ __all__ = [
     "ALIGN_TOLERANCE",
     "FAR_M",
     "MIN_ALIGN_INLIER_SHARE",
-    "align_original_to_scene",
+    "align_photo_points_to_scene",
     "human_points",
-    "move_original_to_scene",
+    "move_photo_points_to_scene",
     "subsample",
 ]
 
@@ -52,7 +52,7 @@ _FAR_WEIGHT = 0.05  # weight of background far from the people's depth
 _MARGIN_PX = 8
 
 
-def align_original_to_scene(
+def align_photo_points_to_scene(
     points: Tensor,
     valid: Tensor,
     unknown: AffineAmbiguity,
@@ -96,7 +96,7 @@ def align_original_to_scene(
     )
 
 
-def move_original_to_scene(points: Tensor, alignment: Alignment, K: Tensor | None) -> Tensor:
+def move_photo_points_to_scene(points: Tensor, alignment: Alignment, K: Tensor | None) -> Tensor:
     """Apply the alignment to the original photo's point map; if ``K`` (3, 3) is given, move points onto rays of ``K``.
 
     Returns:

@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from physic_core.engine.presets.default import DefaultJoint
-from physic_core.engine.presets.paper import PaperJoint
-from physic_core.engine.presets.prox import ProxJoint
-from physic_core.engine.presets.release import ReleasedJoint
+from physic_core.engine.presets.default import DefaultOptimisation
+from physic_core.engine.presets.paper import PaperOptimisation
+from physic_core.engine.presets.prox import ProxOptimisation
+from physic_core.engine.presets.release import ReleaseOptimisation
 from physic_core.engine.settings import ContactSettings, EngineSettings, PlacementSettings, SceneSettings
 
 __all__ = ["PRESETS"]
@@ -44,7 +44,7 @@ _PAPER = EngineSettings(
         floor_weight=0.0,
         stand_reach_m=0.0,
     ),
-    joint=PaperJoint(),
+    joint=PaperOptimisation(),
     contact=replace(_RELEASED_CONTACT, distance_m=_PRINTED_CONTACT_M, inside_m=_PRINTED_CONTACT_M),
 )
 
@@ -52,7 +52,7 @@ _RELEASE = replace(
     _PAPER,
     scene=replace(_PAPER.scene, normals="released"),
     placement=replace(_PAPER.placement, method="released"),
-    joint=ReleasedJoint(),
+    joint=ReleaseOptimisation(),
     contact=_RELEASED_CONTACT,
 )
 
@@ -66,12 +66,12 @@ _PROX = EngineSettings(
         floor_weight=0.0,
         stand_reach_m=0.0,
     ),
-    joint=ProxJoint(),
+    joint=ProxOptimisation(),
     contact=_RELEASED_CONTACT,
 )
 
 PRESETS: dict[str, EngineSettings] = {
-    "default": EngineSettings(joint=DefaultJoint()),
+    "default": EngineSettings(joint=DefaultOptimisation()),
     "paper": _PAPER,
     "release": _RELEASE,
     "prox": _PROX,

@@ -33,11 +33,11 @@ from physic_core.engine.joint.terms.stature import StatureSettings, StatureTerm
 from physic_core.engine.joint.terms.surface import SurfaceTermGroup, SurfaceTerms
 from physic_core.engine.joint.terms.surface_fused import fused_surface_energies
 
-__all__ = ["DefaultJoint"]
+__all__ = ["DefaultOptimisation"]
 
 
 @dataclass(frozen=True)
-class DefaultJoint(JointSettings):
+class DefaultOptimisation(JointSettings):
     """Settings of stage 3 in preset "default" (paper sec. 3.3, Eq. 5-7).
 
     A residual is divided by its "sigma", its expected size, and goes through a robust loss: beyond "outlier_sigmas" it

@@ -42,7 +42,7 @@ from physic_core.engine.joint.context import JointContext, Keypoints
 from physic_core.engine.joint.energy_options import EnergyOptions
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.settings import AdamSettings, JointSettings
-from physic_core.engine.joint.state import State, unwhitened_state
+from physic_core.engine.joint.state import State, build_unwhitened_state
 from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.terms.chamfer import ChamferSettings, ChamferTerm
 from physic_core.engine.joint.terms.point_contact import PointContactSettings, PointContactTerm
@@ -56,7 +56,7 @@ from physic_core.engine.joint.terms.scene_scale import SceneScaleTerm
 from physic_core.engine.joint.visibility import SelfOcclusion, Visibility, update_visibility
 from physic_core.geometry.robust import robust_loss
 
-__all__ = ["CONTACT_RANGE_M", "PaperJoint", "PaperReprojectionSettings", "PaperVisibilitySettings"]
+__all__ = ["CONTACT_RANGE_M", "PaperOptimisation", "PaperReprojectionSettings", "PaperVisibilitySettings"]
 
 CONTACT_RANGE_M = 0.15
 """Largest distance of a vertex in contact (eps of L_c), metres; as released, since it is not printed."""
@@ -90,7 +90,7 @@ class PaperVisibilitySettings:
 
 
 @dataclass(frozen=True)
-class PaperJoint(JointSettings):
+class PaperOptimisation(JointSettings):
     """Settings of stage 3 as printed in the paper: raw parameters, Adam, nearest-point distances, equal vertex weights.
 
     Attributes:
@@ -144,7 +144,7 @@ class PaperJoint(JointSettings):
 
     def initial_state(self, context: JointContext) -> State:
         """Return raw parameters: two columns of each rotation, translation, shape and scale."""
-        return unwhitened_state(context, self.frozen)
+        return build_unwhitened_state(context, self.frozen)
 
     def terms(self, context: JointContext, state: State) -> Sequence[Term]:
         """Return the terms of Eq. 5 as printed."""

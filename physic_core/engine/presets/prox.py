@@ -26,7 +26,7 @@ from physic_core.engine.joint.context import JointContext, Keypoints
 from physic_core.engine.joint.energy_options import EnergyOptions
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.settings import JointSettings, LbfgsSettings
-from physic_core.engine.joint.state import State, unwhitened_state
+from physic_core.engine.joint.state import State, build_unwhitened_state
 from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.terms.limits import LimitSettings, LimitTerm
 from physic_core.engine.joint.terms.point_contact import PointContactTerm
@@ -35,7 +35,7 @@ from physic_core.engine.joint.terms.printed_regularisation import ParameterPrior
 from physic_core.engine.joint.terms.reprojection import ReprojectionTerm, confident_keypoints
 from physic_core.geometry.robust import robust_loss
 
-__all__ = ["ProxContactSettings", "ProxJoint", "ProxPriorSettings", "ProxReprojectionSettings"]
+__all__ = ["ProxContactSettings", "ProxOptimisation", "ProxPriorSettings", "ProxReprojectionSettings"]
 
 _FULL_HD_PX = 1920  # long side of PROX's images, which define the scale of its robust reprojection loss
 _REPROJECTION_SCALE_PX = 100.0
@@ -83,7 +83,7 @@ class ProxPriorSettings:
 
 
 @dataclass(frozen=True)
-class ProxJoint(JointSettings):
+class ProxOptimisation(JointSettings):
     """Settings of stage 3 as in PROX: constant scene, and no contact and penetration terms in the first steps.
 
     Attributes:
@@ -128,7 +128,7 @@ class ProxJoint(JointSettings):
 
     def initial_state(self, context: JointContext) -> State:
         """Return raw parameters: two columns of each rotation, translation and shape."""
-        return unwhitened_state(context, self.frozen)
+        return build_unwhitened_state(context, self.frozen)
 
     def terms(self, context: JointContext, state: State) -> Sequence[Term]:
         """Return the terms of PROX without self-penetration and bending prior."""

@@ -44,17 +44,17 @@ from physic_core.engine.joint.terms.point_penetration import PointPenetrationSet
 from physic_core.engine.joint.terms.printed_regularisation import PrintedRegularisationSettings
 from physic_core.engine.joint.terms.scene_scale import SceneScaleTerm
 from physic_core.engine.joint.visibility import SelfOcclusion, Visibility
-from physic_core.engine.presets.paper import CONTACT_RANGE_M, PaperJoint
+from physic_core.engine.presets.paper import CONTACT_RANGE_M, PaperOptimisation
 from physic_core.geometry.robust import robust_loss
 
-__all__ = ["ReleasedJoint"]
+__all__ = ["ReleaseOptimisation"]
 
 _FACING_DEG = 80.0
 _barron = partial(robust_loss, "barron", c=1.0)
 
 
 @dataclass(frozen=True)
-class ReleasedJoint(PaperJoint):
+class ReleaseOptimisation(PaperOptimisation):
     """Settings of stage 3 as released: robust loss per axis, absolute reprojection errors, and the union of all masks.
 
     Attributes:

@@ -34,7 +34,7 @@ from physic_core.geometry.alignment import (
 from physic_core.geometry.floor import FloorEvidence, PlaneFit
 from physic_core.geometry.plane import height_over_plane, sample_plane
 from physic_core.geometry.pointmap import depth_edges, depth_to_pointmap, normals
-from physic_core.geometry.released_pointmap import released_normal_outliers, released_normals
+from physic_core.geometry.published_pointmap import published_normal_outliers, published_normals
 from physic_core.types import AffineAmbiguity
 from physic_core.types.short_repr import ShortRepr
 
@@ -219,12 +219,12 @@ def _surface(points: Tensor, known: Tensor, settings: SceneSettings) -> tuple[Te
     rows, columns = known.shape
     ratio = edge_ratio(settings.outliers, rows, columns)
     released = settings.normals == "released"
-    surface = released_normals(points, known) if released else normals(points, known, ratio)
+    surface = published_normals(points, known) if released else normals(points, known, ratio)
     edges = depth_edges(points[..., 2], known, ratio)
     outliers = outlier_mask(points, known & ~edges, settings.outliers)
     if released:
         kept = known & ~edges & ~outliers
-        outliers[kept] = released_normal_outliers(points[kept], surface[kept], int(KNN_SHARE * min(rows, columns)))
+        outliers[kept] = published_normal_outliers(points[kept], surface[kept], int(KNN_SHARE * min(rows, columns)))
     return surface, edges, outliers
 
 

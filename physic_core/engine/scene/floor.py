@@ -11,7 +11,7 @@ from physic_core.geometry import floor as disparity_floor
 from physic_core.geometry import floor_metric
 from physic_core.geometry.camera import unproject
 from physic_core.geometry.floor import FloorEvidence, FloorSearch, PlaneFit, fit_floor
-from physic_core.geometry.released_pointmap import released_floor_grid
+from physic_core.geometry.published_pointmap import published_floor_grid
 
 __all__ = [
     "feet_on_floor",
@@ -59,7 +59,7 @@ def min_inlier_share(strategy: Strategy) -> float:
 
 def floor_grid(floor: PlaneFit, scene: Tensor) -> Tensor:
     """Sample 10000 floor points (10000, 3) over the extent of the scene (P, 3), metres, as in the released code."""
-    return released_floor_grid(floor.normal, floor.offset, scene, _GRID_SIDE)
+    return published_floor_grid(floor.normal, floor.offset, scene, _GRID_SIDE)
 
 
 def feet_on_floor(floor: PlaneFit, feet_px: Tensor | None, camera: Tensor, far_m: float) -> Tensor | None:

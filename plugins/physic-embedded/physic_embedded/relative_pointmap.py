@@ -20,7 +20,7 @@ from physic_embedded.single_view.disparity_floor import fit_disparity_floor
 from physic_embedded.single_view.disparity_offset import disparity_at_infinity
 from physic_embedded.single_view.flying_pixels import flying_pixels
 from physic_embedded.single_view.focal import stable_manhattan_frame
-from physic_embedded.single_view.gravity import gravity_from_frame, gravity_from_segments
+from physic_embedded.single_view.gravity import gravity_from_manhattan_frame, gravity_from_segments
 from physic_embedded.standing import StandingPerson, standing_people
 
 if TYPE_CHECKING:
@@ -137,7 +137,7 @@ class EmbeddedPointmap(RelativePointmap):
             if frame is not None:
                 camera = Intrinsics.from_focal(frame.focal_px, width, height, "vanishing points")
                 note = f"focal length {frame.focal_px:.0f} px from the vanishing points of straight edges"
-                return camera, _EdgeCues(frame, gravity_from_frame(frame)), [note]
+                return camera, _EdgeCues(frame, gravity_from_manhattan_frame(frame)), [note]
             focal = self.options.default_focal * max(width, height)
             source = f"default ({self.options.default_focal:g} x the long side)"
             camera = Intrinsics.from_focal(focal, width, height, source, CameraTrust.GUESSED)

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from physic_embedded.networks.line_segments import detect_line_segments, segments_outside_mask
 from physic_embedded.networks.sessions import open_session
 from physic_embedded.single_view.focal import manhattan_frame, stable_manhattan_frame
-from physic_embedded.single_view.gravity import gravity_from_frame, gravity_from_segments
+from physic_embedded.single_view.gravity import gravity_from_manhattan_frame, gravity_from_segments
 
 WIDTH, HEIGHT = 800, 600
 
@@ -98,7 +98,7 @@ def test_the_frame_s_most_vertical_axis_is_gravity() -> None:
     turn = Rotation.from_euler("yx", [30, 10], degrees=True).as_matrix()
     frame = manhattan_frame(edges_of_a_room(640.0, turn, count=60, noise=0.0, clutter=0, seed=5), WIDTH, HEIGHT)
     assert frame is not None
-    gravity = gravity_from_frame(frame)
+    gravity = gravity_from_manhattan_frame(frame)
     assert gravity is not None
     assert gravity.down[1] > 0.9
     assert np.abs(turn.T @ gravity.down).max() > 0.999

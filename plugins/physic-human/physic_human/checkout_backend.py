@@ -106,7 +106,7 @@ class CheckoutNetwork:
         self.network, self.device = network.eval().to(device), device
 
     def close(self) -> None:
-        """Release network and code."""
+        """Unload the network and the modules of the checkout."""
         self.network = None
         self.checkout.close()
 
@@ -154,7 +154,7 @@ class CheckoutBackend(Backend):
         return self._checkout_network.fingerprint()
 
     def close(self) -> None:
-        """Release network and code."""
+        """Unload the network and the modules of the checkout."""
         self._checkout_network.close()
 
     def _load_checkpoint(

@@ -56,7 +56,7 @@ def load_rest_mesh(path: str) -> RestMesh | None:
 
 
 def posed_bodies(body: SmplBody, rotations: FloatArray, betas: FloatArray, transl: FloatArray) -> Bodies:
-    """Return N bodies of the model "smpl" with joints and mesh; non-finite rows stay NaN.
+    """Pose the SMPL model for N people, and return joints and mesh; people with non-finite parameters stay NaN.
 
     Args:
         body: of :func:`open_smpl`.

@@ -134,8 +134,8 @@ def _mesh(loaded: LoadedGraph, feed: dict[str, NDArray[Any]], vertices: FloatArr
     """Return the mesh of the bodies."""
     from physic_core.types import Mesh
 
-    from .top_down import run_constants
+    from .top_down import constant_outputs
 
     names = ["faces", *(["rest"] if loaded.has_output("rest") else [])]
-    faces, *rest = run_constants(loaded, feed, names)
+    faces, *rest = constant_outputs(loaded, feed, names)
     return Mesh("smpl", vertices.astype(np.float32), faces.astype(np.int64), rest[0] if rest else None)

@@ -62,13 +62,13 @@ class Deco(OnnxBackend, ContactPrior):
         from physic_core.adapters.contact_crop import contact_crop
         from physic_core.types import ContactProbability, RestMesh
 
-        from .top_down import run_batches, run_constants
+        from .top_down import constant_outputs, run_batches
 
         loaded = self.loaded()
         options = self.options
         crops = [contact_crop(image, box, growth=options.growth, fit=options.fit) for box in people.boxes]
         feed = {"image": np.stack(crops) if crops else np.zeros((1, 3, INPUT_SIDE, INPUT_SIDE), np.float32)}
-        faces, rest = run_constants(loaded, feed, ["faces", "rest"])
+        faces, rest = constant_outputs(loaded, feed, ["faces", "rest"])
         mesh = RestMesh("smpl", rest.astype(np.float32), faces.astype(np.int64))
         if not crops:
             return ContactProbability(np.zeros((0, len(rest)), np.float32), mesh.topology, mesh)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from .one_graph import LoadedGraph
 
-__all__ = ["SKELETON_BY_JOINTS", "crop_batch", "run_batches", "run_constants", "size_or_default", "skeleton_name"]
+__all__ = ["SKELETON_BY_JOINTS", "constant_outputs", "crop_batch", "run_batches", "size_or_default", "skeleton_name"]
 
 SKELETON_BY_JOINTS: dict[int, str] = {17: "coco17", 23: "coco23", 26: "halpe26", 133: "coco_wholebody133"}
 """Number of joints -> skeleton name."""
@@ -102,7 +102,9 @@ def run_batches(
     return [np.concatenate(parts) for parts in zip(*found, strict=True)]
 
 
-def run_constants(loaded: LoadedGraph, feed: Mapping[str, NDArray[Any]], outputs: Sequence[str]) -> list[NDArray[Any]]:
+def constant_outputs(
+    loaded: LoadedGraph, feed: Mapping[str, NDArray[Any]], outputs: Sequence[str]
+) -> list[NDArray[Any]]:
     """Return outputs that do not depend on the input, such as an exported mesh.
 
     Nothing but these is computed.

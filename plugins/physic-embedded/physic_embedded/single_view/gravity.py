@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Gravity", "gravity_from_frame", "gravity_from_segments"]
+__all__ = ["Gravity", "gravity_from_manhattan_frame", "gravity_from_segments"]
 
 _MAX_TILT_DEG = 25.0  # from the image's vertical; a pitched camera fans upright edges out
 _MAX_PITCH_DEG = 35.0
@@ -41,7 +41,7 @@ class Gravity:
     source: str
 
 
-def gravity_from_frame(frame: ManhattanFrame) -> Gravity | None:
+def gravity_from_manhattan_frame(frame: ManhattanFrame) -> Gravity | None:
     """Return gravity from the most vertical axis of a Manhattan frame, or None if no axis is near the vertical."""
 
     axis = frame.axes[np.abs(frame.axes[:, 1]).argmax()]

@@ -130,7 +130,7 @@ def stool(
     height: float | None = None,
     width: float | None = None,
 ) -> Blocks:
-    """Build a stool or pouffe; the seat is the last block."""
+    """Build a stool or pouffe; the seat is the last box of the list."""
     height, width = _drawn(rng, height, 0.40, 0.50), _drawn(rng, width, 0.34, 0.44)
     if rng.random() < 0.4:
         return move_blocks([_slab((0, height / 2, 0), (width, height, width), "fabric")], place, yaw)
@@ -148,7 +148,7 @@ def bench(
     depth: float | None = None,
     material: str = "wood",
 ) -> Blocks:
-    """Build a bench without a back; the seat is the last block."""
+    """Build a bench without a back; the seat is the last box of the list."""
     width, height = _drawn(rng, width, 1.2, 1.8), _drawn(rng, height, 0.42, 0.48)
     depth = _drawn(rng, depth, 0.36, 0.44)
     thick = 0.05
@@ -169,7 +169,7 @@ def bed(
     height: float | None = None,
     pillow: float | None = None,
 ) -> Blocks:
-    """Build a bed with a headboard at -z and a pillow; the mattress is the first block."""
+    """Build a bed with a headboard at -z and a pillow; the mattress is the first box of the list."""
     width, length = _drawn(rng, width, 1.0, 1.6), _drawn(rng, length, 2.0, 2.1)
     height, pillow = _drawn(rng, height, 0.40, 0.55), _drawn(rng, pillow, 0.07, 0.11)
     mattress = _slab((0, height - 0.10, 0), (width, 0.20, length), "fabric")
@@ -189,7 +189,7 @@ def table(
     height: float | None = None,
     panel: bool = False,
 ) -> Blocks:
-    """Build a table with the top as first block; ``panel`` adds a front panel on the +z side."""
+    """Build a table with the top as first box of the list; ``panel`` adds a front panel on the +z side."""
     width, depth = _drawn(rng, width, 1.0, 1.6), _drawn(rng, depth, 0.65, 0.85)
     height = _drawn(rng, height, 0.71, 0.77)
     top = _slab((0, height - 0.018, 0), (width, 0.036, depth), "wood")
@@ -207,7 +207,7 @@ def counter(
     depth: float | None = None,
     height: float | None = None,
 ) -> Blocks:
-    """Build a closed cupboard with a worktop; the worktop is the first block."""
+    """Build a closed cupboard with a worktop; the worktop is the first box of the list."""
     width, depth = _drawn(rng, width, 1.4, 2.2), _drawn(rng, depth, 0.45, 0.65)
     height = _drawn(rng, height, 0.88, 1.08)
     top = _slab((0, height - 0.02, 0), (width, 0.04, depth), "stone")
@@ -284,7 +284,7 @@ def railing(
     width: float | None = None,
     height: float | None = None,
 ) -> Blocks:
-    """Build a handrail along x: the top rail is the first block, then two lower rails and the posts."""
+    """Build a handrail along x: the top rail is the first box of the list, then two lower rails and the posts."""
     width, height = _drawn(rng, width, 1.2, 2.0), _drawn(rng, height, 0.92, 1.08)
     count = max(2, round(width / 0.6) + 1)
     rails = [

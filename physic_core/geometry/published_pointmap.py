@@ -10,12 +10,12 @@ from torch import Tensor
 
 from physic_core.geometry.neighbors import nearest_other_points
 
-__all__ = ["released_floor_grid", "released_normal_outliers", "released_normals"]
+__all__ = ["published_floor_grid", "published_normal_outliers", "published_normals"]
 
 _LEAST_CROSS = 1e-6  # square metres; below, no normal
 
 
-def released_normals(points: Tensor, valid: Tensor) -> Tensor:
+def published_normals(points: Tensor, valid: Tensor) -> Tensor:
     """Return normals towards the camera: means of the unit cross products of differences to adjacent neighbours.
 
     Args:
@@ -38,7 +38,7 @@ def released_normals(points: Tensor, valid: Tensor) -> Tensor:
     return F.normalize(total, dim=-1) * valid[..., None]
 
 
-def released_normal_outliers(points: Tensor, normals: Tensor, neighbors: int, max_angle_deg: float = 50.0) -> Tensor:
+def published_normal_outliers(points: Tensor, normals: Tensor, neighbors: int, max_angle_deg: float = 50.0) -> Tensor:
     """Return points whose normal is zero or differs from the mean normal of their neighbours: (M,) bool.
 
     Args:
@@ -57,7 +57,7 @@ def released_normal_outliers(points: Tensor, normals: Tensor, neighbors: int, ma
     return alike < math.cos(math.radians(max_angle_deg))
 
 
-def released_floor_grid(normal: Tensor, offset: float, points: Tensor, count: int) -> Tensor:
+def published_floor_grid(normal: Tensor, offset: float, points: Tensor, count: int) -> Tensor:
     """Sample a grid on a floor plane, from the 2nd to the 98th percentile of the scene in x and z; z varies fastest.
 
     Args:
