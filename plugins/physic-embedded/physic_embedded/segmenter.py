@@ -1,4 +1,4 @@
-"""Segment people and floor: BlazePose detects people, MobileSAM segments them."""
+"""Segment people and floor: YOLOX and BlazePose detect people, MobileSAM segments them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from physic_embedded.keypoint_detector import keypoints_from_poses
 from physic_embedded.networks.mobile_sam import encode_image
 from physic_embedded.networks.sessions import PackagedNetworks
 from physic_embedded.segmentation.floor_mask import floor_mask
-from physic_embedded.segmentation.people import detect_poses
+from physic_embedded.segmentation.people import SearchSettings, detect_poses
 from physic_embedded.segmentation.person_masks import person_mask, resolve_overlaps
 
 if TYPE_CHECKING:
@@ -23,14 +23,20 @@ if TYPE_CHECKING:
 
 __all__ = ["EmbeddedSegmenter", "EmbeddedSegmenterOptions"]
 
-NETWORKS = ("pose_detection", "pose_landmark_heavy", "mobilesam_encoder", "mobilesam_decoder")
+NETWORKS = ("yolox_nano", "pose_detection", "pose_landmark_heavy", "mobilesam_encoder", "mobilesam_decoder")
 
 
 class EmbeddedSegmenterOptions(Options):
     """Settings of :class:`EmbeddedSegmenter`."""
 
+    box_score: float = Field(
+        default=0.4, ge=0, le=1, description="Lowest score of a person's box by YOLOX; 0.1 more is needed in a tile."
+    )
     sure_score: float = Field(
-        default=0.75, ge=0, le=1, description="Detector score from which a candidate is a person; 0.6 finds chairs too."
+        default=0.75,
+        ge=0,
+        le=1,
+        description="BlazePose score from which a candidate without a box is a person; 0.6 finds chairs too.",
     )
     weak_score: float = Field(
         default=0.3,
@@ -63,7 +69,7 @@ class EmbeddedSegmenter(Segmenter):
         self._networks = PackagedNetworks(*NETWORKS)
 
     def load(self, device: str = "cpu") -> None:
-        """Open the four networks.
+        """Open the five networks.
 
         Raises:
             DeviceError: the device is not there.
@@ -78,22 +84,26 @@ class EmbeddedSegmenter(Segmenter):
         """Segment the people and the floor of an image (H, W, 3); people are sorted by score."""
         networks, options = self._networks, self.options
         found = detect_poses(
+            networks["yolox_nano"],
             networks["pose_detection"],
             networks["pose_landmark_heavy"],
             image,
-            sure=options.sure_score,
-            weak=options.weak_score,
-            fractions=options.tile_fractions,
-            most=options.max_people,
+            SearchSettings(
+                box_score=options.box_score,
+                sure=options.sure_score,
+                weak=options.weak_score,
+                fractions=options.tile_fractions,
+                max_people=options.max_people,
+            ),
         )
-        poses = [pose for pose, _ in found]
+        poses = [person.pose for person in found]
         masks, floor = self._masks(image, poses)
         boxes = boxes_from_masks(masks).astype(np.float32)
         tall = boxes[:, 3] - boxes[:, 1] >= max(options.min_height_px, 1.0)
         return People(
             masks=masks[tall],
             boxes=boxes[tall],
-            scores=np.array([score for _, score in found], np.float32)[tall],
+            scores=np.array([person.score for person in found], np.float32)[tall],
             floor=floor,
             keypoints=keypoints_from_poses([p for p, t in zip(poses, tall, strict=True) if t], *image.shape[:2]),
         )

@@ -18,8 +18,17 @@ from physic_embedded.networks.mobile_sam import ImageEmbedding, encode_image, pr
 from physic_embedded.networks.pose import MIRROR_PAIRS, Pose
 from physic_embedded.networks.sessions import open_session
 from physic_embedded.networks.single_shot_detection import Detection, anchor_centers, decode_detections
+from physic_embedded.networks.tiles import tiles
 from physic_embedded.segmentation.floor_mask import ground_points
-from physic_embedded.segmentation.people import DETECTOR_LAYERS, is_person, is_same_person, merge_candidates, tiles
+from physic_embedded.segmentation.people import (
+    DETECTOR_LAYERS,
+    DetectedPose,
+    box_fit,
+    is_person,
+    is_same_person,
+    mask_overlap,
+    merge_candidates,
+)
 from physic_embedded.segmentation.person_masks import PersonMask, resolve_overlaps
 from physic_embedded.segmenter import EmbeddedSegmenter, EmbeddedSegmenterOptions
 from physic_testing import violations
@@ -181,15 +190,37 @@ def test_a_weak_candidate_must_look_the_same_in_a_mirror() -> None:
     assert not is_person(replace(pose, score=0.4), 0.8, sure=0.75)
 
 
-def test_two_poses_are_one_body_when_their_trunks_lie_together() -> None:
-    assert is_same_person(pose_at((100, 100)), pose_at((110, 100)))
-    assert not is_same_person(pose_at((100, 100)), pose_at((180, 100)))
+def test_two_poses_are_one_person_if_their_trunks_are_together() -> None:
+    box = np.array([0.0, 0.0, 200.0, 200.0])
+    first = DetectedPose(pose_at((100, 100)), 1.0, box)
+    assert is_same_person(first, DetectedPose(pose_at((110, 100)), 1.0, box))
+    assert not is_same_person(first, DetectedPose(pose_at((180, 100)), 1.0, box))
 
 
-def test_two_poses_are_one_body_when_they_share_a_nose() -> None:
+def test_a_pose_without_a_box_is_of_the_person_whose_mask_it_covers() -> None:
+    """The trunks are 40 px apart, more than half of 60 px; the masks are squares of 250 px that overlap by 84 %."""
+    box = np.array([0.0, 0.0, 200.0, 200.0])
+    first, second = pose_at((100, 100)), pose_at((140, 100))
+    assert mask_overlap(first, second) == pytest.approx(210 / 250, abs=0.02)
+    assert is_same_person(DetectedPose(first, 1.0, box), DetectedPose(second, 1.0))
+    assert not is_same_person(DetectedPose(first, 1.0, box), DetectedPose(second, 1.0, box))
+
+
+def test_two_poses_are_one_person_if_masks_and_noses_are_together() -> None:
+    box = np.array([0.0, 0.0, 200.0, 200.0])
     short, tall = pose_at((100, 100)), pose_at((100, 160), height=330)
     assert np.linalg.norm(short.points[0] - tall.points[0]) < 10
-    assert is_same_person(short, tall)
+    assert is_same_person(DetectedPose(short, 1.0, box), DetectedPose(tall, 1.0, box))
+
+
+def test_a_pose_fits_the_box_around_its_joints_and_its_mask() -> None:
+    pose = pose_at((100, 100))
+    square = np.array([-25.0, -25.0, 225.0, 225.0])
+    joints = np.array([*pose.points.min(axis=0), *pose.points.max(axis=0)])
+    between = box_iou(joints[None], square[None])[0, 0]
+    assert box_fit(pose, square) == pytest.approx(between, rel=0.05)
+    assert box_fit(pose, joints) == pytest.approx(between, rel=0.05)
+    assert box_fit(pose, square + 500) == 0
 
 
 def test_confidence_is_zero_outside_the_photo() -> None:
@@ -350,4 +381,4 @@ def test_the_same_photo_gives_the_same_count_people(
 def test_a_segmenter_that_is_not_loaded_says_so(image: NDArray[np.uint8]) -> None:
     with pytest.raises(BackendError) as error:
         EmbeddedSegmenter().infer(image)
-    assert str(error.value) == "network 'pose_detection' is not loaded: call load() before infer()"
+    assert str(error.value) == "network 'yolox_nano' is not loaded: call load() before infer()"

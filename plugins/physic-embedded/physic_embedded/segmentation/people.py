@@ -1,98 +1,195 @@
-"""Detect several people with networks made for one person.
+"""Detect the poses of all people in an image.
 
-The pose detector expects one person in front of the camera. For groups, it also runs on overlapping tiles of the photo,
-detections of the same body are merged, and the landmark network rejects false ones.
+YOLOX detects people as boxes. The landmark network, which expects one person, runs on each box. BlazePose's own
+detector adds people that YOLOX misses, and a second start for the landmark network.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from physic_core.adapters.detections import box_iou
-from physic_embedded.networks.crops import ImagePyramid, letterbox_square
+from physic_embedded.networks.crops import ImagePyramid, RotatedSquare, letterbox_square
 from physic_embedded.networks.pose import person_square, predict_pose
 from physic_embedded.networks.single_shot_detection import Detection, anchor_centers, decode_detections
+from physic_embedded.networks.tiles import tiles
+from physic_embedded.networks.yolox import detect_boxes
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
+    from physic_core.adapters.detections import Detections
     from physic_core.adapters.onnx_sessions import OnnxSession
     from physic_embedded.networks.pose import Pose
 
     Float = NDArray[np.floating[Any]]
 
-__all__ = ["detect_people", "detect_poses", "is_person", "is_same_person", "merge_candidates", "tiles"]
+__all__ = [
+    "DetectedPose",
+    "SearchSettings",
+    "box_fit",
+    "detect_people",
+    "detect_poses",
+    "is_person",
+    "is_same_person",
+    "mask_overlap",
+    "merge_candidates",
+    "square_around",
+]
 
 DETECTOR_SIZE = 224
 DETECTOR_LAYERS = ((8, 2), (16, 2), (32, 6))
 TORSO = [11, 12, 23, 24]
+BOX_TILES = (0.5,)
+"""Sides of the tiles for YOLOX, over the image's long side."""
+TILE_MARGIN = 0.1
+"""Added to the lowest score of YOLOX in a tile, where a close view of anything looks more like a person."""
+MIN_BOX_FIT = 0.15
+"""A pose with a lower fit to its box belongs to another person or to nothing."""
+SIMILAR_FIT = 0.85
+"""Poses with this share of the best fit are compared by their mirror images."""
+
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """Settings of the search for people.
+
+    Attributes:
+        box_score: lowest score of a YOLOX box in the full image.
+        sure: BlazePose score from which a candidate is a person, see :func:`is_person`.
+        weak: BlazePose score from which a candidate is tried; 0.2 more in a tile.
+        fractions: sides of the tiles over the image's long side, for BlazePose; empty to search the full image only.
+        max_people: number of people that are kept.
+    """
+
+    box_score: float = 0.4
+    sure: float = 0.75
+    weak: float = 0.3
+    fractions: tuple[float, ...] = (0.6, 0.4)
+    max_people: int = 20
+
+
+@dataclass(frozen=True)
+class DetectedPose:
+    """Pose of one person, with the score and the box of the detection.
+
+    Attributes:
+        pose: of the landmark network.
+        score: in [0, 1].
+        box: (4,) x0 y0 x1 y1 px of YOLOX, or None if only BlazePose detected the person.
+    """
+
+    pose: Pose
+    score: float
+    box: Float | None = None
 
 
 def detect_poses(
-    detector: OnnxSession,
+    box_detector: OnnxSession,
+    pose_detector: OnnxSession,
     landmarker: OnnxSession,
     image: NDArray[np.uint8],
-    *,
-    sure: float = 0.75,
-    weak: float = 0.3,
-    fractions: Sequence[float] = (0.6, 0.4),
-    most: int = 20,
-) -> list[tuple[Pose, float]]:
-    """Detect the poses of all people in an image, and return them with their scores, best first.
-
-    Of several candidates on one body, the one whose joints agree best with those of its mirror image stays.
+    settings: SearchSettings,
+) -> list[DetectedPose]:
+    """Detect the poses of all people in an image (H, W, 3), best first.
 
     Args:
-        detector: session of ``pose_detection``.
+        box_detector: session of ``yolox_nano``.
+        pose_detector: session of ``pose_detection``.
         landmarker: session of ``pose_landmark_heavy``.
-        image: (H, W, 3).
-        sure: detector score from which a candidate is a person, see :func:`is_person`.
-        weak: detector score from which a candidate is looked at; 0.2 more in a tile, where a close view of anything
-            looks more like a person.
-        fractions: tile sides over the photo's long side.
-        most: at most so many people.
+        image: RGB.
+        settings: of the search.
     """
     picture = ImagePyramid.from_image(image)
-    weak = min(weak, sure)
-    seen = []
-    for d in detect_people(detector, picture, weak, min(weak + 0.2, sure), fractions)[: 2 * most]:
-        pose = predict_pose(landmarker, picture, person_square(d.keypoints[0], d.keypoints[1]))
-        if is_person(pose, d.score, sure):
-            seen.append((pose, d.score * pose.score))
-    kept: list[tuple[Pose, float]] = []
-    for pose, score in sorted(seen, key=lambda s: s[0].mirror_gap):
-        if not any(is_same_person(pose, k) for k, _ in kept):
-            kept.append((pose, score))
-    return sorted(kept, key=lambda s: -s[1])[:most]
+    boxes = detect_boxes(
+        box_detector,
+        image,
+        min_score=settings.box_score,
+        min_tile_score=min(1.0, settings.box_score + TILE_MARGIN),
+        fractions=BOX_TILES if settings.fractions else (),
+    )
+    weak = min(settings.weak, settings.sure)
+    detections = detect_people(pose_detector, picture, weak, min(weak + 0.2, settings.sure), settings.fractions)
+    blazepose = [
+        (predict_pose(landmarker, picture, person_square(d.keypoints[0], d.keypoints[1])), d.score)
+        for d in detections[: 2 * settings.max_people]
+    ]
+    found = _poses_of_boxes(landmarker, picture, boxes, [pose for pose, _ in blazepose])
+    found += [
+        DetectedPose(pose, 0.5 * score * pose.score)
+        for pose, score in blazepose
+        if is_person(pose, score, settings.sure)
+    ]
+    kept: list[DetectedPose] = []
+    for person in sorted(found, key=lambda person: -person.score):
+        if not any(is_same_person(person, other) for other in kept):
+            kept.append(person)
+    return kept[: settings.max_people]
 
 
-def tiles(width: int, height: int, fractions: Sequence[float], smallest: int = 160) -> Iterator[tuple[int, int, int]]:
-    """Yield overlapping squares (x, y, side) that cover a photo.
+def _poses_of_boxes(
+    landmarker: OnnxSession, picture: ImagePyramid, boxes: Detections, others: Sequence[Pose]
+) -> list[DetectedPose]:
+    """Return the best pose for each box, from the box and from the poses ``others``."""
+    found = []
+    for box, score in zip(boxes.boxes, boxes.scores, strict=True):
+        own = predict_pose(landmarker, picture, square_around(box))
+        poses = [own, *(pose for pose in others if _iou(joints_box(pose), box) > 0.4)]
+        fits = np.array([box_fit(pose, box) for pose in poses])
+        similar = [pose for pose, fit in zip(poses, fits, strict=True) if fit >= SIMILAR_FIT * fits.max()]
+        best = min(similar, key=lambda pose: pose.mirror_gap - 0.05 * pose.score)
+        if best.score > 0.5 and fits.max() > MIN_BOX_FIT:
+            found.append(DetectedPose(best, float(score * best.score * np.sqrt(fits.max())), box))
+    return found
 
-    Args:
-        width: of the photo, px.
-        height: of the photo, px.
-        fractions: sides over the photo's long side; 1 is the whole photo and is not a tile.
-        smallest: no tile has a side below this, px.
+
+def square_around(box: Float) -> RotatedSquare:
+    """Return the upright square that the landmark network needs for a person in a box (4,)."""
+    center = np.array([(box[0] + box[2] - 1) / 2, (box[1] + box[3] - 1) / 2])
+    return RotatedSquare(center, 1.25 * float(max(box[2] - box[0], box[3] - box[1])), 0.0)
+
+
+def box_fit(pose: Pose, box: Float) -> float:
+    """Return how well a pose fits a box (4,): the product of two intersections over union, in [0, 1].
+
+    They compare the box with the bounding box of the joints and with that of the pose's own mask.
     """
-    for fraction in fractions:
-        side = int(fraction * max(width, height))
-        if side < smallest or fraction >= 1.0:
-            continue
+    return _iou(joints_box(pose), box) * _iou(mask_box(pose), box)
 
-        def starts(length: int, side: int = side) -> list[int]:
-            if length <= side:
-                return [0]
-            count = int(np.ceil((length - side) / (side / 2))) + 1
-            return [int(v) for v in np.linspace(0, length - side, count)]
 
-        for y in starts(height):
-            for x in starts(width):
-                yield x, y, side
+def joints_box(pose: Pose) -> Float:
+    """Return the bounding box (4,) of the joints inside the picture; of all joints if these are fewer than four."""
+    inside = pose.presence > 0.5
+    points = pose.points[inside] if inside.sum() > 3 else pose.points
+    return np.concatenate([points.min(axis=0), points.max(axis=0)])
+
+
+def mask_box(pose: Pose) -> Float:
+    """Return the box (4,) that contains 99 % of the pose's own mask; of its joints if the mask is empty."""
+    y, x = np.nonzero(pose.mask > 0)
+    if len(x) < 5:
+        return np.concatenate([pose.points.min(axis=0), pose.points.max(axis=0)])
+    points = pose.square.to_photo(np.stack([x, y], axis=-1) + 0.5, len(pose.mask))
+    return np.concatenate([np.percentile(points, q, axis=0) for q in (0.5, 99.5)])
+
+
+def mask_overlap(a: Pose, b: Pose, cells: int = 96) -> float:
+    """Return the intersection of the masks of two poses over the smaller of them, on a grid of ``cells`` a side."""
+    both = np.stack([mask_box(a), mask_box(b)])
+    low, high = both[:, :2].min(axis=0), both[:, 2:].max(axis=0)
+    step = max(float((high - low).max()) / cells, 1.0)
+    grid = np.stack(np.meshgrid(*(np.arange(low[i], high[i], step) for i in (0, 1))), axis=-1)
+    first, second = a.mask_at(grid) > 0, b.mask_at(grid) > 0
+    return float((first & second).sum() / max(min(first.sum(), second.sum()), 1))
+
+
+def _iou(a: Float, b: Float) -> float:
+    return float(box_iou(a[None], b[None])[0, 0])
 
 
 def detect_people(
@@ -179,13 +276,19 @@ def is_person(pose: Pose, detected: float, sure: float) -> bool:
     return pose.score > 0.95 and steady and pose.torso_length > 0.15 * pose.square.side
 
 
-def is_same_person(a: Pose, b: Pose) -> bool:
-    """Return whether two poses belong to the same person.
+def is_same_person(a: DetectedPose, b: DetectedPose) -> bool:
+    """Return whether two detected poses belong to the same person.
 
-    They are when their trunks' corners are on average nearer than half a trunk, or when their noses are nearer than a
-    quarter of one: the hips of a person who is cut off by the photo's edge are a guess, the head is not.
+    They do if the corners of their trunks are on average nearer than half a trunk. They also do if their masks overlap,
+    and their noses are together or one of them has no box: the hips of a person who is cut off by the photo's edge are
+    a guess, the head is not.
     """
-    length = max(a.torso_length, b.torso_length, 1e-6)
-    apart = np.linalg.norm(a.points - b.points, axis=1)
-    seen = min(a.visibility[0] * a.presence[0], b.visibility[0] * b.presence[0]) > 0.5
-    return bool(apart[TORSO].mean() < 0.5 * length or (seen and apart[0] < 0.25 * length))
+    length = max(a.pose.torso_length, b.pose.torso_length, 1e-6)
+    distances = np.linalg.norm(a.pose.points - b.pose.points, axis=1)
+    if distances[TORSO].mean() < 0.5 * length:
+        return True
+    overlap = mask_overlap(a.pose, b.pose)
+    noses_seen = min(pose.visibility[0] * pose.presence[0] for pose in (a.pose, b.pose)) > 0.5
+    if noses_seen and distances[0] < 0.25 * length and overlap > 0.5:
+        return True
+    return (a.box is None or b.box is None) and overlap > 0.75

@@ -1,0 +1,34 @@
+"""Overlapping square tiles that cover an image."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+__all__ = ["tiles"]
+
+
+def tiles(width: int, height: int, fractions: Sequence[float], smallest: int = 160) -> Iterator[tuple[int, int, int]]:
+    """Yield overlapping squares (x, y, side) that cover an image, in px.
+
+    Args:
+        width: of the image, px.
+        height: of the image, px.
+        fractions: sides of the tiles over the image's long side; 1 and above give no tile.
+        smallest: sides below this, px, give no tile.
+    """
+    for fraction in fractions:
+        side = int(fraction * max(width, height))
+        if side < smallest or fraction >= 1.0:
+            continue
+
+        def starts(length: int, side: int = side) -> list[int]:
+            if length <= side:
+                return [0]
+            count = int(np.ceil((length - side) / (side / 2))) + 1
+            return [int(v) for v in np.linspace(0, length - side, count)]
+
+        for y in starts(height):
+            for x in starts(width):
+                yield x, y, side

@@ -1,0 +1,112 @@
+"""Detect people as boxes with YOLOX-nano, in the full image and in overlapping tiles."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from physic_core.adapters.detections import Detections, nms, xyxy_from_cxcywh
+from physic_core.adapters.pictures import letterbox
+from physic_embedded.networks.tiles import tiles
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from physic_core.adapters.onnx_sessions import OnnxSession
+
+    Float = NDArray[np.floating[Any]]
+
+__all__ = ["detect_boxes"]
+
+INPUT_SIZE = 416
+STRIDES = (8, 16, 32)
+PADDING_VALUE = 114
+PERSON_CLASS = 0
+MAX_IOU = 0.6
+"""Of two boxes with a larger intersection over union, only the better one is kept."""
+
+
+def detect_boxes(
+    session: OnnxSession,
+    image: NDArray[np.uint8],
+    *,
+    min_score: float,
+    min_tile_score: float,
+    fractions: Sequence[float] = (),
+) -> Detections:
+    """Detect people in an image (H, W, 3), best first.
+
+    A box that touches an edge of its tile inside the image is dropped: the rest of the person is in another tile.
+
+    Args:
+        session: of ``yolox_nano``.
+        image: RGB.
+        min_score: lowest score in the full image.
+        min_tile_score: lowest score in a tile.
+        fractions: sides of the tiles over the image's long side.
+    """
+    height, width = image.shape[:2]
+    found = [_detect(session, image, min_score)]
+    for x, y, side in tiles(width, height, fractions):
+        tile = image[y : y + side, x : x + side]
+        boxes, scores = _detect(session, tile, min_tile_score)
+        boxes = boxes + np.array([x, y, x, y], float)
+        keep = ~_touches_inner_edge(boxes, (x, y, x + tile.shape[1], y + tile.shape[0]), width, height)
+        found.append((boxes[keep], scores[keep]))
+    boxes = np.clip(np.concatenate([b for b, _ in found]), 0, [width, height, width, height])
+    scores = np.concatenate([s for _, s in found])
+    kept = nms(boxes, scores, MAX_IOU)
+    return Detections(boxes[kept], scores[kept])
+
+
+def _detect(session: OnnxSession, image: NDArray[np.uint8], min_score: float) -> tuple[Float, Float]:
+    """Run the network once: boxes (N, 4) x0 y0 x1 y1, px of ``image``, and scores (N,)."""
+    canvas, placement = letterbox(
+        image,
+        INPUT_SIZE,
+        INPUT_SIZE,
+        fill=PADDING_VALUE,
+        where="top-left",
+        how="area" if max(image.shape[:2]) > INPUT_SIZE else "bilinear",
+    )
+    blue_first = np.ascontiguousarray(canvas[:, :, ::-1].transpose(2, 0, 1), np.float32)
+    (output,) = session.run(["output"], {"images": blue_first[None]})
+    rows = output[0].astype(float)
+    scores = rows[:, 4] * rows[:, 5 + PERSON_CLASS]
+    keep = scores > min_score
+    cells, strides = _grid()
+    centers = (rows[keep, :2] + cells[keep]) * strides[keep]
+    sizes = np.exp(rows[keep, 2:4]) * strides[keep]
+    boxes = placement.edges_to_photo(xyxy_from_cxcywh(np.concatenate([centers, sizes], axis=1)))
+    return boxes, scores[keep]
+
+
+@cache
+def _grid() -> tuple[Float, Float]:
+    """Return the cells (A, 2) x y of all outputs, and their strides (A, 1) px."""
+    cells, strides = [], []
+    for stride in STRIDES:
+        count = INPUT_SIZE // stride
+        y, x = np.mgrid[:count, :count]
+        cells.append(np.stack([x, y], axis=-1).reshape(-1, 2).astype(float))
+        strides.append(np.full((count * count, 1), float(stride)))
+    return np.concatenate(cells), np.concatenate(strides)
+
+
+def _touches_inner_edge(
+    boxes: Float, tile: tuple[int, int, int, int], width: int, height: int, margin: float = 0.02
+) -> NDArray[np.bool_]:
+    """Return (N,) whether a box touches an edge of its tile x0 y0 x1 y1 that is not an edge of the image."""
+    near = max(4.0, margin * max(tile[2] - tile[0], tile[3] - tile[1]))
+    x0, y0, x1, y1 = boxes.T
+    touches: NDArray[np.bool_] = (
+        ((x0 < tile[0] + near) & (tile[0] > 0))
+        | ((y0 < tile[1] + near) & (tile[1] > 0))
+        | ((x1 > tile[2] - near) & (tile[2] < width))
+        | ((y1 > tile[3] - near) & (tile[3] < height))
+    )
+    return touches

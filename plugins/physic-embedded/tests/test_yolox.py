@@ -1,0 +1,105 @@
+"""YOLOX: boxes at the cells that predict them, in the full image and in tiles."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from physic_core.adapters.detections import box_iou
+from physic_embedded.networks.sessions import open_session
+from physic_embedded.networks.yolox import PADDING_VALUE, detect_boxes
+
+PHOTO = Path(__file__).parents[3] / "examples" / "basketball.png"
+CELLS = [(52, 8), (26, 16), (13, 32)]
+
+
+class Network:
+    """Predicts a person of a given size at every cell whose pixel is pure red."""
+
+    def __init__(self, width: float, height: float, score: float = 0.9) -> None:
+        self.size, self.score = (width, height), score
+        self.inputs: list[NDArray[np.float32]] = []
+
+    def run(self, names: list[str], inputs: dict[str, NDArray[np.float32]]) -> list[Any]:
+        image = inputs["images"][0]
+        self.inputs.append(image)
+        rows = np.zeros((1, 3549, 85), np.float32)
+        start = 0
+        for count, stride in CELLS:
+            blue, green, red = image[:, stride // 2 :: stride, stride // 2 :: stride]
+            hit = ((red > 250) & (blue < 5) & (green < 5)).ravel()
+            part = rows[0, start : start + count * count]
+            part[:, :2] = 0.5
+            part[:, 2:4] = np.log(np.array(self.size) / stride)
+            part[hit, 4], part[hit, 5] = self.score, 1.0
+            start += count * count
+        return [rows]
+
+
+def photo(width: int, height: int, *marks: tuple[int, int], side: int = 24) -> NDArray[np.uint8]:
+    """A grey image with red squares round the given pixels."""
+    image = np.full((height, width, 3), 100, np.uint8)
+    for x, y in marks:
+        image[y - side : y + side, x - side : x + side] = (255, 0, 0)
+    return image
+
+
+def test_a_box_lies_at_its_cell_in_the_photo() -> None:
+    """The photo is twice as large as the input: a box of 60 x 120 px there is 120 x 240 px here."""
+    network = Network(60, 120)
+    found = detect_boxes(network, photo(832, 624, (400, 300)), min_score=0.4, min_tile_score=0.5)  # type: ignore[arg-type]
+    assert len(found) >= 1
+    center = (found.boxes[0, :2] + found.boxes[0, 2:]) / 2
+    np.testing.assert_allclose(center, [400, 300], atol=24)
+    np.testing.assert_allclose(found.boxes[0, 2:] - found.boxes[0, :2], [120, 240], atol=1e-3)
+    np.testing.assert_allclose(found.scores[0], 0.9)
+
+
+def test_the_network_gets_blue_first_at_the_top_left_of_a_grey_canvas() -> None:
+    network = Network(60, 120)
+    image = np.zeros((208, 416, 3), np.uint8)
+    image[..., 0], image[..., 2] = 200, 30
+    detect_boxes(network, image, min_score=0.4, min_tile_score=0.5)  # type: ignore[arg-type]
+    (canvas,) = network.inputs
+    assert canvas.shape == (3, 416, 416)
+    np.testing.assert_array_equal(canvas[:, 100, 200], [30, 0, 200])
+    np.testing.assert_array_equal(canvas[:, 300, 200], [PADDING_VALUE] * 3)
+
+
+def test_a_score_below_the_lowest_is_no_person() -> None:
+    network = Network(60, 120, score=0.45)
+    image = photo(416, 416, (200, 200))
+    assert len(detect_boxes(network, image, min_score=0.4, min_tile_score=0.5)) > 0  # type: ignore[arg-type]
+    assert len(detect_boxes(network, image, min_score=0.5, min_tile_score=0.5)) == 0  # type: ignore[arg-type]
+
+
+def test_a_box_at_the_inner_edge_of_a_tile_is_dropped_and_one_at_the_photos_edge_is_kept() -> None:
+    """Tiles of 416 px show the marks at their own size; the full photo of 832 px does not pass ``min_score``."""
+    network = Network(60, 120)
+    image = photo(832, 832, (30, 200), (415, 600))
+    found = detect_boxes(network, image, min_score=0.99, min_tile_score=0.5, fractions=[0.5])  # type: ignore[arg-type]
+    centers = (found.boxes[:, :2] + found.boxes[:, 2:]) / 2
+    assert any(np.linalg.norm(center - [30, 200]) < 40 for center in centers)
+    near = found.boxes[np.linalg.norm(centers - [415, 600], axis=1) < 70]
+    # The tile in the middle shows all of it. A tile that begins or ends at x = 416 would give a box that is cut off.
+    np.testing.assert_allclose(near[:, 2] - near[:, 0], 60, atol=1e-3)
+    assert len(near)
+    assert (found.boxes >= 0).all()
+    assert (found.boxes <= 832).all()
+
+
+@pytest.mark.parametrize("fractions", [(), (0.5,)])
+def test_the_player_of_the_example_photo_is_one_box(fractions: tuple[float, ...]) -> None:
+    bgr = cv2.imread(str(PHOTO))
+    assert bgr is not None
+    image = np.ascontiguousarray(bgr[..., ::-1])
+    session = open_session("yolox_nano", threads=1)
+    found = detect_boxes(session, image, min_score=0.4, min_tile_score=0.5, fractions=fractions)
+    whole = detect_boxes(session, image, min_score=0.4, min_tile_score=0.5)
+    assert found.scores[0] > 0.7
+    assert box_iou(found.boxes[:1], whole.boxes[:1])[0, 0] > 0.8
