@@ -263,7 +263,7 @@ def test_pytest_gets_one_test_a_check_and_one_that_something_ran(pytester: pytes
             check()
         """.format(folder=str(__import__("pathlib").Path(__file__).parent))
     )
-    done = pytester.runpytest_subprocess("-p", "no:cacheprovider", "-rf")
+    done = pytester.runpytest_subprocess("-p", "no:cacheprovider", "-p", "no:randomly", "-rf")
     total = len(checks_for("metric_depth")) + 1
     counts = done.parseoutcomes()
     assert counts["failed"] == 3
