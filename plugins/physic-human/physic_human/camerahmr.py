@@ -66,7 +66,7 @@ class CameraHmrOptions(CheckoutOptions):
     )
     focal: Literal["given", "own"] = Field(
         default="given",
-        description="focal length that the network is told: the camera's, or what CameraHMR's own FLNet sees in the "
+        description="focal length that the network gets: the camera's, or what CameraHMR's own FLNet sees in the "
         "photo; bodies are placed in the given camera either way",
     )
     channels: Literal["rgb", "bgr"] = Field(

@@ -83,9 +83,9 @@ class Deco(CheckoutBackend, ContactPrior):
         kind = self._checkout_network.checkout.attribute("DECO")
         self._rest = load_rest_mesh(self.options.smpl_file)
         with inference_context(self._checkout_network.checkout, device):
-            # Encoder, whether it looks at the context too, device; older versions always do, and are not asked.
-            asked = "context" in inspect.signature(kind).parameters
-            network = kind("hrnet", True, device) if asked else kind("hrnet", device)
+            # Encoder, whether it looks at the context too, device; older versions always do, and have no such argument.
+            takes_context = "context" in inspect.signature(kind).parameters
+            network = kind("hrnet", True, device) if takes_context else kind("hrnet", device)
             self._checkout_network.set_network(self._load_checkpoint(network, path, "deco"), device)
 
     def close(self) -> None:

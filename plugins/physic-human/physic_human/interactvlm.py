@@ -147,8 +147,8 @@ class InteractVlmResults(ContactPrior):
                     "or set when_absent = 'nothing'"
                 )
             return self._answer(np.zeros((len(people), _size_of(wanted)), np.float32), wanted)
-        told = [_read(result.path, wanted) for result in found]
-        topology = wanted if all(name == wanted for name, _ in told) else "smpl"
+        estimates = [_read(result.path, wanted) for result in found]
+        topology = wanted if all(name == wanted for name, _ in estimates) else "smpl"
         values = [_read(result.path, topology)[1] for result in found]
         rows = np.zeros((len(people), _size_of(topology)), np.float32)
         for one in values:
@@ -246,8 +246,8 @@ def _arrays(path: Path) -> list[Any]:
             return [held[key] for key in held.files]
     if path.suffix == ".npy":
         return [np.load(path, allow_pickle=False)]
-    told = json.loads(path.read_text(encoding="utf-8"))
-    values = told.get("vertices", told.get("contact", told)) if isinstance(told, dict) else told
+    content = json.loads(path.read_text(encoding="utf-8"))
+    values = content.get("vertices", content.get("contact", content)) if isinstance(content, dict) else content
     listed = np.asarray(values)
     if listed.ndim == 1 and listed.dtype.kind in "iu" and len(listed) not in _TOPOLOGIES:
         marked = np.zeros(_size_of("smpl"), np.float32)  # numbers of the vertices that touch

@@ -71,10 +71,10 @@ class Moge1(CheckoutBackend, RelativePointmap):
         """
         points, mask = self._run(self._checkout_network.loaded(), image)
         height, width = mask.shape
-        told = hints.intrinsics
-        found = recover_camera(points, mask, None if told is None else (told.fx, told.fy))
+        given = hints.intrinsics
+        found = recover_camera(points, mask, None if given is None else (given.fx, given.fy))
         source = "MoGe" if found.determined else "default: MoGe saw a scene too flat to tell"
-        camera = told or found.intrinsics(width, height, source)
+        camera = given or found.intrinsics(width, height, source)
         settled, valid = points_on_rays(points[..., 2], mask, found, camera)
         if found.determined:
             return Pointmap(settled, valid, "scale", camera)

@@ -32,7 +32,7 @@ class UniDepthOptions(CheckoutOptions):
         description="a name of `physic weights list`, or a folder with config.json and model.safetensors",
     )
     resolution_level: int = Field(default=9, ge=0, le=9, description="9 sees the finest details, 0 is fastest")
-    use_camera: bool = Field(default=True, description="tell the network the camera where it is known")
+    use_camera: bool = Field(default=True, description="give the network the camera where it is known")
 
 
 class UniDepth(CheckoutBackend, MetricDepth):
@@ -73,26 +73,26 @@ class UniDepth(CheckoutBackend, MetricDepth):
         """
         network = self._checkout_network.loaded()
         height, width = image.shape[:2]
-        told = hints.intrinsics if self.options.use_camera else None
-        if told is not None and told.guessed:
-            told = None  # a guess of others is no better than its own
-        answer = self._run(network, image, told)
+        known_camera = hints.intrinsics if self.options.use_camera else None
+        if known_camera is not None and known_camera.guessed:
+            known_camera = None  # a guess of others is no better than its own
+        answer = self._run(network, image, known_camera)
         depth = to_numpy(answer["depth"]).reshape(-1)
         if depth.size != height * width:
             raise BackendError(f"UniDepth returned {depth.size} depths for {width} x {height} px")
         depth = depth.reshape(height, width)
         known = np.isfinite(depth) & (depth > 0) & (depth < _FARTHEST_M)
-        camera = told or _camera(to_numpy(answer["intrinsics"]), width, height)
+        camera = known_camera or _camera(to_numpy(answer["intrinsics"]), width, height)
         return DepthMap(np.where(known, depth, np.nan).astype(np.float32), camera)
 
-    def _run(self, network: Any, image: UInt8Array, told: Intrinsics | None) -> dict[str, Any]:
+    def _run(self, network: Any, image: UInt8Array, known_camera: Intrinsics | None) -> dict[str, Any]:
         """Run the network."""
         import torch
 
         rgb = torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)))
         camera = None
-        if told is not None:
-            matrix = told.matrix.astype(np.float32)
+        if known_camera is not None:
+            matrix = known_camera.matrix.astype(np.float32)
             matrix[:2, 2] += _HALF_PIXEL
             camera = torch.from_numpy(matrix)[None]  # its own: the network's code writes into it
         # Its own decorators would compute in float16 on every GPU, whatever is asked for.

@@ -95,7 +95,7 @@ def match_signature(network: Network, signatures: Mapping[str, GraphSignature]) 
     Raises:
         BackendError: no signature matches; the message compares each of them with the network.
     """
-    told = []
+    expected = []
     for name, signature in signatures.items():
         ins, faults = _assign("input", signature.inputs, network.inputs, signature.by_position)
         outs, more = _assign("output", signature.outputs, network.outputs, signature.by_position)
@@ -104,7 +104,7 @@ def match_signature(network: Network, signatures: Mapping[str, GraphSignature]) 
         faults += more
         if not faults:
             return name, PortMatch(ins, outs)
-        told += [
+        expected += [
             f"expected{f' of {name}' if name else ''}:",
             f"  inputs:  {'; '.join(map(str, signature.inputs))}",
             f"  outputs: {'; '.join(map(str, signature.outputs))}",
@@ -116,7 +116,7 @@ def match_signature(network: Network, signatures: Mapping[str, GraphSignature]) 
         f"  outputs: {'; '.join(map(_told, network.outputs.values())) or 'none'}",
     ]
     file = getattr(network, "name", "the file")
-    raise BackendError("\n".join([f"{file} is not a network that this backend can run:", *told, *found]))
+    raise BackendError("\n".join([f"{file} is not a network that this backend can run:", *expected, *found]))
 
 
 def _assign(

@@ -183,13 +183,13 @@ class DepthAnythingRelative(OnnxBackend, RelativePointmap):
         rows, columns = self._size(loaded, image, third)
         extras = tuple(name for name in ("sky", "intrinsics") if loaded.has_output(name))
         (values, *more), notes = _ask(loaded, image, rows, columns, self.options.pixels, *extras)
-        told = dict(zip(extras, more, strict=True))
+        optional = dict(zip(extras, more, strict=True))
         gap, lost = _inverse_depth(values) if third else clip_disparity(values)
-        if "sky" in told:
-            lost |= squeeze_map(told["sky"], "sky", loaded.network.name, may_be_flat=True) >= _SKY_SCORE
+        if "sky" in optional:
+            lost |= squeeze_map(optional["sky"], "sky", loaded.network.name, may_be_flat=True) >= _SKY_SCORE
         if lost.all():
             raise BackendError(f"{loaded.network.name} saw no structure in the photo: no pixel has a depth")
-        camera, said = self._camera(hints, image, told.get("intrinsics"), values.shape)
+        camera, said = self._camera(hints, image, optional.get("intrinsics"), values.shape)
         points, valid = points_from_disparity(np.where(lost, gap[~lost].min(), gap), lost, camera)
         return Pointmap(points, valid, _open(loaded, third), camera, (*said, *notes))
 

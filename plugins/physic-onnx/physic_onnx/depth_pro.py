@@ -93,8 +93,8 @@ class DepthPro(OnnxBackend, MetricDepth):
         file = loaded.network.name
         inverse_is_told = loaded.signature == INVERSE
         second = "field_of_view" if inverse_is_told else "focallength_px"
-        raw, told = loaded.run_image("pixel_values", preprocess(image), "predicted_depth", second)
-        values, number = squeeze_map(raw, "predicted_depth", file), squeeze_number(told, second, file)
+        raw, focal_output = loaded.run_image("pixel_values", preprocess(image), "predicted_depth", second)
+        values, number = squeeze_map(raw, "predicted_depth", file), squeeze_number(focal_output, second, file)
         # Between a near and a far surface the inverse is what may be averaged, in both forms.
         if inverse_is_told:
             if number >= 180:

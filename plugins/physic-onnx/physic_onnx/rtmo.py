@@ -58,9 +58,9 @@ class Rtmo(OnnxBackend, KeypointDetector):
     def bind(self, network: Network) -> None:
         """Store an open network; raise BackendError if it states a number of joints other than 17."""
         super().bind(network)
-        told = self.loaded().ports.outputs["keypoints"].shape
-        if len(told) == 4:
-            _check_joints(told[2], network.name)
+        shape = self.loaded().ports.outputs["keypoints"].shape
+        if len(shape) == 4:
+            _check_joints(shape[2], network.name)
 
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
         """Return keypoints of N people. Poses are assigned to people by box overlap, each pose at most once."""

@@ -66,9 +66,9 @@ class RtmPose(OnnxBackend, KeypointDetector):
         from .top_down import skeleton_name
 
         super().bind(network)
-        told = self.loaded().ports.outputs["simcc_x"].shape
-        if len(told) == 3 and isinstance(told[1], int):
-            skeleton_name(told[1], network.name)
+        shape = self.loaded().ports.outputs["simcc_x"].shape
+        if len(shape) == 3 and isinstance(shape[1], int):
+            skeleton_name(shape[1], network.name)
 
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
         """Return keypoints of N people. A joint's confidence is the lower one of its peaks in x and y."""
@@ -82,8 +82,8 @@ class RtmPose(OnnxBackend, KeypointDetector):
         loaded = self.loaded()
         file = loaded.network.name
         if not len(people):
-            told = loaded.ports.outputs["simcc_x"].shape
-            count = told[1] if len(told) == 3 and isinstance(told[1], int) else 133
+            shape = loaded.ports.outputs["simcc_x"].shape
+            count = shape[1] if len(shape) == 3 and isinstance(shape[1], int) else 133
             return Keypoints(np.zeros((0, count, 2)), np.zeros((0, count)), SKELETON_BY_JOINTS[count])
         height, width = (
             size_or_default(s, d) for s, d in zip(loaded.input_shape("input")[2:], (HEIGHT, WIDTH), strict=True)

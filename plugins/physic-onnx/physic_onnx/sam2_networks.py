@@ -118,11 +118,11 @@ class Sam2Networks:
     def __init__(self, encoder: Network, decoder: Network) -> None:
         self._encoder, self._decoder = encoder, decoder
         self.signature, self._encoding = match_signature(encoder, ENCODERS)
-        told, self._decoding = match_signature(decoder, DECODERS)
-        if told != self.signature:
+        signature, self._decoding = match_signature(decoder, DECODERS)
+        if signature != self.signature:
             raise BackendError(
-                f"the encoder {encoder.name} comes from {self.signature} and the decoder {decoder.name} from {told}: "
-                "take both from one export"
+                f"the encoder {encoder.name} comes from {self.signature} and the decoder {decoder.name} from "
+                f"{signature}: take both from one export"
             )
         (port,) = self._encoding.inputs.values()
         self._side = port.shape[2] if isinstance(port.shape[2], int) else 1024
@@ -194,14 +194,14 @@ class Sam2Networks:
     ) -> dict[str, NDArray[Any]]:
         """Build the decoder input of transformers.js: boxes, and points with labels."""
         if points is not None:
-            told, labels = points[0][None, None], points[1][None, None]
+            prompt, labels = points[0][None, None], points[1][None, None]
         else:
             # Not every provider takes arrays without elements; a point that is none says nearly the same.
             none = 0 if self._decoder.provider in ("CPU", "CUDA") else 1
-            told = np.zeros((1, len(corners), none, 2))
+            prompt = np.zeros((1, len(corners), none, 2))
             labels = np.full((1, len(corners), none), NOTHING)
         return {
-            "input_points": told.astype(np.float32),
+            "input_points": prompt.astype(np.float32),
             "input_labels": labels.astype(np.int64),
             "input_boxes": corners.reshape(1, -1, 4).astype(np.float32),
         }
@@ -210,16 +210,16 @@ class Sam2Networks:
         self, corners: FloatArray, points: tuple[FloatArray, NDArray[Any]] | None
     ) -> dict[str, NDArray[Any]]:
         """Build the decoder input of samexporter: corner points and points with labels."""
-        told, labels = corners, np.tile([FIRST_CORNER, LAST_CORNER], (len(corners), 1))
+        prompt, labels = corners, np.tile([FIRST_CORNER, LAST_CORNER], (len(corners), 1))
         if points is not None:
-            told = np.concatenate([told, points[0][None]], axis=1)
+            prompt = np.concatenate([prompt, points[0][None]], axis=1)
             labels = np.concatenate([labels, points[1][None]], axis=1)
         side = self._decoding.inputs["mask_input"].shape[2]
         grid = side if isinstance(side, int) else self._side // 4
         return {
-            "point_coords": told.astype(np.float32),
+            "point_coords": prompt.astype(np.float32),
             "point_labels": labels.astype(np.float32),
-            "mask_input": np.zeros((len(told), 1, grid, grid), np.float32),
+            "mask_input": np.zeros((len(prompt), 1, grid, grid), np.float32),
             "has_mask_input": np.zeros(1, np.float32),
         }
 

@@ -81,9 +81,9 @@ def class_names(labels: Mapping[Any, str]) -> tuple[str, ...]:
     if all(name == f"LABEL_{i}" for i, name in enumerate(names)) and len(names) == len(COCO_PANOPTIC):
         return COCO_PANOPTIC
     if "person" not in names:
-        told = f"{len(names)} classes ({', '.join(names[:3])}, ...)"
+        known = f"{len(names)} classes ({', '.join(names[:3])}, ...)"
         raise BackendError(
-            f"this EoMT knows {told}, expected the {len(COCO_PANOPTIC)} of COCO panoptic, 'person' among them"
+            f"this EoMT knows {known}, expected the {len(COCO_PANOPTIC)} of COCO panoptic, 'person' among them"
         )
     return names
 

@@ -158,7 +158,7 @@ def decode_text_boxes(
         logits: (Q, T), how well each query fits each token, of which the first begins the text and is no word.
         boxes: (Q, 4) centre x, centre y, width, height, shares of the photo.
         box_threshold: of the best token's score.
-        text_threshold: of the score of tokens that are told.
+        text_threshold: of the score of reported tokens.
     """
 
     chance = 1 / (1 + np.exp(-np.clip(np.asarray(logits, np.float64), -60, 60)))

@@ -100,7 +100,7 @@ class PretrainedBackend(Backend):
 
     def missing(self) -> tuple[str, ...]:
         """Describe the missing weights, and how to get them."""
-        return tuple(told for spec in self.specs for told in missing_files(spec, self._value(spec)))
+        return tuple(text for spec in self.specs for text in missing_files(spec, self._value(spec)))
 
     def fingerprint(self) -> str:
         """Return the identity of the weights, independent of their path."""
@@ -178,7 +178,7 @@ def open_network(spec: ModelSpec, value: str, options: ModelOptions, device: str
         ) from cause
     try:
         with _quiet():
-            model, told = kind.from_pretrained(
+            model, loading_info = kind.from_pretrained(
                 str(folder), local_files_only=True, dtype=getattr(torch, options.dtype), output_loading_info=True
             )
             tokenizer = None
@@ -186,7 +186,7 @@ def open_network(spec: ModelSpec, value: str, options: ModelOptions, device: str
                 tokenizer = transformers.AutoTokenizer.from_pretrained(str(folder), local_files_only=True)
     except Exception as cause:  # a library's door: what it raises for an unfit file is not documented
         raise BackendError(f"{folder} cannot be read as {spec.class_name}: {type(cause).__name__}: {cause}") from cause
-    _check_complete(folder, spec, told)
+    _check_complete(folder, spec, loading_info)
     return Network(model.eval().to(device), tokenizer, threads=options.threads if device == "cpu" else 0)
 
 
@@ -201,9 +201,9 @@ def _check_dtype(dtype: str, device: str) -> None:
             raise DeviceError(f"device '{device}' cannot compute with 'bfloat16': take 'float16' or 'float32'")
 
 
-def _check_complete(folder: Path, spec: ModelSpec, told: Any) -> None:
+def _check_complete(folder: Path, spec: ModelSpec, loading_info: Any) -> None:
     """Raise BackendError if weights are missing, which the library would fill with random numbers."""
-    absent = sorted(map(str, told.get("missing_keys", ())))
+    absent = sorted(map(str, loading_info.get("missing_keys", ())))
     if absent:
         names = ", ".join(absent[:_TOLD]) + (", ..." if len(absent) > _TOLD else "")
         raise BackendError(

@@ -96,9 +96,9 @@ def build_deco(folder: Path, checkpoint: Path | None = None, tpose: Path | None 
     mesh: Any = trimesh.load(tpose, process=False)
     with _working_in(checkout, folder):
         kind = checkout.attribute("DECO")
-        # Encoder, whether it looks at the context too, device; older versions always do, and are not asked.
-        asked = "context" in inspect.signature(kind).parameters
-        network = kind("hrnet", True, "cpu") if asked else kind("hrnet", "cpu")
+        # Encoder, whether it looks at the context too, device; older versions always do, and have no such argument.
+        takes_context = "context" in inspect.signature(kind).parameters
+        network = kind("hrnet", True, "cpu") if takes_context else kind("hrnet", "cpu")
         _fill(network, _read(checkpoint, trusted), "deco", checkpoint)
     return DecoGraph(network, mesh.vertices, mesh.faces).eval()
 
