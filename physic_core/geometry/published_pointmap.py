@@ -25,7 +25,9 @@ def published_normals(points: Tensor, valid: Tensor) -> Tensor:
     Returns:
         (H, W, 3) unit, zero where unknown.
     """
-    points = torch.where(valid[..., None], points, 0.0)
+    kind = points.dtype
+    # Nearly parallel differences leave few digits of float32, and which ones depends on the processor's kernels.
+    points = torch.where(valid[..., None], points, 0.0).double()
     down, right = points.diff(dim=0), points.diff(dim=1)
     above, below = F.pad(-down, (0, 0, 0, 0, 1, 0)), F.pad(down, (0, 0, 0, 0, 0, 1))
     before, after = F.pad(-right, (0, 0, 1, 0)), F.pad(right, (0, 0, 0, 1))
@@ -35,7 +37,7 @@ def published_normals(points: Tensor, valid: Tensor) -> Tensor:
         length = torch.linalg.vector_norm(cross, dim=-1, keepdim=True)
         unit = torch.where(length > _LEAST_CROSS, cross / length.clamp(min=_LEAST_CROSS), 0.0)
         total = total - unit * torch.sign((unit * points).sum(-1, keepdim=True))
-    return F.normalize(total, dim=-1) * valid[..., None]
+    return (F.normalize(total, dim=-1) * valid[..., None]).to(kind)
 
 
 def published_normal_outliers(points: Tensor, normals: Tensor, neighbors: int, max_angle_deg: float = 50.0) -> Tensor:
